@@ -1,0 +1,64 @@
+/* The error object: filling and formatting. */
+#include "base/error.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+static rx_status fill(rx_error *err, rx_status status, const char *file, int hdu, long line,
+                      const char *format, va_list args)
+{
+    if (err != NULL) {
+        err->status = status;
+        snprintf(err->where, sizeof err->where, "%s", file != NULL ? file : "");
+        err->hdu = hdu;
+        err->line = line;
+        vsnprintf(err->text, sizeof err->text, format, args);
+    }
+    return status;
+}
+
+rx_status rx_error_set(rx_error *err, rx_status status, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    fill(err, status, NULL, -1, 0, format, args);
+    va_end(args);
+    return status;
+}
+
+rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu, long line,
+                      const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    fill(err, status, file, hdu, line, format, args);
+    va_end(args);
+    return status;
+}
+
+rx_status rx_error_memory(rx_error *err, size_t bytes)
+{
+    if (bytes == 0)
+        return rx_error_set(err, RX_SYSTEM, "out of memory; free memory or cut the tile");
+    return rx_error_set(err, RX_SYSTEM, "out of memory asking for %zu bytes; free memory or cut the tile",
+                        bytes);
+}
+
+void rx_error_format(const rx_error *err, const char *program, char *dst, size_t size)
+{
+    char hdu[24] = "", line[32] = "";
+    if (size == 0)
+        return;
+    if (err->where[0] != '\0' && err->hdu >= 0)
+        snprintf(hdu, sizeof hdu, "[%d]", err->hdu);
+    if (err->where[0] != '\0' && err->line > 0)
+        snprintf(line, sizeof line, ":%ld", err->line);
+    if (err->where[0] != '\0')
+        snprintf(dst, size, "%s: %s%s%s: %s", program, err->where, hdu, line, err->text);
+    else
+        snprintf(dst, size, "%s: %s", program, err->text);
+    for (char *c = dst; *c != '\0'; c++)
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c == 0x7f)
+            *c = '?';
+}

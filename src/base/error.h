@@ -1,0 +1,54 @@
+/* Status codes and the error object.
+ *
+ * Every function that can fail returns an rx_status and, as its last argument,
+ * takes an rx_error owned by the caller (NULL when the text is not wanted).
+ * Library code never prints and never exits; only src/programs/ does.
+ * A status is also the exit code of the programs (man page, EXIT STATUS).
+ */
+#ifndef RX_BASE_ERROR_H
+#define RX_BASE_ERROR_H
+
+#include <stddef.h>
+
+typedef enum rx_status {
+    RX_OK = 0,
+    RX_USAGE = 2,             /* command line or configuration files */
+    RX_INPUT = 3,             /* data given by the user cannot be used */
+    RX_SYSTEM = 4,            /* memory, disk, permissions, missing programs */
+    RX_GATE_FAIL = 5,         /* a quality gate is violated */
+    RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
+    RX_INTERRUPTED = 7        /* SIGINT or SIGTERM pending, work is unwound */
+} rx_status;
+
+enum { RX_ERROR_WHERE = 1024, RX_ERROR_TEXT = 768 };
+
+typedef struct rx_error {
+    rx_status status;
+    char where[RX_ERROR_WHERE]; /* file name, "" when no file is concerned */
+    int hdu;                    /* HDU number as cfitsio counts in [n] (0 = primary); -1 none */
+    long line;                  /* line in a text file, from 1; 0 none */
+    char text[RX_ERROR_TEXT];   /* what is wrong, then what to do */
+} rx_error;
+
+/* An error object that says nothing; use it to initialise. */
+#define RX_ERROR_NONE ((rx_error){.status = RX_OK, .hdu = -1})
+
+/* Fill err (may be NULL) and return status, so that a function can end with
+ * `return rx_error_set(err, RX_INPUT, "...")`. Text: one line, no full stop. */
+#if defined(__GNUC__)
+#define RX_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#else
+#define RX_PRINTF(f, a)
+#endif
+rx_status rx_error_set(rx_error *err, rx_status status, const char *format, ...) RX_PRINTF(3, 4);
+rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu, long line,
+                      const char *format, ...) RX_PRINTF(6, 7);
+
+/* Out of memory while asking for `bytes` (0 when unknown); returns RX_SYSTEM. */
+rx_status rx_error_memory(rx_error *err, size_t bytes);
+
+/* "program: file[hdu]:line: text" in one line into dst; control characters are
+ * shown as '?', so that names from outside cannot drive a terminal. */
+void rx_error_format(const rx_error *err, const char *program, char *dst, size_t size);
+
+#endif

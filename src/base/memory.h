@@ -1,0 +1,21 @@
+/* Allocation that cannot overflow: zeroed, aligned to 64 bytes, freed by free(). */
+#ifndef RX_BASE_MEMORY_H
+#define RX_BASE_MEMORY_H
+
+#include <stddef.h>
+
+/* count * size bytes, zeroed; NULL when the product overflows or memory is out.
+ * A count of 0 gives a valid pointer. */
+void *rx_alloc(size_t count, size_t size);
+
+/* Typed form: RX_NEW(float, n). */
+#define RX_NEW(type, count) ((type *)rx_alloc((count), sizeof(type)))
+
+/* Grow (or make, when ptr is NULL) an array; old content kept, the new part is
+ * not cleared. NULL on failure, ptr then still belongs to the caller. */
+void *rx_regrow(void *ptr, size_t count, size_t size);
+
+/* Copy of a string; NULL when memory is out or text is NULL. */
+char *rx_strdup(const char *text);
+
+#endif

@@ -1,0 +1,44 @@
+/* Philox4x32-10; constants from the article named in random.h. */
+#include "base/random.h"
+
+#include <math.h>
+
+void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t out[4])
+{
+    uint32_t key[2] = {(uint32_t)seed, (uint32_t)(seed >> 32)};
+    uint32_t c[4] = {(uint32_t)counter, (uint32_t)(counter >> 32), (uint32_t)stream,
+                     (uint32_t)(stream >> 32)};
+    for (int round = 0; round < 10; round++) {
+        uint64_t p0 = (uint64_t)0xD2511F53u * c[0];
+        uint64_t p1 = (uint64_t)0xCD9E8D57u * c[2];
+        uint32_t next[4] = {(uint32_t)(p1 >> 32) ^ c[1] ^ key[0], (uint32_t)p1,
+                            (uint32_t)(p0 >> 32) ^ c[3] ^ key[1], (uint32_t)p0};
+        for (int i = 0; i < 4; i++)
+            c[i] = next[i];
+        key[0] += 0x9E3779B9u;
+        key[1] += 0xBB67AE85u;
+    }
+    for (int i = 0; i < 4; i++)
+        out[i] = c[i];
+}
+
+static double uniform53(uint32_t high, uint32_t low)
+{
+    uint64_t bits = ((uint64_t)high << 32 | low) >> 11;
+    return ((double)bits + 0.5) * 0x1p-53;
+}
+
+double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter)
+{
+    uint32_t words[4];
+    rx_random_block(seed, stream, counter, words);
+    return uniform53(words[0], words[1]);
+}
+
+double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter)
+{
+    uint32_t words[4];
+    rx_random_block(seed, stream, counter, words);
+    double radius = sqrt(-2.0 * log(uniform53(words[0], words[1])));
+    return radius * cos(2.0 * 3.14159265358979323846 * uniform53(words[2], words[3]));
+}

@@ -1,0 +1,18 @@
+/* Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror, Shaw, "Parallel
+ * random numbers: as easy as 1, 2, 3", SC11). A number depends only on (seed, stream,
+ * counter), never on who asked before, hence not on the number of threads. */
+#ifndef RX_BASE_RANDOM_H
+#define RX_BASE_RANDOM_H
+
+#include <stdint.h>
+
+/* Four 32-bit words of the block `counter` in `stream`. */
+void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t out[4]);
+
+/* Uniform in (0,1), 53 bits. */
+double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter);
+
+/* Normal deviate, mean 0, width 1 (Box-Muller on one block). */
+double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter);
+
+#endif

@@ -1,0 +1,162 @@
+/* A string that grows, whole text files, and the nearest word. */
+#include "base/text.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/memory.h"
+
+static bool reserve(rx_text *dst, size_t more)
+{
+    if (dst->failed)
+        return false;
+    size_t need = dst->length + more + 1;
+    if (need <= dst->capacity)
+        return true;
+    size_t capacity = dst->capacity > 0 ? dst->capacity : 256;
+    while (capacity < need)
+        capacity *= 2;
+    char *data = rx_regrow(dst->data, capacity, 1);
+    if (data == NULL) {
+        dst->failed = true;
+        return false;
+    }
+    dst->data = data;
+    dst->capacity = capacity;
+    return true;
+}
+
+void rx_text_add_bytes(rx_text *dst, const char *bytes, size_t length)
+{
+    if (!reserve(dst, length))
+        return;
+    memcpy(dst->data + dst->length, bytes, length);
+    dst->length += length;
+    dst->data[dst->length] = '\0';
+}
+
+void rx_text_add(rx_text *dst, const char *text)
+{
+    rx_text_add_bytes(dst, text, strlen(text));
+}
+
+void rx_text_printf(rx_text *dst, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(NULL, 0, format, args);
+    va_end(args);
+    if (n < 0 || !reserve(dst, (size_t)n))
+        return;
+    va_start(args, format);
+    vsnprintf(dst->data + dst->length, (size_t)n + 1, format, args);
+    va_end(args);
+    dst->length += (size_t)n;
+}
+
+void rx_text_free(rx_text *text)
+{
+    free(text->data);
+    *text = (rx_text){0};
+}
+
+rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length,
+                            rx_error *err)
+{
+    rx_status status = RX_OK;
+    char *content = NULL;
+    struct stat info;
+    FILE *file = fopen(path, "rb");
+    if (file == NULL)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+    if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode)) {
+        status = rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
+        goto exit;
+    }
+    size_t size = 0, capacity = 4096;
+    content = malloc(capacity + 1);
+    while (content != NULL) {
+        size += fread(content + size, 1, capacity - size, file);
+        if (size < capacity)
+            break;
+        if (size > max_bytes)
+            break;
+        capacity *= 2;
+        char *more = rx_regrow(content, capacity + 1, 1);
+        if (more == NULL)
+            free(content);
+        content = more;
+    }
+    if (content == NULL) {
+        status = rx_error_memory(err, capacity);
+        goto exit;
+    }
+    if (ferror(file)) {
+        status = rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno));
+        goto exit;
+    }
+    if (size > max_bytes) {
+        status = rx_error_at(err, RX_INPUT, path, -1, 0,
+                             "is larger than %zu bytes, which no such text file should be", max_bytes);
+        goto exit;
+    }
+    if (memchr(content, '\0', size) != NULL) {
+        status = rx_error_at(err, RX_INPUT, path, -1, 0, "holds binary data, a text file was expected");
+        goto exit;
+    }
+    content[size] = '\0';
+    *data = content;
+    if (length != NULL)
+        *length = size;
+    content = NULL;
+exit:
+    free(content);
+    fclose(file);
+    return status;
+}
+
+/* Levenshtein distance, case ignored, of words up to 63 characters. */
+static size_t edit_distance(const char *a, const char *b)
+{
+    size_t row[64], na = strlen(a), nb = strlen(b);
+    if (na > 63 || nb > 63)
+        return 1000;
+    for (size_t j = 0; j <= nb; j++)
+        row[j] = j;
+    for (size_t i = 1; i <= na; i++) {
+        size_t diagonal = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= nb; j++) {
+            int same = toupper((unsigned char)a[i - 1]) == toupper((unsigned char)b[j - 1]);
+            size_t best = diagonal + (same ? 0 : 1);
+            diagonal = row[j];
+            if (row[j] + 1 < best)
+                best = row[j] + 1;
+            if (row[j - 1] + 1 < best)
+                best = row[j - 1] + 1;
+            row[j] = best;
+        }
+    }
+    return row[nb];
+}
+
+const char *rx_text_nearest(const char *word, const char *const *words, size_t n)
+{
+    const char *best = NULL;
+    size_t limit = strlen(word) / 3 + 1;
+    for (size_t i = 0; i < n; i++) {
+        size_t distance = edit_distance(word, words[i]);
+        if (distance <= limit) {
+            best = words[i];
+            if (distance == 0)
+                break;
+            limit = distance - 1;
+        }
+    }
+    return best;
+}

@@ -1,0 +1,30 @@
+/* A string that grows, and whole text files. */
+#ifndef RX_BASE_TEXT_H
+#define RX_BASE_TEXT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "base/error.h"
+
+typedef struct rx_text {
+    char *data; /* always 0-terminated once something was added; NULL before */
+    size_t length, capacity;
+    bool failed; /* memory ran out: data ends early, check once at the end */
+} rx_text;
+
+void rx_text_add(rx_text *dst, const char *text);
+void rx_text_add_bytes(rx_text *dst, const char *bytes, size_t length);
+void rx_text_printf(rx_text *dst, const char *format, ...) RX_PRINTF(2, 3);
+void rx_text_free(rx_text *text);
+
+/* Whole file as a 0-terminated string, at most max_bytes; *data to be freed by
+ * the caller. Errors: RX_INPUT (missing, a folder, too large, holds NUL bytes). */
+rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length,
+                            rx_error *err);
+
+/* The word of `words` (n of them) nearest to `word` by edit distance, case
+ * ignored, or NULL when nothing is near: for "did you mean". */
+const char *rx_text_nearest(const char *word, const char *const *words, size_t n);
+
+#endif

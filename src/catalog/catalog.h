@@ -1,0 +1,59 @@
+/* The catalogue: columns.def names every column once (name, unit, UCD, format, type, how to
+ * compute it from an rx_source); writers put the chosen ones into a file. */
+#ifndef RX_CATALOG_CATALOG_H
+#define RX_CATALOG_CATALOG_H
+
+#include <stdio.h>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "base/text.h"
+#include "data/sources.h"
+#include "data/table.h"
+#include "data/tile.h"
+#include "io/output.h"
+
+typedef enum rx_catalog_type {
+    RX_CATALOG_NONE, RX_CATALOG_ASCII, RX_CATALOG_ASCII_HEAD, RX_CATALOG_ASCII_SKYCAT, RX_CATALOG_VOTABLE,
+    RX_CATALOG_FITS_1_0, RX_CATALOG_FITS_LDAC
+} rx_catalog_type;
+
+/* One chosen column of a .param file: FLUX_APER(5) has dim {5, 0}, VIGNET(35,35) {35, 35}. */
+typedef struct rx_column_choice {
+    int index; /* row of columns.def */
+    int dim[2];
+} rx_column_choice;
+
+typedef struct rx_column_list {
+    int n;
+    rx_column_choice *choice;
+} rx_column_list;
+
+/* Parse a .param file. Unknown names: RX_USAGE with "did you mean"; known SExtractor columns that we
+ * cannot give (model fits...) : one warning each, left out; none left: RX_USAGE. */
+rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err);
+void rx_columns_free(rx_column_list *list);
+
+/* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... tell what to measure. */
+void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2]);
+int rx_columns_has(const rx_column_list *list, const char *name);
+
+/* All columns as a .param file, `#NAME comment [unit]` (`-dp`). */
+void rx_columns_dump(rx_text *dst);
+
+/* Table of the chosen columns. Magnitudes from zeropoint (99 for non-positive flux, as SExtractor). */
+rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, const rx_sources *sources,
+                           rx_table **dst, rx_error *err);
+
+/* Write one catalogue file of n tables (one per extension). `record`: name, value, pairs that made it
+ * (program, version, configuration), npairs of them. Atomic through outputs. path "STDOUT" writes ASCII to stdout
+ * at commit: see rx_catalog_write(). */
+typedef struct rx_record_pair { const char *name; const char *value; const char *comment; } rx_record_pair;
+rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
+                           const rx_record_pair *record, int npairs, rx_outputs *outputs, FILE *standard_out,
+                           rx_error *err);
+
+/* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, told by content; index-th table. */
+rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);
+
+#endif

@@ -1,0 +1,37 @@
+/* The point spread function of a tile, whatever it came from.
+ *
+ *   PSF(x, y) = sum_i coeff_i(x, y) * basis_i          (x, y: pixels from 0 of the tile)
+ *   coeff_i(x, y) = ((x - x0)/xs)^px_i * ((y - y0)/ys)^py_i
+ *
+ * One basis image with px = py = 0 is a constant PSF. Basis images are sampled on the
+ * tile's pixels and already integrated over the pixel, odd in size, the centre in the
+ * middle of pixel (size/2, size/2). Normalised: the sum of PSF(x, y) is 1 everywhere on
+ * the tile (basis 0 sums to 1, the others to 0), negative wings included.
+ */
+#ifndef RX_DATA_PSF_H
+#define RX_DATA_PSF_H
+
+typedef enum rx_psf_type { RX_PSF_MOFFAT, RX_PSF_FILE, RX_PSF_PSFEX, RX_PSF_AUTO, RX_PSF_PIXEL, RX_PSF_GAUSS } rx_psf_type;
+
+enum { RX_PSF_MAX_BASIS = 32 };
+
+typedef struct rx_psf {
+    rx_psf_type type;
+    int size;   /* odd, each basis image is [size][size] */
+    int nbasis; /* 1 .. RX_PSF_MAX_BASIS */
+    float *basis; /* [nbasis][size][size] */
+    int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
+    double x0, y0, xs, ys;
+    double fwhm;       /* pixels, at the tile's centre */
+    double ellipticity; /* 1 - b/a at the tile's centre */
+    double beta;       /* Moffat exponent, 0 when not a Moffat */
+    /* AUTO: how sure we are */
+    int nstars;               /* stars used, 0 when not measured */
+    double fwhm_error;        /* pixels, 1 sigma of the fwhm; 0 unknown */
+    double (*stars)[2];       /* [nstars] x, y from 0; NULL when not measured */
+    char description[160];    /* one line for log, header and report */
+} rx_psf;
+
+void rx_psf_free(rx_psf *psf);
+
+#endif

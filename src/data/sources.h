@@ -1,0 +1,109 @@
+/* The source list: what detection fills, what measurement fills, what the catalogue writes.
+ *
+ * Positions are 0-based pixels (catalog/ adds 1). Angles: radians, counter-clockwise from
+ * the x axis, in (-pi/2, pi/2]. Fluxes in ADU, background subtracted. Magnitudes are made
+ * by catalog/ from flux, error and zero point. Names follow SExtractor's columns.
+ */
+#ifndef RX_DATA_SOURCES_H
+#define RX_DATA_SOURCES_H
+
+#include <stdint.h>
+
+/* FLAGS as in SExtractor. */
+enum {
+    RX_FLAG_CROWDED = 1,      /* AUTO biased by neighbours or > 10 % bad pixels */
+    RX_FLAG_MERGED = 2,       /* was blended */
+    RX_FLAG_SATURATED = 4,    /* at least one pixel saturated */
+    RX_FLAG_TRUNCATED = 8,    /* isophotal footprint touches the border */
+    RX_FLAG_APERTURE = 16,    /* aperture data incomplete or corrupted */
+    RX_FLAG_ISOPHOTAL = 32,   /* isophotal data incomplete or corrupted */
+    RX_FLAG_DEBLEND_OVER = 64,
+    RX_FLAG_EXTRACT_OVER = 128
+};
+/* FLAGS_WEIGHT as in SExtractor; FLAGS_MEASURE is ours. */
+enum { RX_FLAGW_NEIGHBOUR = 1, RX_FLAGW_ISO = 2 };
+enum {
+    RX_FLAGM_KRON_FAILED = 1,  /* Kron radius undefined, minimum radius used */
+    RX_FLAGM_WIN_FAILED = 2,   /* windowed position did not converge, isophotal one given */
+    RX_FLAGM_RADIUS_FAILED = 4, /* FLUX_RADIUS undefined */
+    RX_FLAGM_SINGULAR = 8,     /* ellipse was singular, regularised */
+    RX_FLAGM_MASKED_CORE = 16, /* the peak pixel's surroundings are masked */
+    RX_FLAGM_UNCALIBRATED = 32 /* error from the rms alone: no noise law for this restored image */
+};
+
+enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
+
+typedef struct rx_source {
+    int number; /* from 1 in this extension */
+    /* --- detection (isophotal, on the detection image) --- */
+    int xmin, xmax, ymin, ymax; /* 0-based, inclusive */
+    int xpeak, ypeak;
+    int npix;                 /* ISOAREAF_IMAGE: pixels above the threshold on the filtered image */
+    int isoarea;              /* ISOAREA_IMAGE */
+    int iso[RX_NISO];         /* ISO0..ISO7 */
+    double x, y;              /* barycentre */
+    double x2, y2, xy;        /* second moments, pixel^2 */
+    double errx2, erry2, errxy;
+    double a, b, theta;       /* rms ellipse */
+    double cxx, cyy, cxy;
+    double threshold;         /* detection threshold at the peak, ADU above background */
+    double analysis_threshold;
+    double fwhm;              /* FWHM_IMAGE, pixels */
+    double class_star;
+    double background;        /* BACKGROUND at the centroid, ADU */
+    int flags, flags_weight, flags_measure;
+    uint32_t imaflags[RX_MAX_FLAGMAPS]; /* IMAFLAGS_ISO */
+    int nimaflags[RX_MAX_FLAGMAPS];
+    double masked_fraction;   /* share of masked pixels in the AUTO ellipse (MASKED_FRACTION) */
+    /* --- photometry (on the measurement image) --- */
+    double peak;              /* FLUX_MAX */
+    double flux_iso, fluxerr_iso;
+    double flux_isocor, fluxerr_isocor;
+    double flux_auto, fluxerr_auto, kron_radius;
+    double flux_petro, fluxerr_petro, petro_radius;
+    double flux_win, fluxerr_win, snr_win;
+    double flux_aper[RX_MAX_APERTURES], fluxerr_aper[RX_MAX_APERTURES];
+    double flux_radius[RX_MAX_RADII]; /* pixels */
+    double xwin, ywin;
+    double x2win, y2win, xywin;
+    double errx2win, erry2win, errxywin;
+    double awin, bwin, thetawin;
+    double cxxwin, cyywin, cxywin;
+    int niter_win, flags_win;
+    /* --- sky --- */
+    double alpha, delta;          /* deg, native frame of the WCS (ALPHA_SKY) ; NAN without WCS */
+    double alpha_j2000, delta_j2000; /* deg, ICRS/FK5 */
+    double alphawin_j2000, deltawin_j2000;
+    double alphapeak_j2000, deltapeak_j2000;
+    double x_world, y_world;      /* native world coordinates */
+    double world_matrix[4];       /* d(east, north in deg, i.e. dalpha*cos(delta), ddelta)/d(x,y): shape columns in world units */
+    /* --- cross-identification --- */
+    int number_assoc;             /* matches in the ASSOC list */
+    const double *vector_assoc;   /* [nassoc] into rx_sources.assoc, or NULL */
+    int32_t segment;              /* value in the segmentation map (= number unless removed by ASSOC) */
+} rx_source;
+
+typedef struct rx_sources {
+    int n;
+    rx_source *list;     /* [n] */
+    int width, height;
+    int32_t *segments;   /* [height][width]; 0 = sky, else rx_source.segment */
+    int naper;           /* used entries of flux_aper; diameters in aperture_diameter, pixels */
+    double aperture_diameter[RX_MAX_APERTURES];
+    int nradii;          /* used entries of flux_radius; shares in flux_fraction */
+    double flux_fraction[RX_MAX_RADII];
+    int nflagmaps;
+    int nassoc;          /* columns copied from the ASSOC list (VECTOR_ASSOC) */
+    double *assoc;       /* owner of the vectors, [rows][nassoc] */
+    int vignet_width, vignet_height; /* 0 = none */
+    float *vignets;      /* [n][vignet_height][vignet_width], masked pixels -1e30 */
+    int grown;           /* times detection limits had to be raised */
+    /* error calibration, see measure/noise.h: sigma(A) = law_scale * sigma_pixel * A^law_power */
+    double law_scale, law_power; /* 1 and 0.5 = independent pixels */
+    int law_apertures;   /* empty apertures behind the fit, 0 = not calibrated */
+    double law_scatter;  /* robust rms of the fit in dex */
+} rx_sources;
+
+void rx_sources_free(rx_sources *sources);
+
+#endif

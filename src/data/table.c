@@ -1,0 +1,88 @@
+/* Tables in memory. */
+#include "data/table.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <strings.h>
+
+#include "base/memory.h"
+
+long rx_column_elements(const rx_column *column)
+{
+    long n = 1;
+    for (int i = 0; i < column->ndim; i++)
+        n *= column->dim[i];
+    return n;
+}
+
+long rx_column_element_size(const rx_column *column)
+{
+    switch (column->type) {
+    case RX_CELL_INT16:
+        return 2;
+    case RX_CELL_INT32:
+    case RX_CELL_FLOAT:
+        return 4;
+    case RX_CELL_INT64:
+    case RX_CELL_DOUBLE:
+        return 8;
+    case RX_CELL_TEXT:
+        return column->text_width;
+    }
+    return 0;
+}
+
+rx_table *rx_table_new(int ncolumns)
+{
+    rx_table *table = RX_NEW(rx_table, 1);
+    if (table == NULL)
+        return NULL;
+    table->columns = RX_NEW(rx_column, (size_t)ncolumns);
+    table->name = rx_strdup("");
+    table->ncolumns = ncolumns;
+    if (table->columns == NULL || table->name == NULL) {
+        rx_table_free(table);
+        return NULL;
+    }
+    return table;
+}
+
+void rx_table_free(rx_table *table)
+{
+    if (table == NULL)
+        return;
+    for (int i = 0; table->columns != NULL && i < table->ncolumns; i++)
+        free(table->columns[i].data);
+    free(table->columns);
+    free(table->name);
+    free(table->cards);
+    free(table);
+}
+
+int rx_table_find(const rx_table *table, const char *name)
+{
+    for (int i = 0; i < table->ncolumns; i++)
+        if (strcasecmp(table->columns[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+double rx_column_value(const rx_column *column, long row, long element)
+{
+    long i = row * rx_column_elements(column) + element;
+    switch (column->type) {
+    case RX_CELL_INT16:
+        return ((const int16_t *)column->data)[i];
+    case RX_CELL_INT32:
+        return ((const int32_t *)column->data)[i];
+    case RX_CELL_INT64:
+        return (double)((const int64_t *)column->data)[i];
+    case RX_CELL_FLOAT:
+        return ((const float *)column->data)[i];
+    case RX_CELL_DOUBLE:
+        return ((const double *)column->data)[i];
+    case RX_CELL_TEXT:
+        break;
+    }
+    return NAN;
+}

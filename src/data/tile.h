@@ -1,0 +1,65 @@
+/* A tile as it was read: pixels, what is known of them, and where they come from.
+ *
+ * Images are row-major float, x fastest; pixel (0,0) is the first one. FITS (1,1)
+ * counting exists only at the border: catalogue columns and world coordinates.
+ */
+#ifndef RX_DATA_TILE_H
+#define RX_DATA_TILE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Why a pixel must not be used. 0 = good. */
+enum {
+    RX_MASK_BAD = 1,       /* NaN, infinite or BLANK in the file */
+    RX_MASK_WEIGHT = 2,    /* weight says: no data (WEIGHT_THRESH) */
+    RX_MASK_SATURATED = 4, /* at or above the saturation level */
+};
+
+/* What the WEIGHT_IMAGE holds (SExtractor WEIGHT_TYPE). */
+typedef enum rx_weight_type {
+    RX_WEIGHT_NONE = 0,
+    RX_WEIGHT_BACKGROUND, /* variance from the image's own background rms map */
+    RX_WEIGHT_MAP_RMS,
+    RX_WEIGHT_MAP_VAR,
+    RX_WEIGHT_MAP_WEIGHT
+} rx_weight_type;
+
+struct rx_wcs; /* io/wcs.h */
+
+/* Owner of all it points to; freed by rx_tile_free() of io/tile.h. */
+typedef struct rx_tile {
+    char *name;    /* as given by the user, without [hdu] */
+    char *extname; /* EXTNAME or "" */
+    int hdu;       /* as cfitsio counts in name[n]: 0 = primary */
+    int extension; /* 1, 2, ... among the image HDUs that are processed (EXT_NUMBER) */
+    int width, height;
+    float *pixels;       /* [height][width]; bad pixels hold 0, never NaN */
+    uint8_t *mask;       /* [height][width], RX_MASK_ bits; always there */
+    float *weight;       /* [height][width] as in the file, or NULL */
+    rx_weight_type weight_type;
+    int nflagmaps;
+    uint32_t **flagmaps; /* nflagmaps planes [height][width] (FLAG_IMAGE) */
+    double gain;         /* e-/ADU; 0 = infinite (no photon noise of sources) */
+    double saturation;   /* ADU; HUGE_VAL when unknown */
+    double zeropoint;    /* mag of 1 ADU */
+    double pixel_scale;  /* arcsec per pixel at the centre; 0 when unknown */
+    double exptime;      /* s, 0 when unknown */
+    char *cards;         /* the HDU's header, 80 characters a card, END excluded */
+    size_t ncards;
+    struct rx_wcs *wcs;  /* NULL without usable celestial coordinates */
+    int linear_wcs;      /* 1: header has only linear coordinates */
+    char checksum[32];   /* hex digest of the pixels (FNV-1a 64 of the file's data as floats) */
+} rx_tile;
+
+/* Sky level and noise of a tile (SExtractor's background and rms maps). */
+typedef struct rx_background {
+    int width, height;
+    float *level;            /* [height][width] ADU */
+    float *sigma;            /* [height][width] noise of a pixel, ADU; what weights say, else the rms map */
+    double global_level, global_sigma;
+} rx_background;
+
+void rx_background_free(rx_background *background);
+
+#endif

@@ -1,0 +1,42 @@
+/* Detection through sep: filter, threshold, deblend, clean; SExtractor's numbers out. */
+#ifndef RX_DETECT_DETECT_H
+#define RX_DETECT_DETECT_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/sources.h"
+#include "data/tile.h"
+
+typedef struct rx_detect_params {
+    double threshold;          /* DETECT_THRESH */
+    int absolute;              /* THRESH_TYPE ABSOLUTE */
+    double analysis_threshold; /* ANALYSIS_THRESH */
+    int min_area, max_area;    /* DETECT_MINAREA, DETECT_MAXAREA (0 = none) */
+    const float *filter;       /* FILTER_NAME kernel as in the file, NULL = no filter */
+    int filter_width, filter_height;
+    int filter_normalise;      /* CONV NORM */
+    int matched;               /* FILTER_TYPE MATCHED: sep's matched filter */
+    int deblend_levels;        /* DEBLEND_NTHRESH */
+    double deblend_contrast;   /* DEBLEND_MINCONT */
+    int clean;
+    double clean_param;
+    long pixstack, pixstack_max;   /* MEMORY_PIXSTACK, and how far it may grow */
+    int subobjects, subobjects_max; /* deblending limit, and how far it may grow */
+} rx_detect_params;
+
+/* The image that detection works on. */
+typedef struct rx_detect_image {
+    int width, height;
+    const float *pixels;  /* background subtracted */
+    const float *sigma;   /* noise of a pixel */
+    const uint8_t *mask;
+    int mask_bits;        /* which bits hide a pixel */
+    int variable_noise;   /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
+    double global_sigma;
+} rx_detect_image;
+
+/* Source list (detection columns filled, segmentation map made). No source: n = 0. */
+rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
+                        rx_sources **dst, rx_error *err);
+
+#endif

@@ -1,0 +1,47 @@
+/* Writing images and tables as FITS, with DATASUM and CHECKSUM whose comments hold no
+ * date: the same input gives the same bytes. */
+#ifndef RX_IO_FITS_WRITE_H
+#define RX_IO_FITS_WRITE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "data/table.h"
+
+typedef struct rx_fits_writer rx_fits_writer; /* one open FITS file */
+
+/* path: the temporary name of rx_outputs_file(); shown: the final name, for errors. */
+rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err);
+
+/* Append an image HDU: floats (bad pixels NaN) or int32; `cards` (may be NULL) are the input's
+ * header cards of which all useful ones are copied (no structural, compression, scaling,
+ * checksum keywords; WCS kept), then `extra`, ready 80-character cards (COMMENT, HISTORY, keys). */
+rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height, const char *extname,
+                        const char *cards, size_t ncards, const char *extra, size_t nextra, rx_error *err);
+rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int width, int height,
+                            const char *extname, const char *cards, size_t ncards, const char *extra,
+                            size_t nextra, rx_error *err);
+
+/* Append a binary table (an empty primary is made first when it is the first HDU). */
+rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+                        rx_error *err);
+
+/* FITS_LDAC: the LDAC_IMHEAD table holding table->cards, then LDAC_OBJECTS. */
+rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+                       rx_error *err);
+
+/* Close with checksums; the writer is freed in any case (NULL is fine for abort). */
+rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err);
+void rx_fits_abort(rx_fits_writer *writer);
+
+/* Cards: build an 80-character card ("KEY = value / comment", HISTORY wraps into several)
+ * and append it to a growing block. Values are sanitised to printable ASCII. */
+
+void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment);
+void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
+void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);
+void rx_card_history(rx_text *dst, const char *line);
+
+#endif

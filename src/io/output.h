@@ -1,0 +1,27 @@
+/* Outputs appear whole or not at all: every file is written under a temporary name in
+ * its own folder; commit renames them all once the whole run has succeeded. */
+#ifndef RX_IO_OUTPUT_H
+#define RX_IO_OUTPUT_H
+
+#include "base/error.h"
+
+typedef struct rx_outputs rx_outputs;
+
+rx_status rx_outputs_new(rx_outputs **dst, rx_error *err);
+
+/* Reserve `path` (file) and give the temporary name to write to, owned by the
+ * transaction. The folder must exist and be writable: checked now, before the work.
+ * The same path twice is an RX_USAGE error. */
+rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
+
+/* The same for a folder (report): the temporary folder is made, and takes the place of
+ * an older one at commit. A path that is a plain file is an error. */
+rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
+
+/* fsync and rename everything; on failure what was not renamed is removed. */
+rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err);
+
+/* Remove what was not committed and free. NULL is fine. */
+void rx_outputs_free(rx_outputs *outputs);
+
+#endif

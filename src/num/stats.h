@@ -1,0 +1,20 @@
+/* Robust statistics. Functions that need scratch work on a copy the caller gives up. */
+#ifndef RX_NUM_STATS_H
+#define RX_NUM_STATS_H
+
+#include <stddef.h>
+
+/* Median of n values; reorders them. NAN for n = 0. Even n: mean of the two middle ones. */
+float rx_median_float(float *values, size_t n);
+double rx_median(double *values, size_t n);
+
+/* Quantile q in 0..1 with linear interpolation (type 7 of Hyndman and Fan 1996); reorders. */
+double rx_quantile(double *values, size_t n, double q);
+
+/* 1.4826 * median(|v - median|); reorders and overwrites. *median may be NULL. */
+double rx_sigma_mad(double *values, size_t n, double *median);
+
+/* Iterated mean and sigma, values beyond k sigma left out, until nothing changes (at most 50 rounds). */
+void rx_clipped_mean(const double *values, size_t n, double k, double *mean, double *sigma, size_t *kept);
+
+#endif

@@ -1,0 +1,37 @@
+/* Restorers: tile + PSF in, restored tile + the PSF of the output out.
+ *
+ * One row per kind in restore.c; the network joins there as one more row. */
+#ifndef RX_RESTORE_RESTORE_H
+#define RX_RESTORE_RESTORE_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/psf.h"
+#include "data/restored.h"
+#include "data/tile.h"
+
+typedef struct rx_restore_params {
+    int rl_niter;          /* RL_NITER */
+    int rl_stop_discrepancy; /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
+    double rl_damping;     /* RL_DAMPING, sigmas, 0 = off (White 1994) */
+    double rl_denoise;     /* RL_DENOISE, FWHM in pixels of the Gaussian afterwards, 0 = off */
+    double rl_pedestal;    /* RL_PEDESTAL */
+    int blind_cycles;      /* RL_BLIND */
+    int blind_psf_niter;
+    int mask_saturated;    /* saturated pixels are masked for restorers other than NONE */
+    int nthreads;
+} rx_restore_params;
+
+typedef struct rx_restorer {
+    const char *name;   /* as in RESTORE_TYPE */
+    const char *help;   /* one line */
+    int needs_psf;
+    rx_status (*run)(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+} rx_restorer;
+
+/* The table of kinds, n of them. */
+const rx_restorer *rx_restorers(int *n);
+const rx_restorer *rx_restorer_find(const char *name); /* NULL when unknown */
+
+#endif
