@@ -43,6 +43,7 @@ void rx_sources_free(rx_sources *sources)
         return;
     free(sources->list);
     free(sources->segments);
+    free(sources->fragments);
     free(sources->assoc);
     free(sources->vignets);
     free(sources);

@@ -21,7 +21,7 @@ enum {
     RX_FLAG_EXTRACT_OVER = 128
 };
 /* FLAGS_WEIGHT as in SExtractor; FLAGS_MEASURE is ours. */
-enum { RX_FLAGW_NEIGHBOUR = 1, RX_FLAGW_ISO = 2 };
+enum { RX_FLAGW_ISO = 1, RX_FLAGW_NEIGHBOUR = 2 }; /* zero weight in the footprint / touching it */
 enum {
     RX_FLAGM_KRON_FAILED = 1,  /* Kron radius undefined, minimum radius used */
     RX_FLAGM_WIN_FAILED = 2,   /* windowed position did not converge, isophotal one given */
@@ -88,6 +88,8 @@ typedef struct rx_sources {
     rx_source *list;     /* [n] */
     int width, height;
     int32_t *segments;   /* [height][width]; 0 = sky, else rx_source.segment */
+    uint8_t *fragments;  /* [height][width], 1: above the threshold, but in a group of fewer than DETECT_MINAREA
+                            pixels; MASK_TYPE hides them like neighbours. NULL: not known */
     int naper;           /* used entries of flux_aper; diameters in aperture_diameter, pixels */
     double aperture_diameter[RX_MAX_APERTURES];
     int nradii;          /* used entries of flux_radius; shares in flux_fraction */
