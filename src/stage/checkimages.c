@@ -1,0 +1,270 @@
+/* Making and writing the check-images. */
+#include "stage/checkimages.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "io/fits_write.h"
+#include "stage/names.h"
+
+typedef struct checkimage {
+    const char *type;
+    rx_fits_writer *writer;
+} checkimage;
+
+struct rx_checkimages {
+    int n;
+    checkimage *list;
+};
+
+/* A painter fills dst[height*width] (or the smaller size it sets) for one extension. */
+typedef struct canvas {
+    float *pixels;
+    int width, height;
+} canvas;
+typedef void (*painter)(const rx_checkimage_data *data, canvas *dst);
+
+static int hidden(const rx_checkimage_data *data, size_t i)
+{
+    return data->restored->mask[i] != 0;
+}
+
+static size_t npixels(const canvas *c)
+{
+    return (size_t)c->width * (size_t)c->height;
+}
+
+static void paint_identical(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->tile->mask[i] & RX_MASK_BAD ? NAN : data->tile->pixels[i];
+}
+
+static void paint_restored(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i] + data->background->level[i];
+}
+
+static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i];
+}
+
+static void paint_background(const rx_checkimage_data *data, canvas *dst)
+{
+    memcpy(dst->pixels, data->background->level, npixels(dst) * sizeof(float));
+}
+
+static void paint_rms(const rx_checkimage_data *data, canvas *dst)
+{
+    memcpy(dst->pixels, data->background->sigma, npixels(dst) * sizeof(float));
+}
+
+static void paint_filtered(const rx_checkimage_data *data, canvas *dst)
+{
+    memcpy(dst->pixels, data->filtered, npixels(dst) * sizeof(float));
+}
+
+static void paint_objects(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->sources->segments[i] != 0 ? data->restored->pixels[i] : 0.0f;
+}
+
+static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->sources->segments[i] != 0 ? 0.0f : hidden(data, i) ? NAN : data->restored->pixels[i];
+}
+
+/* In sigmas: a restorer that explains the data leaves white noise of width 1. */
+static void paint_residual(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++) {
+        float input = data->tile->pixels[i] - data->background->level[i], sigma = data->background->sigma[i];
+        float model = data->reblurred != NULL ? data->reblurred[i] : data->restored->pixels[i];
+        dst->pixels[i] = hidden(data, i) || !(sigma > 0.0f) ? NAN : (model - input) / sigma;
+    }
+}
+
+static void paint_support(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->restored->support != NULL ? data->restored->support[i] : hidden(data, i) ? 1.0f : 0.0f;
+}
+
+static void draw_ellipse(canvas *dst, double x, double y, double a, double b, double theta, float value)
+{
+    int steps = 16 + (int)(8.0 * a);
+    if (!(a > 0.0) || !(b > 0.0) || a > 1e5)
+        return;
+    for (int k = 0; k < steps; k++) {
+        double t = 2.0 * M_PI * k / steps, u = a * cos(t), v = b * sin(t);
+        int px = (int)lround(x + u * cos(theta) - v * sin(theta));
+        int py = (int)lround(y + u * sin(theta) + v * cos(theta));
+        if (px >= 0 && px < dst->width && py >= 0 && py < dst->height)
+            dst->pixels[(size_t)py * (size_t)dst->width + (size_t)px] = value;
+    }
+}
+
+/* The image with the limits of MAG_APER (circles) and MAG_AUTO (ellipses) drawn on it. */
+static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
+{
+    paint_restored(data, dst);
+    float value = (float)(data->background->global_level + 100.0 * data->background->global_sigma);
+    for (int i = 0; i < data->sources->n; i++) {
+        const rx_source *s = &data->sources->list[i];
+        draw_ellipse(dst, s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta, value);
+        for (int k = 0; k < data->sources->naper; k++) {
+            double r = 0.5 * data->sources->aperture_diameter[k];
+            draw_ellipse(dst, s->x, s->y, r, r, 0.0, value);
+        }
+    }
+}
+
+/* One pixel per background mesh, the value of the full map at the mesh centre. */
+static void paint_mesh(const rx_checkimage_data *data, const float *map, canvas *dst)
+{
+    int nx = (dst->width - 1) / data->mesh_width + 1, ny = (dst->height - 1) / data->mesh_height + 1;
+    for (int j = 0; j < ny; j++) {
+        for (int i = 0; i < nx; i++) {
+            int x = i * data->mesh_width + data->mesh_width / 2, y = j * data->mesh_height + data->mesh_height / 2;
+            x = x < dst->width ? x : dst->width - 1;
+            y = y < dst->height ? y : dst->height - 1;
+            dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = map[(size_t)y * (size_t)dst->width + (size_t)x];
+        }
+    }
+    dst->width = nx;
+    dst->height = ny;
+}
+
+static void paint_miniback(const rx_checkimage_data *data, canvas *dst)
+{
+    paint_mesh(data, data->background->level, dst);
+}
+
+static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
+{
+    paint_mesh(data, data->background->sigma, dst);
+}
+
+/* SEGMENTATION has no painter: it is written as integers. */
+static const struct {
+    const char *type;
+    painter paint;
+} painters[] = {
+    {"IDENTICAL", paint_identical},        {"RESTORED", paint_restored},      {"BACKGROUND", paint_background},
+    {"BACKGROUND_RMS", paint_rms},         {"-BACKGROUND", paint_subtracted}, {"FILTERED", paint_filtered},
+    {"OBJECTS", paint_objects},            {"-OBJECTS", paint_no_objects},    {"RESIDUAL", paint_residual},
+    {"SUPPORT", paint_support},            {"APERTURES", paint_apertures},    {"MINIBACKGROUND", paint_miniback},
+    {"MINIBACK_RMS", paint_miniback_rms},
+};
+
+rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
+                              rx_outputs *outputs, rx_checkimages **dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    char *name = NULL;
+    rx_checkimages *images = RX_NEW(rx_checkimages, 1);
+    if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        const char *temporary;
+        if (strcmp(types[i], "NONE") == 0)
+            continue;
+        free(name);
+        name = rx_name_with_tag(names[i], tag);
+        if (name == NULL) {
+            status = rx_error_memory(err, 0);
+            goto exit;
+        }
+        images->list[images->n].type = types[i];
+        status = rx_outputs_file(outputs, name, &temporary, err);
+        if (status == RX_OK)
+            status = rx_fits_create(temporary, name, &images->list[images->n].writer, err);
+        if (status == RX_OK)
+            images->n++;
+    }
+    if (status == RX_OK) {
+        *dst = images;
+        images = NULL;
+    }
+exit:
+    free(name);
+    rx_checkimages_free(images);
+    return status;
+}
+
+int rx_checkimages_want(const rx_checkimages *images, const char *type)
+{
+    for (int i = 0; i < images->n; i++)
+        if (strcmp(images->list[i].type, type) == 0)
+            return 1;
+    return 0;
+}
+
+static rx_status write_one(const checkimage *image, const rx_checkimage_data *data, float *pixels, rx_error *err)
+{
+    const rx_tile *tile = data->tile;
+    const char *cards = data->cards->data;
+    size_t ncards = data->cards->length / 80;
+    if (strcmp(image->type, "SEGMENTATION") == 0)
+        return rx_fits_image_int(image->writer, data->sources->segments, tile->width, tile->height, tile->extname,
+                                 tile->cards, tile->ncards, cards, ncards, err);
+    canvas dst = {.pixels = pixels, .width = tile->width, .height = tile->height};
+    for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
+        if (strcmp(painters[k].type, image->type) == 0) {
+            painters[k].paint(data, &dst);
+            /* a mesh map has other pixels: the tile's coordinates do not hold for it */
+            int same = dst.width == tile->width && dst.height == tile->height;
+            return rx_fits_image(image->writer, pixels, dst.width, dst.height, tile->extname,
+                                 same ? tile->cards : NULL, same ? tile->ncards : 0, cards, ncards, err);
+        }
+    }
+    return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out", image->type);
+}
+
+rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err)
+{
+    if (images->n == 0)
+        return RX_OK;
+    rx_status status = RX_OK;
+    size_t n = (size_t)data->tile->width * (size_t)data->tile->height;
+    float *pixels = RX_NEW(float, n);
+    if (pixels == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    for (int i = 0; i < images->n && status == RX_OK; i++)
+        status = write_one(&images->list[i], data, pixels, err);
+    free(pixels);
+    return status;
+}
+
+rx_status rx_checkimages_close(rx_checkimages *images, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < images->n; i++) {
+        if (status == RX_OK)
+            status = rx_fits_close(images->list[i].writer, err);
+        else
+            rx_fits_abort(images->list[i].writer);
+        images->list[i].writer = NULL;
+    }
+    rx_checkimages_free(images);
+    return status;
+}
+
+void rx_checkimages_free(rx_checkimages *images)
+{
+    if (images == NULL)
+        return;
+    for (int i = 0; images->list != NULL && i < images->n; i++)
+        rx_fits_abort(images->list[i].writer);
+    free(images->list);
+    free(images);
+}

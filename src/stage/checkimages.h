@@ -1,0 +1,41 @@
+/* Check-images: what CHECKIMAGE_TYPE asks for, one file each, one HDU per extension. */
+#ifndef RX_STAGE_CHECKIMAGES_H
+#define RX_STAGE_CHECKIMAGES_H
+
+#include "base/error.h"
+#include "base/text.h"
+#include "data/restored.h"
+#include "data/sources.h"
+#include "data/tile.h"
+#include "io/output.h"
+
+typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer */
+
+/* What the images are made from; all of one extension. */
+typedef struct rx_checkimage_data {
+    const rx_tile *tile;
+    const rx_background *background; /* of the detection tile */
+    const rx_restored *restored;     /* the detection image */
+    const rx_sources *sources;
+    const float *filtered;           /* detection image after FILTER, or NULL */
+    const float *reblurred;          /* restored image blurred again with its PSF, or NULL (NONE: no blur) */
+    int mesh_width, mesh_height;     /* BACK_SIZE, for the MINIBACK types */
+    const rx_text *cards;            /* record, ready cards */
+} rx_checkimage_data;
+
+/* Open a file for each of n types under outputs; names get `tag` before their extension when it is
+ * not NULL. Type NONE is skipped. */
+rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
+                              rx_outputs *outputs, rx_checkimages **dst, rx_error *err);
+
+/* Which inputs the types need that are not made anyhow. */
+int rx_checkimages_want(const rx_checkimages *images, const char *type);
+
+/* Append one HDU to every file. */
+rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err);
+
+/* Close the files and free; rx_checkimages_free() alone abandons them. */
+rx_status rx_checkimages_close(rx_checkimages *images, rx_error *err);
+void rx_checkimages_free(rx_checkimages *images);
+
+#endif

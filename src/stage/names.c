@@ -1,0 +1,47 @@
+/* Names of outputs, and the two images of the dual-image mode. */
+#include "stage/names.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+char *rx_name_with_tag(const char *path, const char *tag)
+{
+    if (tag == NULL || tag[0] == '\0')
+        return rx_strdup(path);
+    const char *base = strrchr(path, '/');
+    base = base != NULL ? base + 1 : path;
+    const char *dot = strrchr(base, '.');
+    size_t stem = dot != NULL && dot != base ? (size_t)(dot - path) : strlen(path);
+    size_t bytes = strlen(path) + strlen(tag) + 2;
+    char *name = malloc(bytes);
+    if (name != NULL)
+        snprintf(name, bytes, "%.*s_%s%s", (int)stem, path, tag, path + stem);
+    return name;
+}
+
+bool rx_name_split_images(const char *images, char **detect, char **measure)
+{
+    *detect = *measure = NULL;
+    int depth = 0;
+    const char *comma = NULL;
+    for (const char *c = images; *c != '\0' && comma == NULL; c++) {
+        depth += (*c == '[') - (*c == ']');
+        if (*c == ',' && depth <= 0)
+            comma = c;
+    }
+    if (comma == NULL) {
+        *detect = rx_strdup(images);
+        return *detect != NULL;
+    }
+    *detect = strndup(images, (size_t)(comma - images));
+    *measure = rx_strdup(comma + 1);
+    if (*detect != NULL && *measure != NULL)
+        return true;
+    free(*detect);
+    free(*measure);
+    *detect = *measure = NULL;
+    return false;
+}

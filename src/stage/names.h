@@ -1,0 +1,15 @@
+/* Names of outputs when one run makes several of a kind. */
+#ifndef RX_STAGE_NAMES_H
+#define RX_STAGE_NAMES_H
+
+#include <stdbool.h>
+
+/* "night/field.cat" + "RL" -> "night/field_RL.cat"; a name without extension gets "_RL" at its end;
+ * `tag` empty or NULL: a plain copy. NULL without memory; the caller frees. */
+char *rx_name_with_tag(const char *path, const char *tag);
+
+/* "detect.fits,measure.fits" cut at the comma that is not inside [brackets]; *measure is NULL for a
+ * single image. Both to be freed. false without memory. */
+bool rx_name_split_images(const char *images, char **detect, char **measure);
+
+#endif

@@ -1,0 +1,60 @@
+/* From keywords to one plain params struct per stage: the only reader of config/. */
+#ifndef RX_STAGE_OPTIONS_H
+#define RX_STAGE_OPTIONS_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "catalog/assoc.h"
+#include "catalog/catalog.h"
+#include "config/config.h"
+#include "detect/background.h"
+#include "detect/detect.h"
+#include "io/tile.h"
+#include "measure/measure.h"
+#include "psf/psf.h"
+#include "restore/restore.h"
+#include "stage/reference.h"
+#include "validate/qa.h"
+
+enum { RX_MAX_RUNS = 16 };
+
+typedef struct rx_options {
+    rx_tile_params tile[2]; /* of the detection and of the measurement image */
+    rx_background_params background;
+    rx_psf_params psf;
+    double seeing_arcsec;   /* SEEING_FWHM */
+    rx_restore_params restore;
+    int nrestorers;
+    const rx_restorer *restorers[RX_MAX_RUNS];
+    rx_detect_params detect;
+    rx_measure_params measure;
+    int saturated_in_none;  /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
+    int measure_original;   /* MEASURE_ON ORIGINAL */
+    int calibrate_none, calibrate_restored; /* ERROR_CALIBRATION */
+    int error_apertures;
+    uint64_t seed;
+    int flag_type;
+    rx_catalog_type catalog_type;
+    const char *catalog_name;
+    rx_column_list *columns; /* owned */
+    int nchecks;
+    const char *check_types[RX_LIST], *check_names[RX_LIST];
+    rx_assoc_params assoc;
+    rx_assoc *assoc_list;    /* owned, NULL without ASSOC_NAME */
+    rx_reference_params reference; /* name NULL: no report */
+    rx_qa_params qa;
+    const char *qa_name;
+    double match_radius;
+    int match_arcsec;
+    int quality_flux;        /* which flux is QA_MAG: see rx_quality_flux */
+    rx_kernel *kernel;       /* owned */
+    int nthreads;
+} rx_options;
+
+typedef enum rx_quality_flux { RX_QUALITY_AUTO, RX_QUALITY_APER, RX_QUALITY_ISO, RX_QUALITY_PETRO, RX_QUALITY_WIN } rx_quality_flux;
+
+/* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
+rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
+void rx_options_free(rx_options *options);
+
+#endif

@@ -1,0 +1,222 @@
+/* Reading the reference catalogue's columns. */
+#include "stage/reference.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/memory.h"
+#include "io/wcs.h"
+
+/* Names that other programs give to what we look for, tried in this order. */
+static const char *const sky_names[][2] = {{"ALPHA_J2000", "DELTA_J2000"}, {"ALPHAWIN_J2000", "DELTAWIN_J2000"},
+                                           {"RA", "DEC"},
+                                           {"RAJ2000", "DEJ2000"},
+                                           {"RA_ICRS", "DE_ICRS"},
+                                           {"ALPHA_SKY", "DELTA_SKY"},
+                                           {"coord_ra", "coord_dec"}};
+static const char *const pixel_names[][2] = {{"X_IMAGE", "Y_IMAGE"}, {"XWIN_IMAGE", "YWIN_IMAGE"}, {"X", "Y"}};
+static const char *const value_names[] = {"MAG",      "MAG_TRUE", "MAG_AUTO", "MAG_BEST", "MAG_PSF", "PSFMAG_R",
+                                          "MAG_ISO",  "R",        "RMAG",     "FLUX",     "FLUX_TRUE", "FLUX_AUTO"};
+static const char *const error_names[] = {"MAGERR", "MAGERR_AUTO", "MAG_ERR", "E_MAG", "FLUXERR", "FLUXERR_AUTO"};
+
+#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
+
+typedef struct chosen {
+    int x, y, value, error; /* column indices, error -1 when there is none */
+    int sky, flux;
+} chosen;
+
+static int find_pair(const rx_table *table, const char *const names[][2], size_t n, chosen *dst)
+{
+    for (size_t i = 0; i < n; i++) {
+        dst->x = rx_table_find(table, names[i][0]);
+        dst->y = rx_table_find(table, names[i][1]);
+        if (dst->x >= 0 && dst->y >= 0)
+            return 1;
+    }
+    return 0;
+}
+
+static int find_first(const rx_table *table, const char *const *names, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        int column = rx_table_find(table, names[i]);
+        if (column >= 0)
+            return column;
+    }
+    return -1;
+}
+
+static int looks_like_sky(const char *name)
+{
+    return strncasecmp(name, "ALPHA", 5) == 0 || strncasecmp(name, "RA", 2) == 0 || strstr(name, "_ra") != NULL;
+}
+
+static rx_status choose_named(const rx_reference_params *par, const rx_table *table, chosen *dst, rx_error *err)
+{
+    int found[4] = {-1, -1, -1, -1};
+    if (par->ncolumns < 3 || par->ncolumns > 4)
+        return rx_error_set(err, RX_USAGE, "REFERENCE_COLUMNS has %d names; give x, y, magnitude or flux[, error]",
+                            par->ncolumns);
+    for (int i = 0; i < par->ncolumns; i++) {
+        found[i] = rx_table_find(table, par->columns[i]);
+        if (found[i] < 0)
+            return rx_error_at(err, RX_INPUT, par->name, -1, 0,
+                               "the reference has no column '%s'; name existing ones in REFERENCE_COLUMNS",
+                               par->columns[i]);
+    }
+    *dst = (chosen){.x = found[0], .y = found[1], .value = found[2], .error = found[3]};
+    dst->sky = looks_like_sky(par->columns[0]);
+    return RX_OK;
+}
+
+static rx_status choose_columns(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                                chosen *dst, rx_error *err)
+{
+    int want_sky = strcmp(par->coords, "SKY") == 0, want_pixel = strcmp(par->coords, "PIXEL") == 0;
+    *dst = (chosen){-1, -1, -1, -1, 0, 0};
+    if (par->ncolumns > 0) {
+        rx_status status = choose_named(par, table, dst, err);
+        if (status != RX_OK)
+            return status;
+        if (want_sky || want_pixel)
+            dst->sky = want_sky;
+    } else {
+        if (!want_pixel && (tile->wcs != NULL || want_sky))
+            dst->sky = find_pair(table, sky_names, COUNT(sky_names), dst);
+        if (!dst->sky && (want_sky || !find_pair(table, pixel_names, COUNT(pixel_names), dst)))
+            return rx_error_at(err, RX_INPUT, par->name, -1, 0,
+                               "no position columns were recognised; name them in REFERENCE_COLUMNS");
+        dst->value = find_first(table, value_names, COUNT(value_names));
+        dst->error = find_first(table, error_names, COUNT(error_names));
+        if (dst->value < 0)
+            return rx_error_at(err, RX_INPUT, par->name, -1, 0,
+                               "no magnitude or flux column was recognised; name it in REFERENCE_COLUMNS");
+    }
+    dst->flux = par->is_flux || strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0;
+    if (dst->sky && tile->wcs == NULL)
+        return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                           "has no celestial coordinates, so the reference's sky positions cannot be used; "
+                           "give REFERENCE_COORDS PIXEL and pixel columns");
+    return RX_OK;
+}
+
+static void read_row(const rx_reference_params *par, const rx_table *table, const chosen *column, long row,
+                     double zeropoint, rx_qa_list *dst, long i)
+{
+    double value = rx_column_value(&table->columns[column->value], row, 0);
+    double error = column->error >= 0 ? rx_column_value(&table->columns[column->error], row, 0) : NAN;
+    if (column->flux) {
+        dst->mag[i] = value > 0.0 ? par->flux_zeropoint - 2.5 * log10(value) : NAN;
+        dst->mag_error[i] = value > 0.0 ? 1.0857362 * error / value : NAN;
+    } else {
+        dst->mag[i] = value > -90.0 && value < 90.0 ? value : NAN;
+        dst->mag_error[i] = error;
+    }
+    dst->flux[i] = pow(10.0, 0.4 * (zeropoint - dst->mag[i]));
+    dst->flux_error[i] = dst->flux[i] * dst->mag_error[i] / 1.0857362;
+}
+
+static void read_positions(const rx_table *table, const chosen *column, const rx_tile *tile, rx_qa_list *dst)
+{
+    for (long i = 0; i < table->nrows; i++) {
+        double first = rx_column_value(&table->columns[column->x], i, 0);
+        double second = rx_column_value(&table->columns[column->y], i, 0);
+        dst->alpha[i] = column->sky ? first : NAN;
+        dst->delta[i] = column->sky ? second : NAN;
+        dst->x[i] = column->sky ? NAN : first - 1.0; /* FITS counts from 1 */
+        dst->y[i] = column->sky ? NAN : second - 1.0;
+    }
+    if (column->sky)
+        rx_wcs_to_pixel(tile->wcs, (int)table->nrows, dst->alpha, dst->delta, dst->x, dst->y);
+    else if (tile->wcs != NULL)
+        rx_wcs_to_sky(tile->wcs, (int)table->nrows, dst->x, dst->y, NULL, NULL, dst->alpha, dst->delta);
+}
+
+/* Keep rows that have a magnitude and lie on the tile or within one match radius of it. */
+static long compact(rx_qa_list *list, const rx_tile *tile)
+{
+    const double margin = 10.0;
+    long kept = 0;
+    for (long i = 0; i < list->n; i++) {
+        int inside = list->x[i] >= -margin && list->x[i] < tile->width + margin && list->y[i] >= -margin &&
+                     list->y[i] < tile->height + margin;
+        if (!inside || !isfinite(list->mag[i]))
+            continue;
+        list->x[kept] = list->x[i];
+        list->y[kept] = list->y[i];
+        list->alpha[kept] = list->alpha[i];
+        list->delta[kept] = list->delta[i];
+        list->mag[kept] = list->mag[i];
+        list->mag_error[kept] = list->mag_error[i];
+        list->flux[kept] = list->flux[i];
+        list->flux_error[kept] = list->flux_error[i];
+        kept++;
+    }
+    return list->n = kept;
+}
+
+rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err)
+{
+    size_t rows = (size_t)n;
+    *list = (rx_qa_list){.n = n};
+    list->x = RX_NEW(double, rows);
+    list->y = RX_NEW(double, rows);
+    list->alpha = RX_NEW(double, rows);
+    list->delta = RX_NEW(double, rows);
+    list->mag = RX_NEW(double, rows);
+    list->mag_error = RX_NEW(double, rows);
+    list->flux = RX_NEW(double, rows);
+    list->flux_error = RX_NEW(double, rows);
+    if (with_flags) {
+        list->score = RX_NEW(double, rows);
+        list->flags = RX_NEW(int, rows);
+    }
+    int complete = list->x != NULL && list->y != NULL && list->alpha != NULL && list->delta != NULL &&
+                   list->mag != NULL && list->mag_error != NULL && list->flux != NULL && list->flux_error != NULL &&
+                   (!with_flags || (list->score != NULL && list->flags != NULL));
+    if (complete)
+        return RX_OK;
+    rx_qa_list_free(list);
+    return rx_error_memory(err, 9 * rows * sizeof(double));
+}
+
+void rx_qa_list_free(rx_qa_list *list)
+{
+    free(list->x);
+    free(list->y);
+    free(list->alpha);
+    free(list->delta);
+    free(list->mag);
+    free(list->mag_error);
+    free(list->flux);
+    free(list->flux_error);
+    free(list->score);
+    free(list->flags);
+    *list = (rx_qa_list){0};
+}
+
+rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                            rx_log *log, rx_qa_list *dst, rx_error *err)
+{
+    chosen column;
+    rx_status status = choose_columns(par, table, tile, &column, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_qa_list_new(dst, table->nrows, 0, err);
+    if (status != RX_OK)
+        return status;
+    read_positions(table, &column, tile, dst);
+    for (long i = 0; i < table->nrows; i++)
+        read_row(par, table, &column, i, tile->zeropoint, dst, i);
+    long kept = compact(dst, tile);
+    rx_log_info(log, "%s: %ld of %ld reference sources on the tile (columns %s, %s, %s)", par->name, kept,
+                table->nrows, table->columns[column.x].name, table->columns[column.y].name,
+                table->columns[column.value].name);
+    if (kept == 0)
+        rx_log_warning(log, "%s: no reference source falls on the tile; are these the right coordinates?",
+                       par->name);
+    return RX_OK;
+}

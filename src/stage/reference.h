@@ -1,0 +1,31 @@
+/* The reference catalogue as the QA report wants it: positions in the tile's pixels, magnitudes. */
+#ifndef RX_STAGE_REFERENCE_H
+#define RX_STAGE_REFERENCE_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/table.h"
+#include "data/tile.h"
+#include "validate/qa.h"
+
+typedef struct rx_reference_params {
+    const char *name;          /* REFERENCE_NAME */
+    const char *coords;        /* REFERENCE_COORDS: AUTO, PIXEL or SKY */
+    int ncolumns;              /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
+    const char *const *columns;
+    double flux_zeropoint;     /* magnitude of flux 1 when the column is a flux */
+    int is_flux;               /* the third column is a flux: REFERENCE_FLUX_ZEROPOINT was set, or its
+                                  name begins with FLUX */
+} rx_reference_params;
+
+/* Rows of `table` (from rx_catalog_read) with finite position and magnitude, those inside the tile and
+ * just outside it. AUTO takes sky coordinates when the tile and the table have them, else pixels.
+ * Errors: RX_INPUT naming the column that is missing. Free with rx_qa_list_free(). */
+rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                            rx_log *log, rx_qa_list *dst, rx_error *err);
+
+/* Allocate the arrays of a list of n rows, all of them or (reference) without score and flags. */
+rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err);
+void rx_qa_list_free(rx_qa_list *list);
+
+#endif
