@@ -76,6 +76,9 @@ typedef struct rx_source {
     double alphawin_j2000, deltawin_j2000;
     double alphapeak_j2000, deltapeak_j2000;
     double x_world, y_world;      /* native world coordinates */
+    double xwin_world, ywin_world, xpeak_world, ypeak_world; /* the same of the windowed position, the peak */
+    double alphawin, deltawin, alphapeak, deltapeak;         /* deg, native frame */
+    double north_j2000;           /* rad: position angle of native north in the J2000 frame (0 when native is J2000) */
     double world_matrix[4];       /* d(east, north in deg, i.e. dalpha*cos(delta), ddelta)/d(x,y): shape columns in world units */
     /* --- cross-identification --- */
     int number_assoc;             /* matches in the ASSOC list */
