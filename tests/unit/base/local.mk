@@ -1,0 +1,12 @@
+check_PROGRAMS += tests/unit/base/test_error
+tests_unit_base_test_error_SOURCES = tests/unit/base/test_error.c
+check_PROGRAMS += tests/unit/base/test_interrupt
+tests_unit_base_test_interrupt_SOURCES = tests/unit/base/test_interrupt.c
+check_PROGRAMS += tests/unit/base/test_log
+tests_unit_base_test_log_SOURCES = tests/unit/base/test_log.c
+check_PROGRAMS += tests/unit/base/test_memory
+tests_unit_base_test_memory_SOURCES = tests/unit/base/test_memory.c
+check_PROGRAMS += tests/unit/base/test_random
+tests_unit_base_test_random_SOURCES = tests/unit/base/test_random.c
+check_PROGRAMS += tests/unit/base/test_text
+tests_unit_base_test_text_SOURCES = tests/unit/base/test_text.c

@@ -1,0 +1,73 @@
+/* A blocked signal becomes an ordinary error, and takes its effect when delivered. */
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/interrupt.h"
+
+static void nothing_pending_is_fine(void **state)
+{
+    (void)state;
+    rx_error err = RX_ERROR_NONE;
+    rx_interrupt_block();
+    assert_false(rx_interrupt_pending());
+    assert_int_equal(rx_interrupt_check(&err), RX_OK);
+    assert_int_equal(err.status, RX_OK);
+}
+
+/* In a child, so that the signal's effect can be watched: it must see the signal as pending, and end by
+ * it on delivery and not before. */
+static void signal_ends_child_on_delivery_only(int number)
+{
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        rx_error err = RX_ERROR_NONE;
+        rx_interrupt_block();
+        raise(number);
+        if (!rx_interrupt_pending() || rx_interrupt_check(&err) != RX_INTERRUPTED ||
+            err.status != RX_INTERRUPTED || err.text[0] == '\0')
+            _exit(10);
+        rx_interrupt_deliver();
+        _exit(11);
+    }
+    int how = 0;
+    assert_int_equal(waitpid(child, &how, 0), child);
+    assert_true(WIFSIGNALED(how));
+    assert_int_equal(WTERMSIG(how), number);
+}
+
+static void sigint_waits_for_delivery(void **state)
+{
+    (void)state;
+    signal_ends_child_on_delivery_only(SIGINT);
+}
+
+static void sigterm_waits_for_delivery(void **state)
+{
+    (void)state;
+    signal_ends_child_on_delivery_only(SIGTERM);
+}
+
+static void sighup_waits_for_delivery(void **state)
+{
+    (void)state;
+    signal_ends_child_on_delivery_only(SIGHUP);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nothing_pending_is_fine),
+        cmocka_unit_test(sigint_waits_for_delivery),
+        cmocka_unit_test(sigterm_waits_for_delivery),
+        cmocka_unit_test(sighup_waits_for_delivery),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,138 @@
+/* Growing strings, text files, and the nearest word. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/text.h"
+
+static void text_grows(void **state)
+{
+    (void)state;
+    rx_text text = {0};
+    for (int i = 0; i < 1000; i++)
+        rx_text_printf(&text, "%04d,", i);
+    rx_text_add(&text, "end");
+    rx_text_add_bytes(&text, "xyz", 1);
+    assert_false(text.failed);
+    assert_int_equal(text.length, 5004);
+    assert_int_equal(strlen(text.data), 5004);
+    assert_memory_equal(text.data, "0000,0001,", 10);
+    assert_string_equal(text.data + 4995, "0999,endx");
+    rx_text_free(&text);
+    assert_null(text.data);
+}
+
+/* A scratch folder for each test. */
+static int make_folder(void **state)
+{
+    const char *base = getenv("TMPDIR");
+    char *folder = malloc(512);
+    if (folder == NULL)
+        return -1;
+    snprintf(folder, 512, "%s/rextract-text-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+    *state = folder;
+    return mkdtemp(folder) != NULL ? 0 : -1;
+}
+
+static int remove_folder(void **state)
+{
+    int status = rmdir(*state);
+    free(*state);
+    return status;
+}
+
+/* Reads `size` bytes through a file, then removes it. */
+static rx_status read_back(const char *folder, const char *content, size_t size, size_t max, char **data,
+                           size_t *length, rx_error *err)
+{
+    char path[600];
+    snprintf(path, sizeof path, "%s/x.txt", folder);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(content, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+    rx_status status = rx_text_read_file(path, max, data, length, err);
+    assert_int_equal(unlink(path), 0);
+    return status;
+}
+
+static void files_come_whole(void **state)
+{
+    static const size_t sizes[] = {0, 1, 4095, 4096, 4097, 8192, 20000};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        char *content = malloc(sizes[i] + 1), *data = NULL;
+        size_t length = 1;
+        assert_non_null(content);
+        for (size_t j = 0; j < sizes[i]; j++)
+            content[j] = (char)('a' + j % 26);
+        assert_int_equal(read_back(*state, content, sizes[i], 20000, &data, &length, NULL), RX_OK);
+        assert_int_equal(length, sizes[i]);
+        assert_memory_equal(data, content, sizes[i]);
+        assert_int_equal(data[length], '\0');
+        free(data);
+        free(content);
+    }
+}
+
+static void bad_files_are_refused(void **state)
+{
+    rx_error err = RX_ERROR_NONE;
+    char *data = NULL, path[600], large[10000];
+    memset(large, 'a', sizeof large);
+    assert_int_equal(read_back(*state, "a\0b", 3, 100, &data, NULL, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "binary"));
+    assert_int_equal(read_back(*state, large, sizeof large, sizeof large - 1, &data, NULL, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "9999"));
+    assert_int_equal(rx_text_read_file(*state, 100, &data, NULL, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "folder"));
+    snprintf(path, sizeof path, "%s/absent", (const char *)*state);
+    assert_int_equal(rx_text_read_file(path, 100, &data, NULL, &err), RX_INPUT);
+    assert_string_equal(err.where, path);
+    assert_null(data);
+}
+
+static void the_nearest_word_is_found(void **state)
+{
+    (void)state;
+    static const char *const words[] = {"DETECT_THRESH", "DETECT_MINAREA", "ANALYSIS_THRESH", "GAIN",
+                                        "GAIN_KEY"};
+    enum { N = sizeof words / sizeof *words };
+    assert_string_equal(rx_text_nearest("DETECT_TRESH", words, N), "DETECT_THRESH");
+    assert_string_equal(rx_text_nearest("detect_minarae", words, N), "DETECT_MINAREA");
+    assert_string_equal(rx_text_nearest("GAIN", words, N), "GAIN");
+    assert_string_equal(rx_text_nearest("GAINKEY", words, N), "GAIN_KEY");
+    assert_null(rx_text_nearest("CHECKIMAGE_TYPE", words, N));
+    assert_null(rx_text_nearest("X", words, N));
+    assert_null(rx_text_nearest("GAIN", words, 0));
+}
+
+/* Words longer than the table of distances holds are never near, and never overrun it. */
+static void endless_words_are_near_to_nothing(void **state)
+{
+    (void)state;
+    char endless[2001];
+    memset(endless, 'A', sizeof endless - 1);
+    endless[sizeof endless - 1] = '\0';
+    const char *words[] = {"GAIN"};
+    assert_null(rx_text_nearest(endless, words, 1));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(text_grows),
+        cmocka_unit_test_setup_teardown(files_come_whole, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(bad_files_are_refused, make_folder, remove_folder),
+        cmocka_unit_test(the_nearest_word_is_found),
+        cmocka_unit_test(endless_words_are_near_to_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
