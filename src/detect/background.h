@@ -2,6 +2,8 @@
 #ifndef RX_DETECT_BACKGROUND_H
 #define RX_DETECT_BACKGROUND_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "base/log.h"
 #include "data/tile.h"
@@ -13,10 +15,21 @@ typedef struct rx_background_params {
     int manual;                      /* BACK_TYPE MANUAL */
     double manual_value;             /* BACK_VALUE */
     int weight_gain;                 /* WEIGHT_GAIN */
+    int no_rescale;                  /* RESCALE_WEIGHTS N: variances of MAP_VAR and MAP_WEIGHT are absolute */
 } rx_background_params;
 
-/* Background of `pixels` ([h][w]; masked ones, mask & mask_bits != 0, are ignored to the bit).
- * `weight` may be NULL. level and sigma are filled everywhere; sigma of masked pixels is 0. */
+/* Background of `pixels` ([h][w] ADU). Masked ones, mask & mask_bits != 0, are ignored to the bit;
+ * mask may be NULL. level and sigma are filled everywhere; sigma of masked pixels is 0.
+ *
+ * sigma: no weight (NULL) or RX_WEIGHT_BACKGROUND, the image's own rms map; MAP_RMS, the map;
+ * MAP_VAR and MAP_WEIGHT, f sqrt(var) and f / sqrt(weight) with f the median over the meshes of
+ * (rms of the image) / sqrt(typical variance of the map), as SExtractor scales them (f = 1 and
+ * global_sigma / f with no_rescale). Weights <= 0 of MAP_WEIGHT must be masked by the caller.
+ * An image without noise (constant) gets sigma 1, as in SExtractor; a tile without one good pixel
+ * level 0, sigma 0, global_sigma 1.
+ *
+ * The result belongs to the caller (rx_background_free). Errors: RX_USAGE for senseless params,
+ * RX_SYSTEM without memory. */
 rx_status rx_background_measure(const rx_background_params *par, int width, int height, const float *pixels,
                                 const uint8_t *mask, int mask_bits, const float *weight,
                                 rx_weight_type weight_type, rx_background **dst, rx_error *err);

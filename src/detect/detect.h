@@ -2,40 +2,50 @@
 #ifndef RX_DETECT_DETECT_H
 #define RX_DETECT_DETECT_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "base/log.h"
 #include "data/sources.h"
 #include "data/tile.h"
 
 typedef struct rx_detect_params {
-    double threshold;          /* DETECT_THRESH */
+    double threshold;          /* DETECT_THRESH: sigmas, or ADU when absolute */
     int absolute;              /* THRESH_TYPE ABSOLUTE */
-    double analysis_threshold; /* ANALYSIS_THRESH */
+    double analysis_threshold; /* ANALYSIS_THRESH, in the same kind of unit */
     int min_area, max_area;    /* DETECT_MINAREA, DETECT_MAXAREA (0 = none) */
     const float *filter;       /* FILTER_NAME kernel as in the file, NULL = no filter */
     int filter_width, filter_height;
-    int filter_normalise;      /* CONV NORM */
-    int matched;               /* FILTER_TYPE MATCHED: sep's matched filter */
-    int deblend_levels;        /* DEBLEND_NTHRESH */
-    double deblend_contrast;   /* DEBLEND_MINCONT */
+    int filter_normalise;    /* CONV NORM */
+    int matched;             /* FILTER_TYPE MATCHED: sep's matched filter */
+    int deblend_levels;      /* DEBLEND_NTHRESH */
+    double deblend_contrast; /* DEBLEND_MINCONT */
     int clean;
     double clean_param;
-    long pixstack, pixstack_max;   /* MEMORY_PIXSTACK, and how far it may grow */
+    long pixstack, pixstack_max;    /* MEMORY_PIXSTACK, and how far it may grow */
     int subobjects, subobjects_max; /* deblending limit, and how far it may grow */
 } rx_detect_params;
 
 /* The image that detection works on. */
 typedef struct rx_detect_image {
     int width, height;
-    const float *pixels;  /* background subtracted */
-    const float *sigma;   /* noise of a pixel */
-    const uint8_t *mask;
-    int mask_bits;        /* which bits hide a pixel */
-    int variable_noise;   /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
+    const float *pixels; /* background subtracted */
+    const float *sigma;  /* noise of a pixel */
+    const uint8_t *mask; /* NULL: nothing hidden */
+    int mask_bits;       /* which bits hide a pixel */
+    int variable_noise;  /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
     double global_sigma;
+    double gain; /* e-/ADU for the position errors, 0 = infinite */
 } rx_detect_image;
 
-/* Source list (detection columns filled, segmentation map made). No source: n = 0. */
+/* Source list: detection columns, segmentation map and fragments. No source: n = 0.
+ *
+ * variable_noise: the threshold is threshold * sqrt(filtered variance), as in SExtractor; masked
+ * pixels stay out of that filter. Numbers follow the order in which sep completes the sources.
+ * When sep runs out of room its limits grow; beyond *_max detection goes on with coarser deblending
+ * or a higher threshold, with a warning and RX_FLAG_DEBLEND_OVER or RX_FLAG_EXTRACT_OVER on every
+ * source. `sources->grown` counts. Not to be run twice at the same time in one process (sep's
+ * limits are process-wide). Errors: RX_USAGE, RX_SYSTEM. */
 rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
                         rx_sources **dst, rx_error *err);
 

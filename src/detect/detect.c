@@ -1,0 +1,264 @@
+/* Detection: planes for sep, its catalogue as rx_sources, segmentation map and fragments. */
+#include "detect/detect.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "detect/extract.h"
+#include "detect/filter.h"
+
+/* Everything one run needs, freed together. */
+typedef struct workspace {
+    size_t n;
+    rx_kernel kernel;
+    float *pixels; /* masked ones 0 */
+    uint8_t *hidden;
+    float *sigma;   /* threshold noise, NULL = one value */
+    uint8_t *above; /* filtered value above the threshold */
+    sep_catalog *catalog;
+} workspace;
+
+static void free_workspace(workspace *work)
+{
+    rx_kernel_free(&work->kernel);
+    free(work->pixels);
+    free(work->hidden);
+    free(work->sigma);
+    free(work->above);
+    sep_catalog_free(work->catalog);
+}
+
+static rx_status fill_planes(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                             rx_error *err)
+{
+    work->n = (size_t)image->width * (size_t)image->height;
+    work->pixels = RX_NEW(float, work->n);
+    work->hidden = RX_NEW(uint8_t, work->n);
+    work->above = RX_NEW(uint8_t, work->n);
+    if (work->pixels == NULL || work->hidden == NULL || work->above == NULL)
+        return rx_error_memory(err, work->n * sizeof(float));
+    for (size_t i = 0; i < work->n; i++) {
+        bool hidden =
+            (image->mask != NULL && (image->mask[i] & image->mask_bits) != 0) || !isfinite(image->pixels[i]);
+        work->hidden[i] = hidden;
+        work->pixels[i] = hidden ? 0.0f : image->pixels[i];
+    }
+    if (!image->variable_noise && !par->matched)
+        return RX_OK;
+    work->sigma = RX_NEW(float, work->n);
+    if (work->sigma == NULL)
+        return rx_error_memory(err, work->n * sizeof(float));
+    if (par->matched) { /* sep filters the noise itself */
+        for (size_t i = 0; i < work->n; i++)
+            work->sigma[i] = work->hidden[i]         ? 1e30f
+                             : image->variable_noise ? image->sigma[i]
+                                                     : (float)image->global_sigma;
+    } else {
+        rx_filter_sigma(&work->kernel, image->sigma, work->hidden, image->width, image->height, work->sigma);
+    }
+    return RX_OK;
+}
+
+/* Mark the pixels above the threshold, as sep will find them; returns how many. */
+static rx_status mark_above(const rx_detect_params *par, const rx_detect_image *image, const workspace *work,
+                            double threshold, long *count, rx_error *err)
+{
+    float *filtered = RX_NEW(float, work->n);
+    if (filtered == NULL)
+        return rx_error_memory(err, work->n * sizeof(float));
+    rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, filtered);
+    *count = 0;
+    for (size_t i = 0; i < work->n; i++) {
+        float sigma = work->sigma != NULL ? work->sigma[i] : (float)image->global_sigma;
+        float limit = par->absolute ? (float)threshold : (float)threshold * sigma;
+        work->above[i] = filtered[i] > limit;
+        *count += work->above[i];
+    }
+    free(filtered);
+    return RX_OK;
+}
+
+/* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)
+ * becomes a circle of the same area. */
+static void cure_ellipse(rx_source *s)
+{
+    bool sound = isfinite(s->a) && isfinite(s->b) && isfinite(s->theta) && s->b > 0.0 && s->a >= s->b &&
+                 s->cxx > 0.0 && s->cyy > 0.0 && 4.0 * s->cxx * s->cyy > s->cxy * s->cxy;
+    if (sound)
+        return;
+    double radius2 = fmax(s->npix, 1) / (4.0 * 3.14159265358979323846);
+    s->x2 = s->y2 = radius2;
+    s->xy = 0.0;
+    s->a = s->b = sqrt(radius2);
+    s->theta = 0.0;
+    s->cxx = s->cyy = 1.0 / radius2;
+    s->cxy = 0.0;
+    s->flags_measure |= RX_FLAGM_SINGULAR;
+}
+
+static int source_flags(short flag)
+{
+    int flags = 0;
+    if ((flag & SEP_OBJ_MERGED) != 0)
+        flags |= RX_FLAG_MERGED;
+    if ((flag & SEP_OBJ_TRUNC) != 0)
+        flags |= RX_FLAG_TRUNCATED;
+    if ((flag & SEP_OBJ_DOVERFLOW) != 0)
+        flags |= RX_FLAG_DEBLEND_OVER;
+    return flags;
+}
+
+/* Row i of sep's catalogue. */
+static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const sep_catalog *cat,
+                           int i, const rx_kernel *kernel, rx_source *s)
+{
+    *s = (rx_source){.xmin = cat->xmin[i],
+                     .xmax = cat->xmax[i],
+                     .ymin = cat->ymin[i],
+                     .ymax = cat->ymax[i],
+                     .xpeak = cat->xcpeak[i],
+                     .ypeak = cat->ycpeak[i],
+                     .npix = cat->npix[i],
+                     .isoarea = cat->tnpix[i],
+                     .x = cat->x[i],
+                     .y = cat->y[i],
+                     .x2 = cat->x2[i],
+                     .y2 = cat->y2[i],
+                     .xy = cat->xy[i],
+                     .errx2 = cat->errx2[i],
+                     .erry2 = cat->erry2[i],
+                     .errxy = cat->errxy[i],
+                     .a = cat->a[i],
+                     .b = cat->b[i],
+                     .theta = cat->theta[i],
+                     .cxx = cat->cxx[i],
+                     .cyy = cat->cyy[i],
+                     .cxy = cat->cxy[i],
+                     .peak = cat->peak[i],
+                     .flux_iso = cat->flux[i],
+                     .flags = source_flags(cat->flag[i])};
+    s->threshold = cat->thresh[i] * (par->filter_normalise ? 1.0 : kernel->sum);
+    s->analysis_threshold = par->analysis_threshold;
+    if (!par->absolute) {
+        double sigma = image->global_sigma;
+        if (image->variable_noise)
+            sigma = image->sigma[(size_t)s->ypeak * (size_t)image->width + (size_t)s->xpeak];
+        s->analysis_threshold *= sigma;
+    }
+    if ((cat->flag[i] & SEP_OBJ_SINGU) != 0)
+        s->flags_measure |= RX_FLAGM_SINGULAR;
+    if (!isfinite(s->x) || !isfinite(s->y)) {
+        s->x = s->xpeak;
+        s->y = s->ypeak;
+        s->flags_measure |= RX_FLAGM_SINGULAR;
+    }
+    cure_ellipse(s);
+}
+
+/* Fragments: pixels above the threshold whose 8-connected group is smaller than min_area. The
+ * groups are walked with an explicit stack; large ones end up unmarked. */
+static rx_status mark_fragments(const workspace *work, int width, int height, int min_area,
+                                uint8_t *fragments, rx_error *err)
+{
+    size_t *queue = RX_NEW(size_t, work->n);
+    if (queue == NULL)
+        return rx_error_memory(err, work->n * sizeof(size_t));
+    uint8_t *todo = work->above;
+    for (size_t start = 0; start < work->n; start++) {
+        if (!todo[start])
+            continue;
+        size_t head = 0, tail = 0;
+        queue[tail++] = start;
+        todo[start] = 0;
+        while (head < tail) {
+            int x = (int)(queue[head] % (size_t)width), y = (int)(queue[head] / (size_t)width);
+            head++;
+            for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < height; v++)
+                for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < width; u++) {
+                    size_t k = (size_t)v * (size_t)width + (size_t)u;
+                    if (todo[k]) {
+                        todo[k] = 0;
+                        queue[tail++] = k;
+                    }
+                }
+        }
+        if (tail < (size_t)min_area)
+            for (size_t i = 0; i < tail; i++)
+                fragments[queue[i]] = 1;
+    }
+    free(queue);
+    return RX_OK;
+}
+
+static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image,
+                               const workspace *work, const rx_extraction *job, rx_sources *dst,
+                               rx_error *err)
+{
+    const sep_catalog *cat = work->catalog;
+    dst->width = image->width;
+    dst->height = image->height;
+    dst->grown = job->grown;
+    dst->law_scale = 1.0;
+    dst->law_power = 0.5;
+    dst->list = RX_NEW(rx_source, (size_t)cat->nobj);
+    dst->segments = RX_NEW(int32_t, work->n);
+    dst->fragments = RX_NEW(uint8_t, work->n);
+    if (dst->list == NULL || dst->segments == NULL || dst->fragments == NULL)
+        return rx_error_memory(err, work->n * sizeof(int32_t));
+    for (int i = 0; i < cat->nobj; i++) {
+        if (par->max_area > 0 && cat->npix[i] > par->max_area)
+            continue;
+        rx_source *s = &dst->list[dst->n++];
+        convert_source(par, image, cat, i, &work->kernel, s);
+        s->number = s->segment = dst->n;
+        s->flags |= job->flags;
+        for (int k = 0; k < cat->npix[i]; k++)
+            dst->segments[cat->pix[i][k]] = s->segment;
+    }
+    return mark_fragments(work, image->width, image->height, par->min_area, dst->fragments, err);
+}
+
+rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
+                        rx_sources **dst, rx_error *err)
+{
+    workspace work = {0};
+    rx_sources *sources = NULL;
+    rx_status status;
+    *dst = NULL;
+    if (!(par->threshold > 0.0) || !(image->global_sigma > 0.0))
+        return rx_error_set(err, RX_USAGE, "DETECT_THRESH must be positive");
+    status = rx_kernel_new(par->filter, par->filter_width, par->filter_height, &work.kernel, err);
+    if (status != RX_OK)
+        return status;
+    status = fill_planes(par, image, &work, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_extraction job = {.width = image->width,
+                         .height = image->height,
+                         .pixels = work.pixels,
+                         .hidden = work.hidden,
+                         .noise = work.sigma,
+                         .noise_value = image->global_sigma,
+                         .gain = image->gain,
+                         .kernel = &work.kernel,
+                         .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
+    status = mark_above(par, image, &work, job.threshold, &job.above, err);
+    if (status != RX_OK)
+        goto exit;
+    status = rx_extract_run(par, &job, log, &work.catalog, err);
+    if (status != RX_OK)
+        goto exit;
+    sources = RX_NEW(rx_sources, 1);
+    status = sources == NULL ? rx_error_memory(err, sizeof *sources)
+                             : build_sources(par, image, &work, &job, sources, err);
+    if (status != RX_OK)
+        goto exit;
+    *dst = sources;
+    sources = NULL;
+exit:
+    rx_sources_free(sources);
+    free_workspace(&work);
+    return status;
+}
