@@ -1,0 +1,140 @@
+#!/bin/sh
+# The fences of the house (README, "Layout"): who may include whom, which library is used where, no
+# exit, no printing and no changing file-scope variable in the library, no endless file.
+# Says file:line for everything that breaks one. With RX_BUILD_DIR the objects of a build are
+# searched for variables too.
+set -u
+cd "${srcdir:-$(dirname "$0")/..}" || exit 2
+
+scratch=$(mktemp -d) || exit 2
+trap 'rm -rf "$scratch"' EXIT
+
+# Folder by folder: the folders below it that it may include, besides itself, data and base.
+cat >"$scratch/may" <<'END'
+base
+data
+num
+par
+io
+config
+nn        num
+psf       num io
+restore   nn num psf
+detect    num
+measure   num
+simulate  io num psf
+catalog   io num psf
+validate  io num psf
+train     nn simulate par
+stage     io num psf restore detect measure catalog validate simulate config
+campaign  stage simulate validate
+programs  stage campaign train validate simulate config
+END
+
+# Header (as a pattern), what it belongs to, and the folders that may include it.
+cat >"$scratch/libraries" <<'END'
+^fitsio      cfitsio   io
+^(wcslib/|wcs|wcshdr|wcsfix) wcslib io
+^fftw        FFTW      num
+^gsl/        GSL       num validate base
+^sep\.h      sep       detect measure
+^mpi\.h      MPI       par
+dnnl         oneDNN    nn
+END
+
+find src -type f \( -name '*.c' -o -name '*.h' -o -name '*.def' \) | LC_ALL=C sort >"$scratch/files"
+
+# Comments become blanks and the inside of strings goes, lines stay lines; include lines stay whole.
+cat >"$scratch/source.awk" <<'END'
+function complain(text) { print FILENAME ":" FNR ": " text; bad = 1 }
+FILENAME == ARGV[1] { may[$1] = " " $0 " data base "; next }
+FILENAME == ARGV[2] { n++; header[n] = $1; library[n] = $2; $1 = $2 = ""; owner[n] = $0 " "; next }
+FNR == 1 {
+    split(FILENAME, part, "/"); folder = part[2]; inside = 0
+    base = part[length(part)]
+    if (base ~ /\.c$/ && base in seen) complain("a file of this name exists already: " seen[base])
+    seen[base] = FILENAME
+    if (!(folder in may)) complain("folder " folder " is not in the table of tests/check-includes.sh")
+}
+FNR == 701 { complain("longer than 700 lines; split it by meaning") }
+{
+    line = $0; code = ""
+    while (line != "") {
+        if (inside) {
+            end = index(line, "*/")
+            if (!end) { line = ""; break }
+            line = substr(line, end + 2); inside = 0; code = code " "
+        } else if (match(line, /\/\*|\/\/|"([^"\\]|\\.)*"|'([^'\\]|\\.)*'/)) {
+            token = substr(line, RSTART, RLENGTH)
+            code = code substr(line, 1, RSTART - 1)
+            line = substr(line, RSTART + RLENGTH)
+            if (token == "/*") inside = 1
+            else if (token == "//") line = ""
+            else if (code ~ /^[ \t]*#[ \t]*include[ \t]*$/) code = code token
+            else code = code "\"\""
+        } else { code = code line; line = "" }
+    }
+}
+code ~ /^[ \t]*#[ \t]*include/ {
+    what = code
+    sub(/^[^"<]*/, "", what)
+    quoted = substr(what, 1, 1) == "\""
+    gsub(/["<>]|[ \t]+$/, "", what)
+    if (quoted) {
+        if (what !~ /\//) complain("include \"" what "\": name its folder, \"" folder "/" what "\"")
+        else {
+            split(what, part, "/")
+            if (part[1] != folder && index(may[folder], " " part[1] " ") == 0)
+                complain(folder " must not include " what)
+        }
+    } else
+        for (i = 1; i <= n; i++)
+            if (what ~ header[i] && index(owner[i], " " folder " ") == 0)
+                complain(library[i] " (" what ") is not for " folder "/, only for" owner[i])
+    next
+}
+folder == "programs" || FILENAME == "src/base/log.c" { next }
+match(code, /(^|[^A-Za-z0-9_.>])(exit|_exit|_Exit|quick_exit|abort|assert)[ \t]*\(/) {
+    complain("library code never ends the process; return a status")
+}
+match(code, /(^|[^A-Za-z0-9_.>])(printf|vprintf|puts|putchar|perror|gsl_error_default)[ \t]*\(/) ||
+match(code, /(^|[^A-Za-z0-9_])(stdout|stderr)([^A-Za-z0-9_]|$)/) {
+    complain("library code never prints; use the log or return an error")
+}
+match(code, /(^|[^A-Za-z0-9_.>])(system|popen|fork|vfork|exec[lv][pe]*|posix_spawnp?)[ \t]*\(/) && folder != "validate" {
+    complain("only validate/ runs another program (gnuplot)")
+}
+match(code, /(^|[^A-Za-z0-9_.>])(rand|srand|random|drand48|time|localtime|gmtime)[ \t]*\(/) {
+    complain("outputs depend on nothing but the inputs; use base/random.h, no clock")
+}
+END
+# shellcheck disable=SC2046 # names of our own files hold no blanks
+LC_ALL=C awk -f "$scratch/source.awk" "$scratch/may" "$scratch/libraries" $(cat "$scratch/files") >"$scratch/found"
+
+# Variables that can change: symbols in .data, .bss and their thread-local forms. Constant tables
+# of pointers live in .data.rel.ro and are fine. Sanitizers add symbols of their own, so their
+# builds are left out.
+objects=0
+if [ -n "${RX_BUILD_DIR:-}" ] && command -v nm >/dev/null; then
+    while read -r source; do
+        object=$RX_BUILD_DIR/${source%.c}.o
+        case $source in *.c) [ -f "$object" ] || continue ;; *) continue ;; esac
+        nm "$object" | grep -q '__asan_init\|__gcov_' && continue
+        objects=$((objects + 1))
+        nm -f sysv "$object" | awk -F'|' '{ gsub(/ /, "", $1); gsub(/ /, "", $7) }
+            $7 ~ /^(\.data|\.data\.rel|\.data\.rel\.local|\.bss|\.tdata|\.tbss|\*COM\*)(\.[a-z].*)?$/ &&
+            $7 !~ /^\.data\.rel\.ro/ && $1 !~ /^\./ { print $1 }' |
+            while read -r symbol; do
+                variable=${symbol%%.*}
+                line=$(grep -nw "$variable" "$source" | head -n 1 | cut -d: -f1)
+                echo "$source:${line:-1}: $variable is a variable that outlives its function; pass it down instead"
+            done >>"$scratch/found"
+    done <"$scratch/files"
+fi
+
+cat "$scratch/found"
+files=$(wc -l <"$scratch/files")
+broken=$(wc -l <"$scratch/found")
+[ "$files" -gt 0 ] || { echo "no sources found"; exit 2; }
+echo "checked $files sources and $objects objects: $broken broken fences"
+[ "$broken" -eq 0 ]
