@@ -1,2 +1,5 @@
 check_PROGRAMS += tests/unit/num/test_stats
 tests_unit_num_test_stats_SOURCES = tests/unit/num/test_stats.c
+check_PROGRAMS += tests/unit/num/test_fft tests/unit/num/test_convolve
+tests_unit_num_test_fft_SOURCES = tests/unit/num/test_fft.c
+tests_unit_num_test_convolve_SOURCES = tests/unit/num/test_convolve.c

@@ -1,0 +1,148 @@
+/* Cyclic convolution by spectra, and normalised Gaussian smoothing. */
+#include "num/convolve.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float *work, float *spectrum)
+{
+    const int w = rx_fft_width(fft), h = rx_fft_height(fft), centre = size / 2;
+    const size_t stride = (size_t)rx_fft_stride_real(fft);
+    const double scale = 1.0 / ((double)w * h);
+    memset(work, 0, stride * (size_t)h * sizeof *work);
+    for (int j = 0; j < size; j++)
+        for (int i = 0; i < size; i++) {
+            size_t y = (size_t)((j - centre + h) % h), x = (size_t)((i - centre + w) % w);
+            work[y * stride + x] = (float)(stamp[(size_t)j * size + i] * scale);
+        }
+    rx_fft_forward(fft, work, spectrum);
+}
+
+/* Rows of n complex numbers: d (+)= k s with the sign of Im k given. */
+static void multiply_row(int n, const float *k, const float *s, float sign, bool add, float *d)
+{
+    for (int i = 0; i < n; i++) {
+        float kr = k[2 * i], ki = sign * k[2 * i + 1], sr = s[2 * i], si = s[2 * i + 1];
+        float re = kr * sr - ki * si, im = kr * si + ki * sr;
+        d[2 * i] = add ? d[2 * i] + re : re;
+        d[2 * i + 1] = add ? d[2 * i + 1] + im : im;
+    }
+}
+
+void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *src, bool conjugate, bool add,
+                          float *dst)
+{
+    const int n = rx_fft_width(fft) / 2 + 1;
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
+#pragma omp parallel for schedule(static) num_threads(rx_fft_threads(fft))
+    for (int y = 0; y < rx_fft_height(fft); y++)
+        multiply_row(n, kernel + y * stride, src + y * stride, conjugate ? -1.0f : 1.0f, add,
+                     dst + y * stride);
+}
+
+void rx_convolve(const rx_fft *fft, const float *kernel, const float *src, float *half, float *dst)
+{
+    rx_fft_forward(fft, src, half);
+    rx_convolve_multiply(fft, kernel, half, false, false, half);
+    rx_fft_inverse(fft, half, dst);
+}
+
+void rx_correlate(const rx_fft *fft, const float *kernel, const float *src, float *half, float *dst)
+{
+    rx_fft_forward(fft, src, half);
+    rx_convolve_multiply(fft, kernel, half, true, false, half);
+    rx_fft_inverse(fft, half, dst);
+}
+
+/* FWHM = 2 sqrt(2 ln 2) sigma */
+static double gauss_sigma(double fwhm)
+{
+    return fwhm / 2.3548200450309493;
+}
+
+int rx_gauss_radius(double fwhm)
+{
+    return (int)ceil(4.5 * gauss_sigma(fwhm) + 0.5);
+}
+
+void rx_gauss_weights(double fwhm, int radius, float *weights)
+{
+    const double unit = 1 / (gauss_sigma(fwhm) * sqrt(2.0));
+    double sum = erf((radius + 0.5) * unit);
+    for (int i = -radius; i <= radius; i++)
+        weights[i + radius] = (float)((erf((i + 0.5) * unit) - erf((i - 0.5) * unit)) / (2 * sum));
+}
+
+/* Along x: num = G (f where good), den = G (1 where good). */
+static void smooth_rows(int width, int height, int radius, const float *g, const uint8_t *mask, int nthreads,
+                        const float *image, float *num, float *den)
+{
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int y = 0; y < height; y++) {
+        const size_t row = (size_t)y * width;
+        for (int x = 0; x < width; x++) {
+            const int first = x < radius ? -x : -radius;
+            const int last = x + radius >= width ? width - 1 - x : radius;
+            float n = 0, d = 0;
+            for (int i = first; i <= last; i++) {
+                if (mask != NULL && mask[row + x + i] != 0)
+                    continue;
+                n += g[i + radius] * image[row + x + i];
+                d += g[i + radius];
+            }
+            num[row + x] = n;
+            den[row + x] = d;
+        }
+    }
+}
+
+/* Along y, then the quotient, at good pixels. */
+static void smooth_columns(int width, int height, int radius, const float *g, const uint8_t *mask,
+                           int nthreads, const float *num, const float *den, float *image)
+{
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int y = 0; y < height; y++) {
+        const int first = y < radius ? -y : -radius;
+        const int last = y + radius >= height ? height - 1 - y : radius;
+        for (int x = 0; x < width; x++) {
+            const size_t k = (size_t)y * width + x;
+            float n = 0, d = 0;
+            for (int i = first; i <= last; i++) {
+                n += g[i + radius] * num[k + (ptrdiff_t)i * width];
+                d += g[i + radius] * den[k + (ptrdiff_t)i * width];
+            }
+            /* a good pixel counts itself, hence d > 0 there */
+            image[k] = (mask == NULL || mask[k] == 0) ? n / d : 0.0f;
+        }
+    }
+}
+
+rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mask, int nthreads, float *image,
+                          rx_error *err)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    if (!(fwhm > 0)) {
+        for (size_t k = 0; mask != NULL && k < n; k++)
+            if (mask[k] != 0)
+                image[k] = 0;
+        return RX_OK;
+    }
+    rx_status status = RX_OK;
+    const int radius = rx_gauss_radius(fwhm), threads = nthreads < 1 ? 1 : nthreads;
+    float *g = RX_NEW(float, 2 * (size_t)radius + 1), *num = RX_NEW(float, n), *den = RX_NEW(float, n);
+    if (g == NULL || num == NULL || den == NULL) {
+        status = rx_error_memory(err, 2 * n * sizeof *num);
+        goto exit;
+    }
+    rx_gauss_weights(fwhm, radius, g);
+    smooth_rows(width, height, radius, g, mask, threads, image, num, den);
+    smooth_columns(width, height, radius, g, mask, threads, num, den, image);
+exit:
+    free(g);
+    free(num);
+    free(den);
+    return status;
+}
