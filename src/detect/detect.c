@@ -12,7 +12,7 @@
 /* Everything one run needs, freed together. */
 typedef struct workspace {
     size_t n;
-    rx_kernel kernel;
+    rx_filter kernel;
     float *pixels; /* masked ones 0 */
     uint8_t *hidden;
     float *sigma;   /* threshold noise, NULL = one value */
@@ -22,7 +22,7 @@ typedef struct workspace {
 
 static void free_workspace(workspace *work)
 {
-    rx_kernel_free(&work->kernel);
+    rx_filter_free(&work->kernel);
     free(work->pixels);
     free(work->hidden);
     free(work->sigma);
@@ -112,7 +112,7 @@ static int source_flags(short flag)
 
 /* Row i of sep's catalogue. */
 static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const sep_catalog *cat,
-                           int i, const rx_kernel *kernel, rx_source *s)
+                           int i, const rx_filter *kernel, rx_source *s)
 {
     *s = (rx_source){.xmin = cat->xmin[i],
                      .xmax = cat->xmax[i],
@@ -229,7 +229,7 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
     *dst = NULL;
     if (!(par->threshold > 0.0) || !(image->global_sigma > 0.0))
         return rx_error_set(err, RX_USAGE, "DETECT_THRESH must be positive");
-    status = rx_kernel_new(par->filter, par->filter_width, par->filter_height, &work.kernel, err);
+    status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &work.kernel, err);
     if (status != RX_OK)
         return status;
     status = fill_planes(par, image, &work, err);

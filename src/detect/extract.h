@@ -19,7 +19,7 @@ typedef struct rx_extraction {
     const float *noise;    /* threshold noise of a pixel or NULL: noise_value everywhere */
     double noise_value;
     double gain;
-    const rx_kernel *kernel;
+    const rx_filter *kernel;
     double threshold; /* sigmas, or ADU when absolute, on the normalised kernel's scale */
     long above;       /* pixels above the threshold: bounds the pixel stack */
     int grown;        /* out: times a limit was raised */

@@ -7,9 +7,9 @@
 
 #include "base/memory.h"
 
-rx_status rx_kernel_new(const float *values, int width, int height, rx_kernel *dst, rx_error *err)
+rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err)
 {
-    *dst = (rx_kernel){.sum = 1.0};
+    *dst = (rx_filter){.sum = 1.0};
     if (values == NULL || width < 1 || height < 1)
         return RX_OK;
     size_t n = (size_t)width * (size_t)height;
@@ -30,10 +30,10 @@ rx_status rx_kernel_new(const float *values, int width, int height, rx_kernel *d
     return RX_OK;
 }
 
-void rx_kernel_free(rx_kernel *kernel)
+void rx_filter_free(rx_filter *kernel)
 {
     free(kernel->values);
-    *kernel = (rx_kernel){.sum = 1.0};
+    *kernel = (rx_filter){.sum = 1.0};
 }
 
 /* line += k * src shifted by dx, inside the image. */
@@ -45,7 +45,7 @@ static void add_shifted(float *line, const float *src, int width, int dx, float 
         line[x] += k * src[x + dx];
 }
 
-void rx_filter_plane(const rx_kernel *kernel, const float *src, int width, int height, float *dst)
+void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst)
 {
     size_t row = (size_t)width;
     if (kernel->values == NULL) {
@@ -66,7 +66,7 @@ void rx_filter_plane(const rx_kernel *kernel, const float *src, int width, int h
     }
 }
 
-static double filtered_variance(const rx_kernel *kernel, const float *sigma, const uint8_t *hidden, int width,
+static double filtered_variance(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
                                 int height, int x, int y)
 {
     double sum = 0.0, norm = 0.0;
@@ -89,7 +89,7 @@ static double filtered_variance(const rx_kernel *kernel, const float *sigma, con
     return norm > 0.0 ? sum / norm : 0.0;
 }
 
-void rx_filter_sigma(const rx_kernel *kernel, const float *sigma, const uint8_t *hidden, int width,
+void rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
                      int height, float *dst)
 {
     for (int y = 0; y < height; y++)

@@ -8,21 +8,21 @@
 #include "base/error.h"
 
 /* A kernel as sep uses it: divided by the sum of its absolute values. NULL values: no filter. */
-typedef struct rx_kernel {
+typedef struct rx_filter {
     int width, height;
     float *values; /* [height][width] */
     double sum;    /* of the absolute values before */
-} rx_kernel;
+} rx_filter;
 
-rx_status rx_kernel_new(const float *values, int width, int height, rx_kernel *dst, rx_error *err);
-void rx_kernel_free(rx_kernel *kernel);
+rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err);
+void rx_filter_free(rx_filter *kernel);
 
 /* dst = src filtered, [height][width]: correlation with the kernel, zero outside the image,
  * term by term in sep's order so that both meet the threshold alike. */
-void rx_filter_plane(const rx_kernel *kernel, const float *src, int width, int height, float *dst);
+void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst);
 
 /* dst = sqrt(sum k sigma^2 / sum k) over the pixels that are not hidden; hidden ones get 1e30. */
-void rx_filter_sigma(const rx_kernel *kernel, const float *sigma, const uint8_t *hidden, int width,
+void rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
                      int height, float *dst);
 
 #endif
