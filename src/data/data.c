@@ -31,6 +31,7 @@ void rx_restored_free(rx_restored *restored)
     free(restored->pixels);
     free(restored->mask);
     free(restored->support);
+    free(restored->reblurred);
     free(restored->sigma);
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);

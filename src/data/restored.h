@@ -12,6 +12,8 @@ typedef struct rx_restored {
     float *pixels;   /* background-subtracted, ADU; masked pixels hold 0 */
     uint8_t *mask;   /* as of the tile, RX_MASK_ bits that the restorer honoured */
     float *support;  /* masked share (0..1) of the pixels a value was made from, PSF-weighted; NULL for NONE */
+    float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
+                         held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
     float *sigma;    /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
     rx_psf *psf;     /* of the restored image */
     rx_psf *blur;    /* PSF that was used (estimated by RL_BLIND), NULL for NONE */

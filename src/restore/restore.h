@@ -1,6 +1,9 @@
 /* Restorers: tile + PSF in, restored tile + the PSF of the output out.
  *
- * One row per kind in restore.c; the network joins there as one more row. */
+ * One row per kind in restore.c; the network joins there as one more row. All of them hand on
+ * background-subtracted ADU on the input's flux scale, finite everywhere, 0 under the mask, and no
+ * value under the mask reaches any output. The same bytes for any nthreads. Errors: RX_INPUT
+ * (PSF larger than the tile or not finite), RX_SYSTEM, RX_INTERRUPTED. */
 #ifndef RX_RESTORE_RESTORE_H
 #define RX_RESTORE_RESTORE_H
 
@@ -11,20 +14,21 @@
 #include "data/tile.h"
 
 typedef struct rx_restore_params {
-    int rl_niter;          /* RL_NITER */
+    int rl_niter;            /* RL_NITER */
     int rl_stop_discrepancy; /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
-    double rl_damping;     /* RL_DAMPING, sigmas, 0 = off (White 1994) */
-    double rl_denoise;     /* RL_DENOISE, FWHM in pixels of the Gaussian afterwards, 0 = off */
-    double rl_pedestal;    /* RL_PEDESTAL */
-    int blind_cycles;      /* RL_BLIND */
-    int blind_psf_niter;
-    int mask_saturated;    /* saturated pixels are masked for restorers other than NONE */
+    double rl_damping;       /* RL_DAMPING, sigmas, 0 = off (White 1994) */
+    double rl_denoise;       /* RL_DENOISE, FWHM in pixels of the Gaussian afterwards, 0 = off */
+    double rl_pedestal;      /* RL_PEDESTAL */
+    int blind_cycles;        /* RL_BLIND_CYCLES */
+    int blind_psf_niter;     /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
+    int mask_saturated;      /* saturated pixels are masked for restorers other than NONE */
+    int keep_reblurred;      /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int nthreads;
 } rx_restore_params;
 
 typedef struct rx_restorer {
-    const char *name;   /* as in RESTORE_TYPE */
-    const char *help;   /* one line */
+    const char *name; /* as in RESTORE_TYPE */
+    const char *help; /* one line */
     int needs_psf;
     rx_status (*run)(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                      const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
