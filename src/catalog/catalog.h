@@ -14,8 +14,13 @@
 #include "io/output.h"
 
 typedef enum rx_catalog_type {
-    RX_CATALOG_NONE, RX_CATALOG_ASCII, RX_CATALOG_ASCII_HEAD, RX_CATALOG_ASCII_SKYCAT, RX_CATALOG_VOTABLE,
-    RX_CATALOG_FITS_1_0, RX_CATALOG_FITS_LDAC
+    RX_CATALOG_NONE,
+    RX_CATALOG_ASCII,
+    RX_CATALOG_ASCII_HEAD,
+    RX_CATALOG_ASCII_SKYCAT,
+    RX_CATALOG_VOTABLE,
+    RX_CATALOG_FITS_1_0,
+    RX_CATALOG_FITS_LDAC
 } rx_catalog_type;
 
 /* One chosen column of a .param file: FLUX_APER(5) has dim {5, 0}, VIGNET(35,35) {35, 35}. */
@@ -38,17 +43,28 @@ void rx_columns_free(rx_column_list *list);
 void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2]);
 int rx_columns_has(const rx_column_list *list, const char *name);
 
+/* Cut a vector column to what there is to show (`keyword` gives `available` elements), with a
+ * warning, as SExtractor does; never below 1. Nothing happens when the column is not chosen. */
+void rx_columns_clip(rx_column_list *list, const char *name, int available, const char *keyword, rx_log *log);
+
 /* All columns as a .param file, `#NAME comment [unit]` (`-dp`). */
 void rx_columns_dump(rx_text *dst);
+
+/* The same as a list in roff, for rextract.conf(5). */
+void rx_columns_man(rx_text *dst);
 
 /* Table of the chosen columns. Magnitudes from zeropoint (99 for non-positive flux, as SExtractor). */
 rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, const rx_sources *sources,
                            rx_table **dst, rx_error *err);
 
 /* Write one catalogue file of n tables (one per extension). `record`: name, value, pairs that made it
- * (program, version, configuration), npairs of them. Atomic through outputs. path "STDOUT" writes ASCII to stdout
- * at commit: see rx_catalog_write(). */
-typedef struct rx_record_pair { const char *name; const char *value; const char *comment; } rx_record_pair;
+ * (program, version, configuration), npairs of them. Atomic through outputs. path "STDOUT" writes ASCII to
+ * stdout at commit: see rx_catalog_write(). */
+typedef struct rx_record_pair {
+    const char *name;
+    const char *value;
+    const char *comment;
+} rx_record_pair;
 rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
                            const rx_record_pair *record, int npairs, rx_outputs *outputs, FILE *standard_out,
                            rx_error *err);

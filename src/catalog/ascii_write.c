@@ -1,0 +1,85 @@
+/* ASCII, ASCII_HEAD and ASCII_SKYCAT catalogues, laid out as SExtractor does. */
+#include "catalog/cell.h"
+#include "catalog/writers.h"
+
+/* `#   5 FLUX_APER              description          [unit]`; a vector takes as many numbers as
+ * it has elements. */
+static void add_head(rx_text *dst, const rx_table *table)
+{
+    long number = 1;
+    for (int i = 0; i < table->ncolumns; i++) {
+        const rx_column *column = &table->columns[i];
+        rx_text_printf(dst, "#%4ld %-22.71s %-58.159s", number, column->name, column->description);
+        if (column->unit[0] != '\0')
+            rx_text_printf(dst, " [%s]", column->unit);
+        rx_text_add(dst, "\n");
+        number += rx_column_elements(column);
+    }
+}
+
+/* Rows with `separator` between numbers; text is reused as the line's buffer. */
+static rx_status write_rows(FILE *file, const rx_table *table, const char *separator, rx_text *text,
+                            rx_error *err)
+{
+    for (long row = 0; row < table->nrows; row++) {
+        text->length = 0;
+        for (int i = 0; i < table->ncolumns; i++) {
+            long elements = rx_column_elements(&table->columns[i]);
+            for (long e = 0; e < elements; e++) {
+                if (i > 0 || e > 0)
+                    rx_text_add(text, separator);
+                rx_cell_format(text, &table->columns[i], row, e);
+            }
+        }
+        rx_text_add(text, "\n");
+        if (text->failed)
+            return rx_error_memory(err, text->capacity);
+        fwrite(text->data, 1, text->length, file);
+    }
+    return RX_OK;
+}
+
+rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text text = {0};
+    if (head && n > 0)
+        add_head(&text, tables[0]);
+    if (text.failed) {
+        status = rx_error_memory(err, text.capacity);
+        goto exit;
+    }
+    if (text.length > 0)
+        fwrite(text.data, 1, text.length, file);
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = write_rows(file, tables[i], " ", &text, err);
+exit:
+    rx_text_free(&text);
+    return status;
+}
+
+/* SkyCat takes the first four columns as identifier, right ascension, declination and magnitude. */
+rx_status rx_skycat_write(FILE *file, rx_table *const *tables, int n, rx_error *err)
+{
+    static const char *const first[] = {"id", "ra", "dec", "mag"};
+    rx_status status = RX_OK;
+    rx_text text = {0};
+    rx_text_add(&text, "QueryResult\n\n# Config entry for original catalog server:\nserv_type: catalog\n"
+                       "long_name: Rextract catalog\nshort_name: RxCat\nsymbol: id diamond  8.0\n"
+                       "# End config entry\n\n");
+    for (int i = 0; n > 0 && i < tables[0]->ncolumns; i++)
+        rx_text_printf(&text, "%s%s", i > 0 ? "\t" : "", i < 4 ? first[i] : tables[0]->columns[i].name);
+    rx_text_add(&text, "\n------------------\n");
+    if (text.failed) {
+        status = rx_error_memory(err, text.capacity);
+        goto exit;
+    }
+    fwrite(text.data, 1, text.length, file);
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = write_rows(file, tables[i], " \t", &text, err);
+    if (status == RX_OK)
+        fputs("[EOD]", file);
+exit:
+    rx_text_free(&text);
+    return status;
+}

@@ -1,0 +1,98 @@
+/* From the source list to a table of the chosen columns. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "catalog/catalog.h"
+#include "catalog/columns.h"
+
+/* Out-of-range integers stop at the type's ends instead of wrapping. */
+static double clamp(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+static void store(rx_column *column, long i, double value)
+{
+    switch (column->type) {
+    case RX_CELL_INT16:
+        ((int16_t *)column->data)[i] = (int16_t)(isnan(value) ? 0 : clamp(value, INT16_MIN, INT16_MAX));
+        break;
+    case RX_CELL_INT32:
+        ((int32_t *)column->data)[i] = (int32_t)(isnan(value) ? 0 : clamp(value, INT32_MIN, INT32_MAX));
+        break;
+    case RX_CELL_FLOAT:
+        ((float *)column->data)[i] = (float)value;
+        break;
+    default:
+        ((double *)column->data)[i] = value;
+        break;
+    }
+}
+
+static void describe(rx_column *column, const rx_column_def *def, const int dim[2])
+{
+    snprintf(column->name, sizeof column->name, "%s", def->name);
+    snprintf(column->unit, sizeof column->unit, "%s", def->unit);
+    snprintf(column->ucd, sizeof column->ucd, "%s", def->ucd);
+    snprintf(column->description, sizeof column->description, "%s", def->description);
+    snprintf(column->format, sizeof column->format, "%s", def->format);
+    column->type = def->type;
+    /* One element is a plain number, as in SExtractor's FITS tables. */
+    column->ndim = def->naxis == 1 && dim[0] <= 1 ? 0 : def->naxis;
+    column->dim[0] = dim[0];
+    column->dim[1] = dim[1];
+}
+
+static rx_status fill(rx_column *column, const rx_column_choice *choice, const rx_column_def *def,
+                      const rx_tile *tile, const rx_sources *sources, rx_error *err)
+{
+    long elements = rx_column_elements(column);
+    rx_cell_place place = {.tile = tile, .sources = sources, .dim = {choice->dim[0], choice->dim[1]}};
+    size_t bytes = (size_t)elements * (size_t)rx_column_element_size(column);
+    column->data = rx_alloc((size_t)sources->n, bytes);
+    if (column->data == NULL)
+        return rx_error_memory(err, (size_t)sources->n * bytes);
+    for (place.row = 0; place.row < sources->n; place.row++)
+        for (long i = 0; i < elements; i++)
+            store(column, place.row * elements + i, def->value(&sources->list[place.row], &place, i));
+    return RX_OK;
+}
+
+rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, const rx_sources *sources,
+                           rx_table **dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    rx_table *table = rx_table_new(list->n);
+    if (table == NULL)
+        return rx_error_memory(err, (size_t)list->n * sizeof(rx_column));
+    table->nrows = sources->n;
+    free(table->name);
+    table->name = rx_strdup("OBJECTS");
+    if (tile->cards != NULL) {
+        table->cards = rx_alloc(tile->ncards, 80);
+        table->ncards = (long)tile->ncards;
+    }
+    if (table->name == NULL || (tile->cards != NULL && table->cards == NULL)) {
+        status = rx_error_memory(err, tile->ncards * 80);
+        goto exit;
+    }
+    if (tile->cards != NULL)
+        memcpy(table->cards, tile->cards, tile->ncards * 80);
+    for (int i = 0; i < list->n && status == RX_OK; i++) {
+        const rx_column_choice *choice = &list->choice[i];
+        describe(&table->columns[i], &defs[choice->index], choice->dim);
+        status = fill(&table->columns[i], choice, &defs[choice->index], tile, sources, err);
+    }
+    if (status != RX_OK)
+        goto exit;
+    *dst = table;
+    table = NULL;
+exit:
+    rx_table_free(table);
+    return status;
+}

@@ -1,0 +1,124 @@
+/* Writing a catalogue: the right writer, whole files or none. */
+#include <ctype.h>
+#include <errno.h>
+#include <string.h>
+
+#include "catalog/catalog.h"
+#include "catalog/cell.h"
+#include "catalog/writers.h"
+#include "io/fits_write.h"
+
+static bool is_fits(rx_catalog_type type)
+{
+    return type == RX_CATALOG_FITS_1_0 || type == RX_CATALOG_FITS_LDAC;
+}
+
+static rx_status write_text(FILE *file, rx_catalog_type type, rx_table *const *tables, int n,
+                            const rx_record_pair *record, int npairs, rx_error *err)
+{
+    rx_point_locale locale;
+    rx_status status = rx_point_locale_begin(&locale, err);
+    if (status != RX_OK)
+        return status;
+    if (type == RX_CATALOG_VOTABLE)
+        status = rx_votable_write(file, tables, n, record, npairs, err);
+    else if (type == RX_CATALOG_ASCII_SKYCAT)
+        status = rx_skycat_write(file, tables, n, err);
+    else
+        status = rx_ascii_write(file, tables, n, type == RX_CATALOG_ASCII_HEAD, err);
+    rx_point_locale_end(&locale);
+    return status;
+}
+
+static rx_status write_text_file(const char *temporary, const char *path, rx_catalog_type type,
+                                 rx_table *const *tables, int n, const rx_record_pair *record, int npairs,
+                                 rx_error *err)
+{
+    FILE *file = fopen(temporary, "wb");
+    if (file == NULL)
+        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written: %s", strerror(errno));
+    rx_status status = write_text(file, type, tables, n, record, npairs, err);
+    errno = 0;
+    int failed = fflush(file) != 0 || ferror(file), why = errno;
+    failed |= fclose(file) != 0;
+    if (status == RX_OK && failed)
+        status = rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written: %s",
+                             strerror(why != 0 ? why : errno));
+    return status;
+}
+
+/* A keyword FITS knows how to hold: up to 8 of A-Z 0-9 - _. */
+static bool is_card_name(const char *name)
+{
+    size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
+    return n > 0 && n <= 8 && name[n] == '\0';
+}
+
+/* A pair with a comment and a short name is a keyword of its own, the others are HISTORY. */
+static void add_record(rx_text *cards, const rx_record_pair *record, int npairs)
+{
+    for (int i = 0; i < npairs; i++) {
+        const char *value = record[i].value != NULL ? record[i].value : "";
+        if (record[i].comment != NULL && is_card_name(record[i].name)) {
+            rx_card_text(cards, record[i].name, value, record[i].comment);
+            continue;
+        }
+        rx_text line = {0};
+        rx_text_printf(&line, "%s = %s", record[i].name, value);
+        if (line.data != NULL)
+            rx_card_history(cards, line.data);
+        cards->failed |= line.failed;
+        rx_text_free(&line);
+    }
+}
+
+static rx_status write_fits(const char *temporary, const char *path, rx_catalog_type type,
+                            rx_table *const *tables, int n, const rx_record_pair *record, int npairs,
+                            rx_error *err)
+{
+    rx_text cards = {0};
+    rx_fits_writer *writer = NULL;
+    rx_status status = RX_OK;
+    add_record(&cards, record, npairs);
+    if (cards.failed) {
+        status = rx_error_memory(err, cards.capacity);
+        goto exit;
+    }
+    status = rx_fits_create(temporary, path, &writer, err);
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = type == RX_CATALOG_FITS_LDAC
+                     ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
+                     : rx_fits_table(writer, tables[i], cards.data, cards.length / 80, err);
+    if (status == RX_OK) {
+        status = rx_fits_close(writer, err);
+        writer = NULL;
+    }
+exit:
+    rx_fits_abort(writer);
+    rx_text_free(&cards);
+    return status;
+}
+
+rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
+                           const rx_record_pair *record, int npairs, rx_outputs *outputs, FILE *standard_out,
+                           rx_error *err)
+{
+    if (type == RX_CATALOG_NONE)
+        return RX_OK;
+    if (strcmp(path, "STDOUT") == 0) {
+        if (is_fits(type))
+            return rx_error_set(
+                err, RX_USAGE,
+                "CATALOG_NAME STDOUT takes text only; name a file or choose an ASCII CATALOG_TYPE");
+        rx_status status = write_text(standard_out, type, tables, n, record, npairs, err);
+        if (status == RX_OK && (fflush(standard_out) != 0 || ferror(standard_out)))
+            status = rx_error_set(err, RX_SYSTEM, "the catalogue cannot be written to standard output");
+        return status;
+    }
+    const char *temporary;
+    rx_status status = rx_outputs_file(outputs, path, &temporary, err);
+    if (status != RX_OK)
+        return status;
+    return is_fits(type) ? write_fits(temporary, path, type, tables, n, record, npairs, err)
+                         : write_text_file(temporary, path, type, tables, n, record, npairs, err);
+}

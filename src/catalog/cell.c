@@ -1,0 +1,165 @@
+/* One cell as text. */
+#include "catalog/cell.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+rx_status rx_point_locale_begin(rx_point_locale *locale, rx_error *err)
+{
+    locale->before = (locale_t)0;
+    locale->point = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (locale->point == (locale_t)0)
+        return rx_error_memory(err, 0);
+    locale->before = uselocale(locale->point);
+    return RX_OK;
+}
+
+void rx_point_locale_end(rx_point_locale *locale)
+{
+    if (locale->point == (locale_t)0)
+        return;
+    uselocale(locale->before);
+    freelocale(locale->point);
+    locale->point = (locale_t)0;
+}
+
+/* The parts of "%+11.7f"; formats come from tables, so they are taken apart, never handed to printf. */
+typedef struct format {
+    bool plus;
+    int width, precision; /* precision -1: none given */
+    char letter;
+} format;
+
+static int small_number(const char **text)
+{
+    int n = 0;
+    for (; **text >= '0' && **text <= '9'; (*text)++)
+        n = n < 100 ? n * 10 + (**text - '0') : n;
+    return n < 100 ? n : 100;
+}
+
+static bool is_integer(rx_cell_type type)
+{
+    return type == RX_CELL_INT16 || type == RX_CELL_INT32 || type == RX_CELL_INT64;
+}
+
+static format default_format(rx_cell_type type)
+{
+    if (is_integer(type))
+        return (format){.width = 10, .precision = -1, .letter = 'd'};
+    if (type == RX_CELL_FLOAT)
+        return (format){.width = 14, .precision = 9, .letter = 'g'};
+    return (format){.width = 23, .precision = 17, .letter = 'g'};
+}
+
+static format parse_format(const rx_column *column)
+{
+    const char *text = column->format;
+    format f = {.precision = -1};
+    if (*text++ != '%')
+        return default_format(column->type);
+    f.plus = *text == '+';
+    text += f.plus;
+    f.width = small_number(&text);
+    if (*text == '.') {
+        text++;
+        f.precision = small_number(&text);
+    }
+    f.letter = *text;
+    const char *legal = is_integer(column->type) ? "du" : "feg";
+    if (*text == '\0' || text[1] != '\0' || strchr(legal, *text) == NULL)
+        return default_format(column->type);
+    return f;
+}
+
+static void print_real(rx_text *dst, format f, double value)
+{
+    if (isnan(value)) /* never "-nan" */
+        rx_text_printf(dst, "%*s", f.width, "nan");
+    else if (f.letter == 'f')
+        rx_text_printf(dst, f.plus ? "%+*.*f" : "%*.*f", f.width, f.precision, value);
+    else if (f.letter == 'e')
+        rx_text_printf(dst, f.plus ? "%+*.*e" : "%*.*e", f.width, f.precision, value);
+    else
+        rx_text_printf(dst, f.plus ? "%+*.*g" : "%*.*g", f.width, f.precision, value);
+}
+
+static long long integer_value(const rx_column *column, long i)
+{
+    if (column->type == RX_CELL_INT16)
+        return ((const int16_t *)column->data)[i];
+    if (column->type == RX_CELL_INT32)
+        return ((const int32_t *)column->data)[i];
+    return ((const int64_t *)column->data)[i];
+}
+
+static void print_integer(rx_text *dst, const rx_column *column, format f, long long value)
+{
+    if (f.letter == 'u' && column->type == RX_CELL_INT32)
+        value = (uint32_t)value; /* bit patterns of flags */
+    rx_text_printf(dst, f.plus ? "%+*lld" : "%*lld", f.width, value);
+}
+
+static void print_text(rx_text *dst, const char *text, bool quote)
+{
+    if (quote)
+        rx_text_add(dst, "\"");
+    for (; *text != '\0'; text++) {
+        unsigned char letter = (unsigned char)*text;
+        char shown = letter < ' ' || letter == 127 || (quote && letter == '"') ? '?' : *text;
+        rx_text_add_bytes(dst, &shown, 1);
+    }
+    if (quote)
+        rx_text_add(dst, "\"");
+}
+
+static const char *text_value(const rx_column *column, long i)
+{
+    return (const char *)column->data + i * column->text_width;
+}
+
+void rx_cell_format(rx_text *dst, const rx_column *column, long row, long element)
+{
+    long i = row * rx_column_elements(column) + element;
+    if (column->type == RX_CELL_TEXT) {
+        const char *text = text_value(column, i);
+        print_text(dst, text, *text == '\0' || strpbrk(text, " \t\r\n,#\"") != NULL);
+    } else if (is_integer(column->type)) {
+        print_integer(dst, column, parse_format(column), integer_value(column, i));
+    } else {
+        print_real(dst, parse_format(column), rx_column_value(column, row, element));
+    }
+}
+
+void rx_cell_exact(rx_text *dst, const rx_column *column, long row, long element)
+{
+    char shown[40];
+    long i = row * rx_column_elements(column) + element;
+    if (column->type == RX_CELL_TEXT) {
+        print_text(dst, text_value(column, i), false);
+        return;
+    }
+    if (is_integer(column->type)) {
+        rx_text_printf(dst, "%lld", integer_value(column, i));
+        return;
+    }
+    double value = rx_column_value(column, row, element);
+    if (isnan(value)) {
+        rx_text_add(dst, "NaN");
+        return;
+    }
+    if (isinf(value)) {
+        rx_text_add(dst, value > 0 ? "+Inf" : "-Inf");
+        return;
+    }
+    bool single = column->type == RX_CELL_FLOAT;
+    for (int digits = single ? 6 : 15; digits <= (single ? 9 : 17); digits++) {
+        snprintf(shown, sizeof shown, "%.*g", digits, value);
+        if (single ? strtof(shown, NULL) == (float)value : strtod(shown, NULL) == value)
+            break;
+    }
+    rx_text_add(dst, shown);
+}

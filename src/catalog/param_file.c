@@ -1,0 +1,255 @@
+/* The .param file: which columns, how long their vectors; its dump and its man table. */
+#include <ctype.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/memory.h"
+#include "catalog/catalog.h"
+#include "catalog/columns.h"
+
+enum { PARAM_FILE_BYTES = 1 << 20, NAMES_SHOWN = 12 };
+
+/* Names met in the file that deserve one common warning. */
+typedef struct names {
+    rx_text text;
+    int n;
+} names;
+
+static void names_add(names *dst, const char *name)
+{
+    if (dst->n < NAMES_SHOWN)
+        rx_text_printf(&dst->text, "%s%s", dst->n > 0 ? ", " : "", name);
+    else if (dst->n == NAMES_SHOWN)
+        rx_text_add(&dst->text, ", ...");
+    dst->n++;
+}
+
+static bool is_missing(const char *name)
+{
+    int n;
+    const char *const *missing = rx_columns_missing(&n);
+    for (int i = 0; i < n; i++)
+        if (strcasecmp(missing[i], name) == 0)
+            return true;
+    return false;
+}
+
+static rx_status unknown_name(const char *path, long line, const char *name, rx_error *err)
+{
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    const char **all = RX_NEW(const char *, (size_t)n);
+    const char *near = NULL;
+    for (int i = 0; all != NULL && i < n; i++)
+        all[i] = defs[i].name;
+    if (all != NULL)
+        near = rx_text_nearest(name, all, (size_t)n);
+    free(all);
+    if (near != NULL)
+        return rx_error_at(err, RX_USAGE, path, -1, line, "unknown column '%.60s'; did you mean %s?", name,
+                           near);
+    return rx_error_at(err, RX_USAGE, path, -1, line, "unknown column '%.60s'; -dp lists all columns", name);
+}
+
+/* `(5)`, `[35,35]`, `{2}` or, as SExtractor also takes it, ` 5` after the name. */
+static rx_status parse_dimensions(const char *path, long line, const char *text, const rx_column_def *def,
+                                  int dim[2], rx_error *err)
+{
+    bool bracket = *text == '(' || *text == '[' || *text == '{';
+    if (def->naxis == 0) {
+        if (bracket)
+            return rx_error_at(err, RX_USAGE, path, -1, line, "%s holds one value; leave out '%.40s'",
+                               def->name, text);
+        return RX_OK;
+    }
+    int count = 0, limit = rx_column_limit(def);
+    dim[0] = 1;
+    dim[1] = def->naxis == 2;
+    while (*(text += strspn(text, " \t,;.([{)]}")) != '\0') {
+        char *end;
+        long value = strtol(text, &end, 10);
+        if (end == text || count >= def->naxis || value < 1 || value > limit)
+            return rx_error_at(err, RX_USAGE, path, -1, line,
+                               "bad dimension of %s at '%.40s'; give %s of 1 to %d, such as %s%s", def->name,
+                               text, def->naxis == 2 ? "two numbers" : "one number", limit, def->name,
+                               def->naxis == 2 ? "(35,35)" : "(3)");
+        dim[count++] = (int)value;
+        text = end;
+    }
+    return RX_OK;
+}
+
+/* One line without its comment; blank lines are fine. */
+static rx_status parse_line(const char *path, long line, char *text, rx_column_list *list, names *left_out,
+                            names *twice, rx_error *err)
+{
+    text[strcspn(text, "#")] = '\0';
+    text += strspn(text, " \t\r\f\v");
+    for (size_t n = strlen(text); n > 0 && isspace((unsigned char)text[n - 1]); n--)
+        text[n - 1] = '\0';
+    if (*text == '\0')
+        return RX_OK;
+    size_t length = strcspn(text, " \t{[(");
+    char name[64];
+    if (length == 0 || length >= sizeof name)
+        return unknown_name(path, line, text, err);
+    memcpy(name, text, length);
+    name[length] = '\0';
+    int index = rx_column_index(name), count;
+    if (index < 0) {
+        if (!is_missing(name))
+            return unknown_name(path, line, name, err);
+        names_add(left_out, name);
+        return RX_OK;
+    }
+    rx_column_choice choice = {.index = index};
+    const char *rest = text + length + strspn(text + length, " \t");
+    rx_status status = parse_dimensions(path, line, rest, &rx_column_defs(&count)[index], choice.dim, err);
+    if (status != RX_OK)
+        return status;
+    for (int i = 0; i < list->n; i++)
+        if (list->choice[i].index == index) {
+            names_add(twice, name);
+            return RX_OK;
+        }
+    list->choice[list->n++] = choice;
+    return RX_OK;
+}
+
+rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err)
+{
+    char *data = NULL;
+    names left_out = {0}, twice = {0};
+    rx_column_list *list = NULL;
+    int n;
+    rx_column_defs(&n);
+    rx_status status = rx_text_read_file(path, PARAM_FILE_BYTES, &data, NULL, err);
+    if (status != RX_OK) { /* a file of the configuration, not data */
+        if (status == RX_INPUT && err != NULL)
+            err->status = RX_USAGE;
+        return status == RX_INPUT ? RX_USAGE : status;
+    }
+    list = RX_NEW(rx_column_list, 1);
+    if (list != NULL)
+        list->choice = RX_NEW(rx_column_choice, (size_t)n);
+    if (list == NULL || list->choice == NULL) {
+        status = rx_error_memory(err, (size_t)n * sizeof(rx_column_choice));
+        goto exit;
+    }
+    long number = 1;
+    for (char *text = data, *next; text != NULL && status == RX_OK; text = next, number++) {
+        next = strchr(text, '\n');
+        if (next != NULL)
+            *next++ = '\0';
+        status = parse_line(path, number, text, list, &left_out, &twice, err);
+    }
+    if (status != RX_OK)
+        goto exit;
+    if (left_out.n > 0 && left_out.text.data != NULL)
+        rx_log_warning(log, "%s: columns of SExtractor that are not offered here are left out: %s", path,
+                       left_out.text.data);
+    if (twice.n > 0 && twice.text.data != NULL)
+        rx_log_warning(log, "%s: columns named twice are written once: %s", path, twice.text.data);
+    if (list->n == 0) {
+        status = rx_error_at(err, RX_USAGE, path, -1, 0,
+                             "chooses no column; name at least one of those that -dp lists");
+        goto exit;
+    }
+    *dst = list;
+    list = NULL;
+exit:
+    rx_columns_free(list);
+    rx_text_free(&left_out.text);
+    rx_text_free(&twice.text);
+    free(data);
+    return status;
+}
+
+void rx_columns_free(rx_column_list *list)
+{
+    if (list != NULL)
+        free(list->choice);
+    free(list);
+}
+
+static const rx_column_choice *find_choice(const rx_column_list *list, const char *name)
+{
+    int index = rx_column_index(name);
+    for (int i = 0; i < list->n; i++)
+        if (list->choice[i].index == index)
+            return &list->choice[i];
+    return NULL;
+}
+
+void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2])
+{
+    const rx_column_choice *choice = find_choice(list, name);
+    dim[0] = choice != NULL ? choice->dim[0] : 0;
+    dim[1] = choice != NULL ? choice->dim[1] : 0;
+}
+
+int rx_columns_has(const rx_column_list *list, const char *name)
+{
+    return find_choice(list, name) != NULL;
+}
+
+void rx_columns_clip(rx_column_list *list, const char *name, int available, const char *keyword, rx_log *log)
+{
+    int index = rx_column_index(name);
+    for (int i = 0; i < list->n; i++) {
+        rx_column_choice *choice = &list->choice[i];
+        if (choice->index != index || choice->dim[0] <= available)
+            continue;
+        int shown = available > 0 ? available : 1;
+        if (choice->dim[0] > shown)
+            rx_log_warning(log, "%s(%d) is cut to %d, as %s gives no more", name, choice->dim[0], shown,
+                           keyword);
+        choice->dim[0] = shown;
+    }
+}
+
+void rx_columns_dump(rx_text *dst)
+{
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    for (int i = 0; i < n; i++) {
+        rx_text_printf(dst, "#%-24s %-57s", defs[i].name, defs[i].description);
+        if (defs[i].unit[0] != '\0')
+            rx_text_printf(dst, " [%s]", defs[i].unit);
+        rx_text_add(dst, "\n");
+    }
+}
+
+/* Text that roff takes literally. */
+static void add_roff(rx_text *dst, const char *text)
+{
+    for (; *text != '\0'; text++) {
+        if (*text == '-')
+            rx_text_add(dst, "\\-");
+        else if (*text == '\\')
+            rx_text_add(dst, "\\e");
+        else
+            rx_text_add_bytes(dst, text, 1);
+    }
+}
+
+void rx_columns_man(rx_text *dst)
+{
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    for (int i = 0; i < n; i++) {
+        rx_text_printf(dst, ".TP\n.B %s%s\n", defs[i].name,
+                       defs[i].naxis == 2   ? "(w,h)"
+                       : defs[i].naxis == 1 ? "(n)"
+                                            : "");
+        add_roff(dst, defs[i].description);
+        if (defs[i].unit[0] != '\0') {
+            rx_text_add(dst, " [");
+            add_roff(dst, defs[i].unit);
+            rx_text_add(dst, "]");
+        }
+        rx_text_add(dst, "\n");
+    }
+}

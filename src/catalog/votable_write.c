@@ -1,0 +1,177 @@
+/* VOTable 1.4 (IVOA Recommendation 2019-10-21), TABLEDATA: one RESOURCE, one TABLE an extension. */
+#include <string.h>
+
+#include "catalog/cell.h"
+#include "catalog/writers.h"
+
+/* Text and attribute values; what is not printable ASCII (datatype char) becomes '?'. */
+static void add_xml(rx_text *dst, const char *text)
+{
+    for (; *text != '\0'; text++) {
+        char letter = *text;
+        if (letter == '&')
+            rx_text_add(dst, "&amp;");
+        else if (letter == '<')
+            rx_text_add(dst, "&lt;");
+        else if (letter == '>')
+            rx_text_add(dst, "&gt;");
+        else if (letter == '"')
+            rx_text_add(dst, "&quot;");
+        else
+            rx_text_add_bytes(dst, letter >= ' ' && letter < 127 ? &letter : "?", 1);
+    }
+}
+
+/* FITS spells "mag * arcsec**(-2)", VOUnits "mag.arcsec**-2". */
+static void add_unit(rx_text *dst, const char *unit)
+{
+    char shown[64];
+    size_t n = 0;
+    for (; *unit != '\0' && n + 1 < sizeof shown; unit++) {
+        if (strncmp(unit, " * ", 3) == 0) {
+            shown[n++] = '.';
+            unit += 2;
+        } else if (*unit != '(' && *unit != ')') {
+            shown[n++] = *unit;
+        }
+    }
+    shown[n] = '\0';
+    add_xml(dst, shown);
+}
+
+static const char *datatype(rx_cell_type type)
+{
+    switch (type) {
+    case RX_CELL_INT16:
+        return "short";
+    case RX_CELL_INT32:
+        return "int";
+    case RX_CELL_INT64:
+        return "long";
+    case RX_CELL_FLOAT:
+        return "float";
+    case RX_CELL_DOUBLE:
+        return "double";
+    case RX_CELL_TEXT:
+        break;
+    }
+    return "char";
+}
+
+static void add_field(rx_text *dst, const rx_column *column)
+{
+    rx_text_add(dst, "  <FIELD name=\"");
+    add_xml(dst, column->name);
+    rx_text_printf(dst, "\" datatype=\"%s\"", datatype(column->type));
+    if (column->type == RX_CELL_TEXT)
+        rx_text_add(dst, " arraysize=\"*\"");
+    else if (column->ndim == 1)
+        rx_text_printf(dst, " arraysize=\"%d\"", column->dim[0]);
+    else if (column->ndim == 2)
+        rx_text_printf(dst, " arraysize=\"%dx%d\"", column->dim[0], column->dim[1]);
+    if (column->unit[0] != '\0') {
+        rx_text_add(dst, " unit=\"");
+        add_unit(dst, column->unit);
+        rx_text_add(dst, "\"");
+    }
+    if (column->ucd[0] != '\0') {
+        rx_text_add(dst, " ucd=\"");
+        add_xml(dst, column->ucd);
+        rx_text_add(dst, "\"");
+    }
+    rx_text_add(dst, ">");
+    if (column->description[0] != '\0') {
+        rx_text_add(dst, "<DESCRIPTION>");
+        add_xml(dst, column->description);
+        rx_text_add(dst, "</DESCRIPTION>");
+    }
+    rx_text_add(dst, "</FIELD>\n");
+}
+
+static void add_row(rx_text *dst, const rx_table *table, long row, rx_text *cell)
+{
+    rx_text_add(dst, "   <TR>");
+    for (int i = 0; i < table->ncolumns; i++) {
+        const rx_column *column = &table->columns[i];
+        long elements = rx_column_elements(column);
+        rx_text_add(dst, "<TD>");
+        for (long e = 0; e < elements; e++) {
+            cell->length = 0;
+            rx_text_add(cell, "");
+            rx_cell_exact(cell, column, row, e);
+            if (e > 0)
+                rx_text_add(dst, " ");
+            if (cell->data != NULL)
+                add_xml(dst, cell->data);
+        }
+        rx_text_add(dst, "</TD>");
+    }
+    rx_text_add(dst, "</TR>\n");
+    dst->failed |= cell->failed;
+}
+
+static void add_record(rx_text *dst, const rx_record_pair *record, int npairs)
+{
+    for (int i = 0; i < npairs; i++) {
+        rx_text_add(dst, " <PARAM name=\"");
+        add_xml(dst, record[i].name);
+        rx_text_add(dst, "\" datatype=\"char\" arraysize=\"*\" value=\"");
+        add_xml(dst, record[i].value != NULL ? record[i].value : "");
+        rx_text_add(dst, "\"");
+        if (record[i].comment != NULL && record[i].comment[0] != '\0') {
+            rx_text_add(dst, "><DESCRIPTION>");
+            add_xml(dst, record[i].comment);
+            rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
+        } else {
+            rx_text_add(dst, "/>\n");
+        }
+    }
+}
+
+static rx_status flush(FILE *file, rx_text *text, rx_error *err)
+{
+    if (text->failed)
+        return rx_error_memory(err, text->capacity);
+    if (text->length > 0)
+        fwrite(text->data, 1, text->length, file);
+    text->length = 0;
+    return RX_OK;
+}
+
+static rx_status write_table(FILE *file, const rx_table *table, int number, rx_text *text, rx_text *cell,
+                             rx_error *err)
+{
+    rx_text_printf(text, " <TABLE ID=\"table%d\" name=\"", number);
+    add_xml(text, table->name);
+    rx_text_printf(text, "\" nrows=\"%ld\">\n", table->nrows);
+    for (int i = 0; i < table->ncolumns; i++)
+        add_field(text, &table->columns[i]);
+    rx_text_add(text, "  <DATA><TABLEDATA>\n");
+    rx_status status = flush(file, text, err);
+    for (long row = 0; row < table->nrows && status == RX_OK; row++) {
+        add_row(text, table, row, cell);
+        status = flush(file, text, err);
+    }
+    rx_text_add(text, "  </TABLEDATA></DATA>\n </TABLE>\n");
+    return status;
+}
+
+rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
+                           int npairs, rx_error *err)
+{
+    rx_text text = {0}, cell = {0};
+    rx_text_add(&text, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+                       "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
+                       "<RESOURCE type=\"results\">\n"
+                       " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
+    add_record(&text, record, npairs);
+    rx_status status = RX_OK;
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = write_table(file, tables[i], i + 1, &text, &cell, err);
+    rx_text_add(&text, "</RESOURCE>\n</VOTABLE>\n");
+    if (status == RX_OK)
+        status = flush(file, &text, err);
+    rx_text_free(&text);
+    rx_text_free(&cell);
+    return status;
+}
