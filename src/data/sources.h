@@ -48,6 +48,7 @@ typedef struct rx_source {
     double cxx, cyy, cxy;
     double threshold;         /* detection threshold at the peak, ADU above background */
     double analysis_threshold;
+    double detection_snr;     /* peak of the filtered detection image in sigmas of its noise: ranks detections */
     double fwhm;              /* FWHM_IMAGE, pixels */
     double class_star;
     double background;        /* BACKGROUND at the centroid, ADU */

@@ -56,6 +56,7 @@ void rx_table_free(rx_table *table)
     free(table->columns);
     free(table->name);
     free(table->cards);
+    free(table->facts);
     free(table);
 }
 

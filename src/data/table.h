@@ -28,6 +28,8 @@ typedef struct rx_table {
     rx_column *columns;
     char *cards;           /* header of the image the rows come from, 80 chars a card, or NULL */
     long ncards;
+    char *facts;           /* ready 80-character cards that say how the rows were made, or NULL */
+    long nfacts;
 } rx_table;
 
 /* Elements of one cell (1 for a scalar) and bytes of one element. */

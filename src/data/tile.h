@@ -48,7 +48,8 @@ typedef struct rx_tile {
     char *cards;         /* the HDU's header, 80 characters a card, END excluded */
     size_t ncards;
     struct rx_wcs *wcs;  /* NULL without usable celestial coordinates */
-    int linear_wcs;      /* 1: header has only linear coordinates */
+    int linear_wcs;      /* 1: header has only linear coordinates, then */
+    double linear[6];    /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
     char checksum[32];   /* hex digest of the pixels (FNV-1a 64 of the file's data as floats) */
 } rx_tile;
 
