@@ -164,6 +164,14 @@ static const struct {
     {"MINIBACK_RMS", paint_miniback_rms},
 };
 
+int rx_checkimage_offered(const char *type)
+{
+    for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++)
+        if (strcmp(painters[k].type, type) == 0)
+            return 1;
+    return strcmp(type, "SEGMENTATION") == 0;
+}
+
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
                               rx_outputs *outputs, rx_checkimages **dst, rx_error *err)
 {

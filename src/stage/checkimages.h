@@ -28,6 +28,9 @@ typedef struct rx_checkimage_data {
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
                               rx_outputs *outputs, rx_checkimages **dst, rx_error *err);
 
+/* Is a CHECKIMAGE_TYPE one that is made here? */
+int rx_checkimage_offered(const char *type);
+
 /* Which inputs the types need that are not made anyhow. */
 int rx_checkimages_want(const rx_checkimages *images, const char *type);
 

@@ -7,6 +7,7 @@
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
 #include "config/config.h"
+#include "config/kernel.h"
 #include "detect/background.h"
 #include "detect/detect.h"
 #include "io/tile.h"
@@ -43,6 +44,7 @@ typedef struct rx_options {
     rx_assoc *assoc_list;    /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
+    rx_gates *gates;         /* owned, also qa.gates; NULL without QA_GATES */
     const char *qa_name;
     double match_radius;
     int match_arcsec;
@@ -51,7 +53,7 @@ typedef struct rx_options {
     int nthreads;
 } rx_options;
 
-typedef enum rx_quality_flux { RX_QUALITY_AUTO, RX_QUALITY_APER, RX_QUALITY_ISO, RX_QUALITY_PETRO, RX_QUALITY_WIN } rx_quality_flux;
+typedef enum rx_quality_flux { RX_QUALITY_AUTO, RX_QUALITY_APER, RX_QUALITY_ISO, RX_QUALITY_ISOCOR, RX_QUALITY_PETRO, RX_QUALITY_WIN } rx_quality_flux;
 
 /* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);

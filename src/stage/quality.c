@@ -16,6 +16,9 @@ static void flux_of(const rx_source *s, int kind, double *flux, double *error)
     case RX_QUALITY_ISO:
         *flux = s->flux_iso, *error = s->fluxerr_iso;
         break;
+    case RX_QUALITY_ISOCOR:
+        *flux = s->flux_isocor, *error = s->fluxerr_isocor;
+        break;
     case RX_QUALITY_PETRO:
         *flux = s->flux_petro, *error = s->fluxerr_petro;
         break;

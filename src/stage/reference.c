@@ -95,7 +95,8 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no magnitude or flux column was recognised; name it in REFERENCE_COLUMNS");
     }
-    dst->flux = par->is_flux || strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0;
+    dst->flux = strcmp(par->photometry, "FLUX") == 0 ||
+                (strcmp(par->photometry, "AUTO") == 0 && strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
     if (dst->sky && tile->wcs == NULL)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "has no celestial coordinates, so the reference's sky positions cannot be used; "
@@ -109,7 +110,8 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
     double value = rx_column_value(&table->columns[column->value], row, 0);
     double error = column->error >= 0 ? rx_column_value(&table->columns[column->error], row, 0) : NAN;
     if (column->flux) {
-        dst->mag[i] = value > 0.0 ? par->flux_zeropoint - 2.5 * log10(value) : NAN;
+        double reference_zeropoint = isfinite(par->flux_zeropoint) ? par->flux_zeropoint : zeropoint;
+        dst->mag[i] = value > 0.0 ? reference_zeropoint - 2.5 * log10(value) : NAN;
         dst->mag_error[i] = value > 0.0 ? 1.0857362 * error / value : NAN;
     } else {
         dst->mag[i] = value > -90.0 && value < 90.0 ? value : NAN;

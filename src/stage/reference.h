@@ -13,9 +13,8 @@ typedef struct rx_reference_params {
     const char *coords;        /* REFERENCE_COORDS: AUTO, PIXEL or SKY */
     int ncolumns;              /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
     const char *const *columns;
-    double flux_zeropoint;     /* magnitude of flux 1 when the column is a flux */
-    int is_flux;               /* the third column is a flux: REFERENCE_FLUX_ZEROPOINT was set, or its
-                                  name begins with FLUX */
+    const char *photometry;    /* REFERENCE_PHOTOMETRY: AUTO (by its name), MAG or FLUX */
+    double flux_zeropoint;     /* magnitude of flux 1, NAN = the tile's zero point */
 } rx_reference_params;
 
 /* Rows of `table` (from rx_catalog_read) with finite position and magnitude, those inside the tile and

@@ -24,9 +24,13 @@ static void store(rx_source *source, int kind, double alpha, double delta, doubl
         source->alpha_j2000 = alpha_j2000;
         source->delta_j2000 = delta_j2000;
     } else if (kind == WINDOWED) {
+        source->alphawin = alpha;
+        source->deltawin = delta;
         source->alphawin_j2000 = alpha_j2000;
         source->deltawin_j2000 = delta_j2000;
     } else {
+        source->alphapeak = alpha;
+        source->deltapeak = delta;
         source->alphapeak_j2000 = alpha_j2000;
         source->deltapeak_j2000 = delta_j2000;
     }

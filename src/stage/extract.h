@@ -1,0 +1,44 @@
+/* One restorer through one tile: restore, detect, measure, tabulate. */
+#ifndef RX_STAGE_EXTRACT_H
+#define RX_STAGE_EXTRACT_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/restored.h"
+#include "data/sources.h"
+#include "data/table.h"
+#include "io/output.h"
+#include "stage/checkimages.h"
+#include "stage/options.h"
+#include "stage/record.h"
+#include "stage/view.h"
+
+/* What one restorer makes in a run: open files, a table per extension, and the current extension. */
+typedef struct rx_run {
+    const rx_restorer *kind;
+    char *catalog_name;       /* with the restorer's name when there are several */
+    rx_checkimages *images;
+    int ntables;
+    rx_table **tables;
+    /* current extension, until rx_run_forget() */
+    rx_restored *restored;
+    rx_sources *sources;
+    double global_sigma;      /* noise of the detection image, for pictures */
+} rx_run;
+
+/* Open the outputs of a restorer; `tagged`: several restorers share the names. */
+rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
+                      rx_outputs *outputs, rx_error *err);
+
+/* Restore `detect`, find sources on it, measure them on it, on the original or on `measure` (dual-image mode,
+ * else NULL), and append to tables and check-images. restored and sources stay until rx_run_forget(). */
+rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_view *detect, const rx_view *measure,
+                         const rx_record *record, rx_log *log, rx_error *err);
+void rx_run_forget(rx_run *run);
+
+/* Write the catalogue and finish the check-images (still under temporary names). */
+rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, rx_outputs *outputs,
+                       rx_error *err);
+void rx_run_free(rx_run *run);
+
+#endif

@@ -1,0 +1,325 @@
+/* From keywords to params structs. */
+#include "stage/options.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "config/config_fields.h"
+#include "config/kernel.h"
+#include "stage/checkimages.h"
+
+#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
+
+/* Words of keys.def and the values that a stage knows them by. */
+typedef struct word_value {
+    const char *word;
+    int value;
+} word_value;
+
+static const word_value weight_types[] = {{"NONE", RX_WEIGHT_NONE},
+                                          {"BACKGROUND", RX_WEIGHT_BACKGROUND},
+                                          {"MAP_RMS", RX_WEIGHT_MAP_RMS},
+                                          {"MAP_VAR", RX_WEIGHT_MAP_VAR},
+                                          {"MAP_WEIGHT", RX_WEIGHT_MAP_WEIGHT}};
+static const word_value psf_types[] = {{"MOFFAT", RX_PSF_MOFFAT},
+                                       {"FILE", RX_PSF_FILE},
+                                       {"PSFEX", RX_PSF_PSFEX},
+                                       {"AUTO", RX_PSF_AUTO}};
+static const word_value mask_types[] = {{"NONE", RX_NEIGHBOURS_NONE},
+                                        {"BLANK", RX_NEIGHBOURS_BLANK},
+                                        {"CORRECT", RX_NEIGHBOURS_CORRECT}};
+static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
+                                           {"ASCII", RX_CATALOG_ASCII},
+                                           {"ASCII_HEAD", RX_CATALOG_ASCII_HEAD},
+                                           {"ASCII_SKYCAT", RX_CATALOG_ASCII_SKYCAT},
+                                           {"ASCII_VOTABLE", RX_CATALOG_VOTABLE},
+                                           {"FITS_1.0", RX_CATALOG_FITS_1_0},
+                                           {"FITS_LDAC", RX_CATALOG_FITS_LDAC}};
+static const word_value flag_types[] = {{"OR", 0}, {"AND", 1}, {"MIN", 2}, {"MAX", 3}, {"MOST", 4}};
+static const word_value quality_fluxes[] = {{"MAG_AUTO", RX_QUALITY_AUTO},   {"MAG_APER", RX_QUALITY_APER},
+                                            {"MAG_ISO", RX_QUALITY_ISO},     {"MAG_ISOCOR", RX_QUALITY_ISOCOR},
+                                            {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN}};
+
+/* The parser admits only words of keys.def, so the first entry is never a silent guess: tests hold the
+ * two lists together. */
+static int value_of(const word_value *list, size_t n, const char *word)
+{
+    for (size_t i = 0; i < n; i++)
+        if (strcmp(list[i].word, word) == 0)
+            return list[i].value;
+    return list[0].value;
+}
+#define VALUE(list, word) value_of(list, COUNT(list), word)
+
+/* Item i of a list, its last one when it is shorter: "64" is "64,64", one weight type serves two images. */
+#define ITEM(list, i) ((list).v[(i) < (list).n ? (i) : (list).n - 1])
+
+static void tile_options(const rx_config *cfg, int role, rx_tile_params *dst)
+{
+    *dst = (rx_tile_params){.weight_threshold = NAN,
+                            .gain = cfg->gain,
+                            .gain_key = cfg->gain_key,
+                            .saturation = cfg->satur_level,
+                            .saturation_key = cfg->satur_key,
+                            .zeropoint = cfg->mag_zeropoint,
+                            .zeropoint_key = cfg->mag_zeropoint_key,
+                            .pixel_scale = cfg->pixel_scale};
+    if (cfg->weight_type.n > 0)
+        dst->weight_type = (rx_weight_type)VALUE(weight_types, ITEM(cfg->weight_type, role));
+    if (dst->weight_type > RX_WEIGHT_BACKGROUND && cfg->weight_image.n > 0)
+        dst->weight_name = ITEM(cfg->weight_image, role);
+    if (cfg->weight_thresh.n > 0)
+        dst->weight_threshold = ITEM(cfg->weight_thresh, role);
+}
+
+/* Flag maps are read when a column asks for them, as SExtractor does. */
+static void flag_options(const rx_config *cfg, const rx_column_list *columns, rx_options *dst)
+{
+    if (!rx_columns_has(columns, "IMAFLAGS_ISO") && !rx_columns_has(columns, "NIMAFLAGS_ISO"))
+        return;
+    rx_tile_params *tile = &dst->tile[0];
+    for (int i = 0; i < cfg->flag_image.n && i < RX_MAX_FLAGMAPS; i++)
+        tile->flag_names[tile->nflags++] = cfg->flag_image.v[i];
+    if (cfg->flag_type.n > 0)
+        dst->flag_type = VALUE(flag_types, cfg->flag_type.v[0]);
+}
+
+static void background_options(const rx_config *cfg, rx_background_params *dst)
+{
+    *dst = (rx_background_params){.mesh_width = cfg->back_size.v[0],
+                                  .mesh_height = ITEM(cfg->back_size, 1),
+                                  .filter_width = cfg->back_filtersize.v[0],
+                                  .filter_height = ITEM(cfg->back_filtersize, 1),
+                                  .filter_threshold = cfg->back_filtthresh,
+                                  .manual = strcmp(cfg->back_type.v[0], "MANUAL") == 0,
+                                  .manual_value = cfg->back_value.v[0],
+                                  .weight_gain = cfg->weight_gain,
+                                  .no_rescale = !cfg->rescale_weights.v[0]};
+}
+
+static void restore_options(const rx_config *cfg, rx_options *dst)
+{
+    dst->restore = (rx_restore_params){.rl_niter = cfg->rl_niter,
+                                       .rl_stop_discrepancy = strcmp(cfg->rl_stop, "DISCREPANCY") == 0,
+                                       .rl_damping = cfg->rl_damping,
+                                       .rl_denoise = cfg->rl_denoise,
+                                       .rl_pedestal = cfg->rl_pedestal,
+                                       .blind_cycles = cfg->rl_blind_cycles,
+                                       .blind_psf_niter = cfg->rl_blind_niter,
+                                       .mask_saturated = strcmp(cfg->mask_saturated, "N") != 0,
+                                       .nthreads = dst->nthreads};
+    dst->psf = (rx_psf_params){.type = (rx_psf_type)VALUE(psf_types, cfg->psf_type),
+                               .fwhm = cfg->psf_fwhm,
+                               .beta = cfg->psf_beta,
+                               .file = cfg->psf_name.v[0],
+                               .size = cfg->psf_size,
+                               .min_stars = cfg->psf_minstars,
+                               .min_snr = cfg->psf_minsnr};
+    dst->seeing_arcsec = cfg->seeing_fwhm;
+    dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
+    for (int i = 0; i < cfg->restore_type.n; i++)
+        dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);
+}
+
+/* <threshold>,<zero-point> is a surface brightness in mag/arcsec2: an absolute threshold in ADU/pixel once
+ * the pixel scale is known (1 arcsec when it is not given). */
+static double threshold_of(const rx_config *cfg, const rx_reals *key, int *absolute)
+{
+    if (key->n < 2)
+        return key->v[0];
+    double scale = cfg->pixel_scale > 0.0 ? cfg->pixel_scale : 1.0;
+    *absolute = 1;
+    return pow(10.0, -0.4 * (key->v[0] - key->v[1])) * scale * scale;
+}
+
+static rx_status kernel_options(const rx_config *cfg, rx_options *dst, rx_error *err)
+{
+    if (!cfg->filter)
+        return RX_OK;
+    int unset = rx_config_was_set(cfg, "FILTER_NAME") == RX_FROM_DEFAULT;
+    FILE *file = unset ? fopen(cfg->filter_name, "r") : NULL;
+    rx_status status = unset && file == NULL ? rx_kernel_default(&dst->kernel, err)
+                                             : rx_kernel_read(cfg->filter_name, &dst->kernel, err);
+    if (file != NULL)
+        fclose(file);
+    if (status != RX_OK)
+        return status;
+    dst->detect.filter = dst->kernel->values;
+    dst->detect.filter_width = dst->kernel->width;
+    dst->detect.filter_height = dst->kernel->height;
+    dst->detect.filter_normalise = dst->kernel->normalise;
+    return RX_OK;
+}
+
+static void detect_options(const rx_config *cfg, rx_options *dst)
+{
+    rx_detect_params *par = &dst->detect;
+    *par = (rx_detect_params){.absolute = strcmp(cfg->thresh_type.v[0], "ABSOLUTE") == 0,
+                              .min_area = cfg->detect_minarea,
+                              .max_area = cfg->detect_maxarea,
+                              .matched = strcmp(cfg->filter_type, "MATCHED") == 0,
+                              .deblend_levels = cfg->deblend_nthresh,
+                              .deblend_contrast = cfg->deblend_mincont,
+                              .clean = cfg->clean,
+                              .clean_param = cfg->clean_param,
+                              .pixstack = cfg->memory_pixstack,
+                              .pixstack_max = cfg->memory_pixstack_max,
+                              .subobjects = cfg->deblend_maxobj,
+                              .subobjects_max = cfg->deblend_maxobj_max};
+    par->threshold = threshold_of(cfg, &cfg->detect_thresh, &par->absolute);
+    par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->absolute);
+}
+
+static void measure_options(const rx_config *cfg, rx_options *dst)
+{
+    rx_measure_params *par = &dst->measure;
+    int vignet[2];
+    *par = (rx_measure_params){.auto_factor = cfg->phot_autoparams.v[0],
+                               .auto_min_radius = cfg->phot_autoparams.v[1],
+                               .auto_aper_min = cfg->phot_autoapers.v[0],
+                               .auto_aper_max = cfg->phot_autoapers.v[1],
+                               .petro_factor = cfg->phot_petroparams.v[0],
+                               .petro_min_radius = cfg->phot_petroparams.v[1],
+                               .neighbours = (rx_mask_type)VALUE(mask_types, cfg->mask_type),
+                               .local_background = strcmp(cfg->backphoto_type, "LOCAL") == 0,
+                               .local_thickness = cfg->backphoto_thick,
+                               .nthreads = dst->nthreads};
+    for (int i = 0; i < cfg->phot_apertures.n; i++)
+        par->aperture_diameter[par->naper++] = cfg->phot_apertures.v[i];
+    for (int i = 0; i < cfg->phot_fluxfrac.n; i++)
+        par->flux_fraction[par->nradii++] = cfg->phot_fluxfrac.v[i];
+    if (rx_columns_has(dst->columns, "CLASS_STAR"))
+        par->nnw_file = cfg->starnnw_name;
+    rx_columns_wanted(dst->columns, "VIGNET", vignet);
+    par->vignet_width = vignet[0];
+    par->vignet_height = vignet[1];
+    dst->measure_original = strcmp(cfg->measure_on, "ORIGINAL") == 0;
+    dst->calibrate_none = strcmp(cfg->error_calibration, "Y") == 0;
+    dst->calibrate_restored = strcmp(cfg->error_calibration, "N") != 0;
+    dst->error_apertures = cfg->error_apertures;
+    dst->seed = (uint64_t)cfg->seed;
+}
+
+/* Without a configuration and without the file, the columns of the shipped default.param. */
+static rx_status column_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
+{
+    if (rx_config_was_set(cfg, "PARAMETERS_NAME") == RX_FROM_DEFAULT) {
+        FILE *file = fopen(cfg->parameters_name, "r");
+        if (file == NULL)
+            return rx_columns_default(&dst->columns, err);
+        fclose(file);
+    }
+    return rx_columns_read(cfg->parameters_name, log, &dst->columns, err);
+}
+
+static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
+{
+    for (int i = 0; i < cfg->checkimage_type.n; i++) {
+        const char *type = cfg->checkimage_type.v[i];
+        if (strcmp(type, "NONE") == 0)
+            continue;
+        if (!rx_checkimage_offered(type)) {
+            rx_log_warning(log, "CHECKIMAGE_TYPE %s is not made here and left out", type);
+            continue;
+        }
+        if (i >= cfg->checkimage_name.n)
+            return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE has more items than CHECKIMAGE_NAME; name a file for %s",
+                                type);
+        dst->check_types[dst->nchecks] = type;
+        dst->check_names[dst->nchecks++] = cfg->checkimage_name.v[i];
+    }
+    return RX_OK;
+}
+
+static rx_status quality_options(const rx_config *cfg, rx_options *dst, rx_error *err)
+{
+    dst->match_radius = cfg->match_radius;
+    dst->match_arcsec = strcmp(cfg->match_unit, "ARCSEC") == 0;
+    dst->quality_flux = VALUE(quality_fluxes, cfg->qa_mag);
+    dst->qa_name = cfg->qa_name;
+    if (cfg->reference_name[0] == '\0') {
+        if (cfg->qa_gates[0] != '\0')
+            return rx_error_set(err, RX_USAGE, "QA_GATES needs a reference catalogue; give REFERENCE_NAME");
+        return RX_OK;
+    }
+    dst->reference = (rx_reference_params){.name = cfg->reference_name,
+                                           .coords = cfg->reference_coords,
+                                           .ncolumns = cfg->reference_columns.n,
+                                           .columns = (const char *const *)cfg->reference_columns.v,
+                                           .photometry = cfg->reference_photometry,
+                                           .flux_zeropoint = cfg->reference_flux_zeropoint.n > 0
+                                                                 ? cfg->reference_flux_zeropoint.v[0]
+                                                                 : NAN};
+    dst->qa = (rx_qa_params){.mag_low = cfg->qa_mag_range.v[0],
+                             .mag_high = cfg->qa_mag_range.v[1],
+                             .mag_step = cfg->qa_mag_range.v[2],
+                             .figures = cfg->qa_figures,
+                             .seed = (unsigned long)cfg->seed};
+    if (cfg->qa_gates[0] == '\0')
+        return RX_OK;
+    rx_status status = rx_gates_read(cfg->qa_gates, &dst->gates, err);
+    dst->qa.gates = dst->gates;
+    return status;
+}
+
+static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *err)
+{
+    if (!rx_columns_has(dst->columns, "VECTOR_ASSOC") && !rx_columns_has(dst->columns, "NUMBER_ASSOC"))
+        return RX_OK;
+    return rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
+}
+
+/* 0 = OMP_NUM_THREADS or every core, -n = at most n of them. */
+static int thread_option(int nthreads)
+{
+    int all = omp_get_max_threads();
+    if (nthreads > 0)
+        return nthreads;
+    return nthreads < 0 && -nthreads < all ? -nthreads : all;
+}
+
+rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
+{
+    rx_options *options = RX_NEW(rx_options, 1);
+    if (options == NULL)
+        return rx_error_memory(err, sizeof *options);
+    options->nthreads = thread_option(cfg->nthreads);
+    options->catalog_name = cfg->catalog_name;
+    options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
+    background_options(cfg, &options->background);
+    restore_options(cfg, options);
+    detect_options(cfg, options);
+    rx_status status = kernel_options(cfg, options, err);
+    if (status == RX_OK)
+        status = column_options(cfg, log, options, err);
+    if (status == RX_OK) {
+        tile_options(cfg, 0, &options->tile[0]);
+        tile_options(cfg, 1, &options->tile[1]);
+        flag_options(cfg, options->columns, options);
+        measure_options(cfg, options);
+        status = checkimage_options(cfg, log, options, err);
+    }
+    if (status == RX_OK)
+        status = assoc_options(cfg, options, err);
+    if (status == RX_OK)
+        status = quality_options(cfg, options, err);
+    if (status == RX_OK)
+        *dst = options;
+    else
+        rx_options_free(options);
+    return status;
+}
+
+void rx_options_free(rx_options *options)
+{
+    if (options == NULL)
+        return;
+    rx_columns_free(options->columns);
+    rx_assoc_free(options->assoc_list);
+    rx_kernel_free(options->kernel);
+    rx_gates_free(options->gates);
+    free(options);
+}

@@ -1,0 +1,153 @@
+/* The QA report of one extension. */
+#include "stage/report.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "io/wcs.h"
+#include "stage/names.h"
+#include "stage/quality.h"
+#include "stage/reference.h"
+
+/* FAIL outweighs INSUFFICIENT, which outweighs PASS. */
+static rx_verdict worse(rx_verdict a, rx_verdict b)
+{
+    if (a == RX_VERDICT_FAIL || b == RX_VERDICT_FAIL)
+        return RX_VERDICT_FAIL;
+    if (a == RX_VERDICT_INSUFFICIENT || b == RX_VERDICT_INSUFFICIENT)
+        return RX_VERDICT_INSUFFICIENT;
+    return a == RX_VERDICT_PASS || b == RX_VERDICT_PASS ? RX_VERDICT_PASS : RX_VERDICT_NONE;
+}
+
+static double sky_scale(const rx_tile *tile)
+{
+    return tile->wcs != NULL ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
+                             : tile->pixel_scale;
+}
+
+static rx_status match_options(const rx_options *options, const rx_tile *tile, double scale, rx_qa_params *dst,
+                               rx_error *err)
+{
+    *dst = options->qa;
+    dst->match_radius = options->match_radius;
+    if (!options->match_arcsec)
+        return RX_OK;
+    if (!(scale > 0.0))
+        return rx_error_at(err, RX_USAGE, tile->name, tile->hdu, 0,
+                           "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
+    dst->match_radius_arcsec = options->match_radius;
+    dst->match_radius = options->match_radius / scale;
+    return RX_OK;
+}
+
+static rx_status collect_runs(const rx_options *options, const rx_view *measure, const rx_run *runs, rx_qa_run *dst,
+                              rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
+        const rx_restored *restored = runs[i].restored;
+        dst[i] = (rx_qa_run){.name = runs[i].kind->name,
+                             .seconds = restored->seconds,
+                             .settings = restored->settings,
+                             .psf = restored->blur != NULL ? restored->blur->description : "",
+                             .law_scale = runs[i].sources->law_scale,
+                             .law_power = runs[i].sources->law_power};
+        status = rx_quality_list(options, measure->tile, runs[i].sources, &dst[i].list, err);
+    }
+    return status;
+}
+
+static rx_status collect_pictures(const rx_options *options, const rx_view *detect, const rx_run *runs,
+                                  rx_qa_picture *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        status = rx_quality_picture(runs[i].kind->name, detect->tile->width, detect->tile->height,
+                                    runs[i].restored->pixels, detect->plain->global_sigma, &dst[i], err);
+    return status;
+}
+
+/* Name and value of every keyword, then the facts of the tile that the headers carry too. */
+static rx_status collect_record(const rx_record *record, const char *(**dst)[2], rx_error *err)
+{
+    const char *(*pairs)[2] = rx_alloc((size_t)record->n, sizeof *pairs);
+    if (pairs == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < record->n; i++) {
+        pairs[i][0] = record->pairs[i][0];
+        pairs[i][1] = record->pairs[i][1];
+    }
+    *dst = pairs;
+    return RX_OK;
+}
+
+static rx_status open_folder(const rx_options *options, int extension, rx_outputs *outputs, const char **folder,
+                             rx_error *err)
+{
+    char tag[16] = "";
+    if (extension > 0)
+        snprintf(tag, sizeof tag, "%d", extension);
+    char *name = rx_name_with_tag(options->qa_name, tag);
+    if (name == NULL)
+        return rx_error_memory(err, 0);
+    rx_status status = rx_outputs_folder(outputs, name, folder, err);
+    free(name);
+    return status;
+}
+
+rx_status rx_report_write(const rx_options *options, const rx_view *detect, const rx_view *measure,
+                          const rx_table *reference, const rx_run *runs, int extension, const rx_record *record,
+                          rx_outputs *outputs, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
+{
+    const rx_tile *tile = measure->tile;
+    rx_qa_run qa_runs[RX_MAX_RUNS] = {0};
+    rx_qa_picture pictures[RX_MAX_RUNS] = {0};
+    rx_qa_params par;
+    rx_verdict found = RX_VERDICT_NONE;
+    const char *folder = NULL;
+    const char *(*pairs)[2] = NULL;
+    double scale = sky_scale(tile);
+    rx_qa_input input = {.tile = tile->name,
+                         .reference = options->reference.name,
+                         .width = tile->width,
+                         .height = tile->height,
+                         .mask = NULL,
+                         .pixel_scale = scale,
+                         .score_name = "peak S/N of the filtered detection image",
+                         .nruns = options->nrestorers,
+                         .runs = qa_runs,
+                         .npictures = options->nrestorers,
+                         .pictures = pictures};
+    unsigned char *blind = NULL;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_status status = match_options(options, tile, scale, &par, err);
+    if (status == RX_OK)
+        status = rx_reference_list(&options->reference, reference, tile, log, &input.truth, err);
+    if (status == RX_OK && (blind = RX_NEW(unsigned char, n)) == NULL)
+        status = rx_error_memory(err, n);
+    for (size_t i = 0; i < n && blind != NULL; i++)
+        blind[i] = (detect->tile->mask[i] & RX_HIDE_PLAIN) != 0;
+    input.mask = blind;
+    if (status == RX_OK)
+        status = collect_runs(options, measure, runs, qa_runs, err);
+    if (status == RX_OK)
+        status = collect_pictures(options, detect, runs, pictures, err);
+    if (status == RX_OK)
+        status = collect_record(record, &pairs, err);
+    input.nrecord = record->n;
+    input.record = (const char *const(*)[2])pairs;
+    if (status == RX_OK)
+        status = open_folder(options, extension, outputs, &folder, err);
+    if (status == RX_OK)
+        status = rx_qa_report(&par, &input, folder, log, &found, brief, err);
+    *verdict = worse(*verdict, found);
+    rx_qa_list_free(&input.truth);
+    for (int i = 0; i < options->nrestorers; i++) {
+        rx_qa_list_free(&qa_runs[i].list);
+        free((void *)pictures[i].pixels);
+    }
+    free(pairs);
+    free(blind);
+    return status;
+}

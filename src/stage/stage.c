@@ -1,0 +1,170 @@
+/* The main job for one tile, the paper's Figure 1 read from top to bottom:
+ *
+ *   open tile -> background -> psf            view.c
+ *   restore -> detect -> measure -> table     extract.c, once per restorer
+ *   catalogues, check-images, report          here
+ *
+ * Outputs are written under temporary names and renamed together at the end.
+ */
+#include "stage/stage.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "io/output.h"
+#include "io/tile.h"
+#include "stage/extract.h"
+#include "stage/names.h"
+#include "stage/record.h"
+#include "stage/report.h"
+#include "stage/view.h"
+
+typedef struct job {
+    const rx_options *options;
+    rx_log *log;
+    rx_outputs *outputs;
+    char *detect, *measure; /* image names; measure NULL without dual-image mode */
+    rx_record record;       /* of the whole run */
+    rx_run runs[RX_MAX_RUNS];
+    rx_table *reference;
+    rx_verdict verdict;
+    rx_text brief;
+} job;
+
+static int any_needs_psf(const rx_options *options)
+{
+    for (int i = 0; i < options->nrestorers; i++)
+        if (options->restorers[i]->needs_psf)
+            return 1;
+    return 0;
+}
+
+/* Open the outputs first: an unwritable folder is told before the work, not after it. */
+static rx_status open_runs(job *job, rx_error *err)
+{
+    const rx_options *options = job->options;
+    rx_status status = RX_OK;
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1, job->outputs, err);
+    return status;
+}
+
+static rx_status same_shape(const rx_view *detect, const rx_view *measure, rx_error *err)
+{
+    const rx_tile *a = detect->tile, *b = measure->tile;
+    if (a->width == b->width && a->height == b->height)
+        return RX_OK;
+    return rx_error_at(err, RX_INPUT, b->name, b->hdu, 0,
+                       "has %d x %d pixels, the detection image %d x %d; dual-image mode needs the same grid", b->width,
+                       b->height, a->width, a->height);
+}
+
+static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions, rx_error *err)
+{
+    const rx_options *options = job->options;
+    rx_view *detect = NULL, *measure = NULL;
+    int need_psf = any_needs_psf(options);
+    rx_status status = rx_view_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
+    if (status == RX_OK && job->measure != NULL) {
+        status = rx_view_open(options, 1, job->measure, measure_hdu, extension,
+                              need_psf && !options->measure_original, job->log, &measure, err);
+        if (status == RX_OK)
+            status = same_shape(detect, measure, err);
+    }
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
+        status = rx_run_extract(&job->runs[i], options, detect, measure, &job->record, job->log, err);
+        if (status == RX_OK)
+            status = rx_interrupt_check(err);
+    }
+    if (status == RX_OK && job->reference != NULL)
+        status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference, job->runs,
+                                 nextensions > 1 ? extension : 0, &job->record, job->outputs, job->log, &job->verdict,
+                                 &job->brief, err);
+    for (int i = 0; i < options->nrestorers; i++)
+        rx_run_forget(&job->runs[i]);
+    rx_view_free(measure);
+    rx_view_free(detect);
+    return status;
+}
+
+static rx_status run_all(job *job, rx_error *err)
+{
+    const rx_options *options = job->options;
+    int *hdus = NULL, *measure_hdus = NULL, n = 0, nmeasure = 0;
+    rx_status status = rx_tile_list(job->detect, job->log, &hdus, &n, err);
+    if (status == RX_OK && job->measure != NULL)
+        status = rx_tile_list(job->measure, job->log, &measure_hdus, &nmeasure, err);
+    if (status == RX_OK && job->measure != NULL && n != nmeasure)
+        status = rx_error_at(err, RX_INPUT, job->measure, -1, 0, "has %d images, the detection file %d; name the HDUs",
+                             nmeasure, n);
+    if (status == RX_OK && options->reference.name != NULL)
+        status = rx_catalog_read(options->reference.name, 0, &job->reference, err);
+    if (status == RX_OK)
+        status = open_runs(job, err);
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        status = rx_run_close(&job->runs[i], options, &job->record, job->outputs, err);
+    if (status == RX_OK)
+        status = rx_interrupt_check(err);
+    if (status == RX_OK)
+        status = rx_outputs_commit(job->outputs, err);
+    free(hdus);
+    free(measure_hdus);
+    return status;
+}
+
+/* The text goes to the log, a line at a time. */
+static void tell(rx_log *log, const rx_text *text)
+{
+    for (const char *line = text->data; line != NULL && *line != '\0';) {
+        size_t length = strcspn(line, "\n");
+        rx_log_info(log, "%.*s", (int)length, line);
+        line += length + (line[length] == '\n');
+    }
+}
+
+static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error *err)
+{
+    if (verdict == RX_VERDICT_FAIL)
+        return rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", folder);
+    if (verdict == RX_VERDICT_INSUFFICIENT)
+        return rx_error_set(err, RX_GATE_INSUFFICIENT, "too few sources to decide every quality gate; see %s/report.html",
+                            folder);
+    return RX_OK;
+}
+
+rx_status rx_stage_run(const rx_config *config, const char *image, rx_log *log, rx_error *err)
+{
+    rx_options *options = NULL;
+    job job = {.log = log};
+    rx_status status = rx_options_from_config(config, log, &options, err);
+    if (status != RX_OK)
+        return status;
+    job.options = options;
+    rx_record_run(&job.record, config, image);
+    if (job.record.failed || !rx_name_split_images(image, &job.detect, &job.measure)) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    status = rx_outputs_new(&job.outputs, err);
+    if (status == RX_OK)
+        status = run_all(&job, err);
+    if (status == RX_OK) {
+        tell(log, &job.brief);
+        status = verdict_status(job.verdict, options->qa_name, err);
+    }
+exit:
+    for (int i = 0; i < options->nrestorers; i++)
+        rx_run_free(&job.runs[i]);
+    rx_outputs_free(job.outputs);
+    rx_table_free(job.reference);
+    rx_record_free(&job.record);
+    rx_text_free(&job.brief);
+    free(job.detect);
+    free(job.measure);
+    rx_options_free(options);
+    return status;
+}
