@@ -78,7 +78,9 @@ static void paint_objects(const rx_checkimage_data *data, canvas *dst)
 static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->sources->segments[i] != 0 ? 0.0f : hidden(data, i) ? NAN : data->restored->pixels[i];
+        dst->pixels[i] = data->sources->segments[i] != 0 ? 0.0f
+                         : hidden(data, i)               ? NAN
+                                                         : data->restored->pixels[i];
 }
 
 /* In sigmas: a restorer that explains the data leaves white noise of width 1. */
@@ -86,7 +88,8 @@ static void paint_residual(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++) {
         float input = data->tile->pixels[i] - data->background->level[i], sigma = data->background->sigma[i];
-        float model = data->reblurred != NULL ? data->reblurred[i] : data->restored->pixels[i];
+        const float *reblurred = data->restored->reblurred; /* NULL: nothing was restored */
+        float model = reblurred != NULL ? reblurred[i] : data->restored->pixels[i];
         dst->pixels[i] = hidden(data, i) || !(sigma > 0.0f) ? NAN : (model - input) / sigma;
     }
 }
@@ -94,7 +97,9 @@ static void paint_residual(const rx_checkimage_data *data, canvas *dst)
 static void paint_support(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->restored->support != NULL ? data->restored->support[i] : hidden(data, i) ? 1.0f : 0.0f;
+        dst->pixels[i] = data->restored->support != NULL ? data->restored->support[i]
+                         : hidden(data, i)               ? 1.0f
+                                                         : 0.0f;
 }
 
 static void draw_ellipse(canvas *dst, double x, double y, double a, double b, double theta, float value)
@@ -132,7 +137,8 @@ static void paint_mesh(const rx_checkimage_data *data, const float *map, canvas 
     int nx = (dst->width - 1) / data->mesh_width + 1, ny = (dst->height - 1) / data->mesh_height + 1;
     for (int j = 0; j < ny; j++) {
         for (int i = 0; i < nx; i++) {
-            int x = i * data->mesh_width + data->mesh_width / 2, y = j * data->mesh_height + data->mesh_height / 2;
+            int x = i * data->mesh_width + data->mesh_width / 2,
+                y = j * data->mesh_height + data->mesh_height / 2;
             x = x < dst->width ? x : dst->width - 1;
             y = y < dst->height ? y : dst->height - 1;
             dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = map[(size_t)y * (size_t)dst->width + (size_t)x];
@@ -157,10 +163,12 @@ static const struct {
     const char *type;
     painter paint;
 } painters[] = {
-    {"IDENTICAL", paint_identical},        {"RESTORED", paint_restored},      {"BACKGROUND", paint_background},
-    {"BACKGROUND_RMS", paint_rms},         {"-BACKGROUND", paint_subtracted}, {"FILTERED", paint_filtered},
-    {"OBJECTS", paint_objects},            {"-OBJECTS", paint_no_objects},    {"RESIDUAL", paint_residual},
-    {"SUPPORT", paint_support},            {"APERTURES", paint_apertures},    {"MINIBACKGROUND", paint_miniback},
+    {"IDENTICAL", paint_identical},       {"RESTORED", paint_restored},
+    {"BACKGROUND", paint_background},     {"BACKGROUND_RMS", paint_rms},
+    {"-BACKGROUND", paint_subtracted},    {"FILTERED", paint_filtered},
+    {"OBJECTS", paint_objects},           {"-OBJECTS", paint_no_objects},
+    {"RESIDUAL", paint_residual},         {"SUPPORT", paint_support},
+    {"APERTURES", paint_apertures},       {"MINIBACKGROUND", paint_miniback},
     {"MINIBACK_RMS", paint_miniback_rms},
 };
 
@@ -209,22 +217,15 @@ exit:
     return status;
 }
 
-int rx_checkimages_want(const rx_checkimages *images, const char *type)
-{
-    for (int i = 0; i < images->n; i++)
-        if (strcmp(images->list[i].type, type) == 0)
-            return 1;
-    return 0;
-}
-
-static rx_status write_one(const checkimage *image, const rx_checkimage_data *data, float *pixels, rx_error *err)
+static rx_status write_one(const checkimage *image, const rx_checkimage_data *data, float *pixels,
+                           rx_error *err)
 {
     const rx_tile *tile = data->tile;
     const char *cards = data->cards->data;
     size_t ncards = data->cards->length / 80;
     if (strcmp(image->type, "SEGMENTATION") == 0)
-        return rx_fits_image_int(image->writer, data->sources->segments, tile->width, tile->height, tile->extname,
-                                 tile->cards, tile->ncards, cards, ncards, err);
+        return rx_fits_image_int(image->writer, data->sources->segments, tile->width, tile->height,
+                                 tile->extname, tile->cards, tile->ncards, cards, ncards, err);
     canvas dst = {.pixels = pixels, .width = tile->width, .height = tile->height};
     for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
         if (strcmp(painters[k].type, image->type) == 0) {
@@ -235,7 +236,8 @@ static rx_status write_one(const checkimage *image, const rx_checkimage_data *da
                                  same ? tile->cards : NULL, same ? tile->ncards : 0, cards, ncards, err);
         }
     }
-    return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out", image->type);
+    return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out",
+                        image->type);
 }
 
 rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err)

@@ -17,10 +17,9 @@ typedef struct rx_checkimage_data {
     const rx_background *background; /* of the detection tile */
     const rx_restored *restored;     /* the detection image */
     const rx_sources *sources;
-    const float *filtered;           /* detection image after FILTER, or NULL */
-    const float *reblurred;          /* restored image blurred again with its PSF, or NULL (NONE: no blur) */
-    int mesh_width, mesh_height;     /* BACK_SIZE, for the MINIBACK types */
-    const rx_text *cards;            /* record, ready cards */
+    const float *filtered;       /* detection image after FILTER, or NULL */
+    int mesh_width, mesh_height; /* BACK_SIZE, for the MINIBACK types */
+    const rx_text *cards;        /* record, ready cards */
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is
@@ -30,9 +29,6 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
 
 /* Is a CHECKIMAGE_TYPE one that is made here? */
 int rx_checkimage_offered(const char *type);
-
-/* Which inputs the types need that are not made anyhow. */
-int rx_checkimages_want(const rx_checkimages *images, const char *type);
 
 /* Append one HDU to every file. */
 rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err);

@@ -9,22 +9,21 @@
 #include "catalog/assoc.h"
 #include "detect/filter.h"
 #include "measure/measure.h"
-#include "restore/reblur.h"
 #include "stage/names.h"
 #include "stage/sky.h"
 
 /* Planes and numbers that live while one extension is extracted. */
 typedef struct work {
     const rx_options *options;
-    const rx_view *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
-    int plain;                       /* nothing was restored: SExtractor's own way */
-    int hide;                        /* mask bits that hide a pixel of the detection image */
-    rx_filter filter;                /* the detection filter */
-    float *filtered;                 /* detection image after the filter */
-    float *noise;                    /* noise that thresholds refer to; NULL: the background's sigma */
+    const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
+    int plain;                        /* nothing was restored: SExtractor's own way */
+    int hide;                         /* mask bits that hide a pixel of the detection image */
+    rx_filter filter;                 /* the detection filter */
+    float *filtered;                  /* detection image after the filter */
+    float *noise;                     /* noise that thresholds refer to; NULL: the background's sigma */
     const float *detect_sigma;
     double detect_global;
-    rx_restored *second;             /* restored measurement image (dual-image mode) */
+    rx_restored *second; /* restored measurement image (dual-image mode) */
     rx_noise_law law;
 } work;
 
@@ -33,25 +32,26 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
 {
     const char *tag = tagged ? kind->name : NULL;
     run->kind = kind;
-    run->catalog_name = strcmp(options->catalog_name, "STDOUT") == 0 ? rx_strdup(options->catalog_name)
-                                                                     : rx_name_with_tag(options->catalog_name, tag);
+    run->catalog_name = strcmp(options->catalog_name, "STDOUT") == 0
+                            ? rx_strdup(options->catalog_name)
+                            : rx_name_with_tag(options->catalog_name, tag);
     if (run->catalog_name == NULL)
         return rx_error_memory(err, 0);
     return rx_checkimages_open(options->nchecks, options->check_types, options->check_names, tag, outputs,
                                &run->images, err);
 }
 
-static rx_status restore(const rx_run *run, const rx_options *options, const rx_view *view, int *plain, rx_log *log,
-                         rx_restored **dst, rx_error *err)
+static rx_status restore(const rx_run *run, const rx_options *options, const rx_field *field, int *plain,
+                         rx_log *log, rx_restored **dst, rx_error *err)
 {
     const rx_restorer *kind = run->kind;
-    if (kind->needs_psf && view->unrestorable)
+    if (kind->needs_psf && field->unrestorable)
         kind = rx_restorer_find("NONE");
     *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
     rx_restore_params par = options->restore;
     if (*plain)
         par.mask_saturated = options->saturated_in_none;
-    return kind->run(&par, view->tile, *plain ? view->plain : view->restored, view->psf, log, dst, err);
+    return kind->run(&par, field->tile, *plain ? field->plain : field->restored, field->psf, log, dst, err);
 }
 
 /* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is
@@ -64,8 +64,9 @@ static rx_status equivalent_noise(const rx_run *run, work *w, rx_error *err)
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_background_params par = w->options->background;
     par.manual = 0;
-    rx_status status = rx_background_measure(&par, tile->width, tile->height, w->filtered, run->restored->mask,
-                                             w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
+    rx_status status =
+        rx_background_measure(&par, tile->width, tile->height, w->filtered, run->restored->mask, w->hide,
+                              NULL, RX_WEIGHT_NONE, &measured, err);
     if (status != RX_OK)
         return status;
     double power = 0.0;
@@ -142,13 +143,13 @@ static rx_status detect_sources(rx_run *run, work *w, rx_log *log, rx_error *err
 }
 
 /* What fluxes are measured on: the restored image, or untouched pixels. */
-static rx_status measurement_image(const rx_run *run, work *w, float **owned, rx_log *log, rx_measure_image *dst,
-                                   rx_error *err)
+static rx_status measurement_image(const rx_run *run, work *w, float **owned, rx_log *log,
+                                   rx_measure_image *dst, rx_error *err)
 {
-    const rx_view *view = w->measure;
-    const rx_tile *tile = view->tile;
+    const rx_field *field = w->measure;
+    const rx_tile *tile = field->tile;
     int original = w->options->measure_original || w->plain, plain = original;
-    const rx_background *background = original ? view->plain : view->restored;
+    const rx_background *background = original ? field->plain : field->restored;
     *dst = (rx_measure_image){.width = tile->width,
                               .height = tile->height,
                               .sigma = background->sigma,
@@ -165,7 +166,7 @@ static rx_status measurement_image(const rx_run *run, work *w, float **owned, rx
     if (!original) {
         const rx_restored *restored = run->restored;
         if (w->measure != w->detect) {
-            rx_status status = restore(run, w->options, view, &plain, log, &w->second, err);
+            rx_status status = restore(run, w->options, field, &plain, log, &w->second, err);
             if (status != RX_OK)
                 return status;
             restored = w->second;
@@ -198,7 +199,8 @@ static rx_status measure_sources(rx_run *run, work *w, rx_log *log, rx_error *er
     int original = owned != NULL;
     w->law = (rx_noise_law){.scale = 1.0, .power = 0.5};
     if (original ? options->calibrate_none : options->calibrate_restored)
-        status = rx_noise_law_fit(&image, run->sources, options->error_apertures, options->seed, &w->law, log, err);
+        status = rx_noise_law_fit(&image, run->sources, options->error_apertures, options->seed, &w->law, log,
+                                  err);
     if (status == RX_OK) {
         image.law_scale = w->law.scale;
         image.law_power = w->law.power;
@@ -223,8 +225,8 @@ static rx_status measure_sources(rx_run *run, work *w, rx_log *log, rx_error *er
 static void describe(const rx_run *run, const work *w, rx_record *facts)
 {
     const rx_restored *restored = run->restored;
-    const rx_view *view = w->detect;
-    const rx_background *background = w->plain ? view->plain : view->restored;
+    const rx_field *field = w->detect;
+    const rx_background *background = w->plain ? field->plain : field->restored;
     rx_record_add(facts, "RXREST", "restorer", "%s", restored->name);
     rx_record_add(facts, "RXSETT", "its settings", "%s", restored->settings);
     if (restored->iterations > 0)
@@ -248,39 +250,32 @@ static void describe(const rx_run *run, const work *w, rx_record *facts)
     rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
     rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", w->measure->tile->gain);
     rx_record_add(facts, "RXSATUR", "saturation level, ADU", "%.6g", w->detect->tile->saturation);
-    rx_record_add(facts, "RXINSUM", "digest of the input pixels", "%s", view->tile->checksum);
+    rx_record_add(facts, "RXINSUM", "digest of the input pixels", "%s", field->tile->checksum);
 }
 
-static rx_status write_images(const rx_run *run, const work *w, const rx_record *record, const rx_record *facts,
-                              rx_error *err)
+static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
+                              const rx_record *facts, rx_error *err)
 {
     if (run->images == NULL)
         return RX_OK;
     rx_status status = RX_OK;
     rx_text cards = {0};
-    float *reblurred = NULL;
     rx_record_cards(facts, &cards);
     rx_record_cards(record, &cards);
     if (cards.failed) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
-    if (rx_checkimages_want(run->images, "RESIDUAL") && run->restored->blur != NULL)
-        status = rx_restored_reblur(run->restored, w->options->nthreads, &reblurred, err);
-    if (status == RX_OK) {
-        rx_checkimage_data data = {.tile = w->detect->tile,
-                                   .background = w->plain ? w->detect->plain : w->detect->restored,
-                                   .restored = run->restored,
-                                   .sources = run->sources,
-                                   .filtered = w->filtered,
-                                   .reblurred = reblurred,
-                                   .mesh_width = w->options->background.mesh_width,
-                                   .mesh_height = w->options->background.mesh_height,
-                                   .cards = &cards};
-        status = rx_checkimages_write(run->images, &data, err);
-    }
+    rx_checkimage_data data = {.tile = w->detect->tile,
+                               .background = w->plain ? w->detect->plain : w->detect->restored,
+                               .restored = run->restored,
+                               .sources = run->sources,
+                               .filtered = w->filtered,
+                               .mesh_width = w->options->background.mesh_width,
+                               .mesh_height = w->options->background.mesh_height,
+                               .cards = &cards};
+    status = rx_checkimages_write(run->images, &data, err);
 exit:
-    free(reblurred);
     rx_text_free(&cards);
     return status;
 }
@@ -292,7 +287,8 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     if (tables == NULL)
         return rx_error_memory(err, 0);
     run->tables = tables;
-    rx_status status = rx_catalog_table(w->options->columns, w->measure->tile, run->sources, &tables[run->ntables], err);
+    rx_status status =
+        rx_catalog_table(w->options->columns, w->measure->tile, run->sources, &tables[run->ntables], err);
     if (status != RX_OK)
         return status;
     rx_table *table = tables[run->ntables++];
@@ -306,8 +302,8 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     return RX_OK;
 }
 
-rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_view *detect, const rx_view *measure,
-                         const rx_record *record, rx_log *log, rx_error *err)
+rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
+                         const rx_field *measure, const rx_record *record, rx_log *log, rx_error *err)
 {
     work w = {.options = options, .detect = detect, .measure = measure != NULL ? measure : detect};
     rx_record facts = {0};
@@ -362,8 +358,8 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
         return rx_error_memory(err, 0);
     for (int i = 0; i < record->n; i++)
         pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
-    status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs, record->n,
-                              outputs, stdout, err);
+    status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs,
+                              record->n, outputs, stdout, err);
     free(pairs);
     return status;
 }

@@ -9,21 +9,21 @@
 #include "data/table.h"
 #include "io/output.h"
 #include "stage/checkimages.h"
+#include "stage/field.h"
 #include "stage/options.h"
 #include "stage/record.h"
-#include "stage/view.h"
 
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
     const rx_restorer *kind;
-    char *catalog_name;       /* with the restorer's name when there are several */
+    char *catalog_name; /* with the restorer's name when there are several */
     rx_checkimages *images;
     int ntables;
     rx_table **tables;
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;
-    double global_sigma;      /* noise of the detection image, for pictures */
+    double global_sigma; /* noise of the detection image, for pictures */
 } rx_run;
 
 /* Open the outputs of a restorer; `tagged`: several restorers share the names. */
@@ -32,8 +32,8 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
 
 /* Restore `detect`, find sources on it, measure them on it, on the original or on `measure` (dual-image mode,
  * else NULL), and append to tables and check-images. restored and sources stay until rx_run_forget(). */
-rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_view *detect, const rx_view *measure,
-                         const rx_record *record, rx_log *log, rx_error *err);
+rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
+                         const rx_field *measure, const rx_record *record, rx_log *log, rx_error *err);
 void rx_run_forget(rx_run *run);
 
 /* Write the catalogue and finish the check-images (still under temporary names). */

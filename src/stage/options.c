@@ -24,13 +24,10 @@ static const word_value weight_types[] = {{"NONE", RX_WEIGHT_NONE},
                                           {"MAP_RMS", RX_WEIGHT_MAP_RMS},
                                           {"MAP_VAR", RX_WEIGHT_MAP_VAR},
                                           {"MAP_WEIGHT", RX_WEIGHT_MAP_WEIGHT}};
-static const word_value psf_types[] = {{"MOFFAT", RX_PSF_MOFFAT},
-                                       {"FILE", RX_PSF_FILE},
-                                       {"PSFEX", RX_PSF_PSFEX},
-                                       {"AUTO", RX_PSF_AUTO}};
-static const word_value mask_types[] = {{"NONE", RX_NEIGHBOURS_NONE},
-                                        {"BLANK", RX_NEIGHBOURS_BLANK},
-                                        {"CORRECT", RX_NEIGHBOURS_CORRECT}};
+static const word_value psf_types[] = {
+    {"MOFFAT", RX_PSF_MOFFAT}, {"FILE", RX_PSF_FILE}, {"PSFEX", RX_PSF_PSFEX}, {"AUTO", RX_PSF_AUTO}};
+static const word_value mask_types[] = {
+    {"NONE", RX_NEIGHBOURS_NONE}, {"BLANK", RX_NEIGHBOURS_BLANK}, {"CORRECT", RX_NEIGHBOURS_CORRECT}};
 static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
                                            {"ASCII", RX_CATALOG_ASCII},
                                            {"ASCII_HEAD", RX_CATALOG_ASCII_HEAD},
@@ -39,9 +36,9 @@ static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
                                            {"FITS_1.0", RX_CATALOG_FITS_1_0},
                                            {"FITS_LDAC", RX_CATALOG_FITS_LDAC}};
 static const word_value flag_types[] = {{"OR", 0}, {"AND", 1}, {"MIN", 2}, {"MAX", 3}, {"MOST", 4}};
-static const word_value quality_fluxes[] = {{"MAG_AUTO", RX_QUALITY_AUTO},   {"MAG_APER", RX_QUALITY_APER},
-                                            {"MAG_ISO", RX_QUALITY_ISO},     {"MAG_ISOCOR", RX_QUALITY_ISOCOR},
-                                            {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN}};
+static const word_value quality_fluxes[] = {
+    {"MAG_AUTO", RX_QUALITY_AUTO},     {"MAG_APER", RX_QUALITY_APER},   {"MAG_ISO", RX_QUALITY_ISO},
+    {"MAG_ISOCOR", RX_QUALITY_ISOCOR}, {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN}};
 
 /* The parser admits only words of keys.def, so the first entry is never a silent guess: tests hold the
  * two lists together. */
@@ -226,7 +223,8 @@ static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_option
             continue;
         }
         if (i >= cfg->checkimage_name.n)
-            return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE has more items than CHECKIMAGE_NAME; name a file for %s",
+            return rx_error_set(err, RX_USAGE,
+                                "CHECKIMAGE_TYPE has more items than CHECKIMAGE_NAME; name a file for %s",
                                 type);
         dst->check_types[dst->nchecks] = type;
         dst->check_names[dst->nchecks++] = cfg->checkimage_name.v[i];
@@ -245,14 +243,13 @@ static rx_status quality_options(const rx_config *cfg, rx_options *dst, rx_error
             return rx_error_set(err, RX_USAGE, "QA_GATES needs a reference catalogue; give REFERENCE_NAME");
         return RX_OK;
     }
-    dst->reference = (rx_reference_params){.name = cfg->reference_name,
-                                           .coords = cfg->reference_coords,
-                                           .ncolumns = cfg->reference_columns.n,
-                                           .columns = (const char *const *)cfg->reference_columns.v,
-                                           .photometry = cfg->reference_photometry,
-                                           .flux_zeropoint = cfg->reference_flux_zeropoint.n > 0
-                                                                 ? cfg->reference_flux_zeropoint.v[0]
-                                                                 : NAN};
+    dst->reference = (rx_reference_params){
+        .name = cfg->reference_name,
+        .coords = cfg->reference_coords,
+        .ncolumns = cfg->reference_columns.n,
+        .columns = (const char *const *)cfg->reference_columns.v,
+        .photometry = cfg->reference_photometry,
+        .flux_zeropoint = cfg->reference_flux_zeropoint.n > 0 ? cfg->reference_flux_zeropoint.v[0] : NAN};
     dst->qa = (rx_qa_params){.mag_low = cfg->qa_mag_range.v[0],
                              .mag_high = cfg->qa_mag_range.v[1],
                              .mag_step = cfg->qa_mag_range.v[2],

@@ -23,14 +23,14 @@ typedef struct rx_options {
     rx_tile_params tile[2]; /* of the detection and of the measurement image */
     rx_background_params background;
     rx_psf_params psf;
-    double seeing_arcsec;   /* SEEING_FWHM */
+    double seeing_arcsec; /* SEEING_FWHM */
     rx_restore_params restore;
     int nrestorers;
     const rx_restorer *restorers[RX_MAX_RUNS];
     rx_detect_params detect;
     rx_measure_params measure;
-    int saturated_in_none;  /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
-    int measure_original;   /* MEASURE_ON ORIGINAL */
+    int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
+    int measure_original;  /* MEASURE_ON ORIGINAL */
     int calibrate_none, calibrate_restored; /* ERROR_CALIBRATION */
     int error_apertures;
     uint64_t seed;
@@ -41,19 +41,26 @@ typedef struct rx_options {
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     rx_assoc_params assoc;
-    rx_assoc *assoc_list;    /* owned, NULL without ASSOC_NAME */
+    rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
-    rx_gates *gates;         /* owned, also qa.gates; NULL without QA_GATES */
+    rx_gates *gates; /* owned, also qa.gates; NULL without QA_GATES */
     const char *qa_name;
     double match_radius;
     int match_arcsec;
-    int quality_flux;        /* which flux is QA_MAG: see rx_quality_flux */
-    rx_kernel *kernel;       /* owned */
+    int quality_flux;  /* which flux is QA_MAG: see rx_quality_flux */
+    rx_kernel *kernel; /* owned */
     int nthreads;
 } rx_options;
 
-typedef enum rx_quality_flux { RX_QUALITY_AUTO, RX_QUALITY_APER, RX_QUALITY_ISO, RX_QUALITY_ISOCOR, RX_QUALITY_PETRO, RX_QUALITY_WIN } rx_quality_flux;
+typedef enum rx_quality_flux {
+    RX_QUALITY_AUTO,
+    RX_QUALITY_APER,
+    RX_QUALITY_ISO,
+    RX_QUALITY_ISOCOR,
+    RX_QUALITY_PETRO,
+    RX_QUALITY_WIN
+} rx_quality_flux;
 
 /* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);

@@ -30,8 +30,8 @@ static void flux_of(const rx_source *s, int kind, double *flux, double *error)
     }
 }
 
-rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const rx_sources *sources, rx_qa_list *dst,
-                          rx_error *err)
+rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const rx_sources *sources,
+                          rx_qa_list *dst, rx_error *err)
 {
     rx_status status = rx_qa_list_new(dst, sources->n, 1, err);
     if (status != RX_OK)
@@ -60,7 +60,7 @@ rx_status rx_quality_picture(const char *title, int width, int height, const flo
     enum { SIDE = 256 };
     int w = width < SIDE ? width : SIDE, h = height < SIDE ? height : SIDE;
     int x0 = (width - w) / 2, y0 = (height - h) / 2;
-    float *copy = RX_NEW(float, (size_t)w * (size_t)h);
+    float *copy = RX_NEW(float, (size_t)w *(size_t)h);
     if (copy == NULL)
         return rx_error_memory(err, (size_t)w * (size_t)h * sizeof(float));
     for (int y = 0; y < h; y++)

@@ -10,8 +10,8 @@
 #include "validate/qa.h"
 
 /* The detections of one restorer as the report wants them; free with rx_qa_list_free(). */
-rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const rx_sources *sources, rx_qa_list *dst,
-                          rx_error *err);
+rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const rx_sources *sources,
+                          rx_qa_list *dst, rx_error *err);
 
 /* The middle 256 x 256 pixels (the whole tile when smaller) as a picture of the page:
  * pixels must be freed. The same window for every restorer of a tile. */

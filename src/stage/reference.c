@@ -10,16 +10,20 @@
 #include "io/wcs.h"
 
 /* Names that other programs give to what we look for, tried in this order. */
-static const char *const sky_names[][2] = {{"ALPHA_J2000", "DELTA_J2000"}, {"ALPHAWIN_J2000", "DELTAWIN_J2000"},
+static const char *const sky_names[][2] = {{"ALPHA_J2000", "DELTA_J2000"},
+                                           {"ALPHAWIN_J2000", "DELTAWIN_J2000"},
                                            {"RA", "DEC"},
                                            {"RAJ2000", "DEJ2000"},
                                            {"RA_ICRS", "DE_ICRS"},
                                            {"ALPHA_SKY", "DELTA_SKY"},
                                            {"coord_ra", "coord_dec"}};
-static const char *const pixel_names[][2] = {{"X_IMAGE", "Y_IMAGE"}, {"XWIN_IMAGE", "YWIN_IMAGE"}, {"X", "Y"}};
-static const char *const value_names[] = {"MAG",      "MAG_TRUE", "MAG_AUTO", "MAG_BEST", "MAG_PSF", "PSFMAG_R",
-                                          "MAG_ISO",  "R",        "RMAG",     "FLUX",     "FLUX_TRUE", "FLUX_AUTO"};
-static const char *const error_names[] = {"MAGERR", "MAGERR_AUTO", "MAG_ERR", "E_MAG", "FLUXERR", "FLUXERR_AUTO"};
+static const char *const pixel_names[][2] = {
+    {"X_IMAGE", "Y_IMAGE"}, {"XWIN_IMAGE", "YWIN_IMAGE"}, {"X", "Y"}};
+static const char *const value_names[] = {"MAG",     "MAG_TRUE", "MAG_AUTO",  "MAG_BEST",
+                                          "MAG_PSF", "PSFMAG_R", "MAG_ISO",   "R",
+                                          "RMAG",    "FLUX",     "FLUX_TRUE", "FLUX_AUTO"};
+static const char *const error_names[] = {"MAGERR", "MAGERR_AUTO", "MAG_ERR",
+                                          "E_MAG",  "FLUXERR",     "FLUXERR_AUTO"};
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
@@ -51,14 +55,17 @@ static int find_first(const rx_table *table, const char *const *names, size_t n)
 
 static int looks_like_sky(const char *name)
 {
-    return strncasecmp(name, "ALPHA", 5) == 0 || strncasecmp(name, "RA", 2) == 0 || strstr(name, "_ra") != NULL;
+    return strncasecmp(name, "ALPHA", 5) == 0 || strncasecmp(name, "RA", 2) == 0 ||
+           strstr(name, "_ra") != NULL;
 }
 
-static rx_status choose_named(const rx_reference_params *par, const rx_table *table, chosen *dst, rx_error *err)
+static rx_status choose_named(const rx_reference_params *par, const rx_table *table, chosen *dst,
+                              rx_error *err)
 {
     int found[4] = {-1, -1, -1, -1};
     if (par->ncolumns < 3 || par->ncolumns > 4)
-        return rx_error_set(err, RX_USAGE, "REFERENCE_COLUMNS has %d names; give x, y, magnitude or flux[, error]",
+        return rx_error_set(err, RX_USAGE,
+                            "REFERENCE_COLUMNS has %d names; give x, y, magnitude or flux[, error]",
                             par->ncolumns);
     for (int i = 0; i < par->ncolumns; i++) {
         found[i] = rx_table_find(table, par->columns[i]);
@@ -96,7 +103,8 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
                                "no magnitude or flux column was recognised; name it in REFERENCE_COLUMNS");
     }
     dst->flux = strcmp(par->photometry, "FLUX") == 0 ||
-                (strcmp(par->photometry, "AUTO") == 0 && strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
+                (strcmp(par->photometry, "AUTO") == 0 &&
+                 strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
     if (dst->sky && tile->wcs == NULL)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "has no celestial coordinates, so the reference's sky positions cannot be used; "
@@ -177,8 +185,8 @@ rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err
         list->flags = RX_NEW(int, rows);
     }
     int complete = list->x != NULL && list->y != NULL && list->alpha != NULL && list->delta != NULL &&
-                   list->mag != NULL && list->mag_error != NULL && list->flux != NULL && list->flux_error != NULL &&
-                   (!with_flags || (list->score != NULL && list->flags != NULL));
+                   list->mag != NULL && list->mag_error != NULL && list->flux != NULL &&
+                   list->flux_error != NULL && (!with_flags || (list->score != NULL && list->flags != NULL));
     if (complete)
         return RX_OK;
     rx_qa_list_free(list);

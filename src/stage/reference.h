@@ -9,12 +9,12 @@
 #include "validate/qa.h"
 
 typedef struct rx_reference_params {
-    const char *name;          /* REFERENCE_NAME */
-    const char *coords;        /* REFERENCE_COORDS: AUTO, PIXEL or SKY */
-    int ncolumns;              /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
+    const char *name;   /* REFERENCE_NAME */
+    const char *coords; /* REFERENCE_COORDS: AUTO, PIXEL or SKY */
+    int ncolumns;       /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
     const char *const *columns;
-    const char *photometry;    /* REFERENCE_PHOTOMETRY: AUTO (by its name), MAG or FLUX */
-    double flux_zeropoint;     /* magnitude of flux 1, NAN = the tile's zero point */
+    const char *photometry; /* REFERENCE_PHOTOMETRY: AUTO (by its name), MAG or FLUX */
+    double flux_zeropoint;  /* magnitude of flux 1, NAN = the tile's zero point */
 } rx_reference_params;
 
 /* Rows of `table` (from rx_catalog_read) with finite position and magnitude, those inside the tile and

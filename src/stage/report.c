@@ -22,27 +22,29 @@ static rx_verdict worse(rx_verdict a, rx_verdict b)
 
 static double sky_scale(const rx_tile *tile)
 {
-    return tile->wcs != NULL ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
-                             : tile->pixel_scale;
+    return tile->wcs != NULL
+               ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
+               : tile->pixel_scale;
 }
 
-static rx_status match_options(const rx_options *options, const rx_tile *tile, double scale, rx_qa_params *dst,
-                               rx_error *err)
+static rx_status match_options(const rx_options *options, const rx_tile *tile, double scale,
+                               rx_qa_params *dst, rx_error *err)
 {
     *dst = options->qa;
     dst->match_radius = options->match_radius;
     if (!options->match_arcsec)
         return RX_OK;
     if (!(scale > 0.0))
-        return rx_error_at(err, RX_USAGE, tile->name, tile->hdu, 0,
-                           "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
+        return rx_error_at(
+            err, RX_USAGE, tile->name, tile->hdu, 0,
+            "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
     dst->match_radius_arcsec = options->match_radius;
     dst->match_radius = options->match_radius / scale;
     return RX_OK;
 }
 
-static rx_status collect_runs(const rx_options *options, const rx_view *measure, const rx_run *runs, rx_qa_run *dst,
-                              rx_error *err)
+static rx_status collect_runs(const rx_options *options, const rx_field *measure, const rx_run *runs,
+                              rx_qa_run *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
@@ -58,7 +60,7 @@ static rx_status collect_runs(const rx_options *options, const rx_view *measure,
     return status;
 }
 
-static rx_status collect_pictures(const rx_options *options, const rx_view *detect, const rx_run *runs,
+static rx_status collect_pictures(const rx_options *options, const rx_field *detect, const rx_run *runs,
                                   rx_qa_picture *dst, rx_error *err)
 {
     rx_status status = RX_OK;
@@ -82,8 +84,8 @@ static rx_status collect_record(const rx_record *record, const char *(**dst)[2],
     return RX_OK;
 }
 
-static rx_status open_folder(const rx_options *options, int extension, rx_outputs *outputs, const char **folder,
-                             rx_error *err)
+static rx_status open_folder(const rx_options *options, int extension, rx_outputs *outputs,
+                             const char **folder, rx_error *err)
 {
     char tag[16] = "";
     if (extension > 0)
@@ -96,9 +98,10 @@ static rx_status open_folder(const rx_options *options, int extension, rx_output
     return status;
 }
 
-rx_status rx_report_write(const rx_options *options, const rx_view *detect, const rx_view *measure,
-                          const rx_table *reference, const rx_run *runs, int extension, const rx_record *record,
-                          rx_outputs *outputs, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
+rx_status rx_report_write(const rx_options *options, const rx_field *detect, const rx_field *measure,
+                          const rx_table *reference, const rx_run *runs, int extension,
+                          const rx_record *record, rx_outputs *outputs, rx_log *log, rx_verdict *verdict,
+                          rx_text *brief, rx_error *err)
 {
     const rx_tile *tile = measure->tile;
     rx_qa_run qa_runs[RX_MAX_RUNS] = {0};

@@ -8,14 +8,15 @@
 #include "data/table.h"
 #include "io/output.h"
 #include "stage/extract.h"
+#include "stage/field.h"
 #include "stage/options.h"
 #include "stage/record.h"
-#include "stage/view.h"
 
 /* Match the current sources of every run with the reference and write the report folder (QA_NAME, with _n for
  * extension n > 0). *verdict keeps the worst over calls; brief grows by one short table. */
-rx_status rx_report_write(const rx_options *options, const rx_view *detect, const rx_view *measure,
-                          const rx_table *reference, const rx_run *runs, int extension, const rx_record *record,
-                          rx_outputs *outputs, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err);
+rx_status rx_report_write(const rx_options *options, const rx_field *detect, const rx_field *measure,
+                          const rx_table *reference, const rx_run *runs, int extension,
+                          const rx_record *record, rx_outputs *outputs, rx_log *log, rx_verdict *verdict,
+                          rx_text *brief, rx_error *err);
 
 #endif

@@ -1,6 +1,6 @@
 /* The main job for one tile, the paper's Figure 1 read from top to bottom:
  *
- *   open tile -> background -> psf            view.c
+ *   open tile -> background -> psf            field.c
  *   restore -> detect -> measure -> table     extract.c, once per restorer
  *   catalogues, check-images, report          here
  *
@@ -16,10 +16,10 @@
 #include "io/output.h"
 #include "io/tile.h"
 #include "stage/extract.h"
+#include "stage/field.h"
 #include "stage/names.h"
 #include "stage/record.h"
 #include "stage/report.h"
-#include "stage/view.h"
 
 typedef struct job {
     const rx_options *options;
@@ -47,29 +47,32 @@ static rx_status open_runs(job *job, rx_error *err)
     const rx_options *options = job->options;
     rx_status status = RX_OK;
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1, job->outputs, err);
+        status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
+                             job->outputs, err);
     return status;
 }
 
-static rx_status same_shape(const rx_view *detect, const rx_view *measure, rx_error *err)
+static rx_status same_shape(const rx_field *detect, const rx_field *measure, rx_error *err)
 {
     const rx_tile *a = detect->tile, *b = measure->tile;
     if (a->width == b->width && a->height == b->height)
         return RX_OK;
     return rx_error_at(err, RX_INPUT, b->name, b->hdu, 0,
-                       "has %d x %d pixels, the detection image %d x %d; dual-image mode needs the same grid", b->width,
-                       b->height, a->width, a->height);
+                       "has %d x %d pixels, the detection image %d x %d; dual-image mode needs the same grid",
+                       b->width, b->height, a->width, a->height);
 }
 
-static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions, rx_error *err)
+static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
+                               rx_error *err)
 {
     const rx_options *options = job->options;
-    rx_view *detect = NULL, *measure = NULL;
+    rx_field *detect = NULL, *measure = NULL;
     int need_psf = any_needs_psf(options);
-    rx_status status = rx_view_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
+    rx_status status =
+        rx_field_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
-        status = rx_view_open(options, 1, job->measure, measure_hdu, extension,
-                              need_psf && !options->measure_original, job->log, &measure, err);
+        status = rx_field_open(options, 1, job->measure, measure_hdu, extension,
+                               need_psf && !options->measure_original, job->log, &measure, err);
         if (status == RX_OK)
             status = same_shape(detect, measure, err);
     }
@@ -79,13 +82,13 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
             status = rx_interrupt_check(err);
     }
     if (status == RX_OK && job->reference != NULL)
-        status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference, job->runs,
-                                 nextensions > 1 ? extension : 0, &job->record, job->outputs, job->log, &job->verdict,
-                                 &job->brief, err);
+        status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference,
+                                 job->runs, nextensions > 1 ? extension : 0, &job->record, job->outputs,
+                                 job->log, &job->verdict, &job->brief, err);
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_forget(&job->runs[i]);
-    rx_view_free(measure);
-    rx_view_free(detect);
+    rx_field_free(measure);
+    rx_field_free(detect);
     return status;
 }
 
@@ -97,8 +100,8 @@ static rx_status run_all(job *job, rx_error *err)
     if (status == RX_OK && job->measure != NULL)
         status = rx_tile_list(job->measure, job->log, &measure_hdus, &nmeasure, err);
     if (status == RX_OK && job->measure != NULL && n != nmeasure)
-        status = rx_error_at(err, RX_INPUT, job->measure, -1, 0, "has %d images, the detection file %d; name the HDUs",
-                             nmeasure, n);
+        status = rx_error_at(err, RX_INPUT, job->measure, -1, 0,
+                             "has %d images, the detection file %d; name the HDUs", nmeasure, n);
     if (status == RX_OK && options->reference.name != NULL)
         status = rx_catalog_read(options->reference.name, 0, &job->reference, err);
     if (status == RX_OK)
@@ -131,8 +134,8 @@ static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error
     if (verdict == RX_VERDICT_FAIL)
         return rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", folder);
     if (verdict == RX_VERDICT_INSUFFICIENT)
-        return rx_error_set(err, RX_GATE_INSUFFICIENT, "too few sources to decide every quality gate; see %s/report.html",
-                            folder);
+        return rx_error_set(err, RX_GATE_INSUFFICIENT,
+                            "too few sources to decide every quality gate; see %s/report.html", folder);
     return RX_OK;
 }
 

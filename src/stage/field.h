@@ -1,6 +1,6 @@
 /* One tile with what is known of it before restoration: sky, noise and PSF. */
-#ifndef RX_STAGE_VIEW_H
-#define RX_STAGE_VIEW_H
+#ifndef RX_STAGE_FIELD_H
+#define RX_STAGE_FIELD_H
 
 #include "base/error.h"
 #include "base/log.h"
@@ -16,18 +16,18 @@ enum {
     RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED
 };
 
-typedef struct rx_view {
+typedef struct rx_field {
     rx_tile *tile;
     rx_background *plain;    /* with RX_HIDE_PLAIN */
     rx_background *restored; /* with RX_HIDE_RESTORED; the same object when nothing is saturated */
     rx_psf *psf;             /* NULL when no restorer needs it, or none could be found */
     int unrestorable;        /* PSF_TYPE AUTO found too few stars and no other PSF is known */
-} rx_view;
+} rx_field;
 
 /* Read HDU `hdu` of `name` (tile parameters number `role`: 0 detection, 1 measurement image), measure its
  * background, and its PSF when `need_psf`. */
-rx_status rx_view_open(const rx_options *options, int role, const char *name, int hdu, int extension, int need_psf,
-                       rx_log *log, rx_view **dst, rx_error *err);
-void rx_view_free(rx_view *view);
+rx_status rx_field_open(const rx_options *options, int role, const char *name, int hdu, int extension,
+                        int need_psf, rx_log *log, rx_field **dst, rx_error *err);
+void rx_field_free(rx_field *field);
 
 #endif

@@ -1,0 +1,183 @@
+/* Opening a tile: read, background, PSF. */
+#include "stage/field.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "io/tile.h"
+
+static int any_saturated(const rx_tile *tile)
+{
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    for (size_t i = 0; i < n; i++)
+        if (tile->mask[i] & RX_MASK_SATURATED)
+            return 1;
+    return 0;
+}
+
+static rx_status measure_background(const rx_options *options, const rx_tile *tile, int hide,
+                                    rx_background **dst, rx_error *err)
+{
+    rx_status status = rx_background_measure(&options->background, tile->width, tile->height, tile->pixels,
+                                             tile->mask, hide, tile->weight, tile->weight_type, dst, err);
+    if (status != RX_OK && err != NULL && err->where[0] == '\0')
+        snprintf(err->where, sizeof err->where, "%s", tile->name), err->hdu = tile->hdu;
+    return status;
+}
+
+/* Candidate stars for PSF_TYPE AUTO: a plain extraction that never looks at saturated values. */
+static rx_status find_stars(const rx_options *options, const rx_field *field, rx_log *log, rx_sources **dst,
+                            rx_error *err)
+{
+    const rx_tile *tile = field->tile;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_sources *sources = NULL;
+    rx_status status = RX_OK;
+    float *pixels = RX_NEW(float, n);
+    if (pixels == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    for (size_t i = 0; i < n; i++)
+        pixels[i] = tile->mask[i] & RX_HIDE_RESTORED ? 0.0f : tile->pixels[i] - field->restored->level[i];
+    rx_detect_image detect = {.width = tile->width,
+                              .height = tile->height,
+                              .pixels = pixels,
+                              .sigma = field->restored->sigma,
+                              .mask = tile->mask,
+                              .mask_bits = RX_HIDE_RESTORED,
+                              .variable_noise = 1,
+                              .global_sigma = field->restored->global_sigma};
+    rx_measure_image measure = {.width = tile->width,
+                                .height = tile->height,
+                                .pixels = pixels,
+                                .sigma = field->restored->sigma,
+                                .level = field->restored->level,
+                                .mask = tile->mask,
+                                .mask_bits = RX_HIDE_RESTORED,
+                                .saturated_mask = tile->mask,
+                                .gain = tile->gain,
+                                .global_sigma = field->restored->global_sigma,
+                                .variable_noise = 1,
+                                .law_scale = 1.0,
+                                .law_power = 0.5};
+    rx_detect_params detect_params = options->detect;
+    detect_params.absolute = 0;
+    detect_params.threshold = detect_params.analysis_threshold = 3.0;
+    rx_measure_params measure_params = options->measure;
+    measure_params.nnw_file = NULL;
+    measure_params.vignet_width = measure_params.vignet_height = 0;
+    measure_params.nradii = 1;
+    measure_params.flux_fraction[0] = 0.5;
+    status = rx_detect_run(&detect_params, &detect, log, &sources, err);
+    if (status == RX_OK)
+        status = rx_measure_run(&measure_params, &measure, log, sources, err);
+    if (status == RX_OK) {
+        *dst = sources;
+        sources = NULL;
+    }
+    rx_sources_free(sources);
+    free(pixels);
+    return status;
+}
+
+/* FWHM in pixels that the configuration states: PSF_FWHM, else SEEING_FWHM over the pixel scale. */
+static double stated_fwhm(const rx_options *options, const rx_tile *tile)
+{
+    if (options->psf.fwhm > 0.0)
+        return options->psf.fwhm;
+    return tile->pixel_scale > 0.0 ? options->seeing_arcsec / tile->pixel_scale : 0.0;
+}
+
+/* Too few stars never lose the tile: the stated seeing serves, said loudly; without it the tile stays
+ * as it is. */
+static rx_status stated_psf(const rx_options *options, rx_field *field, rx_log *log, rx_error *err)
+{
+    rx_psf_params par = options->psf;
+    char reason[RX_ERROR_TEXT];
+    snprintf(reason, sizeof reason, "%s", err != NULL ? err->text : "no PSF");
+    par.type = RX_PSF_MOFFAT;
+    par.fwhm = stated_fwhm(options, field->tile);
+    if (!(par.fwhm > 0.0)) {
+        rx_log_warning(log, "%s[%d]: %s; the tile is not restored", field->tile->name, field->tile->hdu,
+                       reason);
+        field->unrestorable = 1;
+        return RX_OK;
+    }
+    rx_log_warning(log, "%s[%d]: %s; the stated seeing is used: Moffat of FWHM %.2f pixels",
+                   field->tile->name, field->tile->hdu, reason, par.fwhm);
+    return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
+}
+
+static rx_status make_psf(const rx_options *options, rx_field *field, rx_log *log, rx_error *err)
+{
+    rx_psf_params par = options->psf;
+    if (par.type != RX_PSF_AUTO) {
+        if (par.type == RX_PSF_MOFFAT)
+            par.fwhm = stated_fwhm(options, field->tile);
+        if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0))
+            return rx_error_at(
+                err, RX_USAGE, field->tile->name, field->tile->hdu, 0,
+                "PSF_TYPE MOFFAT needs PSF_FWHM in pixels, for the pixel scale is not known either");
+        return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
+    }
+    rx_sources *stars = NULL;
+    rx_error why = RX_ERROR_NONE;
+    rx_status status = find_stars(options, field, log, &stars, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_psf_make(&par, field->tile, field->restored, stars, log, &field->psf, &why);
+    rx_sources_free(stars);
+    if (status == RX_INPUT)
+        return stated_psf(options, field, log, &why);
+    if (status != RX_OK && err != NULL)
+        *err = why;
+    return status;
+}
+
+rx_status rx_field_open(const rx_options *options, int role, const char *name, int hdu, int extension,
+                        int need_psf, rx_log *log, rx_field **dst, rx_error *err)
+{
+    rx_field *field = RX_NEW(rx_field, 1);
+    if (field == NULL)
+        return rx_error_memory(err, sizeof *field);
+    rx_status status = rx_tile_read(&options->tile[role], name, hdu, extension, log, &field->tile, err);
+    if (status != RX_OK)
+        goto exit;
+    int hide_plain = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    status = measure_background(options, field->tile, hide_plain, &field->plain, err);
+    if (status != RX_OK)
+        goto exit;
+    field->restored = field->plain;
+    if (hide_plain != RX_HIDE_RESTORED && any_saturated(field->tile)) {
+        field->restored = NULL;
+        status = measure_background(options, field->tile, RX_HIDE_RESTORED, &field->restored, err);
+        if (status != RX_OK)
+            goto exit;
+    }
+    rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
+                  name, hdu, field->tile->width, field->tile->height, field->plain->global_level,
+                  field->plain->global_sigma, field->tile->gain, field->tile->pixel_scale);
+    if (need_psf)
+        status = make_psf(options, field, log, err);
+    if (status == RX_OK && field->psf != NULL)
+        rx_log_info(log, "%s[%d]: PSF %s", name, hdu, field->psf->description);
+exit:
+    if (status == RX_OK)
+        *dst = field;
+    else
+        rx_field_free(field);
+    return status;
+}
+
+void rx_field_free(rx_field *field)
+{
+    if (field == NULL)
+        return;
+    if (field->restored != field->plain)
+        rx_background_free(field->restored);
+    rx_background_free(field->plain);
+    rx_psf_free(field->psf);
+    rx_tile_free(field->tile);
+    free(field);
+}
