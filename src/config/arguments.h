@@ -1,0 +1,34 @@
+/* The command line of rextract, SExtractor's way, turned into a configuration and an image. */
+#ifndef RX_CONFIG_ARGUMENTS_H
+#define RX_CONFIG_ARGUMENTS_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "config/config.h"
+
+typedef enum rx_action {
+    RX_ACTION_RUN,
+    RX_ACTION_NONE, /* no argument at all */
+    RX_ACTION_HELP,
+    RX_ACTION_VERSION,
+    RX_ACTION_DUMP,        /* -d */
+    RX_ACTION_DUMP_ALL,    /* -dd */
+    RX_ACTION_DUMP_COLUMNS /* -dp */
+} rx_action;
+
+typedef struct rx_arguments {
+    rx_action action;
+    char *image;       /* "tile.fits" or "detect.fits,measure.fits"; RUN only, else NULL */
+    rx_config *config; /* RUN only, else NULL */
+} rx_arguments;
+
+/* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp, -v, -h (also --help,
+ * --version), anything else -KEYWORD VALUE; all other words are images, two at most. Then the configuration
+ * is made: defaults, the file of -c (without -c default.sex where it exists, else a warning), the keywords
+ * in their order, the checks between them; log->level follows VERBOSE_TYPE. Errors: RX_USAGE.
+ * rx_arguments_free() after success and failure. */
+rx_status rx_arguments_read(int argc, char *const *argv, rx_log *log, rx_arguments *dst, rx_error *err);
+
+void rx_arguments_free(rx_arguments *arguments);
+
+#endif

@@ -1,0 +1,181 @@
+/* The keyword table as text for people: a configuration file, and the section of the manual page. */
+#include <stdio.h>
+#include <string.h>
+
+#include "config/keyword.h"
+
+enum { VALUE_COLUMN = 25, COMMENT_COLUMN = 42, WIDTH = 100 };
+
+static void pad(rx_text *dst, size_t from, int column)
+{
+    size_t used = dst->length - from;
+    do
+        rx_text_add(dst, " ");
+    while (!dst->failed && ++used < (size_t)column);
+}
+
+/* Words of `text` as comments from COMMENT_COLUMN on; the first line is begun by the caller. */
+static void add_comment(rx_text *dst, size_t line, const char *text)
+{
+    bool fresh = true;
+    if (dst->length - line >= COMMENT_COLUMN) {
+        rx_text_add(dst, "\n");
+        line = dst->length;
+    }
+    pad(dst, line, COMMENT_COLUMN);
+    rx_text_add(dst, "#");
+    while (*text != '\0' && !dst->failed) {
+        size_t word = strcspn(text, " ");
+        if (!fresh && dst->length - line + 1 + word > WIDTH) {
+            rx_text_add(dst, "\n");
+            line = dst->length;
+            pad(dst, line, COMMENT_COLUMN);
+            rx_text_add(dst, "#");
+        }
+        rx_text_add(dst, " ");
+        rx_text_add_bytes(dst, text, word);
+        fresh = false;
+        text += word + strspn(text + word, " ");
+    }
+    rx_text_add(dst, "\n");
+}
+
+/* "A, B or C" of the legal words. */
+static void add_words(rx_text *dst, const char *const *words, const char *dash)
+{
+    for (size_t i = 0; words[i] != NULL; i++) {
+        const char *joint = i == 0 ? "" : words[i + 1] != NULL ? ", " : " or ";
+        const char *word = words[i];
+        rx_text_printf(dst, "%s%s%s", joint, word[0] == '-' ? dash : "", word + (word[0] == '-'));
+    }
+}
+
+static void dump_section(rx_text *dst, const char *title)
+{
+    size_t line = dst->length + 1;
+    rx_text_add(dst, "\n#");
+    int left = (WIDTH - 3 - (int)strlen(title)) / 2;
+    for (int i = 0; i < left; i++)
+        rx_text_add(dst, "-");
+    rx_text_printf(dst, " %s ", title);
+    while (!dst->failed && dst->length - line < WIDTH)
+        rx_text_add(dst, "-");
+    rx_text_add(dst, "\n\n");
+}
+
+static void dump_key(rx_text *dst, const rx_config *config, int row)
+{
+    const rx_keyword *key = rx_keyword_row(row);
+    rx_text help = {0};
+    size_t line = dst->length;
+    rx_text_add(dst, key->name);
+    pad(dst, line, VALUE_COLUMN);
+    if (config != NULL)
+        rx_keyword_print(dst, config, row, true);
+    else
+        rx_text_add(dst, key->initial);
+    rx_text_add(&help, key->help);
+    if (key->words != NULL) {
+        rx_text_add(&help, " [");
+        add_words(&help, key->words, "-");
+        rx_text_add(&help, "]");
+    } else if (key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS) {
+        rx_text_add(&help, " [Y or N]");
+    }
+    if (key->status == RX_STATUS_IGNORED || key->status == RX_STATUS_INERT)
+        rx_text_add(&help, "; no effect here");
+    add_comment(dst, line, help.failed ? key->help : help.data);
+    rx_text_free(&help);
+}
+
+void rx_config_dump(rx_text *dst, const rx_config *config, bool all)
+{
+    rx_text_printf(dst, "# %s configuration file for Rextract\n",
+                   config != NULL ? "The"
+                   : all          ? "Default extended"
+                                  : "Default");
+    int section = -1;
+    for (int row = 0; row < RX_KEY_ROWS; row++) {
+        const rx_keyword *key = rx_keyword_row(row);
+        if (key->kind == RX_KIND_SECTION) {
+            section = row;
+        } else if (all || key->level == RX_LEVEL_D) {
+            if (section >= 0)
+                dump_section(dst, rx_keyword_row(section)->name);
+            section = -1;
+            dump_key(dst, config, row);
+        }
+    }
+}
+
+static void man_range(rx_text *dst, const rx_keyword *key)
+{
+    if (key->words != NULL) {
+        rx_text_add(dst, ".br\nOne of ");
+        add_words(dst, key->words, "\\-");
+        rx_text_add(dst, ".\n");
+    } else if (key->high > key->low) {
+        rx_text_printf(dst, ".br\n%s%.10g to %.10g.\n", key->low < 0 ? "\\&" : "", key->low, key->high);
+    }
+    if (key->nmax > 1)
+        rx_text_printf(dst, "List of %d to %d.\n", key->nmin, key->nmax);
+}
+
+static const char *man_status(rx_keyword_status status)
+{
+    switch (status) {
+    case RX_STATUS_OURS:
+        return "Not known to SExtractor.\n";
+    case RX_STATUS_IGNORED:
+        return "Accepted, without effect here: a warning when it is not at its default.\n";
+    case RX_STATUS_INERT:
+        return "Accepted, without effect here.\n";
+    case RX_STATUS_SEX:
+        break;
+    }
+    return "";
+}
+
+static const char *man_kind(rx_kind kind)
+{
+    switch (kind) {
+    case RX_KIND_STRING:
+    case RX_KIND_STRINGS:
+        return "text";
+    case RX_KIND_INT:
+    case RX_KIND_INTS:
+        return "integer";
+    case RX_KIND_REAL:
+    case RX_KIND_REALS:
+        return "number";
+    case RX_KIND_BOOL:
+    case RX_KIND_BOOLS:
+        return "Y|N";
+    default:
+        return "word";
+    }
+}
+
+void rx_config_man(rx_text *dst)
+{
+    bool open = false;
+    for (int row = 0; row < RX_KEY_ROWS; row++) {
+        const rx_keyword *key = rx_keyword_row(row);
+        if (key->kind == RX_KIND_SECTION) {
+            rx_text_printf(dst, "%s.Ss %s\n.Bl -tag -width Ds\n", open ? ".El\n" : "", key->name);
+            open = true;
+            continue;
+        }
+        rx_text_printf(dst, ".It Ic %s Ar %s Pq ", key->name, man_kind(key->kind));
+        if (key->initial[0] == '\0')
+            rx_text_add(dst, "empty\n");
+        else
+            rx_text_printf(dst, "Cm \\&%s\n", key->initial);
+        rx_text_add(dst, key->help);
+        rx_text_add(dst, ".\n");
+        man_range(dst, key);
+        rx_text_add(dst, man_status(key->status));
+    }
+    if (open)
+        rx_text_add(dst, ".El\n");
+}

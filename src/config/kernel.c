@@ -1,0 +1,130 @@
+/* Reading .conv files. */
+#include "config/kernel.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/text.h"
+
+enum { MAX_FILE_BYTES = 32 << 20 };
+
+/* The line "CONV NORM" or "CONV NONORM"; CONV alone means NORM, as for SExtractor. */
+static rx_status read_head(const char *path, long number, char *line, bool *normalise, rx_error *err)
+{
+    char *rest = NULL;
+    const char *word = strtok_r(line, " \t\r", &rest);
+    if (word == NULL || strcmp(word, "CONV") != 0)
+        return rx_error_at(err, RX_USAGE, path, -1, number,
+                           "is no filter: the first line must be CONV NORM or CONV NONORM");
+    word = strtok_r(NULL, " \t\r", &rest);
+    *normalise = word == NULL || word[0] == '#' || strcmp(word, "NORM") == 0;
+    if (!*normalise && strcmp(word, "NONORM") != 0)
+        return rx_error_at(err, RX_USAGE, path, -1, number, "CONV %.40s: give NORM or NONORM", word);
+    return RX_OK;
+}
+
+/* One row of numbers appended to the kernel; blank and comment lines add nothing. */
+static rx_status read_row(const char *path, long number, char *line, rx_kernel *kernel, rx_error *err)
+{
+    char *rest = NULL;
+    int n = 0;
+    size_t used = (size_t)kernel->width * (size_t)kernel->height;
+    for (char *word = strtok_r(line, " \t\r", &rest); word != NULL && word[0] != '#';
+         word = strtok_r(NULL, " \t\r", &rest)) {
+        char *end = NULL;
+        double value = strtod(word, &end);
+        if (end == word || *end != '\0' || !isfinite((float)value))
+            return rx_error_at(err, RX_USAGE, path, -1, number, "'%.40s' is not a number", word);
+        if (n == RX_KERNEL_SIDE || (n == 0 && kernel->height == RX_KERNEL_SIDE))
+            return rx_error_at(err, RX_USAGE, path, -1, number,
+                               "the filter is too large, give at most %d rows and columns", RX_KERNEL_SIDE);
+        float *values = rx_regrow(kernel->values, used + (size_t)n + 1, sizeof *values);
+        if (values == NULL)
+            return rx_error_memory(err, used * sizeof *values);
+        kernel->values = values;
+        kernel->values[used + (size_t)n++] = (float)value;
+    }
+    if (n == 0)
+        return RX_OK;
+    if (kernel->height > 0 && n != kernel->width)
+        return rx_error_at(err, RX_USAGE, path, -1, number,
+                           "this row has %d numbers, those before %d; give rows of one length", n,
+                           kernel->width);
+    kernel->width = n;
+    kernel->height++;
+    return RX_OK;
+}
+
+static rx_status check(const char *path, const rx_kernel *kernel, rx_error *err)
+{
+    int n = kernel->width * kernel->height;
+    if (n == 0)
+        return rx_error_at(err, RX_USAGE, path, -1, 0, "the filter holds no numbers");
+    for (int i = 0; i < n; i++)
+        if (kernel->values[i] != 0.0f)
+            return RX_OK;
+    return rx_error_at(err, RX_USAGE, path, -1, 0, "the filter is zero everywhere");
+}
+
+rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
+{
+    char *text = NULL;
+    bool head = false;
+    rx_kernel *kernel = RX_NEW(rx_kernel, 1);
+    if (kernel == NULL)
+        return rx_error_memory(err, sizeof *kernel);
+    rx_status status = rx_text_read_file(path, MAX_FILE_BYTES, &text, NULL, err);
+    if (status == RX_INPUT) {
+        status = RX_USAGE; /* a filter belongs to the configuration */
+        if (err != NULL)
+            err->status = RX_USAGE;
+    }
+    long number = 0;
+    char *line = text;
+    while (status == RX_OK && line != NULL) {
+        char *end = strchr(line, '\n');
+        if (end != NULL)
+            *end = '\0';
+        number++;
+        status = head ? read_row(path, number, line, kernel, err)
+                      : read_head(path, number, line, &kernel->normalise, err);
+        head = true;
+        line = end != NULL ? end + 1 : NULL;
+    }
+    if (status == RX_OK)
+        status = check(path, kernel, err);
+    if (status == RX_OK) {
+        *dst = kernel;
+        kernel = NULL;
+    }
+    free(text);
+    rx_kernel_free(kernel);
+    return status;
+}
+
+rx_status rx_kernel_default(rx_kernel **dst, rx_error *err)
+{
+    static const float side[3] = {1, 2, 1};
+    rx_kernel *kernel = RX_NEW(rx_kernel, 1);
+    float *values = RX_NEW(float, 9);
+    if (kernel == NULL || values == NULL) {
+        free(kernel);
+        free(values);
+        return rx_error_memory(err, sizeof *kernel);
+    }
+    for (int i = 0; i < 9; i++)
+        values[i] = side[i / 3] * side[i % 3];
+    *kernel = (rx_kernel){.width = 3, .height = 3, .normalise = true, .values = values};
+    *dst = kernel;
+    return RX_OK;
+}
+
+void rx_kernel_free(rx_kernel *kernel)
+{
+    if (kernel == NULL)
+        return;
+    free(kernel->values);
+    free(kernel);
+}

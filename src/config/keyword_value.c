@@ -1,0 +1,330 @@
+/* Values of keywords: items of text into fields, with range and word checks, and back. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/memory.h"
+#include "config/keyword.h"
+
+/* A value while it is read, before it replaces the old one. */
+typedef union scratch {
+    char *string;
+    rx_strings strings;
+    rx_ints ints;
+    rx_reals reals;
+    rx_bools bools;
+    rx_words words;
+} scratch;
+
+/* "KEY: text" with the place in front. */
+RX_PRINTF(4, 5)
+static rx_status refuse(const rx_keyword *key, rx_place place, rx_error *err, const char *format, ...)
+{
+    char text[RX_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    if (place.file != NULL)
+        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "%s: %s", key->name, text);
+    return rx_error_set(err, RX_USAGE, "-%s: %s", key->name, text);
+}
+
+static rx_status read_real(const rx_keyword *key, const char *item, double *dst, rx_place place,
+                           rx_error *err)
+{
+    char *end = NULL;
+    *dst = strtod(item, &end);
+    if (end == item || *end != '\0' || !isfinite(*dst) || strpbrk(item, "xX") != NULL)
+        return refuse(key, place, err, "'%.80s' is not a number", item);
+    if (*dst < key->low || *dst > key->high)
+        return refuse(key, place, err, "%.80s is out of range, give %.10g to %.10g", item, key->low,
+                      key->high);
+    return RX_OK;
+}
+
+static rx_status read_int(const rx_keyword *key, const char *item, int *dst, rx_place place, rx_error *err)
+{
+    double value;
+    rx_status status = read_real(key, item, &value, place, err);
+    if (status != RX_OK)
+        return status;
+    if (value != floor(value))
+        return refuse(key, place, err, "%.80s is not a whole number", item);
+    *dst = (int)value;
+    return RX_OK;
+}
+
+static rx_status read_bool(const rx_keyword *key, const char *item, bool *dst, rx_place place, rx_error *err)
+{
+    *dst = strcasecmp(item, "Y") == 0 || strcasecmp(item, "YES") == 0;
+    if (*dst || strcasecmp(item, "N") == 0 || strcasecmp(item, "NO") == 0)
+        return RX_OK;
+    return refuse(key, place, err, "'%.80s' is not Y or N", item);
+}
+
+static rx_status read_word(const rx_keyword *key, const char *item, const char **dst, rx_place place,
+                           rx_error *err)
+{
+    size_t n = 0;
+    for (; key->words[n] != NULL; n++)
+        if (strcasecmp(item, key->words[n]) == 0) {
+            *dst = key->words[n];
+            return RX_OK;
+        }
+    rx_text text = {0};
+    const char *near = rx_text_nearest(item, key->words, n);
+    rx_text_printf(&text, "unknown word '%.80s'", item);
+    if (near != NULL)
+        rx_text_printf(&text, " (did you mean %s?)", near);
+    rx_text_add(&text, "; give one of ");
+    for (size_t i = 0; i < n; i++)
+        rx_text_printf(&text, "%s%s", i > 0 ? ", " : "", key->words[i]);
+    rx_status status = refuse(key, place, err, "%s", text.failed ? "unknown word" : text.data);
+    rx_text_free(&text);
+    return status;
+}
+
+static bool is_list(rx_kind kind)
+{
+    return kind >= RX_KIND_STRINGS;
+}
+
+/* Number of items against what the row allows. A scalar in a file may be followed by other text, as
+ * SExtractor has it: a warning; everywhere else too many is an error. *n becomes the used number. */
+static rx_status count_items(const rx_keyword *key, char *const *items, int *n, rx_place place, rx_log *log,
+                             rx_error *err)
+{
+    if (*n < key->nmin && *n == 0)
+        return refuse(key, place, err, "has no value; give one, or remove the keyword");
+    if (*n < key->nmin)
+        return refuse(key, place, err, "has %d item(s), needs at least %d", *n, key->nmin);
+    if (*n <= key->nmax)
+        return RX_OK;
+    if (is_list(key->kind) || place.file == NULL)
+        return refuse(key, place, err, "has %d items, takes at most %d", *n, key->nmax);
+    rx_log_warning(log, "%s:%ld: %s takes one value, '%s' is ignored", place.file, place.line, key->name,
+                   items[key->nmax]);
+    *n = key->nmax;
+    return RX_OK;
+}
+
+/* Item i into the scratch value; scalars are lists of one until the end. */
+static rx_status read_item(const rx_keyword *key, const char *item, int i, scratch *value, rx_place place,
+                           rx_error *err)
+{
+    switch (key->kind) {
+    case RX_KIND_STRING:
+    case RX_KIND_STRINGS:
+        value->strings.v[i] = rx_strdup(item);
+        value->strings.n = i + 1;
+        return value->strings.v[i] != NULL ? RX_OK : rx_error_memory(err, strlen(item));
+    case RX_KIND_INT:
+    case RX_KIND_INTS:
+        return read_int(key, item, &value->ints.v[i], place, err);
+    case RX_KIND_REAL:
+    case RX_KIND_REALS:
+        return read_real(key, item, &value->reals.v[i], place, err);
+    case RX_KIND_BOOL:
+    case RX_KIND_BOOLS:
+        return read_bool(key, item, &value->bools.v[i], place, err);
+    case RX_KIND_WORD:
+    case RX_KIND_WORDS:
+        return read_word(key, item, &value->words.v[i], place, err);
+    case RX_KIND_SECTION:
+        break;
+    }
+    return RX_OK;
+}
+
+/* The read value of n items takes the place of the field's old one. */
+static void move_in(rx_config *config, int row, const scratch *value, int n)
+{
+    const rx_keyword *key = rx_keyword_row(row);
+    void *field = (char *)config + key->offset;
+    rx_keyword_clear(config, row);
+    switch (key->kind) {
+    case RX_KIND_STRING:
+        *(char **)field = value->strings.v[0];
+        break;
+    case RX_KIND_INT:
+        *(int *)field = value->ints.v[0];
+        break;
+    case RX_KIND_REAL:
+        *(double *)field = value->reals.v[0];
+        break;
+    case RX_KIND_BOOL:
+        *(bool *)field = value->bools.v[0];
+        break;
+    case RX_KIND_WORD:
+        *(const char **)field = value->words.v[0];
+        break;
+    case RX_KIND_STRINGS:
+        *(rx_strings *)field = value->strings;
+        ((rx_strings *)field)->n = n;
+        break;
+    case RX_KIND_INTS:
+        *(rx_ints *)field = value->ints;
+        ((rx_ints *)field)->n = n;
+        break;
+    case RX_KIND_REALS:
+        *(rx_reals *)field = value->reals;
+        ((rx_reals *)field)->n = n;
+        break;
+    case RX_KIND_BOOLS:
+        *(rx_bools *)field = value->bools;
+        ((rx_bools *)field)->n = n;
+        break;
+    case RX_KIND_WORDS:
+        *(rx_words *)field = value->words;
+        ((rx_words *)field)->n = n;
+        break;
+    case RX_KIND_SECTION:
+        break;
+    }
+}
+
+rx_status rx_keyword_assign(rx_config *config, int row, char *const *items, int n, rx_place place,
+                            rx_log *log, rx_error *err)
+{
+    const rx_keyword *key = rx_keyword_row(row);
+    scratch value;
+    char *empty[] = {""};
+    memset(&value, 0, sizeof value);
+    if (key->kind == RX_KIND_STRINGS && n == 1 && items[0][0] == '\0')
+        n = 0;
+    rx_status status = count_items(key, items, &n, place, log, err);
+    if (status != RX_OK)
+        return status;
+    if (key->kind == RX_KIND_STRING && key->nmin == 0 && (n == 0 || strcasecmp(items[0], "NONE") == 0)) {
+        items = empty;
+        n = 1;
+    }
+    for (int i = 0; i < n; i++) {
+        status = items[i][0] == '\0' && key->nmin > 0
+                     ? refuse(key, place, err, "has an empty value; give one, or remove the keyword")
+                     : read_item(key, items[i], i, &value, place, err);
+        if (status != RX_OK) {
+            if (key->kind == RX_KIND_STRING || key->kind == RX_KIND_STRINGS)
+                for (int j = 0; j < value.strings.n; j++)
+                    free(value.strings.v[j]);
+            return status;
+        }
+    }
+    move_in(config, row, &value, n);
+    return RX_OK;
+}
+
+void rx_keyword_clear(rx_config *config, int row)
+{
+    const rx_keyword *key = rx_keyword_row(row);
+    void *field = (char *)config + key->offset;
+    if (key->kind == RX_KIND_STRING) {
+        free(*(char **)field);
+        *(char **)field = NULL;
+    } else if (key->kind == RX_KIND_STRINGS) {
+        rx_strings *list = field;
+        for (int i = 0; i < list->n; i++)
+            free(list->v[i]);
+        *list = (rx_strings){0};
+    }
+}
+
+/* Shortest decimal that reads back as the same double. */
+static void print_real(rx_text *dst, double value)
+{
+    char text[40] = "";
+    for (int digits = 6; digits <= 17; digits++) {
+        snprintf(text, sizeof text, "%.*g", digits, value);
+        if (strtod(text, NULL) == value)
+            break;
+    }
+    rx_text_add(dst, text);
+}
+
+/* Quotes where the reader would cut or drop something; '$' and '"' doubled. */
+static void print_string(rx_text *dst, const char *value, bool quoted)
+{
+    bool marks = quoted && (value[0] == '\0' || strpbrk(value, " \t=,;\"#[]") != NULL);
+    if (marks)
+        rx_text_add(dst, "\"");
+    for (const char *c = value; *c != '\0'; c++) {
+        rx_text_add_bytes(dst, c, 1);
+        if (quoted && (*c == '$' || *c == '"'))
+            rx_text_add_bytes(dst, c, 1);
+    }
+    if (marks)
+        rx_text_add(dst, "\"");
+}
+
+static int count_values(rx_kind kind, const void *field)
+{
+    switch (kind) {
+    case RX_KIND_STRINGS:
+        return ((const rx_strings *)field)->n;
+    case RX_KIND_INTS:
+        return ((const rx_ints *)field)->n;
+    case RX_KIND_REALS:
+        return ((const rx_reals *)field)->n;
+    case RX_KIND_BOOLS:
+        return ((const rx_bools *)field)->n;
+    case RX_KIND_WORDS:
+        return ((const rx_words *)field)->n;
+    default:
+        return 1;
+    }
+}
+
+static void print_value(rx_text *dst, rx_kind kind, const void *field, int i, bool quoted)
+{
+    switch (kind) {
+    case RX_KIND_STRING:
+        print_string(dst, *(char *const *)field, quoted);
+        break;
+    case RX_KIND_STRINGS:
+        print_string(dst, ((const rx_strings *)field)->v[i], quoted);
+        break;
+    case RX_KIND_INT:
+        rx_text_printf(dst, "%d", *(const int *)field);
+        break;
+    case RX_KIND_INTS:
+        rx_text_printf(dst, "%d", ((const rx_ints *)field)->v[i]);
+        break;
+    case RX_KIND_REAL:
+        print_real(dst, *(const double *)field);
+        break;
+    case RX_KIND_REALS:
+        print_real(dst, ((const rx_reals *)field)->v[i]);
+        break;
+    case RX_KIND_BOOL:
+        rx_text_add(dst, *(const bool *)field ? "Y" : "N");
+        break;
+    case RX_KIND_BOOLS:
+        rx_text_add(dst, ((const rx_bools *)field)->v[i] ? "Y" : "N");
+        break;
+    case RX_KIND_WORD:
+        rx_text_add(dst, *(const char *const *)field);
+        break;
+    case RX_KIND_WORDS:
+        rx_text_add(dst, ((const rx_words *)field)->v[i]);
+        break;
+    case RX_KIND_SECTION:
+        break;
+    }
+}
+
+void rx_keyword_print(rx_text *dst, const rx_config *config, int row, bool quoted)
+{
+    const rx_keyword *key = rx_keyword_row(row);
+    const void *field = (const char *)config + key->offset;
+    int n = count_values(key->kind, field);
+    rx_text_add(dst, ""); /* never NULL, even for an empty value */
+    for (int i = 0; i < n; i++) {
+        if (i > 0)
+            rx_text_add(dst, ",");
+        print_value(dst, key->kind, field, i, quoted);
+    }
+}

@@ -1,0 +1,133 @@
+/* Cutting lines into items. */
+#include "config/tokens.h"
+
+#include <ctype.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/text.h"
+
+static bool is_separator(char c)
+{
+    return c != '\0' && strchr(" \t\r\n\v\f=,;", c) != NULL;
+}
+
+static rx_status append(rx_tokens *dst, rx_text *item, rx_error *err)
+{
+    rx_text_add(item, "");
+    char **v = rx_regrow(dst->v, (size_t)dst->n + 1, sizeof *v);
+    if (v == NULL || item->failed)
+        return rx_error_memory(err, item->length);
+    dst->v = v;
+    dst->v[dst->n++] = item->data;
+    *item = (rx_text){0};
+    return RX_OK;
+}
+
+/* *text stands on '$'; its replacement goes to item, *text moves behind it. */
+static rx_status expand_variable(const char **text, rx_text *item, rx_error *err)
+{
+    char name[256];
+    const char *begin = *text + 1;
+    bool braces = *begin == '{';
+    begin += braces;
+    size_t length = 0;
+    while (isalnum((unsigned char)begin[length]) || begin[length] == '_')
+        length++;
+    if (!braces && length == 0) { /* "$$", or a dollar that stands alone */
+        rx_text_add(item, "$");
+        *text += begin[0] == '$' ? 2 : 1;
+        return RX_OK;
+    }
+    if (length == 0 || length >= sizeof name || (braces && begin[length] != '}'))
+        return rx_error_set(err, RX_USAGE, "'%.40s' is no name of an environment variable; write ${NAME}",
+                            *text);
+    memcpy(name, begin, length);
+    name[length] = '\0';
+    const char *value = getenv(name);
+    if (value == NULL)
+        return rx_error_set(err, RX_USAGE,
+                            "environment variable %s is not set; set it, or write $$ for a dollar", name);
+    rx_text_add(item, value);
+    *text = begin + length + braces;
+    return RX_OK;
+}
+
+/* One item from *line on (no separator, no comment there). */
+static rx_status read_item(const char **line, rx_text *item, rx_error *err)
+{
+    bool quoted = false;
+    int depth = 0;
+    const char *c = *line;
+    while (*c != '\0' && (quoted || depth > 0 || !is_separator(*c))) {
+        if (*c == '$') {
+            rx_status status = expand_variable(&c, item, err);
+            if (status != RX_OK)
+                return status;
+            continue;
+        }
+        if (*c == '"' && quoted && c[1] == '"') {
+            c++;
+        } else if (*c == '"') {
+            quoted = !quoted;
+            c++;
+            continue;
+        }
+        if (*c == '[' && (depth > 0 || strchr(c, ']') != NULL))
+            depth++;
+        else if (*c == ']' && depth > 0)
+            depth--;
+        rx_text_add_bytes(item, c++, 1);
+    }
+    *line = c;
+    if (quoted)
+        return rx_error_set(err, RX_USAGE, "a quote is not closed; add the missing \"");
+    return RX_OK;
+}
+
+rx_status rx_tokens_read(const char *line, rx_tokens *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text item = {0};
+    *dst = (rx_tokens){0};
+    for (;;) {
+        while (is_separator(*line))
+            line++;
+        if (*line == '\0' || *line == '#')
+            break;
+        status = read_item(&line, &item, err);
+        if (status == RX_OK)
+            status = append(dst, &item, err);
+        if (status != RX_OK)
+            break;
+    }
+    rx_text_free(&item);
+    return status;
+}
+
+rx_status rx_tokens_expand(const char *text, rx_tokens *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text item = {0};
+    *dst = (rx_tokens){0};
+    while (*text != '\0' && status == RX_OK) {
+        if (*text == '$')
+            status = expand_variable(&text, &item, err);
+        else
+            rx_text_add_bytes(&item, text++, 1);
+    }
+    if (status == RX_OK)
+        status = append(dst, &item, err);
+    rx_text_free(&item);
+    return status;
+}
+
+void rx_tokens_free(rx_tokens *tokens)
+{
+    for (int i = 0; i < tokens->n; i++)
+        free(tokens->v[i]);
+    free(tokens->v);
+    *tokens = (rx_tokens){0};
+}

@@ -1,0 +1,84 @@
+/* rextract: a tile in; restored image, catalogue and report out. Arguments, one library call, exit code. */
+#include <stdio.h>
+
+#include "base/error.h"
+#include "base/interrupt.h"
+#include "base/log.h"
+#include "base/text.h"
+#include "catalog/catalog.h"
+#include "config/arguments.h"
+#include "stage/stage.h"
+
+#ifndef PACKAGE_VERSION
+#error "PACKAGE_VERSION comes from configure"
+#endif
+
+static const char program[] = "rextract";
+
+static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract -d | -dd | -dp | -v | -h\n";
+
+static const char help[] = "\n"
+                           "Restore the image, detect and measure its sources, write their catalogue, and\n"
+                           "with a reference catalogue (REFERENCE_NAME) a quality report.\n"
+                           "\n"
+                           "  -c FILE          configuration file (default.sex where there is one)\n"
+                           "  -KEYWORD VALUE   overrides the file, any number of times\n"
+                           "  -d               print a default configuration file\n"
+                           "  -dd              the same with all keywords\n"
+                           "  -dp              print the columns a catalogue can have\n"
+                           "  -v, --version    print the version\n"
+                           "  -h, --help       print this\n"
+                           "\n"
+                           "Exit status: 0 fine, 2 usage or configuration, 3 input data, 4 system or\n"
+                           "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate.\n"
+                           "More in rextract(1), the keywords in rextract.conf(5).\n";
+
+/* What is asked for on standard output. */
+static rx_status print(rx_action action, rx_error *err)
+{
+    rx_text text = {0};
+    rx_status status = RX_OK;
+    if (action == RX_ACTION_VERSION)
+        rx_text_printf(&text, "Rextract version %s\n", PACKAGE_VERSION);
+    else if (action == RX_ACTION_HELP)
+        rx_text_printf(&text, "%s%s", usage, help);
+    else if (action == RX_ACTION_DUMP_COLUMNS)
+        rx_columns_dump(&text);
+    else
+        rx_config_dump(&text, NULL, action == RX_ACTION_DUMP_ALL);
+    if (text.failed)
+        status = rx_error_memory(err, text.capacity);
+    else if (fputs(text.data, stdout) == EOF || fflush(stdout) != 0)
+        status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
+    rx_text_free(&text);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_log log;
+    rx_arguments arguments;
+    rx_interrupt_block();
+    rx_log_init(&log, program, stderr, RX_NORMAL);
+    rx_status status = rx_arguments_read(argc, argv, &log, &arguments, &err);
+    if (status == RX_OK && arguments.action == RX_ACTION_NONE) {
+        fputs(usage, stderr);
+        status = RX_USAGE;
+    } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
+        status = rx_stage_run(arguments.config, arguments.image, &log, &err);
+    } else if (status == RX_OK) {
+        status = print(arguments.action, &err);
+    }
+    rx_log_progress_end(&log);
+    if (err.status != RX_OK) {
+        char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
+        rx_error_format(&err, program, line, sizeof line);
+        fprintf(stderr, "%s\n", line);
+    }
+    rx_arguments_free(&arguments);
+    rx_interrupt_deliver();
+    return (int)status;
+}
