@@ -1,0 +1,177 @@
+#include "num/lsq.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include <gsl/gsl_blas.h>
+#include <gsl/gsl_errno.h>
+#include <gsl/gsl_multifit.h>
+#include <gsl/gsl_multifit_nlinear.h>
+
+#include "base/memory.h"
+
+rx_status rx_lsq_linear(const double *a, const double *b, const double *weights, size_t rows, size_t columns,
+                        double *x, double *covariance, double *chi2, rx_error *err)
+{
+    rx_status status = RX_OK;
+    if (columns == 0 || rows < columns)
+        return rx_error_set(err, RX_INPUT, "%zu equations cannot fix %zu unknowns", rows, columns);
+    gsl_set_error_handler_off();
+    gsl_multifit_linear_workspace *work = gsl_multifit_linear_alloc(rows, columns);
+    gsl_matrix *cov = gsl_matrix_alloc(columns, columns);
+    double *ones = NULL, minimum = 0.0;
+    if (weights == NULL && (ones = RX_NEW(double, rows)) != NULL)
+        for (size_t i = 0; i < rows; i++)
+            ones[i] = 1.0;
+    if (work == NULL || cov == NULL || (weights == NULL && ones == NULL)) {
+        status = rx_error_memory(err, rows * columns * sizeof(double));
+        goto exit;
+    }
+    gsl_matrix_const_view va = gsl_matrix_const_view_array(a, rows, columns);
+    gsl_vector_const_view vb = gsl_vector_const_view_array(b, rows);
+    gsl_vector_const_view vw = gsl_vector_const_view_array(weights != NULL ? weights : ones, rows);
+    gsl_vector_view vx = gsl_vector_view_array(x, columns);
+    size_t rank;
+    int code = gsl_multifit_wlinear_tsvd(&va.matrix, &vw.vector, &vb.vector, 1e-12, &vx.vector, cov, &minimum,
+                                         &rank, work);
+    int finite = isfinite(minimum);
+    for (size_t j = 0; j < columns; j++)
+        finite = finite && isfinite(x[j]);
+    if (code != GSL_SUCCESS || !finite) {
+        status = rx_error_set(err, RX_INPUT, "linear least squares failed: %s",
+                              code != GSL_SUCCESS ? gsl_strerror(code) : "numbers are not finite");
+        goto exit;
+    }
+    if (chi2 != NULL)
+        *chi2 = minimum;
+    for (size_t i = 0; covariance != NULL && i < columns; i++)
+        for (size_t j = 0; j < columns; j++)
+            covariance[i * columns + j] = gsl_matrix_get(cov, i, j);
+exit:
+    free(ones);
+    gsl_matrix_free(cov);
+    gsl_multifit_linear_free(work);
+    return status;
+}
+
+/* What GSL's callbacks carry around: our problem and plain arrays to talk to its model in. */
+typedef struct bridge {
+    const rx_lsq_problem *problem;
+    double *parameters, *residuals, *jacobian;
+} bridge;
+
+static int evaluate(const gsl_vector *x, bridge *b, double *jacobian)
+{
+    for (size_t j = 0; j < b->problem->nparameters; j++)
+        b->parameters[j] = gsl_vector_get(x, j);
+    return b->problem->model(b->problem->user, b->parameters, b->residuals, jacobian);
+}
+
+static int bridge_f(const gsl_vector *x, void *params, gsl_vector *f)
+{
+    bridge *b = params;
+    if (evaluate(x, b, NULL) != 0)
+        return GSL_EBADFUNC;
+    for (size_t i = 0; i < b->problem->nresiduals; i++)
+        gsl_vector_set(f, i, b->residuals[i]);
+    return GSL_SUCCESS;
+}
+
+static int bridge_df(const gsl_vector *x, void *params, gsl_matrix *jacobian)
+{
+    bridge *b = params;
+    if (evaluate(x, b, b->jacobian) != 0)
+        return GSL_EBADFUNC;
+    size_t n = b->problem->nresiduals, p = b->problem->nparameters;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < p; j++)
+            gsl_matrix_set(jacobian, i, j, b->jacobian[i * p + j]);
+    return GSL_SUCCESS;
+}
+
+/* Square roots of the diagonal of (J^T J)^-1. */
+static rx_status fit_errors(gsl_multifit_nlinear_workspace *work, size_t p, double *errors, rx_error *err)
+{
+    gsl_matrix *cov = gsl_matrix_alloc(p, p);
+    if (cov == NULL)
+        return rx_error_memory(err, p * p * sizeof(double));
+    int code = gsl_multifit_nlinear_covar(gsl_multifit_nlinear_jac(work), 1e-12, cov);
+    for (size_t j = 0; j < p; j++) {
+        double variance = code == GSL_SUCCESS ? gsl_matrix_get(cov, j, j) : 0.0;
+        errors[j] = variance > 0.0 && isfinite(variance) ? sqrt(variance) : HUGE_VAL;
+    }
+    gsl_matrix_free(cov);
+    return RX_OK;
+}
+
+/* Step until the relative step falls below the tolerance. A step that fails ends the fit without
+ * convergence: the position of the last good one stands. */
+static void iterate(const rx_lsq_problem *problem, gsl_multifit_nlinear_workspace *work,
+                    rx_lsq_result *result)
+{
+    int limit = problem->max_iterations > 0 ? problem->max_iterations : 100;
+    double tolerance = problem->tolerance > 0.0 ? problem->tolerance : 1e-8;
+    double chi2;
+    gsl_blas_ddot(gsl_multifit_nlinear_residual(work), gsl_multifit_nlinear_residual(work), &chi2);
+    *result = (rx_lsq_result){.converged = chi2 == 0.0, .chi2 = chi2};
+    int still = 0; /* steps in a row that hardly changed chi2: parameters near 0 never pass the step test */
+    while (result->iterations < limit && !result->converged) {
+        double before = chi2;
+        int code = gsl_multifit_nlinear_iterate(work);
+        result->iterations++;
+        gsl_blas_ddot(gsl_multifit_nlinear_residual(work), gsl_multifit_nlinear_residual(work), &chi2);
+        still = fabs(before - chi2) <= tolerance * chi2 ? still + 1 : 0;
+        int info = 0;
+        int test = gsl_multifit_nlinear_test(tolerance, tolerance * tolerance, 0.0, &info, work);
+        /* GSL_ENOPROG: no step lowers chi2 any more, which at the bottom of the valley is rounding */
+        if (code == GSL_ENOPROG)
+            result->converged = test == GSL_SUCCESS || fabs(before - chi2) <= 1e-10 * before;
+        else if (code == GSL_SUCCESS)
+            result->converged = test == GSL_SUCCESS || chi2 == 0.0 || still >= 2;
+        if (code != GSL_SUCCESS)
+            break;
+    }
+    result->chi2 = chi2;
+}
+
+rx_status rx_lsq_fit(const rx_lsq_problem *problem, double *parameters, double *errors, rx_lsq_result *result,
+                     rx_error *err)
+{
+    size_t n = problem->nresiduals, p = problem->nparameters;
+    rx_status status = RX_OK;
+    if (p == 0 || n < p)
+        return rx_error_set(err, RX_INPUT, "%zu values cannot fix %zu parameters", n, p);
+    gsl_set_error_handler_off();
+    gsl_multifit_nlinear_parameters settings = gsl_multifit_nlinear_default_parameters();
+    gsl_multifit_nlinear_workspace *work =
+        gsl_multifit_nlinear_alloc(gsl_multifit_nlinear_trust, &settings, n, p);
+    bridge b = {.problem = problem,
+                .parameters = RX_NEW(double, p),
+                .residuals = RX_NEW(double, n),
+                .jacobian = problem->has_jacobian ? rx_alloc(n, p * sizeof(double)) : NULL};
+    rx_lsq_result local;
+    if (work == NULL || b.parameters == NULL || b.residuals == NULL ||
+        (problem->has_jacobian && b.jacobian == NULL)) {
+        status = rx_error_memory(err, n * p * sizeof(double));
+        goto exit;
+    }
+    gsl_multifit_nlinear_fdf fdf = {
+        .f = bridge_f, .df = problem->has_jacobian ? bridge_df : NULL, .n = n, .p = p, .params = &b};
+    gsl_vector_view start = gsl_vector_view_array(parameters, p);
+    int code = gsl_multifit_nlinear_init(&start.vector, &fdf, work);
+    if (code != GSL_SUCCESS) {
+        status = rx_error_set(err, RX_INPUT, "the fit cannot start: %s", gsl_strerror(code));
+        goto exit;
+    }
+    iterate(problem, work, result != NULL ? result : &local);
+    for (size_t j = 0; j < p; j++)
+        parameters[j] = gsl_vector_get(gsl_multifit_nlinear_position(work), j);
+    if (errors != NULL)
+        status = fit_errors(work, p, errors, err);
+exit:
+    free(b.parameters);
+    free(b.residuals);
+    free(b.jacobian);
+    gsl_multifit_nlinear_free(work);
+    return status;
+}

@@ -1,0 +1,49 @@
+/* Least squares, linear and not, through GSL; the only place where GSL's fitting is called.
+ *
+ * GSL's default error handler aborts the program. It is switched off at the start of each
+ * call here and stays off for the whole process (a handler cannot be had per thread, and putting
+ * the old one back would expose other threads); failures come back as a status instead.
+ */
+#ifndef RX_NUM_LSQ_H
+#define RX_NUM_LSQ_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+
+/* x (columns) that minimises sum_i weight_i (b_i - sum_j a_ij x_j)^2, by singular values (weak
+ * directions, below 1e-12 of the strongest, are left at 0).
+ *   a [rows][columns]; b [rows]; weights [rows] or NULL for 1; rows >= columns >= 1
+ *   covariance [columns][columns] or NULL; chi2 (the minimum) or NULL
+ * With weights = 1/sigma^2 the covariance is that of x. Errors: RX_SYSTEM memory, RX_INPUT numbers
+ * that are not finite or too few rows. */
+rx_status rx_lsq_linear(const double *a, const double *b, const double *weights, size_t rows, size_t columns,
+                        double *x, double *covariance, double *chi2, rx_error *err);
+
+/* residuals[i] = (model_i(parameters) - data_i) / sigma_i; jacobian [n][p] = d residuals_i / d
+ * parameter_j, NULL when not asked for. Returns 0, or 1 where the model cannot be evaluated. */
+typedef int (*rx_lsq_model)(void *user, const double *parameters, double *residuals, double *jacobian);
+
+typedef struct rx_lsq_problem {
+    size_t nresiduals, nparameters;
+    rx_lsq_model model;
+    int has_jacobian; /* 0: the model is never asked for one, differences are used */
+    void *user;
+    int max_iterations; /* 0 = 100 */
+    double tolerance;   /* relative step that counts as converged, 0 = 1e-8 */
+} rx_lsq_problem;
+
+typedef struct rx_lsq_result {
+    int converged; /* 0: ran out of iterations or could not go on; parameters are the best so far */
+    int iterations;
+    double chi2; /* sum of residuals^2 */
+} rx_lsq_result;
+
+/* Levenberg-Marquardt (GSL's multifit_nlinear, QR) from `parameters` on, which are replaced by the
+ * best fit. errors [nparameters] (may be NULL): 1 sigma from the inverse of J^T J; HUGE_VAL where it
+ * is singular. Errors: RX_SYSTEM memory, RX_INPUT when the model fails at the start or there are fewer
+ * residuals than parameters. */
+rx_status rx_lsq_fit(const rx_lsq_problem *problem, double *parameters, double *errors, rx_lsq_result *result,
+                     rx_error *err);
+
+#endif

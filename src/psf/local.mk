@@ -1,0 +1,3 @@
+librextract_la_SOURCES += src/psf/psf.c src/psf/psf.h src/psf/psf_parts.h
+librextract_la_SOURCES += src/psf/moffat.c src/psf/moffat.h
+librextract_la_SOURCES += src/psf/moffat_fit.c src/psf/moffat_fit.h

@@ -1,0 +1,32 @@
+/* What the files of this folder share and nobody else needs. */
+#ifndef RX_PSF_PSF_PARTS_H
+#define RX_PSF_PSF_PARTS_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/psf.h"
+#include "data/sources.h"
+#include "data/tile.h"
+#include "psf/psf.h"
+
+/* Zeroed PSF with room for nbasis images; exponents 0, scales 1. NULL without memory. */
+rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis);
+
+/* Lanczos-4 weights of the 8 samples first .. first + 7 around `position`, normalised to sum 1. */
+int rx_lanczos_weights(double position, double weights[8]);
+
+/* fwhm, ellipticity at the tile's centre from the stamp there; error names the file. */
+rx_status rx_psf_describe(rx_psf *psf, const char *file, int width, int height, rx_error *err);
+
+/* RX_INPUT unless a stamp of this size fits into the tile. */
+rx_status rx_psf_check_size(const char *file, int psf_width, int psf_height, int width, int height,
+                            rx_error *err);
+
+/* Side that is left of a square stamp of odd side `from` when `size` (0 = all) is asked for. */
+int rx_psf_cut_size(int from, int size);
+
+/* PSF_TYPE AUTO: from the stars of the tile. */
+rx_status rx_psf_estimate(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
+                          const rx_sources *sources, rx_log *log, rx_psf **dst, rx_error *err);
+
+#endif

@@ -1,0 +1,232 @@
+/* Analytic PSFs against analytic and brute-force numbers; evaluation; copies. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "psf/moffat.h"
+#include "psf/psf.h"
+
+static double stamp_sum(const float *stamp, int size)
+{
+    double sum = 0.0;
+    for (int i = 0; i < size * size; i++)
+        sum += (double)stamp[i];
+    return sum;
+}
+
+/* Moffat by the midpoint rule on a fine grid in each pixel, elliptical form written the textbook way. */
+static double brute_force(double fwhm, double beta, double ratio, double angle, int dx, int dy)
+{
+    const int fine = 400;
+    double alpha = fwhm / (2.0 * sqrt(pow(2.0, 1.0 / beta) - 1.0)), sum = 0.0;
+    for (int j = 0; j < fine; j++)
+        for (int i = 0; i < fine; i++) {
+            double x = dx + (i + 0.5) / fine - 0.5, y = dy + (j + 0.5) / fine - 0.5;
+            double u = x * cos(angle) + y * sin(angle), v = -x * sin(angle) + y * cos(angle);
+            double r2 = u * u * ratio + v * v / ratio;
+            sum += pow(1.0 + r2 / (alpha * alpha), -beta);
+        }
+    return sum / fine / fine;
+}
+
+static void test_moffat_pixels(void **state)
+{
+    (void)state;
+    const double cases[][4] = {{3.0, 4.765, 1.0, 0.0},
+                               {1.2, 2.5, 1.0, 0.0},
+                               {0.5, 3.0, 1.0, 0.0},
+                               {6.0, 2.0, 0.6, 0.5},
+                               {20.0, 4.0, 0.8, -1.2}};
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        const double *v = cases[c];
+        double shape[RX_MOFFAT_SHAPE], centre = brute_force(v[0], v[1], v[2], v[3], 0, 0);
+        rx_moffat profile;
+        rx_moffat_shape(v[0], v[1], v[2], v[3], shape);
+        rx_moffat_set(&profile, shape);
+        for (int dy = -2; dy <= 2; dy++)
+            for (int dx = 0; dx <= 3; dx++) {
+                double got = rx_moffat_pixel(&profile, dx, dy, NULL);
+                double want = brute_force(v[0], v[1], v[2], v[3], dx, dy);
+                if (!(fabs(got - want) < (v[0] < 1.0 ? 3e-5 : 5e-6) * centre))
+                    printf("%zu %d %d %g %g %g\n", c, dx, dy, got, want, (got - want) / centre);
+                /* the midpoint rule itself is good to 2e-6, for the narrowest to 1e-5 */
+                assert_true(fabs(got - want) < (v[0] < 1.0 ? 1e-5 : 3e-6) * centre);
+            }
+    }
+}
+
+static void test_moffat_gradient(void **state)
+{
+    (void)state;
+    double shape[RX_MOFFAT_SHAPE], gradient[6], position[2] = {0.7, -1.4};
+    rx_moffat m;
+    for (int near_round = 0; near_round < 2; near_round++) {
+        rx_moffat_shape(3.3, 3.1, near_round ? 0.9999 : 0.7, 0.8, shape);
+        rx_moffat_set(&m, shape);
+        rx_moffat_pixel(&m, position[0], position[1], gradient);
+        for (int i = 0; i < 6; i++) {
+            double f[2];
+            const double step = 1e-5;
+            for (int side = 0; side < 2; side++) {
+                double s[RX_MOFFAT_SHAPE], p[2] = {position[0], position[1]};
+                memcpy(s, shape, sizeof s);
+                *(i < 2 ? &p[i] : &s[i - 2]) += side ? step : -step;
+                rx_moffat_set(&m, s);
+                f[side] = rx_moffat_pixel(&m, p[0], p[1], NULL);
+            }
+            assert_true(fabs((f[1] - f[0]) / (2.0 * step) - gradient[i]) < 1e-8);
+        }
+    }
+}
+
+/* Share of the flux inside r: 1 - (1 + r^2/alpha^2)^(1 - beta). Wide, so that the pixels' own
+ * smoothing (a share of about 1/(12 sigma^2) of the slope) stays below the tolerance. */
+static void test_encircled_energy(void **state)
+{
+    (void)state;
+    const double fwhm = 30.0, beta = 4.765;
+    rx_psf *psf;
+    assert_int_equal(rx_psf_moffat(fwhm, beta, 1.0, 0.0, 401, &psf, NULL), RX_OK);
+    double alpha = fwhm / (2.0 * sqrt(pow(2.0, 1.0 / beta) - 1.0));
+    for (double r = 10.0; r <= 150.0; r *= 1.5) {
+        double inside = 0.0;
+        for (int j = -200; j <= 200; j++)
+            for (int i = -200; i <= 200; i++) {
+                int hits = 0; /* share of the pixel inside the circle, by 8 x 8 points */
+                for (int k = 0; k < 64; k++)
+                    hits += hypot(i + (k % 8 + 0.5) / 8 - 0.5, j + (k / 8 + 0.5) / 8 - 0.5) < r;
+                inside += hits / 64.0 * (double)psf->basis[(j + 200) * 401 + i + 200];
+            }
+        double want = 1.0 - pow(1.0 + r * r / (alpha * alpha), 1.0 - beta);
+        assert_true(fabs(inside / want - 1.0) < 1e-3);
+    }
+    double got, ellipticity, exponent;
+    assert_int_equal(rx_psf_shape(psf->basis, 401, &got, &ellipticity, &exponent, NULL), RX_OK);
+    assert_true(fabs(got / fwhm - 1.0) < 1e-3 && ellipticity < 1e-3 && fabs(exponent / beta - 1.0) < 1e-2);
+    rx_psf_free(psf);
+}
+
+static void test_moffat_sizes(void **state)
+{
+    (void)state;
+    const double fwhm[] = {0.5, 1.0, 2.5, 3.46, 6.0, 40.0}, beta[] = {2.0, 3.0, 4.765, 100.0};
+    for (size_t f = 0; f < 6; f++)
+        for (size_t b = 0; b < 4; b++) {
+            rx_psf *psf;
+            assert_int_equal(rx_psf_moffat(fwhm[f], beta[b], 0.8, 0.3, 0, &psf, NULL), RX_OK);
+            assert_true(psf->size % 2 == 1 && psf->size >= 5 && psf->size <= 255);
+            assert_true(fabs(stamp_sum(psf->basis, psf->size) - 1.0) < 1e-6);
+            int half = psf->size / 2;
+            double alpha = 0.5 * fwhm[f] / sqrt(pow(2.0, 1.0 / beta[b]) - 1.0), r = half + 0.5;
+            double outside = 1.0 + r * r * 0.8 / (alpha * alpha);
+            if (psf->size < 255)
+                assert_true(pow(outside, 1.0 - beta[b]) < 1e-3 || pow(outside, -beta[b]) < 1e-5);
+            rx_psf_free(psf);
+        }
+}
+
+/* A wide ellipse: second moments of the stamp point along the angle. */
+static void test_moffat_angle(void **state)
+{
+    (void)state;
+    rx_psf *psf;
+    assert_int_equal(rx_psf_moffat(5.0, 4.0, 0.6, 0.5, 61, &psf, NULL), RX_OK);
+    double xx = 0.0, yy = 0.0, xy = 0.0;
+    for (int j = -30; j <= 30; j++)
+        for (int i = -30; i <= 30; i++) {
+            double v = (double)psf->basis[(j + 30) * 61 + i + 30];
+            if (i * i + j * j < 900) {
+                xx += v * i * i;
+                yy += v * j * j;
+                xy += v * i * j;
+            }
+        }
+    assert_true(fabs(0.5 * atan2(2.0 * xy, xx - yy) - 0.5) < 0.005);
+    double fwhm, ellipticity;
+    assert_int_equal(rx_psf_shape(psf->basis, 61, &fwhm, &ellipticity, NULL, NULL), RX_OK);
+    assert_true(fabs(fwhm - 5.0) < 0.005 && fabs(ellipticity - 0.4) < 1e-3);
+    rx_psf_free(psf);
+}
+
+static void test_moffat_refused(void **state)
+{
+    (void)state;
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_psf_moffat(0.0, 4.0, 1.0, 0.0, 0, &psf, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "PSF_FWHM"));
+    assert_null(psf);
+    assert_int_equal(rx_psf_moffat(NAN, 4.0, 1.0, 0.0, 0, &psf, &err), RX_INPUT);
+    assert_int_equal(rx_psf_moffat(3.0, 1.0, 1.0, 0.0, 0, &psf, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "PSF_BETA"));
+    assert_int_equal(rx_psf_moffat(3.0, 4.0, 0.0, 0.0, 0, &psf, &err), RX_INPUT);
+    assert_int_equal(rx_psf_moffat(3.0, 4.0, 1.0, 0.0, 8, &psf, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "odd"));
+    assert_int_equal(rx_psf_gauss(-1.0, &psf, &err), RX_INPUT);
+    assert_null(psf);
+}
+
+static void test_gauss(void **state)
+{
+    (void)state;
+    rx_psf *psf;
+    assert_int_equal(rx_psf_gauss(0.0, &psf, NULL), RX_OK);
+    assert_true(psf->size == 1 && psf->basis[0] == 1.0F && psf->type == RX_PSF_PIXEL);
+    rx_psf_free(psf);
+    assert_int_equal(rx_psf_gauss(2.5, &psf, NULL), RX_OK);
+    int n = psf->size, half = n / 2;
+    double sigma = 2.5 / 2.35482, xx = 0.0;
+    for (int i = 0; i < n * n; i++)
+        xx += (double)psf->basis[i] * (i % n - half) * (i % n - half);
+    assert_true(fabs(stamp_sum(psf->basis, n) - 1.0) < 1e-6);
+    assert_true(fabs(xx - (sigma * sigma + 1.0 / 12.0)) < 1e-4); /* 1/12: the pixel's own variance */
+    rx_psf_free(psf);
+}
+
+static void test_polynomial_and_copy(void **state)
+{
+    (void)state;
+    rx_psf psf = {.type = RX_PSF_PSFEX,
+                  .size = 1,
+                  .nbasis = 3,
+                  .x0 = 10,
+                  .y0 = 20,
+                  .xs = 5,
+                  .ys = 4,
+                  .px = {0, 2, 1},
+                  .py = {0, 0, 1},
+                  .nstars = 2};
+    float basis[3] = {1.0F, 0.5F, -0.25F}, value;
+    double stars[2][2] = {{1, 2}, {3, 4}};
+    psf.basis = basis;
+    psf.stars = stars;
+    rx_psf_at(&psf, 15.0, 12.0, &value);
+    assert_true(fabs((double)value - (1.0 + 0.5 * 1.0 - 0.25 * 1.0 * -2.0)) < 1e-6);
+    rx_psf *copy = rx_psf_copy(&psf);
+    assert_non_null(copy);
+    assert_true(copy->basis != psf.basis && copy->stars != psf.stars && copy->stars[1][1] == 4.0);
+    rx_psf_at(copy, 15.0, 12.0, basis);
+    assert_true(basis[0] == value);
+    rx_psf_free(copy);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_moffat_pixels),
+        cmocka_unit_test(test_moffat_gradient),
+        cmocka_unit_test(test_encircled_energy),
+        cmocka_unit_test(test_moffat_sizes),
+        cmocka_unit_test(test_moffat_angle),
+        cmocka_unit_test(test_moffat_refused),
+        cmocka_unit_test(test_gauss),
+        cmocka_unit_test(test_polynomial_and_copy),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
