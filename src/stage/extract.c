@@ -10,7 +10,7 @@
 #include "detect/filter.h"
 #include "measure/measure.h"
 #include "stage/names.h"
-#include "stage/sky.h"
+#include "stage/coordinates.h"
 
 /* Planes and numbers that live while one extension is extracted. */
 typedef struct work {
@@ -316,7 +316,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     if (status == RX_OK)
         status = measure_sources(run, &w, log, err);
     if (status == RX_OK)
-        status = rx_sky_fill(w.measure->tile, run->sources, err);
+        status = rx_coordinates_fill(w.measure->tile, run->sources, err);
     if (status == RX_OK && options->assoc_list != NULL)
         status = rx_assoc_match(&options->assoc, options->assoc_list, run->sources, err);
     if (status != RX_OK)

@@ -1,0 +1,66 @@
+/* World coordinates of the sources. */
+#include "stage/coordinates.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "io/wcs.h"
+
+enum { CENTRE, WINDOWED, PEAK, NPOSITIONS };
+
+static void position(const rx_source *source, int kind, double *x, double *y)
+{
+    *x = kind == CENTRE ? source->x : kind == WINDOWED ? source->xwin : source->xpeak;
+    *y = kind == CENTRE ? source->y : kind == WINDOWED ? source->ywin : source->ypeak;
+}
+
+static void store(rx_source *source, int kind, double alpha, double delta, double alpha_j2000,
+                  double delta_j2000)
+{
+    if (kind == CENTRE) {
+        source->alpha = source->x_world = alpha;
+        source->delta = source->y_world = delta;
+        source->alpha_j2000 = alpha_j2000;
+        source->delta_j2000 = delta_j2000;
+    } else if (kind == WINDOWED) {
+        source->alphawin = alpha;
+        source->deltawin = delta;
+        source->alphawin_j2000 = alpha_j2000;
+        source->deltawin_j2000 = delta_j2000;
+    } else {
+        source->alphapeak = alpha;
+        source->deltapeak = delta;
+        source->alphapeak_j2000 = alpha_j2000;
+        source->deltapeak_j2000 = delta_j2000;
+    }
+}
+
+rx_status rx_coordinates_fill(const rx_tile *tile, rx_sources *sources, rx_error *err)
+{
+    size_t n = (size_t)sources->n;
+    double *work = RX_NEW(double, 6 * n + 1);
+    if (work == NULL)
+        return rx_error_memory(err, 6 * n * sizeof(double));
+    double *x = work, *y = work + n, *sky = work + 2 * n;
+    for (int kind = 0; kind < NPOSITIONS; kind++) {
+        for (size_t i = 0; i < n; i++)
+            position(&sources->list[i], kind, &x[i], &y[i]);
+        if (tile->wcs != NULL)
+            rx_wcs_to_sky(tile->wcs, (int)n, x, y, sky, sky + n, sky + 2 * n, sky + 3 * n);
+        else
+            for (size_t i = 0; i < 4 * n; i++)
+                sky[i] = NAN;
+        for (size_t i = 0; i < n; i++)
+            store(&sources->list[i], kind, sky[i], sky[n + i], sky[2 * n + i], sky[3 * n + i]);
+    }
+    for (size_t i = 0; i < n; i++) {
+        rx_source *source = &sources->list[i];
+        for (int k = 0; k < 4; k++)
+            source->world_matrix[k] = NAN;
+        if (tile->wcs != NULL)
+            rx_wcs_matrix(tile->wcs, source->x, source->y, source->world_matrix);
+    }
+    free(work);
+    return RX_OK;
+}

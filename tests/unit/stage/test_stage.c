@@ -1,0 +1,355 @@
+/* The whole stage on a small simulated tile: masks, threads, empty tiles, dual images, gates. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <dirent.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "catalog/catalog.h"
+#include "config/config.h"
+#include "io/fits_read.h"
+#include "scene.h"
+#include "stage/stage.h"
+
+/* Every test works in a folder of its own, removed afterwards; outputs of one run go to a sub-folder of it.
+ */
+typedef struct place {
+    char root[64];
+    char old[4096];
+} place;
+
+static int enter(void **state)
+{
+    place *p = calloc(1, sizeof *p);
+    assert_non_null(p);
+    strcpy(p->root, "/tmp/rextract-stage-XXXXXX");
+    assert_non_null(mkdtemp(p->root));
+    assert_non_null(getcwd(p->old, sizeof p->old));
+    assert_int_equal(chdir(p->root), 0);
+    *state = p;
+    return 0;
+}
+
+static void remove_tree(const char *path)
+{
+    DIR *dir = opendir(path);
+    if (dir == NULL) {
+        unlink(path);
+        return;
+    }
+    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
+        char name[4096];
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
+            continue;
+        snprintf(name, sizeof name, "%s/%s", path, entry->d_name);
+        remove_tree(name);
+    }
+    closedir(dir);
+    rmdir(path);
+}
+
+static int leave(void **state)
+{
+    place *p = *state;
+    assert_int_equal(chdir(p->old), 0);
+    remove_tree(p->root);
+    free(p);
+    return 0;
+}
+
+typedef struct setting {
+    const char *name, *value;
+} setting;
+
+static const char columns_text[] =
+    "NUMBER\nX_IMAGE\nY_IMAGE\nXWIN_IMAGE\nYWIN_IMAGE\nMAG_AUTO\nFLUX_AUTO\nFLUXERR_AUTO\n"
+    "FLUX_APER(2)\nFLUXERR_APER(2)\nFLUX_RADIUS\nALPHA_J2000\nDELTA_J2000\nFLAGS\n"
+    "MASKED_FRACTION\nSNR_WIN\nVIGNET(9,9)\n";
+
+static void write_text(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    assert_true(fputs(text, file) >= 0);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Run on `image` with the outputs in the current folder. */
+static rx_status run_stage(const char *image, const setting *settings, rx_error *err)
+{
+    static const setting common[] = {{"PARAMETERS_NAME", "columns.param"},
+                                     {"PHOT_APERTURES", "6,10"},
+                                     {"MAG_ZEROPOINT", "25"},
+                                     {"CATALOG_TYPE", "FITS_1.0"},
+                                     {"CATALOG_NAME", "out.cat"},
+                                     {"PSF_TYPE", "MOFFAT"},
+                                     {"PSF_FWHM", "3.5"},
+                                     {"RL_NITER", "10"},
+                                     {"QA_FIGURES", "N"},
+                                     {NULL, NULL}};
+    rx_config *config = NULL;
+    write_text("columns.param", columns_text);
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    for (const setting *s = common; s->name != NULL; s++)
+        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+    for (const setting *s = settings; s->name != NULL; s++)
+        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+    rx_status status = rx_stage_run(config, image, NULL, err);
+    rx_config_free(config);
+    return status;
+}
+
+static void expect_run(const char *image, const setting *settings)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (run_stage(image, settings, &err) != RX_OK)
+        fail_msg("%s: %s", err.where, err.text);
+}
+
+static char *content(const char *path, size_t *length)
+{
+    FILE *file = fopen(path, "rb");
+    if (file == NULL)
+        fail_msg("%s was not written", path);
+    struct stat info;
+    assert_int_equal(fstat(fileno(file), &info), 0);
+    char *bytes = malloc((size_t)info.st_size + 1);
+    assert_non_null(bytes);
+    *length = fread(bytes, 1, (size_t)info.st_size, file);
+    fclose(file);
+    return bytes;
+}
+
+static void assert_same_file(const char *a, const char *b)
+{
+    size_t na, nb;
+    char *first = content(a, &na), *second = content(b, &nb);
+    if (na != nb || memcmp(first, second, na) != 0)
+        fail_msg("%s and %s differ", a, b);
+    free(first);
+    free(second);
+}
+
+static const char *const products[] = {"out_NONE.cat",     "out_RL.cat",        "restored_NONE.fits",
+                                       "restored_RL.fits", "segment_NONE.fits", "segment_RL.fits",
+                                       "support_RL.fits",  "residual_RL.fits",  "qa/bins.ecsv",
+                                       "qa/summary.json",  "qa/report.html"};
+
+static const setting everything[] = {
+    {"RESTORE_TYPE", "NONE,RL"},
+    {"CHECKIMAGE_TYPE", "RESTORED,SEGMENTATION,SUPPORT,RESIDUAL"},
+    {"CHECKIMAGE_NAME", "restored.fits,segment.fits,support.fits,residual.fits"},
+    {"WEIGHT_TYPE", "MAP_WEIGHT"},
+    {"WEIGHT_IMAGE", "weight.fits"},
+    {"MASK_SATURATED", "Y"},
+    {"REFERENCE_NAME", "truth.fits"},
+    {"QA_NAME", "qa"},
+    {NULL, NULL}};
+
+/* The products of this run, kept under another name to be compared with the next. */
+static void keep(void)
+{
+    for (size_t i = 0; i < sizeof products / sizeof products[0]; i++) {
+        char kept[256];
+        snprintf(kept, sizeof kept, "%s.kept", products[i]);
+        for (char *c = kept; *c != '\0'; c++)
+            if (*c == '/')
+                *c = '+';
+        assert_int_equal(rename(products[i], kept), 0);
+    }
+}
+
+static void compare_with_kept(void)
+{
+    for (size_t i = 0; i < sizeof products / sizeof products[0]; i++) {
+        char kept[256];
+        snprintf(kept, sizeof kept, "%s.kept", products[i]);
+        for (char *c = kept; *c != '\0'; c++)
+            if (*c == '/')
+                *c = '+';
+        assert_same_file(products[i], kept);
+    }
+}
+
+/* Put what a detector may leave there into the pixels that must not count. */
+static void fill_hidden(scene *s, uint64_t seed)
+{
+    size_t n = (size_t)s->width * (size_t)s->height;
+    for (size_t i = 0; i < n; i++) {
+        int x = (int)(i % (size_t)s->width), y = (int)(i / (size_t)s->width);
+        double u = rx_random_uniform(seed, 9, i);
+        if (x == 60 || (x > 130 && x < 150 && y > 20 && y < 31)) {
+            s->weights[i] = 0.0f;
+            s->pixels[i] = (float)(1e4 * (2.0 * u - 1.0));
+        }
+        if (hypot(x - 100, y - 150) < 4.0)
+            s->pixels[i] = (float)(20000.0 + 40000.0 * u);
+    }
+}
+
+static void values_under_the_mask_reach_nothing(void **state)
+{
+    (void)state;
+    for (int turn = 0; turn < 2; turn++) {
+        scene s;
+        scene_make(&s, 200, 220, 60, 5);
+        fill_hidden(&s, 100 + (uint64_t)turn);
+        scene_write("tile.fits", s.pixels, s.width, s.height);
+        scene_write("weight.fits", s.weights, s.width, s.height);
+        scene_write_truth("truth.fits", &s);
+        scene_free(&s);
+        expect_run("tile.fits", everything);
+        if (turn == 0)
+            keep();
+    }
+    compare_with_kept();
+}
+
+static void threads_change_no_byte(void **state)
+{
+    (void)state;
+    scene s;
+    scene_make(&s, 200, 220, 60, 6);
+    fill_hidden(&s, 1);
+    scene_write("tile.fits", s.pixels, s.width, s.height);
+    scene_write("weight.fits", s.weights, s.width, s.height);
+    scene_write_truth("truth.fits", &s);
+    scene_free(&s);
+    setting settings[sizeof everything / sizeof everything[0] + 1];
+    memcpy(settings + 1, everything, sizeof everything);
+    settings[0] = (setting){"NTHREADS", "1"};
+    expect_run("tile.fits", settings);
+    keep();
+    settings[0].value = "3";
+    expect_run("tile.fits", settings);
+    compare_with_kept();
+}
+
+static long rows_of(const char *path)
+{
+    rx_table *table = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_catalog_read(path, 0, &table, &err) != RX_OK)
+        fail_msg("%s: %s", path, err.text);
+    long rows = table->nrows;
+    rx_table_free(table);
+    return rows;
+}
+
+static void an_empty_tile_gives_a_catalogue_without_rows(void **state)
+{
+    (void)state;
+    static const char *const types[] = {"ASCII_HEAD", "FITS_1.0", "FITS_LDAC", "ASCII_VOTABLE"};
+    scene s;
+    scene_make(&s, 150, 140, 0, 7);
+    scene_write("tile.fits", s.pixels, s.width, s.height);
+    scene_free(&s);
+    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++) {
+        const setting settings[] = {{"RESTORE_TYPE", "NONE,RL"}, {"CATALOG_TYPE", types[i]},
+                                    {"DETECT_THRESH", "6"},      {"ANALYSIS_THRESH", "6"},
+                                    {"PSF_TYPE", "AUTO"},        {NULL, NULL}};
+        expect_run("tile.fits", settings);
+        assert_int_equal(rows_of("out_NONE.cat"), 0);
+        assert_int_equal(rows_of("out_RL.cat"), 0);
+    }
+}
+
+static void the_second_image_is_measured(void **state)
+{
+    (void)state;
+    scene s;
+    scene_make(&s, 200, 200, 40, 8);
+    scene_write("detect.fits", s.pixels, s.width, s.height);
+    for (size_t i = 0; i < (size_t)s.width * (size_t)s.height; i++)
+        s.pixels[i] *= 2.0f;
+    scene_write("measure.fits", s.pixels, s.width, s.height);
+    scene_free(&s);
+    const setting single[] = {{"RESTORE_TYPE", "NONE"}, {"CATALOG_NAME", "single.cat"}, {NULL, NULL}};
+    const setting dual[] = {{"RESTORE_TYPE", "NONE"}, {"CATALOG_NAME", "dual.cat"}, {NULL, NULL}};
+    expect_run("detect.fits", single);
+    expect_run("detect.fits,measure.fits", dual);
+    rx_table *a = NULL, *b = NULL;
+    assert_int_equal(rx_catalog_read("single.cat", 0, &a, NULL), RX_OK);
+    assert_int_equal(rx_catalog_read("dual.cat", 0, &b, NULL), RX_OK);
+    assert_true(a->nrows > 20);
+    assert_int_equal(a->nrows, b->nrows);
+    int flux = rx_table_find(a, "FLUX_APER");
+    for (long i = 0; i < a->nrows; i++) {
+        double one = rx_column_value(&a->columns[flux], i, 0), two = rx_column_value(&b->columns[flux], i, 0);
+        assert_true(fabs(two / one - 2.0) < 1e-3 + 1.0 / fabs(one));
+    }
+    rx_table_free(a);
+    rx_table_free(b);
+}
+
+static void gates_decide_the_status(void **state)
+{
+    (void)state;
+    scene s;
+    scene_make(&s, 300, 300, 80, 9);
+    scene_write("tile.fits", s.pixels, s.width, s.height);
+    scene_write_truth("truth.fits", &s);
+    scene_free(&s);
+    const setting settings[] = {{"RESTORE_TYPE", "NONE"},
+                                {"REFERENCE_NAME", "truth.fits"},
+                                {"QA_NAME", "qa"},
+                                {"QA_GATES", "gates.qa"},
+                                {NULL, NULL}};
+    write_text("gates.qa", "recall all >= 0.2 0.95\n");
+    assert_int_equal(run_stage("tile.fits", settings, NULL), RX_OK);
+    write_text("gates.qa", "recall all >= 0.999 0.95\nrecall all >= 0.2 0.95\n");
+    assert_int_equal(run_stage("tile.fits", settings, NULL), RX_GATE_FAIL);
+    assert_int_equal(access("qa/report.html", R_OK), 0);
+}
+
+static void a_failed_run_leaves_the_old_outputs(void **state)
+{
+    (void)state;
+    scene s;
+    scene_make(&s, 120, 120, 10, 10);
+    scene_write("tile.fits", s.pixels, s.width, s.height);
+    scene_write("small.fits", s.pixels, s.width, s.height - 1);
+    scene_free(&s);
+    const setting good[] = {{"RESTORE_TYPE", "NONE"}, {NULL, NULL}};
+    const setting bad[] = {{"RESTORE_TYPE", "NONE"},
+                           {"WEIGHT_TYPE", "MAP_WEIGHT"},
+                           {"WEIGHT_IMAGE", "small.fits"},
+                           {NULL, NULL}};
+    expect_run("tile.fits", good);
+    size_t before, after;
+    char *old = content("out.cat", &before);
+    assert_int_equal(run_stage("tile.fits", bad, NULL), RX_INPUT);
+    char *new = content("out.cat", &after);
+    assert_int_equal(before, after);
+    assert_memory_equal(old, new, before);
+    free(old);
+    free(new);
+    DIR *dir = opendir(".");
+    assert_non_null(dir);
+    for (struct dirent *entry; (entry = readdir(dir)) != NULL;)
+        assert_null(strstr(entry->d_name, ".tmp"));
+    closedir(dir);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(values_under_the_mask_reach_nothing, enter, leave),
+        cmocka_unit_test_setup_teardown(threads_change_no_byte, enter, leave),
+        cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter, leave),
+        cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter, leave),
+        cmocka_unit_test_setup_teardown(gates_decide_the_status, enter, leave),
+        cmocka_unit_test_setup_teardown(a_failed_run_leaves_the_old_outputs, enter, leave),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
