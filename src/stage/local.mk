@@ -1,0 +1,15 @@
+librextract_la_SOURCES += \
+	src/stage/checkimages.c src/stage/checkimages.h \
+	src/stage/extract.c src/stage/extract.h \
+	src/stage/field.c src/stage/field.h \
+	src/stage/names.c src/stage/names.h \
+	src/stage/options.c src/stage/options.h \
+	src/stage/quality.c src/stage/quality.h \
+	src/stage/record.c src/stage/record.h \
+	src/stage/reference.c src/stage/reference.h \
+	src/stage/report.c src/stage/report.h \
+	src/stage/coordinates.c src/stage/coordinates.h \
+	src/stage/stage.c
+
+rx_stagedir = $(pkgincludedir)/stage
+rx_stage_HEADERS = src/stage/stage.h
