@@ -1,6 +1,11 @@
-librextract_la_SOURCES += src/base/error.c src/base/error.h
-librextract_la_SOURCES += src/base/interrupt.c src/base/interrupt.h
-librextract_la_SOURCES += src/base/log.c src/base/log.h
-librextract_la_SOURCES += src/base/memory.c src/base/memory.h
-librextract_la_SOURCES += src/base/random.c src/base/random.h
-librextract_la_SOURCES += src/base/text.c src/base/text.h
+librextract_la_SOURCES += \
+	src/base/error.c \
+	src/base/interrupt.c \
+	src/base/log.c \
+	src/base/memory.c \
+	src/base/random.c \
+	src/base/text.c
+
+rx_basedir = $(pkgincludedir)/base
+rx_base_HEADERS = src/base/error.h src/base/interrupt.h src/base/log.h src/base/memory.h src/base/random.h \
+	src/base/text.h

@@ -1,6 +1,6 @@
-librextract_la_SOURCES += src/data/data.c
-librextract_la_SOURCES += src/data/psf.h
-librextract_la_SOURCES += src/data/restored.h
-librextract_la_SOURCES += src/data/sources.h
-librextract_la_SOURCES += src/data/table.c src/data/table.h
-librextract_la_SOURCES += src/data/tile.h
+librextract_la_SOURCES += \
+	src/data/data.c \
+	src/data/table.c
+
+rx_datadir = $(pkgincludedir)/data
+rx_data_HEADERS = src/data/psf.h src/data/restored.h src/data/sources.h src/data/table.h src/data/tile.h
