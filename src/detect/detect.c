@@ -6,8 +6,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "detect/extract.h"
 #include "detect/filter.h"
+#include "detect/sep_extract.h"
 
 /* Everything one run needs, freed together. */
 typedef struct workspace {

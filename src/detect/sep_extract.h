@@ -2,8 +2,8 @@
  *
  * sep's two limits are process-wide; they are set and put back here, so two extractions must
  * not run at the same time in one process (the stage runs one tile at a time). */
-#ifndef RX_DETECT_EXTRACT_H
-#define RX_DETECT_EXTRACT_H
+#ifndef RX_DETECT_SEP_EXTRACT_H
+#define RX_DETECT_SEP_EXTRACT_H
 
 #include "base/error.h"
 #include "base/log.h"

@@ -1,5 +1,5 @@
 /* sep_extract() with limits that grow by themselves. */
-#include "detect/extract.h"
+#include "detect/sep_extract.h"
 
 #include <math.h>
 #include <stdbool.h>

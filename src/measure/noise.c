@@ -1,0 +1,138 @@
+/* Empty apertures: places from a summed-area table of obstacles, widths by MAD, a line in log-log. */
+#include "measure/noise.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "measure/aperture.h"
+#include "measure/measure.h"
+#include "num/stats.h"
+
+static const double RADII[] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0};
+enum {
+    NRADII = sizeof RADII / sizeof RADII[0],
+    MARGIN = 2,        /* pixels between an aperture and the next obstacle */
+    TRIES = 30,        /* throws per aperture wanted */
+    MIN_APERTURES = 40 /* per radius; a MAD of fewer says little */
+};
+
+/* table[(y + 1)(width + 1) + x + 1]: obstacles in the rectangle from (0, 0) to (x, y). */
+static int64_t *count_obstacles(const rx_view *view)
+{
+    int width = view->image->width, height = view->image->height;
+    size_t row = (size_t)width + 1;
+    int64_t *table = RX_NEW(int64_t, row * ((size_t)height + 1));
+    if (table == NULL)
+        return NULL;
+    for (int y = 0; y < height; y++) {
+        int64_t line = 0;
+        for (int x = 0; x < width; x++) {
+            line += rx_view_state(view, x, y) != RX_SEEN_GOOD;
+            table[((size_t)y + 1) * row + (size_t)x + 1] = table[(size_t)y * row + (size_t)x + 1] + line;
+        }
+    }
+    return table;
+}
+
+static bool is_free(const rx_view *view, const int64_t *table, double x, double y, double radius)
+{
+    int reach = (int)ceil(radius) + MARGIN;
+    int x0 = (int)floor(x) - reach, x1 = (int)floor(x) + reach + 2;
+    int y0 = (int)floor(y) - reach, y1 = (int)floor(y) + reach + 2;
+    size_t row = (size_t)view->image->width + 1;
+    if (x0 < 0 || y0 < 0 || x1 > view->image->width || y1 > view->image->height)
+        return false;
+    return table[(size_t)y1 * row + (size_t)x1] - table[(size_t)y0 * row + (size_t)x1] -
+               table[(size_t)y1 * row + (size_t)x0] + table[(size_t)y0 * row + (size_t)x0] ==
+           0;
+}
+
+/* Sums of free apertures in units of the pixels' mean sigma; returns how many. */
+static int throw_apertures(const rx_view *view, const int64_t *table, int which, int count, uint64_t seed,
+                           double *sums, double *area)
+{
+    const rx_measure_image *image = view->image;
+    int n = 0;
+    double total_area = 0.0;
+    for (int i = 0; i < count * TRIES && n < count; i++) {
+        double x = rx_random_uniform(seed, (uint64_t)which, 2 * (uint64_t)i) * image->width - 0.5;
+        double y = rx_random_uniform(seed, (uint64_t)which, 2 * (uint64_t)i + 1) * image->height - 0.5;
+        if (!is_free(view, table, x, y, RADII[which]))
+            continue;
+        rx_sum sum;
+        rx_sum_circle(view, x, y, RADII[which], &sum);
+        double sigma = sum.error / sqrt(sum.area); /* rms of the pixels inside */
+        if (!(sigma > 0.0))
+            continue;
+        sums[n++] = sum.flux / sigma;
+        total_area += sum.area;
+    }
+    *area = n > 0 ? total_area / n : 0.0;
+    return n;
+}
+
+/* Least squares of log ratio = log scale + power log area, power held in 0.5 .. 1: less than 0.5
+ * would mean noise that cancels, more than 1 that grows faster than the flux of the sky. */
+static void fit_law(rx_noise_law *law)
+{
+    double n = law->nradii, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0, residual = 0.0;
+    for (int i = 0; i < law->nradii; i++) {
+        double x = log10(law->area[i]), y = log10(law->ratio[i]);
+        sx += x;
+        sy += y;
+        sxx += x * x;
+        sxy += x * y;
+    }
+    law->power = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+    law->power = fmin(fmax(law->power, 0.5), 1.0);
+    double offset = (sy - law->power * sx) / n;
+    for (int i = 0; i < law->nradii; i++) {
+        double off = log10(law->ratio[i]) - offset - law->power * log10(law->area[i]);
+        residual += off * off;
+    }
+    law->scale = pow(10.0, offset);
+    law->scatter = sqrt(residual / n);
+}
+
+rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_sources *sources, int count,
+                           uint64_t seed, rx_noise_law *law, rx_log *log, rx_error *err)
+{
+    rx_measure_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
+    plain.gain = 0.0;
+    plain.law_scale = 1.0;
+    plain.law_power = 0.5;
+    /* segment -1 belongs to nobody: every source is a neighbour */
+    rx_view view = {.image = &plain, .sources = sources, .neighbours = RX_NEIGHBOURS_BLANK, .segment = -1};
+    rx_status status = RX_OK;
+    *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
+    int64_t *table = count_obstacles(&view);
+    double *sums = RX_NEW(double, count > 0 ? (size_t)count : 1);
+    if (table == NULL || sums == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < NRADII; i++) {
+        double area;
+        int n = throw_apertures(&view, table, i, count, seed, sums, &area);
+        if (n < MIN_APERTURES)
+            continue;
+        double width = rx_sigma_mad(sums, (size_t)n, NULL);
+        if (!(width > 0.0))
+            continue;
+        law->area[law->nradii] = area;
+        law->ratio[law->nradii++] = width;
+        law->apertures += n;
+    }
+    if (law->nradii >= 3) {
+        fit_law(law);
+    } else {
+        law->apertures = 0;
+        rx_log_detail(log, "too little free sky for empty apertures: errors are not calibrated");
+    }
+exit:
+    free(table);
+    free(sums);
+    return status;
+}

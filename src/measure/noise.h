@@ -1,0 +1,30 @@
+/* Noise against aperture area on source-free sky: correlated noise told by empty apertures. */
+#ifndef RX_MEASURE_NOISE_H
+#define RX_MEASURE_NOISE_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/sources.h"
+
+struct rx_measure_image;
+
+enum { RX_NOISE_RADII = 16 };
+
+/* sigma(A) = scale * sigma_pixel * A^power, A in pixels (Labbe et al. 2003, AJ 125, 1107). */
+typedef struct rx_noise_law {
+    double scale, power;
+    int apertures; /* used, 0 = could not be fitted (scale 1, power 0.5) */
+    int nradii;
+    double area[RX_NOISE_RADII], ratio[RX_NOISE_RADII]; /* the points: sigma(A)/sigma_pixel */
+    double scatter;                                     /* rms of the fit, dex */
+} rx_noise_law;
+
+/* Fit the law with up to `count` empty apertures at each of several radii, thrown by `seed` where no
+ * source, fragment or hidden pixel is near. Too little free sky: apertures = 0, RX_OK.
+ * image->law_* are not used. Errors: RX_SYSTEM without memory. */
+rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_sources *sources, int count,
+                           uint64_t seed, rx_noise_law *law, rx_log *log, rx_error *err);
+
+#endif
