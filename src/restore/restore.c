@@ -1,0 +1,32 @@
+/* The table of restorers. A new kind, such as a network, is one more row: its name as users give
+ * it in RESTORE_TYPE, one line of help, whether it needs the tile's PSF, and its function. */
+#include "restore/restore.h"
+
+#include <stddef.h>
+#include <strings.h>
+
+#include "restore/none.h"
+#include "restore/richardson_lucy.h"
+#include "restore/rl_blind.h"
+
+static const rx_restorer restorers[] = {
+    {"NONE", "the tile as it is, background subtracted", 0, rx_none_run},
+    {"RL", "Richardson-Lucy with the given PSF", 1, rx_rl_run},
+    {"RL_BLIND", "Richardson-Lucy that improves the PSF as well", 1, rx_rl_blind_run},
+};
+
+enum { NRESTORERS = sizeof restorers / sizeof *restorers };
+
+const rx_restorer *rx_restorers(int *n)
+{
+    *n = NRESTORERS;
+    return restorers;
+}
+
+const rx_restorer *rx_restorer_find(const char *name)
+{
+    for (int i = 0; i < NRESTORERS; i++)
+        if (strcasecmp(name, restorers[i].name) == 0)
+            return &restorers[i];
+    return NULL;
+}

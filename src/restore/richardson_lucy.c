@@ -1,0 +1,335 @@
+/* Mask- and edge-aware Richardson-Lucy. */
+#include "restore/richardson_lucy.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "num/convolve.h"
+#include "restore/stamp.h"
+
+/* In units of the pedestal, the sky being 1. */
+static const float MODEL_FLOOR = 0.05f;   /* a model below it (negative PSF wings) is no divisor */
+static const float OBJECT_FLOOR = 1e-4f;  /* f stays positive, or it could not come back */
+static const float NORM_FLOOR = 1e-3f;    /* K^T W below it: nothing is known there */
+static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
+/* A single pixel that held all flux of a star of the tile's peak is (peak of d) / (peak of the PSF); a
+ * star with a masked core may be brighter. */
+static const double BOUND = 1e4;
+
+rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, rx_rl **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_rl *rl = RX_NEW(rx_rl, 1);
+    if (rl == NULL)
+        return rx_error_memory(err, sizeof *rl);
+    rl->scene = scene;
+    rl->blur = blur;
+    rl->damping = damping;
+    rl->bound = (float)fmin(BOUND * fmax(scene->peak, 1), 1e12);
+    rl->object = rx_fft_real(blur->fft);
+    rl->model = rx_fft_real(blur->fft);
+    rl->norm = rx_fft_real(blur->fft);
+    rl->change = blur->varies ? rx_fft_real(blur->fft) : rl->model;
+    rl->rows = RX_NEW(double, (size_t)scene->height);
+    if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->change == NULL ||
+        rl->rows == NULL) {
+        rx_rl_free(rl);
+        return rx_error_memory(err, 3 * (size_t)rx_fft_width(blur->fft) * (size_t)rx_fft_height(blur->fft) *
+                                        sizeof(float));
+    }
+    for (size_t k = 0, n = (size_t)rx_fft_stride_real(blur->fft) * (size_t)rx_fft_height(blur->fft); k < n;
+         k++)
+        rl->object[k] = 1;
+    rx_rl_normalise(rl);
+    *dst = rl;
+    return RX_OK;
+}
+
+void rx_rl_free(rx_rl *rl)
+{
+    if (rl == NULL)
+        return;
+    if (rl->change != rl->model)
+        free(rl->change);
+    free(rl->object);
+    free(rl->model);
+    free(rl->norm);
+    free(rl->rows);
+    free(rl);
+}
+
+static void clear(const rx_fft *fft, float *plane)
+{
+    memset(plane, 0, (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof *plane);
+}
+
+void rx_rl_normalise(rx_rl *rl)
+{
+    const rx_scene *scene = rl->scene;
+    clear(rl->blur->fft, rl->model);
+    for (int y = 0; y < scene->height; y++)
+        memcpy(rl->model + rx_blur_row(rl->blur, y), scene->weight + (size_t)y * scene->width,
+               (size_t)scene->width * sizeof(float));
+    rx_blur_adjoint(rl->blur, rl->model, rl->norm);
+}
+
+void rx_rl_model(rx_rl *rl)
+{
+    rx_blur_apply(rl->blur, rl->object, rl->model);
+}
+
+double rx_rl_chi2(const rx_rl *rl)
+{
+    const rx_scene *scene = rl->scene;
+    const float photon = (float)scene->photon;
+#pragma omp parallel for schedule(static) num_threads(scene->nthreads)
+    for (int y = 0; y < scene->height; y++) {
+        const size_t row = (size_t)y * scene->width;
+        const float *model = rl->model + rx_blur_row(rl->blur, y);
+        double sum = 0;
+        for (int x = 0; x < scene->width; x++) {
+            const float residual = scene->data[row + x] - model[x];
+            const float variance = scene->variance[row + x] + photon * fmaxf(model[x] - 1, 0);
+            if (scene->mask[row + x] == 0)
+                sum += (double)residual * residual / variance;
+        }
+        rl->rows[y] = sum;
+    }
+    double sum = 0;
+    for (int y = 0; y < scene->height; y++)
+        sum += rl->rows[y];
+    return sum / (double)scene->good;
+}
+
+/* D of the header; data, model > 0 except data = 0 */
+static float damp(float data, float model, float variance, float scale)
+{
+    const float log_term = data > 0 ? data * logf(data / model) : 0;
+    const float u = scale * (log_term + model - data) * model / variance;
+    if (!(u < 1))
+        return 1;
+    if (!(u > 0))
+        return 0;
+    const float u3 = u * u * u;
+    return u3 * u3 * u3 * (10 - 9 * u);
+}
+
+/* One tile row of the model becomes W D (d - m) / m. */
+static void residual_row(const rx_rl *rl, size_t row, float *model)
+{
+    const rx_scene *scene = rl->scene;
+    const float *data = scene->data + row, *weight = scene->weight + row, *noise = scene->variance + row;
+    if (rl->damping > 0) {
+        const float scale = (float)(2 / (rl->damping * rl->damping)), photon = (float)scene->photon;
+        for (int x = 0; x < scene->width; x++) {
+            const float m = fmaxf(model[x], MODEL_FLOOR);
+            const float variance = noise[x] + photon * fmaxf(m - 1, 0);
+            model[x] = weight[x] * damp(data[x], m, variance, scale) * ((data[x] - m) / m);
+        }
+        return;
+    }
+    for (int x = 0; x < scene->width; x++) {
+        const float m = model[x] > MODEL_FLOOR ? model[x] : MODEL_FLOOR;
+        model[x] = weight[x] * ((data[x] - m) / m);
+    }
+}
+
+void rx_rl_residual(rx_rl *rl)
+{
+    const rx_scene *scene = rl->scene;
+    const rx_fft *fft = rl->blur->fft;
+    const int first = rl->blur->margin, last = first + scene->height, width = rx_fft_width(fft);
+    const size_t stride = (size_t)rx_fft_stride_real(fft);
+#pragma omp parallel for schedule(static) num_threads(scene->nthreads)
+    for (int j = 0; j < rx_fft_height(fft); j++) {
+        float *line = rl->model + (size_t)j * stride;
+        if (j < first || j >= last) {
+            memset(line, 0, (size_t)width * sizeof *line);
+            continue;
+        }
+        residual_row(rl, (size_t)(j - first) * scene->width, line + first);
+        memset(line, 0, (size_t)first * sizeof *line);
+        memset(line + first + scene->width, 0, (size_t)(width - first - scene->width) * sizeof *line);
+    }
+}
+
+void rx_rl_update(rx_rl *rl)
+{
+    const rx_fft *fft = rl->blur->fft;
+    const int width = rx_fft_width(fft);
+    const size_t stride = (size_t)rx_fft_stride_real(fft);
+    const float bound = rl->bound;
+    rx_rl_residual(rl);
+    rx_blur_adjoint(rl->blur, rl->model, rl->change);
+#pragma omp parallel for schedule(static) num_threads(rx_fft_threads(fft))
+    for (int y = 0; y < rx_fft_height(fft); y++) {
+        float *f = rl->object + (size_t)y * stride;
+        const float *change = rl->change + (size_t)y * stride, *norm = rl->norm + (size_t)y * stride;
+        for (int x = 0; x < width; x++) {
+            const float known = norm[x] > NORM_FLOOR ? 1 : 0;
+            const float safe = norm[x] > NORM_FLOOR ? norm[x] : 1;
+            const float next = f[x] * (1 + known * (change[x] / safe));
+            f[x] = next > OBJECT_FLOOR ? (next < bound ? next : bound) : OBJECT_FLOOR;
+        }
+    }
+}
+
+/* support = 1 - K^T (1 at good pixels): what the mask and the border have taken. */
+static void set_support(rx_rl *rl, float *support)
+{
+    const rx_scene *scene = rl->scene;
+    clear(rl->blur->fft, rl->model);
+    for (int y = 0; y < scene->height; y++) {
+        float *line = rl->model + rx_blur_row(rl->blur, y);
+        for (int x = 0; x < scene->width; x++)
+            line[x] = scene->mask[(size_t)y * scene->width + x] == 0 ? 1 : 0;
+    }
+    rx_blur_adjoint(rl->blur, rl->model, rl->change);
+    for (int y = 0; y < scene->height; y++) {
+        const float *line = rl->change + rx_blur_row(rl->blur, y);
+        for (int x = 0; x < scene->width; x++) {
+            const float share = 1 - line[x];
+            support[(size_t)y * scene->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
+        }
+    }
+}
+
+/* Tile part of a domain plane, back in ADU above the sky. */
+static void take(const rx_rl *rl, const float *plane, const uint8_t *mask, float *dst)
+{
+    const rx_scene *scene = rl->scene;
+    for (int y = 0; y < scene->height; y++) {
+        const float *line = plane + rx_blur_row(rl->blur, y);
+        for (int x = 0; x < scene->width; x++) {
+            const size_t k = (size_t)y * scene->width + x;
+            dst[k] = mask != NULL && mask[k] != 0 ? 0 : (float)((line[x] - 1.0) * scene->pedestal);
+        }
+    }
+}
+
+/* Iterate to the end asked for; leaves K f in rl->model. */
+static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *name, rx_log *log,
+                         rx_restored *restored, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_log_progress_begin(log);
+    for (int i = 0;; i++) {
+        if ((status = rx_interrupt_check(err)) != RX_OK)
+            break;
+        rx_rl_model(rl);
+        const int last = i >= par->rl_niter;
+        if (last || (par->rl_stop_discrepancy && i > 0))
+            restored->chi2 = rx_rl_chi2(rl);
+        restored->iterations = i;
+        if (last || (par->rl_stop_discrepancy && i > 0 && restored->chi2 <= 1))
+            break;
+        rx_rl_update(rl);
+        rx_log_progress(log, name, (i + 1.0) / par->rl_niter);
+    }
+    rx_log_progress_end(log);
+    return status;
+}
+
+static void describe(const rx_restore_params *par, const rx_scene *scene, const char *settings,
+                     rx_restored *dst)
+{
+    snprintf(dst->settings, sizeof dst->settings,
+             "RL_NITER %d, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %g, RL_PEDESTAL %g (used: %.4g ADU)%s%s",
+             par->rl_niter, par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping,
+             par->rl_denoise, par->rl_pedestal, scene->pedestal, settings[0] != '\0' ? ", " : "", settings);
+}
+
+static rx_status new_restored(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+                              const char *name, rx_restored **dst, rx_error *err)
+{
+    const size_t n = (size_t)scene->width * (size_t)scene->height;
+    rx_restored *restored = *dst = RX_NEW(rx_restored, 1);
+    if (restored == NULL)
+        return rx_error_memory(err, sizeof *restored);
+    restored->name = name;
+    restored->width = scene->width;
+    restored->height = scene->height;
+    restored->chi2 = NAN;
+    restored->pixels = RX_NEW(float, n);
+    restored->mask = RX_NEW(uint8_t, n);
+    restored->support = RX_NEW(float, n);
+    restored->reblurred = par->keep_reblurred ? RX_NEW(float, n) : NULL;
+    restored->psf = rx_stamp_gauss(par->rl_denoise);
+    restored->blur = rx_stamp_copy(psf);
+    if (restored->pixels == NULL || restored->mask == NULL || restored->support == NULL ||
+        restored->psf == NULL || restored->blur == NULL ||
+        (par->keep_reblurred && restored->reblurred == NULL))
+        return rx_error_memory(err, 3 * n * sizeof(float));
+    memcpy(restored->mask, scene->mask, n);
+    return RX_OK;
+}
+
+/* The restored planes from a tile with good pixels; rl and blur are gone before the denoising. */
+static rx_status restore_planes(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+                                rx_log *log, rx_restored *restored, rx_error *err)
+{
+    rx_blur *blur = NULL;
+    rx_rl *rl = NULL;
+    rx_status status = rx_blur_new(psf, scene->width, scene->height, scene->nthreads, &blur, err);
+    if (status == RX_OK)
+        status = rx_rl_new(scene, blur, par->rl_damping, &rl, err);
+    if (status == RX_OK)
+        status = iterate(par, rl, restored->name, log, restored, err);
+    if (status == RX_OK) {
+        take(rl, rl->object, scene->mask, restored->pixels);
+        if (restored->reblurred != NULL)
+            take(rl, rl->model, NULL, restored->reblurred);
+        set_support(rl, restored->support);
+    }
+    rx_rl_free(rl);
+    rx_blur_free(blur);
+    return status;
+}
+
+rx_status rx_rl_restore(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+                        const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
+{
+    const double begun = rx_seconds();
+    rx_restored *restored = NULL;
+    *dst = NULL;
+    rx_status status = rx_blur_check(psf, scene->width, scene->height, err);
+    if (status == RX_OK)
+        status = new_restored(par, scene, psf, name, &restored, err);
+    if (status != RX_OK)
+        goto exit;
+    if (scene->good == 0) {
+        rx_log_warning(log, "%s: every pixel is masked, nothing to restore", name);
+        for (size_t k = 0; k < (size_t)scene->width * (size_t)scene->height; k++)
+            restored->support[k] = 1;
+    } else if ((status = restore_planes(par, scene, psf, log, restored, err)) == RX_OK) {
+        status = rx_gauss_masked(scene->width, scene->height, par->rl_denoise, scene->mask, scene->nthreads,
+                                 restored->pixels, err);
+    }
+    describe(par, scene, settings, restored);
+    restored->seconds = rx_seconds() - begun;
+exit:
+    if (status != RX_OK) {
+        rx_restored_free(restored);
+        return status;
+    }
+    rx_log_detail(log, "%s: %d iterations, reduced chi2 %.3f, %.2f s", name, restored->iterations,
+                  restored->chi2, restored->seconds);
+    *dst = restored;
+    return RX_OK;
+}
+
+rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                    const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+{
+    rx_scene *scene = NULL;
+    *dst = NULL;
+    rx_status status = rx_scene_new(par, tile, background, &scene, err);
+    if (status == RX_OK)
+        status = rx_rl_restore(par, scene, psf, "RL", "", log, dst, err);
+    rx_scene_free(scene);
+    return status;
+}

@@ -1,0 +1,58 @@
+/* Richardson-Lucy (Richardson 1972, JOSA 62, 55; Lucy 1974, AJ 79, 745) for a tile with masks and
+ * borders, by the weight-normalised update
+ *
+ *   f <- f (1 + K^T (W D (d - K f) / K f) / K^T W)
+ *
+ * which is f K^T(W d / K f) / K^T W for damping D = 1, written so that rounding errors scale
+ * with the residual. The sky is unknown beyond the border and under masks: f is free there and
+ * constrained only through the PSF; where K^T W < 1e-3, nothing is known and f stays.
+ * Hence neither borders nor masks ring, and W = 0 keeps masked values out to the last bit.
+ *
+ * Damping (White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
+ *   U = min(1, 2/T^2 [d ln(d / K f) + K f - d] K f / var(K f)),   D = U^9 (10 - 9 U)
+ * so that residuals well below T sigmas stop driving the iteration. (White's formula holds for
+ * counts; K f / var turns our units into counts.)
+ *
+ * Memory: besides the scene's three planes and two masks, f, K f and K^T W on the domain, the
+ * blur's (blur.h) two complex planes; a varying PSF takes one plane more. About 11 planes of the
+ * tile at the peak, outputs included, for a constant PSF.
+ *
+ * Sums go row by row and are added in the order of rows: the same bytes for any nthreads. */
+#ifndef RX_RESTORE_RICHARDSON_LUCY_H
+#define RX_RESTORE_RICHARDSON_LUCY_H
+
+#include "restore/blur.h"
+#include "restore/restore.h"
+#include "restore/scene.h"
+
+/* The restorer RL, a row of the table in restore.c. */
+rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                    const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+
+/* The same on a scene that exists, under the name of another restorer, `settings` added to the text. */
+rx_status rx_rl_restore(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+                        const char *name, const char *settings, rx_log *log, rx_restored **dst,
+                        rx_error *err);
+
+/* The iteration in pieces (the blind restorer alternates it with updates of the PSF). */
+typedef struct rx_rl {
+    const rx_scene *scene;
+    const rx_blur *blur;
+    double damping; /* sigmas, 0 = off */
+    float bound;    /* f never exceeds it */
+    float *object;  /* f on the domain, units of the pedestal; starts as 1 everywhere */
+    float *model;   /* K f, then scratch */
+    float *change;  /* K^T of the residuals; the same plane as model unless the PSF varies */
+    float *norm;    /* K^T W */
+    double *rows;   /* sums of tile rows */
+} rx_rl;
+
+rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, rx_rl **dst, rx_error *err);
+void rx_rl_free(rx_rl *rl);
+void rx_rl_normalise(rx_rl *rl);    /* norm = K^T W; again after the blur has changed */
+void rx_rl_model(rx_rl *rl);        /* model = K object */
+double rx_rl_chi2(const rx_rl *rl); /* mean over good pixels of (d - model)^2 / var(model) */
+void rx_rl_residual(rx_rl *rl);     /* model becomes W D (d - model) / model on the tile, 0 beyond it */
+void rx_rl_update(rx_rl *rl);       /* one update of object from model, which is destroyed */
+
+#endif

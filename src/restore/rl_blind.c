@@ -1,0 +1,255 @@
+/* Blind Richardson-Lucy: the PSF by alternating updates, then the image with it. */
+#include "restore/rl_blind.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "num/convolve.h"
+#include "restore/richardson_lucy.h"
+#include "restore/stamp.h"
+
+static const double BRIGHT_SIGMA = 5;   /* image above it takes part in the PSF update */
+static const double WIDEST = 3;         /* times the FWHM of the start */
+static const double NARROWEST = 1;      /* pixels */
+static const float SHARE_FLOOR = 1e-6f; /* of the largest: fewer data behind a PSF pixel, and it stays */
+
+typedef struct rx_seeker {
+    const rx_scene *scene;
+    rx_psf *psf; /* constant; basis is the last good PSF */
+    rx_blur *blur;
+    rx_rl *rl;
+    int size;
+    float *stamp;            /* [size][size] the PSF that is being improved */
+    float *share;            /* [size][size] sum_x s(x - u) W(x) */
+    float *work;             /* [size][size] */
+    float *rest;             /* real plane: b */
+    float *bright;           /* real plane: s, then scratch */
+    float *spectrum;         /* complex plane of s */
+    double start_fwhm, x, y; /* of the start: width and centroid */
+} rx_seeker;
+
+static void seeker_free(rx_seeker *seeker)
+{
+    rx_rl_free(seeker->rl);
+    rx_blur_free(seeker->blur);
+    rx_psf_free(seeker->psf);
+    free(seeker->stamp);
+    free(seeker->share);
+    free(seeker->work);
+    free(seeker->rest);
+    free(seeker->bright);
+    free(seeker->spectrum);
+}
+
+/* Positive with sum 1; 0 when that is impossible. */
+static int make_positive(float *stamp, int size)
+{
+    double sum = 0;
+    for (int k = 0; k < size * size; k++) {
+        if (!isfinite(stamp[k]))
+            return 0;
+        stamp[k] = fmaxf(stamp[k], 0);
+        sum += stamp[k];
+    }
+    for (int k = 0; k < size * size && sum > 0; k++)
+        stamp[k] = (float)(stamp[k] / sum);
+    return sum > 0;
+}
+
+static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, const rx_scene *scene,
+                              const rx_psf *psf, rx_error *err)
+{
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    seeker->scene = scene;
+    seeker->size = psf->size;
+    seeker->stamp = RX_NEW(float, n);
+    seeker->share = RX_NEW(float, n);
+    seeker->work = RX_NEW(float, n);
+    if (seeker->stamp == NULL || seeker->share == NULL || seeker->work == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    rx_stamp_at(psf, (scene->width - 1) / 2.0, (scene->height - 1) / 2.0, seeker->stamp);
+    if (!make_positive(seeker->stamp, psf->size))
+        return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
+    seeker->psf = rx_stamp_psf(psf->type, seeker->stamp, psf->size);
+    if (seeker->psf == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    seeker->start_fwhm = seeker->psf->fwhm;
+    rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
+    rx_status status =
+        rx_blur_new(seeker->psf, scene->width, scene->height, scene->nthreads, &seeker->blur, err);
+    if (status == RX_OK)
+        status = rx_rl_new(scene, seeker->blur, par->rl_damping, &seeker->rl, err);
+    if (status != RX_OK)
+        return status;
+    seeker->rest = rx_fft_real(seeker->blur->fft);
+    seeker->bright = rx_fft_real(seeker->blur->fft);
+    seeker->spectrum = rx_fft_complex(seeker->blur->fft);
+    if (seeker->rest == NULL || seeker->bright == NULL || seeker->spectrum == NULL)
+        return rx_error_memory(err, 0);
+    return RX_OK;
+}
+
+/* The stamp around the origin of a cyclic plane, divided by the number of pixels. */
+static void read_stamp(const rx_fft *fft, const float *plane, int size, float *stamp)
+{
+    const int w = rx_fft_width(fft), h = rx_fft_height(fft), centre = size / 2;
+    const double scale = 1.0 / ((double)w * h);
+    for (int k = 0; k < size * size; k++) {
+        size_t y = (size_t)((k / size - centre + h) % h), x = (size_t)((k % size - centre + w) % w);
+        stamp[k] = (float)(plane[y * (size_t)rx_fft_stride_real(fft) + x] * scale);
+    }
+}
+
+/* stamp(u) = sum_x s(x - u) plane(x); plane is destroyed. */
+static void correlate_bright(rx_seeker *seeker, float *plane, float *stamp)
+{
+    const rx_fft *fft = seeker->blur->fft;
+    rx_fft_forward(fft, plane, seeker->blur->half);
+    rx_convolve_multiply(fft, seeker->spectrum, seeker->blur->half, true, false, seeker->blur->half);
+    rx_fft_inverse(fft, seeker->blur->half, plane);
+    read_stamp(fft, plane, seeker->size, stamp);
+}
+
+/* Part the image into bright and rest, and set what the PSF updates hold fixed. Returns 0 when
+ * nothing is bright. */
+static int split(rx_seeker *seeker)
+{
+    const rx_scene *scene = seeker->scene;
+    const rx_fft *fft = seeker->blur->fft;
+    const float level = (float)(1 + BRIGHT_SIGMA * scene->sigma);
+    const size_t stride = (size_t)rx_fft_stride_real(fft), n = stride * (size_t)rx_fft_height(fft);
+    float *model = seeker->rl->model, *object = seeker->rl->object;
+    int any = 0;
+    for (size_t k = 0; k < n; k++) {
+        seeker->bright[k] = fmaxf(object[k] - level, 0);
+        model[k] = object[k] - seeker->bright[k];
+        any |= seeker->bright[k] > 0;
+    }
+    rx_blur_apply(seeker->blur, model, seeker->rest);
+    rx_fft_forward(fft, seeker->bright, seeker->spectrum);
+    memset(model, 0, n * sizeof *model);
+    for (int y = 0; y < scene->height; y++)
+        memcpy(model + rx_blur_row(seeker->blur, y), scene->weight + (size_t)y * scene->width,
+               (size_t)scene->width * sizeof *model);
+    correlate_bright(seeker, model, seeker->share);
+    return any;
+}
+
+/* One update of the stamp. */
+static int improve(rx_seeker *seeker)
+{
+    const rx_fft *fft = seeker->blur->fft;
+    const size_t n = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft);
+    const int pixels = seeker->size * seeker->size;
+    float *model = seeker->rl->model, largest = 0;
+    rx_convolve_multiply(fft, seeker->blur->kernel[0], seeker->spectrum, false, false, seeker->blur->half);
+    rx_fft_inverse(fft, seeker->blur->half, model);
+    for (size_t k = 0; k < n; k++)
+        model[k] += seeker->rest[k];
+    rx_rl_residual(seeker->rl);
+    correlate_bright(seeker, model, seeker->work);
+    for (int k = 0; k < pixels; k++)
+        largest = fmaxf(largest, seeker->share[k]);
+    for (int k = 0; k < pixels; k++)
+        if (seeker->share[k] > SHARE_FLOOR * largest)
+            seeker->stamp[k] *= 1 + seeker->work[k] / seeker->share[k];
+    if (!make_positive(seeker->stamp, seeker->size))
+        return 0;
+    rx_blur_replace(seeker->blur, seeker->stamp, seeker->bright);
+    return 1;
+}
+
+/* Back to the centroid of the start; then the PSF is taken over, if it is one. */
+static int accept(rx_seeker *seeker)
+{
+    double x, y, ellipticity;
+    rx_stamp_centroid(seeker->stamp, seeker->size, seeker->start_fwhm, &x, &y);
+    rx_stamp_shift(seeker->stamp, seeker->size, fmax(-1, fmin(1, seeker->x - x)),
+                   fmax(-1, fmin(1, seeker->y - y)), seeker->work);
+    if (!make_positive(seeker->stamp, seeker->size))
+        return 0;
+    const double fwhm = rx_stamp_fwhm(seeker->stamp, seeker->size, &ellipticity);
+    if (!(fwhm >= NARROWEST && fwhm <= WIDEST * seeker->start_fwhm))
+        return 0;
+    seeker->psf->fwhm = fwhm;
+    seeker->psf->ellipticity = ellipticity;
+    memcpy(seeker->psf->basis, seeker->stamp, (size_t)seeker->size * (size_t)seeker->size * sizeof(float));
+    rx_blur_replace(seeker->blur, seeker->stamp, seeker->bright);
+    rx_rl_normalise(seeker->rl);
+    return 1;
+}
+
+static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *log, rx_error *err)
+{
+    for (int cycle = 0; cycle < par->blind_cycles; cycle++) {
+        for (int i = 0; i < par->blind_psf_niter; i++) {
+            rx_status status = rx_interrupt_check(err);
+            if (status != RX_OK)
+                return status;
+            rx_rl_model(seeker->rl);
+            rx_rl_update(seeker->rl);
+        }
+        if (!split(seeker)) {
+            rx_log_warning(log,
+                           "RL_BLIND: no source is bright enough to improve the PSF, the given one is used");
+            return RX_OK;
+        }
+        int sound = 1;
+        for (int i = 0; i < par->blind_psf_niter && sound; i++) {
+            rx_status status = rx_interrupt_check(err);
+            if (status != RX_OK)
+                return status;
+            sound = improve(seeker);
+        }
+        if (!sound || !accept(seeker)) {
+            rx_log_warning(log, "RL_BLIND: the PSF degenerates in cycle %d, the one before is used",
+                           cycle + 1);
+            return RX_OK;
+        }
+        rx_log_progress(log, "RL_BLIND: PSF", (cycle + 1.0) / par->blind_cycles);
+    }
+    return RX_OK;
+}
+
+rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                          const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+{
+    const double begun = rx_seconds();
+    rx_scene *scene = NULL;
+    rx_seeker seeker = {0};
+    rx_psf *found = NULL;
+    char settings[80];
+    *dst = NULL;
+    rx_status status = rx_blur_check(psf, tile->width, tile->height, err);
+    if (status == RX_OK)
+        status = rx_scene_new(par, tile, background, &scene, err);
+    if (status == RX_OK)
+        status = seeker_start(&seeker, par, scene, psf, err);
+    if (status == RX_OK && scene->good > 0) {
+        rx_log_progress_begin(log);
+        status = seek(&seeker, par, log, err);
+        rx_log_progress_end(log);
+    }
+    if (status != RX_OK)
+        goto exit;
+    found = seeker.psf;
+    seeker.psf = NULL;
+    seeker_free(&seeker);
+    seeker = (rx_seeker){0};
+    snprintf(found->description, sizeof found->description, "found by RL_BLIND, FWHM %.3f pixels",
+             found->fwhm);
+    snprintf(settings, sizeof settings, "RL_BLIND_CYCLES %d, RL_BLIND_NITER %d", par->blind_cycles,
+             par->blind_psf_niter);
+    status = rx_rl_restore(par, scene, found, "RL_BLIND", settings, log, dst, err);
+    if (status == RX_OK)
+        (*dst)->seconds = rx_seconds() - begun;
+exit:
+    rx_psf_free(found);
+    seeker_free(&seeker);
+    rx_scene_free(scene);
+    return status;
+}

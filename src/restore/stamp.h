@@ -1,0 +1,32 @@
+/* PSF stamps [size][size], size odd, centre in pixel (size/2, size/2): what restorers need
+ * to evaluate, measure and make. */
+#ifndef RX_RESTORE_STAMP_H
+#define RX_RESTORE_STAMP_H
+
+#include "data/psf.h"
+
+/* stamp = the PSF at tile position (x, y), pixels from 0. */
+void rx_stamp_at(const rx_psf *psf, double x, double y, float *stamp);
+
+/* Full width at half maximum, pixels: the diameter of the circle that has the area in which the
+ * stamp, interpolated by cubic convolution (Keys 1981, IEEE Trans. ASSP 29, 1153), exceeds
+ * half of its maximum; only the connected pixels around the maximum count. The pixel is part of
+ * the PSF: 1.0 or a bit more for a single pixel. Good to 0.01 pixels for a Gaussian of FWHM > 2. NAN when the
+ * stamp has no positive maximum. *ellipticity (may be NULL): 1 - b/a of that area. */
+double rx_stamp_fwhm(const float *stamp, int size, double *ellipticity);
+
+/* Centroid relative to the centre, pixels, with a Gaussian weight of the given FWHM. */
+void rx_stamp_centroid(const float *stamp, int size, double fwhm, double *dx, double *dy);
+
+/* Move the content by (dx, dy), |.| <= 1, by cubic convolution, which leaves second moments as they are.
+ * `work` holds size*size floats. */
+void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work);
+
+/* A constant PSF from a stamp, its FWHM and ellipticity measured; or a copy of a PSF; or the
+ * Gaussian of RL_DENOISE (FWHM in pixels before the pixel's own width, <= 0: a single pixel).
+ * NULL without memory. */
+rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size);
+rx_psf *rx_stamp_copy(const rx_psf *psf);
+rx_psf *rx_stamp_gauss(double fwhm);
+
+#endif
