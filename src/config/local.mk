@@ -1,11 +1,13 @@
 librextract_la_SOURCES += \
-	src/config/arguments.c src/config/arguments.h \
-	src/config/config.c src/config/config.h \
+	src/config/arguments.c \
+	src/config/config.c \
 	src/config/config_check.c \
 	src/config/config_dump.c \
-	src/config/config_fields.h \
-	src/config/kernel.c src/config/kernel.h \
-	src/config/keys.def \
+	src/config/kernel.c \
 	src/config/keyword.c src/config/keyword.h \
 	src/config/keyword_value.c \
 	src/config/tokens.c src/config/tokens.h
+
+rx_configdir = $(pkgincludedir)/config
+rx_config_HEADERS = src/config/arguments.h src/config/config.h src/config/config_fields.h src/config/kernel.h \
+	src/config/keys.def

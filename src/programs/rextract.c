@@ -9,8 +9,8 @@
 #include "config/arguments.h"
 #include "stage/stage.h"
 
-#ifndef PACKAGE_VERSION
-#error "PACKAGE_VERSION comes from configure"
+#ifndef RX_VERSION
+#error "RX_VERSION comes from the Makefile"
 #endif
 
 static const char program[] = "rextract";
@@ -41,7 +41,7 @@ static rx_status print(rx_action action, rx_error *err)
     rx_text text = {0};
     rx_status status = RX_OK;
     if (action == RX_ACTION_VERSION)
-        rx_text_printf(&text, "Rextract version %s\n", PACKAGE_VERSION);
+        rx_text_printf(&text, "Rextract version %s\n", RX_VERSION);
     else if (action == RX_ACTION_HELP)
         rx_text_printf(&text, "%s%s", usage, help);
     else if (action == RX_ACTION_DUMP_COLUMNS)

@@ -1,0 +1,2 @@
+bin_PROGRAMS += rextract
+rextract_SOURCES = src/programs/rextract.c
