@@ -1,0 +1,302 @@
+/* Cross-identification with a list of positions. */
+#include "catalog/assoc.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "catalog/catalog.h"
+#include "io/wcs.h"
+
+/* A list entry in pixels from 0, sorted by y. */
+typedef struct entry {
+    double x, y, weight;
+    long row;
+} entry;
+
+typedef struct matcher {
+    const rx_assoc_params *par;
+    rx_assoc_type type;
+    const rx_assoc *list;
+    entry *entries;
+    long n;
+    int ndata;
+    int data[RX_ASSOC_COLUMNS]; /* columns to copy, from 0 */
+} matcher;
+
+rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err)
+{
+    rx_table *table = NULL;
+    rx_assoc *list = NULL;
+    long columns = 0;
+    rx_status status = rx_catalog_read(path, 0, &table, err);
+    if (status != RX_OK)
+        return status;
+    for (int i = 0; i < table->ncolumns && columns <= RX_ASSOC_COLUMNS; i++)
+        columns += rx_column_elements(&table->columns[i]);
+    if (columns > RX_ASSOC_COLUMNS) {
+        status = rx_error_at(err, RX_INPUT, path, -1, 0,
+                             "has more than %d columns, too many for an ASSOC list", RX_ASSOC_COLUMNS);
+        goto exit;
+    }
+    list = RX_NEW(rx_assoc, 1);
+    if (list != NULL) {
+        list->path = rx_strdup(path);
+        list->rows = table->nrows;
+        list->columns = (int)columns;
+        list->values = rx_alloc((size_t)table->nrows, (size_t)columns * sizeof(double));
+    }
+    if (list == NULL || list->path == NULL || list->values == NULL) {
+        status = rx_error_memory(err, (size_t)table->nrows * (size_t)columns * sizeof(double));
+        goto exit;
+    }
+    double *value = list->values;
+    for (long row = 0; row < table->nrows; row++)
+        for (int i = 0; i < table->ncolumns; i++)
+            for (long e = 0; e < rx_column_elements(&table->columns[i]); e++)
+                *value++ = rx_column_value(&table->columns[i], row, e);
+    *dst = list;
+    list = NULL;
+exit:
+    rx_assoc_free(list);
+    rx_table_free(table);
+    return status;
+}
+
+void rx_assoc_free(rx_assoc *list)
+{
+    if (list == NULL)
+        return;
+    free(list->path);
+    free(list->values);
+    free(list);
+}
+
+static rx_status check_column(const rx_assoc *list, int number, rx_error *err)
+{
+    if (number >= 1 && number <= list->columns)
+        return RX_OK;
+    return rx_error_at(err, RX_USAGE, list->path, -1, 0, "has %d columns, ASSOC_PARAMS asks for number %d",
+                       list->columns, number);
+}
+
+/* Columns to copy: those of ASSOC_DATA that the list has, or all when it names none of them. */
+static void choose_data(matcher *m, rx_log *log)
+{
+    const rx_assoc_params *par = m->par;
+    for (int i = 0; i < par->ndata; i++) {
+        if (par->data[i] > m->list->columns && m->list->rows > 0)
+            rx_log_warning(log, "%s has %d columns; number %d of ASSOC_DATA is left out", m->list->path,
+                           m->list->columns, par->data[i]);
+        else if (par->data[i] > 0)
+            m->data[m->ndata++] = par->data[i] - 1;
+    }
+    if (m->ndata > 0)
+        return;
+    for (int i = 0; i < m->list->columns; i++)
+        m->data[m->ndata++] = i;
+}
+
+static int by_y(const void *a, const void *b)
+{
+    const entry *p = a, *q = b;
+    if (p->y != q->y)
+        return p->y < q->y ? -1 : 1;
+    return p->row < q->row ? -1 : p->row > q->row;
+}
+
+/* Positions in pixels from 0; entries without one are dropped. */
+static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_error *err)
+{
+    const rx_assoc *list = m->list;
+    m->entries = RX_NEW(entry, (size_t)list->rows);
+    if (m->entries == NULL)
+        return rx_error_memory(err, (size_t)list->rows * sizeof(entry));
+    for (long row = 0; row < list->rows; row++) {
+        const double *values = list->values + row * list->columns;
+        entry e = {values[m->par->x - 1] - 1, values[m->par->y - 1] - 1, 0, row};
+        if (m->par->world) {
+            double alpha = values[m->par->x - 1], delta = values[m->par->y - 1];
+            rx_wcs_to_pixel(wcs, 1, &alpha, &delta, &e.x, &e.y);
+        }
+        if (m->par->weight > 0)
+            e.weight = values[m->par->weight - 1];
+        if (isfinite(e.x) && isfinite(e.y))
+            m->entries[m->n++] = e;
+    }
+    qsort(m->entries, (size_t)m->n, sizeof(entry), by_y);
+    return RX_OK;
+}
+
+static rx_status prepare(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_error *err)
+{
+    const rx_assoc_params *par = m->par;
+    rx_status status = RX_OK;
+    if (par->world && wcs == NULL)
+        return rx_error_set(
+            err, RX_INPUT,
+            "ASSOCCOORD_TYPE WORLD needs celestial coordinates in the image's header; use PIXEL");
+    m->type = par->type;
+    if (par->weight == 0 && (par->type == RX_ASSOC_MEAN || par->type == RX_ASSOC_MAG_MEAN ||
+                             par->type == RX_ASSOC_MIN || par->type == RX_ASSOC_MAX)) {
+        rx_log_warning(log, "ASSOC_PARAMS has no third column, so ASSOC_TYPE FIRST is used");
+        m->type = RX_ASSOC_FIRST;
+    }
+    choose_data(m, log);
+    if (m->list->rows == 0) /* an empty list has no columns to check against */
+        return RX_OK;
+    status = check_column(m->list, par->x, err);
+    if (status == RX_OK)
+        status = check_column(m->list, par->y, err);
+    if (status == RX_OK && par->weight != 0)
+        status = check_column(m->list, par->weight, err);
+    return status != RX_OK ? status : make_entries(m, wcs, err);
+}
+
+static double flux_of(double mag)
+{
+    return fabs(mag) < 99 ? pow(10, -0.4 * mag) : 0;
+}
+
+static void copy(const matcher *m, const double *values, double *dst)
+{
+    for (int i = 0; i < m->ndata; i++)
+        dst[i] = values[m->data[i]];
+}
+
+/* dst += weight * values, or their fluxes. */
+static void add(const matcher *m, const double *values, double weight, double *dst)
+{
+    for (int i = 0; i < m->ndata; i++)
+        dst[i] += m->type == RX_ASSOC_MAG_SUM ? flux_of(values[m->data[i]]) : weight * values[m->data[i]];
+}
+
+/* First entry whose y is above the limit. */
+static long first_above(const matcher *m, double y)
+{
+    long low = 0, high = m->n;
+    while (low < high) {
+        long middle = low + (high - low) / 2;
+        if (m->entries[middle].y > y)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+/* Number of entries of the position, their combined values in dst. */
+static int match_one(const matcher *m, double x, double y, double *dst)
+{
+    double radius = m->par->radius, sum = 0, best = INFINITY;
+    int count = 0;
+    for (long i = first_above(m, y - radius); i < m->n && m->entries[i].y < y + radius; i++) {
+        const entry *e = &m->entries[i];
+        const double *values = m->list->values + e->row * m->list->columns;
+        double dx = e->x - x, dy = e->y - y, distance = dx * dx + dy * dy;
+        if (!(distance < radius * radius))
+            continue;
+        count++;
+        if (m->type == RX_ASSOC_FIRST) {
+            copy(m, values, dst);
+            return 1;
+        }
+        double rank = m->type == RX_ASSOC_NEAREST ? distance
+                      : m->type == RX_ASSOC_MAX   ? -e->weight
+                                                  : e->weight;
+        double weight = m->type == RX_ASSOC_MAG_MEAN ? flux_of(e->weight)
+                        : m->type == RX_ASSOC_MEAN   ? e->weight
+                                                     : 1;
+        if (m->type == RX_ASSOC_NEAREST || m->type == RX_ASSOC_MIN || m->type == RX_ASSOC_MAX) {
+            if (rank < best)
+                copy(m, values, dst);
+            best = rank < best ? rank : best;
+        } else {
+            add(m, values, weight, dst);
+            sum += weight;
+        }
+    }
+    bool mean = m->type == RX_ASSOC_MEAN || m->type == RX_ASSOC_MAG_MEAN;
+    if (mean && !(sum >= 1e-30)) {
+        memset(dst, 0, (size_t)m->ndata * sizeof *dst);
+        return 0;
+    }
+    for (int i = 0; i < m->ndata && count > 0; i++) {
+        if (mean)
+            dst[i] /= sum;
+        else if (m->type == RX_ASSOC_MAG_SUM)
+            dst[i] = dst[i] > 0 ? -2.5 * log10(dst[i]) : 99;
+    }
+    return count;
+}
+
+/* Drop what is not selected: list, vignets, assoc rows and segmentation map in step. */
+static rx_status select_sources(const matcher *m, rx_sources *sources, rx_error *err)
+{
+    size_t vignet = (size_t)sources->vignet_width * (size_t)sources->vignet_height;
+    int32_t highest = 0;
+    int kept = 0;
+    for (int i = 0; i < sources->n; i++)
+        highest = sources->list[i].segment > highest ? sources->list[i].segment : highest;
+    int32_t *renumber = RX_NEW(int32_t, (size_t)highest + 1);
+    if (renumber == NULL)
+        return rx_error_memory(err, ((size_t)highest + 1) * sizeof(int32_t));
+    for (int i = 0; i < sources->n; i++) {
+        rx_source *s = &sources->list[i];
+        if ((s->number_assoc > 0) != (m->par->select == RX_ASSOC_MATCHED))
+            continue;
+        if (s->segment > 0)
+            renumber[s->segment] = kept + 1;
+        if (kept < i) {
+            memcpy(&sources->list[kept], s, sizeof *s);
+            memcpy(sources->assoc + (size_t)kept * (size_t)m->ndata,
+                   sources->assoc + (size_t)i * (size_t)m->ndata, (size_t)m->ndata * sizeof(double));
+            if (sources->vignets != NULL)
+                memcpy(sources->vignets + (size_t)kept * vignet, sources->vignets + (size_t)i * vignet,
+                       vignet * sizeof(float));
+        }
+        sources->list[kept].number = sources->list[kept].segment = kept + 1;
+        kept++;
+    }
+    sources->n = kept;
+    size_t npixels = sources->segments != NULL ? (size_t)sources->width * (size_t)sources->height : 0;
+    for (size_t i = 0; i < npixels; i++) {
+        int32_t segment = sources->segments[i];
+        if (segment > 0)
+            sources->segments[i] = segment <= highest ? renumber[segment] : 0;
+    }
+    free(renumber);
+    return RX_OK;
+}
+
+rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struct rx_wcs *wcs, rx_log *log,
+                         rx_sources *sources, rx_error *err)
+{
+    matcher m = {.par = par, .list = list};
+    double *values = NULL;
+    rx_status status = prepare(&m, wcs, log, err);
+    if (status != RX_OK)
+        goto exit;
+    values = rx_alloc((size_t)sources->n, (size_t)m.ndata * sizeof(double));
+    if (values == NULL) {
+        status = rx_error_memory(err, (size_t)sources->n * (size_t)m.ndata * sizeof(double));
+        goto exit;
+    }
+    for (int i = 0; i < sources->n; i++) {
+        rx_source *s = &sources->list[i];
+        s->number_assoc = match_one(&m, s->x, s->y, values + (size_t)i * (size_t)m.ndata);
+    }
+    free(sources->assoc);
+    sources->assoc = values;
+    sources->nassoc = m.ndata;
+    values = NULL;
+    if (par->select != RX_ASSOC_ALL)
+        status = select_sources(&m, sources, err);
+    for (int i = 0; i < sources->n; i++)
+        sources->list[i].vector_assoc = sources->assoc + (size_t)i * (size_t)m.ndata;
+exit:
+    free(values);
+    free(m.entries);
+    return status;
+}

@@ -1,0 +1,58 @@
+/* Reading a catalogue whatever its format, told by its first bytes. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "catalog/catalog.h"
+#include "catalog/cell.h"
+#include "catalog/readers.h"
+#include "io/fits_read.h"
+
+typedef enum kind { KIND_FITS, KIND_XML, KIND_TEXT } kind;
+
+static rx_status tell_kind(const char *path, kind *dst, rx_error *err)
+{
+    char begin[512] = "";
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {
+        int why = errno;
+        *dst = KIND_FITS; /* table.fits[2] is a name for the FITS reader */
+        return strchr(path, '[') != NULL
+                   ? RX_OK
+                   : rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(why));
+    }
+    size_t n = fread(begin, 1, sizeof begin - 1, file);
+    int failed = ferror(file), why = errno;
+    fclose(file);
+    if (failed)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(why));
+    if (n == 0)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is empty");
+    const char *text = strncmp(begin, "\xef\xbb\xbf", 3) == 0 ? begin + 3 : begin;
+    text += strspn(text, " \t\r\n");
+    if (strncmp(begin, "SIMPLE  =", 9) == 0 || strncmp(begin, "\x1f\x8b", 2) == 0)
+        *dst = KIND_FITS;
+    else
+        *dst = *text == '<' ? KIND_XML : KIND_TEXT;
+    return RX_OK;
+}
+
+rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err)
+{
+    kind found;
+    rx_point_locale locale;
+    rx_status status = tell_kind(path, &found, err);
+    if (status != RX_OK)
+        return status;
+    if (found == KIND_FITS)
+        return rx_fits_read_table(path, index, dst, err);
+    if (found == KIND_TEXT && index > 0)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is a text file of one table, number %d was asked",
+                           index + 1);
+    status = rx_point_locale_begin(&locale, err);
+    if (status != RX_OK)
+        return status;
+    status = found == KIND_XML ? rx_votable_read(path, index, dst, err) : rx_ascii_read(path, dst, err);
+    rx_point_locale_end(&locale);
+    return status;
+}
