@@ -65,7 +65,7 @@ rx_origin rx_config_was_set(const rx_config *config, const char *name);
 
 /* A commented default.sex: -d (the usual keywords) or -dd (all). NULL config = defaults. */
 void rx_config_dump(rx_text *dst, const rx_config *config, bool all);
-void rx_config_man(rx_text *dst); /* mdoc of the keyword table, for rextract.conf(5) */
+void rx_config_man(rx_text *dst); /* roff (man macros) of the keyword table, for rextract.conf(5) */
 
 /* Every keyword with its current value as text, in table order, for headers and report. Returns false
  * when memory ran out. */

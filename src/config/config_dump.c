@@ -1,4 +1,5 @@
 /* The keyword table as text for people: a configuration file, and the section of the manual page. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -108,24 +109,25 @@ void rx_config_dump(rx_text *dst, const rx_config *config, bool all)
     }
 }
 
+/* What values are legal, as sentences. */
 static void man_range(rx_text *dst, const rx_keyword *key)
 {
     if (key->words != NULL) {
-        rx_text_add(dst, ".br\nOne of ");
+        rx_text_add(dst, "One of ");
         add_words(dst, key->words, "\\-");
         rx_text_add(dst, ".\n");
     } else if (key->high > key->low) {
-        rx_text_printf(dst, ".br\n%s%.10g to %.10g.\n", key->low < 0 ? "\\&" : "", key->low, key->high);
+        rx_text_printf(dst, "From %s%.10g to %.10g.\n", key->low < 0 ? "\\-" : "", fabs(key->low), key->high);
     }
     if (key->nmax > 1)
-        rx_text_printf(dst, "List of %d to %d.\n", key->nmin, key->nmax);
+        rx_text_printf(dst, "A list of %d to %d.\n", key->nmin, key->nmax);
 }
 
 static const char *man_status(rx_keyword_status status)
 {
     switch (status) {
     case RX_STATUS_OURS:
-        return "Not known to SExtractor.\n";
+        return "Own keyword.\n";
     case RX_STATUS_IGNORED:
         return "Accepted, without effect here: a warning when it is not at its default.\n";
     case RX_STATUS_INERT:
@@ -158,24 +160,20 @@ static const char *man_kind(rx_kind kind)
 
 void rx_config_man(rx_text *dst)
 {
-    bool open = false;
     for (int row = 0; row < RX_KEY_ROWS; row++) {
         const rx_keyword *key = rx_keyword_row(row);
         if (key->kind == RX_KIND_SECTION) {
-            rx_text_printf(dst, "%s.Ss %s\n.Bl -tag -width Ds\n", open ? ".El\n" : "", key->name);
-            open = true;
+            rx_text_printf(dst, ".SS %s\n", key->name);
             continue;
         }
-        rx_text_printf(dst, ".It Ic %s Ar %s Pq ", key->name, man_kind(key->kind));
+        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP ", key->name, man_kind(key->kind));
         if (key->initial[0] == '\0')
-            rx_text_add(dst, "empty\n");
+            rx_text_add(dst, "(empty)\"\n");
         else
-            rx_text_printf(dst, "Cm \\&%s\n", key->initial);
+            rx_text_printf(dst, "(%s)\"\n", key->initial);
         rx_text_add(dst, key->help);
         rx_text_add(dst, ".\n");
         man_range(dst, key);
         rx_text_add(dst, man_status(key->status));
     }
-    if (open)
-        rx_text_add(dst, ".El\n");
 }
