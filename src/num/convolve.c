@@ -45,16 +45,12 @@ void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *s
 
 void rx_convolve(const rx_fft *fft, const float *kernel, const float *src, float *half, float *dst)
 {
-    rx_fft_forward(fft, src, half);
-    rx_convolve_multiply(fft, kernel, half, false, false, half);
-    rx_fft_inverse(fft, half, dst);
+    rx_fft_filter(fft, src, kernel, false, half, dst);
 }
 
 void rx_correlate(const rx_fft *fft, const float *kernel, const float *src, float *half, float *dst)
 {
-    rx_fft_forward(fft, src, half);
-    rx_convolve_multiply(fft, kernel, half, true, false, half);
-    rx_fft_inverse(fft, half, dst);
+    rx_fft_filter(fft, src, kernel, true, half, dst);
 }
 
 /* FWHM = 2 sqrt(2 ln 2) sigma */

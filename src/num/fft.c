@@ -137,46 +137,95 @@ int rx_fft_stride_complex(const rx_fft *fft)
     return fft->stride_complex;
 }
 
-/* All columns of plane [height][stride_complex] in place. A group is copied into scratch
- * column by column, where each transform runs through neighbouring memory. */
-static void transform_columns(const rx_fft *fft, fftwf_plan plan, fftwf_complex *plane)
+/* A group of columns to scratch, column by column, where each transform runs through neighbouring memory. */
+static void gather(const rx_fft *fft, fftwf_complex *corner, fftwf_complex *scratch)
 {
-    const int h = fft->height, groups = fft->stride_complex / GROUP;
     const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
+    for (size_t y = 0; y < (size_t)fft->height; y++)
+        for (size_t i = 0; i < GROUP; i++)
+            memcpy(scratch[i * column + y], corner[y * stride + i], sizeof(fftwf_complex));
+}
+
+static void scatter(const rx_fft *fft, fftwf_complex *scratch, fftwf_complex *corner)
+{
+    const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
+    for (size_t y = 0; y < (size_t)fft->height; y++)
+        for (size_t i = 0; i < GROUP; i++)
+            memcpy(corner[y * stride + i], scratch[i * column + y], sizeof(fftwf_complex));
+}
+
+/* scratch *= kernel, or its complex conjugate for sign = -1. */
+static void multiply(const rx_fft *fft, const fftwf_complex *kernel, float sign, fftwf_complex *scratch)
+{
+    const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
+    for (size_t y = 0; y < (size_t)fft->height; y++)
+        for (size_t i = 0; i < GROUP; i++) {
+            const float kr = kernel[y * stride + i][0], ki = sign * kernel[y * stride + i][1];
+            float *s = scratch[i * column + y];
+            const float sr = s[0], si = s[1];
+            s[0] = kr * sr - ki * si;
+            s[1] = kr * si + ki * sr;
+        }
+}
+
+/* Columns of plane [height][stride_complex] in place: transformed by `first`, multiplied by the
+ * kernel, transformed by `second`; kernel and second are NULL where only one transform is wanted. */
+static void pass_columns(const rx_fft *fft, fftwf_plan first, const fftwf_complex *kernel, float sign,
+                         fftwf_plan second, fftwf_complex *plane)
+{
+    const int groups = fft->stride_complex / GROUP;
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
     for (int g = 0; g < groups; g++) {
-        fftwf_complex *scratch = fft->scratch + (size_t)omp_get_thread_num() * GROUP * column;
-        fftwf_complex *corner = plane + (size_t)g * GROUP;
-        for (int y = 0; y < h; y++)
-            for (int i = 0; i < GROUP; i++)
-                memcpy(scratch[(size_t)i * column + y], corner[(size_t)y * stride + i],
-                       sizeof(fftwf_complex));
-        fftwf_execute_dft(plan, scratch, scratch);
-        for (int y = 0; y < h; y++)
-            for (int i = 0; i < GROUP; i++)
-                memcpy(corner[(size_t)y * stride + i], scratch[(size_t)i * column + y],
-                       sizeof(fftwf_complex));
+        fftwf_complex *scratch =
+            fft->scratch + (size_t)omp_get_thread_num() * GROUP * (size_t)fft->stride_column;
+        gather(fft, plane + (size_t)g * GROUP, scratch);
+        fftwf_execute_dft(first, scratch, scratch);
+        if (kernel != NULL) {
+            multiply(fft, kernel + (size_t)g * GROUP, sign, scratch);
+            fftwf_execute_dft(second, scratch, scratch);
+        }
+        scatter(fft, scratch, plane + (size_t)g * GROUP);
     }
 }
 
-void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out)
+static void rows_forward(const rx_fft *fft, const float *real, fftwf_complex *plane)
 {
-    fftwf_complex *plane = (fftwf_complex *)complex_out;
     /* FFTW's type is not const; an out-of-place r2c plan in one dimension preserves its input */
     float *rows = (float *)(size_t)real;
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
     for (int y = 0; y < fft->height; y++)
         fftwf_execute_dft_r2c(fft->row_forward, rows + (size_t)y * fft->stride_real,
                               plane + (size_t)y * fft->stride_complex);
-    transform_columns(fft, fft->group_forward, plane);
+}
+
+static void rows_inverse(const rx_fft *fft, fftwf_complex *plane, float *real)
+{
+#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
+    for (int y = 0; y < fft->height; y++)
+        fftwf_execute_dft_c2r(fft->row_inverse, plane + (size_t)y * fft->stride_complex,
+                              real + (size_t)y * fft->stride_real);
+}
+
+void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out)
+{
+    fftwf_complex *plane = (fftwf_complex *)complex_out;
+    rows_forward(fft, real, plane);
+    pass_columns(fft, fft->group_forward, NULL, 1, NULL, plane);
 }
 
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real)
 {
     fftwf_complex *plane = (fftwf_complex *)complex_in;
-    transform_columns(fft, fft->group_inverse, plane);
-#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
-    for (int y = 0; y < fft->height; y++)
-        fftwf_execute_dft_c2r(fft->row_inverse, plane + (size_t)y * fft->stride_complex,
-                              real + (size_t)y * fft->stride_real);
+    pass_columns(fft, fft->group_inverse, NULL, 1, NULL, plane);
+    rows_inverse(fft, plane, real);
+}
+
+void rx_fft_filter(const rx_fft *fft, const float *src, const float *kernel, bool conjugate, float *half,
+                   float *dst)
+{
+    fftwf_complex *plane = (fftwf_complex *)half;
+    rows_forward(fft, src, plane);
+    pass_columns(fft, fft->group_forward, (const fftwf_complex *)kernel, conjugate ? -1.0f : 1.0f,
+                 fft->group_inverse, plane);
+    rows_inverse(fft, plane, dst);
 }

@@ -9,6 +9,7 @@
 #ifndef RX_NUM_FFT_H
 #define RX_NUM_FFT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "base/error.h"
@@ -40,5 +41,11 @@ int rx_fft_stride_complex(const rx_fft *fft); /* complex numbers */
 void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out);
 /* Unnormalised inverse (width*height times too large); complex_in is destroyed. */
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real);
+
+/* dst = inverse(kernel forward(src)), conj(kernel) when `conjugate`: the three steps in one, each
+ * column group staying in the cache. `kernel` is a complex plane; `half` another, overwritten;
+ * dst may be src. Unnormalised. */
+void rx_fft_filter(const rx_fft *fft, const float *src, const float *kernel, bool conjugate, float *half,
+                   float *dst);
 
 #endif

@@ -168,9 +168,11 @@ static void weigh(const rx_blur *blur, int i, const float *src, int add, float *
         const float c = blur->cy[i][y], *s = src + (size_t)y * stride;
         float *d = dst + (size_t)y * stride;
         if (add)
+#pragma omp simd
             for (int x = 0; x < w; x++)
                 d[x] += c * cx[x] * s[x];
         else
+#pragma omp simd
             for (int x = 0; x < w; x++)
                 d[x] = c * cx[x] * s[x];
     }

@@ -132,6 +132,7 @@ static void residual_row(const rx_rl *rl, size_t row, float *model)
         }
         return;
     }
+#pragma omp simd
     for (int x = 0; x < scene->width; x++) {
         const float m = model[x] > MODEL_FLOOR ? model[x] : MODEL_FLOOR;
         model[x] = weight[x] * ((data[x] - m) / m);
@@ -169,6 +170,7 @@ void rx_rl_update(rx_rl *rl)
     for (int y = 0; y < rx_fft_height(fft); y++) {
         float *f = rl->object + (size_t)y * stride;
         const float *change = rl->change + (size_t)y * stride, *norm = rl->norm + (size_t)y * stride;
+#pragma omp simd
         for (int x = 0; x < width; x++) {
             const float known = norm[x] > NORM_FLOOR ? 1 : 0;
             const float safe = norm[x] > NORM_FLOOR ? norm[x] : 1;
