@@ -39,6 +39,9 @@ typedef struct rx_column_list {
 rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err);
 void rx_columns_free(rx_column_list *list);
 
+/* The columns of config/default.param, for a run without any .param file. */
+rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
+
 /* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... tell what to measure. */
 void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2]);
 int rx_columns_has(const rx_column_list *list, const char *name);

@@ -167,6 +167,31 @@ exit:
     return status;
 }
 
+rx_status rx_columns_default(rx_column_list **dst, rx_error *err)
+{
+    static const char *const names[] = {
+        "NUMBER",       "ALPHA_J2000", "DELTA_J2000", "X_IMAGE",   "Y_IMAGE",      "XWIN_IMAGE",
+        "YWIN_IMAGE",   "MAG_AUTO",    "MAGERR_AUTO", "FLUX_AUTO", "FLUXERR_AUTO", "FLUX_APER",
+        "FLUXERR_APER", "MAG_APER",    "MAGERR_APER", "A_IMAGE",   "B_IMAGE",      "THETA_IMAGE",
+        "ELLIPTICITY",  "FWHM_IMAGE",  "FLUX_RADIUS", "SNR_WIN",   "FLAGS",        "MASKED_FRACTION"};
+    enum { COUNT = sizeof names / sizeof *names };
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    rx_column_list *list = RX_NEW(rx_column_list, 1);
+    if (list != NULL)
+        list->choice = RX_NEW(rx_column_choice, COUNT);
+    if (list == NULL || list->choice == NULL) {
+        rx_columns_free(list);
+        return rx_error_memory(err, COUNT * sizeof(rx_column_choice));
+    }
+    for (list->n = 0; list->n < COUNT; list->n++) {
+        int index = rx_column_index(names[list->n]);
+        list->choice[list->n] = (rx_column_choice){index, {defs[index].naxis > 0, 0}};
+    }
+    *dst = list;
+    return RX_OK;
+}
+
 void rx_columns_free(rx_column_list *list)
 {
     if (list != NULL)

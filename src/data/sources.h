@@ -31,6 +31,13 @@ enum {
     RX_FLAGM_UNCALIBRATED = 32 /* error from the rms alone: no noise law for this restored image */
 };
 
+/* What became of pixels above the detection threshold that are no source's own. */
+enum {
+    RX_FRAGMENT_SMALL = 1, /* in a group of fewer than DETECT_MINAREA pixels; segment 0, hidden like a neighbour */
+    RX_FRAGMENT_EATEN = 2  /* of a detection that CLEAN merged into the source of the segment: counts for its
+                              FLUX_ISO, not for its shape, and is not hidden from others */
+};
+
 enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
 
 typedef struct rx_source {
@@ -77,8 +84,7 @@ typedef struct rx_source {
     double alphawin_j2000, deltawin_j2000;
     double alphapeak_j2000, deltapeak_j2000;
     double x_world, y_world;      /* native world coordinates */
-    double xwin_world, ywin_world, xpeak_world, ypeak_world; /* the same of the windowed position, the peak */
-    double alphawin, deltawin, alphapeak, deltapeak;         /* deg, native frame */
+    double alphawin, deltawin, alphapeak, deltapeak; /* native, of the windowed position and the peak */
     double north_j2000;           /* rad: position angle of native north in the J2000 frame (0 when native is J2000) */
     double world_matrix[4];       /* d(east, north in deg, i.e. dalpha*cos(delta), ddelta)/d(x,y): shape columns in world units */
     /* --- cross-identification --- */
@@ -92,8 +98,7 @@ typedef struct rx_sources {
     rx_source *list;     /* [n] */
     int width, height;
     int32_t *segments;   /* [height][width]; 0 = sky, else rx_source.segment */
-    uint8_t *fragments;  /* [height][width], 1: above the threshold, but in a group of fewer than DETECT_MINAREA
-                            pixels; MASK_TYPE hides them like neighbours. NULL: not known */
+    uint8_t *fragments;  /* [height][width] RX_FRAGMENT_; NULL: not known */
     int naper;           /* used entries of flux_aper; diameters in aperture_diameter, pixels */
     double aperture_diameter[RX_MAX_APERTURES];
     int nradii;          /* used entries of flux_radius; shares in flux_fraction */
