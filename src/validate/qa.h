@@ -1,4 +1,10 @@
-/* The QA report: one reference, one catalogue per restorer, numbers, figures, gates. */
+/* The QA report: one reference, one catalogue per restorer, numbers, figures, gates.
+ *
+ * Conventions (as Rubin's analysis tools): completeness (recall) in bins of reference magnitude, purity
+ * (precision) in bins of measured magnitude, medians and sigma_MAD per bin of reference magnitude.
+ * Every number comes with an interval (metrics.h). Same input, same bytes: no dates, no timings, no
+ * dependence on threads.
+ */
 #ifndef RX_VALIDATE_QA_H
 #define RX_VALIDATE_QA_H
 
@@ -6,26 +12,28 @@
 #include "base/log.h"
 #include "base/text.h"
 
-/* What is compared: plain arrays, made by the stage from tables and source lists. */
+/* What is compared: plain arrays, made by the stage from tables and source lists. Positions or magnitudes
+ * that are unknown are NAN; magnitudes of 90 and fainter count as unknown (SExtractor writes 99). */
 typedef struct rx_qa_list {
     long n;
-    double *x, *y;         /* 0-based pixels of the tile */
-    double *alpha, *delta; /* deg J2000, or NULL without WCS */
-    double *mag, *mag_error; /* mag_error may be NULL (reference) */
-    double *flux, *flux_error; /* ADU; NULL when unknown */
-    double *score;         /* detections: ranking for the P-R curve (peak S/N on the detection image), else NULL */
-    int *flags;            /* detections: FLAGS, else NULL */
+    double *x, *y;             /* 0-based pixels of the tile */
+    double *alpha, *delta;     /* deg J2000, or NULL without WCS */
+    double *mag, *mag_error;   /* mag_error may be NULL */
+    double *flux, *flux_error; /* ADU, on the scale of mag; NULL when unknown */
+    double *score; /* detections: ranking for the P-R curve, high = sure, else NULL: brightest first */
+    int *flags;    /* detections: FLAGS, else NULL */
 } rx_qa_list;
 
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
-    double seconds;        /* of the restoration */
-    const char *settings, *psf; /* one line each, for the page */
-    double law_scale, law_power;
+    double seconds; /* of the restoration; told in `brief` only, files stay the same from run to run */
+    const char *settings, *psf;  /* one line each, for the page; may be NULL */
+    double law_scale, law_power; /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
 
-/* Small pictures of the same sky for the page: row-major floats, background subtracted. */
+/* Small pictures of the same sky for the page: row-major floats, background subtracted. All are shown
+ * with the stretch of the first one. */
 typedef struct rx_qa_picture {
     const char *title;
     int width, height;
@@ -33,36 +41,54 @@ typedef struct rx_qa_picture {
     float sigma;
 } rx_qa_picture;
 
+/* A .qa file, see config/default.qa for its grammar. */
+typedef struct rx_gates rx_gates;
+
 typedef struct rx_qa_params {
-    double match_radius;   /* pixels */
-    double match_radius_arcsec; /* as given, 0 when given in pixels: for the page */
-    double mag_low, mag_high, mag_step; /* bins; low >= high = from the data */
-    int figures;           /* 0: no gnuplot */
-    const char *gates;     /* .qa file or NULL */
-    const char *gnuplot;   /* program, "gnuplot" */
-    unsigned long seed;    /* bootstrap */
+    double match_radius;                /* pixels */
+    double match_radius_arcsec;         /* as given, 0 when given in pixels: for the page */
+    double mag_low, mag_high, mag_step; /* bins; low >= high = from the reference; step <= 0 = 0.5 */
+    int figures;                        /* 0: no gnuplot */
+    const rx_gates *gates;              /* or NULL */
+    const char *gnuplot;                /* program, NULL = "gnuplot" */
+    unsigned long seed;                 /* bootstrap */
 } rx_qa_params;
 
 typedef struct rx_qa_input {
     const char *tile;      /* shown name */
     const char *reference; /* shown name */
     int width, height;
-    const unsigned char *mask; /* [h][w] pixels where nothing can be found, or NULL: references there do not count */
-    double pixel_scale;    /* arcsec, 0 unknown */
+    const unsigned char
+        *mask; /* [h][w], not 0: nothing can be found there, references there do not count; or NULL */
+    double pixel_scale;     /* arcsec, 0 unknown */
+    const char *score_name; /* what rx_qa_list.score is ("SNR_WIN"); NULL = "score" */
     rx_qa_list truth;
     int nruns;
     rx_qa_run *runs;
     int npictures;
     rx_qa_picture *pictures;
-    int nrecord;           /* configuration and provenance: name, value */
+    int nrecord; /* configuration and provenance: name, value */
     const char *const (*record)[2];
 } rx_qa_input;
 
-typedef enum rx_verdict { RX_VERDICT_NONE, RX_VERDICT_PASS, RX_VERDICT_FAIL, RX_VERDICT_INSUFFICIENT } rx_verdict;
+typedef enum rx_verdict {
+    RX_VERDICT_NONE,
+    RX_VERDICT_PASS,
+    RX_VERDICT_FAIL,
+    RX_VERDICT_INSUFFICIENT
+} rx_verdict;
 
-/* Write the report into the existing folder: report.html, summary.json, bins.ecsv, matches_<run>.fits...
- * *verdict over all gates; `brief` (may be NULL) gets a short text table of recall, precision, MagErr per
- * run for the terminal. Missing gnuplot: a warning, tables and page still come. */
+/* Read a gates file; early, before any work. Malformed: RX_USAGE with file and line. Free with _free. */
+rx_status rx_gates_read(const char *path, rx_gates **dst, rx_error *err);
+void rx_gates_free(rx_gates *gates);
+
+const char *rx_verdict_name(rx_verdict verdict); /* "PASS" ..., "NONE" without gates */
+
+/* Write the report into the existing folder: report.html, summary.json, bins.ecsv and, per run,
+ * matches_<run>.ecsv and pr_<run>.ecsv (names reduced to letters, digits, - and _).
+ * *verdict over all gates (FAIL before INSUFFICIENT before PASS); `brief` (may be NULL) gets a short text
+ * table per run for the terminal. Missing gnuplot: a warning, tables and page still come.
+ * Errors: RX_USAGE (radius, magnitude bins), RX_SYSTEM (memory, disk), RX_INTERRUPTED. */
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder, rx_log *log,
                        rx_verdict *verdict, rx_text *brief, rx_error *err);
 

@@ -1,0 +1,23 @@
+/* Bootstrap (Efron 1979, Ann. Statist. 7, 1): draws with replacement from counter-based random numbers, so
+ * that a replicate depends on nothing but seed, stream and its own number. Percentile intervals. */
+#ifndef RX_VALIDATE_BOOTSTRAP_H
+#define RX_VALIDATE_BOOTSTRAP_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "validate/binomial.h"
+
+enum { RX_BOOTSTRAP_ROUNDS = 1000 };
+
+/* How often each of n units is drawn in replicate `round`: counts[n], sum n. n < 2^32. */
+void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint32_t *counts);
+
+/* The statistic of one replicate; may be infinite, not NAN. */
+typedef double (*rx_statistic)(const void *data, const uint32_t *counts);
+
+/* low and high of `estimate` from the percentiles of RX_BOOTSTRAP_ROUNDS replicates over n units. */
+rx_status rx_bootstrap_interval(uint64_t seed, uint64_t stream, long n, rx_statistic statistic,
+                                const void *data, double level, rx_estimate *estimate, rx_error *err);
+
+#endif

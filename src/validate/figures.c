@@ -1,0 +1,530 @@
+/* Figures: a gnuplot script with all data inside, run once, and its SVG files made fit for a page. */
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "validate/escape.h"
+#include "validate/gnuplot.h"
+#include "validate/report.h"
+
+enum { MAX_SVG = 64 << 20, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
+static const double PULL_REACH = 6;
+
+/* One figure: its words and the function that writes its plot commands. */
+typedef struct plan {
+    const char *id, *title, *reading;
+    void (*write)(rx_text *dst, const rx_report *report);
+} plan;
+
+static double middle(const rx_report *r, int bin)
+{
+    return 0.5 * (r->bins.edge[bin] + r->bins.edge[bin + 1]);
+}
+
+/* Position of a run's point beside those of the others in its bin. */
+static double beside(const rx_report *r, int run, int bin)
+{
+    double step = r->bins.edge[bin + 1] - r->bins.edge[bin];
+    int n = r->input->nruns;
+    return middle(r, bin) + step * 0.5 * ((run + 0.5) / n - 0.5);
+}
+
+/* gnuplot's own name for what is not there; ends of intervals are cut where a plot would end anyway. */
+static void value(rx_text *dst, double v)
+{
+    if (isfinite(v))
+        rx_text_printf(dst, " %.6g", v);
+    else
+        rx_text_add(dst, " NaN");
+}
+
+static void interval(rx_text *dst, const rx_estimate *e, double low, double high)
+{
+    value(dst, e->value);
+    value(dst, fmax(e->low, low));
+    value(dst, fmin(e->high, high));
+}
+
+/* Title, axes and file; ranges are always given, so that empty data cannot stop gnuplot. */
+static void begin(rx_text *dst, const char *id, const char *xlabel, const char *ylabel, double x0, double x1,
+                  double y0, double y1)
+{
+    rx_text_printf(dst, "set output '%s.svg'\nset xlabel '%s'\nset ylabel '%s'\n", id, xlabel, ylabel);
+    rx_text_printf(dst, "set xrange [%.6g:%.6g]\nset yrange [%.6g:%.6g]\n", x0, x1, y0, y1);
+}
+
+static void magnitude_axis(rx_text *dst, const rx_report *r, const char *id, const char *xlabel,
+                           const char *ylabel, double y0, double y1)
+{
+    begin(dst, id, xlabel, ylabel, r->bins.edge[0], r->bins.edge[r->bins.n], y0, y1);
+}
+
+/* A plot element that is never seen: keeps the command whole when no run has data. */
+static void plot_begin(rx_text *dst)
+{
+    rx_text_add(dst, "plot NaN notitle");
+}
+
+static void title_of(rx_text *dst, const rx_report *r, int run)
+{
+    char name[64];
+    rx_escape_plain(name, sizeof name, r->input->runs[run].name);
+    rx_text_printf(dst, " title '%s'", name);
+}
+
+/* $<name><run>: x, value, low, high of one metric per bin. */
+static void bin_blocks(rx_text *dst, const rx_report *r, const char *name, rx_metric metric, double low,
+                       double high)
+{
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, "$%s%d << EOD\n", name, run);
+        for (int b = 0; b < r->bins.n; b++) {
+            const rx_estimate *e = rx_report_bin(r, run, b, metric);
+            value(dst, beside(r, run, b));
+            interval(dst, e->n > 0 ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low, high);
+            rx_text_add(dst, "\n");
+        }
+        rx_text_add(dst, "EOD\n");
+    }
+}
+
+static void bars_with_lines(rx_text *dst, const rx_report *r, const char *name)
+{
+    plot_begin(dst);
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, ", $%s%d using 1:2:3:4 with yerrorlines ls %d", name, run, run % 7 + 1);
+        title_of(dst, r, run);
+    }
+    rx_text_add(dst, "\n");
+}
+
+static void write_recall(rx_text *dst, const rx_report *r)
+{
+    bin_blocks(dst, r, "recall", RX_METRIC_RECALL, 0, 1);
+    magnitude_axis(dst, r, "recall", "reference magnitude", "recall", 0, 1.02);
+    rx_text_add(dst, "set key left bottom\n");
+    bars_with_lines(dst, r, "recall");
+}
+
+static void write_precision(rx_text *dst, const rx_report *r)
+{
+    bin_blocks(dst, r, "precision", RX_METRIC_PRECISION, 0, 1);
+    magnitude_axis(dst, r, "precision", "measured magnitude", "precision", 0, 1.02);
+    rx_text_add(dst, "set key left bottom\n");
+    bars_with_lines(dst, r, "precision");
+}
+
+static void write_curve(rx_text *dst, const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_pr *pr = &r->evaluation[run].pr;
+        long skip = pr->n / MAX_STEPS + 1;
+        rx_text_printf(dst, "$curve%d << EOD\n", run);
+        for (long k = 0; k < pr->n; k++)
+            if (k % skip == 0 || k + 1 == pr->n) {
+                value(dst, pr->point[k].recall);
+                value(dst, pr->point[k].precision);
+                rx_text_add(dst, "\n");
+            }
+        rx_text_add(dst, "EOD\n");
+    }
+    begin(dst, "curve", "recall", "precision", 0, 1.02, 0, 1.02);
+    rx_text_add(dst, "set key left bottom\n");
+    plot_begin(dst);
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, ", $curve%d using 1:2 with lines ls %d", run, run % 7 + 1);
+        title_of(dst, r, run);
+        rx_text_printf(dst, ", $curve%d using 1:2 every ::%ld with points ls %d notitle", run,
+                       r->evaluation[run].pr.n / (r->evaluation[run].pr.n / MAX_STEPS + 1), run % 7 + 1);
+    }
+    rx_text_add(dst, "\n");
+}
+
+/* Pairs of two columns over matches, at most MAX_DOTS of them, evenly taken. */
+static void dot_block(rx_text *dst, const rx_report *r, const char *name, int run, const double *x,
+                      const double *y, int x_of_truth)
+{
+    const rx_evaluation *e = &r->evaluation[run];
+    long skip = e->matched / MAX_DOTS + 1, k = 0;
+    rx_text_printf(dst, "$%s%d << EOD\n", name, run);
+    for (long j = 0; j < e->run->list.n; j++) {
+        if (e->run_role[j] != RX_ROLE_MATCHED || k++ % skip != 0)
+            continue;
+        value(dst, x[x_of_truth ? e->origin[j] : j]);
+        value(dst, y[j]);
+        rx_text_add(dst, "\n");
+    }
+    rx_text_add(dst, "EOD\n");
+}
+
+/* Half the height of the magnitude error plot: all medians and most scatters fit. */
+static double error_reach(const rx_report *r)
+{
+    double reach = 0.1;
+    for (int run = 0; run < r->input->nruns; run++)
+        for (int b = 0; b < r->bins.n; b++) {
+            const rx_estimate *bias = rx_report_bin(r, run, b, RX_METRIC_BIAS_MAG);
+            const rx_estimate *scatter = rx_report_bin(r, run, b, RX_METRIC_SCATTER_MAG);
+            if (bias->n >= RX_COMPLETENESS_MIN)
+                reach = fmax(reach, 1.2 * (fabs(bias->value) + scatter->value));
+        }
+    return fmin(reach, 2);
+}
+
+static void write_error(rx_text *dst, const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_evaluation *e = &r->evaluation[run];
+        dot_block(dst, r, "edots", run, e->truth_mag, e->dmag, 1);
+        rx_text_printf(dst, "$error%d << EOD\n", run);
+        for (int b = 0; b < r->bins.n; b++) {
+            const rx_estimate *bias = rx_report_bin(r, run, b, RX_METRIC_BIAS_MAG);
+            const rx_estimate *scatter = rx_report_bin(r, run, b, RX_METRIC_SCATTER_MAG);
+            value(dst, beside(r, run, b));
+            value(dst, bias->value);
+            value(dst, bias->value - scatter->value);
+            value(dst, bias->value + scatter->value);
+            rx_text_add(dst, "\n");
+        }
+        rx_text_add(dst, "EOD\n");
+    }
+    double reach = error_reach(r);
+    magnitude_axis(dst, r, "error", "reference magnitude", "m - m_0  [mag]", -reach, reach);
+    rx_text_add(dst, "set key left bottom\n");
+    plot_begin(dst);
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_text_printf(dst,
+                       ", $edots%d using 1:2 with points ls %d lc rgb color(%d, 190) pt 7 ps 0.25 notitle",
+                       run, run % 7 + 1, run % 7 + 1);
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_text_printf(dst, ", $error%d using 1:3:4 with filledcurves lc rgb color(%d, 200) notitle", run,
+                       run % 7 + 1);
+    rx_text_add(dst, ", 0 with lines lc rgb '#808080' dt 3 notitle");
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, ", $error%d using 1:2 with linespoints ls %d", run, run % 7 + 1);
+        title_of(dst, r, run);
+    }
+    rx_text_add(dst, "\n");
+}
+
+static void write_magerr(rx_text *dst, const rx_report *r)
+{
+    double low = INFINITY, high = 0;
+    for (int run = 0; run < r->input->nruns; run++)
+        for (int b = 0; b < r->bins.n; b++) {
+            double v = rx_report_bin(r, run, b, RX_METRIC_MAGERR)->value;
+            if (v > 0 && isfinite(v)) {
+                low = fmin(low, v);
+                high = fmax(high, v);
+            }
+        }
+    low = fmax(0.5 * fmin(low, 10), 0.01);
+    high = fmax(3 * high, 10 * low);
+    bin_blocks(dst, r, "magerr", RX_METRIC_MAGERR, low, high);
+    rx_text_add(dst, "set logscale y\nset key left top\n");
+    magnitude_axis(dst, r, "magerr", "reference magnitude", "MagErr  [%]", low, high);
+    bars_with_lines(dst, r, "magerr");
+    rx_text_add(dst, "unset logscale y\n");
+}
+
+static void write_offsets(rx_text *dst, const rx_report *r)
+{
+    double reach = 1.05 * r->par->match_radius;
+    for (int run = 0; run < r->input->nruns; run++)
+        dot_block(dst, r, "offset", run, r->evaluation[run].dx, r->evaluation[run].dy, 0);
+    begin(dst, "offsets", "x - x_0  [pixels]", "y - y_0  [pixels]", -reach, reach, -reach, reach);
+    rx_text_printf(dst,
+                   "set key right top\nset size ratio -1\nset parametric\nset trange [0:2*pi]\n"
+                   "plot %.6g*cos(t), %.6g*sin(t) with lines lc rgb '#808080' dt 3 title 'match radius'",
+                   r->par->match_radius, r->par->match_radius);
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_text_printf(dst, ", $offset%d using 1:2 with points ls %d lc rgb color(%d, 120) ps 0.3 notitle",
+                       run, run % 7 + 1, run % 7 + 1);
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_estimate *e = rx_report_whole(r, run, RX_METRIC_RECALL);
+        rx_text_printf(dst, ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d ps 1.4",
+                       isfinite(e[RX_METRIC_DX].value) ? e[RX_METRIC_DX].value : 10 * reach,
+                       isfinite(e[RX_METRIC_DY].value) ? e[RX_METRIC_DY].value : 10 * reach, run % 7 + 1);
+        title_of(dst, r, run);
+    }
+    rx_text_add(dst, "\nunset parametric\nset size noratio\n");
+}
+
+static void write_pulls(rx_text *dst, const rx_report *r)
+{
+    double width = 2 * PULL_REACH / PULL_BINS, highest = 0.45;
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_evaluation *e = &r->evaluation[run];
+        long bin[PULL_BINS] = {0}, n = 0;
+        for (long j = 0; j < e->run->list.n; j++) {
+            if (!isfinite(e->pull[j]))
+                continue;
+            n++;
+            double k = floor((e->pull[j] + PULL_REACH) / width);
+            if (k >= 0 && k < PULL_BINS)
+                bin[(int)k]++;
+        }
+        rx_text_printf(dst, "$pull%d << EOD\n", run);
+        for (int k = 0; k < PULL_BINS && n > 0; k++) {
+            double density = (double)bin[k] / ((double)n * width);
+            highest = fmax(highest, 1.05 * density);
+            rx_text_printf(dst, "%.6g %.6g\n", -PULL_REACH + (k + 0.5) * width, density);
+        }
+        rx_text_add(dst, "EOD\n");
+    }
+    begin(dst, "pulls", "pull = (F - F_0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
+    rx_text_add(dst, "set key right top\n"
+                     "plot exp(-x*x/2)/sqrt(2*pi) with lines lc rgb '#808080' dt 2 title 'unit normal'");
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, ", $pull%d using 1:2 with histeps ls %d", run, run % 7 + 1);
+        title_of(dst, r, run);
+    }
+    rx_text_add(dst, "\n");
+}
+
+static const plan plans[] = {
+    {"recall", "Recall (completeness)",
+     "Share of the references of each magnitude that were found; bars are 95 % intervals. The magnitude "
+     "where a "
+     "curve crosses one half is mag50.",
+     write_recall},
+    {"precision", "Precision (purity)",
+     "Share of the detections of each measured magnitude that are references. Where the reference list ends, "
+     "real "
+     "faint sources count as false: what is seen there is a lower bound.",
+     write_precision},
+    {"curve", "Precision against recall",
+     "Each curve begins with the surest detections and admits the others by falling score; the dot is the "
+     "whole "
+     "catalogue. Further up and to the right is better. Average precision is the area under the steps.",
+     write_curve},
+    {"error", "Magnitude error",
+     "Dots are matched sources, lines the median of m - m0 per bin, bands one robust sigma (sigma_MAD) "
+     "either side. "
+     "A line away from zero is a bias; faint sources found only when noise lifts them pull the line down "
+     "(Eddington "
+     "bias).",
+     write_error},
+    {"magerr", "MagErr",
+     "Mean of 100 |F - F0| / F0 over matched sources, bars are 95 % bootstrap intervals. It mixes bias and "
+     "scatter: "
+     "read it with the figure before. One bad blend can dominate a bin.",
+     write_magerr},
+    {"offsets", "Position offsets",
+     "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is an "
+     "astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
+     write_offsets},
+    {"pulls", "Pulls",
+     "Flux error over its stated error. True errors follow the dashed curve; a wider histogram means that "
+     "errors "
+     "are too small, a shifted one that fluxes are biased.",
+     write_pulls},
+};
+enum { PLANS = sizeof plans / sizeof *plans };
+
+static void write_head(rx_text *dst)
+{
+    static const char *const colors[] = {"0072B2", "D55E00", "009E73", "CC79A7",
+                                         "E69F00", "56B4E9", "000000"};
+    static const int points[] = {7, 5, 9, 13, 11, 6, 4};
+    rx_text_add(dst,
+                "set terminal svg size 640,400 dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n"
+                "set encoding utf8\nset border 3 lc rgb '#404040'\nset tics nomirror out\n"
+                "set grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill solid 1 noborder\n"
+                "hex(k) = ");
+    for (int i = 0; i < 6; i++)
+        rx_text_printf(dst, "k == %d ? 0x%s : ", i + 1, colors[i]);
+    rx_text_printf(dst, "0x%s\ncolor(k, transparency) = transparency * 0x1000000 + hex(k)\n", colors[6]);
+    for (int i = 0; i < 7; i++)
+        rx_text_printf(dst, "set style line %d lc rgb '#%s' lw 1.6 pt %d ps 0.6\n", i + 1, colors[i],
+                       points[i]);
+}
+
+static int by_value(const void *left, const void *right)
+{
+    float l = *(const float *)left, r = *(const float *)right;
+    return (l > r) - (l < r);
+}
+
+/* White of the stretch: 99.8 % of the first picture's pixels are darker, 20 sigma at least. */
+static double white_level(const rx_qa_picture *picture)
+{
+    size_t n = 0, all = (size_t)picture->width * (size_t)picture->height;
+    float *copy = RX_NEW(float, all);
+    double white = 20 * picture->sigma;
+    for (size_t i = 0; i < all && copy != NULL; i++)
+        if (isfinite(picture->pixels[i]))
+            copy[n++] = picture->pixels[i];
+    if (n > 0) {
+        qsort(copy, n, sizeof *copy, by_value);
+        white = fmax(white, copy[(size_t)(0.998 * (double)(n - 1))]);
+    }
+    free(copy);
+    return white;
+}
+
+/* grey = asinh(p / (2 sigma)), black at -2 sigma of the first picture. */
+static void write_picture(rx_text *dst, const rx_qa_picture *p, int k, double sigma, double white)
+{
+    double soft = sigma > 0 ? 2 * sigma : 1;
+    rx_text_printf(dst,
+                   "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n"
+                   "set output 'picture%d.svg'\n$picture%d << EOD\n",
+                   PICTURE_SIDE,
+                   p->width > 0 ? (int)((double)PICTURE_SIDE * p->height / p->width + 0.5) : PICTURE_SIDE, k,
+                   k);
+    for (int y = 0; y < p->height; y++) {
+        for (int x = 0; x < p->width; x++) {
+            double v = p->pixels[(size_t)y * (size_t)p->width + (size_t)x];
+            rx_text_printf(dst, "%.4g ", isfinite(v) ? asinh(v / soft) : asinh(-1));
+        }
+        rx_text_add(dst, "\n");
+    }
+    rx_text_printf(dst,
+                   "EOD\nset cbrange [%.6g:%.6g]\nset xrange [-0.5:%.1f]\nset yrange [-0.5:%.1f]\n"
+                   "plot $picture%d matrix with image notitle\n",
+                   asinh(-1), asinh(fmax(white, soft) / soft), p->width - 0.5, p->height - 0.5, k);
+}
+
+static void write_pictures(rx_text *dst, const rx_report *r, int n)
+{
+    const rx_qa_picture *first = r->input->pictures;
+    double white = n > 0 ? white_level(first) : 0;
+    rx_text_add(dst, "unset border\nunset tics\nunset colorbox\nunset xlabel\nunset ylabel\nunset key\n"
+                     "set margins 0,0,0,0\nset palette gray\nset palette maxcolors 256\n");
+    for (int k = 0; k < n; k++)
+        if (r->input->pictures[k].width > 0 && r->input->pictures[k].height > 0)
+            write_picture(dst, &r->input->pictures[k], k, first->sigma, white);
+}
+
+/* Names inside an SVG must differ from those of the others in the page: put `id` before each. */
+static void add_svg(rx_text *dst, const char *id, const char *title, const char *svg)
+{
+    static const char *const marks[] = {" id='", " id=\"", "href='#", "href=\"#", "url(#"};
+    const char *c = strstr(svg, "<svg");
+    for (; c != NULL && *c != '\0';) {
+        size_t skip = 0;
+        for (size_t i = 0; i < sizeof marks / sizeof *marks && skip == 0; i++)
+            if (strncmp(c, marks[i], strlen(marks[i])) == 0)
+                skip = strlen(marks[i]);
+        if (skip > 0) {
+            rx_text_add_bytes(dst, c, skip);
+            rx_text_printf(dst, "%s-", id);
+            c += skip;
+        } else if (strncmp(c, "<title>", 7) == 0 && strstr(c, "</desc>") != NULL) {
+            /* gnuplot's own title and version give way to ours */
+            rx_text_add(dst, "<title>");
+            rx_escape_html(dst, title);
+            rx_text_add(dst, "</title>");
+            c = strstr(c, "</desc>") + 7;
+        } else {
+            rx_text_add_bytes(dst, c, 1);
+            c++;
+        }
+    }
+}
+
+/* NULL when the file is not there or cannot be an SVG. */
+static char *read_svg(const char *folder, const char *id, const char *title)
+{
+    rx_text path = {0}, svg = {0};
+    char *content = NULL;
+    rx_text_printf(&path, "%s/%s.svg", folder, id);
+    if (!path.failed && rx_text_read_file(path.data, MAX_SVG, &content, NULL, NULL) == RX_OK &&
+        strstr(content, "</svg>") != NULL)
+        add_svg(&svg, id, title, content);
+    free(content);
+    rx_text_free(&path);
+    if (svg.failed)
+        rx_text_free(&svg);
+    return svg.data;
+}
+
+static void remove_folder(const char *folder)
+{
+    DIR *open = opendir(folder);
+    struct dirent *entry;
+    while (open != NULL && (entry = readdir(open)) != NULL)
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            unlinkat(dirfd(open), entry->d_name, 0);
+    if (open != NULL)
+        closedir(open);
+    rmdir(folder);
+}
+
+static rx_status write_script(const rx_report *r, const char *folder, int npictures, rx_error *err)
+{
+    rx_text script = {0}, path = {0};
+    rx_status status = RX_OK;
+    FILE *file = NULL;
+    write_head(&script);
+    for (int i = 0; i < PLANS; i++)
+        plans[i].write(&script, r);
+    write_pictures(&script, r, npictures);
+    rx_text_printf(&path, "%s/figures.gp", folder);
+    if (script.failed || path.failed) {
+        status = rx_error_memory(err, script.length);
+        goto exit;
+    }
+    file = fopen(path.data, "wb");
+    if (file == NULL || fwrite(script.data, 1, script.length, file) != script.length || fflush(file) != 0)
+        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be written: %s", strerror(errno));
+exit:
+    if (file != NULL)
+        fclose(file);
+    rx_text_free(&script);
+    rx_text_free(&path);
+    return status;
+}
+
+static void collect(const rx_report *r, const char *folder, rx_figures *dst)
+{
+    char id[24];
+    for (int i = 0; i < PLANS; i++)
+        dst->figure[i].svg = read_svg(folder, plans[i].id, plans[i].title);
+    for (int k = 0; k < dst->npictures; k++) {
+        snprintf(id, sizeof id, "picture%d", k);
+        dst->picture[k] = read_svg(folder, id, r->input->pictures[k].title);
+    }
+}
+
+rx_status rx_figures_make(const rx_report *r, const char *folder, rx_figures *dst, rx_error *err)
+{
+    rx_text work = {0};
+    rx_status status = RX_OK;
+    dst->n = PLANS;
+    dst->npictures = r->input->npictures < RX_MAX_FIGURES ? r->input->npictures : RX_MAX_FIGURES;
+    for (int i = 0; i < PLANS; i++)
+        dst->figure[i] = (rx_figure){plans[i].id, plans[i].title, plans[i].reading, NULL};
+    rx_text_printf(&work, "%s/.figures-XXXXXX", folder);
+    if (work.failed)
+        return rx_error_memory(err, 0);
+    if (mkdtemp(work.data) == NULL) {
+        status =
+            rx_error_at(err, RX_SYSTEM, folder, -1, 0, "no folder can be made in it: %s", strerror(errno));
+        goto exit;
+    }
+    status = write_script(r, work.data, dst->npictures, err);
+    if (status == RX_OK &&
+        rx_gnuplot_run(r->par->gnuplot != NULL && r->par->gnuplot[0] != '\0' ? r->par->gnuplot : "gnuplot",
+                       work.data, "figures.gp", dst->note, sizeof dst->note))
+        collect(r, work.data, dst);
+    remove_folder(work.data);
+exit:
+    rx_text_free(&work);
+    return status;
+}
+
+void rx_figures_free(rx_figures *figures)
+{
+    for (int i = 0; i < figures->n; i++)
+        free(figures->figure[i].svg);
+    for (int k = 0; k < figures->npictures; k++)
+        free(figures->picture[k]);
+    *figures = (rx_figures){0};
+}

@@ -1,0 +1,109 @@
+/* Running gnuplot. */
+#include "validate/gnuplot.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+
+extern char **environ;
+
+/* The environment without what would change numbers or the terminal; pointers only, `locale` among them. */
+static char **clean_environment(char *locale)
+{
+    size_t n = 0, kept = 0;
+    while (environ != NULL && environ[n] != NULL)
+        n++;
+    char **copy = RX_NEW(char *, n + 2);
+    for (size_t i = 0; i < n && copy != NULL; i++)
+        if (strncmp(environ[i], "LC_ALL=", 7) != 0 && strncmp(environ[i], "GNUTERM=", 8) != 0)
+            copy[kept++] = environ[i];
+    if (copy != NULL)
+        copy[kept] = locale;
+    return copy;
+}
+
+/* The parent blocks SIGINT and SIGTERM to clean up after itself; the child must not inherit that. */
+static int default_signals(posix_spawnattr_t *attributes)
+{
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigemptyset(&all);
+    sigaddset(&all, SIGINT);
+    sigaddset(&all, SIGTERM);
+    sigaddset(&all, SIGPIPE);
+    int failed = posix_spawnattr_setsigmask(attributes, &none);
+    failed = failed != 0 ? failed : posix_spawnattr_setsigdefault(attributes, &all);
+    return failed != 0 ? failed
+                       : posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+}
+
+static int redirect(posix_spawn_file_actions_t *actions, const char *folder)
+{
+    int failed = posix_spawn_file_actions_addchdir_np(actions, folder);
+    if (failed == 0)
+        failed = posix_spawn_file_actions_addopen(actions, 0, "/dev/null", O_RDONLY, 0);
+    if (failed == 0)
+        failed =
+            posix_spawn_file_actions_addopen(actions, 1, "gnuplot.log", O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    if (failed == 0)
+        failed = posix_spawn_file_actions_adddup2(actions, 1, 2);
+    return failed;
+}
+
+static int spawn(pid_t *child, const char *program, const char *folder, const char *script)
+{
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    char options[] = "-d", locale[] = "LC_ALL=C";
+    char *name = rx_strdup(program), *file = rx_strdup(script), **environment = clean_environment(locale);
+    int failed = name != NULL && file != NULL && environment != NULL ? 0 : ENOMEM;
+    char *arguments[] = {name, options, file, NULL};
+    if (failed == 0 && (failed = posix_spawn_file_actions_init(&actions)) == 0) {
+        failed = redirect(&actions, folder);
+        if (failed == 0 && (failed = posix_spawnattr_init(&attributes)) == 0) {
+            failed = default_signals(&attributes);
+            if (failed == 0)
+                failed = posix_spawnp(child, program, &actions, &attributes, arguments, environment);
+            posix_spawnattr_destroy(&attributes);
+        }
+        posix_spawn_file_actions_destroy(&actions);
+    }
+    free(name);
+    free(file);
+    free(environment);
+    return failed;
+}
+
+int rx_gnuplot_run(const char *program, const char *folder, const char *script, char *note, size_t size)
+{
+    pid_t child;
+    int state = 0;
+    /* a path with a folder in it is meant from here, not from where the child works */
+    char *absolute = strchr(program, '/') != NULL ? realpath(program, NULL) : NULL;
+    int failed = spawn(&child, absolute != NULL ? absolute : program, folder, script);
+    free(absolute);
+    if (failed != 0) {
+        snprintf(note, size, "%s cannot be started (%s); install gnuplot", program, strerror(failed));
+        return 0;
+    }
+    while (waitpid(child, &state, 0) < 0)
+        if (errno != EINTR) {
+            snprintf(note, size, "%s got lost: %s", program, strerror(errno));
+            return 0;
+        }
+    if (WIFEXITED(state) && WEXITSTATUS(state) == 0)
+        return 1;
+    if (WIFSIGNALED(state))
+        snprintf(note, size, "%s was ended by signal %d", program, WTERMSIG(state));
+    else
+        snprintf(note, size, "%s failed with exit code %d", program, WEXITSTATUS(state));
+    return 0;
+}

@@ -1,0 +1,18 @@
+librextract_la_SOURCES += \
+	src/validate/binomial.c src/validate/binomial.h \
+	src/validate/bootstrap.c src/validate/bootstrap.h \
+	src/validate/brief.c \
+	src/validate/completeness.c src/validate/completeness.h \
+	src/validate/ecsv.c \
+	src/validate/escape.c src/validate/escape.h \
+	src/validate/evaluate.c src/validate/evaluate.h \
+	src/validate/figures.c \
+	src/validate/gates.c src/validate/gates.h \
+	src/validate/gnuplot.c src/validate/gnuplot.h \
+	src/validate/html.c \
+	src/validate/json.c \
+	src/validate/match.c src/validate/match.h \
+	src/validate/metrics.c src/validate/metrics.h \
+	src/validate/pr.c src/validate/pr.h \
+	src/validate/qa.h \
+	src/validate/report.c src/validate/report.h

@@ -1,0 +1,237 @@
+/* The report: measure every run, judge the gates, write the files. */
+#include "validate/report.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "validate/escape.h"
+
+static const double LEVEL = 0.95;
+
+const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric metric)
+{
+    return &report->whole[(size_t)run * RX_METRIC_COUNT + metric];
+}
+
+const rx_estimate *rx_report_bin(const rx_report *report, int run, int bin, rx_metric metric)
+{
+    return &report->binned[((size_t)run * (size_t)report->bins.n + (size_t)bin) * RX_METRIC_COUNT + metric];
+}
+
+/* File-name stems that differ also where the file system ignores case. */
+static void name_stems(rx_report *r)
+{
+    for (int i = 0; i < r->input->nruns; i++) {
+        rx_escape_stem(r->stem[i], RX_STEM - 8, r->input->runs[i].name);
+        for (int j = 0; j < i; j++)
+            if (strcasecmp(r->stem[i], r->stem[j]) == 0) {
+                size_t length = strlen(r->stem[i]);
+                snprintf(r->stem[i] + length, RX_STEM - length, "-%d", i + 1);
+                break;
+            }
+    }
+}
+
+static rx_status measure_run(rx_report *r, int run, rx_error *err)
+{
+    const unsigned long seed = r->par->seed;
+    rx_evaluation *e = &r->evaluation[run];
+    rx_status status = rx_evaluate(r->par, r->input, run, &r->bins, r->level, e, err);
+    if (status == RX_OK)
+        status =
+            rx_metrics_measure(e, 1, 0, 0, r->level, seed, &r->whole[(size_t)run * RX_METRIC_COUNT], err);
+    for (int b = 0; b < r->bins.n && status == RX_OK; b++)
+        status = rx_metrics_measure(
+            e, 0, r->bins.edge[b], r->bins.edge[b + 1], r->level, seed,
+            &r->binned[((size_t)run * (size_t)r->bins.n + (size_t)b) * RX_METRIC_COUNT], err);
+    return status;
+}
+
+static void compare_runs(rx_report *r)
+{
+    for (int i = 0; i < r->input->nruns; i++)
+        for (int j = i + 1; j < r->input->nruns; j++) {
+            rx_comparison *c = &r->comparison[r->ncomparisons++];
+            *c = (rx_comparison){.first = i, .second = j};
+            for (long k = 0; k < r->input->truth.n; k++) {
+                int first = r->evaluation[i].truth_role[k] == RX_ROLE_MATCHED;
+                int second = r->evaluation[j].truth_role[k] == RX_ROLE_MATCHED;
+                c->only_first += first && !second;
+                c->only_second += second && !first;
+            }
+            c->p = rx_mcnemar(c->only_first, c->only_second);
+        }
+}
+
+static rx_status judge_gate(rx_report *r, const rx_gate *gate, rx_error *err)
+{
+    rx_estimate estimates[RX_METRIC_COUNT];
+    rx_status status = RX_OK;
+    long before = r->nresults;
+    for (int run = 0; run < r->input->nruns && status == RX_OK; run++) {
+        if (strcmp(gate->run, "*") != 0 && strcasecmp(gate->run, r->input->runs[run].name) != 0)
+            continue;
+        status = rx_metrics_measure(&r->evaluation[run], gate->whole, gate->low, gate->high, gate->level,
+                                    r->par->seed, estimates, err);
+        if (status != RX_OK)
+            return status;
+        rx_gate_result *result = &r->result[r->nresults++];
+        *result = (rx_gate_result){.gate = gate, .run = run, .estimate = estimates[gate->metric]};
+        result->verdict = rx_gate_judge(gate, &result->estimate);
+    }
+    if (r->nresults == before)
+        r->result[r->nresults++] = (rx_gate_result){
+            .gate = gate, .run = -1, .estimate = {NAN, NAN, NAN, 0}, .verdict = RX_VERDICT_INSUFFICIENT};
+    return status;
+}
+
+static rx_status judge_gates(rx_report *r, rx_error *err)
+{
+    rx_status status = RX_OK;
+    long n = r->par->gates != NULL ? r->par->gates->n : 0;
+    for (long i = 0; i < n && status == RX_OK; i++)
+        status = judge_gate(r, &r->par->gates->gate[i], err);
+    for (long i = 0; i < r->nresults; i++)
+        r->verdict = rx_verdict_worse(r->verdict, r->result[i].verdict);
+    return status;
+}
+
+static void report_free(rx_report *r)
+{
+    for (int i = 0; i < r->input->nruns && r->evaluation != NULL; i++)
+        rx_evaluation_free(&r->evaluation[i]);
+    free(r->evaluation);
+    free(r->whole);
+    free(r->binned);
+    free(r->stem);
+    free(r->result);
+    free(r->comparison);
+}
+
+static rx_status report_make(rx_report *r, rx_error *err)
+{
+    size_t runs = (size_t)r->input->nruns;
+    size_t gates = r->par->gates != NULL ? (size_t)r->par->gates->n : 0;
+    rx_status status = rx_evaluate_bins(r->par, r->input, &r->bins, err);
+    if (status != RX_OK)
+        return status;
+    r->evaluation = RX_NEW(rx_evaluation, runs);
+    r->whole = RX_NEW(rx_estimate, runs * RX_METRIC_COUNT);
+    r->binned = RX_NEW(rx_estimate, runs * (size_t)r->bins.n * RX_METRIC_COUNT);
+    r->stem = rx_alloc(runs, sizeof *r->stem);
+    r->result = RX_NEW(rx_gate_result, gates * (runs + 1));
+    r->comparison = RX_NEW(rx_comparison, runs * runs);
+    if (!r->evaluation || !r->whole || !r->binned || !r->stem || !r->result || !r->comparison)
+        return rx_error_memory(err, 0);
+    name_stems(r);
+    for (int run = 0; run < r->input->nruns && status == RX_OK; run++) {
+        status = rx_interrupt_check(err);
+        if (status == RX_OK)
+            status = measure_run(r, run, err);
+    }
+    if (status == RX_OK)
+        compare_runs(r);
+    if (status == RX_OK)
+        status = judge_gates(r, err);
+    return status;
+}
+
+/* text into folder/name; the text is freed in any case. */
+static rx_status write_file(const char *folder, const char *name, rx_text *text, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text path = {0};
+    rx_text_printf(&path, "%s/%s", folder, name);
+    if (path.failed || text->failed || text->data == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    FILE *file = fopen(path.data, "wb");
+    if (file == NULL) {
+        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be made: %s", strerror(errno));
+        goto exit;
+    }
+    int bad = fwrite(text->data, 1, text->length, file) != text->length;
+    bad = fclose(file) != 0 || bad;
+    if (bad)
+        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be written: %s", strerror(errno));
+exit:
+    rx_text_free(&path);
+    rx_text_free(text);
+    return status;
+}
+
+static rx_status write_runs(const rx_report *r, const char *folder, rx_error *err)
+{
+    char name[RX_STEM + 16];
+    rx_status status = RX_OK;
+    for (int run = 0; run < r->input->nruns && status == RX_OK; run++) {
+        rx_text text = {0};
+        rx_report_matches(&text, r, run);
+        snprintf(name, sizeof name, "matches_%s.ecsv", r->stem[run]);
+        status = write_file(folder, name, &text, err);
+        if (status != RX_OK)
+            break;
+        rx_report_curve(&text, r, run);
+        snprintf(name, sizeof name, "pr_%s.ecsv", r->stem[run]);
+        status = write_file(folder, name, &text, err);
+    }
+    return status;
+}
+
+static rx_status write_all(const rx_report *r, const rx_figures *figures, const char *folder, rx_error *err)
+{
+    rx_text text = {0};
+    rx_report_json(&text, r);
+    rx_status status = write_file(folder, "summary.json", &text, err);
+    if (status != RX_OK)
+        return status;
+    rx_report_bins(&text, r);
+    status = write_file(folder, "bins.ecsv", &text, err);
+    if (status != RX_OK)
+        return status;
+    status = write_runs(r, folder, err);
+    if (status != RX_OK)
+        return status;
+    rx_report_html(&text, r, figures);
+    return write_file(folder, "report.html", &text, err);
+}
+
+rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder, rx_log *log,
+                       rx_verdict *verdict, rx_text *brief, rx_error *err)
+{
+    rx_report report = {.par = par, .input = input, .level = LEVEL};
+    rx_figures *figures = RX_NEW(rx_figures, 1);
+    rx_status status = figures != NULL ? report_make(&report, err) : rx_error_memory(err, 0);
+    if (status != RX_OK)
+        goto exit;
+    if (par->figures)
+        status = rx_figures_make(&report, folder, figures, err);
+    else
+        snprintf(figures->note, sizeof figures->note, "figures were not asked for");
+    if (status == RX_OK)
+        status = rx_interrupt_check(err);
+    if (status != RX_OK)
+        goto exit;
+    if (par->figures && figures->note[0] != '\0')
+        rx_log_warning(log, "report without figures: %s", figures->note);
+    status = write_all(&report, figures, folder, err);
+    if (status != RX_OK)
+        goto exit;
+    if (brief != NULL)
+        rx_report_brief(brief, &report);
+    if (verdict != NULL)
+        *verdict = report.verdict;
+exit:
+    if (figures != NULL)
+        rx_figures_free(figures);
+    free(figures);
+    report_free(&report);
+    return status;
+}

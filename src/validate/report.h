@@ -1,0 +1,72 @@
+/* What the writers of the report share: everything measured, nothing formatted. */
+#ifndef RX_VALIDATE_REPORT_H
+#define RX_VALIDATE_REPORT_H
+
+#include "base/text.h"
+#include "validate/gates.h"
+#include "validate/metrics.h"
+#include "validate/qa.h"
+
+enum { RX_STEM = 48, RX_MAX_FIGURES = 64 };
+
+/* A gate on one run; gates on all runs have several. */
+typedef struct rx_gate_result {
+    const rx_gate *gate;
+    int run; /* -1: the gate names a run that is not there */
+    rx_estimate estimate;
+    rx_verdict verdict;
+} rx_gate_result;
+
+/* Two runs on the same references. */
+typedef struct rx_comparison {
+    int first, second;
+    long only_first, only_second; /* references that only this one found */
+    double p;                     /* McNemar's exact test */
+} rx_comparison;
+
+typedef struct rx_report {
+    const rx_qa_params *par;
+    const rx_qa_input *input;
+    double level; /* of all intervals but those of gates */
+    rx_bins bins;
+    rx_evaluation *evaluation; /* [nruns] */
+    rx_estimate *whole;        /* [nruns][RX_METRIC_COUNT] */
+    rx_estimate *binned;       /* [nruns][bins.n][RX_METRIC_COUNT] */
+    char (*stem)[RX_STEM];     /* [nruns] run names fit for file names, each once */
+    long nresults;
+    rx_gate_result *result;
+    int ncomparisons;
+    rx_comparison *comparison;
+    rx_verdict verdict;
+} rx_report;
+
+const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric metric);
+const rx_estimate *rx_report_bin(const rx_report *report, int run, int bin, rx_metric metric);
+
+/* Figures as SVG elements ready to stand in a page; svg NULL where it could not be made. */
+typedef struct rx_figure {
+    const char *id, *title, *reading; /* reading: how to read it */
+    char *svg;
+} rx_figure;
+
+typedef struct rx_figures {
+    int n, npictures;
+    rx_figure figure[RX_MAX_FIGURES];
+    char *picture[RX_MAX_FIGURES]; /* one for each picture of the input */
+    char note[256];                /* why there are none, "" when all is well */
+} rx_figures;
+
+/* Draw everything with gnuplot, inside a temporary folder made in `folder` and removed again. Without gnuplot
+ * dst->note says so and the status is RX_OK. Free with rx_figures_free(). */
+rx_status rx_figures_make(const rx_report *report, const char *folder, rx_figures *dst, rx_error *err);
+void rx_figures_free(rx_figures *figures); /* content only */
+
+/* The files of the report as text; memory trouble shows in dst->failed. */
+void rx_report_json(rx_text *dst, const rx_report *report);
+void rx_report_html(rx_text *dst, const rx_report *report, const rx_figures *figures);
+void rx_report_bins(rx_text *dst, const rx_report *report);
+void rx_report_matches(rx_text *dst, const rx_report *report, int run);
+void rx_report_curve(rx_text *dst, const rx_report *report, int run);
+void rx_report_brief(rx_text *dst, const rx_report *report);
+
+#endif
