@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "detect/clean.h"
 #include "detect/filter.h"
 #include "detect/sep_extract.h"
 
@@ -15,8 +16,10 @@ typedef struct workspace {
     rx_filter kernel;
     float *pixels; /* masked ones 0 */
     uint8_t *hidden;
-    float *sigma;   /* threshold noise, NULL = one value */
+    float *sigma; /* threshold noise, NULL = one value */
+    float *filtered;
     uint8_t *above; /* filtered value above the threshold */
+    int *eater;     /* of each row of the catalogue, -1 none; NULL without CLEAN */
     sep_catalog *catalog;
 } workspace;
 
@@ -26,7 +29,9 @@ static void free_workspace(workspace *work)
     free(work->pixels);
     free(work->hidden);
     free(work->sigma);
+    free(work->filtered);
     free(work->above);
+    free(work->eater);
     sep_catalog_free(work->catalog);
 }
 
@@ -36,8 +41,9 @@ static rx_status fill_planes(const rx_detect_params *par, const rx_detect_image 
     work->n = (size_t)image->width * (size_t)image->height;
     work->pixels = RX_NEW(float, work->n);
     work->hidden = RX_NEW(uint8_t, work->n);
+    work->filtered = RX_NEW(float, work->n);
     work->above = RX_NEW(uint8_t, work->n);
-    if (work->pixels == NULL || work->hidden == NULL || work->above == NULL)
+    if (work->pixels == NULL || work->hidden == NULL || work->filtered == NULL || work->above == NULL)
         return rx_error_memory(err, work->n * sizeof(float));
     for (size_t i = 0; i < work->n; i++) {
         bool hidden =
@@ -62,22 +68,26 @@ static rx_status fill_planes(const rx_detect_params *par, const rx_detect_image 
 }
 
 /* Mark the pixels above the threshold, as sep will find them; returns how many. */
-static rx_status mark_above(const rx_detect_params *par, const rx_detect_image *image, const workspace *work,
-                            double threshold, long *count, rx_error *err)
+static long mark_above(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                       double threshold)
 {
-    float *filtered = RX_NEW(float, work->n);
-    if (filtered == NULL)
-        return rx_error_memory(err, work->n * sizeof(float));
-    rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, filtered);
-    *count = 0;
+    long count = 0;
+    rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, work->filtered);
     for (size_t i = 0; i < work->n; i++) {
         float sigma = work->sigma != NULL ? work->sigma[i] : (float)image->global_sigma;
         float limit = par->absolute ? (float)threshold : (float)threshold * sigma;
-        work->above[i] = filtered[i] > limit;
-        *count += work->above[i];
+        work->above[i] = work->filtered[i] > limit;
+        count += work->above[i];
     }
-    free(filtered);
-    return RX_OK;
+    return count;
+}
+
+static rx_status clean_catalog(const rx_detect_params *par, workspace *work, double threshold, rx_error *err)
+{
+    rx_clean_image image = {.pixels = work->pixels, .filtered = work->filtered, .threshold = threshold};
+    if (!par->absolute)
+        image.sigma = work->sigma;
+    return rx_clean(work->catalog, &image, par->min_area, par->clean_param, &work->eater, err);
 }
 
 /* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)
@@ -186,10 +196,31 @@ static rx_status mark_fragments(const workspace *work, int width, int height, in
         }
         if (tail < (size_t)min_area)
             for (size_t i = 0; i < tail; i++)
-                fragments[queue[i]] = 1;
+                fragments[queue[i]] = RX_FRAGMENT_SMALL;
     }
     free(queue);
     return RX_OK;
+}
+
+static void paint_segment(const sep_catalog *cat, int row, int32_t segment, int fragment, rx_sources *dst)
+{
+    for (int k = 0; k < cat->npix[row]; k++) {
+        dst->segments[cat->pix[row][k]] = segment;
+        dst->fragments[cat->pix[row][k]] = (uint8_t)fragment;
+    }
+}
+
+/* Add row `i`, eaten by `s`, to it. */
+static void merge_source(const sep_catalog *cat, int i, rx_source *s, rx_sources *dst)
+{
+    s->npix += cat->npix[i];
+    s->flux_iso += cat->flux[i];
+    s->flags |= source_flags(cat->flag[i]) & ~RX_FLAG_MERGED;
+    s->xmin = cat->xmin[i] < s->xmin ? cat->xmin[i] : s->xmin;
+    s->xmax = cat->xmax[i] > s->xmax ? cat->xmax[i] : s->xmax;
+    s->ymin = cat->ymin[i] < s->ymin ? cat->ymin[i] : s->ymin;
+    s->ymax = cat->ymax[i] > s->ymax ? cat->ymax[i] : s->ymax;
+    paint_segment(cat, i, s->segment, RX_FRAGMENT_EATEN, dst);
 }
 
 static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image,
@@ -197,6 +228,8 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
                                rx_error *err)
 {
     const sep_catalog *cat = work->catalog;
+    rx_status status = RX_OK;
+    int *row_of = RX_NEW(int, (size_t)cat->nobj); /* index in dst->list, -1 left out */
     dst->width = image->width;
     dst->height = image->height;
     dst->grown = job->grown;
@@ -205,19 +238,29 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
     dst->list = RX_NEW(rx_source, (size_t)cat->nobj);
     dst->segments = RX_NEW(int32_t, work->n);
     dst->fragments = RX_NEW(uint8_t, work->n);
-    if (dst->list == NULL || dst->segments == NULL || dst->fragments == NULL)
-        return rx_error_memory(err, work->n * sizeof(int32_t));
+    if (row_of == NULL || dst->list == NULL || dst->segments == NULL || dst->fragments == NULL) {
+        status = rx_error_memory(err, work->n * sizeof(int32_t));
+        goto exit;
+    }
     for (int i = 0; i < cat->nobj; i++) {
-        if (par->max_area > 0 && cat->npix[i] > par->max_area)
+        row_of[i] = -1;
+        if ((work->eater != NULL && work->eater[i] >= 0) ||
+            (par->max_area > 0 && cat->npix[i] > par->max_area))
             continue;
+        row_of[i] = dst->n;
         rx_source *s = &dst->list[dst->n++];
         convert_source(par, image, cat, i, &work->kernel, s);
         s->number = s->segment = dst->n;
         s->flags |= job->flags;
-        for (int k = 0; k < cat->npix[i]; k++)
-            dst->segments[cat->pix[i][k]] = s->segment;
+        paint_segment(cat, i, s->segment, 0, dst);
     }
-    return mark_fragments(work, image->width, image->height, par->min_area, dst->fragments, err);
+    for (int i = 0; work->eater != NULL && i < cat->nobj; i++)
+        if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
+            merge_source(cat, i, &dst->list[row_of[work->eater[i]]], dst);
+    status = mark_fragments(work, image->width, image->height, par->min_area, dst->fragments, err);
+exit:
+    free(row_of);
+    return status;
 }
 
 rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
@@ -244,10 +287,12 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
                          .gain = image->gain,
                          .kernel = &work.kernel,
                          .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
-    status = mark_above(par, image, &work, job.threshold, &job.above, err);
+    job.above = mark_above(par, image, &work, job.threshold);
+    status = rx_extract_run(par, &job, log, &work.catalog, err);
     if (status != RX_OK)
         goto exit;
-    status = rx_extract_run(par, &job, log, &work.catalog, err);
+    if (par->clean)
+        status = clean_catalog(par, &work, job.threshold * job.raised, err);
     if (status != RX_OK)
         goto exit;
     sources = RX_NEW(rx_sources, 1);

@@ -38,7 +38,7 @@ static int call_sep(const rx_detect_params *par, const rx_extraction *job, int l
                        par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area, job->kernel->values,
                        job->kernel->width, job->kernel->height,
                        par->matched ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
-                       levels > 1 ? par->deblend_contrast : 1.0, par->clean, par->clean_param, dst);
+                       levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, dst);
 }
 
 /* Room for the pixels above the threshold; false when that is more than allowed. */

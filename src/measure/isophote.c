@@ -8,13 +8,24 @@ static size_t at(const rx_view *view, int x, int y)
     return (size_t)y * (size_t)view->image->width + (size_t)x;
 }
 
-/* A pixel of the source itself, not hidden by the mask. */
-static bool own(const rx_view *view, int x, int y)
+/* In the segment and not hidden by the mask. */
+static bool in_segment(const rx_view *view, int x, int y)
 {
     size_t k = at(view, x, y);
     const rx_measure_image *image = view->image;
     return view->sources->segments[k] == view->segment &&
            (image->mask == NULL || (image->mask[k] & image->mask_bits) == 0);
+}
+
+/* A pixel that CLEAN added to the segment: it counts for the flux only. */
+static bool eaten(const rx_view *view, int x, int y)
+{
+    return view->sources->fragments != NULL && view->sources->fragments[at(view, x, y)] == RX_FRAGMENT_EATEN;
+}
+
+static bool own(const rx_view *view, int x, int y)
+{
+    return in_segment(view, x, y) && !eaten(view, x, y);
 }
 
 /* Variance of own pixels, their photon noise, threshold and peak. */
@@ -28,7 +39,7 @@ static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_s
     s->isoarea = 0;
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++) {
-            if (!own(view, x, y))
+            if (!in_segment(view, x, y))
                 continue;
             double value = image->pixels[at(view, x, y)];
             double sigma = image->variable_noise ? image->sigma[at(view, x, y)] : image->global_sigma;
@@ -38,6 +49,8 @@ static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_s
             variance += sigma * sigma;
             if (image->variable_noise && image->weight_gain && value > 0.0 && image->gain > 0.0)
                 photons += value / image->gain * sigma * sigma / (image->global_sigma * image->global_sigma);
+            if (eaten(view, x, y))
+                continue;
             s->isoarea += (float)value > (float)threshold;
             lowest = fmin(lowest, threshold);
             peak = fmax(peak, value);

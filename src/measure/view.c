@@ -11,12 +11,12 @@ rx_seen rx_view_state(const rx_view *view, int x, int y)
         return RX_SEEN_MASKED;
     if (view->neighbours == RX_NEIGHBOURS_NONE)
         return RX_SEEN_GOOD;
+    int fragment = view->sources->fragments != NULL ? view->sources->fragments[k] : 0;
+    if (fragment == RX_FRAGMENT_EATEN)
+        return RX_SEEN_GOOD;
     int32_t segment = view->sources->segments[k];
-    if (segment != 0 && segment != view->segment)
-        return RX_SEEN_NEIGHBOUR;
-    if (view->sources->fragments != NULL && view->sources->fragments[k] != 0)
-        return RX_SEEN_NEIGHBOUR;
-    return RX_SEEN_GOOD;
+    bool other = segment != 0 && segment != view->segment;
+    return other || fragment == RX_FRAGMENT_SMALL ? RX_SEEN_NEIGHBOUR : RX_SEEN_GOOD;
 }
 
 static double variance_of(const rx_measure_image *image, size_t k)

@@ -1,0 +1,25 @@
+/* CLEAN: detections that the wings of a brighter neighbour explain are merged into it. */
+#ifndef RX_DETECT_CLEAN_H
+#define RX_DETECT_CLEAN_H
+
+#include "base/error.h"
+#include "detect/libsep.h"
+
+/* What cleaning looks at besides sep's catalogue; planes are [height][width]. */
+typedef struct rx_clean_image {
+    const float *pixels;   /* masked ones 0 */
+    const float *filtered; /* the filtered image */
+    const float *sigma;    /* threshold noise of a pixel, NULL: one threshold, that of the catalogue */
+    double threshold;      /* in sigmas; used with sigma */
+} rx_clean_image;
+
+/* eater[i] = index of the source that ate i, or -1 (to be freed).
+ *
+ * A source's wing is a Moffat profile of exponent `beta` (CLEAN_PARAM) fitted to its area and flux;
+ * it eats a fainter one whose min_area-th brightest pixel does not rise above that wing. Sources are
+ * taken one after the other as SExtractor does, with the same merged fluxes; sep's own cleaning
+ * compares pairs only and does not say who ate whom. */
+rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, double beta,
+                   int **eater, rx_error *err);
+
+#endif
