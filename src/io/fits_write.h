@@ -28,7 +28,8 @@ rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int w
 rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
                         rx_error *err);
 
-/* FITS_LDAC: the LDAC_IMHEAD table holding table->cards, then LDAC_OBJECTS. */
+/* FITS_LDAC: the LDAC_IMHEAD table holding table->cards and `extra`, then LDAC_OBJECTS whose
+ * header holds `extra` too. One pair for each image of a multi-extension file. */
 rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
                        rx_error *err);
 
@@ -38,7 +39,6 @@ void rx_fits_abort(rx_fits_writer *writer);
 
 /* Cards: build an 80-character card ("KEY = value / comment", HISTORY wraps into several)
  * and append it to a growing block. Values are sanitised to printable ASCII. */
-
 void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment);
 void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
 void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);

@@ -28,4 +28,8 @@ void rx_wcs_matrix(rx_wcs *wcs, double x, double y, double m[4]);
 
 double rx_wcs_pixel_scale(rx_wcs *wcs, double x, double y); /* arcsec, sqrt of the area */
 
+/* Linear world coordinates (CRVAL, CRPIX, CD or CDELT) of a header that has no celestial ones:
+ * x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y 0-based. 0 when there are none. */
+int rx_wcs_linear(const char *cards, size_t ncards, double linear[6]);
+
 #endif

@@ -1,0 +1,344 @@
+/* Header cards in memory: finding, reading, building, choosing. */
+#include "io/cards.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "io/fits_read.h"
+#include "io/fits_write.h"
+
+enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
+
+/* --- finding --- */
+
+/* Where the value of a card begins (after "= "), NULL when it has none or is another key's. */
+static const char *value_of(const char *card, const char *key)
+{
+    size_t length = strlen(key);
+    if (length <= KEY && strchr(key, ' ') == NULL) {
+        if (strncasecmp(card, key, length) != 0)
+            return NULL;
+        for (size_t i = length; i < KEY; i++)
+            if (card[i] != ' ')
+                return NULL;
+        return card[KEY] == '=' ? card + KEY + 1 : NULL;
+    }
+    if (length > MAX_VALUE || strncmp(card, "HIERARCH ", 9) != 0 || strncasecmp(card + 9, key, length) != 0)
+        return NULL;
+    const char *c = card + 9 + length;
+    while (c < card + CARD && *c == ' ')
+        c++;
+    return c < card + CARD && *c == '=' ? c + 1 : NULL;
+}
+
+long rx_cards_find(const char *cards, size_t ncards, const char *key)
+{
+    if (key == NULL || key[0] == '\0')
+        return -1;
+    for (size_t i = 0; cards != NULL && i < ncards; i++)
+        if (value_of(cards + i * CARD, key) != NULL)
+            return (long)i;
+    return -1;
+}
+
+/* Append the text between quotes that begins at `c` (before `end`) to dst[*used]; 1 when it ends in '&'. */
+static int add_quoted(const char *c, const char *end, char *dst, size_t size, size_t *used)
+{
+    for (c++; c < end; c++) {
+        if (*c == '\'') {
+            if (c + 1 >= end || c[1] != '\'')
+                break;
+            c++;
+        }
+        if (*used + 1 < size)
+            dst[(*used)++] = *c;
+    }
+    while (*used > 0 && dst[*used - 1] == ' ')
+        (*used)--;
+    dst[*used] = '\0';
+    return *used > 0 && dst[*used - 1] == '&';
+}
+
+int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size)
+{
+    if (size > 0)
+        dst[0] = '\0';
+    long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
+    if (i < 0 || size <= 0)
+        return 0;
+    const char *card = cards + i * CARD, *end = card + CARD, *c = value_of(card, key);
+    while (c < end && *c == ' ')
+        c++;
+    size_t used = 0, capacity = (size_t)size;
+    if (c >= end || *c != '\'') {
+        for (; c < end && *c != '/'; c++)
+            if (used + 1 < capacity)
+                dst[used++] = *c;
+        while (used > 0 && dst[used - 1] == ' ')
+            used--;
+        dst[used] = '\0';
+        return used > 0;
+    }
+    int more = add_quoted(c, end, dst, capacity, &used);
+    for (i++; more && i < ncards && strncmp(cards + i * CARD, "CONTINUE  ", 10) == 0; i++) {
+        card = cards + i * CARD;
+        const char *quote = memchr(card, '\'', CARD);
+        if (quote == NULL)
+            break;
+        dst[--used] = '\0';
+        more = add_quoted(quote, card + CARD, dst, capacity, &used);
+    }
+    return 1;
+}
+
+int rx_cards_number(const char *cards, long ncards, const char *key, double *value)
+{
+    char text[CARD], *end;
+    if (!rx_cards_text(cards, ncards, key, text, sizeof text))
+        return 0;
+    for (char *c = text; *c != '\0'; c++)
+        if (*c == 'd' || *c == 'D')
+            *c = 'E';
+    if (strchr(text, 'x') != NULL || strchr(text, 'X') != NULL)
+        return 0; /* no hexadecimal numbers in FITS */
+    double number = strtod(text, &end);
+    if (end == text || *end != '\0' || !isfinite(number))
+        return 0;
+    *value = number;
+    return 1;
+}
+
+/* --- building --- */
+
+/* One card of exactly 80 characters; what is not printable ASCII becomes '?'. */
+static void add_card(rx_text *dst, const char *text)
+{
+    char card[CARD];
+    size_t length = strlen(text);
+    for (size_t i = 0; i < CARD; i++) {
+        char c = i < length ? text[i] : ' ';
+        card[i] = c >= 0x20 && c <= 0x7e ? c : '?';
+    }
+    rx_text_add_bytes(dst, card, CARD);
+}
+
+/* "KEY     = " or "HIERARCH some key = "; returns its length. */
+static int key_part(char *dst, size_t size, const char *key)
+{
+    char upper[60];
+    size_t n = 0;
+    int simple = 1;
+    for (; key[n] != '\0' && n + 1 < sizeof upper; n++) {
+        upper[n] = (char)toupper((unsigned char)key[n]);
+        if (!isalnum((unsigned char)key[n]) && key[n] != '-' && key[n] != '_')
+            simple = 0;
+    }
+    upper[n] = '\0';
+    return simple && n <= KEY ? snprintf(dst, size, "%-8s= ", upper)
+                              : snprintf(dst, size, "HIERARCH %s = ", upper);
+}
+
+static void add_value(rx_text *dst, const char *key, const char *value, const char *comment)
+{
+    char text[256];
+    int n = key_part(text, sizeof text, key);
+    n += snprintf(text + n, sizeof text - (size_t)n, "%20s", value);
+    if (comment != NULL && comment[0] != '\0')
+        snprintf(text + n, sizeof text - (size_t)n, " / %.100s", comment);
+    add_card(dst, text);
+}
+
+void rx_card_number(rx_text *dst, const char *key, double value, const char *comment)
+{
+    char text[40] = "";
+    if (isfinite(value)) { /* otherwise the value stays undefined: FITS headers know no NaN */
+        int digits = 15;
+        do
+            snprintf(text, sizeof text, "%.*G", digits, value);
+        while (++digits <= 17 && strtod(text, NULL) != value);
+        if (strpbrk(text, ".E") == NULL)
+            strcat(text, ".");
+    }
+    add_value(dst, key, text, comment);
+}
+
+void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment)
+{
+    char text[40];
+    snprintf(text, sizeof text, "%ld", value);
+    add_value(dst, key, text, comment);
+}
+
+/* Long strings go on in CONTINUE cards (FITS 4.0, 4.2.1.2); quotes are doubled. */
+void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment)
+{
+    char text[256];
+    int n = key_part(text, sizeof text, key);
+    const char *c = value != NULL ? value : "";
+    do {
+        int room = CARD - n - 2, used = 0, total = 0;
+        for (const char *p = c; *p != '\0'; p++)
+            total += *p == '\'' ? 2 : 1;
+        int last = total <= room;
+        text[n++] = '\'';
+        while (*c != '\0') {
+            int width = *c == '\'' ? 2 : 1;
+            if (used + width > (last ? room : room - 1))
+                break;
+            if (width == 2)
+                text[n++] = '\'';
+            text[n++] = *c++;
+            used += width;
+        }
+        for (; used < 8 && last; used++)
+            text[n++] = ' ';
+        if (!last)
+            text[n++] = '&';
+        text[n++] = '\'';
+        text[n] = '\0';
+        if (last && comment != NULL && comment[0] != '\0')
+            snprintf(text + n, sizeof text - (size_t)n, "%*s / %.100s", n < 30 ? 30 - n : 0, "", comment);
+        add_card(dst, text);
+        n = snprintf(text, sizeof text, "CONTINUE  ");
+    } while (*c != '\0');
+}
+
+void rx_card_history(rx_text *dst, const char *line)
+{
+    size_t left = strlen(line);
+    do {
+        size_t n = left < CARD - KEY ? left : CARD - KEY;
+        if (n < left)
+            for (size_t i = n; i > n / 2; i--)
+                if (line[i] == ' ') {
+                    n = i;
+                    break;
+                }
+        char text[CARD + 1];
+        snprintf(text, sizeof text, "HISTORY %.*s", (int)n, line);
+        add_card(dst, text);
+        line += n;
+        left -= n;
+        while (left > 0 && *line == ' ') {
+            line++;
+            left--;
+        }
+    } while (left > 0);
+}
+
+/* --- changing and choosing --- */
+
+/* Put a new number into the card, its comment kept. */
+static void replace_number(char *card, const char *key, double value, int integer)
+{
+    char comment[CARD + 1] = "";
+    const char *slash = memchr(card, '/', CARD);
+    if (slash != NULL) {
+        size_t n = (size_t)(card + CARD - slash) - 1;
+        memcpy(comment, slash + 1, n);
+        comment[n] = '\0';
+    }
+    rx_text text = {0};
+    const char *start = comment + strspn(comment, " ");
+    if (integer)
+        rx_card_integer(&text, key, (long)value, start);
+    else
+        rx_card_number(&text, key, value, start);
+    if (!text.failed)
+        memcpy(card, text.data, CARD);
+    rx_text_free(&text);
+}
+
+void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2])
+{
+    for (size_t i = 0; i < ncards; i++) {
+        char *card = cards + i * CARD, key[KEY + 1];
+        double value;
+        memcpy(key, card, KEY);
+        key[KEY] = '\0';
+        key[strcspn(key, " ")] = '\0';
+        int axis = -1;
+        if (strncmp(key, "CRPIX", 5) == 0 && (key[6] == '\0' || isupper((unsigned char)key[6])))
+            axis = key[5] - '1';
+        else if (strncmp(key, "LTV", 3) == 0 && key[4] == '\0')
+            axis = key[3] - '1';
+        else if (strncmp(key, "NAXIS", 5) == 0 && key[5] != '\0' && key[6] == '\0' && key[5] >= '1' &&
+                 key[5] <= '2')
+            replace_number(card, key, (double)size[key[5] - '1'], 1);
+        else if (strncmp(key, "CNPIX", 5) == 0 && key[6] == '\0' && (key[5] == '1' || key[5] == '2') &&
+                 rx_cards_number(card, 1, key, &value)) /* DSS plates: corner on the plate */
+            replace_number(card, key, value + (double)(first[key[5] - '1'] - 1), 1);
+        if ((axis == 0 || axis == 1) && rx_cards_number(card, 1, key, &value))
+            replace_number(card, key, value - (double)(first[axis] - 1), 0);
+    }
+}
+
+/* key begins with `stem` and goes on with digits only (at least one). */
+static int is_indexed(const char *key, const char *stem)
+{
+    size_t n = strlen(stem);
+    if (strncmp(key, stem, n) != 0 || !isdigit((unsigned char)key[n]))
+        return 0;
+    return key[n + strspn(key + n, "0123456789")] == '\0';
+}
+
+int rx_card_is_useful(const char *card)
+{
+    static const char *const dropped[] = {
+        "SIMPLE",   "XTENSION", "BITPIX",   "NAXIS",    "EXTEND",   "PCOUNT",   "GCOUNT",   "GROUPS",
+        "BLOCKED",  "END",      "BSCALE",   "BZERO",    "BLANK",    "DATASUM",  "CHECKSUM", "EXTNAME",
+        "EXTVER",   "EXTLEVEL", "THEAP",    "TFIELDS",  "INHERIT",  "DATAMIN",  "DATAMAX",  "ZIMAGE",
+        "ZTENSION", "ZSIMPLE",  "ZEXTEND",  "ZBITPIX",  "ZNAXIS",   "ZPCOUNT",  "ZGCOUNT",  "ZCMPTYPE",
+        "ZQUANTIZ", "ZDITHER0", "ZBLANK",   "ZMASKCMP", "ZHECKSUM", "ZDATASUM", "ZSCALE",   "ZZERO",
+        "FZALGOR",  "FZTILE",   "FZQMETHD", "FZQVALUE", "FZDTHRSD", "FZINT2F"};
+    static const char *const indexed[] = {"NAXIS", "ZNAXIS", "ZTILE", "ZNAME", "ZVAL",  "TTYPE",
+                                          "TFORM", "TUNIT",  "TSCAL", "TZERO", "TNULL", "TDISP",
+                                          "TDIM",  "TBCOL",  "ZFORM", "ZCTYP"};
+    char key[KEY + 1];
+    memcpy(key, card, KEY);
+    key[KEY] = '\0';
+    key[strcspn(key, " ")] = '\0';
+    if (key[0] == '\0') { /* blank cards only space a header out, unless they say something */
+        for (int i = KEY; i < CARD; i++)
+            if (card[i] != ' ')
+                return 1;
+        return 0;
+    }
+    for (size_t i = 0; i < sizeof dropped / sizeof dropped[0]; i++)
+        if (strcmp(key, dropped[i]) == 0)
+            return 0;
+    for (size_t i = 0; i < sizeof indexed / sizeof indexed[0]; i++)
+        if (is_indexed(key, indexed[i]))
+            return 0;
+    return strncmp(card, "COMMENT   FITS (Flexible Image Transport System) format", 55) != 0 &&
+           strncmp(card, "COMMENT   and Astrophysics', volume 376, page 359", 49) != 0;
+}
+
+void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
+{
+    size_t own = cards->length / CARD;
+    int skipped = 0; /* CONTINUE follows what its first card did */
+    for (size_t i = 0; i < nparent && !cards->failed; i++) {
+        const char *card = parent + i * CARD;
+        char key[CARD + 1] = "";
+        memcpy(key, card, KEY);
+        key[strcspn(key, " ")] = '\0';
+        if (strcmp(key, "HIERARCH") == 0) {
+            const char *equals = memchr(card, '=', CARD);
+            size_t n = equals != NULL ? (size_t)(equals - card) - 9 : 0;
+            memcpy(key, card + 9, n);
+            while (n > 0 && key[n - 1] == ' ')
+                n--;
+            key[n] = '\0';
+        }
+        if (strcmp(key, "CONTINUE") != 0)
+            skipped = !rx_card_is_useful(card) || key[0] == '\0' || strcmp(key, "COMMENT") == 0 ||
+                      strcmp(key, "HISTORY") == 0 || rx_cards_find(cards->data, own, key) >= 0;
+        if (!skipped)
+            rx_text_add_bytes(cards, card, CARD);
+    }
+}

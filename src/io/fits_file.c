@@ -1,0 +1,407 @@
+/* Opening FITS files for reading. */
+#include "io/fits_file.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <float.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/memory.h"
+
+enum { CHUNK_PIXELS = 1 << 20 };
+
+rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
+                         const char *what)
+{
+    char text[FLEN_STATUS] = "", line[FLEN_ERRMSG] = "", last[FLEN_ERRMSG] = "";
+    fits_get_errstatus(status, text);
+    while (fits_read_errmsg(line))
+        if (line[0] != '\0')
+            memcpy(last, line, sizeof last);
+    if (status == MEMORY_ALLOCATION)
+        kind = RX_SYSTEM;
+    return rx_error_at(err, kind, path, hdu, 0, "%s: %s%s%s%s", what, text, last[0] != '\0' ? " (" : "", last,
+                       last[0] != '\0' ? ")" : "");
+}
+
+/* What the first bytes tell when the file is not FITS; NULL when it may be. */
+static const char *not_fits(const unsigned char *head, size_t n)
+{
+    static const char lfs[] = "version https://git-lfs";
+    if (n == 0)
+        return "is an empty file; fetch it again";
+    if (n >= sizeof lfs - 1 && memcmp(head, lfs, sizeof lfs - 1) == 0)
+        return "is a Git LFS pointer, not the data; run 'git lfs pull'";
+    if (n >= 2 && head[0] == 0x1f && (head[1] == 0x8b || head[1] == 0x9d))
+        return NULL; /* gzip, compress */
+    if (n >= 4 && (memcmp(head, "BZh", 3) == 0 || memcmp(head, "PK\3\4", 4) == 0))
+        return NULL;
+    if (n >= 9 && memcmp(head, "SIMPLE  =", 9) == 0)
+        return n < 80 ? "is cut off in its header; fetch it again" : NULL;
+    size_t i = 0;
+    while (i < n && isspace(head[i]))
+        i++;
+    if (i < n && head[i] == '<')
+        return "is a web page, not FITS; the download failed, fetch it again";
+    return "is not a FITS file: it does not begin with SIMPLE";
+}
+
+static rx_status check_file(const char *path, rx_error *err)
+{
+    struct stat info;
+    unsigned char head[160];
+    if (stat(path, &info) != 0) {
+        const char *hint = path[0] == '!' || strpbrk(path, "|") != NULL || strstr(path, "://") != NULL
+                               ? "; only names of local files are read"
+                               : "";
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s%s", strerror(errno), hint);
+    }
+    if (S_ISDIR(info.st_mode))
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a FITS file was expected");
+    if (!S_ISREG(info.st_mode))
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is not a regular file; copy the data to one");
+    FILE *file = fopen(path, "rb");
+    if (file == NULL)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+    size_t n = fread(head, 1, sizeof head, file);
+    int failed = ferror(file);
+    fclose(file);
+    if (failed)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
+    const char *why = not_fits(head, n);
+    return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
+}
+
+rx_status rx_fits_open(const char *path, fitsfile **dst, rx_error *err)
+{
+    int failed = 0;
+    *dst = NULL;
+    rx_status status = check_file(path, err);
+    if (status != RX_OK)
+        return status;
+    fits_clear_errmsg();
+    if (fits_open_diskfile(dst, path, READONLY, &failed)) {
+        *dst = NULL;
+        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    }
+    return RX_OK;
+}
+
+void rx_fits_done(fitsfile *file)
+{
+    int ignored = 0;
+    if (file != NULL)
+        fits_close_file(file, &ignored);
+    fits_clear_errmsg();
+}
+
+/* --- names --- */
+
+/* "3:20" or "*" into first and last; 0 when malformed. */
+static int parse_range(const char **cursor, long *first, long *last)
+{
+    const char *c = *cursor;
+    char *end;
+    while (*c == ' ')
+        c++;
+    if (*c == '*') {
+        *first = 1;
+        *last = 0;
+        end = (char *)c + 1;
+    } else {
+        *first = strtol(c, &end, 10);
+        if (end == c || *end != ':')
+            return 0;
+        c = end + 1;
+        *last = strtol(c, &end, 10);
+        if (end == c || *first < 1 || *last < *first)
+            return 0;
+    }
+    while (*end == ' ')
+        end++;
+    *cursor = end;
+    return 1;
+}
+
+static int parse_section(const char *group, rx_fits_name *dst)
+{
+    const char *c = group;
+    if (!parse_range(&c, &dst->first[0], &dst->last[0]) || *c != ',')
+        return 0;
+    c++;
+    if (!parse_range(&c, &dst->first[1], &dst->last[1]) || *c != '\0')
+        return 0;
+    dst->has_section = 1;
+    return 1;
+}
+
+/* "2", "SCI" or "SCI,1". */
+static int parse_extension(char *group, rx_fits_name *dst)
+{
+    char *end;
+    long n = strtol(group, &end, 10);
+    if (end != group && *end == '\0') {
+        if (n < 0 || n > 100000)
+            return 0;
+        dst->hdu = (int)n;
+        return 1;
+    }
+    char *comma = strchr(group, ',');
+    if (comma != NULL) {
+        n = strtol(comma + 1, &end, 10);
+        if (end == comma + 1 || *end != '\0' || n < 1 || n > 100000)
+            return 0;
+        dst->extver = (int)n;
+        *comma = '\0';
+    }
+    if (group[0] == '\0' || strlen(group) >= sizeof dst->extname || strpbrk(group, "#;=<>&|()'\"") != NULL)
+        return 0;
+    memcpy(dst->extname, group, strlen(group) + 1);
+    return 1;
+}
+
+static rx_status parse_groups(const char *name, const char *brackets, rx_fits_name *dst, rx_error *err)
+{
+    for (const char *c = brackets; *c != '\0';) {
+        char group[128];
+        const char *end = *c == '[' ? strchr(c, ']') : NULL;
+        if (end == NULL || end - c - 1 >= (long)sizeof group)
+            goto malformed;
+        memcpy(group, c + 1, (size_t)(end - c - 1));
+        group[end - c - 1] = '\0';
+        int is_section = strchr(group, ':') != NULL || strchr(group, '*') != NULL;
+        if (is_section ? dst->has_section || !parse_section(group, dst)
+                       : dst->has_section || rx_fits_name_selects(dst) || !parse_extension(group, dst))
+            goto malformed;
+        c = end + 1;
+    }
+    return RX_OK;
+malformed:
+    return rx_error_at(err, RX_INPUT, name, -1, 0,
+                       "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section "
+                       "[x1:x2,y1:y2] with x1 <= x2 and y1 <= y2, counted from 1",
+                       brackets);
+}
+
+rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
+{
+    struct stat info;
+    *dst = (rx_fits_name){.hdu = -1, .first = {1, 1}};
+    if (name == NULL || name[0] == '\0')
+        return rx_error_set(err, RX_INPUT, "the name of a FITS file is empty; give one");
+    if (strcmp(name, "-") == 0 || strncmp(name, "stdin", 6) == 0)
+        return rx_error_at(err, RX_INPUT, name, -1, 0, "standard input is not read; give the name of a file");
+    const char *bracket = strchr(name, '[');
+    size_t length = bracket != NULL && stat(name, &info) != 0 ? (size_t)(bracket - name) : strlen(name);
+    if (length >= sizeof dst->path - 24)
+        return rx_error_set(err, RX_INPUT, "a file name of %zu characters is too long", length);
+    if (length == 0)
+        return rx_error_at(err, RX_INPUT, name, -1, 0, "has no file name before '['");
+    memcpy(dst->path, name, length);
+    dst->path[length] = '\0';
+    return parse_groups(name, name + length, dst, err);
+}
+
+int rx_fits_name_selects(const rx_fits_name *name)
+{
+    return name->hdu >= 0 || name->extname[0] != '\0';
+}
+
+/* --- moving about --- */
+
+rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err)
+{
+    int failed = 0;
+    fits_clear_errmsg();
+    if (fits_movabs_hdu(file, hdu + 1, NULL, &failed) == END_OF_FILE) {
+        fits_clear_errmsg();
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "there is no such HDU; the file has %d, counted from 0",
+                           rx_fits_count(file, NULL));
+    }
+    if (failed)
+        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+    return RX_OK;
+}
+
+rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, rx_error *err)
+{
+    int failed = 0, number = 0;
+    if (name->extname[0] == '\0') {
+        *hdu = name->hdu;
+        return rx_fits_goto(file, name->path, name->hdu, err);
+    }
+    char wanted[72];
+    memcpy(wanted, name->extname, sizeof wanted);
+    fits_clear_errmsg();
+    if (fits_movnam_hdu(file, ANY_HDU, wanted, name->extver, &failed)) {
+        fits_clear_errmsg();
+        return rx_error_at(err, RX_INPUT, name->path, -1, 0, "has no extension named '%s'%s", name->extname,
+                           name->extver > 0 ? " of that version" : "");
+    }
+    fits_get_hdu_num(file, &number);
+    *hdu = number - 1;
+    return RX_OK;
+}
+
+int rx_fits_count(fitsfile *file, int *broken)
+{
+    int n = 0, failed = 0;
+    while (fits_movabs_hdu(file, n + 1, NULL, &failed) == 0)
+        n++;
+    if (broken != NULL)
+        *broken = failed != END_OF_FILE;
+    fits_clear_errmsg();
+    return n;
+}
+
+int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst)
+{
+    int failed = 0, type = 0;
+    *dst = (rx_fits_shape){0};
+    if (fits_get_hdu_type(file, &type, &failed))
+        return failed;
+    dst->is_compressed = fits_is_compressed_image(file, &failed);
+    dst->is_image = type == IMAGE_HDU || dst->is_compressed;
+    if (dst->is_image)
+        fits_get_img_paramll(file, 9, &dst->bitpix, &dst->naxis, dst->axes, &failed);
+    return failed;
+}
+
+int rx_fits_is_plane(const rx_fits_shape *shape)
+{
+    if (!shape->is_image || shape->naxis < 2 || shape->naxis > 9)
+        return 0;
+    for (int i = 2; i < shape->naxis; i++)
+        if (shape->axes[i] != 1)
+            return 0;
+    return 1;
+}
+
+/* --- sanity --- */
+
+/* A compressed image is a table with one row for each tile: more pixels than the rows can
+ * hold would make cfitsio allocate for nothing. */
+static rx_status check_compressed(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+                                  LONGLONG bytes, rx_error *err)
+{
+    LONGLONG tiles = 1, rows = 0;
+    int failed = 0;
+    for (int i = 0; i < shape->naxis && i < 9; i++) {
+        char key[FLEN_KEYWORD];
+        LONGLONG length = i == 0 ? shape->axes[0] : 1;
+        int absent = 0;
+        snprintf(key, sizeof key, "ZTILE%d", i + 1);
+        fits_read_key(file, TLONGLONG, key, &length, NULL, &absent);
+        if (length < 1)
+            return rx_error_at(err, RX_INPUT, path, hdu, 0, "compressed image with a bad %s", key);
+        LONGLONG n = (shape->axes[i] + length - 1) / length;
+        tiles = n > 0 && tiles > LLONG_MAX / n ? LLONG_MAX : tiles * n;
+    }
+    fits_clear_errmsg();
+    fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
+    double pixels = (double)shape->axes[0] * (double)shape->axes[1];
+    /* no compressor of the FITS standard makes 10^5 pixels of one byte, PLIO masks come nearest */
+    if (failed || tiles != rows || pixels > 1e5 * (double)(bytes + 2880))
+        return rx_error_at(
+            err, RX_INPUT, path, hdu, 0,
+            "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
+            "file is damaged, fetch it again",
+            shape->axes[0], shape->axes[1], rows, bytes);
+    return RX_OK;
+}
+
+rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+                             rx_error *err)
+{
+    LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
+    int failed = 0, absent = 0;
+    fits_get_hduaddrll(file, NULL, &start, &end, &failed);
+    if (failed)
+        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+    double bytes = 0;
+    if (shape->is_image && !shape->is_compressed) {
+        bytes = abs(shape->bitpix) / 8.;
+        for (int i = 0; i < shape->naxis && i < 9; i++)
+            bytes *= (double)shape->axes[i];
+    } else {
+        fits_read_key(file, TLONGLONG, "NAXIS1", &axes[0], NULL, &failed);
+        fits_read_key(file, TLONGLONG, "NAXIS2", &axes[1], NULL, &failed);
+        fits_read_key(file, TLONGLONG, "PCOUNT", &heap, NULL, &absent);
+        fits_clear_errmsg();
+        bytes = (double)axes[0] * (double)axes[1] + (double)heap;
+    }
+    double there = (double)(file->Fptr->filesize - start);
+    if (there < 0)
+        there = 0;
+    if (failed || bytes > there)
+        return rx_error_at(
+            err, RX_INPUT, path, hdu, 0,
+            "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
+            there);
+    if (shape->is_compressed)
+        return check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
+    return RX_OK;
+}
+
+/* --- reading --- */
+
+rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
+                              const long last[2], float *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    int failed = 0, anynul = 0;
+    size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
+    size_t rows = CHUNK_PIXELS / width + 1;
+    double *buffer = RX_NEW(double, rows *width);
+    if (buffer == NULL)
+        return rx_error_memory(err, rows * width * sizeof *buffer);
+    fits_clear_errmsg();
+    for (size_t row = 0; row < height; row += rows) {
+        size_t n = height - row < rows ? height - row : rows;
+        double null = NAN;
+        long low[9] = {first[0], first[1] + (long)row, 1, 1, 1, 1, 1, 1, 1};
+        long high[9] = {last[0], first[1] + (long)(row + n) - 1, 1, 1, 1, 1, 1, 1, 1};
+        long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed)) {
+            status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
+            goto exit;
+        }
+        for (size_t i = 0; i < n * width; i++)
+            dst[row * width + i] = fabs(buffer[i]) <= (double)FLT_MAX ? (float)buffer[i] : NAN;
+    }
+exit:
+    free(buffer);
+
+    return status;
+}
+
+rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,
+                             rx_error *err)
+{
+    int failed = 0, n = 0, ignored = 0;
+    char *text = NULL;
+    fits_clear_errmsg();
+    if (fits_convert_hdr2str(file, 0, NULL, 0, &text, &n, &failed))
+        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read");
+    size_t count = strlen(text) / 80;
+    while (count > 0 && strncmp(text + (count - 1) * 80, "END     ", 8) == 0)
+        count--;
+    *cards = RX_NEW(char, count * 80 + 1);
+    if (*cards == NULL) {
+        fits_free_memory(text, &ignored);
+        return rx_error_memory(err, count * 80);
+    }
+    memcpy(*cards, text, count * 80);
+    for (size_t i = 0; i < count * 80; i++)
+        if ((unsigned char)(*cards)[i] < 0x20 || (unsigned char)(*cards)[i] > 0x7e)
+            (*cards)[i] = '?';
+    *ncards = count;
+    fits_free_memory(text, &ignored);
+    return RX_OK;
+}

@@ -1,0 +1,73 @@
+/* Opening FITS files for reading: names, sanity before cfitsio allocates, errors.
+ *
+ * For the files of io/ alone. A name is `path`, `path[n]`, `path[NAME]`, `path[NAME,version]`,
+ * each possibly followed by a section `[x1:x2,y1:y2]` (FITS counting, `*` = all). What else
+ * cfitsio's grammar knows (row filters, output files, pipes, networks) is refused: a file
+ * name must never run or write anything.
+ */
+#ifndef RX_IO_FITS_FILE_H
+#define RX_IO_FITS_FILE_H
+
+#include <fitsio.h>
+
+#include "base/error.h"
+
+typedef struct rx_fits_name {
+    char path[1024];
+    int hdu;          /* from 0; -1: not given by number */
+    char extname[72]; /* "" : not given by name */
+    int extver;       /* 0: any */
+    int has_section;
+    long first[2], last[2]; /* section, from 1, inclusive; last 0 = to the end */
+} rx_fits_name;
+
+/* What an HDU holds, as far as images are concerned. */
+typedef struct rx_fits_shape {
+    int is_image; /* 0: a table */
+    int is_compressed;
+    int naxis, bitpix;
+    LONGLONG axes[9]; /* first nine */
+} rx_fits_shape;
+
+rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err);
+
+/* True when the name selects one HDU. */
+int rx_fits_name_selects(const rx_fits_name *name);
+
+/* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
+rx_status rx_fits_open(const char *path, fitsfile **dst, rx_error *err);
+void rx_fits_done(fitsfile *file); /* close, errors ignored; NULL is fine */
+
+/* Go to HDU number hdu (from 0), or to the one the name selects (*hdu given back). */
+rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err);
+rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, rx_error *err);
+
+/* Number of HDUs that can be reached; a broken one ends the count and sets *broken (may be NULL). */
+int rx_fits_count(fitsfile *file, int *broken);
+
+/* Shape of the current HDU; returns cfitsio's status. */
+int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst);
+
+/* 1 when the shape is an image of two axes (further axes of length 1 do not count). */
+int rx_fits_is_plane(const rx_fits_shape *shape);
+
+/* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much.
+ */
+rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+                             rx_error *err);
+
+/* Pixels of a rectangle of the current image HDU, rows first..last: BLANK, NaN, infinity and
+ * what no float can hold become NAN. dst is [height][width] of the rectangle. */
+rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
+                              const long last[2], float *dst, rx_error *err);
+
+/* Header of the current HDU as 80-character cards without END; a compressed image's header is
+ * that of the image. *cards to be freed with free(). */
+rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,
+                             rx_error *err);
+
+/* Error text from a cfitsio status; the last line of its message stack comes along. */
+rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
+                         const char *what);
+
+#endif

@@ -1,0 +1,467 @@
+/* Reading plain images and tables. */
+#include "io/fits_read.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "io/cards.h"
+#include "io/fits_file.h"
+
+enum { BLOCK_BYTES = 1 << 22 };
+
+/* --- images --- */
+
+/* HDU number of the image: what the name selects, else the first plane, else the first of any
+ * shape; -1 when there is none. A 1-D image is taken as one row. */
+static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, rx_fits_shape *shape,
+                            rx_error *err)
+{
+    int first = -1;
+    if (rx_fits_name_selects(name)) {
+        rx_status status = rx_fits_goto_name(file, name, hdu, err);
+        int failed = status == RX_OK ? rx_fits_shape_of(file, shape) : 0;
+        return failed ? rx_fits_failed(err, RX_INPUT, name->path, *hdu, failed, "this HDU cannot be read")
+                      : status;
+    }
+    int count = rx_fits_count(file, NULL);
+    for (int i = 0; i < count; i++) {
+        if (rx_fits_goto(file, name->path, i, NULL) != RX_OK || rx_fits_shape_of(file, shape) != 0)
+            continue;
+        if (rx_fits_is_plane(shape)) {
+            *hdu = i;
+            return RX_OK;
+        }
+        if (first < 0 && shape->is_image && shape->naxis > 0)
+            first = i;
+    }
+    if (first < 0)
+        return rx_error_at(err, RX_INPUT, name->path, -1, 0, "holds no image in its %d HDUs", count);
+    *hdu = first;
+    rx_status status = rx_fits_goto(file, name->path, first, err);
+    int failed = status == RX_OK ? rx_fits_shape_of(file, shape) : 0;
+    return failed ? rx_fits_failed(err, RX_INPUT, name->path, first, failed, "this HDU cannot be read")
+                  : status;
+}
+
+static rx_status check_image(fitsfile *file, const rx_fits_name *name, int hdu, const rx_fits_shape *shape,
+                             long first[2], long last[2], rx_error *err)
+{
+    int is_line = shape->is_image && shape->naxis == 1;
+    if (!is_line && !rx_fits_is_plane(shape))
+        return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
+    rx_status status = rx_fits_check_size(file, name->path, hdu, shape, err);
+    for (int i = 0; i < 2; i++) {
+        LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
+        first[i] = name->has_section ? name->first[i] : 1;
+        last[i] = name->has_section && name->last[i] > 0 ? name->last[i] : (long)length;
+        if (status == RX_OK && (length < 1 || length > 1 << 28))
+            status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the image has %lld x %lld pixels",
+                                 shape->axes[0], is_line ? 1 : shape->axes[1]);
+        if (status == RX_OK && last[i] > length)
+            status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
+    }
+    return status;
+}
+
+rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *height, rx_error *err)
+{
+    rx_fits_name parsed;
+    rx_fits_shape shape;
+    fitsfile *file = NULL;
+    float *data = NULL;
+    long first[2], last[2];
+    int hdu = 0;
+    *pixels = NULL;
+    rx_status status = rx_fits_name_parse(name, &parsed, err);
+    if (status == RX_OK)
+        status = rx_fits_open(parsed.path, &file, err);
+    if (status == RX_OK)
+        status = find_image(file, &parsed, &hdu, &shape, err);
+    if (status == RX_OK)
+        status = check_image(file, &parsed, hdu, &shape, first, last, err);
+    if (status != RX_OK)
+        goto exit;
+    *width = (int)(last[0] - first[0] + 1);
+    *height = (int)(last[1] - first[1] + 1);
+    data = RX_NEW(float, (size_t)*width *(size_t)*height);
+    if (data == NULL) {
+        status = rx_error_memory(err, sizeof(float) * (size_t)*width * (size_t)*height);
+        goto exit;
+    }
+    status = rx_fits_read_pixels(file, parsed.path, hdu, first, last, data, err);
+    if (status != RX_OK)
+        goto exit;
+    *pixels = data;
+    data = NULL;
+exit:
+    rx_fits_done(file);
+    free(data);
+    return status;
+}
+
+/* --- which tables --- */
+
+/* HDU numbers of the tables that count; LDAC_OBJECTS alone where there are any. */
+static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdus, int *n, rx_error *err)
+{
+    int count = rx_fits_name_selects(name) ? 1 : rx_fits_count(file, NULL), ldac = 0;
+    int *list = RX_NEW(int, (size_t)count);
+    *n = 0;
+    *hdus = list;
+    if (list == NULL)
+        return rx_error_memory(err, 0);
+    if (rx_fits_name_selects(name)) {
+        *n = 1;
+        return rx_fits_goto_name(file, name, &list[0], err);
+    }
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < count; i++) {
+            rx_fits_shape shape;
+            char extname[FLEN_VALUE] = "";
+            int absent = 0, failed = 0, columns = 0;
+            long rows = 0;
+            if (rx_fits_goto(file, name->path, i, NULL) != RX_OK || rx_fits_shape_of(file, &shape) != 0 ||
+                shape.is_image)
+                continue;
+            fits_read_key(file, TSTRING, "EXTNAME", extname, NULL, &absent);
+            fits_get_num_rows(file, &rows, &failed);
+            fits_get_num_cols(file, &columns, &failed);
+            fits_clear_errmsg();
+            int is_ldac = strcmp(extname, "LDAC_OBJECTS") == 0;
+            if (pass == 0)
+                ldac += is_ldac;
+            else if (!failed && (ldac > 0 ? is_ldac : rows > 0 && columns > 0))
+                list[(*n)++] = i;
+        }
+    return RX_OK;
+}
+
+static rx_status open_tables(const char *text, rx_fits_name *name, fitsfile **file, int **hdus, int *n,
+                             rx_error *err)
+{
+    *hdus = NULL;
+    rx_status status = rx_fits_name_parse(text, name, err);
+    if (status == RX_OK && name->has_section)
+        status = rx_error_at(err, RX_INPUT, text, -1, 0,
+                             "a section of a table cannot be read; name its HDU alone");
+    if (status == RX_OK)
+        status = rx_fits_open(name->path, file, err);
+    if (status == RX_OK)
+        status = list_tables(*file, name, hdus, n, err);
+    return status;
+}
+
+rx_status rx_fits_count_tables(const char *name, int *n, rx_error *err)
+{
+    rx_fits_name parsed;
+    fitsfile *file = NULL;
+    int *hdus = NULL;
+    *n = 0;
+    rx_status status = open_tables(name, &parsed, &file, &hdus, n, err);
+    rx_fits_done(file);
+    free(hdus);
+    return status;
+}
+
+/* --- columns --- */
+
+/* How a column of the file is read: the type to ask cfitsio for. */
+typedef struct plan {
+    int number; /* in the file, from 1 */
+    int ask;    /* cfitsio's type */
+} plan;
+
+static int has_null(fitsfile *file, int number)
+{
+    char key[FLEN_KEYWORD], value[FLEN_VALUE];
+    int absent = 0;
+    snprintf(key, sizeof key, "TNULL%d", number);
+    fits_read_keyword(file, key, value, NULL, &absent);
+    fits_clear_errmsg();
+    return absent == 0;
+}
+
+/* Cell type for a column; integers with TNULL become floating, so that NAN can stand for no value
+ * (64-bit ones stay: a double would not hold them). 0 when the column is left out. */
+static int plan_column(fitsfile *file, int number, rx_column *column, plan *dst, int *failed)
+{
+    int type = 0;
+    long repeat = 0, width = 0;
+    fits_get_eqcoltype(file, number, &type, &repeat, &width, failed);
+    if (*failed || type < 0 || repeat < 1) /* negative: variable length */
+        return 0;
+    int nulls = type != TSTRING && has_null(file, number);
+    dst->number = number;
+    column->ndim = repeat > 1;
+    column->dim[0] = (int)repeat;
+    switch (type) {
+    case TLOGICAL:
+    case TBYTE:
+    case TSBYTE:
+    case TSHORT:
+    case TBIT:
+        column->type = nulls ? RX_CELL_FLOAT : RX_CELL_INT16;
+        dst->ask = nulls ? TFLOAT : TSHORT;
+        if (type == TLOGICAL)
+            dst->ask = TLOGICAL;
+        if (type == TBIT) {
+            column->type = RX_CELL_INT16;
+            dst->ask = TBIT;
+        }
+        return 1;
+    case TUSHORT:
+    case TINT:
+    case TLONG:
+        column->type = nulls ? RX_CELL_DOUBLE : RX_CELL_INT32;
+        dst->ask = nulls ? TDOUBLE : TINT;
+        return 1;
+    case TUINT:
+    case TULONG:
+    case TLONGLONG:
+        column->type = RX_CELL_INT64;
+        dst->ask = TLONGLONG;
+        return 1;
+    case TFLOAT:
+        column->type = RX_CELL_FLOAT;
+        dst->ask = TFLOAT;
+        return 1;
+    case TDOUBLE:
+    case TULONGLONG: /* more than an int64 holds */
+        column->type = RX_CELL_DOUBLE;
+        dst->ask = TDOUBLE;
+        return 1;
+    case TCOMPLEX:
+    case TDBLCOMPLEX: /* pairs of real and imaginary part */
+        column->type = type == TCOMPLEX ? RX_CELL_FLOAT : RX_CELL_DOUBLE;
+        dst->ask = type;
+        column->ndim = 1 + (repeat > 1);
+        column->dim[0] = 2;
+        column->dim[1] = (int)repeat;
+        return 1;
+    case TSTRING:
+        if (width < 1)
+            width = repeat;
+        column->type = RX_CELL_TEXT;
+        dst->ask = TSTRING;
+        column->text_width = (int)width + 1;
+        column->ndim = repeat / width > 1;
+        column->dim[0] = (int)(repeat / width);
+        return 1;
+    default:
+        return 0;
+    }
+}
+
+/* TDIM: up to two axes; of more, all but the first are taken together. */
+static void take_dimensions(fitsfile *file, int number, rx_column *column)
+{
+    long axes[9] = {0};
+    int n = 0, failed = 0, from = column->type == RX_CELL_TEXT ? 1 : 0;
+    if (column->ndim != 1 || fits_read_tdim(file, number, 9, &n, axes, &failed) || n - from < 2 || n > 9) {
+        fits_clear_errmsg();
+        return;
+    }
+    double product = 1;
+    for (int i = from; i < n; i++)
+        product *= (double)axes[i];
+    if (axes[from] < 1 || product != column->dim[0])
+        return;
+    column->ndim = 2;
+    column->dim[1] = (int)(column->dim[0] / axes[from]);
+    column->dim[0] = (int)axes[from];
+}
+
+static void take_text(fitsfile *file, const char *stem, int number, char *dst, size_t size, char *comment)
+{
+    char key[FLEN_KEYWORD], value[FLEN_VALUE] = "";
+    int absent = 0;
+    snprintf(key, sizeof key, "%s%d", stem, number);
+    if (comment != NULL)
+        comment[0] = '\0';
+    if (fits_read_key(file, TSTRING, key, value, comment, &absent) == 0)
+        snprintf(dst, size, "%.*s", (int)size - 1, value);
+    fits_clear_errmsg();
+}
+
+static void take_names(fitsfile *file, int number, rx_column *column)
+{
+    char comment[FLEN_COMMENT] = "";
+    take_text(file, "TTYPE", number, column->name, sizeof column->name, comment);
+    if (column->name[0] == '\0')
+        snprintf(column->name, sizeof column->name, "COL%d", number);
+    take_text(file, "TUNIT", number, column->unit, sizeof column->unit, NULL);
+    take_text(file, "TUCD", number, column->ucd, sizeof column->ucd, NULL);
+    snprintf(column->description, sizeof column->description, "%s", comment);
+    take_text(file, "TCOMM", number, column->description, sizeof column->description, NULL);
+}
+
+/* --- cells --- */
+
+static void read_logicals(fitsfile *file, int ask, int number, long first, long n, int16_t *dst, int *failed)
+{
+    char *flags = RX_NEW(char, (size_t)n);
+    int anynul = 0;
+    if (flags == NULL) {
+        *failed = MEMORY_ALLOCATION;
+        return;
+    }
+    if (ask == TBIT)
+        fits_read_col_bit(file, number, first, 1, n, flags, failed);
+    else
+        fits_read_col(file, TLOGICAL, number, first, 1, n, NULL, flags, &anynul, failed);
+    for (long i = 0; i < n; i++)
+        dst[i] = flags[i] != 0;
+    free(flags);
+}
+
+static void read_texts(fitsfile *file, int number, long first, long n, const rx_column *column, char *dst,
+                       int *failed)
+{
+    char **list = RX_NEW(char *, (size_t)n), *null = "";
+    int anynul = 0;
+    if (list == NULL) {
+        *failed = MEMORY_ALLOCATION;
+        return;
+    }
+    for (long i = 0; i < n; i++)
+        list[i] = dst + i * column->text_width;
+    fits_read_col(file, TSTRING, number, first, 1, n, null, list, &anynul, failed);
+    free(list);
+}
+
+/* Rows first.. (from 1) of one column into its place. */
+static void read_cells(fitsfile *file, const plan *how, rx_column *column, long first, long rows, int *failed)
+{
+    float no_float = NAN;
+    double no_double = NAN;
+    int anynul = 0;
+    long n = rx_column_elements(column);
+    char *dst = (char *)column->data + (first - 1) * n * rx_column_element_size(column);
+    void *null = NULL; /* integers: whatever the file holds */
+    if (how->ask == TFLOAT || how->ask == TCOMPLEX)
+        null = &no_float;
+    else if (how->ask == TDOUBLE || how->ask == TDBLCOMPLEX)
+        null = &no_double;
+    if (how->ask == TSTRING)
+        read_texts(file, how->number, first, rows * n, column, dst, failed);
+    else if (how->ask == TLOGICAL || how->ask == TBIT)
+        read_logicals(file, how->ask, how->number, first, rows * n, (int16_t *)dst, failed);
+    else if (how->ask == TCOMPLEX || how->ask == TDBLCOMPLEX)
+        fits_read_col(file, how->ask, how->number, first, 1, rows * n / 2, null, dst, &anynul, failed);
+    else
+        fits_read_col(file, how->ask, how->number, first, 1, rows * n, null, dst, &anynul, failed);
+    if (*failed == NUM_OVERFLOW) /* the nearest possible value stands there */
+        *failed = 0;
+}
+
+static rx_status read_rows(fitsfile *file, const char *path, int hdu, const plan *plans, rx_table *table,
+                           rx_error *err)
+{
+    int failed = 0;
+    long row_bytes = 1;
+    for (int i = 0; i < table->ncolumns; i++) {
+        rx_column *column = &table->columns[i];
+        long bytes = rx_column_elements(column) * rx_column_element_size(column);
+        row_bytes += bytes;
+        column->data = rx_alloc((size_t)table->nrows, (size_t)bytes);
+        if (column->data == NULL)
+            return rx_error_memory(err, (size_t)table->nrows * (size_t)bytes);
+    }
+    long block = BLOCK_BYTES / row_bytes + 1;
+    for (long first = 1; first <= table->nrows && !failed; first += block)
+        for (int i = 0; i < table->ncolumns && !failed; i++) {
+            long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;
+            read_cells(file, &plans[i], &table->columns[i], first, rows, &failed);
+        }
+    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the table cannot be read") : RX_OK;
+}
+
+/* --- tables --- */
+
+static rx_status take_header(fitsfile *file, const char *path, int hdu, rx_table *table, rx_error *err)
+{
+    char extname[FLEN_VALUE] = "";
+    size_t n = 0;
+    rx_status status = rx_fits_read_cards(file, path, hdu, &table->cards, &n, err);
+    if (status != RX_OK)
+        return status;
+    table->ncards = (long)n;
+    rx_cards_text(table->cards, table->ncards, "EXTNAME", extname, sizeof extname);
+    free(table->name);
+    table->name = rx_strdup(extname);
+    return table->name != NULL ? RX_OK : rx_error_memory(err, sizeof extname);
+}
+
+static rx_status read_table(fitsfile *file, const char *path, int hdu, rx_table **dst, rx_error *err)
+{
+    rx_fits_shape shape;
+    int failed = 0, ncolumns = 0, kept = 0;
+    long rows = 0;
+    rx_table *table = NULL;
+    plan *plans = NULL;
+    rx_status status = rx_fits_goto(file, path, hdu, err);
+    if (status != RX_OK)
+        return status;
+    failed = rx_fits_shape_of(file, &shape);
+    if (!failed && shape.is_image)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image, a table was expected");
+    fits_get_num_cols(file, &ncolumns, &failed);
+    fits_get_num_rows(file, &rows, &failed);
+    if (failed)
+        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+    status = rx_fits_check_size(file, path, hdu, &shape, err);
+    if (status != RX_OK)
+        return status;
+    table = rx_table_new(ncolumns);
+    plans = RX_NEW(plan, (size_t)ncolumns);
+    if (table == NULL || plans == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    table->nrows = rows;
+    for (int i = 1; i <= ncolumns && !failed; i++) {
+        rx_column *column = &table->columns[kept];
+        *column = (rx_column){0};
+        if (!plan_column(file, i, column, &plans[kept], &failed))
+            continue;
+        take_dimensions(file, i, column);
+        take_names(file, i, column);
+        kept++;
+    }
+    table->ncolumns = kept;
+    if (failed)
+        status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "its columns cannot be understood");
+    if (status == RX_OK)
+        status = take_header(file, path, hdu, table, err);
+    if (status == RX_OK)
+        status = read_rows(file, path, hdu, plans, table, err);
+    if (status != RX_OK)
+        goto exit;
+    *dst = table;
+    table = NULL;
+exit:
+    rx_table_free(table);
+    free(plans);
+    return status;
+}
+
+rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err)
+{
+    rx_fits_name parsed;
+    fitsfile *file = NULL;
+    int *hdus = NULL, n = 0;
+    *dst = NULL;
+    rx_status status = open_tables(name, &parsed, &file, &hdus, &n, err);
+    if (status == RX_OK && (index < 0 || index >= n))
+        status = n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table with rows")
+                        : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
+                                      n, index + 1);
+    if (status == RX_OK)
+        status = read_table(file, parsed.path, hdus[index], dst, err);
+    rx_fits_done(file);
+    free(hdus);
+    return status;
+}

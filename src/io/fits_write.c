@@ -1,0 +1,399 @@
+/* Writing images and tables as FITS. */
+#include "io/fits_write.h"
+
+#include <fitsio.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "io/cards.h"
+#include "io/fits_file.h"
+
+enum { CARD = 80, BLOCK_BYTES = 1 << 22 };
+
+struct rx_fits_writer {
+    fitsfile *file;
+    char *path, *shown;
+    int hdus; /* made so far */
+};
+
+static rx_status broken(const rx_fits_writer *writer, int failed, rx_error *err)
+{
+    return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed, "cannot be written");
+}
+
+rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    int failed = 0;
+    rx_fits_writer *writer = RX_NEW(rx_fits_writer, 1);
+    if (writer == NULL)
+        return rx_error_memory(err, sizeof *writer);
+    writer->path = rx_strdup(path);
+    writer->shown = rx_strdup(shown);
+    if (writer->path == NULL || writer->shown == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    if (strlen(path) >= FLEN_FILENAME - 1) {
+        status = rx_error_at(err, RX_SYSTEM, shown, -1, 0, "the name is too long; give a shorter one");
+        goto exit;
+    }
+    fits_clear_errmsg();
+    if (fits_create_diskfile(&writer->file, path, &failed)) {
+        writer->file = NULL;
+        status = broken(writer, failed, err);
+        goto exit;
+    }
+    *dst = writer;
+    writer = NULL;
+exit:
+    rx_fits_abort(writer);
+    return status;
+}
+
+static void forget(rx_fits_writer *writer)
+{
+    free(writer->path);
+    free(writer->shown);
+    free(writer);
+}
+
+void rx_fits_abort(rx_fits_writer *writer)
+{
+    int ignored = 0;
+    if (writer == NULL)
+        return;
+    if (writer->file != NULL) {
+        fits_close_file(writer->file, &ignored);
+        unlink(writer->path);
+    }
+    fits_clear_errmsg();
+    forget(writer);
+}
+
+rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
+{
+    int failed = 0;
+    rx_status status = RX_OK;
+    if (writer == NULL)
+        return RX_OK;
+    if (fits_close_file(writer->file, &failed)) {
+        status = broken(writer, failed, err);
+        unlink(writer->path);
+    }
+    forget(writer);
+    return status;
+}
+
+/* --- headers --- */
+
+static void write_cards(fitsfile *file, const char *cards, size_t n, int filter, int *failed)
+{
+    int skipped = 0; /* CONTINUE follows what its first card did */
+    for (size_t i = 0; cards != NULL && i < n && *failed == 0; i++) {
+        char card[CARD + 1];
+        memcpy(card, cards + i * CARD, CARD);
+        card[CARD] = '\0';
+        if (strncmp(card, "END     ", 8) == 0)
+            continue;
+        if (strncmp(card, "CONTINUE", 8) != 0)
+            skipped = filter && !rx_card_is_useful(card);
+        if (!skipped)
+            fits_write_record(file, card, failed);
+    }
+}
+
+/* DATASUM and CHECKSUM (FITS 4.0, appendix J) by hand: cfitsio's own way puts the time of day
+ * into the comments, and the same input must give the same bytes. */
+static void write_checksum(fitsfile *file, int *failed)
+{
+    unsigned long datasum = 0, hdusum = 0;
+    char text[32];
+    fits_update_key_str(file, "DATASUM", "0", "data unit checksum", failed);
+    fits_update_key_str(file, "CHECKSUM", "0000000000000000", "HDU checksum", failed);
+    fits_set_hdustruc(file, failed);
+    fits_get_chksum(file, &datasum, &hdusum, failed);
+    snprintf(text, sizeof text, "%lu", datasum);
+    fits_modify_key_str(file, "DATASUM", text, "&", failed);
+    fits_get_chksum(file, &datasum, &hdusum, failed);
+    fits_encode_chksum(hdusum, 1, text);
+    fits_modify_key_str(file, "CHECKSUM", text, "&", failed);
+}
+
+static void write_extname(fitsfile *file, const char *name, int *failed)
+{
+    if (name != NULL && name[0] != '\0')
+        fits_update_key_longstr(file, "EXTNAME", name, "name of this extension", failed);
+}
+
+/* --- images --- */
+
+static rx_status write_image(rx_fits_writer *writer, int bitpix, int type, const void *pixels, int width,
+                             int height, const char *extname, const char *cards, size_t ncards,
+                             const char *extra, size_t nextra, rx_error *err)
+{
+    int failed = 0;
+    LONGLONG axes[2] = {width, height};
+    union {
+        const void *given;
+        void *taken; /* cfitsio forgot the const */
+    } data = {.given = pixels};
+    fits_clear_errmsg();
+    fits_create_imgll(writer->file, bitpix, 2, axes, &failed);
+    write_extname(writer->file, extname, &failed);
+    write_cards(writer->file, cards, ncards, 1, &failed);
+    write_cards(writer->file, extra, nextra, 0, &failed);
+    fits_write_img(writer->file, type, 1, (LONGLONG)width * height, data.taken, &failed);
+    write_checksum(writer->file, &failed);
+    writer->hdus++;
+    return failed ? broken(writer, failed, err) : RX_OK;
+}
+
+rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height,
+                        const char *extname, const char *cards, size_t ncards, const char *extra,
+                        size_t nextra, rx_error *err)
+{
+    return write_image(writer, FLOAT_IMG, TFLOAT, pixels, width, height, extname, cards, ncards, extra,
+                       nextra, err);
+}
+
+rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int width, int height,
+                            const char *extname, const char *cards, size_t ncards, const char *extra,
+                            size_t nextra, rx_error *err)
+{
+    return write_image(writer, LONG_IMG, TINT, pixels, width, height, extname, cards, ncards, extra, nextra,
+                       err);
+}
+
+/* --- tables --- */
+
+/* An empty primary HDU, where an extension comes first. */
+static void write_primary(rx_fits_writer *writer, int *failed)
+{
+    if (writer->hdus > 0)
+        return;
+    fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
+    write_checksum(writer->file, failed);
+    writer->hdus++;
+}
+
+static int cell_type(rx_cell_type type)
+{
+    switch (type) {
+    case RX_CELL_INT16:
+        return TSHORT;
+    case RX_CELL_INT32:
+        return TINT;
+    case RX_CELL_INT64:
+        return TLONGLONG;
+    case RX_CELL_FLOAT:
+        return TFLOAT;
+    case RX_CELL_DOUBLE:
+        return TDOUBLE;
+    case RX_CELL_TEXT:
+        break;
+    }
+    return TSTRING;
+}
+
+/* Characters of a text cell: the terminating zero does not go into the file. */
+static long text_length(const rx_column *column)
+{
+    return column->text_width > 1 ? column->text_width - 1 : 1;
+}
+
+static void column_form(const rx_column *column, char *dst, size_t size)
+{
+    static const char letter[] = "IJKED";
+    long n = rx_column_elements(column);
+    if (column->type == RX_CELL_TEXT)
+        snprintf(dst, size, "%ldA%ld", n * text_length(column), text_length(column));
+    else
+        snprintf(dst, size, "%ld%c", n, letter[column->type]);
+}
+
+/* FITS display format from a printf one: %11.4f is F11.4. Nothing for what has none. */
+static void write_display(fitsfile *file, int number, const rx_column *column, int *failed)
+{
+    char key[FLEN_KEYWORD], text[32];
+    int width = 0, digits = 0;
+    char kind = '\0';
+    if (sscanf(column->format, "%%%*[-+]%d.%d%c", &width, &digits, &kind) != 3 &&
+        sscanf(column->format, "%%%d.%d%c", &width, &digits, &kind) != 3) {
+        kind = '\0';
+        if (sscanf(column->format, "%%%d%c", &width, &kind) != 2 || kind != 'd')
+            return;
+    }
+    snprintf(key, sizeof key, "TDISP%d", number);
+    if (kind == 'd')
+        snprintf(text, sizeof text, "I%d", width);
+    else if (kind == 'f')
+        snprintf(text, sizeof text, "F%d.%d", width, digits);
+    else if (kind == 'e' || kind == 'E')
+        snprintf(text, sizeof text, "E%d.%d", width, digits);
+    else if (kind == 'g' || kind == 'G')
+        snprintf(text, sizeof text, "G%d.%d", width, digits);
+    else
+        return;
+    fits_update_key_str(file, key, text, NULL, failed);
+}
+
+/* What fits_create_tbl cannot say: dimensions, UCD, description, display. */
+static void write_column_keys(fitsfile *file, int number, const rx_column *column, int *failed)
+{
+    char key[FLEN_KEYWORD];
+    if (column->ndim == 2 || (column->type == RX_CELL_TEXT && column->ndim == 1)) {
+        LONGLONG axes[3];
+        int n = 0;
+        if (column->type == RX_CELL_TEXT)
+            axes[n++] = text_length(column);
+        for (int i = 0; i < column->ndim; i++)
+            axes[n++] = column->dim[i];
+        fits_write_tdimll(file, number, n, axes, failed);
+    }
+    if (column->description[0] != '\0') {
+        char comment[FLEN_COMMENT];
+        snprintf(comment, sizeof comment, "%.*s", FLEN_COMMENT - 1, column->description);
+        snprintf(key, sizeof key, "TTYPE%d", number);
+        fits_modify_comment(file, key, comment, failed);
+    }
+    if (column->ucd[0] != '\0') {
+        snprintf(key, sizeof key, "TUCD%d", number);
+        fits_update_key_str(file, key, column->ucd, NULL, failed);
+    }
+    write_display(file, number, column, failed);
+}
+
+static rx_status write_text_block(fitsfile *file, int number, const rx_column *column, long first, long rows,
+                                  int *failed, rx_error *err)
+{
+    long n = rx_column_elements(column);
+    char **list = RX_NEW(char *, (size_t)(rows * n));
+    if (list == NULL)
+        return rx_error_memory(err, (size_t)(rows * n) * sizeof *list);
+    for (long i = 0; i < rows * n; i++)
+        list[i] = (char *)column->data + (first * n + i) * column->text_width;
+    fits_write_col(file, TSTRING, number, first + 1, 1, rows * n, list, failed);
+    free(list);
+    return RX_OK;
+}
+
+/* Row blocks, all columns of a block: cfitsio's buffers then see the file once. */
+static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *failed, rx_error *err)
+{
+    long row_bytes = 1;
+    for (int i = 0; i < table->ncolumns; i++)
+        row_bytes += rx_column_elements(&table->columns[i]) * rx_column_element_size(&table->columns[i]);
+    long block = BLOCK_BYTES / row_bytes + 1;
+    for (long first = 0; first < table->nrows && *failed == 0; first += block) {
+        long rows = table->nrows - first < block ? table->nrows - first : block;
+        for (int i = 0; i < table->ncolumns; i++) {
+            const rx_column *column = &table->columns[i];
+            long n = rx_column_elements(column), size = rx_column_element_size(column);
+            rx_status status = RX_OK;
+            if (column->type == RX_CELL_TEXT)
+                status = write_text_block(writer->file, i + 1, column, first, rows, failed, err);
+            else
+                fits_write_col(writer->file, cell_type(column->type), i + 1, first + 1, 1, rows * n,
+                               (char *)column->data + first * n * size, failed);
+            if (status != RX_OK)
+                return status;
+        }
+    }
+    return RX_OK;
+}
+
+static rx_status write_table(rx_fits_writer *writer, const rx_table *table, const char *extname,
+                             const char *extra, size_t nextra, rx_error *err)
+{
+    int failed = 0, n = table->ncolumns;
+    rx_status status = RX_OK;
+    char **names = RX_NEW(char *, (size_t)n), **forms = RX_NEW(char *, (size_t)n),
+         **units = RX_NEW(char *, (size_t)n);
+    char(*form)[40] = rx_alloc((size_t)n, sizeof *form);
+    if (names == NULL || forms == NULL || units == NULL || form == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < n; i++) {
+        names[i] = table->columns[i].name;
+        units[i] = table->columns[i].unit;
+        forms[i] = form[i];
+        column_form(&table->columns[i], form[i], sizeof form[i]);
+    }
+    fits_clear_errmsg();
+    write_primary(writer, &failed);
+    fits_create_tbl(writer->file, BINARY_TBL, table->nrows, n, names, forms, units, NULL, &failed);
+    write_extname(writer->file, extname, &failed);
+    for (int i = 0; i < n; i++)
+        write_column_keys(writer->file, i + 1, &table->columns[i], &failed);
+    write_cards(writer->file, extra, nextra, 0, &failed);
+    fits_set_hdustruc(writer->file, &failed);
+    status = write_rows(writer, table, &failed, err);
+    if (status != RX_OK)
+        goto exit;
+    write_checksum(writer->file, &failed);
+    writer->hdus++;
+    if (failed)
+        status = broken(writer, failed, err);
+exit:
+    free(names);
+    free(forms);
+    free(units);
+    free(form);
+    return status;
+}
+
+rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+                        rx_error *err)
+{
+    return write_table(writer, table, table->name, extra, nextra, err);
+}
+
+/* --- FITS_LDAC --- */
+
+/* The image's header as the only cell of the only row, END included: what SExtractor hands to
+ * PSFEx and SCAMP. */
+static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+                              rx_error *err)
+{
+    int failed = 0;
+    char form[40], end[CARD + 1], *type = "Field Header Card", *forms = form;
+    rx_text text = {0};
+    if (table->cards != NULL)
+        rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * CARD);
+    rx_text_add_bytes(&text, extra != NULL ? extra : "", extra != NULL ? nextra * CARD : 0);
+    snprintf(end, sizeof end, "%-80s", "END");
+    rx_text_add_bytes(&text, end, CARD);
+    if (text.failed) {
+        rx_text_free(&text);
+        return rx_error_memory(err, text.length);
+    }
+    LONGLONG axes[2] = {CARD, (LONGLONG)(text.length / CARD)};
+    snprintf(form, sizeof form, "%zuA", text.length);
+    fits_clear_errmsg();
+    write_primary(writer, &failed);
+    fits_create_tbl(writer->file, BINARY_TBL, 1, 1, &type, &forms, NULL, NULL, &failed);
+    write_extname(writer->file, "LDAC_IMHEAD", &failed);
+    fits_write_tdimll(writer->file, 1, 2, axes, &failed);
+    fits_set_hdustruc(writer->file, &failed);
+    fits_write_tblbytes(writer->file, 1, 1, (LONGLONG)text.length, (unsigned char *)text.data, &failed);
+    write_checksum(writer->file, &failed);
+    writer->hdus++;
+    rx_text_free(&text);
+    return failed ? broken(writer, failed, err) : RX_OK;
+}
+
+rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+                       rx_error *err)
+{
+    rx_status status = write_imhead(writer, table, extra, nextra, err);
+    if (status == RX_OK)
+        status = write_table(writer, table, "LDAC_OBJECTS", extra, nextra, err);
+    return status;
+}

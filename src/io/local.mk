@@ -1,0 +1,10 @@
+librextract_la_SOURCES += \
+	src/io/cards.c src/io/cards.h \
+	src/io/fits_file.c src/io/fits_file.h \
+	src/io/fits_read.c src/io/fits_read.h \
+	src/io/fits_write.c src/io/fits_write.h \
+	src/io/output.c src/io/output.h \
+	src/io/sky.c src/io/sky.h \
+	src/io/tile.c src/io/tile.h \
+	src/io/tile_weight.c src/io/tile_weight.h \
+	src/io/wcs.c src/io/wcs.h

@@ -1,0 +1,359 @@
+/* Reading tiles: pixels, mask, header, and the numbers that header and keywords give. */
+#include "io/tile.h"
+
+#include <inttypes.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/text.h"
+#include "io/cards.h"
+#include "io/fits_file.h"
+#include "io/fits_read.h"
+#include "io/tile_weight.h"
+#include "io/wcs.h"
+
+/* --- which HDUs --- */
+
+/* RX_OK when the current HDU is a 2-D image with pixels, else the reason. */
+static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *shape, rx_error *err)
+{
+    if (!shape->is_image)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds a table, a 2-D image was expected");
+    if (shape->naxis == 0)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "holds no pixels (NAXIS = 0); name an image extension");
+    if (!rx_fits_is_plane(shape))
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "holds an image of %d axes, a 2-D one was expected; cut out a plane",
+                           shape->naxis);
+    if (shape->axes[0] < 1 || shape->axes[1] < 1)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "the image has %lld x %lld pixels, there is nothing in it", shape->axes[0],
+                           shape->axes[1]);
+    if (shape->axes[0] > INT_MAX / 4 || shape->axes[1] > INT_MAX / 4)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "the header says %lld x %lld pixels, which no tile has", shape->axes[0],
+                           shape->axes[1]);
+    return RX_OK;
+}
+
+/* All usable HDUs; those that are not are told, the reason of the first is kept for the case of none. */
+static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hdus, int count, int *n,
+                          rx_error *err)
+{
+    rx_error reason = RX_ERROR_NONE, first = RX_ERROR_NONE;
+    *n = 0;
+    for (int hdu = 0; hdu < count; hdu++) {
+        rx_fits_shape shape;
+        rx_status status = rx_fits_goto(file, path, hdu, &reason);
+        int failed = status == RX_OK ? rx_fits_shape_of(file, &shape) : 0;
+        if (failed)
+            status = rx_fits_failed(&reason, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+        if (status == RX_OK)
+            status = check_plane(path, hdu, &shape, &reason);
+        if (status == RX_OK) {
+            hdus[(*n)++] = hdu;
+            continue;
+        }
+        int silent = !failed && shape.is_image && shape.naxis == 0; /* the usual empty primary */
+        if (!silent && first.status == RX_OK)
+            first = reason;
+        if (!silent && !failed && shape.is_image && shape.naxis != 1)
+            rx_log_warning(log, "%s[%d]: skipped: %s", path, hdu, reason.text);
+        else if (!silent)
+            rx_log_detail(log, "%s[%d]: skipped: %s", path, hdu, reason.text);
+    }
+    if (*n > 0)
+        return RX_OK;
+    if (first.status != RX_OK && count <= 2) {
+        if (err != NULL)
+            *err = first;
+        return first.status;
+    }
+    return rx_error_at(err, RX_INPUT, path, -1, 0, "holds no 2-D image in its %d HDUs", count);
+}
+
+rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
+{
+    rx_fits_name parsed;
+    rx_fits_shape shape;
+    fitsfile *file = NULL;
+    int *list = NULL, failed = 0, broken = 0;
+    *n = 0;
+    *hdus = NULL;
+    rx_status status = rx_fits_name_parse(name, &parsed, err);
+    if (status == RX_OK)
+        status = rx_fits_open(parsed.path, &file, err);
+    if (status != RX_OK)
+        goto exit;
+    int count = rx_fits_name_selects(&parsed) ? 1 : rx_fits_count(file, &broken);
+    list = RX_NEW(int, (size_t)count);
+    if (list == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    if (rx_fits_name_selects(&parsed)) {
+        status = rx_fits_goto_name(file, &parsed, &list[0], err);
+        if (status == RX_OK && (failed = rx_fits_shape_of(file, &shape)) != 0)
+            status = rx_fits_failed(err, RX_INPUT, parsed.path, list[0], failed, "this HDU cannot be read");
+        if (status == RX_OK)
+            status = check_plane(parsed.path, list[0], &shape, err);
+        *n = 1;
+    } else {
+        status = list_all(file, parsed.path, log, list, count, n, err);
+        if (status == RX_OK && broken)
+            rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
+                           parsed.path, count - 1);
+    }
+    if (status != RX_OK)
+        goto exit;
+    *hdus = list;
+    list = NULL;
+exit:
+    rx_fits_done(file);
+    free(list);
+    return status;
+}
+
+/* --- numbers from header or keyword --- */
+
+/* Header key of the HDU, or of the primary header, else what the keyword says. */
+static double number_or(const rx_text *cards, const rx_text *parent, const char *key, double otherwise)
+{
+    double value = otherwise;
+    if (key == NULL || key[0] == '\0')
+        return otherwise;
+    if (!rx_cards_number(cards->data, (long)(cards->length / 80), key, &value))
+        rx_cards_number(parent->data, (long)(parent->length / 80), key, &value);
+    return value;
+}
+
+static void take_numbers(const rx_tile_params *par, const rx_text *cards, const rx_text *parent, rx_log *log,
+                         rx_tile *tile)
+{
+    tile->gain = number_or(cards, parent, par->gain_key, par->gain);
+    if (tile->gain < 0) {
+        rx_log_warning(log, "%s[%d]: %s = %g is no gain; taken as infinite (0)", tile->name, tile->hdu,
+                       par->gain_key != NULL ? par->gain_key : "GAIN", tile->gain);
+        tile->gain = 0;
+    }
+    tile->saturation = number_or(cards, parent, par->saturation_key, par->saturation);
+    if (!(tile->saturation > 0) || isinf(tile->saturation))
+        tile->saturation = HUGE_VAL;
+    tile->zeropoint = number_or(cards, parent, par->zeropoint_key, par->zeropoint);
+    tile->exptime = number_or(cards, parent, "EXPTIME", 0);
+    if (tile->exptime < 0)
+        tile->exptime = 0;
+}
+
+/* --- pixels --- */
+
+/* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every NaN counts alike. */
+static void digest(const float *pixels, size_t n, char *dst, size_t size)
+{
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    for (size_t i = 0; i < n; i++) {
+        uint32_t bits = UINT32_C(0x7fc00000);
+        if (!isnan(pixels[i]))
+            memcpy(&bits, &pixels[i], sizeof bits);
+        for (int shift = 0; shift < 32; shift += 8)
+            hash = (hash ^ (bits >> shift & 0xff)) * UINT64_C(0x100000001b3);
+    }
+    snprintf(dst, size, "%016" PRIx64, hash);
+}
+
+static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile *tile, rx_error *err)
+{
+    size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
+    tile->pixels = RX_NEW(float, n);
+    tile->mask = RX_NEW(uint8_t, n);
+    if (tile->pixels == NULL || tile->mask == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    rx_status status =
+        rx_fits_read_pixels(file, tile->name, tile->hdu, place->first, place->last, tile->pixels, err);
+    if (status != RX_OK)
+        return status;
+    digest(tile->pixels, n, tile->checksum, sizeof tile->checksum);
+    for (size_t i = 0; i < n; i++) {
+        if (isnan(tile->pixels[i])) {
+            tile->pixels[i] = 0.f;
+            tile->mask[i] |= RX_MASK_BAD;
+            continue;
+        }
+        good++;
+        if (tile->pixels[i] >= tile->saturation)
+            tile->mask[i] |= RX_MASK_SATURATED;
+    }
+    if (good == 0)
+        return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                           "all %zu pixels are NaN or BLANK; there is nothing to measure", n);
+    return RX_OK;
+}
+
+/* --- header --- */
+
+/* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
+static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_text *cards, rx_text *parent,
+                             rx_error *err)
+{
+    char *block = NULL, inherit[8] = "";
+    size_t n = 0;
+    rx_status status = rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err);
+    if (status != RX_OK)
+        return status;
+    rx_text_add_bytes(cards, block, n * 80);
+    free(block);
+    block = NULL;
+    if (place->hdu > 0) {
+        status = rx_fits_goto(file, place->name->path, 0, err);
+        if (status == RX_OK)
+            status = rx_fits_read_cards(file, place->name->path, 0, &block, &n, err);
+        if (status == RX_OK)
+            status = rx_fits_goto(file, place->name->path, place->hdu, err);
+        if (status == RX_OK)
+            rx_text_add_bytes(parent, block, n * 80);
+        free(block);
+    }
+    if (status != RX_OK)
+        return status;
+    rx_cards_text(cards->data, (long)(cards->length / 80), "INHERIT", inherit, sizeof inherit);
+    if (inherit[0] == 'T' && parent->data != NULL)
+        rx_cards_inherit(cards, parent->data, parent->length / 80);
+    if (cards->failed || parent->failed)
+        return rx_error_memory(err, cards->length + parent->length);
+    if (place->name->has_section) {
+        long size[2] = {place->last[0] - place->first[0] + 1, place->last[1] - place->first[1] + 1};
+        rx_cards_cut(cards->data, cards->length / 80, place->first, size);
+    }
+    return RX_OK;
+}
+
+static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile, rx_error *err)
+{
+    char note[256] = "";
+    rx_status status = rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs,
+                                         note, sizeof note, err);
+    if (status != RX_OK)
+        return status;
+    if (note[0] != '\0')
+        rx_log_detail(log, "%s[%d]: %s", tile->name, tile->hdu, note);
+    if (tile->wcs == NULL)
+        tile->linear_wcs = rx_wcs_linear(tile->cards, tile->ncards, tile->linear);
+    if (par->pixel_scale > 0)
+        tile->pixel_scale = par->pixel_scale;
+    else if (tile->wcs != NULL)
+        tile->pixel_scale = rx_wcs_pixel_scale(tile->wcs, (tile->width - 1) / 2., (tile->height - 1) / 2.);
+    if (!isfinite(tile->pixel_scale))
+        tile->pixel_scale = 0;
+    return RX_OK;
+}
+
+/* --- all of it --- */
+
+/* Go to the HDU, check it and say which part of it is wanted. */
+static rx_status find_place(fitsfile *file, rx_tile_place *place, rx_error *err)
+{
+    rx_fits_shape shape;
+    const rx_fits_name *name = place->name;
+    rx_status status = rx_fits_goto(file, name->path, place->hdu, err);
+    if (status != RX_OK)
+        return status;
+    int failed = rx_fits_shape_of(file, &shape);
+    if (failed)
+        return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
+    status = check_plane(name->path, place->hdu, &shape, err);
+    if (status == RX_OK)
+        status = rx_fits_check_size(file, name->path, place->hdu, &shape, err);
+    if (status != RX_OK)
+        return status;
+    for (int i = 0; i < 2; i++) {
+        place->full[i] = (long)shape.axes[i];
+        place->first[i] = name->has_section ? name->first[i] : 1;
+        place->last[i] = name->has_section && name->last[i] > 0 ? name->last[i] : (long)shape.axes[i];
+    }
+    if (place->last[0] > place->full[0] || place->last[1] > place->full[1])
+        return rx_error_at(err, RX_INPUT, name->path, place->hdu, 0,
+                           "the section ends at %ld,%ld, outside of the image of %ld x %ld pixels",
+                           place->last[0], place->last[1], place->full[0], place->full[1]);
+    return RX_OK;
+}
+
+static rx_status name_tile(const rx_tile_place *place, const rx_text *cards, rx_tile *tile, rx_error *err)
+{
+    char extname[72] = "";
+    rx_cards_text(cards->data, (long)(cards->length / 80), "EXTNAME", extname, sizeof extname);
+    if (strcmp(extname, "COMPRESSED_IMAGE") == 0)
+        extname[0] = '\0';
+    tile->hdu = place->hdu;
+    tile->extension = place->extension;
+    tile->width = (int)(place->last[0] - place->first[0] + 1);
+    tile->height = (int)(place->last[1] - place->first[1] + 1);
+    tile->name = rx_strdup(place->name->path);
+    tile->extname = rx_strdup(extname);
+    return tile->name != NULL && tile->extname != NULL ? RX_OK : rx_error_memory(err, sizeof *tile);
+}
+
+rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,
+                       rx_tile **dst, rx_error *err)
+{
+    rx_fits_name parsed;
+    fitsfile *file = NULL;
+    rx_text cards = {0}, parent = {0};
+    rx_tile_place place = {.name = &parsed, .hdu = hdu, .extension = extension};
+    *dst = NULL;
+    rx_tile *tile = RX_NEW(rx_tile, 1);
+    rx_status status =
+        tile != NULL ? rx_fits_name_parse(name, &parsed, err) : rx_error_memory(err, sizeof *tile);
+    if (status == RX_OK)
+        status = rx_fits_open(parsed.path, &file, err);
+    if (status == RX_OK)
+        status = find_place(file, &place, err);
+    if (status == RX_OK)
+        status = read_header(file, &place, &cards, &parent, err);
+    if (status == RX_OK)
+        status = name_tile(&place, &cards, tile, err);
+    if (status != RX_OK)
+        goto exit;
+    take_numbers(par, &cards, &parent, log, tile);
+    tile->ncards = cards.length / 80;
+    tile->cards = cards.data;
+    cards = (rx_text){0};
+    status = read_pixels(file, &place, tile, err);
+    if (status == RX_OK)
+        status = take_wcs(par, log, tile, err);
+    if (status == RX_OK)
+        status = rx_tile_add_weight(par, &place, tile, err);
+    if (status == RX_OK)
+        status = rx_tile_add_flags(par, &place, tile, err);
+    if (status != RX_OK)
+        goto exit;
+    *dst = tile;
+    tile = NULL;
+exit:
+    rx_fits_done(file);
+    rx_text_free(&cards);
+    rx_text_free(&parent);
+    rx_tile_free(tile);
+    return status;
+}
+
+void rx_tile_free(rx_tile *tile)
+{
+    if (tile == NULL)
+        return;
+    for (int i = 0; tile->flagmaps != NULL && i < tile->nflagmaps; i++)
+        free(tile->flagmaps[i]);
+    free(tile->flagmaps);
+    free(tile->name);
+    free(tile->extname);
+    free(tile->pixels);
+    free(tile->mask);
+    free(tile->weight);
+    free(tile->cards);
+    rx_wcs_free(tile->wcs);
+    free(tile);
+}

@@ -1,0 +1,189 @@
+/* The maps that go with a tile: weights and flags. */
+#include "io/tile_weight.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/memory.h"
+
+/* SExtractor's BIG: a variance of that much means no data. */
+static const float NO_DATA = 1e30f;
+
+/* Which HDU of a companion file belongs to the tile: the only image; or, when the tile was named
+ * by HDU, the image of that number; or the image of the tile's place among those processed. */
+static rx_status choose_hdu(const char *what, const char *name, const rx_tile_place *place, int *hdu,
+                            rx_error *err)
+{
+    int *hdus = NULL, n = 0, chosen = -1;
+    rx_status status = rx_tile_list(name, NULL, &hdus, &n, err);
+    if (status != RX_OK)
+        return status;
+    if (n == 1)
+        chosen = hdus[0];
+    else if (rx_fits_name_selects(place->name)) {
+        for (int i = 0; i < n; i++)
+            if (hdus[i] == place->hdu)
+                chosen = place->hdu;
+    } else if (place->extension >= 1 && place->extension <= n)
+        chosen = hdus[place->extension - 1];
+    if (chosen < 0)
+        status = rx_error_at(
+            err, RX_INPUT, name, -1, 0,
+            "none of its %d images belongs to HDU %d of the tile (number %d of those processed); name "
+            "the %s with its HDU: '%s[n]'",
+            n, place->hdu, place->extension, what, name);
+    *hdu = chosen;
+    free(hdus);
+    return status;
+}
+
+/* Open a companion of the tile and find the rectangle that covers the tile's pixels. */
+static rx_status open_companion(const char *what, const char *text, const rx_tile_place *place,
+                                fitsfile **file, int *hdu, rx_fits_shape *shape, long first[2], long last[2],
+                                rx_error *err)
+{
+    rx_fits_name name;
+    rx_status status = rx_fits_name_parse(text, &name, err);
+    if (status == RX_OK)
+        status = choose_hdu(what, text, place, hdu, err);
+    if (status == RX_OK)
+        status = rx_fits_open(name.path, file, err);
+    if (status == RX_OK)
+        status = rx_fits_goto(*file, name.path, *hdu, err);
+    if (status != RX_OK)
+        return status;
+    int failed = rx_fits_shape_of(*file, shape);
+    if (failed)
+        return rx_fits_failed(err, RX_INPUT, name.path, *hdu, failed, "this HDU cannot be read");
+    status = rx_fits_check_size(*file, name.path, *hdu, shape, err);
+    if (status != RX_OK)
+        return status;
+    int same = 1, part = 1;
+    for (int i = 0; i < 2; i++) {
+        first[i] = name.has_section ? name.first[i] : 1;
+        last[i] = name.has_section && name.last[i] > 0 ? name.last[i] : (long)shape->axes[i];
+        if (last[i] > shape->axes[i])
+            return rx_error_at(err, RX_INPUT, text, *hdu, 0,
+                               "the section leaves the %s of %lld x %lld pixels", what, shape->axes[0],
+                               shape->axes[1]);
+        same = same && last[i] - first[i] == place->last[i] - place->first[i];
+        part = part && !name.has_section && shape->axes[i] == place->full[i];
+    }
+    if (part) { /* the whole map of a tile of which a section is read */
+        memcpy(first, place->first, 2 * sizeof *first);
+        memcpy(last, place->last, 2 * sizeof *last);
+    } else if (!same)
+        return rx_error_at(err, RX_INPUT, text, *hdu, 0,
+                           "the %s has %ld x %ld pixels, the tile %ld x %ld; give a map of the tile's shape",
+                           what, last[0] - first[0] + 1, last[1] - first[1] + 1,
+                           place->last[0] - place->first[0] + 1, place->last[1] - place->first[1] + 1);
+    return RX_OK;
+}
+
+/* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
+ * 1e30), means no data; so does what is no noise at all: not a number, rms or variance <= 0. */
+static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
+{
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    int given = isfinite(par->weight_threshold);
+    if (tile->weight_type == RX_WEIGHT_MAP_WEIGHT) {
+        float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
+        for (size_t i = 0; i < n; i++) {
+            if (isnan(tile->weight[i]))
+                tile->weight[i] = 0.f;
+            if (tile->weight[i] <= limit)
+                tile->mask[i] |= RX_MASK_WEIGHT;
+        }
+        return;
+    }
+    float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : NO_DATA;
+    for (size_t i = 0; i < n; i++) {
+        if (isnan(tile->weight[i]))
+            tile->weight[i] = NO_DATA;
+        if (tile->weight[i] >= limit || tile->weight[i] >= NO_DATA || tile->weight[i] <= 0.f)
+            tile->mask[i] |= RX_MASK_WEIGHT;
+    }
+}
+
+rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                             rx_error *err)
+{
+    rx_fits_shape shape;
+    fitsfile *file = NULL;
+    long first[2], last[2];
+    int hdu = 0;
+    tile->weight_type = par->weight_type;
+    if (par->weight_type == RX_WEIGHT_NONE || par->weight_type == RX_WEIGHT_BACKGROUND)
+        return RX_OK;
+    if (par->weight_name == NULL || par->weight_name[0] == '\0')
+        return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
+    rx_status status =
+        open_companion("weight map", par->weight_name, place, &file, &hdu, &shape, first, last, err);
+    if (status != RX_OK)
+        goto exit;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    tile->weight = RX_NEW(float, n);
+    if (tile->weight == NULL) {
+        status = rx_error_memory(err, n * sizeof(float));
+        goto exit;
+    }
+    status = rx_fits_read_pixels(file, par->weight_name, hdu, first, last, tile->weight, err);
+    if (status == RX_OK)
+        mask_by_weight(par, tile);
+exit:
+    rx_fits_done(file);
+    return status;
+}
+
+/* Flags are integers of up to 32 bits; as many bits as a float holds would not do. */
+static rx_status read_flags(fitsfile *file, const char *name, int hdu, const long first[2],
+                            const long last[2], uint32_t *dst, rx_error *err)
+{
+    size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
+    int failed = 0, anynul = 0;
+    LONGLONG null = 0, *row = RX_NEW(LONGLONG, width);
+    if (row == NULL)
+        return rx_error_memory(err, width * sizeof *row);
+    for (size_t y = 0; y < height && !failed; y++) {
+        long low[9] = {first[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
+        long high[9] = {last[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
+        long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        fits_read_subset(file, TLONGLONG, low, high, step, &null, row, &anynul, &failed);
+        for (size_t x = 0; x < width; x++)
+            dst[y * width + x] = (uint32_t)row[x]; /* negative ones keep their bit pattern */
+    }
+    free(row);
+    return failed ? rx_fits_failed(err, RX_INPUT, name, hdu, failed, "the pixels cannot be read") : RX_OK;
+}
+
+rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                            rx_error *err)
+{
+    rx_status status = RX_OK;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    if (par->nflags <= 0)
+        return RX_OK;
+    tile->flagmaps = RX_NEW(uint32_t *, (size_t)par->nflags);
+    if (tile->flagmaps == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; status == RX_OK && i < par->nflags; i++) {
+        rx_fits_shape shape;
+        fitsfile *file = NULL;
+        long first[2], last[2];
+        int hdu = 0;
+        status = open_companion("flag map", par->flag_names[i], place, &file, &hdu, &shape, first, last, err);
+        if (status == RX_OK && shape.bitpix < 0)
+            status = rx_error_at(err, RX_INPUT, par->flag_names[i], hdu, 0,
+                                 "a flag map must hold integers, this one has BITPIX = %d", shape.bitpix);
+        if (status == RX_OK && (tile->flagmaps[i] = RX_NEW(uint32_t, n)) == NULL)
+            status = rx_error_memory(err, n * sizeof(uint32_t));
+        if (status == RX_OK) {
+            tile->nflagmaps = i + 1;
+            status = read_flags(file, par->flag_names[i], hdu, first, last, tile->flagmaps[i], err);
+        }
+        rx_fits_done(file);
+    }
+    return status;
+}

@@ -1,0 +1,25 @@
+/* The maps that go with a tile: weights and flags. For io/ alone. */
+#ifndef RX_IO_TILE_WEIGHT_H
+#define RX_IO_TILE_WEIGHT_H
+
+#include "io/fits_file.h"
+#include "io/tile.h"
+
+/* What is asked for, so that the companions of the same HDU and section are taken. */
+typedef struct rx_tile_place {
+    const rx_fits_name *name; /* of the tile */
+    int hdu;
+    int extension;          /* from 1 among the HDUs processed */
+    long full[2];           /* axes of the whole HDU */
+    long first[2], last[2]; /* the part that is read */
+} rx_tile_place;
+
+/* Fill tile->weight, tile->weight_type and RX_MASK_WEIGHT; nothing for NONE and BACKGROUND. */
+rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                             rx_error *err);
+
+/* Fill tile->flagmaps from the FLAG_IMAGE list. */
+rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                            rx_error *err);
+
+#endif

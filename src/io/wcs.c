@@ -1,0 +1,372 @@
+/* World coordinates by wcslib. */
+#include "io/wcs.h"
+
+#include <wcslib/wcs.h>
+#include <wcslib/wcsfix.h>
+#include <wcslib/wcshdr.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/text.h"
+#include "io/cards.h"
+#include "io/fits_read.h"
+#include "io/fits_write.h"
+#include "io/sky.h"
+
+enum { CHUNK = 256, CARD = 80 };
+
+struct rx_wcs {
+    struct wcsprm prm; /* two axes, set up */
+    rx_sky_frame frame;
+};
+
+/* --- headers that do not say what they mean --- */
+
+static void say(char *note, size_t size, const char *text)
+{
+    size_t used = note != NULL ? strlen(note) : 0;
+    if (note != NULL && used < size)
+        snprintf(note + used, size - used, "%s%s", used > 0 ? "; " : "", text);
+}
+
+/* "PVi_m" of axis 1 or 2: m, else -1. */
+static int pv_number(const char *card, int *axis)
+{
+    if (strncmp(card, "PV", 2) != 0 || (card[2] != '1' && card[2] != '2') || card[3] != '_' || card[8] != '=')
+        return -1;
+    *axis = card[2] - '0';
+    char digits[5] = "";
+    memcpy(digits, card + 4, 4);
+    char *end;
+    long m = strtol(digits, &end, 10);
+    return end != digits && (*end == '\0' || *end == ' ') && m >= 0 ? (int)m : -1;
+}
+
+static void set_ctype(char *cards, size_t ncards, int axis, const char *value)
+{
+    const char *key = axis == 1 ? "CTYPE1" : "CTYPE2";
+    long i = rx_cards_find(cards, ncards, key);
+    rx_text text = {0};
+    rx_card_text(&text, key, value, "");
+    if (i >= 0 && !text.failed)
+        memcpy(cards + i * CARD, text.data, CARD);
+    rx_text_free(&text);
+}
+
+/* SCAMP and others write polynomial coefficients PVi_m with plain TAN; as SExtractor does, they are
+ * read as TPV (a native TAN knows PVi_0..4 of the longitude axis only, and hardly anyone gives them).
+ * Where SIP is there too, SIP counts. SIP coefficients without "-SIP" in CTYPE are SIP as well. */
+static void repair_distortion(char *cards, size_t ncards, char *note, size_t note_size)
+{
+    char ctype[2][32];
+    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0;
+    double order;
+    for (int i = 0; i < 2; i++) {
+        rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", ctype[i], sizeof ctype[i]);
+        tan = tan && strlen(ctype[i]) >= 8 && strncmp(ctype[i] + 5, "TAN", 3) == 0;
+        suffix += strlen(ctype[i]) >= 12 && strncmp(ctype[i] + 8, "-SIP", 4) == 0;
+    }
+    for (size_t i = 0; i < ncards; i++) {
+        int m = pv_number(cards + i * CARD, &axis);
+        high += m > 4;
+        pv2 += m >= 0 && axis == 2;
+    }
+    int sip = rx_cards_number(cards, (long)ncards, "A_ORDER", &order) &&
+              rx_cards_number(cards, (long)ncards, "B_ORDER", &order);
+    if (!tan || (!sip && high == 0 && pv2 == 0))
+        return;
+    for (int i = 0; i < 2; i++) {
+        char value[32];
+        snprintf(value, sizeof value, "%.5s%s", ctype[i], sip ? "TAN-SIP" : "TPV");
+        if (!sip || suffix < 2)
+            set_ctype(cards, ncards, i + 1, value);
+    }
+    if (!sip) {
+        say(note, note_size, "TAN with PV coefficients is read as TPV");
+        return;
+    }
+    if (suffix < 2)
+        say(note, note_size, "SIP coefficients are used although CTYPE lacks -SIP");
+    for (size_t i = 0; i < ncards && (high > 0 || pv2 > 0); i++)
+        if (pv_number(cards + i * CARD, &axis) >= 0)
+            memset(cards + i * CARD, ' ', CARD);
+    if (high > 0 || pv2 > 0)
+        say(note, note_size, "PV coefficients beside SIP are ignored");
+}
+
+/* --- making --- */
+
+/* The first two axes of the primary description into dst->prm; 0, or -1 when they are not celestial. */
+static int take_axes(struct wcsprm *list, int n, rx_wcs *dst)
+{
+    int axes[2] = {1, 2}, nsub = 2;
+    for (int i = 0; i < n; i++) {
+        if (list[i].alt[0] != ' ')
+            continue;
+        if (wcssub(1, &list[i], &nsub, axes, &dst->prm) != 0)
+            return -1;
+        return nsub == 2 ? 0 : -1;
+    }
+    return -1;
+}
+
+/* At least one of centre and corners must have sky coordinates. */
+static int is_usable(rx_wcs *wcs, int width, int height)
+{
+    double x[5] = {(width - 1) / 2., 0, width - 1., 0, width - 1.};
+    double y[5] = {(height - 1) / 2., 0, 0, height - 1., height - 1.}, alpha[5], delta[5];
+    rx_wcs_to_sky(wcs, 5, x, y, alpha, delta, NULL, NULL);
+    for (int i = 0; i < 5; i++)
+        if (isfinite(alpha[i]) && isfinite(delta[i]))
+            return 1;
+    return 0;
+}
+
+static void take_frame(rx_wcs *wcs, char *note, size_t note_size)
+{
+    struct wcsprm *prm = &wcs->prm;
+    double equinox = isfinite(prm->equinox) && prm->equinox > 1000 ? prm->equinox : 0;
+    wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, equinox);
+    if (!wcs->frame.known)
+        say(note, note_size, "longitudes of this type cannot be taken to J2000");
+    else if (wcs->frame.eterms)
+        say(note, note_size, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
+}
+
+/* Parse, repair and set up; *why says what is missing when there is nothing to be used. */
+static rx_status set_up(char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
+                        size_t note_size, const char **why, rx_error *err)
+{
+    rx_status status = RX_OK;
+    struct wcsprm *list = NULL;
+    int rejected = 0, n = 0, naxis[2] = {width, height}, stat[NWCSFIX], failed;
+    rx_wcs *wcs = RX_NEW(rx_wcs, 1);
+    if (wcs == NULL)
+        return rx_error_memory(err, sizeof *wcs);
+    wcs->prm.flag = -1;
+    failed = wcspih(cards, (int)ncards, WCSHDR_all, 0, &rejected, &n, &list);
+    if (failed == 2) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    if (failed || n == 0 || take_axes(list, n, wcs) != 0) {
+        *why = "no celestial coordinates in the header";
+        goto exit;
+    }
+    wcsfix(0, naxis, &wcs->prm, stat);
+    failed = wcsset(&wcs->prm);
+    if (failed) {
+        *why = wcs_errmsg[failed];
+        goto exit;
+    }
+    if (wcs->prm.lng < 0 || wcs->prm.lat < 0) {
+        *why = "no celestial coordinates in the header";
+        goto exit;
+    }
+    take_frame(wcs, note, note_size);
+    if (!is_usable(wcs, width, height)) {
+        *why = "neither the centre nor a corner has sky coordinates";
+        goto exit;
+    }
+    *dst = wcs;
+    wcs = NULL;
+exit:
+    wcsvfree(&n, &list);
+    rx_wcs_free(wcs);
+    return status;
+}
+
+rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
+                            size_t note_size, rx_error *err)
+{
+    char text[160];
+    const char *why = NULL;
+    *dst = NULL;
+    if (note != NULL && note_size > 0)
+        note[0] = '\0';
+    if (cards == NULL || ncards == 0)
+        return RX_OK;
+    char *copy = RX_NEW(char, ncards *CARD + 1);
+    if (copy == NULL)
+        return rx_error_memory(err, ncards * CARD);
+    memcpy(copy, cards, ncards * CARD);
+    repair_distortion(copy, ncards, note, note_size);
+    rx_status status = set_up(copy, ncards, width, height, dst, note, note_size, &why, err);
+    if (status == RX_OK && *dst == NULL) {
+        snprintf(text, sizeof text, "no world coordinates: %s", why);
+        say(note, note_size, text);
+    }
+    free(copy);
+    return status;
+}
+
+void rx_wcs_free(rx_wcs *wcs)
+{
+    if (wcs == NULL)
+        return;
+    wcsfree(&wcs->prm);
+    free(wcs);
+}
+
+/* --- using --- */
+
+/* n <= CHUNK positions, pairs in axis order; failed ones become NAN. wcslib may give up a whole
+ * batch for one position (inverse distortion), hence the second try one by one. */
+static void convert(struct wcsprm *prm, int inverse, int n, const double *src, double *dst)
+{
+    double image[2 * CHUNK], phi[CHUNK], theta[CHUNK];
+    int stat[CHUNK] = {0};
+    int failed = inverse ? wcss2p(prm, n, 2, src, phi, theta, image, dst, stat)
+                         : wcsp2s(prm, n, 2, src, image, phi, theta, dst, stat);
+    if (failed && n > 1) {
+        for (int i = 0; i < n; i++)
+            convert(prm, inverse, 1, src + 2 * i, dst + 2 * i);
+    } else if (failed) {
+        dst[0] = dst[1] = NAN;
+    }
+}
+
+static void to_sky_chunk(rx_wcs *wcs, int n, const double *x, const double *y, double *lon, double *lat)
+{
+    double pixel[2 * CHUNK] = {0}, world[2 * CHUNK];
+    for (int i = 0; i < n; i++) {
+        pixel[2 * i] = x[i] + 1;
+        pixel[2 * i + 1] = y[i] + 1;
+    }
+    convert(&wcs->prm, 0, n, pixel, world);
+    for (int i = 0; i < n; i++) {
+        double value = world[2 * i + wcs->prm.lng];
+        lon[i] = value < 0 ? value + 360 : value >= 360 ? value - 360 : value;
+        lat[i] = world[2 * i + wcs->prm.lat];
+    }
+}
+
+void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha, double *delta,
+                   double *alpha_j2000, double *delta_j2000)
+{
+    double lon[CHUNK], lat[CHUNK];
+    for (int begin = 0; begin < n; begin += CHUNK) {
+        int count = n - begin < CHUNK ? n - begin : CHUNK;
+        to_sky_chunk(wcs, count, x + begin, y + begin, lon, lat);
+        for (int i = 0; i < count; i++) {
+            double ra = NAN, dec = NAN;
+            if (alpha != NULL)
+                alpha[begin + i] = lon[i];
+            if (delta != NULL)
+                delta[begin + i] = lat[i];
+            if (isfinite(lon[i]) && isfinite(lat[i]))
+                rx_sky_to_j2000(&wcs->frame, lon[i], lat[i], &ra, &dec);
+            if (alpha_j2000 != NULL)
+                alpha_j2000[begin + i] = ra;
+            if (delta_j2000 != NULL)
+                delta_j2000[begin + i] = dec;
+        }
+    }
+}
+
+/* Angle between two directions, deg. */
+static double separation(double lon1, double lat1, double lon2, double lat2)
+{
+    const double degree = 0.017453292519943295769;
+    double a = sin((lat2 - lat1) / 2 * degree), b = sin((lon2 - lon1) / 2 * degree);
+    double h = a * a + cos(lat1 * degree) * cos(lat2 * degree) * b * b;
+    return 2 * asin(sqrt(h < 1 ? h : 1)) / degree;
+}
+
+/* Far from the image a polynomial may lead back into it: what does not return to the same
+ * place on the sky within 0.001 pixel is no solution. */
+static void check_solutions(rx_wcs *wcs, int n, const double *lon, const double *lat, double *x, double *y)
+{
+    double back_lon[CHUNK], back_lat[CHUNK], near_lon[CHUNK], near_lat[CHUNK], near_x[CHUNK];
+    to_sky_chunk(wcs, n, x, y, back_lon, back_lat);
+    for (int i = 0; i < n; i++)
+        near_x[i] = x[i] + 1;
+    to_sky_chunk(wcs, n, near_x, y, near_lon, near_lat);
+    for (int i = 0; i < n; i++) {
+        double pixel = separation(back_lon[i], back_lat[i], near_lon[i], near_lat[i]);
+        double miss = separation(back_lon[i], back_lat[i], lon[i], lat[i]);
+        if (!(miss <= 1e-3 * pixel || miss < 1e-9))
+            x[i] = y[i] = NAN;
+    }
+}
+
+void rx_wcs_to_pixel(rx_wcs *wcs, int n, const double *alpha_j2000, const double *delta_j2000, double *x,
+                     double *y)
+{
+    double lon[CHUNK], lat[CHUNK], world[2 * CHUNK], pixel[2 * CHUNK];
+    for (int begin = 0; begin < n; begin += CHUNK) {
+        int count = n - begin < CHUNK ? n - begin : CHUNK;
+        for (int i = 0; i < count; i++) {
+            rx_sky_from_j2000(&wcs->frame, alpha_j2000[begin + i], delta_j2000[begin + i], &lon[i], &lat[i]);
+            world[2 * i + wcs->prm.lng] = lon[i];
+            world[2 * i + wcs->prm.lat] = lat[i];
+        }
+        convert(&wcs->prm, 1, count, world, pixel);
+        for (int i = 0; i < count; i++) {
+            x[begin + i] = pixel[2 * i] - 1;
+            y[begin + i] = pixel[2 * i + 1] - 1;
+        }
+        check_solutions(wcs, count, lon, lat, x + begin, y + begin);
+    }
+}
+
+void rx_wcs_matrix(rx_wcs *wcs, double x, double y, double m[4])
+{
+    const double degree = 0.017453292519943295769;
+    double px[5] = {x, x + 0.5, x - 0.5, x, x}, py[5] = {y, y, y, y + 0.5, y - 0.5}, lon[5], lat[5], v[5][3];
+    rx_wcs_to_sky(wcs, 5, px, py, lon, lat, NULL, NULL);
+    double sa = sin(lon[0] * degree), ca = cos(lon[0] * degree), sd = sin(lat[0] * degree),
+           cd = cos(lat[0] * degree);
+    double east[3] = {-sa, ca, 0}, north[3] = {-sd * ca, -sd * sa, cd};
+    for (int i = 1; i < 5; i++) {
+        v[i][0] = cos(lat[i] * degree) * cos(lon[i] * degree);
+        v[i][1] = cos(lat[i] * degree) * sin(lon[i] * degree);
+        v[i][2] = sin(lat[i] * degree);
+    }
+    memset(m, 0, 4 * sizeof *m);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 2; j++) {
+            double step = (v[1 + 2 * j][i] - v[2 + 2 * j][i]) / degree;
+            m[j] += east[i] * step;
+            m[2 + j] += north[i] * step;
+        }
+}
+
+double rx_wcs_pixel_scale(rx_wcs *wcs, double x, double y)
+{
+    double m[4];
+    rx_wcs_matrix(wcs, x, y, m);
+    return 3600 * sqrt(fabs(m[0] * m[3] - m[1] * m[2]));
+}
+
+int rx_wcs_linear(const char *cards, size_t ncards, double linear[6])
+{
+    double crval[2], crpix[2] = {0, 0}, cdelt[2] = {1, 1}, cd[4] = {0, 0, 0, 0};
+    long n = (long)ncards;
+    int has_cd = 0;
+    if (!rx_cards_number(cards, n, "CRVAL1", &crval[0]) || !rx_cards_number(cards, n, "CRVAL2", &crval[1]))
+        return 0;
+    for (int i = 0; i < 4; i++) {
+        char key[16];
+        snprintf(key, sizeof key, "CD%d_%d", i / 2 + 1, i % 2 + 1);
+        has_cd += rx_cards_number(cards, n, key, &cd[i]);
+    }
+    for (int i = 0; i < 2; i++) {
+        rx_cards_number(cards, n, i == 0 ? "CRPIX1" : "CRPIX2", &crpix[i]);
+        rx_cards_number(cards, n, i == 0 ? "CDELT1" : "CDELT2", &cdelt[i]);
+    }
+    if (!has_cd) {
+        cd[0] = cdelt[0];
+        cd[3] = cdelt[1];
+    }
+    for (int i = 0; i < 2; i++) {
+        linear[3 * i] = crval[i] + cd[2 * i] * (1 - crpix[0]) + cd[2 * i + 1] * (1 - crpix[1]);
+        linear[3 * i + 1] = cd[2 * i];
+        linear[3 * i + 2] = cd[2 * i + 1];
+    }
+    return 1;
+}
