@@ -12,7 +12,7 @@ int main(int argc, char **argv)
     if (argc == 2 && strcmp(argv[1], "keywords") == 0)
         rx_config_man(&text);
     else if (argc == 2 && strcmp(argv[1], "columns") == 0)
-        rx_columns_dump(&text);
+        rx_columns_man(&text);
     if (text.data == NULL || text.failed || fputs(text.data, stdout) == EOF)
         return 1;
     rx_text_free(&text);
