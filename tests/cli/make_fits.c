@@ -49,7 +49,7 @@ static void image_header(header *h, int extension, long bitpix, int naxis, const
     number(h, "BITPIX", bitpix);
     number(h, "NAXIS", naxis);
     for (int i = 0; i < naxis; i++) {
-        char name[16];
+        char name[24];
         snprintf(name, sizeof name, "NAXIS%d", i + 1);
         number(h, name, axes[i]);
     }
