@@ -68,7 +68,8 @@ rx_status rx_evaluate_bins(const rx_qa_params *par, const rx_qa_input *input, rx
         }
         low = low <= high ? floor(low) : 0;
         high = high >= low ? floor(high) + 1 : low + 1;
-        step = fmax(step, ceil((high - low) / RX_MAX_BINS));
+        if ((high - low) / step > RX_MAX_BINS)
+            step = ceil((high - low) / RX_MAX_BINS);
     }
     if (!isfinite(low) || !isfinite(high) || ceil((high - low) / step - 1e-9) > RX_MAX_BINS)
         return rx_error_set(err, RX_USAGE,

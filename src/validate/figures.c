@@ -12,7 +12,7 @@
 #include "validate/gnuplot.h"
 #include "validate/report.h"
 
-enum { MAX_SVG = 64 << 20, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
+enum { FEW = 5, MAX_SVG = 64 << 20, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
 static const double PULL_REACH = 6;
 
 /* One figure: its words and the function that writes its plot commands. */
@@ -77,16 +77,18 @@ static void title_of(rx_text *dst, const rx_report *r, int run)
     rx_text_printf(dst, " title '%s'", name);
 }
 
-/* $<name><run>: x, value, low, high of one metric per bin. */
+/* $<name><run>: x, value, low, high of one metric per bin; other than shares only from FEW sources on. */
 static void bin_blocks(rx_text *dst, const rx_report *r, const char *name, rx_metric metric, double low,
                        double high)
 {
+    int shares = metric == RX_METRIC_RECALL || metric == RX_METRIC_PRECISION;
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, "$%s%d << EOD\n", name, run);
         for (int b = 0; b < r->bins.n; b++) {
             const rx_estimate *e = rx_report_bin(r, run, b, metric);
             value(dst, beside(r, run, b));
-            interval(dst, e->n > 0 ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low, high);
+            interval(dst, e->n > 0 && (shares || e->n >= FEW) ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low,
+                     high);
             rx_text_add(dst, "\n");
         }
         rx_text_add(dst, "EOD\n");
@@ -119,28 +121,31 @@ static void write_precision(rx_text *dst, const rx_report *r)
     bars_with_lines(dst, r, "precision");
 }
 
+/* $curve<run>: recall, precision, thinned; $end<run>: the whole catalogue. */
+static void curve_blocks(rx_text *dst, const rx_pr *pr, int run)
+{
+    long skip = pr->n / MAX_STEPS + 1;
+    rx_text_printf(dst, "$curve%d << EOD\n", run);
+    for (long k = 0; k < pr->n; k++)
+        if (k % skip == 0 || k + 1 == pr->n)
+            rx_text_printf(dst, "%.6g %.6g\n", pr->point[k].recall, pr->point[k].precision);
+    rx_text_printf(dst, "EOD\n$end%d << EOD\n", run);
+    if (pr->n > 0)
+        rx_text_printf(dst, "%.6g %.6g\n", pr->point[pr->n - 1].recall, pr->point[pr->n - 1].precision);
+    rx_text_add(dst, "EOD\n");
+}
+
 static void write_curve(rx_text *dst, const rx_report *r)
 {
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_pr *pr = &r->evaluation[run].pr;
-        long skip = pr->n / MAX_STEPS + 1;
-        rx_text_printf(dst, "$curve%d << EOD\n", run);
-        for (long k = 0; k < pr->n; k++)
-            if (k % skip == 0 || k + 1 == pr->n) {
-                value(dst, pr->point[k].recall);
-                value(dst, pr->point[k].precision);
-                rx_text_add(dst, "\n");
-            }
-        rx_text_add(dst, "EOD\n");
-    }
+    for (int run = 0; run < r->input->nruns; run++)
+        curve_blocks(dst, &r->evaluation[run].pr, run);
     begin(dst, "curve", "recall", "precision", 0, 1.02, 0, 1.02);
     rx_text_add(dst, "set key left bottom\n");
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $curve%d using 1:2 with lines ls %d", run, run % 7 + 1);
         title_of(dst, r, run);
-        rx_text_printf(dst, ", $curve%d using 1:2 every ::%ld with points ls %d notitle", run,
-                       r->evaluation[run].pr.n / (r->evaluation[run].pr.n / MAX_STEPS + 1), run % 7 + 1);
+        rx_text_printf(dst, ", $end%d using 1:2 with points ls %d ps 0.9 notitle", run, run % 7 + 1);
     }
     rx_text_add(dst, "\n");
 }
@@ -170,7 +175,7 @@ static double error_reach(const rx_report *r)
         for (int b = 0; b < r->bins.n; b++) {
             const rx_estimate *bias = rx_report_bin(r, run, b, RX_METRIC_BIAS_MAG);
             const rx_estimate *scatter = rx_report_bin(r, run, b, RX_METRIC_SCATTER_MAG);
-            if (bias->n >= RX_COMPLETENESS_MIN)
+            if (bias->n >= FEW)
                 reach = fmax(reach, 1.2 * (fabs(bias->value) + scatter->value));
         }
     return fmin(reach, 2);
@@ -185,6 +190,8 @@ static void write_error(rx_text *dst, const rx_report *r)
         for (int b = 0; b < r->bins.n; b++) {
             const rx_estimate *bias = rx_report_bin(r, run, b, RX_METRIC_BIAS_MAG);
             const rx_estimate *scatter = rx_report_bin(r, run, b, RX_METRIC_SCATTER_MAG);
+            if (bias->n < FEW)
+                continue;
             value(dst, beside(r, run, b));
             value(dst, bias->value);
             value(dst, bias->value - scatter->value);
@@ -217,10 +224,10 @@ static void write_magerr(rx_text *dst, const rx_report *r)
     double low = INFINITY, high = 0;
     for (int run = 0; run < r->input->nruns; run++)
         for (int b = 0; b < r->bins.n; b++) {
-            double v = rx_report_bin(r, run, b, RX_METRIC_MAGERR)->value;
-            if (v > 0 && isfinite(v)) {
-                low = fmin(low, v);
-                high = fmax(high, v);
+            const rx_estimate *e = rx_report_bin(r, run, b, RX_METRIC_MAGERR);
+            if (e->n >= FEW && e->value > 0) {
+                low = fmin(low, e->value);
+                high = fmax(high, e->value);
             }
         }
     low = fmax(0.5 * fmin(low, 10), 0.01);
@@ -240,7 +247,7 @@ static void write_offsets(rx_text *dst, const rx_report *r)
     begin(dst, "offsets", "x - x_0  [pixels]", "y - y_0  [pixels]", -reach, reach, -reach, reach);
     rx_text_printf(dst,
                    "set key right top\nset size ratio -1\nset parametric\nset trange [0:2*pi]\n"
-                   "plot %.6g*cos(t), %.6g*sin(t) with lines lc rgb '#808080' dt 3 title 'match radius'",
+                   "plot %.6g*cos(t), %.6g*sin(t) with lines lc rgb '#808080' dt 2 title 'match radius'",
                    r->par->match_radius, r->par->match_radius);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst, ", $offset%d using 1:2 with points ls %d lc rgb color(%d, 120) ps 0.3 notitle",
@@ -304,14 +311,16 @@ static const plan plans[] = {
      "catalogue. Further up and to the right is better. Average precision is the area under the steps.",
      write_curve},
     {"error", "Magnitude error",
-     "Dots are matched sources, lines the median of m - m0 per bin, bands one robust sigma (sigma_MAD) "
+     "Dots are matched sources, lines the median of m - m0 per bin of 5 or more, bands one robust sigma "
+     "(sigma_MAD) "
      "either side. "
      "A line away from zero is a bias; faint sources found only when noise lifts them pull the line down "
      "(Eddington "
      "bias).",
      write_error},
     {"magerr", "MagErr",
-     "Mean of 100 |F - F0| / F0 over matched sources, bars are 95 % bootstrap intervals. It mixes bias and "
+     "Mean of 100 |F - F0| / F0 over matched sources, bins of 5 or more, bars are 95 % bootstrap intervals. "
+     "It mixes bias and "
      "scatter: "
      "read it with the figure before. One bad blend can dominate a bin.",
      write_magerr},

@@ -15,7 +15,7 @@ static const char STYLE[] =
     "border-bottom:1px solid "
     "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;white-space:normal}"
     "td small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 1em;max-width:64em}"
-    ".f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:1 1 480px;max-width:660px}"
+    ".f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 520px}"
     "figure.p{flex:0 1 300px}figure svg{width:100%;height:auto}figcaption b{display:block}"
     "figcaption{color:#555;font-size:.9em}"
     ".PASS{color:#1b7a2b}.FAIL{color:#b3261e}.INSUFFICIENT{color:#9a6700}b.v{font-size:1.2em}.w{overflow-x:"
