@@ -13,7 +13,7 @@
 
 typedef enum rx_psf_type { RX_PSF_MOFFAT, RX_PSF_FILE, RX_PSF_PSFEX, RX_PSF_AUTO, RX_PSF_PIXEL, RX_PSF_GAUSS } rx_psf_type;
 
-enum { RX_PSF_MAX_BASIS = 32 };
+enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
 typedef struct rx_psf {
     rx_psf_type type;

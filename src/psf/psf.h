@@ -40,7 +40,7 @@ rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, in
                         rx_error *err);
 
 /* An image as a constant PSF. Its centre is the geometric centre of the frame: an odd axis has it in the
- * middle pixel; an even axis between two pixels, and is then shifted by half a pixel (Lanczos 4,
+ * middle pixel; an even axis between two pixels, and is then shifted by half a pixel (Lanczos 12,
  * flux and centroid kept) onto an odd one, so that what is restored does not move. Oblong images are
  * padded with zeros. width, height: of the tile that it must fit into. */
 rx_status rx_psf_image(const char *file, int size, int width, int height, rx_log *log, rx_psf **dst,

@@ -1,0 +1,416 @@
+/* PSFs from files: the real PSFEx models evaluated independently here, images made on the spot. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "data/table.h"
+#include "io/fits_read.h"
+#include "psf/psf.h"
+
+/* --- small FITS files, written byte by byte ------------------------------------------------- */
+
+static void put_block(FILE *file, char (*cards)[81], int n)
+{
+    for (int i = 0; i < 36 * ((n + 36) / 36); i++)
+        fprintf(file, "%-80s", i < n ? cards[i] : i == n ? "END" : "");
+}
+
+static void put_floats(FILE *file, const float *values, long n)
+{
+    long bytes = 0;
+    for (long i = 0; i < n; i++, bytes += 4) {
+        uint32_t u;
+        memcpy(&u, &values[i], 4);
+        for (int shift = 24; shift >= 0; shift -= 8)
+            fputc((int)(u >> shift & 255U), file);
+    }
+    for (; bytes % 2880 != 0; bytes++)
+        fputc(0, file);
+}
+
+static void write_image(const char *path, const float *pixels, int width, int height)
+{
+    char cards[5][81];
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    snprintf(cards[0], 81, "%-8s= %20s", "SIMPLE", "T");
+    snprintf(cards[1], 81, "%-8s= %20d", "BITPIX", -32);
+    snprintf(cards[2], 81, "%-8s= %20d", "NAXIS", 2);
+    snprintf(cards[3], 81, "%-8s= %20d", "NAXIS1", width);
+    snprintf(cards[4], 81, "%-8s= %20d", "NAXIS2", height);
+    put_block(file, cards, 5);
+    put_floats(file, pixels, (long)width * height);
+    assert_int_equal(fclose(file), 0);
+}
+
+typedef struct psfex_spec {
+    int polnaxis, groups, degree, side, terms;
+    const char *name1, *name2;
+    double zero, scale, sampling;
+} psfex_spec;
+
+static void write_psfex(const char *path, const psfex_spec *s, const float *mask)
+{
+    char c[40][81];
+    long n = (long)s->side * s->side * s->terms;
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    snprintf(c[0], 81, "%-8s= %20s", "SIMPLE", "T");
+    snprintf(c[1], 81, "%-8s= %20d", "BITPIX", 8);
+    snprintf(c[2], 81, "%-8s= %20d", "NAXIS", 0);
+    put_block(file, c, 3);
+    int k = 0;
+    snprintf(c[k++], 81, "%-8s= %-20s", "XTENSION", "'BINTABLE'");
+    snprintf(c[k++], 81, "%-8s= %20d", "BITPIX", 8);
+    snprintf(c[k++], 81, "%-8s= %20d", "NAXIS", 2);
+    snprintf(c[k++], 81, "%-8s= %20ld", "NAXIS1", 4 * n);
+    snprintf(c[k++], 81, "%-8s= %20d", "NAXIS2", 1);
+    snprintf(c[k++], 81, "%-8s= %20d", "PCOUNT", 0);
+    snprintf(c[k++], 81, "%-8s= %20d", "GCOUNT", 1);
+    snprintf(c[k++], 81, "%-8s= %20d", "TFIELDS", 1);
+    snprintf(c[k++], 81, "%-8s= %-20s", "TTYPE1", "'PSF_MASK'");
+    snprintf(c[k++], 81, "%-8s= '%ldE'", "TFORM1", n);
+    snprintf(c[k++], 81, "%-8s= '(%d,%d,%d)'", "TDIM1", s->side, s->side, s->terms);
+    snprintf(c[k++], 81, "%-8s= %20d", "POLNAXIS", s->polnaxis);
+    snprintf(c[k++], 81, "%-8s= '%s'", "POLNAME1", s->name1);
+    snprintf(c[k++], 81, "%-8s= '%s'", "POLNAME2", s->name2);
+    snprintf(c[k++], 81, "%-8s= %20.6f", "POLZERO1", s->zero);
+    snprintf(c[k++], 81, "%-8s= %20.6f", "POLSCAL1", s->scale);
+    snprintf(c[k++], 81, "%-8s= %20.6f", "POLZERO2", s->zero);
+    snprintf(c[k++], 81, "%-8s= %20.6f", "POLSCAL2", s->scale);
+    snprintf(c[k++], 81, "%-8s= %20d", "POLNGRP", s->groups);
+    snprintf(c[k++], 81, "%-8s= %20d", "POLDEG1", s->degree);
+    snprintf(c[k++], 81, "%-8s= %20.6f", "PSF_SAMP", s->sampling);
+    snprintf(c[k++], 81, "%-8s= %20d", "PSFNAXIS", 3);
+    snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS1", s->side);
+    snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS2", s->side);
+    snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS3", s->terms);
+    put_block(file, c, k);
+    put_floats(file, mask, n);
+    assert_int_equal(fclose(file), 0);
+}
+
+static char folder[256];
+
+static const char *in_folder(const char *name)
+{
+    static char path[320];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+static int make_folder(void **state)
+{
+    (void)state;
+    const char *base = getenv("TMPDIR");
+    snprintf(folder, sizeof folder, "%s/rx_psf_XXXXXX", base != NULL ? base : "/tmp");
+    return mkdtemp(folder) == NULL;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    unlink(in_folder("psf.fits"));
+    unlink(in_folder("model.psf"));
+    return rmdir(folder);
+}
+
+/* A Gaussian of sigma 1.7 around (cx, cy), on width x height pixels. */
+static void gaussian(float *pixels, int width, int height, double cx, double cy, double scale)
+{
+    for (int j = 0; j < height; j++)
+        for (int i = 0; i < width; i++)
+            pixels[j * width + i] =
+                (float)(scale * exp(-0.5 * ((i - cx) * (i - cx) + (j - cy) * (j - cy)) / (1.7 * 1.7)));
+}
+
+static double stamp_sum(const float *stamp, int size)
+{
+    double sum = 0.0;
+    for (int i = 0; i < size * size; i++)
+        sum += (double)stamp[i];
+    return sum;
+}
+
+static void centroid(const rx_psf *psf, double *x, double *y)
+{
+    *x = *y = 0.0;
+    for (int i = 0; i < psf->size * psf->size; i++) {
+        *x += (double)psf->basis[i] * (i % psf->size - psf->size / 2);
+        *y += (double)psf->basis[i] * (i / psf->size - psf->size / 2);
+    }
+}
+
+/* --- FILE ----------------------------------------------------------------------------------- */
+
+/* Odd, even and oblong frames, with the light off the frame's centre by a known step: what comes out
+ * is odd, sums to 1, is a Gaussian of the same width, and its centroid is off by that same step. */
+static void test_image_sizes(void **state)
+{
+    (void)state;
+    const int sizes[][2] = {{25, 25}, {24, 24}, {25, 24}, {24, 31}, {40, 21}};
+    float pixels[64 * 64];
+    for (size_t k = 0; k < 5; k++) {
+        int w = sizes[k][0], h = sizes[k][1];
+        rx_psf *psf;
+        gaussian(pixels, w, h, 0.5 * (w - 1) + 0.1, 0.5 * (h - 1) - 0.2, 300.0);
+        write_image(in_folder("psf.fits"), pixels, w, h);
+        assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 100, 80, NULL, &psf, NULL), RX_OK);
+        assert_true(psf->size % 2 == 1 && psf->size >= (w > h ? w : h));
+        assert_true(fabs(stamp_sum(psf->basis, psf->size) - 1.0) < 1e-6);
+        double x, y, worst = 0.0;
+        centroid(psf, &x, &y);
+        assert_true(fabs(x - 0.1) < 0.01 && fabs(y + 0.2) < 0.01);
+        for (int i = 0; i < psf->size * psf->size; i++) {
+            double dx = i % psf->size - psf->size / 2 - 0.1, dy = i / psf->size - psf->size / 2 + 0.2;
+            double want = exp(-0.5 * (dx * dx + dy * dy) / 2.89) / (2.0 * M_PI * 2.89);
+            worst = fmax(worst, fabs(want - (double)psf->basis[i]));
+        }
+        assert_true(worst < 1e-3 / (2.0 * M_PI * 2.89)); /* of the peak */
+        assert_true(fabs(psf->fwhm - 1.7 * 2.3548) < 0.1 && psf->ellipticity < 0.01);
+        rx_psf_free(psf);
+    }
+}
+
+static void test_image_cut_to_size(void **state)
+{
+    (void)state;
+    float pixels[64 * 64];
+    rx_psf *psf;
+    gaussian(pixels, 60, 60, 29.5, 29.5, 1.0);
+    write_image(in_folder("psf.fits"), pixels, 60, 60);
+    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 15, 50, 50, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(psf->size, 15);
+    assert_true(fabs(stamp_sum(psf->basis, 15) - 1.0) < 1e-6);
+    rx_psf_free(psf);
+    /* an even PSF as large as the tile loses half a pixel on each side instead of outgrowing it */
+    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 60, 60, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(psf->size, 59);
+    rx_psf_free(psf);
+}
+
+static void refuse_image(const float *pixels, int w, int h, const char *what)
+{
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    write_image(in_folder("psf.fits"), pixels, w, h);
+    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 50, 40, NULL, &psf, &err), RX_INPUT);
+    assert_null(psf);
+    assert_non_null(strstr(err.where, "psf.fits"));
+    if (strstr(err.text, what) == NULL)
+        fail_msg("'%s' does not say '%s'", err.text, what);
+}
+
+static void test_image_refused(void **state)
+{
+    (void)state;
+    float pixels[64 * 64];
+    gaussian(pixels, 41, 41, 20, 20, 1.0);
+    refuse_image(pixels, 41, 41, "larger than the tile");
+    gaussian(pixels, 21, 21, 10, 10, 1.0);
+    pixels[3] = NAN;
+    refuse_image(pixels, 21, 21, "pixel (4,1)");
+    gaussian(pixels, 21, 21, 10, 10, -1.0);
+    refuse_image(pixels, 21, 21, "sums to");
+    memset(pixels, 0, sizeof pixels);
+    refuse_image(pixels, 21, 21, "sums to 0");
+}
+
+/* --- PSFEX ---------------------------------------------------------------------------------- */
+
+static double lanczos(double d)
+{
+    double u = M_PI * d;
+    return fabs(d) < 1e-9 ? 1.0 : fabs(d) < 4.0 ? sin(u) / u * sin(u / 4) / (u / 4) : 0.0;
+}
+
+/* Interpolation with the kernel's sum taken out, by direct summation over the whole image. */
+static double interpolate(const double *image, int w, int h, double x, double y)
+{
+    double value = 0.0, norm = 0.0;
+    for (int q = -12; q < h + 12; q++)
+        for (int p = -12; p < w + 12; p++) {
+            double weight = lanczos(x - p) * lanczos(y - q);
+            norm += weight;
+            if (p >= 0 && p < w && q >= 0 && q < h)
+                value += weight * image[q * w + p];
+        }
+    return value / norm;
+}
+
+/* The model of `file` at a FITS position, straight from the table, normalised, on size x size tile pixels. */
+static void reference(const char *file, double xf, double yf, int size, double *stamp)
+{
+    rx_table *t;
+    double zero[2] = {0, 0}, scale[2] = {1, 1}, sampling, axis[2], degree = 0.0, sum = 0.0;
+    assert_int_equal(rx_fits_read_table(file, 0, &t, NULL), RX_OK);
+    const char *keys[] = {"POLZERO1", "POLZERO2", "POLSCAL1", "POLSCAL2",
+                          "POLDEG1",  "PSF_SAMP", "PSFAXIS1", "PSFAXIS2"};
+    double *to[] = {&zero[0], &zero[1], &scale[0], &scale[1], &degree, &sampling, &axis[0], &axis[1]};
+    for (int i = 0; i < 8; i++)
+        if (!rx_cards_number(t->cards, t->ncards, keys[i], to[i]) && rx_table_find(t, keys[i]) >= 0)
+            *to[i] = rx_column_value(&t->columns[rx_table_find(t, keys[i])], 0, 0);
+    const rx_column *mask = &t->columns[rx_table_find(t, "PSF_MASK")];
+    int w = (int)axis[0], h = (int)axis[1], d = (int)degree, term = 0;
+    double x = (xf - zero[0]) / scale[0], y = (yf - zero[1]) / scale[1];
+    double *model = calloc((size_t)w * (size_t)h, sizeof *model);
+    assert_non_null(model);
+    for (int b = 0; b <= d; b++)
+        for (int a = 0; a + b <= d; a++, term++)
+            for (int i = 0; i < w * h; i++)
+                model[i] += pow(x, a) * pow(y, b) * rx_column_value(mask, 0, (long)term * w * h + i);
+    for (int i = 0; i < size * size; i++) {
+        stamp[i] = interpolate(model, w, h, w / 2 + (i % size - size / 2) / sampling,
+                               h / 2 + (i / size - size / 2) / sampling);
+        sum += stamp[i];
+    }
+    for (int i = 0; i < size * size; i++)
+        stamp[i] /= sum;
+    free(model);
+    rx_table_free(t);
+}
+
+static void compare_model(const char *file, int width, int height, double tolerance)
+{
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_psf_psfex(file, 0, width, height, NULL, &psf, &err) != RX_OK)
+        fail_msg("%s: %s", file, err.text);
+    float *stamp = malloc(sizeof *stamp * (size_t)psf->size * (size_t)psf->size);
+    double *want = malloc(sizeof *want * (size_t)psf->size * (size_t)psf->size);
+    assert_true(stamp != NULL && want != NULL);
+    const double at[5][2] = {{0.5, 0.5}, {0.0, 0.0}, {1.0, 0.1}, {0.3, 0.8}, {1.0, 1.0}};
+    for (int k = 0; k < 5; k++) {
+        double x = at[k][0] * (width - 1), y = at[k][1] * (height - 1), worst = 0.0, peak = 0.0;
+        rx_psf_at(psf, x, y, stamp);
+        assert_true(fabs(stamp_sum(stamp, psf->size) - 1.0) < 1e-5);
+        reference(file, x + 1.0, y + 1.0, psf->size, want);
+        for (int i = 0; i < psf->size * psf->size; i++) {
+            peak = fmax(peak, want[i]);
+            worst = fmax(worst, fabs(want[i] - (double)stamp[i]));
+        }
+        if (!(worst < tolerance * peak))
+            fail_msg("%s at (%g,%g): off by %g of the peak", file, x, y, worst / peak);
+    }
+    assert_true(psf->fwhm > 1.0 && psf->fwhm < 10.0);
+    free(stamp);
+    free(want);
+    rx_psf_free(psf);
+}
+
+static void test_real_models(void **state)
+{
+    (void)state;
+    const char *data = getenv("RX_SHARED_DATA");
+    const struct {
+        const char *name;
+        int width, height;
+    } files[] = {{"psfex/decam-520206-S16-psfex.fits", 2046, 4094},
+                 {"psfex/psfex-decam-00392360-S31.fits", 2046, 4094},
+                 {"psfex/c4d_140818_002108_ooi_z_v1.ext27.psf", 2046, 4094},
+                 {"sextractor/default.psf", 1024, 1024},
+                 {"decam/c4d_171113_060340_ooi_r_ls9-psfex.fits", 280, 375}};
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char path[1024];
+        snprintf(path, sizeof path, "%s/%s", data != NULL ? data : "", files[i].name);
+        if (data == NULL || access(path, R_OK) != 0) {
+            print_message("no real PSFEx models in RX_SHARED_DATA: skipped\n");
+            skip();
+        }
+        compare_model(path, files[i].width, files[i].height, 2e-4);
+    }
+}
+
+/* Oversampled twice, linear in x and y, terms that do not sum to zero. */
+static void test_made_model(void **state)
+{
+    (void)state;
+    enum { SIDE = 41 };
+    static float mask[3 * SIDE * SIDE];
+    for (int t = 0; t < 3; t++) {
+        gaussian(mask + t * SIDE * SIDE, SIDE, SIDE, 20 + 0.3 * t, 20 - 0.5 * t, t == 0 ? 1.0 : 0.05 * t);
+    }
+    psfex_spec spec = {2, 1, 1, SIDE, 3, "X_IMAGE", "Y_IMAGE", 50.0, 100.0, 0.8};
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    compare_model(in_folder("model.psf"), 100, 100, 1e-4);
+    spec.degree = 0;
+    spec.terms = 1;
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    compare_model(in_folder("model.psf"), 100, 100, 1e-6);
+    spec.polnaxis = 0;
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    compare_model(in_folder("model.psf"), 100, 100, 1e-6);
+    /* one variable only: y */
+    spec = (psfex_spec){1, 1, 2, SIDE, 3, "YWIN_IMAGE", "", 50.0, 100.0, 0.8};
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    rx_psf *psf;
+    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 0, 100, 100, NULL, &psf, NULL), RX_OK);
+    assert_true(psf->nbasis == 5 && psf->px[2] == 0 && psf->py[2] == 2);
+    rx_psf_free(psf);
+}
+
+static void refuse_model(const psfex_spec *spec, const float *mask, const char *what)
+{
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    write_psfex(in_folder("model.psf"), spec, mask);
+    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 0, 100, 100, NULL, &psf, &err), RX_INPUT);
+    assert_null(psf);
+    assert_non_null(strstr(err.where, "model.psf"));
+    if (strstr(err.text, what) == NULL)
+        fail_msg("'%s' does not say '%s'", err.text, what);
+}
+
+static void test_model_refused(void **state)
+{
+    (void)state;
+    enum { SIDE = 41 };
+    static float mask[3 * SIDE * SIDE];
+    for (int t = 0; t < 3; t++)
+        gaussian(mask + t * SIDE * SIDE, SIDE, SIDE, 20, 20, t == 0 ? 1.0 : 0.01);
+    const psfex_spec good = {2, 1, 1, SIDE, 3, "X_IMAGE", "Y_IMAGE", 50.0, 100.0, 0.8};
+    psfex_spec bad = good;
+    bad.name2 = "MAG_AUTO";
+    refuse_model(&bad, mask, "MAG_AUTO");
+    bad = good;
+    bad.groups = 2;
+    refuse_model(&bad, mask, "PSFVAR_GROUPS");
+    bad = good;
+    bad.degree = 7;
+    refuse_model(&bad, mask, "POLDEG1");
+    bad = good;
+    bad.degree = 2;
+    refuse_model(&bad, mask, "6");
+    bad = good;
+    bad.sampling = 0.0;
+    refuse_model(&bad, mask, "PSF_SAMP");
+    bad = good;
+    bad.scale = 0.0;
+    refuse_model(&bad, mask, "POLSCAL1");
+    bad = good;
+    bad.sampling = 3.0;
+    refuse_model(&bad, mask, "larger than the tile");
+    mask[100] = NAN;
+    refuse_model(&good, mask, "not numbers");
+    gaussian(mask, SIDE, SIDE, 20, 20, 1.0);
+    gaussian(mask + SIDE * SIDE, SIDE, SIDE, 20, 20, 3.0);
+    refuse_model(&good, mask, "sums to");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_image_sizes),   cmocka_unit_test(test_image_cut_to_size),
+        cmocka_unit_test(test_image_refused), cmocka_unit_test(test_real_models),
+        cmocka_unit_test(test_made_model),    cmocka_unit_test(test_model_refused),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
