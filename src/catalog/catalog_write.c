@@ -47,29 +47,17 @@ static rx_status write_text_file(const char *temporary, const char *path, rx_cat
     return status;
 }
 
-/* A keyword FITS knows how to hold: up to 8 of A-Z 0-9 - _. */
-static bool is_card_name(const char *name)
+/* What made one table: its own facts first, then the record of the run. */
+static rx_status table_cards(const rx_table *table, const rx_record_pair *record, int npairs, rx_text *cards,
+                             rx_error *err)
 {
-    size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
-    return n > 0 && n <= 8 && name[n] == '\0';
-}
-
-/* A pair with a comment and a short name is a keyword of its own, the others are HISTORY. */
-static void add_record(rx_text *cards, const rx_record_pair *record, int npairs)
-{
-    for (int i = 0; i < npairs; i++) {
-        const char *value = record[i].value != NULL ? record[i].value : "";
-        if (record[i].comment != NULL && is_card_name(record[i].name)) {
-            rx_card_text(cards, record[i].name, value, record[i].comment);
-            continue;
-        }
-        rx_text line = {0};
-        rx_text_printf(&line, "%s = %s", record[i].name, value);
-        if (line.data != NULL)
-            rx_card_history(cards, line.data);
-        cards->failed |= line.failed;
-        rx_text_free(&line);
-    }
+    cards->length = 0;
+    if (table->facts != NULL)
+        rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
+    for (int i = 0; i < npairs; i++)
+        rx_card_record(cards, record[i].name, record[i].value != NULL ? record[i].value : "",
+                       record[i].comment != NULL ? record[i].comment : "");
+    return cards->failed ? rx_error_memory(err, cards->capacity) : RX_OK;
 }
 
 static rx_status write_fits(const char *temporary, const char *path, rx_catalog_type type,
@@ -78,22 +66,18 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
 {
     rx_text cards = {0};
     rx_fits_writer *writer = NULL;
-    rx_status status = RX_OK;
-    add_record(&cards, record, npairs);
-    if (cards.failed) {
-        status = rx_error_memory(err, cards.capacity);
-        goto exit;
+    rx_status status = rx_fits_create(temporary, path, &writer, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        status = table_cards(tables[i], record, npairs, &cards, err);
+        if (status == RX_OK)
+            status = type == RX_CATALOG_FITS_LDAC
+                         ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
+                         : rx_fits_table(writer, tables[i], cards.data, cards.length / 80, err);
     }
-    status = rx_fits_create(temporary, path, &writer, err);
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = type == RX_CATALOG_FITS_LDAC
-                     ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
-                     : rx_fits_table(writer, tables[i], cards.data, cards.length / 80, err);
     if (status == RX_OK) {
         status = rx_fits_close(writer, err);
         writer = NULL;
     }
-exit:
     rx_fits_abort(writer);
     rx_text_free(&cards);
     return status;

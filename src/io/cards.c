@@ -342,3 +342,26 @@ void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
             rx_text_add_bytes(cards, card, CARD);
     }
 }
+
+/* Up to 8 of A-Z 0-9 - _, and marked as ours: GAIN or SEED of the configuration must not look like the
+ * tile's own keywords. */
+static bool is_record_keyword(const char *name)
+{
+    size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
+    return strncmp(name, "RX", 2) == 0 && n <= 8 && name[n] == '\0';
+}
+
+void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment)
+{
+    if (is_record_keyword(name)) {
+        rx_card_text(dst, name, value, comment);
+        return;
+    }
+    rx_text line = {0};
+    rx_text_printf(&line, "%s = %s", name, value);
+    if (line.failed)
+        dst->failed = true;
+    else
+        rx_card_history(dst, line.data);
+    rx_text_free(&line);
+}

@@ -1,4 +1,5 @@
 /* rextract: a tile in; restored image, catalogue and report out. Arguments, one library call, exit code. */
+#include <signal.h>
 #include <stdio.h>
 
 #include "base/error.h"
@@ -62,13 +63,15 @@ int main(int argc, char **argv)
     rx_log log;
     rx_arguments arguments;
     rx_interrupt_block();
+    signal(SIGPIPE, SIG_IGN); /* writing then fails like any other, and everything is cleaned up */
+    signal(SIGXFSZ, SIG_IGN);
     rx_log_init(&log, program, stderr, RX_NORMAL);
     rx_status status = rx_arguments_read(argc, argv, &log, &arguments, &err);
     if (status == RX_OK && arguments.action == RX_ACTION_NONE) {
         fputs(usage, stderr);
         status = RX_USAGE;
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
-        status = rx_stage_run(arguments.config, arguments.image, &log, &err);
+        status = rx_stage_run(arguments.config, arguments.image, stdout, &log, &err);
     } else if (status == RX_OK) {
         status = print(arguments.action, &err);
     }

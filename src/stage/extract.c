@@ -9,8 +9,8 @@
 #include "catalog/assoc.h"
 #include "detect/filter.h"
 #include "measure/measure.h"
-#include "stage/names.h"
 #include "stage/coordinates.h"
+#include "stage/names.h"
 
 /* Planes and numbers that live while one extension is extracted. */
 typedef struct work {
@@ -161,6 +161,7 @@ static rx_status measurement_image(const rx_run *run, work *w, float **owned, rx
                               .nflagmaps = w->detect->tile->nflagmaps,
                               .flagmaps = w->detect->tile->flagmaps,
                               .flag_type = w->options->flag_type,
+                              .weight_gain = w->options->background.weight_gain,
                               .law_scale = 1.0,
                               .law_power = 0.5};
     if (!original) {
@@ -318,7 +319,8 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     if (status == RX_OK)
         status = rx_coordinates_fill(w.measure->tile, run->sources, err);
     if (status == RX_OK && options->assoc_list != NULL)
-        status = rx_assoc_match(&options->assoc, options->assoc_list, run->sources, err);
+        status = rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, run->sources,
+                                err);
     if (status != RX_OK)
         goto exit;
     describe(run, &w, &facts);
@@ -346,7 +348,7 @@ void rx_run_forget(rx_run *run)
 }
 
 rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, rx_outputs *outputs,
-                       rx_error *err)
+                       FILE *standard_out, rx_error *err)
 {
     rx_checkimages *images = run->images;
     run->images = NULL;
@@ -359,7 +361,7 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
     for (int i = 0; i < record->n; i++)
         pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
     status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs,
-                              record->n, outputs, stdout, err);
+                              record->n, outputs, standard_out, err);
     free(pairs);
     return status;
 }

@@ -2,6 +2,8 @@
 #ifndef RX_STAGE_EXTRACT_H
 #define RX_STAGE_EXTRACT_H
 
+#include <stdio.h>
+
 #include "base/error.h"
 #include "base/log.h"
 #include "data/restored.h"
@@ -38,7 +40,7 @@ void rx_run_forget(rx_run *run);
 
 /* Write the catalogue and finish the check-images (still under temporary names). */
 rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, rx_outputs *outputs,
-                       rx_error *err);
+                       FILE *standard_out, rx_error *err);
 void rx_run_free(rx_run *run);
 
 #endif

@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "io/tile.h"
+#include "io/wcs.h"
 
 static int any_saturated(const rx_tile *tile)
 {
@@ -66,6 +67,7 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
     detect_params.threshold = detect_params.analysis_threshold = 3.0;
     rx_measure_params measure_params = options->measure;
     measure_params.nnw_file = NULL;
+    measure_params.skip = RX_SKIP_PETRO | RX_SKIP_APER | RX_SKIP_WIN;
     measure_params.vignet_width = measure_params.vignet_height = 0;
     measure_params.nradii = 1;
     measure_params.flux_fraction[0] = 0.5;
@@ -86,7 +88,10 @@ static double stated_fwhm(const rx_options *options, const rx_tile *tile)
 {
     if (options->psf.fwhm > 0.0)
         return options->psf.fwhm;
-    return tile->pixel_scale > 0.0 ? options->seeing_arcsec / tile->pixel_scale : 0.0;
+    double scale = tile->pixel_scale;
+    if (tile->wcs != NULL)
+        scale = rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));
+    return scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
 }
 
 /* Too few stars never lose the tile: the stated seeing serves, said loudly; without it the tile stays

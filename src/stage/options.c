@@ -36,6 +36,12 @@ static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
                                            {"FITS_1.0", RX_CATALOG_FITS_1_0},
                                            {"FITS_LDAC", RX_CATALOG_FITS_LDAC}};
 static const word_value flag_types[] = {{"OR", 0}, {"AND", 1}, {"MIN", 2}, {"MAX", 3}, {"MOST", 4}};
+static const word_value assoc_types[] = {{"FIRST", RX_ASSOC_FIRST}, {"NEAREST", RX_ASSOC_NEAREST},
+                                         {"MEAN", RX_ASSOC_MEAN},   {"MAG_MEAN", RX_ASSOC_MAG_MEAN},
+                                         {"SUM", RX_ASSOC_SUM},     {"MAG_SUM", RX_ASSOC_MAG_SUM},
+                                         {"MIN", RX_ASSOC_MIN},     {"MAX", RX_ASSOC_MAX}};
+static const word_value assoc_selections[] = {
+    {"ALL", RX_ASSOC_ALL}, {"MATCHED", RX_ASSOC_MATCHED}, {"-MATCHED", RX_ASSOC_UNMATCHED}};
 static const word_value quality_fluxes[] = {
     {"MAG_AUTO", RX_QUALITY_AUTO},     {"MAG_APER", RX_QUALITY_APER},   {"MAG_ISO", RX_QUALITY_ISO},
     {"MAG_ISOCOR", RX_QUALITY_ISOCOR}, {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN}};
@@ -170,7 +176,41 @@ static void detect_options(const rx_config *cfg, rx_options *dst)
     par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->absolute);
 }
 
-static void measure_options(const rx_config *cfg, rx_options *dst)
+/* Is one of the n columns chosen? */
+static int any_column(const rx_column_list *columns, const char *const *names, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (rx_columns_has(columns, names[i]))
+            return 1;
+    return 0;
+}
+
+/* What no column, check-image or report asks for; matters for FLAGS too, as in SExtractor. */
+static unsigned skipped_measurements(const rx_config *cfg, const rx_column_list *columns)
+{
+    static const char *const aper[] = {"FLUX_APER", "FLUXERR_APER", "MAG_APER", "MAGERR_APER"};
+    static const char *const automatic[] = {"FLUX_AUTO",   "FLUXERR_AUTO", "MAG_AUTO",       "MAGERR_AUTO",
+                                            "FLUX_BEST",   "FLUXERR_BEST", "MAG_BEST",       "MAGERR_BEST",
+                                            "KRON_RADIUS", "FLUX_RADIUS",  "MASKED_FRACTION"};
+    static const char *const petro[] = {"FLUX_PETRO", "FLUXERR_PETRO", "MAG_PETRO", "MAGERR_PETRO",
+                                        "PETRO_RADIUS"};
+    int report = cfg->reference_name[0] != '\0', apertures = 0;
+    for (int i = 0; i < cfg->checkimage_type.n; i++)
+        apertures |= strcmp(cfg->checkimage_type.v[i], "APERTURES") == 0;
+    int want_aper =
+        any_column(columns, aper, COUNT(aper)) || (report && strcmp(cfg->qa_mag, "MAG_APER") == 0);
+    int want_auto = any_column(columns, automatic, COUNT(automatic)) || apertures ||
+                    (report && strcmp(cfg->qa_mag, "MAG_AUTO") == 0);
+    int want_petro =
+        any_column(columns, petro, COUNT(petro)) || (report && strcmp(cfg->qa_mag, "MAG_PETRO") == 0);
+    unsigned skip = 0;
+    skip |= want_aper ? 0 : RX_SKIP_APER;
+    skip |= want_auto ? 0 : RX_SKIP_AUTO;
+    skip |= want_petro ? 0 : RX_SKIP_PETRO;
+    return skip;
+}
+
+static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
 {
     rx_measure_params *par = &dst->measure;
     int vignet[2];
@@ -188,8 +228,12 @@ static void measure_options(const rx_config *cfg, rx_options *dst)
         par->aperture_diameter[par->naper++] = cfg->phot_apertures.v[i];
     for (int i = 0; i < cfg->phot_fluxfrac.n; i++)
         par->flux_fraction[par->nradii++] = cfg->phot_fluxfrac.v[i];
+    par->pixel_scale = cfg->pixel_scale;
+    par->skip = skipped_measurements(cfg, dst->columns);
     if (rx_columns_has(dst->columns, "CLASS_STAR"))
         par->nnw_file = cfg->starnnw_name;
+    rx_columns_clip(dst->columns, "IMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
+    rx_columns_clip(dst->columns, "NIMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
     rx_columns_wanted(dst->columns, "VIGNET", vignet);
     par->vignet_width = vignet[0];
     par->vignet_height = vignet[1];
@@ -267,6 +311,16 @@ static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *
 {
     if (!rx_columns_has(dst->columns, "VECTOR_ASSOC") && !rx_columns_has(dst->columns, "NUMBER_ASSOC"))
         return RX_OK;
+    rx_assoc_params *par = &dst->assoc;
+    *par = (rx_assoc_params){.x = cfg->assoc_params.v[0],
+                             .y = cfg->assoc_params.v[1],
+                             .weight = cfg->assoc_params.n > 2 ? cfg->assoc_params.v[2] : 0,
+                             .world = strcmp(cfg->assoccoord_type, "WORLD") == 0,
+                             .radius = cfg->assoc_radius,
+                             .type = (rx_assoc_type)VALUE(assoc_types, cfg->assoc_type),
+                             .select = (rx_assoc_select)VALUE(assoc_selections, cfg->assocselec_type)};
+    for (int i = 0; i < cfg->assoc_data.n; i++)
+        par->data[par->ndata++] = cfg->assoc_data.v[i];
     return rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
 }
 
@@ -297,7 +351,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
         tile_options(cfg, 0, &options->tile[0]);
         tile_options(cfg, 1, &options->tile[1]);
         flag_options(cfg, options->columns, options);
-        measure_options(cfg, options);
+        measure_options(cfg, log, options);
         status = checkimage_options(cfg, log, options, err);
     }
     if (status == RX_OK)

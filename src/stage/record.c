@@ -51,18 +51,8 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
 
 void rx_record_cards(const rx_record *record, rx_text *cards)
 {
-    for (int i = 0; i < record->n; i++) {
-        char *const *pair = record->pairs[i];
-        if (strncmp(pair[0], "RX", 2) == 0 && strlen(pair[0]) <= 8) {
-            rx_card_text(cards, pair[0], pair[1], pair[2]);
-        } else if (strcmp(pair[0], "PROGRAM") != 0) {
-            rx_text line = {0};
-            rx_text_printf(&line, "rextract: %s = %s", pair[0], pair[1]);
-            if (line.data != NULL)
-                rx_card_history(cards, line.data);
-            rx_text_free(&line);
-        }
-    }
+    for (int i = 0; i < record->n; i++)
+        rx_card_record(cards, record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]);
 }
 
 void rx_record_free(rx_record *record)

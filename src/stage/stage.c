@@ -24,6 +24,7 @@
 typedef struct job {
     const rx_options *options;
     rx_log *log;
+    FILE *standard_out; /* of a catalogue named STDOUT */
     rx_outputs *outputs;
     char *detect, *measure; /* image names; measure NULL without dual-image mode */
     rx_record record;       /* of the whole run */
@@ -109,7 +110,7 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < n && status == RX_OK; i++)
         status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_close(&job->runs[i], options, &job->record, job->outputs, err);
+        status = rx_run_close(&job->runs[i], options, &job->record, job->outputs, job->standard_out, err);
     if (status == RX_OK)
         status = rx_interrupt_check(err);
     if (status == RX_OK)
@@ -139,10 +140,11 @@ static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error
     return RX_OK;
 }
 
-rx_status rx_stage_run(const rx_config *config, const char *image, rx_log *log, rx_error *err)
+rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standard_out, rx_log *log,
+                       rx_error *err)
 {
     rx_options *options = NULL;
-    job job = {.log = log};
+    job job = {.log = log, .standard_out = standard_out};
     rx_status status = rx_options_from_config(config, log, &options, err);
     if (status != RX_OK)
         return status;

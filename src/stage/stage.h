@@ -2,12 +2,17 @@
 #ifndef RX_STAGE_STAGE_H
 #define RX_STAGE_STAGE_H
 
+#include <stdio.h>
+
 #include "base/error.h"
 #include "base/log.h"
 #include "config/config.h"
 
 /* Run everything `config` asks for on `image` ("tile.fits" or "detect.fits,measure.fits").
- * Returns RX_GATE_FAIL or RX_GATE_INSUFFICIENT, outputs written, when a gate says so. */
-rx_status rx_stage_run(const rx_config *config, const char *image, rx_log *log, rx_error *err);
+ * A catalogue named
+ * STDOUT goes to `standard_out`. Returns RX_GATE_FAIL or RX_GATE_INSUFFICIENT, outputs written, when a gate
+ * says so. */
+rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standard_out, rx_log *log,
+                       rx_error *err);
 
 #endif

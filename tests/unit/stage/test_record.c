@@ -48,7 +48,7 @@ static void cards_are_whole(void **state)
     assert_int_equal(cards.length % 80, 0);
     assert_true(cards.length / 80 >= 3);
     assert_memory_equal(cards.data, "RXPSF   = 'a Moffat'", 20);
-    assert_memory_equal(cards.data + 80, "HISTORY rextract: CATALOG_NAME = a rather", 41);
+    assert_memory_equal(cards.data + 80, "HISTORY CATALOG_NAME = a rather", 31);
     assert_memory_equal(cards.data + 160, "HISTORY ", 8);
     rx_text_free(&cards);
     rx_record_free(&record);
