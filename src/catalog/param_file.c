@@ -53,21 +53,27 @@ static rx_status unknown_name(const char *path, long line, const char *name, rx_
     return rx_error_at(err, RX_USAGE, path, -1, line, "unknown column '%.60s'; -dp lists all columns", name);
 }
 
-/* `(5)`, `[35,35]`, `{2}` or, as SExtractor also takes it, ` 5` after the name. */
+/* `(5)`, `[35,35]`, `{2}` right behind the name or, as SExtractor also takes it, ` 5`. Further
+ * words of the line (the description that -dp prints) mean nothing. */
 static rx_status parse_dimensions(const char *path, long line, const char *text, const rx_column_def *def,
                                   int dim[2], rx_error *err)
 {
-    bool bracket = *text == '(' || *text == '[' || *text == '{';
-    if (def->naxis == 0) {
-        if (bracket)
-            return rx_error_at(err, RX_USAGE, path, -1, line, "%s holds one value; leave out '%.40s'",
-                               def->name, text);
+    static const char brackets[] = "([{";
+    bool attached = *text != '\0' && strchr(brackets, *text) != NULL;
+    if (def->naxis == 0 && attached)
+        return rx_error_at(err, RX_USAGE, path, -1, line, "%s holds one value; leave out '%.40s'", def->name,
+                           text);
+    if (def->naxis == 0)
         return RX_OK;
-    }
     int count = 0, limit = rx_column_limit(def);
     dim[0] = 1;
     dim[1] = def->naxis == 2;
-    while (*(text += strspn(text, " \t,;.([{)]}")) != '\0') {
+    text += strspn(text, " \t");
+    bool bracket = *text != '\0' && strchr(brackets, *text) != NULL;
+    if (!bracket && !isdigit((unsigned char)*text))
+        return RX_OK;
+    text += bracket;
+    while (*(text += strspn(text, " \t,;.")) != '\0' && strchr(")]}", *text) == NULL) {
         char *end;
         long value = strtol(text, &end, 10);
         if (end == text || count >= def->naxis || value < 1 || value > limit)
@@ -105,8 +111,8 @@ static rx_status parse_line(const char *path, long line, char *text, rx_column_l
         return RX_OK;
     }
     rx_column_choice choice = {.index = index};
-    const char *rest = text + length + strspn(text + length, " \t");
-    rx_status status = parse_dimensions(path, line, rest, &rx_column_defs(&count)[index], choice.dim, err);
+    rx_status status =
+        parse_dimensions(path, line, text + length, &rx_column_defs(&count)[index], choice.dim, err);
     if (status != RX_OK)
         return status;
     for (int i = 0; i < list->n; i++)
