@@ -39,6 +39,7 @@ cat >"$scratch/libraries" <<'END'
 ^gsl/        GSL       num validate base
 ^sep\.h      sep       detect measure
 ^mpi\.h      MPI       par
+^expat       expat     catalog
 dnnl         oneDNN    nn
 END
 
