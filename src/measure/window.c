@@ -68,6 +68,8 @@ static window_sums sum_window(const rx_view *view, double cx, double cy, double 
 
 static void revert_to_isophotal(rx_source *s)
 {
+    s->xwin = s->x;
+    s->ywin = s->y;
     s->x2win = s->x2;
     s->y2win = s->y2;
     s->xywin = s->xy;
@@ -137,8 +139,8 @@ void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
         cy += dy * STEP_FACTOR;
         if (dx * dx + dy * dy < SMALL_STEP * SMALL_STEP)
             break;
-        if (!(cx > -1.0 && cx < view->image->width && cy > -1.0 && cy < view->image->height))
-            break; /* ran off the image: the sums would be empty */
+        if (!(fabs(cx) < 1e6 && fabs(cy) < 1e6))
+            break; /* far off the image, and an int box could not hold it */
     }
     if (truncated)
         s->flags |= RX_FLAG_APERTURE;
@@ -151,12 +153,12 @@ void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
     s->xwin = cx;
     s->ywin = cy;
     s->flags_win = sums.flux <= 0.0 ? 4 : (x2 < 0.0 || y2 < 0.0) * 2 + (x2 * y2 - xy * xy < 0.0);
-    bool outside = !(cx > -1.0 && cx < view->image->width && cy > -1.0 && cy < view->image->height);
-    if (outside || !isfinite(s->xwin) || !isfinite(s->ywin)) {
-        s->xwin = s->x;
-        s->ywin = s->y;
+    dx = cx - s->x;
+    dy = cy - s->y;
+    if (dx * dx > 1.0 && dy * dy > 1.0 && s->cxx * dx * dx + s->cyy * dy * dy + s->cxy * dx * dy > 1.0)
+        s->flags_win |= 8;
+    if (!isfinite(cx) || !isfinite(cy))
         s->flags_win |= 4;
-    }
     if (s->flags_win != 0) {
         revert_to_isophotal(s);
         return;
