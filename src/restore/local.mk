@@ -5,3 +5,4 @@ librextract_la_SOURCES += src/restore/rl_blind.c src/restore/rl_blind.h
 librextract_la_SOURCES += src/restore/blur.c src/restore/blur.h
 librextract_la_SOURCES += src/restore/scene.c src/restore/scene.h
 librextract_la_SOURCES += src/restore/stamp.c src/restore/stamp.h
+librextract_la_SOURCES += src/restore/points.c src/restore/points.h

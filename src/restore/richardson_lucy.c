@@ -62,6 +62,14 @@ void rx_rl_free(rx_rl *rl)
     free(rl);
 }
 
+void rx_rl_reset(rx_rl *rl)
+{
+    const rx_fft *fft = rl->blur->fft;
+    const size_t n = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft);
+    for (size_t k = 0; k < n; k++)
+        rl->object[k] = 1;
+}
+
 static void clear(const rx_fft *fft, float *plane)
 {
     memset(plane, 0, (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof *plane);

@@ -40,7 +40,7 @@ typedef struct rx_rl {
     const rx_blur *blur;
     double damping; /* sigmas, 0 = off */
     float bound;    /* f never exceeds it */
-    float *object;  /* f on the domain, units of the pedestal; starts as 1 everywhere */
+    float *object;  /* f on the domain, units of the pedestal; 1 at the start */
     float *model;   /* K f, then scratch */
     float *change;  /* K^T of the residuals; the same plane as model unless the PSF varies */
     float *norm;    /* K^T W */
@@ -49,6 +49,7 @@ typedef struct rx_rl {
 
 rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, rx_rl **dst, rx_error *err);
 void rx_rl_free(rx_rl *rl);
+void rx_rl_reset(rx_rl *rl);        /* object = 1 */
 void rx_rl_normalise(rx_rl *rl);    /* norm = K^T W; again after the blur has changed */
 void rx_rl_model(rx_rl *rl);        /* model = K object */
 double rx_rl_chi2(const rx_rl *rl); /* mean over good pixels of (d - model)^2 / var(model) */

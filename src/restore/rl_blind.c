@@ -9,13 +9,15 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "num/convolve.h"
+#include "restore/points.h"
 #include "restore/richardson_lucy.h"
 #include "restore/stamp.h"
 
-static const double BRIGHT_SIGMA = 5;   /* image above it takes part in the PSF update */
-static const double WIDEST = 3;         /* times the FWHM of the start */
+static const double RANGE = 3;          /* the FWHM may differ from that of the start by this factor */
 static const double NARROWEST = 1;      /* pixels */
 static const float SHARE_FLOOR = 1e-6f; /* of the largest: fewer data behind a PSF pixel, and it stays */
+
+enum { FEWEST_POINTS = 3 };
 
 typedef struct rx_seeker {
     const rx_scene *scene;
@@ -27,7 +29,7 @@ typedef struct rx_seeker {
     float *share;            /* [size][size] sum_x s(x - u) W(x) */
     float *work;             /* [size][size] */
     float *rest;             /* real plane: b */
-    float *bright;           /* real plane: s, then scratch */
+    float *points;           /* real plane: s, then scratch */
     float *spectrum;         /* complex plane of s */
     double start_fwhm, x, y; /* of the start: width and centroid */
 } rx_seeker;
@@ -41,7 +43,7 @@ static void seeker_free(rx_seeker *seeker)
     free(seeker->share);
     free(seeker->work);
     free(seeker->rest);
-    free(seeker->bright);
+    free(seeker->points);
     free(seeker->spectrum);
 }
 
@@ -86,9 +88,9 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     if (status != RX_OK)
         return status;
     seeker->rest = rx_fft_real(seeker->blur->fft);
-    seeker->bright = rx_fft_real(seeker->blur->fft);
+    seeker->points = rx_fft_real(seeker->blur->fft);
     seeker->spectrum = rx_fft_complex(seeker->blur->fft);
-    if (seeker->rest == NULL || seeker->bright == NULL || seeker->spectrum == NULL)
+    if (seeker->rest == NULL || seeker->points == NULL || seeker->spectrum == NULL)
         return rx_error_memory(err, 0);
     return RX_OK;
 }
@@ -105,7 +107,7 @@ static void read_stamp(const rx_fft *fft, const float *plane, int size, float *s
 }
 
 /* stamp(u) = sum_x s(x - u) plane(x); plane is destroyed. */
-static void correlate_bright(rx_seeker *seeker, float *plane, float *stamp)
+static void correlate_points(rx_seeker *seeker, float *plane, float *stamp)
 {
     const rx_fft *fft = seeker->blur->fft;
     rx_fft_forward(fft, plane, seeker->blur->half);
@@ -114,29 +116,56 @@ static void correlate_bright(rx_seeker *seeker, float *plane, float *stamp)
     read_stamp(fft, plane, seeker->size, stamp);
 }
 
-/* Part the image into bright and rest, and set what the PSF updates hold fixed. Returns 0 when
- * nothing is bright. */
-static int split(rx_seeker *seeker)
+/* The flux of a point onto the pixels around its centroid, by cubic convolution: sum, centroid and width
+ * are kept. */
+static void put_point(const rx_seeker *seeker, const rx_point *point)
+{
+    const int ix = (int)floor(point->cx), iy = (int)floor(point->cy);
+    double wx[4], wy[4];
+    rx_stamp_cubic(point->cx - ix, wx);
+    rx_stamp_cubic(point->cy - iy, wy);
+    for (int j = 0; j < 4; j++) {
+        float *row = seeker->points + rx_blur_row(seeker->blur, iy + j - 1) + (size_t)(ix - 1);
+        for (int i = 0; i < 4; i++)
+            row[i] += (float)(point->flux * wx[i] * wy[j]);
+    }
+}
+
+/* Its disk in the rest of the image becomes sky. */
+static void take_out(const rx_seeker *seeker, const rx_point *point, int radius, float *rest)
+{
+    for (int j = -radius; j <= radius; j++)
+        for (int i = -radius; i <= radius; i++)
+            if (i * i + j * j <= radius * radius)
+                rest[rx_blur_row(seeker->blur, point->y + j) + (size_t)(point->x + i)] = 1;
+}
+
+/* Part the image into points and rest, and set what the PSF updates hold fixed; *n points. */
+static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
 {
     const rx_scene *scene = seeker->scene;
     const rx_fft *fft = seeker->blur->fft;
-    const float level = (float)(1 + BRIGHT_SIGMA * scene->sigma);
-    const size_t stride = (size_t)rx_fft_stride_real(fft), n = stride * (size_t)rx_fft_height(fft);
-    float *model = seeker->rl->model, *object = seeker->rl->object;
-    int any = 0;
-    for (size_t k = 0; k < n; k++) {
-        seeker->bright[k] = fmaxf(object[k] - level, 0);
-        model[k] = object[k] - seeker->bright[k];
-        any |= seeker->bright[k] > 0;
+    const size_t size = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof(float);
+    float *model = seeker->rl->model;
+    rx_point found[RX_POINTS_MAX];
+    int radius = 0;
+    rx_status status = rx_points_find(seeker->rl, seeker->psf->fwhm, found, n, &radius, err);
+    if (status != RX_OK || *n < FEWEST_POINTS)
+        return status;
+    memset(seeker->points, 0, size);
+    memcpy(model, seeker->rl->object, size);
+    for (int i = 0; i < *n; i++) {
+        put_point(seeker, &found[i]);
+        take_out(seeker, &found[i], radius, model);
     }
     rx_blur_apply(seeker->blur, model, seeker->rest);
-    rx_fft_forward(fft, seeker->bright, seeker->spectrum);
-    memset(model, 0, n * sizeof *model);
+    rx_fft_forward(fft, seeker->points, seeker->spectrum);
+    memset(model, 0, size);
     for (int y = 0; y < scene->height; y++)
         memcpy(model + rx_blur_row(seeker->blur, y), scene->weight + (size_t)y * scene->width,
                (size_t)scene->width * sizeof *model);
-    correlate_bright(seeker, model, seeker->share);
-    return any;
+    correlate_points(seeker, model, seeker->share);
+    return RX_OK;
 }
 
 /* One update of the stamp. */
@@ -151,7 +180,7 @@ static int improve(rx_seeker *seeker)
     for (size_t k = 0; k < n; k++)
         model[k] += seeker->rest[k];
     rx_rl_residual(seeker->rl);
-    correlate_bright(seeker, model, seeker->work);
+    correlate_points(seeker, model, seeker->work);
     for (int k = 0; k < pixels; k++)
         largest = fmaxf(largest, seeker->share[k]);
     for (int k = 0; k < pixels; k++)
@@ -159,7 +188,7 @@ static int improve(rx_seeker *seeker)
             seeker->stamp[k] *= 1 + seeker->work[k] / seeker->share[k];
     if (!make_positive(seeker->stamp, seeker->size))
         return 0;
-    rx_blur_replace(seeker->blur, seeker->stamp, seeker->bright);
+    rx_blur_replace(seeker->blur, seeker->stamp, seeker->points);
     return 1;
 }
 
@@ -173,35 +202,44 @@ static int accept(rx_seeker *seeker)
     if (!make_positive(seeker->stamp, seeker->size))
         return 0;
     const double fwhm = rx_stamp_fwhm(seeker->stamp, seeker->size, &ellipticity);
-    if (!(fwhm >= NARROWEST && fwhm <= WIDEST * seeker->start_fwhm))
+    if (!(fwhm >= fmax(NARROWEST, seeker->start_fwhm / RANGE) && fwhm <= RANGE * seeker->start_fwhm))
         return 0;
     seeker->psf->fwhm = fwhm;
     seeker->psf->ellipticity = ellipticity;
     memcpy(seeker->psf->basis, seeker->stamp, (size_t)seeker->size * (size_t)seeker->size * sizeof(float));
-    rx_blur_replace(seeker->blur, seeker->stamp, seeker->bright);
+    rx_blur_replace(seeker->blur, seeker->stamp, seeker->points);
     rx_rl_normalise(seeker->rl);
     return 1;
+}
+
+/* The image from the start with the present PSF: what another PSF has left in it would not go away. */
+static rx_status restore_image(rx_seeker *seeker, int niter, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_rl_reset(seeker->rl);
+    for (int i = 0; i < niter && (status = rx_interrupt_check(err)) == RX_OK; i++) {
+        rx_rl_model(seeker->rl);
+        rx_rl_update(seeker->rl);
+    }
+    return status;
 }
 
 static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *log, rx_error *err)
 {
     for (int cycle = 0; cycle < par->blind_cycles; cycle++) {
-        for (int i = 0; i < par->blind_psf_niter; i++) {
-            rx_status status = rx_interrupt_check(err);
-            if (status != RX_OK)
-                return status;
-            rx_rl_model(seeker->rl);
-            rx_rl_update(seeker->rl);
-        }
-        if (!split(seeker)) {
-            rx_log_warning(log,
-                           "RL_BLIND: no source is bright enough to improve the PSF, the given one is used");
+        int n = 0;
+        rx_status status = restore_image(seeker, par->blind_psf_niter, err);
+        if (status == RX_OK)
+            status = split(seeker, &n, err);
+        if (status != RX_OK)
+            return status;
+        if (n < FEWEST_POINTS) {
+            rx_log_warning(log, "RL_BLIND: %d isolated point-like sources are too few to improve the PSF", n);
             return RX_OK;
         }
         int sound = 1;
         for (int i = 0; i < par->blind_psf_niter && sound; i++) {
-            rx_status status = rx_interrupt_check(err);
-            if (status != RX_OK)
+            if ((status = rx_interrupt_check(err)) != RX_OK)
                 return status;
             sound = improve(seeker);
         }

@@ -26,8 +26,7 @@ void rx_stamp_at(const rx_psf *psf, double x, double y, float *stamp)
     }
 }
 
-/* Weights of the four samples -1 .. 2 around the fraction t (Keys 1981, a = -1/2). */
-static void cubic(double t, double w[4])
+void rx_stamp_cubic(double t, double w[4])
 {
     w[0] = ((2 - t) * t - 1) * t / 2;
     w[1] = ((3 * t - 5) * t * t + 2) / 2;
@@ -39,8 +38,8 @@ static double interpolate(const float *stamp, int size, double x, double y)
 {
     const int ix = (int)floor(x), iy = (int)floor(y);
     double wx[4], wy[4], sum = 0;
-    cubic(x - ix, wx);
-    cubic(y - iy, wy);
+    rx_stamp_cubic(x - ix, wx);
+    rx_stamp_cubic(y - iy, wy);
     for (int j = 0; j < 4; j++)
         for (int i = 0; i < 4; i++) {
             int sx = ix + i - 1, sy = iy + j - 1;

@@ -8,6 +8,10 @@
 /* stamp = the PSF at tile position (x, y), pixels from 0. */
 void rx_stamp_at(const rx_psf *psf, double x, double y, float *stamp);
 
+/* Weights of the samples -1, 0, 1, 2 for a point at the fraction t, 0 <= t < 1, between 0 and 1:
+ * cubic convolution with a = -1/2. */
+void rx_stamp_cubic(double t, double w[4]);
+
 /* Full width at half maximum, pixels: the diameter of the circle that has the area in which the
  * stamp, interpolated by cubic convolution (Keys 1981, IEEE Trans. ASSP 29, 1153), exceeds
  * half of its maximum; only the connected pixels around the maximum count. The pixel is part of
