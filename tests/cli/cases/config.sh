@@ -1,0 +1,109 @@
+# Configuration files: .sex, .param, .conv, .qa
+# shellcheck shell=sh
+
+none='-RESTORE_TYPE NONE'
+
+begin 'configuration that is not there'
+make_fits tile tile.fits
+expect 2 '^rextract: absent\.sex: cannot be opened: No such file' tile.fits -c absent.sex
+
+begin 'configuration that is a folder'
+make_fits tile tile.fits
+mkdir my.sex
+expect 2 '^rextract: my\.sex: is a folder' tile.fits -c my.sex
+
+begin 'configuration with an unknown keyword'
+make_fits tile tile.fits
+printf '# mine\nDETECT_MINAREA 5\nDETECT_TRESH 3 # sigmas\n' >my.sex
+expect 2 "^rextract: my\.sex:3: unknown keyword 'DETECT_TRESH'; did you mean DETECT_THRESH\?$" tile.fits -c my.sex
+
+begin 'default.sex is read where it is'
+make_fits tile tile.fits
+printf 'DETECT_MINAREA many\n' >default.sex
+expect 2 "^rextract: default\.sex:1: DETECT_MINAREA: 'many' is not a number$" tile.fits
+
+begin 'configuration with a keyword without value'
+make_fits tile tile.fits
+printf 'CATALOG_NAME # none\n' >my.sex
+expect 2 '^rextract: my\.sex:1: CATALOG_NAME: has no value' tile.fits -c my.sex
+
+begin 'configuration with an unset variable'
+make_fits tile tile.fits
+# shellcheck disable=SC2016 # for the program to expand
+printf 'CATALOG_NAME $RX_NOT_SET_AT_ALL/a.cat\n' >my.sex
+expect 2 '^rextract: my\.sex:1: environment variable RX_NOT_SET_AT_ALL is not set' tile.fits -c my.sex
+
+begin 'configuration that is binary'
+make_fits tile tile.fits
+printf 'CATALOG_NAME a\000b\n' >my.sex
+expect 2 '^rextract: my\.sex: .*binary' tile.fits -c my.sex
+
+begin 'image given as configuration'
+make_fits tile tile.fits
+expect 2 '^rextract: tile\.fits' tile.fits -c tile.fits
+
+begin 'column file that is not there'
+make_fits tile tile.fits
+expect 2 'absent\.param' tile.fits $none -PARAMETERS_NAME absent.param
+
+begin 'column file with an unknown column'
+make_fits tile tile.fits
+printf 'NUMBER\nMAG_ATUO\n' >my.param
+expect 2 '^rextract: my\.param:2: .*MAG_ATUO.*MAG_AUTO' tile.fits $none -PARAMETERS_NAME my.param
+
+begin 'column file without columns'
+make_fits tile tile.fits
+printf '# NUMBER\n' >my.param
+expect 2 '^rextract: my\.param' tile.fits $none -PARAMETERS_NAME my.param
+
+begin 'column file with a bad dimension'
+make_fits tile tile.fits
+printf 'VIGNET(5,x)\n' >my.param
+expect 2 '^rextract: my\.param:1: ' tile.fits $none -PARAMETERS_NAME my.param
+
+begin 'filter that is not there'
+make_fits tile tile.fits
+expect 2 '^rextract: absent\.conv: cannot be opened' tile.fits $none -FILTER_NAME absent.conv
+
+begin 'filter without head'
+make_fits tile tile.fits
+printf '1 2 1\n2 4 2\n1 2 1\n' >my.conv
+expect 2 '^rextract: my\.conv:1: .*CONV NORM' tile.fits $none -FILTER_NAME my.conv
+
+begin 'filter with a ragged row'
+make_fits tile tile.fits
+printf 'CONV NORM\n1 2 1\n2 4\n1 2 1\n' >my.conv
+expect 2 '^rextract: my\.conv:3: this row has 2 numbers' tile.fits $none -FILTER_NAME my.conv
+
+begin 'filter with a word'
+make_fits tile tile.fits
+printf 'CONV NORM\n1 two 1\n' >my.conv
+expect 2 "^rextract: my\.conv:2: 'two' is not a number" tile.fits $none -FILTER_NAME my.conv
+
+begin 'filter of zeros'
+make_fits tile tile.fits
+printf 'CONV NORM\n0 0 0\n' >my.conv
+expect 2 '^rextract: my\.conv: the filter is zero' tile.fits $none -FILTER_NAME my.conv
+
+begin 'gates that are not there'
+make_fits tile tile.fits
+make_fits table ref.fits
+expect 2 'absent\.qa: cannot be opened' tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES absent.qa
+
+begin 'gates with an unknown metric'
+make_fits tile tile.fits
+make_fits table ref.fits
+printf 'recal all >= 0.9\n' >my.qa
+expect 2 "^rextract: my\.qa:1: unknown metric 'recal'; did you mean 'recall'" tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
+
+begin 'gates with a bad operator'
+make_fits tile tile.fits
+make_fits table ref.fits
+printf '\nrecall all => 0.9\n' >my.qa
+expect 2 "^rextract: my\.qa:2: operator '=>'" tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
+
+begin 'gates with a share above 1'
+make_fits tile tile.fits
+make_fits table ref.fits
+printf 'recall all >= 90\n' >my.qa
+expect 2 '^rextract: my\.qa:1: recall is a share' tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa

@@ -1,0 +1,266 @@
+# Images, weights, flags, PSFs and references that cannot be used.
+# shellcheck shell=sh
+
+none='-RESTORE_TYPE NONE'
+moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
+
+# --- the image
+
+begin 'image that is not there'
+expect 3 '^rextract: absent\.fits' absent.fits $none
+
+begin 'image that is a folder'
+mkdir tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'image that is empty'
+: >tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'image that is text'
+printf 'this is no image\n' >tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'image of random bytes'
+"$fits" tile t.fits && tail -c 20000 t.fits >tile.fits && rm t.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'image cut in its pixels'
+make_fits tile t.fits && head -c 20000 t.fits >tile.fits && rm t.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'image cut in its pixels, to be restored'
+make_fits tile t.fits && head -c 20000 t.fits >tile.fits && rm t.fits
+expect 3 '^rextract: tile\.fits' tile.fits $moffat
+
+begin 'image cut in its header'
+make_fits tile t.fits && head -c 400 t.fits >tile.fits && rm t.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'header without END'
+make_fits endless tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'illegal BITPIX'
+make_fits bitpix tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'huge axes in a short file'
+make_fits huge tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'axes whose product overflows'
+make_fits overflow tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'negative axis'
+make_fits negative tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'axis of length zero'
+make_fits zero tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'one axis'
+make_fits line tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'three axes'
+make_fits cube tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'no image at all'
+make_fits primary-only tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'a table where an image should be'
+make_fits table tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'the table named'
+make_fits table tile.fits
+expect 3 '^rextract: tile\.fits' 'tile.fits[1]' $none
+
+begin 'an HDU that is not there'
+make_fits extensions tile.fits
+expect 3 '^rextract: tile\.fits' 'tile.fits[7]' $none
+
+begin 'an extension name that is not there'
+make_fits extensions tile.fits
+expect 3 '^rextract: tile\.fits' 'tile.fits[CCD9]' $none
+
+begin 'a section outside the image'
+make_fits tile tile.fits
+expect 3 '^rextract: tile\.fits' 'tile.fits[5000:6000,1:10]' $none
+
+begin 'a section that is none'
+make_fits tile tile.fits
+expect 3 '^rextract: tile\.fits' 'tile.fits[a:b,c]' $none
+
+begin 'all pixels NaN'
+make_fits nan tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'all pixels NaN, to be restored'
+make_fits nan tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $moffat
+
+begin 'all pixels infinite'
+make_fits infinite tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'gzip file cut short'
+make_fits tile tile.fits && gzip -n tile.fits && head -c 9000 tile.fits.gz >t.fits.gz && rm tile.fits.gz
+expect 3 '^rextract: t\.fits\.gz' t.fits.gz $none
+
+begin 'compressed image with broken pixels'
+cp "$top/tests/data/sim.fits.fz" tile.fits.fz && chmod u+w tile.fits.fz
+middle=$(($(wc -c <tile.fits.fz) / 2))
+head -c 60000 /dev/zero | tr '\000' '\377' | dd of=tile.fits.fz bs=1 seek="$middle" conv=notrunc 2>/dev/null
+expect 3 '^rextract: tile\.fits\.fz' tile.fits.fz $none
+
+begin 'compressed image cut short'
+head -c 100000 "$top/tests/data/sim.fits.fz" >tile.fits.fz
+expect 3 '^rextract: tile\.fits\.fz' tile.fits.fz $none
+
+begin 'image that must not be read'
+make_fits tile tile.fits && chmod 000 tile.fits
+if [ -r tile.fits ]; then
+    skip 'nothing is unreadable for root'
+else
+    expect 3 '^rextract: tile\.fits' tile.fits $none
+fi
+
+# --- two images
+
+begin 'measurement image that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: absent\.fits' tile.fits,absent.fits $none
+
+begin 'two images of different shapes'
+make_fits tile a.fits && make_fits small b.fits
+expect 3 '^rextract: b\.fits.*64 x 48 pixels.*96 x 96' a.fits,b.fits $none
+
+begin 'two files with different numbers of images'
+make_fits extensions a.fits && make_fits tile b.fits
+expect 3 '^rextract: b\.fits' a.fits b.fits $none
+
+# --- weights and flags
+
+begin 'weight that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: absent\.fits' tile.fits $none -WEIGHT_TYPE MAP_WEIGHT -WEIGHT_IMAGE absent.fits
+
+begin 'weight of another shape'
+make_fits tile tile.fits && make_fits small weight.fits
+expect 3 '^rextract: weight\.fits' tile.fits $none -WEIGHT_TYPE MAP_WEIGHT
+
+begin 'weight zero everywhere'
+make_fits tile tile.fits && make_fits zeros weight.fits
+expect 3 '^rextract: ' tile.fits $none -WEIGHT_TYPE MAP_WEIGHT
+
+begin 'weight that is NaN'
+make_fits tile tile.fits && make_fits nan weight.fits
+expect 3 '^rextract: ' tile.fits $none -WEIGHT_TYPE MAP_RMS
+
+begin 'weight that is a cube'
+make_fits tile tile.fits && make_fits cube weight.fits
+expect 3 '^rextract: weight\.fits' tile.fits $none -WEIGHT_TYPE MAP_VAR
+
+begin 'flag map that is not there'
+make_fits tile tile.fits && printf 'NUMBER\nIMAFLAGS_ISO\n' >my.param
+expect 3 '^rextract: flag\.fits' tile.fits $none -PARAMETERS_NAME my.param
+
+begin 'flag map of another shape'
+make_fits tile tile.fits && make_fits small flag.fits && printf 'NUMBER\nIMAFLAGS_ISO\n' >my.param
+expect 3 '^rextract: flag\.fits' tile.fits $none -PARAMETERS_NAME my.param
+
+begin 'ASSOC list that is not there'
+make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param
+expect 3 '^rextract: absent\.list' tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME absent.list
+
+begin 'ASSOC list of words'
+make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '1 2 3\n1 two 3\n' >my.list
+expect 3 '^rextract: my\.list:2' tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,2
+
+begin 'ASSOC list with too few columns'
+make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '1 2\n' >my.list
+expect '[23]' '^rextract: .*ASSOC|^rextract: my\.list' tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,7
+
+# --- the PSF
+
+begin 'PSF that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: absent\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME absent.fits
+
+begin 'PSF whose sum is zero'
+make_fits tile tile.fits && make_fits psf-zero psf.fits
+expect 3 '^rextract: psf\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+
+begin 'PSF that is negative'
+make_fits tile tile.fits && make_fits psf-minus psf.fits
+expect 3 '^rextract: psf\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+
+begin 'PSF that is NaN'
+make_fits tile tile.fits && make_fits psf-nan psf.fits
+expect 3 '^rextract: psf\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+
+begin 'PSF larger than the tile'
+make_fits tile tile.fits && make_fits psf-large psf.fits
+expect 3 '^rextract: psf\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+
+begin 'PSF that is a table'
+make_fits tile tile.fits && make_fits table psf.fits
+expect 3 '^rextract: psf\.fits' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+
+begin 'PSFEx model that is an image'
+make_fits tile tile.fits && make_fits psf my.psf
+expect 3 '^rextract: my\.psf' tile.fits -PSF_TYPE PSFEX -PSF_NAME my.psf
+
+begin 'PSFEx model that is another table'
+make_fits tile tile.fits && make_fits table my.psf
+expect 3 '^rextract: my\.psf' tile.fits -PSF_TYPE PSFEX -PSF_NAME my.psf
+
+begin 'no stars to measure a PSF from'
+make_fits flat tile.fits
+expect 3 '^rextract: tile\.fits.*star' tile.fits -PSF_TYPE AUTO
+
+# --- the reference
+
+begin 'reference that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: absent\.fits' tile.fits $none -REFERENCE_NAME absent.fits
+
+begin 'reference that is text'
+make_fits tile tile.fits && printf 'no catalogue\n' >ref.cat
+expect 3 '^rextract: ref\.cat' tile.fits $none -REFERENCE_NAME ref.cat
+
+begin 'reference that is an image'
+make_fits tile tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $none -REFERENCE_NAME tile.fits
+
+begin 'reference with an illegal column format'
+make_fits tile tile.fits && make_fits table-form ref.fits
+expect 3 '^rextract: ref\.fits' tile.fits $none -REFERENCE_NAME ref.fits
+
+begin 'reference cut short'
+make_fits tile tile.fits && make_fits table t.fits && head -c 5800 t.fits >ref.fits && rm t.fits
+expect 3 '^rextract: ref\.fits' tile.fits $none -REFERENCE_NAME ref.fits
+
+begin 'reference without the column named'
+make_fits tile tile.fits && make_fits table ref.fits
+expect '[23]' 'ref\.fits.*MAG_ATUO' tile.fits $none -REFERENCE_NAME ref.fits -REFERENCE_COLUMNS X_IMAGE,Y_IMAGE,MAG_ATUO
+
+begin 'reference in degrees, tile without coordinates'
+make_fits tile tile.fits && make_fits table ref.fits
+expect 3 '^rextract: ' tile.fits $none -REFERENCE_NAME ref.fits -REFERENCE_COORDS SKY -REFERENCE_COLUMNS X_IMAGE,Y_IMAGE,MAG_AUTO
+
+begin 'reference list with a ragged row'
+make_fits tile tile.fits
+printf '#   1 X_IMAGE x\n#   2 Y_IMAGE y\n#   3 MAG_AUTO m\n 1 2 3\n 4 5\n' >ref.cat
+expect 3 '^rextract: ref\.cat:5' tile.fits $none -REFERENCE_NAME ref.cat
+
+begin 'VOTable cut short'
+make_fits tile tile.fits
+printf '<?xml version="1.0"?>\n<VOTABLE version="1.3"><RESOURCE><TABLE>\n<FIELD name="X_IMAGE" datatype="float"/>\n<DATA><TABLEDATA><TR><TD>1' >ref.vot
+expect 3 '^rextract: ref\.vot' tile.fits $none -REFERENCE_NAME ref.vot

@@ -1,0 +1,188 @@
+# What is written, what is left when it cannot be, and what a signal leaves.
+# shellcheck shell=sh
+
+none='-RESTORE_TYPE NONE'
+moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
+
+begin 'catalogue without restoration'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' tile.fits $none
+
+begin 'catalogue with restoration'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' tile.fits $moffat
+
+begin 'PSF from the tile'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' tile.fits
+
+begin 'LDAC catalogue'
+make_fits tile tile.fits
+leaves a.cat
+expect 0 '' tile.fits $none -CATALOG_TYPE FITS_LDAC -CATALOG_NAME a.cat
+
+begin 'no catalogue wanted'
+make_fits tile tile.fits
+expect 0 '' tile.fits $none -CATALOG_TYPE NONE
+
+begin 'catalogue on standard output'
+make_fits tile tile.fits
+prints '^ +1 '
+expect 0 '' tile.fits $none -CATALOG_NAME STDOUT
+
+begin 'a tile without sources'
+make_fits flat tile.fits
+leaves test.cat
+expect 0 '' tile.fits $none
+
+begin 'all images of a file'
+make_fits extensions tile.fits
+leaves a.cat
+expect 0 '' tile.fits $none -CATALOG_TYPE FITS_LDAC -CATALOG_NAME a.cat
+
+begin 'a part of an image'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' 'tile.fits[1:60,5:70]' $none
+
+begin 'check-images'
+make_fits tile tile.fits
+leaves test.cat r.fits s.fits
+expect 0 '' tile.fits $moffat -CHECKIMAGE_TYPE RESTORED,SEGMENTATION -CHECKIMAGE_NAME r.fits,s.fits
+
+begin 'report'
+make_fits tile tile.fits && make_fits table ref.fits
+leaves test.cat report
+expect 0 '' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N
+
+begin 'gate that fails'
+make_fits tile tile.fits && make_fits table ref.fits
+leaves test.cat report
+printf 'bias_mag all >= 3\n' >my.qa
+expect 5 'gate' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -QA_GATES my.qa
+
+begin 'gate that cannot be decided'
+make_fits tile tile.fits && make_fits table ref.fits
+leaves test.cat report
+printf 'recall all >= 0.95\n' >my.qa
+expect 6 'too few' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -QA_GATES my.qa
+
+begin 'older outputs are replaced'
+make_fits tile tile.fits && echo old >test.cat
+leaves test.cat
+expect 0 '' tile.fits $none
+
+begin 'older outputs stay when the work fails'
+make_fits nan tile.fits && echo old >test.cat
+expect 3 '^rextract: tile\.fits' tile.fits $none
+
+begin 'folder of the catalogue that is not there'
+make_fits tile tile.fits
+expect 4 'absent/test\.cat' tile.fits $none -CATALOG_NAME absent/test.cat
+
+begin 'catalogue that is a folder'
+make_fits tile tile.fits && mkdir test.cat
+expect 4 'test\.cat' tile.fits $none
+
+begin 'check-image in a folder that is not there'
+make_fits tile tile.fits
+expect 4 'absent/a\.fits' tile.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME absent/a.fits
+
+begin 'two outputs of one name'
+make_fits tile tile.fits
+expect 2 'a\.fits' tile.fits $none -CATALOG_NAME a.fits -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME a.fits
+
+begin 'report where a file is'
+make_fits tile tile.fits && make_fits table ref.fits && echo old >report
+expect 4 'report' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N
+
+begin 'folder that must not be written'
+make_fits tile tile.fits
+if [ -w /proc/version ]; then skip '/proc is writable'; else expect 4 '/proc/test\.cat' tile.fits $none -CATALOG_NAME /proc/test.cat; fi
+
+begin 'standard output that is full'
+make_fits tile tile.fits
+if [ -c /dev/full ] && [ "$active" = 1 ]; then
+    list_files >../before
+    timeout 60 "$program" tile.fits $none -CATALOG_NAME STDOUT -VERBOSE_TYPE QUIET >/dev/full 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 '^rextract: '
+else
+    skip 'no /dev/full'
+fi
+
+begin 'help to a full device'
+if [ -c /dev/full ] && [ "$active" = 1 ]; then
+    list_files >../before
+    "$program" -h >/dev/full 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 'standard output cannot be written'
+else
+    skip 'no /dev/full'
+fi
+
+# A limit on the size of files stands for the full disk.
+begin 'disk full at the catalogue'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    (ulimit -f 2 && exec timeout 60 "$program" tile.fits $none -CATALOG_TYPE FITS_LDAC -VERBOSE_TYPE QUIET) >/dev/null 2>../err.pipe
+    echo $? >../code
+    mv ../err.pipe ../err
+    : >../out
+    judge 4 'test\.cat'
+fi
+
+begin 'disk full at a check-image'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    (ulimit -f 16 && exec timeout 60 "$program" tile.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -VERBOSE_TYPE QUIET) >/dev/null 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 'b\.fits'
+fi
+
+begin 'disk full at the report'
+make_fits tile tile.fits && make_fits table ref.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    (ulimit -f 8 && exec timeout 60 "$program" tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -VERBOSE_TYPE QUIET) >/dev/null 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 'report'
+fi
+
+begin 'termination leaves nothing'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    "$program" tile.fits $moffat -RL_NITER 100000 -CHECKIMAGE_TYPE RESTORED -VERBOSE_TYPE QUIET >../out 2>../err </dev/null &
+    process=$!
+    sleep 2
+    kill -TERM "$process"
+    wait "$process"
+    echo $? >../code
+    judge 143 'interrupted'
+fi
+
+begin 'same bytes for any number of threads'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    for threads in 1 2 3; do
+        OMP_NUM_THREADS=$threads timeout 60 "$program" tile.fits -CATALOG_TYPE FITS_LDAC -CATALOG_NAME test.cat \
+            -CHECKIMAGE_TYPE RESTORED,BACKGROUND,SEGMENTATION -CHECKIMAGE_NAME r.fits,b.fits,s.fits -VERBOSE_TYPE QUIET
+        echo $? >../code
+        cat test.cat r.fits b.fits s.fits | cksum
+        rm -f test.cat r.fits b.fits s.fits
+    done >../sums 2>../err
+    [ "$(sort -u ../sums | wc -l)" = 1 ] || echo 'outputs depend on the number of threads' >>../err
+    : >../out
+    judge 0 ''
+fi

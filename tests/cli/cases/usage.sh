@@ -1,0 +1,90 @@
+# Command lines: what is printed, and what is refused.
+# shellcheck shell=sh
+
+begin 'no argument'
+says 3
+expect_exactly 2 '^usage: rextract IMAGE'
+
+begin 'help'
+prints '^usage: rextract IMAGE'
+expect_exactly 0 '' -h
+
+begin 'long help'
+prints 'rextract\.conf\(5\)'
+expect_exactly 0 '' --help
+
+begin 'version'
+prints '^Rextract version [0-9]+\.[0-9]+'
+expect_exactly 0 '' -v
+
+begin 'long version'
+prints '^Rextract version [0-9]+\.[0-9]+'
+expect_exactly 0 '' --version
+
+begin 'default configuration'
+prints '^DETECT_THRESH +1\.5 '
+expect_exactly 0 '' -d
+
+begin 'extended configuration'
+prints '^ASSOC_RADIUS +2\.0 '
+expect_exactly 0 '' -dd
+
+begin 'columns'
+prints '^#?X_IMAGE '
+expect_exactly 0 '' -dp
+
+begin 'image without keyword value'
+make_fits tile tile.fits
+expect_exactly 2 '^rextract: -DETECT_THRESH has no value' tile.fits -DETECT_THRESH
+
+begin 'keywords without image'
+expect 2 '^rextract: no image is named' -DETECT_THRESH 3
+
+begin 'three images'
+expect 2 "'c\.fits' is one image too many" a.fits b.fits c.fits
+
+begin 'empty image name'
+expect 2 'an image name is empty' a.fits,
+
+begin 'unknown keyword'
+make_fits tile tile.fits
+expect 2 "^rextract: unknown keyword '-DETECT_TRESH'; did you mean -DETECT_THRESH\?$" tile.fits -DETECT_TRESH 3
+
+begin 'keyword like no other'
+make_fits tile tile.fits
+expect 2 "unknown keyword '-QWERTYUIOP'" tile.fits -QWERTYUIOP 3
+
+begin 'number that is none'
+make_fits tile tile.fits
+expect 2 "^rextract: -DETECT_MINAREA: 'five' is not a number$" tile.fits -DETECT_MINAREA five
+
+begin 'number out of range'
+make_fits tile tile.fits
+expect 2 '^rextract: -DETECT_MINAREA: 0 is out of range, give 1 to' tile.fits -DETECT_MINAREA 0
+
+begin 'word that is none'
+make_fits tile tile.fits
+expect 2 "unknown word 'FITS_LADC' \(did you mean FITS_LDAC\?\); give one of" tile.fits -CATALOG_TYPE FITS_LADC
+
+begin 'too many items'
+make_fits tile tile.fits
+expect 2 'PHOT_AUTOPARAMS: has 3 items, takes at most 2' tile.fits -PHOT_AUTOPARAMS 2.5,3.5,4.5
+
+begin 'restorer twice'
+make_fits tile tile.fits
+expect 2 'RESTORE_TYPE: NONE is named twice' tile.fits -RESTORE_TYPE NONE,none
+
+begin 'photographic plates'
+make_fits tile tile.fits
+expect 2 'DETECT_TYPE: PHOTO' tile.fits -DETECT_TYPE PHOTO
+
+begin 'fewer names than check-images'
+make_fits tile tile.fits
+expect 2 'CHECKIMAGE_NAME: names 1 file' tile.fits -CHECKIMAGE_TYPE BACKGROUND,OBJECTS -CHECKIMAGE_NAME a.fits
+
+begin 'gates without reference'
+make_fits tile tile.fits
+expect 2 'QA_GATES: needs a reference catalogue' tile.fits -QA_GATES a.qa
+
+begin 'control characters are not passed on'
+expect 2 "unknown keyword '-A\?\[31mB'" tile.fits "-A$(printf '\033')[31mB" 1

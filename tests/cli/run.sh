@@ -1,0 +1,154 @@
+#!/bin/sh
+# Command line tests: run.sh [FILE.sh...] runs the cases of tests/cli/cases/*.sh, or of those named, with the
+# program $RX_PROGRAM and the helper make_fits of the build in $RX_BUILD_DIR.
+#
+# A file of cases is a shell script made of
+#
+#   begin NAME                       a new case in a scratch folder of its own, which is the current one
+#   leaves FILE...                   what the program may leave there besides what it found (nothing)
+#   expect CODE PATTERN ARGUMENT...  run the program; exit code, and an extended regular expression for
+#                                    standard error. The program is told to be quiet, so standard error
+#                                    must be exactly one line, or empty where PATTERN is ''
+#   skip WHY                         instead of expect
+#
+# Standard output must be empty unless `prints PATTERN` said otherwise; `says N` is for another number of
+# lines on standard error; expect_exactly passes the arguments as they are. RX_TEST_ONLY=REGEX runs the matching
+# cases alone; their scratch folders are kept with RX_TEST_KEEP=1.
+set -u
+LC_ALL=C
+export LC_ALL
+
+top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
+build=${RX_BUILD_DIR:-$top}
+program=${RX_PROGRAM:-$build/rextract}
+fits=$build/tests/cli/make_fits
+for needed in "$program" "$fits"; do
+    [ -x "$needed" ] || {
+        echo "run.sh: $needed is missing; build first (make check)"
+        exit 2
+    }
+done
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-cli-XXXXXX") || exit 2
+[ -n "${RX_TEST_KEEP-}" ] || trap 'chmod -R u+rwx "$scratch" 2>/dev/null; rm -rf "$scratch"' EXIT
+trap 'exit 2' INT TERM HUP
+
+passed=0 failed=0 skipped=0 cases=0
+name='' wanted='' printed='' said=1 active=1
+
+# shellcheck disable=SC2317 # called by the files of cases
+make_fits() { "$fits" "$@"; }
+
+begin() {
+    name=$1 wanted='' printed='' said=1
+    cases=$((cases + 1))
+    active=1
+    [ -z "${RX_TEST_ONLY-}" ] || printf '%s\n' "$name" | grep -Eq -- "$RX_TEST_ONLY" || active=0
+    folder=$scratch/$cases
+    mkdir "$folder" "$folder/work" && cd "$folder/work" || exit 2
+}
+
+leaves() { wanted=$*; }
+prints() { printed=$1; }
+says() { said=$1; }
+
+skip() {
+    [ "$active" = 1 ] || return 0
+    skipped=$((skipped + 1))
+    echo "skipped: $name: $1"
+}
+
+# Names and contents of everything below the current folder.
+list_files() {
+    find . ! -type d ! -type p -exec cksum {} + 2>/dev/null | sort -k 3
+    find . -type d | sort
+}
+
+complain() {
+    complaints="$complaints
+    $1"
+}
+
+# Names of files and folders that are new or changed, without those declared.
+left_behind() {
+    diff ../before ../after | sed -n 's/^> *\([0-9]* [0-9]* \)\{0,1\}\.\///p' | sort -u | while read -r found; do
+        for allowed in $wanted; do
+            case $found in "$allowed" | "$allowed"/*) continue 2 ;; esac
+        done
+        echo "$found"
+    done
+    diff ../before ../after | sed -n 's/^< [0-9]* [0-9]* //p' | while read -r lost; do
+        [ -e "$lost" ] || echo "$lost (removed)"
+    done
+}
+
+# judge CODE PATTERN: what the run left in ../code, ../out, ../err against what is expected.
+judge() {
+    complaints=''
+    code=$(cat ../code)
+    list_files >../after
+    case $code in
+    $1) ;; # may be a pattern such as [23]
+    *) complain "exit code $code, expected $1" ;;
+    esac
+    lines=$(grep -c '' ../err)
+    if [ -z "$2" ]; then
+        [ "$lines" = 0 ] || complain "standard error should be empty"
+    else
+        [ "$lines" = "$said" ] || complain "$lines lines on standard error, expected $said"
+        grep -Eq -- "$2" ../err || complain "standard error does not match: $2"
+    fi
+    if [ -z "$printed" ]; then
+        [ ! -s ../out ] || complain "standard output should be empty"
+    else
+        grep -Eq -- "$printed" ../out || complain "standard output does not match: $printed"
+    fi
+    if grep -Eq 'Sanitizer|runtime error:' ../err; then
+        complain "a sanitizer spoke"
+    fi
+    left=$(left_behind)
+    [ -z "$left" ] || complain "left behind: $(echo "$left" | tr '\n' ' ')"
+    for file in $wanted; do
+        [ -e "$file" ] || complain "did not write $file"
+    done
+    if [ -z "$complaints" ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        printf 'FAILED: %s%s\n' "$name" "$complaints"
+        head -n 8 ../err | sed 's/^/    | /'
+    fi
+}
+
+# run ARGUMENT...: the program under a time limit; stops after 60 seconds.
+run() {
+    list_files >../before
+    timeout 60 "$program" "$@" >../out 2>../err </dev/null
+    echo $? >../code
+}
+
+expect() {
+    [ "$active" = 1 ] || return 0
+    expected=$1 pattern=$2
+    shift 2
+    run "$@" -VERBOSE_TYPE QUIET
+    judge "$expected" "$pattern"
+}
+
+expect_exactly() {
+    [ "$active" = 1 ] || return 0
+    expected=$1 pattern=$2
+    shift 2
+    run "$@"
+    judge "$expected" "$pattern"
+}
+
+[ $# -gt 0 ] || set -- "$top"/tests/cli/cases/*.sh
+for file in "$@"; do
+    case $file in /*) ;; *) file=$PWD/$file ;; esac
+    # shellcheck source=/dev/null
+    . "$file"
+    cd "$top" || exit 2
+done
+[ -z "${RX_TEST_KEEP-}" ] || echo "kept $scratch"
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]
