@@ -2,6 +2,7 @@
 #include "detect/filter.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -70,22 +71,18 @@ static double filtered_variance(const rx_filter *kernel, const float *sigma, con
                                 int height, int x, int y)
 {
     double sum = 0.0, norm = 0.0;
-    for (int j = 0; j < kernel->height; j++) {
-        int from = y + j - kernel->height / 2;
-        if (from < 0 || from >= height)
-            continue;
+    for (int j = 0; j < kernel->height; j++)
         for (int i = 0; i < kernel->width; i++) {
-            int at = x + i - kernel->width / 2;
-            if (at < 0 || at >= width)
-                continue;
-            size_t k = (size_t)from * (size_t)width + (size_t)at;
-            if (hidden[k])
-                continue;
+            int u = x + i - kernel->width / 2, v = y + j - kernel->height / 2;
             double weight = fabs(kernel->values[j * kernel->width + i]);
-            sum += weight * sigma[k] * sigma[k];
+            bool inside = u >= 0 && u < width && v >= 0 && v < height;
+            size_t k = inside ? (size_t)v * (size_t)width + (size_t)u : 0;
+            if (inside && hidden[k])
+                continue;
             norm += weight;
+            if (inside)
+                sum += weight * sigma[k] * sigma[k];
         }
-    }
     return norm > 0.0 ? sum / norm : 0.0;
 }
 

@@ -21,7 +21,8 @@ void rx_filter_free(rx_filter *kernel);
  * term by term in sep's order so that both meet the threshold alike. */
 void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst);
 
-/* dst = sqrt(sum k sigma^2 / sum k) over the pixels that are not hidden; hidden ones get 1e30. */
+/* dst = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get 1e30; beyond the
+ * border is sigma 0, as in SExtractor, where the filtered image is lower too. */
 void rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
                      int height, float *dst);
 
