@@ -1,0 +1,367 @@
+/* PSF_TYPE AUTO, second half: fit the stars one by one, leave out what does not agree, then fit one
+ * elliptical Moffat to all of them together.
+ *
+ * Weights: 1/sigma^2 with sigma^2 = sky noise^2 + star / gain + (2 % of the star)^2; the last term keeps the
+ * few brightest stars, on which a Moffat never fits to the noise, from deciding alone.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "num/lsq.h"
+#include "num/stats.h"
+#include "psf/moffat_fit.h"
+#include "psf/psf.h"
+#include "psf/psf_parts.h"
+#include "psf/psf_stars.h"
+
+static const double model_error = 0.02;
+
+typedef struct fitted_star {
+    const rx_source *source;
+    rx_moffat_pixels pixels; /* x, y of the tile; value above the background */
+    double *noise;           /* [n] sky noise of each pixel */
+    rx_moffat_fit fit;
+    double fwhm, chi2; /* chi2 per degree of freedom */
+    int kept;
+} fitted_star;
+
+typedef struct scene {
+    const rx_tile *tile;
+    const rx_background *background;
+    const rx_sources *sources;
+    double radius; /* pixels, of what is fitted around each star */
+} scene;
+
+/* Unmasked pixels of a disc around the star that belong to it or to the sky. */
+static rx_status cut_out(const scene *sc, const rx_source *s, fitted_star *star, rx_error *err)
+{
+    int reach = (int)ceil(sc->radius), x0 = (int)lround(s->x), y0 = (int)lround(s->y);
+    const rx_tile *t = sc->tile;
+    star->source = s;
+    rx_status status = rx_moffat_pixels_new((2 * reach + 1) * (2 * reach + 1), &star->pixels, err);
+    star->noise = RX_NEW(double, (2 * reach + 1) * (2 * reach + 1));
+    if (status != RX_OK || star->noise == NULL)
+        return rx_error_memory(err, 0);
+    for (int y = y0 - reach; y <= y0 + reach; y++)
+        for (int x = x0 - reach; x <= x0 + reach; x++) {
+            if (x < 0 || y < 0 || x >= t->width || y >= t->height || hypot(x - s->x, y - s->y) > sc->radius)
+                continue;
+            size_t at = (size_t)y * (size_t)t->width + (size_t)x;
+            int32_t owner = sc->sources->segments != NULL ? sc->sources->segments[at] : 0;
+            double sigma = sc->background != NULL ? (double)sc->background->sigma[at] : 1.0;
+            if (t->mask[at] != 0 || (owner != 0 && owner != s->segment) || !(sigma > 0.0))
+                continue;
+            rx_moffat_pixels *p = &star->pixels;
+            p->x[p->n] = x;
+            p->y[p->n] = y;
+            p->value[p->n] =
+                (double)t->pixels[at] - (sc->background != NULL ? (double)sc->background->level[at] : 0.0);
+            star->noise[p->n++] = sigma;
+        }
+    return RX_OK;
+}
+
+/* Weights from the present fit; away from the core, pixels that disagree by 4 sigma are dropped:
+ * neighbours below the detection limit, particle hits. */
+static void weigh(const scene *sc, fitted_star *star, int drop)
+{
+    rx_moffat_pixels *p = &star->pixels;
+    rx_moffat profile;
+    rx_moffat_set(&profile, star->fit.shape);
+    double core = rx_moffat_fit_fwhm(&star->fit);
+    int kept = 0;
+    for (int i = 0; i < p->n; i++) {
+        double model = rx_moffat_fit_value(&star->fit, &profile, p->x[i], p->y[i]);
+        double light = fmax(model - star->fit.sky, 0.0), gain = sc->tile->gain;
+        double sigma = sqrt(star->noise[i] * star->noise[i] + (gain > 0.0 ? light / gain : 0.0) +
+                            model_error * model_error * light * light);
+        if (drop && fabs(p->value[i] - model) > 4.0 * sigma &&
+            hypot(p->x[i] - star->fit.x, p->y[i] - star->fit.y) > core)
+            continue;
+        p->x[kept] = p->x[i];
+        p->y[kept] = p->y[i];
+        p->value[kept] = p->value[i];
+        star->noise[kept] = star->noise[i];
+        p->sigma[kept++] = sigma;
+    }
+    p->n = kept;
+}
+
+static rx_status fit_star(const scene *sc, const double shape[RX_MOFFAT_SHAPE], fitted_star *star,
+                          rx_error *err)
+{
+    const rx_source *s = star->source;
+    rx_status status = RX_OK;
+    star->fit = (rx_moffat_fit){.peak = s->peak, .x = s->x, .y = s->y};
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
+        star->fit.shape[k] = shape[k];
+    for (int pass = 0; pass < 2 && status == RX_OK; pass++) {
+        weigh(sc, star, pass > 0);
+        status = rx_moffat_fit_run(&star->pixels, 1, &star->fit, err);
+        if (!star->fit.converged)
+            break;
+    }
+    star->fwhm = rx_moffat_fit_fwhm(&star->fit);
+    star->chi2 = star->fit.chi2 / fmax(star->pixels.n - 8, 1);
+    double away = hypot(star->fit.x - s->x, star->fit.y - s->y), start = 2.0 * exp(shape[0]);
+    star->kept = star->fit.converged && away < fmax(1.0, 0.3 * start) && star->fwhm > 0.3 * start &&
+                 star->fwhm < 3.0 * start;
+    return status;
+}
+
+static double measure(const fitted_star *star, int which)
+{
+    return which == 0   ? log(star->fwhm)
+           : which == 1 ? star->fit.shape[1]
+           : which == 2 ? star->fit.shape[2]
+                        : log(star->chi2 + 0.1);
+}
+
+/* Leave out stars that differ in width, ellipse or quality of the fit from the others by 3 robust sigmas
+ * (quality: only the bad side). Floors keep perfect fields from losing stars to rounding. */
+static rx_status reject_outliers(fitted_star *stars, int n, rx_error *err)
+{
+    static const double floors[4] = {0.02, 0.02, 0.02, 0.3};
+    double *values = RX_NEW(double, n);
+    if (values == NULL)
+        return rx_error_memory(err, 0);
+    for (int round = 0; round < 6; round++)
+        for (int which = 0; which < 4; which++) {
+            size_t m = 0;
+            for (int i = 0; i < n; i++)
+                if (stars[i].kept)
+                    values[m++] = measure(&stars[i], which);
+            if (m < 3)
+                break;
+            double centre, sigma = rx_sigma_mad(values, m, &centre),
+                           limit = 3.0 * fmax(sigma, floors[which] / 3.0);
+            for (int i = 0; i < n; i++) {
+                double off = measure(&stars[i], which) - centre;
+                if (stars[i].kept && (which == 3 ? off : fabs(off)) > limit)
+                    stars[i].kept = 0;
+            }
+        }
+    free(values);
+    return RX_OK;
+}
+
+typedef struct joint_task {
+    const fitted_star *stars;
+    int n;
+} joint_task;
+
+/* All kept stars with one shape; peak and sky of each follow by linear least squares (variable projection,
+ * Golub and Pereyra 1973), centres stay where the single fits put them. */
+static int joint_model(void *user, const double *shape, double *residuals, double *jacobian)
+{
+    const joint_task *task = user;
+    rx_moffat profile;
+    (void)jacobian;
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
+        if (!isfinite(shape[k]))
+            return 1;
+    rx_moffat_set(&profile, shape);
+    for (int s = 0; s < task->n; s++) {
+        const fitted_star *star = &task->stars[s];
+        const rx_moffat_pixels *p = &star->pixels;
+        if (!star->kept)
+            continue;
+        double w1 = 0.0, wf = 0.0, wff = 0.0, wv = 0.0, wfv = 0.0;
+        for (int i = 0; i < p->n; i++) {
+            double f = rx_moffat_pixel(&profile, p->x[i] - star->fit.x, p->y[i] - star->fit.y, NULL);
+            double w = 1.0 / (p->sigma[i] * p->sigma[i]);
+            residuals[i] = f;
+            w1 += w;
+            wf += w * f;
+            wff += w * f * f;
+            wv += w * p->value[i];
+            wfv += w * f * p->value[i];
+        }
+        double det = w1 * wff - wf * wf;
+        if (!(det > 0.0))
+            return 1;
+        double peak = (w1 * wfv - wf * wv) / det, sky = (wff * wv - wf * wfv) / det;
+        for (int i = 0; i < p->n; i++)
+            residuals[i] = (peak * residuals[i] + sky - p->value[i]) / p->sigma[i];
+        residuals += p->n;
+    }
+    return 0;
+}
+
+static rx_status fit_joint(const fitted_star *stars, int n, double shape[RX_MOFFAT_SHAPE], rx_error *err)
+{
+    joint_task task = {.stars = stars, .n = n};
+    rx_lsq_problem problem = {.nparameters = RX_MOFFAT_SHAPE,
+                              .model = joint_model,
+                              .user = &task,
+                              .max_iterations = 30,
+                              .tolerance = 1e-5};
+    for (int i = 0; i < n; i++)
+        if (stars[i].kept)
+            problem.nresiduals += (size_t)stars[i].pixels.n;
+    return rx_lsq_fit(&problem, shape, NULL, NULL, err);
+}
+
+/* Median shape of the kept stars: where the joint fit starts. */
+static rx_status median_shape(const fitted_star *stars, int n, double shape[RX_MOFFAT_SHAPE], rx_error *err)
+{
+    double *values = RX_NEW(double, n);
+    if (values == NULL)
+        return rx_error_memory(err, 0);
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
+        size_t m = 0;
+        for (int i = 0; i < n; i++)
+            if (stars[i].kept)
+                values[m++] = stars[i].fit.shape[k];
+        if (m > 0)
+            shape[k] = rx_median(values, m);
+    }
+    free(values);
+    return RX_OK;
+}
+
+static int count_kept(const fitted_star *stars, int n)
+{
+    int kept = 0;
+    for (int i = 0; i < n; i++)
+        kept += stars[i].kept;
+    return kept;
+}
+
+static rx_status too_few(const rx_psf_params *par, const rx_tile *tile, int found, rx_error *err)
+{
+    return rx_error_at(
+        err, RX_INPUT, tile->name != NULL ? tile->name : "", tile->hdu, 0,
+        "PSF_TYPE AUTO found %d usable star%s of S/N above %g and needs %d; give PSF_TYPE MOFFAT with "
+        "PSF_FWHM, or a lower PSF_MINSNR",
+        found, found == 1 ? "" : "s", par->min_snr, par->min_stars);
+}
+
+/* Robust scatter of the single widths over sqrt(n). */
+static rx_status width_error(const fitted_star *stars, int n, double fwhm, double *error, rx_error *err)
+{
+    size_t m = 0;
+    double *values = RX_NEW(double, n);
+    if (values == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < n; i++)
+        if (stars[i].kept)
+            values[m++] = log(stars[i].fwhm);
+    *error = m > 1 ? fwhm * rx_sigma_mad(values, m, NULL) / sqrt((double)m) : 0.0;
+    free(values);
+    return RX_OK;
+}
+
+/* The tile's PSF from the shape, with what is known of its making. */
+static rx_status build(const rx_psf_params *par, const scene *sc, const double shape[RX_MOFFAT_SHAPE],
+                       const fitted_star *stars, int n, int candidates, rx_psf **dst, rx_error *err)
+{
+    rx_moffat profile;
+    rx_moffat_set(&profile, shape);
+    double fwhm = 2.0 * profile.hwhm, beta = fmin(fmax(profile.beta, 1.2), 100.0);
+    double ratio = fmax(exp(-hypot(profile.e1, profile.e2)), 0.05),
+           angle = 0.5 * atan2(profile.e2, profile.e1);
+    int most = sc->tile->width < sc->tile->height ? sc->tile->width : sc->tile->height;
+    rx_psf *psf = NULL;
+    rx_status status = rx_psf_moffat(fwhm, beta, ratio, angle, par->size, &psf, err);
+    if (status == RX_OK && psf->size > most) {
+        rx_psf_free(psf);
+        status = rx_psf_moffat(fwhm, beta, ratio, angle, most - 1 + most % 2, &psf, err);
+    }
+    if (status == RX_OK)
+        status = width_error(stars, n, fwhm, &psf->fwhm_error, err);
+    if (status != RX_OK)
+        goto exit;
+    psf->type = RX_PSF_AUTO;
+    psf->stars = rx_alloc((size_t)n, sizeof *psf->stars);
+    if (psf->stars == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < n; i++)
+        if (stars[i].kept) {
+            psf->stars[psf->nstars][0] = stars[i].fit.x;
+            psf->stars[psf->nstars++][1] = stars[i].fit.y;
+        }
+    snprintf(psf->description, sizeof psf->description,
+             "AUTO: elliptical Moffat FWHM %.3f +- %.3f px, beta %.2f, ellipticity %.3f, from %d of %d "
+             "candidate stars",
+             fwhm, psf->fwhm_error, beta, psf->ellipticity, psf->nstars, candidates);
+    *dst = psf;
+    psf = NULL;
+exit:
+    rx_psf_free(psf);
+    return status;
+}
+
+static void tell_stars(const fitted_star *stars, int n, rx_log *log)
+{
+    for (int i = 0; i < n; i++)
+        rx_log_detail(log, "PSF star at (%.2f,%.2f): FWHM %.3f px, ellipticity %.3f, chi2 %.2f: %s",
+                      stars[i].source->x + 1.0, stars[i].source->y + 1.0, stars[i].fwhm,
+                      rx_moffat_fit_ellipticity(&stars[i].fit), stars[i].chi2,
+                      stars[i].kept ? "used" : "left out");
+}
+
+static rx_status fit_all(const scene *sc, const rx_star_list *list, fitted_star *stars,
+                         double shape[RX_MOFFAT_SHAPE], rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < list->n && status == RX_OK; i++) {
+        status = cut_out(sc, &sc->sources->list[list->list[i].source], &stars[i], err);
+        if (status == RX_OK)
+            status = fit_star(sc, shape, &stars[i], err);
+    }
+    if (status == RX_OK)
+        status = reject_outliers(stars, list->n, err);
+    if (status == RX_OK)
+        status = median_shape(stars, list->n, shape, err);
+    return status;
+}
+
+rx_status rx_psf_estimate(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
+                          const rx_sources *sources, rx_log *log, rx_psf **dst, rx_error *err)
+{
+    rx_star_list list;
+    fitted_star *stars = NULL;
+    double shape[RX_MOFFAT_SHAPE];
+    int needed = par->min_stars > 1 ? par->min_stars : 1;
+    *dst = NULL;
+    rx_status status =
+        rx_stars_select(par, tile, background, sources, needed > 7 ? 2 * needed : 15, &list, err);
+    if (status != RX_OK)
+        return status;
+    if (list.n < needed) {
+        status = too_few(par, tile, list.n, err);
+        goto exit;
+    }
+    stars = RX_NEW(fitted_star, list.n);
+    if (stars == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    scene sc = {
+        .tile = tile, .background = background, .sources = sources, .radius = fmax(6.0 * list.radius, 5.0)};
+    rx_moffat_shape(1.9 * list.radius, 4.0, 1.0, 0.0, shape);
+    status = fit_all(&sc, &list, stars, shape, err);
+    if (status != RX_OK)
+        goto exit;
+    tell_stars(stars, list.n, log);
+    if (count_kept(stars, list.n) < needed) {
+        status = too_few(par, tile, count_kept(stars, list.n), err);
+        goto exit;
+    }
+    status = fit_joint(stars, list.n, shape, err);
+    if (status == RX_OK)
+        status = build(par, &sc, shape, stars, list.n, list.candidates, dst, err);
+exit:
+    for (int i = 0; stars != NULL && i < list.n; i++) {
+        rx_moffat_pixels_free(&stars[i].pixels);
+        free(stars[i].noise);
+    }
+    free(stars);
+    rx_stars_free(&list);
+    return status;
+}
