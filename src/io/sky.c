@@ -87,15 +87,15 @@ static void from_pole(double lon, double lat, double node, double dst[3][3])
 
 static void galactic(double dst[3][3])
 {
-    from_pole(192.85948120833, 27.12825119444, 122.93191857, dst);
+    from_pole(192.8594812065348, 27.12825118085622, 122.9319185680026, dst);
 }
 
 rx_sky_frame rx_sky_frame_of(const char *type, const char *radesys, double equinox)
 {
     rx_sky_frame frame = {.known = 1};
-    double b1950_to_j2000[3][3] = {{0.9999256782, -0.0111820611, -0.0048579477},
-                                   {0.0111820610, 0.9999374784, -0.0000271765},
-                                   {0.0048579479, -0.0000271474, 0.9999881997}};
+    double b1950_to_j2000[3][3] = {{0.9999256794956877, -0.0111814832204662, -0.0048590038153592},
+                                   {0.0111814832391717, 0.9999374848933135, -0.0000271625947142},
+                                   {0.0048590037723143, -0.0000271702937440, 0.9999881946023742}};
     int fk4 = strncmp(radesys, "FK4", 3) == 0 || (radesys[0] == '\0' && equinox > 0 && equinox < 1984);
     int icrs = strcmp(radesys, "ICRS") == 0 || strcmp(radesys, "GAPPT") == 0;
     rotation(0, 0, frame.matrix);

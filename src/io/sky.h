@@ -2,8 +2,8 @@
  *
  * ICRS and FK5 at J2000 are held for the same (they differ by 0.02 arcsec). Rotations:
  * precession IAU 1976 (Lieske 1979, A&A 73, 282) for FK5 of another equinox, FK4 by Newcomb's
- * precession to B1950, removal of the E-terms and the B1950-J2000 matrix of Standish
- * (1982, A&A 115, 20) for the epoch 1950, good to 0.1 arcsec or so per decade from it;
+ * precession to B1950, removal of the E-terms and the B1950-J2000 matrix of Murray
+ * (1989, A&A 218, 325, eq. 28) for the epoch 1950 and no proper motion;
  * Galactic: pole and node at J2000 after Liu, Zhu and Zhang (2011, A&A 526, A16); ecliptic:
  * obliquity IAU 1976; supergalactic: pole at l = 47.37, b = 6.32 (RC3). Angles in degrees.
  */

@@ -5,6 +5,7 @@
 #include <wcslib/wcsfix.h>
 #include <wcslib/wcshdr.h>
 
+#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -55,6 +56,20 @@ static void set_ctype(char *cards, size_t ncards, int axis, const char *value)
     if (i >= 0 && !text.failed)
         memcpy(cards + i * CARD, text.data, CARD);
     rx_text_free(&text);
+}
+
+/* wcslib 7.12 stops reading a number at the D of a Fortran exponent (1.0D-6 becomes 1.0). */
+static void repair_exponents(char *cards, size_t ncards)
+{
+    for (size_t i = 0; i < ncards; i++) {
+        char *card = cards + i * CARD;
+        if (strncmp(card + 8, "= ", 2) != 0)
+            continue;
+        for (int j = 11; j < CARD && card[j] != '\'' && card[j] != '/'; j++)
+            if ((card[j] == 'D' || card[j] == 'd') &&
+                (isdigit((unsigned char)card[j - 1]) || card[j - 1] == '.'))
+                card[j] = 'E';
+    }
 }
 
 /* SCAMP and others write polynomial coefficients PVi_m with plain TAN; as SExtractor does, they are
@@ -114,6 +129,19 @@ static int take_axes(struct wcsprm *list, int n, rx_wcs *dst)
     return -1;
 }
 
+/* Determinant of the linear part is no usable number; asked first, because wcslib 7.12 leaks memory
+ * when it meets a singular matrix more than once. */
+static int is_singular(struct wcsprm *prm)
+{
+    cdfix(prm);
+    int is_cd = (prm->altlin & 2) && !(prm->altlin & 1);
+    const double *m = is_cd ? prm->cd : prm->pc;
+    double det = m[0] * m[3] - m[1] * m[2];
+    if (!is_cd)
+        det *= prm->cdelt[0] * prm->cdelt[1];
+    return !isfinite(det) || det == 0;
+}
+
 /* At least one of centre and corners must have sky coordinates. */
 static int is_usable(rx_wcs *wcs, int width, int height)
 {
@@ -157,6 +185,10 @@ static rx_status set_up(char *cards, size_t ncards, int width, int height, rx_wc
         *why = "no celestial coordinates in the header";
         goto exit;
     }
+    if (is_singular(&wcs->prm)) {
+        *why = "the matrix of the linear transformation is singular";
+        goto exit;
+    }
     wcsfix(0, naxis, &wcs->prm, stat);
     failed = wcsset(&wcs->prm);
     if (failed) {
@@ -194,6 +226,7 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     if (copy == NULL)
         return rx_error_memory(err, ncards * CARD);
     memcpy(copy, cards, ncards * CARD);
+    repair_exponents(copy, ncards);
     repair_distortion(copy, ncards, note, note_size);
     rx_status status = set_up(copy, ncards, width, height, dst, note, note_size, &why, err);
     if (status == RX_OK && *dst == NULL) {

@@ -1,0 +1,340 @@
+/* World coordinates: against astropy on real headers, against formulas on small ones. */
+#include "io_test.h"
+
+#include <math.h>
+
+#include "io/tile.h"
+#include "io/wcs.h"
+
+static const double DEGREE = 0.017453292519943295769;
+
+static double distance(double lon1, double lat1, double lon2, double lat2)
+{
+    double a = sin((lat2 - lat1) / 2 * DEGREE), b = sin((lon2 - lon1) / 2 * DEGREE);
+    return 2 * asin(sqrt(a * a + cos(lat1 * DEGREE) * cos(lat2 * DEGREE) * b * b)) / DEGREE;
+}
+
+static rx_wcs *from_lines(const char *lines, int width, int height, char note[256])
+{
+    rx_text cards = {0};
+    rx_wcs *wcs = NULL;
+    rx_error err = RX_ERROR_NONE;
+    cards_from(lines, &cards);
+    assert_int_equal(rx_wcs_from_cards(cards.data, cards.length / 80, width, height, &wcs, note, 256, &err),
+                     RX_OK);
+    rx_text_free(&cards);
+    return wcs;
+}
+
+/* --- real headers --- */
+
+struct expected {
+    const char *file;
+    int hdu;
+    double x, y, lon, lat, ra, dec;
+};
+
+static const struct expected EXPECTED[] = {
+#include "wcs_expected.inc"
+};
+
+static void check_real(const char *folder, const struct expected *e)
+{
+    char path[1024];
+    rx_tile *tile = NULL;
+    rx_error err = RX_ERROR_NONE;
+    const rx_tile_params par = {.weight_threshold = NAN};
+    double lon, lat, ra, dec, x, y;
+    snprintf(path, sizeof path, "%s/%s", folder, e->file);
+    assert_int_equal(rx_tile_read(&par, path, e->hdu, 1, NULL, &tile, &err), RX_OK);
+    assert_non_null(tile->wcs);
+    rx_wcs_to_sky(tile->wcs, 1, &e->x, &e->y, &lon, &lat, &ra, &dec);
+    if (distance(lon, lat, e->lon, e->lat) > 1e-9 || distance(ra, dec, e->ra, e->dec) > 1e-9)
+        print_message("%s: off by %g deg, %g deg\n", e->file, distance(lon, lat, e->lon, e->lat),
+                      distance(ra, dec, e->ra, e->dec));
+    assert_true(distance(lon, lat, e->lon, e->lat) < 1e-9);
+    assert_true(distance(ra, dec, e->ra, e->dec) < 1e-9);
+    rx_wcs_to_pixel(tile->wcs, 1, &e->ra, &e->dec, &x, &y);
+    assert_true(fabs(x - e->x) < 1e-5 && fabs(y - e->y) < 1e-5);
+    rx_tile_free(tile);
+}
+
+static void test_real_headers(void **state)
+{
+    (void)state;
+    const char *folder = real_data();
+    if (folder == NULL)
+        skip();
+    for (size_t i = 0; i < sizeof EXPECTED / sizeof EXPECTED[0]; i++)
+        check_real(folder, &EXPECTED[i]);
+}
+
+/* A section of a tile shows the same sky. */
+static void test_sections(void **state)
+{
+    (void)state;
+    static const char *const files[] = {"wcs/tpv.fits.gz", "wcs/sipsample.fits", "wcs/tnx.fits",
+                                        "fields/M6707HH.fits", "fields/spitzer_example_image.fits"};
+    const char *folder = real_data();
+    if (folder == NULL)
+        skip();
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+        char path[1024], part[1100];
+        rx_tile *whole = NULL, *cut = NULL;
+        const rx_tile_params par = {.weight_threshold = NAN};
+        double x = 130, y = 95, xc = x - 100, yc = y - 50, ra, dec, ra_cut, dec_cut;
+        snprintf(path, sizeof path, "%s/%s", folder, files[i]);
+        snprintf(part, sizeof part, "%s[0][101:160,51:120]", path);
+        assert_int_equal(rx_tile_read(&par, path, 0, 1, NULL, &whole, NULL), RX_OK);
+        assert_int_equal(rx_tile_read(&par, part, 0, 1, NULL, &cut, NULL), RX_OK);
+        assert_int_equal(cut->width, 60);
+        assert_int_equal(cut->height, 70);
+        size_t at = (size_t)y * (size_t)whole->width + (size_t)x;
+        assert_true(cut->pixels[(size_t)yc * 60 + (size_t)xc] == whole->pixels[at]);
+        rx_wcs_to_sky(whole->wcs, 1, &x, &y, NULL, NULL, &ra, &dec);
+        rx_wcs_to_sky(cut->wcs, 1, &xc, &yc, NULL, NULL, &ra_cut, &dec_cut);
+        assert_true(distance(ra, dec, ra_cut, dec_cut) < 1e-9);
+        rx_tile_free(whole);
+        rx_tile_free(cut);
+    }
+}
+
+/* --- formulas --- */
+
+#define TAN_HEADER(type)                                                                                     \
+    "NAXIS   =                    2\nNAXIS1  =                 1000\nNAXIS2  =                  800\n"       \
+    "CTYPE1  = 'RA---" type "'\nCTYPE2  = 'DEC--" type "'\nCRVAL1  =  150.25\nCRVAL2  =  2.5\n"              \
+    "CRPIX1  =  500.5\nCRPIX2  =  400.5\nCD1_1   =  -5.5E-5\nCD1_2   =  1.0D-6\nCD2_1   =  1.2E-6\n"         \
+    "CD2_2   =  5.4E-5\nRADESYS = 'ICRS'\n"
+
+/* Gnomonic projection by hand (Calabretta and Greisen 2002, 5.1.3): xi, eta in degrees. */
+static void gnomonic(double xi, double eta, double *ra, double *dec)
+{
+    double a0 = 150.25 * DEGREE, d0 = 2.5 * DEGREE, x = xi * DEGREE, y = eta * DEGREE;
+    double w = cos(d0) - y * sin(d0);
+    *ra = (a0 + atan2(x, w)) / DEGREE;
+    *dec = atan2(sin(d0) + y * cos(d0), hypot(w, x)) / DEGREE;
+}
+
+static void linear(double x, double y, double *xi, double *eta)
+{
+    double u = x + 1 - 500.5, v = y + 1 - 400.5;
+    *xi = -5.5e-5 * u + 1e-6 * v;
+    *eta = 1.2e-6 * u + 5.4e-5 * v;
+}
+
+static void check_against(rx_wcs *wcs, void (*model)(double, double, double *, double *))
+{
+    for (int i = 0; i < 30; i++) {
+        double x = -50 + 37.7 * i, y = 820 - 29.3 * i, xi, eta, ra0, dec0, ra, dec, back_x, back_y;
+        model(x, y, &xi, &eta);
+        gnomonic(xi, eta, &ra0, &dec0);
+        rx_wcs_to_sky(wcs, 1, &x, &y, NULL, NULL, &ra, &dec);
+        assert_true(distance(ra, dec, ra0, dec0) < 1e-11);
+        rx_wcs_to_pixel(wcs, 1, &ra, &dec, &back_x, &back_y);
+        assert_true(hypot(back_x - x, back_y - y) < 1e-6);
+    }
+}
+
+static void test_tan(void **state)
+{
+    (void)state;
+    char note[256];
+    double m[4];
+    rx_wcs *wcs = from_lines(TAN_HEADER("TAN"), 1000, 800, note);
+    assert_non_null(wcs);
+    assert_string_equal(note, "");
+    check_against(wcs, linear);
+    rx_wcs_matrix(wcs, 499.5, 399.5, m); /* at the reference pixel: CD itself */
+    assert_true(fabs(m[0] + 5.5e-5) < 1e-12 && fabs(m[1] - 1e-6) < 1e-12);
+    assert_true(fabs(m[2] - 1.2e-6) < 1e-12 && fabs(m[3] - 5.4e-5) < 1e-12);
+    assert_true(fabs(rx_wcs_pixel_scale(wcs, 499.5, 399.5) - 3600 * sqrt(5.5e-5 * 5.4e-5 + 1.2e-12)) < 1e-6);
+    rx_wcs_free(wcs);
+}
+
+#define PV_CARDS                                                                                             \
+    "PV1_0   =  1.0E-5\nPV1_1   =  1.001\nPV1_2   = -2.0E-4\nPV1_4   =  0.03\nPV1_7   =  1.5\n"              \
+    "PV2_0   = -2.0E-5\nPV2_1   =  0.999\nPV2_2   =  1.0E-4\nPV2_6   =  0.02\nPV2_7   =  -0.5\n"
+
+/* TPV: xi' = PV1_0 + PV1_1 xi + PV1_2 eta + PV1_4 xi^2 + PV1_7 xi^3; eta' with the roles exchanged. */
+static void tpv(double x, double y, double *xi, double *eta)
+{
+    double a, b;
+    linear(x, y, &a, &b);
+    *xi = 1e-5 + 1.001 * a - 2e-4 * b + 0.03 * a * a + 1.5 * a * a * a;
+    *eta = -2e-5 + 0.999 * b + 1e-4 * a + 0.02 * a * a - 0.5 * b * b * b;
+}
+
+static void test_tpv_and_scamp(void **state)
+{
+    (void)state;
+    char note[256];
+    rx_wcs *wcs = from_lines(TAN_HEADER("TPV") PV_CARDS, 1000, 800, note);
+    assert_non_null(wcs);
+    check_against(wcs, tpv);
+    rx_wcs_free(wcs);
+    wcs = from_lines(TAN_HEADER("TAN") PV_CARDS, 1000, 800, note);
+    assert_non_null(wcs);
+    assert_non_null(strstr(note, "TPV"));
+    check_against(wcs, tpv);
+    rx_wcs_free(wcs);
+}
+
+#define SIP_CARDS                                                                                            \
+    "A_ORDER =  2\nB_ORDER =  2\nA_2_0   =  2.0E-6\nA_1_1   = -1.0E-6\nB_0_2   =  3.0E-6\nB_2_0   =  "       \
+    "1.0E-6\n"
+
+static void sip(double x, double y, double *xi, double *eta)
+{
+    double u = x + 1 - 500.5, v = y + 1 - 400.5;
+    double f = u + 2e-6 * u * u - 1e-6 * u * v, g = v + 3e-6 * v * v + 1e-6 * u * u;
+    *xi = -5.5e-5 * f + 1e-6 * g;
+    *eta = 1.2e-6 * f + 5.4e-5 * g;
+}
+
+static void test_sip(void **state)
+{
+    (void)state;
+    static const char *const headers[] = {TAN_HEADER("TAN-SIP") SIP_CARDS, TAN_HEADER("TAN") SIP_CARDS,
+                                          TAN_HEADER("TAN-SIP") SIP_CARDS PV_CARDS};
+    static const char *const notes[] = {"", "lacks -SIP", "PV coefficients beside SIP"};
+    for (int i = 0; i < 3; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
+        assert_non_null(wcs);
+        assert_non_null(strstr(note, notes[i]));
+        check_against(wcs, sip);
+        rx_wcs_free(wcs);
+    }
+}
+
+/* A place far away must not fold back into the image by its polynomial. */
+static void test_far_away(void **state)
+{
+    (void)state;
+    char note[256];
+    rx_wcs *wcs = from_lines(TAN_HEADER("TPV") PV_CARDS, 1000, 800, note);
+    double ra[4] = {330.25, 151.25, 150.25, 149.0}, dec[4] = {-2.5, 2.5, 3.9, 80}, x[4], y[4];
+    assert_non_null(wcs);
+    rx_wcs_to_pixel(wcs, 4, ra, dec, x, y);
+    for (int i = 0; i < 4; i++)
+        assert_false(x[i] > -1 && x[i] < 1000 && y[i] > -1 && y[i] < 800);
+    assert_true(isnan(x[0]));
+    rx_wcs_free(wcs);
+}
+
+/* --- frames: numbers by astropy 5.2 (SkyCoord.transform_to(FK5("J2000"))) --- */
+
+static void check_frame(const char *lon_type, const char *lat_type, const char *more, double lon, double lat,
+                        double ra0, double dec0)
+{
+    char lines[1024], note[256];
+    double x = 49.5, y = 49.5, native[2], ra, dec, back_x, back_y;
+    snprintf(
+        lines, sizeof lines,
+        "CTYPE1  = '%s'\nCTYPE2  = '%s'\nCRVAL1  = %.1f\nCRVAL2  = %.1f\nCRPIX1  = 50.5\nCRPIX2  = 50.5\n"
+        "CDELT1  = -0.0001\nCDELT2  = 0.0001\n%s",
+        lon_type, lat_type, lon, lat, more);
+    rx_wcs *wcs = from_lines(lines, 100, 100, note);
+    assert_non_null(wcs);
+    rx_wcs_to_sky(wcs, 1, &x, &y, &native[0], &native[1], &ra, &dec);
+    assert_true(distance(native[0], native[1], lon, lat) < 1e-12);
+    if (distance(ra, dec, ra0, dec0) > 1e-8)
+        print_message("%s %s: off by %g arcsec\n", lon_type, more, 3600 * distance(ra, dec, ra0, dec0));
+    assert_true(distance(ra, dec, ra0, dec0) < 1e-8);
+    rx_wcs_to_pixel(wcs, 1, &ra, &dec, &back_x, &back_y);
+    assert_true(hypot(back_x - x, back_y - y) < 1e-5);
+    rx_wcs_free(wcs);
+}
+
+static void test_frames(void **state)
+{
+    (void)state;
+    check_frame("RA---TAN", "DEC--TAN", "", 45, -60, 45, -60);
+    check_frame("RA---TAN", "DEC--TAN", "RADESYS = 'FK5'\nEQUINOX = 2000.0", 45, -60, 45, -60);
+    check_frame("RA---TAN", "DEC--TAN", "EQUINOX = 1991.25", 45, -60, 45.05245331, -59.96556779);
+    check_frame("RA---TAN", "DEC--TAN", "EQUINOX = 1950.0", 120, 35, 120.808253156211, 34.859123751486);
+    check_frame("RA---TAN", "DEC--TAN", "EPOCH   = 1950.0", 120, 35, 120.808253156211, 34.859123751486);
+    check_frame("RA---TAN", "DEC--TAN", "RADESYS = 'FK4-NO-E'\nEQUINOX = 1950.0", 120, 35, 120.808362451603,
+                34.859099165582);
+    check_frame("GLON-TAN", "GLAT-TAN", "", 10, 20, 254.284950622924, -9.782224135720);
+    check_frame("SLON-TAN", "SLAT-TAN", "", 10, 20, 355.993033977111, 73.774158971708);
+}
+
+/* By definition of the frame: ecliptic pole and equinox; FK4 of an equinox other than B1950
+ * against astropy within its slightly different precession. */
+static void test_frames_loosely(void **state)
+{
+    (void)state;
+    char note[256];
+    double x = 49.5, y = 49.5, ra, dec;
+    rx_wcs *wcs =
+        from_lines("CTYPE1  = 'ELON-CAR'\nCTYPE2  = 'ELAT-CAR'\nCRVAL1  = 90\nCRVAL2  = 0\nCRPIX1  = 50.5\n"
+                   "CRPIX2  = 50.5\nCDELT1  = -0.0001\nCDELT2  = 0.0001\nEQUINOX = 2000",
+                   100, 100, note);
+    assert_non_null(wcs);
+    rx_wcs_to_sky(wcs, 1, &x, &y, NULL, NULL, &ra, &dec);
+    assert_true(distance(ra, dec, 90, 84381.448 / 3600) < 1e-9);
+    rx_wcs_free(wcs);
+    wcs = from_lines(
+        "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 300\nCRVAL2  = -75\nCRPIX1  = 50.5\n"
+        "CRPIX2  = 50.5\nCDELT1  = -0.0001\nCDELT2  = 0.0001\nEQUINOX = 1975\nRADESYS = 'FK4'",
+        100, 100, note);
+    assert_non_null(wcs);
+    assert_non_null(strstr(note, "FK4"));
+    rx_wcs_to_sky(wcs, 1, &x, &y, NULL, NULL, &ra, &dec);
+    assert_true(distance(ra, dec, 300.768004866626, -74.929545948449) < 0.02 / 3600);
+    rx_wcs_free(wcs);
+}
+
+/* --- what cannot be used --- */
+
+static void test_unusable(void **state)
+{
+    (void)state;
+    static const char *const headers[] = {
+        "NAXIS   = 2\nEXPTIME = 3.0",
+        "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 1.0\nCRVAL2  = 1.0",
+        "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10.0\nCRVAL2  = 10.0\nCD1_1   = 0.0\nCD1_2   "
+        "= 0.0\n"
+        "CD2_1   = 1.0\nCD2_2   = 1.0",
+        "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--SIN'\nCRVAL1  = 10.0\nCRVAL2  = 10.0",
+        "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'FREQ'\nCRVAL1  = 10.0\nCRVAL2  = 10.0",
+        "CTYPE1  = 'RA---XYZ'\nCTYPE2  = 'DEC--XYZ'\nCRVAL1  = 10.0\nCRVAL2  = 10.0",
+        "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10.0\nCRVAL2  = 1000.0",
+    };
+    for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(headers[i], 100, 100, note);
+        assert_null(wcs);
+        assert_non_null(strstr(note, "no world coordinates"));
+    }
+    rx_wcs *wcs = NULL;
+    assert_int_equal(rx_wcs_from_cards(NULL, 0, 10, 10, &wcs, NULL, 0, NULL), RX_OK);
+    assert_null(wcs);
+}
+
+static void test_linear(void **state)
+{
+    (void)state;
+    rx_text cards = {0};
+    double map[6];
+    cards_from("CRVAL1  = 10.0\nCRVAL2  = 20.0\nCRPIX1  = 3.0\nCRPIX2  = 1.0\nCDELT1  = 0.5\nCDELT2  = 2.0",
+               &cards);
+    assert_int_equal(rx_wcs_linear(cards.data, cards.length / 80, map), 1);
+    assert_true(map[0] == 9 && map[1] == 0.5 && map[2] == 0 && map[3] == 20 && map[4] == 0 && map[5] == 2);
+    assert_int_equal(rx_wcs_linear(cards.data, 1, map), 0);
+    rx_text_free(&cards);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_real_headers), cmocka_unit_test(test_sections),
+        cmocka_unit_test(test_tan),          cmocka_unit_test(test_tpv_and_scamp),
+        cmocka_unit_test(test_sip),          cmocka_unit_test(test_far_away),
+        cmocka_unit_test(test_frames),       cmocka_unit_test(test_frames_loosely),
+        cmocka_unit_test(test_unusable),     cmocka_unit_test(test_linear),
+    };
+    return cmocka_run_group_tests_name("world coordinates", tests, NULL, NULL);
+}
