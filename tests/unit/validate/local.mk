@@ -1,0 +1,17 @@
+check_PROGRAMS += \
+	tests/unit/validate/test_binomial \
+	tests/unit/validate/test_completeness \
+	tests/unit/validate/test_escape \
+	tests/unit/validate/test_gates \
+	tests/unit/validate/test_match \
+	tests/unit/validate/test_metrics \
+	tests/unit/validate/test_pr \
+	tests/unit/validate/test_report
+tests_unit_validate_test_binomial_SOURCES = tests/unit/validate/test_binomial.c tests/unit/validate/near.h
+tests_unit_validate_test_completeness_SOURCES = tests/unit/validate/test_completeness.c tests/unit/validate/near.h
+tests_unit_validate_test_escape_SOURCES = tests/unit/validate/test_escape.c
+tests_unit_validate_test_gates_SOURCES = tests/unit/validate/test_gates.c tests/unit/validate/near.h
+tests_unit_validate_test_match_SOURCES = tests/unit/validate/test_match.c
+tests_unit_validate_test_metrics_SOURCES = tests/unit/validate/test_metrics.c tests/unit/validate/near.h
+tests_unit_validate_test_pr_SOURCES = tests/unit/validate/test_pr.c tests/unit/validate/near.h
+tests_unit_validate_test_report_SOURCES = tests/unit/validate/test_report.c
