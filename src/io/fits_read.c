@@ -107,7 +107,7 @@ exit:
 /* HDU numbers of the tables that count; LDAC_OBJECTS alone where there are any. */
 static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdus, int *n, rx_error *err)
 {
-    int count = rx_fits_name_selects(name) ? 1 : rx_fits_count(file, NULL), ldac = 0;
+    int count = rx_fits_name_selects(name) ? 1 : rx_fits_count(file, NULL), ldac = 0, filled = 0;
     int *list = RX_NEW(int, (size_t)count);
     *n = 0;
     *hdus = list;
@@ -131,10 +131,14 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
             fits_get_num_cols(file, &columns, &failed);
             fits_clear_errmsg();
             int is_ldac = strcmp(extname, "LDAC_OBJECTS") == 0;
-            if (pass == 0)
+            if (failed || columns < 1)
+                continue;
+            if (pass == 0) {
                 ldac += is_ldac;
-            else if (!failed && (ldac > 0 ? is_ldac : rows > 0 && columns > 0))
-                list[(*n)++] = i;
+                filled += rows > 0;
+            } else if (ldac > 0 ? is_ldac : rows > 0 || filled == 0) {
+                list[(*n)++] = i; /* a catalogue without a source is a catalogue */
+            }
         }
     return RX_OK;
 }
@@ -456,7 +460,7 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
     *dst = NULL;
     rx_status status = open_tables(name, &parsed, &file, &hdus, &n, err);
     if (status == RX_OK && (index < 0 || index >= n))
-        status = n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table with rows")
+        status = n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table")
                         : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
                                       n, index + 1);
     if (status == RX_OK)

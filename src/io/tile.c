@@ -152,14 +152,16 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
 
 /* --- pixels --- */
 
-/* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every NaN counts alike. */
-static void digest(const float *pixels, size_t n, char *dst, size_t size)
+/* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every masked pixel counts as NaN,
+ * for its value must not reach any output. */
+static void digest(const rx_tile *tile, char *dst, size_t size)
 {
     uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    size_t n = (size_t)tile->width * (size_t)tile->height;
     for (size_t i = 0; i < n; i++) {
         uint32_t bits = UINT32_C(0x7fc00000);
-        if (!isnan(pixels[i]))
-            memcpy(&bits, &pixels[i], sizeof bits);
+        if (tile->mask[i] == 0)
+            memcpy(&bits, &tile->pixels[i], sizeof bits);
         for (int shift = 0; shift < 32; shift += 8)
             hash = (hash ^ (bits >> shift & 0xff)) * UINT64_C(0x100000001b3);
     }
@@ -177,7 +179,6 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile
         rx_fits_read_pixels(file, tile->name, tile->hdu, place->first, place->last, tile->pixels, err);
     if (status != RX_OK)
         return status;
-    digest(tile->pixels, n, tile->checksum, sizeof tile->checksum);
     for (size_t i = 0; i < n; i++) {
         if (isnan(tile->pixels[i])) {
             tile->pixels[i] = 0.f;
@@ -331,6 +332,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
         status = rx_tile_add_flags(par, &place, tile, err);
     if (status != RX_OK)
         goto exit;
+    digest(tile, tile->checksum, sizeof tile->checksum);
     *dst = tile;
     tile = NULL;
 exit:

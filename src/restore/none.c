@@ -11,7 +11,6 @@
 rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                       const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
 {
-    (void)par;
     (void)log;
     *dst = NULL;
     const double begun = rx_seconds();
@@ -32,8 +31,9 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const r
         rx_restored_free(restored);
         return rx_error_memory(err, 2 * n * sizeof(float));
     }
+    const int hide = RX_MASK_BAD | RX_MASK_WEIGHT | (par->mask_saturated ? RX_MASK_SATURATED : 0);
     for (size_t k = 0; k < n; k++) {
-        restored->mask[k] = tile->mask[k] & (RX_MASK_BAD | RX_MASK_WEIGHT);
+        restored->mask[k] = (uint8_t)(tile->mask[k] & hide);
         restored->pixels[k] = restored->mask[k] != 0 ? 0 : tile->pixels[k] - background->level[k];
     }
     memcpy(restored->sigma, background->sigma, n * sizeof *restored->sigma);

@@ -21,7 +21,7 @@ typedef struct rx_restore_params {
     double rl_pedestal;      /* RL_PEDESTAL */
     int blind_cycles;        /* RL_BLIND_CYCLES */
     int blind_psf_niter;     /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
-    int mask_saturated;      /* saturated pixels are masked for restorers other than NONE */
+    int mask_saturated;      /* saturated pixels are masked, in every kind */
     int keep_reblurred;      /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int nthreads;
 } rx_restore_params;

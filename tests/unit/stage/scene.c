@@ -9,6 +9,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "base/random.h"
@@ -82,6 +83,7 @@ void scene_write(const char *path, const float *pixels, int width, int height)
     rx_card_number(&cards, "CD1_2", 0.0, "deg");
     rx_card_number(&cards, "CD2_1", 0.0, "deg");
     rx_card_number(&cards, "CD2_2", 1e-4, "deg");
+    unlink(path);
     assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
     assert_int_equal(
         rx_fits_image(writer, pixels, width, height, "", cards.data, cards.length / 80, NULL, 0, NULL),
@@ -107,6 +109,7 @@ void scene_write_truth(const char *path, const scene *scene)
         for (int i = 0; i < scene->nstars; i++)
             data[i] = c < 2 ? scene->stars[i][c] + 1.0 : 25.0 - 2.5 * log10(scene->stars[i][2]);
     }
+    unlink(path);
     assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
     assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
