@@ -3,6 +3,7 @@
 
 #include "catalog/cell.h"
 #include "catalog/writers.h"
+#include "io/fits_read.h"
 
 /* Text and attribute values; what is not printable ASCII (datatype char) becomes '?'. */
 static void add_xml(rx_text *dst, const char *text)
@@ -110,21 +111,34 @@ static void add_row(rx_text *dst, const rx_table *table, long row, rx_text *cell
     dst->failed |= cell->failed;
 }
 
-static void add_record(rx_text *dst, const rx_record_pair *record, int npairs)
+static void add_param(rx_text *dst, const char *name, const char *value, const char *comment)
 {
-    for (int i = 0; i < npairs; i++) {
-        rx_text_add(dst, " <PARAM name=\"");
-        add_xml(dst, record[i].name);
-        rx_text_add(dst, "\" datatype=\"char\" arraysize=\"*\" value=\"");
-        add_xml(dst, record[i].value != NULL ? record[i].value : "");
-        rx_text_add(dst, "\"");
-        if (record[i].comment != NULL && record[i].comment[0] != '\0') {
-            rx_text_add(dst, "><DESCRIPTION>");
-            add_xml(dst, record[i].comment);
-            rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
-        } else {
-            rx_text_add(dst, "/>\n");
-        }
+    rx_text_add(dst, "  <PARAM name=\"");
+    add_xml(dst, name);
+    rx_text_add(dst, "\" datatype=\"char\" arraysize=\"*\" value=\"");
+    add_xml(dst, value != NULL ? value : "");
+    rx_text_add(dst, "\"");
+    if (comment != NULL && comment[0] != '\0') {
+        rx_text_add(dst, "><DESCRIPTION>");
+        add_xml(dst, comment);
+        rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
+    } else {
+        rx_text_add(dst, "/>\n");
+    }
+}
+
+/* The keywords among the table's own cards. */
+static void add_facts(rx_text *dst, const rx_table *table)
+{
+    for (long i = 0; table->facts != NULL && i < table->nfacts; i++) {
+        const char *card = table->facts + 80 * i;
+        char name[9], value[512];
+        if (card[8] != '=')
+            continue;
+        snprintf(name, sizeof name, "%.8s", card);
+        name[strcspn(name, " ")] = '\0';
+        if (rx_cards_text(card, table->nfacts - i, name, value, sizeof value))
+            add_param(dst, name, value, NULL);
     }
 }
 
@@ -144,6 +158,7 @@ static rx_status write_table(FILE *file, const rx_table *table, int number, rx_t
     rx_text_printf(text, " <TABLE ID=\"table%d\" name=\"", number);
     add_xml(text, table->name);
     rx_text_printf(text, "\" nrows=\"%ld\">\n", table->nrows);
+    add_facts(text, table);
     for (int i = 0; i < table->ncolumns; i++)
         add_field(text, &table->columns[i]);
     rx_text_add(text, "  <DATA><TABLEDATA>\n");
@@ -164,7 +179,8 @@ rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_
                        "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                        "<RESOURCE type=\"results\">\n"
                        " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
-    add_record(&text, record, npairs);
+    for (int i = 0; i < npairs; i++)
+        add_param(&text, record[i].name, record[i].value, record[i].comment);
     rx_status status = RX_OK;
     for (int i = 0; i < n && status == RX_OK; i++)
         status = write_table(file, tables[i], i + 1, &text, &cell, err);

@@ -1,0 +1,351 @@
+/* Every catalogue type: bytes of the text ones, what readers get back, what astropy and xmllint say. */
+#include "scene.h"
+
+#include <locale.h>
+#include <sys/stat.h>
+
+#include "io/fits_read.h"
+#include "io/fits_write.h"
+
+static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
+                                        {"DETECT_MINAREA", "5", "pixels above threshold"},
+                                        {"FILTER", "Y", NULL}};
+
+static const char param[] =
+    "NUMBER\nX_IMAGE\nALPHA_J2000\nDELTA_J2000\nFLUX_APER(3)\nMAG_AUTO\nFLAGS\nVIGNET(3,2)\n";
+
+static rx_status write_all(rx_catalog_type type, const char *path, rx_table **tables, int n, rx_error *err)
+{
+    rx_outputs *outputs = NULL;
+    rx_status status = rx_outputs_new(&outputs, err);
+    if (status == RX_OK)
+        status = rx_catalog_write(type, path, tables, n, record, 3, outputs, NULL, err);
+    if (status == RX_OK)
+        status = rx_outputs_commit(outputs, err);
+    rx_outputs_free(outputs);
+    return status;
+}
+
+static char *content(const char *path)
+{
+    char *data = NULL;
+    assert_int_equal(rx_text_read_file(path, 1 << 24, &data, NULL, NULL), RX_OK);
+    return data;
+}
+
+/* Two extensions of three and two rows. */
+typedef struct scene {
+    char folder[SCENE_PATH - 100], path[SCENE_PATH];
+    rx_table *tables[2];
+} scene;
+
+static void begin(scene *s, int first, int second)
+{
+    scene_folder(s->folder);
+    for (int i = 0; i < 2; i++) {
+        rx_sources *sources = scene_sources(i == 0 ? first : second);
+        s->tables[i] = scene_table(s->folder, param, sources);
+        rx_sources_free(sources);
+    }
+    scene_file(s->path, s->folder, "out.cat", NULL);
+}
+
+static void end(scene *s)
+{
+    rx_table_free(s->tables[0]);
+    rx_table_free(s->tables[1]);
+    scene_remove(s->folder);
+}
+
+static void ascii_head_is_laid_out_as_sextractors(void **state)
+{
+    (void)state;
+    scene s;
+    begin(&s, 1, 2);
+    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, s.path, s.tables, 2, NULL), RX_OK);
+    char *text = content(s.path);
+    const char *expected =
+        "#   1 NUMBER                 Number of the source, from 1 in each extension            \n"
+        "#   2 X_IMAGE                Barycentre, x                                              [pixel]\n"
+        "#   3 ALPHA_J2000            Right ascension of the barycentre (J2000)                  [deg]\n"
+        "#   4 DELTA_J2000            Declination of the barycentre (J2000)                      [deg]\n"
+        "#   5 FLUX_APER              Flux in the circles of PHOT_APERTURES                      [count]\n"
+        "#   8 MAG_AUTO               Magnitude in the elliptical Kron aperture                  [mag]\n"
+        "#   9 FLAGS                  Extraction flags (sum of 1 to 128)                        \n"
+        "#  10 VIGNET                 Pixels around the source, -1e30 where masked               [count]\n"
+        "         1     11.2500 150.1250000  -2.2500000          100          200          300  17.5000   0"
+        "       -1e+30       -1e+30       -1e+30       -1e+30       -1e+30       -1e+30\n";
+    assert_memory_equal(text, expected, strlen(expected));
+    const char *rest = text + strlen(expected);
+    int lines = 0;
+    for (const char *c = rest; *c != '\0'; c++)
+        lines += *c == '\n';
+    assert_int_equal(lines, 2); /* the other extension, no second head */
+    assert_memory_equal(rest, "         1 ", 11);
+    free(text);
+    end(&s);
+}
+
+static void ascii_is_the_same_without_head(void **state)
+{
+    (void)state;
+    scene s;
+    begin(&s, 2, 0);
+    assert_int_equal(write_all(RX_CATALOG_ASCII, s.path, s.tables, 1, NULL), RX_OK);
+    char *text = content(s.path);
+    assert_memory_equal(text, "         1     11.2500", 22);
+    assert_null(strchr(text, '#'));
+    free(text);
+    end(&s);
+}
+
+static void skycat_has_its_frame(void **state)
+{
+    (void)state;
+    scene s;
+    begin(&s, 2, 0);
+    assert_int_equal(write_all(RX_CATALOG_ASCII_SKYCAT, s.path, s.tables, 1, NULL), RX_OK);
+    char *text = content(s.path);
+    assert_memory_equal(text, "QueryResult\n\n# Config", 21);
+    assert_non_null(strstr(text, "\nid\tra\tdec\tmag\tFLUX_APER\tMAG_AUTO\tFLAGS\tVIGNET\n---"));
+    assert_non_null(strstr(text, "\n         1 \t    11.2500 \t"));
+    assert_string_equal(text + strlen(text) - 6, "\n[EOD]");
+    free(text);
+    end(&s);
+}
+
+static void same_numbers(const rx_table *a, const rx_table *b, double tolerance)
+{
+    assert_int_equal(a->nrows, b->nrows);
+    assert_int_equal(a->ncolumns, b->ncolumns);
+    for (int i = 0; i < a->ncolumns; i++) {
+        assert_string_equal(a->columns[i].name, b->columns[i].name);
+        assert_int_equal(rx_column_elements(&a->columns[i]), rx_column_elements(&b->columns[i]));
+        for (long row = 0; row < a->nrows; row++)
+            for (long e = 0; e < rx_column_elements(&a->columns[i]); e++)
+                assert_float_equal(rx_column_value(&a->columns[i], row, e),
+                                   rx_column_value(&b->columns[i], row, e), tolerance);
+    }
+}
+
+static void what_is_written_reads_back(void **state)
+{
+    (void)state;
+    static const struct {
+        rx_catalog_type type;
+        double tolerance;
+        int tables;
+    } types[] = {{RX_CATALOG_ASCII_HEAD, 6e-5, 1},
+                 {RX_CATALOG_VOTABLE, 0, 2},
+                 {RX_CATALOG_FITS_1_0, 0, 2},
+                 {RX_CATALOG_FITS_LDAC, 0, 2}};
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        scene s;
+        begin(&s, 3, 2);
+        assert_int_equal(write_all(types[i].type, s.path, s.tables, types[i].tables, NULL), RX_OK);
+        for (int k = 0; k < types[i].tables; k++) {
+            rx_table *back = NULL;
+            rx_error err = RX_ERROR_NONE;
+            assert_int_equal(rx_catalog_read(s.path, k, &back, &err), RX_OK);
+            same_numbers(s.tables[k], back, types[i].tolerance);
+            rx_table_free(back);
+        }
+        end(&s);
+    }
+}
+
+static void fits_keeps_the_record(void **state)
+{
+    (void)state;
+    scene s;
+    begin(&s, 1, 0);
+    rx_table *back = NULL;
+    char value[80];
+    assert_int_equal(write_all(RX_CATALOG_FITS_1_0, s.path, s.tables, 1, NULL), RX_OK);
+    assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+    assert_true(rx_cards_text(back->cards, back->ncards, "RXVERS", value, sizeof value));
+    assert_string_equal(value, "Rextract <&> \"test\"");
+    assert_false(rx_cards_text(back->cards, back->ncards, "FILTER", value, sizeof value));
+    int found = 0;
+    for (long i = 0; i < back->ncards; i++)
+        found += strncmp(back->cards + 80 * i, "HISTORY DETECT_MINAREA = 5 ", 27) == 0 ||
+                 strncmp(back->cards + 80 * i, "HISTORY FILTER = Y ", 19) == 0;
+    assert_int_equal(found, 2);
+    rx_table_free(back);
+    end(&s);
+}
+
+static void no_source_is_a_catalogue_too(void **state)
+{
+    (void)state;
+    for (int type = RX_CATALOG_ASCII; type <= RX_CATALOG_FITS_LDAC; type++) {
+        scene s;
+        struct stat info;
+        begin(&s, 0, 0);
+        assert_int_equal(write_all((rx_catalog_type)type, s.path, s.tables, 1, NULL), RX_OK);
+        assert_int_equal(stat(s.path, &info), 0);
+        rx_table *back = NULL;
+        if (type == RX_CATALOG_ASCII_HEAD || type == RX_CATALOG_VOTABLE) {
+            assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+            assert_int_equal(back->nrows, 0);
+            assert_int_equal(back->ncolumns, 8);
+        }
+        rx_table_free(back);
+        end(&s);
+    }
+}
+
+static void standard_output_takes_text_only(void **state)
+{
+    (void)state;
+    scene s;
+    begin(&s, 1, 0);
+    rx_error err = RX_ERROR_NONE;
+    FILE *out = tmpfile();
+    assert_non_null(out);
+    assert_int_equal(rx_catalog_write(RX_CATALOG_ASCII, "STDOUT", s.tables, 1, record, 3, NULL, out, NULL),
+                     RX_OK);
+    assert_true(ftell(out) > 100);
+    assert_int_equal(
+        rx_catalog_write(RX_CATALOG_FITS_LDAC, "STDOUT", s.tables, 1, record, 3, NULL, out, &err), RX_USAGE);
+    assert_int_equal(rx_catalog_write(RX_CATALOG_NONE, "any", s.tables, 1, record, 3, NULL, NULL, &err),
+                     RX_OK);
+    fclose(out);
+    FILE *full = fopen("/dev/full", "w");
+    if (full != NULL) {
+        assert_int_equal(
+            rx_catalog_write(RX_CATALOG_ASCII, "STDOUT", s.tables, 1, record, 3, NULL, full, &err),
+            RX_SYSTEM);
+        fclose(full);
+    }
+    end(&s);
+}
+
+static void a_decimal_comma_changes_nothing(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE.utf8"};
+    const char *found = NULL;
+    for (size_t i = 0; found == NULL && i < sizeof names / sizeof *names; i++)
+        found = setlocale(LC_ALL, names[i]);
+    if (found == NULL) {
+        print_message("no locale with a decimal comma is installed\n");
+        skip();
+    }
+    scene s;
+    begin(&s, 1, 0);
+    rx_table *back = NULL;
+    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, s.path, s.tables, 1, NULL), RX_OK);
+    char *text = content(s.path);
+    assert_non_null(strstr(text, "11.2500"));
+    assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+    assert_float_equal(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);
+    rx_table_free(back);
+    free(text);
+    setlocale(LC_ALL, "C");
+    end(&s);
+}
+
+/* All columns of columns.def, as astropy and xmllint see them. */
+static const char script[] =
+    "import sys, warnings\n"
+    "try:\n"
+    "    import numpy as np\n"
+    "    from astropy.io import fits\n"
+    "    from astropy.io.votable import parse\n"
+    "    from astropy import units\n"
+    "except ImportError:\n"
+    "    sys.exit(77)\n"
+    "warnings.simplefilter('error')\n"
+    "folder = sys.argv[1]\n"
+    "vo = list(parse(folder + '/all.vot', verify='exception').iter_tables())\n"
+    "assert len(vo) == 2\n"
+    "with fits.open(folder + '/all.fits', checksum=True) as f, fits.open(folder + '/all.ldac') as l:\n"
+    "    f.verify('exception'); l.verify('exception')\n"
+    "    assert [h.name for h in l][1:] == 2 * ['LDAC_IMHEAD', 'LDAC_OBJECTS'], l.info()\n"
+    "    for k in (0, 1):\n"
+    "        t, v, d = f[k + 1].data, vo[k].array, l[2 * k + 2].data\n"
+    "        assert len(t) == len(v) == len(d) == 3 - k and len(t.columns) == len(v.dtype.names)\n"
+    "        for c in t.columns:\n"
+    "            if c.unit: units.Unit(c.unit)\n"
+    "            a, b = np.asarray(t[c.name]), np.ma.filled(v[c.name], np.nan if v[c.name].dtype.kind == 'f' "
+    "else 0)\n"
+    "            assert np.array_equal(a, np.asarray(b).reshape(a.shape), equal_nan=a.dtype.kind == 'f'), "
+    "c.name\n"
+    "            assert np.array_equal(a, d[c.name], equal_nan=a.dtype.kind == 'f'), c.name\n"
+    "    p = {x.name: x.value for x in vo[0].params}\n"
+    "    assert p == {'RXREST': 'NONE'} and not vo[1].params, p\n"
+    "    for x in vo[0].fields:\n"
+    "        assert x.ucd and x.description and not isinstance(x.unit, units.UnrecognizedUnit), x\n";
+
+static void astropy_reads_all_columns(void **state)
+{
+    (void)state;
+    if (access("/usr/bin/python3", X_OK) != 0) {
+        print_message("python3 is not installed\n");
+        skip();
+    }
+    char folder[SCENE_PATH - 100], path[SCENE_PATH], command[2 * SCENE_PATH];
+    static const struct {
+        rx_catalog_type type;
+        const char *name;
+    } files[] = {{RX_CATALOG_VOTABLE, "all.vot"},
+                 {RX_CATALOG_FITS_1_0, "all.fits"},
+                 {RX_CATALOG_FITS_LDAC, "all.ldac"}};
+    int n;
+    rx_text names = {0};
+    rx_table *tables[2];
+    const rx_column_def *defs = rx_column_defs(&n);
+    scene_folder(folder);
+    for (int i = 0; i < n; i++)
+        rx_text_printf(&names, "%s%s\n", defs[i].name,
+                       defs[i].naxis == 2                      ? "(3,2)"
+                       : strstr(defs[i].name, "_APER") != NULL ? "(3)"
+                                                               : "");
+    for (int i = 0; i < 2; i++) {
+        rx_sources *sources = scene_sources(3 - i);
+        sources->list[0].fwhm = NAN;
+        tables[i] = scene_table(folder, names.data, sources);
+        rx_sources_free(sources);
+    }
+    rx_text facts = {0};
+    rx_card_text(&facts, "RXREST", "NONE", "restorer");
+    tables[0]->facts = facts.data;
+    tables[0]->nfacts = 1;
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        scene_file(path, folder, files[i].name, NULL);
+        assert_int_equal(write_all(files[i].type, path, tables, 2, NULL), RX_OK);
+    }
+    scene_file(path, folder, "check.py", script);
+    snprintf(command, sizeof command, "/usr/bin/python3 '%s' '%s'", path, folder);
+    int status = system(command);
+    scene_file(path, folder, "all.vot", NULL);
+    snprintf(command, sizeof command, "! command -v xmllint >/dev/null || xmllint --noout --nonet '%s'",
+             path);
+    assert_int_equal(system(command), 0);
+    rx_table_free(tables[0]);
+    rx_table_free(tables[1]);
+    rx_text_free(&names);
+    scene_remove(folder);
+    if (WEXITSTATUS(status) == 77) {
+        print_message("astropy is not installed\n");
+        skip();
+    }
+    assert_int_equal(status, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(ascii_head_is_laid_out_as_sextractors),
+        cmocka_unit_test(ascii_is_the_same_without_head),
+        cmocka_unit_test(skycat_has_its_frame),
+        cmocka_unit_test(what_is_written_reads_back),
+        cmocka_unit_test(fits_keeps_the_record),
+        cmocka_unit_test(no_source_is_a_catalogue_too),
+        cmocka_unit_test(standard_output_takes_text_only),
+        cmocka_unit_test(a_decimal_comma_changes_nothing),
+        cmocka_unit_test(astropy_reads_all_columns),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
