@@ -10,10 +10,10 @@ scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-"$make_man" keywords >"$scratch/keywords" && "$make_man" columns >"$scratch/columns" || {
+if ! "$make_man" keywords >"$scratch/keywords" || ! "$make_man" columns >"$scratch/columns"; then
     echo "$make_man cannot be run"
     exit 2
-}
+fi
 awk -v folder="$scratch" '
     /^\.\\" end of / { inside = 0 }
     !inside { print }
