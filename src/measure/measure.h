@@ -56,7 +56,8 @@ typedef struct rx_measure_image {
     int nflagmaps;
     uint32_t *const *flagmaps;
     int flag_type;               /* FLAG_TYPE: 0 OR, 1 AND, 2 MIN, 3 MAX, 4 MOST */
-    double law_scale, law_power; /* 1, 0.5: independent pixels; else from rx_noise_law_fit() */
+    const rx_noise_law *law;     /* errors of sums on correlated noise; NULL: the power law below */
+    double law_scale, law_power; /* 1, 0.5: independent pixels */
 } rx_measure_image;
 
 /* Fill the photometry and windowed columns of every source (detection columns given). Sources are

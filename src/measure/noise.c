@@ -96,11 +96,28 @@ static void fit_law(rx_noise_law *law)
     law->scatter = sqrt(residual / n);
 }
 
+double rx_noise_law_factor(const rx_noise_law *law, double area)
+{
+    if (law->apertures == 0 || law->nradii == 0)
+        return 1.0;
+    int last = law->nradii - 1, i = 0;
+    area = fmin(fmax(area, law->area[0]), law->area[last]);
+    while (i < last - 1 && area > law->area[i + 1])
+        i++;
+    if (last == 0)
+        return law->ratio[0] / sqrt(law->area[0]);
+    double low = log(law->ratio[i] / sqrt(law->area[i]));
+    double high = log(law->ratio[i + 1] / sqrt(law->area[i + 1]));
+    double share = log(area / law->area[i]) / log(law->area[i + 1] / law->area[i]);
+    return exp(low + share * (high - low));
+}
+
 rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_sources *sources, int count,
                            uint64_t seed, rx_noise_law *law, rx_log *log, rx_error *err)
 {
     rx_measure_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
     plain.gain = 0.0;
+    plain.law = NULL;
     plain.law_scale = 1.0;
     plain.law_power = 0.5;
     /* segment -1 belongs to nobody: every source is a neighbour */

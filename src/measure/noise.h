@@ -12,14 +12,21 @@ struct rx_measure_image;
 
 enum { RX_NOISE_RADII = 16 };
 
-/* sigma(A) = scale * sigma_pixel * A^power, A in pixels (Labbe et al. 2003, AJ 125, 1107). */
+/* sigma(A) = ratio(A) * sigma_pixel, A in pixels. `scale`, `power`: the power law ratio = scale A^power
+ * (Labbe et al. 2003, AJ 125, 1107) that headers record and readers understand. Errors follow the points
+ * themselves: after a deconvolution the noise at the scale of the PSF is amplified and that of large
+ * areas is not, which no power law describes. */
 typedef struct rx_noise_law {
     double scale, power;
     int apertures; /* used, 0 = could not be fitted (scale 1, power 0.5) */
     int nradii;
-    double area[RX_NOISE_RADII], ratio[RX_NOISE_RADII]; /* the points: sigma(A)/sigma_pixel */
-    double scatter;                                     /* rms of the fit, dex */
+    double area[RX_NOISE_RADII], ratio[RX_NOISE_RADII]; /* the points, area ascending */
+    double scatter;                                     /* rms of the points about the power law, dex */
 } rx_noise_law;
+
+/* ratio(A) / sqrt(A), the factor on the sigma of independent pixels: points joined by lines in log-log,
+ * the outermost ones beyond them; 1 when the law was not fitted. */
+double rx_noise_law_factor(const rx_noise_law *law, double area);
 
 /* Fit the law with up to `count` empty apertures at each of several radii, thrown by `seed` where no
  * source, fragment or hidden pixel is near. Too little free sky: apertures = 0, RX_OK.

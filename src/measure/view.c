@@ -51,6 +51,8 @@ rx_seen rx_view_pixel(const rx_view *view, int x, int y, double cx, double cy, d
 double rx_view_noise_factor(const rx_view *view, double area)
 {
     const rx_measure_image *image = view->image;
+    if (image->law != NULL)
+        return rx_noise_law_factor(image->law, area);
     if (image->law_scale == 1.0 && image->law_power == 0.5)
         return 1.0;
     return image->law_scale * pow(fmax(area, 1.0), image->law_power - 0.5);
