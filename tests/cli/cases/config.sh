@@ -1,5 +1,5 @@
 # Configuration files: .sex, .param, .conv, .qa
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
 
 none='-RESTORE_TYPE NONE'
 

@@ -1,5 +1,5 @@
 # Images, weights, flags, PSFs and references that cannot be used.
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
 
 none='-RESTORE_TYPE NONE'
 moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'

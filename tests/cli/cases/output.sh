@@ -1,5 +1,5 @@
 # What is written, what is left when it cannot be, and what a signal leaves.
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
 
 none='-RESTORE_TYPE NONE'
 moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'

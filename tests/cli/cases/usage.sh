@@ -1,5 +1,5 @@
 # Command lines: what is printed, and what is refused.
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
 
 begin 'no argument'
 says 3
