@@ -31,8 +31,14 @@ typedef struct range {
     int whole;
     double low, high, level;
     unsigned long seed;
+    rx_metric only;
     double *scratch; /* [run.n] */
 } range;
+
+static int wanted(const range *r, rx_metric metric)
+{
+    return r->only == RX_METRIC_COUNT || r->only == metric;
+}
 
 static int inside(const range *r, double mag)
 {
@@ -88,6 +94,8 @@ static void measure_robust(const range *r, rx_estimate *out)
         {e->pull, 1, 0, RX_METRIC_PULL_MEDIAN, RX_METRIC_PULL_WIDTH},
     };
     for (size_t k = 0; k < sizeof todo / sizeof *todo; k++) {
+        if (!wanted(r, todo[k].median) && !wanted(r, todo[k].sigma))
+            continue;
         long n = isnan(todo[k].scale) ? 0 : gather(r, todo[k].column, todo[k].scale, todo[k].shift);
         rx_robust_estimates(r->scratch, n, r->level, &out[todo[k].median], &out[todo[k].sigma]);
     }
@@ -143,8 +151,9 @@ static rx_status measure_depth(const range *r, rx_estimate *out, rx_error *err)
         mag[n] = e->truth_mag[i];
         found[n++] = e->truth_role[i] == RX_ROLE_MATCHED;
     }
-    status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->seed, &out[RX_METRIC_MAG50], err);
-    if (status == RX_OK)
+    if (wanted(r, RX_METRIC_MAG50))
+        status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->seed, &out[RX_METRIC_MAG50], err);
+    if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
         status = rx_completeness(&e->bins, n, mag, found, 0.9, r->level, r->seed, &out[RX_METRIC_MAG90], err);
 exit:
     free(mag);
@@ -158,7 +167,9 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
     const rx_evaluation *e = r->e;
     long n = 0;
     rx_estimate sigma;
-    rx_status status = measure_depth(r, out, err);
+    rx_status status = RX_OK;
+    if (wanted(r, RX_METRIC_MAG50) || wanted(r, RX_METRIC_MAG90))
+        status = measure_depth(r, out, err);
     out[RX_METRIC_AP] = e->pr.ap;
     out[RX_METRIC_ZP_OFFSET] = e->offset;
     if (status != RX_OK || r->level == e->level)
@@ -167,25 +178,34 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
         if (e->bright[j])
             r->scratch[n++] = e->dmag[j];
     rx_robust_estimates(r->scratch, n, r->level, &out[RX_METRIC_ZP_OFFSET], &sigma);
-    return rx_pr_interval(&e->pr, e->references, r->level, r->seed, &out[RX_METRIC_AP], err);
+    if (wanted(r, RX_METRIC_AP))
+        status = rx_pr_interval(&e->pr, e->references, r->level, r->seed, &out[RX_METRIC_AP], err);
+    return status;
 }
 
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, unsigned long seed, rx_estimate *estimate, rx_error *err)
+                             double level, unsigned long seed, rx_metric only, rx_estimate *estimate,
+                             rx_error *err)
 {
-    range r = {evaluation, whole, low, high, level, seed, RX_NEW(double, (size_t)evaluation->run->list.n)};
+    rx_status status = RX_OK;
+    range r = {evaluation, whole, low, high, level, seed, only, NULL};
+    r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
     if (r.scratch == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     measure_shares(&r, estimate);
     measure_robust(&r, estimate);
-    rx_status status = measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err);
+    if (wanted(&r, RX_METRIC_MAGERR))
+        status = measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err);
     double factor = pow(10, 0.4 * evaluation->offset.value);
-    if (status == RX_OK)
+    if (status == RX_OK && wanted(&r, RX_METRIC_MAGERR_SHIFTED))
         status = measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err);
     if (status == RX_OK && whole)
         status = measure_whole(&r, estimate, err);
+    for (int i = 0; i < RX_METRIC_COUNT; i++)
+        if (!wanted(&r, (rx_metric)i))
+            estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     free(r.scratch);
     return status;
 }

@@ -46,9 +46,11 @@ typedef struct rx_metric_row {
 const rx_metric_row *rx_metric_get(rx_metric metric);
 int rx_metric_find(const char *name); /* -1 unknown; case ignored */
 
-/* All metrics for low <= magnitude < high, or for everything (sources of unknown magnitude too) when
- * `whole`. estimate[RX_METRIC_COUNT]; metrics that do not exist there have value NAN, n 0. */
+/* Metrics for low <= magnitude < high, or for everything (sources of unknown magnitude too) when `whole`;
+ * `only` one of them, or all with RX_METRIC_COUNT (bootstraps cost time). estimate[RX_METRIC_COUNT]; what was
+ * not asked or does not exist there has value NAN, n 0. */
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, unsigned long seed, rx_estimate *estimate, rx_error *err);
+                             double level, unsigned long seed, rx_metric only, rx_estimate *estimate,
+                             rx_error *err);
 
 #endif

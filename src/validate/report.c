@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,11 @@
 
 static const double LEVEL = 0.95;
 
+static rx_estimate *bin_estimates(const rx_report *report, int run, int bin)
+{
+    return &report->binned[((size_t)run * (size_t)report->bins.n + (size_t)bin) * RX_METRIC_COUNT];
+}
+
 const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric metric)
 {
     return &report->whole[(size_t)run * RX_METRIC_COUNT + metric];
@@ -21,20 +27,25 @@ const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric m
 
 const rx_estimate *rx_report_bin(const rx_report *report, int run, int bin, rx_metric metric)
 {
-    return &report->binned[((size_t)run * (size_t)report->bins.n + (size_t)bin) * RX_METRIC_COUNT + metric];
+    return &bin_estimates(report, run, bin)[metric];
+}
+
+static bool stem_taken(const rx_report *r, int run)
+{
+    for (int i = 0; i < run; i++)
+        if (strcasecmp(r->stem[i], r->stem[run]) == 0)
+            return true;
+    return false;
 }
 
 /* File-name stems that differ also where the file system ignores case. */
 static void name_stems(rx_report *r)
 {
-    for (int i = 0; i < r->input->nruns; i++) {
-        rx_escape_stem(r->stem[i], RX_STEM - 8, r->input->runs[i].name);
-        for (int j = 0; j < i; j++)
-            if (strcasecmp(r->stem[i], r->stem[j]) == 0) {
-                size_t length = strlen(r->stem[i]);
-                snprintf(r->stem[i] + length, RX_STEM - length, "-%d", i + 1);
-                break;
-            }
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_escape_stem(r->stem[run], RX_STEM - 16, r->input->runs[run].name);
+        size_t length = strlen(r->stem[run]);
+        for (int k = 2; stem_taken(r, run); k++)
+            snprintf(r->stem[run] + length, RX_STEM - length, "-%d", k);
     }
 }
 
@@ -44,12 +55,11 @@ static rx_status measure_run(rx_report *r, int run, rx_error *err)
     rx_evaluation *e = &r->evaluation[run];
     rx_status status = rx_evaluate(r->par, r->input, run, &r->bins, r->level, e, err);
     if (status == RX_OK)
-        status =
-            rx_metrics_measure(e, 1, 0, 0, r->level, seed, &r->whole[(size_t)run * RX_METRIC_COUNT], err);
+        status = rx_metrics_measure(e, 1, 0, 0, r->level, seed, RX_METRIC_COUNT,
+                                    &r->whole[(size_t)run * RX_METRIC_COUNT], err);
     for (int b = 0; b < r->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(
-            e, 0, r->bins.edge[b], r->bins.edge[b + 1], r->level, seed,
-            &r->binned[((size_t)run * (size_t)r->bins.n + (size_t)b) * RX_METRIC_COUNT], err);
+        status = rx_metrics_measure(e, 0, r->bins.edge[b], r->bins.edge[b + 1], r->level, seed,
+                                    RX_METRIC_COUNT, bin_estimates(r, run, b), err);
     return status;
 }
 
@@ -78,7 +88,7 @@ static rx_status judge_gate(rx_report *r, const rx_gate *gate, rx_error *err)
         if (strcmp(gate->run, "*") != 0 && strcasecmp(gate->run, r->input->runs[run].name) != 0)
             continue;
         status = rx_metrics_measure(&r->evaluation[run], gate->whole, gate->low, gate->high, gate->level,
-                                    r->par->seed, estimates, err);
+                                    r->par->seed, gate->metric, estimates, err);
         if (status != RX_OK)
             return status;
         rx_gate_result *result = &r->result[r->nresults++];

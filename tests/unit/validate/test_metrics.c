@@ -81,7 +81,7 @@ static void shares_and_differences(void **state)
     (void)state;
     make_input(&input, &run, mask);
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
     assert_near(m[RX_METRIC_RECALL].value, 0.75, 1e-15);
     assert_int_equal(m[RX_METRIC_RECALL].n, 4);
     assert_near(m[RX_METRIC_PRECISION].value, 0.75, 1e-15);
@@ -98,14 +98,37 @@ static void shares_and_differences(void **state)
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.1, 1e-12); /* the second is too uncertain to count */
     assert_int_equal(m[RX_METRIC_ZP_OFFSET].n, 1);
     assert_true(isinf(m[RX_METRIC_BIAS_MAG].high));
-    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, 1, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
     assert_int_equal(m[RX_METRIC_RECALL].n, 1);
     assert_int_equal(m[RX_METRIC_PRECISION].n, 2); /* 18.1 and 18.9 as measured */
     assert_near(m[RX_METRIC_BIAS_MAG].value, 0.1, 1e-12);
     assert_int_equal(m[RX_METRIC_AP].n, 0); /* exists for all only */
-    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, 1, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
     assert_near(m[RX_METRIC_PRECISION].value, 0, 0);
     assert_near(m[RX_METRIC_RECALL].value, 1, 0);
+    rx_evaluation_free(&e);
+}
+
+/* Asked for one metric, the answer is that of all, and nothing else. */
+static void one_metric_alone(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate all[RX_METRIC_COUNT], one[RX_METRIC_COUNT];
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, 1, RX_METRIC_COUNT, all, NULL), RX_OK);
+    for (int k = 0; k < RX_METRIC_COUNT; k++) {
+        assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, 1, (rx_metric)k, one, NULL), RX_OK);
+        for (int i = 0; i < RX_METRIC_COUNT; i++)
+            if (i == k)
+                assert_memory_equal(&one[i], &all[i], sizeof one[i]);
+            else
+                assert_int_equal(one[i].n, 0);
+    }
     rx_evaluation_free(&e);
 }
 
@@ -158,7 +181,7 @@ static void zero_point_is_told_not_hidden(void **state)
     input.nruns = 1;
     input.runs = &run;
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.2, 1e-9);
     assert_near(m[RX_METRIC_MAGERR].value, 100 * (1 - pow(10, -0.08)), 1e-9);
     assert_near(m[RX_METRIC_MAGERR_SHIFTED].value, 0, 1e-9);
@@ -246,6 +269,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roles),
         cmocka_unit_test(shares_and_differences),
+        cmocka_unit_test(one_metric_alone),
         cmocka_unit_test(negative_flux_counts),
         cmocka_unit_test(zero_point_is_told_not_hidden),
         cmocka_unit_test(chance_matches),
