@@ -88,7 +88,7 @@ static double stated_fwhm(const rx_options *options, const rx_tile *tile)
 {
     if (options->psf.fwhm > 0.0)
         return options->psf.fwhm;
-    double scale = tile->pixel_scale;
+    double scale = options->stated_scale;
     if (tile->wcs != NULL)
         scale = rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));
     return scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
@@ -161,12 +161,12 @@ rx_status rx_field_open(const rx_options *options, int role, const char *name, i
             goto exit;
     }
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
-                  name, hdu, field->tile->width, field->tile->height, field->plain->global_level,
+                  field->tile->name, hdu, field->tile->width, field->tile->height, field->plain->global_level,
                   field->plain->global_sigma, field->tile->gain, field->tile->pixel_scale);
     if (need_psf)
         status = make_psf(options, field, log, err);
     if (status == RX_OK && field->psf != NULL)
-        rx_log_info(log, "%s[%d]: PSF %s", name, hdu, field->psf->description);
+        rx_log_info(log, "%s[%d]: PSF %s", field->tile->name, hdu, field->psf->description);
 exit:
     if (status == RX_OK)
         *dst = field;

@@ -122,6 +122,7 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
                                .min_stars = cfg->psf_minstars,
                                .min_snr = cfg->psf_minsnr};
     dst->seeing_arcsec = cfg->seeing_fwhm;
+    dst->stated_scale = rx_config_was_set(cfg, "PIXEL_SCALE") != RX_FROM_DEFAULT ? cfg->pixel_scale : 0.0;
     dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
     for (int i = 0; i < cfg->restore_type.n; i++)
         dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);

@@ -24,6 +24,7 @@ typedef struct rx_options {
     rx_background_params background;
     rx_psf_params psf;
     double seeing_arcsec; /* SEEING_FWHM */
+    double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
     int nrestorers;
     const rx_restorer *restorers[RX_MAX_RUNS];
