@@ -10,6 +10,7 @@
 static const double PEAK_SIGMA = 10;
 static const double NEIGHBOUR = 0.1;
 static const double SIZE_QUANTILE = 0.2, SIZE_RATIO = 1.3;
+static const double SHARPEST = 0.6;
 enum { PEAK_RADIUS = 2 };
 
 static float object_at(const rx_rl *rl, int x, int y)
@@ -46,6 +47,31 @@ static int is_isolated(const rx_rl *rl, int x, int y, int r)
                 return 0;
         }
     return 1;
+}
+
+/* Mean of the eight neighbours above the sky in the data, in units of the peak. */
+static double data_bluntness(const rx_scene *scene, int x, int y)
+{
+    double sum = 0, peak = 0;
+    for (int j = -1; j <= 1; j++)
+        for (int i = -1; i <= 1; i++) {
+            const double v = scene->data[(size_t)(y + j) * scene->width + (x + i)] - 1.0;
+            if (i == 0 && j == 0)
+                peak = v;
+            else
+                sum += v;
+        }
+    return sum / 8 / peak;
+}
+
+double rx_points_bluntness(const float *stamp, int size)
+{
+    double sum = 0;
+    for (int j = -1; j <= 1 && size > 1; j++)
+        for (int i = -1; i <= 1; i++)
+            if (i != 0 || j != 0)
+                sum += stamp[(size / 2 + j) * size + size / 2 + i];
+    return sum / 8 / stamp[size / 2 * size + size / 2];
 }
 
 static rx_point measure(const rx_rl *rl, int x, int y, int r)
@@ -94,7 +120,8 @@ static rx_status keep_points(rx_point *list, size_t count, rx_point *points, int
     return RX_OK;
 }
 
-rx_status rx_points_find(const rx_rl *rl, double fwhm, rx_point *points, int *n, int *radius, rx_error *err)
+rx_status rx_points_find(const rx_rl *rl, double fwhm, double bluntness, rx_point *points, int *n,
+                         int *radius, rx_error *err)
 {
     const rx_scene *scene = rl->scene;
     const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm));
@@ -105,7 +132,7 @@ rx_status rx_points_find(const rx_rl *rl, double fwhm, rx_point *points, int *n,
         for (int x = 2 * r; x < scene->width - 2 * r; x++) {
             const size_t k = (size_t)y * scene->width + x;
             if (!(scene->data[k] > level) || !(object_at(rl, x, y) > level) || !is_peak(rl, x, y) ||
-                !is_isolated(rl, x, y, r))
+                !is_isolated(rl, x, y, r) || !(data_bluntness(scene, x, y) > SHARPEST * bluntness))
                 continue;
             const rx_point point = measure(rl, x, y, r);
             if (!(point.flux > 0) || !(fabs(point.cx - x) <= 1 && fabs(point.cy - y) <= 1))

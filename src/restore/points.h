@@ -19,8 +19,13 @@ typedef struct rx_point {
 
 enum { RX_POINTS_MAX = 300 };
 
+/* Mean of the eight neighbours of a stamp's centre over the centre. */
+double rx_points_bluntness(const float *stamp, int size);
+
 /* At most RX_POINTS_MAX, the brightest, into points[]; *n of them, and the disk's radius.
+ * fwhm and bluntness: of the PSF as it is known.
  * Errors: RX_SYSTEM without memory. */
-rx_status rx_points_find(const rx_rl *rl, double fwhm, rx_point *points, int *n, int *radius, rx_error *err);
+rx_status rx_points_find(const rx_rl *rl, double fwhm, double bluntness, rx_point *points, int *n,
+                         int *radius, rx_error *err);
 
 #endif

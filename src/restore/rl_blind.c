@@ -25,13 +25,13 @@ typedef struct rx_seeker {
     rx_blur *blur;
     rx_rl *rl;
     int size;
-    float *stamp;            /* [size][size] the PSF that is being improved */
-    float *share;            /* [size][size] sum_x s(x - u) W(x) */
-    float *work;             /* [size][size] */
-    float *rest;             /* real plane: b */
-    float *points;           /* real plane: s, then scratch */
-    float *spectrum;         /* complex plane of s */
-    double start_fwhm, x, y; /* of the start: width and centroid */
+    float *stamp;                       /* [size][size] the PSF that is being improved */
+    float *share;                       /* [size][size] sum_x s(x - u) W(x) */
+    float *work;                        /* [size][size] */
+    float *rest;                        /* real plane: b */
+    float *points;                      /* real plane: s, then scratch */
+    float *spectrum;                    /* complex plane of s */
+    double start_fwhm, bluntness, x, y; /* of the start: width and centroid */
 } rx_seeker;
 
 static void seeker_free(rx_seeker *seeker)
@@ -80,6 +80,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     if (seeker->psf == NULL)
         return rx_error_memory(err, n * sizeof(float));
     seeker->start_fwhm = seeker->psf->fwhm;
+    seeker->bluntness = rx_points_bluntness(seeker->stamp, psf->size);
     rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
     rx_status status =
         rx_blur_new(seeker->psf, scene->width, scene->height, scene->nthreads, &seeker->blur, err);
@@ -149,7 +150,8 @@ static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
     float *model = seeker->rl->model;
     rx_point found[RX_POINTS_MAX];
     int radius = 0;
-    rx_status status = rx_points_find(seeker->rl, seeker->psf->fwhm, found, n, &radius, err);
+    rx_status status =
+        rx_points_find(seeker->rl, seeker->psf->fwhm, seeker->bluntness, found, n, &radius, err);
     if (status != RX_OK || *n < FEWEST_POINTS)
         return status;
     memset(seeker->points, 0, size);
