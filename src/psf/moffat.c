@@ -24,14 +24,28 @@ static const struct {
 };
 enum { RULES = (int)(sizeof rules / sizeof *rules), MAX_NODES = 8 };
 
-/* The cheapest rule for this width; below the last one's reach pixels are cut into cells. */
-static void choose_rule(rx_moffat *m, double smallest)
+/* How one pixel is integrated: cut into cells^2, each by order^2 nodes. */
+typedef struct quadrature {
+    int order, cells;
+    double position[MAX_NODES], weight[MAX_NODES]; /* along one axis of the first cell, pixel width 1 */
+} quadrature;
+
+/* The cheapest rule. What counts is the smallest distance over which the profile changes: its half width,
+ * and off the centre the distance from it. */
+static void choose_rule(const rx_moffat *m, double dx, double dy, quadrature *q)
 {
+    double away = fmax(fmax(fabs(dx), fabs(dy)) - 0.5, 0.0);
+    double scale = sqrt(m->narrow * m->narrow + 0.25 * away * away);
     int r = 0;
-    while (r < RULES - 1 && smallest < rules[r].hwhm)
+    while (r < RULES - 1 && scale < rules[r].hwhm)
         r++;
-    m->order = r;
-    m->cells = smallest < rules[r].hwhm ? (int)ceil(fmin(rules[r].hwhm / smallest, 16.0)) : 1;
+    q->cells = scale < rules[r].hwhm ? (int)ceil(fmin(rules[r].hwhm / scale, 16.0)) : 1;
+    q->order = rules[r].order;
+    for (int i = 0; i < q->order; i++) {
+        int mirrored = i >= (q->order + 1) / 2, j = mirrored ? q->order - 1 - i : i;
+        q->position[i] = (mirrored ? 0.5 : -0.5) * rules[r].node[j] / q->cells;
+        q->weight[i] = 0.5 * rules[r].weight[j] / q->cells;
+    }
 }
 
 void rx_moffat_set(rx_moffat *m, const double shape[RX_MOFFAT_SHAPE])
@@ -62,7 +76,7 @@ void rx_moffat_set(rx_moffat *m, const double shape[RX_MOFFAT_SHAPE])
         m->gradient_e[i][1] = g * (s * e + d * e * e1 + (i == 0 ? s : 0.0));
         m->gradient_e[i][2] = -g * (d * e * e2 + (i == 1 ? s : 0.0));
     }
-    choose_rule(m, m->hwhm * exp(-0.5 * eta));
+    m->narrow = m->hwhm * exp(-0.5 * eta);
 }
 
 void rx_moffat_shape(double fwhm, double beta, double ratio, double angle, double shape[RX_MOFFAT_SHAPE])
@@ -72,18 +86,6 @@ void rx_moffat_shape(double fwhm, double beta, double ratio, double angle, doubl
     shape[1] = eta * cos(2.0 * angle);
     shape[2] = eta * sin(2.0 * angle);
     shape[3] = -log(RX_MOFFAT_U_MAX / u - 1.0);
-}
-
-/* Nodes and weights along one axis of a pixel of width 1, all cells. Returns how many per cell. */
-static int pixel_nodes(const rx_moffat *m, double position[MAX_NODES], double weight[MAX_NODES])
-{
-    int n = rules[m->order].order;
-    for (int i = 0; i < n; i++) {
-        int mirrored = i >= (n + 1) / 2, j = mirrored ? n - 1 - i : i;
-        position[i] = (mirrored ? 0.5 : -0.5) * rules[m->order].node[j] / m->cells;
-        weight[i] = 0.5 * rules[m->order].weight[j] / m->cells;
-    }
-    return n;
 }
 
 /* One node: value of the profile, and gradient += weight * its derivatives. */
@@ -109,16 +111,17 @@ static double node_value(const rx_moffat *m, double x, double y, double weight, 
 
 double rx_moffat_pixel(const rx_moffat *m, double dx, double dy, double gradient[2 + RX_MOFFAT_SHAPE])
 {
-    double position[MAX_NODES], weight[MAX_NODES], sum = 0.0;
-    int n = pixel_nodes(m, position, weight);
+    quadrature q;
+    double sum = 0.0;
+    choose_rule(m, dx, dy, &q);
     for (int i = 0; gradient != NULL && i < 2 + RX_MOFFAT_SHAPE; i++)
         gradient[i] = 0.0;
-    for (int cy = 0; cy < m->cells; cy++)
-        for (int j = 0; j < n; j++) {
-            double y = dy + (cy + 0.5) / m->cells - 0.5 + position[j];
-            for (int cx = 0; cx < m->cells; cx++)
-                for (int i = 0; i < n; i++) {
-                    double x = dx + (cx + 0.5) / m->cells - 0.5 + position[i], w = weight[i] * weight[j];
+    for (int cy = 0; cy < q.cells; cy++)
+        for (int j = 0; j < q.order; j++) {
+            double y = dy + (cy + 0.5) / q.cells - 0.5 + q.position[j];
+            for (int cx = 0; cx < q.cells; cx++)
+                for (int i = 0; i < q.order; i++) {
+                    double x = dx + (cx + 0.5) / q.cells - 0.5 + q.position[i], w = q.weight[i] * q.weight[j];
                     sum += w * node_value(m, x, y, w, gradient);
                 }
         }

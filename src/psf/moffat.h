@@ -20,7 +20,7 @@ typedef struct rx_moffat {
     double k, beta;
     double xx, yy, xy;       /* Q = xx dx^2 + yy dy^2 + 2 xy dx dy */
     double gradient_e[2][3]; /* d(xx, yy, xy) / d e1, e2 */
-    int cells, order; /* a pixel is cut into cells^2, each integrated with order^2 Gauss-Legendre nodes */
+    double narrow;           /* half width along the minor axis: decides how a pixel is integrated */
 } rx_moffat;
 
 /* Free parameters of the shape: ln hwhm, e1, e2, v with u = RX_MOFFAT_U_MAX / (1 + exp(-v)). */

@@ -204,10 +204,12 @@ static rx_status fit_joint(const fitted_star *stars, int n, double shape[RX_MOFF
     return rx_lsq_fit(&problem, shape, NULL, NULL, err);
 }
 
-/* Median shape of the kept stars: where the joint fit starts. */
-static rx_status median_shape(const fitted_star *stars, int n, double shape[RX_MOFFAT_SHAPE], rx_error *err)
+/* Median shape of the kept stars, where the joint fit starts, and their robust scatter: relative in the
+ * width, absolute in the ellipse, added in quadrature. */
+static rx_status summarise(const fitted_star *stars, int n, double shape[RX_MOFFAT_SHAPE], double *scatter,
+                           rx_error *err)
 {
-    double *values = RX_NEW(double, n);
+    double *values = RX_NEW(double, n), sum = 0.0;
     if (values == NULL)
         return rx_error_memory(err, 0);
     for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
@@ -215,9 +217,12 @@ static rx_status median_shape(const fitted_star *stars, int n, double shape[RX_M
         for (int i = 0; i < n; i++)
             if (stars[i].kept)
                 values[m++] = stars[i].fit.shape[k];
-        if (m > 0)
-            shape[k] = rx_median(values, m);
+        if (m == 0)
+            continue;
+        double sigma = rx_sigma_mad(values, m, &shape[k]);
+        sum += k < 3 ? sigma * sigma : 0.0;
     }
+    *scatter = sqrt(sum);
     free(values);
     return RX_OK;
 }
@@ -255,7 +260,7 @@ static rx_status width_error(const fitted_star *stars, int n, double fwhm, doubl
 }
 
 /* The tile's PSF from the shape, with what is known of its making. */
-static rx_status build(const rx_psf_params *par, const scene *sc, const double shape[RX_MOFFAT_SHAPE],
+static rx_status build(const rx_psf_params *par, const rx_tile *tile, const double shape[RX_MOFFAT_SHAPE],
                        const fitted_star *stars, int n, int candidates, rx_psf **dst, rx_error *err)
 {
     rx_moffat profile;
@@ -263,7 +268,7 @@ static rx_status build(const rx_psf_params *par, const scene *sc, const double s
     double fwhm = 2.0 * profile.hwhm, beta = fmin(fmax(profile.beta, 1.2), 100.0);
     double ratio = fmax(exp(-hypot(profile.e1, profile.e2)), 0.05),
            angle = 0.5 * atan2(profile.e2, profile.e1);
-    int most = sc->tile->width < sc->tile->height ? sc->tile->width : sc->tile->height;
+    int most = tile->width < tile->height ? tile->width : tile->height;
     rx_psf *psf = NULL;
     rx_status status = rx_psf_moffat(fwhm, beta, ratio, angle, par->size, &psf, err);
     if (status == RX_OK && psf->size > most) {
@@ -305,63 +310,106 @@ static void tell_stars(const fitted_star *stars, int n, rx_log *log)
                       stars[i].kept ? "used" : "left out");
 }
 
-static rx_status fit_all(const scene *sc, const rx_star_list *list, fitted_star *stars,
-                         double shape[RX_MOFFAT_SHAPE], rx_error *err)
+/* One try: the candidates of one half-light radius, fitted and cleaned. */
+typedef struct attempt {
+    rx_star_list list;
+    fitted_star *stars; /* [list.n] */
+    int candidates, kept;
+    double radius; /* half-light, pixels */
+    double shape[RX_MOFFAT_SHAPE];
+    double scatter; /* how much the stars differ from each other */
+} attempt;
+
+static void free_attempt(attempt *a)
 {
+    for (int i = 0; a->stars != NULL && i < a->list.n; i++) {
+        rx_moffat_pixels_free(&a->stars[i].pixels);
+        free(a->stars[i].noise);
+    }
+    free(a->stars);
+    rx_stars_free(&a->list);
+    *a = (attempt){.kept = 0};
+}
+
+static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error *err)
+{
+    scene sc = {.tile = search->tile,
+                .background = search->background,
+                .sources = search->sources,
+                .radius = fmax(6.0 * a->radius, 5.0)};
     rx_status status = RX_OK;
-    for (int i = 0; i < list->n && status == RX_OK; i++) {
-        status = cut_out(sc, &sc->sources->list[list->list[i].source], &stars[i], err);
+    a->stars = RX_NEW(fitted_star, (size_t)a->list.n + 1);
+    if (a->stars == NULL)
+        return rx_error_memory(err, 0);
+    rx_moffat_shape(1.9 * a->radius, 4.0, 1.0, 0.0, a->shape);
+    for (int i = 0; i < a->list.n && status == RX_OK; i++) {
+        status = cut_out(&sc, &sc.sources->list[a->list.list[i].source], &a->stars[i], err);
         if (status == RX_OK)
-            status = fit_star(sc, shape, &stars[i], err);
+            status = fit_star(&sc, a->shape, &a->stars[i], err);
     }
     if (status == RX_OK)
-        status = reject_outliers(stars, list->n, err);
+        status = reject_outliers(a->stars, a->list.n, err);
     if (status == RX_OK)
-        status = median_shape(stars, list->n, shape, err);
+        status = summarise(a->stars, a->list.n, a->shape, &a->scatter, err);
+    a->kept = count_kept(a->stars, a->list.n);
+    return status;
+}
+
+/* Stars are alike, galaxies and particle hits are not: the lower the better. Differences below 1.5 % are
+ * noise; few stars count less. */
+static double badness(const attempt *a, int enough)
+{
+    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1)));
+}
+
+/* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most
+ * alike. */
+static rx_status search_stars(rx_star_search *search, int needed, int enough, attempt *best, int *found,
+                              rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (search->level = 0; search->level < 2 && best->kept < enough && status == RX_OK; search->level++) {
+        rx_star_list candidates;
+        double radii[RX_LOCI_MAX];
+        int nloci = 0;
+        status = rx_stars_candidates(search, &candidates, err);
+        if (status == RX_OK)
+            status = rx_stars_loci(search, &candidates, radii, &nloci, err);
+        for (int k = 0; k < nloci && status == RX_OK; k++) {
+            attempt a = {.candidates = candidates.n, .radius = radii[k]};
+            status = rx_stars_near(search, &candidates, &a.radius, &a.list, err);
+            if (status == RX_OK)
+                status = fit_attempt(search, &a, err);
+            *found = a.kept > *found ? a.kept : *found;
+            if (status == RX_OK && a.kept >= needed &&
+                (best->kept == 0 || badness(&a, enough) < badness(best, enough))) {
+                attempt swap = *best;
+                *best = a;
+                a = swap;
+            }
+            free_attempt(&a);
+        }
+        rx_stars_free(&candidates);
+    }
     return status;
 }
 
 rx_status rx_psf_estimate(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
                           const rx_sources *sources, rx_log *log, rx_psf **dst, rx_error *err)
 {
-    rx_star_list list;
-    fitted_star *stars = NULL;
-    double shape[RX_MOFFAT_SHAPE];
-    int needed = par->min_stars > 1 ? par->min_stars : 1;
+    rx_star_search search = {.par = par, .tile = tile, .background = background, .sources = sources};
+    attempt best = {.kept = 0};
+    int needed = par->min_stars > 2 ? par->min_stars : 2, found = 0;
     *dst = NULL;
-    rx_status status =
-        rx_stars_select(par, tile, background, sources, needed > 7 ? 2 * needed : 15, &list, err);
-    if (status != RX_OK)
-        return status;
-    if (list.n < needed) {
-        status = too_few(par, tile, list.n, err);
-        goto exit;
+    rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &found, err);
+    if (status == RX_OK && best.kept == 0)
+        status = too_few(par, tile, found, err);
+    if (status == RX_OK) {
+        tell_stars(best.stars, best.list.n, log);
+        status = fit_joint(best.stars, best.list.n, best.shape, err);
     }
-    stars = RX_NEW(fitted_star, list.n);
-    if (stars == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
-    scene sc = {
-        .tile = tile, .background = background, .sources = sources, .radius = fmax(6.0 * list.radius, 5.0)};
-    rx_moffat_shape(1.9 * list.radius, 4.0, 1.0, 0.0, shape);
-    status = fit_all(&sc, &list, stars, shape, err);
-    if (status != RX_OK)
-        goto exit;
-    tell_stars(stars, list.n, log);
-    if (count_kept(stars, list.n) < needed) {
-        status = too_few(par, tile, count_kept(stars, list.n), err);
-        goto exit;
-    }
-    status = fit_joint(stars, list.n, shape, err);
     if (status == RX_OK)
-        status = build(par, &sc, shape, stars, list.n, list.candidates, dst, err);
-exit:
-    for (int i = 0; stars != NULL && i < list.n; i++) {
-        rx_moffat_pixels_free(&stars[i].pixels);
-        free(stars[i].noise);
-    }
-    free(stars);
-    rx_stars_free(&list);
+        status = build(par, tile, best.shape, best.stars, best.list.n, best.candidates, dst, err);
+    free_attempt(&best);
     return status;
 }

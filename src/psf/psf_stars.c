@@ -9,22 +9,14 @@
 /* Half-width of the stellar locus in ln(radius): never narrower than this. */
 static const double locus_floor = 0.10;
 
-typedef struct view {
-    const rx_psf_params *par;
-    const rx_tile *tile;
-    const rx_background *background;
-    const rx_sources *sources;
-    int radius_index; /* of the half-light radius in flux_radius */
-} view;
-
-static double sky_level(const view *v, size_t at)
+static double sky_level(const rx_star_search *v, size_t at)
 {
     return v->background != NULL ? (double)v->background->level[at] : 0.0;
 }
 
 /* No masked pixel, no plateau at the saturation level, and light around the peak: a hot pixel or the hit
  * of a particle is narrower than any PSF. */
-static int clean_core(const view *v, const rx_source *s, double radius)
+static int clean_core(const rx_star_search *v, const rx_source *s, double radius)
 {
     const rx_tile *t = v->tile;
     int cx = (int)lround(s->x), cy = (int)lround(s->y), reach = (int)ceil(fmax(2.0 * radius, 3.0));
@@ -52,11 +44,10 @@ static int clean_core(const view *v, const rx_source *s, double radius)
     return centre > 0.0 && ring > 0.7 * centre;
 }
 
-/* level 0: FLAGS 0; level 1: neighbours and blends too. */
-static int usable(const view *v, const rx_source *s, int level, rx_star *star)
+static int usable(const rx_star_search *v, const rx_source *s, int radius_index, rx_star *star)
 {
-    int allowed = level > 0 ? RX_FLAG_CROWDED | RX_FLAG_MERGED : 0;
-    star->radius = s->flux_radius[v->radius_index];
+    int allowed = v->level > 0 ? RX_FLAG_CROWDED | RX_FLAG_MERGED : 0;
+    star->radius = s->flux_radius[radius_index];
     star->snr = s->fluxerr_auto > 0.0 ? s->flux_auto / s->fluxerr_auto : 0.0;
     if ((s->flags & ~allowed) != 0 || !(star->snr >= v->par->min_snr))
         return 0;
@@ -71,71 +62,78 @@ static int by_peak(const void *a, const void *b)
     return (x[0] < y[0]) - (x[0] > y[0]);
 }
 
-/* The locus: the densest ln(radius) among the candidates of highest peak (stars are the most concentrated
- * sources); of two nearly equal ones the narrower, as galaxies are wider than stars. Returns the radius. */
-static rx_status find_locus(const view *v, const rx_star *stars, int n, double *radius, rx_error *err)
+/* Number density of the candidates over ln(radius), on a grid, smoothed by a Gaussian. */
+enum { GRID = 256 };
+static const double grid_low = -1.0, grid_high = 4.0, smoothing = 0.035;
+
+static double grid_position(int i)
 {
-    const double width = 0.05;
-    int m = n / 2 > 30 ? n / 2 : n < 30 ? n : 30;
-    double(*sorted)[2] = rx_alloc((size_t)n, sizeof *sorted), *density = RX_NEW(double, n), highest = 0.0;
-    *radius = 0.0;
-    if (sorted == NULL || density == NULL) {
-        free(sorted);
-        free(density);
+    return grid_low + (grid_high - grid_low) * i / (GRID - 1);
+}
+
+/* A top counts when the density falls to 4/5 of it on both sides before anything higher comes. */
+static int is_top(const double *density, int i)
+{
+    for (int side = -1; side <= 1; side += 2) {
+        int j = i;
+        while (j >= 0 && j < GRID && density[j] > 0.8 * density[i]) {
+            if (density[j] > density[i] || (density[j] == density[i] && j < i))
+                return 0;
+            j += side;
+        }
+    }
+    return density[i] > 0.0;
+}
+
+rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
+                        double radii[RX_LOCI_MAX], int *n, rx_error *err)
+{
+    /* stars are the most concentrated sources: the upper half in peak, at least 30 */
+    int m = candidates->n / 2 > 30 ? candidates->n / 2 : candidates->n < 30 ? candidates->n : 30;
+    double density[GRID] = {0.0}, highest = 0.0,
+           (*sorted)[2] = rx_alloc((size_t)candidates->n, sizeof *sorted);
+    *n = 0;
+    if (sorted == NULL)
         return rx_error_memory(err, 0);
+    for (int i = 0; i < candidates->n; i++) {
+        sorted[i][0] = search->sources->list[candidates->list[i].source].peak;
+        sorted[i][1] = log(candidates->list[i].radius);
     }
-    for (int i = 0; i < n; i++) {
-        sorted[i][0] = v->sources->list[stars[i].source].peak;
-        sorted[i][1] = log(stars[i].radius);
-    }
-    qsort(sorted, (size_t)n, sizeof *sorted, by_peak);
-    for (int i = 0; i < m; i++) {
-        for (int j = 0; j < m; j++) {
-            double d = (sorted[i][1] - sorted[j][1]) / width;
-            density[i] += exp(-0.5 * d * d);
+    qsort(sorted, (size_t)candidates->n, sizeof *sorted, by_peak);
+    for (int g = 0; g < GRID; g++) {
+        for (int i = 0; i < m; i++) {
+            double d = (sorted[i][1] - grid_position(g)) / smoothing;
+            density[g] += exp(-0.5 * d * d);
         }
-        highest = fmax(highest, density[i]);
+        highest = fmax(highest, density[g]);
     }
-    double best = HUGE_VAL;
-    for (int i = 0; i < m; i++)
-        if (density[i] >= 0.7 * highest && sorted[i][1] < best)
-            best = sorted[i][1];
-    /* from the foot of the narrowest dense group up to its top */
-    double top = 0.0, at = best;
-    for (int i = 0; i < m; i++)
-        if (fabs(sorted[i][1] - best) < 2.0 * width && density[i] > top) {
-            top = density[i];
-            at = sorted[i][1];
-        }
-    if (m > 0)
-        *radius = exp(at);
     free(sorted);
-    free(density);
+    for (int g = 0; g < GRID && *n < RX_LOCI_MAX; g++)
+        if (density[g] > fmax(0.15 * highest, 2.0) && is_top(density, g))
+            radii[(*n)++] = exp(grid_position(g));
     return RX_OK;
 }
 
-/* Keep those within the locus; its centre and width are measured again from what is inside. */
-static rx_status keep_locus(rx_star *stars, int *n, double *radius, rx_error *err)
+/* Copy those within the locus; its centre and width are measured again from what is inside. */
+static rx_status take_locus(const rx_star_list *candidates, double *radius, rx_star_list *dst, rx_error *err)
 {
-    double centre = log(*radius), half = 2.0 * locus_floor, *inside = RX_NEW(double, *n);
+    double centre = log(*radius), half = 2.0 * locus_floor, *inside = RX_NEW(double, candidates->n);
     if (inside == NULL)
         return rx_error_memory(err, 0);
     for (int round = 0; round < 5; round++) {
         size_t m = 0;
-        for (int i = 0; i < *n; i++)
-            if (fabs(log(stars[i].radius) - centre) < half)
-                inside[m++] = log(stars[i].radius);
+        for (int i = 0; i < candidates->n; i++)
+            if (fabs(log(candidates->list[i].radius) - centre) < half)
+                inside[m++] = log(candidates->list[i].radius);
         if (m == 0)
             break;
         double sigma = rx_sigma_mad(inside, m, &centre);
         half = fmin(fmax(3.0 * sigma, locus_floor), 2.0 * locus_floor);
     }
     free(inside);
-    int kept = 0;
-    for (int i = 0; i < *n; i++)
-        if (fabs(log(stars[i].radius) - centre) < half)
-            stars[kept++] = stars[i];
-    *n = kept;
+    for (int i = 0; i < candidates->n; i++)
+        if (fabs(log(candidates->list[i].radius) - centre) < half)
+            dst->list[dst->n++] = candidates->list[i];
     *radius = exp(centre);
     return RX_OK;
 }
@@ -163,52 +161,62 @@ static int by_snr(const void *a, const void *b)
     return (x->source > y->source) - (x->source < y->source);
 }
 
-static void keep_isolated(const rx_sources *sources, int level, rx_star_list *dst)
+rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
+                        rx_star_list *dst, rx_error *err)
 {
+    *dst = (rx_star_list){.list = RX_NEW(rx_star, (size_t)candidates->n + 1)};
+    if (dst->list == NULL)
+        return rx_error_memory(err, 0);
+    rx_status status = take_locus(candidates, radius, dst, err);
+    if (status != RX_OK) {
+        rx_stars_free(dst);
+        return status;
+    }
+    qsort(dst->list, (size_t)dst->n, sizeof *dst->list, by_snr);
+    double limit = search->level > 0 ? 0.2 : 0.03;
     int kept = 0;
-    double limit = level > 0 ? 0.2 : 0.03;
     for (int i = 0; i < dst->n && kept < RX_STARS_MAX; i++)
-        if (contamination(sources, dst->list[i].source, 2.0 * dst->radius) < limit)
+        if (contamination(search->sources, dst->list[i].source, 2.0 * *radius) < limit)
             dst->list[kept++] = dst->list[i];
     dst->n = kept;
-}
-
-static rx_status select_level(const view *v, int level, rx_star_list *dst, rx_error *err)
-{
-    dst->n = 0;
-    dst->radius = 0.0;
-    for (int i = 0; i < v->sources->n; i++)
-        if (usable(v, &v->sources->list[i], level, &dst->list[dst->n]))
-            dst->list[dst->n++].source = i;
-    dst->candidates = dst->n;
-    if (dst->n == 0)
-        return RX_OK;
-    rx_status status = find_locus(v, dst->list, dst->n, &dst->radius, err);
-    if (status == RX_OK)
-        status = keep_locus(dst->list, &dst->n, &dst->radius, err);
-    if (status != RX_OK)
-        return status;
-    qsort(dst->list, (size_t)dst->n, sizeof *dst->list, by_snr);
-    keep_isolated(v->sources, level, dst);
     return RX_OK;
 }
 
-rx_status rx_stars_select(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
-                          const rx_sources *sources, int enough, rx_star_list *dst, rx_error *err)
+/* Detectors (and plates) that saturate softly, or at a level nobody told, pile the brightest peaks up just
+ * below their limit. Where a tenth of all sources reach 80 % of the highest peak, only those below 70 % of
+ * it are trusted. Peaks follow a falling power law otherwise: 80 % is reached by one or two. */
+static double highest_peak(const rx_star_search *search)
 {
-    view v = {.par = par, .tile = tile, .background = background, .sources = sources};
+    const rx_sources *sources = search->sources;
+    double highest = 0.0;
+    int near = 0, bright = 0;
+    for (int i = 0; i < sources->n; i++)
+        if ((sources->list[i].flags & RX_FLAG_SATURATED) == 0)
+            highest = fmax(highest, sources->list[i].peak);
+    for (int i = 0; i < sources->n; i++)
+        if ((sources->list[i].flags & RX_FLAG_SATURATED) == 0) {
+            near += sources->list[i].peak > 0.8 * highest;
+            bright += sources->list[i].flux_auto > search->par->min_snr * sources->list[i].fluxerr_auto;
+        }
+    return near >= 5 && near > bright / 10 ? 0.7 * highest : HUGE_VAL;
+}
+
+rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, rx_error *err)
+{
+    const rx_sources *sources = search->sources;
+    double limit = highest_peak(search);
+    int half_light = 0;
     *dst = (rx_star_list){.list = RX_NEW(rx_star, (size_t)sources->n + 1)};
     if (dst->list == NULL)
         return rx_error_memory(err, 0);
     for (int i = 1; i < sources->nradii; i++)
-        if (fabs(sources->flux_fraction[i] - 0.5) < fabs(sources->flux_fraction[v.radius_index] - 0.5))
-            v.radius_index = i;
-    rx_status status = RX_OK;
-    for (int level = 0; level < 2 && status == RX_OK && dst->n < enough; level++)
-        status = select_level(&v, level, dst, err);
-    if (status != RX_OK)
-        rx_stars_free(dst);
-    return status;
+        if (fabs(sources->flux_fraction[i] - 0.5) < fabs(sources->flux_fraction[half_light] - 0.5))
+            half_light = i;
+    for (int i = 0; i < sources->n; i++)
+        if (sources->list[i].peak < limit &&
+            usable(search, &sources->list[i], half_light, &dst->list[dst->n]))
+            dst->list[dst->n++].source = i;
+    return RX_OK;
 }
 
 void rx_stars_free(rx_star_list *stars)

@@ -15,18 +15,35 @@ typedef struct rx_star {
 
 typedef struct rx_star_list {
     int n;
-    rx_star *list;  /* by falling S/N, at most RX_STARS_MAX */
-    int candidates; /* sources that were bright, unsaturated and clean enough to be asked */
-    double radius;  /* of the stellar locus, pixels; 0 when none was found */
+    rx_star *list;
 } rx_star_list;
 
-enum { RX_STARS_MAX = 120 };
+enum { RX_STARS_MAX = 100, RX_LOCI_MAX = 4 };
 
-/* Bright, clean, isolated sources on the stellar locus (the narrowest well-populated half-light radius).
- * In crowded fields, where fewer than `enough` are isolated, close neighbours and blends are let in
- * too. Frees with rx_stars_free(). Errors: RX_SYSTEM memory; few or no stars are not one. */
-rx_status rx_stars_select(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
-                          const rx_sources *sources, int enough, rx_star_list *dst, rx_error *err);
+/* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
+ * fields) lets in close neighbours and blends. */
+typedef struct rx_star_search {
+    const rx_psf_params *par;
+    const rx_tile *tile;
+    const rx_background *background; /* may be NULL */
+    const rx_sources *sources;
+    int level;
+} rx_star_search;
+
+/* Sources that are bright, unsaturated, unmasked, roundish and wider than a hot pixel. Free with
+ * rx_stars_free(). Errors: RX_SYSTEM memory; none found is not one. */
+rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, rx_error *err);
+
+/* Half-light radii (pixels) where candidates crowd: the stellar locus is one of them, usually
+ * the narrowest. Returns how many. Errors as above. */
+rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
+                        double radii[RX_LOCI_MAX], int *n, rx_error *err);
+
+/* Isolated candidates of that half-light radius, by falling S/N, at most RX_STARS_MAX. *radius becomes
+ * their median. */
+rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
+                        rx_star_list *dst, rx_error *err);
+
 void rx_stars_free(rx_star_list *stars);
 
 #endif
