@@ -6,6 +6,7 @@
 #include "catalog/catalog.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
+#include "io/fits_read.h"
 #include "io/fits_write.h"
 
 static bool is_fits(rx_catalog_type type)
@@ -47,11 +48,26 @@ static rx_status write_text_file(const char *temporary, const char *path, rx_cat
     return status;
 }
 
+/* What readers of FITS_LDAC look for under SExtractor's names: psfex stops without the first two. */
+static void add_ldac_keys(const rx_table *table, rx_text *cards)
+{
+    static const char *const keys[][3] = {{"RXSIGMA", "SEXBKDEV", "noise of a pixel, ADU"},
+                                          {"RXGAIN", "SEXGAIN", "gain, e-/ADU"},
+                                          {"RXBACK", "SEXBKGND", "mean sky level, ADU"},
+                                          {"RXZP", "SEXMGZPT", "magnitude of 1 ADU"}};
+    double value;
+    for (size_t i = 0; table->facts != NULL && i < sizeof keys / sizeof *keys; i++)
+        if (rx_cards_number(table->facts, table->nfacts, keys[i][0], &value))
+            rx_card_number(cards, keys[i][1], value, keys[i][2]);
+}
+
 /* What made one table: its own facts first, then the record of the run. */
-static rx_status table_cards(const rx_table *table, const rx_record_pair *record, int npairs, rx_text *cards,
-                             rx_error *err)
+static rx_status table_cards(rx_catalog_type type, const rx_table *table, const rx_record_pair *record,
+                             int npairs, rx_text *cards, rx_error *err)
 {
     cards->length = 0;
+    if (type == RX_CATALOG_FITS_LDAC)
+        add_ldac_keys(table, cards);
     if (table->facts != NULL)
         rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
     for (int i = 0; i < npairs; i++)
@@ -66,9 +82,13 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
 {
     rx_text cards = {0};
     rx_fits_writer *writer = NULL;
-    rx_status status = rx_fits_create(temporary, path, &writer, err);
+    rx_point_locale locale;
+    rx_status status = rx_point_locale_begin(&locale, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_fits_create(temporary, path, &writer, err);
     for (int i = 0; i < n && status == RX_OK; i++) {
-        status = table_cards(tables[i], record, npairs, &cards, err);
+        status = table_cards(type, tables[i], record, npairs, &cards, err);
         if (status == RX_OK)
             status = type == RX_CATALOG_FITS_LDAC
                          ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
@@ -80,6 +100,7 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
     }
     rx_fits_abort(writer);
     rx_text_free(&cards);
+    rx_point_locale_end(&locale);
     return status;
 }
 

@@ -19,7 +19,8 @@ static rx_assoc *read_list(const char *folder, const char *text)
 
 static rx_assoc_params params(rx_assoc_type type)
 {
-    return (rx_assoc_params){.x = 1, .y = 2, .weight = 3, .ndata = 2, .data = {4, 3}, .radius = 1, .type = type};
+    return (rx_assoc_params){
+        .x = 1, .y = 2, .weight = 3, .ndata = 2, .data = {4, 3}, .radius = 1, .type = type};
 }
 
 /* VECTOR_ASSOC of the first source, of type `type`. */
@@ -164,8 +165,8 @@ static void empty_lists_and_empty_catalogues(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_combines_its_way),  cmocka_unit_test(selection_renumbers_everything),
-        cmocka_unit_test(all_columns_when_none_is_named), cmocka_unit_test(what_cannot_work_is_said),
+        cmocka_unit_test(every_type_combines_its_way),      cmocka_unit_test(selection_renumbers_everything),
+        cmocka_unit_test(all_columns_when_none_is_named),   cmocka_unit_test(what_cannot_work_is_said),
         cmocka_unit_test(empty_lists_and_empty_catalogues),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,226 @@
+/* Reference catalogues as they come, and as they should not come. */
+#include "scene.h"
+
+static rx_status read_text(const char *text, int index, rx_table **table, rx_error *err)
+{
+    char folder[SCENE_PATH - 100], path[SCENE_PATH];
+    scene_folder(folder);
+    scene_file(path, folder, "reference", text);
+    rx_status status = rx_catalog_read(path, index, table, err);
+    scene_remove(folder);
+    return status;
+}
+
+static rx_table *good(const char *text)
+{
+    rx_table *table = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(read_text(text, 0, &table, &err), RX_OK);
+    return table;
+}
+
+static void head_of_sextractor(void **state)
+{
+    (void)state;
+    rx_table *t =
+        good("#   1 NUMBER                 Running object number\n"
+             "#   2 FLUX_APER              Flux vector [of sorts]                   [count]\n"
+             "#   5 MU_MAX                 Peak                                     [mag * arcsec**(-2)]\n"
+             "         1        1.5 2.5 -3e2  99.0\r\n"
+             "\n"
+             "         2        1 2 3  nan\n");
+    assert_int_equal(t->ncolumns, 3);
+    assert_int_equal(t->nrows, 2);
+    assert_string_equal(t->columns[1].unit, "count");
+    assert_string_equal(t->columns[2].unit, "mag * arcsec**(-2)");
+    assert_int_equal(t->columns[0].type, RX_CELL_INT64);
+    assert_int_equal(rx_column_elements(&t->columns[1]), 3);
+    assert_float_equal(scene_value(t, "FLUX_APER", 0, 2), -300, 0);
+    assert_true(isnan(scene_value(t, "MU_MAX", 1, 0)));
+    rx_table_free(t);
+}
+
+static void last_vector_reaches_to_the_end_of_the_line(void **state)
+{
+    (void)state;
+    rx_table *t = good("# 1 NUMBER n\n# 2 VIGNET v\n1 5 6 7 8\n");
+    assert_int_equal(rx_column_elements(&t->columns[1]), 4);
+    rx_table_free(t);
+}
+
+static void names_from_a_comment_or_a_first_line(void **state)
+{
+    (void)state;
+    static const char *const texts[] = {"# made by hand\n# x y mag\n1 2 20.5\n3 4 21\n",
+                                        "x,y,mag\n1,2,20.5\n3,4,21\n", "#x, y, mag\n1, 2, 20.5\n3, 4, 21\n",
+                                        "x y mag\n1 2 20.5\n3 4 21",
+                                        "\"x\" \"y\" \"mag\"\n\t1 2\t20.5\n3 4 21\n# end\n"};
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        rx_table *t = good(texts[i]);
+        assert_int_equal(t->nrows, 2);
+        assert_int_equal(t->ncolumns, 3);
+        assert_float_equal(scene_value(t, "x", 1, 0), 3, 0);
+        assert_float_equal(scene_value(t, "mag", 0, 0), 20.5, 0);
+        rx_table_free(t);
+    }
+    rx_table *t = good("1 2\n3 4\n");
+    assert_float_equal(scene_value(t, "col2", 1, 0), 4, 0);
+    rx_table_free(t);
+}
+
+static void cells_of_text_and_nothing(void **state)
+{
+    (void)state;
+    rx_table *t = good("id,name,mag,n\n1,\"M 31, the nebula\",3.4,\n2,,--,7\n");
+    assert_int_equal(t->columns[1].type, RX_CELL_TEXT);
+    assert_string_equal((char *)t->columns[1].data, "M 31, the nebula");
+    assert_string_equal((char *)t->columns[1].data + t->columns[1].text_width, "");
+    assert_true(isnan(scene_value(t, "mag", 1, 0)));
+    assert_true(isnan(scene_value(t, "n", 0, 0)));
+    assert_float_equal(scene_value(t, "n", 1, 0), 7, 0);
+    rx_table_free(t);
+}
+
+static void large_identifiers_keep_their_digits(void **state)
+{
+    (void)state;
+    rx_table *t = good("# objid\n1237678617402605705\n");
+    assert_int_equal(((int64_t *)t->columns[0].data)[0], 1237678617402605705LL);
+    rx_table_free(t);
+}
+
+#define VOTABLE(fields, rows)                                                                                \
+    "<?xml version='1.0'?>\n<!-- c --><v:VOTABLE "                                                           \
+    "xmlns:v='http://www.ivoa.net/xml/VOTable/v1.3'><v:RESOURCE><v:TABLE "                                   \
+    "name='t'>" fields "<v:DATA><v:TABLEDATA>" rows                                                          \
+    "</v:TABLEDATA></v:DATA></v:TABLE></v:RESOURCE></v:VOTABLE>\n"
+#define FIELD(name, type) "<v:FIELD name='" name "' datatype='" type "'/>"
+
+static void votables_of_others(void **state)
+{
+    (void)state;
+    rx_table *t = good(VOTABLE(
+        "<v:FIELD name='id' datatype='long'><v:VALUES null='-1'/></v:FIELD>"
+        "<v:FIELD name='ra' datatype='double' unit='deg' ucd='pos.eq.ra'><v:DESCRIPTION>a &amp; "
+        "b</v:DESCRIPTION>"
+        "</v:FIELD><v:FIELD name='s' datatype='char' arraysize='*'/><v:FIELD name='m' datatype='float' "
+        "arraysize='2x2'/><v:FIELD name='b' datatype='boolean'/><v:FIELD name='big' datatype='long'/>",
+        "<v:TR><v:TD>-1</v:TD><v:TD> 1.5 </v:TD><v:TD>x&lt;<![CDATA[&y]]></v:TD><v:TD>1 2 "
+        "3</v:TD><v:TD>T</v:TD>"
+        "<v:TD>1237678617402605705</v:TD></v:TR>"
+        "<v:TR><v:TD>010</v:TD><v:TD/><v:TD></v:TD><v:TD/><v:TD>false</v:TD><v:TD>0x10</v:TD></v:TR>"));
+    assert_string_equal(t->name, "t");
+    assert_int_equal(t->nrows, 2);
+    assert_true(isnan(scene_value(t, "id", 0, 0)));
+    assert_float_equal(scene_value(t, "id", 1, 0), 10, 0);
+    assert_float_equal(scene_value(t, "ra", 0, 0), 1.5, 0);
+    assert_true(isnan(scene_value(t, "ra", 1, 0)));
+    assert_string_equal(t->columns[1].unit, "deg");
+    assert_string_equal(t->columns[1].description, "a & b");
+    assert_string_equal((char *)t->columns[2].data, "x<&y");
+    assert_float_equal(scene_value(t, "m", 0, 2), 3, 0);
+    assert_true(isnan(scene_value(t, "m", 0, 3)));
+    assert_float_equal(scene_value(t, "b", 0, 0), 1, 0);
+    assert_int_equal(((int64_t *)t->columns[5].data)[0], 1237678617402605705LL);
+    assert_float_equal(scene_value(t, "big", 1, 0), 16, 0);
+    rx_table_free(t);
+}
+
+static void many_rows_of_a_votable(void **state)
+{
+    (void)state;
+    rx_text text = {0};
+    rx_text_add(&text, "<VOTABLE><TABLE><FIELD name='other' datatype='int'/></TABLE><TABLE><FIELD name='n' "
+                       "datatype='int'/><FIELD name='s' datatype='char' arraysize='*'/><DATA><TABLEDATA>");
+    for (int i = 0; i < 5000; i++)
+        rx_text_printf(&text, "<TR><TD>%d</TD><TD>name %d</TD></TR>\n", i, i);
+    rx_text_add(&text, "</TABLEDATA></DATA></TABLE></VOTABLE>");
+    rx_table *t = NULL;
+    assert_int_equal(read_text(text.data, 1, &t, NULL), RX_OK);
+    assert_int_equal(t->nrows, 5000);
+    assert_float_equal(scene_value(t, "n", 4321, 0), 4321, 0);
+    assert_string_equal((char *)t->columns[1].data + 4321 * t->columns[1].text_width, "name 4321");
+    rx_table_free(t);
+    rx_text_free(&text);
+}
+
+static void what_is_no_catalogue(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *says;
+        long line;
+    } bad[] = {
+        {"", "is empty", 0},
+        {"\n\n", "holds no table", 0},
+        {"1 2 3\n1 2\n", "2 values", 2},
+        {"# 1 A a\n# 2 B b\n# 3 C c\n1 2\n", "head numbers 3", 0},
+        {"# a,b\n1,2\n1,2,\n", "3 values", 3},
+        {"<VOTABLE>", "XML", 1},
+        {"<VOTABLE/>", "holds 0", 0},
+        {"<html><body>Not found</body></html>", "holds 0", 0},
+        {"<VOTABLE><TABLE></VOTABLE>", "XML", 1},
+        {"<VOTABLE><TABLE></TABLE></VOTABLE>", "no FIELD", 0},
+        {"<!DOCTYPE x [<!ENTITY a 'aaaaaaaa'>]><VOTABLE/>", "entities", 1},
+        {VOTABLE(FIELD("a", "int"), "<v:TR><v:TD>1</v:TD><v:TD>2</v:TD></v:TR>"), "more cells", 2},
+        {VOTABLE(FIELD("a", "int") FIELD("b", "int"), "<v:TR><v:TD>1</v:TD></v:TR>"), "fewer cells", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TR><v:TD>one</v:TD></v:TR>"), "hold a number", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TR><v:TD>99999999999999999999</v:TD></v:TR>"), "hold a number", 2},
+        {VOTABLE(FIELD("a", "float"), "<v:TR><v:TD>1 2</v:TD></v:TR>"), "more numbers", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TD>1</v:TD>"), "no row", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TR><v:TR/></v:TR>"), "within a row", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TR><v:TD>1</v:TD></v:TR>" FIELD("b", "int")), "behind the data", 2},
+        {VOTABLE(FIELD("a", "int"), "<v:TABLE/>"), "within a TABLE", 2},
+        {"<VOTABLE><TABLE><FIELD name='a' "
+         "datatype='int'/><DATA><BINARY><STREAM/></BINARY></DATA></TABLE></VOTABLE>",
+         "TABLEDATA", 1},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        rx_table *table = NULL;
+        rx_error err = RX_ERROR_NONE;
+        assert_int_equal(read_text(bad[i].text, 0, &table, &err), RX_INPUT);
+        assert_null(table);
+        if (strstr(err.text, bad[i].says) == NULL || err.line != bad[i].line)
+            fail_msg("%s: line %ld: %s", bad[i].text, err.line, err.text);
+        assert_true(err.where[0] != '\0');
+    }
+}
+
+static void other_ways_to_fail(void **state)
+{
+    (void)state;
+    rx_table *table = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_catalog_read("/nowhere/reference.cat", 0, &table, &err), RX_INPUT);
+    assert_int_equal(rx_catalog_read("/nowhere/reference.fits[1]", 0, &table, &err), RX_INPUT);
+    assert_int_equal(rx_catalog_read("/", 0, &table, &err), RX_INPUT);
+    assert_int_equal(read_text("1 2\n", 1, &table, &err), RX_INPUT);
+    assert_int_equal(read_text("SIMPLE  =                    T / and no more\n", 0, &table, &err), RX_INPUT);
+    rx_text text = {0};
+    for (int i = 0; i < 5000; i++)
+        rx_text_add(&text, "1 ");
+    assert_int_equal(read_text(text.data, 0, &table, &err), RX_INPUT);
+    text.length = 0;
+    for (int i = 0; i < 5000; i++)
+        rx_text_printf(&text, "%s", "x");
+    rx_text_add(&text, "\n1\n1 2\n");
+    assert_int_equal(read_text(text.data, 0, &table, &err), RX_INPUT);
+    assert_null(table);
+    rx_text_free(&text);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(head_of_sextractor),
+        cmocka_unit_test(last_vector_reaches_to_the_end_of_the_line),
+        cmocka_unit_test(names_from_a_comment_or_a_first_line),
+        cmocka_unit_test(cells_of_text_and_nothing),
+        cmocka_unit_test(large_identifiers_keep_their_digits),
+        cmocka_unit_test(votables_of_others),
+        cmocka_unit_test(many_rows_of_a_votable),
+        cmocka_unit_test(what_is_no_catalogue),
+        cmocka_unit_test(other_ways_to_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
