@@ -1,12 +1,15 @@
-librextract_la_SOURCES += src/catalog/ascii_read.c src/catalog/readers.h
-librextract_la_SOURCES += src/catalog/ascii_write.c
-librextract_la_SOURCES += src/catalog/assoc.c src/catalog/assoc.h
-librextract_la_SOURCES += src/catalog/catalog.h
-librextract_la_SOURCES += src/catalog/catalog_read.c
-librextract_la_SOURCES += src/catalog/catalog_table.c
-librextract_la_SOURCES += src/catalog/catalog_write.c src/catalog/writers.h
-librextract_la_SOURCES += src/catalog/cell.c src/catalog/cell.h
-librextract_la_SOURCES += src/catalog/columns.c src/catalog/columns.h src/catalog/columns.def src/catalog/missing.def
-librextract_la_SOURCES += src/catalog/param_file.c
-librextract_la_SOURCES += src/catalog/votable_read.c
-librextract_la_SOURCES += src/catalog/votable_write.c
+librextract_la_SOURCES += \
+	src/catalog/ascii_read.c src/catalog/readers.h \
+	src/catalog/ascii_write.c \
+	src/catalog/assoc.c \
+	src/catalog/catalog_read.c \
+	src/catalog/catalog_table.c \
+	src/catalog/catalog_write.c src/catalog/writers.h \
+	src/catalog/cell.c src/catalog/cell.h \
+	src/catalog/columns.c src/catalog/columns.h src/catalog/columns.def src/catalog/missing.def \
+	src/catalog/param_file.c \
+	src/catalog/votable_read.c \
+	src/catalog/votable_write.c
+
+rx_catalogdir = $(pkgincludedir)/catalog
+rx_catalog_HEADERS = src/catalog/assoc.h src/catalog/catalog.h
