@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "validate/escape.h"
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 static void column(rx_text *dst, double value, int width, int digits)
 {

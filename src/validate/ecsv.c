@@ -3,7 +3,7 @@
 #include <stdio.h>
 
 #include "validate/escape.h"
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 /* Header of one table: columns one by one, then _end with the row of names. */
 typedef struct header {

@@ -10,7 +10,7 @@
 #include "base/memory.h"
 #include "validate/escape.h"
 #include "validate/gnuplot.h"
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 enum { FEW = 5, MAX_SVG = 64 << 20, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
 static const double PULL_REACH = 6;
@@ -109,7 +109,6 @@ static void write_recall(rx_text *dst, const rx_report *r)
 {
     bin_blocks(dst, r, "recall", RX_METRIC_RECALL, 0, 1);
     magnitude_axis(dst, r, "recall", "reference magnitude", "recall", 0, 1.02);
-    rx_text_add(dst, "set key left bottom\n");
     bars_with_lines(dst, r, "recall");
 }
 
@@ -117,7 +116,6 @@ static void write_precision(rx_text *dst, const rx_report *r)
 {
     bin_blocks(dst, r, "precision", RX_METRIC_PRECISION, 0, 1);
     magnitude_axis(dst, r, "precision", "measured magnitude", "precision", 0, 1.02);
-    rx_text_add(dst, "set key left bottom\n");
     bars_with_lines(dst, r, "precision");
 }
 
@@ -140,7 +138,6 @@ static void write_curve(rx_text *dst, const rx_report *r)
     for (int run = 0; run < r->input->nruns; run++)
         curve_blocks(dst, &r->evaluation[run].pr, run);
     begin(dst, "curve", "recall", "precision", 0, 1.02, 0, 1.02);
-    rx_text_add(dst, "set key left bottom\n");
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $curve%d using 1:2 with lines ls %d", run, run % 7 + 1);
@@ -202,7 +199,6 @@ static void write_error(rx_text *dst, const rx_report *r)
     }
     double reach = error_reach(r);
     magnitude_axis(dst, r, "error", "reference magnitude", "m - m_0  [mag]", -reach, reach);
-    rx_text_add(dst, "set key left bottom\n");
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst,
@@ -233,7 +229,7 @@ static void write_magerr(rx_text *dst, const rx_report *r)
     low = fmax(0.5 * fmin(low, 10), 0.01);
     high = fmax(3 * high, 10 * low);
     bin_blocks(dst, r, "magerr", RX_METRIC_MAGERR, low, high);
-    rx_text_add(dst, "set logscale y\nset key left top\n");
+    rx_text_add(dst, "set logscale y\n");
     magnitude_axis(dst, r, "magerr", "reference magnitude", "MagErr  [%]", low, high);
     bars_with_lines(dst, r, "magerr");
     rx_text_add(dst, "unset logscale y\n");
@@ -246,17 +242,22 @@ static void write_offsets(rx_text *dst, const rx_report *r)
         dot_block(dst, r, "offset", run, r->evaluation[run].dx, r->evaluation[run].dy, 0);
     begin(dst, "offsets", "x - x_0  [pixels]", "y - y_0  [pixels]", -reach, reach, -reach, reach);
     rx_text_printf(dst,
-                   "set key right top\nset size ratio -1\nset parametric\nset trange [0:2*pi]\n"
+                   "set size ratio -1\nset parametric\nset trange [0:2*pi]\n"
                    "plot %.6g*cos(t), %.6g*sin(t) with lines lc rgb '#808080' dt 2 title 'match radius'",
                    r->par->match_radius, r->par->match_radius);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst, ", $offset%d using 1:2 with points ls %d lc rgb color(%d, 120) ps 0.3 notitle",
                        run, run % 7 + 1, run % 7 + 1);
     for (int run = 0; run < r->input->nruns; run++) {
+        /* medians over a white copy of themselves, to stand out from the dots */
         const rx_estimate *e = rx_report_whole(r, run, RX_METRIC_RECALL);
-        rx_text_printf(dst, ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d ps 1.4",
-                       isfinite(e[RX_METRIC_DX].value) ? e[RX_METRIC_DX].value : 10 * reach,
-                       isfinite(e[RX_METRIC_DY].value) ? e[RX_METRIC_DY].value : 10 * reach, run % 7 + 1);
+        double x = isfinite(e[RX_METRIC_DX].value) ? e[RX_METRIC_DX].value : 10 * reach;
+        double y = isfinite(e[RX_METRIC_DY].value) ? e[RX_METRIC_DY].value : 10 * reach;
+        rx_text_printf(
+            dst,
+            ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d lc rgb '#ffffff' ps 2 notitle"
+            ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d ps 1.3",
+            x, y, run % 7 + 1, x, y, run % 7 + 1);
         title_of(dst, r, run);
     }
     rx_text_add(dst, "\nunset parametric\nset size noratio\n");
@@ -285,7 +286,7 @@ static void write_pulls(rx_text *dst, const rx_report *r)
         rx_text_add(dst, "EOD\n");
     }
     begin(dst, "pulls", "pull = (F - F_0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
-    rx_text_add(dst, "set key right top\n"
+    rx_text_add(dst, ""
                      "plot exp(-x*x/2)/sqrt(2*pi) with lines lc rgb '#808080' dt 2 title 'unit normal'");
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $pull%d using 1:2 with histeps ls %d", run, run % 7 + 1);
@@ -344,6 +345,7 @@ static void write_head(rx_text *dst)
     rx_text_add(dst,
                 "set terminal svg size 640,400 dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n"
                 "set encoding utf8\nset border 3 lc rgb '#404040'\nset tics nomirror out\n"
+                "set key outside top center horizontal\n"
                 "set grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill solid 1 noborder\n"
                 "hex(k) = ");
     for (int i = 0; i < 6; i++)

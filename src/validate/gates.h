@@ -31,7 +31,4 @@ const char *rx_gate_operator_name(rx_gate_operator op);
  * INSUFFICIENT; so it is for an estimate without sources. */
 rx_verdict rx_gate_judge(const rx_gate *gate, const rx_estimate *estimate);
 
-/* The worse of two: FAIL, INSUFFICIENT, PASS, NONE. */
-rx_verdict rx_verdict_worse(rx_verdict a, rx_verdict b);
-
 #endif

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "validate/escape.h"
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 static const char STYLE[] =
     "body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1100px;margin:0 "

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "validate/escape.h"
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 /* "key": with a comma before all but the first of an object. */
 static void key(rx_text *dst, const char *name, int *first)

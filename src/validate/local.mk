@@ -14,5 +14,4 @@ librextract_la_SOURCES += \
 	src/validate/match.c src/validate/match.h \
 	src/validate/metrics.c src/validate/metrics.h \
 	src/validate/pr.c src/validate/pr.h \
-	src/validate/qa.h \
-	src/validate/report.c src/validate/report.h
+	src/validate/qa.c src/validate/qa.h src/validate/qa_writers.h

@@ -84,6 +84,9 @@ void rx_gates_free(rx_gates *gates);
 
 const char *rx_verdict_name(rx_verdict verdict); /* "PASS" ..., "NONE" without gates */
 
+/* The worse of two: FAIL, then INSUFFICIENT, PASS, NONE. */
+rx_verdict rx_verdict_worse(rx_verdict a, rx_verdict b);
+
 /* Write the report into the existing folder: report.html, summary.json, bins.ecsv and, per run,
  * matches_<run>.ecsv and pr_<run>.ecsv (names reduced to letters, digits, - and _).
  * *verdict over all gates (FAIL before INSUFFICIENT before PASS); `brief` (may be NULL) gets a short text

@@ -1,5 +1,5 @@
 /* The report: measure every run, judge the gates, write the files. */
-#include "validate/report.h"
+#include "validate/qa_writers.h"
 
 #include <errno.h>
 #include <math.h>

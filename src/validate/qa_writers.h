@@ -1,6 +1,6 @@
 /* What the writers of the report share: everything measured, nothing formatted. */
-#ifndef RX_VALIDATE_REPORT_H
-#define RX_VALIDATE_REPORT_H
+#ifndef RX_VALIDATE_QA_WRITERS_H
+#define RX_VALIDATE_QA_WRITERS_H
 
 #include "base/text.h"
 #include "validate/gates.h"
