@@ -13,7 +13,10 @@
 
 #include "base/memory.h"
 
-enum { CHUNK_PIXELS = 1 << 20 };
+/* Name that cfitsio is given for a file held in memory, padded. */
+static const char PADDED[] = "padded copy";
+
+enum { CHUNK_PIXELS = 1 << 20, BLOCK = 2880 };
 
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what)
@@ -51,7 +54,8 @@ static const char *not_fits(const unsigned char *head, size_t n)
     return "is not a FITS file: it does not begin with SIMPLE";
 }
 
-static rx_status check_file(const char *path, rx_error *err)
+/* *pad: bytes missing to a whole block, 0 for a compressed file. */
+static rx_status check_file(const char *path, size_t *size, size_t *pad, rx_error *err)
 {
     struct stat info;
     unsigned char head[160];
@@ -73,31 +77,59 @@ static rx_status check_file(const char *path, rx_error *err)
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
+    *size = (size_t)info.st_size;
+    *pad = memcmp(head, "SIMPLE", 6) == 0 ? (BLOCK - *size % BLOCK) % BLOCK : 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-rx_status rx_fits_open(const char *path, fitsfile **dst, rx_error *err)
+/* Whole file into memory, followed by `pad` zeros. */
+static rx_status load(const char *path, size_t size, size_t pad, rx_fits_source *dst, rx_error *err)
 {
-    int failed = 0;
-    *dst = NULL;
-    rx_status status = check_file(path, err);
-    if (status != RX_OK)
-        return status;
-    fits_clear_errmsg();
-    if (fits_open_diskfile(dst, path, READONLY, &failed)) {
-        *dst = NULL;
-        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
-    }
-    return RX_OK;
+    dst->size = size + pad;
+    dst->memory = rx_alloc(dst->size, 1);
+    if (dst->memory == NULL)
+        return rx_error_memory(err, dst->size);
+    FILE *file = fopen(path, "rb");
+    size_t n = file != NULL ? fread(dst->memory, 1, size, file) : 0;
+    if (file != NULL)
+        fclose(file);
+    return n == size ? RX_OK : rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
 }
 
-void rx_fits_done(fitsfile *file)
+rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
+{
+    int failed = 0;
+    size_t size = 0, pad = 0;
+    *dst = (rx_fits_source){0};
+    rx_status status = check_file(path, &size, &pad, err);
+    if (status == RX_OK && pad > 0)
+        status = load(path, size, pad, dst, err);
+    if (status != RX_OK)
+        goto exit;
+    fits_clear_errmsg();
+    if (pad > 0)
+        fits_open_memfile(&dst->file, PADDED, READONLY, &dst->memory, &dst->size, 0, NULL, &failed);
+    else
+        fits_open_diskfile(&dst->file, path, READONLY, &failed);
+    if (failed) {
+        dst->file = NULL;
+        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    }
+exit:
+    if (status != RX_OK)
+        rx_fits_done(dst);
+    return status;
+}
+
+void rx_fits_done(rx_fits_source *source)
 {
     int ignored = 0;
-    if (file != NULL)
-        fits_close_file(file, &ignored);
+    if (source->file != NULL)
+        fits_close_file(source->file, &ignored);
     fits_clear_errmsg();
+    free(source->memory);
+    *source = (rx_fits_source){0};
 }
 
 /* --- names --- */
@@ -336,7 +368,11 @@ rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx
         fits_clear_errmsg();
         bytes = (double)axes[0] * (double)axes[1] + (double)heap;
     }
-    double there = (double)(file->Fptr->filesize - start);
+    struct stat info;
+    LONGLONG size = file->Fptr->filesize;
+    if (strcmp(file->Fptr->filename, PADDED) == 0 && stat(path, &info) == 0)
+        size = (LONGLONG)info.st_size;
+    double there = (double)(size - start);
     if (there < 0)
         there = 0;
     if (failed || bytes > there)

@@ -34,9 +34,17 @@ rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
 /* True when the name selects one HDU. */
 int rx_fits_name_selects(const rx_fits_name *name);
 
+/* An open file. cfitsio cannot read a last block without its padding, which many programs leave out:
+ * such a file is held in memory, padded, and must stay at its place as cfitsio points into the struct. */
+typedef struct rx_fits_source {
+    fitsfile *file;
+    void *memory;
+    size_t size;
+} rx_fits_source;
+
 /* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
-rx_status rx_fits_open(const char *path, fitsfile **dst, rx_error *err);
-void rx_fits_done(fitsfile *file); /* close, errors ignored; NULL is fine */
+rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err);
+void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of zeros is fine */
 
 /* Go to HDU number hdu (from 0), or to the one the name selects (*hdu given back). */
 rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err);

@@ -70,18 +70,18 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
 {
     rx_fits_name parsed;
     rx_fits_shape shape;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     float *data = NULL;
     long first[2], last[2];
     int hdu = 0;
     *pixels = NULL;
     rx_status status = rx_fits_name_parse(name, &parsed, err);
     if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &file, err);
+        status = rx_fits_open(parsed.path, &source, err);
     if (status == RX_OK)
-        status = find_image(file, &parsed, &hdu, &shape, err);
+        status = find_image(source.file, &parsed, &hdu, &shape, err);
     if (status == RX_OK)
-        status = check_image(file, &parsed, hdu, &shape, first, last, err);
+        status = check_image(source.file, &parsed, hdu, &shape, first, last, err);
     if (status != RX_OK)
         goto exit;
     *width = (int)(last[0] - first[0] + 1);
@@ -91,13 +91,13 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
         status = rx_error_memory(err, sizeof(float) * (size_t)*width * (size_t)*height);
         goto exit;
     }
-    status = rx_fits_read_pixels(file, parsed.path, hdu, first, last, data, err);
+    status = rx_fits_read_pixels(source.file, parsed.path, hdu, first, last, data, err);
     if (status != RX_OK)
         goto exit;
     *pixels = data;
     data = NULL;
 exit:
-    rx_fits_done(file);
+    rx_fits_done(&source);
     free(data);
     return status;
 }
@@ -143,7 +143,7 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
     return RX_OK;
 }
 
-static rx_status open_tables(const char *text, rx_fits_name *name, fitsfile **file, int **hdus, int *n,
+static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_source *source, int **hdus, int *n,
                              rx_error *err)
 {
     *hdus = NULL;
@@ -152,20 +152,20 @@ static rx_status open_tables(const char *text, rx_fits_name *name, fitsfile **fi
         status = rx_error_at(err, RX_INPUT, text, -1, 0,
                              "a section of a table cannot be read; name its HDU alone");
     if (status == RX_OK)
-        status = rx_fits_open(name->path, file, err);
+        status = rx_fits_open(name->path, source, err);
     if (status == RX_OK)
-        status = list_tables(*file, name, hdus, n, err);
+        status = list_tables(source->file, name, hdus, n, err);
     return status;
 }
 
 rx_status rx_fits_count_tables(const char *name, int *n, rx_error *err)
 {
     rx_fits_name parsed;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     int *hdus = NULL;
     *n = 0;
-    rx_status status = open_tables(name, &parsed, &file, &hdus, n, err);
-    rx_fits_done(file);
+    rx_status status = open_tables(name, &parsed, &source, &hdus, n, err);
+    rx_fits_done(&source);
     free(hdus);
     return status;
 }
@@ -455,17 +455,17 @@ exit:
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err)
 {
     rx_fits_name parsed;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     int *hdus = NULL, n = 0;
     *dst = NULL;
-    rx_status status = open_tables(name, &parsed, &file, &hdus, &n, err);
+    rx_status status = open_tables(name, &parsed, &source, &hdus, &n, err);
     if (status == RX_OK && (index < 0 || index >= n))
         status = n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table")
                         : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
                                       n, index + 1);
     if (status == RX_OK)
-        status = read_table(file, parsed.path, hdus[index], dst, err);
-    rx_fits_done(file);
+        status = read_table(source.file, parsed.path, hdus[index], dst, err);
+    rx_fits_done(&source);
     free(hdus);
     return status;
 }

@@ -1,10 +1,13 @@
 librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
 	src/io/fits_file.c src/io/fits_file.h \
-	src/io/fits_read.c src/io/fits_read.h \
-	src/io/fits_write.c src/io/fits_write.h \
-	src/io/output.c src/io/output.h \
+	src/io/fits_read.c \
+	src/io/fits_write.c \
+	src/io/output.c \
 	src/io/sky.c src/io/sky.h \
-	src/io/tile.c src/io/tile.h \
+	src/io/tile.c \
 	src/io/tile_weight.c src/io/tile_weight.h \
-	src/io/wcs.c src/io/wcs.h
+	src/io/wcs.c
+
+rx_iodir = $(pkgincludedir)/io
+rx_io_HEADERS = src/io/fits_read.h src/io/fits_write.h src/io/output.h src/io/tile.h src/io/wcs.h

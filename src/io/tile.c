@@ -27,9 +27,8 @@ static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *sha
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "holds no pixels (NAXIS = 0); name an image extension");
     if (!rx_fits_is_plane(shape))
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                           "holds an image of %d axes, a 2-D one was expected; cut out a plane",
-                           shape->naxis);
+        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image of %d ax%s, a 2-D one was expected",
+                           shape->naxis, shape->naxis == 1 ? "is" : "es");
     if (shape->axes[0] < 1 || shape->axes[1] < 1)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "the image has %lld x %lld pixels, there is nothing in it", shape->axes[0],
@@ -81,30 +80,30 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
 {
     rx_fits_name parsed;
     rx_fits_shape shape;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     int *list = NULL, failed = 0, broken = 0;
     *n = 0;
     *hdus = NULL;
     rx_status status = rx_fits_name_parse(name, &parsed, err);
     if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &file, err);
+        status = rx_fits_open(parsed.path, &source, err);
     if (status != RX_OK)
         goto exit;
-    int count = rx_fits_name_selects(&parsed) ? 1 : rx_fits_count(file, &broken);
+    int count = rx_fits_name_selects(&parsed) ? 1 : rx_fits_count(source.file, &broken);
     list = RX_NEW(int, (size_t)count);
     if (list == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
     if (rx_fits_name_selects(&parsed)) {
-        status = rx_fits_goto_name(file, &parsed, &list[0], err);
-        if (status == RX_OK && (failed = rx_fits_shape_of(file, &shape)) != 0)
+        status = rx_fits_goto_name(source.file, &parsed, &list[0], err);
+        if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)
             status = rx_fits_failed(err, RX_INPUT, parsed.path, list[0], failed, "this HDU cannot be read");
         if (status == RX_OK)
             status = check_plane(parsed.path, list[0], &shape, err);
         *n = 1;
     } else {
-        status = list_all(file, parsed.path, log, list, count, n, err);
+        status = list_all(source.file, parsed.path, log, list, count, n, err);
         if (status == RX_OK && broken)
             rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
                            parsed.path, count - 1);
@@ -114,7 +113,7 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     *hdus = list;
     list = NULL;
 exit:
-    rx_fits_done(file);
+    rx_fits_done(&source);
     free(list);
     return status;
 }
@@ -302,7 +301,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
                        rx_tile **dst, rx_error *err)
 {
     rx_fits_name parsed;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     rx_text cards = {0}, parent = {0};
     rx_tile_place place = {.name = &parsed, .hdu = hdu, .extension = extension};
     *dst = NULL;
@@ -310,11 +309,11 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     rx_status status =
         tile != NULL ? rx_fits_name_parse(name, &parsed, err) : rx_error_memory(err, sizeof *tile);
     if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &file, err);
+        status = rx_fits_open(parsed.path, &source, err);
     if (status == RX_OK)
-        status = find_place(file, &place, err);
+        status = find_place(source.file, &place, err);
     if (status == RX_OK)
-        status = read_header(file, &place, &cards, &parent, err);
+        status = read_header(source.file, &place, &cards, &parent, err);
     if (status == RX_OK)
         status = name_tile(&place, &cards, tile, err);
     if (status != RX_OK)
@@ -323,7 +322,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    status = read_pixels(file, &place, tile, err);
+    status = read_pixels(source.file, &place, tile, err);
     if (status == RX_OK)
         status = take_wcs(par, log, tile, err);
     if (status == RX_OK)
@@ -336,7 +335,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     *dst = tile;
     tile = NULL;
 exit:
-    rx_fits_done(file);
+    rx_fits_done(&source);
     rx_text_free(&cards);
     rx_text_free(&parent);
     rx_tile_free(tile);

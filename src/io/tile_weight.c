@@ -41,23 +41,23 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_tile_pl
 
 /* Open a companion of the tile and find the rectangle that covers the tile's pixels. */
 static rx_status open_companion(const char *what, const char *text, const rx_tile_place *place,
-                                fitsfile **file, int *hdu, rx_fits_shape *shape, long first[2], long last[2],
-                                rx_error *err)
+                                rx_fits_source *source, int *hdu, rx_fits_shape *shape, long first[2],
+                                long last[2], rx_error *err)
 {
     rx_fits_name name;
     rx_status status = rx_fits_name_parse(text, &name, err);
     if (status == RX_OK)
         status = choose_hdu(what, text, place, hdu, err);
     if (status == RX_OK)
-        status = rx_fits_open(name.path, file, err);
+        status = rx_fits_open(name.path, source, err);
     if (status == RX_OK)
-        status = rx_fits_goto(*file, name.path, *hdu, err);
+        status = rx_fits_goto(source->file, name.path, *hdu, err);
     if (status != RX_OK)
         return status;
-    int failed = rx_fits_shape_of(*file, shape);
+    int failed = rx_fits_shape_of(source->file, shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name.path, *hdu, failed, "this HDU cannot be read");
-    status = rx_fits_check_size(*file, name.path, *hdu, shape, err);
+    status = rx_fits_check_size(source->file, name.path, *hdu, shape, err);
     if (status != RX_OK)
         return status;
     int same = 1, part = 1;
@@ -111,7 +111,7 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
                              rx_error *err)
 {
     rx_fits_shape shape;
-    fitsfile *file = NULL;
+    rx_fits_source source = {0};
     long first[2], last[2];
     int hdu = 0;
     tile->weight_type = par->weight_type;
@@ -120,7 +120,7 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
     if (par->weight_name == NULL || par->weight_name[0] == '\0')
         return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
     rx_status status =
-        open_companion("weight map", par->weight_name, place, &file, &hdu, &shape, first, last, err);
+        open_companion("weight map", par->weight_name, place, &source, &hdu, &shape, first, last, err);
     if (status != RX_OK)
         goto exit;
     size_t n = (size_t)tile->width * (size_t)tile->height;
@@ -129,11 +129,11 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    status = rx_fits_read_pixels(file, par->weight_name, hdu, first, last, tile->weight, err);
+    status = rx_fits_read_pixels(source.file, par->weight_name, hdu, first, last, tile->weight, err);
     if (status == RX_OK)
         mask_by_weight(par, tile);
 exit:
-    rx_fits_done(file);
+    rx_fits_done(&source);
     return status;
 }
 
@@ -170,10 +170,11 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
         return rx_error_memory(err, 0);
     for (int i = 0; status == RX_OK && i < par->nflags; i++) {
         rx_fits_shape shape;
-        fitsfile *file = NULL;
+        rx_fits_source source = {0};
         long first[2], last[2];
         int hdu = 0;
-        status = open_companion("flag map", par->flag_names[i], place, &file, &hdu, &shape, first, last, err);
+        status =
+            open_companion("flag map", par->flag_names[i], place, &source, &hdu, &shape, first, last, err);
         if (status == RX_OK && shape.bitpix < 0)
             status = rx_error_at(err, RX_INPUT, par->flag_names[i], hdu, 0,
                                  "a flag map must hold integers, this one has BITPIX = %d", shape.bitpix);
@@ -181,9 +182,9 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
             status = rx_error_memory(err, n * sizeof(uint32_t));
         if (status == RX_OK) {
             tile->nflagmaps = i + 1;
-            status = read_flags(file, par->flag_names[i], hdu, first, last, tile->flagmaps[i], err);
+            status = read_flags(source.file, par->flag_names[i], hdu, first, last, tile->flagmaps[i], err);
         }
-        rx_fits_done(file);
+        rx_fits_done(&source);
     }
     return status;
 }

@@ -23,7 +23,7 @@
 
 typedef struct scratch {
     char folder[512];
-    char path[8][800]; /* ring of names handed out by in() */
+    char *path[8]; /* ring of names handed out by in() */
     int next;
 } scratch;
 
@@ -61,6 +61,8 @@ static inline int drop_scratch(void **state)
 {
     scratch *s = *state;
     remove_all(s->folder);
+    for (int i = 0; i < 8; i++)
+        free(s->path[i]);
     free(s);
     return 0;
 }
@@ -69,9 +71,13 @@ static inline int drop_scratch(void **state)
 static inline const char *in(void **state, const char *name)
 {
     scratch *s = *state;
-    char *path = s->path[s->next++ % 8];
-    snprintf(path, sizeof s->path[0], "%s/%s", s->folder, name);
-    return path;
+    char **path = &s->path[s->next++ % 8];
+    size_t size = strlen(s->folder) + strlen(name) + 2;
+    free(*path);
+    *path = malloc(size);
+    assert_non_null(*path);
+    snprintf(*path, size, "%s/%s", s->folder, name);
+    return *path;
 }
 
 static inline int count_entries(const char *path)

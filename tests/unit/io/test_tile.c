@@ -1,0 +1,680 @@
+/* Tiles: every kind of pixel, masks, names, companions, and files that are not what they claim. */
+#include "io_test.h"
+
+#include <fitsio.h>
+
+#include <math.h>
+
+#include "io/tile.h"
+#include "io/wcs.h"
+
+enum { W = 5, H = 4 };
+
+static const rx_tile_params PLAIN = {.weight_threshold = NAN, .saturation = 50000, .zeropoint = 25};
+
+static rx_tile *read_tile(const rx_tile_params *par, const char *name, int hdu, int extension)
+{
+    rx_tile *tile = NULL;
+    rx_error err = RX_ERROR_NONE;
+    rx_status status = rx_tile_read(par, name, hdu, extension, NULL, &tile, &err);
+    if (status != RX_OK)
+        print_message("%s: %s\n", err.where, err.text);
+    assert_int_equal(status, RX_OK);
+    return tile;
+}
+
+/* Reading must fail with this status and a text that holds `word`. */
+static void check_refused(const rx_tile_params *par, const char *name, const char *word)
+{
+    int *hdus = NULL, n = 0;
+    rx_tile *tile = NULL;
+    rx_error err = RX_ERROR_NONE;
+    rx_status status = rx_tile_list(name, NULL, &hdus, &n, &err);
+    if (status == RX_OK)
+        status = rx_tile_read(par, name, hdus[0], 1, NULL, &tile, &err);
+    free(hdus);
+    assert_null(tile);
+    assert_int_equal(status, RX_INPUT);
+    if (strstr(err.text, word) == NULL)
+        print_message("%s: '%s' does not say '%s'\n", name, err.text, word);
+    assert_non_null(strstr(err.text, word));
+    assert_null(strchr(err.text, '\n'));
+    assert_int_not_equal(err.text[strlen(err.text) - 1], '.');
+}
+
+/* An image file made by hand: W x H, `more` are further cards. */
+static void make_image(const char *path, int bitpix, const char *more, const void *big_endian)
+{
+    char lines[2000];
+    rx_text file = {0};
+    snprintf(lines, sizeof lines,
+             "SIMPLE  =                    T\nBITPIX  = %20d\nNAXIS   =                    2\n"
+             "NAXIS1  =                    5\nNAXIS2  =                    4\n%s",
+             bitpix, more);
+    add_hdu(&file, lines, big_endian, (size_t)W * H * (size_t)abs(bitpix) / 8);
+    dump(path, file.data, file.length);
+    rx_text_free(&file);
+}
+
+/* 0, 1, ... 19 in that type, big-endian, then an image of it. */
+static void make_ramp(const char *path, int bitpix, const char *more)
+{
+    union {
+        uint8_t b[W * H];
+        int16_t s[W * H];
+        int32_t i[W * H];
+        int64_t l[W * H];
+        float f[W * H];
+        double d[W * H];
+    } data;
+    for (int i = 0; i < W * H; i++)
+        switch (bitpix) {
+        case 8:
+            data.b[i] = (uint8_t)i;
+            break;
+        case 16:
+            data.s[i] = (int16_t)i;
+            break;
+        case 32:
+            data.i[i] = i;
+            break;
+        case 64:
+            data.l[i] = i;
+            break;
+        case -32:
+            data.f[i] = (float)i;
+            break;
+        default:
+            data.d[i] = i;
+        }
+    swap(&data, W * H, (size_t)abs(bitpix) / 8);
+    make_image(path, bitpix, more, &data);
+}
+
+/* --- pixels --- */
+
+static void test_bitpix(void **state)
+{
+    static const int kinds[] = {8, 16, 32, 64, -32, -64};
+    char checksum[32] = "";
+    for (int k = 0; k < 6; k++) {
+        make_ramp(in(state, "a.fits"), kinds[k], "");
+        rx_tile *tile = read_tile(&PLAIN, in(state, "a.fits"), 0, 1);
+        assert_int_equal(tile->width, W);
+        assert_int_equal(tile->height, H);
+        for (int i = 0; i < W * H; i++) {
+            assert_true(tile->pixels[i] == (float)i);
+            assert_int_equal(tile->mask[i], 0);
+        }
+        if (k > 0)
+            assert_string_equal(tile->checksum, checksum);
+        memcpy(checksum, tile->checksum, sizeof checksum);
+        rx_tile_free(tile);
+    }
+    assert_int_equal(strlen(checksum), 16);
+}
+
+static void test_scaling_and_blank(void **state)
+{
+    make_ramp(in(state, "a.fits"), 16, "BSCALE  = 0.5\nBZERO   = 100.0\nBLANK   = 7");
+    rx_tile *tile = read_tile(&PLAIN, in(state, "a.fits"), 0, 1);
+    for (int i = 0; i < W * H; i++) {
+        assert_true(tile->pixels[i] == (i == 7 ? 0.f : 100.f + 0.5f * (float)i));
+        assert_int_equal(tile->mask[i], i == 7 ? RX_MASK_BAD : 0);
+    }
+    rx_tile_free(tile);
+    make_ramp(in(state, "a.fits"), 16, "BSCALE  = 1\nBZERO   = 32768"); /* unsigned */
+    tile = read_tile(&PLAIN, in(state, "a.fits"), 0, 1);
+    assert_true(tile->pixels[3] == 32771.f);
+    rx_tile_free(tile);
+    make_ramp(in(state, "a.fits"), 8, "BSCALE  = 1\nBZERO   = -128"); /* signed bytes */
+    tile = read_tile(&PLAIN, in(state, "a.fits"), 0, 1);
+    assert_true(tile->pixels[3] == -125.f);
+    rx_tile_free(tile);
+}
+
+static void test_no_numbers(void **state)
+{
+    float f[W * H] = {0};
+    double d[W * H] = {0};
+    f[0] = NAN;
+    f[1] = INFINITY;
+    f[2] = -INFINITY;
+    f[3] = 60000;
+    f[4] = 3e38f;
+    for (int i = 0; i < 5; i++)
+        d[i] = (double)f[i];
+    d[5] = 1e300;
+    swap(f, W * H, 4);
+    swap(d, W * H, 8);
+    make_image(in(state, "f.fits"), -32, "", f);
+    make_image(in(state, "d.fits"), -64, "", d);
+    rx_tile *a = read_tile(&PLAIN, in(state, "f.fits"), 0, 1),
+            *b = read_tile(&PLAIN, in(state, "d.fits"), 0, 1);
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(a->mask[i], RX_MASK_BAD);
+        assert_int_equal(b->mask[i], RX_MASK_BAD);
+        assert_true(a->pixels[i] == 0 && b->pixels[i] == 0);
+    }
+    assert_int_equal(a->mask[3], RX_MASK_SATURATED);
+    assert_true(a->pixels[4] == 3e38f && b->pixels[4] == 3e38f);
+    assert_int_equal(b->mask[5], RX_MASK_BAD); /* no float holds it */
+    assert_int_equal(a->mask[5], 0);
+    rx_tile_free(a);
+    rx_tile_free(b);
+    for (int i = 0; i < W * H; i++)
+        f[i] = NAN;
+    swap(f, W * H, 4);
+    make_image(in(state, "f.fits"), -32, "", f);
+    check_refused(&PLAIN, in(state, "f.fits"), "NaN");
+}
+
+/* --- numbers of the header --- */
+
+static void test_keys(void **state)
+{
+    make_ramp(
+        in(state, "a.fits"), 16,
+        "GAIN    = 2.5 / e-/ADU\nSATURATE=                 10.0\nEXPTIME = '30.0    '\nMAGZP   = 2.65D1\n"
+        "HIERARCH ESO DET OUT1 GAIN = 0.7 / conversion");
+    rx_tile_params par = PLAIN;
+    par.gain = 9;
+    par.gain_key = "GAIN";
+    par.saturation_key = "SATURATE";
+    par.zeropoint_key = "MAGZP";
+    rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_true(tile->gain == 2.5 && tile->saturation == 10 && tile->exptime == 30 &&
+                tile->zeropoint == 26.5);
+    assert_int_equal(tile->mask[9], 0);
+    assert_int_equal(tile->mask[10], RX_MASK_SATURATED);
+    assert_int_equal(tile->ncards, 10);
+    assert_null(tile->wcs);
+    rx_tile_free(tile);
+    par.gain_key = "ESO DET OUT1 GAIN";
+    par.saturation_key = "NOSUCH";
+    par.zeropoint_key = "";
+    par.pixel_scale = 0.2;
+    tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_true(tile->gain == 0.7 && tile->saturation == 50000 && tile->zeropoint == 25);
+    assert_true(tile->pixel_scale == 0.2);
+    rx_tile_free(tile);
+    par.gain_key = "NOSUCH";
+    par.saturation = 0; /* unknown */
+    tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_true(tile->gain == 9 && isinf(tile->saturation));
+    rx_tile_free(tile);
+}
+
+static void test_inherit(void **state)
+{
+    rx_text file = {0};
+    char data[W * H] = {0};
+    static const char ext[] =
+        "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    2\n"
+        "NAXIS1  =                    5\nNAXIS2  =                    4\nPCOUNT  = 0\nGCOUNT  = 1\n"
+        "EXTNAME = 'N1      '\nINHERIT =                    T\nFILTER  = 'r'";
+    add_hdu(&file,
+            "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0\n"
+            "EXTEND  =                    T\nFILTER  = 'g'\nTELESCOP= 'X'\nGAIN    = 4.0",
+            "", 0);
+    data[0] = 1;
+    add_hdu(&file, ext, data, sizeof data);
+    dump(in(state, "a.fits"), file.data, file.length);
+    rx_tile_params par = PLAIN;
+    par.gain_key = "GAIN";
+    rx_tile *tile = read_tile(&par, in(state, "a.fits"), 1, 1);
+    rx_text cards = {.data = tile->cards, .length = tile->ncards * 80};
+    assert_string_equal(tile->extname, "N1");
+    assert_true(tile->gain == 4);
+    assert_int_equal(tile->ncards, 12); /* ten, TELESCOP and GAIN */
+    assert_non_null(strstr(cards.data, "TELESCOP= 'X'"));
+    assert_null(strstr(cards.data, "FILTER  = 'g'"));
+    rx_tile_free(tile);
+    rx_text_free(&file);
+}
+
+/* --- compressed files, many HDUs, names --- */
+
+static void compress_to(const char *path, int type, const float *pixels, long width, long height, int twice)
+{
+    fitsfile *file = NULL;
+    int failed = 0;
+    long axes[2] = {width, height};
+    int *integers = malloc((size_t)(width * height) * sizeof *integers);
+    float *floats = malloc((size_t)(width * height) * sizeof *floats);
+    assert_true(integers != NULL && floats != NULL);
+    for (long i = 0; i < width * height; i++) {
+        floats[i] = pixels[i];
+        integers[i] = (int)pixels[i];
+    }
+    remove(path);
+    fits_create_diskfile(&file, path, &failed);
+    fits_set_compression_type(file, type, &failed);
+    for (int i = 0; i <= twice; i++) {
+        fits_create_img(file, type == RICE_1 ? LONG_IMG : FLOAT_IMG, 2, axes, &failed);
+        if (type == RICE_1)
+            fits_write_img(file, TINT, 1, width * height, integers, &failed);
+        else
+            fits_write_img(file, TFLOAT, 1, width * height, floats, &failed);
+    }
+    fits_close_file(file, &failed);
+    free(integers);
+    free(floats);
+    assert_int_equal(failed, 0);
+}
+
+static void test_compressed(void **state)
+{
+    float ramp[60 * 50];
+    for (int i = 0; i < 3000; i++)
+        ramp[i] = (float)((i * 37) % 1000);
+    compress_to(in(state, "a.fits.fz"), RICE_1, ramp, 60, 50, 1);
+    compress_to(in(state, "b.fits.fz"), GZIP_1, ramp, 60, 50, 0);
+    compress_to(in(state, "c.fits.fz"), RICE_1, ramp, 60, 50, 0);
+    static const char *const names[] = {"a.fits.fz", "b.fits.fz", "c.fits.fz"};
+    for (int k = 0; k < 3; k++) {
+        int *hdus = NULL, n = 0;
+        assert_int_equal(rx_tile_list(in(state, names[k]), NULL, &hdus, &n, NULL), RX_OK);
+        assert_int_equal(n, k == 0 ? 2 : 1);
+        assert_int_equal(hdus[0], 1);
+        rx_tile *tile = read_tile(&PLAIN, in(state, names[k]), hdus[n - 1], n);
+        assert_string_equal(tile->extname, "");
+        if (k != 1) /* floats are quantised */
+            assert_memory_equal(tile->pixels, ramp, sizeof ramp);
+        for (size_t i = 0; i < tile->ncards; i++) {
+            assert_int_not_equal(strncmp(tile->cards + i * 80, "ZCMPTYPE", 8), 0);
+            assert_int_not_equal(strncmp(tile->cards + i * 80, "TTYPE", 5), 0);
+        }
+        rx_tile_free(tile);
+        free(hdus);
+    }
+}
+
+static void test_gzip(void **state)
+{
+    fitsfile *file = NULL;
+    int failed = 0;
+    long axes[2] = {W, H};
+    float ramp[W * H] = {1, 2, 3};
+    fits_create_file(&file, in(state, "a.fits.gz"), &failed);
+    fits_create_img(file, FLOAT_IMG, 2, axes, &failed);
+    fits_write_img(file, TFLOAT, 1, W * H, ramp, &failed);
+    fits_close_file(file, &failed);
+    assert_int_equal(failed, 0);
+    rx_tile *tile = read_tile(&PLAIN, in(state, "a.fits.gz"), 0, 1);
+    assert_memory_equal(tile->pixels, ramp, sizeof ramp);
+    rx_tile_free(tile);
+    size_t size = 0;
+    char *data = slurp(in(state, "a.fits.gz"), &size);
+    assert_int_equal(data[0], 0x1f);
+    dump(in(state, "cut.fits.gz"), data, size / 2);
+    free(data);
+    check_refused(&PLAIN, in(state, "cut.fits.gz"), "cannot be read");
+}
+
+/* Primary image, table, cube, image SCI, plane of a degenerate cube. */
+static void make_many(const char *path)
+{
+    rx_text file = {0};
+    uint8_t data[W * H * 2] = {1};
+    add_hdu(&file,
+            "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    2\n"
+            "NAXIS1  =                    5\nNAXIS2  =                    4\nEXTEND  =                    T",
+            data, W * H);
+    add_hdu(&file,
+            "XTENSION= 'BINTABLE'\nBITPIX  =                    8\nNAXIS   =                    2\n"
+            "NAXIS1  =                    2\nNAXIS2  =                    3\nPCOUNT  =                    0\n"
+            "GCOUNT  =                    1\nTFIELDS =                    1\nTFORM1  = '1I'\nTTYPE1  = "
+            "'A'\nEXTNAME = 'TAB'",
+            data, 6);
+    add_hdu(&file,
+            "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    3\n"
+            "NAXIS1  =                    5\nNAXIS2  =                    4\nNAXIS3  =                    2\n"
+            "PCOUNT  =                    0\nGCOUNT  =                    1\nEXTNAME = 'CUBE'",
+            data, W * H * 2);
+    data[0] = 2;
+    add_hdu(&file,
+            "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    2\n"
+            "NAXIS1  =                    5\nNAXIS2  =                    4\nPCOUNT  =                    0\n"
+            "GCOUNT  =                    1\nEXTNAME = 'SCI'\nEXTVER  =                    2",
+            data, W * H);
+    data[0] = 3;
+    add_hdu(&file,
+            "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    3\n"
+            "NAXIS1  =                    5\nNAXIS2  =                    4\nNAXIS3  =                    1\n"
+            "PCOUNT  =                    0\nGCOUNT  =                    1",
+            data, W * H);
+    dump(path, file.data, file.length);
+    rx_text_free(&file);
+}
+
+static void test_names(void **state)
+{
+    static const struct {
+        const char *name;
+        int n, hdu, width, height;
+    } cases[] = {{"m.fits", 3, 0, 5, 4},
+                 {"m.fits[0]", 1, 0, 5, 4},
+                 {"m.fits[3]", 1, 3, 5, 4},
+                 {"m.fits[SCI]", 1, 3, 5, 4},
+                 {"m.fits[sci,2]", 1, 3, 5, 4},
+                 {"m.fits[4]", 1, 4, 5, 4},
+                 {"m.fits[3][2:4,3:4]", 1, 3, 3, 2},
+                 {"m.fits[2:3,*]", 3, 0, 2, 4},
+                 {"m.fits[SCI][*,2:2]", 1, 3, 5, 1}};
+    char name[1000];
+    make_many(in(state, "m.fits"));
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        int *hdus = NULL, n = 0;
+        snprintf(name, sizeof name, "%s", in(state, cases[i].name));
+        assert_int_equal(rx_tile_list(name, NULL, &hdus, &n, NULL), RX_OK);
+        assert_int_equal(n, cases[i].n);
+        assert_int_equal(hdus[0], cases[i].hdu);
+        rx_tile *tile = read_tile(&PLAIN, name, hdus[0], 1);
+        assert_int_equal(tile->width, cases[i].width);
+        assert_int_equal(tile->height, cases[i].height);
+        assert_string_equal(tile->name, in(state, "m.fits"));
+        rx_tile_free(tile);
+        free(hdus);
+    }
+    /* a file whose name has brackets is that file */
+    make_ramp(in(state, "odd[1].fits"), 8, "");
+    rx_tile_free(read_tile(&PLAIN, in(state, "odd[1].fits"), 0, 1));
+}
+
+static void test_bad_names(void **state)
+{
+    static const struct {
+        const char *name, *word;
+    } cases[] = {{"m.fits[1]", "table"},
+                 {"m.fits[TAB]", "table"},
+                 {"m.fits[2]", "3 axes"},
+                 {"m.fits[CUBE]", "3 axes"},
+                 {"m.fits[9]", "no such HDU"},
+                 {"m.fits[ERR]", "no extension"},
+                 {"m.fits[SCI,7]", "no extension"},
+                 {"m.fits[0][1:9,1:2]", "outside"},
+                 {"m.fits[0][3:2,1:2]", "section"},
+                 {"m.fits[0][0:2,1:2]", "section"},
+                 {"m.fits[1:2]", "section"},
+                 {"m.fits[0", "cannot use"},
+                 {"m.fits[1:2,1:2:3]", "section"},
+                 {"m.fits[1][x>3]", "cannot use"},
+                 {"m.fits[]", "cannot use"},
+                 {"m.fits[-1]", "cannot use"},
+                 {"m.fits[0]x", "cannot use"},
+                 {"nosuch.fits", "cannot be opened"},
+                 {"", "folder"}};
+    make_many(in(state, "m.fits"));
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++)
+        check_refused(&PLAIN, in(state, cases[i].name), cases[i].word);
+    check_refused(&PLAIN, "-", "standard input");
+    check_refused(&PLAIN, "", "empty");
+    check_refused(&PLAIN, "!a.fits", "local files");
+    check_refused(&PLAIN, "http://localhost/a.fits", "local files");
+    check_refused(&PLAIN, "/dev/null", "regular");
+}
+
+/* --- weights and flags --- */
+
+static void test_weights(void **state)
+{
+    float map[W * H];
+    for (int i = 0; i < W * H; i++)
+        map[i] = (float)i - 1;
+    map[19] = NAN;
+    map[18] = 2e30f;
+    swap(map, W * H, 4);
+    make_ramp(in(state, "a.fits"), 16, "");
+    make_image(in(state, "w.fits"), -32, "", map);
+    rx_tile_params par = PLAIN;
+    par.weight_name = in(state, "w.fits");
+    static const struct {
+        rx_weight_type type;
+        double threshold;
+        int masked[W * H]; /* among the first: which */
+    } cases[] = {{RX_WEIGHT_MAP_WEIGHT, NAN, {1, 1, 0, 0, 0, [18] = 0, [19] = 1}},
+                 {RX_WEIGHT_MAP_WEIGHT, 2, {1, 1, 1, 1, 0, [18] = 0, [19] = 1}},
+                 {RX_WEIGHT_MAP_RMS, NAN, {1, 1, 0, 0, 0, [18] = 1, [19] = 1}},
+                 {RX_WEIGHT_MAP_VAR, 16, {1, 1, 0, 0, 0, [17] = 1, [18] = 1, [19] = 1}}};
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        par.weight_type = cases[k].type;
+        par.weight_threshold = cases[k].threshold;
+        rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+        assert_int_equal(tile->weight_type, cases[k].type);
+        assert_true(tile->weight[5] == 4.f && !isnan(tile->weight[19]));
+        for (int i = 0; i < W * H; i++)
+            assert_int_equal(tile->mask[i], cases[k].masked[i] ? RX_MASK_WEIGHT : 0);
+        rx_tile_free(tile);
+    }
+    par.weight_type = RX_WEIGHT_BACKGROUND; /* no file is read */
+    par.weight_name = "nosuch.fits";
+    rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_null(tile->weight);
+    assert_int_equal(tile->weight_type, RX_WEIGHT_BACKGROUND);
+    rx_tile_free(tile);
+}
+
+static void test_companions(void **state)
+{
+    char tile_name[1000], map_name[900];
+    make_many(in(state, "m.fits"));
+    snprintf(map_name, sizeof map_name, "%s", in(state, "m.fits"));
+    rx_tile_params par = PLAIN;
+    par.weight_type = RX_WEIGHT_MAP_WEIGHT;
+    par.weight_name = map_name;
+    par.nflags = 1;
+    par.flag_names[0] = map_name;
+    rx_tile *tile = read_tile(&par, map_name, 3, 2); /* second of those processed */
+    assert_true(tile->weight[0] == 2.f);
+    assert_int_equal(tile->nflagmaps, 1);
+    assert_int_equal(tile->flagmaps[0][0], 2);
+    rx_tile_free(tile);
+    snprintf(tile_name, sizeof tile_name, "%s[4][1:3,1:2]", map_name); /* same HDU, same section */
+    tile = read_tile(&par, tile_name, 4, 1);
+    assert_true(tile->weight[0] == 3.f && tile->weight[1] == 0.f);
+    rx_tile_free(tile);
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_tile_read(&par, map_name, 4, 7, NULL, &tile, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "belongs"));
+}
+
+static void test_bad_companions(void **state)
+{
+    float map[12] = {0};
+    rx_text file = {0};
+    make_ramp(in(state, "a.fits"), 16, "");
+    add_hdu(&file,
+            "SIMPLE  =                    T\nBITPIX  =                  -32\nNAXIS   =                    2\n"
+            "NAXIS1  =                    4\nNAXIS2  =                    3",
+            map, sizeof map);
+    dump(in(state, "w.fits"), file.data, file.length);
+    rx_text_free(&file);
+    rx_tile_params par = PLAIN;
+    par.weight_type = RX_WEIGHT_MAP_WEIGHT;
+    par.weight_name = in(state, "w.fits");
+    check_refused(&par, in(state, "a.fits"), "4 x 3");
+    par.weight_name = in(state, "nosuch.fits");
+    check_refused(&par, in(state, "a.fits"), "cannot be opened");
+    par.weight_type = RX_WEIGHT_NONE;
+    par.nflags = 1;
+    par.flag_names[0] = in(state, "w.fits");
+    check_refused(&par, in(state, "a.fits"), "4 x 3");
+    make_ramp(in(state, "f.fits"), -32, "");
+    par.flag_names[0] = in(state, "f.fits");
+    check_refused(&par, in(state, "a.fits"), "integers");
+}
+
+static void test_flag_bits(void **state)
+{
+    int32_t bits[W * H] = {0, 1, INT32_MIN, -1, 0x7fffffff};
+    swap(bits, W * H, 4);
+    make_ramp(in(state, "a.fits"), 16, "");
+    make_image(in(state, "f.fits"), 32, "", bits);
+    rx_tile_params par = PLAIN;
+    par.nflags = 1;
+    par.flag_names[0] = in(state, "f.fits");
+    rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_true(tile->flagmaps[0][1] == 1 && tile->flagmaps[0][2] == UINT32_C(0x80000000));
+    assert_true(tile->flagmaps[0][3] == UINT32_MAX && tile->flagmaps[0][4] == 0x7fffffff);
+    rx_tile_free(tile);
+}
+
+/* --- damaged files --- */
+
+static void test_broken_files(void **state)
+{
+    static const struct {
+        const char *text, *word;
+    } cases[] = {{"", "empty"},
+                 {"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "Git LFS"},
+                 {"<!DOCTYPE html><html>", "web page"},
+                 {"hello world", "not a FITS file"},
+                 {"SIMPLE  =                    T", "cut off"}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        dump(in(state, "x.fits"), cases[i].text, strlen(cases[i].text));
+        check_refused(&PLAIN, in(state, "x.fits"), cases[i].word);
+    }
+    char block[5760];
+    memset(block, ' ', sizeof block);
+    memcpy(block, "SIMPLE  =                    T", 30); /* a header without END */
+    dump(in(state, "x.fits"), block, sizeof block);
+    check_refused(&PLAIN, in(state, "x.fits"), "cannot be read");
+}
+
+static void make_header_only(const char *path, int bitpix, const char *axes, size_t bytes)
+{
+    char lines[500], data[100] = {0};
+    rx_text file = {0};
+    snprintf(lines, sizeof lines, "SIMPLE  =                    T\nBITPIX  = %20d\n%s", bitpix, axes);
+    add_hdu(&file, lines, data, bytes);
+    dump(path, file.data, file.length);
+    rx_text_free(&file);
+}
+
+static void test_lying_headers(void **state)
+{
+    static const struct {
+        const char *axes, *word;
+    } cases[] = {
+        {"NAXIS   =                    2\nNAXIS1  =               400000\nNAXIS2  =               400000",
+         "cut off"},
+        {"NAXIS   =                    2\nNAXIS1  =           4000000000\nNAXIS2  =           4000000000",
+         ""},
+        {"NAXIS   =                    2\nNAXIS1  =                    0\nNAXIS2  =                   10",
+         "0 x 10"},
+        {"NAXIS   =                    2\nNAXIS1  =                  -10\nNAXIS2  =                   10",
+         ""},
+        {"NAXIS   =                    0", "no 2-D image"},
+        {"NAXIS   =                    1\nNAXIS1  =                   10", "1 axis"},
+        {"NAXIS   =                    3\nNAXIS1  =                    2\nNAXIS2  =                    2\n"
+         "NAXIS3  =                    3",
+         "3 axes"},
+        {"NAXIS   =                    2\nNAXIS1  =                   60\nNAXIS2  =                  100",
+         "cut off"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        make_header_only(in(state, "x.fits"), -32, cases[i].axes, 40);
+        check_refused(&PLAIN, in(state, "x.fits"), cases[i].word);
+    }
+}
+
+/* Real-looking compressed file: cut in the middle, and with a header that claims more. */
+static void test_broken_compressed(void **state)
+{
+    static float noise[200 * 200];
+    size_t size = 0;
+    for (int i = 0; i < 40000; i++)
+        noise[i] = (float)((i * 7919) % 30011);
+    compress_to(in(state, "a.fits.fz"), RICE_1, noise, 200, 200, 0);
+    char *data = slurp(in(state, "a.fits.fz"), &size);
+    for (int part = 1; part < 8; part++) {
+        dump(in(state, "cut.fits.fz"), data, size * (size_t)part / 8);
+        check_refused(&PLAIN, in(state, "cut.fits.fz"), "");
+    }
+    char *axis = NULL;
+    for (size_t i = 0; i + 80 < size && axis == NULL; i += 80)
+        if (memcmp(data + i, "ZNAXIS1 ", 8) == 0)
+            axis = data + i;
+    assert_non_null(axis);
+    memcpy(axis + 10, "           100000000", 20);
+    dump(in(state, "huge.fits.fz"), data, size);
+    check_refused(&PLAIN, in(state, "huge.fits.fz"), "");
+    free(data);
+}
+
+/* Files without the padding of their last block are common and complete. */
+static void test_missing_padding(void **state)
+{
+    size_t size = 0;
+    make_ramp(in(state, "a.fits"), -32, "");
+    char *data = slurp(in(state, "a.fits"), &size);
+    dump(in(state, "b.fits"), data, 2880 + W * H * 4);
+    free(data);
+    rx_tile *tile = read_tile(&PLAIN, in(state, "b.fits"), 0, 1);
+    assert_true(tile->pixels[W * H - 1] == W * H - 1);
+    rx_tile_free(tile);
+}
+
+/* --- real files --- */
+
+static void test_real_files(void **state)
+{
+    static const struct {
+        const char *name;
+        int n, width, height;
+    } cases[] = {{"odd/c4d_130105_065255_ooi_r_a1-N15.fits.fz", 1, 280, 375},
+                 {"wcs/test_multiF.fits.fz", 12, 7, 5},
+                 {"sdss/94-1-12/frame-r-000094-1-0012.fits.bz2", 1, 2048, 1489},
+                 {"sextractor/galaxies.fits", 1, 1024, 1024}};
+    const char *folder = real_data();
+    char name[1024];
+    size_t size = 0;
+    if (folder == NULL)
+        skip();
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        int *hdus = NULL, n = 0;
+        snprintf(name, sizeof name, "%s/%s", folder, cases[i].name);
+        assert_int_equal(rx_tile_list(name, NULL, &hdus, &n, NULL), RX_OK);
+        assert_int_equal(n, cases[i].n);
+        rx_tile *tile = read_tile(&PLAIN, name, hdus[0], 1);
+        assert_int_equal(tile->width, cases[i].width);
+        assert_int_equal(tile->height, cases[i].height);
+        rx_tile_free(tile);
+        free(hdus);
+    }
+    snprintf(name, sizeof name, "%s/odd/gitlfs_pointer_frame-r.fits", folder);
+    check_refused(&PLAIN, name, "Git LFS");
+    snprintf(name, sizeof name, "%s/odd/field_extents_275bytes.fits", folder);
+    check_refused(&PLAIN, name, "web page");
+    snprintf(name, sizeof name, "%s/%s", folder, cases[0].name);
+    char *data = slurp(name, &size);
+    dump(in(state, "cut.fits.fz"), data, size / 2);
+    free(data);
+    check_refused(&PLAIN, in(state, "cut.fits.fz"), "cut off");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_bitpix),
+        cmocka_unit_test(test_scaling_and_blank),
+        cmocka_unit_test(test_no_numbers),
+        cmocka_unit_test(test_keys),
+        cmocka_unit_test(test_inherit),
+        cmocka_unit_test(test_compressed),
+        cmocka_unit_test(test_gzip),
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_bad_names),
+        cmocka_unit_test(test_weights),
+        cmocka_unit_test(test_companions),
+        cmocka_unit_test(test_bad_companions),
+        cmocka_unit_test(test_flag_bits),
+        cmocka_unit_test(test_broken_files),
+        cmocka_unit_test(test_lying_headers),
+        cmocka_unit_test(test_broken_compressed),
+        cmocka_unit_test(test_missing_padding),
+        cmocka_unit_test(test_real_files),
+    };
+    return cmocka_run_group_tests_name("tiles", tests, make_scratch, drop_scratch);
+}
