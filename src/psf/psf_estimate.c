@@ -356,10 +356,11 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
 }
 
 /* Stars are alike, galaxies and particle hits are not: the lower the better. Differences below 1.5 % are
- * noise; few stars count less. */
+ * noise; few stars, or few left of many, count less. */
 static double badness(const attempt *a, int enough)
 {
-    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1)));
+    double kept = fmax(a->kept, 1.0);
+    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, enough / kept) * (a->list.n / kept));
 }
 
 /* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most
@@ -406,6 +407,12 @@ rx_status rx_psf_estimate(const rx_psf_params *par, const rx_tile *tile, const r
         status = too_few(par, tile, found, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
+        if (best.scatter > 0.15)
+            rx_log_warning(
+                log,
+                "PSF_TYPE AUTO: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
+                "some are no stars",
+                best.kept, 100.0 * best.scatter);
         status = fit_joint(best.stars, best.list.n, best.shape, err);
     }
     if (status == RX_OK)

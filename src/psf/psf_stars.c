@@ -6,8 +6,8 @@
 #include "base/memory.h"
 #include "num/stats.h"
 
-/* Half-width of the stellar locus in ln(radius): never narrower than this. */
-static const double locus_floor = 0.10;
+/* Half-width of the stellar locus in ln(radius). */
+static const double locus_half = 0.10;
 
 static double sky_level(const rx_star_search *v, size_t at)
 {
@@ -63,8 +63,8 @@ static int by_peak(const void *a, const void *b)
 }
 
 /* Number density of the candidates over ln(radius), on a grid, smoothed by a Gaussian. */
-enum { GRID = 256 };
-static const double grid_low = -1.0, grid_high = 4.0, smoothing = 0.035;
+enum { GRID = 501 };
+static const double grid_low = -1.0, grid_high = 4.0;
 
 static double grid_position(int i)
 {
@@ -85,13 +85,35 @@ static int is_top(const double *density, int i)
     return density[i] > 0.0;
 }
 
+/* Tops of the density at one smoothing length that are at least `share` of the highest; those close to one
+ * that is known already are the same. */
+static void add_loci(const double (*sorted)[2], int m, double smoothing, double share,
+                     double radii[RX_LOCI_MAX], int *n)
+{
+    double density[GRID] = {0.0}, highest = 0.0;
+    for (int g = 0; g < GRID; g++) {
+        for (int i = 0; i < m; i++) {
+            double d = (sorted[i][1] - grid_position(g)) / smoothing;
+            density[g] += exp(-0.5 * d * d);
+        }
+        highest = fmax(highest, density[g]);
+    }
+    int room = *n + RX_LOCI_MAX / 2;
+    for (int g = 0; g < GRID && *n < room; g++) {
+        int known = density[g] <= fmax(share * highest, 2.0) || !is_top(density, g);
+        for (int k = 0; k < *n && !known; k++)
+            known = fabs(log(radii[k]) - grid_position(g)) < 0.04;
+        if (!known)
+            radii[(*n)++] = exp(grid_position(g));
+    }
+}
+
 rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
                         double radii[RX_LOCI_MAX], int *n, rx_error *err)
 {
     /* stars are the most concentrated sources: the upper half in peak, at least 30 */
     int m = candidates->n / 2 > 30 ? candidates->n / 2 : candidates->n < 30 ? candidates->n : 30;
-    double density[GRID] = {0.0}, highest = 0.0,
-           (*sorted)[2] = rx_alloc((size_t)candidates->n, sizeof *sorted);
+    double(*sorted)[2] = rx_alloc((size_t)candidates->n, sizeof *sorted);
     *n = 0;
     if (sorted == NULL)
         return rx_error_memory(err, 0);
@@ -100,39 +122,29 @@ rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candid
         sorted[i][1] = log(candidates->list[i].radius);
     }
     qsort(sorted, (size_t)candidates->n, sizeof *sorted, by_peak);
-    for (int g = 0; g < GRID; g++) {
-        for (int i = 0; i < m; i++) {
-            double d = (sorted[i][1] - grid_position(g)) / smoothing;
-            density[g] += exp(-0.5 * d * d);
-        }
-        highest = fmax(highest, density[g]);
-    }
+    /* few but excellent stars among many galaxies stand out at a fine scale, noisy ones at a coarse one */
+    add_loci((const double(*)[2])sorted, m, 0.02, 0.5, radii, n);
+    add_loci((const double(*)[2])sorted, m, 0.05, 0.15, radii, n);
     free(sorted);
-    for (int g = 0; g < GRID && *n < RX_LOCI_MAX; g++)
-        if (density[g] > fmax(0.15 * highest, 2.0) && is_top(density, g))
-            radii[(*n)++] = exp(grid_position(g));
     return RX_OK;
 }
 
-/* Copy those within the locus; its centre and width are measured again from what is inside. */
+/* Copy those within the locus: around the median of what lies around the top (once: repeated, the
+ * window would walk into the galaxies where they outnumber the stars). */
 static rx_status take_locus(const rx_star_list *candidates, double *radius, rx_star_list *dst, rx_error *err)
 {
-    double centre = log(*radius), half = 2.0 * locus_floor, *inside = RX_NEW(double, candidates->n);
+    double centre = log(*radius), *inside = RX_NEW(double, candidates->n);
+    size_t m = 0;
     if (inside == NULL)
         return rx_error_memory(err, 0);
-    for (int round = 0; round < 5; round++) {
-        size_t m = 0;
-        for (int i = 0; i < candidates->n; i++)
-            if (fabs(log(candidates->list[i].radius) - centre) < half)
-                inside[m++] = log(candidates->list[i].radius);
-        if (m == 0)
-            break;
-        double sigma = rx_sigma_mad(inside, m, &centre);
-        half = fmin(fmax(3.0 * sigma, locus_floor), 2.0 * locus_floor);
-    }
+    for (int i = 0; i < candidates->n; i++)
+        if (fabs(log(candidates->list[i].radius) - centre) < 0.5 * locus_half)
+            inside[m++] = log(candidates->list[i].radius);
+    if (m > 0)
+        centre = rx_median(inside, m);
     free(inside);
     for (int i = 0; i < candidates->n; i++)
-        if (fabs(log(candidates->list[i].radius) - centre) < half)
+        if (fabs(log(candidates->list[i].radius) - centre) < locus_half)
             dst->list[dst->n++] = candidates->list[i];
     *radius = exp(centre);
     return RX_OK;

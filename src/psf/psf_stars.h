@@ -18,7 +18,7 @@ typedef struct rx_star_list {
     rx_star *list;
 } rx_star_list;
 
-enum { RX_STARS_MAX = 100, RX_LOCI_MAX = 4 };
+enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 6 };
 
 /* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
  * fields) lets in close neighbours and blends. */

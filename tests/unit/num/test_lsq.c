@@ -1,0 +1,136 @@
+/* Least squares against closed forms and a NIST reference problem. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "num/lsq.h"
+
+/* Weighted straight line: the textbook sums. */
+static void test_line(void **state)
+{
+    (void)state;
+    const double t[5] = {0, 1, 2, 4, 7}, b[5] = {1.1, 2.9, 5.2, 8.8, 15.3}, w[5] = {1, 4, 1, 2, 0.5};
+    double a[10], x[2], covariance[4], chi2, s = 0, st = 0, stt = 0, sb = 0, stb = 0, want = 0;
+    for (int i = 0; i < 5; i++) {
+        a[2 * i] = 1.0;
+        a[2 * i + 1] = t[i];
+        s += w[i];
+        st += w[i] * t[i];
+        stt += w[i] * t[i] * t[i];
+        sb += w[i] * b[i];
+        stb += w[i] * t[i] * b[i];
+    }
+    double det = s * stt - st * st, x0 = (stt * sb - st * stb) / det, x1 = (s * stb - st * sb) / det;
+    for (int i = 0; i < 5; i++)
+        want += w[i] * (b[i] - x0 - x1 * t[i]) * (b[i] - x0 - x1 * t[i]);
+    assert_int_equal(rx_lsq_linear(a, b, w, 5, 2, x, covariance, &chi2, NULL), RX_OK);
+    assert_true(fabs(x[0] - x0) < 1e-12 && fabs(x[1] - x1) < 1e-12 && fabs(chi2 - want) < 1e-12);
+    assert_true(fabs(covariance[0] - stt / det) < 1e-12 && fabs(covariance[1] + st / det) < 1e-12);
+    assert_true(fabs(covariance[3] - s / det) < 1e-12);
+    assert_int_equal(rx_lsq_linear(a, b, NULL, 2, 2, x, NULL, NULL, NULL), RX_OK);
+    assert_true(fabs(x[0] - 1.1) < 1e-12 && fabs(x[1] - 1.8) < 1e-12);
+}
+
+static void test_linear_refused(void **state)
+{
+    (void)state;
+    double a[4] = {1, 0, NAN, 1}, b[2] = {1, 2}, x[2];
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_lsq_linear(a, b, NULL, 1, 2, x, NULL, NULL, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "1 equations"));
+    assert_int_equal(rx_lsq_linear(a, b, NULL, 2, 2, x, NULL, NULL, &err), RX_INPUT);
+    /* two equal columns: the smallest solution, not an error */
+    double twice[6] = {1, 1, 2, 2, 3, 3}, c[3] = {2, 4, 6};
+    assert_int_equal(rx_lsq_linear(twice, c, NULL, 3, 2, x, NULL, NULL, NULL), RX_OK);
+    assert_true(fabs(x[0] - 1.0) < 1e-9 && fabs(x[1] - 1.0) < 1e-9);
+}
+
+/* NIST StRD Misra1a: y = b1 (1 - exp(-b2 x)). */
+static const double misra_y[14] = {10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02,
+                                   44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78};
+static const double misra_x[14] = {77.6,  114.9, 141.1, 190.8, 239.9, 289.0, 332.8,
+                                   378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0};
+
+static int misra(void *user, const double *p, double *residuals, double *jacobian)
+{
+    ++*(int *)user;
+    for (int i = 0; i < 14; i++) {
+        double e = exp(-p[1] * misra_x[i]);
+        residuals[i] = p[0] * (1.0 - e) - misra_y[i];
+        if (jacobian != NULL) {
+            jacobian[2 * i] = 1.0 - e;
+            jacobian[2 * i + 1] = p[0] * misra_x[i] * e;
+        }
+    }
+    return 0;
+}
+
+static void test_misra1a(void **state)
+{
+    (void)state;
+    for (int analytic = 0; analytic < 2; analytic++) {
+        int calls = 0;
+        double p[2] = {500.0, 0.0001}, errors[2];
+        rx_lsq_result result;
+        rx_lsq_problem problem = {
+            .nresiduals = 14, .nparameters = 2, .model = misra, .has_jacobian = analytic, .user = &calls};
+        assert_int_equal(rx_lsq_fit(&problem, p, errors, &result, NULL), RX_OK);
+        assert_true(result.converged && calls > 0);
+        assert_true(fabs(p[0] / 2.3894212918e+02 - 1.0) < 1e-6 && fabs(p[1] / 5.5015643181e-04 - 1.0) < 1e-6);
+        assert_true(fabs(result.chi2 / 1.2455138894e-01 - 1.0) < 1e-8);
+        /* NIST's deviations carry the residual standard deviation */
+        double sigma = sqrt(result.chi2 / 12.0);
+        assert_true(fabs(errors[0] * sigma / 2.7070075241 - 1.0) < 1e-3);
+        assert_true(fabs(errors[1] * sigma / 7.2668688436e-06 - 1.0) < 1e-3);
+    }
+}
+
+static int refuses(void *user, const double *p, double *residuals, double *jacobian)
+{
+    (void)user;
+    (void)jacobian;
+    residuals[0] = residuals[1] = p[0];
+    return 1;
+}
+
+/* Two parameters of which one does nothing: a best fit, an infinite error, no abort. */
+static int blind(void *user, const double *p, double *residuals, double *jacobian)
+{
+    (void)user;
+    (void)jacobian;
+    for (int i = 0; i < 4; i++)
+        residuals[i] = p[0] - i;
+    return 0;
+}
+
+static void test_failures(void **state)
+{
+    (void)state;
+    double p[2] = {1.0, 1.0}, errors[2];
+    rx_lsq_result result;
+    rx_lsq_problem problem = {.nresiduals = 2, .nparameters = 2, .model = refuses};
+    assert_int_equal(rx_lsq_fit(&problem, p, NULL, &result, NULL), RX_INPUT);
+    problem.nresiduals = 1;
+    assert_int_equal(rx_lsq_fit(&problem, p, NULL, &result, NULL), RX_INPUT);
+    problem = (rx_lsq_problem){.nresiduals = 4, .nparameters = 2, .model = blind};
+    assert_int_equal(rx_lsq_fit(&problem, p, errors, &result, NULL), RX_OK);
+    assert_true(fabs(p[0] - 1.5) < 1e-6 && p[1] == 1.0 && errors[1] == HUGE_VAL);
+    assert_true(fabs(result.chi2 - 5.0) < 1e-9);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_line),
+        cmocka_unit_test(test_linear_refused),
+        cmocka_unit_test(test_misra1a),
+        cmocka_unit_test(test_failures),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
