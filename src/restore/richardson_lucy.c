@@ -1,6 +1,7 @@
 /* Mask- and edge-aware Richardson-Lucy. */
 #include "restore/richardson_lucy.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -216,7 +217,8 @@ static void take(const rx_rl *rl, const float *plane, const uint8_t *mask, float
         const float *line = plane + rx_blur_row(rl->blur, y);
         for (int x = 0; x < scene->width; x++) {
             const size_t k = (size_t)y * scene->width + x;
-            dst[k] = mask != NULL && mask[k] != 0 ? 0 : (float)((line[x] - 1.0) * scene->pedestal);
+            const double value = (line[x] - 1.0) * scene->pedestal;
+            dst[k] = mask != NULL && mask[k] != 0 ? 0 : (float)fmax(-FLT_MAX, fmin(FLT_MAX, value));
         }
     }
 }

@@ -5,7 +5,8 @@
  *
  * which is f K^T(W d / K f) / K^T W for damping D = 1, written so that rounding errors scale
  * with the residual. The sky is unknown beyond the border and under masks: f is free there and
- * constrained only through the PSF; where K^T W < 1e-3, nothing is known and f stays.
+ * constrained only through the PSF; where K^T W < 1e-3, nothing is known and f stays
+ * at the sky (a sky misjudged by c thus shows at most 1e-3 c at an edge).
  * Hence neither borders nor masks ring, and W = 0 keeps masked values out to the last bit.
  *
  * Damping (White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING

@@ -8,7 +8,8 @@
 #include "num/stats.h"
 
 enum { SAMPLE = 65536 };
-static const float LARGEST = 1e9f;    /* far above any signal-to-noise, squares stay finite */
+static const float LARGEST =
+    1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */
 static const double SIGMA_HIGH = 3;   /* pedestal from at most that many median sigmas */
 static const double SIGMA_LOW = 1e-3; /* smallest sigma believed, medians */
 static const double NOISELESS = 1e-3; /* sigma of a tile without noise, share of its peak */

@@ -24,7 +24,7 @@
 
 typedef struct rx_scene {
     int width, height, nthreads;
-    float *data;     /* [height][width], (pixel - level) / p + 1, cut to 0 .. 1e9; 0 under the mask */
+    float *data;     /* [height][width], (pixel - level) / p + 1, cut to 0 .. 1e7; 0 under the mask */
     float *weight;   /* [height][width], W; 0 under the mask */
     float *variance; /* [height][width], of the sky's noise, (sigma / p)^2; 1 under the mask */
     uint8_t *mask;   /* [height][width], the tile's bits as far as honoured */

@@ -1,0 +1,504 @@
+/* restore: NONE, RL and the table of kinds on artificial tiles. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "sky.h"
+
+static rx_restored *run(const char *kind, const sky *s, const rx_psf *psf)
+{
+    rx_restored *restored = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(
+        rx_restorer_find(kind)->run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err), RX_OK);
+    for (int k = 0; k < s->tile.width * s->tile.height; k++) {
+        assert_true(isfinite(restored->pixels[k]));
+        if (restored->mask[k] != 0)
+            assert_true(restored->pixels[k] == 0);
+    }
+    return restored;
+}
+
+static void same_bytes(const sky *s, const rx_restored *a, const rx_restored *b)
+{
+    const size_t n = (size_t)s->tile.width * (size_t)s->tile.height;
+    assert_memory_equal(a->pixels, b->pixels, n * sizeof(float));
+    assert_memory_equal(a->support, b->support, n * sizeof(float));
+    assert_memory_equal(a->reblurred, b->reblurred, n * sizeof(float));
+    assert_memory_equal(a->mask, b->mask, n);
+    assert_memory_equal(&a->chi2, &b->chi2, sizeof a->chi2);
+    assert_int_equal(a->iterations, b->iterations);
+}
+
+static void table(void **state)
+{
+    (void)state;
+    int n = 0;
+    const rx_restorer *list = rx_restorers(&n);
+    assert_int_equal(n, 3);
+    for (int i = 0; i < n; i++) {
+        assert_ptr_equal(rx_restorer_find(list[i].name), &list[i]);
+        assert_true(strlen(list[i].help) > 10 && list[i].run != NULL);
+    }
+    assert_ptr_equal(rx_restorer_find("rl_blind"), &list[2]);
+    assert_null(rx_restorer_find("RLX"));
+}
+
+static void none(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 20, 10);
+    s.par.mask_saturated = 0;
+    s.tile.pixels[33] = 170;
+    s.tile.mask[33] = RX_MASK_SATURATED;
+    s.tile.mask[34] = RX_MASK_WEIGHT | RX_MASK_SATURATED;
+    s.tile.pixels[34] = 1e6f;
+    rx_restored *r = run("NONE", &s, NULL);
+    assert_float_equal(r->pixels[33], 70, 0);
+    assert_int_equal(r->mask[33], 0);
+    assert_int_equal(r->mask[34], RX_MASK_WEIGHT);
+    assert_float_equal(r->pixels[34], 0, 0);
+    assert_float_equal(r->pixels[0], 0, 0);
+    assert_float_equal(r->sigma[5], 1, 0);
+    assert_null(r->psf);
+    assert_true(isnan(r->chi2));
+    rx_restored_free(r);
+    s.par.mask_saturated = 1;
+    r = run("NONE", &s, NULL);
+    assert_float_equal(r->pixels[33], 0, 0);
+    assert_int_equal(r->mask[33], RX_MASK_SATURATED);
+    rx_restored_free(r);
+    sky_free(&s);
+}
+
+/* An isolated star of S/N 1000: all of its flux within 0.1 %, for every noise model and
+ * denoising; the same in noise, as far as the noise in the aperture goes. */
+static void keeps_flux(void **state)
+{
+    (void)state;
+    static const double gain[] = {0, 1, 30}, denoise[] = {0, 2};
+    const double flux = 4500;
+    rx_psf *psf = rx_stamp_gauss(3);
+    for (int g = 0; g < 3; g++)
+        for (int d = 0; d < 2; d++)
+            for (int noisy = 0; noisy < 2; noisy++) {
+                sky s;
+                sky_new(&s, 101, 97);
+                sky_star(&s, 48.3, 50.6, 3, flux);
+                if (noisy)
+                    sky_noise(&s, 1, 5);
+                s.tile.gain = gain[g];
+                s.par.rl_denoise = denoise[d];
+                rx_restored *r = run("RL", &s, psf), *plain = run("NONE", &s, psf);
+                const double in = sky_sum(&s, plain->pixels, 48.3, 50.6, 20);
+                const double out = sky_sum(&s, r->pixels, 48.3, 50.6, 20);
+                assert_float_equal(out / flux, in / flux, noisy ? 5e-3 : 5e-4);
+                assert_float_equal(r->psf->fwhm, denoise[d] > 0 ? 2 : 1, 1e-9);
+                rx_restored_free(r);
+                rx_restored_free(plain);
+                sky_free(&s);
+            }
+    rx_psf_free(psf);
+}
+
+static void keeps_sky(void **state)
+{
+    (void)state;
+    static const double gain[] = {0, 1, 100};
+    rx_psf *psf = rx_stamp_gauss(3.5);
+    for (int g = 0; g < 3; g++) {
+        sky s;
+        sky_new(&s, 300, 300);
+        sky_noise(&s, 1, 9);
+        s.tile.gain = gain[g];
+        rx_restored *r = run("RL", &s, psf);
+        const double mean = sky_sum(&s, r->pixels, 150, 150, 1000) / 90000;
+        assert_true(fabs(mean) < 0.02);
+        assert_float_equal(r->chi2, gain[g] > 0 && gain[g] < 50 ? 0.78 : 0.85, 0.05);
+        rx_restored_free(r);
+        sky_free(&s);
+    }
+    rx_psf_free(psf);
+}
+
+/* A constant stays one up to the border and around masks; a star at the border and one beside
+ * a mask leave no rings there. */
+static void no_ringing(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 90, 80);
+    for (int k = 0; k < 90 * 80; k++)
+        s.tile.pixels[k] += 40;
+    for (int k = 0; k < 90 * 80; k++)
+        if ((k % 90 >= 60 && k % 90 < 70 && k / 90 > 30 && k / 90 < 38) || k % 90 == 20)
+            s.tile.mask[k] = RX_MASK_BAD;
+    rx_psf *psf = rx_stamp_gauss(3);
+    rx_restored *r = run("RL", &s, psf);
+    for (int k = 0; k < 90 * 80; k++) {
+        assert_float_equal(r->pixels[k], s.tile.mask[k] ? 0 : 40, 0.04);
+        const int x = k % 90, y = k / 90;
+        if (x > 35 && x < 50 && y > 40 && y < 60)
+            assert_true(r->support[k] == 0);
+        if (s.tile.mask[k])
+            assert_true(r->support[k] > 0.3f && r->support[k] <= 1);
+    }
+    assert_float_equal(r->support[0], 0.57, 0.1); /* a corner: about a third of the PSF is inside */
+    rx_restored_free(r);
+    /* what RL itself leaves around a point on a pedestal: the same inside the tile */
+    for (int k = 0; k < 90 * 80; k++)
+        s.tile.pixels[k] -= 40;
+    sky_star(&s, 40, 1, 3, 4000);
+    sky_star(&s, 40, 60, 3, 4000);
+    sky_star(&s, 58, 34, 3, 4000);
+    sky_star(&s, 1.5, 45, 3, 4000);
+    r = run("RL", &s, psf);
+    static const double at[4][2] = {{40, 60}, {40, 1}, {58, 34}, {1.5, 45}};
+    for (int i = 0; i < 4; i++) {
+        float inner = 0, outer = 0;
+        for (int k = 0; k < 90 * 80; k++) {
+            const double d = hypot(k % 90 - at[i][0], k / 90 - at[i][1]);
+            if (d > 6 && d < 9)
+                inner = fmaxf(inner, fabsf(r->pixels[k]));
+            if (d > 9 && d < 16)
+                outer = fmaxf(outer, fabsf(r->pixels[k]));
+        }
+        assert_true(inner < 5 && outer < 1); /* of a peak above 1000 */
+    }
+    rx_restored_free(r);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* A field with stars, bad pixels, a column without weight and saturated cores. */
+static void crowded(sky *s, uint64_t seed_of_masked)
+{
+    sky_new(s, 128, 120);
+    for (int i = 0; i < 25; i++)
+        sky_star(s, 128 * rx_random_uniform(2, 1, (uint64_t)i), 120 * rx_random_uniform(2, 2, (uint64_t)i),
+                 3.2, 300 * pow(100, rx_random_uniform(2, 3, (uint64_t)i)));
+    sky_noise(s, 1, 21);
+    s->tile.gain = 2;
+    s->par.rl_denoise = 1.5;
+    s->par.rl_damping = 2;
+    s->par.rl_niter = 12;
+    for (int k = 0; k < 128 * 120; k++) {
+        if (rx_random_uniform(4, 0, (uint64_t)k) < 0.02)
+            s->tile.mask[k] |= RX_MASK_BAD;
+        if (k % 128 == 77)
+            s->tile.mask[k] |= RX_MASK_WEIGHT;
+        if (s->tile.pixels[k] > 900)
+            s->tile.mask[k] |= RX_MASK_SATURATED;
+        if (k % 128 > 90)
+            s->background.sigma[k] = 2.5f;
+        if (s->tile.mask[k] != 0 && seed_of_masked != 0)
+            s->tile.pixels[k] = (float)(1e6 * rx_random_normal(seed_of_masked, 5, (uint64_t)k));
+    }
+}
+
+static void mask_is_blind(void **state)
+{
+    (void)state;
+    rx_psf *constant = rx_stamp_gauss(3.2), *varying = sky_psf_varying(3.2, 0.1, 128);
+    static const char *kinds[] = {"RL", "RL", "RL_BLIND"};
+    for (int i = 0; i < 3; i++) {
+        sky a, b;
+        crowded(&a, 0);
+        crowded(&b, 77);
+        const rx_psf *psf = i == 1 ? varying : constant;
+        rx_restored *ra = run(kinds[i], &a, psf), *rb = run(kinds[i], &b, psf);
+        same_bytes(&a, ra, rb);
+        rx_restored_free(ra);
+        rx_restored_free(rb);
+        sky_free(&a);
+        sky_free(&b);
+    }
+    rx_psf_free(constant);
+    rx_psf_free(varying);
+}
+
+static void threads(void **state)
+{
+    (void)state;
+    rx_psf *constant = rx_stamp_gauss(3.2), *varying = sky_psf_varying(3.2, 0.1, 128);
+    static const char *kinds[] = {"RL", "RL", "RL_BLIND"};
+    for (int i = 0; i < 3; i++) {
+        sky s;
+        crowded(&s, 0);
+        const rx_psf *psf = i == 1 ? varying : constant;
+        rx_restored *one = run(kinds[i], &s, psf);
+        for (int n = 2; n <= 3; n++) {
+            s.par.nthreads = n;
+            rx_restored *more = run(kinds[i], &s, psf);
+            same_bytes(&s, one, more);
+            rx_restored_free(more);
+        }
+        rx_restored_free(one);
+        sky_free(&s);
+    }
+    rx_psf_free(constant);
+    rx_psf_free(varying);
+}
+
+/* The core of a star is gone: what is around it stays bounded, and most of its flux is
+ * where the mask is not. */
+static void saturated_core(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 81, 81);
+    sky_star(&s, 40.2, 39.7, 4, 1e6);
+    sky_noise(&s, 1, 3);
+    for (int k = 0; k < 81 * 81; k++)
+        if (s.tile.pixels[k] > 20000) {
+            s.tile.pixels[k] = 20000;
+            s.tile.mask[k] = RX_MASK_SATURATED;
+        }
+    rx_psf *psf = rx_stamp_gauss(4);
+    s.par.rl_niter = 200;
+    s.tile.gain = 1;
+    rx_restored *r = run("RL", &s, psf);
+    assert_int_equal(r->mask[40 * 81 + 40], RX_MASK_SATURATED);
+    assert_true(r->support[40 * 81 + 40] > 0.3f);
+    for (int k = 0; k < 81 * 81; k++)
+        if (hypot(k % 81 - 40.2, k / 81 - 39.7) > 12)
+            assert_true(fabsf(r->pixels[k]) < 20);
+        else
+            assert_true(r->pixels[k] < 1e6f && r->pixels[k] > -50);
+    rx_restored_free(r);
+    s.par.mask_saturated = 0;
+    r = run("RL", &s, psf);
+    assert_int_equal(r->mask[40 * 81 + 40], 0);
+    assert_true(r->pixels[40 * 81 + 40] > 20000);
+    rx_restored_free(r);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* Stars as a varying PSF shows them come out alike; with the PSF of the centre they do not. */
+static void varying_psf(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 160, 60);
+    rx_psf *psf = sky_psf_varying(3.5, 0.25, 160), *centre = rx_stamp_gauss(3.5);
+    const int size = psf->size, r = size / 2;
+    float *stamp = calloc((size_t)size * (size_t)size, sizeof(float));
+    static const int at[3] = {25, 80, 135};
+    for (int i = 0; i < 3; i++) {
+        rx_stamp_at(psf, at[i], 30, stamp);
+        for (int k = 0; k < size * size; k++)
+            s.tile.pixels[(30 + k / size - r) * 160 + at[i] + k % size - r] += 5000 * stamp[k];
+    }
+    sky_noise(&s, 1, 8);
+    s.par.rl_denoise = 2;
+    rx_restored *a = run("RL", &s, psf), *b = run("RL", &s, centre);
+    for (int i = 0; i < 3; i++) {
+        assert_float_equal(sky_sum(&s, a->pixels, at[i], 30, 10), 5000, 100);
+        assert_true(sky_fwhm(&s, a->pixels, at[i], 30) < 3.1);
+    }
+    assert_true(a->chi2 < 0.4 * b->chi2);
+    rx_restored_free(a);
+    rx_restored_free(b);
+    rx_psf_free(psf);
+    rx_psf_free(centre);
+    free(stamp);
+    sky_free(&s);
+}
+
+static void sharpens(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 100, 60);
+    sky_star(&s, 25, 30, 4, 20000);
+    sky_star(&s, 68, 30, 4, 20000);
+    sky_star(&s, 72, 30, 4, 20000); /* one FWHM apart */
+    sky_noise(&s, 1, 12);
+    rx_psf *psf = rx_stamp_gauss(4);
+    rx_restored *before = run("NONE", &s, psf), *after = run("RL", &s, psf);
+    assert_true(sky_fwhm(&s, before->pixels, 25, 30) > 3.9);
+    assert_true(sky_fwhm(&s, after->pixels, 25, 30) < 2);
+    const float *in = before->pixels + 30 * 100, *out = after->pixels + 30 * 100;
+    assert_true(in[70] > 0.95f * in[68] && out[70] < 0.6f * out[68] && out[70] < 0.6f * out[72]);
+    rx_restored_free(before);
+    rx_restored_free(after);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+static void stops_at_discrepancy(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 128, 128);
+    for (int i = 0; i < 9; i++)
+        sky_star(&s, 20 + i % 3 * 40, 20 + i / 3 * 40, 3.5, 3000);
+    sky_noise(&s, 1, 2);
+    s.par.rl_stop_discrepancy = 1;
+    s.par.rl_niter = 500;
+    rx_psf *psf = rx_stamp_gauss(3.5);
+    rx_restored *r = run("RL", &s, psf);
+    assert_in_range(r->iterations, 2, 300);
+    assert_true(r->chi2 <= 1 && r->chi2 > 0.9);
+    const int stopped = r->iterations;
+    rx_restored_free(r);
+    s.par.rl_stop_discrepancy = 0;
+    s.par.rl_niter = stopped - 1;
+    r = run("RL", &s, psf);
+    assert_int_equal(r->iterations, stopped - 1);
+    assert_true(r->chi2 > 1);
+    /* chi2 is that of the plane that is handed on */
+    double sum = 0;
+    for (int k = 0; k < 128 * 128; k++)
+        sum += pow(s.tile.pixels[k] - 100 - r->reblurred[k], 2);
+    assert_float_equal(r->chi2, sum / (128 * 128), 1e-4);
+    assert_non_null(strstr(r->settings, "RL_STOP NITER"));
+    rx_restored_free(r);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+static double scatter(const sky *s, const float *plane)
+{
+    double sum = 0;
+    for (int k = 0; k < s->tile.width * 40; k++)
+        sum += (double)plane[k] * plane[k];
+    return sqrt(sum / (s->tile.width * 40));
+}
+
+static void damping_calms(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 100, 100);
+    sky_star(&s, 50, 70, 3.5, 20000);
+    sky_noise(&s, 1, 14);
+    s.par.rl_niter = 100;
+    rx_psf *psf = rx_stamp_gauss(3.5);
+    rx_restored *free_run = run("RL", &s, psf);
+    s.par.rl_damping = 3;
+    rx_restored *damped = run("RL", &s, psf);
+    assert_true(scatter(&s, damped->pixels) < 0.4 * scatter(&s, free_run->pixels));
+    assert_float_equal(sky_sum(&s, damped->pixels, 50, 70, 15) / 20000, 1, 0.01);
+    assert_true(sky_fwhm(&s, damped->pixels, 50, 70) < 2.2);
+    rx_restored_free(free_run);
+    rx_restored_free(damped);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+static void hopeless_tiles(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 40, 30);
+    memset(s.tile.mask, RX_MASK_BAD, 40 * 30);
+    rx_psf *psf = rx_stamp_gauss(3);
+    static const char *kinds[] = {"RL", "RL_BLIND"};
+    for (int i = 0; i < 2; i++) {
+        rx_restored *r = run(kinds[i], &s, psf);
+        assert_true(isnan(r->chi2));
+        assert_int_equal(r->iterations, 0);
+        for (int k = 0; k < 40 * 30; k++)
+            assert_true(r->support[k] == 1);
+        rx_restored_free(r);
+    }
+    sky_free(&s);
+    sky_new(&s, 11, 30);
+    assert_true(psf->size > 11);
+    for (int i = 0; i < 2; i++) {
+        rx_restored *r = NULL;
+        rx_error err = RX_ERROR_NONE;
+        assert_int_equal(rx_restorer_find(kinds[i])->run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err),
+                         RX_INPUT);
+        assert_null(r);
+        assert_non_null(strstr(err.text, "larger than the tile of 11 x 30"));
+    }
+    sky_free(&s);
+    rx_psf_free(psf);
+}
+
+/* Outliers of any size, a tile without noise or without anything, extreme units, a PSF with
+ * negative wings, many iterations: always finite (run() looks at each pixel) and bounded. */
+static void never_runs_away(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, 64, 64);
+    rx_psf *psf = rx_stamp_gauss(3);
+    rx_restored *r = run("RL", &s, psf);
+    for (int k = 0; k < 64 * 64; k++)
+        assert_float_equal(r->pixels[k], 0, 1e-5);
+    rx_restored_free(r);
+    for (int k = 0; k < psf->size * psf->size; k++)
+        if (hypot(k % psf->size - psf->size / 2, k / psf->size - psf->size / 2) > 4)
+            psf->basis[k] -= 2e-4f;
+    sky_noise(&s, 1, 6);
+    sky_star(&s, 20, 20, 3, 1e7);
+    s.tile.pixels[64 * 40 + 40] = 3e38f;
+    s.tile.pixels[64 * 50 + 12] = -3e38f;
+    s.tile.pixels[64 * 30 + 50] = -1e5f;
+    s.par.rl_niter = 300;
+    r = run("RL", &s, psf);
+    assert_float_equal(r->pixels[64 * 8 + 55], 0, 30);
+    rx_restored_free(r);
+    for (int k = 0; k < 64 * 64; k++)
+        s.background.sigma[k] = 0;
+    r = run("RL", &s, psf);
+    rx_restored_free(r);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* Units do not matter: a tile in 1e-25 of them gives the same, scaled. */
+static void any_unit(void **state)
+{
+    (void)state;
+    sky a, b;
+    crowded(&a, 0);
+    crowded(&b, 0);
+    const float unit = 1e-25f;
+    for (int k = 0; k < 128 * 120; k++) {
+        b.tile.pixels[k] *= unit;
+        b.background.level[k] *= unit;
+        b.background.sigma[k] *= unit;
+    }
+    b.tile.gain /= unit;
+    rx_psf *psf = rx_stamp_gauss(3.2);
+    rx_restored *ra = run("RL", &a, psf), *rb = run("RL", &b, psf);
+    for (int k = 0; k < 128 * 120; k++)
+        assert_float_equal(rb->pixels[k] / unit, ra->pixels[k], 1e-3 + 1e-3 * fabsf(ra->pixels[k]));
+    rx_restored_free(ra);
+    rx_restored_free(rb);
+    rx_psf_free(psf);
+    sky_free(&a);
+    sky_free(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(table),
+                                       cmocka_unit_test(none),
+                                       cmocka_unit_test(keeps_flux),
+                                       cmocka_unit_test(keeps_sky),
+                                       cmocka_unit_test(no_ringing),
+                                       cmocka_unit_test(mask_is_blind),
+                                       cmocka_unit_test(threads),
+                                       cmocka_unit_test(saturated_core),
+                                       cmocka_unit_test(varying_psf),
+                                       cmocka_unit_test(sharpens),
+                                       cmocka_unit_test(stops_at_discrepancy),
+                                       cmocka_unit_test(damping_calms),
+                                       cmocka_unit_test(hopeless_tiles),
+                                       cmocka_unit_test(never_runs_away),
+                                       cmocka_unit_test(any_unit)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

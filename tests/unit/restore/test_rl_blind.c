@@ -1,0 +1,180 @@
+/* RL_BLIND finds the PSF of a field of stars from a wrong one, and lets well alone. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "restore/points.h"
+#include "sky.h"
+
+enum { W = 240, H = 220 };
+static const double TRUE_FWHM = 3.4;
+
+/* 8 x 7 stars, half a pixel from a grid at random, over noise; some galaxies and cosmic rays. */
+static void field(sky *s)
+{
+    sky_new(s, W, H);
+    for (int i = 0; i < 56; i++) {
+        const double dx = rx_random_uniform(1, 1, (uint64_t)i) - 0.5,
+                     dy = rx_random_uniform(1, 2, (uint64_t)i) - 0.5;
+        const double flux = 500 * pow(60, rx_random_uniform(1, 3, (uint64_t)i));
+        sky_star(s, 20 + i % 8 * 28 + dx, 22 + i / 8 * 28 + dy, TRUE_FWHM, flux);
+        if (i % 5 == 0)
+            sky_star(s, 34 + i % 8 * 28, 36 + i / 8 * 28, 6, 6000);
+    }
+    sky_noise(s, 1, 31);
+    for (int i = 0; i < 60; i++)
+        s->tile.pixels[(int)(rx_random_uniform(1, 5, (uint64_t)i) * W * H)] += 500;
+    s->par.rl_denoise = 2;
+    s->par.nthreads = 2;
+}
+
+static rx_restored *run(const sky *s, const rx_psf *psf)
+{
+    rx_restored *restored = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(
+        rx_restorer_find("RL_BLIND")->run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err),
+        RX_OK);
+    for (int k = 0; k < W * H; k++)
+        assert_true(isfinite(restored->pixels[k]));
+    return restored;
+}
+
+static double seen(double fwhm)
+{
+    return sqrt(fwhm * fwhm + 5.545177 / 12);
+}
+
+static void finds_the_psf(void **state)
+{
+    (void)state;
+    static const double start[] = {2.6, TRUE_FWHM, 4.4};
+    sky s;
+    field(&s);
+    for (int i = 0; i < 3; i++) {
+        rx_psf *psf = rx_stamp_gauss(start[i]);
+        rx_restored *r = run(&s, psf);
+        assert_string_equal(r->name, "RL_BLIND");
+        assert_float_equal(r->blur->fwhm, seen(TRUE_FWHM), 0.03 * seen(TRUE_FWHM));
+        double sum = 0, x, y;
+        for (int k = 0; k < r->blur->size * r->blur->size; k++) {
+            assert_true(r->blur->basis[k] >= 0);
+            sum += r->blur->basis[k];
+        }
+        assert_float_equal(sum, 1, 1e-5);
+        rx_stamp_centroid(r->blur->basis, r->blur->size, TRUE_FWHM, &x, &y);
+        assert_true(hypot(x, y) < 0.02);
+        assert_true(strstr(r->settings, "RL_BLIND_CYCLES 5, RL_BLIND_NITER 10") != NULL);
+        rx_restored_free(r);
+        rx_psf_free(psf);
+    }
+    sky_free(&s);
+}
+
+/* Positions do not drift with the PSF that is found. */
+static void keeps_positions(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, W, H);
+    for (int i = 0; i < 42; i++)
+        sky_star(&s, 30 + i % 7 * 30 + 0.3, 30 + i / 7 * 30 - 0.2, TRUE_FWHM, 5000 + 500 * i);
+    sky_noise(&s, 1, 8);
+    rx_psf *psf = rx_stamp_gauss(2.8);
+    rx_restored *r = run(&s, psf);
+    double drift_x = 0, drift_y = 0;
+    for (int i = 0; i < 42; i++) {
+        const int x = 30 + i % 7 * 30, y = 30 + i / 7 * 30;
+        double sum = 0, sx = 0, sy = 0;
+        for (int b = -5; b <= 5; b++)
+            for (int a = -5; a <= 5; a++) {
+                const float v = r->pixels[(y + b) * W + x + a];
+                sum += v;
+                sx += v * a;
+                sy += v * b;
+            }
+        drift_x += (sx / sum - 0.3) / 42;
+        drift_y += (sy / sum + 0.2) / 42;
+    }
+    assert_true(hypot(drift_x, drift_y) < 0.03);
+    rx_restored_free(r);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* Without stars there is nothing to learn from: the PSF that was given is used. */
+static void lets_well_alone(void **state)
+{
+    (void)state;
+    sky s;
+    sky_new(&s, W, H);
+    sky_star(&s, 100, 100, 15, 1e5);
+    sky_noise(&s, 1, 4);
+    rx_psf *psf = rx_stamp_gauss(3);
+    rx_restored *r = run(&s, psf), *plain = NULL;
+    for (int k = 0; k < psf->size * psf->size; k++)
+        assert_float_equal(r->blur->basis[k], psf->basis[k], 1e-7);
+    assert_int_equal(rx_restorer_find("RL")->run(&s.par, &s.tile, &s.background, psf, NULL, &plain, NULL),
+                     RX_OK);
+    for (int k = 0; k < W * H; k++)
+        assert_float_equal(r->pixels[k], plain->pixels[k], 1e-3);
+    rx_restored_free(r);
+    rx_restored_free(plain);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* The sources that hold the PSF: stars, no galaxies, cosmic rays or masked ones. */
+static void chooses_stars(void **state)
+{
+    (void)state;
+    sky s;
+    field(&s);
+    s.tile.mask[22 * W + 20] = RX_MASK_BAD; /* the first star */
+    rx_psf *psf = rx_stamp_gauss(TRUE_FWHM);
+    rx_scene *scene = NULL;
+    rx_blur *blur = NULL;
+    rx_rl *rl = NULL;
+    rx_point points[RX_POINTS_MAX];
+    int n = 0, radius = 0;
+    assert_int_equal(rx_scene_new(&s.par, &s.tile, &s.background, &scene, NULL), RX_OK);
+    assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(scene, blur, 0, &rl, NULL), RX_OK);
+    for (int i = 0; i < 10; i++) {
+        rx_rl_model(rl);
+        rx_rl_update(rl);
+    }
+    assert_int_equal(
+        rx_points_find(rl, TRUE_FWHM, rx_points_bluntness(psf->basis, psf->size), points, &n, &radius, NULL),
+        RX_OK);
+    assert_in_range(n, 15, 55);
+    for (int i = 0; i < n; i++) {
+        const double column = (points[i].cx - 20) / 28, row = (points[i].cy - 22) / 28;
+        const int star = (int)lround(row) * 8 + (int)lround(column);
+        assert_in_range(star, 1, 55);
+        assert_float_equal(points[i].cx, 20 + star % 8 * 28 + rx_random_uniform(1, 1, (uint64_t)star) - 0.5,
+                           0.15);
+        assert_float_equal(points[i].cy, 22 + star / 8 * 28 + rx_random_uniform(1, 2, (uint64_t)star) - 0.5,
+                           0.15);
+        if (i > 0)
+            assert_true(points[i].flux <= points[i - 1].flux);
+    }
+    rx_rl_free(rl);
+    rx_blur_free(blur);
+    rx_scene_free(scene);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_psf), cmocka_unit_test(keeps_positions),
+                                       cmocka_unit_test(lets_well_alone), cmocka_unit_test(chooses_stars)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

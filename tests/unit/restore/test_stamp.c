@@ -1,0 +1,90 @@
+/* restore/stamp: widths against Gaussians, moves, copies. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "sky.h"
+
+static void widths(void **state)
+{
+    (void)state;
+    static const double fwhm[] = {2.0, 2.7, 3.5, 6.0, 11.0};
+    for (int i = 0; i < 5; i++) {
+        rx_psf *psf = rx_stamp_gauss(fwhm[i]);
+        double ellipticity = 1;
+        /* a Gaussian over a pixel has the variance sigma^2 + 1/12 */
+        double seen = sqrt(fwhm[i] * fwhm[i] + 5.545177 / 12);
+        assert_float_equal(rx_stamp_fwhm(psf->basis, psf->size, &ellipticity), seen, 0.02 * seen);
+        assert_true(fabs(ellipticity) < 0.01);
+        rx_psf_free(psf);
+    }
+}
+
+static void odd_shapes(void **state)
+{
+    (void)state;
+    float flat[25] = {0}, ellipse[31 * 31];
+    assert_true(isnan(rx_stamp_fwhm(flat, 5, NULL)));
+    flat[12] = 1;
+    assert_true(rx_stamp_fwhm(flat, 5, NULL) > 0.9 && rx_stamp_fwhm(flat, 5, NULL) < 1.6);
+    for (int k = 0; k < 31 * 31; k++)
+        ellipse[k] = (float)(pixel_gauss(k % 31 - 15, 8) * pixel_gauss(k / 31 - 15, 4));
+    double ellipticity = 0;
+    assert_float_equal(rx_stamp_fwhm(ellipse, 31, &ellipticity), sqrt(32), 0.1);
+    assert_float_equal(ellipticity, 0.5, 0.02);
+    /* a second star elsewhere on the stamp is not part of the width */
+    ellipse[3 * 31 + 3] = ellipse[15 * 31 + 15] * 0.9f;
+    assert_float_equal(rx_stamp_fwhm(ellipse, 31, NULL), sqrt(32), 0.1);
+}
+
+static void moves(void **state)
+{
+    (void)state;
+    float stamp[25 * 25], work[25 * 25];
+    for (int k = 0; k < 25 * 25; k++)
+        stamp[k] = (float)(pixel_gauss(k % 25 - 12 - 0.3, 4) * pixel_gauss(k / 25 - 12 + 0.2, 4));
+    double x, y;
+    rx_stamp_centroid(stamp, 25, 4, &x, &y);
+    assert_float_equal(x, 0.3, 0.02);
+    assert_float_equal(y, -0.2, 0.02);
+    rx_stamp_shift(stamp, 25, -0.3, 0.2, work);
+    for (int k = 0; k < 25 * 25; k++)
+        assert_float_equal(stamp[k], pixel_gauss(k % 25 - 12, 4) * pixel_gauss(k / 25 - 12, 4), 6e-4);
+    assert_float_equal(rx_stamp_fwhm(stamp, 25, NULL), sqrt(16 + 5.545177 / 12), 0.03);
+}
+
+static void evaluates_and_copies(void **state)
+{
+    (void)state;
+    rx_psf *psf = sky_psf_varying(3, 0.2, 101), *copy = rx_stamp_copy(psf);
+    const int n = psf->size * psf->size;
+    float *stamp = calloc((size_t)n, sizeof(float));
+    rx_stamp_at(copy, 100, 7, stamp);
+    double sum = 0;
+    for (int k = 0; k < n; k++) {
+        assert_float_equal(stamp[k], psf->basis[k] + psf->basis[n + k], 1e-7);
+        sum += stamp[k];
+    }
+    assert_float_equal(sum, 1, 1e-5);
+    free(stamp);
+    rx_psf_free(copy);
+    rx_psf_free(psf);
+    rx_psf *pixel = rx_stamp_gauss(0);
+    assert_int_equal(pixel->type, RX_PSF_PIXEL);
+    assert_int_equal(pixel->size, 1);
+    assert_float_equal(pixel->basis[0], 1, 0);
+    rx_psf_free(pixel);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(widths), cmocka_unit_test(odd_shapes),
+                                       cmocka_unit_test(moves), cmocka_unit_test(evaluates_and_copies)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
