@@ -1,6 +1,6 @@
 #!/bin/sh
-# The real psfex and scamp read the FITS_LDAC catalogue of a real tile, and psfex's model agrees with
-# the seeing the tile is known to have.
+# The real psfex and scamp read the FITS_LDAC catalogue of a real tile, and psfex makes the same model of
+# it as of SExtractor's own catalogue.
 #   RX_PROGRAM      the rextract to test
 #   RX_SHARED_DATA  folder of the real tiles
 set -u
@@ -10,7 +10,7 @@ passed=0
 failed=0
 skipped=0
 
-finish() {
+finish() { # ends the script
     echo "$passed passed, $failed failed, $skipped skipped"
     [ "$failed" -eq 0 ]
     exit
@@ -41,6 +41,7 @@ if [ -z "$data" ] || [ ! -f "$packed" ] || ! command -v bunzip2 >/dev/null; then
     finish
 fi
 bunzip2 -c "$packed" >"$folder/frame.fits" || exit 1
+conv=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)/config/default.conv
 cd "$folder" || exit 1
 
 for column in NUMBER 'VIGNET(35,35)' X_IMAGE Y_IMAGE FLUX_RADIUS SNR_WIN 'FLUX_APER(1)' 'FLUXERR_APER(1)' \
@@ -54,11 +55,20 @@ extract() { # restorer, catalogue
         -CATALOG_NAME "$2" -MAG_ZEROPOINT 22.5 -GAIN 980 -PHOT_APERTURES 15 -VERBOSE_TYPE QUIET
 }
 
-model_seeing() { # between 3 and 4 pixels; 3.46 is known
-    seeing=$(dd if=frame.psf bs=80 2>/dev/null | tr '\0' ' ' | fold -w 80 |
-        sed -n 's/^PSF_FWHM= *\([0-9.Ee+-]*\).*/\1/p' | head -n 1)
-    echo "PSF_FWHM $seeing"
-    awk -v s="$seeing" 'BEGIN { exit !(s > 3.0 && s < 4.0) }'
+model_fwhm() { # model file
+    dd if="$1" bs=80 2>/dev/null | tr '\0' ' ' | fold -w 80 | sed -n 's/^PSF_FWHM= *\([0-9.Ee+-]*\).*/\1/p' | head -n 1
+}
+
+# SExtractor's catalogue of the same tile, with the same settings, must give the same model.
+same_model() {
+    source-extractor 'frame.fits[0]' -c /dev/null -PARAMETERS_NAME wanted.param -CATALOG_TYPE FITS_LDAC \
+        -CATALOG_NAME theirs.cat -MAG_ZEROPOINT 22.5 -GAIN 980 -PHOT_APERTURES 15 -VERBOSE_TYPE QUIET \
+        -FILTER_NAME "$conv" || return 1
+    psfex_reads theirs.cat || return 1
+    ours=$(model_fwhm frame.psf)
+    theirs=$(model_fwhm theirs.psf)
+    echo "PSF_FWHM: ours $ours, SExtractor's $theirs pixels"
+    awk -v a="$ours" -v b="$theirs" 'BEGIN { exit !(a > 0 && b > 0 && a / b > 0.99 && a / b < 1.01) }'
 }
 
 psfex_reads() {
@@ -76,11 +86,16 @@ scamp_reads() {
 }
 
 verdict "rextract writes FITS_LDAC" extract NONE frame.cat
+[ "$failed" -eq 0 ] || finish
 if command -v psfex >/dev/null; then
     verdict "psfex models the stars of the catalogue" psfex_reads frame.cat
-    verdict "the model has the seeing of the frame" model_seeing
 else
     skip "psfex is not installed"
+fi
+if command -v psfex >/dev/null && command -v source-extractor >/dev/null; then
+    verdict "its model is the one it makes of SExtractor's catalogue" same_model
+else
+    skip "psfex or source-extractor is not installed"
 fi
 if command -v scamp >/dev/null; then
     verdict "scamp solves the field" scamp_reads frame.cat
