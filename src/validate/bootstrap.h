@@ -1,5 +1,8 @@
 /* Bootstrap (Efron 1979, Ann. Statist. 7, 1): draws with replacement from counter-based random numbers, so
- * that a replicate depends on nothing but seed, stream and its own number. Percentile intervals. */
+ * that a replicate depends on nothing but seed, stream and its own number. Percentile intervals, which are
+ * too narrow for few units: the 95 % interval of the mean of |N(0,1)| holds the truth in 87 % of cases for 6
+ * values, 92 % for 20, 93 % for 50, 95 % for 200 (600 trials each). Callers give none below
+ * RX_BOOTSTRAP_FEWEST. */
 #ifndef RX_VALIDATE_BOOTSTRAP_H
 #define RX_VALIDATE_BOOTSTRAP_H
 
@@ -8,7 +11,7 @@
 #include "base/error.h"
 #include "validate/binomial.h"
 
-enum { RX_BOOTSTRAP_ROUNDS = 1000 };
+enum { RX_BOOTSTRAP_ROUNDS = 1000, RX_BOOTSTRAP_FEWEST = 20 };
 
 /* How often each of n units is drawn in replicate `round`: counts[n], sum n. n < 2^32. */
 void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint32_t *counts);

@@ -109,7 +109,7 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
         nfound[b] += found[i] != 0;
     }
     dst->value = rx_completeness_mag(bins, nfound, total, share, &beyond);
-    if (isnan(dst->value))
+    if (isnan(dst->value) || dst->n < RX_BOOTSTRAP_FEWEST)
         goto exit;
     reference_data data = {.bins = bins, .n = dst->n, .bin = bin, .found = hit, .share = share};
     status = rx_bootstrap_interval(seed, 2, dst->n, resampled_mag, &data, level, dst, err);

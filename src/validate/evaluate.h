@@ -48,7 +48,8 @@ rx_status rx_evaluate(const rx_qa_params *par, const rx_qa_input *input, int run
 void rx_evaluation_free(rx_evaluation *evaluation); /* content only */
 
 /* Median and sigma_MAD of n finite values (reordered), intervals by order statistics: the rank interval of
- * the median, and that of |v - median| for sigma_MAD. Unbounded when n is too small (below 6 at 0.95). */
+ * the median, and that of |v - median| for sigma_MAD. Unbounded when n is too small (below 6 at 0.95).
+ * Normal samples of 6 to 200: the 95 % intervals hold the truth in 95 to 98 % of cases (4000 trials each). */
 void rx_robust_estimates(double *values, long n, double level, rx_estimate *median, rx_estimate *sigma);
 
 #endif

@@ -34,7 +34,7 @@ static double beside(const rx_report *r, int run, int bin)
     return middle(r, bin) + step * 0.5 * ((run + 0.5) / n - 0.5);
 }
 
-/* gnuplot's own name for what is not there; ends of intervals are cut where a plot would end anyway. */
+/* gnuplot's own name for what is not there. */
 static void value(rx_text *dst, double v)
 {
     if (isfinite(v))
@@ -43,11 +43,13 @@ static void value(rx_text *dst, double v)
         rx_text_add(dst, " NaN");
 }
 
+/* Value and ends, cut where the plot ends anyway; no bar for an interval that is not bounded. */
 static void interval(rx_text *dst, const rx_estimate *e, double low, double high)
 {
+    int bounded = isfinite(e->low) && isfinite(e->high);
     value(dst, e->value);
-    value(dst, fmax(e->low, low));
-    value(dst, fmin(e->high, high));
+    value(dst, bounded ? fmax(e->low, low) : e->value);
+    value(dst, bounded ? fmin(e->high, high) : e->value);
 }
 
 /* Title, axes and file; ranges are always given, so that empty data cannot stop gnuplot. */
@@ -320,7 +322,8 @@ static const plan plans[] = {
      "bias).",
      write_error},
     {"magerr", "MagErr",
-     "Mean of 100 |F - F0| / F0 over matched sources, bins of 5 or more, bars are 95 % bootstrap intervals. "
+     "Mean of 100 |F - F0| / F0 over matched sources, bins of 5 or more, bars (20 or more) are 95 % "
+     "bootstrap intervals. "
      "It mixes bias and "
      "scatter: "
      "read it with the figure before. One bad blend can dominate a bin.",

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "validate/bootstrap.h"
 #include "validate/escape.h"
 #include "validate/qa_writers.h"
 
@@ -309,9 +310,10 @@ static void write_reading(rx_text *dst, const rx_report *r)
         "<p>Every number is followed by its %g %% interval and the number of sources behind it. Shares "
         "have Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute "
         "deviation) intervals from order statistics, MagErr, ap and the completeness magnitudes "
-        "bootstrap intervals (%d draws). An infinite end: too few sources, or the limit lies beyond the "
+        "bootstrap intervals (%d draws, none for fewer than %d sources). An infinite end: too few sources, "
+        "or the limit lies beyond the "
         "reference.</p>\n",
-        100 * r->level, 1000);
+        100 * r->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_text_add(dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
                      "magnitude, all else by "
                      "reference magnitude. Precision against a catalogue that is not deeper than the tile is "

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 
-enum { MAX_PAIRS = 20000000, MAX_CELLS = 1024 };
+enum { MAX_PAIRS = 5000000, MAX_CELLS = 1024 };
 
 typedef struct pair {
     double distance2;

@@ -128,7 +128,7 @@ static rx_status measure_magerr(const range *r, double factor, rx_estimate *dst,
         sum += r->scratch[i];
     }
     dst->value = sum / (double)n;
-    if (rx_median_rank(n, r->level) == 0) /* too few to say anything, as for medians */
+    if (n < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
     return rx_bootstrap_interval(r->seed, 3, n, resampled_mean, &(sample){n, r->scratch}, r->level, dst, err);
 }

@@ -1,7 +1,7 @@
 /* THE table of metrics, and their measurement over a range of magnitudes.
  *
  * Intervals: shares (recall, precision) Clopper-Pearson; medians and sigma_MAD by order statistics; MagErr,
- * AP and the completeness magnitudes by bootstrap.
+ * AP and the completeness magnitudes by bootstrap, unbounded below RX_BOOTSTRAP_FEWEST sources.
  */
 #ifndef RX_VALIDATE_METRICS_H
 #define RX_VALIDATE_METRICS_H

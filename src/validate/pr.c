@@ -101,7 +101,7 @@ rx_status rx_pr_interval(const rx_pr *pr, long references, double level, unsigne
     *dst = pr->ap;
     dst->low = 0;
     dst->high = 1;
-    if (references < 6) /* too few to resample */
+    if (references < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
     return rx_bootstrap_interval(seed, 1, data.detections + data.missed, resampled_ap, &data, level, dst,
                                  err);

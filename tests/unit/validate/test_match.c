@@ -142,6 +142,20 @@ static void bad_radius(void **state)
     }
 }
 
+/* All pairs of two large lists: refused before memory is. */
+static void too_many_pairs(void **state)
+{
+    enum { MANY = 3000 };
+    static double x[MANY], y[MANY];
+    static long a[MANY], b[MANY];
+    rx_error err = RX_ERROR_NONE;
+    rx_match_list list = {MANY, x, y, NULL};
+    (void)state;
+    scatter(1, MANY, 10, 0, x, y);
+    assert_int_equal(rx_match(&list, &list, 20, a, b, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "smaller MATCH_RADIUS"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -151,6 +165,7 @@ int main(void)
         cmocka_unit_test(radius_is_inclusive),
         cmocka_unit_test(empty_lists),
         cmocka_unit_test(bad_radius),
+        cmocka_unit_test(too_many_pairs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
