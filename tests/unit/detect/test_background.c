@@ -1,0 +1,137 @@
+/* Sky level and noise: truth of synthetic skies, masks, weights, odd tiles. */
+#include "detect/background.h"
+#include "field.h"
+
+enum { W = 200, H = 150 };
+
+static const rx_background_params defaults = {
+    .mesh_width = 32, .mesh_height = 32, .filter_width = 3, .filter_height = 3};
+
+static rx_background *measure(const field *f, const float *weight, rx_weight_type type, int no_rescale)
+{
+    rx_background_params par = defaults;
+    rx_background *back = NULL;
+    par.no_rescale = no_rescale;
+    assert_int_equal(
+        rx_background_measure(&par, f->width, f->height, f->pixels, f->mask, 1, weight, type, &back, NULL),
+        RX_OK);
+    return back;
+}
+
+static void finds_level_and_noise(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 3.0, 1);
+    for (size_t i = 0; i < f.n; i++)
+        f.pixels[i] += 100.0f + 0.05f * (float)(i % W);
+    rx_background *back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
+    assert_float_equal(back->global_sigma, 3.0, 0.15);
+    for (size_t i = 0; i < f.n; i++) {
+        assert_float_equal(back->level[i], 100.0 + 0.05 * (double)(i % W), 1.2);
+        assert_float_equal(back->sigma[i], 3.0, 0.5);
+    }
+    rx_background_free(back);
+    field_free(&f);
+}
+
+static void is_blind_to_masked_values(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 3.0, 2);
+    for (size_t i = 0; i < f.n; i++)
+        f.mask[i] = i % 7 == 0 || (i % W < 40 && i / W < 40);
+    field_scramble(&f, 5);
+    rx_background *a = measure(&f, NULL, RX_WEIGHT_NONE, 0);
+    field_scramble(&f, 6);
+    rx_background *b = measure(&f, NULL, RX_WEIGHT_NONE, 0);
+    assert_memory_equal(a->level, b->level, f.n * sizeof(float));
+    assert_memory_equal(a->sigma, b->sigma, f.n * sizeof(float));
+    assert_true(a->global_sigma == b->global_sigma && a->global_level == b->global_level);
+    assert_float_equal(a->sigma[0], 0.0, 0.0);
+    rx_background_free(a);
+    rx_background_free(b);
+    field_free(&f);
+}
+
+static void copes_with_odd_tiles(void **state)
+{
+    (void)state;
+    field f = field_new(20, 9, 0.0, 3); /* smaller than a mesh, constant */
+    for (size_t i = 0; i < f.n; i++)
+        f.pixels[i] = 7.0f;
+    rx_background *back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
+    assert_float_equal(back->global_sigma, 1.0, 0.0);
+    for (size_t i = 0; i < f.n; i++) {
+        assert_float_equal(back->level[i], 7.0, 1e-5);
+        assert_float_equal(back->sigma[i], 1.0, 0.0);
+    }
+    rx_background_free(back);
+    memset(f.mask, 1, f.n); /* nothing left */
+    back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
+    assert_float_equal(back->level[5], 0.0, 0.0);
+    assert_float_equal(back->sigma[5], 0.0, 0.0);
+    assert_float_equal(back->global_sigma, 1.0, 0.0);
+    rx_background_free(back);
+    field_free(&f);
+}
+
+static void scales_weights_to_the_noise(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 4);
+    float *weight = RX_NEW(float, f.n), *variance = RX_NEW(float, f.n);
+    for (size_t i = 0; i < f.n; i++) {
+        float sigma = i % W < W / 2 ? 2.0f : 4.0f;
+        f.pixels[i] *= sigma;
+        variance[i] = sigma * sigma * 25.0f;
+        weight[i] = 1.0f / variance[i];
+    }
+    weight[3] = 0.0f;
+    f.mask[3] = 1;
+    rx_background *back = measure(&f, weight, RX_WEIGHT_MAP_WEIGHT, 0);
+    assert_float_equal(back->sigma[10], 2.0, 0.1);
+    assert_float_equal(back->sigma[W - 10], 4.0, 0.2);
+    assert_float_equal(back->sigma[3], 0.0, 0.0);
+    rx_background_free(back);
+    back = measure(&f, variance, RX_WEIGHT_MAP_VAR, 1);
+    assert_float_equal(back->sigma[10], 10.0, 1e-4);
+    rx_background_free(back);
+    back = measure(&f, variance, RX_WEIGHT_MAP_RMS, 0);
+    assert_float_equal(back->sigma[10], 100.0, 0.0);
+    rx_background_free(back);
+    back = measure(&f, NULL, RX_WEIGHT_BACKGROUND, 0);
+    assert_float_equal(back->sigma[10], 2.0, 0.4);
+    rx_background_free(back);
+    free(weight);
+    free(variance);
+    field_free(&f);
+}
+
+static void takes_a_manual_level_and_refuses_nonsense(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 5);
+    rx_background_params par = defaults;
+    rx_background *back = NULL;
+    par.manual = 1;
+    par.manual_value = 12.5;
+    assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
+                     RX_OK);
+    assert_float_equal(back->level[77], 12.5, 0.0);
+    assert_float_equal(back->sigma[77], 1.0, 0.2);
+    rx_background_free(back);
+    par.mesh_width = 0;
+    assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
+                     RX_USAGE);
+    assert_null(back);
+    field_free(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_level_and_noise), cmocka_unit_test(is_blind_to_masked_values),
+        cmocka_unit_test(copes_with_odd_tiles), cmocka_unit_test(scales_weights_to_the_noise),
+        cmocka_unit_test(takes_a_manual_level_and_refuses_nonsense)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,227 @@
+/* Detection: positions and shapes of known sources, masks, fragments, cleaning, limits. */
+#include "detect/filter.h"
+#include "field.h"
+
+#include <sep.h>
+
+enum { W = 160, H = 120 };
+
+static void finds_known_sources(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 40.3, 60.8, 3.0, 2.0, 20000.0);
+    field_add(&f, 110.0, 30.0, 2.0, 2.0, 5000.0);
+    rx_detect_params par = field_params();
+    rx_sources *s = field_detect(&f, &par);
+    assert_int_equal(s->n, 2);
+    const rx_source *a = field_find(s, 40.3, 60.8);
+    assert_non_null(a);
+    assert_float_equal(a->x, 40.3, 0.005);
+    assert_float_equal(a->y, 60.8, 0.005);
+    /* the filter adds a variance of 0.5 pixel^2, the threshold cuts the wings */
+    assert_float_equal(a->a, sqrt(9.5), 0.15);
+    assert_float_equal(a->b, sqrt(4.5), 0.15);
+    assert_float_equal(a->theta, 0.0, 0.01);
+    assert_int_equal(a->flags, 0);
+    int inside = 0;
+    for (size_t i = 0; i < f.n; i++)
+        inside += s->segments[i] == a->segment;
+    assert_int_equal(inside, a->npix);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void empty_sky_has_no_source(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    rx_detect_params par = field_params();
+    rx_sources *s = field_detect(&f, &par);
+    assert_int_equal(s->n, 0);
+    assert_non_null(s->segments);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void is_blind_to_masked_values(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 2);
+    field_crowd(&f, 60, 800.0, 3);
+    for (size_t i = 0; i < f.n; i++)
+        f.mask[i] = i % 23 == 0;
+    rx_detect_params par = field_params();
+    field_scramble(&f, 1);
+    rx_sources *a = field_detect(&f, &par);
+    field_scramble(&f, 2);
+    rx_sources *b = field_detect(&f, &par);
+    assert_true(a->n > 20);
+    assert_int_equal(a->n, b->n);
+    assert_memory_equal(a->list, b->list, (size_t)a->n * sizeof *a->list);
+    assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
+    assert_memory_equal(a->fragments, b->fragments, f.n);
+    rx_sources_free(a);
+    rx_sources_free(b);
+    field_free(&f);
+}
+
+static void small_groups_are_fragments(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    rx_detect_params par = field_params();
+    par.filter = NULL;
+    f.pixels[50 * W + 50] = f.pixels[50 * W + 51] = f.pixels[51 * W + 52] = 10.0f;
+    rx_sources *s = field_detect(&f, &par);
+    assert_int_equal(s->n, 0);
+    assert_int_equal(s->fragments[50 * W + 50], RX_FRAGMENT_SMALL);
+    assert_int_equal(s->fragments[51 * W + 52], RX_FRAGMENT_SMALL);
+    assert_int_equal(s->fragments[52 * W + 52], 0);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+/* Survivors of our cleaning against sep's own; who is eaten counts for the eater. */
+static void cleans_as_sep_does(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 6);
+    for (int i = 0; i < 4; i++) {
+        field_add(&f, 25.0 + 36.0 * i, 60.0, 2.0, 2.0, 100000.0);
+        field_add(&f, 25.0 + 36.0 * i, 60.0, 9.0, 9.0, 1000.0);
+    }
+    rx_detect_params par = field_params();
+    par.threshold = 1.0; /* noise peaks in the wings */
+    rx_sources *clean = field_detect(&f, &par);
+    par.clean = 0;
+    rx_sources *all = field_detect(&f, &par);
+    sep_image image = {.data = f.pixels,
+                       .dtype = SEP_TFLOAT,
+                       .w = W,
+                       .h = H,
+                       .noiseval = 1.0,
+                       .noise_type = SEP_NOISE_STDDEV};
+    sep_catalog *cat = NULL;
+    assert_int_equal(sep_extract(&image, 1.0f, SEP_THRESH_REL, 5, field_kernel, 3, 3, SEP_FILTER_CONV, 32,
+                                 0.005, 1, 1.0, &cat),
+                     0);
+    assert_int_equal(clean->n, cat->nobj);
+    assert_true(all->n > clean->n);
+    long pixels_clean = 0, pixels_all = 0;
+    for (int i = 0; i < clean->n; i++)
+        pixels_clean += clean->list[i].npix;
+    for (int i = 0; i < all->n; i++)
+        pixels_all += all->list[i].npix;
+    assert_int_equal(pixels_clean, pixels_all);
+    sep_catalog_free(cat);
+    rx_sources_free(clean);
+    rx_sources_free(all);
+    field_free(&f);
+}
+
+static void limits_grow_and_the_tile_survives(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 7);
+    field_crowd(&f, 400, 3000.0, 8);
+    size_t stack = sep_get_extract_pixstack();
+    int limit = sep_get_sub_object_limit();
+    rx_detect_params par = field_params();
+    rx_sources *plenty = field_detect(&f, &par);
+    assert_int_equal(plenty->grown, 0);
+
+    par.pixstack = 100;
+    par.subobjects = 2;
+    rx_sources *grown = field_detect(&f, &par);
+    assert_true(grown->grown > 0);
+    assert_int_equal(grown->n, plenty->n);
+    for (int i = 0; i < grown->n; i++)
+        assert_int_equal(grown->list[i].flags, plenty->list[i].flags);
+
+    par = field_params();
+    par.pixstack = par.pixstack_max = 3000;
+    rx_sources *shallow = field_detect(&f, &par);
+    assert_true(shallow->n > 10);
+    assert_true((shallow->list[0].flags & RX_FLAG_EXTRACT_OVER) != 0);
+
+    par = field_params();
+    par.subobjects = par.subobjects_max = 1;
+    rx_sources *coarse = field_detect(&f, &par);
+    assert_true(coarse->n > 0);
+    assert_true((coarse->list[0].flags & RX_FLAG_DEBLEND_OVER) != 0);
+
+    assert_int_equal(sep_get_extract_pixstack(), stack);
+    assert_int_equal(sep_get_sub_object_limit(), limit);
+    rx_sources_free(plenty);
+    rx_sources_free(grown);
+    rx_sources_free(shallow);
+    rx_sources_free(coarse);
+    field_free(&f);
+}
+
+static void noise_map_sets_the_threshold(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 40.0, 60.0, 2.0, 2.0, 200.0);
+    field_add(&f, 120.0, 60.0, 2.0, 2.0, 200.0);
+    for (size_t i = 0; i < f.n; i++)
+        f.sigma[i] = i % W < W / 2 ? 1.0f : 20.0f;
+    rx_detect_params par = field_params();
+    rx_detect_image image = field_image(&f);
+    image.variable_noise = 1;
+    for (par.matched = 0; par.matched < 2; par.matched++) {
+        rx_sources *s = NULL;
+        assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+        assert_int_equal(s->n, 1);
+        assert_non_null(field_find(s, 40.0, 60.0));
+        rx_sources_free(s);
+    }
+    field_free(&f);
+}
+
+/* The filter's orientation and sum, against the definition and against where sep sees the peak. */
+static void filter_is_seps(void **state)
+{
+    (void)state;
+    const float corner[9] = {1, 0, 0, 0, 1, 0, 0, 0, 4};
+    field f = field_new(W, H, 0.0, 1);
+    float *out = RX_NEW(float, f.n);
+    f.pixels[60 * W + 80] = 600.0f;
+    rx_filter filter;
+    assert_int_equal(rx_filter_new(corner, 3, 3, &filter, NULL), RX_OK);
+    rx_filter_plane(&filter, f.pixels, W, H, out);
+    rx_filter_free(&filter);
+    int peak = 0;
+    double sum = 0.0;
+    for (int i = 0; i < (int)f.n; i++) {
+        peak = out[i] > out[peak] ? i : peak;
+        sum += out[i];
+    }
+    assert_float_equal(sum, 600.0, 1e-3);
+    assert_float_equal(out[peak], 400.0, 1e-3);
+    rx_detect_params par = field_params();
+    par.filter = corner;
+    par.min_area = 1;
+    rx_sources *s = field_detect(&f, &par);
+    assert_true(s->n >= 1);
+    int at = -1;
+    for (int i = 0; i < s->n; i++)
+        if (s->list[i].npix > 0 && out[s->list[i].ypeak * W + s->list[i].xpeak] > 300.0f)
+            at = s->list[i].ypeak * W + s->list[i].xpeak;
+    assert_int_equal(at, peak);
+    rx_sources_free(s);
+    free(out);
+    field_free(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_known_sources),          cmocka_unit_test(empty_sky_has_no_source),
+        cmocka_unit_test(is_blind_to_masked_values),    cmocka_unit_test(small_groups_are_fragments),
+        cmocka_unit_test(cleans_as_sep_does),           cmocka_unit_test(limits_grow_and_the_tile_survives),
+        cmocka_unit_test(noise_map_sets_the_threshold), cmocka_unit_test(filter_is_seps)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,4 @@
+check_PROGRAMS += tests/unit/measure/test_measure tests/unit/measure/test_noise tests/unit/measure/test_starclass
+tests_unit_measure_test_measure_SOURCES = tests/unit/measure/test_measure.c tests/unit/detect/field.h
+tests_unit_measure_test_noise_SOURCES = tests/unit/measure/test_noise.c tests/unit/detect/field.h
+tests_unit_measure_test_starclass_SOURCES = tests/unit/measure/test_starclass.c

@@ -1,0 +1,280 @@
+/* Photometry and shapes of Gaussians against formulas; masks, neighbours, threads, flags. */
+#include "field.h"
+#include "measure/measure.h"
+
+enum { W = 160, H = 120 };
+static const double PI = 3.14159265358979;
+
+static rx_measure_params params(void)
+{
+    return (rx_measure_params){.naper = 2,
+                               .aperture_diameter = {10.0, 24.0},
+                               .auto_factor = 2.5,
+                               .auto_min_radius = 3.5,
+                               .petro_factor = 2.0,
+                               .petro_min_radius = 3.5,
+                               .nradii = 2,
+                               .flux_fraction = {0.5, 0.8},
+                               .neighbours = RX_NEIGHBOURS_CORRECT,
+                               .nthreads = 1};
+}
+
+static rx_measure_image image_of(const field *f)
+{
+    return (rx_measure_image){.width = f->width,
+                              .height = f->height,
+                              .pixels = f->pixels,
+                              .sigma = f->sigma,
+                              .mask = f->mask,
+                              .mask_bits = 1,
+                              .saturated_mask = f->mask,
+                              .global_sigma = 1.0,
+                              .law_scale = 1.0,
+                              .law_power = 0.5};
+}
+
+static rx_sources *detect_and_measure(const field *f, const rx_measure_params *par)
+{
+    rx_detect_params detect = field_params();
+    rx_sources *s = field_detect(f, &detect);
+    rx_measure_image image = image_of(f);
+    assert_int_equal(rx_measure_run(par, &image, NULL, s, NULL), RX_OK);
+    return s;
+}
+
+static void measures_a_gaussian(void **state)
+{
+    (void)state;
+    const double sigma = 3.0, flux = 100000.0;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 80.3, 60.6, sigma, sigma, flux);
+    rx_measure_params par = params();
+    rx_sources *sources = detect_and_measure(&f, &par);
+    assert_int_equal(sources->n, 1);
+    const rx_source *s = sources->list;
+    for (int i = 0; i < 2; i++) {
+        double r = par.aperture_diameter[i] / 2.0;
+        assert_float_equal(s->flux_aper[i] / flux, 1.0 - exp(-r * r / (2.0 * sigma * sigma)),
+                           6e-3); /* the rim shares pixels out as if they were flat */
+        assert_float_equal(s->fluxerr_aper[i], sqrt(PI) * r, 0.02 * r);
+    }
+    /* Kron radius of a Gaussian is sqrt(pi/2) A: 2.5 times that is below the minimum of 3.5 A */
+    assert_float_equal(s->kron_radius, 3.5, 1e-9);
+    assert_float_equal(s->flux_auto / flux, 1.0 - exp(-3.5 * 3.5 / 2.0), 2e-3);
+    assert_float_equal(s->fluxerr_auto, sqrt(PI * s->a * s->b) * 3.5, 0.5);
+    assert_float_equal(s->flux_radius[0], sigma * sqrt(2.0 * log(2.0)), 0.04);
+    assert_float_equal(s->flux_radius[1], sigma * sqrt(2.0 * log(5.0)), 0.05);
+    assert_float_equal(s->xwin, 80.3, 1e-3);
+    assert_float_equal(s->ywin, 60.6, 1e-3);
+    /* product of source and window, a Gaussian of 2 r_h / 2.35 */
+    double window = 2.0 * s->flux_radius[0] / 2.35,
+           product = 1.0 / (1.0 / (sigma * sigma) + 1.0 / (window * window));
+    assert_float_equal(s->x2win, product, 0.02 * product);
+    assert_float_equal(s->y2win, product, 0.02 * product);
+    assert_float_equal(s->xywin, 0.0, 1e-3);
+    /* weights exp(-r^2 / 2 w^2) on noise 1: variance pi w^2 */
+    assert_float_equal(s->fluxerr_win, sqrt(PI) * window, 0.02 * window);
+    assert_float_equal(s->fwhm, 2.3548 * sigma - 1.0 / (4.0 * 2.3548 * sigma), 0.01);
+    assert_float_equal(s->flux_iso / flux, 1.0, 0.01);
+    assert_float_equal(s->peak, flux / (2.0 * PI * sigma * sigma), 30.0);
+    for (int i = 1; i < RX_NISO; i++)
+        assert_true(s->iso[i] < s->iso[i - 1] && s->iso[i] > 0);
+    assert_int_equal(s->iso[0], s->isoarea);
+    assert_int_equal(s->flags, 0);
+    rx_sources_free(sources);
+    field_free(&f);
+}
+
+static void counts_photons_and_follows_the_law(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 80.0, 60.0, 3.0, 3.0, 100000.0);
+    rx_detect_params detect = field_params();
+    rx_sources *s = field_detect(&f, &detect);
+    rx_measure_params par = params();
+    rx_measure_image image = image_of(&f);
+    image.gain = 2.0;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    double area = PI * 144.0, flux = s->list[0].flux_aper[1];
+    assert_float_equal(s->list[0].fluxerr_aper[1], sqrt(area + flux / 2.0), 0.1);
+    image.gain = 0.0;
+    rx_noise_law law = {.apertures = 100, .nradii = 2, .area = {10.0, 1000.0}, .ratio = {10.0, 300.0}};
+    image.law = &law;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    double power = log(30.0) / log(100.0);
+    assert_float_equal(s->list[0].fluxerr_aper[1], 10.0 * pow(area / 10.0, power), 0.5);
+    assert_float_equal(rx_noise_law_factor(&law, 1e6), 300.0 / sqrt(1000.0), 1e-9);
+    assert_float_equal(rx_noise_law_factor(&law, 1.0), 10.0 / sqrt(10.0), 1e-9);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void hides_neighbours(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 70.0, 60.0, 3.0, 3.0, 50000.0);
+    field_add(&f, 88.0, 60.0, 3.0, 3.0, 50000.0);
+    rx_measure_params par = params();
+    par.aperture_diameter[0] = 40.0;
+    double flux[3];
+    for (int i = 0; i < 3; i++) {
+        par.neighbours = (rx_mask_type)i;
+        rx_sources *s = detect_and_measure(&f, &par);
+        assert_int_equal(s->n, 2);
+        flux[i] = field_find(s, 70.0, 60.0)->flux_aper[0];
+        assert_int_equal((field_find(s, 70.0, 60.0)->flags & RX_FLAG_CROWDED) != 0, i != 0);
+        rx_sources_free(s);
+    }
+    assert_true(flux[RX_NEIGHBOURS_NONE] > 60000.0);
+    assert_float_equal(flux[RX_NEIGHBOURS_BLANK], 50000.0, 1500.0);
+    assert_float_equal(flux[RX_NEIGHBOURS_CORRECT], 50000.0, 1500.0);
+    field_free(&f);
+}
+
+static void mirrors_masked_pixels(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 80.0, 60.0, 3.0, 3.0, 50000.0);
+    for (int y = 55; y < 60; y++)
+        f.mask[y * W + 82] = 1;
+    field_scramble(&f, 1);
+    rx_measure_params par = params();
+    rx_sources *s = detect_and_measure(&f, &par);
+    const rx_source *a = field_find(s, 80.0, 60.0);
+    assert_non_null(a);
+    assert_float_equal(a->flux_aper[1], 50000.0, 500.0);
+    assert_true(a->masked_fraction > 0.01 && a->masked_fraction < 0.05);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void same_for_any_threads_and_masked_values(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 3);
+    field_crowd(&f, 120, 1500.0, 4);
+    for (size_t i = 0; i < f.n; i++)
+        f.mask[i] = i % 31 == 0;
+    rx_measure_params par = params();
+    par.vignet_width = par.vignet_height = 7;
+    par.local_background = 1;
+    par.local_thickness = 8;
+    field_scramble(&f, 1);
+    rx_sources *a = detect_and_measure(&f, &par);
+    field_scramble(&f, 2);
+    par.nthreads = 5;
+    rx_sources *b = detect_and_measure(&f, &par);
+    assert_true(a->n > 40);
+    assert_int_equal(a->n, b->n);
+    assert_memory_equal(a->list, b->list, (size_t)a->n * sizeof *a->list);
+    assert_memory_equal(a->vignets, b->vignets, (size_t)a->n * 49 * sizeof(float));
+    for (int i = 0; i < a->n; i++)
+        assert_true(isfinite(a->list[i].flux_auto) && isfinite(a->list[i].xwin) &&
+                    isfinite(a->list[i].awin) && isfinite(a->list[i].flux_radius[0]) &&
+                    isfinite(a->list[i].flux_petro));
+    rx_sources_free(a);
+    rx_sources_free(b);
+    field_free(&f);
+}
+
+static void flags_what_is_wrong(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 3.0, 60.0, 2.0, 2.0, 20000.0);
+    field_add(&f, 80.0, 60.0, 2.0, 2.0, 20000.0);
+    field_add(&f, 120.0, 30.0, 2.0, 2.0, 20000.0);
+    f.mask[60 * W + 80] = RX_MASK_SATURATED;
+    f.mask[30 * W + 123] = RX_MASK_WEIGHT;
+    rx_measure_params par = params();
+    rx_sources *s = detect_and_measure(&f, &par);
+    assert_int_equal(field_find(s, 3.0, 60.0)->flags, RX_FLAG_TRUNCATED | RX_FLAG_APERTURE);
+    assert_int_equal(field_find(s, 80.0, 60.0)->flags, RX_FLAG_SATURATED);
+    assert_int_equal(field_find(s, 120.0, 30.0)->flags_weight, RX_FLAGW_ISO | RX_FLAGW_NEIGHBOUR);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void combines_flag_maps(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    f.pixels[50 * W + 50] = f.pixels[50 * W + 51] = f.pixels[51 * W + 50] = 10.0f;
+    f.pixels[51 * W + 51] = f.pixels[52 * W + 50] = 10.0f;
+    uint32_t *map = RX_NEW(uint32_t, f.n);
+    map[50 * W + 50] = 6;
+    map[50 * W + 51] = map[51 * W + 50] = 3;
+    map[51 * W + 51] = 9;
+    rx_detect_params detect = field_params();
+    detect.filter = NULL;
+    rx_sources *s = field_detect(&f, &detect);
+    assert_int_equal(s->n, 1);
+    rx_measure_image image = image_of(&f);
+    rx_measure_params par = params();
+    image.nflagmaps = 1;
+    image.flagmaps = &map;
+    /* OR, AND, MIN, MAX, MOST of 6 3 3 9 0 */
+    const unsigned value[5] = {15, 0, 3, 9, 3};
+    const int count[5] = {4, 5, 2, 1, 2};
+    for (image.flag_type = 0; image.flag_type < 5; image.flag_type++) {
+        assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+        assert_int_equal(s->list[0].imaflags[0], value[image.flag_type]);
+        assert_int_equal(s->list[0].nimaflags[0], count[image.flag_type]);
+    }
+    free(map);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void subtracts_the_local_sky(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 8);
+    field_add(&f, 80.0, 60.0, 2.0, 2.0, 20000.0);
+    rx_detect_params detect = field_params();
+    rx_sources *s = field_detect(&f, &detect);
+    rx_source *a = field_find(s, 80.0, 60.0);
+    assert_non_null(a);
+    for (size_t i = 0; i < f.n; i++)
+        f.pixels[i] += 5.0f;
+    rx_measure_image image = image_of(&f);
+    rx_measure_params par = params();
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    double raised = a->flux_aper[1];
+    par.local_background = 1;
+    par.local_thickness = 24;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_float_equal(raised - a->flux_aper[1], 5.0 * PI * 144.0, 60.0);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+static void no_source_is_fine(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    rx_measure_params par = params();
+    par.vignet_width = par.vignet_height = 5;
+    rx_sources *s = detect_and_measure(&f, &par);
+    assert_int_equal(s->n, 0);
+    assert_int_equal(s->naper, 2);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(measures_a_gaussian),
+                                       cmocka_unit_test(counts_photons_and_follows_the_law),
+                                       cmocka_unit_test(hides_neighbours),
+                                       cmocka_unit_test(mirrors_masked_pixels),
+                                       cmocka_unit_test(same_for_any_threads_and_masked_values),
+                                       cmocka_unit_test(flags_what_is_wrong),
+                                       cmocka_unit_test(combines_flag_maps),
+                                       cmocka_unit_test(subtracts_the_local_sky),
+                                       cmocka_unit_test(no_source_is_fine)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,248 @@
+/* Noise law on white and smoothed noise against exact sums; pulls after Richardson-Lucy. */
+#include "field.h"
+#include "measure/aperture.h"
+#include "measure/measure.h"
+#include "num/stats.h"
+#include "psf/psf.h"
+#include "restore/restore.h"
+
+enum { W = 400, H = 400 };
+
+static rx_measure_image image_of(const field *f)
+{
+    return (rx_measure_image){.width = f->width,
+                              .height = f->height,
+                              .pixels = f->pixels,
+                              .sigma = f->sigma,
+                              .mask = f->mask,
+                              .mask_bits = 7,
+                              .global_sigma = 1.0,
+                              .law_scale = 1.0,
+                              .law_power = 0.5};
+}
+
+static rx_noise_law fit(const field *f)
+{
+    rx_sources none = {.width = f->width, .height = f->height, .segments = RX_NEW(int32_t, f->n)};
+    rx_measure_image image = image_of(f);
+    rx_noise_law law;
+    assert_int_equal(rx_noise_law_fit(&image, &none, 2000, 3, &law, NULL, NULL), RX_OK);
+    free(none.segments);
+    return law;
+}
+
+/* Gaussian smoothing with unit sum; returns the kernel [15][15]. */
+static void smooth(field *f, double sigma, double *kernel)
+{
+    double sum = 0.0;
+    for (int i = 0; i < 225; i++) {
+        double dx = i % 15 - 7, dy = i / 15 - 7;
+        kernel[i] = exp(-(dx * dx + dy * dy) / (2.0 * sigma * sigma));
+        sum += kernel[i];
+    }
+    float *out = RX_NEW(float, f->n);
+    for (int y = 0; y < f->height; y++)
+        for (int x = 0; x < f->width; x++) {
+            double value = 0.0;
+            for (int i = 0; i < 225; i++) {
+                int u = (x + i % 15 - 7 + f->width) % f->width, v = (y + i / 15 - 7 + f->height) % f->height;
+                value += kernel[i] / sum * f->pixels[v * f->width + u];
+            }
+            out[y * f->width + x] = (float)value;
+        }
+    for (int i = 0; i < 225; i++)
+        kernel[i] /= sum;
+    free(f->pixels);
+    f->pixels = out;
+}
+
+/* sigma of a sum over a centred circle of smoothed unit noise: sqrt(sum (circle * kernel)^2). */
+static double exact_sigma(double radius, const double *kernel)
+{
+    enum { N = 61 };
+    double total = 0.0;
+    for (int y = 0; y < N; y++)
+        for (int x = 0; x < N; x++) {
+            double value = 0.0;
+            for (int i = 0; i < 225; i++) {
+                float dx = (float)(x + i % 15 - 7 - N / 2), dy = (float)(y + i / 15 - 7 - N / 2);
+                value += kernel[i] * rx_pixel_in_circle(dx, dy, (float)radius, 5);
+            }
+            total += value * value;
+        }
+    return sqrt(total);
+}
+
+/* Every point within 4 standard errors of a MAD (1.16 / sqrt(n)) of the exact sum. */
+static void assert_exact(const rx_noise_law *law, const double *kernel)
+{
+    const double radius[10] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0};
+    assert_int_equal(law->nradii, 10);
+    for (int i = 0; i < 10; i++) {
+        double independent = fmin(2000.0, W * H / law->area[i]);
+        assert_float_equal(law->ratio[i] / exact_sigma(radius[i], kernel), 1.0,
+                           4.0 * 1.16 / sqrt(independent));
+    }
+}
+
+static void white_noise_adds_in_quadrature(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 1);
+    double point[225] = {0};
+    point[112] = 1.0; /* rim pixels count in part: a little below sqrt(area) */
+    rx_noise_law law = fit(&f);
+    assert_true(law.apertures > 10000);
+    assert_exact(&law, point);
+    assert_float_equal(law.power, 0.5, 0.05);
+    field_free(&f);
+}
+
+static void smoothed_noise_follows_the_exact_sums(void **state)
+{
+    (void)state;
+    double kernel[225];
+    field f = field_new(W, H, 1.0, 2);
+    smooth(&f, 1.5, kernel);
+    rx_noise_law law = fit(&f);
+    assert_exact(&law, kernel);
+    assert_true(law.power > 0.55);
+    field_free(&f);
+}
+
+static void no_free_sky_no_law(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 3);
+    for (size_t i = 0; i < f.n; i++)
+        f.mask[i] = i % 4 == 0;
+    rx_noise_law law = fit(&f);
+    assert_int_equal(law.apertures, 0);
+    assert_float_equal(rx_noise_law_factor(&law, 50.0), 1.0, 0.0);
+    field_free(&f);
+}
+
+enum { STARS = 196, SPACING = 28, FIELDS = 4 };
+
+/* Moffat stars of S/N 10..60 on unit noise, jittered off their grid. */
+static double add_star(field *f, int i, uint64_t seed, double *x, double *y)
+{
+    const double fwhm = 4.0, beta = 4.765;
+    double gamma = fwhm / (2.0 * sqrt(pow(2.0, 1.0 / beta) - 1.0));
+    uint64_t k = 3 * (uint64_t)i;
+    *x = SPACING * (i % 14 + 0.5) + 4.0 * (rx_random_uniform(seed, 5, k) - 0.5);
+    *y = SPACING * (i / 14 + 0.5) + 4.0 * (rx_random_uniform(seed, 5, k + 1) - 0.5);
+    double flux = 60.0 * pow(6.0, rx_random_uniform(seed, 5, k + 2));
+    double norm = flux * (beta - 1.0) / (3.14159265 * gamma * gamma * 25.0);
+    for (int v = (int)*y - 20; v <= (int)*y + 20; v++)
+        for (int u = (int)*x - 20; u <= (int)*x + 20; u++)
+            for (int s = 0; s < 25; s++) {
+                double dx = u + (s % 5 - 2) / 5.0 - *x, dy = v + (s / 5 - 2) / 5.0 - *y;
+                if (u >= 0 && v >= 0 && u < f->width && v < f->height)
+                    f->pixels[v * f->width + u] +=
+                        (float)(norm * pow(1.0 + (dx * dx + dy * dy) / (gamma * gamma), -beta));
+            }
+    return flux;
+}
+
+/* Stars restored by RL, then detected and measured; flux, error and truth of what was found. */
+static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_flux)[3],
+                               double (*aper_flux)[3])
+{
+    field f = field_new(W, H, 1.0, seed);
+    double x[STARS], y[STARS], flux[STARS];
+    for (int i = 0; i < STARS; i++)
+        flux[i] = add_star(&f, i, seed, &x[i], &y[i]);
+    rx_background sky = {
+        .width = W, .height = H, .level = RX_NEW(float, f.n), .sigma = f.sigma, .global_sigma = 1.0};
+    rx_tile tile = {.width = W, .height = H, .pixels = f.pixels, .mask = f.mask, .saturation = HUGE_VAL};
+    rx_restore_params restore = {.rl_niter = 30, .rl_denoise = 2.0, .rl_pedestal = 5.0, .nthreads = 2};
+    rx_restored *restored = NULL;
+    assert_int_equal(rx_restorer_find("RL")->run(&restore, &tile, &sky, psf, NULL, &restored, NULL), RX_OK);
+    rx_detect_params detect = field_params();
+    rx_detect_image detect_image = field_image(&f);
+    detect_image.pixels = restored->pixels;
+    detect.threshold = 2.5;
+    rx_sources *s = NULL;
+    assert_int_equal(rx_detect_run(&detect, &detect_image, NULL, &s, NULL), RX_OK);
+    rx_measure_image image = image_of(&f);
+    image.pixels = restored->pixels;
+    rx_noise_law law;
+    assert_int_equal(rx_noise_law_fit(&image, s, 1000, 1, &law, NULL, NULL), RX_OK);
+    assert_true(law.apertures > 1000);
+    image.law = &law;
+    rx_measure_params par = {.naper = 1,
+                             .aperture_diameter = {12.0},
+                             .auto_factor = 2.5,
+                             .auto_min_radius = 3.5,
+                             .neighbours = RX_NEIGHBOURS_CORRECT,
+                             .nthreads = 2,
+                             .skip = RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN};
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    int n = 0;
+    for (int i = 0; i < STARS; i++) {
+        const rx_source *q = field_find(s, x[i], y[i]);
+        if (q == NULL || (q->flags & 3) != 0)
+            continue;
+        const double a[3] = {q->flux_auto, q->fluxerr_auto, flux[i]},
+                     b[3] = {q->flux_aper[0], q->fluxerr_aper[0], flux[i]};
+        memcpy(auto_flux[n], a, sizeof a);
+        memcpy(aper_flux[n++], b, sizeof b);
+    }
+    rx_sources_free(s);
+    rx_restored_free(restored);
+    free(sky.level);
+    field_free(&f);
+    return n;
+}
+
+static int by_flux(const void *a, const void *b)
+{
+    const double *x = a, *y = b;
+    return (x[2] > y[2]) - (x[2] < y[2]);
+}
+
+/* Robust width of (measured - share * true) / error. An aperture holds a share of the flux that varies
+ * with the brightness (AUTO grows with it): the median over a fifth of the stars, in order of flux. */
+static double pull_width(double (*rows)[3], int n)
+{
+    double *values = RX_NEW(double, (size_t)n), share[5];
+    qsort(rows, (size_t)n, sizeof *rows, by_flux);
+    for (int bin = 0; bin < 5; bin++) {
+        int first = n * bin / 5, last = n * (bin + 1) / 5;
+        for (int i = first; i < last; i++)
+            values[i - first] = rows[i][0] / rows[i][2];
+        share[bin] = rx_median(values, (size_t)(last - first));
+    }
+    for (int i = 0; i < n; i++)
+        values[i] = (rows[i][0] - share[i * 5 / n] * rows[i][2]) / rows[i][1];
+    double width = rx_sigma_mad(values, (size_t)n, NULL);
+    free(values);
+    return width;
+}
+
+static void pulls_have_unit_width_after_restoration(void **state)
+{
+    (void)state;
+    static double auto_flux[STARS * FIELDS][3], aper_flux[STARS * FIELDS][3];
+    rx_psf *psf = NULL;
+    int n = 0;
+    assert_int_equal(rx_psf_moffat(4.0, 4.765, 1.0, 0.0, 0, &psf, NULL), RX_OK);
+    for (uint64_t seed = 0; seed < FIELDS; seed++)
+        n += restore_and_measure(psf, 100 + seed, auto_flux + n, aper_flux + n);
+    rx_psf_free(psf);
+    double width_auto = pull_width(auto_flux, n), width_aper = pull_width(aper_flux, n);
+    print_message("%d stars: pull width AUTO %.3f, aperture %.3f\n", n, width_auto, width_aper);
+    assert_true(n > STARS * FIELDS / 2);
+    assert_float_equal(width_aper, 1.0, 0.1);
+    assert_float_equal(width_auto, 1.0, 0.1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(white_noise_adds_in_quadrature),
+                                       cmocka_unit_test(smoothed_noise_follows_the_exact_sums),
+                                       cmocka_unit_test(no_free_sky_no_law),
+                                       cmocka_unit_test(pulls_have_unit_width_after_restoration)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

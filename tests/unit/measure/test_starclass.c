@@ -1,0 +1,81 @@
+/* The .nnw reader and its forward pass, by a network small enough to do by hand. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "measure/starclass.h"
+
+static char path[64];
+
+static void write_file(const char *text)
+{
+    snprintf(path, sizeof path, "/tmp/rx-nnw-XXXXXX");
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), (long)strlen(text));
+    close(fd);
+}
+
+static void evaluates_by_hand(void **state)
+{
+    (void)state;
+    write_file("NNW\n# a comment 1 2 3\n3 10 2 1\n"
+               "0 0 0 0 0 0 0 0 0 0.5\n"
+               "1 1 1 1 1 1 1 1 1 2\n"
+               "# first layer: the area and the seeing\n"
+               "1 0 0 0 0 0 0 0 0 0 0.25\n"
+               "0 0 0 0 0 0 0 0 0 1 -1\n"
+               "2 -3 0.5\n"
+               "0.1\n0.8\n");
+    rx_starclass *net = NULL;
+    assert_int_equal(rx_starclass_read(path, &net, NULL), RX_OK);
+    rx_source s = {.peak = 100.0};
+    for (int i = 0; i < RX_NISO; i++)
+        s.iso[i] = 40 - 4 * i;
+    double seeing = 1.2, scale = 0.4;
+    double a = 1.0 / (1.0 + exp(-(log10(40.0 / 9.0) + 0.25)));
+    double b = 1.0 / (1.0 + exp(-(2.0 * log10(1.2) + 0.5 - 1.0)));
+    double c = 1.0 / (1.0 + exp(-(2.0 * a - 3.0 * b + 0.5)));
+    assert_float_equal(rx_starclass_evaluate(net, &s, seeing, scale, 10.0), (c - 0.1) / 0.8, 1e-12);
+    rx_starclass_free(net);
+    unlink(path);
+}
+
+static void refuses_what_is_no_network(void **state)
+{
+    (void)state;
+    const char *bad[] = {"",
+                         "XXX\n3 10 2 1",
+                         "NNW\n3 9 2 1\n",
+                         "NNW\n3 10 2000 1\n",
+                         "NNW\n3 10 2 1\n0 0 0 0 zero\n",
+                         "NNW\n99999 10\n",
+                         "NNW\n2 10 1\n1 1 1 1 1 1 1 1 1 1\n1 1 1 1 1 1 1 1 1 1\n"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        rx_starclass *net = NULL;
+        rx_error err = RX_ERROR_NONE;
+        write_file(bad[i]);
+        assert_int_equal(rx_starclass_read(path, &net, &err), RX_USAGE);
+        assert_null(net);
+        assert_string_equal(err.where, path);
+        assert_true(strlen(err.text) > 0);
+        unlink(path);
+    }
+    rx_starclass *net = NULL;
+    assert_int_equal(rx_starclass_read("/nonexistent/x.nnw", &net, NULL), RX_USAGE);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(evaluates_by_hand),
+                                       cmocka_unit_test(refuses_what_is_no_network)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
