@@ -298,7 +298,8 @@ static void take_names(fitsfile *file, int number, rx_column *column)
         snprintf(column->name, sizeof column->name, "COL%d", number);
     take_text(file, "TUNIT", number, column->unit, sizeof column->unit, NULL);
     take_text(file, "TUCD", number, column->ucd, sizeof column->ucd, NULL);
-    snprintf(column->description, sizeof column->description, "%s", comment);
+    if (strncmp(comment, "label for field", 15) != 0) /* cfitsio's words when there is nothing to say */
+        snprintf(column->description, sizeof column->description, "%s", comment);
     take_text(file, "TCOMM", number, column->description, sizeof column->description, NULL);
 }
 

@@ -1,0 +1,183 @@
+/* Outputs appear whole or not at all. */
+#include "io_test.h"
+
+#include "io/output.h"
+
+static void put(const char *path, const char *text)
+{
+    dump(path, text, strlen(text));
+}
+
+static void check_content(const char *path, const char *text)
+{
+    size_t size = 0;
+    char *data = slurp(path, &size);
+    assert_int_equal(size, strlen(text));
+    assert_memory_equal(data, text, size);
+    free(data);
+}
+
+static void test_commit(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL, *b = NULL, *folder = NULL;
+    char inner[1000];
+    put(in(state, "a"), "old");
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "b"), &b, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "report/"), &folder, NULL), RX_OK);
+    assert_int_equal(access(a, F_OK), -1); /* the writer makes it */
+    put(a, "new");
+    put(b, "other");
+    snprintf(inner, sizeof inner, "%s/page", folder);
+    put(inner, "page");
+    check_content(in(state, "a"), "old");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    check_content(in(state, "a"), "new");
+    check_content(in(state, "b"), "other");
+    check_content(in(state, "report/page"), "page");
+    assert_int_equal(count_entries(in(state, "")), 3);
+}
+
+static void test_abort(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL, *folder = NULL;
+    char inner[1000];
+    int before = count_entries(in(state, ""));
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "fresh"), &folder, NULL), RX_OK);
+    put(a, "half");
+    snprintf(inner, sizeof inner, "%s/sub", folder);
+    assert_int_equal(mkdir(inner, 0777), 0);
+    rx_outputs_free(outputs);
+    check_content(in(state, "a"), "new"); /* of the test before */
+    assert_int_equal(access(in(state, "fresh"), F_OK), -1);
+    assert_int_equal(count_entries(in(state, "")), before);
+    rx_outputs_free(NULL);
+}
+
+/* A folder of ours is replaced, with what it held; any other is refused. */
+static void test_folders(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL;
+    char inner[1000];
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "report"), &folder, NULL), RX_OK);
+    snprintf(inner, sizeof inner, "%s/second", folder);
+    put(inner, "2");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    assert_int_equal(access(in(state, "report/page"), F_OK), -1);
+    check_content(in(state, "report/second"), "2");
+    assert_int_equal(mkdir(in(state, "mine"), 0777), 0);
+    put(in(state, "mine/letter"), "dear");
+    assert_int_equal(mkdir(in(state, "empty"), 0777), 0);
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "mine"), &folder, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "never replaced"));
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "a"), &folder, &err), RX_USAGE);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "empty"), &folder, &err), RX_OK);
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    check_content(in(state, "mine/letter"), "dear");
+}
+
+static void test_refused(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL;
+    char name[700];
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "nosuch/x"), &a, &err), RX_SYSTEM);
+    assert_non_null(strstr(err.text, "folder"));
+    assert_int_equal(rx_outputs_file(outputs, in(state, "a/x"), &a, &err), RX_SYSTEM);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "mine"), &a, &err), RX_USAGE);
+    assert_int_equal(rx_outputs_file(outputs, "", &a, &err), RX_USAGE);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "twice"));
+    memset(name, 'x', 250);
+    name[250] = '\0';
+    assert_int_equal(rx_outputs_file(outputs, in(state, name), &a, &err), RX_USAGE);
+    assert_int_equal(rx_outputs_file(outputs, "/proc/x", &a, &err), RX_SYSTEM); /* for root too */
+    rx_outputs_free(outputs);
+}
+
+/* Links are followed, so that what they point to is replaced and they stay links. */
+static void test_links(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL;
+    struct stat info;
+    assert_int_equal(symlink("b", in(state, "link")), 0);
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "link"), &a, NULL), RX_OK);
+    put(a, "through");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    check_content(in(state, "b"), "through");
+    assert_int_equal(lstat(in(state, "link"), &info), 0);
+    assert_true(S_ISLNK(info.st_mode));
+}
+
+/* Devices are written to, never replaced; a full one is an error. */
+static void test_devices(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"/dev/null", "/dev/full"};
+    for (int i = 0; i < 2; i++) {
+        rx_outputs *outputs = NULL;
+        const char *a = NULL;
+        char kept[1000];
+        struct stat info;
+        rx_error err = RX_ERROR_NONE;
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_file(outputs, names[i], &a, NULL), RX_OK);
+        snprintf(kept, sizeof kept, "%s", a);
+        put(a, "content");
+        assert_int_equal(rx_outputs_commit(outputs, &err), i == 0 ? RX_OK : RX_SYSTEM);
+        if (i == 1)
+            assert_non_null(strstr(err.text, "No space"));
+        rx_outputs_free(outputs);
+        assert_int_equal(stat(names[i], &info), 0);
+        assert_true(S_ISCHR(info.st_mode));
+        assert_int_equal(access(kept, F_OK), -1);
+    }
+}
+
+/* One that cannot be renamed: the rest of the transaction goes away. */
+static void test_failing_commit(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL, *b = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "p"), &a, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "q"), &b, NULL), RX_OK);
+    put(a, "p");
+    assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM); /* q was never written */
+    put(b, "q");
+    assert_int_equal(mkdir(in(state, "p"), 0777), 0); /* in the way since */
+    assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM);
+    assert_non_null(strstr(err.where, "p"));
+    rx_outputs_free(outputs);
+    assert_int_equal(access(in(state, "q"), F_OK), -1);
+    assert_int_equal(rmdir(in(state, "p")), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort), cmocka_unit_test(test_folders),
+        cmocka_unit_test(test_refused),        cmocka_unit_test(test_links), cmocka_unit_test(test_devices),
+        cmocka_unit_test(test_failing_commit),
+    };
+    return cmocka_run_group_tests_name("outputs", tests, make_scratch, drop_scratch);
+}
