@@ -244,8 +244,8 @@ static void write_offsets(rx_text *dst, const rx_report *r)
         dot_block(dst, r, "offset", run, r->evaluation[run].dx, r->evaluation[run].dy, 0);
     begin(dst, "offsets", "x - x_0  [pixels]", "y - y_0  [pixels]", -reach, reach, -reach, reach);
     rx_text_printf(dst,
-                   "set size ratio -1\nset parametric\nset trange [0:2*pi]\n"
-                   "plot %.6g*cos(t), %.6g*sin(t) with lines lc rgb '#808080' dt 2 title 'match radius'",
+                   "set size ratio -1\nset parametric\nset trange [0:2*pi]\nplot %.6g*cos(t), %.6g*sin(t) "
+                   "with lines lc rgb '#808080' dt 2 title 'match radius'",
                    r->par->match_radius, r->par->match_radius);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst, ", $offset%d using 1:2 with points ls %d lc rgb color(%d, 120) ps 0.3 notitle",
@@ -257,8 +257,8 @@ static void write_offsets(rx_text *dst, const rx_report *r)
         double y = isfinite(e[RX_METRIC_DY].value) ? e[RX_METRIC_DY].value : 10 * reach;
         rx_text_printf(
             dst,
-            ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d lc rgb '#ffffff' ps 2 notitle"
-            ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d ps 1.3",
+            ", '+' every ::0::0 using (%.6g):(%.6g) with points ls %d lc rgb '#ffffff' ps 2 notitle, '+' "
+            "every ::0::0 using (%.6g):(%.6g) with points ls %d ps 1.3",
             x, y, run % 7 + 1, x, y, run % 7 + 1);
         title_of(dst, r, run);
     }
@@ -300,42 +300,34 @@ static void write_pulls(rx_text *dst, const rx_report *r)
 static const plan plans[] = {
     {"recall", "Recall (completeness)",
      "Share of the references of each magnitude that were found; bars are 95 % intervals. The magnitude "
-     "where a "
-     "curve crosses one half is mag50.",
+     "where a curve crosses one half is mag50.",
      write_recall},
     {"precision", "Precision (purity)",
-     "Share of the detections of each measured magnitude that are references. Where the reference list ends, "
-     "real "
-     "faint sources count as false: what is seen there is a lower bound.",
+     "Share of the detections of each measured magnitude that are references. Where the reference list "
+     "ends, real faint sources count as false: what is seen there is a lower bound.",
      write_precision},
     {"curve", "Precision against recall",
      "Each curve begins with the surest detections and admits the others by falling score; the dot is the "
-     "whole "
-     "catalogue. Further up and to the right is better. Average precision is the area under the steps.",
+     "whole catalogue. Further up and to the right is better. Average precision is the area under the "
+     "steps.",
      write_curve},
     {"error", "Magnitude error",
      "Dots are matched sources, lines the median of m - m0 per bin of 5 or more, bands one robust sigma "
-     "(sigma_MAD) "
-     "either side. "
-     "A line away from zero is a bias; faint sources found only when noise lifts them pull the line down "
-     "(Eddington "
-     "bias).",
+     "(sigma_MAD) either side. A line away from zero is a bias; faint sources found only when noise lifts "
+     "them pull the line down (Eddington bias).",
      write_error},
     {"magerr", "MagErr",
      "Mean of 100 |F - F0| / F0 over matched sources, bins of 5 or more, bars (20 or more) are 95 % "
-     "bootstrap intervals. "
-     "It mixes bias and "
-     "scatter: "
-     "read it with the figure before. One bad blend can dominate a bin.",
+     "bootstrap intervals. It mixes bias and scatter: read it with the figure before. One bad blend can "
+     "dominate a bin.",
      write_magerr},
     {"offsets", "Position offsets",
-     "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is an "
-     "astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
+     "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is "
+     "an astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
      write_offsets},
     {"pulls", "Pulls",
      "Flux error over its stated error. True errors follow the dashed curve; a wider histogram means that "
-     "errors "
-     "are too small, a shifted one that fluxes are biased.",
+     "errors are too small, a shifted one that fluxes are biased.",
      write_pulls},
 };
 enum { PLANS = sizeof plans / sizeof *plans };
@@ -346,11 +338,10 @@ static void write_head(rx_text *dst)
                                          "E69F00", "56B4E9", "000000"};
     static const int points[] = {7, 5, 9, 13, 11, 6, 4};
     rx_text_add(dst,
-                "set terminal svg size 640,400 dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n"
-                "set encoding utf8\nset border 3 lc rgb '#404040'\nset tics nomirror out\n"
-                "set key outside top center horizontal\n"
-                "set grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill solid 1 noborder\n"
-                "hex(k) = ");
+                "set terminal svg size 640,400 dynamic noenhanced font 'Helvetica,13' background "
+                "'#ffffff'\nset encoding utf8\nset border 3 lc rgb '#404040'\nset tics nomirror out\nset "
+                "key outside top center horizontal\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset "
+                "style fill solid 1 noborder\nhex(k) = ");
     for (int i = 0; i < 6; i++)
         rx_text_printf(dst, "k == %d ? 0x%s : ", i + 1, colors[i]);
     rx_text_printf(dst, "0x%s\ncolor(k, transparency) = transparency * 0x1000000 + hex(k)\n", colors[6]);
@@ -387,8 +378,8 @@ static void write_picture(rx_text *dst, const rx_qa_picture *p, int k, double si
 {
     double soft = sigma > 0 ? 2 * sigma : 1;
     rx_text_printf(dst,
-                   "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n"
-                   "set output 'picture%d.svg'\n$picture%d << EOD\n",
+                   "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background "
+                   "'#ffffff'\nset output 'picture%d.svg'\n$picture%d << EOD\n",
                    PICTURE_SIDE,
                    p->width > 0 ? (int)((double)PICTURE_SIDE * p->height / p->width + 0.5) : PICTURE_SIDE, k,
                    k);
@@ -400,8 +391,8 @@ static void write_picture(rx_text *dst, const rx_qa_picture *p, int k, double si
         rx_text_add(dst, "\n");
     }
     rx_text_printf(dst,
-                   "EOD\nset cbrange [%.6g:%.6g]\nset xrange [-0.5:%.1f]\nset yrange [-0.5:%.1f]\n"
-                   "plot $picture%d matrix with image notitle\n",
+                   "EOD\nset cbrange [%.6g:%.6g]\nset xrange [-0.5:%.1f]\nset yrange [-0.5:%.1f]\nplot "
+                   "$picture%d matrix with image notitle\n",
                    asinh(-1), asinh(fmax(white, soft) / soft), p->width - 0.5, p->height - 0.5, k);
 }
 

@@ -9,18 +9,16 @@
 
 static const char STYLE[] =
     "body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1100px;margin:0 "
-    "auto;padding:1em 1.5em}"
-    "h1{font-size:1.6em;margin:.3em 0}h2{font-size:1.25em;margin:2em 0 .5em;border-bottom:1px solid #ddd}"
-    "nav a{margin-right:1em}a{color:#0b5394}"
-    "table{border-collapse:collapse;margin:.7em 0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;"
-    "border-bottom:1px solid "
-    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;white-space:normal}"
-    "td small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 1em;max-width:64em}"
-    ".f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 520px}"
-    "figure.p{flex:0 1 300px}figure svg{width:100%;height:auto}figcaption b{display:block}"
-    "figcaption{color:#555;font-size:.9em}"
-    ".PASS{color:#1b7a2b}.FAIL{color:#b3261e}.INSUFFICIENT{color:#9a6700}b.v{font-size:1.2em}.w{overflow-x:"
-    "auto}";
+    "auto;padding:1em 1.5em}h1{font-size:1.6em;margin:.3em 0}h2{font-size:1.25em;margin:2em 0 "
+    ".5em;border-bottom:1px solid #ddd}nav "
+    "a{margin-right:1em}a{color:#0b5394}table{border-collapse:collapse;margin:.7em "
+    "0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid "
+    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;white-space:normal}td "
+    "small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 "
+    "1em;max-width:64em}.f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 "
+    "520px}figure.p{flex:0 1 300px}figure svg{width:100%;height:auto}figcaption "
+    "b{display:block}figcaption{color:#555;font-size:.9em}.PASS{color:#1b7a2b}.FAIL{color:#b3261e}."
+    "INSUFFICIENT{color:#9a6700}b.v{font-size:1.2em}.w{overflow-x:auto}";
 
 static void heading(rx_text *dst, const char *id, const char *title)
 {
@@ -170,10 +168,10 @@ static void write_counts(rx_text *dst, const rx_report *r)
     count_row(dst, r, "matched", n_matched);
     count_row(dst, r, "matches expected by chance (crowding)", n_chance);
     rx_text_add(dst, "</table>\n");
-    paragraph(
-        dst, "The last row matches lists that were shifted against each other, mean of 8 shifts: so many "
-             "references would find a partner even if positions were unrelated. When it is not small against "
-             "the matches, recall and precision are flattered; take a smaller radius.");
+    paragraph(dst,
+              "The last row matches lists that were shifted against each other, mean of 8 shifts: so many "
+              "references would find a partner even if positions were unrelated. When it is not small "
+              "against the matches, recall and precision are flattered; take a smaller radius.");
 }
 
 static void gate_row(rx_text *dst, const rx_report *r, const rx_gate_result *g)
@@ -192,15 +190,13 @@ static void write_gates(rx_text *dst, const rx_report *r)
         return;
     heading(dst, "gates", "Gates");
     rx_text_add(dst,
-                "<table><tr><th>line</th><th class=\"t\">gate</th><th class=\"t\">run</th><th>measured</th>"
-                "<th>level</th><th class=\"t\">verdict</th></tr>\n");
+                "<table><tr><th>line</th><th class=\"t\">gate</th><th "
+                "class=\"t\">run</th><th>measured</th><th>level</th><th class=\"t\">verdict</th></tr>\n");
     for (long i = 0; i < r->nresults; i++)
         gate_row(dst, r, &r->result[i]);
     rx_text_add(dst, "</table>\n");
-    paragraph(
-        dst,
-        "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. INSUFFICIENT: "
-        "the interval lies across the limit, more sources are needed to decide.");
+    paragraph(dst, "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
+                   "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide.");
 }
 
 static void write_pictures(rx_text *dst, const rx_report *r, const rx_figures *figures)
@@ -217,10 +213,8 @@ static void write_pictures(rx_text *dst, const rx_report *r, const rx_figures *f
         rx_text_add(dst, "</figcaption></figure>\n");
     }
     rx_text_add(dst, "</div>\n");
-    paragraph(
-        dst,
-        "The same sky and the same grey scale for all: asinh(p / 2&sigma;), &sigma; of the first picture, "
-        "black at &minus;2&sigma;, white where 99.8 % of the first picture is darker.");
+    paragraph(dst, "The same sky and the same grey scale for all: asinh(p / 2&sigma;), &sigma; of the first "
+                   "picture, black at &minus;2&sigma;, white where 99.8 % of the first picture is darker.");
 }
 
 static void write_figures(rx_text *dst, const rx_figures *figures)
@@ -282,10 +276,8 @@ static void write_comparisons(rx_text *dst, const rx_report *r)
     if (r->ncomparisons == 0)
         return;
     heading(dst, "duel", "Restorers on the same references");
-    rx_text_add(
-        dst,
-        "<table><tr><th class=\"t\">first</th><th class=\"t\">second</th><th>found by the first only</th>"
-        "<th>found by the second only</th><th>p</th></tr>\n");
+    rx_text_add(dst, "<table><tr><th class=\"t\">first</th><th class=\"t\">second</th><th>found by the first "
+                     "only</th><th>found by the second only</th><th>p</th></tr>\n");
     for (int i = 0; i < r->ncomparisons; i++) {
         const rx_comparison *c = &r->comparison[i];
         rx_text_add(dst, "<tr>");
@@ -309,45 +301,37 @@ static void write_reading(rx_text *dst, const rx_report *r)
         dst,
         "<p>Every number is followed by its %g %% interval and the number of sources behind it. Shares "
         "have Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute "
-        "deviation) intervals from order statistics, MagErr, ap and the completeness magnitudes "
-        "bootstrap intervals (%d draws, none for fewer than %d sources). An infinite end: too few sources, "
-        "or the limit lies beyond the "
-        "reference.</p>\n",
+        "deviation) intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap "
+        "intervals (%d draws, none for fewer than %d sources). An infinite end: too few sources, or the "
+        "limit lies beyond the reference.</p>\n",
         100 * r->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_text_add(dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
-                     "magnitude, all else by "
-                     "reference magnitude. Precision against a catalogue that is not deeper than the tile is "
-                     "a <b>lower bound</b>: a "
-                     "real source that the reference lacks counts as a false detection. Judge it at "
-                     "magnitudes where the reference "
-                     "is complete.</p>\n<p><b>Fluxes</b> are compared on the scale of the catalogue's zero "
-                     "point: F0 follows from the "
-                     "reference magnitude. Nothing is corrected silently: every table and figure uses the "
-                     "magnitudes as they are, "
-                     "only <b>magerr_shifted</b> takes out <b>zp_offset</b>, the median difference of bright "
-                     "(error up to 0.05 "
-                     "mag), unsaturated matches. An offset there is a matter of calibration or aperture, not "
-                     "of restoration.</p>\n"
-                     "<p><b>mag50</b> and <b>mag90</b> are scanned from the faint end over bins of 5 "
-                     "references or more, with linear "
-                     "interpolation between bin centres; a value with an infinite end is a "
-                     "limit.</p>\n<p><b>Precision against "
+                     "magnitude, all else by reference magnitude. Precision against a catalogue that is "
+                     "not deeper than the tile is a <b>lower bound</b>: a real source that the reference "
+                     "lacks counts as a false detection. Judge it at magnitudes where the reference is "
+                     "complete.</p>\n<p><b>Fluxes</b> are compared on the scale of the catalogue's zero "
+                     "point: F0 follows from the reference magnitude. Nothing is corrected silently: "
+                     "every table and figure uses the magnitudes as they are, only <b>magerr_shifted</b> "
+                     "takes out <b>zp_offset</b>, the median difference of bright (error up to 0.05 "
+                     "mag), unsaturated matches. An offset there is a matter of calibration or aperture, "
+                     "not of restoration.</p>\n<p><b>mag50</b> and <b>mag90</b> are scanned from the "
+                     "faint end over bins of 5 references or more, with linear interpolation between bin "
+                     "centres; a value with an infinite end is a limit.</p>\n<p><b>Precision against "
                      "recall</b> ranks detections by ");
     rx_escape_html(dst, r->input->score_name != NULL ? r->input->score_name : "score");
     rx_text_add(
-        dst,
-        ", or by magnitude where a run has no such score; ap = &Sigma; (R<sub>n</sub> &minus; "
-        "R<sub>n&minus;1</sub>) P<sub>n</sub>, without interpolation.</p>\n<p>Every source, matched, missed "
-        "or false, is listed in matches_*.ecsv beside this page; all numbers are in summary.json and "
-        "bins.ecsv.</p>\n");
+        dst, ", or by magnitude where a run has no such score; ap = &Sigma; (R<sub>n</sub> &minus; "
+             "R<sub>n&minus;1</sub>) P<sub>n</sub>, without interpolation.</p>\n<p>Every source, matched, "
+             "missed or false, is listed in matches_*.ecsv beside this page; all numbers are in summary.json "
+             "and bins.ecsv.</p>\n");
 }
 
 static void write_runs(rx_text *dst, const rx_report *r)
 {
     heading(dst, "restorers", "Restorers");
-    rx_text_add(dst,
-                "<table><tr><th class=\"t\">run</th><th class=\"t\">settings</th><th class=\"t\">PSF</th>"
-                "<th class=\"t\">noise of an aperture of area A</th><th class=\"t\">files</th></tr>\n");
+    rx_text_add(dst, "<table><tr><th class=\"t\">run</th><th class=\"t\">settings</th><th "
+                     "class=\"t\">PSF</th><th class=\"t\">noise of an aperture of area A</th><th "
+                     "class=\"t\">files</th></tr>\n");
     for (int run = 0; run < r->input->nruns; run++) {
         const rx_qa_run *q = &r->input->runs[run];
         rx_text_add(dst, "<tr>");
@@ -392,9 +376,8 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
 
 void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
 {
-    rx_text_add(dst,
-                "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"viewport\" "
-                "content=\"width=device-width\">\n<title>QA report: ");
+    rx_text_add(dst, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta "
+                     "name=\"viewport\" content=\"width=device-width\">\n<title>QA report: ");
     rx_escape_html(dst, r->input->tile);
     rx_text_printf(dst, "</title>\n<style>%s</style></head>\n<body>\n<h1>QA report: ", STYLE);
     rx_escape_html(dst, r->input->tile);

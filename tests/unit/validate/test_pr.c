@@ -84,6 +84,10 @@ static void interval(void **state)
     assert_true(first.low < first.value && first.value < first.high);
     assert_true(first.low < narrow.low && narrow.high < first.high);
     assert_true(first.high - first.low > 0.04 && first.high - first.low < 0.2);
+    /* too few references to resample: no bound at all */
+    assert_int_equal(rx_pr_interval(&pr, RX_BOOTSTRAP_FEWEST - 1, 0.95, 5, &narrow, NULL), RX_OK);
+    assert_near(narrow.low, 0, 0);
+    assert_near(narrow.high, 1, 0);
     rx_pr_free(&pr);
 }
 
