@@ -193,6 +193,23 @@ static void dump_can_be_uncommented_and_read(void **state)
     rx_text_free(&text);
 }
 
+static void man_list_is_safe_roff(void **state)
+{
+    (void)state;
+    rx_text text = {0};
+    rx_columns_man(&text);
+    assert_false(text.failed);
+    assert_memory_equal(text.data, ".TP\n.B NUMBER\n", 15);
+    assert_non_null(strstr(text.data, ".TP\n.B VIGNET(w,h)\n"));
+    assert_non_null(strstr(text.data, "[pixel**(\\-2)]\n"));
+    for (const char *line = text.data; line != NULL; line = strchr(line, '\n')) {
+        line += *line == '\n';
+        if (*line == '.' || *line == '\'') /* a request: only those two are meant */
+            assert_true(strncmp(line, ".TP\n", 4) == 0 || strncmp(line, ".B ", 3) == 0);
+    }
+    rx_text_free(&text);
+}
+
 static void values_leave_in_catalogue_conventions(void **state)
 {
     (void)state;
@@ -314,6 +331,7 @@ int main(void)
         cmocka_unit_test(bad_param_files),
         cmocka_unit_test(default_columns_are_those_of_the_file),
         cmocka_unit_test(dump_can_be_uncommented_and_read),
+        cmocka_unit_test(man_list_is_safe_roff),
         cmocka_unit_test(values_leave_in_catalogue_conventions),
         cmocka_unit_test(world_shapes_as_in_sextractor),
         cmocka_unit_test(vignets_are_cut_around_their_centre),
