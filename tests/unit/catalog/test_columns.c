@@ -199,7 +199,7 @@ static void man_list_is_safe_roff(void **state)
     rx_text text = {0};
     rx_columns_man(&text);
     assert_false(text.failed);
-    assert_memory_equal(text.data, ".TP\n.B NUMBER\n", 15);
+    assert_memory_equal(text.data, ".TP\n.B NUMBER\n", 14);
     assert_non_null(strstr(text.data, ".TP\n.B VIGNET(w,h)\n"));
     assert_non_null(strstr(text.data, "[pixel**(\\-2)]\n"));
     for (const char *line = text.data; line != NULL; line = strchr(line, '\n')) {
