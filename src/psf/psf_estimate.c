@@ -356,11 +356,10 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
 }
 
 /* Stars are alike, galaxies and particle hits are not: the lower the better. Differences below 1.5 % are
- * noise; few stars, or few left of many, count less. */
+ * noise; few stars count less. */
 static double badness(const attempt *a, int enough)
 {
-    double kept = fmax(a->kept, 1.0);
-    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, enough / kept) * (a->list.n / kept));
+    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1.0)));
 }
 
 /* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most

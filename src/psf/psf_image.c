@@ -140,52 +140,67 @@ static void warn_off_centre(const char *file, const rx_psf *psf, rx_log *log)
             file, x / sum, y / sum);
 }
 
+/* Side of the PSF: the frame's, made odd, or what is asked for; RX_INPUT when the tile is smaller. */
+static rx_status choose_side(const char *file, const rx_stamp *stamp, int asked, int width, int height,
+                             int *side, rx_error *err)
+{
+    int longer = stamp->width > stamp->height ? stamp->width : stamp->height;
+    int odd = rx_psf_cut_size(longer % 2 == 0 ? longer + 1 : longer, asked);
+    if (odd > longer && (odd > width || odd > height))
+        odd = longer - 1; /* half a pixel less on each side instead of more */
+    *side = odd;
+    if (odd <= width && odd <= height)
+        return RX_OK;
+    return rx_psf_check_size(file, odd < longer ? odd : longer, odd < longer ? odd : longer, width, height,
+                             err);
+}
+
+/* The stamp on odd pixels, sum 1. */
+static rx_status fill_basis(const char *file, const rx_stamp *stamp, rx_psf *psf, rx_error *err)
+{
+    size_t n = (size_t)psf->size * (size_t)psf->size;
+    double *values = RX_NEW(double, n), sum = 0.0;
+    if (values == NULL)
+        return rx_error_memory(err, n * sizeof(double));
+    rx_status status = rx_stamp_resample(stamp, 1.0, RX_LANCZOS_MAX, values, psf->size, err);
+    for (size_t i = 0; i < n; i++)
+        sum += values[i];
+    if (status == RX_OK && !(sum > 0.0))
+        status = rx_error_at(err, RX_INPUT, file, -1, 0,
+                             "the middle %d x %d pixels of the PSF image sum to %g; give a larger PSF_SIZE",
+                             psf->size, psf->size, sum);
+    for (size_t i = 0; i < n && status == RX_OK; i++)
+        psf->basis[i] = (float)(values[i] / sum);
+    free(values);
+    return status;
+}
+
 rx_status rx_psf_image(const char *file, int size, int width, int height, rx_log *log, rx_psf **dst,
                        rx_error *err)
 {
     rx_stamp stamp = {.pixels = NULL};
     float *pixels = NULL;
-    double *values = NULL, sum = 0.0;
+    int side;
     rx_psf *psf = NULL;
     *dst = NULL;
     rx_status status = rx_fits_read_image(file, &pixels, &stamp.width, &stamp.height, err);
-    if (status != RX_OK)
-        goto exit;
-    int side = stamp.width > stamp.height ? stamp.width : stamp.height;
-    int odd = rx_psf_cut_size(side % 2 == 0 ? side + 1 : side, size);
-    if (odd > side && (odd > width || odd > height))
-        odd = side - 1; /* half a pixel less on each side instead of more */
-    status = rx_psf_check_size(file, odd < side ? odd : stamp.width, odd < side ? odd : stamp.height, width,
-                               height, err);
-    if (status == RX_OK && (odd > width || odd > height))
-        status = rx_psf_check_size(file, odd, odd, width, height, err);
+    if (status == RX_OK)
+        status = choose_side(file, &stamp, size, width, height, &side, err);
     if (status == RX_OK)
         status = check_pixels(file, pixels, stamp.width, stamp.height, err);
     if (status != RX_OK)
         goto exit;
-    psf = rx_psf_new(RX_PSF_FILE, odd, 1);
-    values = RX_NEW(double, (size_t)odd *(size_t)odd);
-    if (psf == NULL || values == NULL) {
+    psf = rx_psf_new(RX_PSF_FILE, side, 1);
+    if (psf == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
     stamp.pixels = pixels;
     stamp.centre_x = 0.5 * (stamp.width - 1);
     stamp.centre_y = 0.5 * (stamp.height - 1);
-    status = rx_stamp_resample(&stamp, 1.0, RX_LANCZOS_MAX, values, odd, err);
-    if (status != RX_OK)
-        goto exit;
-    for (int i = 0; i < odd * odd; i++)
-        sum += values[i];
-    if (!(sum > 0.0)) {
-        status = rx_error_at(err, RX_INPUT, file, -1, 0,
-                             "the middle %d x %d pixels of the PSF image sum to %g; give a larger PSF_SIZE",
-                             odd, odd, sum);
-        goto exit;
-    }
-    for (int i = 0; i < odd * odd; i++)
-        psf->basis[i] = (float)(values[i] / sum);
-    status = rx_psf_describe(psf, file, width, height, err);
+    status = fill_basis(file, &stamp, psf, err);
+    if (status == RX_OK)
+        status = rx_psf_describe(psf, file, width, height, err);
     if (status != RX_OK)
         goto exit;
     warn_off_centre(file, psf, log);
@@ -196,7 +211,6 @@ rx_status rx_psf_image(const char *file, int size, int width, int height, rx_log
     psf = NULL;
 exit:
     rx_psf_free(psf);
-    free(values);
     free(pixels);
     return status;
 }

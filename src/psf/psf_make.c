@@ -22,6 +22,9 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_tile *tile, const rx_ba
                       const rx_sources *stars, rx_log *log, rx_psf **dst, rx_error *err)
 {
     *dst = NULL;
+    if (par->size != 0 && (par->size < 1 || par->size % 2 == 0))
+        return rx_error_set(err, RX_USAGE, "PSF_SIZE %d: a PSF has a middle pixel; give an odd number, or 0",
+                            par->size);
     switch (par->type) {
     case RX_PSF_MOFFAT:
         return make_moffat(par, tile, dst, err);
