@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "config/config_fields.h"
+#include "config/overwrite.h"
 
 static const char default_file[] = "default.sex";
 
@@ -131,6 +132,8 @@ rx_status rx_arguments_read(int argc, char *const *argv, rx_log *log, rx_argumen
     status = rx_config_new(&dst->config, err);
     if (status == RX_OK)
         status = configure(argc, argv, &words, dst->config, log, err);
+    if (status == RX_OK)
+        status = rx_overwrite_check(dst->config, dst->image, err);
     return status;
 }
 

@@ -25,7 +25,8 @@ typedef struct rx_arguments {
 /* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp, -v, -h (also --help,
  * --version), anything else -KEYWORD VALUE; all other words are images, two at most. Then the configuration
  * is made: defaults, the file of -c (without -c default.sex where it exists, else a warning), the keywords
- * in their order, the checks between them; log->level follows VERBOSE_TYPE. Errors: RX_USAGE.
+ * in their order, the checks between them; log->level follows VERBOSE_TYPE. No output may be an input.
+ * Errors: RX_USAGE.
  * rx_arguments_free() after success and failure. */
 rx_status rx_arguments_read(int argc, char *const *argv, rx_log *log, rx_arguments *dst, rx_error *err);
 

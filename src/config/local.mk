@@ -6,6 +6,7 @@ librextract_la_SOURCES += \
 	src/config/kernel.c \
 	src/config/keyword.c src/config/keyword.h \
 	src/config/keyword_value.c \
+	src/config/overwrite.c src/config/overwrite.h \
 	src/config/tokens.c src/config/tokens.h
 
 rx_configdir = $(pkgincludedir)/config

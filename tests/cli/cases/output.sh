@@ -110,6 +110,23 @@ begin 'two outputs of one name'
 make_fits tile tile.fits
 expect 2 'a\.fits' tile.fits $none -CATALOG_NAME a.fits -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME a.fits
 
+begin 'catalogue that would replace the image'
+make_fits tile tile.fits
+expect 2 'CATALOG_NAME \./tile\.fits is also read, as tile\.fits\[0\]' 'tile.fits[0]' $none -CATALOG_NAME ./tile.fits
+
+begin 'check-image that would replace the measurement image'
+make_fits tile a.fits && make_fits tile b.fits && ln b.fits c.fits
+expect 2 'CHECKIMAGE_NAME c\.fits is also read, as b\.fits' a.fits,b.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME c.fits
+
+begin 'catalogue that would replace the reference'
+make_fits tile tile.fits && make_fits table ref.fits
+expect 2 'CATALOG_NAME ref\.fits is also read' tile.fits $none -REFERENCE_NAME ref.fits -CATALOG_NAME ref.fits
+
+begin 'check-image where an unused weight is named'
+make_fits tile tile.fits && make_fits ones weight.fits
+leaves test.cat weight.fits
+expect 0 '' tile.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME weight.fits
+
 begin 'report where a file is'
 make_fits tile tile.fits && make_fits table ref.fits && echo old >report
 expect 2 'report' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N

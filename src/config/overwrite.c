@@ -1,0 +1,111 @@
+/* Comparing outputs with inputs. */
+#include "config/overwrite.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/memory.h"
+#include "config/config_fields.h"
+
+enum { MAX_INPUTS = 4 * RX_LIST };
+
+typedef struct inputs {
+    int n;
+    const char *name[MAX_INPUTS];
+} inputs;
+
+static void add(inputs *list, const char *name)
+{
+    if (name != NULL && name[0] != '\0' && list->n < MAX_INPUTS)
+        list->name[list->n++] = name;
+}
+
+/* The images, cut at the comma outside brackets, in place. */
+static void add_images(inputs *list, char *image)
+{
+    int depth = 0;
+    add(list, image);
+    for (char *c = image; *c != '\0'; c++) {
+        depth += (*c == '[') - (*c == ']');
+        if (*c == ',' && depth == 0) {
+            *c = '\0';
+            add(list, c + 1);
+        }
+    }
+}
+
+static void add_all(inputs *list, const rx_strings *names)
+{
+    for (int i = 0; i < names->n; i++)
+        add(list, names->v[i]);
+}
+
+/* The file of a cfitsio name, if there is one. */
+static bool find_file(const char *name, struct stat *dst, rx_error *err, rx_status *status)
+{
+    char *path = rx_strdup(name);
+    if (path == NULL) {
+        *status = rx_error_memory(err, strlen(name));
+        return false;
+    }
+    bool found = stat(path, dst) == 0;
+    if (!found) {
+        path[strcspn(path, "[")] = '\0';
+        found = stat(path, dst) == 0;
+    }
+    free(path);
+    return found && S_ISREG(dst->st_mode);
+}
+
+static rx_status check_output(const inputs *list, const char *key, const char *name, rx_error *err)
+{
+    struct stat output, input;
+    rx_status status = RX_OK;
+    if (stat(name, &output) != 0 || !S_ISREG(output.st_mode))
+        return RX_OK;
+    for (int i = 0; i < list->n && status == RX_OK; i++)
+        if (find_file(list->name[i], &input, err, &status) && input.st_dev == output.st_dev &&
+            input.st_ino == output.st_ino)
+            return rx_error_set(err, RX_USAGE, "%s %s is also read, as %s; give the output another name", key,
+                                name, list->name[i]);
+    return status;
+}
+
+/* Files that other keywords name, where they are used. */
+static void add_keywords(inputs *list, const rx_config *config)
+{
+    bool maps = false;
+    for (int i = 0; i < config->weight_type.n; i++)
+        maps |= strncmp(config->weight_type.v[i], "MAP_", 4) == 0;
+    if (maps)
+        add_all(list, &config->weight_image);
+    if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
+        add_all(list, &config->psf_name);
+    add_all(list, &config->flag_image);
+    add(list, config->file);
+    add(list, config->parameters_name);
+    add(list, config->filter_name);
+    add(list, config->starnnw_name);
+    add(list, config->assoc_name);
+    add(list, config->reference_name);
+    add(list, config->qa_gates);
+}
+
+rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_error *err)
+{
+    inputs list = {0};
+    rx_status status = RX_OK;
+    char *images = rx_strdup(image);
+    if (images == NULL)
+        return rx_error_memory(err, strlen(image));
+    add_images(&list, images);
+    add_keywords(&list, config);
+    if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
+        status = check_output(&list, "CATALOG_NAME", config->catalog_name, err);
+    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
+        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
+            status = check_output(&list, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
+    free(images);
+    return status;
+}
