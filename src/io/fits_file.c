@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
+#include "io/fits_tiles.h"
 
 /* Name that cfitsio is given for a file held in memory, padded. */
 static const char PADDED[] = "padded copy";
@@ -380,9 +381,10 @@ rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx
             err, RX_INPUT, path, hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    if (shape->is_compressed)
-        return check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
-    return RX_OK;
+    if (!shape->is_compressed)
+        return RX_OK;
+    rx_status status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
+    return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, shape, err) : status;
 }
 
 /* --- reading --- */

@@ -8,8 +8,11 @@
 /* First 2-D (or first) image of the file as floats; *pixels to be freed. NaN kept. */
 rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *height, rx_error *err);
 
-/* First non-empty binary/ASCII table HDU of a FITS or FITS_LDAC file (LDAC: LDAC_OBJECTS; index-th of
- * these for multi-extension files, from 0). Its header cards come along in table->cards. */
+/* index-th (from 0) binary or ASCII table of a FITS or FITS_LDAC file: of the LDAC_OBJECTS where there
+ * are any, else of the tables with rows, else of those without. A name[n] reads that HDU. The HDU's
+ * header comes along in table->cards. Integers with TNULL become floating (NAN for no value), scaled
+ * columns too, logicals and bits int16, complex numbers pairs, dimensions beyond two are joined;
+ * columns of variable length are left out. */
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err);
 
 /* Number of such tables. */

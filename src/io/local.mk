@@ -2,6 +2,7 @@ librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
+	src/io/fits_tiles.c src/io/fits_tiles.h \
 	src/io/fits_write.c \
 	src/io/output.c \
 	src/io/sky.c src/io/sky.h \

@@ -600,6 +600,20 @@ static void test_broken_compressed(void **state)
     memcpy(axis + 10, "           100000000", 20);
     dump(in(state, "huge.fits.fz"), data, size);
     check_refused(&PLAIN, in(state, "huge.fits.fz"), "");
+    memcpy(axis + 10, "                 200", 20);
+    for (int seed = 1; seed < 40; seed++) { /* a few wrong bytes, up to a hail of them */
+        char *hurt = malloc(size);
+        assert_non_null(hurt);
+        memcpy(hurt, data, size);
+        for (size_t i = 5760 + (size_t)seed; i < size; i += (size_t)(40000 / (seed * seed)) + 1)
+            hurt[i] = seed % 3 == 0 ? 0 : (char)(i * (size_t)(131 + seed));
+        dump(in(state, "bad.fits.fz"), hurt, size);
+        free(hurt);
+        rx_tile *tile = NULL;
+        rx_status status = rx_tile_read(&PLAIN, in(state, "bad.fits.fz"), 1, 1, NULL, &tile, NULL);
+        assert_true(status == RX_OK || status == RX_INPUT);
+        rx_tile_free(tile);
+    }
     free(data);
 }
 
