@@ -11,7 +11,6 @@
 #include "data/sources.h"
 #include "data/table.h"
 #include "data/tile.h"
-#include "io/output.h"
 
 typedef enum rx_catalog_type {
     RX_CATALOG_NONE,
@@ -61,16 +60,17 @@ rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, cons
                            rx_table **dst, rx_error *err);
 
 /* Write one catalogue file of n tables (one per extension). `record`: name, value, pairs that made it
- * (program, version, configuration), npairs of them. Atomic through outputs. path "STDOUT" writes ASCII to
- * stdout at commit: see rx_catalog_write(). */
+ * (program, version, configuration), npairs of them. Written to `temporary`, the name that
+ * rx_outputs_file() gave for `path`, or as text to standard_out when temporary is NULL (CATALOG_NAME
+ * STDOUT; a FITS type is then RX_USAGE). RX_CATALOG_NONE writes nothing. */
 typedef struct rx_record_pair {
     const char *name;
     const char *value;
     const char *comment;
 } rx_record_pair;
 rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
-                           const rx_record_pair *record, int npairs, rx_outputs *outputs, FILE *standard_out,
-                           rx_error *err);
+                           const rx_record_pair *record, int npairs, const char *temporary,
+                           FILE *standard_out, rx_error *err);
 
 /* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, told by content; index-th table. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);

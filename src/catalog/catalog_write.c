@@ -105,12 +105,12 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
 }
 
 rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
-                           const rx_record_pair *record, int npairs, rx_outputs *outputs, FILE *standard_out,
-                           rx_error *err)
+                           const rx_record_pair *record, int npairs, const char *temporary,
+                           FILE *standard_out, rx_error *err)
 {
     if (type == RX_CATALOG_NONE)
         return RX_OK;
-    if (strcmp(path, "STDOUT") == 0) {
+    if (temporary == NULL) {
         if (is_fits(type))
             return rx_error_set(
                 err, RX_USAGE,
@@ -120,10 +120,6 @@ rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *con
             status = rx_error_set(err, RX_SYSTEM, "the catalogue cannot be written to standard output");
         return status;
     }
-    const char *temporary;
-    rx_status status = rx_outputs_file(outputs, path, &temporary, err);
-    if (status != RX_OK)
-        return status;
     return is_fits(type) ? write_fits(temporary, path, type, tables, n, record, npairs, err)
                          : write_text_file(temporary, path, type, tables, n, record, npairs, err);
 }

@@ -36,6 +36,21 @@ static void store(rx_source *source, int kind, double alpha, double delta, doubl
     }
 }
 
+/* Position angle of native north in the J2000 frame at a source (rad): where a small step along native
+ * north leads on the J2000 sky. 0 for tiles that are in J2000 themselves. */
+static double native_north(const rx_tile *tile, const rx_source *source)
+{
+    const double step = 1e-3; /* deg */
+    const double *m = source->world_matrix;
+    double determinant = m[0] * m[3] - m[1] * m[2], delta = source->delta_j2000 * M_PI / 180.0;
+    if (source->alpha == source->alpha_j2000 && source->delta == source->delta_j2000)
+        return 0.0;
+    double x = source->x - m[1] / determinant * step, y = source->y + m[0] / determinant * step;
+    double alpha_j2000, delta_j2000;
+    rx_wcs_to_sky(tile->wcs, 1, &x, &y, NULL, NULL, &alpha_j2000, &delta_j2000);
+    return atan2((alpha_j2000 - source->alpha_j2000) * cos(delta), delta_j2000 - source->delta_j2000);
+}
+
 rx_status rx_coordinates_fill(const rx_tile *tile, rx_sources *sources, rx_error *err)
 {
     size_t n = (size_t)sources->n;
@@ -58,8 +73,10 @@ rx_status rx_coordinates_fill(const rx_tile *tile, rx_sources *sources, rx_error
         rx_source *source = &sources->list[i];
         for (int k = 0; k < 4; k++)
             source->world_matrix[k] = NAN;
-        if (tile->wcs != NULL)
+        if (tile->wcs != NULL) {
             rx_wcs_matrix(tile->wcs, source->x, source->y, source->world_matrix);
+            source->north_j2000 = native_north(tile, source);
+        }
     }
     free(work);
     return RX_OK;

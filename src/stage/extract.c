@@ -31,12 +31,16 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
                       rx_outputs *outputs, rx_error *err)
 {
     const char *tag = tagged ? kind->name : NULL;
+    int to_file = options->catalog_type != RX_CATALOG_NONE && strcmp(options->catalog_name, "STDOUT") != 0;
     run->kind = kind;
-    run->catalog_name = strcmp(options->catalog_name, "STDOUT") == 0
-                            ? rx_strdup(options->catalog_name)
-                            : rx_name_with_tag(options->catalog_name, tag);
+    run->catalog_name = rx_name_with_tag(options->catalog_name, tag);
     if (run->catalog_name == NULL)
         return rx_error_memory(err, 0);
+    rx_status status = RX_OK;
+    if (to_file)
+        status = rx_outputs_file(outputs, run->catalog_name, &run->catalog_temporary, err);
+    if (status != RX_OK)
+        return status;
     return rx_checkimages_open(options->nchecks, options->check_types, options->check_names, tag, outputs,
                                &run->images, err);
 }
@@ -347,8 +351,8 @@ void rx_run_forget(rx_run *run)
     run->sources = NULL;
 }
 
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, rx_outputs *outputs,
-                       FILE *standard_out, rx_error *err)
+rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,
+                       rx_error *err)
 {
     rx_checkimages *images = run->images;
     run->images = NULL;
@@ -361,7 +365,7 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
     for (int i = 0; i < record->n; i++)
         pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
     status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs,
-                              record->n, outputs, standard_out, err);
+                              record->n, run->catalog_temporary, standard_out, err);
     free(pairs);
     return status;
 }

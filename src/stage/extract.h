@@ -18,7 +18,8 @@
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
     const rx_restorer *kind;
-    char *catalog_name; /* with the restorer's name when there are several */
+    char *catalog_name;            /* with the restorer's name when there are several */
+    const char *catalog_temporary; /* where it is written; NULL: standard output, or no catalogue */
     rx_checkimages *images;
     int ntables;
     rx_table **tables;
@@ -39,8 +40,8 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
 void rx_run_forget(rx_run *run);
 
 /* Write the catalogue and finish the check-images (still under temporary names). */
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, rx_outputs *outputs,
-                       FILE *standard_out, rx_error *err);
+rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,
+                       rx_error *err);
 void rx_run_free(rx_run *run);
 
 #endif

@@ -233,6 +233,10 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     par->skip = skipped_measurements(cfg, dst->columns);
     if (rx_columns_has(dst->columns, "CLASS_STAR"))
         par->nnw_file = cfg->starnnw_name;
+    static const char *const aper[] = {"FLUX_APER", "FLUXERR_APER", "MAG_APER", "MAGERR_APER"};
+    for (size_t i = 0; i < COUNT(aper); i++)
+        rx_columns_clip(dst->columns, aper[i], par->naper, "PHOT_APERTURES", log);
+    rx_columns_clip(dst->columns, "FLUX_RADIUS", par->nradii, "PHOT_FLUXFRAC", log);
     rx_columns_clip(dst->columns, "IMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
     rx_columns_clip(dst->columns, "NIMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
     rx_columns_wanted(dst->columns, "VIGNET", vignet);

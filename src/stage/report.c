@@ -10,16 +10,6 @@
 #include "stage/quality.h"
 #include "stage/reference.h"
 
-/* FAIL outweighs INSUFFICIENT, which outweighs PASS. */
-static rx_verdict worse(rx_verdict a, rx_verdict b)
-{
-    if (a == RX_VERDICT_FAIL || b == RX_VERDICT_FAIL)
-        return RX_VERDICT_FAIL;
-    if (a == RX_VERDICT_INSUFFICIENT || b == RX_VERDICT_INSUFFICIENT)
-        return RX_VERDICT_INSUFFICIENT;
-    return a == RX_VERDICT_PASS || b == RX_VERDICT_PASS ? RX_VERDICT_PASS : RX_VERDICT_NONE;
-}
-
 static double sky_scale(const rx_tile *tile)
 {
     return tile->wcs != NULL
@@ -144,7 +134,7 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
         status = open_folder(options, extension, outputs, &folder, err);
     if (status == RX_OK)
         status = rx_qa_report(&par, &input, folder, log, &found, brief, err);
-    *verdict = worse(*verdict, found);
+    *verdict = rx_verdict_worse(*verdict, found);
     rx_qa_list_free(&input.truth);
     for (int i = 0; i < options->nrestorers; i++) {
         rx_qa_list_free(&qa_runs[i].list);

@@ -110,7 +110,7 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < n && status == RX_OK; i++)
         status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_close(&job->runs[i], options, &job->record, job->outputs, job->standard_out, err);
+        status = rx_run_close(&job->runs[i], options, &job->record, job->standard_out, err);
     if (status == RX_OK)
         status = rx_interrupt_check(err);
     if (status == RX_OK)

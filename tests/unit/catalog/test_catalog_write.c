@@ -6,6 +6,7 @@
 
 #include "io/fits_read.h"
 #include "io/fits_write.h"
+#include "io/output.h"
 
 static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
                                         {"DETECT_MINAREA", "5", "pixels above threshold"},
@@ -17,9 +18,12 @@ static const char param[] =
 static rx_status write_all(rx_catalog_type type, const char *path, rx_table **tables, int n, rx_error *err)
 {
     rx_outputs *outputs = NULL;
+    const char *temporary = NULL;
     rx_status status = rx_outputs_new(&outputs, err);
     if (status == RX_OK)
-        status = rx_catalog_write(type, path, tables, n, record, 3, outputs, NULL, err);
+        status = rx_outputs_file(outputs, path, &temporary, err);
+    if (status == RX_OK)
+        status = rx_catalog_write(type, path, tables, n, record, 3, temporary, NULL, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     rx_outputs_free(outputs);

@@ -4,6 +4,7 @@
 #include "base/random.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
+#include "io/output.h"
 
 enum { STARS = 144, SIDE = 12, STEP = 80, VIGNET = 35 };
 static const double FWHM = 3.2, CRVAL[2] = {150.1, 2.2}, SCALE = 1e-4; /* px, deg, deg per px */
@@ -100,7 +101,9 @@ static void write_ldac(const char *folder, const char *name, const char *param, 
     table->nfacts = 2;
     scene_file(path, folder, name, NULL);
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_catalog_write(RX_CATALOG_FITS_LDAC, path, &table, 1, NULL, 0, outputs, NULL, NULL),
+    const char *temporary = NULL;
+    assert_int_equal(rx_outputs_file(outputs, path, &temporary, NULL), RX_OK);
+    assert_int_equal(rx_catalog_write(RX_CATALOG_FITS_LDAC, path, &table, 1, NULL, 0, temporary, NULL, NULL),
                      RX_OK);
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
