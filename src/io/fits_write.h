@@ -18,8 +18,9 @@ rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **d
 /* Append an image HDU: floats (bad pixels NaN) or int32; `cards` (may be NULL) are the input's
  * header cards of which all useful ones are copied (no structural, compression, scaling,
  * checksum keywords; WCS kept), then `extra`, ready 80-character cards (COMMENT, HISTORY, keys). */
-rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height, const char *extname,
-                        const char *cards, size_t ncards, const char *extra, size_t nextra, rx_error *err);
+rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height,
+                        const char *extname, const char *cards, size_t ncards, const char *extra,
+                        size_t nextra, rx_error *err);
 rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int width, int height,
                             const char *extname, const char *cards, size_t ncards, const char *extra,
                             size_t nextra, rx_error *err);

@@ -11,11 +11,13 @@ rx_status rx_outputs_new(rx_outputs **dst, rx_error *err);
 
 /* Reserve `path` (file) and give the temporary name to write to, owned by the
  * transaction. The folder must exist and be writable: checked now, before the work.
- * The same path twice is an RX_USAGE error. */
+ * The same path twice is an RX_USAGE error. Links are followed; a device (/dev/null) gets
+ * the bytes at commit and is never replaced. */
 rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The same for a folder (report): the temporary folder is made, and takes the place of
- * an older one at commit. A path that is a plain file is an error. */
+ * an older one at commit. Only an empty folder or one of ours (it holds `.rextract`) is
+ * replaced; any other, or a plain file, is an RX_USAGE error. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* fsync and rename everything; on failure what was not renamed is removed. */

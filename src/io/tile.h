@@ -7,18 +7,18 @@
 #include "data/tile.h"
 
 typedef struct rx_tile_params {
-    const char *weight_name;    /* WEIGHT_IMAGE or NULL */
+    const char *weight_name; /* WEIGHT_IMAGE or NULL */
     rx_weight_type weight_type;
-    double weight_threshold;    /* NAN = SExtractor's default for the type */
-    int nflags;                 /* FLAG_IMAGE list */
+    double weight_threshold; /* NAN = SExtractor's default for the type */
+    int nflags;              /* FLAG_IMAGE list */
     const char *flag_names[8];
-    double gain;                /* GAIN and GAIN_KEY; the header key wins, as in SExtractor */
+    double gain; /* GAIN and GAIN_KEY; the header key wins, as in SExtractor */
     const char *gain_key;
     double saturation;
     const char *saturation_key;
-    double zeropoint;           /* MAG_ZEROPOINT; no header key in SExtractor, MAG_ZEROPOINT_KEY is ours, "" = none */
+    double zeropoint; /* MAG_ZEROPOINT; no header key in SExtractor, MAG_ZEROPOINT_KEY is ours, "" = none */
     const char *zeropoint_key;
-    double pixel_scale;         /* PIXEL_SCALE, 0 = from the WCS */
+    double pixel_scale; /* PIXEL_SCALE, 0 = from the WCS */
 } rx_tile_params;
 
 /* The image HDUs a name selects: `tile.fits` all 2-D images (primary and extensions, compressed
@@ -27,7 +27,14 @@ typedef struct rx_tile_params {
  * (3-D, 1-D, tables) are told through log. */
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err);
 
-/* Read one of them. `extension` counts from 1 among those processed. */
+/* Read one of them. `extension` counts from 1 among those processed. Values of header keys come from
+ * the HDU, else from the primary header; with INHERIT = T the primary's other cards join tile->cards.
+ * A section `[x1:x2,y1:y2]` has its own CRPIX in cards and wcs.
+ * Weights and flags: the map's only image, else the HDU of the tile's number when the tile was named
+ * by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
+ * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else); masked are weights <= weight_threshold
+ * (default 0), rms and variances >= it (default 1e30) or <= 0.
+ * Errors: RX_INPUT for anything wrong with a file (missing, cut off, damaged, wrong shape, all NaN). */
 rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,
                        rx_tile **dst, rx_error *err);
 void rx_tile_free(rx_tile *tile);

@@ -10,8 +10,8 @@ typedef struct rx_wcs rx_wcs;
 
 /* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header
  * has no celestial coordinates; what was ignored or repaired is told in note (may be NULL). */
-rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
-                            char *note, size_t note_size, rx_error *err);
+rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
+                            size_t note_size, rx_error *err);
 void rx_wcs_free(rx_wcs *wcs);
 
 /* n 0-based pixel positions to native sky (deg) and J2000/ICRS (deg). Positions that cannot
@@ -23,7 +23,8 @@ void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double 
 void rx_wcs_to_pixel(rx_wcs *wcs, int n, const double *alpha_j2000, const double *delta_j2000, double *x,
                      double *y);
 
-/* Local matrix in deg per pixel: (dalpha cos delta, ddelta) by (dx, dy): m[0]=E/dx m[1]=E/dy m[2]=N/dx m[3]=N/dy */
+/* Local matrix in deg per pixel, native frame: (dalpha cos delta, ddelta) by (dx, dy):
+ * m[0] = E/dx, m[1] = E/dy, m[2] = N/dx, m[3] = N/dy */
 void rx_wcs_matrix(rx_wcs *wcs, double x, double y, double m[4]);
 
 double rx_wcs_pixel_scale(rx_wcs *wcs, double x, double y); /* arcsec, sqrt of the area */
