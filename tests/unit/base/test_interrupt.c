@@ -29,6 +29,7 @@ static void signal_ends_child_on_delivery_only(int number)
     assert_true(child >= 0);
     if (child == 0) {
         rx_error err = RX_ERROR_NONE;
+        signal(number, SIG_DFL); /* a background job starts with SIGINT ignored */
         rx_interrupt_block();
         raise(number);
         if (!rx_interrupt_pending() || rx_interrupt_check(&err) != RX_INTERRUPTED ||
