@@ -32,7 +32,7 @@ scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-cli-XXXXXX") || exit 2
 [ -n "${RX_TEST_KEEP-}" ] || trap 'chmod -R u+rwx "$scratch" 2>/dev/null; rm -rf "$scratch"' EXIT
 trap 'exit 2' INT TERM HUP
 
-# libsep 1.2.1 forgets four bytes a source when it cleans; leaks of our own still count.
+# sep_extract() of libsep 1.2.1 forgets a few bytes a source; leaks of our own still count.
 echo 'leak:libsep' >"$scratch/leaks"
 LSAN_OPTIONS="suppressions=$scratch/leaks:print_suppressions=0${LSAN_OPTIONS:+:$LSAN_OPTIONS}"
 export LSAN_OPTIONS
