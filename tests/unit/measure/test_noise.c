@@ -56,21 +56,26 @@ static void smooth(field *f, double sigma, double *kernel)
     f->pixels = out;
 }
 
-/* sigma of a sum over a centred circle of smoothed unit noise: sqrt(sum (circle * kernel)^2). */
+/* sigma of a sum over a circle of smoothed unit noise: sqrt(sum (circle * kernel)^2), mean over the
+ * places of the centre within a pixel. */
 static double exact_sigma(double radius, const double *kernel)
 {
-    enum { N = 61 };
+    enum { REACH = 30, PLACES = 9 };
     double total = 0.0;
-    for (int y = 0; y < N; y++)
-        for (int x = 0; x < N; x++) {
-            double value = 0.0;
-            for (int i = 0; i < 225; i++) {
-                float dx = (float)(x + i % 15 - 7 - N / 2), dy = (float)(y + i / 15 - 7 - N / 2);
-                value += kernel[i] * rx_pixel_in_circle(dx, dy, (float)radius, 5);
+    for (int place = 0; place < PLACES; place++)
+        for (int y = -REACH; y <= REACH; y++)
+            for (int x = -REACH; x <= REACH; x++) {
+                double value = 0.0;
+                for (int i = 0; i < 225; i++) {
+                    if (kernel[i] == 0.0)
+                        continue;
+                    double dx = x + i % 15 - 7 + (place % 3 - 1) / 3.0,
+                           dy = y + i / 15 - 7 + (place / 3 - 1) / 3.0;
+                    value += kernel[i] * rx_pixel_in_circle((float)dx, (float)dy, (float)radius, 5);
+                }
+                total += value * value;
             }
-            total += value * value;
-        }
-    return sqrt(total);
+    return sqrt(total / PLACES);
 }
 
 /* Every point within 4 standard errors of a MAD (1.16 / sqrt(n)) of the exact sum. */
