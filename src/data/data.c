@@ -15,15 +15,6 @@ void rx_background_free(rx_background *background)
     free(background);
 }
 
-void rx_psf_free(rx_psf *psf)
-{
-    if (psf == NULL)
-        return;
-    free(psf->basis);
-    free(psf->stars);
-    free(psf);
-}
-
 void rx_restored_free(rx_restored *restored)
 {
     if (restored == NULL)

@@ -1,5 +1,6 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
+	src/data/psf.c \
 	src/data/table.c
 
 rx_datadir = $(pkgincludedir)/data

@@ -11,27 +11,43 @@
 #ifndef RX_DATA_PSF_H
 #define RX_DATA_PSF_H
 
-typedef enum rx_psf_type { RX_PSF_MOFFAT, RX_PSF_FILE, RX_PSF_PSFEX, RX_PSF_AUTO, RX_PSF_PIXEL, RX_PSF_GAUSS } rx_psf_type;
+typedef enum rx_psf_type {
+    RX_PSF_MOFFAT,
+    RX_PSF_FILE,
+    RX_PSF_PSFEX,
+    RX_PSF_AUTO,
+    RX_PSF_PIXEL,
+    RX_PSF_GAUSS
+} rx_psf_type;
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
 typedef struct rx_psf {
     rx_psf_type type;
-    int size;   /* odd, each basis image is [size][size] */
-    int nbasis; /* 1 .. RX_PSF_MAX_BASIS */
+    int size;     /* odd, each basis image is [size][size] */
+    int nbasis;   /* 1 .. RX_PSF_MAX_BASIS */
     float *basis; /* [nbasis][size][size] */
     int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
     double x0, y0, xs, ys;
-    double fwhm;       /* pixels, at the tile's centre */
+    double fwhm;        /* pixels, at the tile's centre */
     double ellipticity; /* 1 - b/a at the tile's centre */
-    double beta;       /* Moffat exponent, 0 when not a Moffat */
+    double beta;        /* Moffat exponent, 0 when not a Moffat */
     /* AUTO: how sure we are */
-    int nstars;               /* stars used, 0 when not measured */
-    double fwhm_error;        /* pixels, 1 sigma of the fwhm; 0 unknown */
-    double (*stars)[2];       /* [nstars] x, y from 0; NULL when not measured */
-    char description[160];    /* one line for log, header and report */
+    int nstars;            /* stars used, 0 when not measured */
+    double fwhm_error;     /* pixels, 1 sigma of the fwhm; 0 unknown */
+    double (*stars)[2];    /* [nstars] x, y from 0; NULL when not measured */
+    char description[160]; /* one line for log, header and report */
 } rx_psf;
 
-void rx_psf_free(rx_psf *psf);
+/* Zeroed PSF with room for nbasis images of size x size; exponents 0, scales 1. NULL without memory. */
+rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis);
+
+/* A copy that shares nothing; NULL without memory. */
+rx_psf *rx_psf_copy(const rx_psf *psf);
+
+/* stamp[size*size] = PSF at 0-based tile position (x, y). */
+void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
+
+void rx_psf_free(rx_psf *psf); /* NULL is fine */
 
 #endif

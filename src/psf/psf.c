@@ -1,4 +1,4 @@
-/* The analytic PSFs, and evaluating any. */
+/* The analytic PSF. */
 #include "psf/psf.h"
 
 #include <math.h>
@@ -12,67 +12,6 @@
 
 enum { HALF_MIN = 2, HALF_MAX = 127 };
 
-rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis)
-{
-    rx_psf *psf = RX_NEW(rx_psf, 1);
-    if (psf == NULL)
-        return NULL;
-    psf->type = type;
-    psf->size = size;
-    psf->nbasis = nbasis;
-    psf->xs = psf->ys = 1.0;
-    psf->basis = rx_alloc((size_t)nbasis * (size_t)size, (size_t)size * sizeof(float));
-    if (psf->basis == NULL) {
-        free(psf);
-        return NULL;
-    }
-    return psf;
-}
-
-rx_psf *rx_psf_copy(const rx_psf *psf)
-{
-    rx_psf *copy = rx_psf_new(psf->type, psf->size, psf->nbasis);
-    if (copy == NULL)
-        return NULL;
-    float *basis = copy->basis;
-    *copy = *psf;
-    copy->basis = basis;
-    memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
-    copy->stars = NULL;
-    if (psf->stars != NULL && psf->nstars > 0) {
-        copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);
-        if (copy->stars == NULL) {
-            rx_psf_free(copy);
-            return NULL;
-        }
-        memcpy(copy->stars, psf->stars, sizeof *copy->stars * (size_t)psf->nstars);
-    }
-    return copy;
-}
-
-static double power(double base, int exponent)
-{
-    double product = 1.0;
-    for (int i = 0; i < exponent; i++)
-        product *= base;
-    return product;
-}
-
-void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)
-{
-    size_t n = (size_t)psf->size * (size_t)psf->size;
-    double coefficient[RX_PSF_MAX_BASIS];
-    for (int b = 0; b < psf->nbasis; b++)
-        coefficient[b] =
-            power((x - psf->x0) / psf->xs, psf->px[b]) * power((y - psf->y0) / psf->ys, psf->py[b]);
-    for (size_t i = 0; i < n; i++) {
-        double sum = 0.0;
-        for (int b = 0; b < psf->nbasis; b++)
-            sum += coefficient[b] * (double)psf->basis[(size_t)b * n + i];
-        stamp[i] = (float)sum;
-    }
-}
-
 /* Doubles to basis 0, divided by their sum. */
 static void store_normalised(const double *values, rx_psf *psf)
 {
@@ -82,39 +21,6 @@ static void store_normalised(const double *values, rx_psf *psf)
         sum += values[i];
     for (size_t i = 0; i < n; i++)
         psf->basis[i] = (float)(values[i] / sum);
-}
-
-rx_status rx_psf_gauss(double fwhm, rx_psf **dst, rx_error *err)
-{
-    *dst = NULL;
-    if (!(fwhm >= 0.0) || fwhm > 200.0)
-        return rx_error_set(err, RX_INPUT, "a Gaussian of FWHM %g pixels is of no use; give 0 (none) to 200",
-                            fwhm);
-    double sigma = fwhm / 2.3548200450309493; /* sqrt(8 ln 2) */
-    int half = (int)ceil(5.0 * sigma), size = 2 * half + 1;
-    rx_psf *psf = rx_psf_new(fwhm > 0.0 ? RX_PSF_GAUSS : RX_PSF_PIXEL, size, 1);
-    double *profile = RX_NEW(double, size), sum = 0.0;
-    if (psf == NULL || profile == NULL) {
-        rx_psf_free(psf);
-        free(profile);
-        return rx_error_memory(err, 0);
-    }
-    for (int i = 0; i < size; i++) {
-        double low = (i - half - 0.5) / (sigma * M_SQRT2), high = (i - half + 0.5) / (sigma * M_SQRT2);
-        profile[i] = sigma > 0.0 ? erf(high) - erf(low) : 1.0;
-        sum += profile[i];
-    }
-    for (int j = 0; j < size; j++)
-        for (int i = 0; i < size; i++)
-            psf->basis[j * size + i] = (float)(profile[i] * profile[j] / (sum * sum));
-    free(profile);
-    psf->fwhm = fwhm > 0.0 ? fwhm : 1.0;
-    if (fwhm > 0.0)
-        snprintf(psf->description, sizeof psf->description, "Gaussian FWHM %.3g px", fwhm);
-    else
-        snprintf(psf->description, sizeof psf->description, "one pixel");
-    *dst = psf;
-    return RX_OK;
 }
 
 static int moffat_half_size(double fwhm, double beta, double ratio)

@@ -26,13 +26,6 @@ typedef struct rx_psf_params {
 rx_status rx_psf_make(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
                       const rx_sources *stars, rx_log *log, rx_psf **dst, rx_error *err);
 
-/* stamp[size*size] = PSF at 0-based tile position (x, y), sum 1. */
-void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
-
-/* A Gaussian of that FWHM (pixels), integrated over the pixels: the PSF of what RL + RL_DENOISE gives.
- * FWHM 0 is a single pixel (size 1, type RX_PSF_PIXEL, fwhm given as 1). */
-rx_status rx_psf_gauss(double fwhm, rx_psf **dst, rx_error *err);
-
 /* Pixel-integrated Moffat (Moffat 1969, A&A 3, 455); ratio b/a of the axes (1 = round), angle of the major
  * axis in radians counter-clockwise from x; fwhm (pixels) is the geometric mean of both axes. size is
  * odd, or 0: encloses 99.9 % of the flux or falls to 1e-5 of the peak, whichever is smaller. */
@@ -56,7 +49,5 @@ rx_status rx_psf_psfex(const char *file, int size, int width, int height, rx_log
  * RX_INPUT when no profile fits. */
 rx_status rx_psf_shape(const float *stamp, int size, double *fwhm, double *ellipticity, double *beta,
                        rx_error *err);
-
-rx_psf *rx_psf_copy(const rx_psf *psf); /* NULL without memory */
 
 #endif

@@ -34,10 +34,9 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_tile *tile, const rx_ba
         return rx_psf_psfex(par->file, par->size, tile->width, tile->height, log, dst, err);
     case RX_PSF_AUTO:
         return rx_psf_estimate(par, tile, background, stars, log, dst, err);
-    case RX_PSF_GAUSS:
-        return rx_psf_gauss(par->fwhm, dst, err);
+    case RX_PSF_GAUSS: /* what restored images have, never a tile */
     case RX_PSF_PIXEL:
-        return rx_psf_gauss(0.0, dst, err);
+        break;
     }
-    return rx_error_set(err, RX_USAGE, "unknown PSF_TYPE");
+    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX and AUTO");
 }

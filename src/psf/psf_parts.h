@@ -9,9 +9,6 @@
 #include "data/tile.h"
 #include "psf/psf.h"
 
-/* Zeroed PSF with room for nbasis images; exponents 0, scales 1. NULL without memory. */
-rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis);
-
 /* Windowed sinc of order a (Lanczos): weights of the 2 a samples from the returned index on around
  * `position`, normalised to sum 1. */
 enum { RX_LANCZOS_MAX = 12 };

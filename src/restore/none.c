@@ -25,7 +25,7 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const r
     restored->pixels = RX_NEW(float, n);
     restored->mask = RX_NEW(uint8_t, n);
     restored->sigma = RX_NEW(float, n);
-    restored->psf = psf != NULL ? rx_stamp_copy(psf) : NULL;
+    restored->psf = psf != NULL ? rx_psf_copy(psf) : NULL;
     if (restored->pixels == NULL || restored->mask == NULL || restored->sigma == NULL ||
         (psf != NULL && restored->psf == NULL)) {
         rx_restored_free(restored);

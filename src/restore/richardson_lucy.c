@@ -271,7 +271,7 @@ static rx_status new_restored(const rx_restore_params *par, const rx_scene *scen
     restored->support = RX_NEW(float, n);
     restored->reblurred = par->keep_reblurred ? RX_NEW(float, n) : NULL;
     restored->psf = rx_stamp_gauss(par->rl_denoise);
-    restored->blur = rx_stamp_copy(psf);
+    restored->blur = rx_psf_copy(psf);
     if (restored->pixels == NULL || restored->mask == NULL || restored->support == NULL ||
         restored->psf == NULL || restored->blur == NULL ||
         (par->keep_reblurred && restored->reblurred == NULL))

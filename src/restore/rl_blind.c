@@ -73,7 +73,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     seeker->work = RX_NEW(float, n);
     if (seeker->stamp == NULL || seeker->share == NULL || seeker->work == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    rx_stamp_at(psf, (scene->width - 1) / 2.0, (scene->height - 1) / 2.0, seeker->stamp);
+    rx_psf_at(psf, (scene->width - 1) / 2.0, (scene->height - 1) / 2.0, seeker->stamp);
     if (!make_positive(seeker->stamp, psf->size))
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
     seeker->psf = rx_stamp_psf(psf->type, seeker->stamp, psf->size);

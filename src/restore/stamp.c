@@ -1,4 +1,4 @@
-/* PSF stamps: evaluate, measure, move, make. */
+/* PSF stamps: measure, move, make. */
 #include "restore/stamp.h"
 
 #include <math.h>
@@ -10,21 +10,6 @@
 #include "num/convolve.h"
 
 enum { FINE = 8 }; /* samples per pixel in rx_stamp_fwhm */
-
-void rx_stamp_at(const rx_psf *psf, double x, double y, float *stamp)
-{
-    const size_t n = (size_t)psf->size * (size_t)psf->size;
-    memset(stamp, 0, n * sizeof *stamp);
-    for (int i = 0; i < psf->nbasis; i++) {
-        double c = 1;
-        for (int p = 0; p < psf->px[i]; p++)
-            c *= (x - psf->x0) / psf->xs;
-        for (int p = 0; p < psf->py[i]; p++)
-            c *= (y - psf->y0) / psf->ys;
-        for (size_t k = 0; k < n; k++)
-            stamp[k] += (float)(c * psf->basis[n * (size_t)i + k]);
-    }
-}
 
 void rx_stamp_cubic(double t, double w[4])
 {
@@ -151,26 +136,9 @@ void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work)
         stamp[k] = (float)interpolate(work, size, k % size - dx, k / size - dy);
 }
 
-static rx_psf *new_psf(rx_psf_type type, int size, int nbasis)
-{
-    rx_psf *psf = RX_NEW(rx_psf, 1);
-    if (psf == NULL)
-        return NULL;
-    psf->type = type;
-    psf->size = size;
-    psf->nbasis = nbasis;
-    psf->xs = psf->ys = 1;
-    psf->basis = RX_NEW(float, (size_t)nbasis *(size_t)size *(size_t)size);
-    if (psf->basis == NULL) {
-        free(psf);
-        return NULL;
-    }
-    return psf;
-}
-
 rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size)
 {
-    rx_psf *psf = new_psf(type, size, 1);
+    rx_psf *psf = rx_psf_new(type, size, 1);
     if (psf == NULL)
         return NULL;
     memcpy(psf->basis, stamp, (size_t)size * (size_t)size * sizeof *stamp);
@@ -178,31 +146,10 @@ rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size)
     return psf;
 }
 
-rx_psf *rx_stamp_copy(const rx_psf *psf)
-{
-    rx_psf *copy = new_psf(psf->type, psf->size, psf->nbasis);
-    if (copy == NULL)
-        return NULL;
-    float *basis = copy->basis;
-    *copy = *psf;
-    copy->basis = basis;
-    memcpy(basis, psf->basis, (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size * sizeof *basis);
-    copy->stars = NULL;
-    if (psf->stars != NULL && psf->nstars > 0) {
-        copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);
-        if (copy->stars == NULL) {
-            rx_psf_free(copy);
-            return NULL;
-        }
-        memcpy(copy->stars, psf->stars, (size_t)psf->nstars * sizeof *psf->stars);
-    }
-    return copy;
-}
-
 rx_psf *rx_stamp_gauss(double fwhm)
 {
     const int radius = fwhm > 0 ? rx_gauss_radius(fwhm) : 0, size = 2 * radius + 1;
-    rx_psf *psf = new_psf(fwhm > 0 ? RX_PSF_GAUSS : RX_PSF_PIXEL, size, 1);
+    rx_psf *psf = rx_psf_new(fwhm > 0 ? RX_PSF_GAUSS : RX_PSF_PIXEL, size, 1);
     float *weights = RX_NEW(float, (size_t)size);
     if (psf == NULL || weights == NULL) {
         rx_psf_free(psf);

@@ -1,12 +1,9 @@
 /* PSF stamps [size][size], size odd, centre in pixel (size/2, size/2): what restorers need
- * to evaluate, measure and make. */
+ * to measure and make. */
 #ifndef RX_RESTORE_STAMP_H
 #define RX_RESTORE_STAMP_H
 
 #include "data/psf.h"
-
-/* stamp = the PSF at tile position (x, y), pixels from 0. */
-void rx_stamp_at(const rx_psf *psf, double x, double y, float *stamp);
 
 /* Weights of the samples -1, 0, 1, 2 for a point at the fraction t, 0 <= t < 1, between 0 and 1:
  * cubic convolution with a = -1/2. */
@@ -26,11 +23,10 @@ void rx_stamp_centroid(const float *stamp, int size, double fwhm, double *dx, do
  * `work` holds size*size floats. */
 void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work);
 
-/* A constant PSF from a stamp, its FWHM and ellipticity measured; or a copy of a PSF; or the
+/* A constant PSF from a stamp, its FWHM and ellipticity measured; or the
  * Gaussian of RL_DENOISE (FWHM in pixels before the pixel's own width, <= 0: a single pixel).
  * NULL without memory. */
 rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size);
-rx_psf *rx_stamp_copy(const rx_psf *psf);
 rx_psf *rx_stamp_gauss(double fwhm);
 
 #endif

@@ -73,6 +73,10 @@ rx_status rx_coordinates_fill(const rx_tile *tile, rx_sources *sources, rx_error
         rx_source *source = &sources->list[i];
         for (int k = 0; k < 4; k++)
             source->world_matrix[k] = NAN;
+        if (tile->linear_wcs) {
+            source->x_world = tile->linear[0] + tile->linear[1] * source->x + tile->linear[2] * source->y;
+            source->y_world = tile->linear[3] + tile->linear[4] * source->x + tile->linear[5] * source->y;
+        }
         if (tile->wcs != NULL) {
             rx_wcs_matrix(tile->wcs, source->x, source->y, source->world_matrix);
             source->north_j2000 = native_north(tile, source);

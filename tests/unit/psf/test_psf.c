@@ -168,25 +168,6 @@ static void test_moffat_refused(void **state)
     assert_int_equal(rx_psf_moffat(3.0, 4.0, 0.0, 0.0, 0, &psf, &err), RX_INPUT);
     assert_int_equal(rx_psf_moffat(3.0, 4.0, 1.0, 0.0, 8, &psf, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "odd"));
-    assert_int_equal(rx_psf_gauss(-1.0, &psf, &err), RX_INPUT);
-    assert_null(psf);
-}
-
-static void test_gauss(void **state)
-{
-    (void)state;
-    rx_psf *psf;
-    assert_int_equal(rx_psf_gauss(0.0, &psf, NULL), RX_OK);
-    assert_true(psf->size == 1 && psf->basis[0] == 1.0F && psf->type == RX_PSF_PIXEL);
-    rx_psf_free(psf);
-    assert_int_equal(rx_psf_gauss(2.5, &psf, NULL), RX_OK);
-    int n = psf->size, half = n / 2;
-    double sigma = 2.5 / 2.35482, xx = 0.0;
-    for (int i = 0; i < n * n; i++)
-        xx += (double)psf->basis[i] * (i % n - half) * (i % n - half);
-    assert_true(fabs(stamp_sum(psf->basis, n) - 1.0) < 1e-6);
-    assert_true(fabs(xx - (sigma * sigma + 1.0 / 12.0)) < 1e-4); /* 1/12: the pixel's own variance */
-    rx_psf_free(psf);
 }
 
 static void test_polynomial_and_copy(void **state)
@@ -219,13 +200,9 @@ static void test_polynomial_and_copy(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_moffat_pixels),
-        cmocka_unit_test(test_moffat_gradient),
-        cmocka_unit_test(test_encircled_energy),
-        cmocka_unit_test(test_moffat_sizes),
-        cmocka_unit_test(test_moffat_angle),
-        cmocka_unit_test(test_moffat_refused),
-        cmocka_unit_test(test_gauss),
+        cmocka_unit_test(test_moffat_pixels),       cmocka_unit_test(test_moffat_gradient),
+        cmocka_unit_test(test_encircled_energy),    cmocka_unit_test(test_moffat_sizes),
+        cmocka_unit_test(test_moffat_angle),        cmocka_unit_test(test_moffat_refused),
         cmocka_unit_test(test_polynomial_and_copy),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -98,7 +98,7 @@ static inline double sky_fwhm(const sky *s, const float *plane, int x, int y)
  * wider to the right of a tile of that width. */
 static inline rx_psf *sky_psf_varying(double fwhm, double change, int width)
 {
-    rx_psf *wide = rx_stamp_gauss(fwhm * (1 + change)), *psf = rx_stamp_copy(wide);
+    rx_psf *wide = rx_stamp_gauss(fwhm * (1 + change)), *psf = rx_psf_copy(wide);
     const int size = psf->size, n = size * size, r = size / 2;
     free(psf->basis);
     psf->basis = calloc(2 * (size_t)n, sizeof(float));

@@ -54,7 +54,7 @@ static double direct(const rx_blur *blur, const rx_psf *psf, const float *sky, i
     double sum = 0;
     for (int j = y - 3; j <= y + 3; j++)
         for (int i = x - 3; i <= x + 3; i++) {
-            rx_stamp_at(psf, clamped(i, W), clamped(j, H), stamp);
+            rx_psf_at(psf, clamped(i, W), clamped(j, H), stamp);
             sum += (double)stamp[(y - j + 3) * 7 + (x - i + 3)] *
                    sky[(size_t)(j + 3) * (size_t)rx_fft_stride_real(blur->fft) + (size_t)(i + 3)];
         }
@@ -155,7 +155,7 @@ static void no_seams(void **state)
         f[rx_blur_row(blur, 20) + x] = 1;
         rx_blur_apply(blur, f, kf);
         f[rx_blur_row(blur, 20) + x] = 0;
-        rx_stamp_at(psf, x, 20, stamp);
+        rx_psf_at(psf, x, 20, stamp);
         for (int i = 0; i < size; i++)
             if (x + i - r >= 0 && x + i - r < LONG)
                 assert_float_equal(kf[rx_blur_row(blur, 20) + x + i - r], stamp[r * size + i], 1e-6);

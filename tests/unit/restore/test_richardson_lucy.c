@@ -293,7 +293,7 @@ static void varying_psf(void **state)
     float *stamp = calloc((size_t)size * (size_t)size, sizeof(float));
     static const int at[3] = {25, 80, 135};
     for (int i = 0; i < 3; i++) {
-        rx_stamp_at(psf, at[i], 30, stamp);
+        rx_psf_at(psf, at[i], 30, stamp);
         for (int k = 0; k < size * size; k++)
             s.tile.pixels[(30 + k / size - r) * 160 + at[i] + k % size - r] += 5000 * stamp[k];
     }

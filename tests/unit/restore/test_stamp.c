@@ -62,10 +62,10 @@ static void moves(void **state)
 static void evaluates_and_copies(void **state)
 {
     (void)state;
-    rx_psf *psf = sky_psf_varying(3, 0.2, 101), *copy = rx_stamp_copy(psf);
+    rx_psf *psf = sky_psf_varying(3, 0.2, 101), *copy = rx_psf_copy(psf);
     const int n = psf->size * psf->size;
     float *stamp = calloc((size_t)n, sizeof(float));
-    rx_stamp_at(copy, 100, 7, stamp);
+    rx_psf_at(copy, 100, 7, stamp);
     double sum = 0;
     for (int k = 0; k < n; k++) {
         assert_float_equal(stamp[k], psf->basis[k] + psf->basis[n + k], 1e-7);

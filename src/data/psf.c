@@ -1,0 +1,77 @@
+/* PSFs as plain data: making, copying, evaluating, freeing. */
+#include "data/psf.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis)
+{
+    rx_psf *psf = RX_NEW(rx_psf, 1);
+    if (psf == NULL)
+        return NULL;
+    psf->type = type;
+    psf->size = size;
+    psf->nbasis = nbasis;
+    psf->xs = psf->ys = 1.0;
+    psf->basis = rx_alloc((size_t)nbasis * (size_t)size, (size_t)size * sizeof(float));
+    if (psf->basis == NULL) {
+        free(psf);
+        return NULL;
+    }
+    return psf;
+}
+
+rx_psf *rx_psf_copy(const rx_psf *psf)
+{
+    rx_psf *copy = rx_psf_new(psf->type, psf->size, psf->nbasis);
+    if (copy == NULL)
+        return NULL;
+    float *basis = copy->basis;
+    *copy = *psf;
+    copy->basis = basis;
+    memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
+    copy->stars = NULL;
+    if (psf->stars != NULL && psf->nstars > 0) {
+        copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);
+        if (copy->stars == NULL) {
+            rx_psf_free(copy);
+            return NULL;
+        }
+        memcpy(copy->stars, psf->stars, sizeof *copy->stars * (size_t)psf->nstars);
+    }
+    return copy;
+}
+
+static double power(double base, int exponent)
+{
+    double product = 1.0;
+    for (int i = 0; i < exponent; i++)
+        product *= base;
+    return product;
+}
+
+void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)
+{
+    size_t n = (size_t)psf->size * (size_t)psf->size;
+    double coefficient[RX_PSF_MAX_BASIS];
+    for (int b = 0; b < psf->nbasis; b++)
+        coefficient[b] =
+            power((x - psf->x0) / psf->xs, psf->px[b]) * power((y - psf->y0) / psf->ys, psf->py[b]);
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (int b = 0; b < psf->nbasis; b++)
+            sum += coefficient[b] * (double)psf->basis[(size_t)b * n + i];
+        stamp[i] = (float)sum;
+    }
+}
+
+void rx_psf_free(rx_psf *psf)
+{
+    if (psf == NULL)
+        return;
+    free(psf->basis);
+    free(psf->stars);
+    free(psf);
+}
