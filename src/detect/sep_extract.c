@@ -55,56 +55,80 @@ static bool fit_stack(const rx_detect_params *par, rx_extraction *job, size_t *s
     return false;
 }
 
+/* The limits of one run and how far they may go. */
+typedef struct limits {
+    size_t stack;
+    bool stack_fits; /* every pixel above the threshold has room */
+    int subobjects, subobjects_max, levels;
+} limits;
+
+/* Make room after sep gave up with `failed`; false when nothing is left to try. Beyond the limits the
+ * threshold rises or the deblending gets coarser, which is flagged. */
+static bool loosen(int failed, rx_extraction *job, limits *limit)
+{
+    job->grown++;
+    if (failed == SEP_STATUS_STACK && !limit->stack_fits) {
+        job->flags |= RX_FLAG_EXTRACT_OVER;
+        job->raised *= 1.25;
+        return true;
+    }
+    if (failed == SEP_STATUS_STACK) {
+        limit->stack *= 2;
+        limit->stack_fits = limit->stack < (size_t)job->width * (size_t)job->height;
+        return true;
+    }
+    bool room = limit->subobjects < limit->subobjects_max &&
+                safe_subobjects(limit->subobjects, limit->levels) == limit->subobjects;
+    if (failed == SEP_STATUS_DEBLEND && room) {
+        int doubled = 2 * limit->subobjects;
+        limit->subobjects = doubled < limit->subobjects_max ? doubled : limit->subobjects_max;
+        return true;
+    }
+    if (limit->levels > 1 && (failed == SEP_STATUS_DEBLEND || failed == SEP_STATUS_MEMORY)) {
+        job->flags |= RX_FLAG_DEBLEND_OVER;
+        limit->levels = failed == SEP_STATUS_MEMORY ? 1 : limit->levels / 2;
+        return true;
+    }
+    return false;
+}
+
+static void warn(const rx_detect_params *par, const rx_extraction *job, const limits *limit, rx_log *log)
+{
+    if ((job->flags & RX_FLAG_EXTRACT_OVER) != 0)
+        rx_log_warning(log,
+                       "more than %zu pixels above the threshold: threshold raised by %.2f, all sources "
+                       "flagged; raise MEMORY_PIXSTACK_MAX or DETECT_THRESH",
+                       limit->stack, job->raised);
+    if ((job->flags & RX_FLAG_DEBLEND_OVER) != 0)
+        rx_log_warning(log,
+                       "too many sub-objects: deblended with %d instead of %d levels, all sources flagged",
+                       limit->levels, par->deblend_levels);
+}
+
 rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, sep_catalog **dst,
                          rx_error *err)
 {
     size_t old_stack = sep_get_extract_pixstack();
     int old_subobjects = sep_get_sub_object_limit();
-    int levels = par->deblend_levels > 1 ? par->deblend_levels : 1;
-    int subobjects = par->subobjects > 0 ? par->subobjects : 1024;
-    int subobjects_max = par->subobjects_max > subobjects ? par->subobjects_max : subobjects;
-    size_t stack;
-    rx_status status = RX_OK;
+    limits limit = {.subobjects = par->subobjects > 0 ? par->subobjects : 1024,
+                    .levels = par->deblend_levels > 1 ? par->deblend_levels : 1};
+    limit.subobjects_max = par->subobjects_max > limit.subobjects ? par->subobjects_max : limit.subobjects;
+    limit.stack_fits = fit_stack(par, job, &limit.stack);
     *dst = NULL;
     job->raised = 1.0;
-    bool fits = fit_stack(par, job, &stack);
-    sep_set_extract_pixstack(stack);
-    for (;;) {
-        sep_set_sub_object_limit(safe_subobjects(subobjects, levels));
-        int failed = call_sep(par, job, levels, dst);
-        if (failed == 0)
-            break;
-        job->grown++;
-        if (failed == SEP_STATUS_STACK && !fits) {
-            job->flags |= RX_FLAG_EXTRACT_OVER;
-            job->raised *= 1.25;
-        } else if (failed == SEP_STATUS_STACK) {
-            stack *= 2;
-            sep_set_extract_pixstack(stack);
-            fits = stack < (size_t)job->width * (size_t)job->height;
-        } else if (failed == SEP_STATUS_DEBLEND && subobjects < subobjects_max &&
-                   safe_subobjects(subobjects, levels) == subobjects) {
-            subobjects = 2 * subobjects < subobjects_max ? 2 * subobjects : subobjects_max;
-        } else if (levels > 1 && (failed == SEP_STATUS_DEBLEND || failed == SEP_STATUS_MEMORY)) {
-            job->flags |= RX_FLAG_DEBLEND_OVER;
-            levels = failed == SEP_STATUS_MEMORY ? 1 : levels / 2;
-        } else {
-            char text[61] = "";
-            sep_get_errmsg(failed, text);
-            status = rx_error_set(err, RX_SYSTEM, "detection: %s; raise DETECT_THRESH or cut the tile", text);
-            break;
-        }
-    }
+    int failed;
+    do {
+        sep_set_extract_pixstack(limit.stack);
+        sep_set_sub_object_limit(safe_subobjects(limit.subobjects, limit.levels));
+        failed = call_sep(par, job, limit.levels, dst);
+    } while (failed != 0 && loosen(failed, job, &limit));
     sep_set_extract_pixstack(old_stack);
     sep_set_sub_object_limit(old_subobjects);
-    if (status == RX_OK && (job->flags & RX_FLAG_EXTRACT_OVER) != 0)
-        rx_log_warning(log,
-                       "more than %zu pixels above the threshold: threshold raised by %.2f, all sources "
-                       "flagged; raise MEMORY_PIXSTACK_MAX or DETECT_THRESH",
-                       stack, job->raised);
-    if (status == RX_OK && (job->flags & RX_FLAG_DEBLEND_OVER) != 0)
-        rx_log_warning(log,
-                       "too many sub-objects: deblended with %d instead of %d levels, all sources flagged",
-                       levels, par->deblend_levels);
-    return status;
+    if (failed == 0) {
+        warn(par, job, &limit, log);
+        return RX_OK;
+    }
+    char text[61] = "";
+    sep_get_errmsg(failed, text);
+    return rx_error_set(err, RX_SYSTEM, "detection: %s; raise DETECT_THRESH or cut the tile", text);
 }

@@ -59,9 +59,8 @@ void rx_sum_circle(const rx_view *view, double x, double y, double radius, rx_su
 {
     float cx = (float)x, cy = (float)y, r = (float)radius;
     double photon_variance = 0.0;
-    rx_box box = {(int)(cx - r + 0.499999), (int)(cx + r + 1.499999), (int)(cy - r + 0.499999),
-                  (int)(cy + r + 1.499999)};
-    *sum = (rx_sum){.truncated = rx_view_clip(view, &box)};
+    rx_box box;
+    *sum = (rx_sum){.truncated = rx_view_circle_box(view, cx, cy, r, &box)};
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {
             double share = rx_pixel_in_circle((float)u - cx, (float)v - cy, r, RIM_OVERSAMPLING);

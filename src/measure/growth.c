@@ -27,9 +27,8 @@ static void add_to_rings(double *rings, double value, double dx, double dy, doub
 static void grow(const rx_view *view, rx_source *s, double limit, double *curve)
 {
     double reach = limit + MARGIN, width = limit / RINGS;
-    rx_box box = {(int)(s->x - reach + 0.499999), (int)(s->x + reach + 1.499999),
-                  (int)(s->y - reach + 0.499999), (int)(s->y + reach + 1.499999)};
-    if (rx_view_clip(view, &box))
+    rx_box box;
+    if (rx_view_circle_box(view, s->x, s->y, reach, &box))
         s->flags |= RX_FLAG_APERTURE;
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {

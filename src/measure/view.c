@@ -67,3 +67,12 @@ bool rx_view_clip(const rx_view *view, rx_box *box)
     box->y1 = box->y1 > view->image->height ? view->image->height : box->y1;
     return all.x0 != box->x0 || all.x1 != box->x1 || all.y0 != box->y0 || all.y1 != box->y1;
 }
+
+bool rx_view_circle_box(const rx_view *view, double x, double y, double radius, rx_box *box)
+{
+    /* more than the image is the image, and an int holds it */
+    double r = fmin(radius, 4.0 * ((double)view->image->width + view->image->height));
+    *box = (rx_box){(int)(x - r + 0.499999), (int)(x + r + 1.499999), (int)(y - r + 0.499999),
+                    (int)(y + r + 1.499999)};
+    return rx_view_clip(view, box);
+}

@@ -35,4 +35,7 @@ typedef struct rx_box {
 } rx_box;
 bool rx_view_clip(const rx_view *view, rx_box *box);
 
+/* The same for the box around a circle, SExtractor's rounding; any radius. */
+bool rx_view_circle_box(const rx_view *view, double x, double y, double radius, rx_box *box);
+
 #endif

@@ -36,9 +36,8 @@ static window_sums sum_window(const rx_view *view, double cx, double cy, double 
     window_sums sums = {0};
     double radius = EXTENT * sigma;
     float limit2 = (float)((radius + 0.75) * (radius + 0.75)), fall = (float)(1.0 / (2.0 * sigma * sigma));
-    rx_box box = {(int)(cx - radius + 0.499999), (int)(cx + radius + 1.499999), (int)(cy - radius + 0.499999),
-                  (int)(cy + radius + 1.499999)};
-    if (rx_view_clip(view, &box))
+    rx_box box;
+    if (rx_view_circle_box(view, cx, cy, radius, &box))
         *truncated = true;
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {
