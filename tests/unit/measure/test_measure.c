@@ -1,5 +1,5 @@
 /* Photometry and shapes of Gaussians against formulas; masks, neighbours, threads, flags. */
-#include "field.h"
+#include "../detect/field.h"
 #include "measure/measure.h"
 
 enum { W = 160, H = 120 };

@@ -1,5 +1,5 @@
 /* Noise law on white and smoothed noise against exact sums; pulls after Richardson-Lucy. */
-#include "field.h"
+#include "../detect/field.h"
 #include "measure/aperture.h"
 #include "measure/measure.h"
 #include "num/stats.h"
