@@ -4,13 +4,20 @@
 #include <pthread.h>
 #include <signal.h>
 
+static const int ending[] = {SIGINT, SIGTERM, SIGHUP};
+enum { NENDING = sizeof ending / sizeof ending[0] };
+
+/* Signals that the parent had us ignore (nohup, background jobs) stay ignored: blocked, they would
+ * become pending all the same. */
 static sigset_t ending_signals(void)
 {
     sigset_t set;
     sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGHUP);
+    for (int i = 0; i < NENDING; i++) {
+        struct sigaction action;
+        if (sigaction(ending[i], NULL, &action) == 0 && action.sa_handler != SIG_IGN)
+            sigaddset(&set, ending[i]);
+    }
     return set;
 }
 
@@ -31,8 +38,10 @@ bool rx_interrupt_pending(void)
     sigset_t set;
     if (sigpending(&set) != 0)
         return false;
-    return sigismember(&set, SIGINT) == 1 || sigismember(&set, SIGTERM) == 1 ||
-           sigismember(&set, SIGHUP) == 1;
+    for (int i = 0; i < NENDING; i++)
+        if (sigismember(&set, ending[i]) == 1)
+            return true;
+    return false;
 }
 
 rx_status rx_interrupt_check(rx_error *err)

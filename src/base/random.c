@@ -22,23 +22,23 @@ void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t 
         out[i] = c[i];
 }
 
-static double uniform53(uint32_t high, uint32_t low)
+static double uniform52(uint32_t high, uint32_t low)
 {
-    uint64_t bits = ((uint64_t)high << 32 | low) >> 11;
-    return ((double)bits + 0.5) * 0x1p-53;
+    uint64_t bits = ((uint64_t)high << 32 | low) >> 12; /* 52 bits: with the half added, still exact */
+    return ((double)bits + 0.5) * 0x1p-52;
 }
 
 double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter)
 {
     uint32_t words[4];
     rx_random_block(seed, stream, counter, words);
-    return uniform53(words[0], words[1]);
+    return uniform52(words[0], words[1]);
 }
 
 double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter)
 {
     uint32_t words[4];
     rx_random_block(seed, stream, counter, words);
-    double radius = sqrt(-2.0 * log(uniform53(words[0], words[1])));
-    return radius * cos(2.0 * 3.14159265358979323846 * uniform53(words[2], words[3]));
+    double radius = sqrt(-2.0 * log(uniform52(words[0], words[1])));
+    return radius * cos(2.0 * 3.14159265358979323846 * uniform52(words[2], words[3]));
 }

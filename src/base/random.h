@@ -9,7 +9,7 @@
 /* Four 32-bit words of the block `counter` in `stream`. */
 void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t out[4]);
 
-/* Uniform in (0,1), 53 bits. */
+/* Uniform in (0,1), 52 bits; never 0 nor 1. */
 double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter);
 
 /* Normal deviate, mean 0, width 1 (Box-Muller on one block). */

@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <errno.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -65,8 +66,7 @@ void rx_text_free(rx_text *text)
     *text = (rx_text){0};
 }
 
-rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length,
-                            rx_error *err)
+rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length, rx_error *err)
 {
     rx_status status = RX_OK;
     char *content = NULL;
@@ -125,7 +125,7 @@ static size_t edit_distance(const char *a, const char *b)
 {
     size_t row[64], na = strlen(a), nb = strlen(b);
     if (na > 63 || nb > 63)
-        return 1000;
+        return SIZE_MAX; /* no keyword is that long */
     for (size_t j = 0; j <= nb; j++)
         row[j] = j;
     for (size_t i = 1; i <= na; i++) {

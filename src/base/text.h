@@ -20,8 +20,7 @@ void rx_text_free(rx_text *text);
 
 /* Whole file as a 0-terminated string, at most max_bytes; *data to be freed by
  * the caller. Errors: RX_INPUT (missing, a folder, too large, holds NUL bytes). */
-rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length,
-                            rx_error *err);
+rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length, rx_error *err);
 
 /* The word of `words` (n of them) nearest to `word` by edit distance, case
  * ignored, or NULL when nothing is near: for "did you mean". */

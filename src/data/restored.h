@@ -9,16 +9,16 @@
 typedef struct rx_restored {
     const char *name; /* "NONE", "RL", ... static */
     int width, height;
-    float *pixels;   /* background-subtracted, ADU; masked pixels hold 0 */
-    uint8_t *mask;   /* as of the tile, RX_MASK_ bits that the restorer honoured */
-    float *support;  /* masked share (0..1) of the pixels a value was made from, PSF-weighted; NULL for NONE */
+    float *pixels;  /* background-subtracted, ADU; masked pixels hold 0 */
+    uint8_t *mask;  /* as of the tile, RX_MASK_ bits that the restorer honoured */
+    float *support; /* masked share (0..1) of the pixels a value was made from, PSF-weighted; NULL for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
-    float *sigma;    /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
-    rx_psf *psf;     /* of the restored image */
-    rx_psf *blur;    /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
-    int iterations;  /* done; 0 where it has no meaning */
-    double chi2;     /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
+    float *sigma;     /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
+    rx_psf *psf;      /* of the restored image */
+    rx_psf *blur;     /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
+    int iterations;   /* done; 0 where it has no meaning */
+    double chi2;      /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
     double seconds;
     char settings[200]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */
 } rx_restored;

@@ -11,31 +11,32 @@
 
 /* FLAGS as in SExtractor. */
 enum {
-    RX_FLAG_CROWDED = 1,      /* AUTO biased by neighbours or > 10 % bad pixels */
-    RX_FLAG_MERGED = 2,       /* was blended */
-    RX_FLAG_SATURATED = 4,    /* at least one pixel saturated */
-    RX_FLAG_TRUNCATED = 8,    /* isophotal footprint touches the border */
-    RX_FLAG_APERTURE = 16,    /* aperture data incomplete or corrupted */
-    RX_FLAG_ISOPHOTAL = 32,   /* isophotal data incomplete or corrupted */
+    RX_FLAG_CROWDED = 1,    /* AUTO biased by neighbours or > 10 % bad pixels */
+    RX_FLAG_MERGED = 2,     /* was blended */
+    RX_FLAG_SATURATED = 4,  /* at least one pixel saturated */
+    RX_FLAG_TRUNCATED = 8,  /* isophotal footprint touches the border */
+    RX_FLAG_APERTURE = 16,  /* aperture data incomplete or corrupted */
+    RX_FLAG_ISOPHOTAL = 32, /* isophotal data incomplete or corrupted */
     RX_FLAG_DEBLEND_OVER = 64,
     RX_FLAG_EXTRACT_OVER = 128
 };
 /* FLAGS_WEIGHT as in SExtractor; FLAGS_MEASURE is ours. */
 enum { RX_FLAGW_ISO = 1, RX_FLAGW_NEIGHBOUR = 2 }; /* zero weight in the footprint / touching it */
 enum {
-    RX_FLAGM_KRON_FAILED = 1,  /* Kron radius undefined, minimum radius used */
-    RX_FLAGM_WIN_FAILED = 2,   /* windowed position did not converge, isophotal one given */
+    RX_FLAGM_KRON_FAILED = 1,   /* Kron radius undefined, minimum radius used */
+    RX_FLAGM_WIN_FAILED = 2,    /* windowed position did not converge, isophotal one given */
     RX_FLAGM_RADIUS_FAILED = 4, /* FLUX_RADIUS undefined */
-    RX_FLAGM_SINGULAR = 8,     /* ellipse was singular, regularised */
-    RX_FLAGM_MASKED_CORE = 16, /* the peak pixel's surroundings are masked */
-    RX_FLAGM_UNCALIBRATED = 32 /* error from the rms alone: no noise law for this restored image */
+    RX_FLAGM_SINGULAR = 8,      /* ellipse was singular, regularised */
+    RX_FLAGM_MASKED_CORE = 16,  /* the peak pixel's surroundings are masked */
+    RX_FLAGM_UNCALIBRATED = 32  /* error from the rms alone: no noise law for this restored image */
 };
 
 /* What became of pixels above the detection threshold that are no source's own. */
 enum {
-    RX_FRAGMENT_SMALL = 1, /* in a group of fewer than DETECT_MINAREA pixels; segment 0, hidden like a neighbour */
-    RX_FRAGMENT_EATEN = 2  /* of a detection that CLEAN merged into the source of the segment: counts for its
-                              FLUX_ISO, not for its shape, and is not hidden from others */
+    RX_FRAGMENT_SMALL =
+        1, /* in a group of fewer than DETECT_MINAREA pixels; segment 0, hidden like a neighbour */
+    RX_FRAGMENT_EATEN = 2 /* of a detection that CLEAN merged into the source of the segment: counts for its
+                             FLUX_ISO, not for its shape, and is not hidden from others */
 };
 
 enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
@@ -45,26 +46,26 @@ typedef struct rx_source {
     /* --- detection (isophotal, on the detection image) --- */
     int xmin, xmax, ymin, ymax; /* 0-based, inclusive */
     int xpeak, ypeak;
-    int npix;                 /* ISOAREAF_IMAGE: pixels above the threshold on the filtered image */
-    int isoarea;              /* ISOAREA_IMAGE */
-    int iso[RX_NISO];         /* ISO0..ISO7 */
-    double x, y;              /* barycentre */
-    double x2, y2, xy;        /* second moments, pixel^2 */
+    int npix;          /* ISOAREAF_IMAGE: pixels above the threshold on the filtered image */
+    int isoarea;       /* ISOAREA_IMAGE */
+    int iso[RX_NISO];  /* ISO0..ISO7 */
+    double x, y;       /* barycentre */
+    double x2, y2, xy; /* second moments, pixel^2 */
     double errx2, erry2, errxy;
-    double a, b, theta;       /* rms ellipse */
+    double a, b, theta; /* rms ellipse */
     double cxx, cyy, cxy;
-    double threshold;         /* detection threshold at the peak, ADU above background */
+    double threshold; /* detection threshold at the peak, ADU above background */
     double analysis_threshold;
-    double detection_snr;     /* peak of the filtered detection image in sigmas of its noise: ranks detections */
-    double fwhm;              /* FWHM_IMAGE, pixels */
+    double detection_snr; /* peak of the filtered detection image in sigmas of its noise: ranks detections */
+    double fwhm;          /* FWHM_IMAGE, pixels */
     double class_star;
-    double background;        /* BACKGROUND at the centroid, ADU */
+    double background; /* BACKGROUND at the centroid, ADU */
     int flags, flags_weight, flags_measure;
     uint32_t imaflags[RX_MAX_FLAGMAPS]; /* IMAFLAGS_ISO */
     int nimaflags[RX_MAX_FLAGMAPS];
-    double masked_fraction;   /* share of masked pixels in the AUTO ellipse (MASKED_FRACTION) */
+    double masked_fraction; /* share of masked pixels in the AUTO ellipse (MASKED_FRACTION) */
     /* --- photometry (on the measurement image) --- */
-    double peak;              /* FLUX_MAX */
+    double peak; /* FLUX_MAX */
     double flux_iso, fluxerr_iso;
     double flux_isocor, fluxerr_isocor;
     double flux_auto, fluxerr_auto, kron_radius;
@@ -79,40 +80,41 @@ typedef struct rx_source {
     double cxxwin, cyywin, cxywin;
     int niter_win, flags_win;
     /* --- sky --- */
-    double alpha, delta;          /* deg, native frame of the WCS (ALPHA_SKY) ; NAN without WCS */
+    double alpha, delta;             /* deg, native frame of the WCS (ALPHA_SKY) ; NAN without WCS */
     double alpha_j2000, delta_j2000; /* deg, ICRS/FK5 */
     double alphawin_j2000, deltawin_j2000;
     double alphapeak_j2000, deltapeak_j2000;
-    double x_world, y_world;      /* native world coordinates */
+    double x_world, y_world;                         /* native world coordinates */
     double alphawin, deltawin, alphapeak, deltapeak; /* native, of the windowed position and the peak */
-    double north_j2000;           /* rad: position angle of native north in the J2000 frame (0 when native is J2000) */
-    double world_matrix[4];       /* d(east, north in deg, i.e. dalpha*cos(delta), ddelta)/d(x,y): shape columns in world units */
+    double north_j2000; /* rad: position angle of native north in the J2000 frame (0 when native is J2000) */
+    double world_matrix[4]; /* d(east, north in deg, i.e. dalpha*cos(delta), ddelta)/d(x,y): shape columns in
+                               world units */
     /* --- cross-identification --- */
-    int number_assoc;             /* matches in the ASSOC list */
-    const double *vector_assoc;   /* [nassoc] into rx_sources.assoc, or NULL */
-    int32_t segment;              /* value in the segmentation map (= number unless removed by ASSOC) */
+    int number_assoc;           /* matches in the ASSOC list */
+    const double *vector_assoc; /* [nassoc] into rx_sources.assoc, or NULL */
+    int32_t segment;            /* value in the segmentation map (= number unless removed by ASSOC) */
 } rx_source;
 
 typedef struct rx_sources {
     int n;
-    rx_source *list;     /* [n] */
+    rx_source *list; /* [n] */
     int width, height;
-    int32_t *segments;   /* [height][width]; 0 = sky, else rx_source.segment */
-    uint8_t *fragments;  /* [height][width] RX_FRAGMENT_; NULL: not known */
-    int naper;           /* used entries of flux_aper; diameters in aperture_diameter, pixels */
+    int32_t *segments;  /* [height][width]; 0 = sky, else rx_source.segment */
+    uint8_t *fragments; /* [height][width] RX_FRAGMENT_; NULL: not known */
+    int naper;          /* used entries of flux_aper; diameters in aperture_diameter, pixels */
     double aperture_diameter[RX_MAX_APERTURES];
-    int nradii;          /* used entries of flux_radius; shares in flux_fraction */
+    int nradii; /* used entries of flux_radius; shares in flux_fraction */
     double flux_fraction[RX_MAX_RADII];
     int nflagmaps;
-    int nassoc;          /* columns copied from the ASSOC list (VECTOR_ASSOC) */
-    double *assoc;       /* owner of the vectors, [rows][nassoc] */
+    int nassoc;                      /* columns copied from the ASSOC list (VECTOR_ASSOC) */
+    double *assoc;                   /* owner of the vectors, [rows][nassoc] */
     int vignet_width, vignet_height; /* 0 = none */
-    float *vignets;      /* [n][vignet_height][vignet_width], masked pixels -1e30 */
-    int grown;           /* times detection limits had to be raised */
+    float *vignets;                  /* [n][vignet_height][vignet_width], masked pixels -1e30 */
+    int grown;                       /* times detection limits had to be raised */
     /* error calibration, see measure/noise.h: sigma(A) = law_scale * sigma_pixel * A^law_power */
     double law_scale, law_power; /* 1 and 0.5 = independent pixels */
-    int law_apertures;   /* empty apertures behind the fit, 0 = not calibrated */
-    double law_scatter;  /* robust rms of the fit in dex */
+    int law_apertures;           /* empty apertures behind the fit, 0 = not calibrated */
+    double law_scatter;          /* robust rms of the fit in dex */
 } rx_sources;
 
 void rx_sources_free(rx_sources *sources);

@@ -6,29 +6,34 @@
 #include <stdint.h>
 
 typedef enum rx_cell_type {
-    RX_CELL_INT16, RX_CELL_INT32, RX_CELL_INT64, RX_CELL_FLOAT, RX_CELL_DOUBLE, RX_CELL_TEXT
+    RX_CELL_INT16,
+    RX_CELL_INT32,
+    RX_CELL_INT64,
+    RX_CELL_FLOAT,
+    RX_CELL_DOUBLE,
+    RX_CELL_TEXT
 } rx_cell_type;
 
 typedef struct rx_column {
     char name[72];
-    char unit[48];         /* FITS unit string, "" when none */
+    char unit[48]; /* FITS unit string, "" when none */
     char ucd[64];
     char description[160];
-    char format[16];       /* printf format for one element in ASCII, e.g. "%11.4f"; "" = default */
+    char format[16]; /* printf format for one element in ASCII, e.g. "%11.4f"; "" = default */
     rx_cell_type type;
-    int ndim, dim[2];      /* 0 scalar; 1 vector of dim[0]; 2 image dim[0] x fastest, dim[1] */
-    int text_width;        /* RX_CELL_TEXT: bytes per element, 0-terminated inside */
-    void *data;            /* [nrows][elements] of the type; owner is the table */
+    int ndim, dim[2]; /* 0 scalar; 1 vector of dim[0]; 2 image dim[0] x fastest, dim[1] */
+    int text_width;   /* RX_CELL_TEXT: bytes per element, 0-terminated inside */
+    void *data;       /* [nrows][elements] of the type; owner is the table */
 } rx_column;
 
 typedef struct rx_table {
-    char *name;            /* EXTNAME, "" when none */
+    char *name; /* EXTNAME, "" when none */
     long nrows;
     int ncolumns;
     rx_column *columns;
-    char *cards;           /* header of the image the rows come from, 80 chars a card, or NULL */
+    char *cards; /* header of the image the rows come from, 80 chars a card, or NULL */
     long ncards;
-    char *facts;           /* ready 80-character cards that say how the rows were made, or NULL */
+    char *facts; /* ready 80-character cards that say how the rows were made, or NULL */
     long nfacts;
 } rx_table;
 

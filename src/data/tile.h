@@ -34,9 +34,9 @@ typedef struct rx_tile {
     int hdu;       /* as cfitsio counts in name[n]: 0 = primary */
     int extension; /* 1, 2, ... among the image HDUs that are processed (EXT_NUMBER) */
     int width, height;
-    float *pixels;       /* [height][width]; bad pixels hold 0, never NaN */
-    uint8_t *mask;       /* [height][width], RX_MASK_ bits; always there */
-    float *weight;       /* [height][width] as in the file, or NULL */
+    float *pixels; /* [height][width]; bad pixels hold 0, never NaN */
+    uint8_t *mask; /* [height][width], RX_MASK_ bits; always there */
+    float *weight; /* [height][width] as in the file, or NULL */
     rx_weight_type weight_type;
     int nflagmaps;
     uint32_t **flagmaps; /* nflagmaps planes [height][width] (FLAG_IMAGE) */
@@ -47,17 +47,17 @@ typedef struct rx_tile {
     double exptime;      /* s, 0 when unknown */
     char *cards;         /* the HDU's header, 80 characters a card, END excluded */
     size_t ncards;
-    struct rx_wcs *wcs;  /* NULL without usable celestial coordinates */
-    int linear_wcs;      /* 1: header has only linear coordinates, then */
-    double linear[6];    /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
-    char checksum[32];   /* hex digest of the pixels that are not masked (FNV-1a, 64 bits) */
+    struct rx_wcs *wcs; /* NULL without usable celestial coordinates */
+    int linear_wcs;     /* 1: header has only linear coordinates, then */
+    double linear[6];   /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
+    char checksum[32];  /* hex digest of the pixels that are not masked (FNV-1a, 64 bits) */
 } rx_tile;
 
 /* Sky level and noise of a tile (SExtractor's background and rms maps). */
 typedef struct rx_background {
     int width, height;
-    float *level;            /* [height][width] ADU */
-    float *sigma;            /* [height][width] noise of a pixel, ADU; what weights say, else the rms map */
+    float *level; /* [height][width] ADU */
+    float *sigma; /* [height][width] noise of a pixel, ADU; what weights say, else the rms map */
     double global_level, global_sigma;
 } rx_background;
 

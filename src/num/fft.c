@@ -29,7 +29,9 @@ static int round_up(int n, int unit)
 int rx_fft_good_size(int n)
 {
     static const int factors[] = {2, 3, 5, 7};
-    for (int size = n <= 2 ? 2 : n + n % 2; size > 0 && size < INT_MAX - 2; size += 2) {
+    if (n > INT_MAX - 4)
+        return 0;
+    for (int size = n <= 2 ? 2 : n + n % 2; size < INT_MAX - 2; size += 2) {
         int rest = size;
         for (int i = 0; i < 4; i++)
             while (rest % factors[i] == 0)

@@ -118,7 +118,7 @@ static void the_nearest_word_is_found(void **state)
 static void endless_words_are_near_to_nothing(void **state)
 {
     (void)state;
-    char endless[2001];
+    char endless[4001];
     memset(endless, 'A', sizeof endless - 1);
     endless[sizeof endless - 1] = '\0';
     const char *words[] = {"GAIN"};
