@@ -45,6 +45,9 @@ rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
 void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2]);
 int rx_columns_has(const rx_column_list *list, const char *name);
 
+/* Is a column chosen whose name contains `part`? "_APER" stands for all aperture columns. */
+int rx_columns_mention(const rx_column_list *list, const char *part);
+
 /* Cut a vector column to what there is to show (`keyword` gives `available` elements), with a
  * warning, as SExtractor does; never below 1. Nothing happens when the column is not chosen. */
 void rx_columns_clip(rx_column_list *list, const char *name, int available, const char *keyword, rx_log *log);

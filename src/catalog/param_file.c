@@ -226,6 +226,16 @@ int rx_columns_has(const rx_column_list *list, const char *name)
     return find_choice(list, name) != NULL;
 }
 
+int rx_columns_mention(const rx_column_list *list, const char *part)
+{
+    int n;
+    const rx_column_def *defs = rx_column_defs(&n);
+    for (int i = 0; i < list->n; i++)
+        if (strstr(defs[list->choice[i].index].name, part) != NULL)
+            return 1;
+    return 0;
+}
+
 void rx_columns_clip(rx_column_list *list, const char *name, int available, const char *keyword, rx_log *log)
 {
     int index = rx_column_index(name);

@@ -138,7 +138,8 @@ static rx_status detect_sources(rx_run *run, work *w, rx_log *log, rx_error *err
                              .mask = run->restored->mask,
                              .mask_bits = w->hide,
                              .variable_noise = !w->plain || tile->weight_type != RX_WEIGHT_NONE,
-                             .global_sigma = w->detect_global};
+                             .global_sigma = w->detect_global,
+                             .gain = tile->gain};
     rx_status status = rx_detect_run(&w->options->detect, &image, log, &run->sources, err);
     if (status == RX_OK)
         rank_detections(w, run->sources);
@@ -209,9 +210,15 @@ static rx_status measure_sources(rx_run *run, work *w, rx_log *log, rx_error *er
     if (status == RX_OK) {
         image.law_scale = w->law.scale;
         image.law_power = w->law.power;
+        image.law = w->law.apertures > 0 ? &w->law : NULL;
         rx_measure_params par = options->measure;
         double scale = w->measure->tile->pixel_scale;
-        par.seeing_fwhm = scale > 0.0 ? options->seeing_arcsec / scale : options->seeing_arcsec;
+        par.pixel_scale = scale > 0.0 ? scale : 1.0;
+        par.seeing_fwhm = options->seeing_arcsec / par.pixel_scale;
+        if (w->measure != w->detect) { /* detection's threshold is that of another image */
+            par.analysis_threshold = options->detect.analysis_threshold;
+            par.analysis_absolute = options->detect.absolute;
+        }
         status = rx_measure_run(&par, &image, log, run->sources, err);
     }
     free(owned);

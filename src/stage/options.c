@@ -177,38 +177,26 @@ static void detect_options(const rx_config *cfg, rx_options *dst)
     par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->absolute);
 }
 
-/* Is one of the n columns chosen? */
-static int any_column(const rx_column_list *columns, const char *const *names, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (rx_columns_has(columns, names[i]))
-            return 1;
-    return 0;
-}
-
 /* What no column, check-image or report asks for; matters for FLAGS too, as in SExtractor. */
 static unsigned skipped_measurements(const rx_config *cfg, const rx_column_list *columns)
 {
-    static const char *const aper[] = {"FLUX_APER", "FLUXERR_APER", "MAG_APER", "MAGERR_APER"};
-    static const char *const automatic[] = {"FLUX_AUTO",   "FLUXERR_AUTO", "MAG_AUTO",       "MAGERR_AUTO",
-                                            "FLUX_BEST",   "FLUXERR_BEST", "MAG_BEST",       "MAGERR_BEST",
-                                            "KRON_RADIUS", "FLUX_RADIUS",  "MASKED_FRACTION"};
-    static const char *const petro[] = {"FLUX_PETRO", "FLUXERR_PETRO", "MAG_PETRO", "MAGERR_PETRO",
-                                        "PETRO_RADIUS"};
-    int report = cfg->reference_name[0] != '\0', apertures = 0;
+    const char *report = cfg->reference_name[0] != '\0' ? cfg->qa_mag : "";
+    int radius = rx_columns_mention(columns, "FLUX_RADIUS");
+    int automatic = radius || rx_columns_mention(columns, "_AUTO") || rx_columns_mention(columns, "_BEST") ||
+                    rx_columns_mention(columns, "KRON") || rx_columns_mention(columns, "MASKED_FRACTION") ||
+                    strcmp(report, "MAG_AUTO") == 0;
     for (int i = 0; i < cfg->checkimage_type.n; i++)
-        apertures |= strcmp(cfg->checkimage_type.v[i], "APERTURES") == 0;
-    int want_aper =
-        any_column(columns, aper, COUNT(aper)) || (report && strcmp(cfg->qa_mag, "MAG_APER") == 0);
-    int want_auto = any_column(columns, automatic, COUNT(automatic)) || apertures ||
-                    (report && strcmp(cfg->qa_mag, "MAG_AUTO") == 0);
-    int want_petro =
-        any_column(columns, petro, COUNT(petro)) || (report && strcmp(cfg->qa_mag, "MAG_PETRO") == 0);
+        automatic |= strcmp(cfg->checkimage_type.v[i], "APERTURES") == 0;
     unsigned skip = 0;
-    skip |= want_aper ? 0 : RX_SKIP_APER;
-    skip |= want_auto ? 0 : RX_SKIP_AUTO;
-    skip |= want_petro ? 0 : RX_SKIP_PETRO;
-    return skip;
+    if (!rx_columns_mention(columns, "_APER") && strcmp(report, "MAG_APER") != 0)
+        skip |= RX_SKIP_APER;
+    if (!automatic)
+        skip |= RX_SKIP_AUTO;
+    if (!rx_columns_mention(columns, "PETRO") && strcmp(report, "MAG_PETRO") != 0)
+        skip |= RX_SKIP_PETRO;
+    if (!rx_columns_mention(columns, "WIN") && strcmp(report, "MAG_WIN") != 0)
+        skip |= RX_SKIP_WIN;
+    return radius ? skip : skip | RX_SKIP_RADIUS;
 }
 
 static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
@@ -229,7 +217,6 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
         par->aperture_diameter[par->naper++] = cfg->phot_apertures.v[i];
     for (int i = 0; i < cfg->phot_fluxfrac.n; i++)
         par->flux_fraction[par->nradii++] = cfg->phot_fluxfrac.v[i];
-    par->pixel_scale = cfg->pixel_scale;
     par->skip = skipped_measurements(cfg, dst->columns);
     if (rx_columns_has(dst->columns, "CLASS_STAR"))
         par->nnw_file = cfg->starnnw_name;
