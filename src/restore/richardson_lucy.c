@@ -249,10 +249,11 @@ static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *na
 static void describe(const rx_restore_params *par, const rx_scene *scene, const char *settings,
                      rx_restored *dst)
 {
-    snprintf(dst->settings, sizeof dst->settings,
-             "RL_NITER %d, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %g, RL_PEDESTAL %g (used: %.4g ADU)%s%s",
-             par->rl_niter, par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping,
-             par->rl_denoise, par->rl_pedestal, scene->pedestal, settings[0] != '\0' ? ", " : "", settings);
+    snprintf(
+        dst->settings, sizeof dst->settings,
+        "RL_NITER %d, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g ADU)%s%s",
+        par->rl_niter, par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping, par->rl_denoise,
+        par->rl_pedestal, scene->pedestal, settings[0] != '\0' ? ", " : "", settings);
 }
 
 static rx_status new_restored(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
@@ -302,11 +303,17 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_scene *sc
     return status;
 }
 
-rx_status rx_rl_restore(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_scene *scene, const rx_psf *psf,
                         const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
 {
     const double begun = rx_seconds();
     rx_restored *restored = NULL;
+    rx_restore_params used = *wanted;
+    const rx_restore_params *par = &used;
+    if (wanted->rl_denoise_by_psf) {
+        used.rl_denoise *= psf->fwhm;
+        used.rl_denoise_by_psf = 0;
+    }
     *dst = NULL;
     rx_status status = rx_blur_check(psf, scene->width, scene->height, err);
     if (status == RX_OK)

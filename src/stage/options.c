@@ -109,6 +109,7 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
                                        .rl_stop_discrepancy = strcmp(cfg->rl_stop, "DISCREPANCY") == 0,
                                        .rl_damping = cfg->rl_damping,
                                        .rl_denoise = cfg->rl_denoise,
+                                       .rl_denoise_by_psf = strcmp(cfg->rl_denoise_unit, "PSF") == 0,
                                        .rl_pedestal = cfg->rl_pedestal,
                                        .blind_cycles = cfg->rl_blind_cycles,
                                        .blind_psf_niter = cfg->rl_blind_niter,

@@ -161,7 +161,8 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
     rx_background sky = {
         .width = W, .height = H, .level = RX_NEW(float, f.n), .sigma = f.sigma, .global_sigma = 1.0};
     rx_tile tile = {.width = W, .height = H, .pixels = f.pixels, .mask = f.mask, .saturation = HUGE_VAL};
-    rx_restore_params restore = {.rl_niter = 30, .rl_denoise = 2.0, .rl_pedestal = 5.0, .nthreads = 2};
+    rx_restore_params restore = {
+        .rl_niter = 30, .rl_denoise = 0.8, .rl_denoise_by_psf = 1, .rl_pedestal = 5.0, .nthreads = 2};
     rx_restored *restored = NULL;
     assert_int_equal(rx_restorer_find("RL")->run(&restore, &tile, &sky, psf, NULL, &restored, NULL), RX_OK);
     rx_detect_params detect = field_params();
@@ -201,28 +202,15 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
     return n;
 }
 
-static int by_flux(const void *a, const void *b)
+/* Robust width of (measured - true) / error, nothing taken out; *median of it tells the bias in sigmas. */
+static double pull_width(double (*rows)[3], int n, double *median)
 {
-    const double *x = a, *y = b;
-    return (x[2] > y[2]) - (x[2] < y[2]);
-}
-
-/* Robust width of (measured - share * true) / error. An aperture holds a share of the flux that varies
- * with the brightness (AUTO grows with it): the median over a fifth of the stars, in order of flux. */
-static double pull_width(double (*rows)[3], int n)
-{
-    double *values = RX_NEW(double, (size_t)n), share[5];
-    qsort(rows, (size_t)n, sizeof *rows, by_flux);
-    for (int bin = 0; bin < 5; bin++) {
-        int first = n * bin / 5, last = n * (bin + 1) / 5;
-        for (int i = first; i < last; i++)
-            values[i - first] = rows[i][0] / rows[i][2];
-        share[bin] = rx_median(values, (size_t)(last - first));
-    }
+    double *pulls = RX_NEW(double, (size_t)n);
+    assert_non_null(pulls);
     for (int i = 0; i < n; i++)
-        values[i] = (rows[i][0] - share[i * 5 / n] * rows[i][2]) / rows[i][1];
-    double width = rx_sigma_mad(values, (size_t)n, NULL);
-    free(values);
+        pulls[i] = (rows[i][0] - rows[i][2]) / rows[i][1];
+    double width = rx_sigma_mad(pulls, (size_t)n, median);
+    free(pulls);
     return width;
 }
 
@@ -236,11 +224,17 @@ static void pulls_have_unit_width_after_restoration(void **state)
     for (uint64_t seed = 0; seed < FIELDS; seed++)
         n += restore_and_measure(psf, 100 + seed, auto_flux + n, aper_flux + n);
     rx_psf_free(psf);
-    double width_auto = pull_width(auto_flux, n), width_aper = pull_width(aper_flux, n);
-    print_message("%d stars: pull width AUTO %.3f, aperture %.3f\n", n, width_auto, width_aper);
+    double median_auto, median_aper;
+    double width_auto = pull_width(auto_flux, n, &median_auto);
+    double width_aper = pull_width(aper_flux, n, &median_aper);
+    print_message("%d stars: pull width (median) AUTO %.3f (%.2f), aperture %.3f (%.2f)\n", n, width_auto,
+                  median_auto, width_aper, median_aper);
     assert_true(n > STARS * FIELDS / 2);
     assert_float_equal(width_aper, 1.0, 0.1);
     assert_float_equal(width_auto, 1.0, 0.1);
+    /* the aperture is unbiased; RL's dark rings make AUTO, which ends inside them, 4 to 8 % too bright */
+    assert_float_equal(median_aper, 0.0, 0.2);
+    assert_true(median_auto > 0.0 && median_auto < 1.5);
 }
 
 int main(void)
