@@ -8,9 +8,9 @@
 #include "base/memory.h"
 #include "catalog/assoc.h"
 #include "detect/filter.h"
-#include "measure/measure.h"
 #include "stage/coordinates.h"
 #include "stage/names.h"
+#include "stage/photometry.h"
 
 /* Planes and numbers that live while one extension is extracted. */
 typedef struct work {
@@ -24,7 +24,7 @@ typedef struct work {
     const float *detect_sigma;
     double detect_global;
     rx_restored *second; /* restored measurement image (dual-image mode) */
-    rx_noise_law law;
+    rx_photometry photometry;
 } work;
 
 rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
@@ -143,94 +143,39 @@ static rx_status detect_sources(rx_run *run, work *w, rx_log *log, rx_error *err
     rx_status status = rx_detect_run(&w->options->detect, &image, log, &run->sources, err);
     if (status == RX_OK)
         rank_detections(w, run->sources);
-    run->global_sigma = w->detect_global;
     return status;
 }
 
-/* What fluxes are measured on: the restored image, or untouched pixels. */
-static rx_status measurement_image(const rx_run *run, work *w, float **owned, rx_log *log,
-                                   rx_measure_image *dst, rx_error *err)
-{
-    const rx_field *field = w->measure;
-    const rx_tile *tile = field->tile;
-    int original = w->options->measure_original || w->plain, plain = original;
-    const rx_background *background = original ? field->plain : field->restored;
-    *dst = (rx_measure_image){.width = tile->width,
-                              .height = tile->height,
-                              .sigma = background->sigma,
-                              .level = background->level,
-                              .saturated_mask = tile->mask,
-                              .gain = tile->gain,
-                              .global_sigma = background->global_sigma,
-                              .variable_noise = tile->weight_type != RX_WEIGHT_NONE,
-                              .nflagmaps = w->detect->tile->nflagmaps,
-                              .flagmaps = w->detect->tile->flagmaps,
-                              .flag_type = w->options->flag_type,
-                              .weight_gain = w->options->background.weight_gain,
-                              .law_scale = 1.0,
-                              .law_power = 0.5};
-    if (!original) {
-        const rx_restored *restored = run->restored;
-        if (w->measure != w->detect) {
-            rx_status status = restore(run, w->options, field, &plain, log, &w->second, err);
-            if (status != RX_OK)
-                return status;
-            restored = w->second;
-        }
-        dst->pixels = restored->pixels;
-        dst->mask = restored->mask;
-        dst->mask_bits = plain ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
-        return RX_OK;
-    }
-    size_t n = (size_t)tile->width * (size_t)tile->height;
-    float *pixels = RX_NEW(float, n);
-    if (pixels == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    dst->mask_bits = w->options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
-    for (size_t i = 0; i < n; i++)
-        pixels[i] = tile->mask[i] & dst->mask_bits ? 0.0f : tile->pixels[i] - background->level[i];
-    dst->pixels = *owned = pixels;
-    dst->mask = tile->mask;
-    return RX_OK;
-}
-
+/* Fluxes come from the restored image (of the measurement tile in dual-image mode) or from untouched pixels.
+ */
 static rx_status measure_sources(rx_run *run, work *w, rx_log *log, rx_error *err)
 {
-    const rx_options *options = w->options;
-    rx_measure_image image;
-    float *owned = NULL;
-    rx_status status = measurement_image(run, w, &owned, log, &image, err);
-    if (status != RX_OK)
-        return status;
-    int original = owned != NULL;
-    w->law = (rx_noise_law){.scale = 1.0, .power = 0.5};
-    if (original ? options->calibrate_none : options->calibrate_restored)
-        status = rx_noise_law_fit(&image, run->sources, options->error_apertures, options->seed, &w->law, log,
-                                  err);
-    if (status == RX_OK) {
-        image.law_scale = w->law.scale;
-        image.law_power = w->law.power;
-        image.law = w->law.apertures > 0 ? &w->law : NULL;
-        rx_measure_params par = options->measure;
-        double scale = w->measure->tile->pixel_scale;
-        par.pixel_scale = scale > 0.0 ? scale : 1.0;
-        par.seeing_fwhm = options->seeing_arcsec / par.pixel_scale;
-        if (w->measure != w->detect) { /* detection's threshold is that of another image */
-            par.analysis_threshold = options->detect.analysis_threshold;
-            par.analysis_absolute = options->detect.absolute;
-        }
-        status = rx_measure_run(&par, &image, log, run->sources, err);
+    const rx_restored *restored = run->restored;
+    int plain = w->plain;
+    if (w->options->measure_original || plain) {
+        restored = NULL;
+    } else if (w->measure != w->detect) {
+        rx_status status = restore(run, w->options, w->measure, &plain, log, &w->second, err);
+        if (status != RX_OK)
+            return status;
+        restored = plain ? NULL : w->second;
     }
-    free(owned);
-    rx_sources *sources = run->sources;
-    sources->law_scale = w->law.scale;
-    sources->law_power = w->law.power;
-    sources->law_apertures = w->law.apertures;
-    sources->law_scatter = w->law.scatter;
-    int uncalibrated = !original && options->calibrate_restored && w->law.apertures == 0;
-    for (int i = 0; i < sources->n && uncalibrated; i++)
-        sources->list[i].flags_measure |= RX_FLAGM_UNCALIBRATED;
-    return status;
+    rx_status status = rx_photometry_run(w->options, w->detect, w->measure, restored, run->sources, log,
+                                         &w->photometry, err);
+    const rx_fluxcheck *check = &w->photometry.check;
+    snprintf(run->account, sizeof run->account, "%s", run->restored->settings);
+    if (status != RX_OK || check->n == 0)
+        return status;
+    char text[256];
+    snprintf(text, sizeof text,
+             "fluxes against untouched pixels, %d isolated sources: %.4f +- %.4f in apertures of %.1f "
+             "pixels, FLUX_AUTO "
+             "%.3f +- %.3f of these",
+             check->n, check->wide, check->wide_error, check->diameter, check->automatic,
+             check->automatic_error);
+    rx_log_info(log, "%s[%d]: %s: %s", w->detect->tile->name, w->detect->tile->hdu, run->kind->name, text);
+    snprintf(run->account, sizeof run->account, "%s; %s", run->restored->settings, text);
+    return RX_OK;
 }
 
 /* The facts of this extension, for the headers of its table and images. */
@@ -254,11 +199,22 @@ static void describe(const rx_run *run, const work *w, rx_record *facts)
     rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);
     rx_record_add(facts, "RXSIGMA", "noise of an input pixel, ADU", "%.8g", background->global_sigma);
     rx_record_add(facts, "RXDSIG", "noise that thresholds refer to, ADU", "%.8g", w->detect_global);
-    rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g", w->law.scale);
-    rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", w->law.power);
-    rx_record_add(facts, "RXLAWN", "empty apertures behind the law, 0 = none", "%d", w->law.apertures);
-    if (w->law.apertures > 0)
-        rx_record_add(facts, "RXLAWE", "scatter of the fit, dex", "%.4f", w->law.scatter);
+    rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g",
+                  w->photometry.law.scale);
+    rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", w->photometry.law.power);
+    rx_record_add(facts, "RXLAWN", "empty apertures behind the law, 0 = none", "%d",
+                  w->photometry.law.apertures);
+    if (w->photometry.law.apertures > 0)
+        rx_record_add(facts, "RXLAWE", "scatter of the fit, dex", "%.4f", w->photometry.law.scatter);
+    const rx_fluxcheck *check = &w->photometry.check;
+    if (check->n > 0) {
+        rx_record_add(facts, "RXFLXN", "isolated sources compared with untouched pixels", "%d", check->n);
+        rx_record_add(facts, "RXFLXD", "aperture of the comparison, pixels", "%.2f", check->diameter);
+        rx_record_add(facts, "RXFLXW", "its flux, restored / untouched", "%.5f", check->wide);
+        rx_record_add(facts, "RXFLXWE", "1 sigma of RXFLXW", "%.5f", check->wide_error);
+        rx_record_add(facts, "RXFLXA", "FLUX_AUTO restored / that flux untouched", "%.5f", check->automatic);
+        rx_record_add(facts, "RXFLXAE", "1 sigma of RXFLXA", "%.5f", check->automatic_error);
+    }
     rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
     rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", w->measure->tile->gain);
     rx_record_add(facts, "RXSATUR", "saturation level, ADU", "%.6g", w->detect->tile->saturation);

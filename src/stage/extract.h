@@ -26,7 +26,7 @@ typedef struct rx_run {
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;
-    double global_sigma; /* noise of the detection image, for pictures */
+    char account[512]; /* settings and what was found of the fluxes, one line for the report */
 } rx_run;
 
 /* Open the outputs of a restorer; `tagged`: several restorers share the names. */

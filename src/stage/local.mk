@@ -2,8 +2,10 @@ librextract_la_SOURCES += \
 	src/stage/checkimages.c src/stage/checkimages.h \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/field.c src/stage/field.h \
+	src/stage/fluxcheck.c src/stage/fluxcheck.h \
 	src/stage/names.c src/stage/names.h \
 	src/stage/options.c src/stage/options.h \
+	src/stage/photometry.c src/stage/photometry.h \
 	src/stage/quality.c src/stage/quality.h \
 	src/stage/record.c src/stage/record.h \
 	src/stage/reference.c src/stage/reference.h \

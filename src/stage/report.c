@@ -41,7 +41,7 @@ static rx_status collect_runs(const rx_options *options, const rx_field *measure
         const rx_restored *restored = runs[i].restored;
         dst[i] = (rx_qa_run){.name = runs[i].kind->name,
                              .seconds = restored->seconds,
-                             .settings = restored->settings,
+                             .settings = runs[i].account,
                              .psf = restored->blur != NULL ? restored->blur->description : "",
                              .law_scale = runs[i].sources->law_scale,
                              .law_power = runs[i].sources->law_power};

@@ -1,0 +1,26 @@
+/* Are the fluxes on a restored image those of the tile? Measured on every tile and told in log, header and
+ * report: the same isolated sources on restored and on untouched pixels. */
+#ifndef RX_STAGE_FLUXCHECK_H
+#define RX_STAGE_FLUXCHECK_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/sources.h"
+#include "measure/measure.h"
+
+typedef struct rx_fluxcheck {
+    int n;             /* sources compared: FLAGS 0 and S/N above 30 on the restored image; 0 = too few */
+    double diameter;   /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
+    double wide;       /* median of wide aperture flux, restored / untouched */
+    double wide_error; /* 1 sigma of the median */
+    double automatic;  /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
+    double automatic_error;
+} rx_fluxcheck;
+
+/* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile. fwhm of the
+ * tile's PSF in pixels. Fewer than 5 sources: n = 0. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_measure_image *restored,
+                           const rx_measure_image *original, double fwhm, const rx_sources *sources,
+                           rx_log *log, rx_fluxcheck *dst, rx_error *err);
+
+#endif

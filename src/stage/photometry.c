@@ -1,0 +1,116 @@
+/* Measuring the sources of one restorer. */
+#include "stage/photometry.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "measure/measure.h"
+
+static rx_measure_image image_of(const rx_options *options, const rx_field *detect, const rx_field *field,
+                                 const rx_background *background)
+{
+    const rx_tile *tile = field->tile;
+    return (rx_measure_image){.width = tile->width,
+                              .height = tile->height,
+                              .sigma = background->sigma,
+                              .level = background->level,
+                              .saturated_mask = tile->mask,
+                              .gain = tile->gain,
+                              .global_sigma = background->global_sigma,
+                              .variable_noise = tile->weight_type != RX_WEIGHT_NONE,
+                              .weight_gain = options->background.weight_gain,
+                              .nflagmaps = detect->tile->nflagmaps,
+                              .flagmaps = detect->tile->flagmaps,
+                              .flag_type = options->flag_type,
+                              .law_scale = 1.0,
+                              .law_power = 0.5};
+}
+
+static rx_measure_image restored_image(const rx_options *options, const rx_field *detect,
+                                       const rx_field *field, const rx_restored *restored)
+{
+    rx_measure_image image = image_of(options, detect, field, field->restored);
+    image.pixels = restored->pixels;
+    image.mask = restored->mask;
+    image.mask_bits = RX_HIDE_RESTORED;
+    return image;
+}
+
+/* *pixels is the plane the image points at, the caller's. */
+static rx_status untouched_image(const rx_options *options, const rx_field *detect, const rx_field *field,
+                                 float **pixels, rx_measure_image *dst, rx_error *err)
+{
+    const rx_tile *tile = field->tile;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    *dst = image_of(options, detect, field, field->plain);
+    *pixels = RX_NEW(float, n);
+    if (*pixels == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    dst->mask_bits = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    for (size_t i = 0; i < n; i++)
+        if ((tile->mask[i] & dst->mask_bits) == 0)
+            (*pixels)[i] = tile->pixels[i] - field->plain->level[i];
+    dst->pixels = *pixels;
+    dst->mask = tile->mask;
+    return RX_OK;
+}
+
+static rx_measure_params params_of(const rx_options *options, const rx_field *detect, const rx_field *field)
+{
+    rx_measure_params par = options->measure;
+    double scale = field->tile->pixel_scale;
+    par.pixel_scale = scale > 0.0 ? scale : 1.0;
+    par.seeing_fwhm = options->seeing_arcsec / par.pixel_scale;
+    if (field != detect) { /* detection's threshold is that of another image */
+        par.analysis_threshold = options->detect.analysis_threshold;
+        par.analysis_absolute = options->detect.absolute;
+    }
+    return par;
+}
+
+static rx_status measure_with_law(const rx_options *options, int calibrate, const rx_measure_params *par,
+                                  rx_measure_image *image, rx_sources *sources, rx_log *log,
+                                  rx_noise_law *law, rx_error *err)
+{
+    rx_status status = RX_OK;
+    *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
+    if (calibrate)
+        status = rx_noise_law_fit(image, sources, options->error_apertures, options->seed, law, log, err);
+    if (status != RX_OK)
+        return status;
+    image->law_scale = sources->law_scale = law->scale;
+    image->law_power = sources->law_power = law->power;
+    image->law = law->apertures > 0 ? law : NULL;
+    sources->law_apertures = law->apertures;
+    sources->law_scatter = law->scatter;
+    status = rx_measure_run(par, image, log, sources, err);
+    for (int i = 0; i < sources->n && calibrate && law->apertures == 0; i++)
+        sources->list[i].flags_measure |= RX_FLAGM_UNCALIBRATED;
+    return status;
+}
+
+rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, const rx_field *field,
+                            const rx_restored *restored, rx_sources *sources, rx_log *log, rx_photometry *dst,
+                            rx_error *err)
+{
+    rx_measure_params par = params_of(options, detect, field);
+    rx_measure_image untouched, image;
+    float *pixels = NULL;
+    *dst = (rx_photometry){.law = {.scale = 1.0, .power = 0.5}};
+    rx_status status = untouched_image(options, detect, field, &pixels, &untouched, err);
+    if (status != RX_OK)
+        return status;
+    if (restored == NULL) {
+        status = measure_with_law(options, options->calibrate_none, &par, &untouched, sources, log, &dst->law,
+                                  err);
+    } else {
+        image = restored_image(options, detect, field, restored);
+        status = measure_with_law(options, options->calibrate_restored, &par, &image, sources, log, &dst->law,
+                                  err);
+        if (status == RX_OK && restored->blur != NULL)
+            status = rx_fluxcheck_run(&par, &image, &untouched, restored->blur->fwhm, sources, log,
+                                      &dst->check, err);
+    }
+    free(pixels);
+    return status;
+}

@@ -1,0 +1,120 @@
+/* The comparison of fluxes on restored and untouched pixels: a known factor is found, few sources give none.
+ */
+#include "scene.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "detect/detect.h"
+#include "stage/fluxcheck.h"
+
+enum { SIDE = 400 };
+
+typedef struct bench {
+    scene scene;
+    float *scaled, *sigma;
+    rx_measure_image untouched, restored;
+    rx_measure_params par;
+    rx_sources *sources;
+} bench;
+
+static rx_measure_image image_of(const float *pixels, const float *sigma)
+{
+    return (rx_measure_image){.width = SIDE,
+                              .height = SIDE,
+                              .pixels = pixels,
+                              .sigma = sigma,
+                              .global_sigma = 5.0,
+                              .law_scale = 1.0,
+                              .law_power = 0.5};
+}
+
+/* "Restored" pixels are the untouched ones times `factor`: what they are measured on. */
+static void setup(bench *b, int nstars, float factor)
+{
+    const size_t n = (size_t)SIDE * SIDE;
+    scene_make(&b->scene, SIDE, SIDE, nstars, 11);
+    b->scaled = RX_NEW(float, n);
+    b->sigma = RX_NEW(float, n);
+    assert_true(b->scaled != NULL && b->sigma != NULL);
+    for (size_t i = 0; i < n; i++) {
+        b->scene.pixels[i] -= 1000.0f;
+        b->scaled[i] = factor * b->scene.pixels[i];
+        b->sigma[i] = 5.0f;
+    }
+    b->untouched = image_of(b->scene.pixels, b->sigma);
+    b->restored = image_of(b->scaled, b->sigma);
+    b->par = (rx_measure_params){.auto_factor = 2.5,
+                                 .auto_min_radius = 3.5,
+                                 .neighbours = RX_NEIGHBOURS_CORRECT,
+                                 .skip = RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN | RX_SKIP_APER,
+                                 .nthreads = 1};
+    rx_detect_params detect = {.threshold = 3.0,
+                               .analysis_threshold = 3.0,
+                               .min_area = 5,
+                               .deblend_levels = 32,
+                               .deblend_contrast = 0.005,
+                               .clean = 1,
+                               .clean_param = 1.0,
+                               .pixstack = 300000,
+                               .pixstack_max = 1000000,
+                               .subobjects = 1024,
+                               .subobjects_max = 4096};
+    rx_detect_image image = {
+        .width = SIDE, .height = SIDE, .pixels = b->scaled, .sigma = b->sigma, .global_sigma = 5.0};
+    assert_int_equal(rx_detect_run(&detect, &image, NULL, &b->sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&b->par, &b->restored, NULL, b->sources, NULL), RX_OK);
+}
+
+static void teardown(bench *b)
+{
+    scene_free(&b->scene);
+    free(b->scaled);
+    free(b->sigma);
+    rx_sources_free(b->sources);
+}
+
+static void a_known_factor_is_found(void **state)
+{
+    (void)state;
+    bench b;
+    rx_fluxcheck check;
+    setup(&b, 60, 1.02f);
+    assert_int_equal(rx_fluxcheck_run(&b.par, &b.restored, &b.untouched, 3.5, b.sources, NULL, &check, NULL),
+                     RX_OK);
+    assert_true(check.n >= 10);
+    assert_float_equal(check.diameter, 17.5, 1e-12);
+    assert_float_equal(check.wide, 1.02, 1e-5);
+    assert_float_equal(check.wide_error, 0.0, 1e-5);
+    /* AUTO holds 94 % of a star and more (SExtractor manual), never more than all of it */
+    assert_true(check.automatic > 0.92 * 1.02 && check.automatic < 1.02);
+    assert_true(check.automatic_error > 0.0 && check.automatic_error < 0.02);
+    teardown(&b);
+}
+
+static void few_sources_tell_nothing(void **state)
+{
+    (void)state;
+    bench b;
+    rx_fluxcheck check;
+    setup(&b, 3, 1.0f);
+    assert_int_equal(rx_fluxcheck_run(&b.par, &b.restored, &b.untouched, 3.5, b.sources, NULL, &check, NULL),
+                     RX_OK);
+    assert_int_equal(check.n, 0);
+    teardown(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_known_factor_is_found),
+        cmocka_unit_test(few_sources_tell_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
