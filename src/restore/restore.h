@@ -19,7 +19,7 @@ typedef struct rx_restore_params {
     double rl_damping;       /* RL_DAMPING, sigmas, 0 = off (White 1994) */
     double rl_denoise;       /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */
     int rl_denoise_by_psf;   /* RL_DENOISE_UNIT PSF: in units of the FWHM of the tile's PSF */
-    double rl_pedestal;      /* RL_PEDESTAL */
+    double rl_pedestal;      /* RL_PEDESTAL, sky sigmas */
     int blind_cycles;        /* RL_BLIND_CYCLES */
     int blind_psf_niter;     /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
     int mask_saturated;      /* saturated pixels are masked, in every kind */

@@ -58,10 +58,9 @@ static rx_status measure_sigma(const rx_scene *scene, const rx_tile *tile, const
     return RX_OK;
 }
 
-static double choose_pedestal(const rx_restore_params *par, double gain, double median, double high)
+static double choose_pedestal(const rx_restore_params *par, double median, double high)
 {
-    const double natural = gain > 0 && isfinite(gain) ? gain * median * median : 0;
-    return fmax(natural, fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median));
+    return fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median);
 }
 
 static void set_pixels(rx_scene *scene, const rx_tile *tile, const rx_background *background, double median)
@@ -105,7 +104,7 @@ rx_status rx_scene_new(const rx_restore_params *par, const rx_tile *tile, const 
     double median = 1, high = 1;
     if ((status = measure_sigma(scene, tile, background, &median, &high, err)) != RX_OK)
         goto exit;
-    scene->pedestal = choose_pedestal(par, tile->gain, median, high);
+    scene->pedestal = choose_pedestal(par, median, high);
     scene->sigma = median / scene->pedestal;
     scene->photon = tile->gain > 0 && isfinite(tile->gain) ? 1 / (tile->gain * scene->pedestal) : 0;
     set_pixels(scene, tile, background, median);

@@ -162,7 +162,7 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
         .width = W, .height = H, .level = RX_NEW(float, f.n), .sigma = f.sigma, .global_sigma = 1.0};
     rx_tile tile = {.width = W, .height = H, .pixels = f.pixels, .mask = f.mask, .saturation = HUGE_VAL};
     rx_restore_params restore = {
-        .rl_niter = 30, .rl_denoise = 0.8, .rl_denoise_by_psf = 1, .rl_pedestal = 5.0, .nthreads = 2};
+        .rl_niter = 30, .rl_denoise = 0.8, .rl_denoise_by_psf = 1, .rl_pedestal = 4.0, .nthreads = 2};
     rx_restored *restored = NULL;
     assert_int_equal(rx_restorer_find("RL")->run(&restore, &tile, &sky, psf, NULL, &restored, NULL), RX_OK);
     rx_detect_params detect = field_params();
