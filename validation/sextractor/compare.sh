@@ -12,10 +12,8 @@ root=$(cd "$here/../.." && pwd)
 data=${1:-${RX_SHARED_DATA:-$root/../shared/data}}
 python=${PYTHON:-/usr/bin/python3}
 share=${SEXTRACTOR_SHARE:-/usr/share/source-extractor}
-if [ -z "${REXTRACT:-}" ]; then
-    if [ -x "$root/rextract" ]; then REXTRACT=$root/rextract; else REXTRACT=rextract; fi
-fi
-for need in source-extractor "$REXTRACT" "$python" bunzip2; do
+program=${RX_PROGRAM:-$root/build/rextract}
+for need in source-extractor "$program" "$python" bunzip2; do
     command -v "$need" >/dev/null || { echo "compare.sh: $need is missing" >&2; exit 4; }
 done
 [ -d "$data" ] || { echo "compare.sh: no folder $data; give the folder of the real tiles" >&2; exit 3; }
@@ -34,7 +32,7 @@ run() {
         -STARNNW_NAME "$share/default.nnw" -PHOT_APERTURES 5,12 -PHOT_FLUXFRAC 0.5,0.8 -CATALOG_TYPE FITS_1.0 \
         -VERBOSE_TYPE QUIET "$@"
     source-extractor "$@" -CATALOG_NAME "$name.sex.fits" >"$name.log" 2>&1 || { cat "$name.log" >&2; exit 4; }
-    "$REXTRACT" "$@" -RESTORE_TYPE NONE -CATALOG_NAME "$name.rx.fits"
+    "$program" "$@" -RESTORE_TYPE NONE -CATALOG_NAME "$name.rx.fits"
     tiles="$tiles $name"
 }
 
