@@ -3,9 +3,9 @@
 # a table per column as markdown on standard output, exit 1 when a limit is broken.
 #
 # usage: validation/sextractor/compare.sh [DATA]
-#   DATA      folder of the real tiles (default: $RX_SHARED_DATA, else ../shared/data beside the checkout)
-#   $REXTRACT the program (default: rextract in the build tree, else in PATH)
-#   $PYTHON   a python3 with astropy, numpy, scipy
+#   DATA         folder of the real tiles (default: $RX_SHARED_DATA, else ../shared/data beside the checkout)
+#   $RX_PROGRAM  the program (default: build/rextract)
+#   $PYTHON      a python3 with astropy, numpy, scipy
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
