@@ -114,9 +114,10 @@ static rx_status stated_psf(const rx_options *options, rx_field *field, rx_log *
     return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
 }
 
-static rx_status make_psf(const rx_options *options, rx_field *field, rx_log *log, rx_error *err)
+static rx_status make_psf(const rx_options *options, int role, rx_field *field, rx_log *log, rx_error *err)
 {
     rx_psf_params par = options->psf;
+    par.file = options->psf_files[role];
     if (par.type != RX_PSF_AUTO) {
         if (par.type == RX_PSF_MOFFAT)
             par.fwhm = stated_fwhm(options, field->tile);
@@ -164,7 +165,7 @@ rx_status rx_field_open(const rx_options *options, int role, const char *name, i
                   field->tile->name, hdu, field->tile->width, field->tile->height, field->plain->global_level,
                   field->plain->global_sigma, field->tile->gain, field->tile->pixel_scale);
     if (need_psf)
-        status = make_psf(options, field, log, err);
+        status = make_psf(options, role, field, log, err);
     if (status == RX_OK && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", field->tile->name, hdu, field->psf->description);
 exit:

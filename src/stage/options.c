@@ -118,10 +118,11 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
     dst->psf = (rx_psf_params){.type = (rx_psf_type)VALUE(psf_types, cfg->psf_type),
                                .fwhm = cfg->psf_fwhm,
                                .beta = cfg->psf_beta,
-                               .file = cfg->psf_name.v[0],
                                .size = cfg->psf_size,
                                .min_stars = cfg->psf_minstars,
                                .min_snr = cfg->psf_minsnr};
+    dst->psf_files[0] = cfg->psf_name.v[0];
+    dst->psf_files[1] = ITEM(cfg->psf_name, 1);
     dst->seeing_arcsec = cfg->seeing_fwhm;
     dst->stated_scale = rx_config_was_set(cfg, "PIXEL_SCALE") != RX_FROM_DEFAULT ? cfg->pixel_scale : 0.0;
     dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
