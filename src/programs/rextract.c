@@ -1,6 +1,8 @@
 /* rextract: a tile in; restored image, catalogue and report out. Arguments, one library call, exit code. */
+#include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
+#include <unistd.h>
 
 #include "base/error.h"
 #include "base/interrupt.h"
@@ -57,13 +59,27 @@ static rx_status print(rx_action action, rx_error *err)
     return status;
 }
 
+/* A closed standard stream would lend its number to the next file that is opened, and what is said would go
+ * into that file. Nothing can be written to what stands in for it. */
+static void occupy_streams(void)
+{
+    int file;
+    do
+        file = open("/dev/null", O_RDONLY);
+    while (file >= 0 && file <= STDERR_FILENO);
+    if (file >= 0)
+        close(file);
+}
+
 int main(int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
     rx_log log;
     rx_arguments arguments;
+    occupy_streams();
     rx_interrupt_block();
-    signal(SIGPIPE, SIG_IGN); /* writing then fails like any other, and everything is cleaned up */
+    /* writing then fails like any other, and everything is cleaned up */
+    void (*at_broken_pipe)(int) = signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN);
     rx_log_init(&log, program, stderr, RX_NORMAL);
     rx_status status = rx_arguments_read(argc, argv, &log, &arguments, &err);
@@ -73,6 +89,7 @@ int main(int argc, char **argv)
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
         status = rx_stage_run(arguments.config, arguments.image, stdout, &log, &err);
     } else if (status == RX_OK) {
+        signal(SIGPIPE, at_broken_pipe); /* rextract -dd | head: nothing to clean up, nothing to say */
         status = print(arguments.action, &err);
     }
     rx_log_progress_end(&log);

@@ -244,19 +244,13 @@ static int whole(FILE *file, const char *kind)
         int width, height;
         float value;
     } kinds[] = {
-        {"tile", "tile", SIDE, SIDE, 0},
-        {"small", "tile", 64, 48, 0},
-        {"flat", "constant", SIDE, SIDE, 100},
-        {"ones", "constant", SIDE, SIDE, 1},
-        {"zeros", "constant", SIDE, SIDE, 0},
-        {"nan", "constant", SIDE, SIDE, NAN},
-        {"infinite", "constant", SIDE, SIDE, INFINITY},
-        {"minus", "constant", SIDE, SIDE, -1},
-        {"pixel", "constant", 1, 1, 5},
-        {"psf", "gauss", 15, 15, 3},
-        {"psf-zero", "constant", 15, 15, 0},
-        {"psf-minus", "constant", 15, 15, -1},
-        {"psf-nan", "constant", 15, 15, NAN},
+        {"tile", "tile", SIDE, SIDE, 0},       {"small", "tile", 64, 48, 0},
+        {"large", "tile", 700, 600, 0},        {"flat", "constant", SIDE, SIDE, 100},
+        {"ones", "constant", SIDE, SIDE, 1},   {"zeros", "constant", SIDE, SIDE, 0},
+        {"nan", "constant", SIDE, SIDE, NAN},  {"infinite", "constant", SIDE, SIDE, INFINITY},
+        {"minus", "constant", SIDE, SIDE, -1}, {"pixel", "constant", 1, 1, 5},
+        {"psf", "gauss", 15, 15, 3},           {"psf-zero", "constant", 15, 15, 0},
+        {"psf-minus", "constant", 15, 15, -1}, {"psf-nan", "constant", 15, 15, NAN},
         {"psf-large", "gauss", 201, 201, 40},
     };
     for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++)

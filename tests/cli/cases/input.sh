@@ -123,14 +123,6 @@ begin 'compressed image cut short'
 head -c 100000 "$top/tests/data/sim.fits.fz" >tile.fits.fz
 expect 3 '^rextract: tile\.fits\.fz' tile.fits.fz $none
 
-begin 'image that must not be read'
-make_fits tile tile.fits && chmod 000 tile.fits
-if [ -r tile.fits ]; then
-    skip 'nothing is unreadable for root'
-else
-    expect 3 '^rextract: tile\.fits' tile.fits $none
-fi
-
 # --- two images
 
 begin 'measurement image that is not there'

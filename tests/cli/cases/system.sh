@@ -1,0 +1,207 @@
+# What the system does to a run: signals, permissions, full disks, folders that vanish, closed streams.
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
+
+none='-RESTORE_TYPE NONE'
+endless='-PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 100000'
+everything='-CATALOG_TYPE FITS_LDAC -CHECKIMAGE_TYPE RESTORED,SEGMENTATION -CHECKIMAGE_NAME r.fits,s.fits'
+
+# --- signals, as timeout sends them; 128 + the number of the signal that ended the program
+
+# interrupted SIGNAL SECONDS CODE
+interrupted() {
+    [ "$active" = 1 ] || return 0
+    list_files >../before
+    timeout --foreground --preserve-status -s "$1" "$2" "$program" tile.fits $endless $everything \
+        -VERBOSE_TYPE QUIET >../out 2>../err </dev/null
+    echo $? >../code
+    judge "$3" '^rextract: interrupted by a signal; nothing was written$'
+}
+
+for signal in 'INT 130' 'TERM 143' 'HUP 129'; do
+    begin "SIG${signal% *} while a large tile is restored"
+    make_fits large tile.fits
+    echo old >test.cat
+    interrupted "${signal% *}" 2 "${signal#* }"
+done
+
+begin 'a signal that the shell ignores does not end the work'
+make_fits tile tile.fits
+leaves test.cat
+if [ "$active" = 1 ]; then
+    list_files >../before
+    (trap '' HUP && exec "$program" tile.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 3000 -VERBOSE_TYPE QUIET) \
+        >../out 2>../err </dev/null &
+    process=$!
+    sleep 0.2
+    kill -HUP "$process"
+    wait "$process"
+    echo $? >../code
+    judge 0 ''
+fi
+
+# --- permissions: as another user where this one is root, who may write anywhere
+
+# unprivileged ARGUMENT...
+unprivileged() {
+    if [ "$(id -u)" != 0 ]; then
+        timeout 60 "$program" "$@"
+    else
+        [ -x "$scratch/bin/rextract" ] || { mkdir "$scratch/bin" && cp "$program" "$scratch/bin/rextract"; }
+        chmod 755 "$scratch" "$scratch/bin" "$scratch/bin/rextract" ..
+        timeout 60 setpriv --reuid=65534 --regid=65534 --clear-groups "$scratch/bin/rextract" "$@"
+    fi
+}
+
+# refused CODE PATTERN ARGUMENT...: expect(), as a user who may not.
+refused() {
+    [ "$active" = 1 ] || return 0
+    if [ "$(id -u)" = 0 ] && ! command -v setpriv >/dev/null; then
+        skip 'root may write anywhere, and there is no setpriv'
+        return 0
+    fi
+    expected=$1 pattern=$2
+    shift 2
+    list_files >../before
+    unprivileged "$@" -VERBOSE_TYPE QUIET >../out 2>../err </dev/null
+    echo $? >../code
+    chmod -R u+rwX .
+    judge "$expected" "$pattern"
+}
+
+begin 'image that this user must not read'
+make_fits tile tile.fits && chmod 000 tile.fits
+refused 3 '^rextract: tile\.fits.*Permission denied' tile.fits $none
+
+begin 'configuration that this user must not read'
+make_fits tile tile.fits && echo 'DETECT_THRESH 3' >my.sex && chmod 000 my.sex
+refused 2 '^rextract: my\.sex: cannot be opened: Permission denied' tile.fits $none -c my.sex
+
+begin 'folder that this user must not write'
+make_fits tile tile.fits && chmod 555 .
+refused 4 '^rextract: test\.cat: cannot be written: Permission denied' tile.fits $none
+
+begin 'folder of the check-image that this user must not write'
+make_fits tile tile.fits && mkdir images && chmod 555 images
+refused 4 '^rextract: images/b\.fits: cannot be written: Permission denied' tile.fits $none -CATALOG_TYPE NONE \
+    -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME images/b.fits
+
+begin 'folder of the report that this user must not write'
+make_fits tile tile.fits && make_fits table ref.fits && mkdir reports && chmod 555 reports
+refused 4 '^rextract: reports/qa: cannot be made: Permission denied' tile.fits $none -CATALOG_TYPE NONE \
+    -REFERENCE_NAME ref.fits -QA_NAME reports/qa
+
+# --- full disks: a limit on the size of files, in blocks of 512 or 1024 bytes, stands for them. What is said goes
+# through a pipe, which has no limit.
+
+# limited BLOCKS PATTERN ARGUMENT...
+limited() {
+    [ "$active" = 1 ] || return 0
+    blocks=$1 pattern=$2
+    shift 2
+    list_files >../before
+    {
+        (ulimit -f "$blocks" && exec timeout 60 "$program" "$@" -VERBOSE_TYPE QUIET 2>&1 >/dev/null </dev/null)
+        echo $? >../code
+    } | cat >../err
+    : >../out
+    judge 4 "$pattern"
+}
+
+for type in ASCII ASCII_HEAD ASCII_SKYCAT ASCII_VOTABLE FITS_1.0 FITS_LDAC; do
+    begin "disk full at a catalogue, $type"
+    make_fits tile tile.fits
+    echo old >test.cat
+    limited 1 '^rextract: test\.cat: cannot be ' tile.fits $none -CATALOG_TYPE $type
+done
+
+for blocks in 0 2 16; do
+    begin "disk full at a check-image after $blocks blocks"
+    make_fits large tile.fits
+    limited $blocks '^rextract: s\.fits: ' tile.fits $none -CATALOG_TYPE NONE -CHECKIMAGE_TYPE SEGMENTATION \
+        -CHECKIMAGE_NAME s.fits
+done
+
+for blocks in 0 1 4 16; do
+    begin "disk full at the report after $blocks blocks"
+    make_fits tile tile.fits && make_fits table ref.fits
+    limited $blocks '^rextract: .*report.*: cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits \
+        -QA_NAME report -QA_FIGURES N
+done
+
+begin 'disk full at figures'
+make_fits tile tile.fits && make_fits table ref.fits
+if command -v gnuplot >/dev/null; then
+    limited 32 '^rextract: .*report.*: cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report
+else
+    skip 'no gnuplot'
+fi
+
+# --- folders that vanish while the work is done
+
+# vanishing FOLDER PATTERN ARGUMENT...: the folder goes once an output has been begun in it.
+vanishing() {
+    [ "$active" = 1 ] || return 0
+    folder=$1 pattern=$2
+    shift 2
+    "$program" "$@" -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 300 -VERBOSE_TYPE QUIET >../out 2>../err </dev/null &
+    process=$!
+    for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+        ls -A "$folder" | grep -q . && break
+        sleep 0.1
+    done
+    rm -rf "$folder"
+    list_files >../before
+    wait "$process"
+    echo $? >../code
+    judge 4 "$pattern"
+}
+
+begin 'folder of a check-image that vanishes'
+make_fits large tile.fits && mkdir target
+vanishing target '^rextract: target/' tile.fits -CATALOG_NAME target/test.cat -CHECKIMAGE_TYPE RESTORED \
+    -CHECKIMAGE_NAME target/r.fits
+
+begin 'folder of the catalogue that vanishes'
+make_fits large tile.fits && mkdir target other
+: >other/r.fits
+vanishing other '^rextract: other/test\.cat' tile.fits -CATALOG_NAME other/test.cat -CHECKIMAGE_TYPE RESTORED \
+    -CHECKIMAGE_NAME target/r.fits
+
+# --- streams that are closed: no output may take their place
+
+begin 'standard error that is closed'
+make_fits tile tile.fits
+leaves test.cat b.fits s.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    set -- tile.fits $none -CHECKIMAGE_TYPE BACKGROUND,SEGMENTATION -CHECKIMAGE_NAME b.fits,s.fits \
+        -WRITE_XML Y -VERBOSE_TYPE FULL
+    "$program" "$@" 2>/dev/null && cat test.cat b.fits s.fits | cksum >../expected
+    rm -f test.cat b.fits s.fits
+    "$program" "$@" >../out 2>&- <&-
+    echo $? >../code
+    cat test.cat b.fits s.fits | cksum | diff ../expected - >../err
+    judge 0 ''
+fi
+
+begin 'standard output that is closed'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    timeout 60 "$program" tile.fits $none -CATALOG_NAME STDOUT -VERBOSE_TYPE QUIET >&- 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 '^rextract: .*standard output'
+fi
+
+begin 'a reader of the help that has seen enough'
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        sleep 0.2
+        env --default-signal=PIPE "$program" -dd 2>../err
+        echo $? >../code
+    } | :
+    : >../out
+    judge 141 ''
+fi
