@@ -6,3 +6,5 @@ check_PROGRAMS += tests/unit/stage/test_stage
 tests_unit_stage_test_stage_SOURCES = tests/unit/stage/test_stage.c tests/unit/stage/scene.c tests/unit/stage/scene.h
 check_PROGRAMS += tests/unit/stage/test_fluxcheck
 tests_unit_stage_test_fluxcheck_SOURCES = tests/unit/stage/test_fluxcheck.c tests/unit/stage/scene.c tests/unit/stage/scene.h
+check_PROGRAMS += tests/unit/stage/test_options
+tests_unit_stage_test_options_SOURCES = tests/unit/stage/test_options.c

@@ -1,0 +1,156 @@
+/* From keywords to params: every legal word has its own value, and what SExtractor leaves implicit holds. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "stage/options.h"
+
+static rx_options *options_with(const char *name, const char *value)
+{
+    rx_config *config = NULL;
+    rx_options *options = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    if (name != NULL)
+        assert_int_equal(rx_config_set(config, name, value, NULL, NULL), RX_OK);
+    if (rx_options_from_config(config, NULL, &options, &err) != RX_OK)
+        fail_msg("%s %s: %s", name, value, err.text);
+    /* names in options belong to the configuration: only numbers are looked at here */
+    rx_config_free(config);
+    return options;
+}
+
+/* The value that word i of a keyword gives must differ from those of all the others: a word that the
+ * table of the stage lacks would silently become its first one. */
+static void check_words(const char *name, const char *const *words, int n, int (*value)(const rx_options *))
+{
+    int seen[16];
+    for (int i = 0; i < n; i++) {
+        rx_options *options = options_with(name, words[i]);
+        seen[i] = value(options);
+        rx_options_free(options);
+        for (int k = 0; k < i; k++)
+            if (seen[k] == seen[i])
+                fail_msg("%s: %s and %s mean the same", name, words[k], words[i]);
+    }
+}
+
+static int catalog_type(const rx_options *options)
+{
+    return (int)options->catalog_type;
+}
+
+static int psf_type(const rx_options *options)
+{
+    return (int)options->psf.type;
+}
+
+static int weight_type(const rx_options *options)
+{
+    return (int)options->tile[0].weight_type;
+}
+
+static int mask_type(const rx_options *options)
+{
+    return (int)options->measure.neighbours;
+}
+
+static int quality_flux(const rx_options *options)
+{
+    return options->quality_flux;
+}
+
+static void words_have_values(void **state)
+{
+    (void)state;
+    static const char *const catalogs[] = {"NONE",          "ASCII",    "ASCII_HEAD", "ASCII_SKYCAT",
+                                           "ASCII_VOTABLE", "FITS_1.0", "FITS_LDAC"};
+    static const char *const psfs[] = {"MOFFAT", "FILE", "PSFEX", "AUTO"};
+    static const char *const weights[] = {"NONE", "BACKGROUND", "MAP_RMS", "MAP_VAR", "MAP_WEIGHT"};
+    static const char *const masks[] = {"NONE", "BLANK", "CORRECT"};
+    static const char *const mags[] = {"MAG_AUTO",   "MAG_APER",  "MAG_ISO",
+                                       "MAG_ISOCOR", "MAG_PETRO", "MAG_WIN"};
+    check_words("CATALOG_TYPE", catalogs, 7, catalog_type);
+    check_words("PSF_TYPE", psfs, 4, psf_type);
+    check_words("WEIGHT_TYPE", weights, 5, weight_type);
+    check_words("MASK_TYPE", masks, 3, mask_type);
+    check_words("QA_MAG", mags, 6, quality_flux);
+}
+
+static void every_restorer_of_the_table_is_a_word(void **state)
+{
+    (void)state;
+    int n;
+    const rx_restorer *kinds = rx_restorers(&n);
+    for (int i = 0; i < n; i++) {
+        rx_options *options = options_with("RESTORE_TYPE", kinds[i].name);
+        assert_int_equal(options->nrestorers, 1);
+        assert_ptr_equal(options->restorers[0], &kinds[i]);
+        rx_options_free(options);
+    }
+}
+
+static void short_lists_repeat_their_last_item(void **state)
+{
+    (void)state;
+    rx_options *options = options_with("BACK_SIZE", "48");
+    assert_int_equal(options->background.mesh_width, 48);
+    assert_int_equal(options->background.mesh_height, 48);
+    rx_options_free(options);
+    options = options_with("WEIGHT_TYPE", "MAP_RMS,MAP_VAR");
+    assert_int_equal(options->tile[0].weight_type, RX_WEIGHT_MAP_RMS);
+    assert_int_equal(options->tile[1].weight_type, RX_WEIGHT_MAP_VAR);
+    rx_options_free(options);
+}
+
+/* DETECT_THRESH 22.5,25: 22.5 mag/arcsec2 at zero point 25 is 10 ADU/arcsec2, a pixel being 1 arcsec2. */
+static void surface_brightness_becomes_adu(void **state)
+{
+    (void)state;
+    rx_options *options = options_with("DETECT_THRESH", "22.5,25");
+    assert_true(options->detect.absolute);
+    assert_float_equal(options->detect.threshold, 10.0, 1e-9);
+    rx_options_free(options);
+}
+
+static void an_unset_pixel_scale_is_unknown(void **state)
+{
+    (void)state;
+    rx_options *options = options_with(NULL, NULL);
+    assert_float_equal(options->stated_scale, 0.0, 0.0);
+    rx_options_free(options);
+    options = options_with("PIXEL_SCALE", "0.4");
+    assert_float_equal(options->stated_scale, 0.4, 1e-12);
+    rx_options_free(options);
+}
+
+static void gates_need_a_reference(void **state)
+{
+    (void)state;
+    rx_config *config = NULL;
+    rx_options *options = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_config_set(config, "QA_GATES", "gates.qa", NULL, NULL), RX_OK);
+    assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "REFERENCE_NAME"));
+    rx_config_free(config);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(words_have_values),
+        cmocka_unit_test(every_restorer_of_the_table_is_a_word),
+        cmocka_unit_test(short_lists_repeat_their_last_item),
+        cmocka_unit_test(surface_brightness_becomes_adu),
+        cmocka_unit_test(an_unset_pixel_scale_is_unknown),
+        cmocka_unit_test(gates_need_a_reference),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
