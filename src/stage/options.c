@@ -315,7 +315,13 @@ static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *
                              .select = (rx_assoc_select)VALUE(assoc_selections, cfg->assocselec_type)};
     for (int i = 0; i < cfg->assoc_data.n; i++)
         par->data[par->ndata++] = cfg->assoc_data.v[i];
-    return rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
+    rx_status status = rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
+    if (status == RX_INPUT && err != NULL) {
+        size_t used = strlen(err->text);
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; give ASSOC_NAME, or leave VECTOR_ASSOC and NUMBER_ASSOC out of the columns");
+    }
+    return status;
 }
 
 /* 0 = OMP_NUM_THREADS or every core, -n = at most n of them. */
