@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "detect/clean.h"
 #include "detect/filter.h"
+#include "detect/groups.h"
 #include "detect/sep_extract.h"
 
 /* Everything one run needs, freed together. */
@@ -18,8 +19,9 @@ typedef struct workspace {
     uint8_t *hidden;
     float *sigma; /* threshold noise, NULL = one value */
     float *filtered;
-    uint8_t *above; /* filtered value above the threshold */
-    int *eater;     /* of each row of the catalogue, -1 none; NULL without CLEAN */
+    uint8_t *above;   /* filtered value above the threshold */
+    rx_groups groups; /* of those */
+    int *eater;       /* of each row of the catalogue, -1 none; NULL without CLEAN */
     sep_catalog *catalog;
 } workspace;
 
@@ -31,6 +33,7 @@ static void free_workspace(workspace *work)
     free(work->sigma);
     free(work->filtered);
     free(work->above);
+    rx_groups_free(&work->groups);
     free(work->eater);
     sep_catalog_free(work->catalog);
 }
@@ -167,39 +170,14 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
     cure_ellipse(s);
 }
 
-/* Fragments: pixels above the threshold whose 8-connected group is smaller than min_area. The
- * groups are walked with an explicit stack; large ones end up unmarked. */
-static rx_status mark_fragments(const workspace *work, int width, int height, int min_area,
-                                uint8_t *fragments, rx_error *err)
+/* Fragments: pixels above the threshold in a group of fewer than min_area. */
+static void mark_fragments(const workspace *work, int min_area, uint8_t *fragments)
 {
-    size_t *queue = RX_NEW(size_t, work->n);
-    if (queue == NULL)
-        return rx_error_memory(err, work->n * sizeof(size_t));
-    uint8_t *todo = work->above;
-    for (size_t start = 0; start < work->n; start++) {
-        if (!todo[start])
-            continue;
-        size_t head = 0, tail = 0;
-        queue[tail++] = start;
-        todo[start] = 0;
-        while (head < tail) {
-            int x = (int)(queue[head] % (size_t)width), y = (int)(queue[head] / (size_t)width);
-            head++;
-            for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < height; v++)
-                for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < width; u++) {
-                    size_t k = (size_t)v * (size_t)width + (size_t)u;
-                    if (todo[k]) {
-                        todo[k] = 0;
-                        queue[tail++] = k;
-                    }
-                }
-        }
-        if (tail < (size_t)min_area)
-            for (size_t i = 0; i < tail; i++)
-                fragments[queue[i]] = RX_FRAGMENT_SMALL;
+    for (size_t i = 0; i < work->n; i++) {
+        int32_t label = work->groups.label[i];
+        if (label > 0 && work->groups.list[label - 1].size < min_area)
+            fragments[i] = RX_FRAGMENT_SMALL;
     }
-    free(queue);
-    return RX_OK;
 }
 
 static void paint_segment(const sep_catalog *cat, int row, int32_t segment, int fragment, rx_sources *dst)
@@ -257,7 +235,7 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
     for (int i = 0; work->eater != NULL && i < cat->nobj; i++)
         if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
             merge_source(cat, i, &dst->list[row_of[work->eater[i]]], dst);
-    status = mark_fragments(work, image->width, image->height, par->min_area, dst->fragments, err);
+    mark_fragments(work, par->min_area, dst->fragments);
 exit:
     free(row_of);
     return status;
@@ -286,8 +264,13 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
                          .noise_value = image->global_sigma,
                          .gain = image->gain,
                          .kernel = &work.kernel,
+                         .groups = &work.groups,
                          .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
     job.above = mark_above(par, image, &work, job.threshold);
+    status = rx_groups_find(work.above, par->absolute ? NULL : work.sigma, job.threshold, image->width,
+                            image->height, &work.groups, err);
+    if (status != RX_OK)
+        goto exit;
     status = rx_extract_run(par, &job, log, &work.catalog, err);
     if (status != RX_OK)
         goto exit;

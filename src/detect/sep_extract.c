@@ -4,12 +4,15 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "detect/noise_planes.h"
+
 /* Status values of sep_extract(), which sep.h does not name (sepcore.h of sep 1.2.1). */
 enum { SEP_STATUS_MEMORY = 1, SEP_STATUS_STACK = 2, SEP_STATUS_DEBLEND = 7 };
 
 enum {
-    STACK_FLOOR = 300000, /* sep's default: a smaller stack saves nothing */
-    STACK_SPARE = 16      /* sep gives up with one free pixel left */
+    STACK_FLOOR = 300000,         /* sep's default: a smaller stack saves nothing */
+    STACK_SPARE = 16,             /* sep gives up with one free pixel left */
+    STACK_LIMIT = 2147483647 / 32 /* sep counts the bytes as int, 28 for a pixel */
 };
 
 /* sep multiplies levels * limit * children as int, with at most `limit` children. */
@@ -21,16 +24,18 @@ static int safe_subobjects(int wanted, int levels)
     return wanted < safe ? wanted : safe;
 }
 
-static int call_sep(const rx_detect_params *par, const rx_extraction *job, int levels, sep_catalog **dst)
+static int call_sep(const rx_detect_params *par, const rx_extraction *job, const rx_noise_planes *planes,
+                    int levels, sep_catalog **dst)
 {
-    sep_image image = {.data = job->pixels,
-                       .noise = job->noise,
-                       .mask = job->hidden,
+    bool own = planes->noise != NULL; /* in which hidden pixels are settled */
+    sep_image image = {.data = own ? planes->pixels : job->pixels,
+                       .noise = own ? planes->noise : job->noise,
+                       .mask = own ? NULL : job->hidden,
                        .dtype = SEP_TFLOAT,
                        .ndtype = SEP_TFLOAT,
                        .mdtype = SEP_TBYTE,
-                       .w = job->width,
-                       .h = job->height,
+                       .w = own ? planes->width : job->width,
+                       .h = own ? planes->height : job->height,
                        .noiseval = job->noise_value,
                        .noise_type = SEP_NOISE_STDDEV,
                        .gain = job->gain};
@@ -41,18 +46,22 @@ static int call_sep(const rx_detect_params *par, const rx_extraction *job, int l
                        levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, dst);
 }
 
-/* Room for the pixels above the threshold; false when that is more than allowed. */
+/* Room for the pixels above the threshold, for all of the tile at most; false when that is more than
+ * allowed. */
 static bool fit_stack(const rx_detect_params *par, rx_extraction *job, size_t *stack)
 {
     size_t allowed = (size_t)(par->pixstack_max > par->pixstack ? par->pixstack_max : par->pixstack);
+    size_t whole = (size_t)job->width * (size_t)job->height + STACK_SPARE;
     size_t floor = par->pixstack > 0 ? (size_t)par->pixstack : STACK_FLOOR;
     size_t needed = (size_t)job->above + STACK_SPARE;
+    allowed = allowed < STACK_LIMIT ? allowed : STACK_LIMIT;
     *stack = needed > floor ? needed : floor;
+    *stack = *stack < whole ? *stack : whole;
     job->grown += needed > floor;
     if (*stack <= allowed)
         return true;
     *stack = allowed;
-    return false;
+    return needed <= allowed;
 }
 
 /* The limits of one run and how far they may go. */
@@ -73,7 +82,7 @@ static bool loosen(int failed, rx_extraction *job, limits *limit)
         return true;
     }
     if (failed == SEP_STATUS_STACK) {
-        limit->stack *= 2;
+        limit->stack = 2 * limit->stack < STACK_LIMIT ? 2 * limit->stack : STACK_LIMIT;
         limit->stack_fits = limit->stack < (size_t)job->width * (size_t)job->height;
         return true;
     }
@@ -114,21 +123,33 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
                     .levels = par->deblend_levels > 1 ? par->deblend_levels : 1};
     limit.subobjects_max = par->subobjects_max > limit.subobjects ? par->subobjects_max : limit.subobjects;
     limit.stack_fits = fit_stack(par, job, &limit.stack);
+    rx_noise_planes planes = {0};
+    rx_status status = RX_OK;
     *dst = NULL;
     job->raised = 1.0;
-    int failed;
+    if (job->noise != NULL && !par->absolute && !par->matched) /* the matched filter needs the true noise */
+        status = rx_noise_planes_make(job->pixels, job->noise, job->width, job->height, job->kernel,
+                                      job->threshold, job->groups, &planes, err);
+    int failed = 0;
+    if (status != RX_OK)
+        goto exit;
     do {
         sep_set_extract_pixstack(limit.stack);
         sep_set_sub_object_limit(safe_subobjects(limit.subobjects, limit.levels));
-        failed = call_sep(par, job, limit.levels, dst);
+        failed = call_sep(par, job, &planes, limit.levels, dst);
     } while (failed != 0 && loosen(failed, job, &limit));
     sep_set_extract_pixstack(old_stack);
     sep_set_sub_object_limit(old_subobjects);
     if (failed == 0) {
         warn(par, job, &limit, log);
-        return RX_OK;
+        if (planes.noise != NULL)
+            rx_noise_planes_restore(&planes, job->noise, job->threshold * job->raised, *dst);
+    } else {
+        char text[61] = "";
+        sep_get_errmsg(failed, text);
+        status = rx_error_set(err, RX_SYSTEM, "detection: %s; raise DETECT_THRESH or cut the tile", text);
     }
-    char text[61] = "";
-    sep_get_errmsg(failed, text);
-    return rx_error_set(err, RX_SYSTEM, "detection: %s; raise DETECT_THRESH or cut the tile", text);
+exit:
+    rx_noise_planes_free(&planes);
+    return status;
 }

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "detect/detect.h"
 #include "detect/filter.h"
+#include "detect/groups.h"
 #include "detect/libsep.h"
 
 /* What goes into sep, and how the run ended. */
@@ -20,11 +21,12 @@ typedef struct rx_extraction {
     double noise_value;
     double gain;
     const rx_filter *kernel;
-    double threshold; /* sigmas, or ADU when absolute, on the normalised kernel's scale */
-    long above;       /* pixels above the threshold: bounds the pixel stack */
-    int grown;        /* out: times a limit was raised */
-    int flags;        /* out: RX_FLAG_ bits for every source when a limit could not be met */
-    double raised;    /* out: factor by which the threshold had to be raised (1) */
+    double threshold;        /* sigmas, or ADU when absolute, on the normalised kernel's scale */
+    const rx_groups *groups; /* of the pixels above the threshold */
+    long above;              /* how many these are: bounds the pixel stack */
+    int grown;               /* out: times a limit was raised */
+    int flags;               /* out: RX_FLAG_ bits for every source when a limit could not be met */
+    double raised;           /* out: factor by which the threshold had to be raised (1) */
 } rx_extraction;
 
 /* Runs sep until it succeeds; gives up only without memory. Free with sep_catalog_free(). */

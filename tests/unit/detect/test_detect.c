@@ -181,6 +181,99 @@ static void noise_map_sets_the_threshold(void **state)
     field_free(&f);
 }
 
+/* sep alone reads the threshold of a group where its scan ends, next to it: 0 at the border, huge in a mask.
+ */
+static void noise_map_deblends_everywhere(void **state)
+{
+    (void)state;
+    enum { PLACES = 3 };
+    /* a pair in the open, one at the right border, one at the upper border; a fourth beside masked pixels */
+    static const double at[PLACES + 1][2] = {{40, 40}, {W - 6, 40}, {90, H - 5}, {40, 90}};
+    field f = field_new(W, H, 0.0, 1);
+    for (size_t i = 0; i < f.n; i++)
+        f.sigma[i] = 2.0f + 0.001f * (float)(i % W);
+    for (int k = 0; k <= PLACES; k++)
+        for (int side = 0; side < 2; side++)
+            field_add(&f, at[k][0], at[k][1] - 9.0 * side, 2.0, 2.0, 3000.0);
+    for (int y = 75; y < 100; y++)
+        for (int x = 44; x < 50; x++)
+            f.mask[y * W + x] = 1;
+    rx_detect_params par = field_params();
+    rx_detect_image image = field_image(&f);
+    rx_sources *s = NULL;
+    image.variable_noise = 1;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+    assert_int_equal(s->n, 2 * (PLACES + 1));
+    for (int i = 0; i < s->n; i++) {
+        const rx_source *o = &s->list[i];
+        bool border = o->xmax == W - 1 || o->ymax == H - 1;
+        float lowest = 1e30f;
+        for (size_t k = 0; k < f.n; k++)
+            if (s->segments[k] == o->segment)
+                lowest = fminf(lowest, f.sigma[k]);
+        /* of the filtered noise, to which nothing beyond the border adds */
+        assert_true(o->threshold < 1.5 * lowest + 0.01);
+        assert_true(o->threshold > (border ? 0.8 : 0.99) * 1.5 * lowest);
+        assert_true((o->flags & RX_FLAG_MERGED) != 0);
+        if (border)
+            assert_true((o->flags & RX_FLAG_TRUNCATED) != 0);
+        assert_true(o->x < W && o->y < H);
+    }
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+/* sep counts the bytes of its pixel stack as int: what the tile cannot need is not asked for. */
+static void any_pixel_stack_is_legal(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 2);
+    field_crowd(&f, 60, 800.0, 3);
+    rx_detect_params par = field_params();
+    rx_sources *few = field_detect(&f, &par);
+    par.pixstack = 100000000;
+    par.pixstack_max = 2000000000;
+    rx_sources *many = field_detect(&f, &par);
+    assert_true(few->n > 20);
+    assert_int_equal(few->n, many->n);
+    assert_memory_equal(few->segments, many->segments, f.n * sizeof(int32_t));
+    assert_int_equal(many->grown, 0);
+    rx_sources_free(few);
+    rx_sources_free(many);
+    field_free(&f);
+}
+
+/* Tiles of a few pixels, with and without a noise map, nothing or everything above the threshold. */
+static void survives_tiny_tiles(void **state)
+{
+    (void)state;
+    static const int sizes[][2] = {{1, 1}, {2, 3}, {5, 5}, {40, 1}, {1, 40}, {7, 2}};
+    for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++)
+        for (int value = -1; value <= 100; value += 101)
+            for (int mode = 0; mode < 4; mode++) {
+                field f = field_new(sizes[k][0], sizes[k][1], 0.0, 1);
+                for (size_t i = 0; i < f.n; i++)
+                    f.pixels[i] = (float)value;
+                rx_detect_params par = field_params();
+                rx_detect_image image = field_image(&f);
+                rx_sources *s = NULL;
+                image.variable_noise = mode & 1;
+                par.matched = mode >> 1;
+                assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+                assert_true(s->n == (value > 0 && f.n >= 5));
+                for (int i = 0; i < s->n; i++) {
+                    const rx_source *o = &s->list[i];
+                    assert_int_equal(o->npix, (int)f.n);
+                    assert_float_equal(o->x, 0.5 * (f.width - 1), 0.01);
+                    assert_float_equal(o->y, 0.5 * (f.height - 1), 0.01);
+                    assert_true(o->a >= o->b && o->b > 0.0);
+                    assert_true((o->flags & RX_FLAG_TRUNCATED) != 0);
+                }
+                rx_sources_free(s);
+                field_free(&f);
+            }
+}
+
 /* The filter's orientation and sum, against the definition and against where sep sees the peak. */
 static void filter_is_seps(void **state)
 {
@@ -218,10 +311,16 @@ static void filter_is_seps(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_known_sources),          cmocka_unit_test(empty_sky_has_no_source),
-        cmocka_unit_test(is_blind_to_masked_values),    cmocka_unit_test(small_groups_are_fragments),
-        cmocka_unit_test(cleans_as_sep_does),           cmocka_unit_test(limits_grow_and_the_tile_survives),
-        cmocka_unit_test(noise_map_sets_the_threshold), cmocka_unit_test(filter_is_seps)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(finds_known_sources),
+                                       cmocka_unit_test(empty_sky_has_no_source),
+                                       cmocka_unit_test(is_blind_to_masked_values),
+                                       cmocka_unit_test(small_groups_are_fragments),
+                                       cmocka_unit_test(cleans_as_sep_does),
+                                       cmocka_unit_test(limits_grow_and_the_tile_survives),
+                                       cmocka_unit_test(noise_map_sets_the_threshold),
+                                       cmocka_unit_test(filter_is_seps),
+                                       cmocka_unit_test(noise_map_deblends_everywhere),
+                                       cmocka_unit_test(any_pixel_stack_is_legal),
+                                       cmocka_unit_test(survives_tiny_tiles)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
