@@ -143,12 +143,22 @@ static void flag_sum(const rx_sum *sum, rx_source *s)
         s->flags |= RX_FLAG_CROWDED;
 }
 
+/* The same source on the image that radii are taken from. */
+static rx_view radii_view(const rx_view *view)
+{
+    rx_view other = *view;
+    if (view->image->radii != NULL)
+        other.image = view->image->radii;
+    return other;
+}
+
 void rx_measure_auto(const rx_view *view, const rx_measure_params *par, rx_source *s)
 {
     bool circle;
     rx_sum sum;
+    rx_view shape = radii_view(view);
     rx_ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
-    double moment = kron_moment(view, &search, &sum);
+    double moment = kron_moment(&shape, &search, &sum);
     flag_sum(&sum, s);
     if (moment <= 0.0)
         s->flags_measure |= RX_FLAGM_KRON_FAILED;
@@ -224,8 +234,9 @@ void rx_measure_petro(const rx_view *view, const rx_measure_params *par, rx_sour
 {
     bool circle;
     rx_sum sum;
+    rx_view shape = radii_view(view);
     rx_ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
-    double radius = fmax(par->petro_factor * petro_search(view, &search, s), par->petro_min_radius);
+    double radius = fmax(par->petro_factor * petro_search(&shape, &search, s), par->petro_min_radius);
     rx_ellipse aperture = source_ellipse(s, radius, par->auto_aper_max, &circle);
     rx_sum_ellipse(view, &aperture, &sum);
     flag_sum(&sum, s);

@@ -41,8 +41,6 @@ static uint32_t combine(const uint32_t *values, int n, int zeros, int type, int 
 {
     uint32_t result = type == FLAGS_AND ? UINT32_MAX : 0;
     *count = n;
-    if (type == FLAGS_AND)
-        *count = n + zeros;
     if (n == 0 || (type == FLAGS_AND && zeros > 0))
         return 0;
     switch (type) {
@@ -85,7 +83,8 @@ rx_status rx_measure_imaflags(const rx_view *view, rx_source *s, rx_error *err)
                     zeros++;
             }
         qsort(values, (size_t)n, sizeof *values, compare_values);
-        s->imaflags[map] = combine(values, n, zeros, image->flag_type, &s->nimaflags[map]);
+        int type = image->flag_types != NULL ? image->flag_types[map] : image->flag_type;
+        s->imaflags[map] = combine(values, n, zeros, type, &s->nimaflags[map]);
     }
     free(values);
     return RX_OK;

@@ -56,8 +56,12 @@ typedef struct rx_measure_image {
     int nflagmaps;
     uint32_t *const *flagmaps;
     int flag_type;               /* FLAG_TYPE: 0 OR, 1 AND, 2 MIN, 3 MAX, 4 MOST */
+    const int *flag_types;       /* [nflagmaps] one for each map; NULL: flag_type for all */
     const rx_noise_law *law;     /* errors of sums on correlated noise; NULL: the power law below */
     double law_scale, law_power; /* 1, 0.5: independent pixels */
+    /* Dual-image mode: the detection image, from which SExtractor takes the radii of AUTO and PETRO so that
+     * apertures are the same on all measurement images. Same grid; NULL: this image. */
+    const struct rx_measure_image *radii;
 } rx_measure_image;
 
 /* Fill the photometry and windowed columns of every source (detection columns given). Sources are

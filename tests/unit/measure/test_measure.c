@@ -198,6 +198,31 @@ static void flags_what_is_wrong(void **state)
     field_free(&f);
 }
 
+/* Dual-image mode: the ellipses of AUTO and PETRO come from the detection image. */
+static void takes_radii_from_the_detection_image(void **state)
+{
+    (void)state;
+    field wide = field_new(W, H, 0.0, 1), narrow = field_new(W, H, 0.0, 1);
+    field_add(&wide, 80.3, 60.6, 4.0, 4.0, 100000.0);
+    field_add(&narrow, 80.3, 60.6, 1.5, 1.5, 50000.0);
+    rx_measure_params par = params();
+    par.auto_min_radius = par.petro_min_radius = 0.5;
+    rx_sources *s = detect_and_measure(&wide, &par);
+    assert_int_equal(s->n, 1);
+    const rx_source first = s->list[0];
+    rx_measure_image detection = image_of(&wide), image = image_of(&narrow);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_true(s->list[0].kron_radius < 0.6 * first.kron_radius);
+    image.radii = &detection;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_float_equal(s->list[0].kron_radius, first.kron_radius, 1e-12);
+    assert_float_equal(s->list[0].petro_radius, first.petro_radius, 1e-12);
+    assert_float_equal(s->list[0].flux_auto / 50000.0, 1.0, 1e-3);
+    rx_sources_free(s);
+    field_free(&wide);
+    field_free(&narrow);
+}
+
 static void combines_flag_maps(void **state)
 {
     (void)state;
@@ -218,12 +243,21 @@ static void combines_flag_maps(void **state)
     image.flagmaps = &map;
     /* OR, AND, MIN, MAX, MOST of 6 3 3 9 0 */
     const unsigned value[5] = {15, 0, 3, 9, 3};
-    const int count[5] = {4, 5, 2, 1, 2};
+    const int count[5] = {4, 4, 2, 1, 2};
     for (image.flag_type = 0; image.flag_type < 5; image.flag_type++) {
         assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
         assert_int_equal(s->list[0].imaflags[0], value[image.flag_type]);
         assert_int_equal(s->list[0].nimaflags[0], count[image.flag_type]);
     }
+    /* a way for each map */
+    uint32_t *maps[2] = {map, map};
+    const int types[2] = {2, 3};
+    image.nflagmaps = 2;
+    image.flagmaps = maps;
+    image.flag_types = types;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(s->list[0].imaflags[0], 3);
+    assert_int_equal(s->list[0].imaflags[1], 9);
     free(map);
     rx_sources_free(s);
     field_free(&f);
@@ -273,6 +307,7 @@ int main(void)
                                        cmocka_unit_test(mirrors_masked_pixels),
                                        cmocka_unit_test(same_for_any_threads_and_masked_values),
                                        cmocka_unit_test(flags_what_is_wrong),
+                                       cmocka_unit_test(takes_radii_from_the_detection_image),
                                        cmocka_unit_test(combines_flag_maps),
                                        cmocka_unit_test(subtracts_the_local_sky),
                                        cmocka_unit_test(no_source_is_fine)};
