@@ -17,6 +17,14 @@ typedef struct wing {
     float weakest;          /* its min_area-th brightest pixel above the threshold */
 } wing;
 
+/* Sources come in the order of the scan: a run of them is a band of the tile, and most bands are out of
+ * reach. */
+enum { BAND = 64 };
+typedef struct band {
+    double low, high; /* y of its sources */
+    double largest;   /* major axis */
+} band;
+
 static int compare_descending(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
@@ -75,6 +83,23 @@ static bool in_reach(const sep_catalog *cat, int i, int j)
     return dx * dx + dy * dy < reach * reach * REACH * REACH;
 }
 
+static bool band_in_reach(const sep_catalog *cat, const band *b, int i)
+{
+    double reach = (cat->a[i] + b->largest) * REACH;
+    return !(cat->y[i] < b->low - reach || cat->y[i] > b->high + reach);
+}
+
+/* Source i joins its band. */
+static void extend_bands(const sep_catalog *cat, int i, band *bands)
+{
+    band *b = &bands[i / BAND];
+    if (i % BAND == 0)
+        *b = (band){.low = HUGE_VAL, .high = -HUGE_VAL};
+    b->low = fmin(b->low, cat->y[i]);
+    b->high = fmax(b->high, cat->y[i]);
+    b->largest = fmax(b->largest, cat->a[i]);
+}
+
 static void merge(wing *wings, int *eater, int small, int big)
 {
     eater[small] = big;
@@ -83,10 +108,15 @@ static void merge(wing *wings, int *eater, int small, int big)
 }
 
 /* Let source i meet those before it: it is eaten by the first that can, or else eats all it can. */
-static void admit(const sep_catalog *cat, wing *wings, int *eater, int i, double beta, int *menu)
+static void admit(const sep_catalog *cat, wing *wings, const band *bands, int *eater, int i, double beta,
+                  int *menu)
 {
     int n = 0;
     for (int j = 0; j < i; j++) {
+        if (j % BAND == 0 && !band_in_reach(cat, &bands[j / BAND], i)) {
+            j += BAND - 1;
+            continue;
+        }
         if (eater[j] >= 0 || !in_reach(cat, i, j))
             continue;
         if (wings[j].flux < wings[i].flux) {
@@ -109,11 +139,12 @@ rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_
     for (int i = 0; i < cat->nobj; i++)
         largest = cat->npix[i] > largest ? cat->npix[i] : largest;
     wing *wings = RX_NEW(wing, n);
+    band *bands = RX_NEW(band, n / BAND + 1);
     int *menu = RX_NEW(int, n);
     float *heights = RX_NEW(float, (size_t)largest);
     *eater = RX_NEW(int, n);
     rx_status status = RX_OK;
-    if (wings == NULL || menu == NULL || heights == NULL || *eater == NULL) {
+    if (wings == NULL || bands == NULL || menu == NULL || heights == NULL || *eater == NULL) {
         status = rx_error_memory(err, n * sizeof *wings);
         goto exit;
     }
@@ -123,13 +154,15 @@ rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_
                           .axis_correction = axis_correction(cat, i, image),
                           .weakest = weakest_pixel(cat, i, image, min_area, heights)};
         (*eater)[i] = -1;
-        admit(cat, wings, *eater, i, beta, menu);
+        extend_bands(cat, i, bands);
+        admit(cat, wings, bands, *eater, i, beta, menu);
     }
     for (int i = 0; i < cat->nobj; i++) /* to the end of the chain */
         while ((*eater)[i] >= 0 && (*eater)[(*eater)[i]] >= 0)
             (*eater)[i] = (*eater)[(*eater)[i]];
 exit:
     free(wings);
+    free(bands);
     free(menu);
     free(heights);
     if (status != RX_OK) {
