@@ -17,7 +17,7 @@ typedef enum rx_status {
     RX_SYSTEM = 4,            /* memory, disk, permissions, missing programs */
     RX_GATE_FAIL = 5,         /* a quality gate is violated */
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
-    RX_INTERRUPTED = 7        /* SIGINT or SIGTERM pending, work is unwound */
+    RX_INTERRUPTED = 7        /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
 } rx_status;
 
 enum { RX_ERROR_WHERE = 1024, RX_ERROR_TEXT = 768 };

@@ -1,5 +1,5 @@
-/* Ctrl-C without global state: the program blocks SIGINT and SIGTERM at its start,
- * long loops ask whether one is pending and unwind as after any error, so that
+/* Ctrl-C without global state: the program blocks SIGINT, SIGTERM and SIGHUP at its
+ * start, long loops ask whether one is pending and unwind as after any error, so that
  * every temporary file goes; main then unblocks and the signal takes its effect. */
 #ifndef RX_BASE_INTERRUPT_H
 #define RX_BASE_INTERRUPT_H

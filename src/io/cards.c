@@ -329,7 +329,7 @@ void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
         key[strcspn(key, " ")] = '\0';
         if (strcmp(key, "HIERARCH") == 0) {
             const char *equals = memchr(card, '=', CARD);
-            size_t n = equals != NULL ? (size_t)(equals - card) - 9 : 0;
+            size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
             memcpy(key, card + 9, n);
             while (n > 0 && key[n - 1] == ' ')
                 n--;

@@ -415,7 +415,6 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const l
     }
 exit:
     free(buffer);
-
     return status;
 }
 

@@ -158,18 +158,6 @@ static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_sourc
     return status;
 }
 
-rx_status rx_fits_count_tables(const char *name, int *n, rx_error *err)
-{
-    rx_fits_name parsed;
-    rx_fits_source source = {0};
-    int *hdus = NULL;
-    *n = 0;
-    rx_status status = open_tables(name, &parsed, &source, &hdus, n, err);
-    rx_fits_done(&source);
-    free(hdus);
-    return status;
-}
-
 /* --- columns --- */
 
 /* How a column of the file is read: the type to ask cfitsio for. */

@@ -15,9 +15,6 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
  * columns of variable length are left out. */
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err);
 
-/* Number of such tables. */
-rx_status rx_fits_count_tables(const char *name, int *n, rx_error *err);
-
 /* Value of a key in a block of cards as text (quotes stripped, trimmed) or number; 0 when absent. */
 int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
 int rx_cards_number(const char *cards, long ncards, const char *key, double *value);

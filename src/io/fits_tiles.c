@@ -122,9 +122,10 @@ static LONGLONG tile_pixels(const method *m, const rx_fits_shape *shape, LONGLON
     return width * height;
 }
 
-/* One cell: inside the heap, and a stream of the right length. */
+/* One cell: inside the heap, and a stream of the right length. 0 when not, or when
+ * memory is out (*no_memory). */
 static int check_cell(fitsfile *file, int column, int size, LONGLONG row, LONGLONG heap, LONGLONG pixels,
-                      const method *m)
+                      const method *m, int *no_memory)
 {
     LONGLONG length = 0, offset = 0;
     int failed = 0, anynul = 0, ok = 1;
@@ -134,8 +135,10 @@ static int check_cell(fitsfile *file, int column, int size, LONGLONG row, LONGLO
     if (length == 0 || m == NULL || (!m->rice && !m->hcompress))
         return 1;
     unsigned char *data = RX_NEW(unsigned char, (size_t)length);
-    if (data == NULL)
+    if (data == NULL) {
+        *no_memory = 1;
         return 0;
+    }
     fits_read_col(file, TBYTE, column, row + 1, 1, length, NULL, data, &anynul, &failed);
     if (failed)
         ok = 0;
@@ -152,7 +155,7 @@ rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const r
 {
     static const char *const names[] = {"COMPRESSED_DATA", "GZIP_COMPRESSED_DATA", "UNCOMPRESSED_DATA"};
     LONGLONG rows = 0, heap = 0;
-    int failed = 0, ok = 1;
+    int failed = 0, no_memory = 0, ok = 1;
     method m = method_of(file, shape);
     fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     fits_read_key(file, TLONGLONG, "PCOUNT", &heap, NULL, &failed);
@@ -168,9 +171,12 @@ rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const r
             continue;
         int size = type == -TSHORT ? 2 : type == -TBYTE ? 1 : type == -TDOUBLE ? 8 : 4;
         for (LONGLONG row = 0; row < rows && ok; row++)
-            ok = check_cell(file, column, size, row, heap, tile_pixels(&m, shape, row), k == 0 ? &m : NULL);
+            ok = check_cell(file, column, size, row, heap, tile_pixels(&m, shape, row), k == 0 ? &m : NULL,
+                            &no_memory);
     }
     fits_clear_errmsg();
+    if (no_memory)
+        return rx_error_memory(err, 0);
     return ok ? RX_OK
               : rx_error_at(err, RX_INPUT, path, hdu, 0,
                             "the compressed image is damaged; fetch the file again");

@@ -23,7 +23,11 @@ struct rx_fits_writer {
 
 static rx_status broken(const rx_fits_writer *writer, int failed, rx_error *err)
 {
-    return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed, "cannot be written");
+    if (failed == WRITE_ERROR || failed == FILE_NOT_CREATED)
+        fits_clear_errmsg(); /* its lines name the temporary file, and elements of cfitsio's buffers */
+    return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed,
+                          failed == WRITE_ERROR ? "cannot be written, perhaps the disk is full"
+                                                : "cannot be written");
 }
 
 rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err)
@@ -229,6 +233,7 @@ static void write_display(fitsfile *file, int number, const rx_column *column, i
         if (sscanf(column->format, "%%%d%c", &width, &kind) != 2 || kind != 'd')
             return;
     }
+    width = abs(width); /* %-8d is 8 wide too */
     snprintf(key, sizeof key, "TDISP%d", number);
     if (kind == 'd')
         snprintf(text, sizeof text, "I%d", width);

@@ -60,8 +60,7 @@ static char *folder_of(const char *path, const char **name)
     return folder;
 }
 
-/* Remove a file, or a folder with what is in it; links are not followed. */
-static void remove_tree(const char *path)
+void rx_output_remove(const char *path)
 {
     struct stat info;
     if (lstat(path, &info) != 0)
@@ -76,7 +75,7 @@ static void remove_tree(const char *path)
             continue;
         char *inner = format(path, "/", entry->d_name);
         if (inner != NULL)
-            remove_tree(inner);
+            rx_output_remove(inner);
         free(inner);
     }
     if (dir != NULL)
@@ -177,7 +176,7 @@ static void forget(output *out)
 /* Making the temporary now is the only sure test of whether it can be made. */
 static rx_status make_temporary(const output *out, rx_error *err)
 {
-    remove_tree(out->temporary); /* left by a killed process of the same number */
+    rx_output_remove(out->temporary); /* left by a killed process of the same number */
     if (out->kind != OUTPUT_FOLDER) {
         int file = open(out->temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
         if (file < 0)
@@ -197,7 +196,7 @@ static rx_status make_temporary(const output *out, rx_error *err)
     if (failed) {
         rx_status status =
             rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
-        remove_tree(out->temporary);
+        rx_output_remove(out->temporary);
         return status;
     }
     return RX_OK;
@@ -240,6 +239,14 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err)
 {
     return reserve(outputs, path, 1, temporary, err);
+}
+
+const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary)
+{
+    for (size_t i = 0; i < outputs->n; i++)
+        if (strcmp(outputs->list[i].temporary, temporary) == 0)
+            return outputs->list[i].shown;
+    return temporary;
 }
 
 /* --- commit --- */
@@ -286,6 +293,7 @@ static int copy_to_device(const output *out)
     failed = dst == NULL;
     for (size_t n; !failed && (n = fread(buffer, 1, sizeof buffer, src)) > 0;)
         failed = fwrite(buffer, 1, n, dst) != n;
+    failed = failed || ferror(src);
     int reason = errno;
     if (dst != NULL && fclose(dst) != 0 && !failed) {
         failed = 1;
@@ -306,7 +314,12 @@ static int rename_folder(const output *out)
     if (lstat(out->path, &info) != 0)
         return rename(out->temporary, out->path);
     char *old = format(out->temporary, ".old", "");
-    if (old == NULL || !is_replaceable_folder(out->path) || rename(out->path, old) != 0) {
+    if (old != NULL && !is_replaceable_folder(out->path)) { /* filled by somebody since it was inspected */
+        errno = ENOTEMPTY;
+        free(old);
+        return -1;
+    }
+    if (old == NULL || rename(out->path, old) != 0) {
         free(old);
         return -1;
     }
@@ -314,7 +327,7 @@ static int rename_folder(const output *out)
     if (failed != 0 && rename(old, out->path) == 0)
         errno = reason;
     else if (failed == 0)
-        remove_tree(old);
+        rx_output_remove(old);
     free(old);
     return failed;
 }
@@ -357,7 +370,7 @@ void rx_outputs_free(rx_outputs *outputs)
         return;
     for (size_t i = 0; i < outputs->n; i++) {
         if (!outputs->list[i].done)
-            remove_tree(outputs->list[i].temporary);
+            rx_output_remove(outputs->list[i].temporary);
         forget(&outputs->list[i]);
     }
     free(outputs->list);

@@ -20,7 +20,14 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
  * replaced; any other, or a plain file, is an RX_USAGE error. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
-/* fsync and rename everything; on failure what was not renamed is removed. */
+/* The name that the user gave for what is written as `temporary`, for error messages: a temporary name
+ * means nothing to him. `temporary` itself when it is none of ours; owned by the transaction. */
+const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary);
+
+/* Remove a file, or a folder with all that is in it; links are not followed, failures are ignored. */
+void rx_output_remove(const char *path);
+
+/* fsync and rename everything; what a failure leaves is removed by rx_outputs_free(). */
 rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err);
 
 /* Remove what was not committed and free. NULL is fine. */

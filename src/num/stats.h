@@ -6,7 +6,6 @@
 #include <stddef.h>
 
 /* Median of n values; reorders them. NAN for n = 0. Even n: mean of the two middle ones. */
-float rx_median_float(float *values, size_t n);
 double rx_median(double *values, size_t n);
 
 /* Quantile q in 0..1 with linear interpolation (type 7 of Hyndman and Fan 1996, The American
@@ -17,9 +16,7 @@ double rx_quantile(double *values, size_t n, double q);
  * *median may be NULL. NAN for n = 0. */
 double rx_sigma_mad(double *values, size_t n, double *median);
 
-/* Iterated mean and sigma (divided by the number kept, not by one less), values beyond k sigma
- * of the mean left out, until nothing changes (at most 50 rounds). The outputs may be NULL;
- * NAN and 0 kept for n = 0. */
-void rx_clipped_mean(const double *values, size_t n, double k, double *mean, double *sigma, size_t *kept);
+/* Into rising order. */
+void rx_sort(double *values, size_t n);
 
 #endif

@@ -133,7 +133,8 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     if (status == RX_OK)
         status = open_folder(options, extension, outputs, &folder, err);
     if (status == RX_OK)
-        status = rx_qa_report(&par, &input, folder, log, &found, brief, err);
+        status =
+            rx_qa_report(&par, &input, folder, rx_outputs_shown(outputs, folder), log, &found, brief, err);
     *verdict = rx_verdict_worse(*verdict, found);
     rx_qa_list_free(&input.truth);
     for (int i = 0; i < options->nrestorers; i++) {

@@ -8,6 +8,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
+#include "num/stats.h"
 
 void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint32_t *counts)
 {
@@ -19,12 +20,6 @@ void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint
             rx_random_block(seed, stream, begin + (uint64_t)(i / 4), word);
         counts[((uint64_t)word[i % 4] * (uint64_t)n) >> 32]++;
     }
-}
-
-static int by_value(const void *left, const void *right)
-{
-    double l = *(const double *)left, r = *(const double *)right;
-    return (l > r) - (l < r);
 }
 
 rx_status rx_bootstrap_interval(uint64_t seed, uint64_t stream, long n, rx_statistic statistic,
@@ -41,7 +36,7 @@ rx_status rx_bootstrap_interval(uint64_t seed, uint64_t stream, long n, rx_stati
         rx_bootstrap_counts(seed, stream, round, n, counts);
         replicate[round] = statistic(data, counts);
     }
-    qsort(replicate, RX_BOOTSTRAP_ROUNDS, sizeof *replicate, by_value);
+    rx_sort(replicate, RX_BOOTSTRAP_ROUNDS);
     /* outward to the nearest replicate: infinite ones must not be averaged */
     double tail = 0.5 * (1 - level) * RX_BOOTSTRAP_ROUNDS;
     int cut = tail < 0 ? 0 : (int)floor(tail);

@@ -5,17 +5,12 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 #include "validate/match.h"
 
 enum { SHIFTS = 8, FLAG_SATURATED_OR_WORSE = 4 };
 static const double UNKNOWN_MAG = 90; /* as faint or fainter: SExtractor's 99 */
 static const double BRIGHT_MAG_ERROR = 0.05;
-
-static int by_value(const void *left, const void *right)
-{
-    double l = *(const double *)left, r = *(const double *)right;
-    return (l > r) - (l < r);
-}
 
 void rx_robust_estimates(double *values, long n, double level, rx_estimate *median, rx_estimate *sigma)
 {
@@ -27,7 +22,7 @@ void rx_robust_estimates(double *values, long n, double level, rx_estimate *medi
     for (int pass = 0; pass < 2; pass++) {
         rx_estimate *dst = pass == 0 ? median : sigma;
         double scale = pass == 0 ? 1 : 1.4826;
-        qsort(values, (size_t)n, sizeof *values, by_value);
+        rx_sort(values, (size_t)n);
         dst->value = scale * 0.5 * (values[(n - 1) / 2] + values[n / 2]);
         if (rank > 0) {
             dst->low = scale * values[rank - 1];

@@ -1,13 +1,13 @@
 /* Figures: a gnuplot script with all data inside, run once, and its SVG files made fit for a page. */
-#include <dirent.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/memory.h"
+#include "io/output.h"
+#include "num/stats.h"
 #include "validate/escape.h"
 #include "validate/gnuplot.h"
 #include "validate/qa_writers.h"
@@ -79,27 +79,41 @@ static void title_of(rx_text *dst, const rx_report *r, int run)
     rx_text_printf(dst, " title '%s'", name);
 }
 
-/* $<name><run>: x, value, low, high of one metric per bin; other than shares only from FEW sources on. */
+/* $<name><run>: x, value, low, high of one metric per bin of FEW sources or more. */
 static void bin_blocks(rx_text *dst, const rx_report *r, const char *name, rx_metric metric, double low,
                        double high)
 {
-    int shares = metric == RX_METRIC_RECALL || metric == RX_METRIC_PRECISION;
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, "$%s%d << EOD\n", name, run);
         for (int b = 0; b < r->bins.n; b++) {
             const rx_estimate *e = rx_report_bin(r, run, b, metric);
             value(dst, beside(r, run, b));
-            interval(dst, e->n > 0 && (shares || e->n >= FEW) ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low,
-                     high);
+            interval(dst, e->n >= FEW ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low, high);
             rx_text_add(dst, "\n");
         }
         rx_text_add(dst, "EOD\n");
     }
 }
 
-static void bars_with_lines(rx_text *dst, const rx_report *r, const char *name)
+/* $few<name><run>: the same for shares of fewer sources: shown pale, and not joined by lines. */
+static void few_blocks(rx_text *dst, const rx_report *r, const char *name, rx_metric metric)
 {
-    plot_begin(dst);
+    for (int run = 0; run < r->input->nruns; run++) {
+        rx_text_printf(dst, "$few%s%d << EOD\n", name, run);
+        for (int b = 0; b < r->bins.n; b++) {
+            const rx_estimate *e = rx_report_bin(r, run, b, metric);
+            if (e->n == 0 || e->n >= FEW)
+                continue;
+            value(dst, beside(r, run, b));
+            interval(dst, e, 0, 1);
+            rx_text_add(dst, "\n");
+        }
+        rx_text_add(dst, "EOD\n");
+    }
+}
+
+static void add_bars(rx_text *dst, const rx_report *r, const char *name)
+{
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $%s%d using 1:2:3:4 with yerrorlines ls %d", name, run, run % 7 + 1);
         title_of(dst, r, run);
@@ -107,18 +121,35 @@ static void bars_with_lines(rx_text *dst, const rx_report *r, const char *name)
     rx_text_add(dst, "\n");
 }
 
+static void bars_with_lines(rx_text *dst, const rx_report *r, const char *name)
+{
+    plot_begin(dst);
+    add_bars(dst, r, name);
+}
+
+static void plot_shares(rx_text *dst, const rx_report *r, const char *name, rx_metric metric,
+                        const char *xlabel)
+{
+    bin_blocks(dst, r, name, metric, 0, 1);
+    few_blocks(dst, r, name, metric);
+    magnitude_axis(dst, r, name, xlabel, name, 0, 1.02);
+    plot_begin(dst);
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_text_printf(dst,
+                       ", $few%s%d using 1:2:3:4 with yerrorbars ls %d lw 0.8 ps 0.4 lc rgb color(%d, 180) "
+                       "notitle",
+                       name, run, run % 7 + 1, run % 7 + 1);
+    add_bars(dst, r, name);
+}
+
 static void write_recall(rx_text *dst, const rx_report *r)
 {
-    bin_blocks(dst, r, "recall", RX_METRIC_RECALL, 0, 1);
-    magnitude_axis(dst, r, "recall", "reference magnitude", "recall", 0, 1.02);
-    bars_with_lines(dst, r, "recall");
+    plot_shares(dst, r, "recall", RX_METRIC_RECALL, "reference magnitude");
 }
 
 static void write_precision(rx_text *dst, const rx_report *r)
 {
-    bin_blocks(dst, r, "precision", RX_METRIC_PRECISION, 0, 1);
-    magnitude_axis(dst, r, "precision", "measured magnitude", "precision", 0, 1.02);
-    bars_with_lines(dst, r, "precision");
+    plot_shares(dst, r, "precision", RX_METRIC_PRECISION, "measured magnitude");
 }
 
 /* $curve<run>: recall, precision, thinned; $end<run>: the whole catalogue. */
@@ -200,7 +231,7 @@ static void write_error(rx_text *dst, const rx_report *r)
         rx_text_add(dst, "EOD\n");
     }
     double reach = error_reach(r);
-    magnitude_axis(dst, r, "error", "reference magnitude", "m - m_0  [mag]", -reach, reach);
+    magnitude_axis(dst, r, "error", "reference magnitude", "m - m0  [mag]", -reach, reach);
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst,
@@ -242,7 +273,7 @@ static void write_offsets(rx_text *dst, const rx_report *r)
     double reach = 1.05 * r->par->match_radius;
     for (int run = 0; run < r->input->nruns; run++)
         dot_block(dst, r, "offset", run, r->evaluation[run].dx, r->evaluation[run].dy, 0);
-    begin(dst, "offsets", "x - x_0  [pixels]", "y - y_0  [pixels]", -reach, reach, -reach, reach);
+    begin(dst, "offsets", "x - x0  [pixels]", "y - y0  [pixels]", -reach, reach, -reach, reach);
     rx_text_printf(dst,
                    "set size ratio -1\nset parametric\nset trange [0:2*pi]\nplot %.6g*cos(t), %.6g*sin(t) "
                    "with lines lc rgb '#808080' dt 2 title 'match radius'",
@@ -287,9 +318,8 @@ static void write_pulls(rx_text *dst, const rx_report *r)
         }
         rx_text_add(dst, "EOD\n");
     }
-    begin(dst, "pulls", "pull = (F - F_0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
-    rx_text_add(dst, ""
-                     "plot exp(-x*x/2)/sqrt(2*pi) with lines lc rgb '#808080' dt 2 title 'unit normal'");
+    begin(dst, "pulls", "pull = (F - F0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
+    rx_text_add(dst, "plot exp(-x*x/2)/sqrt(2*pi) with lines lc rgb '#808080' dt 2 title 'unit normal'");
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $pull%d using 1:2 with histeps ls %d", run, run % 7 + 1);
         title_of(dst, r, run);
@@ -299,12 +329,14 @@ static void write_pulls(rx_text *dst, const rx_report *r)
 
 static const plan plans[] = {
     {"recall", "Recall (completeness)",
-     "Share of the references of each magnitude that were found; bars are 95 % intervals. The magnitude "
-     "where a curve crosses one half is mag50.",
+     "Share of the references of each magnitude that were found; bars are 95 % intervals, pale points bins "
+     "of "
+     "fewer than 5. The magnitude where a curve last crosses one half is mag50.",
      write_recall},
     {"precision", "Precision (purity)",
-     "Share of the detections of each measured magnitude that are references. Where the reference list "
-     "ends, real faint sources count as false: what is seen there is a lower bound.",
+     "Share of the detections of each measured magnitude that are references; bars and pale points as "
+     "before. Where the reference list ends, real faint sources count as false: what is seen there is a "
+     "lower bound.",
      write_precision},
     {"curve", "Precision against recall",
      "Each curve begins with the surest detections and admits the others by falling score; the dot is the "
@@ -350,25 +382,16 @@ static void write_head(rx_text *dst)
                        points[i]);
 }
 
-static int by_value(const void *left, const void *right)
-{
-    float l = *(const float *)left, r = *(const float *)right;
-    return (l > r) - (l < r);
-}
-
 /* White of the stretch: 99.8 % of the first picture's pixels are darker, 20 sigma at least. */
 static double white_level(const rx_qa_picture *picture)
 {
     size_t n = 0, all = (size_t)picture->width * (size_t)picture->height;
-    float *copy = RX_NEW(float, all);
-    double white = 20 * picture->sigma;
+    double *copy = RX_NEW(double, all), white = 20 * picture->sigma;
     for (size_t i = 0; i < all && copy != NULL; i++)
         if (isfinite(picture->pixels[i]))
             copy[n++] = picture->pixels[i];
-    if (n > 0) {
-        qsort(copy, n, sizeof *copy, by_value);
-        white = fmax(white, copy[(size_t)(0.998 * (double)(n - 1))]);
-    }
+    if (n > 0)
+        white = fmax(white, rx_quantile(copy, n, 0.998));
     free(copy);
     return white;
 }
@@ -450,19 +473,8 @@ static char *read_svg(const char *folder, const char *id, const char *title)
     return svg.data;
 }
 
-static void remove_folder(const char *folder)
-{
-    DIR *open = opendir(folder);
-    struct dirent *entry;
-    while (open != NULL && (entry = readdir(open)) != NULL)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            unlinkat(dirfd(open), entry->d_name, 0);
-    if (open != NULL)
-        closedir(open);
-    rmdir(folder);
-}
-
-static rx_status write_script(const rx_report *r, const char *folder, int npictures, rx_error *err)
+static rx_status write_script(const rx_report *r, const char *folder, const char *shown, int npictures,
+                              rx_error *err)
 {
     rx_text script = {0}, path = {0};
     rx_status status = RX_OK;
@@ -478,7 +490,8 @@ static rx_status write_script(const rx_report *r, const char *folder, int npictu
     }
     file = fopen(path.data, "wb");
     if (file == NULL || fwrite(script.data, 1, script.length, file) != script.length || fflush(file) != 0)
-        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be written: %s", strerror(errno));
+        status =
+            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "its figures cannot be written: %s", strerror(errno));
 exit:
     if (file != NULL)
         fclose(file);
@@ -498,7 +511,8 @@ static void collect(const rx_report *r, const char *folder, rx_figures *dst)
     }
 }
 
-rx_status rx_figures_make(const rx_report *r, const char *folder, rx_figures *dst, rx_error *err)
+rx_status rx_figures_make(const rx_report *r, const char *folder, const char *shown, rx_figures *dst,
+                          rx_error *err)
 {
     rx_text work = {0};
     rx_status status = RX_OK;
@@ -511,15 +525,15 @@ rx_status rx_figures_make(const rx_report *r, const char *folder, rx_figures *ds
         return rx_error_memory(err, 0);
     if (mkdtemp(work.data) == NULL) {
         status =
-            rx_error_at(err, RX_SYSTEM, folder, -1, 0, "no folder can be made in it: %s", strerror(errno));
+            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "no folder can be made in it: %s", strerror(errno));
         goto exit;
     }
-    status = write_script(r, work.data, dst->npictures, err);
+    status = write_script(r, work.data, shown, dst->npictures, err);
     if (status == RX_OK &&
         rx_gnuplot_run(r->par->gnuplot != NULL && r->par->gnuplot[0] != '\0' ? r->par->gnuplot : "gnuplot",
                        work.data, "figures.gp", dst->note, sizeof dst->note))
         collect(r, work.data, dst);
-    remove_folder(work.data);
+    rx_output_remove(work.data);
 exit:
     rx_text_free(&work);
     return status;

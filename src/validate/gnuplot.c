@@ -30,17 +30,16 @@ static char **clean_environment(char *locale)
     return copy;
 }
 
-/* The parent blocks SIGINT and SIGTERM to clean up after itself; the child must not inherit that. */
+/* The parent blocks the signals that end it, to clean up after itself; the child must not inherit that.
+ * What is ignored (nohup) stays ignored, but for SIGPIPE. */
 static int default_signals(posix_spawnattr_t *attributes)
 {
-    sigset_t none, all;
+    sigset_t none, pipe;
     sigemptyset(&none);
-    sigemptyset(&all);
-    sigaddset(&all, SIGINT);
-    sigaddset(&all, SIGTERM);
-    sigaddset(&all, SIGPIPE);
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
     int failed = posix_spawnattr_setsigmask(attributes, &none);
-    failed = failed != 0 ? failed : posix_spawnattr_setsigdefault(attributes, &all);
+    failed = failed != 0 ? failed : posix_spawnattr_setsigdefault(attributes, &pipe);
     return failed != 0 ? failed
                        : posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
 }

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-/* Run `program -d script` inside `folder` and wait. No shell; signals as by default; nothing read, what it
+/* Run `program -d script` inside `folder` and wait. No shell; no signal blocked; nothing read, what it
  * prints goes to gnuplot.log in that folder. Returns 1 when it ended well, else 0 and the reason, one line,
  * in note. */
 int rx_gnuplot_run(const char *program, const char *folder, const char *script, char *note, size_t size);

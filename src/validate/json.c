@@ -191,7 +191,8 @@ void rx_report_json(rx_text *dst, const rx_report *r)
            "magnitudes: "
            "bootstrap; null: not bounded or not known",
            &first);
-    number(dst, "seed", (double)r->par->seed, &first);
+    key(dst, "seed", &first);
+    rx_text_printf(dst, "%lu", r->par->seed); /* whole: a double would round it */
     rx_text_add(dst, ",\n");
     gates(dst, r);
     metric_table(dst);

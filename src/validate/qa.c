@@ -152,32 +152,42 @@ static rx_status report_make(rx_report *r, rx_error *err)
     return status;
 }
 
+/* Where the report goes. */
+typedef struct target {
+    const char *folder, *shown; /* as it is, and as errors name it */
+} target;
+
 /* text into folder/name; the text is freed in any case. */
-static rx_status write_file(const char *folder, const char *name, rx_text *text, rx_error *err)
+static rx_status write_file(const target *to, const char *name, rx_text *text, rx_error *err)
 {
     rx_status status = RX_OK;
-    rx_text path = {0};
-    rx_text_printf(&path, "%s/%s", folder, name);
-    if (path.failed || text->failed || text->data == NULL) {
+    rx_text path = {0}, shown = {0};
+    rx_text_printf(&path, "%s/%s", to->folder, name);
+    rx_text_printf(&shown, "%s/%s", to->shown, name);
+    if (path.failed || shown.failed || text->failed || text->data == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
     FILE *file = fopen(path.data, "wb");
     if (file == NULL) {
-        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be made: %s", strerror(errno));
+        status = rx_error_at(err, RX_SYSTEM, shown.data, -1, 0, "cannot be made: %s", strerror(errno));
         goto exit;
     }
-    int bad = fwrite(text->data, 1, text->length, file) != text->length;
-    bad = fclose(file) != 0 || bad;
+    int bad = fwrite(text->data, 1, text->length, file) != text->length, reason = errno;
+    if (fclose(file) != 0 && !bad) {
+        bad = 1;
+        reason = errno;
+    }
     if (bad)
-        status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be written: %s", strerror(errno));
+        status = rx_error_at(err, RX_SYSTEM, shown.data, -1, 0, "cannot be written: %s", strerror(reason));
 exit:
     rx_text_free(&path);
+    rx_text_free(&shown);
     rx_text_free(text);
     return status;
 }
 
-static rx_status write_runs(const rx_report *r, const char *folder, rx_error *err)
+static rx_status write_runs(const rx_report *r, const target *to, rx_error *err)
 {
     char name[RX_STEM + 16];
     rx_status status = RX_OK;
@@ -185,36 +195,36 @@ static rx_status write_runs(const rx_report *r, const char *folder, rx_error *er
         rx_text text = {0};
         rx_report_matches(&text, r, run);
         snprintf(name, sizeof name, "matches_%s.ecsv", r->stem[run]);
-        status = write_file(folder, name, &text, err);
+        status = write_file(to, name, &text, err);
         if (status != RX_OK)
             break;
         rx_report_curve(&text, r, run);
         snprintf(name, sizeof name, "pr_%s.ecsv", r->stem[run]);
-        status = write_file(folder, name, &text, err);
+        status = write_file(to, name, &text, err);
     }
     return status;
 }
 
-static rx_status write_all(const rx_report *r, const rx_figures *figures, const char *folder, rx_error *err)
+static rx_status write_all(const rx_report *r, const rx_figures *figures, const target *to, rx_error *err)
 {
     rx_text text = {0};
     rx_report_json(&text, r);
-    rx_status status = write_file(folder, "summary.json", &text, err);
+    rx_status status = write_file(to, "summary.json", &text, err);
     if (status != RX_OK)
         return status;
     rx_report_bins(&text, r);
-    status = write_file(folder, "bins.ecsv", &text, err);
+    status = write_file(to, "bins.ecsv", &text, err);
     if (status != RX_OK)
         return status;
-    status = write_runs(r, folder, err);
+    status = write_runs(r, to, err);
     if (status != RX_OK)
         return status;
     rx_report_html(&text, r, figures);
-    return write_file(folder, "report.html", &text, err);
+    return write_file(to, "report.html", &text, err);
 }
 
-rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder, rx_log *log,
-                       rx_verdict *verdict, rx_text *brief, rx_error *err)
+rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
+                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
     rx_report report = {.par = par, .input = input, .level = LEVEL};
     rx_figures *figures = RX_NEW(rx_figures, 1);
@@ -222,7 +232,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
     if (status != RX_OK)
         goto exit;
     if (par->figures)
-        status = rx_figures_make(&report, folder, figures, err);
+        status = rx_figures_make(&report, folder, shown, figures, err);
     else
         snprintf(figures->note, sizeof figures->note, "figures were not asked for");
     if (status == RX_OK)
@@ -231,7 +241,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         goto exit;
     if (par->figures && figures->note[0] != '\0')
         rx_log_warning(log, "report without figures: %s", figures->note);
-    status = write_all(&report, figures, folder, err);
+    status = write_all(&report, figures, &(target){folder, shown}, err);
     if (status != RX_OK)
         goto exit;
     if (brief != NULL)

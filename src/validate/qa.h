@@ -87,12 +87,12 @@ const char *rx_verdict_name(rx_verdict verdict); /* "PASS" ..., "NONE" without g
 /* The worse of two: FAIL, then INSUFFICIENT, PASS, NONE. */
 rx_verdict rx_verdict_worse(rx_verdict a, rx_verdict b);
 
-/* Write the report into the existing folder: report.html, summary.json, bins.ecsv and, per run,
- * matches_<run>.ecsv and pr_<run>.ecsv (names reduced to letters, digits, - and _).
- * *verdict over all gates (FAIL before INSUFFICIENT before PASS); `brief` (may be NULL) gets a short text
- * table per run for the terminal. Missing gnuplot: a warning, tables and page still come.
- * Errors: RX_USAGE (radius, magnitude bins), RX_SYSTEM (memory, disk), RX_INTERRUPTED. */
-rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder, rx_log *log,
-                       rx_verdict *verdict, rx_text *brief, rx_error *err);
+/* Write the report into the existing folder (`shown` is its name in errors: the one it will have):
+ * report.html, summary.json, bins.ecsv and, per run, matches_<run>.ecsv and pr_<run>.ecsv (names reduced to
+ * letters, digits, - and _). *verdict over all gates (FAIL before INSUFFICIENT before PASS); `brief` (may be
+ * NULL) gets a short text table per run for the terminal. Missing gnuplot: a warning, tables and page still
+ * come. Errors: RX_USAGE (radius, magnitude bins), RX_SYSTEM (memory, disk), RX_INTERRUPTED. */
+rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
+                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err);
 
 #endif

@@ -56,9 +56,10 @@ typedef struct rx_figures {
     char note[256];                /* why there are none, "" when all is well */
 } rx_figures;
 
-/* Draw everything with gnuplot, inside a temporary folder made in `folder` and removed again. Without gnuplot
- * dst->note says so and the status is RX_OK. Free with rx_figures_free(). */
-rx_status rx_figures_make(const rx_report *report, const char *folder, rx_figures *dst, rx_error *err);
+/* Draw everything with gnuplot, inside a temporary folder made in `folder` (`shown` in errors) and removed
+ * again. Without gnuplot dst->note says so and the status is RX_OK. Free with rx_figures_free(). */
+rx_status rx_figures_make(const rx_report *report, const char *folder, const char *shown, rx_figures *dst,
+                          rx_error *err);
 void rx_figures_free(rx_figures *figures); /* content only */
 
 /* The files of the report as text; memory trouble shows in dst->failed. */

@@ -27,6 +27,9 @@ static void test_commit(void **state)
     assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "b"), &b, NULL), RX_OK);
     assert_int_equal(rx_outputs_folder(outputs, in(state, "report/"), &folder, NULL), RX_OK);
+    assert_string_equal(rx_outputs_shown(outputs, b), in(state, "b")); /* what errors name */
+    assert_string_equal(rx_outputs_shown(outputs, folder), in(state, "report/"));
+    assert_string_equal(rx_outputs_shown(outputs, "none of ours"), "none of ours");
     assert_int_equal(access(a, F_OK), -1); /* the writer makes it */
     put(a, "new");
     put(b, "other");

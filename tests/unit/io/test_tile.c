@@ -215,7 +215,7 @@ static void test_inherit(void **state)
         "EXTNAME = 'N1      '\nINHERIT =                    T\nFILTER  = 'r'";
     add_hdu(&file,
             "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0\n"
-            "EXTEND  =                    T\nFILTER  = 'g'\nTELESCOP= 'X'\nGAIN    = 4.0",
+            "EXTEND  =                    T\nFILTER  = 'g'\nTELESCOP= 'X'\nHIERARCH= 1\nGAIN    = 4.0",
             "", 0);
     data[0] = 1;
     add_hdu(&file, ext, data, sizeof data);
@@ -226,7 +226,7 @@ static void test_inherit(void **state)
     rx_text cards = {.data = tile->cards, .length = tile->ncards * 80};
     assert_string_equal(tile->extname, "N1");
     assert_true(tile->gain == 4);
-    assert_int_equal(tile->ncards, 12); /* ten, TELESCOP and GAIN */
+    assert_int_equal(tile->ncards, 12); /* ten, TELESCOP and GAIN; no HIERARCH without a name */
     assert_non_null(strstr(cards.data, "TELESCOP= 'X'"));
     assert_null(strstr(cards.data, "FILTER  = 'g'"));
     rx_tile_free(tile);

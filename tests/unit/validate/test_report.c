@@ -146,7 +146,8 @@ static void writes_all_files(void **state)
     rx_verdict verdict = RX_VERDICT_FAIL;
     rx_text brief = {0};
     make_folder(folder);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, NULL, &verdict, &brief, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, &verdict, &brief, NULL),
+                     RX_OK);
     assert_int_equal(verdict, RX_VERDICT_NONE);
     assert_int_equal(count_files(folder, 0), FILES);
     assert_non_null(strstr(brief.data, "NONE"));
@@ -174,9 +175,9 @@ static void same_input_same_bytes(void **state)
     char first[256], second[256];
     make_folder(first);
     make_folder(second);
-    assert_int_equal(rx_qa_report(&params, &s->input, first, NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, first, "the report", NULL, NULL, NULL, NULL), RX_OK);
     s->run[1].seconds = 77; /* timings are not part of the files */
-    assert_int_equal(rx_qa_report(&params, &s->input, second, NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, second, "the report", NULL, NULL, NULL, NULL), RX_OK);
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         char *a = slurp(first, files[i]), *b = slurp(second, files[i]);
         assert_string_equal(a, b);
@@ -196,7 +197,7 @@ static void other_programs_read_it(void **state)
     make_folder(folder);
     rx_qa_params par = params;
     par.figures = 0;
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
     if (have("python3 -c 'import json' 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "python3 -c \"import json; d = json.load(open('%s/summary.json')); r = d['runs'][0];"
@@ -238,7 +239,7 @@ static void without_gnuplot(void **state)
         make_folder(folder);
         par.gnuplot = programs[i];
         rx_log_init(&log, "test", stream, RX_NORMAL);
-        assert_int_equal(rx_qa_report(&par, &s->input, folder, &log, NULL, NULL, NULL), RX_OK);
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", &log, NULL, NULL, NULL), RX_OK);
         fclose(stream);
         assert_non_null(strstr(told, "without figures"));
         assert_non_null(strstr(told, programs[i]));
@@ -265,7 +266,7 @@ static rx_verdict verdict_of(scene *s, const char *gates_text, char **json)
     fclose(file);
     assert_int_equal(rx_gates_read(path, &gates, NULL), RX_OK);
     par.gates = gates;
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, NULL, &verdict, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, &verdict, NULL, NULL), RX_OK);
     if (json != NULL)
         *json = slurp(folder, "summary.json");
     rx_gates_free(gates);
@@ -296,7 +297,7 @@ static void names_that_collide(void **state)
     par.figures = 0;
     s->run[1].name = "none";
     make_folder(folder);
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
     assert_int_equal(count_files(folder, 1), FILES);
 }
 
@@ -307,7 +308,7 @@ static void nothing_to_compare(void **state)
     s->input.truth.n = 0;
     s->run[0].list.n = 0;
     make_folder(folder);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
     assert_int_equal(count_files(folder, 1), FILES);
 }
 
@@ -315,8 +316,15 @@ static void folder_that_is_not_there(void **state)
 {
     scene *s = *state;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_qa_report(&params, &s->input, "/no/such/folder", NULL, NULL, NULL, &err), RX_SYSTEM);
-    assert_non_null(strstr(err.where, "/no/such/folder"));
+    assert_int_equal(
+        rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err), RX_SYSTEM);
+    assert_string_equal(err.where, "the report"); /* the name that the user knows, and only that */
+    assert_null(strstr(err.text, "/no/such"));
+    rx_qa_params bare = params;
+    bare.figures = 0;
+    assert_int_equal(rx_qa_report(&bare, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err),
+                     RX_SYSTEM);
+    assert_string_equal(err.where, "the report/summary.json");
 }
 
 static void interruption_leaves_nothing(void **state)
@@ -329,7 +337,8 @@ static void interruption_leaves_nothing(void **state)
     make_folder(folder);
     rx_interrupt_block();
     raise(SIGTERM);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, NULL, NULL, NULL, NULL), RX_INTERRUPTED);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL),
+                     RX_INTERRUPTED);
     assert_int_equal(sigtimedwait(&term, NULL, &(struct timespec){0}), SIGTERM);
     assert_int_equal(count_files(folder, 1), 0);
 }
