@@ -1,6 +1,8 @@
-/* Freeing of the structs that stages exchange. */
+/* Making and freeing of the structs that stages exchange. */
+#include <math.h>
 #include <stdlib.h>
 
+#include "base/memory.h"
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/sources.h"
@@ -13,6 +15,25 @@ void rx_background_free(rx_background *background)
     free(background->level);
     free(background->sigma);
     free(background);
+}
+
+rx_restored *rx_restored_new(const char *name, int width, int height)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    rx_restored *restored = RX_NEW(rx_restored, 1);
+    if (restored == NULL)
+        return NULL;
+    restored->name = name;
+    restored->width = width;
+    restored->height = height;
+    restored->chi2 = NAN;
+    restored->pixels = RX_NEW(float, n);
+    restored->mask = RX_NEW(uint8_t, n);
+    if (restored->pixels == NULL || restored->mask == NULL) {
+        rx_restored_free(restored);
+        return NULL;
+    }
+    return restored;
 }
 
 void rx_restored_free(rx_restored *restored)

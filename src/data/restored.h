@@ -9,9 +9,10 @@
 typedef struct rx_restored {
     const char *name; /* "NONE", "RL", ... static */
     int width, height;
-    float *pixels;  /* background-subtracted, ADU; masked pixels hold 0 */
-    uint8_t *mask;  /* as of the tile, RX_MASK_ bits that the restorer honoured */
-    float *support; /* masked share (0..1) of the pixels a value was made from, PSF-weighted; NULL for NONE */
+    float *pixels;    /* background-subtracted, ADU; masked pixels hold 0 */
+    uint8_t *mask;    /* as of the tile, RX_MASK_ bits that the restorer honoured */
+    float *support;   /* share (0..1), PSF-weighted, of the pixels a value was made from that are masked or
+                         beyond   the border; NULL for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
     float *sigma;     /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
@@ -22,6 +23,9 @@ typedef struct rx_restored {
     double seconds;
     char settings[200]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */
 } rx_restored;
+
+/* Zeroed planes of pixels and mask, the rest empty, chi2 NAN; NULL without memory. */
+rx_restored *rx_restored_new(const char *name, int width, int height);
 
 void rx_restored_free(rx_restored *restored);
 

@@ -16,7 +16,7 @@
 typedef struct rx_restore_params {
     int rl_niter;            /* RL_NITER */
     int rl_stop_discrepancy; /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
-    double rl_damping;       /* RL_DAMPING, sigmas, 0 = off (White 1994) */
+    double rl_damping;       /* RL_DAMPING, sigmas, 0 = off */
     double rl_denoise;       /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */
     int rl_denoise_by_psf;   /* RL_DENOISE_UNIT PSF: in units of the FWHM of the tile's PSF */
     double rl_pedestal;      /* RL_PEDESTAL, sky sigmas */

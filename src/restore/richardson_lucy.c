@@ -42,9 +42,7 @@ rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, 
         return rx_error_memory(err, 3 * (size_t)rx_fft_width(blur->fft) * (size_t)rx_fft_height(blur->fft) *
                                         sizeof(float));
     }
-    for (size_t k = 0, n = (size_t)rx_fft_stride_real(blur->fft) * (size_t)rx_fft_height(blur->fft); k < n;
-         k++)
-        rl->object[k] = 1;
+    rx_rl_reset(rl);
     rx_rl_normalise(rl);
     *dst = rl;
     return RX_OK;
@@ -114,15 +112,12 @@ double rx_rl_chi2(const rx_rl *rl)
     return sum / (double)scene->good;
 }
 
-/* D of the header; data, model > 0 except data = 0 */
-static float damp(float data, float model, float variance, float scale)
+/* D of the header. */
+static float damp(float residual, float variance, float scale)
 {
-    const float log_term = data > 0 ? data * logf(data / model) : 0;
-    const float u = scale * (log_term + model - data) * model / variance;
+    const float u = scale * residual * residual / variance;
     if (!(u < 1))
         return 1;
-    if (!(u > 0))
-        return 0;
     const float u3 = u * u * u;
     return u3 * u3 * u3 * (10 - 9 * u);
 }
@@ -133,11 +128,11 @@ static void residual_row(const rx_rl *rl, size_t row, float *model)
     const rx_scene *scene = rl->scene;
     const float *data = scene->data + row, *weight = scene->weight + row, *noise = scene->variance + row;
     if (rl->damping > 0) {
-        const float scale = (float)(2 / (rl->damping * rl->damping)), photon = (float)scene->photon;
+        const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)scene->photon;
         for (int x = 0; x < scene->width; x++) {
             const float m = fmaxf(model[x], MODEL_FLOOR);
             const float variance = noise[x] + photon * fmaxf(m - 1, 0);
-            model[x] = weight[x] * damp(data[x], m, variance, scale) * ((data[x] - m) / m);
+            model[x] = weight[x] * damp(data[x] - m, variance, scale) * ((data[x] - m) / m);
         }
         return;
     }
@@ -190,7 +185,7 @@ void rx_rl_update(rx_rl *rl)
 }
 
 /* support = 1 - K^T (1 at good pixels): what the mask and the border have taken. */
-static void set_support(rx_rl *rl, float *support)
+static void set_support(const rx_rl *rl, float *support)
 {
     const rx_scene *scene = rl->scene;
     clear(rl->blur->fft, rl->model);
@@ -260,21 +255,14 @@ static rx_status new_restored(const rx_restore_params *par, const rx_scene *scen
                               const char *name, rx_restored **dst, rx_error *err)
 {
     const size_t n = (size_t)scene->width * (size_t)scene->height;
-    rx_restored *restored = *dst = RX_NEW(rx_restored, 1);
+    rx_restored *restored = *dst = rx_restored_new(name, scene->width, scene->height);
     if (restored == NULL)
-        return rx_error_memory(err, sizeof *restored);
-    restored->name = name;
-    restored->width = scene->width;
-    restored->height = scene->height;
-    restored->chi2 = NAN;
-    restored->pixels = RX_NEW(float, n);
-    restored->mask = RX_NEW(uint8_t, n);
+        return rx_error_memory(err, n * sizeof(float));
     restored->support = RX_NEW(float, n);
     restored->reblurred = par->keep_reblurred ? RX_NEW(float, n) : NULL;
     restored->psf = rx_stamp_gauss(par->rl_denoise);
     restored->blur = rx_psf_copy(psf);
-    if (restored->pixels == NULL || restored->mask == NULL || restored->support == NULL ||
-        restored->psf == NULL || restored->blur == NULL ||
+    if (restored->support == NULL || restored->psf == NULL || restored->blur == NULL ||
         (par->keep_reblurred && restored->reblurred == NULL))
         return rx_error_memory(err, 3 * n * sizeof(float));
     memcpy(restored->mask, scene->mask, n);

@@ -9,10 +9,18 @@
  * at the sky (a sky misjudged by c thus shows at most 1e-3 c at an edge).
  * Hence neither borders nor masks ring, and W = 0 keeps masked values out to the last bit.
  *
- * Damping (White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
- *   U = min(1, 2/T^2 [d ln(d / K f) + K f - d] K f / var(K f)),   D = U^9 (10 - 9 U)
- * so that residuals well below T sigmas stop driving the iteration. (White's formula holds for
- * counts; K f / var turns our units into counts.)
+ * Flux: the update keeps sum W K f = sum W d. Farther than a PSF radius from border and masks, that is the
+ * flux of each source, to 0.1 % (tests/unit/restore/test_rl_flux.c: a Gaussian PSF, S/N 100 and more).
+ * Nearer, a part of f lies where there are no data: a star one to two FWHM away is off by up to 3 %, one
+ * closer by up to 10 %, and of one on the border itself a part is lost. rx_restored.support tells such
+ * pixels.
+ *
+ * Damping (after White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
+ *   U = min(1, (d - K f)^2 / (T^2 var(K f))),   D = U^9 (10 - 9 U)
+ * so that residuals well below T sigmas stop driving the iteration. White's U is twice the logarithm of the
+ * Poisson likelihood ratio, of which this is the limit for many counts. The noise of a sky on a pedestal is
+ * no Poisson noise: there White's form damps positive residuals more than negative ones and draws the sky
+ * down by 0.1 sigma (T = 3).
  *
  * Memory: besides the scene's three planes and two masks, f, K f and K^T W on the domain, the
  * blur's (blur.h) two complex planes; a varying PSF takes one plane more. About 11 planes of the

@@ -14,18 +14,20 @@ static const double SIGMA_HIGH = 3;   /* pedestal from at most that many median 
 static const double SIGMA_LOW = 1e-3; /* smallest sigma believed, medians */
 static const double NOISELESS = 1e-3; /* sigma of a tile without noise, share of its peak */
 
-static void set_mask(rx_scene *scene, const rx_restore_params *par, const rx_tile *tile,
-                     const rx_background *background)
+size_t rx_scene_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                     uint8_t *mask)
 {
     const int honoured = RX_MASK_BAD | RX_MASK_WEIGHT | (par->mask_saturated ? RX_MASK_SATURATED : 0);
     const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t good = 0;
     for (size_t k = 0; k < n; k++) {
         int bits = tile->mask[k] & honoured;
         if (bits == 0 && !isfinite(tile->pixels[k] - background->level[k]))
             bits = RX_MASK_BAD;
-        scene->mask[k] = (uint8_t)bits;
-        scene->good += bits == 0;
+        mask[k] = (uint8_t)bits;
+        good += bits == 0;
     }
+    return good;
 }
 
 static int usable(float sigma)
@@ -100,7 +102,7 @@ rx_status rx_scene_new(const rx_restore_params *par, const rx_tile *tile, const 
         status = rx_error_memory(err, 3 * n * sizeof(float));
         goto exit;
     }
-    set_mask(scene, par, tile, background);
+    scene->good = rx_scene_mask(par, tile, background, scene->mask);
     double median = 1, high = 1;
     if ((status = measure_sigma(scene, tile, background, &median, &high, err)) != RX_OK)
         goto exit;

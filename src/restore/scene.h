@@ -34,6 +34,12 @@ typedef struct rx_scene {
     size_t good;     /* pixels that are not masked */
 } rx_scene;
 
+/* The tile's mask as far as it is honoured, mask[height][width]; a difference to the sky that is not finite
+ * is bad as well. Returns the number of good pixels. */
+size_t rx_scene_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                     uint8_t *mask);
+
+/* Errors: RX_SYSTEM without memory. */
 rx_status rx_scene_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                        rx_scene **dst, rx_error *err);
 void rx_scene_free(rx_scene *scene);
