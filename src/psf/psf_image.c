@@ -9,7 +9,9 @@
 #include "psf/psf.h"
 #include "psf/psf_parts.h"
 
-int rx_lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX])
+/* Windowed sinc (Lanczos): weights, sum 1, of the 2 order samples from the returned index on around
+ * `position`. */
+static int lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX])
 {
     int first = (int)floor(position) - order + 1;
     double sum = 0.0;
@@ -32,7 +34,7 @@ static void resample_line(const double *src, int n, int src_stride, double centr
 {
     for (int i = 0; i < size; i++) {
         double weights[2 * RX_LANCZOS_MAX], sum = 0.0;
-        int first = rx_lanczos_weights(centre + (i - size / 2) * step, order, weights);
+        int first = lanczos_weights(centre + (i - size / 2) * step, order, weights);
         for (int k = 0; k < 2 * order; k++)
             if (first + k >= 0 && first + k < n)
                 sum += weights[k] * src[(size_t)(first + k) * (size_t)src_stride];
@@ -40,7 +42,8 @@ static void resample_line(const double *src, int n, int src_stride, double centr
     }
 }
 
-rx_status rx_stamp_resample(const rx_stamp *src, double step, int order, double *dst, int size, rx_error *err)
+rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, double *dst, int size,
+                          rx_error *err)
 {
     size_t pixels = (size_t)src->width * (size_t)src->height;
     double *values = RX_NEW(double, pixels), *rows = RX_NEW(double, (size_t)size *(size_t)src->height);
@@ -141,7 +144,7 @@ static void warn_off_centre(const char *file, const rx_psf *psf, rx_log *log)
 }
 
 /* Side of the PSF: the frame's, made odd, or what is asked for; RX_INPUT when the tile is smaller. */
-static rx_status choose_side(const char *file, const rx_stamp *stamp, int asked, int width, int height,
+static rx_status choose_side(const char *file, const rx_psf_raster *stamp, int asked, int width, int height,
                              int *side, rx_error *err)
 {
     int longer = stamp->width > stamp->height ? stamp->width : stamp->height;
@@ -156,13 +159,13 @@ static rx_status choose_side(const char *file, const rx_stamp *stamp, int asked,
 }
 
 /* The stamp on odd pixels, sum 1. */
-static rx_status fill_basis(const char *file, const rx_stamp *stamp, rx_psf *psf, rx_error *err)
+static rx_status fill_basis(const char *file, const rx_psf_raster *stamp, rx_psf *psf, rx_error *err)
 {
     size_t n = (size_t)psf->size * (size_t)psf->size;
     double *values = RX_NEW(double, n), sum = 0.0;
     if (values == NULL)
         return rx_error_memory(err, n * sizeof(double));
-    rx_status status = rx_stamp_resample(stamp, 1.0, RX_LANCZOS_MAX, values, psf->size, err);
+    rx_status status = rx_psf_resample(stamp, 1.0, RX_LANCZOS_MAX, values, psf->size, err);
     for (size_t i = 0; i < n; i++)
         sum += values[i];
     if (status == RX_OK && !(sum > 0.0))
@@ -178,7 +181,7 @@ static rx_status fill_basis(const char *file, const rx_stamp *stamp, rx_psf *psf
 rx_status rx_psf_image(const char *file, int size, int width, int height, rx_log *log, rx_psf **dst,
                        rx_error *err)
 {
-    rx_stamp stamp = {.pixels = NULL};
+    rx_psf_raster stamp = {.pixels = NULL};
     float *pixels = NULL;
     int side;
     rx_psf *psf = NULL;

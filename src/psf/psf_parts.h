@@ -9,23 +9,21 @@
 #include "data/tile.h"
 #include "psf/psf.h"
 
-/* Windowed sinc of order a (Lanczos): weights of the 2 a samples from the returned index on around
- * `position`, normalised to sum 1. */
 enum { RX_LANCZOS_MAX = 12 };
-int rx_lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX]);
 
 /* An image on its own grid; (centre_x, centre_y) is the point that shall come to lie on the middle
  * of a pixel. */
-typedef struct rx_stamp {
+typedef struct rx_psf_raster {
     const float *pixels; /* [height][width] */
     int width, height;
     double centre_x, centre_y;
-} rx_stamp;
+} rx_psf_raster;
 
-/* dst [size][size], size odd: src by Lanczos interpolation at centre + (i - size / 2, j - size / 2) * step
- * source pixels, 0 outside. Values are interpolated, not integrated. Errors: memory. */
-rx_status rx_stamp_resample(const rx_stamp *src, double step, int order, double *dst, int size,
-                            rx_error *err);
+/* dst [size][size], size odd: src by Lanczos interpolation of that order (<= RX_LANCZOS_MAX) at centre + (i -
+ * size / 2, j - size / 2) * step source pixels, 0 outside. Values are interpolated, not integrated. Errors:
+ * memory. */
+rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, double *dst, int size,
+                          rx_error *err);
 
 /* The file's name without its folder: outputs hold no paths. */
 const char *rx_psf_base_name(const char *file);

@@ -8,6 +8,8 @@
 
 /* Half-width of the stellar locus in ln(radius). */
 static const double locus_half = 0.10;
+/* Half-light radius, pixels: wider than any PSF that can be given (FWHM 200); fits take six radii around. */
+static const double widest = 120.0;
 
 static double sky_level(const rx_star_search *v, size_t at)
 {
@@ -51,7 +53,7 @@ static int usable(const rx_star_search *v, const rx_source *s, int radius_index,
     star->snr = s->fluxerr_auto > 0.0 ? s->flux_auto / s->fluxerr_auto : 0.0;
     if ((s->flags & ~allowed) != 0 || !(star->snr >= v->par->min_snr))
         return 0;
-    if (!(star->radius > 0.4 && star->radius < 0.1 * v->tile->width) || !(s->b > 0.5 * s->a))
+    if (!(star->radius > 0.4 && star->radius < fmin(0.1 * v->tile->width, widest)) || !(s->b > 0.5 * s->a))
         return 0;
     return clean_core(v, s, star->radius);
 }

@@ -304,13 +304,13 @@ static rx_status resample_model(const model *m, int size, double *images, rx_err
     rx_status status = RX_OK;
     for (int t = 0; t < m->nterms && status == RX_OK; t++) {
         /* PSFEx puts the centre on pixel size / 2 (from 0), for even sizes too */
-        rx_stamp stamp = {.pixels = m->mask + (size_t)t * (size_t)m->width * (size_t)m->height,
-                          .width = m->width,
-                          .height = m->height,
-                          .centre_x = m->width / 2,
-                          .centre_y = m->height / 2};
-        status = rx_stamp_resample(&stamp, 1.0 / m->sampling, 4,
-                                   images + (size_t)t * (size_t)size * (size_t)size, size, err);
+        rx_psf_raster stamp = {.pixels = m->mask + (size_t)t * (size_t)m->width * (size_t)m->height,
+                               .width = m->width,
+                               .height = m->height,
+                               .centre_x = m->width / 2,
+                               .centre_y = m->height / 2};
+        status = rx_psf_resample(&stamp, 1.0 / m->sampling, 4,
+                                 images + (size_t)t * (size_t)size * (size_t)size, size, err);
     }
     return status;
 }
