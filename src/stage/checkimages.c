@@ -75,12 +75,16 @@ static void paint_objects(const rx_checkimage_data *data, canvas *dst)
         dst->pixels[i] = data->sources->segments[i] != 0 ? data->restored->pixels[i] : 0.0f;
 }
 
+/* Groups too small to be a source are blanked as well, as in SExtractor. */
 static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 {
-    for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->sources->segments[i] != 0 ? 0.0f
-                         : hidden(data, i)               ? NAN
-                                                         : data->restored->pixels[i];
+    const rx_sources *sources = data->sources;
+    for (size_t i = 0; i < npixels(dst); i++) {
+        int small = sources->fragments != NULL && sources->fragments[i] == RX_FRAGMENT_SMALL;
+        dst->pixels[i] = sources->segments[i] != 0 || small ? 0.0f
+                         : hidden(data, i)                  ? NAN
+                                                            : data->restored->pixels[i];
+    }
 }
 
 /* In sigmas: a restorer that explains the data leaves white noise of width 1. */
@@ -102,7 +106,9 @@ static void paint_support(const rx_checkimage_data *data, canvas *dst)
                                                          : 0.0f;
 }
 
-static void draw_ellipse(canvas *dst, double x, double y, double a, double b, double theta, float value)
+/* Add `value` to the image along an ellipse. */
+static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, double x, double y, double a, double b,
+                         double theta, float value)
 {
     int steps = 16 + (int)(8.0 * a);
     if (!(a > 0.0) || !(b > 0.0) || a > 1e5)
@@ -111,22 +117,24 @@ static void draw_ellipse(canvas *dst, double x, double y, double a, double b, do
         double t = 2.0 * M_PI * k / steps, u = a * cos(t), v = b * sin(t);
         int px = (int)lround(x + u * cos(theta) - v * sin(theta));
         int py = (int)lround(y + u * sin(theta) + v * cos(theta));
-        if (px >= 0 && px < dst->width && py >= 0 && py < dst->height)
-            dst->pixels[(size_t)py * (size_t)dst->width + (size_t)px] = value;
+        size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
+        if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !hidden(data, k))
+            dst->pixels[k] = data->restored->pixels[k] + value;
     }
 }
 
-/* The image with the limits of MAG_APER (circles) and MAG_AUTO (ellipses) drawn on it. */
+/* The image without its background, and the limits of MAG_APER (circles) and MAG_AUTO (ellipses) on it. */
 static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
 {
-    paint_restored(data, dst);
-    float value = (float)(data->background->global_level + 100.0 * data->background->global_sigma);
+    static const double overlay = 30.0; /* sigmas */
+    paint_subtracted(data, dst);
+    float value = (float)(overlay * data->background->global_sigma);
     for (int i = 0; i < data->sources->n; i++) {
         const rx_source *s = &data->sources->list[i];
-        draw_ellipse(dst, s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta, value);
+        draw_ellipse(data, dst, s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta, value);
         for (int k = 0; k < data->sources->naper; k++) {
             double r = 0.5 * data->sources->aperture_diameter[k];
-            draw_ellipse(dst, s->x, s->y, r, r, 0.0, value);
+            draw_ellipse(data, dst, s->x, s->y, r, r, 0.0, value);
         }
     }
 }
