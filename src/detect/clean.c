@@ -20,6 +20,7 @@ typedef struct wing {
 /* Sources come in the order of the scan: a run of them is a band of the tile, and most bands are out of
  * reach. */
 enum { BAND = 64 };
+enum { NOBODY = -1, LEFT_OUT = -2 };
 typedef struct band {
     double low, high; /* y of its sources */
     double largest;   /* major axis */
@@ -117,7 +118,7 @@ static void admit(const sep_catalog *cat, wing *wings, const band *bands, int *e
             j += BAND - 1;
             continue;
         }
-        if (eater[j] >= 0 || !in_reach(cat, i, j))
+        if (eater[j] != NOBODY || !in_reach(cat, i, j))
             continue;
         if (wings[j].flux < wings[i].flux) {
             if (swallows(cat, wings, i, j, beta))
@@ -131,8 +132,8 @@ static void admit(const sep_catalog *cat, wing *wings, const band *bands, int *e
         merge(wings, eater, menu[--n], i);
 }
 
-rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, double beta,
-                   int **eater, rx_error *err)
+rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, int max_area,
+                   double beta, int **eater, rx_error *err)
 {
     size_t n = (size_t)cat->nobj;
     int largest = 1;
@@ -153,13 +154,19 @@ rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_
                           .area = cat->npix[i],
                           .axis_correction = axis_correction(cat, i, image),
                           .weakest = weakest_pixel(cat, i, image, min_area, heights)};
-        (*eater)[i] = -1;
+        (*eater)[i] = NOBODY;
         extend_bands(cat, i, bands);
-        admit(cat, wings, bands, *eater, i, beta, menu);
+        if (max_area > 0 && cat->npix[i] > max_area)
+            (*eater)[i] = LEFT_OUT;
+        else
+            admit(cat, wings, bands, *eater, i, beta, menu);
     }
-    for (int i = 0; i < cat->nobj; i++) /* to the end of the chain */
+    for (int i = 0; i < cat->nobj; i++) { /* to the end of the chain */
         while ((*eater)[i] >= 0 && (*eater)[(*eater)[i]] >= 0)
             (*eater)[i] = (*eater)[(*eater)[i]];
+        if ((*eater)[i] == LEFT_OUT)
+            (*eater)[i] = NOBODY;
+    }
 exit:
     free(wings);
     free(bands);

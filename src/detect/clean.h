@@ -15,11 +15,11 @@ typedef struct rx_clean_image {
 
 /* eater[i] = index of the source that ate i, or -1 (to be freed).
  *
- * A source's wing is a Moffat profile of exponent `beta` (CLEAN_PARAM) fitted to its area and flux;
- * it eats a fainter one whose min_area-th brightest pixel does not rise above that wing. Sources are
- * taken one after the other as SExtractor does, with the same merged fluxes; sep's own cleaning
- * compares pairs only and does not say who ate whom. */
-rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, double beta,
-                   int **eater, rx_error *err);
+ * Sources of more than max_area pixels (0: any) take no part. A source's wing is a Moffat profile of exponent
+ * `beta` (CLEAN_PARAM) fitted to its area and flux; it eats a fainter one whose min_area-th brightest pixel
+ * does not rise above that wing. Sources are taken one after the other as SExtractor does, with the same
+ * merged fluxes; sep's own cleaning compares pairs only and does not say who ate whom. */
+rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, int max_area,
+                   double beta, int **eater, rx_error *err);
 
 #endif
