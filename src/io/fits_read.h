@@ -12,7 +12,7 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
  * are any, else of the tables with rows, else of those without. A name[n] reads that HDU. The HDU's
  * header comes along in table->cards. Integers with TNULL become floating (NAN for no value), scaled
  * columns too, logicals and bits int16, complex numbers pairs, dimensions beyond two are joined;
- * columns of variable length are left out. */
+ * columns of variable length are left out. *dst to be freed by rx_table_free(). */
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err);
 
 /* Value of a key in a block of cards as text (quotes stripped, trimmed) or number; 0 when absent. */

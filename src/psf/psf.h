@@ -22,7 +22,8 @@ typedef struct rx_psf_params {
  * tile with at least X/Y, peak, FLUX_AUTO/ERR, FLUX_RADIUS(0.5) as first radius, FLAGS and the rms
  * ellipse (a, b) filled; where segments are there, pixels of neighbours stay out of the fits.
  * Errors: RX_INPUT when the PSF cannot be used on this tile (the text names the file and the way out),
- * RX_SYSTEM memory. A PSF that does not fit into the tile is refused, unless its size is ours to choose. */
+ * RX_SYSTEM memory. *dst, of this and the functions below, is freed by rx_psf_free(). A PSF that does not fit
+ * into the tile is refused, unless its size is ours to choose. */
 rx_status rx_psf_make(const rx_psf_params *par, const rx_tile *tile, const rx_background *background,
                       const rx_sources *stars, rx_log *log, rx_psf **dst, rx_error *err);
 

@@ -2,7 +2,8 @@
  *
  * One row per kind in restore.c; the network joins there as one more row. All of them hand on
  * background-subtracted ADU on the input's flux scale, finite everywhere, 0 under the mask, and no
- * value under the mask reaches any output. The same bytes for any nthreads. Errors: RX_INPUT
+ * value under the mask reaches any output. The same bytes for any nthreads. *dst belongs to the caller
+ * (rx_restored_free()), NULL after an error. Errors: RX_INPUT
  * (PSF larger than the tile or not finite), RX_SYSTEM, RX_INTERRUPTED. */
 #ifndef RX_RESTORE_RESTORE_H
 #define RX_RESTORE_RESTORE_H

@@ -45,7 +45,7 @@ rx_status rx_rl_restore(const rx_restore_params *par, const rx_scene *scene, con
 
 /* The iteration in pieces (the blind restorer alternates it with updates of the PSF). */
 typedef struct rx_rl {
-    const rx_scene *scene;
+    const rx_scene *scene; /* both belong to the caller and must outlive it */
     const rx_blur *blur;
     double damping; /* sigmas, 0 = off */
     float bound;    /* f never exceeds it */

@@ -33,7 +33,10 @@ static void paragraph(rx_text *dst, const char *text)
 static void text_cell(rx_text *dst, const char *text)
 {
     rx_text_add(dst, "<td class=\"t\">");
-    rx_escape_html(dst, text);
+    if (text != NULL && text[0] != '\0')
+        rx_escape_html(dst, text);
+    else
+        rx_text_add(dst, "&ndash;");
     rx_text_add(dst, "</td>");
 }
 
@@ -303,7 +306,8 @@ static void write_reading(rx_text *dst, const rx_report *r)
         "have Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute "
         "deviation) intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap "
         "intervals (%d draws, none for fewer than %d sources). An infinite end: too few sources, or the "
-        "limit lies beyond the reference.</p>\n",
+        "limit lies beyond the reference. Means, such as MagErr, follow single gross mismatches (a blend, a "
+        "saturated reference); medians and sigma_MAD do not.</p>\n",
         100 * r->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_text_add(dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
                      "magnitude, all else by reference magnitude. Precision against a catalogue that is "
@@ -344,6 +348,11 @@ static void write_runs(rx_text *dst, const rx_report *r)
                        q->law_scale, q->law_power, r->stem[run], r->stem[run]);
     }
     rx_text_add(dst, "</table>\n");
+    paragraph(
+        dst,
+        "&sigma; is the noise of a pixel, A the area in pixels: 1 &sigma; A<sup>0.5</sup> are independent "
+        "pixels; what is restored is correlated, its errors grow faster with the aperture. Measured with "
+        "empty apertures where errors are calibrated.");
 }
 
 static void write_record(rx_text *dst, const rx_report *r)
