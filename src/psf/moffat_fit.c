@@ -117,17 +117,19 @@ double rx_moffat_fit_ellipticity(const rx_moffat_fit *fit)
     return 1.0 - exp(-hypot(fit->shape[1], fit->shape[2]));
 }
 
-/* Pixels within `radius` of the stamp's middle, all with the same weight: the core decides. */
-static void stamp_pixels(const float *stamp, int size, double radius, double sigma, rx_moffat_pixels *dst)
+/* Pixels within `radius` of the stamp's middle, at most `reach` away along each axis, all with the same
+ * weight: the core decides. */
+static void stamp_pixels(const float *stamp, int size, int reach, double radius, double sigma,
+                         rx_moffat_pixels *dst)
 {
     int half = size / 2;
-    for (int j = 0; j < size; j++)
-        for (int i = 0; i < size; i++) {
-            if (hypot(i - half, j - half) > radius)
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++) {
+            if (hypot(i, j) > radius)
                 continue;
-            dst->x[dst->n] = i - half;
-            dst->y[dst->n] = j - half;
-            dst->value[dst->n] = (double)stamp[(size_t)j * (size_t)size + (size_t)i];
+            dst->x[dst->n] = i;
+            dst->y[dst->n] = j;
+            dst->value[dst->n] = (double)stamp[(size_t)(j + half) * (size_t)size + (size_t)(i + half)];
             dst->sigma[dst->n++] = sigma;
         }
 }
@@ -141,11 +143,13 @@ rx_status rx_psf_shape(const float *stamp, int size, double *fwhm, double *ellip
     for (size_t i = 0; i < n; i++)
         above += stamp[i] > 0.5F * stamp[at];
     double peak = (double)stamp[at], guess = 2.0 * sqrt((double)above / M_PI);
+    double radius = fmax(4.0 * guess, 4.0);
+    int reach = (int)fmin(ceil(radius), size / 2);
     rx_moffat_pixels pixels;
-    rx_status status = rx_moffat_pixels_new(size * size, &pixels, err);
+    rx_status status = rx_moffat_pixels_new((2 * reach + 1) * (2 * reach + 1), &pixels, err);
     if (status != RX_OK)
         return status;
-    stamp_pixels(stamp, size, fmax(4.0 * guess, 4.0), 0.01 * peak, &pixels);
+    stamp_pixels(stamp, size, reach, radius, 0.01 * peak, &pixels);
     rx_moffat_fit fit = {.peak = peak,
                          .x = (double)(at % (size_t)size) - size / 2,
                          .y = (double)(at / (size_t)size) - size / 2};

@@ -40,7 +40,7 @@ static rx_status check_moffat(double fwhm, double beta, double ratio, double ang
                             "a Moffat exponent of %g cannot be used; give PSF_BETA 1.2 to 1000", beta);
     if (!(ratio >= 0.05 && ratio <= 1.0) || !isfinite(angle))
         return rx_error_set(err, RX_INPUT, "a PSF axis ratio of %g cannot be used; give 0.05 to 1", ratio);
-    if (size != 0 && (size < 1 || size % 2 == 0 || size > 4095))
+    if (size != 0 && (size < 1 || size % 2 == 0 || size > RX_PSF_LARGEST))
         return rx_error_set(err, RX_INPUT,
                             "a PSF size of %d pixels cannot be used; give an odd PSF_SIZE, or 0", size);
     return RX_OK;

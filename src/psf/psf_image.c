@@ -88,6 +88,10 @@ rx_status rx_psf_describe(rx_psf *psf, const char *file, int width, int height, 
 rx_status rx_psf_check_size(const char *file, int psf_width, int psf_height, int width, int height,
                             rx_error *err)
 {
+    if (psf_width > RX_PSF_LARGEST || psf_height > RX_PSF_LARGEST)
+        return rx_error_at(err, RX_INPUT, file, -1, 0,
+                           "a PSF of %d x %d pixels is larger than %d; give an odd PSF_SIZE", psf_width,
+                           psf_height, RX_PSF_LARGEST);
     if (psf_width <= width && psf_height <= height)
         return RX_OK;
     return rx_error_at(
@@ -152,7 +156,7 @@ static rx_status choose_side(const char *file, const rx_psf_raster *stamp, int a
     if (odd > longer && (odd > width || odd > height))
         odd = longer - 1; /* half a pixel less on each side instead of more */
     *side = odd;
-    if (odd <= width && odd <= height)
+    if (odd <= width && odd <= height && odd <= RX_PSF_LARGEST)
         return RX_OK;
     return rx_psf_check_size(file, odd < longer ? odd : longer, odd < longer ? odd : longer, width, height,
                              err);

@@ -31,7 +31,10 @@ const char *rx_psf_base_name(const char *file);
 /* fwhm, ellipticity at the tile's centre from the stamp there; error names the file. */
 rx_status rx_psf_describe(rx_psf *psf, const char *file, int width, int height, rx_error *err);
 
-/* RX_INPUT unless a stamp of this size fits into the tile. */
+/* Side of a PSF at most, pixels: stamps are counted by int, and no PSF needs more. */
+enum { RX_PSF_LARGEST = 4095 };
+
+/* RX_INPUT unless a stamp of this size fits into the tile and is no larger than RX_PSF_LARGEST. */
 rx_status rx_psf_check_size(const char *file, int psf_width, int psf_height, int width, int height,
                             rx_error *err);
 

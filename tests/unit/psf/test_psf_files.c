@@ -215,6 +215,8 @@ static void test_image_refused(void **state)
     float pixels[64 * 64];
     gaussian(pixels, 41, 41, 20, 20, 1.0);
     refuse_image(pixels, 41, 41, "larger than the tile");
+    static float line[5001];
+    refuse_image(line, 5001, 1, "larger than 4095");
     gaussian(pixels, 21, 21, 10, 10, 1.0);
     pixels[3] = NAN;
     refuse_image(pixels, 21, 21, "pixel (4,1)");
