@@ -491,7 +491,7 @@ static rx_status write_script(const rx_report *r, const char *folder, const char
     file = fopen(path.data, "wb");
     if (file == NULL || fwrite(script.data, 1, script.length, file) != script.length || fflush(file) != 0)
         status =
-            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "its figures cannot be written: %s", strerror(errno));
+            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
 exit:
     if (file != NULL)
         fclose(file);
@@ -525,7 +525,7 @@ rx_status rx_figures_make(const rx_report *r, const char *folder, const char *sh
         return rx_error_memory(err, 0);
     if (mkdtemp(work.data) == NULL) {
         status =
-            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "no folder can be made in it: %s", strerror(errno));
+            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
         goto exit;
     }
     status = write_script(r, work.data, shown, dst->npictures, err);
