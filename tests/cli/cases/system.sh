@@ -124,14 +124,14 @@ done
 for blocks in 0 1 4 16; do
     begin "disk full at the report after $blocks blocks"
     make_fits tile tile.fits && make_fits table ref.fits
-    limited $blocks '^rextract: .*report.*: cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits \
+    limited $blocks '^rextract: .*report.*cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits \
         -QA_NAME report -QA_FIGURES N
 done
 
 begin 'disk full at figures'
 make_fits tile tile.fits && make_fits table ref.fits
 if command -v gnuplot >/dev/null; then
-    limited 32 '^rextract: .*report.*: cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report
+    limited 32 '^rextract: .*report.*cannot be ' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report
 else
     skip 'no gnuplot'
 fi

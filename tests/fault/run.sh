@@ -1,0 +1,61 @@
+#!/bin/sh
+# Memory that runs out, anywhere: fault.c refuses one request after another. RX_FAULT_LAST: up to which number every
+# single one is tried; beyond it, every seventh.
+set -u
+LC_ALL=C
+export LC_ALL
+top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
+build=${RX_BUILD_DIR:-$top}
+fault=$build/tests/fault/fault
+make_fits=$build/tests/cli/make_fits
+last=${RX_FAULT_LAST:-40}
+for needed in "$fault" "$make_fits"; do
+    [ -x "$needed" ] || {
+        echo "run.sh: $needed is missing; build first (make check)"
+        exit 2
+    }
+done
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-fault-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+trap 'exit 2' INT TERM HUP
+cd "$scratch" || exit 2
+# What a run that is about to end still holds goes with it.
+ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
+export ASAN_OPTIONS
+passed=0 failed=0
+
+"$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
+    "$make_fits" table ref.fits || exit 2
+printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
+printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
+printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
+printf 'NUMBER\nX_IMAGE\nMAG_AUTO\nVECTOR_ASSOC(2)\nVIGNET(5,5)\nALPHA_J2000\n' >my.param
+printf '13.1 12.2 3.0\n37.0 12.0 4.0\n' >my.list
+
+# refuse NAME ARGUMENT...
+refuse() {
+    name=$1
+    shift
+    if "$fault" 1 "$last" "$@" -VERBOSE_TYPE QUIET -NTHREADS 1 >log 2>&1; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $name"
+    fi
+    sed 's/^/    | /' log
+}
+
+refuse 'two restorers, check-images, report and gates' ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 \
+    -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_LDAC -CHECKIMAGE_TYPE RESTORED,SEGMENTATION,RESIDUAL \
+    -CHECKIMAGE_NAME r.fits,s.fits,x.fits -REFERENCE_NAME ../ref.fits -QA_FIGURES N -QA_GATES ../my.qa
+refuse 'configuration, columns, filter, weights and a list to associate with' ../big.fits -c ../my.sex -RL_NITER 2 \
+    -PSF_TYPE AUTO -CATALOG_TYPE ASCII_VOTABLE -PARAMETERS_NAME ../my.param -FILTER_NAME ../my.conv \
+    -ASSOC_NAME ../my.list -ASSOC_PARAMS 1,2,3 -ASSOC_DATA 1,2 -ASSOCSELEC_TYPE ALL -WEIGHT_TYPE MAP_WEIGHT \
+    -WEIGHT_IMAGE ../weight.fits
+refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 \
+    -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
+refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
+    -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
+
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" -eq 0 ]
