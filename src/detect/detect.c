@@ -154,7 +154,7 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
                      .flags = source_flags(cat->flag[i])};
     s->threshold = cat->thresh[i] * (par->filter_normalise ? 1.0 : kernel->sum);
     s->analysis_threshold = par->analysis_threshold;
-    if (!par->absolute) {
+    if (!par->analysis_absolute) {
         double sigma = image->global_sigma;
         if (image->variable_noise)
             sigma = image->sigma[(size_t)s->ypeak * (size_t)image->width + (size_t)s->xpeak];

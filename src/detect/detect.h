@@ -12,9 +12,10 @@
 typedef struct rx_detect_params {
     double threshold;          /* DETECT_THRESH: sigmas, or ADU when absolute */
     int absolute;              /* THRESH_TYPE ABSOLUTE */
-    double analysis_threshold; /* ANALYSIS_THRESH, in the same kind of unit */
-    int min_area, max_area;    /* DETECT_MINAREA, DETECT_MAXAREA (0 = none) */
-    const float *filter;       /* FILTER_NAME kernel as in the file, NULL = no filter */
+    double analysis_threshold; /* ANALYSIS_THRESH: sigmas, or ADU when analysis_absolute */
+    int analysis_absolute;
+    int min_area, max_area; /* DETECT_MINAREA, DETECT_MAXAREA (0 = none) */
+    const float *filter;    /* FILTER_NAME kernel as in the file, NULL = no filter */
     int filter_width, filter_height;
     int filter_normalise;    /* CONV NORM */
     int matched;             /* FILTER_TYPE MATCHED: sep's matched filter */

@@ -66,7 +66,7 @@ static rx_status equivalent_noise(const rx_run *run, work *w, rx_error *err)
     const rx_tile *tile = w->detect->tile;
     rx_background *measured = NULL;
     size_t n = (size_t)tile->width * (size_t)tile->height;
-    rx_background_params par = w->options->background;
+    rx_background_params par = w->options->background[0];
     par.manual = 0;
     rx_status status =
         rx_background_measure(&par, tile->width, tile->height, w->filtered, run->restored->mask, w->hide,
@@ -160,8 +160,8 @@ static rx_status measure_sources(rx_run *run, work *w, rx_log *log, rx_error *er
             return status;
         restored = plain ? NULL : w->second;
     }
-    rx_status status = rx_photometry_run(w->options, w->detect, w->measure, restored, run->sources, log,
-                                         &w->photometry, err);
+    rx_status status = rx_photometry_run(w->options, w->detect, restored != NULL ? run->restored : NULL,
+                                         w->measure, restored, run->sources, log, &w->photometry, err);
     const rx_fluxcheck *check = &w->photometry.check;
     snprintf(run->account, sizeof run->account, "%s", run->restored->settings);
     if (status != RX_OK || check->n == 0)
@@ -239,8 +239,8 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
                                .restored = run->restored,
                                .sources = run->sources,
                                .filtered = w->filtered,
-                               .mesh_width = w->options->background.mesh_width,
-                               .mesh_height = w->options->background.mesh_height,
+                               .mesh_width = w->options->background[0].mesh_width,
+                               .mesh_height = w->options->background[0].mesh_height,
                                .cards = &cards};
     status = rx_checkimages_write(run->images, &data, err);
 exit:

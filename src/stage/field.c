@@ -18,11 +18,12 @@ static int any_saturated(const rx_tile *tile)
     return 0;
 }
 
-static rx_status measure_background(const rx_options *options, const rx_tile *tile, int hide,
+static rx_status measure_background(const rx_options *options, int role, const rx_tile *tile, int hide,
                                     rx_background **dst, rx_error *err)
 {
-    rx_status status = rx_background_measure(&options->background, tile->width, tile->height, tile->pixels,
-                                             tile->mask, hide, tile->weight, tile->weight_type, dst, err);
+    rx_status status =
+        rx_background_measure(&options->background[role], tile->width, tile->height, tile->pixels, tile->mask,
+                              hide, tile->weight, tile->weight_type, dst, err);
     if (status != RX_OK && err != NULL && err->where[0] == '\0')
         snprintf(err->where, sizeof err->where, "%s", tile->name), err->hdu = tile->hdu;
     return status;
@@ -151,13 +152,13 @@ rx_status rx_field_open(const rx_options *options, int role, const char *name, i
     if (status != RX_OK)
         goto exit;
     int hide_plain = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
-    status = measure_background(options, field->tile, hide_plain, &field->plain, err);
+    status = measure_background(options, role, field->tile, hide_plain, &field->plain, err);
     if (status != RX_OK)
         goto exit;
     field->restored = field->plain;
     if (hide_plain != RX_HIDE_RESTORED && any_saturated(field->tile)) {
         field->restored = NULL;
-        status = measure_background(options, field->tile, RX_HIDE_RESTORED, &field->restored, err);
+        status = measure_background(options, role, field->tile, RX_HIDE_RESTORED, &field->restored, err);
         if (status != RX_OK)
             goto exit;
     }

@@ -86,21 +86,22 @@ static void flag_options(const rx_config *cfg, const rx_column_list *columns, rx
     rx_tile_params *tile = &dst->tile[0];
     for (int i = 0; i < cfg->flag_image.n && i < RX_MAX_FLAGMAPS; i++)
         tile->flag_names[tile->nflags++] = cfg->flag_image.v[i];
-    if (cfg->flag_type.n > 0)
-        dst->flag_type = VALUE(flag_types, cfg->flag_type.v[0]);
+    /* a map without a type of its own is combined by OR, as in SExtractor */
+    for (int i = 0; i < cfg->flag_type.n && i < RX_MAX_FLAGMAPS; i++)
+        dst->flag_types[i] = VALUE(flag_types, cfg->flag_type.v[i]);
 }
 
-static void background_options(const rx_config *cfg, rx_background_params *dst)
+static void background_options(const rx_config *cfg, int role, rx_background_params *dst)
 {
     *dst = (rx_background_params){.mesh_width = cfg->back_size.v[0],
                                   .mesh_height = ITEM(cfg->back_size, 1),
                                   .filter_width = cfg->back_filtersize.v[0],
                                   .filter_height = ITEM(cfg->back_filtersize, 1),
                                   .filter_threshold = cfg->back_filtthresh,
-                                  .manual = strcmp(cfg->back_type.v[0], "MANUAL") == 0,
-                                  .manual_value = cfg->back_value.v[0],
+                                  .manual = strcmp(ITEM(cfg->back_type, role), "MANUAL") == 0,
+                                  .manual_value = ITEM(cfg->back_value, role),
                                   .weight_gain = cfg->weight_gain,
-                                  .no_rescale = !cfg->rescale_weights.v[0]};
+                                  .no_rescale = !ITEM(cfg->rescale_weights, role)};
 }
 
 static void restore_options(const rx_config *cfg, rx_options *dst)
@@ -176,7 +177,8 @@ static void detect_options(const rx_config *cfg, rx_options *dst)
                               .subobjects = cfg->deblend_maxobj,
                               .subobjects_max = cfg->deblend_maxobj_max};
     par->threshold = threshold_of(cfg, &cfg->detect_thresh, &par->absolute);
-    par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->absolute);
+    par->analysis_absolute = strcmp(ITEM(cfg->thresh_type, 1), "ABSOLUTE") == 0;
+    par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->analysis_absolute);
 }
 
 /* What no column, check-image or report asks for; matters for FLAGS too, as in SExtractor. */
@@ -341,7 +343,8 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     options->nthreads = thread_option(cfg->nthreads);
     options->catalog_name = cfg->catalog_name;
     options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
-    background_options(cfg, &options->background);
+    for (int role = 0; role < 2; role++)
+        background_options(cfg, role, &options->background[role]);
     restore_options(cfg, options);
     detect_options(cfg, options);
     rx_status status = kernel_options(cfg, options, err);

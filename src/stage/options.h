@@ -20,11 +20,11 @@
 enum { RX_MAX_RUNS = 16 };
 
 typedef struct rx_options {
-    rx_tile_params tile[2]; /* of the detection and of the measurement image */
-    rx_background_params background;
-    rx_psf_params psf;        /* its file: psf_files */
-    const char *psf_files[2]; /* PSF_NAME of the detection and of the measurement image */
-    double seeing_arcsec;     /* SEEING_FWHM */
+    rx_tile_params tile[2];             /* of the detection and of the measurement image */
+    rx_background_params background[2]; /* of the same two */
+    rx_psf_params psf;                  /* its file: psf_files */
+    const char *psf_files[2];           /* PSF_NAME of the detection and of the measurement image */
+    double seeing_arcsec;               /* SEEING_FWHM */
     double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
     int nrestorers;
@@ -36,7 +36,7 @@ typedef struct rx_options {
     int calibrate_none, calibrate_restored; /* ERROR_CALIBRATION */
     int error_apertures;
     uint64_t seed;
-    int flag_type;
+    int flag_types[RX_MAX_FLAGMAPS];
     rx_catalog_type catalog_type;
     const char *catalog_name;
     rx_column_list *columns; /* owned */

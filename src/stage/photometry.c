@@ -18,10 +18,10 @@ static rx_measure_image image_of(const rx_options *options, const rx_field *dete
                               .gain = tile->gain,
                               .global_sigma = background->global_sigma,
                               .variable_noise = tile->weight_type != RX_WEIGHT_NONE,
-                              .weight_gain = options->background.weight_gain,
+                              .weight_gain = options->background[0].weight_gain,
                               .nflagmaps = detect->tile->nflagmaps,
                               .flagmaps = detect->tile->flagmaps,
-                              .flag_type = options->flag_type,
+                              .flag_types = options->flag_types,
                               .law_scale = 1.0,
                               .law_power = 0.5};
 }
@@ -63,7 +63,7 @@ static rx_measure_params params_of(const rx_options *options, const rx_field *de
     par.seeing_fwhm = options->seeing_arcsec / par.pixel_scale;
     if (field != detect) { /* detection's threshold is that of another image */
         par.analysis_threshold = options->detect.analysis_threshold;
-        par.analysis_absolute = options->detect.absolute;
+        par.analysis_absolute = options->detect.analysis_absolute;
     }
     return par;
 }
@@ -89,28 +89,39 @@ static rx_status measure_with_law(const rx_options *options, int calibrate, cons
     return status;
 }
 
-rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, const rx_field *field,
-                            const rx_restored *restored, rx_sources *sources, rx_log *log, rx_photometry *dst,
-                            rx_error *err)
+rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, const rx_restored *detected,
+                            const rx_field *field, const rx_restored *restored, rx_sources *sources,
+                            rx_log *log, rx_photometry *dst, rx_error *err)
 {
     rx_measure_params par = params_of(options, detect, field);
-    rx_measure_image untouched, image;
-    float *pixels = NULL;
+    rx_measure_image untouched, image, detection;
+    float *pixels = NULL, *detection_pixels = NULL;
     *dst = (rx_photometry){.law = {.scale = 1.0, .power = 0.5}};
     rx_status status = untouched_image(options, detect, field, &pixels, &untouched, err);
     if (status != RX_OK)
         return status;
+    if (field != detect && detected != NULL)
+        detection = restored_image(options, detect, detect, detected);
+    else if (field != detect)
+        status = untouched_image(options, detect, detect, &detection_pixels, &detection, err);
+    if (status != RX_OK)
+        goto exit;
+    if (field != detect)
+        untouched.radii = &detection;
     if (restored == NULL) {
         status = measure_with_law(options, options->calibrate_none, &par, &untouched, sources, log, &dst->law,
                                   err);
     } else {
         image = restored_image(options, detect, field, restored);
+        image.radii = untouched.radii;
         status = measure_with_law(options, options->calibrate_restored, &par, &image, sources, log, &dst->law,
                                   err);
         if (status == RX_OK && restored->blur != NULL)
             status = rx_fluxcheck_run(&par, &image, &untouched, restored->blur->fwhm, sources, log,
                                       &dst->check, err);
     }
+exit:
+    free(detection_pixels);
     free(pixels);
     return status;
 }

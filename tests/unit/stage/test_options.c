@@ -99,8 +99,8 @@ static void short_lists_repeat_their_last_item(void **state)
 {
     (void)state;
     rx_options *options = options_with("BACK_SIZE", "48");
-    assert_int_equal(options->background.mesh_width, 48);
-    assert_int_equal(options->background.mesh_height, 48);
+    assert_int_equal(options->background[0].mesh_width, 48);
+    assert_int_equal(options->background[0].mesh_height, 48);
     rx_options_free(options);
     options = options_with("WEIGHT_TYPE", "MAP_RMS,MAP_VAR");
     assert_int_equal(options->tile[0].weight_type, RX_WEIGHT_MAP_RMS);
