@@ -137,22 +137,22 @@ exit:
     return status;
 }
 
-/* Flags are integers of up to 32 bits; as many bits as a float holds would not do. */
+/* Flags are integers of up to 32 bits, which a double holds; compressed images cannot be read as LONGLONG. */
 static rx_status read_flags(fitsfile *file, const char *name, int hdu, const long first[2],
                             const long last[2], uint32_t *dst, rx_error *err)
 {
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     int failed = 0, anynul = 0;
-    LONGLONG null = 0, *row = RX_NEW(LONGLONG, width);
+    double null = 0, *row = RX_NEW(double, width);
     if (row == NULL)
         return rx_error_memory(err, width * sizeof *row);
     for (size_t y = 0; y < height && !failed; y++) {
         long low[9] = {first[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
         long high[9] = {last[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-        fits_read_subset(file, TLONGLONG, low, high, step, &null, row, &anynul, &failed);
+        fits_read_subset(file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
         for (size_t x = 0; x < width; x++)
-            dst[y * width + x] = (uint32_t)row[x]; /* negative ones keep their bit pattern */
+            dst[y * width + x] = (uint32_t)(int64_t)row[x]; /* negative ones keep their bit pattern */
     }
     free(row);
     return failed ? rx_fits_failed(err, RX_INPUT, name, hdu, failed, "the pixels cannot be read") : RX_OK;
