@@ -146,7 +146,7 @@ vanishing() {
     "$program" "$@" -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 300 -VERBOSE_TYPE QUIET >../out 2>../err </dev/null &
     process=$!
     for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-        ls -A "$folder" | grep -q . && break
+        [ -n "$(ls -A "$folder")" ] && break
         sleep 0.1
     done
     rm -rf "$folder"
