@@ -120,31 +120,54 @@ exit:
 
 /* --- numbers from header or keyword --- */
 
-/* Header key of the HDU, or of the primary header, else what the keyword says. */
-static double number_or(const rx_text *cards, const rx_text *parent, const char *key, double otherwise)
+/* First number whose key begins with `key`: SExtractor compares no further, so that GAIN_KEY GAIN finds the
+ * GAINA of a two-amplifier detector. */
+static int number_by_prefix(const rx_text *cards, const char *key, double *value, char found[9])
+{
+    size_t length = strlen(key);
+    for (size_t i = 0; i < cards->length / 80; i++) {
+        const char *card = cards->data + i * 80;
+        if (length >= 8 || strncmp(card, key, length) != 0 || strncmp(card + 8, "= ", 2) != 0)
+            continue;
+        memcpy(found, card, 8);
+        found[8] = '\0';
+        found[strcspn(found, " ")] = '\0';
+        if (rx_cards_number(cards->data, (long)(cards->length / 80), found, value))
+            return 1;
+    }
+    return 0;
+}
+
+/* Header key of the HDU, or of the primary header, else one that begins so, else what the keyword says. */
+static double number_or(const rx_text *cards, const rx_text *parent, const char *key, double otherwise,
+                        rx_log *log, const rx_tile *tile)
 {
     double value = otherwise;
-    if (key == NULL || key[0] == '\0')
-        return otherwise;
-    if (!rx_cards_number(cards->data, (long)(cards->length / 80), key, &value))
-        rx_cards_number(parent->data, (long)(parent->length / 80), key, &value);
+    char found[9];
+    if (key == NULL || key[0] == '\0' ||
+        rx_cards_number(cards->data, (long)(cards->length / 80), key, &value) ||
+        rx_cards_number(parent->data, (long)(parent->length / 80), key, &value))
+        return value;
+    if (number_by_prefix(cards, key, &value, found) || number_by_prefix(parent, key, &value, found))
+        rx_log_info(log, "%s[%d]: the header has no %s; %s = %g is taken, as SExtractor does", tile->name,
+                    tile->hdu, key, found, value);
     return value;
 }
 
 static void take_numbers(const rx_tile_params *par, const rx_text *cards, const rx_text *parent, rx_log *log,
                          rx_tile *tile)
 {
-    tile->gain = number_or(cards, parent, par->gain_key, par->gain);
+    tile->gain = number_or(cards, parent, par->gain_key, par->gain, log, tile);
     if (tile->gain < 0) {
         rx_log_warning(log, "%s[%d]: %s = %g is no gain; taken as infinite (0)", tile->name, tile->hdu,
                        par->gain_key != NULL ? par->gain_key : "GAIN", tile->gain);
         tile->gain = 0;
     }
-    tile->saturation = number_or(cards, parent, par->saturation_key, par->saturation);
+    tile->saturation = number_or(cards, parent, par->saturation_key, par->saturation, log, tile);
     if (!(tile->saturation > 0) || isinf(tile->saturation))
         tile->saturation = HUGE_VAL;
-    tile->zeropoint = number_or(cards, parent, par->zeropoint_key, par->zeropoint);
-    tile->exptime = number_or(cards, parent, "EXPTIME", 0);
+    tile->zeropoint = number_or(cards, parent, par->zeropoint_key, par->zeropoint, log, tile);
+    tile->exptime = number_or(cards, parent, "EXPTIME", 0, log, tile);
     if (tile->exptime < 0)
         tile->exptime = 0;
 }

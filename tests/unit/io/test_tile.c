@@ -203,6 +203,11 @@ static void test_keys(void **state)
     tile = read_tile(&par, in(state, "a.fits"), 0, 1);
     assert_true(tile->gain == 9 && isinf(tile->saturation));
     rx_tile_free(tile);
+    make_ramp(in(state, "b.fits"), 16, "GAINMODE= 'slow    '\nGAINA   = 3.7\nGAINB   = 4.1");
+    par.gain_key = "GAIN"; /* the first number whose key begins so */
+    tile = read_tile(&par, in(state, "b.fits"), 0, 1);
+    assert_true(tile->gain == 3.7);
+    rx_tile_free(tile);
 }
 
 static void test_inherit(void **state)
