@@ -145,7 +145,7 @@ static void read_positions(const rx_table *table, const chosen *column, const rx
         rx_wcs_to_sky(tile->wcs, (int)table->nrows, dst->x, dst->y, NULL, NULL, dst->alpha, dst->delta);
 }
 
-/* Keep rows that have a magnitude and lie on the tile or within one match radius of it. */
+/* Keep rows on the tile or near it. Those without a magnitude stay too: a detection of one is not false. */
 static long compact(rx_qa_list *list, const rx_tile *tile)
 {
     const double margin = 10.0;
@@ -153,7 +153,7 @@ static long compact(rx_qa_list *list, const rx_tile *tile)
     for (long i = 0; i < list->n; i++) {
         int inside = list->x[i] >= -margin && list->x[i] < tile->width + margin && list->y[i] >= -margin &&
                      list->y[i] < tile->height + margin;
-        if (!inside || !isfinite(list->mag[i]))
+        if (!inside)
             continue;
         list->x[kept] = list->x[i];
         list->y[kept] = list->y[i];

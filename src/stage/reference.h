@@ -17,9 +17,9 @@ typedef struct rx_reference_params {
     double flux_zeropoint;  /* magnitude of flux 1, NAN = the tile's zero point */
 } rx_reference_params;
 
-/* Rows of `table` (from rx_catalog_read) with finite position and magnitude, those inside the tile and
- * just outside it. AUTO takes sky coordinates when the tile and the table have them, else pixels.
- * Errors: RX_INPUT naming the column that is missing. Free with rx_qa_list_free(). */
+/* Rows of `table` (from rx_catalog_read) inside the tile and just outside it; the magnitude is NAN where
+ * there is none. AUTO takes sky coordinates when the tile and the table have them, else pixels. Errors:
+ * RX_INPUT naming the column that is missing. Free with rx_qa_list_free(). */
 rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                             rx_log *log, rx_qa_list *dst, rx_error *err);
 

@@ -182,7 +182,7 @@ static rx_status find_roles(rx_evaluation *e, double radius, rx_error *err)
         goto exit;
     }
     for (long i = 0; i < truth->n; i++)
-        use_truth[i] = (unsigned char)counts(e->input, truth->x[i], truth->y[i]);
+        use_truth[i] = counts(e->input, truth->x[i], truth->y[i]) && !isnan(known_mag(truth->mag[i]));
     status = rx_match(&(rx_match_list){truth->n, truth->x, truth->y, use_truth},
                       &(rx_match_list){list->n, list->x, list->y, NULL}, radius, e->partner, e->origin, err);
     if (status == RX_OK)

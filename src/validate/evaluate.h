@@ -1,7 +1,8 @@
 /* One run against the reference: who is matched, missed, false or out of the count, and the differences of
  * every matched pair.
  *
- * Counted references lie inside the tile, not under the mask. References that do not count are matched in a
+ * Counted references lie inside the tile, not under the mask, and have a magnitude (one without, saturated in
+ * the reference image say, is real but belongs to no bin). References that do not count are matched in a
  * second pass with what is left: a detection that belongs to one is neither right nor wrong (IGNORED), nor is
  * an unmatched detection whose own pixel is masked or outside.
  */

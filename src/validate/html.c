@@ -165,7 +165,7 @@ static void write_counts(rx_text *dst, const rx_report *r)
     rx_text_add(dst, ".</p>\n<table><tr><th class=\"t\">sources</th>");
     run_headings(dst, r);
     count_row(dst, r, "references that count", n_references);
-    count_row(dst, r, "references outside the tile or masked", n_references_ignored);
+    count_row(dst, r, "references outside the tile, masked or without a magnitude", n_references_ignored);
     count_row(dst, r, "detections that count", n_detections);
     count_row(dst, r, "detections outside, masked or on such a reference", n_detections_ignored);
     count_row(dst, r, "matched", n_matched);
@@ -216,7 +216,8 @@ static void write_pictures(rx_text *dst, const rx_report *r, const rx_figures *f
         rx_text_add(dst, "</figcaption></figure>\n");
     }
     rx_text_add(dst, "</div>\n");
-    paragraph(dst, "The same sky and the same grey scale for all: asinh(p / 2&sigma;), &sigma; of the first "
+    paragraph(dst, "The middle of the tile, the same sky and grey scale for all: asinh(p / 2&sigma;), "
+                   "&sigma; of the first "
                    "picture, black at &minus;2&sigma;, white where 99.8 % of the first picture is darker.");
 }
 
