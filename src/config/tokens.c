@@ -18,9 +18,10 @@ static rx_status append(rx_tokens *dst, rx_text *item, rx_error *err)
 {
     rx_text_add(item, "");
     char **v = rx_regrow(dst->v, (size_t)dst->n + 1, sizeof *v);
+    if (v != NULL)
+        dst->v = v;
     if (v == NULL || item->failed)
         return rx_error_memory(err, item->length);
-    dst->v = v;
     dst->v[dst->n++] = item->data;
     *item = (rx_text){0};
     return RX_OK;

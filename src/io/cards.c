@@ -354,7 +354,16 @@ static bool is_record_keyword(const char *name)
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment)
 {
     if (is_record_keyword(name)) {
-        rx_card_text(dst, name, value, comment);
+        char *end;
+        double number = strtod(value, &end);
+        /* longer ones are digests, whatever their digits */
+        bool is_number = *value != '\0' && *end == '\0' && isfinite(number) && strlen(value) <= 14;
+        if (is_number && strpbrk(value, ".eE") == NULL)
+            rx_card_integer(dst, name, strtol(value, NULL, 10), comment);
+        else if (is_number)
+            rx_card_number(dst, name, number, comment);
+        else
+            rx_card_text(dst, name, value, comment);
         return;
     }
     rx_text line = {0};

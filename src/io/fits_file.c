@@ -424,8 +424,11 @@ rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **c
     int failed = 0, n = 0, ignored = 0;
     char *text = NULL;
     fits_clear_errmsg();
-    if (fits_convert_hdr2str(file, 0, NULL, 0, &text, &n, &failed))
+    if (fits_convert_hdr2str(file, 0, NULL, 0, &text, &n, &failed)) {
+        if (text != NULL)
+            fits_free_memory(text, &ignored);
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read");
+    }
     size_t count = strlen(text) / 80;
     while (count > 0 && strncmp(text + (count - 1) * 80, "END     ", 8) == 0)
         count--;

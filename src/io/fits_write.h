@@ -44,7 +44,8 @@ void rx_card_text(rx_text *dst, const char *key, const char *value, const char *
 void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
 void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);
 void rx_card_history(rx_text *dst, const char *line);
-/* A line of provenance: a keyword when the name begins with RX and FITS can hold it, else HISTORY. */
+/* A line of provenance: a keyword (a number where the value is one) when the name begins with RX and FITS can
+ * hold it, else HISTORY. */
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
 
 #endif

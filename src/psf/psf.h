@@ -41,9 +41,10 @@ rx_status rx_psf_image(const char *file, int size, int width, int height, rx_log
                        rx_error *err);
 
 /* Polynomial PSFEx model (.psf, or one row of a merged table), resampled to the tile's pixels and
- * normalised everywhere on the tile of width x height. */
-rx_status rx_psf_psfex(const char *file, int size, int width, int height, rx_log *log, rx_psf **dst,
-                       rx_error *err);
+ * normalised everywhere on the tile of width x height. extension (from 1): the model of that image of a
+ * multi-extension tile, where the file holds several; else its only one. */
+rx_status rx_psf_psfex(const char *file, int extension, int size, int width, int height, rx_log *log,
+                       rx_psf **dst, rx_error *err);
 
 /* FWHM (pixels, of the profile before pixel integration) and 1 - b/a of the elliptical Moffat that fits a
  * stamp [size][size] best; second moments would follow the noise in the wings. beta may be NULL.

@@ -31,7 +31,7 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_tile *tile, const rx_ba
     case RX_PSF_FILE:
         return rx_psf_image(par->file, par->size, tile->width, tile->height, log, dst, err);
     case RX_PSF_PSFEX:
-        return rx_psf_psfex(par->file, par->size, tile->width, tile->height, log, dst, err);
+        return rx_psf_psfex(par->file, tile->extension, par->size, tile->width, tile->height, log, dst, err);
     case RX_PSF_AUTO:
         return rx_psf_estimate(par, tile, background, stars, log, dst, err);
     case RX_PSF_GAUSS: /* what restored images have, never a tile */

@@ -198,11 +198,19 @@ static rx_status read_mask(model *m, const rx_table *table, rx_error *err)
     return RX_OK;
 }
 
-static rx_status read_model(const char *file, model *m, rx_error *err)
+/* psfex writes a table for each image of a multi-extension catalogue; a file with one serves every image. */
+static rx_status read_table(const char *file, int extension, rx_table **dst, rx_error *err)
+{
+    if (extension > 1 && rx_fits_read_table(file, extension - 1, dst, NULL) == RX_OK)
+        return RX_OK;
+    return rx_fits_read_table(file, 0, dst, err);
+}
+
+static rx_status read_model(const char *file, int extension, model *m, rx_error *err)
 {
     rx_table *table = NULL;
     *m = (model){.file = file, .sampling = 1.0};
-    rx_status status = rx_fits_read_table(file, 0, &table, err);
+    rx_status status = read_table(file, extension, &table, err);
     if (status == RX_OK && table->nrows != 1)
         status = rx_error_at(err, RX_INPUT, file, -1, 0,
                              "a table of %ld rows where a PSFEx model has one; pick the row of this tile",
@@ -345,12 +353,12 @@ exit:
     return status;
 }
 
-rx_status rx_psf_psfex(const char *file, int size, int width, int height, rx_log *log, rx_psf **dst,
-                       rx_error *err)
+rx_status rx_psf_psfex(const char *file, int extension, int size, int width, int height, rx_log *log,
+                       rx_psf **dst, rx_error *err)
 {
     model m;
     *dst = NULL;
-    rx_status status = read_model(file, &m, err);
+    rx_status status = read_model(file, extension, &m, err);
     if (status == RX_OK) {
         int smaller = m.width < m.height ? m.width : m.height;
         size = rx_psf_cut_size(2 * (int)floor(smaller / 2 * m.sampling + 1e-6) + 1, size);

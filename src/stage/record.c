@@ -46,7 +46,8 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
     rx_record_add(record, "PROGRAM", "made by", "rextract");
     rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
     rx_record_add(record, "RXINPUT", "input image", "%s", images);
-    rx_config_visit(config, add_keyword, record);
+    if (!rx_config_visit(config, add_keyword, record))
+        record->failed = true;
 }
 
 void rx_record_cards(const rx_record *record, rx_text *cards)

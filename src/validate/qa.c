@@ -223,6 +223,20 @@ static rx_status write_all(const rx_report *r, const rx_figures *figures, const 
     return write_file(to, "report.html", &text, err);
 }
 
+/* Magnitudes on another scale make every flux error senseless; the report says so in numbers, the user
+ * had better hear it. */
+static void warn_of_scale(const rx_report *r, rx_log *log)
+{
+    const double suspicious = 0.5; /* mag */
+    for (int run = 0; run < r->input->nruns; run++) {
+        double offset = r->evaluation[run].offset.value;
+        if (isfinite(offset) && fabs(offset) > suspicious)
+            rx_log_warning(
+                log, "%s: bright matches differ by %+.2f mag from the reference; is MAG_ZEROPOINT right?",
+                r->input->runs[run].name, offset);
+    }
+}
+
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
                        const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
@@ -239,6 +253,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         status = rx_interrupt_check(err);
     if (status != RX_OK)
         goto exit;
+    warn_of_scale(&report, log);
     if (par->figures && figures->note[0] != '\0')
         rx_log_warning(log, "report without figures: %s", figures->note);
     status = write_all(&report, figures, &(target){folder, shown}, err);

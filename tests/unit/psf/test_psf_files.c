@@ -57,16 +57,13 @@ typedef struct psfex_spec {
     double zero, scale, sampling;
 } psfex_spec;
 
-static void write_psfex(const char *path, const psfex_spec *s, const float *mask)
+/* One more table at the end of the file. */
+static void append_psfex(const char *path, const psfex_spec *s, const float *mask)
 {
     char c[40][81];
     long n = (long)s->side * s->side * s->terms;
-    FILE *file = fopen(path, "wb");
+    FILE *file = fopen(path, "ab");
     assert_non_null(file);
-    snprintf(c[0], 81, "%-8s= %20s", "SIMPLE", "T");
-    snprintf(c[1], 81, "%-8s= %20d", "BITPIX", 8);
-    snprintf(c[2], 81, "%-8s= %20d", "NAXIS", 0);
-    put_block(file, c, 3);
     int k = 0;
     snprintf(c[k++], 81, "%-8s= %-20s", "XTENSION", "'BINTABLE'");
     snprintf(c[k++], 81, "%-8s= %20d", "BITPIX", 8);
@@ -96,6 +93,19 @@ static void write_psfex(const char *path, const psfex_spec *s, const float *mask
     put_block(file, c, k);
     put_floats(file, mask, n);
     assert_int_equal(fclose(file), 0);
+}
+
+static void write_psfex(const char *path, const psfex_spec *s, const float *mask)
+{
+    char c[3][81];
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    snprintf(c[0], 81, "%-8s= %20s", "SIMPLE", "T");
+    snprintf(c[1], 81, "%-8s= %20d", "BITPIX", 8);
+    snprintf(c[2], 81, "%-8s= %20d", "NAXIS", 0);
+    put_block(file, c, 3);
+    assert_int_equal(fclose(file), 0);
+    append_psfex(path, s, mask);
 }
 
 static char folder[256];
@@ -284,7 +294,7 @@ static void compare_model(const char *file, int width, int height, double tolera
 {
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
-    if (rx_psf_psfex(file, 0, width, height, NULL, &psf, &err) != RX_OK)
+    if (rx_psf_psfex(file, 1, 0, width, height, NULL, &psf, &err) != RX_OK)
         fail_msg("%s: %s", file, err.text);
     float *stamp = malloc(sizeof *stamp * (size_t)psf->size * (size_t)psf->size);
     double *want = malloc(sizeof *want * (size_t)psf->size * (size_t)psf->size);
@@ -354,9 +364,36 @@ static void test_made_model(void **state)
     spec = (psfex_spec){1, 1, 2, SIDE, 3, "YWIN_IMAGE", "", 50.0, 100.0, 0.8};
     write_psfex(in_folder("model.psf"), &spec, mask);
     rx_psf *psf;
-    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 0, 100, 100, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, NULL), RX_OK);
     assert_true(psf->nbasis == 5 && psf->px[2] == 0 && psf->py[2] == 2);
     rx_psf_free(psf);
+}
+
+/* A .psf of a multi-extension catalogue has a model for each image; where there is none, the first serves. */
+static void test_psfex_of_each_extension(void **state)
+{
+    (void)state;
+    enum { SIDE = 41 };
+    static float narrow[SIDE * SIDE], wide[SIDE * SIDE];
+    static const double sigma[3] = {2.0, 3.0, 2.0}; /* of extension 1, 2, 3 */
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        double r2 = pow(i % SIDE - 20, 2) + pow(i / SIDE - 20, 2);
+        narrow[i] = (float)exp(-0.5 * r2 / 4.0);
+        wide[i] = (float)exp(-0.5 * r2 / 9.0);
+    }
+    psfex_spec spec = {2, 1, 0, SIDE, 1, "X_IMAGE", "Y_IMAGE", 50.0, 100.0, 1.0};
+    write_psfex(in_folder("model.psf"), &spec, narrow);
+    append_psfex(in_folder("model.psf"), &spec, wide);
+    for (int extension = 1; extension <= 3; extension++) {
+        rx_psf *psf;
+        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), extension, 0, 100, 100, NULL, &psf, NULL),
+                         RX_OK);
+        int n = psf->size;
+        float centre = psf->basis[n / 2 * n + n / 2], next = psf->basis[n / 2 * n + n / 2 + 1];
+        double found = sqrt(-0.5 / log((double)next / (double)centre));
+        assert_true(fabs(found - sigma[extension - 1]) < 0.02);
+        rx_psf_free(psf);
+    }
 }
 
 static void refuse_model(const psfex_spec *spec, const float *mask, const char *what)
@@ -364,7 +401,7 @@ static void refuse_model(const psfex_spec *spec, const float *mask, const char *
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
     write_psfex(in_folder("model.psf"), spec, mask);
-    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 0, 100, 100, NULL, &psf, &err), RX_INPUT);
+    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, &err), RX_INPUT);
     assert_null(psf);
     assert_non_null(strstr(err.where, "model.psf"));
     if (strstr(err.text, what) == NULL)
@@ -410,9 +447,13 @@ static void test_model_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_image_sizes),   cmocka_unit_test(test_image_cut_to_size),
-        cmocka_unit_test(test_image_refused), cmocka_unit_test(test_real_models),
-        cmocka_unit_test(test_made_model),    cmocka_unit_test(test_model_refused),
+        cmocka_unit_test(test_image_sizes),
+        cmocka_unit_test(test_image_cut_to_size),
+        cmocka_unit_test(test_image_refused),
+        cmocka_unit_test(test_real_models),
+        cmocka_unit_test(test_made_model),
+        cmocka_unit_test(test_model_refused),
+        cmocka_unit_test(test_psfex_of_each_extension),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }
