@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "io/fits_tiles.h"
+#include "io/fits_walk.h"
 
 /* Name that cfitsio is given for a file held in memory, padded. */
 static const char PADDED[] = "padded copy";
@@ -104,6 +105,8 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     size_t size = 0, pad = 0;
     *dst = (rx_fits_source){0};
     rx_status status = check_file(path, &size, &pad, err);
+    if (status == RX_OK)
+        status = rx_fits_walk(path, err);
     if (status == RX_OK && pad > 0)
         status = load(path, size, pad, dst, err);
     if (status != RX_OK)

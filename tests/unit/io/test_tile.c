@@ -169,6 +169,47 @@ static void test_no_numbers(void **state)
     check_refused(&PLAIN, in(state, "f.fits"), "NaN");
 }
 
+/* cfitsio would divide by a tile of no size as soon as it reaches the HDU. */
+static void test_no_tile_size(void **state)
+{
+    static const char *const primary[] = {"SIMPLE  =                    T", "BITPIX  =                    8",
+                                          "NAXIS   =                    0", "END"};
+    static const char *const table[] = {"XTENSION= 'BINTABLE'",
+                                        "BITPIX  =                    8",
+                                        "NAXIS   =                    2",
+                                        "NAXIS1  =                    8",
+                                        "NAXIS2  =                   10",
+                                        "PCOUNT  =                    0",
+                                        "GCOUNT  =                    1",
+                                        "TFIELDS =                    1",
+                                        "TTYPE1  = 'COMPRESSED_DATA'",
+                                        "TFORM1  = '1PB(0)'",
+                                        "ZIMAGE  =                    T",
+                                        "ZBITPIX =                   16",
+                                        "ZNAXIS  =                    2",
+                                        "ZNAXIS1 =                   10",
+                                        "ZNAXIS2 =                   10",
+                                        "ZTILE1  =                   10",
+                                        "ZTILE2  =                0   1",
+                                        "ZCMPTYPE= 'RICE_1'",
+                                        "END"};
+    const char *path = in(state, "z.fits.fz");
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    for (size_t i = 0; i < 36; i++)
+        fprintf(file, "%-80s", i < sizeof primary / sizeof *primary ? primary[i] : "");
+    for (size_t i = 0; i < 36; i++)
+        fprintf(file, "%-80s", i < sizeof table / sizeof *table ? table[i] : "");
+    for (int i = 0; i < 2880; i++)
+        fputc(0, file);
+    assert_int_equal(fclose(file), 0);
+    int *hdus = NULL, n = 0;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "ZTILE"));
+    assert_int_equal(err.hdu, 1);
+}
+
 /* --- numbers of the header --- */
 
 static void test_keys(void **state)
@@ -676,23 +717,15 @@ static void test_real_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_bitpix),
-        cmocka_unit_test(test_scaling_and_blank),
-        cmocka_unit_test(test_no_numbers),
-        cmocka_unit_test(test_keys),
-        cmocka_unit_test(test_inherit),
-        cmocka_unit_test(test_compressed),
-        cmocka_unit_test(test_gzip),
-        cmocka_unit_test(test_names),
-        cmocka_unit_test(test_bad_names),
-        cmocka_unit_test(test_weights),
-        cmocka_unit_test(test_companions),
-        cmocka_unit_test(test_bad_companions),
-        cmocka_unit_test(test_flag_bits),
-        cmocka_unit_test(test_broken_files),
-        cmocka_unit_test(test_lying_headers),
-        cmocka_unit_test(test_broken_compressed),
-        cmocka_unit_test(test_missing_padding),
+        cmocka_unit_test(test_bitpix),        cmocka_unit_test(test_scaling_and_blank),
+        cmocka_unit_test(test_no_numbers),    cmocka_unit_test(test_keys),
+        cmocka_unit_test(test_inherit),       cmocka_unit_test(test_compressed),
+        cmocka_unit_test(test_gzip),          cmocka_unit_test(test_names),
+        cmocka_unit_test(test_bad_names),     cmocka_unit_test(test_weights),
+        cmocka_unit_test(test_companions),    cmocka_unit_test(test_bad_companions),
+        cmocka_unit_test(test_flag_bits),     cmocka_unit_test(test_broken_files),
+        cmocka_unit_test(test_lying_headers), cmocka_unit_test(test_broken_compressed),
+        cmocka_unit_test(test_no_tile_size),  cmocka_unit_test(test_missing_padding),
         cmocka_unit_test(test_real_files),
     };
     return cmocka_run_group_tests_name("tiles", tests, make_scratch, drop_scratch);
