@@ -58,6 +58,15 @@ static rx_status restore(const rx_run *run, const rx_options *options, const rx_
     return kind->run(&par, field->tile, *plain ? field->plain : field->restored, field->psf, log, dst, err);
 }
 
+/* What the filter leaves of the noise of independent pixels; 1 without a filter. */
+static double filter_norm(const rx_filter *filter)
+{
+    double power = 0.0;
+    for (int i = 0; i < filter->width * filter->height; i++)
+        power += (double)filter->values[i] * (double)filter->values[i];
+    return power > 0.0 ? sqrt(power) : 1.0;
+}
+
 /* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is
  * correlated and the filter averages less of it away. So the noise is measured after the filter and divided
  * by the factor that the filter would have had on independent pixels. */
@@ -73,10 +82,7 @@ static rx_status equivalent_noise(const rx_run *run, work *w, rx_error *err)
                               NULL, RX_WEIGHT_NONE, &measured, err);
     if (status != RX_OK)
         return status;
-    double power = 0.0;
-    for (int i = 0; i < w->filter.width * w->filter.height; i++)
-        power += (double)w->filter.values[i] * (double)w->filter.values[i];
-    float factor = power > 0.0 ? (float)(1.0 / sqrt(power)) : 1.0f;
+    float factor = (float)(1.0 / filter_norm(&w->filter));
     for (size_t i = 0; i < n; i++)
         measured->sigma[i] *= factor;
     w->noise = measured->sigma;
@@ -110,10 +116,7 @@ static rx_status prepare_detection(const rx_run *run, work *w, rx_error *err)
 /* Peak of the filtered image in units of its own noise: the order of certainty for P-R curves. */
 static void rank_detections(const work *w, rx_sources *sources)
 {
-    double power = 0.0;
-    for (int i = 0; i < w->filter.width * w->filter.height; i++)
-        power += (double)w->filter.values[i] * (double)w->filter.values[i];
-    double norm = power > 0.0 ? sqrt(power) : 1.0;
+    const double norm = filter_norm(&w->filter);
     for (int i = 0; i < sources->n; i++) {
         rx_source *s = &sources->list[i];
         s->detection_snr = 0.0;
