@@ -13,8 +13,8 @@
 #include "base/text.h"
 
 /* What is compared: plain arrays, made by the stage from tables and source lists. Positions or magnitudes
- * that are unknown are NAN; magnitudes of 90 and fainter count as unknown (SExtractor writes 99). A reference without a
- * magnitude does not count, nor does a detection of it. */
+ * that are unknown are NAN; magnitudes of 90 and fainter count as unknown (SExtractor writes 99). A reference
+ * without a magnitude does not count, nor does a detection of it. */
 typedef struct rx_qa_list {
     long n;
     double *x, *y;             /* 0-based pixels of the tile */
