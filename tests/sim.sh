@@ -29,7 +29,8 @@ run() {
     folder=$1 threads=$2
     shift 2
     mkdir "$folder"
-    (cd "$folder" && OMP_NUM_THREADS=$threads "$program" "$top/tests/data/sim.fits.fz" \
+    # glibc fills fresh memory with MALLOC_PERTURB_: what was not set first would show as other bytes
+    (cd "$folder" && OMP_NUM_THREADS=$threads MALLOC_PERTURB_=$((threads * 80)) "$program" "$top/tests/data/sim.fits.fz" \
         -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" \
         -FILTER_NAME "$top/config/default.conv" -RESTORE_TYPE NONE,RL -PSF_TYPE AUTO -MAG_ZEROPOINT 25 \
         -CATALOG_NAME sim.cat -CATALOG_TYPE FITS_LDAC \
