@@ -3,9 +3,10 @@ librextract_la_SOURCES += \
 	src/base/interrupt.c \
 	src/base/log.c \
 	src/base/memory.c \
+	src/base/names.c \
 	src/base/random.c \
 	src/base/text.c
 
 rx_basedir = $(pkgincludedir)/base
-rx_base_HEADERS = src/base/error.h src/base/interrupt.h src/base/log.h src/base/memory.h src/base/random.h \
+rx_base_HEADERS = src/base/error.h src/base/interrupt.h src/base/log.h src/base/memory.h src/base/names.h src/base/random.h \
 	src/base/text.h

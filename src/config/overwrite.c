@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "config/config_fields.h"
 
 enum { MAX_INPUTS = 4 * RX_LIST };
@@ -19,20 +20,6 @@ static void add(inputs *list, const char *name)
 {
     if (name != NULL && name[0] != '\0' && list->n < MAX_INPUTS)
         list->name[list->n++] = name;
-}
-
-/* The images, cut at the comma outside brackets, in place. */
-static void add_images(inputs *list, char *image)
-{
-    int depth = 0;
-    add(list, image);
-    for (char *c = image; *c != '\0'; c++) {
-        depth += (*c == '[') - (*c == ']');
-        if (*c == ',' && depth == 0) {
-            *c = '\0';
-            add(list, c + 1);
-        }
-    }
 }
 
 static void add_all(inputs *list, const rx_strings *names)
@@ -58,7 +45,7 @@ static bool find_file(const char *name, struct stat *dst, rx_error *err, rx_stat
     return found && S_ISREG(dst->st_mode);
 }
 
-static rx_status check_output(const inputs *list, const char *key, const char *name, rx_error *err)
+static rx_status check_file(const inputs *list, const char *key, const char *name, rx_error *err)
 {
     struct stat output, input;
     rx_status status = RX_OK;
@@ -69,6 +56,19 @@ static rx_status check_output(const inputs *list, const char *key, const char *n
             input.st_ino == output.st_ino)
             return rx_error_set(err, RX_USAGE, "%s %s is also read, as %s; give the output another name", key,
                                 name, list->name[i]);
+    return status;
+}
+
+/* An output under the name it will have: with several restorers there is one of each. */
+static rx_status check_output(const inputs *list, const rx_config *config, const char *key, const char *name,
+                              rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < config->restore_type.n && status == RX_OK; i++) {
+        char *tagged = rx_name_with_tag(name, config->restore_type.n > 1 ? config->restore_type.v[i] : NULL);
+        status = tagged != NULL ? check_file(list, key, tagged, err) : rx_error_memory(err, strlen(name));
+        free(tagged);
+    }
     return status;
 }
 
@@ -96,16 +96,18 @@ rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_erro
 {
     inputs list = {0};
     rx_status status = RX_OK;
-    char *images = rx_strdup(image);
-    if (images == NULL)
+    char *detect = NULL, *measure = NULL;
+    if (!rx_name_split_images(image, &detect, &measure))
         return rx_error_memory(err, strlen(image));
-    add_images(&list, images);
+    add(&list, detect);
+    add(&list, measure);
     add_keywords(&list, config);
     if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
-        status = check_output(&list, "CATALOG_NAME", config->catalog_name, err);
+        status = check_output(&list, config, "CATALOG_NAME", config->catalog_name, err);
     for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
         if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
-            status = check_output(&list, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
-    free(images);
+            status = check_output(&list, config, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
+    free(detect);
+    free(measure);
     return status;
 }

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "io/fits_write.h"
-#include "stage/names.h"
+#include "base/names.h"
 
 typedef struct checkimage {
     const char *type;

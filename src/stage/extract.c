@@ -9,7 +9,7 @@
 #include "catalog/assoc.h"
 #include "detect/filter.h"
 #include "stage/coordinates.h"
-#include "stage/names.h"
+#include "base/names.h"
 #include "stage/photometry.h"
 
 /* Planes and numbers that live while one extension is extracted. */

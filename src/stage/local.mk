@@ -3,7 +3,6 @@ librextract_la_SOURCES += \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/field.c src/stage/field.h \
 	src/stage/fluxcheck.c src/stage/fluxcheck.h \
-	src/stage/names.c src/stage/names.h \
 	src/stage/options.c src/stage/options.h \
 	src/stage/photometry.c src/stage/photometry.h \
 	src/stage/quality.c src/stage/quality.h \

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "io/wcs.h"
-#include "stage/names.h"
+#include "base/names.h"
 #include "stage/quality.h"
 #include "stage/reference.h"
 

@@ -17,7 +17,7 @@
 #include "io/tile.h"
 #include "stage/extract.h"
 #include "stage/field.h"
-#include "stage/names.h"
+#include "base/names.h"
 #include "stage/record.h"
 #include "stage/report.h"
 

@@ -114,6 +114,10 @@ begin 'catalogue that would replace the image'
 make_fits tile tile.fits
 expect 2 'CATALOG_NAME \./tile\.fits is also read, as tile\.fits\[0\]' 'tile.fits[0]' $none -CATALOG_NAME ./tile.fits
 
+begin 'catalogue that would replace the image under the name it gets'
+make_fits tile a_RL.fits
+expect 2 'CATALOG_NAME a_RL\.fits is also read, as a_RL\.fits' a_RL.fits $none -RESTORE_TYPE NONE,RL -CATALOG_NAME a.fits
+
 begin 'check-image that would replace the measurement image'
 make_fits tile a.fits && make_fits tile b.fits && ln b.fits c.fits
 expect 2 'CHECKIMAGE_NAME c\.fits is also read, as b\.fits' a.fits,b.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME c.fits

@@ -10,3 +10,5 @@ check_PROGRAMS += tests/unit/base/test_random
 tests_unit_base_test_random_SOURCES = tests/unit/base/test_random.c
 check_PROGRAMS += tests/unit/base/test_text
 tests_unit_base_test_text_SOURCES = tests/unit/base/test_text.c
+check_PROGRAMS += tests/unit/base/test_names
+tests_unit_base_test_names_SOURCES = tests/unit/base/test_names.c

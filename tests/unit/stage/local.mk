@@ -1,5 +1,4 @@
-check_PROGRAMS += tests/unit/stage/test_names tests/unit/stage/test_reference tests/unit/stage/test_record
-tests_unit_stage_test_names_SOURCES = tests/unit/stage/test_names.c
+check_PROGRAMS += tests/unit/stage/test_reference tests/unit/stage/test_record
 tests_unit_stage_test_reference_SOURCES = tests/unit/stage/test_reference.c
 tests_unit_stage_test_record_SOURCES = tests/unit/stage/test_record.c
 check_PROGRAMS += tests/unit/stage/test_stage

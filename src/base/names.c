@@ -1,5 +1,5 @@
 /* Names of outputs, and the two images of the dual-image mode. */
-#include "stage/names.h"
+#include "base/names.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <stdlib.h>
 
-#include "stage/names.h"
+#include "base/names.h"
 
 static void check_tag(const char *path, const char *tag, const char *expected)
 {

@@ -1,6 +1,6 @@
 /* Names of outputs when one run makes several of a kind. */
-#ifndef RX_STAGE_NAMES_H
-#define RX_STAGE_NAMES_H
+#ifndef RX_BASE_NAMES_H
+#define RX_BASE_NAMES_H
 
 #include <stdbool.h>
 
