@@ -44,7 +44,7 @@ cat >truth.qa <<'END'
 recall     13:16  >= 0.8
 recall     13:17  >= 0.8
 precision  all    >= 0.8
-bias_mag   13:17  in -0.2:0.2
+bias_mag   13:17  in -0.1:0.1
 dx         13:17  in -0.15:0.15
 dy         13:17  in -0.15:0.15
 END
