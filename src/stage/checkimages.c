@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "io/fits_write.h"
 #include "base/names.h"
+#include "io/fits_write.h"
 
 typedef struct checkimage {
     const char *type;

@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "catalog/assoc.h"
 #include "detect/filter.h"
 #include "stage/coordinates.h"
-#include "base/names.h"
 #include "stage/photometry.h"
 
 /* Planes and numbers that live while one extension is extracted. */

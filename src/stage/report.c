@@ -5,8 +5,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "io/wcs.h"
 #include "base/names.h"
+#include "io/wcs.h"
 #include "stage/quality.h"
 #include "stage/reference.h"
 

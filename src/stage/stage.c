@@ -13,11 +13,11 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "base/names.h"
 #include "io/output.h"
 #include "io/tile.h"
 #include "stage/extract.h"
 #include "stage/field.h"
-#include "base/names.h"
 #include "stage/record.h"
 #include "stage/report.h"
 
