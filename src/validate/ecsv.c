@@ -1,4 +1,4 @@
-/* Tables of the report as ECSV 1.0 (Astropy's APE 6), which astropy and TOPCAT open. */
+/* Tables of the report as ECSV 1.0 (Astropy's APE 6), which astropy opens. */
 #include <math.h>
 #include <stdio.h>
 
