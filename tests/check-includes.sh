@@ -27,7 +27,7 @@ catalog   io num psf
 validate  io num psf
 train     nn simulate par
 stage     io num psf restore detect measure catalog validate simulate config
-campaign  stage simulate validate
+campaign  stage simulate validate restore catalog config io num psf
 programs  stage campaign train validate simulate config catalog
 END
 

@@ -1,0 +1,93 @@
+/* What a campaign has measured, complete and in a fixed order: made from the journals, read by the report.
+ * The same for any number of shards, threads and interruptions. */
+#ifndef RX_CAMPAIGN_RESULTS_H
+#define RX_CAMPAIGN_RESULTS_H
+
+#include "base/error.h"
+
+enum { RX_METHODS_MAX = 16, RX_METHOD_NAME = 24 };
+
+/* ---- restoration: bins of FWHM and of noise, the same scenes for every method ---- */
+
+/* One method in one bin. */
+typedef struct rx_method_scores {
+    double *psnr, *ssim;     /* [nscenes] */
+    char settings_psnr[120]; /* what tuning chose for PSNR ("RL_NITER 20, filter 0.8 FWHM"), "" when not tuned
+                              */
+    char settings_ssim[120]; /* the same for SSIM: tuned apart, in the method's own favour twice */
+} rx_method_scores;
+
+typedef struct rx_restoration_bin {
+    int by_sigma;                 /* 0: a FWHM bin (pixels), 1: a noise bin (0..255 scale) */
+    double low, high;             /* of the binned quantity, uniform inside */
+    double other_low, other_high; /* range of the other quantity */
+    long nscenes;
+    double *fwhm, *sigma; /* [nscenes] as drawn */
+    rx_method_scores method[RX_METHODS_MAX];
+} rx_restoration_bin;
+
+typedef struct rx_restoration_results {
+    int nmethods;
+    char method[RX_METHODS_MAX][RX_METHOD_NAME]; /* BLURRED, RL, RL_FLAT, later NET ... */
+    int nbins;                                   /* FWHM bins first, then noise bins */
+    rx_restoration_bin *bins;
+    int side;    /* pixels of a scene */
+    double peak; /* brightest pixel of the sharp reference: 255 */
+    double sharp_fwhm;
+    int nexamples; /* a few scenes as pictures */
+    struct rx_restoration_example *examples;
+} rx_restoration_results;
+
+/* One scene through all methods: planes are [side][side], plane 0 = blurred, then one per method, last the
+ * sharp reference. */
+typedef struct rx_restoration_example {
+    double fwhm, sigma;
+    int nplanes;
+    char title[RX_METHODS_MAX + 2][RX_METHOD_NAME];
+    float *planes[RX_METHODS_MAX + 2];
+} rx_restoration_example;
+
+/* ---- photometry: stars of one magnitude per set, on a kind of field ---- */
+
+typedef struct rx_star_result {
+    float score;   /* detection S/N that found it; NAN = not found */
+    float ratio;   /* F / F0, NAN = not found */
+    float pull;    /* (F - F0) / error */
+    float crowded; /* 1: FLAGS tells of a neighbour or a blend */
+} rx_star_result;
+
+/* One restorer on one set. Stars are in the same order for every restorer: pairs can be compared. */
+typedef struct rx_photometry_run {
+    rx_star_result *stars; /* [nstars] */
+    long nfalse;           /* detections that are no object, known or injected */
+    float *false_scores;   /* [nfalse] */
+    float *false_mags;     /* [nfalse] measured magnitude */
+    double seconds;        /* never written to outputs that must repeat */
+} rx_photometry_run;
+
+typedef struct rx_photometry_set {
+    double mag, snr; /* of the stars; snr in a matched filter on this field, background-limited */
+    long ntiles, nstars;
+    double mpixels;
+    rx_photometry_run run[RX_METHODS_MAX];
+} rx_photometry_set;
+
+typedef struct rx_photometry_field {
+    char name[64];   /* "simulated", "sdss r-000094-1-0012" */
+    char about[400]; /* one line for the report: FWHM, noise, what else is on it */
+    int nsets;
+    rx_photometry_set *sets; /* bright to faint */
+} rx_photometry_field;
+
+typedef struct rx_photometry_results {
+    int nruns;
+    char run[RX_METHODS_MAX][RX_METHOD_NAME]; /* NONE, RL ... */
+    char settings[RX_METHODS_MAX][200];
+    int nfields;
+    rx_photometry_field *fields;
+} rx_photometry_results;
+
+void rx_restoration_results_free(rx_restoration_results *results); /* and the struct itself */
+void rx_photometry_results_free(rx_photometry_results *results);
+
+#endif

@@ -1,0 +1,37 @@
+/* Noise of detector and sky. Every pixel's numbers come from (seed, stream, pixel), so nothing depends on
+ * threads. */
+#ifndef RX_SIMULATE_NOISE_H
+#define RX_SIMULATE_NOISE_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+
+typedef enum rx_noise_type { RX_NOISE_NONE, RX_NOISE_GAUSS, RX_NOISE_CCD } rx_noise_type;
+
+typedef struct rx_noise_params {
+    rx_noise_type type;
+    double sky;         /* ADU per pixel, added in every type */
+    double sigma;       /* GAUSS: ADU */
+    double gain;        /* CCD: e-/ADU (> 0); sky and sources are Poisson */
+    double read_noise;  /* CCD: e- */
+    double saturation;  /* ADU, HUGE_VAL = none; values stop there, charge bleeds not */
+    double bad_columns; /* CCD: share of columns that are dead */
+    double cosmic_rays; /* CCD: hits per Mpixel */
+    uint64_t seed, stream;
+} rx_noise_params;
+
+enum { RX_DEFECT_SATURATED = 1, RX_DEFECT_COLUMN = 2, RX_DEFECT_COSMIC = 4 };
+
+/* pixels [height][width] in ADU become the exposed image in place; defects (may be NULL) gets RX_DEFECT_
+ * bits. */
+rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
+                          int nthreads, rx_error *err);
+
+/* dst[n] = normal deviates of width 1, the ones numbered first, first + 1, ... of (seed, stream). */
+void rx_noise_normals(uint64_t seed, uint64_t stream, uint64_t first, long n, float *dst);
+
+/* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means). */
+double rx_noise_poisson(double mean, uint64_t seed, uint64_t stream, uint64_t number);
+
+#endif

@@ -1,0 +1,31 @@
+/* The stage in memory, without outputs: one prepared field through one restorer. Self checks and campaigns
+ * use it, and rx_run_extract() does, so that what they learn holds for the catalogue. */
+#ifndef RX_STAGE_PROBE_H
+#define RX_STAGE_PROBE_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/restored.h"
+#include "data/sources.h"
+#include "stage/field.h"
+#include "stage/options.h"
+#include "stage/photometry.h"
+
+typedef struct rx_probe {
+    rx_restored *restored;
+    rx_sources *sources; /* detected and measured; detection_snr ranks them */
+    rx_photometry photometry;
+    float *filtered;    /* detection image after the filter */
+    const float *noise; /* noise that thresholds refer to, ADU: into `own` or the field */
+    float *own_noise;
+    double global_noise;
+    int plain;           /* nothing was restored */
+    rx_restored *second; /* restored measurement image, dual-image mode only */
+} rx_probe;
+
+/* restore -> detect -> measure. `measure` NULL without dual-image mode. Free with rx_probe_free(). */
+rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,
+                       const rx_field *measure, rx_log *log, rx_probe *dst, rx_error *err);
+void rx_probe_free(rx_probe *probe);
+
+#endif

@@ -1,0 +1,24 @@
+/* How near an image comes to its reference.
+ *
+ *   MSE  = 1/(N M) sum (img - ref)^2            (the paper prints no square; see Wang et al. 2004)
+ *   PSNR = 20 log10(max(ref) / sqrt(MSE)) dB
+ *   SSIM = mean of (2 mu_a mu_b + C1)(2 cov + C2) / ((mu_a^2 + mu_b^2 + C1)(var_a + var_b + C2)), 11 x 11
+ * Gaussian window of sigma 1.5, population moments, C1 = (K1 L)^2, C2 = (K2 L)^2, K1 = K2 = 0.001 (paper), L
+ * = max(ref) - min(ref); only windows wholly inside count (Wang, Bovik, Sheikh, Simoncelli 2004, IEEE Trans.
+ * Image Proc. 13, 600).
+ */
+#ifndef RX_VALIDATE_IMAGE_METRICS_H
+#define RX_VALIDATE_IMAGE_METRICS_H
+
+#include "base/error.h"
+
+/* Both [height][width]. PSNR is +infinity for equal images, NAN when max(ref) <= 0. */
+double rx_image_mse(int width, int height, const float *image, const float *reference);
+double rx_image_psnr(int width, int height, const float *image, const float *reference);
+
+/* Errors: RX_USAGE below 11 x 11 pixels, RX_SYSTEM memory. k1, k2: 0.001 for the paper's. range 0 = max - min
+ * of ref. */
+rx_status rx_image_ssim(int width, int height, const float *image, const float *reference, double k1,
+                        double k2, double range, double *dst, rx_error *err);
+
+#endif
