@@ -1,0 +1,106 @@
+/* Settings of a program: every keyword of its table, its value and where it was set.
+ *
+ * Each program has one table (keys.def, simulate.def, campaign.def), and everything comes from it: the struct
+ * with a field per keyword, defaults, parser, range checks, the -d and -dd dumps, the table of the manual
+ * page and the record in outputs. A program's struct (rx_config, rx_simulate_config, rx_campaign_config)
+ * begins with rx_settings; the functions here work on any of them, given &config->settings.
+ */
+#ifndef RX_CONFIG_SETTINGS_H
+#define RX_CONFIG_SETTINGS_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "base/text.h"
+
+enum { RX_LIST = 32, RX_PARTS = 2 };
+
+/* Lists: n used items. Words are static upper-case strings of the table, strings belong to the settings. */
+typedef struct rx_strings {
+    int n;
+    char *v[RX_LIST];
+} rx_strings;
+typedef struct rx_words {
+    int n;
+    const char *v[RX_LIST];
+} rx_words;
+typedef struct rx_ints {
+    int n;
+    int v[RX_LIST];
+} rx_ints;
+typedef struct rx_reals {
+    int n;
+    double v[RX_LIST];
+} rx_reals;
+typedef struct rx_bools {
+    int n;
+    bool v[RX_LIST];
+} rx_bools;
+
+/* Field of a keyword by its kind; a STRING is never NULL ("" = none), a WORD is spelled as in the table.
+ * Field name = keyword in lower case: cfg->detect_thresh.v[0], cfg->restore_type.n. */
+#define RX_FIELD_STRING char *
+#define RX_FIELD_INT int
+#define RX_FIELD_REAL double
+#define RX_FIELD_BOOL bool
+#define RX_FIELD_WORD const char *
+#define RX_FIELD_STRINGS rx_strings
+#define RX_FIELD_INTS rx_ints
+#define RX_FIELD_REALS rx_reals
+#define RX_FIELD_BOOLS rx_bools
+#define RX_FIELD_WORDS rx_words
+
+/* Who set a value. */
+typedef enum rx_origin { RX_FROM_DEFAULT, RX_FROM_FILE, RX_FROM_COMMAND } rx_origin;
+
+/* The table of a program. */
+typedef struct rx_keytable rx_keytable;
+const rx_keytable *rx_keytable_rextract(void); /* rx_config */
+const rx_keytable *rx_keytable_simulate(void); /* rx_simulate_config */
+const rx_keytable *rx_keytable_validate(void); /* rx_campaign_config */
+
+/* What all programs' settings begin with. */
+typedef struct rx_settings rx_settings;
+struct rx_settings {
+    const rx_keytable *table;
+    const char *prefix;           /* "SIM." where these are part of other settings, else "" */
+    rx_origin *origin;            /* who set the value of each row of the table */
+    long *line;                   /* and on which line of `file`, 0 = not in the file */
+    char *file;                   /* the configuration file last read, or NULL */
+    rx_settings *part[RX_PARTS]; /* settings of other programs, set by prefixed names; owned, or NULL */
+};
+
+/* All defaults, and a copy; *dst begins the struct of the table. rx_settings_free() frees that struct with all
+ * it owns, NULL is fine. */
+rx_status rx_settings_new(const rx_keytable *table, rx_settings **dst, rx_error *err);
+rx_status rx_settings_copy(const rx_settings *src, rx_settings **dst, rx_error *err);
+void rx_settings_free(rx_settings *settings);
+
+/* A SExtractor-style file: `KEYWORD value[,value...] # comment`; values apart by blanks, commas, '=' or
+ * ';', quotes keep them, [..] keeps its commas, $NAME and ${NAME} are replaced by the environment.
+ * Errors: RX_USAGE, with file and line (unknown keyword, bad value), or because the file cannot be read. */
+rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err);
+
+/* One override: name without dash; value as on the command line (a STRING takes it whole). */
+rx_status rx_settings_set(rx_settings *settings, const char *name, const char *value, rx_log *log,
+                          rx_error *err);
+
+/* After all was read: relations between keys (RX_USAGE), and one warning for each keyword that is
+ * accepted but has no effect here. */
+rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *err);
+
+/* Who set keyword `name`; RX_FROM_DEFAULT for a name that is not in the table. */
+rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
+
+/* Every keyword with its current value as text, in table order, those of parts with their prefix after the
+ * others: for headers and reports. Returns false when memory ran out. */
+typedef void (*rx_settings_visitor)(void *user, const char *name, const char *value, const char *help);
+bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user);
+
+/* A commented configuration file: the usual keywords, or all, those of parts included. NULL settings =
+ * defaults. */
+void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings *settings, bool all);
+void rx_settings_man(rx_text *dst, const rx_keytable *table); /* roff (man macros) of the table */
+
+#endif
