@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 
-enum { RX_METHODS_MAX = 16, RX_METHOD_NAME = 24 };
+enum { RX_METHODS_MAX = 16, RX_METHOD_NAME = 24, RX_PRECISIONS_MAX = 8 };
 
 /* ---- restoration: bins of FWHM and of noise, the same scenes for every method ---- */
 
@@ -36,6 +36,9 @@ typedef struct rx_restoration_results {
     double sharp_fwhm;
     int nexamples; /* a few scenes as pictures */
     struct rx_restoration_example *examples;
+    double fwhm_trained[2], sigma_trained[2]; /* training ranges, for the report; 0, 0 = not known */
+    long tune_scenes;                         /* per bin, not among the nscenes; 0 = nothing was tuned */
+    char about[400];                          /* one line for the report: what is on a scene, pixel scale */
 } rx_restoration_results;
 
 /* One scene through all methods: planes are [side][side], plane 0 = blurred, then one per method, last the
@@ -85,6 +88,8 @@ typedef struct rx_photometry_results {
     char settings[RX_METHODS_MAX][200];
     int nfields;
     rx_photometry_field *fields;
+    int nprecisions; /* at which completeness is compared, as PRECISIONS */
+    double precision[RX_PRECISIONS_MAX];
 } rx_photometry_results;
 
 void rx_restoration_results_free(rx_restoration_results *results); /* and the struct itself */
