@@ -1,0 +1,9 @@
+librextract_la_SOURCES += src/simulate/optics.c src/simulate/optics_moffat.c src/simulate/optics.h
+librextract_la_SOURCES += src/simulate/render.c src/simulate/render_block.c src/simulate/render_parts.h src/simulate/render.h
+librextract_la_SOURCES += src/simulate/noise.c src/simulate/noise_ccd.c src/simulate/noise_parts.h src/simulate/noise.h
+librextract_la_SOURCES += src/simulate/scene.c src/simulate/scene.h
+librextract_la_SOURCES += src/simulate/galaxy.c
+librextract_la_SOURCES += src/simulate/templates.c src/simulate/templates.h
+librextract_la_SOURCES += src/simulate/truth.c src/simulate/truth.h
+librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h
+librextract_la_SOURCES += src/simulate/sky_noise.c src/simulate/sky_noise.h
