@@ -45,8 +45,8 @@ typedef struct rx_detect_image {
  * pixels stay out of that filter. Numbers follow the order in which sep completes the sources.
  * When sep runs out of room its limits grow; beyond *_max detection goes on with coarser deblending
  * or a higher threshold, with a warning and RX_FLAG_DEBLEND_OVER or RX_FLAG_EXTRACT_OVER on every
- * source. `sources->grown` counts. Not to be run twice at the same time in one process (sep's
- * limits are process-wide). Errors: RX_USAGE, RX_SYSTEM. */
+ * source. `sources->grown` counts. Callers in several OpenMP threads wait for each other while sep
+ * works (its limits are process-wide). Errors: RX_USAGE, RX_SYSTEM. */
 rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
                         rx_sources **dst, rx_error *err);
 

@@ -114,11 +114,30 @@ static void warn(const rx_detect_params *par, const rx_extraction *job, const li
                        limit->levels, par->deblend_levels);
 }
 
+/* Call sep until it succeeds or nothing is left to try; its status. sep's two limits belong to the whole
+ * process, so only one extraction at a time may set and use them. */
+static int extract_alone(const rx_detect_params *par, rx_extraction *job, const rx_noise_planes *planes,
+                         limits *limit, sep_catalog **dst)
+{
+    int failed = 0;
+#pragma omp critical(rx_sep_extract)
+    {
+        size_t old_stack = sep_get_extract_pixstack();
+        int old_subobjects = sep_get_sub_object_limit();
+        do {
+            sep_set_extract_pixstack(limit->stack);
+            sep_set_sub_object_limit(safe_subobjects(limit->subobjects, limit->levels));
+            failed = call_sep(par, job, planes, limit->levels, dst);
+        } while (failed != 0 && loosen(failed, job, limit));
+        sep_set_extract_pixstack(old_stack);
+        sep_set_sub_object_limit(old_subobjects);
+    }
+    return failed;
+}
+
 rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, sep_catalog **dst,
                          rx_error *err)
 {
-    size_t old_stack = sep_get_extract_pixstack();
-    int old_subobjects = sep_get_sub_object_limit();
     limits limit = {.subobjects = par->subobjects > 0 ? par->subobjects : 1024,
                     .levels = par->deblend_levels > 1 ? par->deblend_levels : 1};
     limit.subobjects_max = par->subobjects_max > limit.subobjects ? par->subobjects_max : limit.subobjects;
@@ -130,16 +149,9 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     if (job->noise != NULL && !par->absolute && !par->matched) /* the matched filter needs the true noise */
         status = rx_noise_planes_make(job->pixels, job->noise, job->width, job->height, job->kernel,
                                       job->threshold, job->groups, &planes, err);
-    int failed = 0;
     if (status != RX_OK)
         goto exit;
-    do {
-        sep_set_extract_pixstack(limit.stack);
-        sep_set_sub_object_limit(safe_subobjects(limit.subobjects, limit.levels));
-        failed = call_sep(par, job, &planes, limit.levels, dst);
-    } while (failed != 0 && loosen(failed, job, &limit));
-    sep_set_extract_pixstack(old_stack);
-    sep_set_sub_object_limit(old_subobjects);
+    int failed = extract_alone(par, job, &planes, &limit, dst);
     if (failed == 0) {
         warn(par, job, &limit, log);
         if (planes.noise != NULL)

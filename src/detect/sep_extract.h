@@ -1,7 +1,7 @@
 /* sep_extract() with limits that grow by themselves; keeps sep's types out of detect.c's way.
  *
- * sep's two limits are process-wide; they are set and put back here, so two extractions must
- * not run at the same time in one process (the stage runs one tile at a time). */
+ * sep's two limits are process-wide; they are set and put back here, so extractions that several OpenMP
+ * threads ask for wait for each other. */
 #ifndef RX_DETECT_SEP_EXTRACT_H
 #define RX_DETECT_SEP_EXTRACT_H
 

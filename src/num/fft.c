@@ -50,13 +50,17 @@ static int make_plans(rx_fft *fft)
     float *real = RX_NEW(float, fft->stride_real);
     fftwf_complex *half = RX_NEW(fftwf_complex, fft->stride_complex);
     if (real != NULL && half != NULL) {
-        fft->row_forward = fftwf_plan_dft_r2c_1d(w, real, half, FFTW_ESTIMATE);
-        fft->row_inverse = fftwf_plan_dft_c2r_1d(w, half, real, FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
-        fftwf_complex *g = fft->scratch;
-        fft->group_forward =
-            fftwf_plan_many_dft(1, &h, GROUP, g, NULL, 1, s, g, NULL, 1, s, FFTW_FORWARD, FFTW_ESTIMATE);
-        fft->group_inverse =
-            fftwf_plan_many_dft(1, &h, GROUP, g, NULL, 1, s, g, NULL, 1, s, FFTW_BACKWARD, FFTW_ESTIMATE);
+/* FFTW's planner is not thread-safe, and tiles of a campaign run side by side. */
+#pragma omp critical(rx_fft_planner)
+        {
+            fft->row_forward = fftwf_plan_dft_r2c_1d(w, real, half, FFTW_ESTIMATE);
+            fft->row_inverse = fftwf_plan_dft_c2r_1d(w, half, real, FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
+            fftwf_complex *g = fft->scratch;
+            fft->group_forward =
+                fftwf_plan_many_dft(1, &h, GROUP, g, NULL, 1, s, g, NULL, 1, s, FFTW_FORWARD, FFTW_ESTIMATE);
+            fft->group_inverse =
+                fftwf_plan_many_dft(1, &h, GROUP, g, NULL, 1, s, g, NULL, 1, s, FFTW_BACKWARD, FFTW_ESTIMATE);
+        }
     }
     free(real);
     free(half);
@@ -96,10 +100,13 @@ void rx_fft_free(rx_fft *fft)
 {
     if (fft == NULL)
         return;
-    fftwf_destroy_plan(fft->row_forward);
-    fftwf_destroy_plan(fft->row_inverse);
-    fftwf_destroy_plan(fft->group_forward);
-    fftwf_destroy_plan(fft->group_inverse);
+#pragma omp critical(rx_fft_planner)
+    {
+        fftwf_destroy_plan(fft->row_forward);
+        fftwf_destroy_plan(fft->row_inverse);
+        fftwf_destroy_plan(fft->group_forward);
+        fftwf_destroy_plan(fft->group_inverse);
+    }
     free(fft->scratch);
     free(fft);
 }

@@ -142,39 +142,58 @@ static rx_status make_psf(const rx_options *options, int role, rx_field *field, 
     return status;
 }
 
-rx_status rx_field_open(const rx_options *options, int role, const char *name, int hdu, int extension,
-                        int need_psf, rx_log *log, rx_field **dst, rx_error *err)
+/* Both backgrounds of field->tile. */
+static rx_status measure_backgrounds(const rx_options *options, int role, rx_field *field, rx_error *err)
+{
+    int hide_plain = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    rx_status status = measure_background(options, role, field->tile, hide_plain, &field->plain, err);
+    field->restored = field->plain;
+    if (status != RX_OK || hide_plain == RX_HIDE_RESTORED || !any_saturated(field->tile))
+        return status;
+    field->restored = NULL;
+    return measure_background(options, role, field->tile, RX_HIDE_RESTORED, &field->restored, err);
+}
+
+rx_status rx_field_prepare(const rx_options *options, int role, rx_tile *tile, const rx_psf *known,
+                           int need_psf, rx_log *log, rx_field **dst, rx_error *err)
 {
     rx_field *field = RX_NEW(rx_field, 1);
-    if (field == NULL)
+    if (field == NULL) {
+        rx_tile_free(tile);
         return rx_error_memory(err, sizeof *field);
-    rx_status status = rx_tile_read(&options->tile[role], name, hdu, extension, log, &field->tile, err);
-    if (status != RX_OK)
-        goto exit;
-    int hide_plain = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
-    status = measure_background(options, role, field->tile, hide_plain, &field->plain, err);
-    if (status != RX_OK)
-        goto exit;
-    field->restored = field->plain;
-    if (hide_plain != RX_HIDE_RESTORED && any_saturated(field->tile)) {
-        field->restored = NULL;
-        status = measure_background(options, role, field->tile, RX_HIDE_RESTORED, &field->restored, err);
-        if (status != RX_OK)
-            goto exit;
     }
+    field->tile = tile;
+    rx_status status = measure_backgrounds(options, role, field, err);
+    if (status != RX_OK)
+        goto exit;
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
-                  field->tile->name, hdu, field->tile->width, field->tile->height, field->plain->global_level,
-                  field->plain->global_sigma, field->tile->gain, field->tile->pixel_scale);
-    if (need_psf)
+                  tile->name, tile->hdu, tile->width, tile->height, field->plain->global_level,
+                  field->plain->global_sigma, tile->gain, tile->pixel_scale);
+    if (known != NULL) {
+        field->psf = rx_psf_copy(known);
+        if (field->psf == NULL)
+            status = rx_error_memory(err, 0);
+    } else if (need_psf) {
         status = make_psf(options, role, field, log, err);
-    if (status == RX_OK && field->psf != NULL)
-        rx_log_info(log, "%s[%d]: PSF %s", field->tile->name, hdu, field->psf->description);
+    }
+    if (status == RX_OK && known == NULL && field->psf != NULL)
+        rx_log_info(log, "%s[%d]: PSF %s", tile->name, tile->hdu, field->psf->description);
 exit:
     if (status == RX_OK)
         *dst = field;
     else
         rx_field_free(field);
     return status;
+}
+
+rx_status rx_field_open(const rx_options *options, int role, const char *name, int hdu, int extension,
+                        int need_psf, rx_log *log, rx_field **dst, rx_error *err)
+{
+    rx_tile *tile = NULL;
+    rx_status status = rx_tile_read(&options->tile[role], name, hdu, extension, log, &tile, err);
+    if (status != RX_OK)
+        return status;
+    return rx_field_prepare(options, role, tile, NULL, need_psf, log, dst, err);
 }
 
 void rx_field_free(rx_field *field)

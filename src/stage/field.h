@@ -24,8 +24,13 @@ typedef struct rx_field {
     int unrestorable;        /* PSF_TYPE AUTO found too few stars and no other PSF is known */
 } rx_field;
 
-/* Read HDU `hdu` of `name` (tile parameters number `role`: 0 detection, 1 measurement image), measure its
- * background, and its PSF when `need_psf`. */
+/* A tile in memory, which belongs to the field from then on, and is freed when this fails. Measures its
+ * backgrounds (tile parameters number `role`: 0 detection, 1 measurement image) and takes a copy of the PSF
+ * `known`; when that is NULL and `need_psf`, the options say where the PSF comes from. */
+rx_status rx_field_prepare(const rx_options *options, int role, rx_tile *tile, const rx_psf *known,
+                           int need_psf, rx_log *log, rx_field **dst, rx_error *err);
+
+/* Read HDU `hdu` of `name` and prepare it. */
 rx_status rx_field_open(const rx_options *options, int role, const char *name, int hdu, int extension,
                         int need_psf, rx_log *log, rx_field **dst, rx_error *err);
 void rx_field_free(rx_field *field);

@@ -5,6 +5,7 @@ librextract_la_SOURCES += \
 	src/stage/fluxcheck.c src/stage/fluxcheck.h \
 	src/stage/options.c src/stage/options.h \
 	src/stage/photometry.c src/stage/photometry.h \
+	src/stage/probe.c src/stage/probe.h \
 	src/stage/quality.c src/stage/quality.h \
 	src/stage/record.c src/stage/record.h \
 	src/stage/reference.c src/stage/reference.h \

@@ -1,0 +1,183 @@
+/* One prepared field through one restorer, in memory. */
+#include "stage/probe.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "detect/filter.h"
+
+/* What one call works on. */
+typedef struct work {
+    const rx_options *options;
+    const rx_restorer *kind;
+    const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
+    int hide;                         /* mask bits that hide a pixel of the detection image */
+    rx_filter filter;                 /* the detection filter */
+    rx_log *log;
+    rx_probe *probe;
+} work;
+
+static rx_status restore(const work *w, const rx_field *field, int *plain, rx_restored **dst, rx_error *err)
+{
+    const rx_restorer *kind = w->kind;
+    if (kind->needs_psf && field->unrestorable)
+        kind = rx_restorer_find("NONE");
+    *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
+    rx_restore_params par = w->options->restore;
+    if (*plain)
+        par.mask_saturated = w->options->saturated_in_none;
+    return kind->run(&par, field->tile, *plain ? field->plain : field->restored, field->psf, w->log, dst,
+                     err);
+}
+
+/* What the filter leaves of the noise of independent pixels; 1 without a filter. */
+static double filter_norm(const rx_filter *filter)
+{
+    double power = 0.0;
+    for (int i = 0; i < filter->width * filter->height; i++)
+        power += (double)filter->values[i] * (double)filter->values[i];
+    return power > 0.0 ? sqrt(power) : 1.0;
+}
+
+/* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is
+ * correlated and the filter averages less of it away. So the noise is measured after the filter and divided
+ * by the factor that the filter would have had on independent pixels. */
+static rx_status equivalent_noise(const work *w, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    rx_probe *probe = w->probe;
+    rx_background *measured = NULL;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_background_params par = w->options->background[0];
+    par.manual = 0;
+    rx_status status =
+        rx_background_measure(&par, tile->width, tile->height, probe->filtered, probe->restored->mask,
+                              w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
+    if (status != RX_OK)
+        return status;
+    float factor = (float)(1.0 / filter_norm(&w->filter));
+    for (size_t i = 0; i < n; i++)
+        measured->sigma[i] *= factor;
+    probe->own_noise = measured->sigma;
+    measured->sigma = NULL;
+    probe->noise = probe->own_noise;
+    probe->global_noise = measured->global_sigma * factor;
+    rx_background_free(measured);
+    return RX_OK;
+}
+
+static rx_status prepare_detection(work *w, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    const rx_detect_params *par = &w->options->detect;
+    rx_probe *probe = w->probe;
+    const rx_restored *restored = probe->restored;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err);
+    if (status != RX_OK)
+        return status;
+    probe->filtered = RX_NEW(float, n);
+    if (probe->filtered == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, probe->filtered);
+    const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
+    probe->noise = restored->sigma != NULL ? restored->sigma : background->sigma;
+    probe->global_noise = background->global_sigma;
+    if (!probe->plain && restored->sigma == NULL)
+        return equivalent_noise(w, err);
+    return RX_OK;
+}
+
+/* Peak of the filtered image in units of its own noise: the order of certainty for P-R curves. */
+static void rank_detections(const work *w)
+{
+    const rx_probe *probe = w->probe;
+    rx_sources *sources = probe->sources;
+    const double norm = filter_norm(&w->filter);
+    for (int i = 0; i < sources->n; i++) {
+        rx_source *s = &sources->list[i];
+        s->detection_snr = 0.0;
+        for (int y = s->ymin; y <= s->ymax; y++) {
+            for (int x = s->xmin; x <= s->xmax; x++) {
+                size_t p = (size_t)y * (size_t)sources->width + (size_t)x;
+                double snr = (double)probe->filtered[p] / (norm * (double)probe->noise[p]);
+                if (sources->segments[p] == s->segment && snr > s->detection_snr)
+                    s->detection_snr = snr;
+            }
+        }
+    }
+}
+
+static rx_status detect_sources(const work *w, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    rx_probe *probe = w->probe;
+    rx_detect_image image = {.width = tile->width,
+                             .height = tile->height,
+                             .pixels = probe->restored->pixels,
+                             .sigma = probe->noise,
+                             .mask = probe->restored->mask,
+                             .mask_bits = w->hide,
+                             .variable_noise = !probe->plain || tile->weight_type != RX_WEIGHT_NONE,
+                             .global_sigma = probe->global_noise,
+                             .gain = tile->gain};
+    rx_status status = rx_detect_run(&w->options->detect, &image, w->log, &probe->sources, err);
+    if (status == RX_OK)
+        rank_detections(w);
+    return status;
+}
+
+/* Fluxes come from the restored image (of the measurement tile in dual-image mode) or from untouched pixels.
+ */
+static rx_status measure_sources(const work *w, rx_error *err)
+{
+    rx_probe *probe = w->probe;
+    const rx_restored *restored = probe->restored;
+    int plain = probe->plain;
+    if (w->options->measure_original || plain) {
+        restored = NULL;
+    } else if (w->measure != w->detect) {
+        rx_status status = restore(w, w->measure, &plain, &probe->second, err);
+        if (status != RX_OK)
+            return status;
+        restored = plain ? NULL : probe->second;
+    }
+    return rx_photometry_run(w->options, w->detect, restored != NULL ? probe->restored : NULL, w->measure,
+                             restored, probe->sources, w->log, &probe->photometry, err);
+}
+
+rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,
+                       const rx_field *measure, rx_log *log, rx_probe *dst, rx_error *err)
+{
+    work w = {.options = options,
+              .kind = kind,
+              .detect = detect,
+              .measure = measure != NULL ? measure : detect,
+              .log = log,
+              .probe = dst};
+    *dst = (rx_probe){0};
+    rx_status status = restore(&w, detect, &dst->plain, &dst->restored, err);
+    w.hide = dst->plain && !options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
+    if (status == RX_OK)
+        status = prepare_detection(&w, err);
+    if (status == RX_OK)
+        status = detect_sources(&w, err);
+    if (status == RX_OK)
+        status = measure_sources(&w, err);
+    rx_filter_free(&w.filter);
+    if (status != RX_OK)
+        rx_probe_free(dst);
+    return status;
+}
+
+void rx_probe_free(rx_probe *probe)
+{
+    rx_restored_free(probe->restored);
+    rx_restored_free(probe->second);
+    rx_sources_free(probe->sources);
+    free(probe->filtered);
+    free(probe->own_noise);
+    *probe = (rx_probe){0};
+}
