@@ -176,7 +176,7 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
 
 /* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every masked pixel counts as NaN,
  * for its value must not reach any output. */
-static void digest(const rx_tile *tile, char *dst, size_t size)
+void rx_tile_digest(rx_tile *tile)
 {
     uint64_t hash = UINT64_C(0xcbf29ce484222325);
     size_t n = (size_t)tile->width * (size_t)tile->height;
@@ -187,7 +187,7 @@ static void digest(const rx_tile *tile, char *dst, size_t size)
         for (int shift = 0; shift < 32; shift += 8)
             hash = (hash ^ (bits >> shift & 0xff)) * UINT64_C(0x100000001b3);
     }
-    snprintf(dst, size, "%016" PRIx64, hash);
+    snprintf(tile->checksum, sizeof tile->checksum, "%016" PRIx64, hash);
 }
 
 static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile *tile, rx_error *err)
@@ -354,7 +354,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
         status = rx_tile_add_flags(par, &place, tile, err);
     if (status != RX_OK)
         goto exit;
-    digest(tile, tile->checksum, sizeof tile->checksum);
+    rx_tile_digest(tile);
     *dst = tile;
     tile = NULL;
 exit:
