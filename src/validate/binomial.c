@@ -3,8 +3,7 @@
 
 #include <math.h>
 
-/* Continued fraction of I_x(a, b) by the modified Lentz method; converges fast for x < (a+1)/(a+b+2). */
-static double beta_fraction(double a, double b, double x)
+double rx_beta_fraction(double a, double b, double x)
 {
     const double tiny = 1e-300;
     double c = 1, d = 1 - (a + b) * x / (a + 1);
@@ -43,8 +42,8 @@ double rx_incomplete_beta(double a, double b, double x)
     double front =
         exp(lgamma_r(a + b, &sign) - lgamma_r(a, &sign) - lgamma_r(b, &sign) + a * log(x) + b * log1p(-x));
     if (x < (a + 1) / (a + b + 2))
-        return front * beta_fraction(a, b, x) / a;
-    return 1 - front * beta_fraction(b, a, 1 - x) / b;
+        return front * rx_beta_fraction(a, b, x) / a;
+    return 1 - front * rx_beta_fraction(b, a, 1 - x) / b;
 }
 
 double rx_binomial_below(long k, long n, double p)

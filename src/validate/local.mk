@@ -10,8 +10,12 @@ librextract_la_SOURCES += \
 	src/validate/gates.c src/validate/gates.h \
 	src/validate/gnuplot.c src/validate/gnuplot.h \
 	src/validate/html.c \
+	src/validate/hypothesis.c src/validate/hypothesis.h \
+	src/validate/image_metrics.c src/validate/image_metrics.h \
 	src/validate/json.c \
 	src/validate/match.c src/validate/match.h \
 	src/validate/metrics.c src/validate/metrics.h \
 	src/validate/pr.c src/validate/pr.h \
-	src/validate/qa.c src/validate/qa.h src/validate/qa_writers.h
+	src/validate/qa.c src/validate/qa.h src/validate/qa_writers.h \
+	src/validate/sample.c src/validate/sample.h \
+	src/validate/wilcoxon.c
