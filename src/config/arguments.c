@@ -6,20 +6,18 @@
 #include <unistd.h>
 
 #include "base/memory.h"
-#include "config/config_fields.h"
-#include "config/overwrite.h"
-
-static const char default_file[] = "default.sex";
+#include "config/keyword.h"
 
 /* What a first pass over the words finds; pointers into argv. */
 typedef struct found {
-    const char *file;
+    const char *file;  /* of -c, the last one */
+    const char *plain; /* as a word of its own, for programs that take it so */
     const char *image[2];
     int nimages;
 } found;
 
 /* Action of a plain option, RX_ACTION_RUN when the word is none. */
-static rx_action plain_option(const char *word)
+static rx_action plain_option(const rx_keytable *table, const char *word)
 {
     static const struct {
         const char *word;
@@ -30,7 +28,8 @@ static rx_action plain_option(const char *word)
         {"-dp", RX_ACTION_DUMP_COLUMNS},
     };
     for (size_t i = 0; i < sizeof options / sizeof options[0]; i++)
-        if (strcmp(word, options[i].word) == 0)
+        if (strcmp(word, options[i].word) == 0 &&
+            (options[i].action != RX_ACTION_DUMP_COLUMNS || table->plain == RX_PLAIN_IMAGES))
             return options[i].action;
     return RX_ACTION_RUN;
 }
@@ -59,51 +58,92 @@ static rx_status take_image(const char *word, found *words, rx_error *err)
     return RX_OK;
 }
 
+static rx_status take_file(const char *word, found *words, rx_error *err)
+{
+    if (word[0] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the configuration file is empty; give one");
+    if (words->plain != NULL)
+        return rx_error_set(err, RX_USAGE,
+                            "'%.200s' is one configuration file too many, after '%.200s'; give one", word,
+                            words->plain);
+    words->plain = word;
+    return RX_OK;
+}
+
+static rx_status take_plain(const rx_keytable *table, const char *word, found *words, rx_error *err)
+{
+    switch (table->plain) {
+    case RX_PLAIN_IMAGES:
+        return take_image(word, words, err);
+    case RX_PLAIN_FILE:
+        return take_file(word, words, err);
+    case RX_PLAIN_NONE:
+        break;
+    }
+    return rx_error_set(err, RX_USAGE, "'%.200s' is no option; give -c FILE or -KEYWORD VALUE, or see %s -h",
+                        word, table->program);
+}
+
 /* Sort the words; keywords are only known to be followed by something. */
-static rx_status scan(int argc, char *const *argv, rx_action *action, found *words, rx_error *err)
+static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_action *action, found *words,
+                      rx_error *err)
 {
     rx_status status = RX_OK;
     for (int a = 1; a < argc && status == RX_OK; a++) {
         if (argv[a][0] != '-') {
-            status = take_image(argv[a], words, err);
+            status = take_plain(table, argv[a], words, err);
             continue;
         }
-        *action = plain_option(argv[a]);
+        *action = plain_option(table, argv[a]);
         if (*action != RX_ACTION_RUN)
             return RX_OK;
         if (a + 1 == argc)
-            return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see rextract -h",
-                                argv[a]);
+            return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
+                                table->program);
         if (strcmp(argv[a++], "-c") == 0)
             words->file = argv[a];
     }
-    if (status == RX_OK && words->nimages == 0)
-        return rx_error_set(err, RX_USAGE, "no image is named; see rextract -h");
+    if (status == RX_OK && words->plain != NULL && words->file != NULL)
+        status = take_file(words->file, words, err);
+    if (words->plain != NULL)
+        words->file = words->plain;
+    if (status == RX_OK && table->plain == RX_PLAIN_IMAGES && words->nimages == 0)
+        return rx_error_set(err, RX_USAGE, "no image is named; see %s -h", table->program);
     return status;
 }
 
-static rx_status configure(int argc, char *const *argv, const found *words, rx_config *config, rx_log *log,
-                           rx_error *err)
+/* log->level as VERBOSE_TYPE has it. */
+static void set_level(const rx_settings *settings, rx_log *log)
+{
+    int row = rx_keyword_find(settings->table, "VERBOSE_TYPE");
+    const char *word = *(const char *const *)((const char *)settings + settings->table->rows[row].offset);
+    if (strcmp(word, "QUIET") == 0)
+        log->level = RX_QUIET;
+    else
+        log->level = strcmp(word, "FULL") == 0 ? RX_FULL : RX_NORMAL;
+}
+
+static rx_status configure(int argc, char *const *argv, const found *words, rx_settings *settings,
+                           rx_log *log, rx_error *err)
 {
     rx_status status = RX_OK;
-    bool missing = words->file == NULL && access(default_file, F_OK) != 0;
-    if (!missing)
-        status = rx_config_read(config, words->file != NULL ? words->file : default_file, log, err);
+    const char *usual = settings->table->default_file;
+    bool missing = words->file == NULL && usual != NULL && access(usual, F_OK) != 0;
+    const char *file = words->file != NULL || missing ? words->file : usual;
+    if (file != NULL)
+        status = rx_settings_read(settings, file, log, err);
     for (int a = 1; a < argc && status == RX_OK; a++)
         if (argv[a][0] == '-') {
             const char *option = argv[a++];
             if (strcmp(option, "-c") != 0)
-                status = rx_config_set(config, option + 1, argv[a], log, err);
+                status = rx_settings_set(settings, option + 1, argv[a], log, err);
         }
     if (status != RX_OK)
         return status;
-    if (strcmp(config->verbose_type, "QUIET") == 0)
-        log->level = RX_QUIET;
-    else
-        log->level = strcmp(config->verbose_type, "FULL") == 0 ? RX_FULL : RX_NORMAL;
+    set_level(settings, log);
     if (missing)
-        rx_log_warning(log, "%s not found, using internal defaults", default_file);
-    return rx_config_check(config, log, err);
+        rx_log_warning(log, "%s not found, using internal defaults", usual);
+    return rx_settings_check(settings, log, err);
 }
 
 static char *join_images(const found *words)
@@ -117,29 +157,32 @@ static char *join_images(const found *words)
     return text.data;
 }
 
-rx_status rx_arguments_read(int argc, char *const *argv, rx_log *log, rx_arguments *dst, rx_error *err)
+rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *argv, rx_log *log,
+                            rx_arguments *dst, rx_error *err)
 {
     found words = {0};
     *dst = (rx_arguments){.action = argc < 2 ? RX_ACTION_NONE : RX_ACTION_RUN};
     if (dst->action == RX_ACTION_NONE)
         return RX_OK;
-    rx_status status = scan(argc, argv, &dst->action, &words, err);
+    rx_status status = scan(table, argc, argv, &dst->action, &words, err);
     if (status != RX_OK || dst->action != RX_ACTION_RUN)
         return status;
-    dst->image = join_images(&words);
-    if (dst->image == NULL)
-        return rx_error_memory(err, 0);
-    status = rx_config_new(&dst->config, err);
+    if (words.nimages > 0) {
+        dst->image = join_images(&words);
+        if (dst->image == NULL)
+            return rx_error_memory(err, 0);
+    }
+    status = rx_settings_new(table, &dst->settings, err);
     if (status == RX_OK)
-        status = configure(argc, argv, &words, dst->config, log, err);
+        status = configure(argc, argv, &words, dst->settings, log, err);
     if (status == RX_OK)
-        status = rx_overwrite_check(dst->config, dst->image, err);
+        status = table->check_outputs(dst->settings, dst->image, err);
     return status;
 }
 
 void rx_arguments_free(rx_arguments *arguments)
 {
     free(arguments->image);
-    rx_config_free(arguments->config);
+    rx_settings_free(arguments->settings);
     *arguments = (rx_arguments){.action = RX_ACTION_NONE};
 }

@@ -1,10 +1,10 @@
-/* The command line of rextract, SExtractor's way, turned into a configuration and an image. */
+/* The command line of a program, SExtractor's way, turned into its settings and, for rextract, an image. */
 #ifndef RX_CONFIG_ARGUMENTS_H
 #define RX_CONFIG_ARGUMENTS_H
 
 #include "base/error.h"
 #include "base/log.h"
-#include "config/config.h"
+#include "config/settings.h"
 
 typedef enum rx_action {
     RX_ACTION_RUN,
@@ -18,17 +18,18 @@ typedef enum rx_action {
 
 typedef struct rx_arguments {
     rx_action action;
-    char *image;       /* "tile.fits" or "detect.fits,measure.fits"; RUN only, else NULL */
-    rx_config *config; /* RUN only, else NULL */
+    char *image;           /* rextract: "tile.fits" or "detect.fits,measure.fits"; RUN only, else NULL */
+    rx_settings *settings; /* of the table; RUN only, else NULL */
 } rx_arguments;
 
-/* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp, -v, -h (also --help,
- * --version), anything else -KEYWORD VALUE; all other words are images, two at most. Then the configuration
- * is made: defaults, the file of -c (without -c default.sex where it exists, else a warning), the keywords
- * in their order, the checks between them; log->level follows VERBOSE_TYPE. No output may be an input.
- * Errors: RX_USAGE.
- * rx_arguments_free() after success and failure. */
-rx_status rx_arguments_read(int argc, char *const *argv, rx_log *log, rx_arguments *dst, rx_error *err);
+/* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp (rextract), -v, -h (also --help,
+ * --version), anything else -KEYWORD VALUE. Other words are rextract's images, two at most, or
+ * rextract-validate's campaign file, in place of -c; rextract-simulate takes none. Then the settings are
+ * made: defaults, the file of -c (rextract without -c: default.sex where it exists, else a warning), the
+ * keywords in their order, the checks between them; log->level follows VERBOSE_TYPE. No output may be an
+ * input. Errors: RX_USAGE. rx_arguments_free() after success and failure. */
+rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *argv, rx_log *log,
+                            rx_arguments *dst, rx_error *err);
 
 void rx_arguments_free(rx_arguments *arguments);
 

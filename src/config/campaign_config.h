@@ -1,6 +1,6 @@
-/* The configuration of rextract-validate: one field per keyword of campaign.def, made by the preprocessor, and
- * the settings of the two programs that a campaign runs, which SIM.<KEYWORD> and STAGE.<KEYWORD> set. They
- * start from those programs' defaults. Everything but new, copy and free is done by rx_settings_set(),
+/* The configuration of rextract-validate: one field per keyword of campaign.def, made by the preprocessor,
+ * and the settings of the two programs that a campaign runs, which SIM.<KEYWORD> and STAGE.<KEYWORD> set.
+ * They start from those programs' defaults. Everything but new, copy and free is done by rx_settings_set(),
  * rx_settings_check(), rx_settings_visit() ... on &config->settings; these reach the parts too. */
 #ifndef RX_CONFIG_CAMPAIGN_CONFIG_H
 #define RX_CONFIG_CAMPAIGN_CONFIG_H

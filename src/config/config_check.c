@@ -1,25 +1,10 @@
-/* What one keyword says about another, and what has no effect here. */
-#include <stdarg.h>
-#include <stdio.h>
+/* rextract: what one keyword says about another. */
 #include <string.h>
 
+#include "config/config_fields.h"
 #include "config/keyword.h"
 
-/* An error about keyword `row`, with the line that set it when a file did. */
-#define REFUSE(NAME, ...) refuse(config, RX_KEY_##NAME, err, __VA_ARGS__)
-RX_PRINTF(4, 5)
-static rx_status refuse(const rx_config *config, int row, rx_error *err, const char *format, ...)
-{
-    char text[RX_ERROR_TEXT];
-    const char *name = rx_keyword_row(row)->name;
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    if (config->origin[row] == RX_FROM_FILE)
-        return rx_error_at(err, RX_USAGE, config->file, -1, config->line[row], "%s: %s", name, text);
-    return rx_error_set(err, RX_USAGE, "-%s: %s", name, text);
-}
+#define REFUSE(NAME, ...) rx_settings_refuse(&config->settings, #NAME, err, __VA_ARGS__)
 
 static bool is(const char *word, const char *other)
 {
@@ -90,31 +75,21 @@ static rx_status check_report(const rx_config *config, rx_error *err)
     return RX_OK;
 }
 
-/* One warning per IGNORED keyword whose value is not the default. */
-static rx_status warn_ignored(const rx_config *config, rx_log *log, rx_error *err)
+static rx_status check_self(const rx_config *config, rx_error *err)
 {
-    rx_config *defaults = NULL;
-    rx_status status = rx_config_new(&defaults, err);
-    for (int row = 0; row < RX_KEY_ROWS && status == RX_OK; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
-        if (key->kind == RX_KIND_SECTION || key->status != RX_STATUS_IGNORED)
-            continue;
-        rx_text ours = {0}, normal = {0};
-        rx_keyword_print(&ours, config, row, false);
-        rx_keyword_print(&normal, defaults, row, false);
-        if (ours.failed || normal.failed)
-            status = rx_error_memory(err, 0);
-        else if (!is(ours.data, normal.data))
-            rx_log_warning(log, "%s %s has no effect here (%s)", key->name, ours.data, key->help);
-        rx_text_free(&ours);
-        rx_text_free(&normal);
-    }
-    rx_config_free(defaults);
-    return status;
+    const rx_reals *mag = &config->self_check_mag;
+    if (mag->n == 1)
+        return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
+    if (mag->n == 2 && mag->v[0] > mag->v[1])
+        return REFUSE(SELF_CHECK_MAG, "%g is above %g; give <from>,<to>", mag->v[0], mag->v[1]);
+    if (config->self_check_name[0] != '\0' && !config->self_check && config->blank_check == 0)
+        return REFUSE(SELF_CHECK_NAME, "is a report of nothing; give SELF_CHECK Y or BLANK_CHECK too");
+    return RX_OK;
 }
 
-rx_status rx_config_check(const rx_config *config, rx_log *log, rx_error *err)
+rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 {
+    const rx_config *config = (const rx_config *)settings;
     rx_status status = check_restorers(config, err);
     if (status == RX_OK)
         status = check_images(config, err);
@@ -123,6 +98,6 @@ rx_status rx_config_check(const rx_config *config, rx_log *log, rx_error *err)
     if (status == RX_OK)
         status = check_report(config, err);
     if (status == RX_OK)
-        status = warn_ignored(config, log, err);
+        status = check_self(config, err);
     return status;
 }

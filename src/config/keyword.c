@@ -1,42 +1,82 @@
-/* The rows of keys.def. */
+/* Finding rows of a keyword table. */
 #include "config/keyword.h"
 
+#include <stdio.h>
+#include <string.h>
 #include <strings.h>
 
-/* clang-format off */
-#define NOWORDS NULL
-#define WORDLIST(...) ((const char *const[]){__VA_ARGS__, NULL})
-static const rx_keyword rows[] = {
-#define SECTION(id, title) {.kind = RX_KIND_SECTION, .name = (title), .help = ""},
-#define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, help_)          \
-    {.kind = RX_KIND_##kind_, .name = #NAME, .offset = offsetof(rx_config, field), .initial = (initial_),      \
-     .low = (low_), .high = (high_), .nmin = (nmin_), .nmax = (nmax_), .words = words_,                        \
-     .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = (help_)},
-#include "config/keys.def"
-#undef KEY
-#undef SECTION
-};
-/* clang-format on */
+enum { MAX_NAMES = 512 };
 
-const rx_keyword *rx_keyword_row(int row)
+int rx_keyword_find(const rx_keytable *table, const char *name)
 {
-    return &rows[row];
-}
-
-int rx_keyword_find(const char *name)
-{
-    for (int row = 0; row < RX_KEY_ROWS; row++)
-        if (rows[row].kind != RX_KIND_SECTION && strcasecmp(name, rows[row].name) == 0)
+    for (int row = 0; row < table->nrows; row++)
+        if (table->rows[row].kind != RX_KIND_SECTION && strcasecmp(name, table->rows[row].name) == 0)
             return row;
     return -1;
 }
 
-const char *rx_keyword_nearest(const char *name)
+int rx_keyword_part(const rx_keytable *table, const char **name)
 {
-    const char *names[RX_KEY_ROWS];
+    for (int part = 0; part < RX_PARTS && table->part[part].prefix != NULL; part++) {
+        size_t length = strlen(table->part[part].prefix);
+        if (strncasecmp(*name, table->part[part].prefix, length) == 0) {
+            *name += length;
+            return part;
+        }
+    }
+    return -1;
+}
+
+/* The own keyword of the table that is nearest, or NULL. */
+static const char *nearest_row(const rx_keytable *table, const char *name)
+{
+    const char *names[MAX_NAMES];
     size_t n = 0;
-    for (int row = 0; row < RX_KEY_ROWS; row++)
-        if (rows[row].kind != RX_KIND_SECTION)
-            names[n++] = rows[row].name;
+    for (int row = 0; row < table->nrows && n < MAX_NAMES; row++)
+        if (table->rows[row].kind != RX_KIND_SECTION)
+            names[n++] = table->rows[row].name;
     return rx_text_nearest(name, names, n);
+}
+
+/* The prefix that is nearest to what stands before the dot, or NULL; *name moves behind the dot. */
+static const char *nearest_prefix(const rx_keytable *table, const char **name, int *part)
+{
+    const char *prefixes[RX_PARTS] = {0};
+    char head[16];
+    size_t n = 0, length = strcspn(*name, ".") + 1;
+    if (length >= sizeof head || (*name)[length - 1] != '.')
+        return NULL;
+    memcpy(head, *name, length);
+    head[length] = '\0';
+    *name += length;
+    while (n < RX_PARTS && table->part[n].prefix != NULL) {
+        prefixes[n] = table->part[n].prefix;
+        n++;
+    }
+    const char *near = rx_text_nearest(head, prefixes, n);
+    for (size_t i = 0; i < n; i++)
+        if (prefixes[i] == near)
+            *part = (int)i;
+    return near;
+}
+
+void rx_keyword_nearest(const rx_keytable *table, const char *name, char *dst, size_t size)
+{
+    int part = 0;
+    const char *rest = name, *prefix = nearest_prefix(table, &rest, &part);
+    const char *near = NULL;
+    dst[0] = '\0';
+    if (prefix != NULL)
+        near = nearest_row(table->part[part].table(), rest);
+    for (int i = 0; prefix == NULL && i < RX_PARTS && table->part[i].prefix != NULL; i++)
+        if (rx_keyword_find(table->part[i].table(), name) >= 0) { /* only the prefix is missing */
+            prefix = table->part[i].prefix;
+            near = name;
+        }
+    if (near == NULL) {
+        prefix = NULL;
+        near = nearest_row(table, name);
+    }
+    if (near != NULL)
+        snprintf(dst, size, "%s%s", prefix != NULL ? prefix : "", near);
 }

@@ -1,11 +1,11 @@
-/* Rows of keys.def as data, and the values of one keyword: from items of text, back to text. Private to
- * config/. */
+/* Rows of a keyword table as data, and the values of one keyword: from items of text, back to text. Private
+ * to config/. */
 #ifndef RX_CONFIG_KEYWORD_H
 #define RX_CONFIG_KEYWORD_H
 
 #include <stddef.h>
 
-#include "config/config_fields.h"
+#include "config/settings.h"
 
 typedef enum rx_kind {
     RX_KIND_SECTION,
@@ -33,7 +33,7 @@ typedef enum rx_level { RX_LEVEL_D, RX_LEVEL_DD } rx_level;
 typedef struct rx_keyword {
     rx_kind kind;
     const char *name; /* title of a section */
-    size_t offset;    /* of its field in rx_config */
+    size_t offset;    /* of its field in the program's struct */
     const char *initial;
     double low, high;
     int nmin, nmax;
@@ -43,10 +43,35 @@ typedef struct rx_keyword {
     const char *help;
 } rx_keyword;
 
-/* Row 0 <= row < RX_KEY_ROWS, and the row of a name (case ignored), -1 when unknown. */
-const rx_keyword *rx_keyword_row(int row);
-int rx_keyword_find(const char *name);
-const char *rx_keyword_nearest(const char *name); /* NULL when nothing is near */
+/* Words of the command line that are no option. */
+typedef enum rx_plain { RX_PLAIN_NONE, RX_PLAIN_IMAGES, RX_PLAIN_FILE } rx_plain;
+
+struct rx_keytable {
+    const char *program, *title; /* as it is called, and in the head of its configuration files */
+    const rx_keyword *rows;
+    int nrows;
+    size_t size; /* of the struct that begins with rx_settings */
+    rx_plain plain;
+    const char *default_file; /* read where no other is named; NULL = none */
+    struct {
+        const char *prefix;
+        const rx_keytable *(*table)(void);
+    } part[RX_PARTS];
+
+    /* What new settings need besides the values of the rows; NULL = nothing. */
+    void (*complete)(rx_settings *settings);
+    /* Relations between keywords. */
+    rx_status (*check)(const rx_settings *settings, rx_error *err);
+    /* RX_USAGE when an output is also an input; image may be NULL. */
+    rx_status (*check_outputs)(const rx_settings *settings, const char *image, rx_error *err);
+};
+
+/* The row of a name (case ignored), -1 when unknown. */
+int rx_keyword_find(const rx_keytable *table, const char *name);
+/* The part that a prefixed name is for, *name then behind the prefix; -1 when it is for the table itself. */
+int rx_keyword_part(const rx_keytable *table, const char **name);
+/* The known name that is nearest, with its prefix; dst empty when nothing is near. */
+void rx_keyword_nearest(const rx_keytable *table, const char *name, char *dst, size_t size);
 
 /* Where messages about a value say it comes from: file NULL for the command line. */
 typedef struct rx_place {
@@ -55,13 +80,26 @@ typedef struct rx_place {
 } rx_place;
 
 /* Give the keyword of `row` the n items; on error the old value stays. */
-rx_status rx_keyword_assign(rx_config *config, int row, char *const *items, int n, rx_place place,
+rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,
                             rx_log *log, rx_error *err);
 
+/* The value of that row in src, for dst as well; both of one table. */
+rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err);
+
 /* Value as text, items joined by commas; quoted = so that reading it back gives the same. */
-void rx_keyword_print(rx_text *dst, const rx_config *config, int row, bool quoted);
+void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted);
 
 /* Free what the field owns. */
-void rx_keyword_clear(rx_config *config, int row);
+void rx_keyword_clear(rx_settings *settings, int row);
+
+/* RX_USAGE about the value of `name`: prefix and keyword, with the line that set it when a file did. */
+rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
+                             ...) RX_PRINTF(4, 5);
+
+/* rx_keytable.complete and .check. */
+void rx_campaign_complete(rx_settings *settings);
+rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
+rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
+rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);
 
 #endif

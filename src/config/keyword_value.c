@@ -19,71 +19,77 @@ typedef union scratch {
     rx_words words;
 } scratch;
 
+/* The keyword that is read, with its prefix, and from where. */
+typedef struct target {
+    const rx_keyword *key;
+    const char *prefix;
+    rx_place place;
+} target;
+
 /* "KEY: text" with the place in front. */
-RX_PRINTF(4, 5)
-static rx_status refuse(const rx_keyword *key, rx_place place, rx_error *err, const char *format, ...)
+RX_PRINTF(3, 4)
+static rx_status refuse(const target *at, rx_error *err, const char *format, ...)
 {
     char text[RX_ERROR_TEXT];
     va_list args;
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    if (place.file != NULL)
-        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "%s: %s", key->name, text);
-    return rx_error_set(err, RX_USAGE, "-%s: %s", key->name, text);
+    if (at->place.file != NULL)
+        return rx_error_at(err, RX_USAGE, at->place.file, -1, at->place.line, "%s%s: %s", at->prefix,
+                           at->key->name, text);
+    return rx_error_set(err, RX_USAGE, "-%s%s: %s", at->prefix, at->key->name, text);
 }
 
-static rx_status read_real(const rx_keyword *key, const char *item, double *dst, rx_place place,
-                           rx_error *err)
+static rx_status read_real(const target *at, const char *item, double *dst, rx_error *err)
 {
     char *end = NULL;
     *dst = strtod(item, &end);
     if (end == item || *end != '\0' || !isfinite(*dst) || strpbrk(item, "xX") != NULL)
-        return refuse(key, place, err, "'%.80s' is not a number", item);
-    if (*dst < key->low || *dst > key->high)
-        return refuse(key, place, err, "%.80s is out of range, give %.10g to %.10g", item, key->low,
-                      key->high);
+        return refuse(at, err, "'%.80s' is not a number", item);
+    if (*dst < at->key->low || *dst > at->key->high)
+        return refuse(at, err, "%.80s is out of range, give %.10g to %.10g", item, at->key->low,
+                      at->key->high);
     return RX_OK;
 }
 
-static rx_status read_int(const rx_keyword *key, const char *item, int *dst, rx_place place, rx_error *err)
+static rx_status read_int(const target *at, const char *item, int *dst, rx_error *err)
 {
     double value;
-    rx_status status = read_real(key, item, &value, place, err);
+    rx_status status = read_real(at, item, &value, err);
     if (status != RX_OK)
         return status;
     if (value != floor(value))
-        return refuse(key, place, err, "%.80s is not a whole number", item);
+        return refuse(at, err, "%.80s is not a whole number", item);
     *dst = (int)value;
     return RX_OK;
 }
 
-static rx_status read_bool(const rx_keyword *key, const char *item, bool *dst, rx_place place, rx_error *err)
+static rx_status read_bool(const target *at, const char *item, bool *dst, rx_error *err)
 {
     *dst = strcasecmp(item, "Y") == 0 || strcasecmp(item, "YES") == 0;
     if (*dst || strcasecmp(item, "N") == 0 || strcasecmp(item, "NO") == 0)
         return RX_OK;
-    return refuse(key, place, err, "'%.80s' is not Y or N", item);
+    return refuse(at, err, "'%.80s' is not Y or N", item);
 }
 
-static rx_status read_word(const rx_keyword *key, const char *item, const char **dst, rx_place place,
-                           rx_error *err)
+static rx_status read_word(const target *at, const char *item, const char **dst, rx_error *err)
 {
     size_t n = 0;
-    for (; key->words[n] != NULL; n++)
-        if (strcasecmp(item, key->words[n]) == 0) {
-            *dst = key->words[n];
+    for (; at->key->words[n] != NULL; n++)
+        if (strcasecmp(item, at->key->words[n]) == 0) {
+            *dst = at->key->words[n];
             return RX_OK;
         }
     rx_text text = {0};
-    const char *near = rx_text_nearest(item, key->words, n);
+    const char *near = rx_text_nearest(item, at->key->words, n);
     rx_text_printf(&text, "unknown word '%.80s'", item);
     if (near != NULL)
         rx_text_printf(&text, " (did you mean %s?)", near);
     rx_text_add(&text, "; give one of ");
     for (size_t i = 0; i < n; i++)
-        rx_text_printf(&text, "%s%s", i > 0 ? ", " : "", key->words[i]);
-    rx_status status = refuse(key, place, err, "%s", text.failed ? "unknown word" : text.data);
+        rx_text_printf(&text, "%s%s", i > 0 ? ", " : "", at->key->words[i]);
+    rx_status status = refuse(at, err, "%s", text.failed ? "unknown word" : text.data);
     rx_text_free(&text);
     return status;
 }
@@ -95,28 +101,26 @@ static bool is_list(rx_kind kind)
 
 /* Number of items against what the row allows. A scalar in a file may be followed by other text, as
  * SExtractor has it: a warning; everywhere else too many is an error. *n becomes the used number. */
-static rx_status count_items(const rx_keyword *key, char *const *items, int *n, rx_place place, rx_log *log,
-                             rx_error *err)
+static rx_status count_items(const target *at, char *const *items, int *n, rx_log *log, rx_error *err)
 {
-    if (*n < key->nmin && *n == 0)
-        return refuse(key, place, err, "has no value; give one, or remove the keyword");
-    if (*n < key->nmin)
-        return refuse(key, place, err, "has %d item(s), needs at least %d", *n, key->nmin);
-    if (*n <= key->nmax)
+    if (*n < at->key->nmin && *n == 0)
+        return refuse(at, err, "has no value; give one, or remove the keyword");
+    if (*n < at->key->nmin)
+        return refuse(at, err, "has %d item(s), needs at least %d", *n, at->key->nmin);
+    if (*n <= at->key->nmax)
         return RX_OK;
-    if (is_list(key->kind) || place.file == NULL)
-        return refuse(key, place, err, "has %d items, takes at most %d", *n, key->nmax);
-    rx_log_warning(log, "%s:%ld: %s takes one value, '%s' is ignored", place.file, place.line, key->name,
-                   items[key->nmax]);
-    *n = key->nmax;
+    if (is_list(at->key->kind) || at->place.file == NULL)
+        return refuse(at, err, "has %d items, takes at most %d", *n, at->key->nmax);
+    rx_log_warning(log, "%s:%ld: %s%s takes one value, '%s' is ignored", at->place.file, at->place.line,
+                   at->prefix, at->key->name, items[at->key->nmax]);
+    *n = at->key->nmax;
     return RX_OK;
 }
 
 /* Item i into the scratch value; scalars are lists of one until the end. */
-static rx_status read_item(const rx_keyword *key, const char *item, int i, scratch *value, rx_place place,
-                           rx_error *err)
+static rx_status read_item(const target *at, const char *item, int i, scratch *value, rx_error *err)
 {
-    switch (key->kind) {
+    switch (at->key->kind) {
     case RX_KIND_STRING:
     case RX_KIND_STRINGS:
         value->strings.v[i] = rx_strdup(item);
@@ -124,16 +128,16 @@ static rx_status read_item(const rx_keyword *key, const char *item, int i, scrat
         return value->strings.v[i] != NULL ? RX_OK : rx_error_memory(err, strlen(item));
     case RX_KIND_INT:
     case RX_KIND_INTS:
-        return read_int(key, item, &value->ints.v[i], place, err);
+        return read_int(at, item, &value->ints.v[i], err);
     case RX_KIND_REAL:
     case RX_KIND_REALS:
-        return read_real(key, item, &value->reals.v[i], place, err);
+        return read_real(at, item, &value->reals.v[i], err);
     case RX_KIND_BOOL:
     case RX_KIND_BOOLS:
-        return read_bool(key, item, &value->bools.v[i], place, err);
+        return read_bool(at, item, &value->bools.v[i], err);
     case RX_KIND_WORD:
     case RX_KIND_WORDS:
-        return read_word(key, item, &value->words.v[i], place, err);
+        return read_word(at, item, &value->words.v[i], err);
     case RX_KIND_SECTION:
         break;
     }
@@ -141,11 +145,11 @@ static rx_status read_item(const rx_keyword *key, const char *item, int i, scrat
 }
 
 /* The read value of n items takes the place of the field's old one. */
-static void move_in(rx_config *config, int row, const scratch *value, int n)
+static void move_in(rx_settings *settings, int row, const scratch *value, int n)
 {
-    const rx_keyword *key = rx_keyword_row(row);
-    void *field = (char *)config + key->offset;
-    rx_keyword_clear(config, row);
+    const rx_keyword *key = &settings->table->rows[row];
+    void *field = (char *)settings + key->offset;
+    rx_keyword_clear(settings, row);
     switch (key->kind) {
     case RX_KIND_STRING:
         *(char **)field = value->strings.v[0];
@@ -187,16 +191,17 @@ static void move_in(rx_config *config, int row, const scratch *value, int n)
     }
 }
 
-rx_status rx_keyword_assign(rx_config *config, int row, char *const *items, int n, rx_place place,
+rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,
                             rx_log *log, rx_error *err)
 {
-    const rx_keyword *key = rx_keyword_row(row);
+    const rx_keyword *key = &settings->table->rows[row];
+    const target at = {.key = key, .prefix = settings->prefix, .place = place};
     scratch value;
     char *empty[] = {""};
     memset(&value, 0, sizeof value);
     if (key->kind == RX_KIND_STRINGS && n == 1 && items[0][0] == '\0')
         n = 0;
-    rx_status status = count_items(key, items, &n, place, log, err);
+    rx_status status = count_items(&at, items, &n, log, err);
     if (status != RX_OK)
         return status;
     if (key->kind == RX_KIND_STRING && key->nmin == 0 && (n == 0 || strcasecmp(items[0], "NONE") == 0)) {
@@ -205,8 +210,8 @@ rx_status rx_keyword_assign(rx_config *config, int row, char *const *items, int 
     }
     for (int i = 0; i < n; i++) {
         status = items[i][0] == '\0' && key->nmin > 0
-                     ? refuse(key, place, err, "has an empty value; give one, or remove the keyword")
-                     : read_item(key, items[i], i, &value, place, err);
+                     ? refuse(&at, err, "has an empty value; give one, or remove the keyword")
+                     : read_item(&at, items[i], i, &value, err);
         if (status != RX_OK) {
             if (key->kind == RX_KIND_STRING || key->kind == RX_KIND_STRINGS)
                 for (int j = 0; j < value.strings.n; j++)
@@ -214,14 +219,69 @@ rx_status rx_keyword_assign(rx_config *config, int row, char *const *items, int 
             return status;
         }
     }
-    move_in(config, row, &value, n);
+    move_in(settings, row, &value, n);
     return RX_OK;
 }
 
-void rx_keyword_clear(rx_config *config, int row)
+static size_t field_size(rx_kind kind)
 {
-    const rx_keyword *key = rx_keyword_row(row);
-    void *field = (char *)config + key->offset;
+    switch (kind) {
+    case RX_KIND_STRING:
+        return sizeof(char *);
+    case RX_KIND_INT:
+        return sizeof(int);
+    case RX_KIND_REAL:
+        return sizeof(double);
+    case RX_KIND_BOOL:
+        return sizeof(bool);
+    case RX_KIND_WORD:
+        return sizeof(const char *);
+    case RX_KIND_STRINGS:
+        return sizeof(rx_strings);
+    case RX_KIND_INTS:
+        return sizeof(rx_ints);
+    case RX_KIND_REALS:
+        return sizeof(rx_reals);
+    case RX_KIND_BOOLS:
+        return sizeof(rx_bools);
+    case RX_KIND_WORDS:
+        return sizeof(rx_words);
+    case RX_KIND_SECTION:
+        break;
+    }
+    return 0;
+}
+
+rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err)
+{
+    const rx_keyword *key = &src->table->rows[row];
+    const void *from = (const char *)src + key->offset;
+    void *to = (char *)dst + key->offset;
+    rx_keyword_clear(dst, row);
+    if (key->kind == RX_KIND_STRING) {
+        const char *value = *(char *const *)from;
+        *(char **)to = rx_strdup(value);
+        return *(char **)to != NULL ? RX_OK : rx_error_memory(err, strlen(value));
+    }
+    if (key->kind != RX_KIND_STRINGS) {
+        memcpy(to, from, field_size(key->kind));
+        return RX_OK;
+    }
+    rx_strings *list = to;
+    for (int i = 0; i < ((const rx_strings *)from)->n; i++) {
+        const char *value = ((const rx_strings *)from)->v[i];
+        list->v[i] = rx_strdup(value);
+        if (list->v[i] == NULL)
+            return rx_error_memory(err, strlen(value));
+        list->n = i + 1;
+    }
+    return RX_OK;
+}
+
+void rx_keyword_clear(rx_settings *settings, int row)
+{
+    const rx_keyword *key = &settings->table->rows[row];
+    void *field = (char *)settings + key->offset;
     if (key->kind == RX_KIND_STRING) {
         free(*(char **)field);
         *(char **)field = NULL;
@@ -316,10 +376,10 @@ static void print_value(rx_text *dst, rx_kind kind, const void *field, int i, bo
     }
 }
 
-void rx_keyword_print(rx_text *dst, const rx_config *config, int row, bool quoted)
+void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted)
 {
-    const rx_keyword *key = rx_keyword_row(row);
-    const void *field = (const char *)config + key->offset;
+    const rx_keyword *key = &settings->table->rows[row];
+    const void *field = (const char *)settings + key->offset;
     int n = count_values(key->kind, field);
     rx_text_add(dst, ""); /* never NULL, even for an empty value */
     for (int i = 0; i < n; i++) {

@@ -1,14 +1,20 @@
 librextract_la_SOURCES += \
 	src/config/arguments.c \
+	src/config/campaign_check.c \
 	src/config/config.c \
 	src/config/config_check.c \
-	src/config/config_dump.c \
 	src/config/kernel.c \
+	src/config/keytables.c \
 	src/config/keyword.c src/config/keyword.h \
 	src/config/keyword_value.c \
 	src/config/overwrite.c src/config/overwrite.h \
+	src/config/settings.c \
+	src/config/settings_check.c \
+	src/config/settings_dump.c \
+	src/config/simulate_check.c \
 	src/config/tokens.c src/config/tokens.h
 
 rx_configdir = $(pkgincludedir)/config
-rx_config_HEADERS = src/config/arguments.h src/config/config.h src/config/config_fields.h src/config/kernel.h \
-	src/config/keys.def
+rx_config_HEADERS = src/config/arguments.h src/config/campaign_config.h src/config/config.h \
+	src/config/config_fields.h src/config/kernel.h src/config/settings.h src/config/simulate_config.h \
+	src/config/campaign.def src/config/keys.def src/config/simulate.def

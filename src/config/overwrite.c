@@ -7,9 +7,9 @@
 
 #include "base/memory.h"
 #include "base/names.h"
-#include "config/config_fields.h"
+#include "config/campaign_config.h"
 
-enum { MAX_INPUTS = 4 * RX_LIST };
+enum { MAX_INPUTS = 8 * RX_LIST };
 
 typedef struct inputs {
     int n;
@@ -45,6 +45,7 @@ static bool find_file(const char *name, struct stat *dst, rx_error *err, rx_stat
     return found && S_ISREG(dst->st_mode);
 }
 
+/* `key` is the keyword of the output, for the error. */
 static rx_status check_file(const inputs *list, const char *key, const char *name, rx_error *err)
 {
     struct stat output, input;
@@ -73,7 +74,7 @@ static rx_status check_output(const inputs *list, const rx_config *config, const
 }
 
 /* Files that other keywords name, where they are used. */
-static void add_keywords(inputs *list, const rx_config *config)
+static void add_stage(inputs *list, const rx_config *config)
 {
     bool maps = false;
     for (int i = 0; i < config->weight_type.n; i++)
@@ -83,7 +84,7 @@ static void add_keywords(inputs *list, const rx_config *config)
     if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
         add_all(list, &config->psf_name);
     add_all(list, &config->flag_image);
-    add(list, config->file);
+    add(list, config->settings.file);
     add(list, config->parameters_name);
     add(list, config->filter_name);
     add(list, config->starnnw_name);
@@ -92,8 +93,9 @@ static void add_keywords(inputs *list, const rx_config *config)
     add(list, config->qa_gates);
 }
 
-rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_error *err)
+rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
+    const rx_config *config = (const rx_config *)settings;
     inputs list = {0};
     rx_status status = RX_OK;
     char *detect = NULL, *measure = NULL;
@@ -101,7 +103,7 @@ rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_erro
         return rx_error_memory(err, strlen(image));
     add(&list, detect);
     add(&list, measure);
-    add_keywords(&list, config);
+    add_stage(&list, config);
     if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
         status = check_output(&list, config, "CATALOG_NAME", config->catalog_name, err);
     for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
@@ -109,5 +111,53 @@ rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_erro
             status = check_output(&list, config, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
     free(detect);
     free(measure);
+    return status;
+}
+
+static void add_simulate(inputs *list, const rx_simulate_config *config)
+{
+    add(list, config->settings.file);
+    add(list, config->inject_image);
+    add(list, config->inject_config);
+    if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
+        add(list, config->psf_name);
+    add(list, config->template_name + (config->template_name[0] == '@'));
+}
+
+rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err)
+{
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    inputs list = {0};
+    add(&list, image);
+    add_simulate(&list, config);
+    rx_status status = check_file(&list, "IMAGE_NAME", config->image_name, err);
+    if (status == RX_OK)
+        status = check_file(&list, "SHARP_NAME", config->sharp_name, err);
+    if (status == RX_OK)
+        status = check_file(&list, "TRUTH_NAME", config->truth_name, err);
+    if (status == RX_OK)
+        status = check_file(&list, "FLAG_NAME", config->flag_name, err);
+    return status;
+}
+
+rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err)
+{
+    const rx_campaign_config *config = (const rx_campaign_config *)settings;
+    inputs list = {0};
+    int k, n;
+    rx_text journal = {0};
+    add(&list, image);
+    add(&list, config->tile_name);
+    add_simulate(&list, config->sim);
+    add_stage(&list, config->stage);
+    rx_status status = rx_campaign_config_shard(config, &k, &n, err);
+    if (status != RX_OK)
+        return status;
+    rx_text_add(&journal, config->journal_name);
+    if (n > 1)
+        rx_text_printf(&journal, ".%d", k);
+    status = journal.failed ? rx_error_memory(err, journal.length)
+                            : check_file(&list, "JOURNAL_NAME", journal.data, err);
+    rx_text_free(&journal);
     return status;
 }

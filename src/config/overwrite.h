@@ -2,11 +2,13 @@
 #ifndef RX_CONFIG_OVERWRITE_H
 #define RX_CONFIG_OVERWRITE_H
 
-#include "config/config.h"
+#include "config/settings.h"
 
-/* RX_USAGE when a file that `config` has written is one that it has read, or one of the images in `image`
- * ("tile.fits" or "detect.fits,measure.fits"; what stands in brackets does not count). Files are compared,
- * not names. */
-rx_status rx_overwrite_check(const rx_config *config, const char *image, rx_error *err);
+/* RX_USAGE when a file that the program of these settings writes is one that it reads, or one of the images
+ * in `image` ("tile.fits" or "detect.fits,measure.fits"; what stands in brackets does not count; NULL for
+ * programs that take none). Files are compared, not names. For rx_keytable.check_outputs. */
+rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
+rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
+rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);
 
 #endif

@@ -64,15 +64,15 @@ const rx_keytable *rx_keytable_validate(void); /* rx_campaign_config */
 typedef struct rx_settings rx_settings;
 struct rx_settings {
     const rx_keytable *table;
-    const char *prefix;           /* "SIM." where these are part of other settings, else "" */
-    rx_origin *origin;            /* who set the value of each row of the table */
-    long *line;                   /* and on which line of `file`, 0 = not in the file */
-    char *file;                   /* the configuration file last read, or NULL */
+    const char *prefix;          /* "SIM." where these are part of other settings, else "" */
+    rx_origin *origin;           /* who set the value of each row of the table */
+    long *line;                  /* and on which line of `file`, 0 = not in the file */
+    char *file;                  /* the configuration file last read, or NULL */
     rx_settings *part[RX_PARTS]; /* settings of other programs, set by prefixed names; owned, or NULL */
 };
 
-/* All defaults, and a copy; *dst begins the struct of the table. rx_settings_free() frees that struct with all
- * it owns, NULL is fine. */
+/* All defaults, and a copy; *dst begins the struct of the table. rx_settings_free() frees that struct with
+ * all it owns, NULL is fine. */
 rx_status rx_settings_new(const rx_keytable *table, rx_settings **dst, rx_error *err);
 rx_status rx_settings_copy(const rx_settings *src, rx_settings **dst, rx_error *err);
 void rx_settings_free(rx_settings *settings);

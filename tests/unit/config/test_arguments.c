@@ -24,10 +24,15 @@ static rx_status read_line(void **state, const char *line, rx_arguments *dst, rx
     char *here = getcwd(NULL, 0);
     assert_non_null(here);
     assert_int_equal(chdir(*state), 0);
-    rx_status status = rx_arguments_read(argc, argv, log, dst, err);
+    rx_status status = rx_arguments_read(rx_keytable_rextract(), argc, argv, log, dst, err);
     assert_int_equal(chdir(here), 0);
     free(here);
     return status;
+}
+
+static const rx_config *config_of(const rx_arguments *arguments)
+{
+    return (const rx_config *)arguments->settings;
 }
 
 static rx_log quiet(FILE *stream)
@@ -59,7 +64,7 @@ static void actions_are_told_apart(void **state)
         rx_log log = quiet(stderr);
         assert_int_equal(read_line(state, cases[i].line, &arguments, &log, &err), RX_OK);
         assert_int_equal(arguments.action, cases[i].action);
-        assert_null(arguments.config);
+        assert_null(arguments.settings);
         rx_arguments_free(&arguments);
     }
 }
@@ -86,7 +91,7 @@ static void images_and_keywords_come_in_any_order(void **state)
             fail_msg("%s", err.text);
         assert_int_equal(arguments.action, RX_ACTION_RUN);
         assert_string_equal(arguments.image, cases[i].image);
-        assert_int_equal(arguments.config->detect_minarea, 9);
+        assert_int_equal(config_of(&arguments)->detect_minarea, 9);
         rx_arguments_free(&arguments);
     }
 }
@@ -130,7 +135,7 @@ static void files_are_found_and_overridden(void **state)
     rx_log log;
     rx_log_init(&log, "t", stream, RX_NORMAL);
     assert_int_equal(read_line(state, "rextract a.fits", &arguments, &log, &err), RX_OK);
-    assert_int_equal(arguments.config->detect_minarea, 5);
+    assert_int_equal(config_of(&arguments)->detect_minarea, 5);
     rx_arguments_free(&arguments);
     rewind(stream);
     assert_non_null(fgets(said, sizeof said, stream));
@@ -141,13 +146,13 @@ static void files_are_found_and_overridden(void **state)
     put(state, "default.sex", "DETECT_MINAREA 11\nSEED 2\n", path);
     put(state, "other.sex", "DETECT_MINAREA 12\nVERBOSE_TYPE FULL\n", path);
     assert_int_equal(read_line(state, "rextract a.fits -SEED 3", &arguments, &log, &err), RX_OK);
-    assert_int_equal(arguments.config->detect_minarea, 11);
-    assert_int_equal(arguments.config->seed, 3);
+    assert_int_equal(config_of(&arguments)->detect_minarea, 11);
+    assert_int_equal(config_of(&arguments)->seed, 3);
     assert_int_equal(log.level, RX_NORMAL);
     rx_arguments_free(&arguments);
     assert_int_equal(read_line(state, "rextract -SEED 3 -c other.sex a.fits", &arguments, &log, &err), RX_OK);
-    assert_int_equal(arguments.config->detect_minarea, 12);
-    assert_int_equal(arguments.config->seed, 3);
+    assert_int_equal(config_of(&arguments)->detect_minarea, 12);
+    assert_int_equal(config_of(&arguments)->seed, 3);
     assert_int_equal(log.level, RX_FULL);
     rx_arguments_free(&arguments);
 }

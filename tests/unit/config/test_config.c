@@ -258,10 +258,10 @@ static void dumps_read_back(void **state)
         rx_config *a = defaults(), *b = defaults();
         for (size_t i = 0; all && i < sizeof odd / sizeof odd[0]; i++)
             assert_int_equal(rx_config_set(a, odd[i][0], odd[i][1], NULL, &err), RX_OK);
-        rx_config_dump(&first, a, all);
+        rx_settings_dump(&first, rx_keytable_rextract(), &a->settings, all);
         if (read_text(state, b, first.data, &err) != RX_OK)
             fail_msg("line %ld: %s", err.line, err.text);
-        rx_config_dump(&second, b, all);
+        rx_settings_dump(&second, rx_keytable_rextract(), &b->settings, all);
         assert_string_equal(first.data, second.data);
         assert_string_equal(b->catalog_name, all ? "a b,c;\"d\"#$e[.cat" : "test.cat");
         rx_text_free(&first);
@@ -277,12 +277,12 @@ static void default_dump_reads_as_the_defaults(void **state)
     rx_error err;
     rx_text text = {0}, read = {0}, made = {0};
     rx_config *a = defaults(), *b = defaults();
-    rx_config_dump(&text, NULL, true);
+    rx_settings_dump(&text, rx_keytable_rextract(), NULL, true);
     logged(state, text.data, RX_OK, said, sizeof said, &err);
     assert_string_equal(said, "");
     assert_int_equal(read_text(state, b, text.data, &err), RX_OK);
-    rx_config_dump(&read, b, true);
-    rx_config_dump(&made, a, true);
+    rx_settings_dump(&read, rx_keytable_rextract(), &b->settings, true);
+    rx_settings_dump(&made, rx_keytable_rextract(), &a->settings, true);
     assert_string_equal(read.data, made.data);
     rx_text_free(&text);
     rx_text_free(&read);
@@ -300,7 +300,7 @@ static void committed_default_is_the_dump(void **state)
     const char *root = getenv("srcdir");
     snprintf(path, sizeof path, "%s/config/default.sex", root != NULL ? root : ".");
     assert_int_equal(rx_text_read_file(path, 1 << 20, &file, NULL, NULL), RX_OK);
-    rx_config_dump(&text, NULL, false);
+    rx_settings_dump(&text, rx_keytable_rextract(), NULL, false);
     assert_string_equal(file, text.data);
     rx_text_free(&text);
     free(file);

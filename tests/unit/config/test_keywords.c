@@ -1,4 +1,4 @@
-/* The keyword table itself: every row is sound, and the struct holds what the rows say. */
+/* The keyword tables themselves: every row is sound, and the structs hold what the rows say. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,27 +9,74 @@
 
 #include <cmocka.h>
 
+#include "config/campaign_config.h"
 #include "config/keyword.h"
+
+enum { TABLES = 3 };
+
+static const rx_keytable *table_of(int i)
+{
+    return i == 0 ? rx_keytable_rextract() : i == 1 ? rx_keytable_simulate() : rx_keytable_validate();
+}
 
 static void names_are_unique_and_fit_a_dump(void **state)
 {
+    static const int least[TABLES] = {100, 40, 20};
     (void)state;
-    int keys = 0;
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
-        if (key->kind == RX_KIND_SECTION)
-            continue;
-        keys++;
-        assert_int_equal(rx_keyword_find(key->name), row); /* the first of that name is this one */
-        assert_in_range(strlen(key->name), 3, 24);
-        assert_int_equal(strspn(key->name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ_"), strlen(key->name));
+    for (int t = 0; t < TABLES; t++) {
+        const rx_keytable *table = table_of(t);
+        int keys = 0;
+        for (int row = 0; row < table->nrows; row++) {
+            const rx_keyword *key = &table->rows[row];
+            if (key->kind == RX_KIND_SECTION)
+                continue;
+            keys++;
+            assert_int_equal(rx_keyword_find(table, key->name), row); /* the first of that name is this one */
+            assert_in_range(strlen(key->name), 3, 24);
+            assert_int_equal(strspn(key->name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ_"), strlen(key->name));
+        }
+        assert_true(keys > least[t]);
+        assert_true(rx_keyword_find(table, "VERBOSE_TYPE") > 0 && rx_keyword_find(table, "NTHREADS") > 0);
     }
-    assert_true(keys > 100);
-    assert_int_equal(rx_keyword_find("detect_thresh"), RX_KEY_DETECT_THRESH);
-    assert_int_equal(rx_keyword_find("DETECT_THRES"), -1);
-    assert_int_equal(rx_keyword_find("Photometry"), -1); /* a section is no keyword */
-    assert_string_equal(rx_keyword_nearest("DETECT_TRESH"), "DETECT_THRESH");
-    assert_null(rx_keyword_nearest("QWERTYUIOP"));
+}
+
+static void names_are_found(void **state)
+{
+    const rx_keytable *table = rx_keytable_rextract();
+    (void)state;
+    int row = rx_keyword_find(table, "detect_thresh");
+    assert_true(row > 0);
+    assert_string_equal(table->rows[row].name, "DETECT_THRESH");
+    assert_int_equal(rx_keyword_find(table, "DETECT_THRES"), -1);
+    assert_int_equal(rx_keyword_find(table, "Photometry"), -1); /* a section is no keyword */
+    assert_int_equal(rx_keyword_find(table, "STAR_COUNT"), -1); /* nor is one of another program */
+}
+
+static void near_names_are_found_with_their_prefix(void **state)
+{
+    static const struct {
+        const char *name, *nearest;
+    } cases[] = {
+        {"CAMPAIN_TYPE", "CAMPAIGN_TYPE"},
+        {"SIM.STAR_CONT", "SIM.STAR_COUNT"},
+        {"STAGE.DETECT_TRESH", "STAGE.DETECT_THRESH"},
+        {"SIMU.STAR_COUNT", "SIM.STAR_COUNT"},
+        {"STAR_COUNT", "SIM.STAR_COUNT"},
+        {"DETECT_THRESH", "STAGE.DETECT_THRESH"},
+        {"QWERTYUIOP", ""},
+        {"SIM.QWERTYUIOP", ""},
+        {"X.Y.Z", ""},
+    };
+    char near[64];
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        rx_keyword_nearest(rx_keytable_validate(), cases[i].name, near, sizeof near);
+        assert_string_equal(near, cases[i].nearest);
+    }
+    rx_keyword_nearest(rx_keytable_rextract(), "DETECT_TRESH", near, sizeof near);
+    assert_string_equal(near, "DETECT_THRESH");
+    rx_keyword_nearest(rx_keytable_rextract(), "QWERTYUIOP", near, sizeof near);
+    assert_string_equal(near, "");
 }
 
 static void fields_are_named_like_their_keyword(void **state)
@@ -37,7 +84,9 @@ static void fields_are_named_like_their_keyword(void **state)
     (void)state;
 #define SECTION(id, title)
 #define KEY(kind, NAME, field, ...) assert_int_equal(strcasecmp(#NAME, #field), 0);
+#include "config/campaign.def"
 #include "config/keys.def"
+#include "config/simulate.def"
 #undef KEY
 #undef SECTION
 }
@@ -45,67 +94,88 @@ static void fields_are_named_like_their_keyword(void **state)
 static void every_row_has_help_in_one_line(void **state)
 {
     (void)state;
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
-        size_t n = strlen(key->help);
-        if (key->kind == RX_KIND_SECTION)
-            continue;
-        assert_in_range(n, 5, 90);
-        assert_null(strpbrk(key->help, "\n\t\\"));
-        assert_int_not_equal(key->help[n - 1], '.');
-        assert_int_not_equal(key->help[0], '.'); /* would be a request in the manual page */
+    for (int t = 0; t < TABLES; t++)
+        for (int row = 0; row < table_of(t)->nrows; row++) {
+            const rx_keyword *key = &table_of(t)->rows[row];
+            size_t n = strlen(key->help);
+            if (key->kind == RX_KIND_SECTION)
+                continue;
+            assert_in_range(n, 5, 90);
+            assert_null(strpbrk(key->help, "\n\t\\"));
+            assert_int_not_equal(key->help[n - 1], '.');
+            assert_int_not_equal(key->help[0], '.'); /* would be a request in the manual page */
+        }
+}
+
+static void check_row(const rx_keyword *key)
+{
+    int word = key->kind == RX_KIND_WORD || key->kind == RX_KIND_WORDS;
+    int number = key->kind == RX_KIND_INT || key->kind == RX_KIND_INTS || key->kind == RX_KIND_REAL ||
+                 key->kind == RX_KIND_REALS;
+    assert_int_equal(word, key->words != NULL);
+    assert_int_equal(number, key->low < key->high);
+    if (key->kind == RX_KIND_INT || key->kind == RX_KIND_INTS) {
+        assert_true(key->low >= -2147483648.0 && key->high <= 2147483647.0);
     }
+    assert_in_range(key->nmax, 1, key->kind >= RX_KIND_STRINGS ? RX_LIST : 1);
+    assert_in_range(key->nmin, 0, key->nmax);
+    if (key->nmin == 0)
+        assert_true(key->kind >= RX_KIND_STRINGS || key->kind == RX_KIND_STRING);
+    else
+        assert_true(key->initial[0] != '\0');
+    for (int i = 0; word && key->words[i] != NULL; i++)
+        for (int j = 0; j < i; j++)
+            assert_int_not_equal(strcasecmp(key->words[i], key->words[j]), 0);
 }
 
 static void ranges_words_and_counts_are_sound(void **state)
 {
     (void)state;
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
-        if (key->kind == RX_KIND_SECTION)
-            continue;
-        int word = key->kind == RX_KIND_WORD || key->kind == RX_KIND_WORDS;
-        int number = key->kind == RX_KIND_INT || key->kind == RX_KIND_INTS || key->kind == RX_KIND_REAL ||
-                     key->kind == RX_KIND_REALS;
-        assert_int_equal(word, key->words != NULL);
-        assert_int_equal(number, key->low < key->high);
-        if (key->kind == RX_KIND_INT || key->kind == RX_KIND_INTS) {
-            assert_true(key->low >= -2147483648.0 && key->high <= 2147483647.0);
-        }
-        assert_in_range(key->nmax, 1, key->kind >= RX_KIND_STRINGS ? RX_LIST : 1);
-        assert_in_range(key->nmin, 0, key->nmax);
-        if (key->nmin == 0)
-            assert_true(key->kind >= RX_KIND_STRINGS || key->kind == RX_KIND_STRING);
-        else
-            assert_true(key->initial[0] != '\0');
-        for (int i = 0; word && key->words[i] != NULL; i++)
-            for (int j = 0; j < i; j++)
-                assert_int_not_equal(strcasecmp(key->words[i], key->words[j]), 0);
-    }
+    for (int t = 0; t < TABLES; t++)
+        for (int row = 0; row < table_of(t)->nrows; row++)
+            if (table_of(t)->rows[row].kind != RX_KIND_SECTION)
+                check_row(&table_of(t)->rows[row]);
 }
 
 /* Printing the defaults and giving them back changes nothing. */
 static void values_survive_print_and_assign(void **state)
 {
     (void)state;
-    rx_error err = RX_ERROR_NONE;
-    rx_config *config = NULL, *other = NULL;
-    assert_int_equal(rx_config_new(&config, &err), RX_OK);
-    assert_int_equal(rx_config_new(&other, &err), RX_OK);
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        rx_text text = {0}, again = {0};
-        if (rx_keyword_row(row)->kind == RX_KIND_SECTION)
-            continue;
-        rx_keyword_print(&text, config, row, false);
-        if (rx_config_set(other, rx_keyword_row(row)->name, text.data, NULL, &err) != RX_OK)
-            fail_msg("%s", err.text);
-        rx_keyword_print(&again, other, row, false);
-        assert_string_equal(text.data, again.data);
-        rx_text_free(&text);
-        rx_text_free(&again);
+    for (int t = 0; t < TABLES; t++) {
+        const rx_keytable *table = table_of(t);
+        rx_error err = RX_ERROR_NONE;
+        rx_settings *settings = NULL, *other = NULL;
+        assert_int_equal(rx_settings_new(table, &settings, &err), RX_OK);
+        assert_int_equal(rx_settings_new(table, &other, &err), RX_OK);
+        for (int row = 0; row < table->nrows; row++) {
+            rx_text text = {0}, again = {0};
+            if (table->rows[row].kind == RX_KIND_SECTION)
+                continue;
+            rx_keyword_print(&text, settings, row, false);
+            if (rx_settings_set(other, table->rows[row].name, text.data, NULL, &err) != RX_OK)
+                fail_msg("%s", err.text);
+            rx_keyword_print(&again, other, row, false);
+            assert_string_equal(text.data, again.data);
+            rx_text_free(&text);
+            rx_text_free(&again);
+        }
+        rx_settings_free(settings);
+        rx_settings_free(other);
     }
-    rx_config_free(config);
-    rx_config_free(other);
+}
+
+/* The defaults of every program pass its own checks. */
+static void defaults_are_consistent(void **state)
+{
+    (void)state;
+    for (int t = 0; t < TABLES; t++) {
+        rx_error err = RX_ERROR_NONE;
+        rx_settings *settings = NULL;
+        assert_int_equal(rx_settings_new(table_of(t), &settings, &err), RX_OK);
+        if (rx_settings_check(settings, NULL, &err) != RX_OK)
+            fail_msg("%s", err.text);
+        rx_settings_free(settings);
+    }
 }
 
 /* Against SExtractor 2.25's own numbers, written down here once more. */
@@ -136,10 +206,13 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names_are_unique_and_fit_a_dump),
+        cmocka_unit_test(names_are_found),
+        cmocka_unit_test(near_names_are_found_with_their_prefix),
         cmocka_unit_test(fields_are_named_like_their_keyword),
         cmocka_unit_test(every_row_has_help_in_one_line),
         cmocka_unit_test(ranges_words_and_counts_are_sound),
         cmocka_unit_test(values_survive_print_and_assign),
+        cmocka_unit_test(defaults_are_consistent),
         cmocka_unit_test(defaults_are_those_of_sextractor),
     };
     return cmocka_run_group_tests_name("keywords", tests, NULL, NULL);

@@ -51,28 +51,30 @@ static void add_words(rx_text *dst, const char *const *words, const char *dash)
     }
 }
 
-static void dump_section(rx_text *dst, const char *title)
+static void dump_section(rx_text *dst, const char *prefix, const char *title)
 {
     size_t line = dst->length + 1;
     rx_text_add(dst, "\n#");
-    int left = (WIDTH - 3 - (int)strlen(title)) / 2;
+    int left = (WIDTH - 3 - (int)strlen(prefix) - (int)strlen(title)) / 2;
     for (int i = 0; i < left; i++)
         rx_text_add(dst, "-");
-    rx_text_printf(dst, " %s ", title);
+    rx_text_printf(dst, " %s%s ", prefix, title);
     while (!dst->failed && dst->length - line < WIDTH)
         rx_text_add(dst, "-");
     rx_text_add(dst, "\n\n");
 }
 
-static void dump_key(rx_text *dst, const rx_config *config, int row)
+/* One keyword of the table; settings NULL: with its default. */
+static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *settings, const char *prefix,
+                     int row)
 {
-    const rx_keyword *key = rx_keyword_row(row);
+    const rx_keyword *key = &table->rows[row];
     rx_text help = {0};
     size_t line = dst->length;
-    rx_text_add(dst, key->name);
+    rx_text_printf(dst, "%s%s", prefix, key->name);
     pad(dst, line, VALUE_COLUMN);
-    if (config != NULL)
-        rx_keyword_print(dst, config, row, true);
+    if (settings != NULL)
+        rx_keyword_print(dst, settings, row, true);
     else
         rx_text_add(dst, key->initial);
     rx_text_add(&help, key->help);
@@ -89,24 +91,32 @@ static void dump_key(rx_text *dst, const rx_config *config, int row)
     rx_text_free(&help);
 }
 
-void rx_config_dump(rx_text *dst, const rx_config *config, bool all)
+/* The rows of the table, and then those of its parts. */
+static void dump_rows(rx_text *dst, const rx_keytable *table, const rx_settings *settings, const char *prefix,
+                      bool all)
 {
-    rx_text_printf(dst, "# %s configuration file for Rextract\n",
-                   config != NULL ? "The"
-                   : all          ? "Default extended"
-                                  : "Default");
     int section = -1;
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
+    for (int row = 0; row < table->nrows; row++) {
+        const rx_keyword *key = &table->rows[row];
         if (key->kind == RX_KIND_SECTION) {
             section = row;
         } else if (all || key->level == RX_LEVEL_D) {
             if (section >= 0)
-                dump_section(dst, rx_keyword_row(section)->name);
+                dump_section(dst, prefix, table->rows[section].name);
             section = -1;
-            dump_key(dst, config, row);
+            dump_key(dst, table, settings, prefix, row);
         }
     }
+    for (int i = 0; all && i < RX_PARTS && table->part[i].prefix != NULL; i++)
+        dump_rows(dst, table->part[i].table(), settings != NULL ? settings->part[i] : NULL,
+                  table->part[i].prefix, all);
+}
+
+void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings *settings, bool all)
+{
+    const char *which = all ? "Default extended" : "Default";
+    rx_text_printf(dst, "# %s configuration file for %s\n", settings != NULL ? "The" : which, table->title);
+    dump_rows(dst, table, settings, settings != NULL ? settings->prefix : "", all);
 }
 
 /* What values are legal, as sentences. */
@@ -158,10 +168,10 @@ static const char *man_kind(rx_kind kind)
     }
 }
 
-void rx_config_man(rx_text *dst)
+void rx_settings_man(rx_text *dst, const rx_keytable *table)
 {
-    for (int row = 0; row < RX_KEY_ROWS; row++) {
-        const rx_keyword *key = rx_keyword_row(row);
+    for (int row = 0; row < table->nrows; row++) {
+        const rx_keyword *key = &table->rows[row];
         if (key->kind == RX_KIND_SECTION) {
             rx_text_printf(dst, ".SS %s\n", key->name);
             continue;

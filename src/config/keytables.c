@@ -1,0 +1,81 @@
+/* The keyword tables of the programs as data. */
+#include "config/campaign_config.h"
+#include "config/keyword.h"
+#include "config/overwrite.h"
+
+/* clang-format off */
+#define NOWORDS NULL
+#define WORDLIST(...) ((const char *const[]){__VA_ARGS__, NULL})
+#define SECTION(id, title) {.kind = RX_KIND_SECTION, .name = (title), .help = ""},
+#define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, help_)          \
+    {.kind = RX_KIND_##kind_, .name = #NAME, .offset = offsetof(struct_of_table, field),                       \
+     .initial = (initial_), .low = (low_), .high = (high_), .nmin = (nmin_), .nmax = (nmax_),                  \
+     .words = words_, .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = (help_)},
+
+#define struct_of_table rx_config
+static const rx_keyword rextract_rows[] = {
+#include "config/keys.def"
+};
+#undef struct_of_table
+
+#define struct_of_table rx_simulate_config
+static const rx_keyword simulate_rows[] = {
+#include "config/simulate.def"
+};
+#undef struct_of_table
+
+#define struct_of_table rx_campaign_config
+static const rx_keyword campaign_rows[] = {
+#include "config/campaign.def"
+};
+#undef struct_of_table
+#undef KEY
+#undef SECTION
+/* clang-format on */
+
+#define ROWS(array) .rows = (array), .nrows = (int)(sizeof(array) / sizeof(array)[0])
+
+const rx_keytable *rx_keytable_rextract(void)
+{
+    static const rx_keytable table = {
+        .program = "rextract",
+        .title = "Rextract",
+        ROWS(rextract_rows),
+        .size = sizeof(rx_config),
+        .plain = RX_PLAIN_IMAGES,
+        .default_file = "default.sex",
+        .check = rx_config_relations,
+        .check_outputs = rx_overwrite_check,
+    };
+    return &table;
+}
+
+const rx_keytable *rx_keytable_simulate(void)
+{
+    static const rx_keytable table = {
+        .program = "rextract-simulate",
+        .title = "rextract-simulate",
+        ROWS(simulate_rows),
+        .size = sizeof(rx_simulate_config),
+        .plain = RX_PLAIN_NONE,
+        .check = rx_simulate_relations,
+        .check_outputs = rx_overwrite_check_simulate,
+    };
+    return &table;
+}
+
+const rx_keytable *rx_keytable_validate(void)
+{
+    static const rx_keytable table = {
+        .program = "rextract-validate",
+        .title = "rextract-validate",
+        ROWS(campaign_rows),
+        .size = sizeof(rx_campaign_config),
+        .plain = RX_PLAIN_FILE,
+        .part = {{"SIM.", rx_keytable_simulate}, {"STAGE.", rx_keytable_rextract}},
+        .complete = rx_campaign_complete,
+        .check = rx_campaign_relations,
+        .check_outputs = rx_overwrite_check_campaign,
+    };
+    return &table;
+}

@@ -1,0 +1,243 @@
+/* Settings as a whole: made, copied, read, overridden, checked, visited. */
+#include "config/settings.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "config/keyword.h"
+#include "config/tokens.h"
+
+enum { MAX_FILE_BYTES = 1 << 20 };
+
+/* Hand the finished settings over, or free them. */
+static void hand_over(rx_status status, rx_settings *settings, rx_settings **dst)
+{
+    if (status != RX_OK) {
+        rx_settings_free(settings);
+        return;
+    }
+    if (settings->table->complete != NULL)
+        settings->table->complete(settings);
+    *dst = settings;
+}
+
+/* A struct of the table without any value. */
+static rx_status make_room(const rx_keytable *table, rx_settings **dst, rx_error *err)
+{
+    rx_settings *settings = rx_alloc(1, table->size);
+    if (settings == NULL)
+        return rx_error_memory(err, table->size);
+    settings->table = table;
+    settings->prefix = "";
+    settings->origin = RX_NEW(rx_origin, (size_t)table->nrows);
+    settings->line = RX_NEW(long, (size_t)table->nrows);
+    *dst = settings;
+    if (settings->origin == NULL || settings->line == NULL)
+        return rx_error_memory(err, (size_t)table->nrows * sizeof *settings->line);
+    return RX_OK;
+}
+
+/* The table's default into the field of `row`. */
+static rx_status set_default(rx_settings *settings, int row, rx_error *err)
+{
+    rx_tokens items = {0};
+    rx_status status = rx_tokens_read(settings->table->rows[row].initial, &items, err);
+    if (status == RX_OK)
+        status = rx_keyword_assign(settings, row, items.v, items.n, (rx_place){0}, NULL, err);
+    rx_tokens_free(&items);
+    return status;
+}
+
+rx_status rx_settings_new(const rx_keytable *table, rx_settings **dst, rx_error *err)
+{
+    rx_settings *settings = NULL;
+    rx_status status = make_room(table, &settings, err);
+    for (int row = 0; row < table->nrows && status == RX_OK; row++)
+        if (table->rows[row].kind != RX_KIND_SECTION)
+            status = set_default(settings, row, err);
+    for (int i = 0; i < RX_PARTS && table->part[i].prefix != NULL && status == RX_OK; i++) {
+        status = rx_settings_new(table->part[i].table(), &settings->part[i], err);
+        if (status == RX_OK)
+            settings->part[i]->prefix = table->part[i].prefix;
+    }
+    hand_over(status, settings, dst);
+    return status;
+}
+
+rx_status rx_settings_copy(const rx_settings *src, rx_settings **dst, rx_error *err)
+{
+    const rx_keytable *table = src->table;
+    rx_settings *settings = NULL;
+    rx_status status = make_room(table, &settings, err);
+    for (int row = 0; row < table->nrows && status == RX_OK; row++) {
+        settings->origin[row] = src->origin[row];
+        settings->line[row] = src->line[row];
+        if (table->rows[row].kind != RX_KIND_SECTION)
+            status = rx_keyword_copy(settings, src, row, err);
+    }
+    if (status == RX_OK && src->file != NULL) {
+        settings->file = rx_strdup(src->file);
+        status = settings->file != NULL ? RX_OK : rx_error_memory(err, strlen(src->file));
+    }
+    for (int i = 0; i < RX_PARTS && src->part[i] != NULL && status == RX_OK; i++)
+        status = rx_settings_copy(src->part[i], &settings->part[i], err);
+    if (status == RX_OK)
+        settings->prefix = src->prefix;
+    hand_over(status, settings, dst);
+    return status;
+}
+
+void rx_settings_free(rx_settings *settings)
+{
+    if (settings == NULL)
+        return;
+    for (int row = 0; row < settings->table->nrows; row++)
+        if (settings->table->rows[row].kind != RX_KIND_SECTION)
+            rx_keyword_clear(settings, row);
+    for (int i = 0; i < RX_PARTS; i++)
+        rx_settings_free(settings->part[i]);
+    free(settings->origin);
+    free(settings->line);
+    free(settings->file);
+    free(settings);
+}
+
+static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
+{
+    char near[64], hint[96] = "-dd lists all";
+    rx_keyword_nearest(table, name, near, sizeof near);
+    if (near[0] != '\0')
+        snprintf(hint, sizeof hint, "did you mean %s%s?", place.file != NULL ? "" : "-", near);
+    if (place.file != NULL)
+        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "unknown keyword '%.80s'; %s", name,
+                           hint);
+    return rx_error_set(err, RX_USAGE, "unknown keyword '-%.80s'; %s", name, hint);
+}
+
+/* The settings and the row that `name` is for. */
+static rx_status find(rx_settings *settings, const char *name, rx_place place, rx_settings **owner, int *row,
+                      rx_error *err)
+{
+    const char *rest = name;
+    int part = rx_keyword_part(settings->table, &rest);
+    *owner = part < 0 ? settings : settings->part[part];
+    *row = rx_keyword_find((*owner)->table, rest);
+    return *row >= 0 ? RX_OK : unknown_keyword(settings->table, name, place, err);
+}
+
+/* One line of a file: nothing, or a keyword and its values. */
+static rx_status read_line(rx_settings *settings, const char *line, rx_place place, rx_log *log,
+                           rx_error *err)
+{
+    rx_tokens items = {0};
+    rx_settings *owner = NULL;
+    int row = 0;
+    rx_status status = rx_tokens_read(line, &items, err);
+    if (status == RX_USAGE && err != NULL) {
+        snprintf(err->where, sizeof err->where, "%s", place.file);
+        err->line = place.line;
+    }
+    if (status != RX_OK || items.n == 0)
+        goto exit;
+    status = find(settings, items.v[0], place, &owner, &row, err);
+    if (status == RX_OK)
+        status = rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err);
+    if (status != RX_OK)
+        goto exit;
+    owner->origin[row] = RX_FROM_FILE;
+    owner->line[row] = place.line;
+exit:
+    rx_tokens_free(&items);
+    return status;
+}
+
+/* Remember which file is read: lines are told with it. */
+static rx_status keep_name(rx_settings *settings, const char *path, rx_error *err)
+{
+    char *name = rx_strdup(path);
+    if (name == NULL)
+        return rx_error_memory(err, strlen(path));
+    free(settings->file);
+    settings->file = name;
+    rx_status status = RX_OK;
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
+        status = keep_name(settings->part[i], path, err);
+    return status;
+}
+
+rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
+{
+    char *text = NULL;
+    rx_status status = keep_name(settings, path, err);
+    if (status == RX_OK)
+        status = rx_text_read_file(path, MAX_FILE_BYTES, &text, NULL, err);
+    if (status == RX_INPUT) { /* a configuration file is usage, not data */
+        if (err != NULL)
+            err->status = RX_USAGE;
+        return RX_USAGE;
+    }
+    rx_place place = {.file = path, .line = 0};
+    char *line = text;
+    while (status == RX_OK && line != NULL && *line != '\0') {
+        char *end = strchr(line, '\n');
+        if (end != NULL)
+            *end = '\0';
+        place.line++;
+        status = read_line(settings, line, place, log, err);
+        line = end != NULL ? end + 1 : NULL;
+    }
+    free(text);
+    return status;
+}
+
+rx_status rx_settings_set(rx_settings *settings, const char *name, const char *value, rx_log *log,
+                          rx_error *err)
+{
+    rx_tokens items = {0};
+    rx_settings *owner = NULL;
+    int row = 0;
+    rx_status status = find(settings, name, (rx_place){0}, &owner, &row, err);
+    if (status != RX_OK)
+        return status;
+    status = owner->table->rows[row].kind == RX_KIND_STRING ? rx_tokens_expand(value, &items, err)
+                                                            : rx_tokens_read(value, &items, err);
+    if (status == RX_OK)
+        status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, log, err);
+    if (status == RX_OK)
+        owner->origin[row] = RX_FROM_COMMAND;
+    rx_tokens_free(&items);
+    return status;
+}
+
+rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
+{
+    const char *rest = name;
+    int part = rx_keyword_part(settings->table, &rest);
+    const rx_settings *owner = part < 0 ? settings : settings->part[part];
+    int row = rx_keyword_find(owner->table, rest);
+    return row < 0 ? RX_FROM_DEFAULT : owner->origin[row];
+}
+
+bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user)
+{
+    const rx_keytable *table = settings->table;
+    bool complete = true;
+    for (int row = 0; row < table->nrows && complete; row++) {
+        rx_text name = {0}, value = {0};
+        if (table->rows[row].kind == RX_KIND_SECTION)
+            continue;
+        rx_text_printf(&name, "%s%s", settings->prefix, table->rows[row].name);
+        rx_keyword_print(&value, settings, row, false);
+        complete = !name.failed && !value.failed;
+        if (complete)
+            visit(user, name.data, value.data, table->rows[row].help);
+        rx_text_free(&name);
+        rx_text_free(&value);
+    }
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && complete; i++)
+        complete = rx_settings_visit(settings->part[i], visit, user);
+    return complete;
+}

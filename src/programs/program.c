@@ -1,0 +1,78 @@
+/* A program from its first to its last line: arguments, one library call, exit code. */
+#include "programs/program.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include "base/interrupt.h"
+
+#ifndef RX_VERSION
+#error "RX_VERSION comes from the Makefile"
+#endif
+
+/* What is asked for on standard output. */
+static rx_status print(const rx_program *program, rx_action action, rx_error *err)
+{
+    rx_text text = {0};
+    rx_status status = RX_OK;
+    if (action == RX_ACTION_VERSION)
+        rx_text_printf(&text, "Rextract version %s\n", RX_VERSION);
+    else if (action == RX_ACTION_HELP)
+        rx_text_printf(&text, "%s%s", program->usage, program->help);
+    else if (action == RX_ACTION_DUMP_COLUMNS)
+        program->columns(&text);
+    else
+        rx_settings_dump(&text, program->table, NULL, action == RX_ACTION_DUMP_ALL);
+    if (text.failed)
+        status = rx_error_memory(err, text.capacity);
+    else if (fputs(text.data, stdout) == EOF || fflush(stdout) != 0)
+        status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
+    rx_text_free(&text);
+    return status;
+}
+
+/* A closed standard stream would lend its number to the next file that is opened, and what is said would go
+ * into that file. Nothing can be written to what stands in for it. */
+static void occupy_streams(void)
+{
+    int file;
+    do
+        file = open("/dev/null", O_RDONLY);
+    while (file >= 0 && file <= STDERR_FILENO);
+    if (file >= 0)
+        close(file);
+}
+
+int rx_program_main(const rx_program *program, int argc, char **argv)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_log log;
+    rx_arguments arguments;
+    occupy_streams();
+    rx_interrupt_block();
+    /* writing then fails like any other, and everything is cleaned up */
+    void (*at_broken_pipe)(int) = signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN);
+    rx_log_init(&log, program->name, stderr, RX_NORMAL);
+    rx_status status = rx_arguments_read(program->table, argc, argv, &log, &arguments, &err);
+    if (status == RX_OK && arguments.action == RX_ACTION_NONE) {
+        fputs(program->usage, stderr);
+        status = RX_USAGE;
+    } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
+        status = program->run(arguments.settings, arguments.image, &log, &err);
+    } else if (status == RX_OK) {
+        signal(SIGPIPE, at_broken_pipe); /* rextract -dd | head: nothing to clean up, nothing to say */
+        status = print(program, arguments.action, &err);
+    }
+    rx_log_progress_end(&log);
+    if (err.status != RX_OK) {
+        char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
+        rx_error_format(&err, program->name, line, sizeof line);
+        fprintf(stderr, "%s\n", line);
+    }
+    rx_arguments_free(&arguments);
+    rx_interrupt_deliver();
+    return (int)status;
+}

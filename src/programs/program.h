@@ -1,0 +1,20 @@
+/* What all programs do alike: streams, signals, arguments, printing what is asked for, the error line and the
+ * exit code. */
+#ifndef RX_PROGRAMS_PROGRAM_H
+#define RX_PROGRAMS_PROGRAM_H
+
+#include "config/arguments.h"
+
+typedef struct rx_program {
+    const char *name;
+    const char *usage, *help; /* text of -h; usage alone where nothing is asked for */
+    const rx_keytable *table;
+    void (*columns)(rx_text *dst); /* -dp; NULL where there is none */
+    /* The job. settings is the struct of the table, image NULL where the program takes none. */
+    rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log, rx_error *err);
+} rx_program;
+
+/* The exit code of main(). */
+int rx_program_main(const rx_program *program, int argc, char **argv);
+
+#endif
