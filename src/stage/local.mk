@@ -15,3 +15,6 @@ librextract_la_SOURCES += \
 
 rx_stagedir = $(pkgincludedir)/stage
 rx_stage_HEADERS = src/stage/stage.h
+librextract_la_SOURCES += \
+	src/stage/simulation.c src/stage/simulation.h src/stage/simulation_parts.h \
+	src/stage/simulation_config.c src/stage/simulation_field.c src/stage/simulation_run.c

@@ -28,7 +28,7 @@ typedef struct rx_simulation {
     double sharp_fwhm;       /* pixels, target PSF of the sharp reference */
     double alpha, delta;     /* deg, centre of the simulated tile */
     int nthreads;
-    int without_sharp;      /* 1: rx_simulation_make() leaves the sharp reference out (SHARP_NAME empty) */
+    int without_sharp;      /* 1: rx_simulation_make() leaves the sharp reference out; from_config sets 0 */
     unsigned char *allowed; /* owned: where objects may lie on a real tile; NULL = anywhere */
 } rx_simulation;
 

@@ -1,0 +1,482 @@
+/* The job of rextract-simulate: a simulated field, or every image of a real tile with objects added, to
+ * files. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "catalog/catalog.h"
+#include "config/config_fields.h"
+#include "io/fits_read.h"
+#include "io/fits_write.h"
+#include "io/output.h"
+#include "io/tile.h"
+#include "simulate/truth.h"
+#include "stage/simulation_parts.h"
+
+/* One image file among the outputs; writer NULL where it is not wanted. */
+typedef struct image_file {
+    const char *name;
+    rx_fits_writer *writer;
+} image_file;
+
+typedef struct job {
+    const rx_simulate_config *config;
+    rx_log *log;
+    rx_outputs *outputs;
+    image_file image, sharp, flags;
+    const char *truth_temporary; /* NULL without truth catalogue */
+    int ntables;
+    rx_table **tables; /* truth, one of each image */
+    rx_record record;  /* of the whole run */
+} job;
+
+/* What goes to the files for one image. */
+typedef struct field_data {
+    const rx_simulation *simulation;
+    const rx_scene *scene;
+    const rx_tile *tile; /* the pixels as they are written */
+    const float *sharp;  /* NULL when not wanted */
+    const uint8_t *defects;
+    const rx_text *facts; /* ready cards */
+} field_data;
+
+/* --- provenance --- */
+
+static void add_keyword(void *user, const char *name, const char *value, const char *help)
+{
+    if (strcmp(name, "NTHREADS") != 0 && strcmp(name, "VERBOSE_TYPE") != 0)
+        rx_record_add(user, name, help, "%s", value);
+}
+
+static rx_status record_run(job *job, rx_error *err)
+{
+    rx_record *record = &job->record;
+    rx_record_add(record, "PROGRAM", "made by", "rextract-simulate");
+    rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
+    if (!rx_settings_visit(&job->config->settings, add_keyword, record) || record->failed)
+        return rx_error_memory(err, 0);
+    return RX_OK;
+}
+
+static long count(const rx_scene *scene, rx_object_type type)
+{
+    long n = 0;
+    for (long i = 0; i < scene->n; i++)
+        n += scene->objects[i].type == type;
+    return n;
+}
+
+/* Of a sky pixel, ADU. */
+static double sky_noise(const rx_noise_params *noise)
+{
+    if (noise->type == RX_NOISE_CCD)
+        return sqrt(noise->sky / noise->gain +
+                    noise->read_noise * noise->read_noise / (noise->gain * noise->gain));
+    return noise->type == RX_NOISE_GAUSS ? noise->sigma : 0.0;
+}
+
+static void describe_noise(const rx_noise_params *noise, const rx_field *field, rx_record *facts)
+{
+    static const char *const words[] = {
+        [RX_NOISE_NONE] = "none", [RX_NOISE_GAUSS] = "Gaussian", [RX_NOISE_CCD] = "photons and read noise"};
+    rx_record_add(facts, "RXNOISE", "noise", "%s",
+                  field == NULL       ? words[noise->type]
+                  : noise->gain > 0.0 ? "the tile's own, and photon noise of the added light"
+                                      : "the tile's own; gain unknown, no photon noise of the added light");
+    rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g",
+                  field != NULL ? field->plain->global_level : noise->sky);
+    rx_record_add(facts, "RXSIGMA", "noise of a sky pixel, ADU", "%.8g",
+                  field != NULL ? field->plain->global_sigma : sky_noise(noise));
+    rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", noise->gain);
+}
+
+/* field: the real tile, NULL for a simulated field. */
+static void describe(const rx_simulation *simulation, const rx_scene *scene, const rx_field *field,
+                     rx_record *facts)
+{
+    rx_record_add(facts, "RXPSF", "PSF of the image", "%s", simulation->optics->description);
+    rx_record_add(facts, "RXFWHM", "its FWHM, pixels, before pixel integration", "%.6g",
+                  simulation->optics->fwhm);
+    rx_record_add(facts, "RXMISS", "share of its flux beyond the stamp, left out", "%.3g",
+                  simulation->optics->missing);
+    rx_record_add(facts, "RXSHARP", "FWHM of the sharp reference, pixels", "%.6g", simulation->sharp_fwhm);
+    describe_noise(&simulation->noise, field, facts);
+    rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", simulation->scene.zeropoint);
+    rx_record_add(facts, "RXSCALE", "pixel size that sizes refer to, arcsec", "%.6g",
+                  simulation->scene.pixel_scale);
+    rx_record_add(facts, "RXSEED", "seed", "%llu", (unsigned long long)simulation->scene.seed);
+    rx_record_add(facts, "RXSCENE", "number of the scene", "%llu",
+                  (unsigned long long)simulation->scene.stream);
+    rx_record_add(facts, "RXNSTAR", "stars", "%ld", count(scene, RX_OBJECT_STAR));
+    rx_record_add(facts, "RXNGAL", "galaxies", "%ld", count(scene, RX_OBJECT_GALAXY));
+    rx_record_add(facts, "RXNTEMP", "template galaxies", "%ld", count(scene, RX_OBJECT_TEMPLATE));
+    if (field != NULL) {
+        rx_record_add(facts, "RXINPUT", "tile that objects were added to", "%s", field->tile->name);
+        rx_record_add(facts, "RXINSUM", "digest of its pixels", "%s", field->tile->checksum);
+    }
+}
+
+static rx_status make_facts(const rx_simulation *simulation, const rx_scene *scene, const rx_field *field,
+                            rx_text *cards, rx_error *err)
+{
+    rx_record facts = {0};
+    describe(simulation, scene, field, &facts);
+    rx_record_cards(&facts, cards);
+    rx_status status = facts.failed || cards->failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_record_free(&facts);
+    return status;
+}
+
+/* --- outputs --- */
+
+static rx_status open_image(job *job, const char *name, image_file *file, rx_error *err)
+{
+    const char *temporary;
+    if (name[0] == '\0')
+        return RX_OK;
+    file->name = name;
+    rx_status status = rx_outputs_file(job->outputs, name, &temporary, err);
+    return status == RX_OK ? rx_fits_create(temporary, name, &file->writer, err) : status;
+}
+
+static rx_status open_outputs(job *job, rx_error *err)
+{
+    const rx_simulate_config *config = job->config;
+    rx_status status = rx_outputs_new(&job->outputs, err);
+    if (status == RX_OK)
+        status = open_image(job, config->image_name, &job->image, err);
+    if (status == RX_OK)
+        status = open_image(job, config->sharp_name, &job->sharp, err);
+    if (status == RX_OK)
+        status = open_image(job, config->flag_name, &job->flags, err);
+    if (status == RX_OK && config->truth_name[0] != '\0')
+        status = rx_outputs_file(job->outputs, config->truth_name, &job->truth_temporary, err);
+    return status;
+}
+
+/* Masked pixels of a file that were no numbers are none again. */
+static rx_status write_image(const job *job, const field_data *data, const rx_text *extra, rx_error *err)
+{
+    const rx_tile *tile = data->tile;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    float *pixels = RX_NEW(float, n);
+    if (pixels == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    for (size_t i = 0; i < n; i++)
+        pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
+    rx_status status = rx_fits_image(job->image.writer, pixels, tile->width, tile->height, tile->extname,
+                                     tile->cards, tile->ncards, extra->data, extra->length / 80, err);
+    free(pixels);
+    return status;
+}
+
+static rx_status write_flags(const job *job, const field_data *data, const rx_text *extra, rx_error *err)
+{
+    const rx_tile *tile = data->tile;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    int32_t *flags = RX_NEW(int32_t, n);
+    if (flags == NULL)
+        return rx_error_memory(err, n * sizeof(int32_t));
+    for (size_t i = 0; i < n; i++)
+        flags[i] = data->defects[i];
+    rx_status status = rx_fits_image_int(job->flags.writer, flags, tile->width, tile->height, tile->extname,
+                                         tile->cards, tile->ncards, extra->data, extra->length / 80, err);
+    free(flags);
+    return status;
+}
+
+static rx_status add_truth(job *job, const field_data *data, rx_error *err)
+{
+    rx_table *table = NULL;
+    rx_table **tables = rx_regrow(job->tables, (size_t)job->ntables + 1, sizeof *tables);
+    if (tables == NULL)
+        return rx_error_memory(err, 0);
+    job->tables = tables;
+    rx_status status = rx_truth_table(data->scene, data->tile->wcs, 0, &table, err);
+    if (status != RX_OK)
+        return status;
+    tables[job->ntables++] = table;
+    rx_text facts = {0}, cards = {0};
+    rx_text_add_bytes(&facts, data->facts->data, data->facts->length);
+    rx_text_add_bytes(&cards, data->tile->cards, data->tile->ncards * 80);
+    table->facts = facts.data;
+    table->nfacts = (long)(facts.length / 80);
+    table->cards = cards.data;
+    table->ncards = (long)(cards.length / 80);
+    return facts.failed || cards.failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
+static rx_status write_field(job *job, const field_data *data, rx_error *err)
+{
+    const rx_tile *tile = data->tile;
+    rx_text extra = {0};
+    rx_status status = RX_OK;
+    rx_text_add_bytes(&extra, data->facts->data, data->facts->length);
+    rx_record_cards(&job->record, &extra);
+    if (extra.failed) {
+        status = rx_error_memory(err, extra.length);
+        goto exit;
+    }
+    status = write_image(job, data, &extra, err);
+    if (status == RX_OK && job->sharp.writer != NULL)
+        status = rx_fits_image(job->sharp.writer, data->sharp, tile->width, tile->height, tile->extname,
+                               tile->cards, tile->ncards, extra.data, extra.length / 80, err);
+    if (status == RX_OK && job->flags.writer != NULL)
+        status = write_flags(job, data, &extra, err);
+    if (status == RX_OK && job->truth_temporary != NULL)
+        status = add_truth(job, data, err);
+    if (status == RX_OK)
+        rx_log_info(job->log, "%s: %d x %d pixels, %ld stars, %ld galaxies, %ld template galaxies; %s",
+                    job->image.name, tile->width, tile->height, count(data->scene, RX_OBJECT_STAR),
+                    count(data->scene, RX_OBJECT_GALAXY), count(data->scene, RX_OBJECT_TEMPLATE),
+                    data->simulation->optics->description);
+exit:
+    rx_text_free(&extra);
+    return status;
+}
+
+static rx_catalog_type truth_type(const char *word)
+{
+    return strcmp(word, "ASCII_HEAD") == 0      ? RX_CATALOG_ASCII_HEAD
+           : strcmp(word, "ASCII_VOTABLE") == 0 ? RX_CATALOG_VOTABLE
+           : strcmp(word, "FITS_LDAC") == 0     ? RX_CATALOG_FITS_LDAC
+                                                : RX_CATALOG_FITS_1_0;
+}
+
+static rx_status write_truth(const job *job, rx_error *err)
+{
+    const rx_record *record = &job->record;
+    if (job->truth_temporary == NULL)
+        return RX_OK;
+    rx_record_pair *pairs = RX_NEW(rx_record_pair, (size_t)record->n);
+    if (pairs == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < record->n; i++)
+        pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
+    rx_status status =
+        rx_catalog_write(truth_type(job->config->truth_type), job->config->truth_name, job->tables,
+                         job->ntables, pairs, record->n, job->truth_temporary, NULL, err);
+    free(pairs);
+    return status;
+}
+
+static rx_status close_image(image_file *file, rx_error *err)
+{
+    rx_fits_writer *writer = file->writer;
+    file->writer = NULL;
+    return writer != NULL ? rx_fits_close(writer, err) : RX_OK;
+}
+
+static rx_status finish(job *job, rx_error *err)
+{
+    rx_status status = close_image(&job->image, err);
+    if (status == RX_OK)
+        status = close_image(&job->sharp, err);
+    if (status == RX_OK)
+        status = close_image(&job->flags, err);
+    if (status == RX_OK)
+        status = write_truth(job, err);
+    if (status == RX_OK)
+        status = rx_interrupt_check(err);
+    if (status == RX_OK)
+        status = rx_outputs_commit(job->outputs, err);
+    return status;
+}
+
+/* --- a simulated field --- */
+
+static rx_status run_field(job *job, rx_error *err)
+{
+    rx_simulation *simulation = NULL;
+    rx_simulated simulated = {0};
+    rx_tile *tile = NULL;
+    rx_text facts = {0};
+    rx_status status = rx_simulation_from_config(job->config, job->log, &simulation, err);
+    if (status == RX_OK) {
+        simulation->without_sharp = job->sharp.writer == NULL;
+        status = rx_simulation_make(simulation, simulation->scene.stream, &simulated, err);
+    }
+    if (status == RX_OK)
+        status = rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err);
+    if (status == RX_OK)
+        status = make_facts(simulation, simulated.scene, NULL, &facts, err);
+    if (status == RX_OK) {
+        field_data data = {.simulation = simulation,
+                           .scene = simulated.scene,
+                           .tile = tile,
+                           .sharp = simulated.sharp,
+                           .defects = simulated.defects,
+                           .facts = &facts};
+        status = write_field(job, &data, err);
+    }
+    rx_text_free(&facts);
+    rx_tile_free(tile);
+    rx_simulated_free(&simulated);
+    rx_simulation_free(simulation);
+    return status;
+}
+
+/* --- injection --- */
+
+/* The tile's cards without what an earlier run of ours said of its own pixels. */
+static void copy_cards(const rx_tile *tile, rx_text *cards)
+{
+    for (size_t i = 0; i < tile->ncards; i++) {
+        const char *card = tile->cards + i * 80;
+        if (strncmp(card, "RX", 2) != 0 && strncmp(card, "PROGRAM ", 8) != 0)
+            rx_text_add_bytes(cards, card, 80);
+    }
+}
+
+/* What the tile's reader took from elsewhere (primary header, configuration) goes with the pixels. */
+static rx_status complete_cards(const rx_options *options, const rx_simulation *simulation, rx_tile *tile,
+                                rx_error *err)
+{
+    const rx_tile_params *par = &options->tile[0];
+    rx_text cards = {0};
+    const long n = (long)tile->ncards;
+    double value;
+    copy_cards(tile, &cards);
+    if (par->gain_key[0] != '\0' && !rx_cards_number(tile->cards, n, par->gain_key, &value))
+        rx_card_number(&cards, par->gain_key, simulation->noise.gain, "e-/ADU, 0 = infinite");
+    if (par->saturation_key[0] != '\0' && isfinite(tile->saturation) &&
+        !rx_cards_number(tile->cards, n, par->saturation_key, &value))
+        rx_card_number(&cards, par->saturation_key, tile->saturation, "ADU");
+    if (cards.failed) {
+        rx_text_free(&cards);
+        return rx_error_memory(err, cards.length);
+    }
+    free(tile->cards);
+    tile->cards = cards.data;
+    tile->ncards = cards.length / 80;
+    return RX_OK;
+}
+
+/* Pixels that the added light brought to the saturation level, as the flag map tells them. */
+static void mark_saturated(const rx_tile *tile, uint8_t *defects)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    for (size_t i = 0; i < n; i++)
+        defects[i] = !(tile->mask[i] & RX_MASK_BAD) && (double)tile->pixels[i] >= tile->saturation
+                         ? RX_DEFECT_SATURATED
+                         : 0;
+}
+
+static rx_status inject_image(job *job, const rx_options *options, int hdu, int extension, rx_error *err)
+{
+    const rx_simulate_config *config = job->config;
+    const int automatic = strcmp(config->psf_type, "AUTO") == 0;
+    rx_field *field = NULL;
+    rx_simulation *simulation = NULL;
+    rx_scene *scene = NULL;
+    rx_text facts = {0};
+    float *sharp = NULL;
+    uint8_t *defects = NULL;
+    rx_status status =
+        rx_field_open(options, 0, config->inject_image, hdu, extension, automatic, job->log, &field, err);
+    if (status == RX_OK)
+        status = rx_simulation_for_tile(config, options, field, job->log, &simulation, err);
+    if (status != RX_OK)
+        goto exit;
+    const size_t n = (size_t)field->tile->width * (size_t)field->tile->height;
+    sharp = RX_NEW(float, n);
+    defects = RX_NEW(uint8_t, n);
+    if (sharp == NULL || defects == NULL) {
+        status = rx_error_memory(err, n * sizeof(float));
+        goto exit;
+    }
+    /* images of one file are different skies */
+    simulation->scene.stream += (uint64_t)(extension - 1) << 32;
+    status = rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
+                                  job->sharp.writer != NULL ? sharp : NULL, &scene, err);
+    if (status == RX_OK)
+        status = make_facts(simulation, scene, field, &facts, err);
+    if (status == RX_OK)
+        status = complete_cards(options, simulation, field->tile, err);
+    if (status != RX_OK)
+        goto exit;
+    mark_saturated(field->tile, defects);
+    field_data data = {.simulation = simulation,
+                       .scene = scene,
+                       .tile = field->tile,
+                       .sharp = sharp,
+                       .defects = defects,
+                       .facts = &facts};
+    status = write_field(job, &data, err);
+exit:
+    rx_text_free(&facts);
+    free(sharp);
+    free(defects);
+    rx_scene_drop(scene);
+    rx_simulation_free(simulation);
+    rx_field_free(field);
+    return status;
+}
+
+/* The stage's own settings for reading and searching the tile. */
+static rx_status read_stage_config(const job *job, rx_config **dst, rx_error *err)
+{
+    const rx_simulate_config *config = job->config;
+    char threads[16];
+    rx_config *stage = NULL;
+    snprintf(threads, sizeof threads, "%d", config->nthreads);
+    rx_status status = rx_config_new(&stage, err);
+    if (status == RX_OK && config->inject_config[0] != '\0')
+        status = rx_config_read(stage, config->inject_config, job->log, err);
+    if (status == RX_OK && strcmp(config->psf_type, "AUTO") == 0)
+        status = rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err);
+    if (status == RX_OK)
+        status = rx_config_set(stage, "NTHREADS", threads, job->log, err);
+    if (status == RX_OK)
+        status = rx_config_check(stage, job->log, err);
+    if (status == RX_OK)
+        *dst = stage;
+    else
+        rx_config_free(stage);
+    return status;
+}
+
+static rx_status run_injection(job *job, rx_error *err)
+{
+    int *hdus = NULL, n = 0;
+    rx_config *stage = NULL;
+    rx_options *options = NULL;
+    rx_status status = read_stage_config(job, &stage, err);
+    if (status == RX_OK)
+        status = rx_options_from_config(stage, job->log, &options, err);
+    if (status == RX_OK)
+        status = rx_tile_list(job->config->inject_image, job->log, &hdus, &n, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        status = inject_image(job, options, hdus[i], i + 1, err);
+        if (status == RX_OK)
+            status = rx_interrupt_check(err);
+    }
+    free(hdus);
+    rx_options_free(options);
+    rx_config_free(stage);
+    return status;
+}
+
+rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_error *err)
+{
+    job job = {.config = config, .log = log};
+    rx_status status = record_run(&job, err);
+    if (status == RX_OK)
+        status = open_outputs(&job, err);
+    if (status == RX_OK)
+        status = config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err);
+    if (status == RX_OK)
+        status = finish(&job, err);
+    rx_fits_abort(job.image.writer);
+    rx_fits_abort(job.sharp.writer);
+    rx_fits_abort(job.flags.writer);
+    for (int i = 0; i < job.ntables; i++)
+        rx_table_free(job.tables[i]);
+    free(job.tables);
+    rx_outputs_free(job.outputs);
+    rx_record_free(&job.record);
+    return status;
+}
