@@ -7,14 +7,18 @@
 #include <cmocka.h>
 
 #include "config/arguments.h"
-#include "config/config_fields.h"
+#include "config/campaign_config.h"
 #include "folder.h"
 
 enum { MAX_WORDS = 16 };
 
-/* Read a command line written with blanks between its words, in the test's folder. */
+/* Read a command line written with blanks between its words, in the test's folder; its first word names the
+ * program. */
 static rx_status read_line(void **state, const char *line, rx_arguments *dst, rx_log *log, rx_error *err)
 {
+    const rx_keytable *table = strncmp(line, "rextract-s", 10) == 0   ? rx_keytable_simulate()
+                               : strncmp(line, "rextract-v", 10) == 0 ? rx_keytable_validate()
+                                                                      : rx_keytable_rextract();
     char text[512], *argv[MAX_WORDS] = {0}, *rest = NULL;
     int argc = 0;
     snprintf(text, sizeof text, "%s", line);
@@ -24,7 +28,7 @@ static rx_status read_line(void **state, const char *line, rx_arguments *dst, rx
     char *here = getcwd(NULL, 0);
     assert_non_null(here);
     assert_int_equal(chdir(*state), 0);
-    rx_status status = rx_arguments_read(rx_keytable_rextract(), argc, argv, log, dst, err);
+    rx_status status = rx_arguments_read(table, argc, argv, log, dst, err);
     assert_int_equal(chdir(here), 0);
     free(here);
     return status;
@@ -57,6 +61,13 @@ static void actions_are_told_apart(void **state)
         {"rextract -dd", RX_ACTION_DUMP_ALL},
         {"rextract -dp", RX_ACTION_DUMP_COLUMNS},
         {"rextract a.fits -h", RX_ACTION_HELP},
+        {"rextract-simulate", RX_ACTION_NONE},
+        {"rextract-simulate -d", RX_ACTION_DUMP},
+        {"rextract-simulate -SEED 3 -dd", RX_ACTION_DUMP_ALL},
+        {"rextract-simulate -v", RX_ACTION_VERSION},
+        {"rextract-validate", RX_ACTION_NONE},
+        {"rextract-validate a.conf --help", RX_ACTION_HELP},
+        {"rextract-validate -dd", RX_ACTION_DUMP_ALL},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rx_error err;
@@ -112,6 +123,16 @@ static void bad_command_lines_say_why(void **state)
          "unknown keyword '--DETECT_THRESH'; did you mean -DETECT_THRESH?"},
         {"rextract a.fits -DETECT_THRESH x", "-DETECT_THRESH: 'x' is not a number"},
         {"rextract a.fits -c absent.sex", "cannot be opened"},
+        {"rextract-simulate a.fits", "'a.fits' is no option; give -c FILE or -KEYWORD VALUE"},
+        {"rextract-simulate -dp", "-dp has no value"},
+        {"rextract-simulate -c absent.conf", "cannot be opened"},
+        {"rextract-simulate -STAR_CONT 3", "did you mean -STAR_COUNT?"},
+        {"rextract-simulate -PSF_TYPE AUTO", "-PSF_TYPE: AUTO is measured on a real tile"},
+        {"rextract-validate absent.conf", "cannot be opened"},
+        {"rextract-validate a.conf b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
+        {"rextract-validate a.conf -c b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
+        {"rextract-validate -SIM.STAR_CONT 3", "did you mean -SIM.STAR_COUNT?"},
+        {"rextract-validate -SHARD 3/2", "-SHARD: there is no part 3 of 2"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rx_error err;
@@ -157,6 +178,71 @@ static void files_are_found_and_overridden(void **state)
     rx_arguments_free(&arguments);
 }
 
+static void campaign_files_are_named_either_way(void **state)
+{
+    static const char *const lines[] = {
+        "rextract-validate -SEED 3 a.conf",
+        "rextract-validate a.conf -SEED 3",
+        "rextract-validate -c a.conf -SEED 3",
+        "rextract-validate -c absent.conf -c a.conf -SEED 3",
+    };
+    char path[1024];
+    put(state, "a.conf", "SEED 2\nSIM.SEED 5\nVERBOSE_TYPE QUIET\n", path);
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
+        rx_error err;
+        rx_arguments arguments;
+        rx_log log = quiet(stderr);
+        if (read_line(state, lines[i], &arguments, &log, &err) != RX_OK)
+            fail_msg("%s", err.text);
+        const rx_campaign_config *config = (const rx_campaign_config *)arguments.settings;
+        assert_null(arguments.image);
+        assert_int_equal(config->seed, 3);
+        assert_int_equal(config->sim->seed, 5);
+        rx_arguments_free(&arguments);
+    }
+}
+
+/* Nothing that is read is ever written. */
+static void outputs_are_no_inputs(void **state)
+{
+    static const struct {
+        const char *line, *error;
+    } cases[] = {
+        {"rextract-simulate -INJECT_IMAGE tile.fits -IMAGE_NAME ./tile.fits",
+         "IMAGE_NAME ./tile.fits is also read, as tile.fits"},
+        {"rextract-simulate -c sim.conf -TRUTH_NAME sim.conf", "TRUTH_NAME sim.conf is also read"},
+        {"rextract-simulate -PSF_TYPE FILE -PSF_NAME tile.fits[1] -SHARP_NAME tile.fits",
+         "SHARP_NAME tile.fits is also read, as tile.fits[1]"},
+        {"rextract-simulate -TEMPLATE_NAME @sim.conf -FLAG_NAME sim.conf", "FLAG_NAME sim.conf is also read"},
+        {"rextract-simulate -INJECT_IMAGE tile.fits -INJECT_CONFIG sim.conf -IMAGE_NAME sim.conf",
+         "IMAGE_NAME sim.conf is also read"},
+        {"rextract-validate sim.conf -JOURNAL_NAME sim.conf", "JOURNAL_NAME sim.conf is also read"},
+        {"rextract-validate -TILE_NAME a.1 -JOURNAL_NAME a -SHARD 1/2", "JOURNAL_NAME a.1 is also read"},
+        {"rextract-validate -STAGE.FLAG_IMAGE tile.fits -JOURNAL_NAME tile.fits",
+         "JOURNAL_NAME tile.fits is also read"},
+    };
+    char path[1024];
+    put(state, "tile.fits", "x", path);
+    put(state, "sim.conf", "VERBOSE_TYPE QUIET\n", path);
+    put(state, "a.1", "x", path);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        rx_error err;
+        rx_arguments arguments;
+        rx_log log = quiet(stderr);
+        assert_int_equal(read_line(state, cases[i].line, &arguments, &log, &err), RX_USAGE);
+        if (strstr(err.text, cases[i].error) == NULL)
+            fail_msg("'%s' gives '%s'", cases[i].line, err.text);
+        rx_arguments_free(&arguments);
+    }
+    rx_error err;
+    rx_arguments arguments;
+    rx_log log = quiet(stderr);
+    assert_int_equal(read_line(state, "rextract-simulate -INJECT_IMAGE tile.fits -IMAGE_NAME b.fits",
+                               &arguments, &log, &err),
+                     RX_OK);
+    rx_arguments_free(&arguments);
+}
+
 #define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
 
 int main(void)
@@ -166,6 +252,8 @@ int main(void)
         IN_FOLDER(images_and_keywords_come_in_any_order),
         IN_FOLDER(bad_command_lines_say_why),
         IN_FOLDER(files_are_found_and_overridden),
+        IN_FOLDER(campaign_files_are_named_either_way),
+        IN_FOLDER(outputs_are_no_inputs),
     };
     return cmocka_run_group_tests_name("arguments", tests, NULL, NULL);
 }

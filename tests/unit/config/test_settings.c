@@ -1,0 +1,361 @@
+/* The settings of rextract-simulate and rextract-validate: parts under prefixes, copies, relations, dumps. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "config/arguments.h"
+#include "config/campaign_config.h"
+#include "folder.h"
+
+static rx_campaign_config *campaign(void)
+{
+    rx_campaign_config *config = NULL;
+    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    return config;
+}
+
+/* Read `text` as a file of these settings. */
+static rx_status read_text(void **state, rx_settings *settings, const char *text, rx_error *err)
+{
+    char path[1024];
+    put(state, "test.conf", text, path);
+    *err = RX_ERROR_NONE;
+    return rx_settings_read(settings, path, NULL, err);
+}
+
+static void parts_start_from_their_programs_defaults(void **state)
+{
+    (void)state;
+    rx_campaign_config *c = campaign();
+    assert_string_equal(c->campaign_type, "PHOTOMETRY");
+    assert_int_equal(c->restore_type.n, 2);
+    assert_true(c->sim->psf_beta == 4.765);
+    assert_int_equal(c->sim->image_size.v[0], 1024);
+    assert_string_equal(c->stage->catalog_name, "test.cat");
+    rx_campaign_config_free(c);
+    rx_campaign_config_free(NULL);
+    rx_simulate_config_free(NULL);
+}
+
+static void prefixed_names_reach_the_parts(void **state)
+{
+    rx_error err;
+    rx_campaign_config *c = campaign();
+    rx_status status = read_text(state, &c->settings,
+                                 "SEED 3\n"
+                                 "SIM.SEED 4\n"
+                                 "stage.seed 5 # case does not matter\n"
+                                 "Sim.Star_Mag 15,16\n"
+                                 "SIM.TEMPLATE_NAME \"a b\"\n"
+                                 "STAGE.WEIGHT_IMAGE w.fits,v.fits\n",
+                                 &err);
+    if (status != RX_OK)
+        fail_msg("line %ld: %s", err.line, err.text);
+    assert_int_equal(c->seed, 3);
+    assert_int_equal(c->sim->seed, 4);
+    assert_int_equal(c->stage->seed, 5);
+    assert_true(c->sim->star_mag.v[1] == 16.0);
+    assert_string_equal(c->sim->template_name, "a b");
+    assert_string_equal(c->stage->weight_image.v[1], "v.fits");
+    assert_int_equal(rx_settings_set(&c->settings, "SIM.GAIN", "2.5", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "stage.CATALOG_NAME", "a b.cat", NULL, &err), RX_OK);
+    assert_true(c->sim->gain == 2.5 && c->stage->gain == 0.0);
+    assert_string_equal(c->stage->catalog_name, "a b.cat");
+    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.GAIN"), RX_FROM_COMMAND);
+    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
+    assert_int_equal(rx_config_was_set(c->stage, "SEED"), RX_FROM_FILE);
+    rx_campaign_config_free(c);
+}
+
+static void errors_have_the_prefixed_name(void **state)
+{
+    static const struct {
+        const char *line, *error;
+    } cases[] = {
+        {"SIM.SEED x", "SIM.SEED: 'x' is not a number"},
+        {"STAGE.DETECT_MINAREA 0", "STAGE.DETECT_MINAREA: 0 is out of range, give 1 to 1000000"},
+        {"SIM.NOISE_TYPE GAUS", "SIM.NOISE_TYPE: unknown word 'GAUS' (did you mean GAUSS?)"},
+        {"STAGE.FILTER maybe", "STAGE.FILTER: 'maybe' is not Y or N"},
+        {"SIM.STAR_MAG 3", "SIM.STAR_MAG: has 1 item(s), needs at least 2"},
+        {"SIM.STAR_CONT 3", "unknown keyword 'SIM.STAR_CONT'; did you mean SIM.STAR_COUNT?"},
+        {"STAR_COUNT 3", "unknown keyword 'STAR_COUNT'; did you mean SIM.STAR_COUNT?"},
+        {"SIM.CAMPAIGN_TYPE 3", "unknown keyword 'SIM.CAMPAIGN_TYPE'"},
+        {"SIM. 3", "unknown keyword 'SIM.'"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        rx_error err;
+        char text[128];
+        rx_campaign_config *c = campaign();
+        snprintf(text, sizeof text, "\n%s\n", cases[i].line);
+        assert_int_equal(read_text(state, &c->settings, text, &err), RX_USAGE);
+        assert_int_equal(err.line, 2);
+        assert_non_null(strstr(err.where, "test.conf"));
+        if (strncmp(err.text, cases[i].error, strlen(cases[i].error)) != 0)
+            fail_msg("'%s' gives '%s'", cases[i].line, err.text);
+        rx_campaign_config_free(c);
+    }
+    rx_error err = RX_ERROR_NONE;
+    rx_campaign_config *c = campaign();
+    assert_int_equal(rx_settings_set(&c->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
+    assert_string_equal(err.text, "-SIM.SEED: 'x' is not a number");
+    rx_campaign_config_free(c);
+}
+
+/* One setting after the other, "KEYWORD value;KEYWORD value", then the checks. */
+static rx_status check_line(rx_settings *settings, const char *line, rx_error *err)
+{
+    char text[512], *rest = NULL;
+    *err = RX_ERROR_NONE;
+    snprintf(text, sizeof text, "%s", line);
+    for (char *word = strtok_r(text, ";", &rest); word != NULL; word = strtok_r(NULL, ";", &rest)) {
+        char *value = strchr(word, ' ');
+        assert_non_null(value);
+        *value++ = '\0';
+        if (rx_settings_set(settings, word, value, NULL, err) != RX_OK)
+            fail_msg("'%s': %s", line, err->text);
+    }
+    return rx_settings_check(settings, NULL, err);
+}
+
+static void check_relations(const rx_keytable *table, size_t n, const char *const (*cases)[2])
+{
+    for (size_t i = 0; i < n; i++) {
+        rx_error err;
+        rx_settings *settings = NULL;
+        assert_int_equal(rx_settings_new(table, &settings, &err), RX_OK);
+        rx_status status = check_line(settings, cases[i][0], &err);
+        if (cases[i][1] == NULL && status != RX_OK)
+            fail_msg("'%s' gives '%s'", cases[i][0], err.text);
+        if (cases[i][1] != NULL && (status != RX_USAGE || strstr(err.text, cases[i][1]) == NULL))
+            fail_msg("'%s' gives %d '%s'", cases[i][0], (int)status, err.text);
+        rx_settings_free(settings);
+    }
+}
+
+static void simulations_are_checked(void **state)
+{
+    static const char *const cases[][2] = {
+        {"STAR_MAG 20,20", NULL},
+        {"STAR_MAG 20,19", "-STAR_MAG: 20 is above 19; give <from>,<to>"},
+        {"GALAXY_MAG 20,19", "-GALAXY_MAG: 20 is above 19"},
+        {"TEMPLATE_MAG 20,19", "-TEMPLATE_MAG: 20 is above 19"},
+        {"PAIR_DISTANCE 2,1", "-PAIR_DISTANCE: 2 is above 1"},
+        {"SKY_CENTER 10,-91", "-SKY_CENTER: no declination is -91"},
+        {"SKY_CENTER -10,-90", NULL},
+        {"NOISE_TYPE CCD", "-GAIN: 0 e-/ADU is no gain for NOISE_TYPE CCD"},
+        {"NOISE_TYPE CCD;GAIN 1.5", NULL},
+        {"SATUR_LEVEL 1000", "-SATUR_LEVEL: 1000 is not above SKY_LEVEL, 1000"},
+        {"SATUR_LEVEL 1000;SKY_LEVEL 999", NULL},
+        {"PSF_TYPE AUTO", "-PSF_TYPE: AUTO is measured on a real tile; give INJECT_IMAGE"},
+        {"PSF_TYPE AUTO;INJECT_IMAGE tile.fits", NULL},
+        {"PSF_TYPE PSFEX;PSF_NAME NONE", "-PSF_NAME: is empty; name the file that PSF_TYPE PSFEX reads"},
+        {"INJECT_CONFIG my.sex", "-INJECT_CONFIG: is about a real tile; give INJECT_IMAGE too"},
+        {"TEMPLATE_COUNT 5", "-TEMPLATE_NAME: is empty; name the cut-outs that TEMPLATE_COUNT asks for"},
+        {"TEMPLATE_COUNT 5;TEMPLATE_NAME cosmos", NULL},
+        {"SHARP_NAME a.fits;IMAGE_NAME a.fits", "-SHARP_NAME: a.fits is also IMAGE_NAME"},
+        {"FLAG_NAME sim_truth.fits", "-FLAG_NAME: sim_truth.fits is also TRUTH_NAME"},
+        {"SHARP_NAME NONE;TRUTH_NAME NONE;FLAG_NAME NONE", NULL},
+    };
+    (void)state;
+    check_relations(rx_keytable_simulate(), sizeof cases / sizeof cases[0], cases);
+}
+
+static void campaigns_are_checked(void **state)
+{
+    static const char *const cases[][2] = {
+        {"SHARD 3/3", NULL},
+        {"SHARD 4/3", "-SHARD: there is no part 4 of 3; give 1/3 to 3/3"},
+        {"SHARD 0/3", "-SHARD: '0/3' is not k/n"},
+        {"SHARD 1/0", "is not k/n"},
+        {"SHARD 1", "is not k/n"},
+        {"SHARD 1/", "is not k/n"},
+        {"SHARD /2", "is not k/n"},
+        {"SHARD 1/2x", "is not k/n"},
+        {"SHARD -1/2", "is not k/n"},
+        {"SHARD 1/99999999999999999999", "is not k/n"},
+        {"RESTORE_TYPE RL,NONE,RL", "-RESTORE_TYPE: RL is named twice"},
+        {"FIELDS SIMULATED,SIMULATED", "-FIELDS: SIMULATED is named twice"},
+        {"FIELDS SIMULATED,INJECTED", "-TILE_NAME: is empty; name the real tile"},
+        {"FIELDS INJECTED;CAMPAIGN_TYPE RESTORATION", NULL},
+        {"FIELDS INJECTED;TILE_NAME tile.fits", NULL},
+        {"FWHM_RANGE 5,4", "-FWHM_RANGE: 5 is above 4; give <from>,<to>"},
+        {"SIGMA_RANGE 5,4", "-SIGMA_RANGE: 5 is above 4"},
+        {"FWHM_TRAINED 5,4", "-FWHM_TRAINED: 5 is above 4"},
+        {"SIGMA_TRAINED 5,4", "-SIGMA_TRAINED: 5 is above 4"},
+        {"MAGNITUDES 22,21,0.5", "-MAGNITUDES: 22 is above 21; give <from>,<to>,<step>"},
+        {"MAGNITUDES 18,22,0", "-MAGNITUDES: the step 0 must be above 0"},
+        {"MAGNITUDES 18,22,1e-9", "-MAGNITUDES: more than 1000 sets"},
+        {"MAGNITUDES 20,20,1", NULL},
+        {"TILES 3", NULL},
+        {"TILES 3;SIZE PAPER", "-TILES: has no second number, which SIZE PAPER asks for"},
+        {"SCENES_FWHM 3;SIZE PAPER", "-SCENES_FWHM: has no second number"},
+        {"SIM.STAR_MAG 20,19", "-SIM.STAR_MAG: 20 is above 19"},
+        {"STAGE.CHECKIMAGE_TYPE RESTORED,OBJECTS", "-STAGE.CHECKIMAGE_NAME: names 1 file(s)"},
+    };
+    (void)state;
+    check_relations(rx_keytable_validate(), sizeof cases / sizeof cases[0], cases);
+}
+
+static void self_checks_are_checked(void **state)
+{
+    static const char *const cases[][2] = {
+        {"SELF_CHECK Y;SELF_CHECK_MAG 18,22", NULL},
+        {"SELF_CHECK_MAG 18", "-SELF_CHECK_MAG: has 1 item, needs <from>,<to>, or none"},
+        {"SELF_CHECK_MAG 22,18", "-SELF_CHECK_MAG: 22 is above 18"},
+        {"SELF_CHECK_NAME report",
+         "-SELF_CHECK_NAME: is a report of nothing; give SELF_CHECK Y or BLANK_CHECK"},
+        {"SELF_CHECK_NAME report;BLANK_CHECK 5", NULL},
+    };
+    (void)state;
+    check_relations(rx_keytable_rextract(), sizeof cases / sizeof cases[0], cases);
+}
+
+static void relations_of_parts_name_their_line(void **state)
+{
+    rx_error err;
+    rx_campaign_config *c = campaign();
+    assert_int_equal(read_text(state, &c->settings, "SEED 1\nSIM.GALAXY_MAG 3,2\n", &err), RX_OK);
+    assert_int_equal(rx_settings_check(&c->settings, NULL, &err), RX_USAGE);
+    assert_int_equal(err.line, 2);
+    assert_string_equal(err.text, "SIM.GALAXY_MAG: 3 is above 2; give <from>,<to>");
+    rx_campaign_config_free(c);
+}
+
+static void shards_are_read(void **state)
+{
+    (void)state;
+    int k = 0, n = 0;
+    rx_campaign_config *c = campaign();
+    assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
+    assert_true(k == 1 && n == 1);
+    assert_int_equal(rx_settings_set(&c->settings, "SHARD", "17/10000", NULL, NULL), RX_OK);
+    assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
+    assert_true(k == 17 && n == 10000);
+    rx_campaign_config_free(c);
+}
+
+static void copies_are_equal_and_independent(void **state)
+{
+    rx_error err;
+    rx_text before = {0}, after = {0}, source = {0};
+    rx_settings *copy = NULL;
+    rx_campaign_config *c = campaign();
+    assert_int_equal(
+        read_text(state, &c->settings,
+                  "OUTPUT_NAME out\nSIM.PSF_NAME a.psf\nSTAGE.FLAG_IMAGE a,b,c\nMAGNITUDES 1,2,3\n", &err),
+        RX_OK);
+    assert_int_equal(rx_settings_copy(&c->settings, &copy, &err), RX_OK);
+    rx_settings_dump(&before, rx_keytable_validate(), &c->settings, true);
+    rx_settings_dump(&after, rx_keytable_validate(), copy, true);
+    assert_string_equal(before.data, after.data);
+    assert_int_equal(rx_settings_was_set(copy, "STAGE.FLAG_IMAGE"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_set(copy, "STAGE.FLAG_IMAGE", "d", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(copy, "SIM.PSF_NAME", "e", NULL, &err), RX_OK);
+    const rx_campaign_config *other = (const rx_campaign_config *)copy;
+    assert_string_equal(other->sim->psf_name, "e"); /* the typed parts are those of the copy */
+    assert_int_equal(other->stage->flag_image.n, 1);
+    rx_settings_dump(&source, rx_keytable_validate(), &c->settings, true);
+    assert_string_equal(before.data, source.data);
+
+    rx_config *stage = NULL; /* a part alone keeps its prefix */
+    assert_int_equal(rx_config_copy(c->stage, &stage, &err), RX_OK);
+    assert_int_equal(stage->flag_image.n, 3);
+    assert_int_equal(rx_config_set(stage, "SEED", "x", NULL, &err), RX_USAGE);
+    assert_string_equal(err.text, "-STAGE.SEED: 'x' is not a number");
+    rx_config_free(stage);
+    rx_settings_free(copy);
+    rx_campaign_config_free(c);
+    rx_text_free(&before);
+    rx_text_free(&after);
+    rx_text_free(&source);
+}
+
+static void dumps_read_back(void **state)
+{
+    const rx_keytable *tables[] = {rx_keytable_simulate(), rx_keytable_validate()};
+    for (int i = 0; i < 4; i++) {
+        rx_error err = RX_ERROR_NONE;
+        rx_text first = {0}, plain = {0}, second = {0};
+        rx_settings *a = NULL, *b = NULL;
+        bool all = i / 2;
+        assert_int_equal(rx_settings_new(tables[i % 2], &a, &err), RX_OK);
+        assert_int_equal(rx_settings_new(tables[i % 2], &b, &err), RX_OK);
+        rx_settings_dump(&plain, tables[i % 2], NULL, all);
+        if (read_text(state, b, plain.data, &err) != RX_OK)
+            fail_msg("line %ld: %s", err.line, err.text);
+        assert_int_equal(strstr(plain.data, "\nSTAGE.DETECT_THRESH ") != NULL, all && i % 2 == 1);
+        rx_settings_dump(&first, tables[i % 2], a, all);
+        rx_settings_dump(&second, tables[i % 2], b, all);
+        assert_string_equal(first.data, second.data);
+        rx_text_free(&first);
+        rx_text_free(&plain);
+        rx_text_free(&second);
+        rx_settings_free(a);
+        rx_settings_free(b);
+    }
+}
+
+typedef struct seen {
+    int n, sim, stage;
+} seen;
+
+static void count_keywords(void *user, const char *name, const char *value, const char *help)
+{
+    seen *count = user;
+    assert_non_null(help);
+    count->n++;
+    count->sim += strncmp(name, "SIM.", 4) == 0;
+    count->stage += strncmp(name, "STAGE.", 6) == 0;
+    if (strcmp(name, "SIM.STAR_MAG") == 0)
+        assert_string_equal(value, "14,22");
+    if (strcmp(name, "STAGE.PHOT_AUTOPARAMS") == 0)
+        assert_string_equal(value, "2.5,3.5");
+}
+
+static void visitor_sees_every_keyword(void **state)
+{
+    (void)state;
+    int own = 0, sim = 0, stage = 0;
+    seen count = {0};
+    rx_campaign_config *c = campaign();
+    assert_true(rx_settings_visit(&c->settings, count_keywords, &count));
+#define SECTION(id, title)
+#define KEY(...) own++;
+#include "config/campaign.def"
+#undef KEY
+#define KEY(...) sim++;
+#include "config/simulate.def"
+#undef KEY
+#define KEY(...) stage++;
+#include "config/keys.def"
+#undef KEY
+#undef SECTION
+    assert_int_equal(count.n, own + sim + stage);
+    assert_int_equal(count.sim, sim);
+    assert_int_equal(count.stage, stage);
+    rx_campaign_config_free(c);
+}
+
+#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(parts_start_from_their_programs_defaults),
+        IN_FOLDER(prefixed_names_reach_the_parts),
+        IN_FOLDER(errors_have_the_prefixed_name),
+        cmocka_unit_test(simulations_are_checked),
+        cmocka_unit_test(campaigns_are_checked),
+        cmocka_unit_test(self_checks_are_checked),
+        IN_FOLDER(relations_of_parts_name_their_line),
+        cmocka_unit_test(shards_are_read),
+        IN_FOLDER(copies_are_equal_and_independent),
+        IN_FOLDER(dumps_read_back),
+        cmocka_unit_test(visitor_sees_every_keyword),
+    };
+    return cmocka_run_group_tests_name("settings", tests, NULL, NULL);
+}
