@@ -20,6 +20,7 @@ enum {
 static const double CUT = 4.0;           /* sigmas */
 static const double CUT_WIDTH = 0.99946; /* rms of a normal deviate cut at +-CUT: sqrt(1 - 2 CUT phi(CUT)) */
 static const double LEAST = 0.02;        /* correlation worth imitating */
+static const double FLOOR = 0.05;        /* more than that at the last lags is noise, not sky */
 
 /* --- measuring --- */
 
@@ -98,11 +99,58 @@ static double mean_product(int width, int height, const float *z, int dx, int dy
     return pairs > 0 ? sum / (double)pairs : 0.0;
 }
 
+static void correlate(int width, int height, const float *z, rx_sky_noise *dst)
+{
+    const double variance = mean_product(width, height, z, 0, 0);
+    for (int dy = 0; dy <= LAGS; dy++)
+        for (int dx = dy == 0 ? 0 : -LAGS; dx <= LAGS; dx++) {
+            double value = mean_product(width, height, z, dx, dy) / variance;
+            dst->correlation[dy][dx + LAGS] = value;
+            if (dy == 0)
+                dst->correlation[0][LAGS - dx] = value;
+        }
+}
+
+/* What does not fade with distance is the sky's, too much or too little of it subtracted, or the light of
+ * sources below the threshold. */
+static void remove_floor(rx_sky_noise *dst)
+{
+    double sum = 0.0, lags = 0.0;
+    for (int dy = 0; dy <= LAGS; dy++)
+        for (int dx = -LAGS; dx <= LAGS; dx++)
+            if (dy == LAGS || abs(dx) == LAGS) {
+                sum += dst->correlation[dy][dx + LAGS];
+                lags += 1.0;
+            }
+    const double floor = sum / lags;
+    if (fabs(floor) > FLOOR)
+        return;
+    dst->scale *= sqrt(1.0 - floor);
+    for (int dy = 0; dy <= LAGS; dy++)
+        for (int dx = -LAGS; dx <= LAGS; dx++)
+            dst->correlation[dy][dx + LAGS] = (dst->correlation[dy][dx + LAGS] - floor) / (1.0 - floor);
+}
+
+static void judge(rx_sky_noise *dst)
+{
+    double squares = 1.0, largest = 0.0;
+    for (int dy = 0; dy <= LAGS; dy++)
+        for (int dx = -LAGS; dx <= LAGS; dx++) {
+            double value = dst->correlation[dy][dx + LAGS];
+            if (dx == 0 && dy == 0)
+                continue;
+            squares += value * value * (dy == 0 ? 1.0 : 2.0);
+            largest = fmax(largest, fabs(value));
+        }
+    dst->error = sqrt(squares / (double)dst->pixels);
+    dst->correlated = largest > fmax(4.0 * dst->error, LEAST);
+}
+
 rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const float *sigma,
                                const unsigned char *used, rx_sky_noise *dst, rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
-    double mean = 0.0, spread = 0.0, squares = 0.0;
+    double mean = 0.0, spread = 0.0;
     *dst = (rx_sky_noise){0};
     float *z = RX_NEW(float, n);
     if (z == NULL)
@@ -123,20 +171,9 @@ rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const
         dst->pixels += !isnan(z[i]);
     }
     dst->scale = spread;
-    const double variance = mean_product(width, height, z, 0, 0);
-    for (int dy = 0; dy <= LAGS; dy++)
-        for (int dx = dy == 0 ? 0 : -LAGS; dx <= LAGS; dx++) {
-            double value = mean_product(width, height, z, dx, dy) / variance;
-            dst->correlation[dy][dx + LAGS] = value;
-            if (dy == 0)
-                dst->correlation[0][LAGS - dx] = value;
-            squares += value * value * (dx == 0 && dy == 0 ? 1.0 : 2.0);
-        }
-    dst->error = sqrt(squares / (double)dst->pixels);
-    for (int dy = 0; dy <= LAGS; dy++)
-        for (int dx = -LAGS; dx <= LAGS; dx++)
-            if ((dx != 0 || dy != 0) && fabs(dst->correlation[dy][dx + LAGS]) > fmax(4.0 * dst->error, LEAST))
-                dst->correlated = 1;
+    correlate(width, height, z, dst);
+    remove_floor(dst);
+    judge(dst);
 exit:
     free(z);
     return status;

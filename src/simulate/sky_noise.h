@@ -13,10 +13,12 @@ enum { RX_NOISE_LAGS = 4 };
  * left of sources and cosmic rays would raise every lag; a normal distribution so cut is 0.05 % too narrow,
  * which is put right in `scale` and leaves correlations alone.
  *
- * correlation(d) = mean of z(p) z(p + d) over pairs of used pixels, divided by the mean of z^2. Sky
- * subtraction takes out of it the sum of all correlations over the pixels of a background mesh: 2e-4 for
- * white noise and 64 x 64 meshes, 0.004 for 16 x 16 ones. That is below what `correlated` asks for and is not
- * put back. */
+ * correlation(d) = mean of z(p) z(p + d) over pairs of used pixels, divided by the mean of z^2. Two things
+ * raise or lower all lags alike: sky subtraction takes away the sum of all correlations over the pixels of a
+ * background mesh (2e-4 for white noise and 64 x 64 meshes, 0.004 for 16 x 16 ones), and sources too faint to
+ * be found add some (0.01 on an SDSS frame). So the mean of the outermost lags is taken for that floor, and
+ * removed from correlation and scale; unless it is beyond 0.05, which only noise correlated beyond
+ * RX_NOISE_LAGS can be. */
 typedef struct rx_sky_noise {
     /* at lags dy 0..LAGS, dx -LAGS..LAGS in [dy][dx + RX_NOISE_LAGS]; 1 at (0, 0) */
     double correlation[RX_NOISE_LAGS + 1][2 * RX_NOISE_LAGS + 1];

@@ -4,3 +4,6 @@ check_PROGRAMS += tests/unit/simulate/test_render
 tests_unit_simulate_test_render_SOURCES = tests/unit/simulate/test_render.c
 check_PROGRAMS += tests/unit/simulate/test_noise
 tests_unit_simulate_test_noise_SOURCES = tests/unit/simulate/test_noise.c
+check_PROGRAMS += tests/unit/simulate/test_inject tests/unit/simulate/test_sky_noise
+tests_unit_simulate_test_inject_SOURCES = tests/unit/simulate/test_inject.c
+tests_unit_simulate_test_sky_noise_SOURCES = tests/unit/simulate/test_sky_noise.c

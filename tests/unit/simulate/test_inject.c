@@ -1,0 +1,234 @@
+/* simulate/inject: flux, photon noise and saturation of added light; where objects may lie. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "simulate/inject.h"
+#include "simulate/render.h"
+
+enum { W = 96, H = 80, N = W * H };
+
+/* Two stars and a galaxy, well inside. */
+static rx_scene *make_scene(double flux)
+{
+    rx_scene *scene = NULL;
+    assert_int_equal(rx_scene_blank(W, H, 3, &scene, NULL), RX_OK);
+    scene->objects[0] = (rx_object){.type = RX_OBJECT_STAR, .x = 30.3, .y = 35.8, .flux = flux};
+    scene->objects[1] = (rx_object){.type = RX_OBJECT_STAR, .x = 62.9, .y = 44.1, .flux = 0.5 * flux};
+    scene->objects[2] = (rx_object){.type = RX_OBJECT_GALAXY,
+                                    .x = 48.0,
+                                    .y = 25.0,
+                                    .flux = 0.7 * flux,
+                                    .radius = 2.0,
+                                    .ratio = 0.6,
+                                    .angle = 0.4,
+                                    .disk_radius = 2.0};
+    return scene;
+}
+
+static rx_optics *make_optics(void)
+{
+    rx_optics *optics = NULL;
+    assert_int_equal(rx_optics_moffat(3.0, 4.765, 1.0, 0.0, 0.0, W, H, &optics, NULL), RX_OK);
+    return optics;
+}
+
+static void inject(const rx_scene *scene, const rx_optics *optics, double gain, double saturation,
+                   uint64_t stream, int nthreads, float *pixels)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (rx_inject(scene, optics, gain, saturation, 5, stream, nthreads, pixels, &err) != RX_OK)
+        fail_msg("%s", err.text);
+}
+
+static double total(const float *pixels)
+{
+    double sum = 0.0;
+    for (int i = 0; i < N; i++)
+        sum += (double)pixels[i];
+    return sum;
+}
+
+/* Without gain the pixels grow by just the rendered scene. */
+static void adds_the_scene(void **state)
+{
+    (void)state;
+    rx_scene *scene = make_scene(1e5);
+    rx_optics *optics = make_optics();
+    const rx_optics *through = optics;
+    float *pixels = RX_NEW(float, N), *light = RX_NEW(float, N);
+    for (int i = 0; i < N; i++)
+        pixels[i] = (float)rx_random_normal(3, 0, (uint64_t)i);
+    pixels[35 * W + 30] = NAN;
+    inject(scene, optics, 0.0, HUGE_VAL, 0, 2, pixels);
+    assert_int_equal(rx_render(scene, 1, &through, &light, 1, NULL), RX_OK);
+    for (int i = 0; i < N; i++) {
+        if (i == 35 * W + 30)
+            assert_true(isnan(pixels[i]));
+        else
+            assert_true(pixels[i] == (float)rx_random_normal(3, 0, (uint64_t)i) + light[i]);
+    }
+    /* what the light sums to: all flux but what the PSF's stamp and the borders leave out */
+    assert_float_equal(total(light) / 2.2e5, 1.0, 5e-3);
+    free(pixels);
+    free(light);
+    rx_optics_free(optics);
+    rx_scene_drop(scene);
+}
+
+/* Over many realisations: mean = the light, variance = light / gain, pixels independent. */
+static void photon_noise(void **state)
+{
+    (void)state;
+    enum { REALISATIONS = 400 };
+    const double gain = 2.5;
+    rx_scene *scene = make_scene(2000.0);
+    rx_optics *optics = make_optics();
+    const rx_optics *through = optics;
+    float *light = RX_NEW(float, N), *pixels = RX_NEW(float, N);
+    double chi2 = 0.0, deviation = 0.0, neighbours = 0.0;
+    long n = 0;
+    assert_int_equal(rx_render(scene, 1, &through, &light, 1, NULL), RX_OK);
+    for (int k = 0; k < REALISATIONS; k++) {
+        memset(pixels, 0, N * sizeof(float));
+        inject(scene, optics, gain, HUGE_VAL, (uint64_t)k, 1, pixels);
+        for (int i = 0; i < N - 1; i++) {
+            if (!(light[i] > 5.0f) || !(light[i + 1] > 5.0f))
+                continue;
+            double d = (double)(pixels[i] - light[i]) / sqrt((double)light[i] / gain);
+            double next = (double)(pixels[i + 1] - light[i + 1]) / sqrt((double)light[i + 1] / gain);
+            chi2 += d * d;
+            deviation += d;
+            neighbours += d * next;
+            n++;
+            /* whole electrons */
+            assert_float_equal(pixels[i] * gain, round((double)pixels[i] * gain), 1e-3);
+        }
+    }
+    assert_true(n > 100 * REALISATIONS);
+    assert_float_equal(deviation / (double)n, 0.0, 4.0 / sqrt((double)n));
+    assert_float_equal(chi2 / (double)n, 1.0, 5.0 * sqrt(2.0 / (double)n));
+    assert_float_equal(neighbours / (double)n, 0.0, 4.0 / sqrt((double)n));
+    free(light);
+    free(pixels);
+    rx_optics_free(optics);
+    rx_scene_drop(scene);
+}
+
+static void stops_at_saturation(void **state)
+{
+    (void)state;
+    rx_scene *scene = make_scene(1e5);
+    rx_optics *optics = make_optics();
+    float *pixels = RX_NEW(float, N);
+    int stopped = 0;
+    for (int i = 0; i < N; i++)
+        pixels[i] = 100.0f;
+    pixels[36 * W + 30] = 3000.0f; /* was above the level before */
+    inject(scene, optics, 0.0, 2000.0, 0, 1, pixels);
+    assert_true(pixels[36 * W + 30] == 3000.0f);
+    for (int i = 0; i < N; i++) {
+        assert_true(i == 36 * W + 30 || pixels[i] <= 2000.0f);
+        stopped += pixels[i] == 2000.0f;
+    }
+    assert_true(stopped > 10);
+    free(pixels);
+    rx_optics_free(optics);
+    rx_scene_drop(scene);
+}
+
+static void any_number_of_threads(void **state)
+{
+    (void)state;
+    rx_scene *scene = make_scene(1e4);
+    rx_optics *optics = make_optics();
+    float *one = RX_NEW(float, N), *many = RX_NEW(float, N);
+    inject(scene, optics, 1.5, 5000.0, 9, 1, one);
+    for (int nthreads = 2; nthreads <= 3; nthreads++) {
+        memset(many, 0, N * sizeof(float));
+        inject(scene, optics, 1.5, 5000.0, 9, nthreads, many);
+        assert_memory_equal(one, many, N * sizeof(float));
+    }
+    free(one);
+    free(many);
+    rx_optics_free(optics);
+    rx_scene_drop(scene);
+}
+
+/* --- where --- */
+
+typedef struct tile {
+    int32_t segments[N];
+    uint8_t mask[N];
+    unsigned char allowed[N];
+} tile;
+
+/* A few sources and bad pixels, also at corners and borders. */
+static tile *make_tile(void)
+{
+    tile *dst = RX_NEW(tile, 1);
+    assert_non_null(dst);
+    for (int k = 0; k < 12; k++)
+        dst->segments[(int)(rx_random_uniform(8, 0, (uint64_t)k) * N)] = k + 1;
+    dst->segments[0] = 99;
+    dst->mask[N - 1] = 4;
+    for (int x = 40; x < 60; x++)
+        dst->mask[50 * W + x] = 1;
+    return dst;
+}
+
+static void away_by_brute_force(void **state)
+{
+    (void)state;
+    static const double distances[] = {0.0, 1.0, 1.5, 3.7, 5.0, 12.25, 1000.0};
+    tile *t = make_tile();
+    for (size_t k = 0; k < sizeof distances / sizeof *distances; k++) {
+        const double d = distances[k];
+        assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, t->segments, t->mask, d, t->allowed, NULL),
+                         RX_OK);
+        for (int i = 0; i < N; i++) {
+            int near = 0;
+            for (int j = 0; j < N; j++) {
+                double dx = i % W - j % W, dy = i / W - j / W;
+                near |= (t->segments[j] != 0 || t->mask[j] != 0) && dx * dx + dy * dy <= d * d;
+            }
+            assert_int_equal(t->allowed[i], !near);
+        }
+    }
+    free(t);
+}
+
+static void among_is_anywhere_unmasked(void **state)
+{
+    (void)state;
+    tile *t = make_tile();
+    assert_int_equal(rx_inject_allowed(RX_INJECT_AMONG, W, H, t->segments, t->mask, 5.0, t->allowed, NULL),
+                     RX_OK);
+    for (int i = 0; i < N; i++)
+        assert_int_equal(t->allowed[i], t->mask[i] == 0);
+    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, NULL, NULL, 5.0, t->allowed, NULL), RX_OK);
+    for (int i = 0; i < N; i++)
+        assert_int_equal(t->allowed[i], 1);
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, NULL, NULL, -1.0, t->allowed, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "-1 pixels"));
+    free(t);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(adds_the_scene),      cmocka_unit_test(photon_noise),
+        cmocka_unit_test(stops_at_saturation), cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(away_by_brute_force), cmocka_unit_test(among_is_anywhere_unmasked),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
