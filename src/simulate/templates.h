@@ -28,6 +28,11 @@ typedef struct rx_templates {
  * min_snr are left out, told through log. Errors: RX_INPUT naming the file. */
 rx_status rx_templates_read(const char *name, double pixel_scale, double min_snr, rx_log *log,
                             rx_templates **dst, rx_error *err);
+/* FWHM of what blurs the template as it is drawn, in template pixels: its own PSF (taken as 2 pixels where it
+ * is unknown) and the cubic B-spline that it is drawn with (8 ln 2 / 3 pixels^2), in quadrature. Times
+ * rx_object.stretch it is the FWHM on the tile, which comes on top of the tile's PSF. */
+double rx_template_blur(const rx_template *source);
+
 void rx_templates_free(rx_templates *templates);
 
 #endif
