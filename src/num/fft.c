@@ -177,12 +177,11 @@ static void multiply(const rx_fft *fft, const fftwf_complex *kernel, float sign,
         }
 }
 
-/* Columns of plane [height][stride_complex] in place: transformed by `first`, multiplied by the
- * kernel, transformed by `second`; kernel and second are NULL where only one transform is wanted. */
-static void pass_columns(const rx_fft *fft, fftwf_plan first, const fftwf_complex *kernel, float sign,
-                         fftwf_plan second, fftwf_complex *plane)
+/* The first groups of columns of plane [height][stride_complex] in place: transformed by `first`, multiplied
+ * by the kernel, transformed by `second`; kernel and second are NULL where only one transform is wanted. */
+static void pass_columns(const rx_fft *fft, int groups, fftwf_plan first, const fftwf_complex *kernel,
+                         float sign, fftwf_plan second, fftwf_complex *plane)
 {
-    const int groups = fft->stride_complex / GROUP;
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
     for (int g = 0; g < groups; g++) {
         fftwf_complex *scratch =
@@ -195,6 +194,11 @@ static void pass_columns(const rx_fft *fft, fftwf_plan first, const fftwf_comple
         }
         scatter(fft, scratch, plane + (size_t)g * GROUP);
     }
+}
+
+static int all_groups(const rx_fft *fft)
+{
+    return fft->stride_complex / GROUP;
 }
 
 static void rows_forward(const rx_fft *fft, const float *real, fftwf_complex *plane)
@@ -219,13 +223,22 @@ void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out)
 {
     fftwf_complex *plane = (fftwf_complex *)complex_out;
     rows_forward(fft, real, plane);
-    pass_columns(fft, fft->group_forward, NULL, 1, NULL, plane);
+    pass_columns(fft, all_groups(fft), fft->group_forward, NULL, 1, NULL, plane);
+}
+
+void rx_fft_forward_low(const rx_fft *fft, const float *real, int columns, float *complex_out)
+{
+    const int groups = (columns + GROUP - 1) / GROUP;
+    fftwf_complex *plane = (fftwf_complex *)complex_out;
+    rows_forward(fft, real, plane);
+    pass_columns(fft, groups < all_groups(fft) ? groups : all_groups(fft), fft->group_forward, NULL, 1, NULL,
+                 plane);
 }
 
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real)
 {
     fftwf_complex *plane = (fftwf_complex *)complex_in;
-    pass_columns(fft, fft->group_inverse, NULL, 1, NULL, plane);
+    pass_columns(fft, all_groups(fft), fft->group_inverse, NULL, 1, NULL, plane);
     rows_inverse(fft, plane, real);
 }
 
@@ -234,7 +247,7 @@ void rx_fft_filter(const rx_fft *fft, const float *src, const float *kernel, boo
 {
     fftwf_complex *plane = (fftwf_complex *)half;
     rows_forward(fft, src, plane);
-    pass_columns(fft, fft->group_forward, (const fftwf_complex *)kernel, conjugate ? -1.0f : 1.0f,
-                 fft->group_inverse, plane);
+    pass_columns(fft, all_groups(fft), fft->group_forward, (const fftwf_complex *)kernel,
+                 conjugate ? -1.0f : 1.0f, fft->group_inverse, plane);
     rows_inverse(fft, plane, dst);
 }

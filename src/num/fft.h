@@ -39,6 +39,8 @@ int rx_fft_stride_complex(const rx_fft *fft); /* complex numbers */
 
 /* The padding of the rows of `real` is neither read nor written. */
 void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out);
+/* The same, of the first `columns` only (u < columns); the others hold nothing of use afterwards. */
+void rx_fft_forward_low(const rx_fft *fft, const float *real, int columns, float *complex_out);
 /* Unnormalised inverse (width*height times too large); complex_in is destroyed. */
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real);
 

@@ -1,40 +1,63 @@
-/* The telescope: PSF and pixel response on a grid finer than the pixels. */
+/* The telescope: PSF and pixel response as stamps that are known between the pixels too. */
 #ifndef RX_SIMULATE_OPTICS_H
 #define RX_SIMULATE_OPTICS_H
 
 #include "base/error.h"
 #include "data/psf.h"
 
-/* Like rx_psf (same polynomial in the position), but sampled on cells of 1/oversampling pixel, pixel response
- * included: the value at a cell is what a pixel centred there would collect of a point source of flux 1 at
- * the origin. */
+/* What a pixel centred at r from a point source of flux 1 collects, pixel response included, sampled on cells
+ * of 1/oversampling pixel: oversampling is chosen such that the spectrum beyond its Nyquist frequency is
+ * below 5e-5 of the centre, so that band-limited interpolation gives the value anywhere. The middle cell
+ * (size / 2, size / 2) is r = 0; the sum over the cells is oversampling^2 (1 - missing). It varies as a
+ * polynomial:
+ *
+ *   optics(x, y) = sum_t terms[t].factor X^px Y^py basis[terms[t].image],  X = (x - x0) / xs, Y = (y - y0) /
+ * ys
+ *
+ * (x, y: pixels of the tile from 0; positions beyond its borders count as on them). */
 typedef struct rx_optics {
     int oversampling; /* odd */
+    int grid;         /* odd: cells per pixel on which point sources have to be put (see render.h) */
     int size;         /* odd, cells */
     int nbasis;
     float *basis; /* [nbasis][size][size] */
-    int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
+    int nterms;
+    struct {
+        int image, px, py;
+        double factor;
+    } terms[RX_PSF_MAX_BASIS];
     double x0, y0, xs, ys;
-    double fwhm;    /* pixels, at the tile's centre, before the pixel response */
-    double missing; /* share of the flux beyond the stamp (it is not put back) */
+    rx_psf_type type;
+    double fwhm;              /* pixels, at the tile's centre, before the pixel response */
+    double beta, ellipticity; /* as in rx_psf */
+    double missing;           /* share of the flux beyond the stamp (it is not put back), at the centre */
+    int pixels;               /* odd: side of rx_optics_on_pixels() */
     char description[160];
 } rx_optics;
 
-/* Elliptical Moffat; `variation`: the FWHM grows by this share from the tile's centre to its corners, as the
- * square of the distance (0 = constant). ratio = b/a, angle in radians. */
+/* Elliptical Moffat, integrated over a pixel to 1e-6 of its peak; `variation`: the FWHM grows by this share
+ * from the tile's centre to its corners, as the square of the distance (0 = constant; then nothing depends on
+ * width and height). fwhm (pixels) is the geometric mean of both axes, ratio = b/a, angle of the major axis
+ * in radians counter-clockwise from x. The stamp loses less than 1e-4 of the flux unless that needs more than
+ * 30 FWHM or 1000 pixels on each side (beta below 2.3); `missing` says what. The varying profile is
+ * interpolated between Moffats by a polynomial of the lowest degree that is good to 1e-4 of the peak. *dst,
+ * of this and the functions below, is freed by rx_optics_free(). Errors: RX_USAGE values out of range, or a
+ * variation that a polynomial cannot follow; RX_SYSTEM memory. */
 rx_status rx_optics_moffat(double fwhm, double beta, double ratio, double angle, double variation, int width,
                            int height, rx_optics **dst, rx_error *err);
 
-/* Gaussian of that FWHM (pixels): the well-sampled target of sharp references. */
+/* Gaussian of that FWHM (pixels, before the pixel response): the well-sampled target of sharp references. */
 rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err);
 
 /* From a PSF sampled on the tile's pixels (FILE, PSFEX, or measured on the tile), which holds the pixel
- * response already: interpolated band-limited. */
+ * response already; between the pixels it is interpolated band-limited (the trigonometric polynomial
+ * through the pixels), so that a star in the middle of a pixel looks as rx_psf_at() says, exactly. */
 rx_status rx_optics_psf(const rx_psf *psf, rx_optics **dst, rx_error *err);
 
-/* The same PSF on the tile's pixels, as the stage wants it (PSF known to a restorer). */
+/* The same PSF on the tile's pixels, normalised as data/psf.h says, as the stage wants it (PSF known to a
+ * restorer). A Moffat is cut as rx_psf_moffat() would. Freed by rx_psf_free(). Errors: RX_SYSTEM memory. */
 rx_status rx_optics_on_pixels(const rx_optics *optics, rx_psf **dst, rx_error *err);
 
-void rx_optics_free(rx_optics *optics);
+void rx_optics_free(rx_optics *optics); /* NULL is fine */
 
 #endif

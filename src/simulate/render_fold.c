@@ -1,0 +1,154 @@
+/* Spectrum of the cells times spectrum of the optics, at the pixels.
+ *
+ * Reading a function at every cells-th cell adds up all frequencies of its spectrum that differ by a multiple
+ * of the number of pixels. So the product is folded in Fourier space, and the inverse transform is one of the
+ * pixels. Optics are known up to their own Nyquist frequency; what is beyond is 0. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "num/convolve.h"
+#include "simulate/render_parts.h"
+
+#define KEEP_BYTES ((size_t)1 << 28)
+
+struct rx_kernels {
+    int n, width, height;
+    const rx_optics *const *optics;
+    rx_fft **ffts;   /* [n] */
+    float **work;    /* [n], real planes */
+    float ***planes; /* [n][nbasis]: kept spectra, NULL = not (yet) kept */
+    float **scratch; /* [n]: the spectrum of an image that is not kept */
+    size_t left;     /* bytes that may still be kept */
+};
+
+void rx_kernels_free(rx_kernels *k)
+{
+    if (k == NULL)
+        return;
+    for (int i = 0; i < k->n; i++) {
+        if (k->ffts != NULL)
+            rx_fft_free(k->ffts[i]);
+        for (int b = 0; k->planes != NULL && k->planes[i] != NULL && b < k->optics[i]->nbasis; b++)
+            free(k->planes[i][b]);
+        if (k->planes != NULL)
+            free(k->planes[i]);
+        if (k->work != NULL)
+            free(k->work[i]);
+        if (k->scratch != NULL)
+            free(k->scratch[i]);
+    }
+    free(k->ffts);
+    free(k->planes);
+    free(k->work);
+    free(k->scratch);
+    free(k);
+}
+
+rx_status rx_kernels_new(int n, const rx_optics *const *optics, int width, int height, int keep, int nthreads,
+                         rx_kernels **dst, rx_error *err)
+{
+    rx_kernels *k = RX_NEW(rx_kernels, 1);
+    rx_status status = RX_OK;
+    *dst = NULL;
+    if (k == NULL)
+        return rx_error_memory(err, sizeof *k);
+    *k = (rx_kernels){
+        .n = n, .width = width, .height = height, .optics = optics, .left = keep ? KEEP_BYTES : 0};
+    k->ffts = RX_NEW(rx_fft *, (size_t)n);
+    k->planes = RX_NEW(float **, (size_t)n);
+    k->work = RX_NEW(float *, (size_t)n);
+    k->scratch = RX_NEW(float *, (size_t)n);
+    if (k->ffts == NULL || k->planes == NULL || k->work == NULL || k->scratch == NULL)
+        status = rx_error_memory(err, 0);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        int cells = optics[i]->oversampling;
+        status = rx_fft_new(cells * width, cells * height, nthreads, &k->ffts[i], err);
+        if (status != RX_OK)
+            break;
+        k->planes[i] = RX_NEW(float *, (size_t)optics[i]->nbasis);
+        k->work[i] = rx_fft_real(k->ffts[i]);
+        k->scratch[i] = rx_fft_complex(k->ffts[i]);
+        if (k->planes[i] == NULL || k->work[i] == NULL || k->scratch[i] == NULL)
+            status = rx_error_memory(err, 0);
+    }
+    if (status == RX_OK)
+        *dst = k;
+    else
+        rx_kernels_free(k);
+    return status;
+}
+
+int rx_kernels_columns(const rx_kernels *k, int i)
+{
+    return k->optics[i]->oversampling * k->width / 2 + 1;
+}
+
+static const float *find_spectrum(rx_kernels *k, int i, int image)
+{
+    const rx_optics *o = k->optics[i];
+    const rx_fft *fft = k->ffts[i];
+    const float *stamp = o->basis + (size_t)image * (size_t)o->size * (size_t)o->size;
+    if (k->planes[i][image] != NULL)
+        return k->planes[i][image];
+    size_t bytes = 2 * sizeof(float) * (size_t)rx_fft_stride_complex(fft) * (size_t)rx_fft_height(fft);
+    float *plane = bytes <= k->left ? rx_fft_complex(fft) : NULL;
+    if (plane != NULL) {
+        k->planes[i][image] = plane;
+        k->left -= bytes;
+    } else
+        plane = k->scratch[i];
+    rx_convolve_spectrum(fft, stamp, o->size, k->work[i], plane);
+    return plane;
+}
+
+/* One line of frequencies ky: its place in three planes. */
+typedef struct line {
+    const float *fine, *kernel;
+    float weight; /* 1/2 at the Nyquist frequency of the optics, which stands for both signs */
+} line;
+
+/* out[0..width/2] += all frequencies of `direct` that fold onto them, and of `mirrored` those whose
+ * opposites do: half spectra have kx >= 0 only. */
+static void fold_line(const line *direct, const line *mirrored, int width, int last, float *out)
+{
+    for (int first = 0; first <= last; first += width) {
+        const float *f = direct->fine + 2 * (size_t)first, *k = direct->kernel + 2 * (size_t)first;
+        for (int i = 0; i <= width / 2 && first + i <= last; i++) {
+            float w = first + i == last ? 0.5f * direct->weight : direct->weight;
+            out[2 * i] += w * (f[2 * i] * k[2 * i] - f[2 * i + 1] * k[2 * i + 1]);
+            out[2 * i + 1] += w * (f[2 * i] * k[2 * i + 1] + f[2 * i + 1] * k[2 * i]);
+        }
+    }
+    for (int first = width; first - width / 2 <= last; first += width) {
+        const float *f = mirrored->fine + 2 * (size_t)first, *k = mirrored->kernel + 2 * (size_t)first;
+        for (int i = first > last ? first - last : 0; i <= width / 2; i++) {
+            float w = first - i == last ? 0.5f * mirrored->weight : mirrored->weight;
+            out[2 * i] += w * (f[-2 * i] * k[-2 * i] - f[-2 * i + 1] * k[-2 * i + 1]);
+            out[2 * i + 1] -= w * (f[-2 * i] * k[-2 * i + 1] + f[-2 * i + 1] * k[-2 * i]);
+        }
+    }
+}
+
+void rx_kernels_fold(rx_kernels *kernels, int i, int image, const rx_fft *fine, const float *spectrum,
+                     const rx_fft *native, float *half)
+{
+    const float *kernel = find_spectrum(kernels, i, image);
+    const rx_fft *fft = kernels->ffts[i];
+    const int width = kernels->width, height = kernels->height, rows = rx_fft_height(fft),
+              fine_rows = rx_fft_height(fine), last = rx_fft_width(fft) / 2, top = rows / 2;
+    const size_t sf = 2 * (size_t)rx_fft_stride_complex(fine), sk = 2 * (size_t)rx_fft_stride_complex(fft),
+                 sn = 2 * (size_t)rx_fft_stride_complex(native);
+#pragma omp parallel for schedule(static) num_threads(rx_fft_threads(native))
+    for (int v = 0; v < height; v++)
+        for (int ky = v - (v + top) / height * height; ky <= top; ky += height) {
+            float weight = ky == top || ky == -top ? 0.5f : 1.0f;
+            line direct = {.fine = spectrum + sf * (size_t)((ky + fine_rows) % fine_rows),
+                           .kernel = kernel + sk * (size_t)((ky + rows) % rows),
+                           .weight = weight};
+            line mirrored = {.fine = spectrum + sf * (size_t)((fine_rows - ky) % fine_rows),
+                             .kernel = kernel + sk * (size_t)((rows - ky) % rows),
+                             .weight = weight};
+            fold_line(&direct, &mirrored, width, last, half + sn * (size_t)v);
+        }
+}
