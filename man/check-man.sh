@@ -1,39 +1,47 @@
 #!/bin/sh
-# The keyword and column lists of rextract.conf(5) are those of the tables, and mandoc has nothing to say
-# about the pages. `check-man.sh --write` brings the page up to date.
+# The keyword and column lists of the pages are those of the tables, and mandoc has nothing to say about the
+# pages. `check-man.sh --write` brings the pages up to date.
 set -u
 top=${srcdir:-$(dirname "$0")/..}
 build=${RX_BUILD_DIR:-$top}
-page=$top/man/rextract.conf.5
 make_man=$build/man/make_man
 scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-if ! "$make_man" keywords >"$scratch/keywords" || ! "$make_man" columns >"$scratch/columns"; then
-    echo "$make_man cannot be run"
-    exit 2
-fi
-awk -v folder="$scratch" '
-    /^\.\\" end of / { inside = 0 }
-    !inside { print }
-    /^\.\\" made from the table of / {
-        inside = 1
-        file = folder "/" $NF
-        while ((getline line < file) > 0) print line
-    }' "$page" >"$scratch/page"
+for list in keywords columns simulate validate; do
+    if ! "$make_man" "$list" >"$scratch/$list"; then
+        echo "$make_man cannot be run"
+        exit 2
+    fi
+done
 
-if [ "${1-}" = --write ]; then
-    cp "$scratch/page" "$page"
-    exit
-fi
-if diff -u "$page" "$scratch/page"; then
-    passed=1
-else
-    echo "man/rextract.conf.5 is not what the tables say; run man/check-man.sh --write"
-    failed=1
-fi
-for name in rextract.1 rextract.conf.5; do
+# The page with its lists as the tables have them.
+fill() {
+    awk -v folder="$scratch" '
+        /^\.\\" end of / { inside = 0 }
+        !inside { print }
+        /^\.\\" made from the table of / {
+            inside = 1
+            file = folder "/" $NF
+            while ((getline line < file) > 0) print line
+        }' "$1"
+}
+
+for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1; do
+    page=$top/man/$name
+    fill "$page" >"$scratch/page"
+    if [ "${1-}" = --write ]; then
+        cmp -s "$scratch/page" "$page" || cp "$scratch/page" "$page"
+    elif diff -u "$page" "$scratch/page"; then
+        passed=$((passed + 1))
+    else
+        echo "man/$name is not what the tables say; run man/check-man.sh --write"
+        failed=$((failed + 1))
+    fi
+done
+[ "${1-}" != --write ] || exit 0
+for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1; do
     if ! command -v mandoc >/dev/null; then
         skipped=$((skipped + 1))
         continue

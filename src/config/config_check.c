@@ -82,8 +82,6 @@ static rx_status check_self(const rx_config *config, rx_error *err)
         return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
     if (mag->n == 2 && mag->v[0] > mag->v[1])
         return REFUSE(SELF_CHECK_MAG, "%g is above %g; give <from>,<to>", mag->v[0], mag->v[1]);
-    if (config->self_check_name[0] != '\0' && !config->self_check && config->blank_check == 0)
-        return REFUSE(SELF_CHECK_NAME, "is a report of nothing; give SELF_CHECK Y or BLANK_CHECK too");
     return RX_OK;
 }
 

@@ -129,8 +129,19 @@ static void man_range(rx_text *dst, const rx_keyword *key)
     } else if (key->high > key->low) {
         rx_text_printf(dst, "From %s%.10g to %.10g.\n", key->low < 0 ? "\\-" : "", fabs(key->low), key->high);
     }
-    if (key->nmax > 1)
+    if (key->nmax > key->nmin && key->nmax > 1)
         rx_text_printf(dst, "A list of %d to %d.\n", key->nmin, key->nmax);
+    else if (key->nmax > 1)
+        rx_text_printf(dst, "A list of %d.\n", key->nmax);
+}
+
+/* Are there keywords of SExtractor's in the table, so that own ones must be told apart? */
+static bool is_mixed(const rx_keytable *table)
+{
+    for (int row = 0; row < table->nrows; row++)
+        if (table->rows[row].kind != RX_KIND_SECTION && table->rows[row].status != RX_STATUS_OURS)
+            return true;
+    return false;
 }
 
 static const char *man_status(rx_keyword_status status)
@@ -170,6 +181,7 @@ static const char *man_kind(rx_kind kind)
 
 void rx_settings_man(rx_text *dst, const rx_keytable *table)
 {
+    const bool mixed = is_mixed(table);
     for (int row = 0; row < table->nrows; row++) {
         const rx_keyword *key = &table->rows[row];
         if (key->kind == RX_KIND_SECTION) {
@@ -184,6 +196,7 @@ void rx_settings_man(rx_text *dst, const rx_keytable *table)
         rx_text_add(dst, key->help);
         rx_text_add(dst, ".\n");
         man_range(dst, key);
-        rx_text_add(dst, man_status(key->status));
+        if (mixed)
+            rx_text_add(dst, man_status(key->status));
     }
 }
