@@ -19,7 +19,8 @@ typedef enum rx_ecsv_type { RX_ECSV_FLOAT, RX_ECSV_LONG, RX_ECSV_INT, RX_ECSV_TE
 typedef struct rx_ecsv {
     rx_text *text;
     rx_text names;
-    bool filled; /* the row has a cell */
+    bool in_meta, in_columns; /* begun */
+    bool filled;              /* the row has a cell */
 } rx_ecsv;
 
 rx_ecsv rx_ecsv_on(rx_text *text);
@@ -34,7 +35,8 @@ void rx_ecsv_columns_end(rx_ecsv *table); /* also frees what the writer holds */
 
 void rx_ecsv_number(rx_ecsv *table, double value);
 void rx_ecsv_count(rx_ecsv *table, long value);
-void rx_ecsv_text(rx_ecsv *table, const char *value);
+void rx_ecsv_text(rx_ecsv *table, const char *value); /* quoted and escaped */
+void rx_ecsv_word(rx_ecsv *table, const char *word);  /* a constant of ours, as it is */
 void rx_ecsv_estimate(rx_ecsv *table, const rx_estimate *e);
 void rx_ecsv_row_end(rx_ecsv *table);
 

@@ -1,207 +1,126 @@
-/* summary.json: every number of the report with its interval and count. */
-#include <math.h>
+/* JSON as text. */
+#include "validate/json.h"
+
+#include <inttypes.h>
 
 #include "validate/escape.h"
-#include "validate/qa_writers.h"
 
-/* "key": with a comma before all but the first of an object. */
-static void key(rx_text *dst, const char *name, int *first)
+rx_json rx_json_on(rx_text *text)
 {
-    rx_text_add(dst, *first ? "" : ", ");
-    *first = 0;
-    rx_escape_quoted(dst, name);
-    rx_text_add(dst, ": ");
+    return (rx_json){.text = text};
 }
 
-static void number(rx_text *dst, const char *name, double value, int *first)
+static void new_line(rx_json *json)
 {
-    key(dst, name, first);
-    rx_number_json(dst, value);
+    rx_text_printf(json->text, "\n%*s", 2 * json->depth, "");
 }
 
-static void string(rx_text *dst, const char *name, const char *value, int *first)
+/* What stands before a value: comma, line break, key. */
+static void before(rx_json *json, const char *key)
 {
-    key(dst, name, first);
+    if (json->depth == 0)
+        return;
+    rx_json_level *level = &json->level[json->depth - 1];
+    if (level->filled)
+        rx_text_add(json->text, level->line ? ", " : ",");
+    if (!level->line)
+        new_line(json);
+    level->filled = true;
+    if (!level->array) {
+        rx_escape_quoted(json->text, key);
+        rx_text_add(json->text, ": ");
+    }
+}
+
+static void begin(rx_json *json, const char *key, bool array, bool line)
+{
+    before(json, key);
+    if (json->depth >= RX_JSON_DEPTH) {
+        json->text->failed = true;
+        return;
+    }
+    bool inside_line = json->depth > 0 && json->level[json->depth - 1].line;
+    json->level[json->depth++] = (rx_json_level){.array = array, .line = line || inside_line};
+    rx_text_add(json->text, array ? "[" : "{");
+}
+
+void rx_json_object(rx_json *json, const char *key, bool line)
+{
+    begin(json, key, false, line);
+}
+
+void rx_json_array(rx_json *json, const char *key, bool line)
+{
+    begin(json, key, true, line);
+}
+
+void rx_json_end(rx_json *json)
+{
+    if (json->depth == 0) {
+        json->text->failed = true;
+        return;
+    }
+    rx_json_level level = json->level[--json->depth];
+    if (!level.line && level.filled)
+        new_line(json);
+    rx_text_add(json->text, level.array ? "]" : "}");
+    if (json->depth == 0)
+        rx_text_add(json->text, "\n");
+}
+
+void rx_json_number(rx_json *json, const char *key, double value)
+{
+    before(json, key);
+    rx_number_json(json->text, value);
+}
+
+void rx_json_count(rx_json *json, const char *key, uint64_t value)
+{
+    before(json, key);
+    rx_text_printf(json->text, "%" PRIu64, value);
+}
+
+void rx_json_string(rx_json *json, const char *key, const char *value)
+{
+    before(json, key);
     if (value != NULL)
-        rx_escape_quoted(dst, value);
+        rx_escape_quoted(json->text, value);
     else
-        rx_text_add(dst, "null");
+        rx_text_add(json->text, "null");
 }
 
-/* An infinite end of an interval is null: not bounded. */
-static void estimate(rx_text *dst, const rx_estimate *e)
+void rx_json_bool(rx_json *json, const char *key, bool value)
 {
-    int first = 1;
-    rx_text_add(dst, "{");
-    number(dst, "value", e->value, &first);
-    number(dst, "low", e->low, &first);
-    number(dst, "high", e->high, &first);
-    number(dst, "n", (double)e->n, &first);
-    rx_text_add(dst, "}");
+    before(json, key);
+    rx_text_add(json->text, value ? "true" : "false");
 }
 
-static void metrics(rx_text *dst, const rx_estimate *list, int whole, const char *indent)
+void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e)
 {
-    const char *between = "";
-    for (int m = 0; m < RX_METRIC_COUNT; m++) {
-        const rx_metric_row *row = rx_metric_get((rx_metric)m);
-        if (row->whole && !whole)
-            continue;
-        rx_text_printf(dst, "%s\n%s\"%s\": ", between, indent, row->name);
-        estimate(dst, &list[m]);
-        between = ",";
+    rx_json_object(json, key, true);
+    rx_json_number(json, "value", e->value);
+    rx_json_number(json, "low", e->low);
+    rx_json_number(json, "high", e->high);
+    rx_json_number(json, "n", (double)e->n);
+    rx_json_end(json);
+}
+
+void rx_json_numbers(rx_json *json, const char *key, long n, const double *values)
+{
+    rx_json_array(json, key, true);
+    for (long i = 0; i < n; i++)
+        rx_json_number(json, NULL, values[i]);
+    rx_json_end(json);
+}
+
+void rx_json_record(rx_json *json, int n, const char *const (*pairs)[2])
+{
+    rx_json_array(json, "record", false);
+    for (int i = 0; i < n; i++) {
+        rx_json_object(json, NULL, true);
+        rx_json_string(json, "name", pairs[i][0]);
+        rx_json_string(json, "value", pairs[i][1]);
+        rx_json_end(json);
     }
-}
-
-static void metric_table(rx_text *dst)
-{
-    rx_text_add(dst, "  \"metrics\": {");
-    for (int m = 0; m < RX_METRIC_COUNT; m++) {
-        const rx_metric_row *row = rx_metric_get((rx_metric)m);
-        int first = 1;
-        rx_text_printf(dst, "%s\n    \"%s\": {", m > 0 ? "," : "", row->name);
-        string(dst, "unit", row->unit, &first);
-        string(dst, "meaning", row->help, &first);
-        rx_text_add(dst, "}");
-    }
-    rx_text_add(dst, "\n  },\n");
-}
-
-static void run_head(rx_text *dst, const rx_report *r, int run)
-{
-    const rx_evaluation *e = &r->evaluation[run];
-    int first = 1;
-    rx_text_add(dst, "{");
-    string(dst, "name", e->run->name, &first);
-    string(dst, "settings", e->run->settings, &first);
-    string(dst, "psf", e->run->psf, &first);
-    number(dst, "noise_law_scale", e->run->law_scale, &first);
-    number(dst, "noise_law_power", e->run->law_power, &first);
-    string(dst, "pull_from", e->pull_in_flux ? "flux" : "magnitude", &first);
-    rx_text_printf(dst, ",\n     \"matches\": \"matches_%s.ecsv\", \"curve\": \"pr_%s.ecsv\",\n     ",
-                   r->stem[run], r->stem[run]);
-    first = 1;
-    number(dst, "references", (double)e->references, &first);
-    number(dst, "references_ignored", (double)e->references_ignored, &first);
-    number(dst, "detections", (double)e->detections, &first);
-    number(dst, "detections_ignored", (double)e->detections_ignored, &first);
-    number(dst, "matched", (double)e->matched, &first);
-    number(dst, "chance_matches", e->chance, &first);
-}
-
-static void run_object(rx_text *dst, const rx_report *r, int run)
-{
-    run_head(dst, r, run);
-    rx_text_add(dst, ",\n     \"all\": {");
-    metrics(dst, rx_report_whole(r, run, RX_METRIC_RECALL), 1, "      ");
-    rx_text_add(dst, "},\n     \"bins\": [");
-    for (int b = 0; b < r->bins.n; b++) {
-        int first = 1;
-        rx_text_add(dst, b > 0 ? ",\n      {" : "\n      {");
-        number(dst, "mag_low", r->bins.edge[b], &first);
-        number(dst, "mag_high", r->bins.edge[b + 1], &first);
-        rx_text_add(dst, ",");
-        metrics(dst, rx_report_bin(r, run, b, RX_METRIC_RECALL), 0, "       ");
-        rx_text_add(dst, "}");
-    }
-    rx_text_add(dst, "]}");
-}
-
-static void gates(rx_text *dst, const rx_report *r)
-{
-    int first = 1;
-    rx_text_add(dst, "  ");
-    string(dst, "verdict", rx_verdict_name(r->verdict), &first);
-    string(dst, "gates_file", r->par->gates != NULL ? r->par->gates->path : NULL, &first);
-    rx_text_add(dst, ",\n  \"gates\": [");
-    for (long i = 0; i < r->nresults; i++) {
-        const rx_gate_result *g = &r->result[i];
-        first = 1;
-        rx_text_add(dst, i > 0 ? ",\n    {" : "\n    {");
-        number(dst, "line", (double)g->gate->line, &first);
-        string(dst, "gate", g->gate->text, &first);
-        string(dst, "run", g->run >= 0 ? r->input->runs[g->run].name : NULL, &first);
-        string(dst, "metric", rx_metric_get(g->gate->metric)->name, &first);
-        number(dst, "mag_low", g->gate->whole ? NAN : g->gate->low, &first);
-        number(dst, "mag_high", g->gate->whole ? NAN : g->gate->high, &first);
-        string(dst, "operator", rx_gate_operator_name(g->gate->op), &first);
-        number(dst, "limit", g->gate->value, &first);
-        number(dst, "limit_high", g->gate->op == RX_GATE_IN ? g->gate->value_high : NAN, &first);
-        number(dst, "level", g->gate->level, &first);
-        key(dst, "measured", &first);
-        estimate(dst, &g->estimate);
-        string(dst, "verdict", rx_verdict_name(g->verdict), &first);
-        rx_text_add(dst, "}");
-    }
-    rx_text_add(dst, "],\n");
-}
-
-static void comparisons(rx_text *dst, const rx_report *r)
-{
-    rx_text_add(dst, "  \"comparisons\": [");
-    for (int i = 0; i < r->ncomparisons; i++) {
-        const rx_comparison *c = &r->comparison[i];
-        int first = 1;
-        rx_text_add(dst, i > 0 ? ",\n    {" : "\n    {");
-        string(dst, "first", r->input->runs[c->first].name, &first);
-        string(dst, "second", r->input->runs[c->second].name, &first);
-        number(dst, "found_by_first_only", (double)c->only_first, &first);
-        number(dst, "found_by_second_only", (double)c->only_second, &first);
-        number(dst, "mcnemar_p", c->p, &first);
-        rx_text_add(dst, "}");
-    }
-    rx_text_add(dst, "],\n");
-}
-
-static void record(rx_text *dst, const rx_report *r)
-{
-    rx_text_add(dst, "  \"record\": [");
-    for (int i = 0; i < r->input->nrecord; i++) {
-        int first = 1;
-        rx_text_add(dst, i > 0 ? ",\n    {" : "\n    {");
-        string(dst, "name", r->input->record[i][0], &first);
-        string(dst, "value", r->input->record[i][1], &first);
-        rx_text_add(dst, "}");
-    }
-    rx_text_add(dst, "]\n}\n");
-}
-
-void rx_report_json(rx_text *dst, const rx_report *r)
-{
-    const rx_qa_input *in = r->input;
-    int first = 1;
-    rx_text_add(dst, "{\n  ");
-    string(dst, "format", "rextract-qa 1", &first);
-    string(dst, "tile", in->tile, &first);
-    string(dst, "reference", in->reference, &first);
-    rx_text_add(dst, ",\n  ");
-    first = 1;
-    number(dst, "width", in->width, &first);
-    number(dst, "height", in->height, &first);
-    number(dst, "pixel_scale_arcsec", in->pixel_scale > 0 ? in->pixel_scale : NAN, &first);
-    number(dst, "match_radius_pixels", r->par->match_radius, &first);
-    number(dst, "match_radius_arcsec", r->par->match_radius_arcsec > 0 ? r->par->match_radius_arcsec : NAN,
-           &first);
-    string(dst, "score", in->score_name, &first);
-    rx_text_add(dst, ",\n  ");
-    first = 1;
-    number(dst, "interval_level", r->level, &first);
-    string(dst, "intervals",
-           "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and completeness "
-           "magnitudes: "
-           "bootstrap; null: not bounded or not known",
-           &first);
-    key(dst, "seed", &first);
-    rx_text_printf(dst, "%lu", r->par->seed); /* whole: a double would round it */
-    rx_text_add(dst, ",\n");
-    gates(dst, r);
-    metric_table(dst);
-    rx_text_add(dst, "  \"runs\": [");
-    for (int run = 0; run < in->nruns; run++) {
-        rx_text_add(dst, run > 0 ? ",\n    " : "\n    ");
-        run_object(dst, r, run);
-    }
-    rx_text_add(dst, "],\n");
-    comparisons(dst, r);
-    record(dst, r);
+    rx_json_end(json);
 }

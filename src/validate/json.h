@@ -4,18 +4,21 @@
 #define RX_VALIDATE_JSON_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "base/text.h"
 #include "validate/binomial.h"
 
 enum { RX_JSON_DEPTH = 32 };
 
+typedef struct rx_json_level {
+    bool array, line, filled; /* line: all of it on one line */
+} rx_json_level;
+
 typedef struct rx_json {
     rx_text *text;
     int depth;
-    struct {
-        bool array, line, filled; /* line: all of it on one line */
-    } level[RX_JSON_DEPTH];
+    rx_json_level level[RX_JSON_DEPTH];
 } rx_json;
 
 /* Writer onto `text`: rx_json j = rx_json_on(&text). */
@@ -28,12 +31,15 @@ void rx_json_array(rx_json *json, const char *key, bool line);
 void rx_json_end(rx_json *json);
 
 void rx_json_number(rx_json *json, const char *key, double value);
-void rx_json_count(rx_json *json, const char *key, unsigned long long value); /* whole, every digit */
-void rx_json_string(rx_json *json, const char *key, const char *value);       /* NULL = null */
+void rx_json_count(rx_json *json, const char *key, uint64_t value);     /* whole, every digit */
+void rx_json_string(rx_json *json, const char *key, const char *value); /* NULL = null */
 void rx_json_bool(rx_json *json, const char *key, bool value);
 /* {"value": , "low": , "high": , "n": }; an end that is not bounded is null. */
 void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e);
 /* [v, v, ...] on one line. */
 void rx_json_numbers(rx_json *json, const char *key, long n, const double *values);
+
+/* "record": [{"name": , "value": }, ...]: configuration and provenance. */
+void rx_json_record(rx_json *json, int n, const char *const (*pairs)[2]);
 
 #endif

@@ -17,6 +17,8 @@
 #ifndef RX_VALIDATE_PAGE_H
 #define RX_VALIDATE_PAGE_H
 
+#include <stdbool.h>
+
 #include "base/text.h"
 #include "validate/binomial.h"
 #include "validate/figure.h"
@@ -30,12 +32,13 @@ void rx_page_begin(rx_text *dst, const char *kind, const char *title);
 void rx_page_end(rx_text *dst);
 
 void rx_page_links_begin(rx_text *dst);
-void rx_page_link(rx_text *dst, int there, const char *id, const char *text); /* nothing unless `there` */
+void rx_page_link(rx_text *dst, bool there, const char *id, const char *text); /* nothing unless `there` */
 void rx_page_links_end(rx_text *dst);
 
 void rx_page_section(rx_text *dst, const char *id, const char *text); /* <h2>, target of rx_page_link */
 void rx_page_heading(rx_text *dst, const char *text,
                      const char *unit);                 /* <h3>, "text [unit]"; unit may be NULL */
+void rx_page_unit(rx_text *dst, const char *unit);      /* " [unit]", nothing for NULL and "" */
 void rx_page_paragraph(rx_text *dst, const char *html); /* body text */
 void rx_page_note(rx_text *dst, const char *html);      /* small and grey: how to read it */
 
@@ -43,7 +46,7 @@ void rx_page_table_begin(rx_text *dst);
 void rx_page_table_end(rx_text *dst);
 void rx_page_row(rx_text *dst, const char *mark); /* mark: class of the row, RX_MARK_... or NULL */
 void rx_page_row_end(rx_text *dst);
-/* Header cell; `columns` cells wide with the second. */
+/* Header cells; the second spans `columns`, its text in the middle. */
 void rx_page_head(rx_text *dst, rx_align align, const char *text);
 void rx_page_head_wide(rx_text *dst, int columns, const char *text);
 /* Cells; NULL, "" and NAN are shown as a dash, infinities as such. */
@@ -51,7 +54,7 @@ void rx_page_cell_text(rx_text *dst, const char *text);
 void rx_page_cell_html(rx_text *dst, rx_align align, const char *html);
 void rx_page_cell_number(rx_text *dst, double value, int digits); /* digits after the point */
 void rx_page_cell_count(rx_text *dst, long n);
-/* value [low, high] n=...; a dash when n is 0; the interval is left out when it is NAN. */
+/* value [low, high] n=...; a dash alone when n is 0. */
 void rx_page_cell_estimate(rx_text *dst, const rx_estimate *e, int digits);
 /* A p-value, 2 digits: 0.031, 5.2 x 10^-38; ln_p serves where p is below the smallest double. */
 void rx_page_cell_p(rx_text *dst, double p, double ln_p);

@@ -1,7 +1,6 @@
 /* The report: measure every run, judge the gates, write the files. */
 #include "validate/qa_writers.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -12,6 +11,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "validate/escape.h"
+#include "validate/report_file.h"
 
 static const double LEVEL = 0.95;
 
@@ -157,34 +157,9 @@ typedef struct target {
     const char *folder, *shown; /* as it is, and as errors name it */
 } target;
 
-/* text into folder/name; the text is freed in any case. */
 static rx_status write_file(const target *to, const char *name, rx_text *text, rx_error *err)
 {
-    rx_status status = RX_OK;
-    rx_text path = {0}, shown = {0};
-    rx_text_printf(&path, "%s/%s", to->folder, name);
-    rx_text_printf(&shown, "%s/%s", to->shown, name);
-    if (path.failed || shown.failed || text->failed || text->data == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
-    FILE *file = fopen(path.data, "wb");
-    if (file == NULL) {
-        status = rx_error_at(err, RX_SYSTEM, shown.data, -1, 0, "cannot be made: %s", strerror(errno));
-        goto exit;
-    }
-    int bad = fwrite(text->data, 1, text->length, file) != text->length, reason = errno;
-    if (fclose(file) != 0 && !bad) {
-        bad = 1;
-        reason = errno;
-    }
-    if (bad)
-        status = rx_error_at(err, RX_SYSTEM, shown.data, -1, 0, "cannot be written: %s", strerror(reason));
-exit:
-    rx_text_free(&path);
-    rx_text_free(&shown);
-    rx_text_free(text);
-    return status;
+    return rx_report_file(to->folder, to->shown, name, text, err);
 }
 
 static rx_status write_runs(const rx_report *r, const target *to, rx_error *err)
@@ -246,7 +221,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
     if (status != RX_OK)
         goto exit;
     if (par->figures)
-        status = rx_figures_make(&report, folder, shown, figures, err);
+        status = rx_report_figures(&report, folder, shown, figures, err);
     else
         snprintf(figures->note, sizeof figures->note, "figures were not asked for");
     if (status == RX_OK)

@@ -3,11 +3,12 @@
 #define RX_VALIDATE_QA_WRITERS_H
 
 #include "base/text.h"
+#include "validate/figure.h"
 #include "validate/gates.h"
 #include "validate/metrics.h"
 #include "validate/qa.h"
 
-enum { RX_STEM = 48, RX_MAX_FIGURES = 64 };
+enum { RX_STEM = 48 };
 
 /* A gate on one run; gates on all runs have several. */
 typedef struct rx_gate_result {
@@ -43,24 +44,9 @@ typedef struct rx_report {
 const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric metric);
 const rx_estimate *rx_report_bin(const rx_report *report, int run, int bin, rx_metric metric);
 
-/* Figures as SVG elements ready to stand in a page; svg NULL where it could not be made. */
-typedef struct rx_figure {
-    const char *id, *title, *reading; /* reading: how to read it */
-    char *svg;
-} rx_figure;
-
-typedef struct rx_figures {
-    int n, npictures;
-    rx_figure figure[RX_MAX_FIGURES];
-    char *picture[RX_MAX_FIGURES]; /* one for each picture of the input */
-    char note[256];                /* why there are none, "" when all is well */
-} rx_figures;
-
-/* Draw everything with gnuplot, inside a temporary folder made in `folder` (`shown` in errors) and removed
- * again. Without gnuplot dst->note says so and the status is RX_OK. Free with rx_figures_free(). */
-rx_status rx_figures_make(const rx_report *report, const char *folder, const char *shown, rx_figures *dst,
-                          rx_error *err);
-void rx_figures_free(rx_figures *figures); /* content only */
+/* Draw all figures of the report, see rx_figures_draw(). Free with rx_figures_free(). */
+rx_status rx_report_figures(const rx_report *report, const char *folder, const char *shown, rx_figures *dst,
+                            rx_error *err);
 
 /* The files of the report as text; memory trouble shows in dst->failed. */
 void rx_report_json(rx_text *dst, const rx_report *report);

@@ -1,24 +1,19 @@
-/* Figures: a gnuplot script with all data inside, run once, and its SVG files made fit for a page. */
-#include <errno.h>
+/* The figures of the QA report. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
-#include "io/output.h"
 #include "num/stats.h"
-#include "validate/escape.h"
-#include "validate/gnuplot.h"
 #include "validate/qa_writers.h"
 
-enum { FEW = 5, MAX_SVG = 64 << 20, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
+enum { FEW = 5, MAX_DOTS = 1500, MAX_STEPS = 2000, PULL_BINS = 48, PICTURE_SIDE = 300 };
 static const double PULL_REACH = 6;
 
 /* One figure: its words and the function that writes its plot commands. */
 typedef struct plan {
     const char *id, *title, *reading;
-    void (*write)(rx_text *dst, const rx_report *report);
+    void (*write)(rx_figures *figures, const rx_report *report);
 } plan;
 
 static double middle(const rx_report *r, int bin)
@@ -34,36 +29,16 @@ static double beside(const rx_report *r, int run, int bin)
     return middle(r, bin) + step * 0.5 * ((run + 0.5) / n - 0.5);
 }
 
-/* gnuplot's own name for what is not there. */
-static void value(rx_text *dst, double v)
+static void begin(rx_figures *dst, const char *xlabel, const char *ylabel, double x0, double x1, double y0,
+                  double y1)
 {
-    if (isfinite(v))
-        rx_text_printf(dst, " %.6g", v);
-    else
-        rx_text_add(dst, " NaN");
+    rx_plot_begin(dst, &(rx_axes){xlabel, ylabel, x0, x1, y0, y1, false, false});
 }
 
-/* Value and ends, cut where the plot ends anyway; no bar for an interval that is not bounded. */
-static void interval(rx_text *dst, const rx_estimate *e, double low, double high)
+static void magnitude_axis(rx_figures *dst, const rx_report *r, const char *xlabel, const char *ylabel,
+                           double y0, double y1)
 {
-    int bounded = isfinite(e->low) && isfinite(e->high);
-    value(dst, e->value);
-    value(dst, bounded ? fmax(e->low, low) : e->value);
-    value(dst, bounded ? fmin(e->high, high) : e->value);
-}
-
-/* Title, axes and file; ranges are always given, so that empty data cannot stop gnuplot. */
-static void begin(rx_text *dst, const char *id, const char *xlabel, const char *ylabel, double x0, double x1,
-                  double y0, double y1)
-{
-    rx_text_printf(dst, "set output '%s.svg'\nset xlabel '%s'\nset ylabel '%s'\n", id, xlabel, ylabel);
-    rx_text_printf(dst, "set xrange [%.6g:%.6g]\nset yrange [%.6g:%.6g]\n", x0, x1, y0, y1);
-}
-
-static void magnitude_axis(rx_text *dst, const rx_report *r, const char *id, const char *xlabel,
-                           const char *ylabel, double y0, double y1)
-{
-    begin(dst, id, xlabel, ylabel, r->bins.edge[0], r->bins.edge[r->bins.n], y0, y1);
+    begin(dst, xlabel, ylabel, r->bins.edge[0], r->bins.edge[r->bins.n], y0, y1);
 }
 
 /* A plot element that is never seen: keeps the command whole when no run has data. */
@@ -74,9 +49,15 @@ static void plot_begin(rx_text *dst)
 
 static void title_of(rx_text *dst, const rx_report *r, int run)
 {
-    char name[64];
-    rx_escape_plain(name, sizeof name, r->input->runs[run].name);
-    rx_text_printf(dst, " title '%s'", name);
+    rx_plot_title(dst, r->input->runs[run].name);
+}
+
+/* x, value and ends of a row, cut where the plot ends anyway; no bar for an interval that is not bounded. */
+static void estimate_row(rx_text *dst, double x, const rx_estimate *e, double low, double high)
+{
+    rx_plot_value(dst, x);
+    rx_plot_interval(dst, e->value, e->low, e->high, low, high);
+    rx_text_add(dst, "\n");
 }
 
 /* $<name><run>: x, value, low, high of one metric per bin of FEW sources or more. */
@@ -87,9 +68,8 @@ static void bin_blocks(rx_text *dst, const rx_report *r, const char *name, rx_me
         rx_text_printf(dst, "$%s%d << EOD\n", name, run);
         for (int b = 0; b < r->bins.n; b++) {
             const rx_estimate *e = rx_report_bin(r, run, b, metric);
-            value(dst, beside(r, run, b));
-            interval(dst, e->n >= FEW ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low, high);
-            rx_text_add(dst, "\n");
+            estimate_row(dst, beside(r, run, b), e->n >= FEW ? e : &(rx_estimate){NAN, NAN, NAN, 0}, low,
+                         high);
         }
         rx_text_add(dst, "EOD\n");
     }
@@ -104,9 +84,7 @@ static void few_blocks(rx_text *dst, const rx_report *r, const char *name, rx_me
             const rx_estimate *e = rx_report_bin(r, run, b, metric);
             if (e->n == 0 || e->n >= FEW)
                 continue;
-            value(dst, beside(r, run, b));
-            interval(dst, e, 0, 1);
-            rx_text_add(dst, "\n");
+            estimate_row(dst, beside(r, run, b), e, 0, 1);
         }
         rx_text_add(dst, "EOD\n");
     }
@@ -127,12 +105,13 @@ static void bars_with_lines(rx_text *dst, const rx_report *r, const char *name)
     add_bars(dst, r, name);
 }
 
-static void plot_shares(rx_text *dst, const rx_report *r, const char *name, rx_metric metric,
+static void plot_shares(rx_figures *figures, const rx_report *r, const char *name, rx_metric metric,
                         const char *xlabel)
 {
+    rx_text *dst = &figures->script;
     bin_blocks(dst, r, name, metric, 0, 1);
     few_blocks(dst, r, name, metric);
-    magnitude_axis(dst, r, name, xlabel, name, 0, 1.02);
+    magnitude_axis(figures, r, xlabel, name, 0, 1.02);
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst,
@@ -142,14 +121,14 @@ static void plot_shares(rx_text *dst, const rx_report *r, const char *name, rx_m
     add_bars(dst, r, name);
 }
 
-static void write_recall(rx_text *dst, const rx_report *r)
+static void write_recall(rx_figures *figures, const rx_report *r)
 {
-    plot_shares(dst, r, "recall", RX_METRIC_RECALL, "reference magnitude");
+    plot_shares(figures, r, "recall", RX_METRIC_RECALL, "reference magnitude");
 }
 
-static void write_precision(rx_text *dst, const rx_report *r)
+static void write_precision(rx_figures *figures, const rx_report *r)
 {
-    plot_shares(dst, r, "precision", RX_METRIC_PRECISION, "measured magnitude");
+    plot_shares(figures, r, "precision", RX_METRIC_PRECISION, "measured magnitude");
 }
 
 /* $curve<run>: recall, precision, thinned; $end<run>: the whole catalogue. */
@@ -166,11 +145,12 @@ static void curve_blocks(rx_text *dst, const rx_pr *pr, int run)
     rx_text_add(dst, "EOD\n");
 }
 
-static void write_curve(rx_text *dst, const rx_report *r)
+static void write_curve(rx_figures *figures, const rx_report *r)
 {
+    rx_text *dst = &figures->script;
     for (int run = 0; run < r->input->nruns; run++)
         curve_blocks(dst, &r->evaluation[run].pr, run);
-    begin(dst, "curve", "recall", "precision", 0, 1.02, 0, 1.02);
+    begin(figures, "recall", "precision", 0, 1.02, 0, 1.02);
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $curve%d using 1:2 with lines ls %d", run, run % 7 + 1);
@@ -190,8 +170,8 @@ static void dot_block(rx_text *dst, const rx_report *r, const char *name, int ru
     for (long j = 0; j < e->run->list.n; j++) {
         if (e->run_role[j] != RX_ROLE_MATCHED || k++ % skip != 0)
             continue;
-        value(dst, x[x_of_truth ? e->origin[j] : j]);
-        value(dst, y[j]);
+        rx_plot_value(dst, x[x_of_truth ? e->origin[j] : j]);
+        rx_plot_value(dst, y[j]);
         rx_text_add(dst, "\n");
     }
     rx_text_add(dst, "EOD\n");
@@ -211,8 +191,9 @@ static double error_reach(const rx_report *r)
     return fmin(reach, 2);
 }
 
-static void write_error(rx_text *dst, const rx_report *r)
+static void write_error(rx_figures *figures, const rx_report *r)
 {
+    rx_text *dst = &figures->script;
     for (int run = 0; run < r->input->nruns; run++) {
         const rx_evaluation *e = &r->evaluation[run];
         dot_block(dst, r, "edots", run, e->truth_mag, e->dmag, 1);
@@ -222,16 +203,16 @@ static void write_error(rx_text *dst, const rx_report *r)
             const rx_estimate *scatter = rx_report_bin(r, run, b, RX_METRIC_SCATTER_MAG);
             if (bias->n < FEW)
                 continue;
-            value(dst, beside(r, run, b));
-            value(dst, bias->value);
-            value(dst, bias->value - scatter->value);
-            value(dst, bias->value + scatter->value);
+            rx_plot_value(dst, beside(r, run, b));
+            rx_plot_value(dst, bias->value);
+            rx_plot_value(dst, bias->value - scatter->value);
+            rx_plot_value(dst, bias->value + scatter->value);
             rx_text_add(dst, "\n");
         }
         rx_text_add(dst, "EOD\n");
     }
     double reach = error_reach(r);
-    magnitude_axis(dst, r, "error", "reference magnitude", "m - m0  [mag]", -reach, reach);
+    magnitude_axis(figures, r, "reference magnitude", "m - m0  [mag]", -reach, reach);
     plot_begin(dst);
     for (int run = 0; run < r->input->nruns; run++)
         rx_text_printf(dst,
@@ -248,8 +229,9 @@ static void write_error(rx_text *dst, const rx_report *r)
     rx_text_add(dst, "\n");
 }
 
-static void write_magerr(rx_text *dst, const rx_report *r)
+static void write_magerr(rx_figures *figures, const rx_report *r)
 {
+    rx_text *dst = &figures->script;
     double low = INFINITY, high = 0;
     for (int run = 0; run < r->input->nruns; run++)
         for (int b = 0; b < r->bins.n; b++) {
@@ -263,17 +245,18 @@ static void write_magerr(rx_text *dst, const rx_report *r)
     high = fmax(3 * high, 10 * low);
     bin_blocks(dst, r, "magerr", RX_METRIC_MAGERR, low, high);
     rx_text_add(dst, "set logscale y\n");
-    magnitude_axis(dst, r, "magerr", "reference magnitude", "MagErr  [%]", low, high);
+    magnitude_axis(figures, r, "reference magnitude", "MagErr  [%]", low, high);
     bars_with_lines(dst, r, "magerr");
     rx_text_add(dst, "unset logscale y\n");
 }
 
-static void write_offsets(rx_text *dst, const rx_report *r)
+static void write_offsets(rx_figures *figures, const rx_report *r)
 {
+    rx_text *dst = &figures->script;
     double reach = 1.05 * r->par->match_radius;
     for (int run = 0; run < r->input->nruns; run++)
         dot_block(dst, r, "offset", run, r->evaluation[run].dx, r->evaluation[run].dy, 0);
-    begin(dst, "offsets", "x - x0  [pixels]", "y - y0  [pixels]", -reach, reach, -reach, reach);
+    begin(figures, "x - x0  [pixels]", "y - y0  [pixels]", -reach, reach, -reach, reach);
     rx_text_printf(dst,
                    "set size ratio -1\nset parametric\nset trange [0:2*pi]\nplot %.6g*cos(t), %.6g*sin(t) "
                    "with lines lc rgb '#808080' dt 2 title 'match radius'",
@@ -296,8 +279,9 @@ static void write_offsets(rx_text *dst, const rx_report *r)
     rx_text_add(dst, "\nunset parametric\nset size noratio\n");
 }
 
-static void write_pulls(rx_text *dst, const rx_report *r)
+static void write_pulls(rx_figures *figures, const rx_report *r)
 {
+    rx_text *dst = &figures->script;
     double width = 2 * PULL_REACH / PULL_BINS, highest = 0.45;
     for (int run = 0; run < r->input->nruns; run++) {
         const rx_evaluation *e = &r->evaluation[run];
@@ -318,7 +302,7 @@ static void write_pulls(rx_text *dst, const rx_report *r)
         }
         rx_text_add(dst, "EOD\n");
     }
-    begin(dst, "pulls", "pull = (F - F0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
+    begin(figures, "pull = (F - F0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest);
     rx_text_add(dst, "plot exp(-x*x/2)/sqrt(2*pi) with lines lc rgb '#808080' dt 2 title 'unit normal'");
     for (int run = 0; run < r->input->nruns; run++) {
         rx_text_printf(dst, ", $pull%d using 1:2 with histeps ls %d", run, run % 7 + 1);
@@ -328,59 +312,41 @@ static void write_pulls(rx_text *dst, const rx_report *r)
 }
 
 static const plan plans[] = {
-    {"recall", "Recall (completeness)",
+    {"plot-recall", "Recall (completeness)",
      "Share of the references of each magnitude that were found; bars are 95 % intervals, pale points bins "
      "of "
      "fewer than 5. The magnitude where a curve last crosses one half is mag50.",
      write_recall},
-    {"precision", "Precision (purity)",
+    {"plot-precision", "Precision (purity)",
      "Share of the detections of each measured magnitude that are references; bars and pale points as "
      "before. Where the reference list ends, real faint sources count as false: what is seen there is a "
      "lower bound.",
      write_precision},
-    {"curve", "Precision against recall",
+    {"plot-curve", "Precision against recall",
      "Each curve begins with the surest detections and admits the others by falling score; the dot is the "
      "whole catalogue. Further up and to the right is better. Average precision is the area under the "
      "steps.",
      write_curve},
-    {"error", "Magnitude error",
+    {"plot-error", "Magnitude error",
      "Dots are matched sources, lines the median of m - m0 per bin of 5 or more, bands one robust sigma "
      "(sigma_MAD) either side. A line away from zero is a bias; faint sources found only when noise lifts "
      "them pull the line down (Eddington bias).",
      write_error},
-    {"magerr", "MagErr",
+    {"plot-magerr", "MagErr",
      "Mean of 100 |F - F0| / F0 over matched sources, bins of 5 or more, bars (20 or more) are 95 % "
      "bootstrap intervals. It mixes bias and scatter: read it with the figure before. One bad blend can "
      "dominate a bin.",
      write_magerr},
-    {"offsets", "Position offsets",
+    {"plot-offsets", "Position offsets",
      "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is "
      "an astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
      write_offsets},
-    {"pulls", "Pulls",
+    {"plot-pulls", "Pulls",
      "Flux error over its stated error. True errors follow the dashed curve; a wider histogram means that "
      "errors are too small, a shifted one that fluxes are biased.",
      write_pulls},
 };
 enum { PLANS = sizeof plans / sizeof *plans };
-
-static void write_head(rx_text *dst)
-{
-    static const char *const colors[] = {"0072B2", "D55E00", "009E73", "CC79A7",
-                                         "E69F00", "56B4E9", "000000"};
-    static const int points[] = {7, 5, 9, 13, 11, 6, 4};
-    rx_text_add(dst,
-                "set terminal svg size 640,400 dynamic noenhanced font 'Helvetica,13' background "
-                "'#ffffff'\nset encoding utf8\nset border 3 lc rgb '#404040'\nset tics nomirror out\nset "
-                "key outside top center horizontal\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset "
-                "style fill solid 1 noborder\nhex(k) = ");
-    for (int i = 0; i < 6; i++)
-        rx_text_printf(dst, "k == %d ? 0x%s : ", i + 1, colors[i]);
-    rx_text_printf(dst, "0x%s\ncolor(k, transparency) = transparency * 0x1000000 + hex(k)\n", colors[6]);
-    for (int i = 0; i < 7; i++)
-        rx_text_printf(dst, "set style line %d lc rgb '#%s' lw 1.6 pt %d ps 0.6\n", i + 1, colors[i],
-                       points[i]);
-}
 
 /* White of the stretch: 99.8 % of the first picture's pixels are darker, 20 sigma at least. */
 static double white_level(const rx_qa_picture *picture)
@@ -397,153 +363,30 @@ static double white_level(const rx_qa_picture *picture)
 }
 
 /* grey = asinh(p / (2 sigma)), black at -2 sigma of the first picture. */
-static void write_picture(rx_text *dst, const rx_qa_picture *p, int k, double sigma, double white)
-{
-    double soft = sigma > 0 ? 2 * sigma : 1;
-    rx_text_printf(dst,
-                   "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background "
-                   "'#ffffff'\nset output 'picture%d.svg'\n$picture%d << EOD\n",
-                   PICTURE_SIDE,
-                   p->width > 0 ? (int)((double)PICTURE_SIDE * p->height / p->width + 0.5) : PICTURE_SIDE, k,
-                   k);
-    for (int y = 0; y < p->height; y++) {
-        for (int x = 0; x < p->width; x++) {
-            double v = p->pixels[(size_t)y * (size_t)p->width + (size_t)x];
-            rx_text_printf(dst, "%.4g ", isfinite(v) ? asinh(v / soft) : asinh(-1));
-        }
-        rx_text_add(dst, "\n");
-    }
-    rx_text_printf(dst,
-                   "EOD\nset cbrange [%.6g:%.6g]\nset xrange [-0.5:%.1f]\nset yrange [-0.5:%.1f]\nplot "
-                   "$picture%d matrix with image notitle\n",
-                   asinh(-1), asinh(fmax(white, soft) / soft), p->width - 0.5, p->height - 0.5, k);
-}
-
-static void write_pictures(rx_text *dst, const rx_report *r, int n)
+static void write_pictures(rx_figures *dst, const rx_report *r)
 {
     const rx_qa_picture *first = r->input->pictures;
-    double white = n > 0 ? white_level(first) : 0;
-    rx_text_add(dst, "unset border\nunset tics\nunset colorbox\nunset xlabel\nunset ylabel\nunset key\n"
-                     "set margins 0,0,0,0\nset palette gray\nset palette maxcolors 256\n");
-    for (int k = 0; k < n; k++)
-        if (r->input->pictures[k].width > 0 && r->input->pictures[k].height > 0)
-            write_picture(dst, &r->input->pictures[k], k, first->sigma, white);
-}
-
-/* Names inside an SVG must differ from those of the others in the page: put `id` before each. */
-static void add_svg(rx_text *dst, const char *id, const char *title, const char *svg)
-{
-    static const char *const marks[] = {" id='", " id=\"", "href='#", "href=\"#", "url(#"};
-    const char *c = strstr(svg, "<svg");
-    for (; c != NULL && *c != '\0';) {
-        size_t skip = 0;
-        for (size_t i = 0; i < sizeof marks / sizeof *marks && skip == 0; i++)
-            if (strncmp(c, marks[i], strlen(marks[i])) == 0)
-                skip = strlen(marks[i]);
-        if (skip > 0) {
-            rx_text_add_bytes(dst, c, skip);
-            rx_text_printf(dst, "%s-", id);
-            c += skip;
-        } else if (strncmp(c, "<title>", 7) == 0 && strstr(c, "</desc>") != NULL) {
-            /* gnuplot's own title and version give way to ours */
-            rx_text_add(dst, "<title>");
-            rx_escape_html(dst, title);
-            rx_text_add(dst, "</title>");
-            c = strstr(c, "</desc>") + 7;
-        } else {
-            rx_text_add_bytes(dst, c, 1);
-            c++;
-        }
-    }
-}
-
-/* NULL when the file is not there or cannot be an SVG. */
-static char *read_svg(const char *folder, const char *id, const char *title)
-{
-    rx_text path = {0}, svg = {0};
-    char *content = NULL;
-    rx_text_printf(&path, "%s/%s.svg", folder, id);
-    if (!path.failed && rx_text_read_file(path.data, MAX_SVG, &content, NULL, NULL) == RX_OK &&
-        strstr(content, "</svg>") != NULL)
-        add_svg(&svg, id, title, content);
-    free(content);
-    rx_text_free(&path);
-    if (svg.failed)
-        rx_text_free(&svg);
-    return svg.data;
-}
-
-static rx_status write_script(const rx_report *r, const char *folder, const char *shown, int npictures,
-                              rx_error *err)
-{
-    rx_text script = {0}, path = {0};
-    rx_status status = RX_OK;
-    FILE *file = NULL;
-    write_head(&script);
-    for (int i = 0; i < PLANS; i++)
-        plans[i].write(&script, r);
-    write_pictures(&script, r, npictures);
-    rx_text_printf(&path, "%s/figures.gp", folder);
-    if (script.failed || path.failed) {
-        status = rx_error_memory(err, script.length);
-        goto exit;
-    }
-    file = fopen(path.data, "wb");
-    if (file == NULL || fwrite(script.data, 1, script.length, file) != script.length || fflush(file) != 0)
-        status =
-            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
-exit:
-    if (file != NULL)
-        fclose(file);
-    rx_text_free(&script);
-    rx_text_free(&path);
-    return status;
-}
-
-static void collect(const rx_report *r, const char *folder, rx_figures *dst)
-{
+    double white = r->input->npictures > 0 ? white_level(first) : 0;
     char id[24];
-    for (int i = 0; i < PLANS; i++)
-        dst->figure[i].svg = read_svg(folder, plans[i].id, plans[i].title);
-    for (int k = 0; k < dst->npictures; k++) {
+    for (int k = 0; k < r->input->npictures && dst->n < RX_FIGURES_MAX; k++) {
+        const rx_qa_picture *p = &r->input->pictures[k];
+        if (p->width <= 0 || p->height <= 0)
+            continue;
+        double soft = first->sigma > 0 ? 2 * first->sigma : 1;
         snprintf(id, sizeof id, "picture%d", k);
-        dst->picture[k] = read_svg(folder, id, r->input->pictures[k].title);
+        rx_figure_add(dst, id, p->title, "", RX_FIGURE_PICTURE);
+        rx_plot_picture(dst, p->width, p->height, p->pixels, -soft, fmax(white, soft), soft, PICTURE_SIDE);
     }
 }
 
-rx_status rx_figures_make(const rx_report *r, const char *folder, const char *shown, rx_figures *dst,
-                          rx_error *err)
+rx_status rx_report_figures(const rx_report *r, const char *folder, const char *shown, rx_figures *dst,
+                            rx_error *err)
 {
-    rx_text work = {0};
-    rx_status status = RX_OK;
-    dst->n = PLANS;
-    dst->npictures = r->input->npictures < RX_MAX_FIGURES ? r->input->npictures : RX_MAX_FIGURES;
-    for (int i = 0; i < PLANS; i++)
-        dst->figure[i] = (rx_figure){plans[i].id, plans[i].title, plans[i].reading, NULL};
-    rx_text_printf(&work, "%s/.figures-XXXXXX", folder);
-    if (work.failed)
-        return rx_error_memory(err, 0);
-    if (mkdtemp(work.data) == NULL) {
-        status =
-            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
-        goto exit;
+    rx_figures_begin(dst);
+    for (int i = 0; i < PLANS; i++) {
+        rx_figure_add(dst, plans[i].id, plans[i].title, plans[i].reading, RX_FIGURE_CHART);
+        plans[i].write(dst, r);
     }
-    status = write_script(r, work.data, shown, dst->npictures, err);
-    if (status == RX_OK &&
-        rx_gnuplot_run(r->par->gnuplot != NULL && r->par->gnuplot[0] != '\0' ? r->par->gnuplot : "gnuplot",
-                       work.data, "figures.gp", dst->note, sizeof dst->note))
-        collect(r, work.data, dst);
-    rx_output_remove(work.data);
-exit:
-    rx_text_free(&work);
-    return status;
-}
-
-void rx_figures_free(rx_figures *figures)
-{
-    for (int i = 0; i < figures->n; i++)
-        free(figures->figure[i].svg);
-    for (int k = 0; k < figures->npictures; k++)
-        free(figures->picture[k]);
-    *figures = (rx_figures){0};
+    write_pictures(dst, r);
+    return rx_figures_draw(dst, r->par->gnuplot, folder, shown, err);
 }
