@@ -1,2 +1,13 @@
 librextract_la_SOURCES += src/campaign/results.c src/campaign/results.h
 librextract_la_SOURCES += src/campaign/journal.c src/campaign/journal.h
+librextract_la_SOURCES += src/campaign/paper.c src/campaign/paper.h
+librextract_la_SOURCES += src/campaign/restoration_numbers.c src/campaign/restoration_numbers.h
+librextract_la_SOURCES += src/campaign/restoration_verdicts.c src/campaign/restoration_figures.c
+librextract_la_SOURCES += src/campaign/restoration_page.c src/campaign/restoration_page.h
+librextract_la_SOURCES += src/campaign/restoration_tables.c
+librextract_la_SOURCES += src/campaign/photometry_numbers.c src/campaign/photometry_numbers.h
+librextract_la_SOURCES += src/campaign/photometry_duels.c src/campaign/photometry_figures.c
+librextract_la_SOURCES += src/campaign/photometry_page.c src/campaign/photometry_page.h
+librextract_la_SOURCES += src/campaign/photometry_tables.c
+librextract_la_SOURCES += src/campaign/report_parts.c src/campaign/report_parts.h
+librextract_la_SOURCES += src/campaign/campaign_report.c src/campaign/campaign_report.h
