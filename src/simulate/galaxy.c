@@ -316,7 +316,9 @@ static double outline_reach(double radius, double ratio, double angle)
 
 static double template_reach(const rx_object *o, const rx_template *source)
 {
-    return 0.5 * o->stretch * hypot(source->width + 4.0, source->height + 4.0);
+    double x = fmax(source->x, source->width - 1 - source->x),
+           y = fmax(source->y, source->height - 1 - source->y);
+    return o->stretch * hypot(x + 2.0, y + 2.0); /* however it is turned */
 }
 
 double rx_object_reach(const rx_object *object, const rx_templates *templates)

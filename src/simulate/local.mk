@@ -6,6 +6,7 @@ librextract_la_SOURCES += src/simulate/scene.c src/simulate/scene.h
 librextract_la_SOURCES += src/simulate/population.c src/simulate/population.h src/simulate/places.c src/simulate/places.h
 librextract_la_SOURCES += src/simulate/galaxy.c src/simulate/sersic.c src/simulate/sersic.h
 librextract_la_SOURCES += src/simulate/templates.c src/simulate/templates.h
+librextract_la_SOURCES += src/simulate/template_draw.c
 librextract_la_SOURCES += src/simulate/truth.c src/simulate/truth.h
 librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h
 librextract_la_SOURCES += src/simulate/sky_noise.c src/simulate/sky_noise.h

@@ -9,6 +9,7 @@ typedef struct rx_template {
     char name[80];
     int width, height;
     float *pixels;       /* sky subtracted, sum 1 over the object, 0 where nothing but noise is */
+    double x, y;         /* centroid, pixels from 0: what lies at the position of an object */
     double pixel_scale;  /* arcsec */
     double fwhm;         /* of its own PSF, arcsec; 0 = unknown */
     double radius;       /* half-light radius, template pixels, circular */
