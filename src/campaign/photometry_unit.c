@@ -1,0 +1,201 @@
+/* One tile of the photometry campaign through every restorer. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "campaign/photometry_sky.h"
+#include "stage/probe.h"
+#include "stage/quality.h"
+
+/* Values as they are collected; floats, so that the journal's nine digits hold them. */
+typedef struct row {
+    rx_unit_values *values;
+    long capacity;
+    int failed;
+} row;
+
+static void add(row *r, double value)
+{
+    if (r->values->n == r->capacity) {
+        const long capacity = r->capacity > 0 ? 2 * r->capacity : 1024;
+        double *v = rx_regrow(r->values->v, (size_t)capacity, sizeof *v);
+        if (v == NULL) {
+            r->failed = 1;
+            return;
+        }
+        r->values->v = v;
+        r->capacity = capacity;
+    }
+    r->values->v[r->values->n++] = (float)value;
+}
+
+/* --- before the units: an untouched tile --- */
+
+static int near_known(const rx_known *known, double x, double y, double radius)
+{
+    for (long i = 0; i < known->n; i++)
+        if (hypot(x - known->x[i], y - known->y[i]) <= radius)
+            return 1;
+    return 0;
+}
+
+/* Detections that no earlier restorer had, and the footprints of all. */
+static rx_status join_known(const rx_photometry_sky *sky, const rx_probe *probe, const rx_qa_list *list,
+                            double radius, rx_known *dst, rx_error *err)
+{
+    const size_t n = (size_t)sky->width * (size_t)sky->height;
+    rx_known all;
+    rx_status status = rx_known_new(dst->n + list->n, &all, err);
+    if (status != RX_OK)
+        return status;
+    all.n = dst->n;
+    for (long i = 0; i < dst->n; i++) {
+        all.x[i] = dst->x[i];
+        all.y[i] = dst->y[i];
+        all.flux[i] = dst->flux[i];
+        all.radius[i] = dst->radius[i];
+    }
+    for (long i = 0; i < list->n; i++) {
+        if (near_known(dst, list->x[i], list->y[i], radius))
+            continue;
+        all.x[all.n] = list->x[i];
+        all.y[all.n] = list->y[i];
+        all.flux[all.n] = list->flux[i];
+        all.radius[all.n++] = fmax(radius, sky->fwhm);
+    }
+    all.width = sky->width;
+    all.height = sky->height;
+    all.covered = dst->covered != NULL ? dst->covered : RX_NEW(unsigned char, n);
+    dst->covered = NULL;
+    rx_known_free(dst);
+    *dst = all;
+    if (dst->covered == NULL)
+        return rx_error_memory(err, n);
+    for (size_t i = 0; i < n; i++)
+        dst->covered[i] |= probe->sources->segments[i] != 0;
+    return RX_OK;
+}
+
+static rx_status prepare_sky(const rx_photometry_state *state, rx_photometry_sky *sky, rx_log *log,
+                             rx_error *err)
+{
+    rx_options options = *state->options;
+    double radius = 0;
+    options.nthreads = options.restore.nthreads = options.measure.nthreads = state->nthreads;
+    rx_known_free(&sky->before);
+    rx_status status = rx_quality_radius(&options, sky->field->tile, &radius, err);
+    for (int r = 0; status == RX_OK && r < state->nruns; r++) {
+        rx_probe probe;
+        rx_qa_list list = {0};
+        status = rx_probe_run(&options, state->run[r], sky->field, NULL, log, &probe, err);
+        if (status != RX_OK)
+            return status;
+        status = rx_quality_list(&options, sky->field->tile, probe.sources, &list, err);
+        if (status == RX_OK)
+            status = join_known(sky, &probe, &list, radius, &sky->before, err);
+        rx_qa_list_free(&list);
+        rx_probe_free(&probe);
+    }
+    return status;
+}
+
+rx_status rx_photometry_prepare(rx_photometry_state *state, rx_log *log, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int s = 0; status == RX_OK && s < state->nskies; s++)
+        if (state->sky[s].injected)
+            status = prepare_sky(state, &state->sky[s], log, err);
+    return status;
+}
+
+/* --- units --- */
+
+static double searched(const rx_tile *tile)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t good = 0;
+    for (size_t i = 0; i < n; i++)
+        good += (tile->mask[i] & RX_HIDE_PLAIN) == 0;
+    return 1e-6 * (double)good;
+}
+
+static void add_star(row *r, const rx_qa_list *list, long found, double flux)
+{
+    if (found < 0) {
+        add(r, NAN);
+        add(r, NAN);
+        add(r, NAN);
+        add(r, 0);
+        return;
+    }
+    const double error = list->flux_error[found];
+    add(r, list->score[found]);
+    add(r, list->flux[found] / flux);
+    add(r, error > 0 ? (list->flux[found] - flux) / error : NAN);
+    add(r, (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0);
+}
+
+static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky *sky,
+                       const rx_photometry_tile *tile, const rx_qa_list *list, row *r, rx_error *err)
+{
+    const rx_judge_stars stars = {tile->n, tile->x, tile->y, tile->flux};
+    const rx_known *known = sky->injected ? &sky->before : &tile->known;
+    double radius = 0, nfalse = 0;
+    long *found = RX_NEW(long, (size_t)tile->n);
+    unsigned char *is_false = RX_NEW(unsigned char, (size_t)list->n);
+    rx_status status = rx_quality_radius(state->options, tile->field->tile, &radius, err);
+    if (found == NULL || is_false == NULL)
+        status = rx_error_memory(err, (size_t)tile->n * sizeof *found);
+    if (status == RX_OK)
+        status = rx_photometry_judge(&stars, known, list->n, list->x, list->y, radius, found, is_false, err);
+    if (status != RX_OK)
+        goto exit;
+    for (long i = 0; i < tile->n; i++)
+        add_star(r, list, found[i], tile->flux);
+    for (long i = 0; i < list->n; i++)
+        nfalse += is_false[i];
+    add(r, nfalse);
+    for (long i = 0; i < list->n; i++) {
+        if (is_false[i]) {
+            add(r, list->score[i]);
+            add(r, list->mag[i]);
+        }
+    }
+exit:
+    free(found);
+    free(is_false);
+    return status;
+}
+
+rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_unit_values *dst, rx_error *err)
+{
+    const long set = unit / state->ntiles;
+    const rx_photometry_sky *sky = &state->sky[set / state->nmags];
+    row r = {.values = dst};
+    rx_photometry_tile tile;
+    rx_status status =
+        rx_photometry_tile_make(state, sky, state->mags[set % state->nmags],
+                                (uint64_t)set << 32 | (uint64_t)(unit % state->ntiles), &tile, err);
+    if (status != RX_OK)
+        return status;
+    add(&r, (double)tile.n);
+    add(&r, searched(tile.field->tile));
+    add(&r, tile.flux * sqrt(sky->power) / tile.field->plain->global_sigma);
+    for (int k = 0; status == RX_OK && k < state->nruns; k++) {
+        rx_probe probe;
+        rx_qa_list list = {0};
+        status = rx_probe_run(state->options, state->run[k], tile.field, NULL, NULL, &probe, err);
+        if (status != RX_OK)
+            break;
+        status = rx_quality_list(state->options, tile.field->tile, probe.sources, &list, err);
+        if (status == RX_OK)
+            status = judge(state, sky, &tile, &list, &r, err);
+        rx_qa_list_free(&list);
+        rx_probe_free(&probe);
+    }
+    rx_photometry_tile_free(&tile);
+    if (status == RX_OK && r.failed)
+        status = rx_error_memory(err, (size_t)r.capacity * sizeof(double));
+    return status;
+}

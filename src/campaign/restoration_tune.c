@@ -1,0 +1,234 @@
+/* Tuning: iterations, filter and threshold per bin, in the method's own favour, on scenes that are not in the
+ * test. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "campaign/restoration.h"
+#include "num/convolve.h"
+#include "validate/image_metrics.h"
+
+#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
+
+/* Below so many sigmas of the input's noise all is set to the sky; 0 = negative values only. The first one is
+ * no threshold: the method without `flat`. */
+static const double THRESHOLDS[] = {-1.0, 0.0, 0.25, 0.5, 1.0, 2.0};
+static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
+
+/* Filters: those of TUNE_FILTER, and last the target PSF itself. */
+static long filters(const rx_restoration *state)
+{
+    return state->config->tune_filter.n + 1;
+}
+
+long rx_tuning_count(const rx_restoration *state)
+{
+    return state->config->tune_niter.n * filters(state) * (long)COUNT(THRESHOLDS);
+}
+
+void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_tuning *dst)
+{
+    const long nt = (long)COUNT(THRESHOLDS), nf = filters(state);
+    const long filter = candidate / nt % nf;
+    char width[48];
+    dst->niter = state->config->tune_niter.v[candidate / nt / nf];
+    dst->threshold = THRESHOLDS[candidate % nt];
+    if (filter + 1 < nf) {
+        dst->filter = state->config->tune_filter.v[filter] * fwhm;
+        snprintf(width, sizeof width, "filter %g FWHM", state->config->tune_filter.v[filter]);
+    } else {
+        dst->filter = state->simulation->sharp_fwhm;
+        snprintf(width, sizeof width, "filter %g pixels", dst->filter);
+    }
+    snprintf(dst->text, sizeof dst->text, "RL_NITER %d, %s", dst->niter, width);
+    if (dst->threshold >= 0) {
+        const size_t used = strlen(dst->text);
+        snprintf(dst->text + used, sizeof dst->text - used, ", sky below %g sigma", dst->threshold);
+    }
+}
+
+static int tuned_index(const rx_restoration *state, const rx_restorer *restorer)
+{
+    int index = 0;
+    for (int m = 0; m < state->nmethods && state->method[m].restorer != restorer; m++)
+        index += state->method[m].tuned && !state->method[m].flat;
+    return index;
+}
+
+long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
+                      const rx_unit_values *done)
+{
+    const long n = rx_tuning_count(state), nt = (long)COUNT(THRESHOLDS);
+    const long first = tuned_index(state, method->restorer) * n;
+    long best = -1;
+    double highest = 0;
+    for (long c = 0; c < n; c++) {
+        if ((c % nt > 0) != method->flat)
+            continue;
+        double sum = 0;
+        for (long u = 0; u < state->nunits; u++)
+            if (state->units[u].bin == bin && state->units[u].tune)
+                sum += done[u].v[2 * (first + c) + metric];
+        if (best < 0 || sum > highest) {
+            best = c;
+            highest = sum;
+        }
+    }
+    return best;
+}
+
+/* Values below the threshold become sky. */
+static void flatten(size_t n, double level, const float *src, float *dst)
+{
+    for (size_t i = 0; i < n; i++)
+        dst[i] = src[i] < level ? 0.0f : src[i];
+}
+
+rx_status rx_tuning_apply(const rx_restoration *state, const rx_trial *trial, const rx_tuning *tuning,
+                          const float *restored, float *plane, rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    memcpy(plane, restored, n * sizeof *plane);
+    rx_status status = rx_gauss_masked(state->side, state->side, tuning->filter, NULL, 1, plane, err);
+    if (status == RX_OK && tuning->threshold >= 0)
+        flatten(n, tuning->threshold * trial->sigma, plane, plane);
+    return status;
+}
+
+static rx_status measure(const rx_restoration *state, const rx_trial *trial, const float *plane, double *dst,
+                         rx_error *err)
+{
+    dst[0] = rx_image_psnr(state->side, state->side, plane, trial->sharp);
+    return rx_image_ssim(state->side, state->side, plane, trial->sharp, K_SSIM, K_SSIM, 0, &dst[1], err);
+}
+
+/* All filters and thresholds of one number of iterations. */
+static rx_status tune_niter(const rx_restoration *state, const rx_trial *trial, long first,
+                            const float *restored, float *work, double *dst, rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    const long nt = (long)COUNT(THRESHOLDS), nf = filters(state);
+    float *filtered = work, *cut = work + n;
+    rx_status status = RX_OK;
+    for (long f = 0; status == RX_OK && f < nf; f++) {
+        rx_tuning tuning;
+        rx_tuning_get(state, trial->fwhm, first + f * nt, &tuning);
+        status = rx_tuning_apply(state, trial, &tuning, restored, filtered, err);
+        for (long t = 0; status == RX_OK && t < nt; t++) {
+            flatten(n, t > 0 ? THRESHOLDS[t] * trial->sigma : -HUGE_VAL, filtered, cut);
+            status = measure(state, trial, cut, &dst[2 * (first + f * nt + t)], err);
+        }
+    }
+    return status;
+}
+
+rx_status rx_restoration_tune(const rx_restoration *state, const rx_trial *trial, rx_unit_values *dst,
+                              rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    const long count = rx_tuning_count(state), step = count / state->config->tune_niter.n;
+    rx_status status = RX_OK;
+    dst->n = 2 * count * state->ntuned;
+    dst->v = RX_NEW(double, (size_t)dst->n + 1);
+    float *planes = RX_NEW(float, 3 * n), *restored = planes;
+    if (dst->v == NULL || planes == NULL) {
+        status = rx_error_memory(err, 3 * n * sizeof(float));
+        goto exit;
+    }
+    double *values = dst->v;
+    for (int m = 0; m < state->nmethods; m++) {
+        const rx_method *method = &state->method[m];
+        if (!method->tuned || method->flat)
+            continue;
+        for (int i = 0; status == RX_OK && i < state->config->tune_niter.n; i++) {
+            status = rx_trial_restore(state, trial, method->restorer, state->config->tune_niter.v[i],
+                                      restored, err);
+            if (status == RX_OK)
+                status = tune_niter(state, trial, i * step, restored, planes + n, values, err);
+        }
+        values += 2 * count;
+    }
+exit:
+    free(planes);
+    return status;
+}
+
+/* --- test scenes --- */
+
+/* What a restorer gave for a number of iterations, kept for the next method that asks for the same. */
+typedef struct memory {
+    const rx_restorer *restorer;
+    int niter;
+    float *plane;
+} memory;
+
+static rx_status picture(const rx_restoration *state, int bin, const rx_trial *trial, const rx_method *method,
+                         int metric, const rx_unit_values *done, memory *last, float *plane, rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    rx_tuning tuning = {.niter = 0, .threshold = -1.0};
+    if (method->tuned)
+        rx_tuning_get(state, trial->fwhm, rx_tuning_choose(state, bin, method, metric, done), &tuning);
+    rx_status status = RX_OK;
+    if (last->restorer != method->restorer || last->niter != tuning.niter) {
+        last->restorer = NULL;
+        status = rx_trial_restore(state, trial, method->restorer, tuning.niter, last->plane, err);
+    }
+    if (status != RX_OK)
+        return status;
+    last->restorer = method->restorer;
+    last->niter = tuning.niter;
+    if (method->tuned)
+        return rx_tuning_apply(state, trial, &tuning, last->plane, plane, err);
+    memcpy(plane, last->plane, n * sizeof *plane);
+    return RX_OK;
+}
+
+rx_status rx_restoration_picture(const rx_restoration *state, int bin, const rx_trial *trial,
+                                 const rx_method *method, int metric, const rx_unit_values *done,
+                                 float *plane, rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    memory last = {.plane = RX_NEW(float, n)};
+    rx_status status = last.plane == NULL
+                           ? rx_error_memory(err, n * sizeof *plane)
+                           : picture(state, bin, trial, method, metric, done, &last, plane, err);
+    free(last.plane);
+    return status;
+}
+
+rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_trial *trial,
+                               const rx_unit_values *done, rx_unit_values *dst, rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    rx_status status = RX_OK;
+    dst->n = 2 + 2 * state->nmethods;
+    dst->v = RX_NEW(double, (size_t)dst->n);
+    float *planes = RX_NEW(float, 2 * n);
+    memory last = {.plane = planes};
+    if (dst->v == NULL || planes == NULL) {
+        status = rx_error_memory(err, 2 * n * sizeof *planes);
+        goto exit;
+    }
+    dst->v[0] = trial->fwhm;
+    dst->v[1] = trial->sigma;
+    for (int metric = 0; status == RX_OK && metric < 2; metric++) {
+        for (int m = 0; status == RX_OK && m < state->nmethods; m++) {
+            double values[2];
+            if (metric == 1 && !state->method[m].tuned)
+                continue; /* both were measured on the same picture */
+            status = picture(state, bin, trial, &state->method[m], metric, done, &last, planes + n, err);
+            if (status == RX_OK)
+                status = measure(state, trial, planes + n, values, err);
+            if (status != RX_OK)
+                break;
+            dst->v[2 + 2 * m + metric] = values[metric];
+            if (!state->method[m].tuned)
+                dst->v[3 + 2 * m] = values[1];
+        }
+    }
+exit:
+    free(planes);
+    return status;
+}
