@@ -4,10 +4,15 @@
 #ifndef RX_BASE_RANDOM_H
 #define RX_BASE_RANDOM_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 /* Four 32-bit words of the block `counter` in `stream`. */
 void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t out[4]);
+
+/* The blocks first .. first + n - 1, with the same words, many at a time: word k of block first + i in
+ * out[k * n + i]. */
+void rx_random_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out);
 
 /* Uniform in (0,1), 52 bits; never 0 nor 1. */
 double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter);

@@ -15,23 +15,29 @@ typedef struct rx_noise_params {
     double sigma;       /* GAUSS: ADU */
     double gain;        /* CCD: e-/ADU (> 0); sky and sources are Poisson */
     double read_noise;  /* CCD: e- */
-    double saturation;  /* ADU, HUGE_VAL = none; values stop there, charge bleeds not */
-    double bad_columns; /* CCD: share of columns that are dead */
-    double cosmic_rays; /* CCD: hits per Mpixel */
+    double saturation;  /* every type: ADU (> 0), HUGE_VAL = none; values stop there, charge bleeds not */
+    double bad_columns; /* CCD: share of columns that are dead: 0 ADU, whatever fell on them */
+    double cosmic_rays; /* CCD: hits per Mpixel (cosmic_rays.h) */
     uint64_t seed, stream;
 } rx_noise_params;
 
 enum { RX_DEFECT_SATURATED = 1, RX_DEFECT_COLUMN = 2, RX_DEFECT_COSMIC = 4 };
 
 /* pixels [height][width] in ADU become the exposed image in place; defects (may be NULL) gets RX_DEFECT_
- * bits. */
+ * bits, those it has are kept (in a dead column only RX_DEFECT_COLUMN remains). CCD: (Poisson((pixel + sky)
+ * gain) + read_noise normal + cosmic rays) / gain, then saturation, then dead columns; not rounded to whole
+ * ADU; light below zero counts as none. Errors: RX_USAGE when a parameter is out of range. */
 rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
                           int nthreads, rx_error *err);
 
-/* dst[n] = normal deviates of width 1, the ones numbered first, first + 1, ... of (seed, stream). */
+/* dst[n] = normal deviates of width 1, the ones numbered first, first + 1, ... of (seed, stream): Box and
+ * Muller (1958) on pairs of 32-bit words, number i from words of block i / 4. Values end at 6.76 (once in
+ * 1.4e11), single precision. */
 void rx_noise_normals(uint64_t seed, uint64_t stream, uint64_t first, long n, float *dst);
 
-/* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means). */
+/* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means; above 1e12
+ * the rounded normal of that width, as nobody could tell). 0 for a mean that is not above 0. number < 2^48.
+ */
 double rx_noise_poisson(double mean, uint64_t seed, uint64_t stream, uint64_t number);
 
 #endif
