@@ -41,7 +41,8 @@ static void write_kind(rx_text *dst, rx_figure_kind kind)
         return;
     }
     rx_text_printf(dst, TERMINAL, kind == RX_FIGURE_WIDE ? 1280 : 640, 400);
-    rx_text_add(dst, "set border 3 lc rgb '#404040'\nset tics nomirror out\nset key outside top center "
+    rx_text_add(dst, "set border 3 lc rgb '#404040'\nset tics nomirror out\nunset x2tics\nunset "
+                     "y2tics\nset xtics nomirror\nset ytics nomirror\nset key outside top center "
                      "horizontal\nset margins -1,-1,-1,-1\n");
 }
 

@@ -150,14 +150,14 @@ void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char
     for (int m = 0; m < nmethods; m++) {
         int style = style_of(colors != NULL ? colors[m] : m);
         rx_text_printf(script,
-                       ", $d%d using 1:3:2:6:5:8 with candlesticks ls %d lw 1 fs solid 0.35 border "
-                       "whiskerbars 0.5",
+                       ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 "
+                       "border",
                        m, style);
         rx_plot_title(script, methods[m]);
         rx_text_printf(script,
                        ", $d%d using 1:4:4:4:4:8 with candlesticks ls %d lw 2.4 notitle, $d%d using 1:7 with "
-                       "points ls %d pt 6 ps 0.4 lw 1 notitle",
-                       m, style, m, style);
+                       "points pt 6 ps 0.45 lw 1 lc rgb '#202020' notitle",
+                       m, style, m);
     }
     rx_text_add(script, "\nset xtics norotate autofreq\nset grid xtics");
     plot_end(script, &used);
