@@ -71,7 +71,9 @@ static rx_population population(double per_mpixel, const rx_reals *magnitudes, d
 static rx_scene_params scene_params(const rx_simulate_config *config, const rx_simulation_ground *ground,
                                     double fwhm)
 {
-    const double pixels = (double)ground->width * ground->height;
+    /* counts are per area, and objects also lie beyond the border */
+    const double margin = ceil(ground->margin * fwhm);
+    const double pixels = (ground->width + 2.0 * margin) * (ground->height + 2.0 * margin);
     const char *kind = config->galaxy_type;
     return (rx_scene_params){
         .width = ground->width,
@@ -86,11 +88,12 @@ static rx_scene_params scene_params(const rx_simulate_config *config, const rx_s
                        : is(kind, "SPIRAL") ? RX_GALAXY_SPIRAL
                                             : RX_GALAXY_MIXED,
         .galaxy_scale = config->galaxy_scale,
+        .template_blur = config->sharp_fwhm, /* the sharp reference would be no reference */
         .pair_share = config->pair_share,
         .pair_low = config->pair_distance.v[0] * fwhm,
         .pair_high = config->pair_distance.v[1] * fwhm,
         .clustering = config->clustering,
-        .margin = ceil(ground->margin * fwhm),
+        .margin = margin,
         .least_distance = config->least_distance * fwhm,
         .seed = (uint64_t)config->seed,
         .stream = (uint64_t)config->scene_number,

@@ -113,6 +113,10 @@ static void describe(const rx_simulation *simulation, const rx_scene *scene, con
     rx_record_add(facts, "RXNSTAR", "stars", "%ld", count(scene, RX_OBJECT_STAR));
     rx_record_add(facts, "RXNGAL", "galaxies", "%ld", count(scene, RX_OBJECT_GALAXY));
     rx_record_add(facts, "RXNTEMP", "template galaxies", "%ld", count(scene, RX_OBJECT_TEMPLATE));
+    if (scene->shrunk > 0)
+        rx_record_add(facts, "RXNSHRNK", "of them drawn smaller: no sharper template", "%ld", scene->shrunk);
+    if (scene->left_out > 0)
+        rx_record_add(facts, "RXNOUT", "objects left out: no place for them", "%ld", scene->left_out);
     if (field != NULL) {
         rx_record_add(facts, "RXINPUT", "tile that objects were added to", "%s", field->tile->name);
         rx_record_add(facts, "RXINSUM", "digest of its pixels", "%s", field->tile->checksum);
@@ -209,6 +213,23 @@ static rx_status add_truth(job *job, const field_data *data, rx_error *err)
     return facts.failed || cards.failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
+static void tell(const job *job, const field_data *data)
+{
+    const rx_scene *scene = data->scene;
+    rx_log_info(job->log, "%s: %d x %d pixels, %ld stars, %ld galaxies, %ld template galaxies; %s",
+                job->image.name, data->tile->width, data->tile->height, count(scene, RX_OBJECT_STAR),
+                count(scene, RX_OBJECT_GALAXY), count(scene, RX_OBJECT_TEMPLATE),
+                data->simulation->optics->description);
+    if (scene->shrunk > 0)
+        rx_log_info(job->log,
+                    "%s: %ld template galaxies are smaller than their magnitude asks for, or their own PSF "
+                    "would show",
+                    job->image.name, scene->shrunk);
+    if (scene->left_out > 0)
+        rx_log_warning(job->log, "%s: %ld objects found no place and are left out", job->image.name,
+                       scene->left_out);
+}
+
 static rx_status write_field(job *job, const field_data *data, rx_error *err)
 {
     const rx_tile *tile = data->tile;
@@ -229,10 +250,7 @@ static rx_status write_field(job *job, const field_data *data, rx_error *err)
     if (status == RX_OK && job->truth_temporary != NULL)
         status = add_truth(job, data, err);
     if (status == RX_OK)
-        rx_log_info(job->log, "%s: %d x %d pixels, %ld stars, %ld galaxies, %ld template galaxies; %s",
-                    job->image.name, tile->width, tile->height, count(data->scene, RX_OBJECT_STAR),
-                    count(data->scene, RX_OBJECT_GALAXY), count(data->scene, RX_OBJECT_TEMPLATE),
-                    data->simulation->optics->description);
+        tell(job, data);
 exit:
     rx_text_free(&extra);
     return status;

@@ -7,3 +7,5 @@ check_PROGRAMS += tests/unit/stage/test_fluxcheck
 tests_unit_stage_test_fluxcheck_SOURCES = tests/unit/stage/test_fluxcheck.c tests/unit/stage/scene.c tests/unit/stage/scene.h
 check_PROGRAMS += tests/unit/stage/test_options
 tests_unit_stage_test_options_SOURCES = tests/unit/stage/test_options.c
+check_PROGRAMS += tests/unit/stage/test_simulation
+tests_unit_stage_test_simulation_SOURCES = tests/unit/stage/test_simulation.c
