@@ -1,0 +1,260 @@
+/* From a cut-out to its object. */
+#include "simulate/template_isolate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "num/convolve.h"
+#include "num/stats.h"
+
+#define PI 3.14159265358979323846
+#define SMOOTHING 3.0 /* FWHM, pixels */
+#define EDGE 2.0      /* sigma of the smoothed image */
+#define KEPT 5.0
+#define LEAST_PIXELS 9
+
+enum { SEAM = 2, BORDER_SHARE = 8, LEAST_BORDER = 3 };
+
+typedef struct workshop {
+    int width, height;
+    size_t n;
+    float *raw, *smooth;   /* sky subtracted */
+    unsigned char *bad;    /* masked */
+    unsigned char *inside; /* 1: the object */
+    long *stack;           /* pixels still to look at */
+    double *scratch;
+    double sigma, smooth_sigma;
+} workshop;
+
+static void close_workshop(workshop *w)
+{
+    free(w->raw);
+    free(w->smooth);
+    free(w->bad);
+    free(w->inside);
+    free(w->stack);
+    free(w->scratch);
+}
+
+static rx_status open_workshop(const float *pixels, const unsigned char *mask, int width, int height,
+                               workshop *w, rx_error *err)
+{
+    size_t n = (size_t)width * (size_t)height;
+    *w = (workshop){.width = width, .height = height, .n = n};
+    w->raw = RX_NEW(float, n);
+    w->smooth = RX_NEW(float, n);
+    w->bad = RX_NEW(unsigned char, n);
+    w->inside = RX_NEW(unsigned char, n);
+    w->stack = RX_NEW(long, n);
+    w->scratch = RX_NEW(double, n);
+    if (w->raw == NULL || w->smooth == NULL || w->bad == NULL || w->inside == NULL || w->stack == NULL ||
+        w->scratch == NULL)
+        return rx_error_memory(err, n * sizeof(double));
+    for (size_t i = 0; i < n; i++) {
+        w->bad[i] = !isfinite(pixels[i]) || (mask != NULL && mask[i] != 0);
+        w->raw[i] = w->bad[i] ? 0.0f : pixels[i];
+    }
+    return RX_OK;
+}
+
+/* --- sky and noise --- */
+
+/* Noise of the border; its median too. */
+static double border_sigma(workshop *w, const float *image, double *median)
+{
+    int least = w->width < w->height ? w->width : w->height;
+    int wide = least / BORDER_SHARE > LEAST_BORDER ? least / BORDER_SHARE : LEAST_BORDER;
+    size_t n = 0;
+    for (int y = 0; y < w->height; y++)
+        for (int x = 0; x < w->width; x++) {
+            int inner = x >= wide && x < w->width - wide && y >= wide && y < w->height - wide;
+            size_t i = (size_t)y * (size_t)w->width + (size_t)x;
+            if (!inner && !w->bad[i])
+                w->scratch[n++] = (double)image[i];
+        }
+    *median = 0.0;
+    return n > 0 ? rx_sigma_mad(w->scratch, n, median) : 0.0;
+}
+
+static rx_status measure_noise(workshop *w, double sky, rx_error *err)
+{
+    double median;
+    w->sigma = border_sigma(w, w->raw, &median);
+    if (!isfinite(sky))
+        sky = median;
+    for (size_t i = 0; i < w->n; i++)
+        w->raw[i] = w->bad[i] ? 0.0f : (float)((double)w->raw[i] - sky);
+    memcpy(w->smooth, w->raw, w->n * sizeof(float));
+    rx_status status = rx_gauss_masked(w->width, w->height, SMOOTHING, w->bad, 1, w->smooth, err);
+    if (status == RX_OK)
+        w->smooth_sigma = border_sigma(w, w->smooth, &median);
+    return status;
+}
+
+/* --- the object's pixels --- */
+
+static long brightest(const workshop *w)
+{
+    long best = -1;
+    for (int y = w->height / 4; y < w->height - w->height / 4; y++)
+        for (int x = w->width / 4; x < w->width - w->width / 4; x++) {
+            long i = (long)y * w->width + x;
+            if (!w->bad[i] && (best < 0 || w->smooth[i] > w->smooth[best]))
+                best = i;
+        }
+    return best;
+}
+
+/* Everything above the edge that hangs together with pixel `seed`; the number of pixels. */
+static long flood(workshop *w, long seed)
+{
+    float edge = (float)(EDGE * w->smooth_sigma);
+    long waiting = 0, n = 0;
+    if (seed < 0 || !(w->smooth[seed] > edge))
+        return 0;
+    w->inside[seed] = 1;
+    w->stack[waiting++] = seed;
+    while (waiting > 0) {
+        long i = w->stack[--waiting];
+        int x = (int)(i % w->width), y = (int)(i / w->width);
+        n++;
+        for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < w->height; v++)
+            for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < w->width; u++) {
+                long k = (long)v * w->width + u;
+                if (!w->inside[k] && !w->bad[k] && w->smooth[k] > edge) {
+                    w->inside[k] = 1;
+                    w->stack[waiting++] = k;
+                }
+            }
+    }
+    return n;
+}
+
+/* A seam of one pixel: what touches the object, marked in a second pass as 2 becomes 1. */
+static void add_seam(workshop *w)
+{
+    for (int y = 0; y < w->height; y++)
+        for (int x = 0; x < w->width; x++) {
+            long i = (long)y * w->width + x;
+            for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < w->height && !w->inside[i]; v++)
+                for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < w->width; u++)
+                    if (w->inside[(long)v * w->width + u] == 1 && !w->bad[i]) {
+                        w->inside[i] = 2;
+                        break;
+                    }
+        }
+    for (size_t i = 0; i < w->n; i++)
+        w->inside[i] = w->inside[i] != 0;
+}
+
+/* --- the template --- */
+
+static rx_status crop(const workshop *w, rx_template *dst, rx_error *err)
+{
+    int left = w->width, right = -1, bottom = w->height, top = -1;
+    double sum = 0.0, light = 0.0, count = 0.0;
+    for (int y = 0; y < w->height; y++)
+        for (int x = 0; x < w->width; x++)
+            if (w->inside[(long)y * w->width + x]) {
+                left = x < left ? x : left;
+                right = x > right ? x : right;
+                bottom = y < bottom ? y : bottom;
+                top = y > top ? y : top;
+            }
+    dst->width = right - left + 1;
+    dst->height = top - bottom + 1;
+    size_t n = (size_t)dst->width * (size_t)dst->height;
+    dst->pixels = RX_NEW(float, n);
+    if (dst->pixels == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    float kept = (float)(KEPT * w->smooth_sigma);
+    for (int y = 0; y < dst->height; y++)
+        for (int x = 0; x < dst->width; x++) {
+            long i = (long)(bottom + y) * w->width + left + x;
+            if (!w->inside[i])
+                continue;
+            float value = fmaxf(w->smooth[i] > kept ? w->raw[i] : w->smooth[i], 0.0f);
+            dst->pixels[(long)y * dst->width + x] = value;
+            sum += (double)value;
+            light += (double)w->raw[i];
+            count += 1.0;
+        }
+    for (size_t i = 0; i < n; i++)
+        dst->pixels[i] = (float)((double)dst->pixels[i] / sum);
+    dst->snr = w->sigma > 0.0 ? light / (w->sigma * sqrt(count)) : HUGE_VAL;
+    return RX_OK;
+}
+
+/* Centroid, ratio and angle by moments of the light. */
+static void measure_shape(rx_template *dst)
+{
+    double sx = 0.0, sy = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
+    for (int y = 0; y < dst->height; y++)
+        for (int x = 0; x < dst->width; x++) {
+            double value = (double)dst->pixels[(long)y * dst->width + x];
+            sx += value * x;
+            sy += value * y;
+            xx += value * x * x;
+            yy += value * y * y;
+            xy += value * x * y;
+        }
+    dst->x = sx;
+    dst->y = sy;
+    xx -= sx * sx;
+    yy -= sy * sy;
+    xy -= sx * sy;
+    double half = 0.5 * (xx + yy), root = hypot(0.5 * (xx - yy), xy);
+    dst->ratio = half > root && half > 0.0 ? sqrt((half - root) / (half + root)) : 1.0;
+    dst->ratio = fmax(dst->ratio, 0.05); /* a line of pixels */
+    dst->angle = 0.5 * atan2(2.0 * xy, xx - yy);
+}
+
+/* Radius of half the light around the centroid: growth in steps of 1/20 pixel, pixels in 5 x 5 equal parts.
+ */
+static rx_status measure_radius(rx_template *dst, rx_error *err)
+{
+    enum { PARTS = 5, STEPS = 20 };
+    long n = (long)(STEPS * (hypot(dst->width, dst->height) + 1.0)), k = 0;
+    double *light = RX_NEW(double, (size_t)n);
+    if (light == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *light);
+    for (long i = 0; i < PARTS * PARTS * (long)dst->width * dst->height; i++) {
+        long pixel = i / (PARTS * PARTS), part = i % (PARTS * PARTS);
+        double x = (double)(pixel % dst->width) + (part % PARTS + 0.5) / PARTS - 0.5 - dst->x;
+        double y = (double)(pixel / dst->width) + (double)(part / PARTS) / PARTS + 0.5 / PARTS - 0.5 - dst->y;
+        light[(long)(STEPS * hypot(x, y))] += (double)dst->pixels[pixel] / (PARTS * PARTS);
+    }
+    double sum = 0.0;
+    while (k < n - 1 && sum + light[k] < 0.5)
+        sum += light[k++];
+    dst->radius = ((double)k + (light[k] > 0.0 ? (0.5 - sum) / light[k] : 0.5)) / STEPS;
+    free(light);
+    return RX_OK;
+}
+
+rx_status rx_template_isolate(const float *pixels, const unsigned char *mask, int width, int height,
+                              double sky, rx_template *dst, rx_error *err)
+{
+    workshop w;
+    rx_status status = open_workshop(pixels, mask, width, height, &w, err);
+    if (status == RX_OK)
+        status = measure_noise(&w, sky, err);
+    if (status != RX_OK || flood(&w, brightest(&w)) <= LEAST_PIXELS)
+        goto exit;
+    for (int i = 0; i < SEAM; i++)
+        add_seam(&w);
+    status = crop(&w, dst, err);
+    if (status == RX_OK)
+        measure_shape(dst);
+    if (status == RX_OK)
+        status = measure_radius(dst, err);
+exit:
+    if (status != RX_OK) {
+        free(dst->pixels);
+        dst->pixels = NULL;
+    }
+    close_workshop(&w);
+    return status;
+}
