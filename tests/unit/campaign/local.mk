@@ -1,0 +1,6 @@
+check_PROGRAMS += tests/unit/campaign/test_journal
+tests_unit_campaign_test_journal_SOURCES = tests/unit/campaign/test_journal.c tests/unit/campaign/scratch.h
+check_PROGRAMS += tests/unit/campaign/test_units
+tests_unit_campaign_test_units_SOURCES = tests/unit/campaign/test_units.c tests/unit/campaign/scratch.h
+check_PROGRAMS += tests/unit/campaign/test_photometry_judge
+tests_unit_campaign_test_photometry_judge_SOURCES = tests/unit/campaign/test_photometry_judge.c
