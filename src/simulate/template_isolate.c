@@ -10,28 +10,30 @@
 #include "num/stats.h"
 
 #define PI 3.14159265358979323846
-#define SMOOTHING 3.0 /* FWHM, pixels */
-#define EDGE 2.0      /* sigma of the smoothed image */
-#define KEPT 5.0
+#define FINE 3.0 /* FWHM of the two smoothed images, pixels */
+#define WIDE 6.0
+#define EDGE 2.5 /* sigma of the wide one: where the object ends */
+#define KEPT 5.0 /* sigma of the fine one: pixels as they are */
 #define LEAST_PIXELS 9
 
-enum { SEAM = 2, BORDER_SHARE = 8, LEAST_BORDER = 3 };
+enum { SEAM = 1, BORDER_SHARE = 8, LEAST_BORDER = 3 };
 
 typedef struct workshop {
     int width, height;
     size_t n;
-    float *raw, *smooth;   /* sky subtracted */
-    unsigned char *bad;    /* masked */
-    unsigned char *inside; /* 1: the object */
-    long *stack;           /* pixels still to look at */
+    float *raw, *fine, *wide; /* sky subtracted; smoothed */
+    unsigned char *bad;       /* masked */
+    unsigned char *inside;    /* 1: the object */
+    long *stack;              /* pixels still to look at */
     double *scratch;
-    double sigma, smooth_sigma;
+    double sigma, fine_sigma, wide_sigma;
 } workshop;
 
 static void close_workshop(workshop *w)
 {
     free(w->raw);
-    free(w->smooth);
+    free(w->fine);
+    free(w->wide);
     free(w->bad);
     free(w->inside);
     free(w->stack);
@@ -44,13 +46,14 @@ static rx_status open_workshop(const float *pixels, const unsigned char *mask, i
     size_t n = (size_t)width * (size_t)height;
     *w = (workshop){.width = width, .height = height, .n = n};
     w->raw = RX_NEW(float, n);
-    w->smooth = RX_NEW(float, n);
+    w->fine = RX_NEW(float, n);
+    w->wide = RX_NEW(float, n);
     w->bad = RX_NEW(unsigned char, n);
     w->inside = RX_NEW(unsigned char, n);
     w->stack = RX_NEW(long, n);
     w->scratch = RX_NEW(double, n);
-    if (w->raw == NULL || w->smooth == NULL || w->bad == NULL || w->inside == NULL || w->stack == NULL ||
-        w->scratch == NULL)
+    if (w->raw == NULL || w->fine == NULL || w->wide == NULL || w->bad == NULL || w->inside == NULL ||
+        w->stack == NULL || w->scratch == NULL)
         return rx_error_memory(err, n * sizeof(double));
     for (size_t i = 0; i < n; i++) {
         w->bad[i] = !isfinite(pixels[i]) || (mask != NULL && mask[i] != 0);
@@ -86,11 +89,16 @@ static rx_status measure_noise(workshop *w, double sky, rx_error *err)
         sky = median;
     for (size_t i = 0; i < w->n; i++)
         w->raw[i] = w->bad[i] ? 0.0f : (float)((double)w->raw[i] - sky);
-    memcpy(w->smooth, w->raw, w->n * sizeof(float));
-    rx_status status = rx_gauss_masked(w->width, w->height, SMOOTHING, w->bad, 1, w->smooth, err);
+    memcpy(w->fine, w->raw, w->n * sizeof(float));
+    memcpy(w->wide, w->raw, w->n * sizeof(float));
+    rx_status status = rx_gauss_masked(w->width, w->height, FINE, w->bad, 1, w->fine, err);
     if (status == RX_OK)
-        w->smooth_sigma = border_sigma(w, w->smooth, &median);
-    return status;
+        status = rx_gauss_masked(w->width, w->height, WIDE, w->bad, 1, w->wide, err);
+    if (status != RX_OK)
+        return status;
+    w->fine_sigma = border_sigma(w, w->fine, &median);
+    w->wide_sigma = border_sigma(w, w->wide, &median);
+    return RX_OK;
 }
 
 /* --- the object's pixels --- */
@@ -101,7 +109,7 @@ static long brightest(const workshop *w)
     for (int y = w->height / 4; y < w->height - w->height / 4; y++)
         for (int x = w->width / 4; x < w->width - w->width / 4; x++) {
             long i = (long)y * w->width + x;
-            if (!w->bad[i] && (best < 0 || w->smooth[i] > w->smooth[best]))
+            if (!w->bad[i] && (best < 0 || w->wide[i] > w->wide[best]))
                 best = i;
         }
     return best;
@@ -110,9 +118,9 @@ static long brightest(const workshop *w)
 /* Everything above the edge that hangs together with pixel `seed`; the number of pixels. */
 static long flood(workshop *w, long seed)
 {
-    float edge = (float)(EDGE * w->smooth_sigma);
+    float edge = (float)(EDGE * w->wide_sigma);
     long waiting = 0, n = 0;
-    if (seed < 0 || !(w->smooth[seed] > edge))
+    if (seed < 0 || !(w->wide[seed] > edge))
         return 0;
     w->inside[seed] = 1;
     w->stack[waiting++] = seed;
@@ -123,7 +131,7 @@ static long flood(workshop *w, long seed)
         for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < w->height; v++)
             for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < w->width; u++) {
                 long k = (long)v * w->width + u;
-                if (!w->inside[k] && !w->bad[k] && w->smooth[k] > edge) {
+                if (!w->inside[k] && !w->bad[k] && w->wide[k] > edge) {
                     w->inside[k] = 1;
                     w->stack[waiting++] = k;
                 }
@@ -169,13 +177,14 @@ static rx_status crop(const workshop *w, rx_template *dst, rx_error *err)
     dst->pixels = RX_NEW(float, n);
     if (dst->pixels == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    float kept = (float)(KEPT * w->smooth_sigma);
+    float kept = (float)(KEPT * w->fine_sigma), faint = 0.5f * kept;
     for (int y = 0; y < dst->height; y++)
         for (int x = 0; x < dst->width; x++) {
             long i = (long)(bottom + y) * w->width + left + x;
             if (!w->inside[i])
                 continue;
-            float value = fmaxf(w->smooth[i] > kept ? w->raw[i] : w->smooth[i], 0.0f);
+            float fine = w->fine[i], value = fine > kept ? w->raw[i] : fine > faint ? fine : w->wide[i];
+            value = fmaxf(value, 0.0f);
             dst->pixels[(long)y * dst->width + x] = value;
             sum += (double)value;
             light += (double)w->raw[i];

@@ -8,13 +8,13 @@
 typedef struct rx_template {
     char name[80];
     int width, height;
-    float *pixels;       /* sky subtracted, sum 1 over the object, 0 where nothing but noise is */
+    float *pixels;       /* [height][width], sum 1, never negative, 0 where nothing but noise is */
     double x, y;         /* centroid, pixels from 0: what lies at the position of an object */
     double pixel_scale;  /* arcsec */
     double fwhm;         /* of its own PSF, arcsec; 0 = unknown */
     double radius;       /* half-light radius, template pixels, circular */
     double ratio, angle; /* shape from second moments */
-    double snr;          /* of the whole object in its own noise */
+    double snr;          /* of the whole object, as if the noise of its pixels were independent */
 } rx_template;
 
 typedef struct rx_templates {
@@ -22,11 +22,15 @@ typedef struct rx_templates {
     rx_template *list;
 } rx_templates;
 
-/* `name`: a folder (every .fits in it, by name), a list (`@file`, a name per line, # comments), or one FITS
- * file. Files with many image HDUs give one template each; GalSim's RealGalaxy layout (a catalogue beside
- * images and PSFs) is understood. pixel_scale (arcsec) serves where a header has none. Noise outside the
- * object is cut away and what is left inside is smoothed no more than stated in templates.c. Templates below
- * min_snr are left out, told through log. Errors: RX_INPUT naming the file. */
+/* `name`: a folder (every .fits, .fit, .fits.gz, .fits.fz in it, by name), a list (`@file`, a name per line,
+ * # comments), or one FITS file. Files with many image HDUs give one template each, whose pixel scale is that
+ * of the header's world coordinates, else pixel_scale (arcsec). A table with GAL_FILENAME and GAL_HDU (from
+ * 0) is a catalogue of GalSim's RealGalaxy layout: images and PSFs are in the files that it names, beside it,
+ * with PIXEL_SCALE and the sky NOISE_MEAN of the catalogue; in a folder it speaks for all other files. The
+ * PSF of a plain file a_b.fits is a_b_psf.fits or a_psf.fits, on the same scale; names that end so are no
+ * templates. The object is cut out as template_isolate.h says. Templates below min_snr are left out, told
+ * through log, as are PSFs that no profile fits (their template then has fwhm 0). Errors: RX_INPUT naming the
+ * file, or when no template is left; RX_SYSTEM memory. */
 rx_status rx_templates_read(const char *name, double pixel_scale, double min_snr, rx_log *log,
                             rx_templates **dst, rx_error *err);
 /* FWHM of what blurs the template as it is drawn, in template pixels: its own PSF (taken as 2 pixels where it
