@@ -96,6 +96,20 @@ static rx_status check_fields(const rx_campaign_config *config, rx_error *err)
     return RX_OK;
 }
 
+/* What the simulator cannot do as part of a campaign. */
+static rx_status check_simulator(const rx_campaign_config *config, rx_error *err)
+{
+    const rx_simulate_config *sim = config->sim;
+    if (sim->inject_image[0] != '\0')
+        return rx_settings_refuse(&sim->settings, "INJECT_IMAGE", err,
+                                  "has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
+    if (is(config->campaign_type, "RESTORATION") && !is(sim->psf_type, "MOFFAT"))
+        return rx_settings_refuse(&sim->settings, "PSF_TYPE", err,
+                                  "%s has no FWHM that a RESTORATION campaign could vary; give MOFFAT",
+                                  sim->psf_type);
+    return RX_OK;
+}
+
 static rx_status check_small_and_paper(const rx_campaign_config *config, rx_error *err)
 {
     const struct {
@@ -127,6 +141,8 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
         status = check_ranges(config, err);
     if (status == RX_OK)
         status = check_fields(config, err);
+    if (status == RX_OK)
+        status = check_simulator(config, err);
     if (status == RX_OK)
         status = check_small_and_paper(config, err);
     return status;

@@ -193,6 +193,9 @@ static void campaigns_are_checked(void **state)
         {"TILES 3", NULL},
         {"TILES 3;SIZE PAPER", "-TILES: has no second number, which SIZE PAPER asks for"},
         {"SCENES_FWHM 3;SIZE PAPER", "-SCENES_FWHM: has no second number"},
+        {"SIM.INJECT_IMAGE a.fits", "-SIM.INJECT_IMAGE: has no place in a campaign; give FIELDS INJECTED"},
+        {"SIM.PSF_TYPE PSFEX", NULL},
+        {"SIM.PSF_TYPE PSFEX;CAMPAIGN_TYPE RESTORATION", "-SIM.PSF_TYPE: PSFEX has no FWHM"},
         {"SIM.STAR_MAG 20,19", "-SIM.STAR_MAG: 20 is above 19"},
         {"STAGE.CHECKIMAGE_TYPE RESTORED,OBJECTS", "-STAGE.CHECKIMAGE_NAME: names 1 file(s)"},
     };
