@@ -149,8 +149,28 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     return RX_OK;
 }
 
+static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w, rx_log *log, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    rx_text text = {0};
+    rx_status status = rx_checks_run(checks, run->kind, &w->probe, log, &run->checks, err);
+    if (status != RX_OK)
+        return status;
+    rx_checks_text(checks, &run->checks, &text);
+    if (text.failed)
+        status = rx_error_memory(err, 0);
+    if (status == RX_OK && text.length > 0) {
+        size_t used = strlen(run->account);
+        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text.data);
+        snprintf(run->account + used, sizeof run->account - used, "; %s", text.data);
+    }
+    rx_text_free(&text);
+    return status;
+}
+
 rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
-                         const rx_field *measure, const rx_record *record, rx_log *log, rx_error *err)
+                         const rx_field *measure, const rx_checks *checks, const rx_record *record,
+                         rx_log *log, rx_error *err)
 {
     work w = {.options = options, .detect = detect, .measure = measure != NULL ? measure : detect};
     rx_record facts = {0};
@@ -165,14 +185,18 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
     if (status != RX_OK)
         goto exit;
+    rx_log_info(log, "%s[%d]: %s: %d sources", detect->tile->name, detect->tile->hdu, run->kind->name,
+                sources->n);
+    status = run_checks(run, checks, &w, log, err);
+    if (status != RX_OK)
+        goto exit;
     describe(&w, &facts);
+    rx_checks_facts(checks, &run->checks, &facts);
     status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);
     if (status == RX_OK)
         status = write_images(run, &w, record, &facts, err);
     if (status != RX_OK)
         goto exit;
-    rx_log_info(log, "%s[%d]: %s: %d sources", detect->tile->name, detect->tile->hdu, run->kind->name,
-                sources->n);
     run->restored = w.probe.restored; /* the report wants them */
     run->sources = sources;
     w.probe.restored = NULL;
@@ -187,6 +211,7 @@ void rx_run_forget(rx_run *run)
 {
     rx_restored_free(run->restored);
     rx_sources_free(run->sources);
+    rx_check_results_free(&run->checks);
     run->restored = NULL;
     run->sources = NULL;
 }

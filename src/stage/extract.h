@@ -11,6 +11,7 @@
 #include "data/table.h"
 #include "io/output.h"
 #include "stage/checkimages.h"
+#include "stage/checks.h"
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/record.h"
@@ -26,7 +27,8 @@ typedef struct rx_run {
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;
-    char account[512]; /* settings and what was found of the fluxes, one line for the report */
+    rx_check_results checks;
+    char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 
 /* Open the outputs of a restorer; `tagged`: several restorers share the names. */
@@ -34,9 +36,11 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
                       rx_outputs *outputs, rx_error *err);
 
 /* Restore `detect`, find sources on it, measure them on it, on the original or on `measure` (dual-image mode,
- * else NULL), and append to tables and check-images. restored and sources stay until rx_run_forget(). */
+ * else NULL), run the checks (NULL: none), and append to tables and check-images. restored, sources and
+ * checks stay until rx_run_forget(). */
 rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
-                         const rx_field *measure, const rx_record *record, rx_log *log, rx_error *err);
+                         const rx_field *measure, const rx_checks *checks, const rx_record *record,
+                         rx_log *log, rx_error *err);
 void rx_run_forget(rx_run *run);
 
 /* Write the catalogue and finish the check-images (still under temporary names). */

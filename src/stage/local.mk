@@ -1,5 +1,7 @@
 librextract_la_SOURCES += \
+	src/stage/blankcheck.c src/stage/blankcheck.h \
 	src/stage/checkimages.c src/stage/checkimages.h \
+	src/stage/checks.c src/stage/checks.h \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/field.c src/stage/field.h \
 	src/stage/fluxcheck.c src/stage/fluxcheck.h \
@@ -9,7 +11,11 @@ librextract_la_SOURCES += \
 	src/stage/quality.c src/stage/quality.h \
 	src/stage/record.c src/stage/record.h \
 	src/stage/reference.c src/stage/reference.h \
+	src/stage/replica.c src/stage/replica.h \
 	src/stage/report.c src/stage/report.h \
+	src/stage/selfcheck.c src/stage/selfcheck.h \
+	src/stage/selfcheck_numbers.c src/stage/selfcheck_numbers.h \
+	src/stage/selfcheck_plan.c \
 	src/stage/coordinates.c src/stage/coordinates.h \
 	src/stage/stage.c
 

@@ -303,6 +303,20 @@ static rx_status quality_options(const rx_config *cfg, rx_options *dst, rx_error
     return status;
 }
 
+static void check_options(const rx_config *cfg, rx_options *dst)
+{
+    dst->self_check = cfg->self_check;
+    dst->blank_check = cfg->blank_check;
+    dst->self_check_count = cfg->self_check_count;
+    dst->self_check_density = cfg->self_check_density;
+    dst->self_check_galaxies = cfg->self_check_galaxies;
+    dst->self_check_away = strcmp(cfg->self_check_place, "AWAY") == 0;
+    dst->self_check_name = cfg->self_check_name;
+    dst->qa_figures = cfg->qa_figures;
+    for (int i = 0; i < 2 && cfg->self_check_mag.n == 2; i++)
+        dst->self_check_mag[i] = cfg->self_check_mag.v[i];
+}
+
 static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *err)
 {
     if (!rx_columns_has(dst->columns, "VECTOR_ASSOC") && !rx_columns_has(dst->columns, "NUMBER_ASSOC"))
@@ -359,6 +373,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     }
     if (status == RX_OK)
         status = assoc_options(cfg, options, err);
+    check_options(cfg, options);
     if (status == RX_OK)
         status = quality_options(cfg, options, err);
     if (status == RX_OK)

@@ -46,7 +46,15 @@ typedef struct rx_options {
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
-    rx_gates *gates; /* owned, also qa.gates; NULL without QA_GATES */
+    rx_gates *gates;             /* owned, also qa.gates; NULL without QA_GATES */
+    int self_check, blank_check; /* SELF_CHECK; BLANK_CHECK, realisations */
+    long self_check_count;       /* SELF_CHECK_COUNT */
+    double self_check_density;   /* SELF_CHECK_DENSITY, per Mpixel */
+    double self_check_mag[2];    /* SELF_CHECK_MAG; from >= to: around the tile's limit */
+    double self_check_galaxies;  /* SELF_CHECK_GALAXIES, share */
+    int self_check_away;         /* SELF_CHECK_PLACE AWAY */
+    const char *self_check_name; /* SELF_CHECK_NAME, "" = no report */
+    int qa_figures;              /* QA_FIGURES */
     const char *qa_name;
     double match_radius;
     int match_arcsec;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "io/wcs.h"
 
 static void flux_of(const rx_source *s, int kind, double *flux, double *error)
 {
@@ -51,6 +52,27 @@ rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const 
         dst->score[i] = s->detection_snr;
         dst->flags[i] = s->flags;
     }
+    return RX_OK;
+}
+
+double rx_quality_scale(const rx_tile *tile)
+{
+    return tile->wcs != NULL
+               ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
+               : tile->pixel_scale;
+}
+
+rx_status rx_quality_radius(const rx_options *options, const rx_tile *tile, double *pixels, rx_error *err)
+{
+    double scale = rx_quality_scale(tile);
+    *pixels = options->match_radius;
+    if (!options->match_arcsec)
+        return RX_OK;
+    if (!(scale > 0.0))
+        return rx_error_at(
+            err, RX_USAGE, tile->name, tile->hdu, 0,
+            "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
+    *pixels = options->match_radius / scale;
     return RX_OK;
 }
 

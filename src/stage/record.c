@@ -56,6 +56,19 @@ void rx_record_cards(const rx_record *record, rx_text *cards)
         rx_card_record(cards, record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]);
 }
 
+rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err)
+{
+    const char *(*pairs)[2] = rx_alloc((size_t)record->n, sizeof *pairs);
+    if (pairs == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < record->n; i++) {
+        pairs[i][0] = record->pairs[i][0];
+        pairs[i][1] = record->pairs[i][1];
+    }
+    *dst = pairs;
+    return RX_OK;
+}
+
 void rx_record_free(rx_record *record)
 {
     for (int i = 0; i < record->n; i++)

@@ -24,6 +24,10 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
 /* As FITS cards: names of up to 8 characters become keywords, longer ones HISTORY lines. */
 void rx_record_cards(const rx_record *record, rx_text *cards);
 
+/* Name and value of each entry, as validate/ shows them: *dst[record->n] points into the record, the array is
+ * the caller's to free. */
+rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err);
+
 void rx_record_free(rx_record *record);
 
 #endif

@@ -6,31 +6,15 @@
 
 #include "base/memory.h"
 #include "base/names.h"
-#include "io/wcs.h"
 #include "stage/quality.h"
 #include "stage/reference.h"
 
-static double sky_scale(const rx_tile *tile)
-{
-    return tile->wcs != NULL
-               ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
-               : tile->pixel_scale;
-}
-
-static rx_status match_options(const rx_options *options, const rx_tile *tile, double scale,
-                               rx_qa_params *dst, rx_error *err)
+static rx_status match_options(const rx_options *options, const rx_tile *tile, rx_qa_params *dst,
+                               rx_error *err)
 {
     *dst = options->qa;
-    dst->match_radius = options->match_radius;
-    if (!options->match_arcsec)
-        return RX_OK;
-    if (!(scale > 0.0))
-        return rx_error_at(
-            err, RX_USAGE, tile->name, tile->hdu, 0,
-            "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
-    dst->match_radius_arcsec = options->match_radius;
-    dst->match_radius = options->match_radius / scale;
-    return RX_OK;
+    dst->match_radius_arcsec = options->match_arcsec ? options->match_radius : 0.0;
+    return rx_quality_radius(options, tile, &dst->match_radius, err);
 }
 
 static rx_status collect_runs(const rx_options *options, const rx_field *measure, const rx_run *runs,
@@ -60,27 +44,13 @@ static rx_status collect_pictures(const rx_options *options, const rx_field *det
     return status;
 }
 
-/* Name and value of every keyword, then the facts of the tile that the headers carry too. */
-static rx_status collect_record(const rx_record *record, const char *(**dst)[2], rx_error *err)
-{
-    const char *(*pairs)[2] = rx_alloc((size_t)record->n, sizeof *pairs);
-    if (pairs == NULL)
-        return rx_error_memory(err, 0);
-    for (int i = 0; i < record->n; i++) {
-        pairs[i][0] = record->pairs[i][0];
-        pairs[i][1] = record->pairs[i][1];
-    }
-    *dst = pairs;
-    return RX_OK;
-}
-
-static rx_status open_folder(const rx_options *options, int extension, rx_outputs *outputs,
-                             const char **folder, rx_error *err)
+static rx_status open_folder(const char *wanted, int extension, rx_outputs *outputs, const char **folder,
+                             rx_error *err)
 {
     char tag[16] = "";
     if (extension > 0)
         snprintf(tag, sizeof tag, "%d", extension);
-    char *name = rx_name_with_tag(options->qa_name, tag);
+    char *name = rx_name_with_tag(wanted, tag);
     if (name == NULL)
         return rx_error_memory(err, 0);
     rx_status status = rx_outputs_folder(outputs, name, folder, err);
@@ -100,7 +70,7 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     rx_verdict found = RX_VERDICT_NONE;
     const char *folder = NULL;
     const char *(*pairs)[2] = NULL;
-    double scale = sky_scale(tile);
+    double scale = rx_quality_scale(tile);
     rx_qa_input input = {.tile = tile->name,
                          .reference = options->reference.name,
                          .width = tile->width,
@@ -114,7 +84,7 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
                          .pictures = pictures};
     unsigned char *blind = NULL;
     size_t n = (size_t)tile->width * (size_t)tile->height;
-    rx_status status = match_options(options, tile, scale, &par, err);
+    rx_status status = match_options(options, tile, &par, err);
     if (status == RX_OK)
         status = rx_reference_list(&options->reference, reference, tile, log, &input.truth, err);
     if (status == RX_OK && (blind = RX_NEW(unsigned char, n)) == NULL)
@@ -127,11 +97,11 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     if (status == RX_OK)
         status = collect_pictures(options, detect, runs, pictures, err);
     if (status == RX_OK)
-        status = collect_record(record, &pairs, err);
+        status = rx_record_list(record, &pairs, err);
     input.nrecord = record->n;
     input.record = (const char *const(*)[2])pairs;
     if (status == RX_OK)
-        status = open_folder(options, extension, outputs, &folder, err);
+        status = open_folder(options->qa_name, extension, outputs, &folder, err);
     if (status == RX_OK)
         status =
             rx_qa_report(&par, &input, folder, rx_outputs_shown(outputs, folder), log, &found, brief, err);
@@ -143,5 +113,25 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     }
     free(pairs);
     free(blind);
+    return status;
+}
+
+rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, const rx_run *runs,
+                           int extension, const rx_record *record, rx_outputs *outputs, rx_log *log,
+                           rx_error *err)
+{
+    const char *names[RX_MAX_RUNS], *accounts[RX_MAX_RUNS], *folder = NULL;
+    const rx_check_results *results[RX_MAX_RUNS];
+    if (options->self_check_name[0] == '\0' || !rx_checks_injected(checks))
+        return RX_OK;
+    for (int i = 0; i < options->nrestorers; i++) {
+        names[i] = runs[i].kind->name;
+        accounts[i] = runs[i].account;
+        results[i] = &runs[i].checks;
+    }
+    rx_status status = open_folder(options->self_check_name, extension, outputs, &folder, err);
+    if (status == RX_OK)
+        status = rx_checks_report(checks, options->nrestorers, names, accounts, results, record, folder,
+                                  rx_outputs_shown(outputs, folder), log, err);
     return status;
 }

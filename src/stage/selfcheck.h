@@ -1,33 +1,85 @@
-/* SELF_CHECK: what the stage finds of objects injected into a copy of this very tile, with no outside
- * catalogue. BLANK_CHECK: what it finds where there is nothing but this tile's noise. */
+/* SELF_CHECK: what the stage finds of objects injected into copies of this very tile, with no outside
+ * catalogue.
+ *
+ * Objects of known flux, drawn through the tile's own PSF with the photon noise they bring, are added to a
+ * copy; background, restoration, detection and measurement run as they did for the catalogue, with the same
+ * PSF. Rounds of few objects at a time leave the tile as crowded as it is.
+ *
+ * What was there before does not count. A detection after the injection is `old` when it has a counterpart
+ * in the un-injected run of the same restorer (one to one, nearest first, within MATCH_RADIUS) and less than
+ * half of the light in its footprint was injected; light is that of the tile's own pixels above the sky. All
+ * others are new. An injected object is found when a new detection lies within MATCH_RADIUS of it, one to
+ * one. So a star injected on top of a brighter one, and not told apart from it, is lost; on top of a fainter
+ * one it is found, and the detection gets RX_FLAG_CROWDED. A new detection without an injected object
+ * (a neighbour broken up, say) counts against the purity. */
 #ifndef RX_STAGE_SELFCHECK_H
 #define RX_STAGE_SELFCHECK_H
 
 #include "base/error.h"
 #include "base/log.h"
+#include "simulate/optics.h"
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/probe.h"
-#include "stage/record.h"
+#include "validate/binomial.h"
 #include "validate/qa.h"
 
-/* Completeness, purity and bias of one restorer on this tile. */
+/* What all restorers of a field share, so that they meet the same pixels. */
+typedef struct rx_selfcheck_plan {
+    const rx_field *field;
+    const int32_t *segments; /* sources of the untouched tile, 0 = sky; the caller's */
+    rx_options options;      /* the run's, with what the check needs measured; points into those */
+    rx_options apertures;    /* the run's, with nothing but the wide aperture */
+    rx_optics *optics;
+    unsigned char *allowed;             /* [height][width] where objects may go */
+    double limit;                       /* magnitude of a point source at 5 sigma, PSF-weighted */
+    double mag_low, mag_high, mag_step; /* of the objects; bins */
+    double match_radius;                /* pixels */
+    double distance;                    /* least one between injected objects, pixels */
+    double diameter;                    /* of the wide aperture, pixels: 5 FWHM, at least 10 */
+    long count, per_round;              /* objects wanted, at most so many at once */
+} rx_selfcheck_plan;
+
+/* Completeness, purity and bias of one restorer on this tile. Intervals at 95 %. */
 typedef struct rx_selfcheck {
     long injected, found;
-    rx_estimate mag90, mag50; /* magnitude of 90 and 50 % completeness */
-    rx_estimate purity;       /* of detections that are new after the injection: share that was injected */
-    rx_estimate bias,
-        scatter; /* median and sigma_MAD of measured - true magnitude (QA_MAG), unflagged ones */
-    rx_estimate aperture_bias; /* the same in a wide aperture, corrected for what the PSF has outside: 0 when
-                                  the flux scale is right */
+    long before;               /* sources of the un-injected run */
+    rx_estimate mag90, mag50;  /* magnitude of 90 and 50 % completeness */
+    rx_estimate purity;        /* of detections that are new after the injection: share that was injected */
+    rx_estimate bias, scatter; /* median and sigma_MAD of measured - true magnitude (QA_MAG), FLAGS 0 */
+    /* The same in a wide aperture corrected for what the PSF has outside, of objects of S/N 20 and more by
+     * their true flux, FLAGS 0, without a source of the untouched tile in the aperture: as measured, */
+    rx_estimate wide_bias;
+    /* and less what that very aperture would hold without the object, which is `sky`, per pixel, in ADU:
+     * light of sources too faint to be detected, and the error of the background (the object itself moves the
+     * mode of its mesh). This bias is 0 when the flux scale is right. */
+    rx_estimate aperture_bias, sky;
+    int rounds;
+    /* every round beside the one before: x counts on by `pitch` pixels from round to round */
+    int width, height, pitch;
+    rx_qa_list truth, found_list; /* injected objects; new detections */
+    double *aperture;      /* [found_list.n][2] flux in the wide aperture, and what it would hold without the
+                              object; ADU */
+    rx_qa_picture picture; /* middle of the first round, restored; pixels owned */
 } rx_selfcheck;
 
-typedef struct rx_blankcheck {
-    int realisations;
-    long false_detections;
-    double mpixels;   /* searched, masked pixels left out */
-    rx_estimate rate; /* false detections per Mpixel, exact Poisson interval at 95 % */
-    double upper;     /* one-sided 95 % upper limit per Mpixel */
-} rx_blankcheck;
+/* `segments` of the untouched tile must outlive the plan, as must options and field. The field has a PSF.
+ * Errors: RX_USAGE (MATCH_UNIT), RX_INPUT (no place left), RX_SYSTEM. */
+rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field, const int32_t *segments,
+                                rx_selfcheck_plan **dst, rx_error *err);
+void rx_selfcheck_plan_free(rx_selfcheck_plan *plan);
+
+/* `before`: that restorer on the untouched tile. The content of *dst is
+ * freed by rx_selfcheck_free(), also after an error. */
+rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_probe *before,
+                           rx_log *log, rx_selfcheck *dst, rx_error *err);
+void rx_selfcheck_free(rx_selfcheck *check);
+
+/* new_one[after->n]: 1 for the detections of `after` that count as new (rule above), 2 for those that have a
+ * counterpart all the same. `injected`: pixels of the tile after - before the injection; `level` its sky
+ * after. */
+rx_status rx_selfcheck_sift(const rx_sources *before, const rx_sources *after, const rx_tile *tile,
+                            const float *level, const float *injected, double radius, unsigned char *new_one,
+                            rx_error *err);
 
 #endif

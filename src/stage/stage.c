@@ -1,7 +1,7 @@
 /* The main job for one tile, the paper's Figure 1 read from top to bottom:
  *
  *   open tile -> background -> psf            field.c
- *   restore -> detect -> measure -> table     extract.c, once per restorer
+ *   restore -> detect -> measure -> table     probe.c and extract.c, once per restorer
  *   catalogues, check-images, report          here
  *
  * Outputs are written under temporary names and renamed together at the end.
@@ -16,6 +16,7 @@
 #include "base/names.h"
 #include "io/output.h"
 #include "io/tile.h"
+#include "stage/checks.h"
 #include "stage/extract.h"
 #include "stage/field.h"
 #include "stage/record.h"
@@ -68,7 +69,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
 {
     const rx_options *options = job->options;
     rx_field *detect = NULL, *measure = NULL;
-    int need_psf = any_needs_psf(options);
+    rx_checks *checks = NULL;
+    int need_psf = any_needs_psf(options) || options->self_check;
     rx_status status =
         rx_field_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
@@ -77,8 +79,10 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         if (status == RX_OK)
             status = same_shape(detect, measure, err);
     }
+    if (status == RX_OK)
+        status = rx_checks_new(options, detect, job->log, &checks, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
-        status = rx_run_extract(&job->runs[i], options, detect, measure, &job->record, job->log, err);
+        status = rx_run_extract(&job->runs[i], options, detect, measure, checks, &job->record, job->log, err);
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
@@ -86,8 +90,12 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference,
                                  job->runs, nextensions > 1 ? extension : 0, &job->record, job->outputs,
                                  job->log, &job->verdict, &job->brief, err);
+    if (status == RX_OK)
+        status = rx_report_checks(options, checks, job->runs, nextensions > 1 ? extension : 0, &job->record,
+                                  job->outputs, job->log, err);
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_forget(&job->runs[i]);
+    rx_checks_free(checks);
     rx_field_free(measure);
     rx_field_free(detect);
     return status;
@@ -152,6 +160,12 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     rx_record_run(&job.record, config, image);
     if (job.record.failed || !rx_name_split_images(image, &job.detect, &job.measure)) {
         status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    if (job.measure != NULL && (options->self_check || options->blank_check > 0)) {
+        status = rx_error_set(err, RX_USAGE,
+                              "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
+                              "the checks");
         goto exit;
     }
     status = rx_outputs_new(&job.outputs, err);

@@ -1,0 +1,263 @@
+/* The checks of a run. */
+#include "stage/checks.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "stage/quality.h"
+#include "stage/selfcheck_numbers.h"
+
+struct rx_checks {
+    const rx_options *options;
+    const rx_field *field;
+    rx_sources *sources;     /* of the untouched tile as it is */
+    rx_selfcheck_plan *plan; /* NULL: no self check */
+    rx_sky_noise noise;
+    int blank; /* noise is known */
+};
+
+/* Where the sources of the untouched tile are. */
+static rx_status find_sources(const rx_options *options, const rx_field *field, rx_sources **dst,
+                              rx_error *err)
+{
+    rx_probe probe;
+    rx_options own = *options;
+    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    own.measure.nnw_file = NULL;
+    own.measure.vignet_width = own.measure.vignet_height = 0;
+    own.calibrate_none = 0;
+    rx_status status = rx_probe_run(&own, rx_restorer_find("NONE"), field, NULL, NULL, &probe, err);
+    if (status != RX_OK)
+        return status;
+    *dst = probe.sources;
+    probe.sources = NULL;
+    rx_probe_free(&probe);
+    return RX_OK;
+}
+
+static rx_status prepare_selfcheck(rx_checks *checks, rx_log *log, rx_error *err)
+{
+    const rx_field *field = checks->field;
+    const rx_tile *tile = field->tile;
+    rx_error why = RX_ERROR_NONE;
+    if (field->psf == NULL) {
+        rx_log_warning(log,
+                       "%s[%d]: the PSF is not known, so nothing can be injected: SELF_CHECK is left out; "
+                       "give PSF_TYPE and PSF_FWHM or PSF_NAME",
+                       tile->name, tile->hdu);
+        return RX_OK;
+    }
+    if (checks->options->psf.type == RX_PSF_AUTO && field->psf->nstars == 0)
+        rx_log_warning(log,
+                       "%s[%d]: SELF_CHECK injects objects of the stated seeing, not of the tile's own PSF",
+                       tile->name, tile->hdu);
+    rx_status status =
+        rx_selfcheck_plan_new(checks->options, field, checks->sources->segments, &checks->plan, &why);
+    if (status == RX_INPUT) {
+        rx_log_warning(log, "%s[%d]: %s", tile->name, tile->hdu, why.text);
+        return RX_OK;
+    }
+    if (status != RX_OK && err != NULL)
+        *err = why;
+    return status;
+}
+
+static rx_status prepare_blankcheck(rx_checks *checks, rx_log *log, rx_error *err)
+{
+    const rx_tile *tile = checks->field->tile;
+    rx_error why = RX_ERROR_NONE;
+    rx_status status = rx_blankcheck_noise(checks->field, checks->sources->segments, &checks->noise, &why);
+    if (status == RX_INPUT)
+        rx_log_warning(log, "%s[%d]: BLANK_CHECK is left out: %s", tile->name, tile->hdu, why.text);
+    else if (status != RX_OK && err != NULL)
+        *err = why;
+    checks->blank = status == RX_OK;
+    return status == RX_INPUT ? RX_OK : status;
+}
+
+rx_status rx_checks_new(const rx_options *options, const rx_field *field, rx_log *log, rx_checks **dst,
+                        rx_error *err)
+{
+    *dst = NULL;
+    if (!options->self_check && options->blank_check == 0)
+        return RX_OK;
+    rx_checks *checks = RX_NEW(rx_checks, 1);
+    if (checks == NULL)
+        return rx_error_memory(err, sizeof *checks);
+    checks->options = options;
+    checks->field = field;
+    rx_status status = find_sources(options, field, &checks->sources, err);
+    if (status == RX_OK && options->self_check)
+        status = prepare_selfcheck(checks, log, err);
+    if (status == RX_OK && options->blank_check > 0)
+        status = prepare_blankcheck(checks, log, err);
+    if (status == RX_OK)
+        *dst = checks;
+    else
+        rx_checks_free(checks);
+    return status;
+}
+
+void rx_checks_free(rx_checks *checks)
+{
+    if (checks == NULL)
+        return;
+    rx_selfcheck_plan_free(checks->plan);
+    rx_sources_free(checks->sources);
+    free(checks);
+}
+
+/* "22.31 (22.25..22.38)"; a side without a bound stays open. */
+static void add_estimate(rx_text *dst, const char *what, int decimals, const rx_estimate *e)
+{
+    rx_text_printf(dst, ", %s ", what);
+    if (!isfinite(e->value)) {
+        rx_text_add(dst, "not known");
+        return;
+    }
+    rx_text_printf(dst, "%.*f (", decimals, e->value);
+    if (isfinite(e->low))
+        rx_text_printf(dst, "%.*f", decimals, e->low);
+    rx_text_add(dst, "..");
+    if (isfinite(e->high))
+        rx_text_printf(dst, "%.*f", decimals, e->high);
+    rx_text_add(dst, ")");
+}
+
+void rx_checks_text(const rx_checks *checks, const rx_check_results *results, rx_text *dst)
+{
+    const rx_selfcheck *self = &results->self;
+    const rx_blankcheck *blank = &results->blank;
+    if (self->injected > 0) {
+        rx_text_printf(dst, "self check: %ld of %ld injected objects of magnitude %.2f to %.2f found",
+                       self->found, self->injected, checks->plan->mag_low, checks->plan->mag_high);
+        add_estimate(dst, "50 % complete at", 2, &self->mag50);
+        add_estimate(dst, "90 % at", 2, &self->mag90);
+        add_estimate(dst, "purity", 3, &self->purity);
+        add_estimate(dst, "magnitude bias", 3, &self->bias);
+        add_estimate(dst, "of isolated ones in wide apertures", 4, &self->wide_bias);
+        add_estimate(dst, "of these without the sky's error", 4, &self->aperture_bias);
+    }
+    if (self->injected > 0 && blank->realisations > 0)
+        rx_text_add(dst, "; ");
+    if (blank->realisations > 0)
+        rx_text_printf(dst,
+                       "blank check: %ld false detections in %.3g Mpixels of this tile's noise, %.3g per "
+                       "Mpixel (%.3g..%.3g), below %.3g at 95 %%",
+                       blank->false_detections, blank->mpixels, blank->rate.value, blank->rate.low,
+                       blank->rate.high, blank->upper);
+}
+
+rx_status rx_checks_run(const rx_checks *checks, const rx_restorer *kind, const rx_probe *before, rx_log *log,
+                        rx_check_results *dst, rx_error *err)
+{
+    *dst = (rx_check_results){0};
+    if (checks == NULL)
+        return RX_OK;
+    rx_status status = RX_OK;
+    if (checks->plan != NULL)
+        status = rx_selfcheck_run(checks->plan, kind, before, log, &dst->self, err);
+    if (status == RX_OK && checks->blank)
+        status =
+            rx_blankcheck_run(checks->options, kind, checks->field, &checks->noise, log, &dst->blank, err);
+    return status;
+}
+
+void rx_check_results_free(rx_check_results *results)
+{
+    rx_selfcheck_free(&results->self);
+}
+
+static void estimate_facts(rx_record *facts, const char *name, const char *comment, const rx_estimate *e)
+{
+    static const char *const ends[] = {"L", "H"};
+    const double bounds[] = {e->low, e->high};
+    if (!isfinite(e->value))
+        return;
+    rx_record_add(facts, name, comment, "%.5f", e->value);
+    for (int k = 0; k < 2; k++) {
+        char key[16];
+        snprintf(key, sizeof key, "%s%s", name, ends[k]);
+        if (isfinite(bounds[k]))
+            rx_record_add(facts, key, k == 0 ? "from, at 95 %" : "to, at 95 %", "%.5f", bounds[k]);
+    }
+}
+
+static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, rx_record *facts)
+{
+    const rx_selfcheck_plan *plan = checks->plan;
+    rx_record_add(facts, "RXSCN", "objects injected into copies of this tile", "%ld", self->injected);
+    rx_record_add(facts, "RXSCFND", "of these found", "%ld", self->found);
+    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", plan->options.self_check_galaxies);
+    rx_record_add(facts, "RXSCM1", "their magnitudes, from", "%.4f", plan->mag_low);
+    rx_record_add(facts, "RXSCM2", "to", "%.4f", plan->mag_high);
+    rx_record_add(facts, "RXSCLIM", "5 sigma limit of a point source, mag", "%.4f", plan->limit);
+    rx_record_add(facts, "RXSCPSF", "PSF of the injected objects", "%s", plan->field->psf->description);
+    estimate_facts(facts, "RXSC90", "magnitude of 90 % completeness", &self->mag90);
+    estimate_facts(facts, "RXSC50", "magnitude of 50 % completeness", &self->mag50);
+    estimate_facts(facts, "RXSCPUR", "share of new detections that was injected", &self->purity);
+    estimate_facts(facts, "RXSCBIA", "median of measured - true mag, FLAGS 0", &self->bias);
+    estimate_facts(facts, "RXSCSCA", "sigma_MAD of the same", &self->scatter);
+    estimate_facts(facts, "RXSCWID", "in wide apertures: isolated, S/N > 20, mag", &self->wide_bias);
+    estimate_facts(facts, "RXSCSKY", "sky left in these apertures, ADU/pixel", &self->sky);
+    estimate_facts(facts, "RXSCAP", "RXSCWID without this sky: flux scale, mag", &self->aperture_bias);
+    rx_record_add(facts, "RXSCAPN", "objects behind RXSCAP", "%ld", self->aperture_bias.n);
+    rx_record_add(facts, "RXSCAPD", "aperture of RXSCAP, pixels", "%.2f", plan->diameter);
+}
+
+static void blankcheck_facts(const rx_checks *checks, const rx_blankcheck *blank, rx_record *facts)
+{
+    rx_record_add(facts, "RXBLKN", "realisations of this tile's noise", "%d", blank->realisations);
+    rx_record_add(facts, "RXBLKC", "correlated noise", "%s", checks->noise.correlated ? "T" : "F");
+    rx_record_add(facts, "RXBLKA", "Mpixel searched", "%.6g", blank->mpixels);
+    rx_record_add(facts, "RXBLKF", "false detections", "%ld", blank->false_detections);
+    rx_record_add(facts, "RXBLKR", "false detections per Mpixel", "%.6g", blank->rate.value);
+    rx_record_add(facts, "RXBLKRL", "from, at 95 %", "%.6g", blank->rate.low);
+    rx_record_add(facts, "RXBLKRH", "to, at 95 %", "%.6g", blank->rate.high);
+    rx_record_add(facts, "RXBLKU", "one-sided 95 % upper limit", "%.6g", blank->upper);
+}
+
+void rx_checks_facts(const rx_checks *checks, const rx_check_results *results, rx_record *facts)
+{
+    if (results->self.injected > 0)
+        selfcheck_facts(checks, &results->self, facts);
+    if (results->blank.realisations > 0)
+        blankcheck_facts(checks, &results->blank, facts);
+}
+
+int rx_checks_injected(const rx_checks *checks)
+{
+    return checks != NULL && checks->plan != NULL;
+}
+
+rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *names,
+                           const char *const *accounts, const rx_check_results *const *results,
+                           const rx_record *record, const char *folder, const char *shown, rx_log *log,
+                           rx_error *err)
+{
+    rx_qa_run runs[RX_MAX_RUNS];
+    rx_qa_picture pictures[RX_MAX_RUNS];
+    rx_qa_input input = {0};
+    rx_verdict verdict;
+    rx_qa_params par = rx_selfcheck_qa(checks->plan);
+    const char *(*pairs)[2] = NULL;
+    rx_status status = rx_record_list(record, &pairs, err);
+    if (status != RX_OK)
+        return status;
+    for (int i = 0; i < n; i++) {
+        rx_selfcheck_input(checks->plan, &results[i]->self, names[i], &input, &runs[i]);
+        runs[i].settings = accounts[i];
+        runs[i].psf = checks->field->psf->description;
+        pictures[i] = results[i]->self.picture;
+    }
+    input.nruns = n;
+    input.runs = runs;
+    input.npictures = n;
+    input.pictures = pictures;
+    input.nrecord = record->n;
+    input.record = (const char *const(*)[2])pairs;
+    status = rx_qa_report(&par, &input, folder, shown, log, &verdict, NULL, err);
+    free(pairs);
+    return status;
+}

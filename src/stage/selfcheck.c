@@ -1,0 +1,316 @@
+/* Injection into copies of the tile, and what the stage makes of it. */
+#include "stage/selfcheck.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "io/tile.h"
+#include "measure/aperture.h"
+#include "simulate/inject.h"
+#include "simulate/scene.h"
+#include "stage/quality.h"
+#include "stage/replica.h"
+#include "stage/selfcheck_numbers.h"
+#include "validate/match.h"
+
+/* Streams of random numbers, one per round from here. */
+static const uint64_t SCENES = UINT64_C(0x53434e0000000000), PHOTONS = UINT64_C(0x5350480000000000);
+
+/* One round: a copy of the field with objects in it. */
+typedef struct injection {
+    rx_scene *scene;
+    rx_field *field;
+    float *light; /* pixels after - before */
+} injection;
+
+static void injection_free(injection *in)
+{
+    rx_scene_drop(in->scene);
+    rx_field_free(in->field);
+    free(in->light);
+    *in = (injection){0};
+}
+
+/* Whole numbers of both kinds, with the share asked for in the sum of all rounds. */
+static double round_half(double value)
+{
+    return floor(value + 0.5);
+}
+
+/* n objects, or fewer where there is no room. */
+static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done, long n, rx_scene **dst,
+                            rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    const double share = plan->options.self_check_galaxies;
+    double galaxies = round_half(share * (double)(done + n)) - round_half(share * (double)done);
+    rx_population population = {.mag_low = plan->mag_low, .mag_high = plan->mag_high};
+    rx_scene_params par = {.width = tile->width,
+                           .height = tile->height,
+                           .zeropoint = tile->zeropoint,
+                           .pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : 1.0,
+                           .stars = population,
+                           .galaxies = population,
+                           .galaxy_kind = RX_GALAXY_MIXED,
+                           .galaxy_scale = 1.0,
+                           .least_distance = plan->distance,
+                           .allowed = plan->allowed,
+                           .seed = plan->options.seed,
+                           .stream = SCENES + (uint64_t)round};
+    par.stars.count = (double)n - galaxies;
+    par.galaxies.count = galaxies;
+    return rx_scene_make(&par, NULL, dst, err);
+}
+
+static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, injection *dst, rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    size_t npixels = (size_t)tile->width * (size_t)tile->height;
+    long left = plan->count - done;
+    rx_tile *copy = NULL;
+    rx_status status =
+        make_scene(plan, round, done, left < plan->per_round ? left : plan->per_round, &dst->scene, err);
+    if (status == RX_OK)
+        status = rx_replica_new(tile, &copy, err);
+    if (status != RX_OK)
+        return status;
+    dst->light = RX_NEW(float, npixels);
+    if (dst->light == NULL)
+        status = rx_error_memory(err, npixels * sizeof(float));
+    else
+        status = rx_inject(dst->scene, plan->optics, tile->gain, tile->saturation, plan->options.seed,
+                           PHOTONS + (uint64_t)round, plan->options.nthreads, copy->pixels, err);
+    if (status != RX_OK) {
+        rx_tile_free(copy);
+        return status;
+    }
+    rx_replica_settle(copy);
+    for (size_t i = 0; i < npixels; i++)
+        dst->light[i] = copy->pixels[i] - tile->pixels[i];
+    return rx_field_prepare(&plan->options, 0, copy, plan->field->psf, 0, NULL, &dst->field, err);
+}
+
+/* Is most of the light in the footprint of `s` injected? */
+static int mostly_injected(const rx_sources *after, const rx_source *s, const rx_tile *tile,
+                           const float *level, const float *injected)
+{
+    double all = 0.0, gained = 0.0;
+    for (int y = s->ymin; y <= s->ymax; y++) {
+        for (int x = s->xmin; x <= s->xmax; x++) {
+            size_t p = (size_t)y * (size_t)tile->width + (size_t)x;
+            if (after->segments[p] != s->segment || (tile->mask[p] & RX_MASK_BAD))
+                continue;
+            all += (double)tile->pixels[p] - (double)level[p];
+            gained += (double)injected[p];
+        }
+    }
+    return gained > 0.0 && 2.0 * gained >= all;
+}
+
+static void positions(const rx_sources *sources, double *x, double *y)
+{
+    for (int i = 0; i < sources->n; i++) {
+        x[i] = sources->list[i].x;
+        y[i] = sources->list[i].y;
+    }
+}
+
+rx_status rx_selfcheck_sift(const rx_sources *before, const rx_sources *after, const rx_tile *tile,
+                            const float *level, const float *injected, double radius, unsigned char *new_one,
+                            rx_error *err)
+{
+    size_t nb = (size_t)before->n, na = (size_t)after->n;
+    rx_status status = RX_OK;
+    double *xy = RX_NEW(double, 2 * (nb + na));
+    long *partners = RX_NEW(long, nb + na);
+    if (xy == NULL || partners == NULL) {
+        status = rx_error_memory(err, 2 * (nb + na) * sizeof(double));
+        goto exit;
+    }
+    double *xb = xy, *yb = xy + nb, *xa = xy + 2 * nb, *ya = xa + na;
+    positions(before, xb, yb);
+    positions(after, xa, ya);
+    status = rx_match(&(rx_match_list){before->n, xb, yb, NULL}, &(rx_match_list){after->n, xa, ya, NULL},
+                      radius, partners, partners + nb, err);
+    for (size_t i = 0; i < na && status == RX_OK; i++) {
+        new_one[i] = 1;
+        if (partners[nb + i] >= 0)
+            new_one[i] = mostly_injected(after, &after->list[i], tile, level, injected) ? 2 : 0;
+    }
+exit:
+    free(xy);
+    free(partners);
+    return status;
+}
+
+/* Injected objects of a round behind those of the rounds before. */
+static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *dst, rx_error *err)
+{
+    long first = dst->truth.n;
+    rx_status status = rx_selfcheck_grow(&dst->truth, NULL, first + scene->n, err);
+    for (long i = 0; i < scene->n && status == RX_OK; i++) {
+        const rx_object *object = &scene->objects[i];
+        dst->truth.x[first + i] = object->x + shift;
+        dst->truth.y[first + i] = object->y;
+        dst->truth.mag[first + i] = object->mag;
+        dst->truth.flux[first + i] = object->flux;
+        dst->truth.mag_error[first + i] = 0.0;
+        dst->truth.flux_error[first + i] = 0.0;
+    }
+    return status;
+}
+
+/* Sky level of a field as that restorer subtracts it. */
+static const float *sky_level(const rx_field *field, const rx_restored *on)
+{
+    return on == NULL ? field->plain->level : field->restored->level;
+}
+
+/* flux[i]: what the wide aperture of source i would hold without injection, that is on the untouched tile,
+ * less the sky that the injection made the background take away in excess. */
+static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *before, const rx_field *field,
+                                 const rx_sources *after, double *flux, rx_error *err)
+{
+    rx_sources same = *after; /* its own list, the map is lent */
+    rx_photometry unused;
+    const rx_restored *on = before->plain || plan->options.measure_original ? NULL : before->restored;
+    const float *old = sky_level(plan->field, on), *new = sky_level(field, on);
+    const double area =
+        plan->options.measure.local_background ? 0.0 : acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
+    size_t n = (size_t)after->n;
+    same.vignets = NULL;
+    same.list = RX_NEW(rx_source, n);
+    if (same.list == NULL)
+        return rx_error_memory(err, n * sizeof(rx_source));
+    memcpy(same.list, after->list, n * sizeof(rx_source));
+    rx_status status =
+        rx_photometry_run(&plan->apertures, plan->field, on, plan->field, on, &same, NULL, &unused, err);
+    for (size_t i = 0; i < n && status == RX_OK; i++) {
+        const rx_source *s = &same.list[i];
+        size_t p = (size_t)s->ypeak * (size_t)after->width + (size_t)s->xpeak;
+        flux[i] = s->flux_aper[0] - area * ((double)new[p] - (double)old[p]);
+    }
+    free(same.list);
+    return status;
+}
+
+/* New detections of a round behind those of the rounds before; `empty`: of empty_apertures(). */
+static rx_status keep_new(const rx_selfcheck_plan *plan, const rx_qa_list *all, const rx_sources *sources,
+                          const unsigned char *new_one, const double *empty, double shift, rx_selfcheck *dst,
+                          rx_error *err)
+{
+    rx_qa_list *to = &dst->found_list;
+    const int wide = plan->options.measure.naper - 1;
+    long n = to->n, added = 0;
+    for (int i = 0; i < sources->n; i++)
+        added += new_one[i] != 0;
+    rx_status status = rx_selfcheck_grow(to, &dst->aperture, n + added, err);
+    for (int i = 0; i < sources->n && status == RX_OK; i++) {
+        if (new_one[i] == 0)
+            continue;
+        to->x[n] = all->x[i] + shift;
+        to->y[n] = all->y[i];
+        to->mag[n] = all->mag[i];
+        to->mag_error[n] = all->mag_error[i];
+        to->flux[n] = all->flux[i];
+        to->flux_error[n] = all->flux_error[i];
+        to->score[n] = all->score[i];
+        to->flags[n] = all->flags[i] | (new_one[i] == 2 ? RX_FLAG_CROWDED : 0);
+        dst->aperture[2 * n] = sources->list[i].flux_aper[wide];
+        dst->aperture[2 * n + 1] = empty[i];
+        n++;
+    }
+    return status;
+}
+
+/* What a round found, sifted and kept. */
+static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_probe *before, const injection *in,
+                            const rx_probe *probe, double shift, rx_selfcheck *dst, rx_error *err)
+{
+    const rx_sources *sources = probe->sources;
+    rx_qa_list all = {0};
+    unsigned char *new_one = RX_NEW(unsigned char, (size_t)sources->n);
+    double *empty = RX_NEW(double, (size_t)sources->n);
+    rx_status status = RX_OK;
+    if (new_one == NULL || empty == NULL)
+        status = rx_error_memory(err, (size_t)sources->n * sizeof(double));
+    if (status == RX_OK)
+        status = rx_selfcheck_sift(before->sources, sources, in->field->tile, in->field->plain->level,
+                                   in->light, plan->match_radius, new_one, err);
+    if (status == RX_OK)
+        status = empty_apertures(plan, before, in->field, sources, empty, err);
+    if (status == RX_OK)
+        status = rx_quality_list(&plan->options, in->field->tile, sources, &all, err);
+    if (status == RX_OK)
+        status = keep_truth(in->scene, shift, dst, err);
+    if (status == RX_OK)
+        status = keep_new(plan, &all, sources, new_one, empty, shift, dst, err);
+    rx_qa_list_free(&all);
+    free(new_one);
+    free(empty);
+    return status;
+}
+
+static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_probe *before,
+                           int round, rx_selfcheck *dst, long *injected, rx_error *err)
+{
+    injection in = {0};
+    rx_probe probe = {0};
+    const double shift = (double)round * dst->pitch;
+    const rx_tile *tile = plan->field->tile;
+    rx_status status = inject(plan, round, dst->truth.n, &in, err);
+    if (status == RX_OK)
+        status = rx_probe_run(&plan->options, kind, in.field, NULL, NULL, &probe, err);
+    if (status != RX_OK)
+        goto exit;
+    *injected = in.scene->n;
+    status = keep_round(plan, before, &in, &probe, shift, dst, err);
+    if (status == RX_OK && round == 0)
+        status = rx_quality_picture(kind->name, tile->width, tile->height, probe.restored->pixels,
+                                    plan->field->plain->global_sigma, &dst->picture, err);
+exit:
+    rx_probe_free(&probe);
+    injection_free(&in);
+    return status;
+}
+
+rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_probe *before,
+                           rx_log *log, rx_selfcheck *dst, rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    rx_status status = RX_OK;
+    *dst = (rx_selfcheck){.before = before->sources->n, .height = tile->height};
+    dst->pitch = tile->width + 2 * (int)ceil(plan->match_radius) + 2; /* no pair across rounds */
+    rx_log_progress_begin(log);
+    while (status == RX_OK && dst->truth.n < plan->count && dst->rounds < INT_MAX / dst->pitch - 1) {
+        long injected = 0;
+        status = rx_interrupt_check(err);
+        if (status == RX_OK)
+            status = run_round(plan, kind, before, dst->rounds, dst, &injected, err);
+        if (status == RX_OK && injected == 0)
+            break;
+        dst->rounds++;
+        rx_log_progress(log, "self check", (double)dst->truth.n / (double)plan->count);
+    }
+    rx_log_progress_end(log);
+    dst->width = dst->rounds * dst->pitch;
+    if (status == RX_OK && dst->truth.n == 0)
+        status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                             "self check: no place was found for an object; leave out SELF_CHECK");
+    if (status == RX_OK)
+        status = rx_selfcheck_measure(plan, dst, err);
+    return status;
+}
+
+void rx_selfcheck_free(rx_selfcheck *check)
+{
+    rx_qa_list_free(&check->truth);
+    rx_qa_list_free(&check->found_list);
+    free(check->aperture);
+    free((void *)check->picture.pixels);
+    *check = (rx_selfcheck){0};
+}

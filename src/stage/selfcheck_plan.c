@@ -1,0 +1,139 @@
+/* What is injected, where, and how bright. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "simulate/inject.h"
+#include "stage/quality.h"
+#include "stage/selfcheck.h"
+
+/* 3 mag brighter to 1.5 mag fainter than the limit: from certain to hopeless. */
+static const double BRIGHTER = 3.0, FAINTER = 1.5;
+enum { PER_BIN = 50, FEWEST_BINS = 3, MOST_BINS = 18 };
+
+/* Options of the rounds: what the numbers need is measured, what nobody reads is not. The wide aperture is
+ * the last one. */
+static void own_options(const rx_options *options, double diameter, rx_options *dst)
+{
+    static const unsigned needed[] = {[RX_QUALITY_AUTO] = RX_SKIP_AUTO,
+                                      [RX_QUALITY_APER] = RX_SKIP_APER,
+                                      [RX_QUALITY_PETRO] = RX_SKIP_PETRO,
+                                      [RX_QUALITY_WIN] = RX_SKIP_WIN};
+    rx_measure_params *par = &dst->measure;
+    *dst = *options;
+    if ((size_t)options->quality_flux < sizeof needed / sizeof needed[0])
+        par->skip &= ~needed[options->quality_flux];
+    par->skip &= ~(unsigned)RX_SKIP_APER;
+    if (par->naper == RX_MAX_APERTURES)
+        par->naper--;
+    par->aperture_diameter[par->naper++] = diameter;
+    par->nnw_file = NULL;
+    par->vignet_width = par->vignet_height = 0;
+    dst->restore.keep_reblurred = 0;
+}
+
+/* Nothing but the wide aperture. */
+static void aperture_options(const rx_options *options, double diameter, rx_options *dst)
+{
+    rx_measure_params *par = &dst->measure;
+    *dst = *options;
+    par->skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    par->naper = 1;
+    par->aperture_diameter[0] = diameter;
+    dst->calibrate_none = dst->calibrate_restored = 0;
+}
+
+/* Noise-equivalent area 1 / sum P^2 of the PSF at the middle of the tile, pixels. */
+static rx_status noise_area(const rx_field *field, double *area, rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    const rx_tile *tile = field->tile;
+    size_t n = (size_t)psf->size * (size_t)psf->size;
+    double power = 0.0;
+    float *stamp = RX_NEW(float, n);
+    if (stamp == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    rx_psf_at(psf, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1), stamp);
+    for (size_t i = 0; i < n; i++)
+        power += (double)stamp[i] * (double)stamp[i];
+    free(stamp);
+    *area = power > 0.0 ? 1.0 / power : 1.0;
+    return RX_OK;
+}
+
+static rx_status choose_magnitudes(rx_selfcheck_plan *plan, rx_error *err)
+{
+    double area = 1.0;
+    rx_status status = noise_area(plan->field, &area, err);
+    if (status != RX_OK)
+        return status;
+    double flux = 5.0 * plan->field->restored->global_sigma * sqrt(area);
+    plan->limit = plan->field->tile->zeropoint - 2.5 * log10(flux);
+    plan->mag_low = plan->options.self_check_mag[0];
+    plan->mag_high = plan->options.self_check_mag[1];
+    if (!(plan->mag_low < plan->mag_high)) {
+        plan->mag_low = plan->limit - BRIGHTER;
+        plan->mag_high = plan->limit + FAINTER;
+    }
+    double bins = floor((double)plan->count / PER_BIN);
+    bins = bins < FEWEST_BINS ? FEWEST_BINS : bins > MOST_BINS ? MOST_BINS : bins;
+    plan->mag_step = (plan->mag_high - plan->mag_low) / bins;
+    return RX_OK;
+}
+
+static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
+    plan->allowed = RX_NEW(unsigned char, n);
+    if (plan->allowed == NULL)
+        return rx_error_memory(err, n);
+    /* away means clear of the wide aperture */
+    rx_inject_place place = plan->options.self_check_away ? RX_INJECT_AWAY : RX_INJECT_AMONG;
+    rx_status status = rx_inject_allowed(place, tile->width, tile->height, plan->segments, tile->mask,
+                                         0.5 * plan->diameter, plan->allowed, err);
+    for (size_t i = 0; i < n && status == RX_OK; i++)
+        good += plan->allowed[i] != 0;
+    if (status == RX_OK && good == 0)
+        status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                             "self check: no pixel is left to put an object on; give SELF_CHECK_PLACE AMONG, "
+                             "or leave out SELF_CHECK");
+    plan->per_round = (long)ceil(plan->options.self_check_density * (double)n / 1e6);
+    return status;
+}
+
+rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field, const int32_t *segments,
+                                rx_selfcheck_plan **dst, rx_error *err)
+{
+    rx_selfcheck_plan *plan = RX_NEW(rx_selfcheck_plan, 1);
+    if (plan == NULL)
+        return rx_error_memory(err, sizeof *plan);
+    plan->field = field;
+    plan->segments = segments;
+    plan->diameter = fmax(10.0, 5.0 * field->psf->fwhm);
+    plan->distance = 1.5 * plan->diameter;
+    plan->count = options->self_check_count;
+    own_options(options, plan->diameter, &plan->options);
+    aperture_options(&plan->options, plan->diameter, &plan->apertures);
+    rx_status status = rx_quality_radius(options, field->tile, &plan->match_radius, err);
+    if (status == RX_OK)
+        status = choose_magnitudes(plan, err);
+    if (status == RX_OK)
+        status = choose_places(plan, err);
+    if (status == RX_OK)
+        status = rx_optics_psf(field->psf, &plan->optics, err);
+    if (status == RX_OK)
+        *dst = plan;
+    else
+        rx_selfcheck_plan_free(plan);
+    return status;
+}
+
+void rx_selfcheck_plan_free(rx_selfcheck_plan *plan)
+{
+    if (plan == NULL)
+        return;
+    rx_optics_free(plan->optics);
+    free(plan->allowed);
+    free(plan);
+}
