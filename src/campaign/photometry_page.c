@@ -69,7 +69,7 @@ static void threshold_row(rx_text *dst, const rx_photometry_numbers *m, int f, i
     const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
     const rx_photometry_cut *cut = &w->cut[p];
     char text[32];
-    snprintf(text, sizeof text, "precision %g", m->precision[p]);
+    snprintf(text, sizeof text, "P %g", m->precision[p]);
     rx_page_row(dst, NULL);
     rx_page_cell_text(dst, m->results->run[run]);
     rx_page_cell_text(dst, text);
@@ -81,7 +81,7 @@ static void threshold_row(rx_text *dst, const rx_photometry_numbers *m, int f, i
     rx_page_cell_estimate(dst, &cut->recall, 3);
     rx_page_cell_estimate(dst, &cut->mag50, 2);
     rx_page_cell_estimate(dst, &cut->mag90, 2);
-    rx_page_cell_text(dst, cut->whole_list ? "whole list: ends above this precision" : "");
+    rx_page_cell_text(dst, cut->whole_list ? "the list ends above this precision" : "");
     rx_page_row_end(dst);
 }
 
@@ -95,7 +95,7 @@ static void write_thresholds(rx_text *dst, const rx_photometry_numbers *m, int f
     rx_page_head(dst, RX_LEFT, "restorer");
     rx_page_head(dst, RX_LEFT, "list");
     heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_head(dst, RX_LEFT, "false detections per Mpixel");
+    rx_page_head(dst, RX_LEFT, "remarks");
     rx_page_row_end(dst);
     for (int run = 0; run < m->results->nruns; run++) {
         const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
@@ -109,6 +109,7 @@ static void write_thresholds(rx_text *dst, const rx_photometry_numbers *m, int f
         rx_page_cell_estimate(dst, &w->mag50, 2);
         rx_page_cell_estimate(dst, &w->mag90, 2);
         rx_page_estimate(&cell, &w->false_per_mpixel, 2);
+        rx_text_add(&cell, " false per Mpixel");
         rx_page_cell_html(dst, RX_LEFT, cell.data != NULL ? cell.data : "");
         rx_page_row_end(dst);
         dst->failed = dst->failed || cell.failed;

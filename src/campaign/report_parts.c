@@ -49,12 +49,13 @@ void rx_page_verdicts(rx_text *dst, int n, const rx_claim_verdict *verdicts)
         const rx_claim *claim = rx_claim_get(verdicts[i].claim);
         rx_text cell = {0};
         rx_page_row(dst, NULL);
+        rx_text_add(&cell, "<div style=\"min-width:20em\">");
         rx_escape_html(&cell, claim->words);
         rx_text_add(&cell, " <small>");
         rx_escape_html(&cell, claim->place);
         rx_text_add(&cell, "<br>Counts as reproduced: ");
         rx_escape_html(&cell, claim->test);
-        rx_text_add(&cell, ".</small>");
+        rx_text_add(&cell, ".</small></div>");
         rx_page_cell_html(dst, RX_LEFT, cell.data != NULL ? cell.data : "");
         rx_page_cell_verdict(dst, mark_of(verdicts[i].state), rx_claim_state_name(verdicts[i].state));
         rx_page_cell_text(dst, verdicts[i].said.data);

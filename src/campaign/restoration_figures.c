@@ -10,7 +10,7 @@ enum { SHOWN_SIDE = 128, PICTURE_WIDTH = 200 };
 
 static const char *axis_of(int by_sigma)
 {
-    return by_sigma ? "noise sigma (0..255 scale)" : "FWHM (pixels)";
+    return by_sigma ? "noise sigma (peak 255)" : "FWHM (pixels)";
 }
 
 static const char *const kind_name[] = {"fwhm", "sigma"};
@@ -35,7 +35,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
             continue;
         for (int k = 0; k < r->nmethods; k++)
             box[(size_t)ngroups * nmethods + (size_t)k] = *rx_quality_box(m, b, quality, k);
-        snprintf(label[ngroups], sizeof *label, "%g", rx_bin_centre(&r->bins[b]));
+        snprintf(label[ngroups], sizeof *label, "%g%s", rx_bin_centre(&r->bins[b]), m->inside[b] ? "" : "*");
         groups[ngroups] = label[ngroups];
         ngroups++;
     }
@@ -49,8 +49,8 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
     snprintf(title, sizeof title, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
     rx_figure_add(
         dst, id, title,
-        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths. As the "
-        "paper's Figure 5: blurred blue, RL red, the network green.",
+        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a star: "
+        "beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network green.",
         false);
     rx_axes axes = {.xlabel = axis_of(by_sigma), .ylabel = quality == RX_PSNR ? "PSNR (dB)" : "SSIM"};
     rx_plot_boxes(dst, &axes, ngroups, groups, r->nmethods, methods, colors, box);
@@ -62,10 +62,11 @@ exit:
 
 /* Mean differences of every pair of the page with their t intervals. */
 typedef struct lines {
-    rx_curve curve[RX_PAIRS_MAX + 1];
+    rx_curve curve[RX_PAIRS_MAX + 2];
     char name[RX_PAIRS_MAX][2 * RX_METHOD_NAME + 4];
-    double *data; /* x, y, low, high per pair */
-    double zero[2], ends[2];
+    double *data;               /* x, y, low, high per pair */
+    double zero[2], ends[2];    /* the line of no difference */
+    double limit[2], height[2]; /* where the training range ends */
 } lines;
 
 static void one_line(lines *l, const rx_restoration_numbers *m, int by_sigma, rx_quality quality, int pair,
@@ -124,14 +125,22 @@ static void differences(rx_figures *dst, const rx_restoration_numbers *m, int by
         l->ends[1] = axes.x1;
         l->curve[m->npairs] =
             (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = l->ends, .y = l->zero};
+        l->limit[0] = l->limit[1] = (by_sigma ? m->results->sigma_trained : m->results->fwhm_trained)[1];
+        l->height[0] = axes.y0;
+        l->height[1] = axes.y1;
+        l->curve[m->npairs + 1] =
+            (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = l->limit, .y = l->height};
+        int beyond = l->limit[0] > axes.x0 && l->limit[0] < axes.x1;
         snprintf(id, sizeof id, "difference-%s-%s", quality == RX_PSNR ? "psnr" : "ssim",
                  kind_name[by_sigma]);
         snprintf(title, sizeof title, "Mean difference of %s by %s", rx_quality_name(quality),
                  by_sigma ? "noise" : "FWHM");
-        rx_figure_add(dst, id, title,
-                      "On the same scenes, with 95 % t intervals: above zero the first of the two is better.",
-                      false);
-        rx_plot_curves(dst, &axes, m->npairs + 1, l->curve);
+        rx_figure_add(
+            dst, id, title,
+            "On the same scenes, with 95 % t intervals: above zero the first of the two is better. The "
+            "upright line: end of the training range.",
+            false);
+        rx_plot_curves(dst, &axes, m->npairs + 1 + beyond, l->curve);
     }
     free(l->data);
     free(l);

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "validate/bootstrap.h"
 #include "validate/escape.h"
@@ -22,14 +23,12 @@ static void heads(rx_text *dst, int n, const char *const *names)
         rx_page_head(dst, RX_RIGHT, names[i]);
 }
 
-/* Every bin of a kind once: "3 (2.5 to 3.5)", pale beyond the training range. */
+/* "9*" beyond the training range. */
 static void bin_cell(rx_text *dst, const rx_restoration_numbers *m, int b)
 {
-    const rx_restoration_bin *bin = &m->results->bins[b];
-    char text[80];
-    snprintf(text, sizeof text, "<b>%g</b> <small>%g to %g%s</small>", rx_bin_centre(bin), bin->low,
-             bin->high, m->inside[b] ? "" : " &#9675;");
-    rx_page_cell_html(dst, RX_LEFT, text);
+    char text[48];
+    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]), m->inside[b] ? "" : "*");
+    rx_page_cell_html(dst, RX_RIGHT, text);
 }
 
 static int has_kind(const rx_restoration_results *r, int by_sigma)
@@ -116,10 +115,25 @@ static void write_words(rx_text *dst, const rx_restoration_numbers *m)
                  "the number of bins, below 0.05.");
 }
 
+/* The pictures of one scene side by side. */
+static void example_row(rx_text *dst, const rx_figures *figures, const char *prefix, int n)
+{
+    rx_text_printf(dst, "<div style=\"display:grid;grid-template-columns:repeat(%d,1fr);gap:.5em\">\n", n);
+    for (int i = 0; i < figures->n; i++)
+        if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0)
+            rx_page_figure(dst, &figures->figure[i]);
+    rx_text_add(dst, "</div>\n");
+}
+
+static int has_examples(const rx_restoration_page *page)
+{
+    return page->numbers->results->nexamples > 0 && page->figures.note[0] == '\0';
+}
+
 static void write_examples(rx_text *dst, const rx_restoration_page *page)
 {
     const rx_restoration_results *r = page->numbers->results;
-    if (r->nexamples == 0)
+    if (!has_examples(page))
         return;
     rx_page_section(dst, "examples", "Examples");
     for (int e = 0; e < r->nexamples; e++) {
@@ -128,7 +142,7 @@ static void write_examples(rx_text *dst, const rx_restoration_page *page)
                  r->examples[e].sigma);
         snprintf(prefix, sizeof prefix, "example%d-", e);
         rx_page_heading(dst, text, NULL);
-        rx_page_figures(dst, &page->figures, prefix);
+        example_row(dst, &page->figures, prefix, r->examples[e].nplanes);
     }
     rx_page_note(dst,
                  "The middle of the scene, the same grey scale for all pictures: asinh(p / 6 %) of the peak, "
@@ -143,7 +157,7 @@ static void values_table(rx_text *dst, const rx_restoration_numbers *m, int by_s
     rx_page_heading(dst, text, rx_quality_unit(quality)[0] != '\0' ? rx_quality_unit(quality) : NULL);
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, kind_head[by_sigma]);
+    rx_page_head(dst, RX_RIGHT, kind_head[by_sigma]);
     rx_page_head(dst, RX_RIGHT, "scenes");
     for (int k = 0; k < r->nmethods; k++) {
         snprintf(text, sizeof text, "%s median", r->method[k]);
@@ -210,7 +224,7 @@ static void duel_table(rx_text *dst, const rx_restoration_numbers *m, int by_sig
     rx_page_heading(dst, text, rx_quality_unit(quality)[0] != '\0' ? rx_quality_unit(quality) : NULL);
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, kind_head[by_sigma]);
+    rx_page_head(dst, RX_RIGHT, kind_head[by_sigma]);
     heads(dst, (int)(sizeof names / sizeof *names), names);
     rx_page_row_end(dst);
     for (int b = 0; b < m->results->nbins; b++)
@@ -226,7 +240,7 @@ static void write_tables(rx_text *dst, const rx_restoration_numbers *m)
         for (int q = 0; q < RX_QUALITIES && has_kind(m->results, kind); q++)
             values_table(dst, m, kind, (rx_quality)q);
     rx_page_note(dst,
-                 "Means with 95 % t intervals. &#9675;: the centre of the bin is beyond the training range.");
+                 "Means with 95 % t intervals. A star: the centre of the bin is beyond the training range.");
 }
 
 /* The first pair lies open, the others are folded away. */
@@ -372,7 +386,7 @@ void rx_restoration_html(rx_text *dst, const rx_restoration_page *page)
     rx_page_link(dst, 1, "verdicts", "The paper's claims");
     rx_page_link(dst, 1, "words", "Who is better where");
     rx_page_link(dst, 1, "figures", "Figures");
-    rx_page_link(dst, m->results->nexamples > 0, "examples", "Examples");
+    rx_page_link(dst, has_examples(page), "examples", "Examples");
     rx_page_link(dst, 1, "tables", "Tables");
     rx_page_link(dst, 1, "duels", "Duels");
     rx_page_link(dst, m->chief >= 0, "paper", "The paper's tables");

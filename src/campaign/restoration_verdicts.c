@@ -129,13 +129,13 @@ static int wins_all(const rx_restoration_numbers *m, int pair, int by_sigma, reg
     return all > 0 && wins == all;
 }
 
-/* What RL alone shows, where the claim speaks of a network that is not there. */
-static void instead(rx_text *dst, const rx_restoration_numbers *m, int by_sigma, region where)
+static const char ABSENT[] = "NET did not take part. ";
+
+/* What RL alone shows in these bins, where the claim speaks of a network that is not there. */
+static void instead(rx_text *dst, const rx_restoration_numbers *m, region where)
 {
-    rx_text_add(dst, "NET did not take part. ");
-    int pair = rx_method_pair_find(m, m->rl, m->blurred);
-    if (m->rl >= 0 && pair >= 0)
-        sentences(dst, m, pair, by_sigma, where);
+    rx_text_add(dst, ABSENT);
+    sentences(dst, m, m->rl >= 0 ? rx_method_pair_find(m, m->rl, m->blurred) : -1, -1, where);
 }
 
 static rx_claim_state state_of(int holds)
@@ -189,7 +189,7 @@ static void judge_every_bin(const rx_restoration_numbers *m, rx_claim_verdict *v
 {
     int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1;
     if (pair < 0) {
-        instead(&v->said, m, -1, ANYWHERE);
+        rx_text_add(&v->said, ABSENT);
         return;
     }
     v->state = state_of(wins_all(m, pair, -1, ANYWHERE));
@@ -203,7 +203,7 @@ static void judge_all_p(const rx_restoration_numbers *m, rx_claim_verdict *v)
     if (shown >= 0)
         two_sample_count(m, shown, &below, &tested);
     if (pair < 0)
-        rx_text_add(&v->said, "NET did not take part. ");
+        rx_text_add(&v->said, ABSENT);
     else
         v->state = state_of(tested > 0 && below == tested);
     if (shown >= 0)
@@ -237,7 +237,7 @@ static void judge_noise(const rx_restoration_numbers *m, rx_claim_verdict *v)
                             fall_with_noise(m, m->net) < fall_with_noise(m, m->rl));
         sentences(&v->said, m, pair, 1, ANYWHERE);
     } else {
-        instead(&v->said, m, 1, ANYWHERE);
+        rx_text_add(&v->said, ABSENT);
     }
     rx_text_add(&v->said, "Mean PSNR from the first noise bin to the last falls by");
     for (int i = 0, any = 0; i < m->results->nmethods; i++)
@@ -252,7 +252,7 @@ static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_
     int blurred = m->net >= 0 ? rx_method_pair_find(m, m->net, m->blurred) : -1;
     int rl = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1;
     if (blurred < 0) {
-        instead(&v->said, m, -1, where);
+        instead(&v->said, m, where);
         return;
     }
     v->state = state_of(wins_all(m, blurred, -1, where) &&
