@@ -186,9 +186,11 @@ static unsigned skipped_measurements(const rx_config *cfg, const rx_column_list 
 {
     const char *report = cfg->reference_name[0] != '\0' ? cfg->qa_mag : "";
     int radius = rx_columns_mention(columns, "FLUX_RADIUS");
-    int automatic = radius || rx_columns_mention(columns, "_AUTO") || rx_columns_mention(columns, "_BEST") ||
-                    rx_columns_mention(columns, "KRON") || rx_columns_mention(columns, "MASKED_FRACTION") ||
-                    strcmp(report, "MAG_AUTO") == 0;
+    int window = rx_columns_mention(columns, "WIN") || strcmp(report, "MAG_WIN") == 0;
+    /* windows are as wide as the half-light radius says, a share of FLUX_AUTO */
+    int automatic = radius || window || rx_columns_mention(columns, "_AUTO") ||
+                    rx_columns_mention(columns, "_BEST") || rx_columns_mention(columns, "KRON") ||
+                    rx_columns_mention(columns, "MASKED_FRACTION") || strcmp(report, "MAG_AUTO") == 0;
     for (int i = 0; i < cfg->checkimage_type.n; i++)
         automatic |= strcmp(cfg->checkimage_type.v[i], "APERTURES") == 0;
     unsigned skip = 0;
@@ -198,7 +200,7 @@ static unsigned skipped_measurements(const rx_config *cfg, const rx_column_list 
         skip |= RX_SKIP_AUTO;
     if (!rx_columns_mention(columns, "PETRO") && strcmp(report, "MAG_PETRO") != 0)
         skip |= RX_SKIP_PETRO;
-    if (!rx_columns_mention(columns, "WIN") && strcmp(report, "MAG_WIN") != 0)
+    if (!window)
         skip |= RX_SKIP_WIN;
     return radius ? skip : skip | RX_SKIP_RADIUS;
 }
