@@ -1,7 +1,7 @@
 check_PROGRAMS += tests/unit/simulate/test_optics
-tests_unit_simulate_test_optics_SOURCES = tests/unit/simulate/test_optics.c
+tests_unit_simulate_test_optics_SOURCES = tests/unit/simulate/test_optics.c tests/unit/simulate/moffat_theory.h
 check_PROGRAMS += tests/unit/simulate/test_render
-tests_unit_simulate_test_render_SOURCES = tests/unit/simulate/test_render.c
+tests_unit_simulate_test_render_SOURCES = tests/unit/simulate/test_render.c tests/unit/simulate/moffat_theory.h
 check_PROGRAMS += tests/unit/simulate/test_noise
 tests_unit_simulate_test_noise_SOURCES = tests/unit/simulate/test_noise.c
 check_PROGRAMS += tests/unit/simulate/test_inject tests/unit/simulate/test_sky_noise
