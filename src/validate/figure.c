@@ -116,6 +116,25 @@ static void write_label(rx_text *script, const char *axis, const char *label)
     rx_text_add(script, "'\n");
 }
 
+/* gnuplot gives up on ranges without extent, and on those of a logarithmic axis that reach zero. */
+static void write_range(rx_text *script, const char *axis, double from, double to, bool logarithmic)
+{
+    if (!isfinite(from) || !isfinite(to) || (logarithmic && from <= 0 && to <= 0)) {
+        from = 0.1;
+        to = 1;
+    }
+    if (logarithmic && from <= 0)
+        from = 1e-6 * to;
+    if (logarithmic && to <= 0)
+        to = 1e-6 * from;
+    if (from == to) {
+        double margin = from == 0 ? 0.5 : 0.5 * fabs(from);
+        from -= margin;
+        to += margin;
+    }
+    rx_text_printf(script, "set %s [%.9g:%.9g]\n", axis, from, to);
+}
+
 void rx_plot_begin(rx_figures *dst, const rx_axes *axes)
 {
     rx_text *script = &dst->script;
@@ -125,8 +144,8 @@ void rx_plot_begin(rx_figures *dst, const rx_axes *axes)
     write_label(script, "ylabel", axes->ylabel);
     rx_text_printf(script, "%s%s", axes->log_x ? "set logscale x\n" : "",
                    axes->log_y ? "set logscale y\n" : "");
-    rx_text_printf(script, "set xrange [%.6g:%.6g]\nset yrange [%.6g:%.6g]\n", axes->x0, axes->x1, axes->y0,
-                   axes->y1);
+    write_range(script, "xrange", axes->x0, axes->x1, axes->log_x);
+    write_range(script, "yrange", axes->y0, axes->y1, axes->log_y);
 }
 
 /* Names inside an SVG must differ from those of the others in the page: put `id` before each. */

@@ -50,7 +50,8 @@ void rx_figure_add(rx_figures *dst, const char *id, const char *title, const cha
 rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
                           rx_error *err);
 
-/* Ranges are always given, so that empty data cannot stop gnuplot; on a logarithmic axis both ends > 0. */
+/* Ranges are always given, so that empty data cannot stop gnuplot, and may fall. One that gnuplot would
+ * refuse (no extent, not finite, not positive on a logarithmic axis) is mended. */
 typedef struct rx_axes {
     const char *xlabel, *ylabel;
     double x0, x1, y0, y1;

@@ -12,6 +12,9 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/text.h"
+
+enum { MOST_WORDS = 1 << 20 };
 
 extern char **environ;
 
@@ -81,6 +84,26 @@ static int spawn(pid_t *child, const char *program, const char *folder, const ch
     return failed;
 }
 
+/* The last line of its messages, where gnuplot says what it did not understand; "" when there is none. */
+static void last_words(const char *folder, char *dst, size_t size)
+{
+    rx_text path = {0};
+    char *log = NULL, *line = NULL;
+    dst[0] = '\0';
+    rx_text_printf(&path, "%s/gnuplot.log", folder);
+    if (!path.failed && rx_text_read_file(path.data, MOST_WORDS, &log, NULL, NULL) == RX_OK)
+        for (char *state = NULL, *c = strtok_r(log, "\r\n", &state); c != NULL;
+             c = strtok_r(NULL, "\r\n", &state))
+            line = c[strspn(c, " \t^")] != '\0' ? c : line;
+    if (line != NULL) {
+        snprintf(dst, size, ": %s", line);
+        for (char *c = dst; *c != '\0'; c++)
+            *c = *c >= ' ' && *c < 0x7f ? *c : '?';
+    }
+    free(log);
+    rx_text_free(&path);
+}
+
 int rx_gnuplot_run(const char *program, const char *folder, const char *script, char *note, size_t size)
 {
     pid_t child;
@@ -102,7 +125,10 @@ int rx_gnuplot_run(const char *program, const char *folder, const char *script, 
         return 1;
     if (WIFSIGNALED(state))
         snprintf(note, size, "%s was ended by signal %d", program, WTERMSIG(state));
-    else
-        snprintf(note, size, "%s failed with exit code %d", program, WEXITSTATUS(state));
+    else {
+        char words[160];
+        last_words(folder, words, sizeof words);
+        snprintf(note, size, "%s failed with exit code %d%s", program, WEXITSTATUS(state), words);
+    }
     return 0;
 }
