@@ -161,7 +161,7 @@ void rx_photometry_sets_ecsv(rx_text *dst, const rx_photometry_page *page)
     rx_ecsv_column(&t, "snr", RX_ECSV_FLOAT, "", "of the stars in a matched filter on the background");
     rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
     rx_ecsv_column(&t, "stars", RX_ECSV_LONG, "", "stars of the set");
-    rx_ecsv_column(&t, "false", RX_ECSV_LONG, "", "false detections on its tiles");
+    rx_ecsv_column(&t, "nfalse", RX_ECSV_LONG, "", "false detections on its tiles");
     for (int q = 0; q < RX_CELL_QUANTITIES; q++) {
         const rx_cell_row *row = rx_cell_row_of((rx_cell_quantity)q);
         rx_ecsv_estimate_columns(&t, row->name, row->unit, row->help);
