@@ -84,6 +84,28 @@ static void direct_sum(void **state)
         check_against_sum(sizes[i][0], sizes[i][1]);
 }
 
+/* The low columns of a transform are those of the whole. */
+static void low_columns(void **state)
+{
+    (void)state;
+    static const int columns[] = {1, 8, 9, 40, 76, 1000};
+    rx_fft *fft = NULL;
+    assert_int_equal(rx_fft_new(150, 42, 2, &fft, NULL), RX_OK);
+    float *real = rx_fft_real(fft), *whole = rx_fft_complex(fft), *low = rx_fft_complex(fft);
+    fill(fft, real);
+    rx_fft_forward(fft, real, whole);
+    for (int i = 0; i < 6; i++) {
+        rx_fft_forward_low(fft, real, columns[i], low);
+        size_t stride = 2 * (size_t)rx_fft_stride_complex(fft), n = columns[i] < 76 ? (size_t)columns[i] : 76;
+        for (size_t v = 0; v < 42; v++)
+            assert_memory_equal(low + v * stride, whole + v * stride, 2 * n * sizeof(float));
+    }
+    free(real);
+    free(whole);
+    free(low);
+    rx_fft_free(fft);
+}
+
 /* Same bytes for 1, 2, 3 and 5 threads, there and back. */
 static void threads(void **state)
 {
@@ -130,6 +152,7 @@ static void refuses(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(good_sizes), cmocka_unit_test(direct_sum),
-                                       cmocka_unit_test(threads), cmocka_unit_test(refuses)};
+                                       cmocka_unit_test(low_columns), cmocka_unit_test(threads),
+                                       cmocka_unit_test(refuses)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
