@@ -13,11 +13,11 @@
  * Sizes of galaxies, and of templates: half-light radius along the major axis
  *   log10(r_e / arcsec) = -0.11 (mag - 20), scatter 0.45 in ln r_e (normal, cut at 2.5 sigma)
  * for r magnitudes. A straight line weighted by the number of galaxies through medians in half magnitudes:
- * r 17-21.5 from the model radii of 230 galaxies of the Stripe 82 coadd (sdss/94-1-12,
+ * r 17-21.5 from the model radii of 221 galaxies of the Stripe 82 coadd (sdss/94-1-12,
  * stripe82_coadd_catalog.fit), r 22.5-26.5 from flux_radius / sqrt(0.57) of 100 COSMOS galaxies
  * (templates/cosmos, HSC_r): -0.006 - 0.1105 (r - 20), medians within 0.11 dex of it everywhere (rms
  * 0.06). Scatter about it: 0.48 (SDSS) and 0.34 (COSMOS, selected small) from the median absolute deviation.
- * The line is tests/unit/simulate/test_scene.c's, which holds the galaxies of the coadd against it.
+ * tests/unit/simulate/test_scene.c holds both sets of galaxies against it.
  *
  * Shapes: Sersic index n and ratio b/a by the deciles of the 276 COSMOS galaxies of
  * templates/cosmos_sersics_sample_N300_cleaned.asc (b/a = (1 - |g|) / (1 + |g|)), linear in between; neither

@@ -7,3 +7,7 @@ tests_unit_simulate_test_noise_SOURCES = tests/unit/simulate/test_noise.c
 check_PROGRAMS += tests/unit/simulate/test_inject tests/unit/simulate/test_sky_noise
 tests_unit_simulate_test_inject_SOURCES = tests/unit/simulate/test_inject.c
 tests_unit_simulate_test_sky_noise_SOURCES = tests/unit/simulate/test_sky_noise.c
+check_PROGRAMS += tests/unit/simulate/test_galaxy tests/unit/simulate/test_scene tests/unit/simulate/test_places
+tests_unit_simulate_test_galaxy_SOURCES = tests/unit/simulate/test_galaxy.c
+tests_unit_simulate_test_scene_SOURCES = tests/unit/simulate/test_scene.c tests/unit/simulate/scene_test.h
+tests_unit_simulate_test_places_SOURCES = tests/unit/simulate/test_places.c tests/unit/simulate/scene_test.h
