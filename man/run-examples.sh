@@ -6,10 +6,13 @@ LC_ALL=C.UTF-8
 export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 program=${RX_PROGRAM:-$top/rextract}
-[ -x "$program" ] || {
-    echo "run-examples.sh: $program is missing; build first (make check)"
-    exit 2
-}
+folder=$(cd "$(dirname "$program")" && pwd)
+for needed in "$program" "$folder/rextract-simulate" "$folder/rextract-validate"; do
+    [ -x "$needed" ] || {
+        echo "run-examples.sh: $needed is missing; build first (make check)"
+        exit 2
+    }
+done
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-man-XXXXXX") || exit 2
 trap 'rm -rf "$scratch"' EXIT
 trap 'exit 2' INT TERM HUP
@@ -29,11 +32,12 @@ read_page() {
         file != "" { print > file; next }
         examples' "$1"
 }
-for page in rextract.1 rextract.conf.5; do
+for page in rextract.1 rextract-simulate.1 rextract-validate.1 rextract.conf.5; do
     read_page "$top/man/$page"
 done >../commands
 
 ln -s "$program" ../bin/rextract
+ln -s "$folder/rextract-simulate" "$folder/rextract-validate" ../bin
 PATH=$scratch/bin:$PATH
 HOME=$scratch/home
 export PATH HOME
@@ -67,7 +71,9 @@ $(sed -e ':more' -e '/\\$/{N;s/\\\n *//;bmore' -e '}' ../commands)
 END
 
 # The examples were found, and what they name is there.
-for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json; do
+for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json \
+    sim.fits sim_truth.fits sharp.fits sim_report/report.html ccd.fits ccd.cat flags.fits injected.fits \
+    injected_truth.fits tiny_report/report.html tiny.journal parts.1 stars_report/summary.json; do
     if [ -s "$file" ]; then
         passed=$((passed + 1))
     else

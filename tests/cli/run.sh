@@ -1,10 +1,11 @@
 #!/bin/sh
 # Command line tests: run.sh [FILE.sh...] runs the cases of tests/cli/cases/*.sh, or of those named, with the
-# program $RX_PROGRAM and the helper make_fits of the build in $RX_BUILD_DIR.
+# program $RX_PROGRAM, the ones beside it, and the helper make_fits of the build in $RX_BUILD_DIR.
 #
 # A file of cases is a shell script made of
 #
 #   begin NAME                       a new case in a scratch folder of its own, which is the current one
+#   of PROGRAM                       it is about rextract-simulate or rextract-validate, not rextract
 #   leaves FILE...                   what the program may leave there besides what it found (nothing)
 #   expect CODE PATTERN ARGUMENT...  run the program; exit code, and an extended regular expression for
 #                                    standard error. The program is told to be quiet, so standard error
@@ -20,9 +21,11 @@ export LC_ALL
 
 top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
-program=${RX_PROGRAM:-$build/rextract}
+rextract=${RX_PROGRAM:-$build/rextract}
+programs=$(cd "$(dirname "$rextract")" && pwd)
+program=$rextract
 fits=$build/tests/cli/make_fits
-for needed in "$program" "$fits"; do
+for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$fits"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -44,7 +47,7 @@ name='' wanted='' printed='' said=1 active=1
 make_fits() { "$fits" "$@"; }
 
 begin() {
-    name=$1 wanted='' printed='' said=1
+    name=$1 wanted='' printed='' said=1 program=$rextract
     cases=$((cases + 1))
     active=1
     [ -z "${RX_TEST_ONLY-}" ] || printf '%s\n' "$name" | grep -Eq -- "$RX_TEST_ONLY" || active=0
@@ -52,6 +55,7 @@ begin() {
     mkdir "$folder" "$folder/work" && cd "$folder/work" || exit 2
 }
 
+of() { program=$programs/$1; }
 leaves() { wanted=$*; }
 prints() { printed=$1; }
 says() { said=$1; }
