@@ -208,7 +208,8 @@ static rx_status render_block(const renderer *r, int block, rx_error *err)
                          .step = 1.0 / r->cells,
                          .cells = r->grid,
                          .stride = (size_t)rx_fft_stride_real(r->fine)};
-    memset(r->grid, 0, sizeof(float) * grid.stride * (size_t)rx_fft_height(r->fine));
+    if (block > 0) /* it was made empty */
+        memset(r->grid, 0, sizeof(float) * grid.stride * (size_t)rx_fft_height(r->fine));
     rx_status status = rx_scene_draw(r->scene, r->kernel, r->cells, (long)x0 * r->cells, (long)y0 * r->cells,
                                      r->nthreads, &grid, err);
     if (status != RX_OK)
