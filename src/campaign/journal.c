@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -144,8 +145,11 @@ static void add_number(rx_text *dst, double value)
         rx_text_add(dst, " nan"); /* never "-nan": the sign says nothing */
         return;
     }
-    snprintf(text, sizeof text, "%.9g", value); /* enough for what was a float */
-    if (strtod(text, NULL) != value)
+    const int is_float = fabs(value) <= FLT_MAX && (double)(float)value == value;
+    snprintf(text, sizeof text, "%.9g", value);
+    if (strtod(text, NULL) != value && is_float)
+        strcat(text, "f"); /* nine digits name a float, not a double */
+    else if (strtod(text, NULL) != value)
         snprintf(text, sizeof text, "%.17g", value);
     rx_text_printf(dst, " %s", text);
 }
@@ -182,6 +186,10 @@ static rx_status parse_line(unsigned long long header, char *line, size_t length
     for (long i = 0; i < n; i++) {
         char *number = end;
         dst->v[i] = strtod(number, &end);
+        if (*end == 'f') {
+            dst->v[i] = (float)dst->v[i];
+            end++;
+        }
         if (end == number) {
             free(dst->v);
             return RX_INPUT;

@@ -3,7 +3,7 @@
  *   rextract-validate journal 1
  *   = NAME value                            everything that decides the results, a line each
  *   * digest                                16 hex digits over the lines above: the header is complete
- *   unit n v1 v2 ... vn digest              numbers as text that reads back to the same double
+ *   unit n v1 v2 ... vn digest              numbers as text that reads back exactly; 0.1f is a float
  *
  * The digest of a unit's line covers the header's too, so that lines of another campaign are no lines of
  * this one. A line is appended by one write and synced to the disk. What kill -9 or a power failure leave of

@@ -7,8 +7,21 @@
 
 enum { UNITS = 6 };
 
-static const double EXACT[] = {1.0 / 3.0, -0.0,     0.1f,      1e-300, -123456789.123456789,  5e-324, 0,
-                               7,         INFINITY, -INFINITY, NAN,    1.7976931348623157e308};
+static const double EXACT[] = {1.0 / 3.0,
+                               (float)(1.0 / 3.0),
+                               3.4028234663852886e38,
+                               1.1754942106924411e-38f,
+                               -0.0,
+                               0.1f,
+                               1e-300,
+                               -123456789.123456789,
+                               5e-324,
+                               0,
+                               7,
+                               INFINITY,
+                               -INFINITY,
+                               NAN,
+                               1.7976931348623157e308};
 enum { NEXACT = sizeof EXACT / sizeof EXACT[0] };
 
 static void make_facts(rx_journal_facts *facts, const char *seed)

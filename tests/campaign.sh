@@ -1,0 +1,168 @@
+#!/bin/sh
+# Campaigns end to end, tiny ones of each kind: whole on one thread, killed at ten random moments and resumed,
+# and in three shards that are merged: every byte of the report is the same.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+program=$(dirname "${RX_PROGRAM:-$top/rextract}")/rextract-validate
+[ -x "$program" ] || {
+    echo "campaign.sh: $program is missing; build first (make check)"
+    exit 2
+}
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-campaign-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+passed=0 failed=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+cat >restoration.conf <<'END'
+CAMPAIGN_TYPE   RESTORATION
+RESTORE_TYPE    NONE,RL
+SCENES_FWHM     6
+SCENES_SIGMA    6
+SCENE_SIDE      96
+FWHM_RANGE      2,4
+SIGMA_RANGE     2,3
+TUNE_SCENES     2
+TUNE_NITER      2,10
+TUNE_FILTER     0,0.5
+EXAMPLES        2
+QA_FIGURES      N
+END
+
+cat >photometry.conf <<'END'
+CAMPAIGN_TYPE   PHOTOMETRY
+RESTORE_TYPE    NONE,RL
+MAGNITUDES      15,19,2
+TILES           6
+STARS_PER_TILE  150
+QA_FIGURES      N
+SIM.IMAGE_SIZE  224
+STAGE.RL_NITER  5
+END
+
+# start KIND OUTPUT JOURNAL THREADS ARGUMENT...: in the background as process $job, what it says in OUTPUT.log.
+start() {
+    settings=$1.conf output=$2 journal=$3 threads=$4
+    shift 4
+    "$program" "$settings" -OUTPUT_NAME "$output" -JOURNAL_NAME "$journal" -NTHREADS "$threads" "$@" \
+        2>"$output.log" &
+    job=$!
+}
+
+# The same, to its end.
+campaign() {
+    start "$@"
+    wait $job
+}
+
+lines_of() {
+    if [ -e "$1" ]; then wc -l <"$1"; else echo 0; fi
+}
+
+milliseconds() {
+    echo $(($(date +%s%N) / 1000000))
+}
+
+# Ten moments, each so many milliseconds after a start; a whole run takes $1 of them.
+moments() {
+    awk -v whole="$1" -v seed="$(date +%N)" 'BEGIN { srand(seed);
+        for (i = 0; i < 10; i++) printf "%d.%03d\n", int(t = whole * (0.05 + 0.3 * rand())) / 1000, t % 1000 }'
+}
+
+for kind in restoration photometry; do
+    begun=$(milliseconds)
+    campaign $kind $kind-whole $kind.whole 1
+    result "$kind: a whole run on one thread" $? $kind-whole.log
+    whole=$(($(milliseconds) - begun))
+
+    # killed: what is done stays done
+    hits=0 kept=0
+    moments $whole >moments.list
+    while read -r moment; do
+        start $kind $kind-killed $kind.killed 2
+        sleep "$moment"
+        kill -9 $job 2>/dev/null
+        wait $job 2>/dev/null
+        [ $? -eq 137 ] && hits=$((hits + 1))
+        lines=$(lines_of $kind.killed)
+        # a torn line is cut off, so one line may go
+        [ "$lines" -ge $((kept - 1)) ] || echo "the journal lost lines: $kept, then $lines" >>lost
+        kept=$lines
+    done <moments.list
+    [ "$hits" -ge 3 ] && [ ! -e lost ]
+    result "$kind: $hits of ten kills struck, and no unit was lost" $? moments.list
+    rm -f lost
+    printf '17 4 0.1 0.2 torn' >>$kind.killed
+    campaign $kind $kind-killed $kind.killed 2
+    result "$kind: resumed to its end" $? $kind-killed.log
+    diff -r $kind-whole $kind-killed >difference 2>&1
+    result "$kind: the report of the killed run has the same bytes" $? difference
+
+    # shards
+    campaign $kind $kind-shards $kind.shards 1 -SHARD 1/3
+    result "$kind: shard 1" $? $kind-shards.log
+    [ ! -e $kind-shards ] && grep -q "MERGE Y" $kind-shards.log
+    result "$kind: one shard makes no report and says how to merge" $? $kind-shards.log
+    campaign $kind $kind-shards $kind.shards 1 -SHARD 1/3 -MERGE Y
+    [ $? -eq 3 ] && grep -q "shard 2/3 lacks .* (no journal), shard 3/3 lacks" $kind-shards.log
+    result "$kind: merging too early says what is missing" $? $kind-shards.log
+    for k in 2 3; do
+        campaign $kind $kind-shards $kind.shards 3 -SHARD $k/3
+        result "$kind: shard $k" $? $kind-shards.log
+    done
+    campaign $kind $kind-shards $kind.shards 2 -SHARD 1/3 -MERGE Y
+    result "$kind: merged" $? $kind-shards.log
+    diff -r $kind-whole $kind-shards >difference 2>&1
+    result "$kind: the report of three shards has the same bytes" $? difference
+done
+
+# a complete journal makes its report again, without work
+campaign restoration again restoration.whole 1
+result "a complete journal gives its report again" $? again.log
+diff -r restoration-whole again >difference 2>&1
+result "with the same bytes" $? difference
+
+# what decides results must not change under a journal
+campaign restoration other restoration.whole 1 -SEED 2
+[ $? -eq 2 ] && grep -q "SEED 1, now it is 2" other.log && [ ! -e other ]
+result "a journal of another seed is refused by name" $? other.log
+echo "not ours" >letter
+campaign restoration other letter 1
+[ $? -eq 2 ] && [ "$(cat letter)" = "not ours" ]
+result "a file that is no journal is refused and left alone" $? other.log
+mkdir full && echo mine >full/thesis
+campaign restoration full restoration.whole 1
+[ $? -eq 2 ] && [ "$(cat full/thesis)" = "mine" ]
+result "a folder of somebody else is refused before the work" $? full.log
+
+# a polite signal: what is done is kept, and said
+start photometry polite photometry.polite 1
+polite=$job tries=0
+while [ "$(lines_of photometry.polite)" -lt 1 ] && [ $tries -lt 200 ]; do
+    sleep 0.02
+    tries=$((tries + 1))
+done
+campaign photometry second photometry.polite 1
+[ $? -eq 4 ] && grep -q "in use" second.log
+result "a journal in use is left alone" $? second.log
+kill -TERM $polite
+wait $polite
+[ $? -eq 143 ] && grep -q "the same command goes on from there" polite.log && [ ! -e polite ]
+result "a signal ends the campaign after the units at work" $? polite.log
+campaign photometry polite photometry.polite 2
+result "which then goes on" $? polite.log
+diff -r photometry-whole polite >difference 2>&1
+result "to the same bytes" $? difference
+
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" -eq 0 ]
