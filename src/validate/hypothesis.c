@@ -196,16 +196,13 @@ static int by_value(const void *left, const void *right)
     return (l->index > r->index) - (l->index < r->index);
 }
 
-/* The smallest p is multiplied by n, the next by n - 1 ..., and none may fall below the one before it; on
- * logarithms factors are added. */
-static rx_status holm(long n, const double *p, bool logarithms, double *adjusted, rx_error *err)
+/* The smallest p is multiplied by n, the next by n - 1 ..., and none may fall below the one before it. */
+rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err)
 {
-    const double lowest = logarithms ? -INFINITY : 0, most = logarithms ? 0 : 1;
-    double highest = lowest;
+    double highest = 0;
     for (long i = 0; i < n; i++)
-        if (!(p[i] >= lowest && p[i] <= most))
-            return rx_error_set(err, RX_INPUT, "%s%g of test %ld is not that of a probability",
-                                logarithms ? "ln p " : "p ", p[i], i + 1);
+        if (!(p[i] >= 0 && p[i] <= 1))
+            return rx_error_set(err, RX_INPUT, "p %g of test %ld is not that of a probability", p[i], i + 1);
     ranked *order = RX_NEW(ranked, (size_t)(n > 0 ? n : 0));
     if (order == NULL)
         return rx_error_memory(err, (size_t)n * sizeof *order);
@@ -214,23 +211,11 @@ static rx_status holm(long n, const double *p, bool logarithms, double *adjusted
     if (n > 0)
         qsort(order, (size_t)n, sizeof *order, by_value);
     for (long i = 0; i < n; i++) {
-        double factor = (double)(n - i);
-        double raised = logarithms ? order[i].value + log(factor) : order[i].value * factor;
-        highest = fmax(highest, fmin(raised, most));
+        highest = fmax(highest, fmin(order[i].value * (double)(n - i), 1));
         adjusted[order[i].index] = highest;
     }
     free(order);
     return RX_OK;
-}
-
-rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err)
-{
-    return holm(n, p, false, adjusted, err);
-}
-
-rx_status rx_holm_ln(long n, const double *ln_p, double *adjusted, rx_error *err)
-{
-    return holm(n, ln_p, true, adjusted, err);
 }
 
 /* Mean for which `count` or fewer (upper) or `count` or more events have probability `tail`. P(N >= k) is the

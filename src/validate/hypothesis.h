@@ -47,9 +47,6 @@ rx_status rx_paired_bootstrap(long n, const double *a, const double *b, double l
  * array. Errors: RX_INPUT a p that is not in 0..1. */
 rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err);
 
-/* The same on logarithms, for p below the smallest double: adjusted ln p, at most 0. */
-rx_status rx_holm_ln(long n, const double *ln_p, double *adjusted, rx_error *err);
-
 /* Interval of a Poisson mean from `count` events (exact, Garwood 1936, Biometrika 28, 437), two-sided at
  * `level`; and the one-sided upper limit at `level`. Accuracy 1e-12 relative for counts up to 1e6. n of the
  * estimate is the count. */

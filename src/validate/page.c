@@ -12,7 +12,7 @@ static const char STYLE[] =
     ".5em;border-bottom:1px solid #ddd}nav "
     "a{margin-right:1em}a{color:#0b5394}table{border-collapse:collapse;margin:.7em "
     "0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid "
-    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}th.m{text-align:center}td.t,th.t{text-align:left;"
+    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;"
     "white-space:normal}td "
     "small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 "
     "1em;max-width:64em}.f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 "
@@ -120,13 +120,6 @@ void rx_page_head(rx_text *dst, rx_align align, const char *text)
     rx_text_add(dst, "</th>");
 }
 
-void rx_page_head_wide(rx_text *dst, int columns, const char *text)
-{
-    rx_text_printf(dst, "<th class=\"m\" colspan=\"%d\">", columns);
-    rx_escape_html(dst, text);
-    rx_text_add(dst, "</th>");
-}
-
 void rx_page_cell_html(rx_text *dst, rx_align align, const char *html)
 {
     rx_text_printf(dst, "<td%s>%s</td>", align == RX_LEFT ? " class=\"t\"" : "", html);
@@ -177,8 +170,8 @@ void rx_page_p(rx_text *dst, double p, double ln_p)
         rx_text_add(dst, "&ndash;");
     } else if (p >= 0.001) {
         rx_text_printf(dst, "%.2g", p);
-    } else if (isinf(ln_p)) {
-        rx_text_add(dst, "0");
+    } else if (isinf(ln_p)) { /* where no more is known than that p vanished */
+        rx_text_add(dst, "&lt;10<sup>&minus;307</sup>");
     } else {
         double decades = ln_p / M_LN10, exponent = floor(decades);
         double mantissa = round(pow(10, decades - exponent) * 10) / 10;
@@ -223,16 +216,6 @@ void rx_page_cell_verdict(rx_text *dst, const char *mark, const char *text)
     rx_text_add(dst, "</b></td>");
 }
 
-void rx_page_figures_begin(rx_text *dst)
-{
-    rx_text_add(dst, "<div class=\"f\">\n");
-}
-
-void rx_page_figures_end(rx_text *dst)
-{
-    rx_text_add(dst, "</div>\n");
-}
-
 void rx_page_figure(rx_text *dst, const rx_figure *figure)
 {
     static const char *const frame[] = {"<figure>", "<figure class=\"p\">", "<figure class=\"l\">"};
@@ -254,11 +237,11 @@ void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix
         rx_text_add(dst, ". The tables are complete.</p>\n");
         return;
     }
-    rx_page_figures_begin(dst);
+    rx_text_add(dst, "<div class=\"f\">\n");
     for (int i = 0; i < figures->n; i++)
         if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0)
             rx_page_figure(dst, &figures->figure[i]);
-    rx_page_figures_end(dst);
+    rx_text_add(dst, "</div>\n");
 }
 
 void rx_page_record(rx_text *dst, int n, const char *const (*pairs)[2])

@@ -46,9 +46,7 @@ void rx_page_table_begin(rx_text *dst);
 void rx_page_table_end(rx_text *dst);
 void rx_page_row(rx_text *dst, const char *mark); /* mark: class of the row, RX_MARK_... or NULL */
 void rx_page_row_end(rx_text *dst);
-/* Header cells; the second spans `columns`, its text in the middle. */
 void rx_page_head(rx_text *dst, rx_align align, const char *text);
-void rx_page_head_wide(rx_text *dst, int columns, const char *text);
 /* Cells; NULL, "" and NAN are shown as a dash, infinities as such. */
 void rx_page_cell_text(rx_text *dst, const char *text);
 void rx_page_cell_html(rx_text *dst, rx_align align, const char *html);
@@ -56,7 +54,8 @@ void rx_page_cell_number(rx_text *dst, double value, int digits); /* digits afte
 void rx_page_cell_count(rx_text *dst, long n);
 /* value [low, high] n=...; a dash alone when n is 0. */
 void rx_page_cell_estimate(rx_text *dst, const rx_estimate *e, int digits);
-/* A p-value, 2 digits: 0.031, 5.2 x 10^-38; ln_p serves where p is below the smallest double. */
+/* A p-value, 2 digits: 0.031, 5.2 x 10^-38; ln_p serves where p is below the smallest double, and where that
+ * is infinite, too, p is said to be below 10^-307. */
 void rx_page_cell_p(rx_text *dst, double p, double ln_p);
 /* A word in bold and in its colour: PASS, FAIL, INSUFFICIENT (and what else is a class of the style). */
 void rx_page_cell_verdict(rx_text *dst, const char *mark, const char *text);
@@ -72,12 +71,9 @@ void rx_page_p(rx_text *dst, double p, double ln_p);
 #define RX_MARK_OPEN "INSUFFICIENT"
 #define RX_MARK_PALE "pale"
 
-/* A frame in which figures stand side by side, and one figure in it: its SVG (or "not drawn"), title and
- * reading. rx_page_figures writes all figures whose id begins with `prefix` ("" = all) and says why when none
- * could be drawn. */
-void rx_page_figures_begin(rx_text *dst);
+/* One figure: its SVG (or "not drawn"), title and reading. */
 void rx_page_figure(rx_text *dst, const rx_figure *figure);
-void rx_page_figures_end(rx_text *dst);
+/* All figures whose id begins with `prefix` ("" = all) side by side, or why there are none. */
 void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix);
 
 /* Configuration and provenance: name and value, folded away. */

@@ -303,32 +303,25 @@ static void closed_test(int n, const double *p, double *adjusted)
 
 static void holm_is_the_closed_test(void **state)
 {
-    double p[9], expected[9], found[9], ln_p[9];
+    double p[9], expected[9], found[9];
     (void)state;
     for (uint64_t trial = 0; trial < 40; trial++) {
-        for (uint64_t i = 0; i < 9; i++) {
+        for (uint64_t i = 0; i < 9; i++)
             p[i] = pow(rx_random_uniform(3, trial, i), 4);
-            ln_p[i] = log(p[i]);
-        }
         p[3] = p[5]; /* equal ones */
-        ln_p[3] = ln_p[5];
         closed_test(9, p, expected);
         assert_int_equal(rx_holm(9, p, found, NULL), RX_OK);
-        assert_int_equal(rx_holm_ln(9, ln_p, ln_p, NULL), RX_OK);
-        for (int i = 0; i < 9; i++) {
+        for (int i = 0; i < 9; i++)
             assert_close(found[i], expected[i], 1e-14);
-            assert_near(exp(ln_p[i]), expected[i], 1e-14);
-        }
     }
     /* statsmodels.stats.multitest.multipletests([.01, .04, .03, .005], method='holm') */
     static const double known[] = {0.01, 0.04, 0.03, 0.005}, known_adjusted[] = {0.03, 0.06, 0.06, 0.02};
     assert_int_equal(rx_holm(4, known, found, NULL), RX_OK);
     for (int i = 0; i < 4; i++)
         assert_near(found[i], known_adjusted[i], 1e-15);
-    double tiny[2] = {-5000, -INFINITY};
-    assert_int_equal(rx_holm_ln(2, tiny, tiny, NULL), RX_OK);
-    assert_near(tiny[0], -5000, 1e-9);
-    assert_true(isinf(tiny[1]));
+    double tiny[2] = {1e-300, 0}; /* in place */
+    assert_int_equal(rx_holm(2, tiny, tiny, NULL), RX_OK);
+    assert_true(tiny[0] == 1e-300 && tiny[1] == 0);
     assert_int_equal(rx_holm(0, p, found, NULL), RX_OK);
     assert_int_equal(rx_holm(1, &(double){1.5}, found, NULL), RX_INPUT);
     assert_int_equal(rx_holm(1, &(double){NAN}, found, NULL), RX_INPUT);

@@ -77,7 +77,7 @@ static void numbers_as_readers_want_them(void **state)
         {5.96e-38, -85.71324, "6.0&middot;10<sup>&minus;38</sup>"},
         {9.97e-7, -13.8185, "1.0&middot;10<sup>&minus;6</sup>"},
         {0, -5000, "3.4&middot;10<sup>&minus;2172</sup>"},
-        {0, -INFINITY, "0"},
+        {0, -INFINITY, "&lt;10<sup>&minus;307</sup>"},
         {NAN, NAN, "&ndash;"},
     };
     (void)state;
@@ -112,7 +112,7 @@ static void write_page(rx_text *page, const rx_figures *figures)
     rx_page_table_begin(page);
     rx_page_row(page, NULL);
     rx_page_head(page, RX_LEFT, HOSTILE);
-    rx_page_head_wide(page, 2, HOSTILE);
+    rx_page_head(page, RX_RIGHT, HOSTILE);
     rx_page_row_end(page);
     rx_page_row(page, RX_MARK_PALE);
     rx_page_cell_text(page, HOSTILE);
