@@ -71,7 +71,7 @@ $(sed -e ':more' -e '/\\$/{N;s/\\\n *//;bmore' -e '}' ../commands)
 END
 
 # The examples were found, and what they name is there.
-for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json \
+for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json self_report/report.html \
     sim.fits sim_truth.fits sharp.fits sim_report/report.html ccd.fits ccd.cat flags.fits injected.fits \
     injected_truth.fits tiny_report/report.html tiny.journal parts.1 stars_report/summary.json; do
     if [ -s "$file" ]; then

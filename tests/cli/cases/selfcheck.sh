@@ -1,0 +1,95 @@
+# SELF_CHECK and BLANK_CHECK: what is refused, and what they leave.
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
+
+known='-RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3'
+check='-SELF_CHECK Y -SELF_CHECK_COUNT 40 -SELF_CHECK_DENSITY 1000 -QA_FIGURES N'
+
+begin 'self check: one magnitude'
+make_fits tile tile.fits
+expect 2 '^rextract: -SELF_CHECK_MAG: has 1 item' tile.fits $known $check -SELF_CHECK_MAG 20
+
+begin 'self check: magnitudes the wrong way round'
+make_fits tile tile.fits
+expect 2 '^rextract: -SELF_CHECK_MAG: 22 is above 20' tile.fits $known $check -SELF_CHECK_MAG 22,20
+
+begin 'self check: too few objects'
+make_fits tile tile.fits
+expect 2 '^rextract: -SELF_CHECK_COUNT: 19 is out of range' tile.fits $known $check -SELF_CHECK_COUNT 19
+
+begin 'self check: share above 1'
+make_fits tile tile.fits
+expect 2 '^rextract: -SELF_CHECK_GALAXIES: 50 is out of range, give 0 to 1' tile.fits $known $check -SELF_CHECK_GALAXIES 50
+
+begin 'self check: with a second image'
+make_fits tile a.fits && make_fits tile b.fits
+expect 2 '^rextract: SELF_CHECK and BLANK_CHECK speak of one image' a.fits,b.fits $known $check
+
+begin 'blank check: with a second image'
+make_fits tile a.fits && make_fits tile b.fits
+expect 2 '^rextract: SELF_CHECK and BLANK_CHECK speak of one image' a.fits,b.fits $known -BLANK_CHECK 1
+
+begin 'self check: radius in seconds of arc without a scale'
+make_fits tile tile.fits
+expect 2 '^rextract: tile\.fits.*MATCH_UNIT ARCSEC needs the pixel scale' tile.fits $known $check -MATCH_UNIT ARCSEC -PIXEL_SCALE 0
+
+begin 'self check: report where a file is'
+make_fits tile tile.fits && echo old >report
+expect 2 '^rextract: report' tile.fits $known $check -SELF_CHECK_NAME report
+
+begin 'self check: report in a folder with other things'
+make_fits tile tile.fits && mkdir report && echo mine >report/thesis.tex
+expect 2 '^rextract: report' tile.fits $known $check -SELF_CHECK_NAME report
+
+begin 'self check: a tile without a good pixel'
+make_fits nan tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $known $check
+
+begin 'self check: a tile of one pixel'
+make_fits pixel tile.fits
+leaves test.cat
+expect 0 '' tile.fits $known $check -BLANK_CHECK 1
+
+begin 'self check: catalogue alone'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' tile.fits $known $check
+
+begin 'self check: with a report, of galaxies away from sources'
+make_fits tile tile.fits
+leaves test.cat report
+expect 0 '' tile.fits $known $check -SELF_CHECK_NAME report -SELF_CHECK_PLACE AWAY -SELF_CHECK_GALAXIES 1
+
+begin 'self check: key figures in the header, the sources as without it'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        timeout 60 "$program" tile.fits $known -CATALOG_TYPE ASCII -CATALOG_NAME plain.cat -VERBOSE_TYPE QUIET &&
+            timeout 60 "$program" tile.fits $known $check -BLANK_CHECK 1 -CATALOG_TYPE ASCII -CATALOG_NAME checked.cat -VERBOSE_TYPE QUIET &&
+            timeout 60 "$program" tile.fits $known $check -BLANK_CHECK 1 -CATALOG_TYPE FITS_1.0 -CATALOG_NAME checked.fits -VERBOSE_TYPE QUIET
+        echo $? >../code
+        cmp plain.cat checked.cat
+        for card in RXSCN RXSCFND RXBLKN RXBLKU; do
+            tr -d '\000' <checked.fits | grep -q "$card *=" || echo "no $card in the header"
+        done
+        rm -f plain.cat checked.cat checked.fits
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
+begin 'self check: same bytes for any number of threads'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    for threads in 1 2 3; do
+        OMP_NUM_THREADS=$threads timeout 60 "$program" tile.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 5 $check \
+            -BLANK_CHECK 2 -CATALOG_TYPE FITS_LDAC -SELF_CHECK_NAME report -VERBOSE_TYPE QUIET
+        echo $? >../code
+        cat test.cat report/summary.json report/*.ecsv | cksum
+        rm -rf test.cat report
+    done >../sums 2>../err
+    [ "$(sort -u ../sums | wc -l)" = 1 ] || echo 'outputs depend on the number of threads' >>../err
+    : >../out
+    judge 0 ''
+fi
