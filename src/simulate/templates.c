@@ -17,6 +17,8 @@
 #include "psf/psf.h"
 #include "simulate/template_isolate.h"
 
+#define PIXEL_FWHM2 0.46209812037 /* 8 ln 2 / 12: a pixel as a Gaussian of its variance */
+
 enum { MOST_LIST_BYTES = 1 << 24, NAME = 1024, MOST_PSF = 129 };
 
 /* What is read, and what it is told. */
@@ -81,7 +83,8 @@ static int psf_of(const char *path, char *dst)
 
 /* --- one template --- */
 
-/* FWHM in pixels of a PSF image around its brightest pixel; 0 when there is none that a profile fits. */
+/* FWHM in pixels, their own width included, of a PSF image around its brightest pixel; 0 when there is none
+ * that a profile fits. */
 static double psf_fwhm(const char *name, rx_log *log)
 {
     float *pixels = NULL, *stamp = NULL;
@@ -112,7 +115,7 @@ static double psf_fwhm(const char *name, rx_log *log)
     }
     free(stamp);
     free(pixels);
-    return fwhm;
+    return fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
 }
 
 /* *source joins the list, or is freed when there is nothing in it or too little. */

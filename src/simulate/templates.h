@@ -11,7 +11,7 @@ typedef struct rx_template {
     float *pixels;       /* [height][width], sum 1, never negative, 0 where nothing but noise is */
     double x, y;         /* centroid, pixels from 0: what lies at the position of an object */
     double pixel_scale;  /* arcsec */
-    double fwhm;         /* of its own PSF, arcsec; 0 = unknown */
+    double fwhm;         /* of its own PSF, its pixel included, arcsec; 0 = unknown */
     double radius;       /* half-light radius, template pixels, circular */
     double ratio, angle; /* shape from second moments */
     double snr;          /* of the whole object, as if the noise of its pixels were independent */

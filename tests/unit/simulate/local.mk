@@ -11,3 +11,6 @@ check_PROGRAMS += tests/unit/simulate/test_galaxy tests/unit/simulate/test_scene
 tests_unit_simulate_test_galaxy_SOURCES = tests/unit/simulate/test_galaxy.c
 tests_unit_simulate_test_scene_SOURCES = tests/unit/simulate/test_scene.c tests/unit/simulate/scene_test.h
 tests_unit_simulate_test_places_SOURCES = tests/unit/simulate/test_places.c tests/unit/simulate/scene_test.h
+check_PROGRAMS += tests/unit/simulate/test_templates tests/unit/simulate/test_truth
+tests_unit_simulate_test_templates_SOURCES = tests/unit/simulate/test_templates.c tests/unit/io/io_test.h
+tests_unit_simulate_test_truth_SOURCES = tests/unit/simulate/test_truth.c
