@@ -18,8 +18,8 @@
 #include "io/fits_write.h"
 #include "io/tile.h"
 #include "io/wcs.h"
-#include "num/stats.h"
 #include "restore/restore.h"
+#include "simulate/inject.h"
 #include "simulate/sky_noise.h"
 #include "stage/probe.h"
 #include "stage/simulation.h"
@@ -548,6 +548,62 @@ static void several_images(void **state)
     rx_text_free(&cards);
 }
 
+/* --- noise of a real tile --- */
+
+/* The SDSS frame's pixels are independent. Without the sources that were found and their surroundings; numpy,
+ * with sep's background and sources (1.5 sigma, 5 pixels around them left out), has 0.008 at the next pixel
+ * in x, 0.002 in y and 1.01 as width, once the floor of 0.009 is taken off that the faint sources leave at
+ * all lags. */
+static void noise_of_a_real_frame(void **state)
+{
+    (void)state;
+    const char *folder = getenv("RX_SHARED_DATA");
+    char name[4096];
+    rx_config *config = NULL;
+    rx_options *options = NULL;
+    rx_field *field = NULL;
+    rx_probe probe;
+    rx_sky_noise noise;
+    snprintf(name, sizeof name, "%s/sdss/94-1-12/frame-r-000094-1-0012.fits.bz2",
+             folder != NULL ? folder : "");
+    if (access(name, R_OK) != 0) {
+        printf("# %s is absent: skipped\n", name);
+        skip();
+    }
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
+    if (rx_field_open(options, 0, name, 0, 1, 0, NULL, &field, NULL) != RX_OK) {
+        printf("# cfitsio without bzip2: skipped\n");
+        rx_options_free(options);
+        rx_config_free(config);
+        skip();
+    }
+    const rx_tile *tile = field->tile;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    float *pixels = RX_NEW(float, n);
+    unsigned char *used = RX_NEW(unsigned char, n);
+    assert_int_equal(rx_probe_run(options, rx_restorer_find("NONE"), field, NULL, NULL, &probe, NULL), RX_OK);
+    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, probe.sources->segments,
+                                       tile->mask, 5.0, used, NULL),
+                     RX_OK);
+    for (size_t i = 0; i < n; i++)
+        pixels[i] = tile->pixels[i] - field->plain->level[i];
+    assert_int_equal(
+        rx_sky_noise_measure(tile->width, tile->height, pixels, field->plain->sigma, used, &noise, NULL),
+        RX_OK);
+    assert_false(noise.correlated);
+    assert_true(noise.pixels > 2500000);
+    assert_float_equal(noise.scale, 1.01, 0.02);
+    assert_float_equal(noise.correlation[0][RX_NOISE_LAGS + 1], 0.008, 0.005);
+    assert_float_equal(noise.correlation[1][RX_NOISE_LAGS], 0.002, 0.005);
+    free(pixels);
+    free(used);
+    rx_probe_free(&probe);
+    rx_field_free(field);
+    rx_options_free(options);
+    rx_config_free(config);
+}
+
 int main(void)
 {
 #define HERE(test) cmocka_unit_test_setup_teardown(test, enter, leave)
@@ -557,7 +613,7 @@ int main(void)
         HERE(file_and_memory),        HERE(truth),
         HERE(nothing_is_left),        HERE(adds_known_flux),
         HERE(settings_of_a_tile),     HERE(no_stars_no_psf),
-        HERE(several_images),
+        HERE(several_images),         cmocka_unit_test(noise_of_a_real_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
