@@ -44,6 +44,7 @@ const rx_keytable *rx_keytable_rextract(void)
         .size = sizeof(rx_config),
         .plain = RX_PLAIN_IMAGES,
         .default_file = "default.sex",
+        .idle = rx_config_idle,
         .check = rx_config_relations,
         .check_outputs = rx_overwrite_check,
     };
@@ -58,6 +59,7 @@ const rx_keytable *rx_keytable_simulate(void)
         ROWS(simulate_rows),
         .size = sizeof(rx_simulate_config),
         .plain = RX_PLAIN_NONE,
+        .idle = rx_simulate_idle,
         .check = rx_simulate_relations,
         .check_outputs = rx_overwrite_check_simulate,
     };

@@ -15,6 +15,14 @@ int rx_keyword_find(const rx_keytable *table, const char *name)
     return -1;
 }
 
+bool rx_keyword_among(const char *const *names, const char *name)
+{
+    for (; *names != NULL; names++)
+        if (strcmp(*names, name) == 0)
+            return true;
+    return false;
+}
+
 int rx_keyword_part(const rx_keytable *table, const char **name)
 {
     for (int part = 0; part < RX_PARTS && table->part[part].prefix != NULL; part++) {

@@ -60,6 +60,8 @@ struct rx_keytable {
 
     /* What new settings need besides the values of the rows; NULL = nothing. */
     void (*complete)(rx_settings *settings);
+    /* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL; NULL = all have. */
+    const char *(*idle)(const rx_settings *settings, const char *name);
     /* Relations between keywords. */
     rx_status (*check)(const rx_settings *settings, rx_error *err);
     /* RX_USAGE when an output is also an input; image may be NULL. */
@@ -96,7 +98,12 @@ void rx_keyword_clear(rx_settings *settings, int row);
 rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
                              ...) RX_PRINTF(4, 5);
 
-/* rx_keytable.complete and .check. */
+/* Is `name` in a list that ends with NULL? */
+bool rx_keyword_among(const char *const *names, const char *name);
+
+/* rx_keytable.complete, .idle and .check. */
+const char *rx_config_idle(const rx_settings *settings, const char *name);
+const char *rx_simulate_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);

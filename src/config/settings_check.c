@@ -20,14 +20,23 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
     return rx_error_set(err, RX_USAGE, "-%s%s: %s", settings->prefix, name, text);
 }
 
-/* One warning per IGNORED keyword whose value is not the default. */
-static rx_status warn_ignored(const rx_settings *settings, rx_log *log, rx_error *err)
+/* Why the keyword has no effect, or NULL. */
+static const char *idle(const rx_settings *settings, const rx_keyword *key)
+{
+    if (key->status == RX_STATUS_IGNORED)
+        return "here";
+    return settings->table->idle != NULL ? settings->table->idle(settings, key->name) : NULL;
+}
+
+/* One warning per keyword that has no effect and a value that is not the default. */
+static rx_status warn_idle(const rx_settings *settings, rx_log *log, rx_error *err)
 {
     rx_settings *defaults = NULL;
     rx_status status = rx_settings_new(settings->table, &defaults, err);
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &settings->table->rows[row];
-        if (key->kind == RX_KIND_SECTION || key->status != RX_STATUS_IGNORED)
+        const char *why = key->kind != RX_KIND_SECTION ? idle(settings, key) : NULL;
+        if (why == NULL)
             continue;
         rx_text ours = {0}, normal = {0};
         rx_keyword_print(&ours, settings, row, false);
@@ -35,7 +44,7 @@ static rx_status warn_ignored(const rx_settings *settings, rx_log *log, rx_error
         if (ours.failed || normal.failed)
             status = rx_error_memory(err, 0);
         else if (strcmp(ours.data, normal.data) != 0)
-            rx_log_warning(log, "%s%s %s has no effect here (%s)", settings->prefix, key->name, ours.data,
+            rx_log_warning(log, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, ours.data, why,
                            key->help);
         rx_text_free(&ours);
         rx_text_free(&normal);
@@ -48,7 +57,7 @@ rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *
 {
     rx_status status = settings->table->check(settings, err);
     if (status == RX_OK)
-        status = warn_ignored(settings, log, err);
+        status = warn_idle(settings, log, err);
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
         status = rx_settings_check(settings->part[i], log, err);
     return status;

@@ -42,10 +42,11 @@ static rx_status check_injection(const rx_simulate_config *config, rx_error *err
 
 static rx_status check_noise(const rx_simulate_config *config, rx_error *err)
 {
+    if (config->inject_image[0] != '\0') /* the tile's own */
+        return RX_OK;
     if (is(config->noise_type, "CCD") && config->gain <= 0.0)
         return REFUSE(GAIN, "0 e-/ADU is no gain for NOISE_TYPE CCD; give one above 0");
-    if (config->satur_level > 0.0 && config->satur_level <= config->sky_level &&
-        config->inject_image[0] == '\0')
+    if (config->satur_level > 0.0 && config->satur_level <= config->sky_level)
         return REFUSE(SATUR_LEVEL, "%g is not above SKY_LEVEL, %g: every pixel would be saturated",
                       config->satur_level, config->sky_level);
     return RX_OK;
@@ -103,4 +104,22 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
     if (status == RX_OK)
         status = check_outputs(config, err);
     return status;
+}
+
+const char *rx_simulate_idle(const rx_settings *settings, const char *name)
+{
+    static const char *const outputs[] = {
+        "IMAGE_NAME",   "SHARP_NAME", "TRUTH_NAME", "TRUTH_TYPE",   "FLAG_NAME",
+        "SCENE_NUMBER", "SEED",       "NTHREADS",   "VERBOSE_TYPE", NULL};
+    static const char *const field[] = {"IMAGE_SIZE",  "SKY_CENTER", "NOISE_TYPE",  "SKY_LEVEL",
+                                        "NOISE_SIGMA", "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",
+                                        "COSMIC_RAYS", NULL};
+    static const char *const injection[] = {"INJECT_PLACE", "INJECT_DISTANCE", NULL};
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    bool injects = config->inject_image[0] != '\0';
+    if (settings->prefix[0] != '\0' && rx_keyword_among(outputs, name))
+        return "in a campaign";
+    if (injects && rx_keyword_among(field, name))
+        return "with INJECT_IMAGE";
+    return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
 }

@@ -106,7 +106,7 @@ static void errors_have_the_prefixed_name(void **state)
 }
 
 /* One setting after the other, "KEYWORD value;KEYWORD value", then the checks. */
-static rx_status check_line(rx_settings *settings, const char *line, rx_error *err)
+static rx_status check_line(rx_settings *settings, const char *line, rx_log *log, rx_error *err)
 {
     char text[512], *rest = NULL;
     *err = RX_ERROR_NONE;
@@ -118,7 +118,7 @@ static rx_status check_line(rx_settings *settings, const char *line, rx_error *e
         if (rx_settings_set(settings, word, value, NULL, err) != RX_OK)
             fail_msg("'%s': %s", line, err->text);
     }
-    return rx_settings_check(settings, NULL, err);
+    return rx_settings_check(settings, log, err);
 }
 
 static void check_relations(const rx_keytable *table, size_t n, const char *const (*cases)[2])
@@ -127,7 +127,7 @@ static void check_relations(const rx_keytable *table, size_t n, const char *cons
         rx_error err;
         rx_settings *settings = NULL;
         assert_int_equal(rx_settings_new(table, &settings, &err), RX_OK);
-        rx_status status = check_line(settings, cases[i][0], &err);
+        rx_status status = check_line(settings, cases[i][0], NULL, &err);
         if (cases[i][1] == NULL && status != RX_OK)
             fail_msg("'%s' gives '%s'", cases[i][0], err.text);
         if (cases[i][1] != NULL && (status != RX_USAGE || strstr(err.text, cases[i][1]) == NULL))
@@ -150,6 +150,7 @@ static void simulations_are_checked(void **state)
         {"NOISE_TYPE CCD;GAIN 1.5", NULL},
         {"SATUR_LEVEL 1000", "-SATUR_LEVEL: 1000 is not above SKY_LEVEL, 1000"},
         {"SATUR_LEVEL 1000;SKY_LEVEL 999", NULL},
+        {"SATUR_LEVEL 1000;NOISE_TYPE CCD;INJECT_IMAGE tile.fits", NULL}, /* the tile's own count */
         {"PSF_TYPE AUTO", "-PSF_TYPE: AUTO is measured on a real tile; give INJECT_IMAGE"},
         {"PSF_TYPE AUTO;INJECT_IMAGE tile.fits", NULL},
         {"PSF_TYPE PSFEX;PSF_NAME NONE", "-PSF_NAME: is empty; name the file that PSF_TYPE PSFEX reads"},
@@ -212,6 +213,49 @@ static void self_checks_are_checked(void **state)
     };
     (void)state;
     check_relations(rx_keytable_rextract(), sizeof cases / sizeof cases[0], cases);
+}
+
+/* Warnings of the checks, one for each keyword that is set in vain. */
+static void keywords_set_in_vain_warn(void **state)
+{
+    static const struct {
+        const rx_keytable *(*table)(void);
+        const char *line, *warning;
+    } cases[] = {
+        {rx_keytable_simulate, "SKY_LEVEL 5;IMAGE_SIZE 1024", NULL},
+        {rx_keytable_simulate, "INJECT_IMAGE a.fits;SKY_LEVEL 5;IMAGE_SIZE 1024",
+         "t: warning: SKY_LEVEL 5 has no effect with INJECT_IMAGE (sky (ADU per pixel))\n"},
+        {rx_keytable_simulate, "INJECT_PLACE AWAY",
+         "t: warning: INJECT_PLACE AWAY has no effect without INJECT_IMAGE"},
+        {rx_keytable_simulate, "IMAGE_NAME a.fits;SEED 5", NULL},
+        {rx_keytable_validate, "SIM.IMAGE_NAME a.fits",
+         "t: warning: SIM.IMAGE_NAME a.fits has no effect in a campaign"},
+        {rx_keytable_validate, "STAGE.RESTORE_TYPE NONE",
+         "t: warning: STAGE.RESTORE_TYPE NONE has no effect in a campaign"},
+        {rx_keytable_validate, "STAGE.WRITE_XML Y", "t: warning: STAGE.WRITE_XML Y has no effect here"},
+        {rx_keytable_validate, "STAGE.SEED 5;RESTORE_TYPE NONE;SIM.SKY_LEVEL 5", NULL},
+        {rx_keytable_rextract, "CATALOG_NAME a.cat;RESTORE_TYPE NONE", NULL},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        char said[512] = "", more[512] = "";
+        rx_error err;
+        rx_settings *settings = NULL;
+        FILE *stream = tmpfile();
+        rx_log log;
+        assert_non_null(stream);
+        rx_log_init(&log, "t", stream, RX_NORMAL);
+        assert_int_equal(rx_settings_new(cases[i].table(), &settings, &err), RX_OK);
+        assert_int_equal(check_line(settings, cases[i].line, &log, &err), RX_OK);
+        rewind(stream);
+        char *line = fgets(said, sizeof said, stream);
+        if ((line != NULL) != (cases[i].warning != NULL) || fgets(more, sizeof more, stream) != NULL)
+            fail_msg("'%s' warns '%s' '%s'", cases[i].line, said, more);
+        if (line != NULL)
+            assert_memory_equal(said, cases[i].warning, strlen(cases[i].warning));
+        fclose(stream);
+        rx_settings_free(settings);
+    }
 }
 
 static void relations_of_parts_name_their_line(void **state)
@@ -351,6 +395,7 @@ int main(void)
         cmocka_unit_test(simulations_are_checked),
         cmocka_unit_test(campaigns_are_checked),
         cmocka_unit_test(self_checks_are_checked),
+        cmocka_unit_test(keywords_set_in_vain_warn),
         IN_FOLDER(relations_of_parts_name_their_line),
         cmocka_unit_test(shards_are_read),
         IN_FOLDER(copies_are_equal_and_independent),
