@@ -106,7 +106,7 @@ static inline float brightness(const component *c, double dx, double dy)
         }
         value += table_at(c->real, i, fraction) * re + table_at(c->imaginary, i, fraction) * im;
     }
-    return fmaxf(value, 0.0f);
+    return value > 0.0f ? value : 0.0f; /* fmaxf() is a call */
 }
 
 /* --- geometry --- */

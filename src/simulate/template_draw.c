@@ -3,14 +3,14 @@
  * The template is a surface brightness by cubic B-splines around its pixels (not by interpolation: the spline
  * is smooth and nowhere negative, and its blur, 1/3 pixel^2 per axis, is told by rx_template_blur()). Splines
  * of a whole grid sum to 1 everywhere, so nothing is lost between pixels, however far they are stretched. A
- * cell larger than 0.6 template pixels is the mean of equal parts that are not: no pixel falls between the
+ * cell larger than 0.9 template pixels is the mean of equal parts that are not: no pixel falls between the
  * cells. The sum over all cells is the flux to 1e-3, the rest being what the lattice of cells does not see of
  * the spline (tests/unit/simulate/test_templates.c). */
 #include <math.h>
 
 #include "simulate/render.h"
 
-#define FINEST 0.6 /* largest distance of samples, template pixels */
+#define FINEST 0.9 /* largest distance of samples, template pixels */
 
 enum { MOST_PARTS = 64 };
 
@@ -61,6 +61,12 @@ static float brightness(const rx_template *source, double p, double q)
     float x[4], y[4], sum = 0.0f;
     spline((float)(p - fp), x);
     spline((float)(q - fq), y);
+    if (i0 >= 0 && j0 >= 0 && i0 + 3 < source->width && j0 + 3 < source->height) {
+        const float *at = source->pixels + (size_t)j0 * (size_t)source->width + i0;
+        for (int j = 0; j < 4; j++, at += source->width)
+            sum += y[j] * (x[0] * at[0] + x[1] * at[1] + x[2] * at[2] + x[3] * at[3]);
+        return sum;
+    }
     for (int j = 0; j < 4; j++) {
         if (j0 + j < 0 || j0 + j >= source->height)
             continue;
