@@ -29,6 +29,7 @@ typedef struct renderer {
     float *grid, *weighted, *spectrum, *pixels; /* weighted: NULL when no optics vary */
     float **half;                               /* [n] spectra on pixels */
     rx_star_kernel *kernel;
+    rx_drawing drawing;
     rx_kernels *kernels;
 } renderer;
 
@@ -82,6 +83,7 @@ static void close_renderer(renderer *r)
     free(r->spectrum);
     free(r->pixels);
     free(r->kernel);
+    rx_drawing_close(&r->drawing);
     rx_kernels_free(r->kernels);
     rx_fft_free(r->fine);
     rx_fft_free(r->native);
@@ -116,7 +118,9 @@ static rx_status open_renderer(renderer *r, rx_error *err)
     if (missing || r->half == NULL || r->kernel == NULL || r->grid == NULL || r->spectrum == NULL ||
         r->pixels == NULL || (varying && r->weighted == NULL))
         return rx_error_memory(err, 0);
-    return RX_OK;
+    r->drawing =
+        (rx_drawing){.scene = r->scene, .kernel = r->kernel, .cells = r->cells, .nthreads = r->nthreads};
+    return rx_drawing_open(&r->drawing, err);
 }
 
 /* --- one block --- */
@@ -210,8 +214,7 @@ static rx_status render_block(const renderer *r, int block, rx_error *err)
                          .stride = (size_t)rx_fft_stride_real(r->fine)};
     if (block > 0) /* it was made empty */
         memset(r->grid, 0, sizeof(float) * grid.stride * (size_t)rx_fft_height(r->fine));
-    rx_status status = rx_scene_draw(r->scene, r->kernel, r->cells, (long)x0 * r->cells, (long)y0 * r->cells,
-                                     r->nthreads, &grid, err);
+    rx_status status = rx_drawing_part(&r->drawing, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err);
     if (status != RX_OK)
         return status;
     convolve(r, &grid);

@@ -6,22 +6,42 @@
 #include "base/memory.h"
 #include "simulate/render_parts.h"
 
-/* Cells around an extended object, clipped to the grid. */
-typedef struct box {
+/* Cells of a grid around an extended object. */
+struct box {
+    long object;
     int i0, j0, width, height;
-} box;
+};
+
+rx_status rx_drawing_open(rx_drawing *d, rx_error *err)
+{
+    const rx_scene *scene = d->scene;
+    d->reach = RX_NEW(double, (size_t)scene->n);
+    d->box = rx_alloc((size_t)scene->n, sizeof *d->box);
+    if (d->reach == NULL || d->box == NULL)
+        return rx_error_memory(err, (size_t)scene->n * sizeof *d->box);
+#pragma omp parallel for schedule(static) num_threads(d->nthreads)
+    for (long k = 0; k < scene->n; k++)
+        d->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * d->cells;
+    return RX_OK;
+}
+
+void rx_drawing_close(rx_drawing *d)
+{
+    free(d->reach);
+    free(d->box);
+}
 
 /* 0 when nothing of it is inside. */
-static int find_box(const rx_object *o, const rx_templates *templates, int cells, long column, long row,
-                    const rx_fine_grid *grid, box *dst)
+static int find_box(const rx_drawing *d, long k, long column, long row, const rx_fine_grid *grid,
+                    struct box *dst)
 {
-    double reach = rx_object_reach(o, templates) * cells + 2.0, u = o->x * cells - column,
-           v = o->y * cells - row;
+    const rx_object *o = &d->scene->objects[k];
+    double reach = d->reach[k] + 2.0, u = o->x * d->cells - column, v = o->y * d->cells - row;
     double left = fmax(floor(u - reach), 0.0), right = fmin(ceil(u + reach), grid->width - 1.0);
     double bottom = fmax(floor(v - reach), 0.0), top = fmin(ceil(v + reach), grid->height - 1.0);
     if (!(left <= right && bottom <= top))
         return 0;
-    *dst = (box){(int)left, (int)bottom, (int)(right - left) + 1, (int)(top - bottom) + 1};
+    *dst = (struct box){k, (int)left, (int)bottom, (int)(right - left) + 1, (int)(top - bottom) + 1};
     return 1;
 }
 
@@ -35,7 +55,7 @@ static void draw_extended(const rx_object *o, const rx_templates *templates, rx_
 
 /* Drawn by itself first, so that objects can be drawn at the same time and yet be added in their order. */
 static float *draw_alone(const rx_object *o, const rx_templates *templates, const rx_fine_grid *grid,
-                         const box *b)
+                         const struct box *b)
 {
     float *cells = RX_NEW(float, (size_t)b->width *(size_t)b->height);
     rx_fine_grid part = {.width = b->width,
@@ -50,7 +70,7 @@ static float *draw_alone(const rx_object *o, const rx_templates *templates, cons
     return cells;
 }
 
-static void add_box(const float *cells, const box *b, rx_fine_grid *grid)
+static void add_box(const float *cells, const struct box *b, rx_fine_grid *grid)
 {
     for (int j = 0; j < b->height; j++) {
         float *row = grid->cells + (size_t)(b->j0 + j) * grid->stride + b->i0;
@@ -60,27 +80,27 @@ static void add_box(const float *cells, const box *b, rx_fine_grid *grid)
     }
 }
 
-rx_status rx_scene_draw(const rx_scene *scene, const rx_star_kernel *kernel, int cells, long column, long row,
-                        int nthreads, rx_fine_grid *grid, rx_error *err)
+rx_status rx_drawing_part(const rx_drawing *d, long column, long row, rx_fine_grid *grid, rx_error *err)
 {
+    const rx_scene *scene = d->scene;
+    long n = 0;
     int failed = 0;
-    for (long k = 0; k < scene->n; k++)
-        if (scene->objects[k].type == RX_OBJECT_STAR)
-            rx_star_draw(kernel, scene->objects[k].x * cells, scene->objects[k].y * cells,
-                         scene->objects[k].flux, column, row, grid);
-#pragma omp parallel for ordered schedule(dynamic) num_threads(nthreads)
     for (long k = 0; k < scene->n; k++) {
         const rx_object *o = &scene->objects[k];
-        float *drawn = NULL;
-        box b;
-        int inside = o->type != RX_OBJECT_STAR && find_box(o, scene->templates, cells, column, row, grid, &b);
-        if (inside)
-            drawn = draw_alone(o, scene->templates, grid, &b);
+        if (o->type == RX_OBJECT_STAR)
+            rx_star_draw(d->kernel, o->x * d->cells, o->y * d->cells, o->flux, column, row, grid);
+        else
+            n += find_box(d, k, column, row, grid, &d->box[n]);
+    }
+#pragma omp parallel for ordered schedule(dynamic) num_threads(d->nthreads)
+    for (long k = 0; k < n; k++) {
+        const struct box *b = &d->box[k];
+        float *drawn = draw_alone(&scene->objects[b->object], scene->templates, grid, b);
 #pragma omp ordered
         {
             if (drawn != NULL)
-                add_box(drawn, &b, grid);
-            else if (inside)
+                add_box(drawn, b, grid);
+            else
                 failed = 1;
         }
         free(drawn);

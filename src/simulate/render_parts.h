@@ -24,10 +24,24 @@ void rx_star_draw(const rx_star_kernel *kernel, double u, double v, double flux,
 
 /* --- render_draw.c: objects on a grid of cells --- */
 
-/* Everything of the scene that falls into the grid, which begins at cell (column, row) of cells^2 per pixel,
- * cell (0, 0) being centred on pixel (0, 0). */
-rx_status rx_scene_draw(const rx_scene *scene, const rx_star_kernel *kernel, int cells, long column, long row,
-                        int nthreads, rx_fine_grid *grid, rx_error *err);
+/* A scene ready to be drawn in parts. */
+typedef struct rx_drawing {
+    const rx_scene *scene;
+    const rx_star_kernel *kernel;
+    int cells; /* per pixel; cell (0, 0) is centred on pixel (0, 0) */
+    int nthreads;
+    double *reach;   /* [scene->n] rx_object_reach(), cells */
+    struct box *box; /* [scene->n] room for what is inside a part */
+} rx_drawing;
+
+/* The first four are given; the rest is made here, and freed by rx_drawing_close(). Errors: RX_SYSTEM memory.
+ */
+rx_status rx_drawing_open(rx_drawing *drawing, rx_error *err);
+void rx_drawing_close(rx_drawing *drawing);
+
+/* Everything of the scene that falls into the grid, which begins at cell (column, row). */
+rx_status rx_drawing_part(const rx_drawing *drawing, long column, long row, rx_fine_grid *grid,
+                          rx_error *err);
 
 /* --- render_fold.c: through the optics, from cells to pixels --- */
 
