@@ -323,7 +323,10 @@ static void write_reading(rx_text *dst)
         "precision, all magnitudes of the field together, has the value named; then completeness is "
         "compared. <b>MagErr</b> is a mean of absolute values: it hides the sign, which bias_percent and "
         "bias_mag tell, and single gross errors weigh in it. F0 is the flux that was put in; nothing is "
-        "calibrated away. S/N is that of a matched filter on the bare background.");
+        "calibrated away. On a real tile, whatever is found before the stars are added counts neither as "
+        "right nor "
+        "as false: precision there is an upper limit, and thresholds of equal precision are milder. S/N is "
+        "that of a matched filter on the bare background.");
     rx_page_paragraph(
         dst, "All numbers are in summary.json, sets.ecsv (restorers), duels.ecsv (pairs) and cuts.ecsv "
              "(thresholds); curves.ecsv holds points of the precision-recall curves.");

@@ -35,7 +35,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
             continue;
         for (int k = 0; k < r->nmethods; k++)
             box[(size_t)ngroups * nmethods + (size_t)k] = *rx_quality_box(m, b, quality, k);
-        snprintf(label[ngroups], sizeof *label, "%g%s", rx_bin_centre(&r->bins[b]), m->inside[b] ? "" : "*");
+        snprintf(label[ngroups], sizeof *label, "%g%s", rx_bin_centre(&r->bins[b]), m->inside[b] ? "" : "+");
         groups[ngroups] = label[ngroups];
         ngroups++;
     }
@@ -49,7 +49,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
     snprintf(title, sizeof title, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
     rx_figure_add(
         dst, id, title,
-        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a star: "
+        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a plus: "
         "beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network green.",
         false);
     rx_axes axes = {.xlabel = axis_of(by_sigma), .ylabel = quality == RX_PSNR ? "PSNR (dB)" : "SSIM"};
@@ -100,6 +100,16 @@ static void one_line(lines *l, const rx_restoration_numbers *m, int by_sigma, rx
     l->curve[pair].high = high;
 }
 
+/* Upper end of the last bin inside the training range; NAN without one. */
+static double last_inside(const rx_restoration_numbers *m, int by_sigma)
+{
+    double high = NAN;
+    for (int b = 0; b < m->results->nbins; b++)
+        if (m->results->bins[b].by_sigma == by_sigma && m->inside[b])
+            high = m->results->bins[b].high;
+    return high;
+}
+
 static void differences(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma, rx_quality quality)
 {
     char id[RX_FIGURE_ID], title[80];
@@ -125,7 +135,7 @@ static void differences(rx_figures *dst, const rx_restoration_numbers *m, int by
         l->ends[1] = axes.x1;
         l->curve[m->npairs] =
             (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = l->ends, .y = l->zero};
-        l->limit[0] = l->limit[1] = (by_sigma ? m->results->sigma_trained : m->results->fwhm_trained)[1];
+        l->limit[0] = l->limit[1] = last_inside(m, by_sigma);
         l->height[0] = axes.y0;
         l->height[1] = axes.y1;
         l->curve[m->npairs + 1] =
@@ -137,8 +147,8 @@ static void differences(rx_figures *dst, const rx_restoration_numbers *m, int by
                  by_sigma ? "noise" : "FWHM");
         rx_figure_add(
             dst, id, title,
-            "On the same scenes, with 95 % t intervals: above zero the first of the two is better. The "
-            "upright line: end of the training range.",
+            "On the same scenes, with 95 % t intervals: above zero the first of the two is better. Right of "
+            "the upright line: beyond the training range.",
             false);
         rx_plot_curves(dst, &axes, m->npairs + 1 + beyond, l->curve);
     }

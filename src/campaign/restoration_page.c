@@ -23,11 +23,11 @@ static void heads(rx_text *dst, int n, const char *const *names)
         rx_page_head(dst, RX_RIGHT, names[i]);
 }
 
-/* "9*" beyond the training range. */
+/* "9+" beyond the training range. */
 static void bin_cell(rx_text *dst, const rx_restoration_numbers *m, int b)
 {
     char text[48];
-    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]), m->inside[b] ? "" : "*");
+    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]), m->inside[b] ? "" : "+");
     rx_page_cell_html(dst, RX_RIGHT, text);
 }
 
@@ -240,7 +240,7 @@ static void write_tables(rx_text *dst, const rx_restoration_numbers *m)
         for (int q = 0; q < RX_QUALITIES && has_kind(m->results, kind); q++)
             values_table(dst, m, kind, (rx_quality)q);
     rx_page_note(dst,
-                 "Means with 95 % t intervals. A star: the centre of the bin is beyond the training range.");
+                 "Means with 95 % t intervals. A plus: the centre of the bin is beyond the training range.");
 }
 
 /* The first pair lies open, the others are folded away. */
