@@ -83,6 +83,10 @@ void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_
 long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
                       const rx_unit_values *done);
 
+/* Is the candidate's number of iterations the lowest or highest tried, or its filter the widest: a longer
+ * list may hold a better one. */
+int rx_tuning_at_end(const rx_restoration *state, long candidate);
+
 /* plane = filtered and cut as the candidate says, from what so many iterations gave. */
 rx_status rx_tuning_apply(const rx_restoration *state, const rx_trial *trial, const rx_tuning *tuning,
                           const float *restored, float *plane, rx_error *err);

@@ -78,6 +78,26 @@ long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *met
     return best;
 }
 
+int rx_tuning_at_end(const rx_restoration *state, long candidate)
+{
+    const rx_ints *niter = &state->config->tune_niter;
+    const rx_reals *filter = &state->config->tune_filter;
+    rx_tuning tuning;
+    int lower = 0, higher = 0, wider = 0;
+    rx_tuning_get(state, 1.0, candidate, &tuning);
+    for (int i = 0; i < niter->n; i++) {
+        lower |= niter->v[i] < tuning.niter;
+        higher |= niter->v[i] > tuning.niter;
+    }
+    if (!lower || !higher)
+        return 1;
+    if (candidate / (long)COUNT(THRESHOLDS) % filters(state) == filter->n)
+        return 0; /* the target PSF */
+    for (int i = 0; i < filter->n; i++)
+        wider |= filter->v[i] > tuning.filter;
+    return !wider;
+}
+
 /* Values below the threshold become sky. */
 static void flatten(size_t n, double level, const float *src, float *dst)
 {

@@ -177,6 +177,14 @@ static void tuning_takes_the_best(void **state)
     assert_float_equal(widths[1], 2.5, 1e-12);
     assert_float_equal(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
     assert_non_null(strstr(tuning.text, "filter 2 pixels"));
+    /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
+    assert_true(rx_tuning_at_end(campaign, 0) && rx_tuning_at_end(campaign, candidates - 1));
+    config->tune_niter.n = 3;
+    config->tune_niter.v[2] = 5;
+    assert_false(rx_tuning_at_end(campaign, candidates));
+    assert_true(rx_tuning_at_end(campaign, candidates + candidates / 6));
+    assert_false(rx_tuning_at_end(campaign, candidates + 2 * candidates / 6));
+    assert_true(rx_tuning_at_end(campaign, 0));
     rx_unit_values_free(n, values);
     rx_kind_restoration.close(campaign);
     rx_campaign_config_free(config);
