@@ -132,6 +132,37 @@ for radius in (1.35, 2.7, 5.4):
     assert abs(ratio - 1) < 1e-3, (radius, ratio)
 END
 
+theory "a PSF image" <<'END'
+y, x = np.mgrid[-15:16, -15:16]
+psf = np.exp(-(x**2 / 2.2**2 + y**2 / 1.6**2 + 0.3 * x * y / 2) / 2)
+fits.writeto('psf.fits', (psf / psf.sum()).astype('f4'))
+END
+if [ -f psf.fits ]; then
+    "$simulate" -IMAGE_NAME shaped.fits -TRUTH_NAME shaped_truth.fits -GALAXY_COUNT 0 -STAR_COUNT 200 -STAR_MAG 15,16 \
+        -LEAST_DISTANCE 15 -PSF_TYPE FILE -PSF_NAME psf.fits -NOISE_TYPE NONE -SKY_LEVEL 0 -IMAGE_SIZE 500 >psf.log 2>&1
+    result "stars through a PSF image" $? psf.log
+    theory "stars have the moments of the PSF image" <<'END'
+psf, img, stars = image('psf.fits'), image('shaped.fits'), table('shaped_truth.fits')
+v, u = np.mgrid[-15:16, -15:16]
+n = 0
+for s in stars:
+    x0, y0 = s['X_IMAGE'] - 1, s['Y_IMAGE'] - 1
+    i, j = int(round(x0)), int(round(y0))
+    if not (20 < i < 479 and 20 < j < 479):
+        continue
+    p = img[j - 15:j + 16, i - 15:i + 16] / s['FLUX']
+    x, y = u + i - x0, v + j - y0
+    assert abs(p.sum() - 1) < 1e-3 and abs((p * x).sum()) < 5e-3 and abs((p * y).sum()) < 5e-3, p.sum()
+    for a, b in (((p * x * x).sum(), (psf * u * u).sum()), ((p * y * y).sum(), (psf * v * v).sum()),
+                 ((p * x * y).sum(), (psf * u * v).sum())):
+        assert abs(a - b) < 0.02, (a, b)
+    n += 1
+assert n > 20, n
+END
+else
+    skip "stars through a PSF image" "python3 with astropy is absent"
+fi
+
 "$simulate" -IMAGE_NAME gauss.fits -TRUTH_NAME '' -STAR_COUNT 0 -GALAXY_COUNT 0 -SKY_LEVEL 200 \
     -NOISE_SIGMA 7 >noise.log 2>&1 &&
     "$simulate" -IMAGE_NAME ccd.fits -TRUTH_NAME '' -STAR_COUNT 0 -GALAXY_COUNT 0 -SKY_LEVEL 200 \
