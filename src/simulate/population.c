@@ -102,23 +102,49 @@ void rx_population_star(const rx_scene_params *par, long number, rx_object *dst)
 
 /* --- galaxies --- */
 
-/* Half-light radius of bulge and disk together over that of the disk. */
-static double joint_radius(double share, double index, double bulge)
+/* Share of the light of bulge and disk within the ellipse of major axis `radius` (disk radii) and the disk's
+ * ratio. In the plane where the bulge is round the ellipse is one of `squeeze` = disk's over bulge's ratio;
+ * the mean over its directions by the midpoint rule. */
+static double joint_within(const rx_sersic *inner, const rx_sersic *outer, double share, double bulge,
+                           double squeeze, double radius)
+{
+    enum { DIRECTIONS = 12 };
+    double sum = 0.0;
+    for (int i = 0; i < DIRECTIONS; i++) {
+        double angle = 0.5 * PI * (i + 0.5) / DIRECTIONS;
+        double edge = radius / hypot(cos(angle), sin(angle) / squeeze);
+        sum += rx_sersic_within(inner, edge / bulge) / DIRECTIONS;
+    }
+    return share * sum + (1.0 - share) * rx_sersic_within(outer, radius);
+}
+
+/* Half-light radius of both over that of the disk: false position (Illinois). */
+static double joint_radius(double share, double index, double bulge, double squeeze)
 {
     rx_sersic inner, outer;
-    double low = 0.0, high = 1.0;
     rx_sersic_set(index, &inner);
     rx_sersic_set(1.0, &outer);
-    for (int i = 0; i < 30; i++) {
-        double middle = 0.5 * (low + high);
-        double within = share * rx_sersic_within(&inner, middle / bulge) +
-                        (1.0 - share) * rx_sersic_within(&outer, middle);
-        if (within < 0.5)
+    double low = 0.2, high = 1.2, below = joint_within(&inner, &outer, share, bulge, squeeze, low) - 0.5;
+    double above = joint_within(&inner, &outer, share, bulge, squeeze, high) - 0.5, middle = 1.0;
+    for (int i = 0, side = 0; i < 60; i++) {
+        double last = middle;
+        middle = (low * above - high * below) / (above - below);
+        double value = joint_within(&inner, &outer, share, bulge, squeeze, middle) - 0.5;
+        if (value < 0.0) {
             low = middle;
-        else
+            below = value;
+            above *= side < 0 ? 0.5 : 1.0;
+            side = -1;
+        } else {
             high = middle;
+            above = value;
+            below *= side > 0 ? 0.5 : 1.0;
+            side = 1;
+        }
+        if (fabs(middle - last) < 1e-7)
+            break;
     }
-    return 0.5 * (low + high);
+    return middle;
 }
 
 static void add_arms(const rx_scene_params *par, long number, rx_object *dst)
@@ -165,7 +191,8 @@ void rx_population_galaxy(const rx_scene_params *par, long number, rx_object *ds
         dst->bulge_n = bulge_index;
         dst->bulge_ratio = 0.5 * (1.0 + dst->ratio);
     }
-    dst->disk_radius = dst->radius / joint_radius(dst->bulge_share, bulge_index, bulge_radius);
+    dst->disk_radius = dst->radius / joint_radius(dst->bulge_share, bulge_index, bulge_radius,
+                                                  dst->ratio / fmax(dst->bulge_ratio, dst->ratio));
     dst->bulge_radius = n > 1.0 ? bulge_radius * dst->disk_radius : 0.0;
     if (spiral)
         add_arms(par, number, dst);
