@@ -52,7 +52,7 @@ static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done,
     rx_scene_params par = {.width = tile->width,
                            .height = tile->height,
                            .zeropoint = tile->zeropoint,
-                           .pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : 1.0,
+                           .pixel_scale = plan->pixel_scale,
                            .stars = population,
                            .galaxies = population,
                            .galaxy_kind = RX_GALAXY_MIXED,
@@ -272,6 +272,13 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     if (status == RX_OK && round == 0)
         status = rx_quality_picture(kind->name, tile->width, tile->height, probe.restored->pixels,
                                     plan->field->plain->global_sigma, &dst->picture, err);
+    if (status == RX_OK && round == 0) {
+        const rx_restored *restored = probe.restored;
+        int original = probe.plain || plan->options.measure_original || restored->psf == NULL;
+        dst->psf = rx_psf_copy(original ? plan->field->psf : restored->psf);
+        if (dst->psf == NULL)
+            status = rx_error_memory(err, 0);
+    }
 exit:
     rx_probe_free(&probe);
     injection_free(&in);
@@ -311,6 +318,7 @@ void rx_selfcheck_free(rx_selfcheck *check)
     rx_qa_list_free(&check->truth);
     rx_qa_list_free(&check->found_list);
     free(check->aperture);
+    rx_psf_free(check->psf);
     free((void *)check->picture.pixels);
     *check = (rx_selfcheck){0};
 }

@@ -34,6 +34,7 @@ typedef struct rx_selfcheck_plan {
     unsigned char *allowed;             /* [height][width] where objects may go */
     double limit;                       /* magnitude of a point source at 5 sigma, PSF-weighted */
     double mag_low, mag_high, mag_step; /* of the objects; bins */
+    double pixel_scale;                 /* arcsec, for the sizes of galaxies; 1 when not known */
     double match_radius;                /* pixels */
     double distance;                    /* least one between injected objects, pixels */
     double diameter;                    /* of the wide aperture, pixels: 5 FWHM, at least 10 */
@@ -60,6 +61,7 @@ typedef struct rx_selfcheck {
     rx_qa_list truth, found_list; /* injected objects; new detections */
     double *aperture;      /* [found_list.n][2] flux in the wide aperture, and what it would hold without the
                               object; ADU */
+    rx_psf *psf;           /* of the image that fluxes are measured on */
     rx_qa_picture picture; /* middle of the first round, restored; pixels owned */
 } rx_selfcheck;
 

@@ -56,7 +56,7 @@ void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check
                            .reference = "objects injected into the tile itself",
                            .width = check->width,
                            .height = check->height,
-                           .pixel_scale = plan->field->tile->pixel_scale,
+                           .pixel_scale = plan->pixel_scale,
                            .score_name = "peak S/N of the filtered detection image",
                            .truth = check->truth,
                            .nruns = 1,
@@ -104,7 +104,7 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
                                  const rx_evaluation *e, deviations *dst, rx_error *err)
 {
     const double area = acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
-    const rx_psf *psf = plan->field->psf;
+    const rx_psf *psf = check->psf;
     const rx_qa_list *list = &check->found_list, *truth = &check->truth;
     float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
     if (stamp == NULL)

@@ -113,6 +113,9 @@ rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field
     plan->diameter = fmax(10.0, 5.0 * field->psf->fwhm);
     plan->distance = 1.5 * plan->diameter;
     plan->count = options->self_check_count;
+    plan->pixel_scale = field->tile->wcs != NULL ? rx_quality_scale(field->tile) : options->stated_scale;
+    if (!(plan->pixel_scale > 0.0))
+        plan->pixel_scale = 1.0;
     own_options(options, plan->diameter, &plan->options);
     aperture_options(&plan->options, plan->diameter, &plan->apertures);
     rx_status status = rx_quality_radius(options, field->tile, &plan->match_radius, err);

@@ -9,3 +9,8 @@ check_PROGRAMS += tests/unit/stage/test_options
 tests_unit_stage_test_options_SOURCES = tests/unit/stage/test_options.c
 check_PROGRAMS += tests/unit/stage/test_simulation
 tests_unit_stage_test_simulation_SOURCES = tests/unit/stage/test_simulation.c
+check_PROGRAMS += tests/unit/stage/test_probe tests/unit/stage/test_selfcheck
+tests_unit_stage_test_probe_SOURCES = tests/unit/stage/test_probe.c tests/unit/stage/scene.c tests/unit/stage/scene.h \
+	tests/unit/stage/bench.c tests/unit/stage/bench.h
+tests_unit_stage_test_selfcheck_SOURCES = tests/unit/stage/test_selfcheck.c tests/unit/stage/scene.c \
+	tests/unit/stage/scene.h tests/unit/stage/bench.c tests/unit/stage/bench.h

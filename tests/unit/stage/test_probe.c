@@ -1,0 +1,125 @@
+/* The stage in memory: several tiles at the same time give what each gives alone. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "bench.h"
+#include "io/tile.h"
+#include "psf/psf.h"
+#include "scene.h"
+#include "stage/probe.h"
+
+enum { SIDE = 200, TILES = 6 };
+
+static int same(const rx_probe *a, const rx_probe *b)
+{
+    const size_t n = (size_t)SIDE * SIDE;
+    return a->sources->n == b->sources->n &&
+           memcmp(a->sources->list, b->sources->list, (size_t)a->sources->n * sizeof(rx_source)) == 0 &&
+           memcmp(a->sources->segments, b->sources->segments, n * sizeof(int32_t)) == 0 &&
+           memcmp(a->restored->pixels, b->restored->pixels, n * sizeof(float)) == 0 &&
+           memcmp(a->noise, b->noise, n * sizeof(float)) == 0;
+}
+
+/* Tiles of very different numbers of sources, so that sep's process-wide limits differ from tile to tile. */
+static void check_side_by_side(const char *kind_name)
+{
+    static const setting settings[] = {{"NTHREADS", "2"}, {"MEMORY_PIXSTACK", "1000"}, {NULL, NULL}};
+    const rx_restorer *kind = rx_restorer_find(kind_name);
+    rx_field *fields[TILES];
+    rx_probe alone[TILES] = {0}, together[TILES] = {0};
+    rx_status status[TILES];
+    bench b;
+    bench_open(&b, settings);
+    for (int i = 0; i < TILES; i++) {
+        scene s;
+        scene_make(&s, SIDE, SIDE, 2 + 60 * i, (uint64_t)(i + 1));
+        fields[i] = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
+        scene_free(&s);
+        assert_int_equal(rx_probe_run(b.options, kind, fields[i], NULL, NULL, &alone[i], NULL), RX_OK);
+        assert_true(alone[i].sources->n > 0);
+    }
+    for (int threads = 1; threads <= 4; threads += 3) {
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+        for (int i = 0; i < TILES; i++)
+            status[i] = rx_probe_run(b.options, kind, fields[i], NULL, NULL, &together[i], NULL);
+        for (int i = 0; i < TILES; i++) {
+            assert_int_equal(status[i], RX_OK);
+            if (!same(&alone[i], &together[i]))
+                fail_msg("%s: tile %d differs with %d threads", kind_name, i, threads);
+            rx_probe_free(&together[i]);
+        }
+    }
+    for (int i = 0; i < TILES; i++) {
+        rx_probe_free(&alone[i]);
+        rx_field_free(fields[i]);
+    }
+    bench_close(&b);
+}
+
+static void test_side_by_side_none(void **state)
+{
+    (void)state;
+    check_side_by_side("NONE");
+}
+
+static void test_side_by_side_rl(void **state)
+{
+    (void)state;
+    check_side_by_side("RL");
+}
+
+static void test_known_psf_is_copied(void **state)
+{
+    (void)state;
+    bench b;
+    scene s;
+    rx_psf *known = NULL;
+    rx_field *field = NULL;
+    bench_open(&b, NULL);
+    scene_make(&s, SIDE, SIDE, 10, 3);
+    assert_int_equal(rx_psf_moffat(5.0, 3.0, 1.0, 0.0, 21, &known, NULL), RX_OK);
+    assert_int_equal(
+        rx_field_prepare(b.options, 0, bench_tile(s.pixels, SIDE, SIDE, 0.0), known, 1, NULL, &field, NULL),
+        RX_OK);
+    assert_ptr_not_equal(field->psf, known);
+    assert_int_equal(field->psf->size, 21);
+    assert_memory_equal(field->psf->basis, known->basis, 21 * 21 * sizeof(float));
+    rx_psf_free(known);
+    rx_field_free(field);
+    scene_free(&s);
+    bench_close(&b);
+}
+
+/* The tile belongs to the field also when there is none: the leak checker would tell. */
+static void test_failure_frees_the_tile(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"PSF_FWHM", "0"}, {NULL, NULL}};
+    bench b;
+    scene s;
+    rx_field *field = NULL;
+    rx_error err = RX_ERROR_NONE;
+    bench_open(&b, settings);
+    b.options->stated_scale = 0.0;
+    scene_make(&s, SIDE, SIDE, 10, 3);
+    assert_int_equal(
+        rx_field_prepare(b.options, 0, bench_tile(s.pixels, SIDE, SIDE, 0.0), NULL, 1, NULL, &field, &err),
+        RX_USAGE);
+    assert_null(field);
+    assert_non_null(strstr(err.text, "PSF_FWHM"));
+    scene_free(&s);
+    bench_close(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_side_by_side_none), cmocka_unit_test(test_side_by_side_rl),
+        cmocka_unit_test(test_known_psf_is_copied), cmocka_unit_test(test_failure_frees_the_tile)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,570 @@
+/* Self check and blank check against what is known of simulated tiles. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <dirent.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "bench.h"
+#include "catalog/catalog.h"
+#include "io/fits_write.h"
+#include "scene.h"
+#include "stage/checks.h"
+#include "stage/probe.h"
+#include "stage/selfcheck.h"
+#include "stage/stage.h"
+#include "validate/match.h"
+
+enum { SIDE = 400 };
+
+typedef struct place {
+    char root[64];
+    char old[4096];
+} place;
+
+static int enter(void **state)
+{
+    place *p = calloc(1, sizeof *p);
+    assert_non_null(p);
+    strcpy(p->root, "/tmp/rextract-selfcheck-XXXXXX");
+    assert_non_null(mkdtemp(p->root));
+    assert_non_null(getcwd(p->old, sizeof p->old));
+    assert_int_equal(chdir(p->root), 0);
+    *state = p;
+    return 0;
+}
+
+static void remove_tree(const char *path)
+{
+    DIR *dir = opendir(path);
+    if (dir == NULL) {
+        unlink(path);
+        return;
+    }
+    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
+        char name[4096];
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
+            continue;
+        snprintf(name, sizeof name, "%s/%s", path, entry->d_name);
+        remove_tree(name);
+    }
+    closedir(dir);
+    rmdir(path);
+}
+
+static int leave(void **state)
+{
+    place *p = *state;
+    assert_int_equal(chdir(p->old), 0);
+    remove_tree(p->root);
+    free(p);
+    return 0;
+}
+
+/* --- the rule --- */
+
+/* Two sources of 5 x 5 pixels at (20, 20) and (60, 60), each of 250 ADU on a sky of 100. */
+typedef struct pair {
+    rx_sources sources;
+    rx_source list[3];
+    rx_tile tile;
+    float pixels[80 * 80], level[80 * 80], injected[80 * 80];
+    uint8_t mask[80 * 80];
+    int32_t segments[80 * 80];
+} pair;
+
+static void put(pair *p, int index, int x, int y)
+{
+    p->list[index] = (rx_source){
+        .x = x, .y = y, .xmin = x - 2, .xmax = x + 2, .ymin = y - 2, .ymax = y + 2, .segment = index + 1};
+    for (int j = y - 2; j <= y + 2; j++)
+        for (int i = x - 2; i <= x + 2; i++) {
+            p->segments[j * 80 + i] = index + 1;
+            p->pixels[j * 80 + i] = 110.0f;
+        }
+}
+
+static void make_pair(pair *p)
+{
+    memset(p, 0, sizeof *p);
+    for (int i = 0; i < 80 * 80; i++)
+        p->pixels[i] = p->level[i] = 100.0f;
+    put(p, 0, 20, 20);
+    put(p, 1, 60, 60);
+    p->sources = (rx_sources){.n = 2, .list = p->list, .width = 80, .height = 80, .segments = p->segments};
+    p->tile = (rx_tile){.width = 80, .height = 80, .pixels = p->pixels, .mask = p->mask};
+}
+
+/* Inject `light` ADU into the footprint of source `index`. */
+static void shine(pair *p, int index, float light)
+{
+    for (int i = 0; i < 80 * 80; i++)
+        if (p->segments[i] == index + 1) {
+            p->injected[i] += light / 25.0f;
+            p->pixels[i] += light / 25.0f;
+        }
+}
+
+static void expect_sift(const pair *before, const pair *after, int first, int second)
+{
+    unsigned char new_one[3] = {9, 9, 9};
+    assert_int_equal(rx_selfcheck_sift(&before->sources, &after->sources, &after->tile, after->level,
+                                       after->injected, 2.0, new_one, NULL),
+                     RX_OK);
+    assert_int_equal(new_one[0], first);
+    assert_int_equal(new_one[1], second);
+}
+
+static void test_what_is_new(void **state)
+{
+    (void)state;
+    pair *before = malloc(sizeof *before), *after = malloc(sizeof *after);
+    assert_true(before != NULL && after != NULL);
+    make_pair(before);
+    make_pair(after);
+    expect_sift(before, after, 0, 0);
+    shine(after, 0, 2.5f); /* 1 % of its flux on top of a bright one: lost */
+    expect_sift(before, after, 0, 0);
+    shine(after, 0, 240.0f); /* 49 %: still the old source */
+    expect_sift(before, after, 0, 0);
+    shine(after, 0, 20.0f); /* 51 %: found, crowded */
+    expect_sift(before, after, 2, 0);
+    make_pair(after);
+    shine(after, 1, 5.0f); /* nothing was there before: new, however little light it gained */
+    before->sources.n = 1;
+    expect_sift(before, after, 0, 1);
+    make_pair(after);
+    make_pair(before);
+    before->list[0].x += 2.5; /* a counterpart beyond the radius is none */
+    expect_sift(before, after, 1, 0);
+    free(before);
+    free(after);
+}
+
+/* --- completeness against the truth --- */
+
+/* A star of scene.c's profile, independent of the renderer of simulate/. */
+static void add_star(float *pixels, double x, double y, double flux)
+{
+    const double fwhm = 3.5, beta = 4.765, alpha = fwhm / (2.0 * sqrt(pow(2.0, 1.0 / beta) - 1.0));
+    for (int j = (int)y - 20; j <= (int)y + 20; j++)
+        for (int i = (int)x - 20; i <= (int)x + 20; i++) {
+            double sum = 0.0;
+            if (i < 0 || j < 0 || i >= SIDE || j >= SIDE)
+                continue;
+            for (int k = 0; k < 25; k++) {
+                double dx = i - x + (k % 5 - 2) / 5.0, dy = j - y + (k / 5 - 2) / 5.0;
+                sum += pow(1.0 + (dx * dx + dy * dy) / (alpha * alpha), -beta) / 25.0;
+            }
+            pixels[j * SIDE + i] += (float)(flux * (beta - 1.0) / (acos(-1.0) * alpha * alpha) * sum);
+        }
+}
+
+enum { BINS = 4 };
+
+typedef struct tally {
+    long found[BINS], all[BINS];
+} tally;
+
+static void count_found(const rx_qa_list *truth, const rx_qa_list *list, double low, double step, tally *dst)
+{
+    long *partner = calloc((size_t)truth->n + 1, sizeof *partner);
+    long *origin = calloc((size_t)list->n + 1, sizeof *origin);
+    assert_true(partner != NULL && origin != NULL);
+    assert_int_equal(rx_match(&(rx_match_list){truth->n, truth->x, truth->y, NULL},
+                              &(rx_match_list){list->n, list->x, list->y, NULL}, 2.0, partner, origin, NULL),
+                     RX_OK);
+    for (long i = 0; i < truth->n; i++) {
+        int bin = (int)floor((truth->mag[i] - low) / step);
+        if (bin < 0 || bin >= BINS)
+            continue;
+        dst->all[bin]++;
+        dst->found[bin] += partner[i] >= 0;
+    }
+    free(partner);
+    free(origin);
+}
+
+/* The truth: fresh tiles with bright stars and, between them on a grid, stars of known magnitudes. */
+static void true_tally(const bench *b, const rx_restorer *kind, double low, double high, tally *dst)
+{
+    enum { GRID = 40, CELLS = (SIDE / GRID) * (SIDE / GRID) };
+    for (uint64_t tile = 0; tile < 12; tile++) {
+        double x[CELLS], y[CELLS], mag[CELLS];
+        rx_probe probe;
+        scene s;
+        scene_make(&s, SIDE, SIDE, 20, 100 + tile);
+        for (int k = 0; k < CELLS; k++) {
+            double u = rx_random_uniform(55, tile, (uint64_t)k);
+            x[k] = GRID * (k % (SIDE / GRID)) + GRID / 2 + 10.0 * rx_random_uniform(56, tile, (uint64_t)k);
+            y[k] = GRID * (k / (SIDE / GRID)) + GRID / 2 + 10.0 * rx_random_uniform(57, tile, (uint64_t)k);
+            mag[k] = low + (high - low) * u;
+            add_star(s.pixels, x[k], y[k], pow(10.0, 0.4 * (25.0 - mag[k])));
+        }
+        rx_field *field = bench_field(b, s.pixels, SIDE, SIDE, 0.0);
+        assert_int_equal(rx_probe_run(b->options, kind, field, NULL, NULL, &probe, NULL), RX_OK);
+        size_t n = (size_t)probe.sources->n;
+        double *xy = calloc(2 * n + 1, sizeof *xy);
+        assert_non_null(xy);
+        for (size_t i = 0; i < n; i++) {
+            xy[i] = probe.sources->list[i].x;
+            xy[n + i] = probe.sources->list[i].y;
+        }
+        rx_qa_list truth = {.n = CELLS, .x = x, .y = y, .mag = mag};
+        rx_qa_list list = {.n = (long)n, .x = xy, .y = xy + n};
+        count_found(&truth, &list, low, (high - low) / BINS, dst);
+        free(xy);
+        rx_probe_free(&probe);
+        rx_field_free(field);
+        scene_free(&s);
+    }
+}
+
+static void check_completeness(const char *kind_name)
+{
+    static const setting settings[] = {{"SELF_CHECK", "Y"},
+                                       {"SELF_CHECK_COUNT", "1200"},
+                                       {"SELF_CHECK_DENSITY", "500"},
+                                       {"RL_NITER", "30"},
+                                       {NULL, NULL}};
+    const rx_restorer *kind = rx_restorer_find(kind_name);
+    rx_selfcheck_plan *plan = NULL;
+    rx_selfcheck check;
+    rx_probe before;
+    bench b;
+    scene s;
+    bench_open(&b, settings);
+    scene_make(&s, SIDE, SIDE, 20, 7);
+    rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 0.0);
+    assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &before, NULL), RX_OK);
+    assert_int_equal(rx_selfcheck_plan_new(b.options, field, before.sources->segments, &plan, NULL), RX_OK);
+    /* 5 sigma sqrt(N), N = 1 / sum P^2 = 38.193 pixels of the pixel-integrated Moffat (numpy: 9-point
+     * Gauss-Legendre in every pixel); sigma 5 */
+    assert_float_equal(plan->limit, 25.0 - 2.5 * log10(5.0 * 5.0 * sqrt(38.193)), 0.03);
+    assert_int_equal(rx_selfcheck_run(plan, kind, &before, NULL, &check, NULL), RX_OK);
+    assert_int_equal(check.injected, 1200);
+    tally truth = {{0}, {0}}, injected = {{0}, {0}};
+    double low = plan->limit - 1.0, high = plan->limit + 1.0;
+    true_tally(&b, kind, low, high, &truth);
+    count_found(&check.truth, &check.found_list, low, (high - low) / BINS, &injected);
+    for (int k = 0; k < BINS; k++) {
+        double n = (double)truth.all[k], m = (double)injected.all[k];
+        double p = (double)truth.found[k] / n, q = (double)injected.found[k] / m;
+        double both = (double)(truth.found[k] + injected.found[k] + 1) / (n + m + 2.0);
+        double error = sqrt(both * (1.0 - both) * (1.0 / n + 1.0 / m));
+        assert_true(n > 100 && m > 100);
+        if (!(fabs(p - q) < 4.0 * error))
+            fail_msg("%s, bin %d: %.3f +- %.3f of the truth, %.3f of the injected", kind_name, k, p, error,
+                     q);
+    }
+    assert_true(truth.found[0] > truth.all[0] / 2 && truth.found[BINS - 1] < truth.all[BINS - 1] / 2);
+    assert_true(check.purity.value > 0.9 && check.purity.high <= 1.0);
+    assert_true(check.mag90.value < check.mag50.value);
+    assert_true(check.aperture_bias.n > 50);
+    /* RL of 30 iterations has not gathered every faint star to the last percent */
+    double tolerance = strcmp(kind_name, "NONE") == 0 ? 0.002 : 0.02;
+    if (!(fabs(check.aperture_bias.value) < tolerance))
+        fail_msg("%s: flux scale wrong by %g mag", kind_name, check.aperture_bias.value);
+    rx_selfcheck_free(&check);
+    rx_selfcheck_plan_free(plan);
+    rx_probe_free(&before);
+    rx_field_free(field);
+    scene_free(&s);
+    bench_close(&b);
+}
+
+static void test_completeness_is_true_none(void **state)
+{
+    (void)state;
+    check_completeness("NONE");
+}
+
+static void test_completeness_is_true_rl(void **state)
+{
+    (void)state;
+    check_completeness("RL");
+}
+
+/* --- noise, empty tiles, unknown PSF --- */
+
+static void noise_plane(float *pixels, double sigma, uint64_t seed)
+{
+    for (uint64_t i = 0; i < SIDE * SIDE; i++)
+        pixels[i] = (float)(1000.0 + sigma * rx_random_normal(seed, 0, i));
+}
+
+/* Checks of a tile of these pixels with restorer `kind_name`; log text into `said` when not NULL. */
+static void run_checks(const setting *settings, const float *pixels, const char *kind_name,
+                       rx_check_results *dst, char *said, size_t size)
+{
+    const rx_restorer *kind = rx_restorer_find(kind_name);
+    FILE *stream = tmpfile();
+    rx_log log;
+    rx_checks *checks = NULL;
+    rx_probe before;
+    bench b;
+    assert_non_null(stream);
+    rx_log_init(&log, "test", stream, RX_NORMAL);
+    bench_open(&b, settings);
+    rx_field *field = bench_field(&b, pixels, SIDE, SIDE, 1.0);
+    assert_int_equal(rx_checks_new(b.options, field, &log, &checks, NULL), RX_OK);
+    assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &before, NULL), RX_OK);
+    assert_int_equal(rx_checks_run(checks, kind, &before, NULL, dst, NULL), RX_OK);
+    rewind(stream);
+    if (said != NULL)
+        said[fread(said, 1, size - 1, stream)] = '\0';
+    fclose(stream);
+    rx_probe_free(&before);
+    rx_checks_free(checks);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* On noise alone everything found is what was injected, and blank tiles tell the rate of false detections:
+ * that of fresh noise tiles within 4 sigmas. A low threshold makes many. */
+static void test_pure_noise(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"SELF_CHECK", "Y"},           {"SELF_CHECK_COUNT", "200"},
+                                       {"SELF_CHECK_DENSITY", "300"}, {"BLANK_CHECK", "6"},
+                                       {"DETECT_THRESH", "1.0"},      {"ANALYSIS_THRESH", "1.0"},
+                                       {"DETECT_MINAREA", "4"},       {NULL, NULL}};
+    float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
+    rx_check_results results;
+    long fresh = 0;
+    bench b;
+    assert_non_null(pixels);
+    noise_plane(pixels, 5.0, 1);
+    run_checks(settings, pixels, "NONE", &results, NULL, 0);
+    assert_int_equal(results.blank.realisations, 6);
+    assert_float_equal(results.blank.mpixels, 6.0 * SIDE * SIDE / 1e6, 1e-9);
+    bench_open(&b, settings);
+    for (uint64_t seed = 10; seed < 16; seed++) {
+        rx_probe probe;
+        noise_plane(pixels, 5.0, seed);
+        rx_field *field = bench_field(&b, pixels, SIDE, SIDE, 1.0);
+        assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NONE"), field, NULL, NULL, &probe, NULL),
+                         RX_OK);
+        fresh += probe.sources->n;
+        rx_probe_free(&probe);
+        rx_field_free(field);
+    }
+    assert_true(fresh > 100);
+    double difference = (double)(results.blank.false_detections - fresh);
+    if (!(fabs(difference) < 4.0 * sqrt((double)(results.blank.false_detections + fresh))))
+        fail_msg("%ld false detections on the tile's noise, %ld on fresh noise",
+                 results.blank.false_detections, fresh);
+    assert_true(results.blank.rate.low < results.blank.rate.value);
+    assert_true(results.blank.rate.value < results.blank.upper);
+    assert_true(results.blank.upper < results.blank.rate.high);
+    assert_int_equal(results.self.injected, 200);
+    assert_true(results.self.purity.value > 0.9);
+    rx_check_results_free(&results);
+    bench_close(&b);
+    free(pixels);
+}
+
+/* No false detection in A Mpixels: below -ln(0.05) / A at 95 %. */
+static void test_upper_limit_of_nothing(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"BLANK_CHECK", "2"}, {"DETECT_THRESH", "8"}, {NULL, NULL}};
+    float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
+    rx_check_results results;
+    assert_non_null(pixels);
+    noise_plane(pixels, 5.0, 2);
+    run_checks(settings, pixels, "RL", &results, NULL, 0);
+    assert_int_equal(results.blank.false_detections, 0);
+    assert_float_equal(results.blank.upper, -log(0.05) / results.blank.mpixels, 1e-6);
+    assert_int_equal(results.self.injected, 0);
+    rx_check_results_free(&results);
+    free(pixels);
+}
+
+/* A constant tile has no noise to speak of; the checks come to an end. */
+static void test_empty_tile(void **state)
+{
+    (void)state;
+    static const setting settings[] = {
+        {"SELF_CHECK", "Y"}, {"SELF_CHECK_COUNT", "40"}, {"BLANK_CHECK", "1"}, {NULL, NULL}};
+    float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
+    rx_check_results results;
+    assert_non_null(pixels);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        pixels[i] = 1000.0f;
+    run_checks(settings, pixels, "NONE", &results, NULL, 0);
+    assert_int_equal(results.self.injected, 40);
+    assert_true(results.self.found > 0);
+    rx_check_results_free(&results);
+    free(pixels);
+}
+
+static void test_unknown_psf_is_said(void **state)
+{
+    (void)state;
+    static const setting settings[] = {
+        {"SELF_CHECK", "Y"}, {"PSF_TYPE", "AUTO"}, {"PSF_FWHM", "0"}, {NULL, NULL}};
+    float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
+    rx_check_results results;
+    char said[2000];
+    assert_non_null(pixels);
+    noise_plane(pixels, 5.0, 3);
+    run_checks(settings, pixels, "RL", &results, said, sizeof said);
+    assert_non_null(strstr(said, "SELF_CHECK is left out"));
+    assert_non_null(strstr(said, "PSF_FWHM"));
+    assert_int_equal(results.self.injected, 0);
+    rx_check_results_free(&results);
+    free(pixels);
+}
+
+/* --- in a run --- */
+
+static rx_status run_stage(const char *image, const setting *settings, rx_error *err)
+{
+    rx_config *config = NULL;
+    FILE *columns = fopen("columns.param", "w");
+    assert_non_null(columns);
+    assert_true(fputs("NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\nFLAGS\n", columns) >= 0);
+    assert_int_equal(fclose(columns), 0);
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    static const setting common[] = {{"PARAMETERS_NAME", "columns.param"},
+                                     {"CATALOG_TYPE", "FITS_LDAC"},
+                                     {"PSF_TYPE", "MOFFAT"},
+                                     {"PSF_FWHM", "3.5"},
+                                     {"RL_NITER", "5"},
+                                     {"QA_FIGURES", "N"},
+                                     {"RESTORE_TYPE", "NONE,RL"},
+                                     {"SELF_CHECK_COUNT", "60"},
+                                     {"SELF_CHECK_DENSITY", "200"},
+                                     {"SELF_CHECK_GALAXIES", "0.5"},
+                                     {NULL, NULL}};
+    for (const setting *s = common; s->name != NULL; s++)
+        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+    for (const setting *s = settings; s->name != NULL; s++)
+        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+    rx_status status = rx_stage_run(config, image, stdout, NULL, err);
+    rx_config_free(config);
+    return status;
+}
+
+static char *content(const char *path, size_t *length)
+{
+    FILE *file = fopen(path, "rb");
+    if (file == NULL)
+        fail_msg("%s is missing", path);
+    char *data = calloc(1, 4000000);
+    assert_non_null(data);
+    *length = fread(data, 1, 3999999, file);
+    fclose(file);
+    return data;
+}
+
+/* How often a header keyword stands in a file. */
+static int occurrences(const char *path, const char *keyword)
+{
+    size_t length;
+    int n = 0;
+    char *data = content(path, &length), *end = data + length;
+    for (char *p = data; (p = memmem(p, (size_t)(end - p), keyword, strlen(keyword))) != NULL; p++)
+        n++;
+    free(data);
+    return n;
+}
+
+static void expect_same(const char *a, const char *b)
+{
+    size_t na, nb;
+    char *first = content(a, &na), *second = content(b, &nb);
+    if (na != nb || memcmp(first, second, na) != 0)
+        fail_msg("%s and %s differ", a, b);
+    free(first);
+    free(second);
+}
+
+static void write_two_extensions(const char *path)
+{
+    rx_fits_writer *writer = NULL;
+    assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
+    for (uint64_t seed = 1; seed <= 2; seed++) {
+        scene s;
+        scene_make(&s, 300, 300, 15, seed);
+        assert_int_equal(
+            rx_fits_image(writer, s.pixels, 300, 300, seed == 1 ? "ONE" : "TWO", NULL, 0, NULL, 0, NULL),
+            RX_OK);
+        scene_free(&s);
+    }
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+}
+
+/* Every extension and restorer has its numbers and its report; any number of threads gives the same bytes. */
+static void test_extensions_and_threads(void **state)
+{
+    (void)state;
+    static const setting one[] = {{"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},
+                                  {"NTHREADS", "1"},           {"SELF_CHECK_NAME", "check"},
+                                  {"CATALOG_NAME", "one.cat"}, {NULL, NULL}};
+    static const setting three[] = {{"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},
+                                    {"NTHREADS", "3"},           {"SELF_CHECK_NAME", "check"},
+                                    {"CATALOG_NAME", "one.cat"}, {NULL, NULL}};
+    rx_error err = RX_ERROR_NONE;
+    write_two_extensions("two.fits");
+    if (run_stage("two.fits", one, &err) != RX_OK)
+        fail_msg("%s: %s", err.where, err.text);
+    static const char *const catalogs[] = {"one_NONE.cat", "one_RL.cat"};
+    static const char *const facts[] = {"RXSCN   =", "RXSC50  =", "RXSCPUR =", "RXSCAP  =", "RXBLKU  ="};
+    for (int c = 0; c < 2; c++)
+        for (int k = 0; k < 5; k++)
+            assert_int_equal(occurrences(catalogs[c], facts[k]), 4); /* in both headers of each extension */
+    static const char *const files[] = {"check_1/summary.json", "check_2/summary.json",
+                                        "check_2/report.html",  "check_1/matches_RL.ecsv",
+                                        "one_NONE.cat",         "one_RL.cat"};
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char kept[64];
+        snprintf(kept, sizeof kept, "kept%zu", i);
+        assert_int_equal(rename(files[i], kept), 0);
+    }
+    assert_int_equal(run_stage("two.fits", three, NULL), RX_OK);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char kept[64];
+        snprintf(kept, sizeof kept, "kept%zu", i);
+        expect_same(files[i], kept);
+    }
+}
+
+static void test_two_images_are_refused(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"SELF_CHECK", "Y"}, {"CATALOG_NAME", "dual.cat"}, {NULL, NULL}};
+    rx_error err = RX_ERROR_NONE;
+    struct stat unused;
+    write_two_extensions("two.fits");
+    assert_int_equal(run_stage("two.fits,two.fits", settings, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "SELF_CHECK"));
+    assert_int_not_equal(stat("dual_NONE.cat", &unused), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_what_is_new),
+        cmocka_unit_test(test_completeness_is_true_none),
+        cmocka_unit_test(test_completeness_is_true_rl),
+        cmocka_unit_test(test_pure_noise),
+        cmocka_unit_test(test_upper_limit_of_nothing),
+        cmocka_unit_test(test_empty_tile),
+        cmocka_unit_test(test_unknown_psf_is_said),
+        cmocka_unit_test_setup_teardown(test_extensions_and_threads, enter, leave),
+        cmocka_unit_test_setup_teardown(test_two_images_are_refused, enter, leave),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
