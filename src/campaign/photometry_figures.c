@@ -184,19 +184,19 @@ static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int se
     free(data);
 }
 
-/* As the paper's figure: six magnitudes, from the first set that is not found whole to the last. */
+/* As the paper's figure six magnitudes, around those where stars begin to be lost. */
 static void six_curves(rx_figures *dst, const rx_photometry_numbers *m, int f)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
-    int first = 0, last = field->nsets - 1, drawn = -1;
-    while (first < last - CURVES + 1 && rx_photometry_cell_of(m, f, first, 0)->recall.value > 0.99)
-        first++;
-    for (int i = 0; i < CURVES; i++) {
-        int set = first + (int)floor((double)(last - first) * i / (CURVES - 1) + 0.5);
-        if (set > drawn)
-            curve(dst, m, f, set);
-        drawn = set > drawn ? set : drawn;
-    }
+    const double nearly_all = 0.95;
+    int nsets = m->results->fields[f].nsets, lost = nsets;
+    for (int k = nsets - 1; k >= 0; k--)
+        for (int run = 0; run < m->results->nruns; run++)
+            if (rx_photometry_cell_of(m, f, k, run)->recall.value < nearly_all)
+                lost = k;
+    int first = lost - 2 < nsets - CURVES ? lost - 2 : nsets - CURVES;
+    first = first > 0 ? first : 0;
+    for (int k = first; k < nsets && k < first + CURVES; k++)
+        curve(dst, m, f, k);
 }
 
 void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)

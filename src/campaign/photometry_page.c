@@ -69,7 +69,7 @@ static void threshold_row(rx_text *dst, const rx_photometry_numbers *m, int f, i
     const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
     const rx_photometry_cut *cut = &w->cut[p];
     char text[32];
-    snprintf(text, sizeof text, "P %g", m->precision[p]);
+    snprintf(text, sizeof text, "P=%g", m->precision[p]);
     rx_page_row(dst, NULL);
     rx_page_cell_text(dst, m->results->run[run]);
     rx_page_cell_text(dst, text);
@@ -77,11 +77,11 @@ static void threshold_row(rx_text *dst, const rx_photometry_numbers *m, int f, i
         rx_page_cell_html(dst, RX_RIGHT, "never reached");
     else
         rx_page_cell_number(dst, cut->score, 2);
-    rx_page_cell_estimate(dst, &cut->precision, 4);
-    rx_page_cell_estimate(dst, &cut->recall, 3);
-    rx_page_cell_estimate(dst, &cut->mag50, 2);
-    rx_page_cell_estimate(dst, &cut->mag90, 2);
-    rx_page_cell_text(dst, cut->whole_list ? "the list ends above this precision" : "");
+    rx_page_cell_interval(dst, &cut->precision, 4);
+    rx_page_cell_interval(dst, &cut->recall, 3);
+    rx_page_cell_interval(dst, &cut->mag50, 2);
+    rx_page_cell_interval(dst, &cut->mag90, 2);
+    rx_page_cell_text(dst, cut->whole_list ? "list ends above" : "");
     rx_page_row_end(dst);
 }
 
@@ -95,25 +95,20 @@ static void write_thresholds(rx_text *dst, const rx_photometry_numbers *m, int f
     rx_page_head(dst, RX_LEFT, "restorer");
     rx_page_head(dst, RX_LEFT, "list");
     heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_head(dst, RX_LEFT, "remarks");
+    rx_page_head(dst, RX_RIGHT, "false per Mpixel");
     rx_page_row_end(dst);
     for (int run = 0; run < m->results->nruns; run++) {
         const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
-        rx_text cell = {0};
         rx_page_row(dst, NULL);
         rx_page_cell_text(dst, m->results->run[run]);
         rx_page_cell_text(dst, "whole");
         rx_page_cell_number(dst, NAN, 0);
-        rx_page_cell_estimate(dst, &w->precision, 4);
-        rx_page_cell_estimate(dst, &w->recall, 3);
-        rx_page_cell_estimate(dst, &w->mag50, 2);
-        rx_page_cell_estimate(dst, &w->mag90, 2);
-        rx_page_estimate(&cell, &w->false_per_mpixel, 2);
-        rx_text_add(&cell, " false per Mpixel");
-        rx_page_cell_html(dst, RX_LEFT, cell.data != NULL ? cell.data : "");
+        rx_page_cell_interval(dst, &w->precision, 4);
+        rx_page_cell_interval(dst, &w->recall, 3);
+        rx_page_cell_interval(dst, &w->mag50, 2);
+        rx_page_cell_interval(dst, &w->mag90, 2);
+        rx_page_cell_interval(dst, &w->false_per_mpixel, 2);
         rx_page_row_end(dst);
-        dst->failed = dst->failed || cell.failed;
-        rx_text_free(&cell);
     }
     for (int p = 0; p < m->nprecisions; p++)
         for (int run = 0; run < m->results->nruns; run++)
@@ -335,7 +330,7 @@ static void write_reading(rx_text *dst)
 void rx_photometry_html(rx_text *dst, const rx_photometry_page *page)
 {
     const rx_photometry_results *r = page->numbers->results;
-    rx_page_begin(dst, "Photometry campaign: ", page->record->title);
+    rx_page_begin(dst, "Validation: ", page->record->title);
     rx_page_links_begin(dst);
     rx_page_link(dst, 1, "verdicts", "The paper's claims");
     rx_page_link(dst, 1, "runs", "Restorers and fields");

@@ -91,22 +91,34 @@ void rx_page_campaign_record(rx_text *dst, const rx_campaign_record *record)
     rx_page_record(dst, record->n, record->pairs);
 }
 
+static void interval_of(rx_text *html, const rx_estimate *e, int digits)
+{
+    rx_page_number(html, e->value, digits);
+    if (isnan(e->value))
+        return;
+    rx_text_add(html, " <small>[");
+    rx_page_number(html, e->low, digits);
+    rx_text_add(html, ", ");
+    rx_page_number(html, e->high, digits);
+    rx_text_add(html, "]</small>");
+}
+
+void rx_page_cell_interval(rx_text *dst, const rx_estimate *e, int digits)
+{
+    rx_text html = {0};
+    interval_of(&html, e, digits);
+    rx_page_cell_html(dst, RX_RIGHT, html.data != NULL ? html.data : "");
+    dst->failed = dst->failed || html.failed;
+    rx_text_free(&html);
+}
+
 void rx_page_cell_difference(rx_text *dst, const rx_estimate *difference, int digits, int winner)
 {
     rx_text html = {0};
     const char *mark = winner > 0 ? RX_MARK_GOOD : winner < 0 ? RX_MARK_BAD : RX_MARK_PALE;
     rx_text_printf(&html, "<span class=\"%s\">", mark);
-    if (isnan(difference->value)) {
-        rx_text_add(&html, "&ndash;");
-    } else {
-        rx_text_add(&html, difference->value > 0 ? "+" : "");
-        rx_page_number(&html, difference->value, digits);
-        rx_text_add(&html, " <small>[");
-        rx_page_number(&html, difference->low, digits);
-        rx_text_add(&html, ", ");
-        rx_page_number(&html, difference->high, digits);
-        rx_text_add(&html, "]</small>");
-    }
+    rx_text_add(&html, difference->value > 0 ? "+" : "");
+    interval_of(&html, difference, digits);
     rx_text_add(&html, "</span>");
     rx_page_cell_html(dst, RX_RIGHT, html.data != NULL ? html.data : "");
     dst->failed = dst->failed || html.failed;

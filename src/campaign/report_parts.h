@@ -17,6 +17,8 @@ void rx_page_said(rx_text *dst, const rx_text *said);
 
 void rx_page_verdicts(rx_text *dst, int n, const rx_claim_verdict *verdicts);
 void rx_page_campaign_record(rx_text *dst, const rx_campaign_record *record);
+/* value [low, high], where the number behind it is told elsewhere. */
+void rx_page_cell_interval(rx_text *dst, const rx_estimate *e, int digits);
 /* "first - second": cell of a difference with its interval and a mark for the winner. */
 void rx_page_cell_difference(rx_text *dst, const rx_estimate *difference, int digits, int winner);
 

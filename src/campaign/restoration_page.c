@@ -173,17 +173,7 @@ static void values_table(rx_text *dst, const rx_restoration_numbers *m, int by_s
         rx_page_cell_count(dst, r->bins[b].nscenes);
         for (int k = 0; k < r->nmethods; k++) {
             rx_page_cell_number(dst, rx_quality_box(m, b, quality, k)->median, digits_of(quality));
-            rx_text cell = {0};
-            const rx_estimate *e = rx_quality_mean(m, b, quality, k);
-            rx_page_number(&cell, e->value, digits_of(quality));
-            rx_text_add(&cell, " <small>[");
-            rx_page_number(&cell, e->low, digits_of(quality));
-            rx_text_add(&cell, ", ");
-            rx_page_number(&cell, e->high, digits_of(quality));
-            rx_text_add(&cell, "]</small>");
-            rx_page_cell_html(dst, RX_RIGHT, cell.data != NULL ? cell.data : "");
-            dst->failed = dst->failed || cell.failed;
-            rx_text_free(&cell);
+            rx_page_cell_interval(dst, rx_quality_mean(m, b, quality, k), digits_of(quality));
         }
         rx_page_row_end(dst);
     }
@@ -380,7 +370,7 @@ static void write_reading(rx_text *dst)
 void rx_restoration_html(rx_text *dst, const rx_restoration_page *page)
 {
     const rx_restoration_numbers *m = page->numbers;
-    rx_page_begin(dst, "Restoration campaign: ", page->record->title);
+    rx_page_begin(dst, "Validation: ", page->record->title);
     write_what(dst, m);
     rx_page_links_begin(dst);
     rx_page_link(dst, 1, "verdicts", "The paper's claims");
