@@ -5,7 +5,7 @@
  * of a whole grid sum to 1 everywhere, so nothing is lost between pixels, however far they are stretched. A
  * cell larger than 0.9 template pixels is the mean of equal parts that are not: no pixel falls between the
  * cells. The sum over all cells is the flux to 1e-3, the rest being what the lattice of cells does not see of
- * the spline (tests/unit/simulate/test_templates.c). */
+ * the spline (tests/unit/simulate/test_template_draw.c). */
 #include <math.h>
 
 #include "simulate/render.h"
