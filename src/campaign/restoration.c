@@ -329,7 +329,7 @@ static void describe(const rx_restoration *state, rx_restoration_results *dst)
 {
     const rx_campaign_config *config = state->config;
     const rx_simulate_config *sim = config->sim;
-    char templates[160] = "";
+    char templates[48] = "";
     if (state->simulation->templates != NULL)
         snprintf(templates, sizeof templates, ", %d templates", state->simulation->templates->n);
     dst->side = state->side;

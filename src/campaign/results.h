@@ -38,7 +38,7 @@ typedef struct rx_restoration_results {
     struct rx_restoration_example *examples;
     double fwhm_trained[2], sigma_trained[2]; /* training ranges, for the report; 0, 0 = not known */
     long tune_scenes;                         /* per bin, not among the nscenes; 0 = nothing was tuned */
-    char about[400];                          /* one line for the report: what is on a scene, pixel scale */
+    char about[600];                          /* one line for the report: what is on a scene, pixel scale */
 } rx_restoration_results;
 
 /* One scene through all methods: planes are [side][side], plane 0 = blurred, then one per method, last the
