@@ -129,7 +129,7 @@ static void test_draw(void **state)
              * up to their own 2 / 12 of a cell */
             double want = (trace_of(&t) + 2.0 / 3.0) * o.stretch * o.stretch, cell = 2.0 / 12.0 / 9.0;
             assert_true(got.xx + got.yy > want * 0.998 && got.xx + got.yy < want * 1.002 + cell);
-            /* everything is in the reach, and the blob is at the far end: a flip turns its handedness only */
+            /* everything is in the reach */
             rx_templates all = {1, &t};
             double reach = rx_object_reach(&o, &all), beyond = 0.0;
             for (int j = 0; j < 401; j++)
