@@ -1,7 +1,7 @@
 #!/bin/bash
 # The validation campaigns, one command each:
 #
-#   validation/run.sh restoration|photometry|sdss [small|paper] [FOLDER]
+#   validation/run.sh restoration|photometry|sdss [small|paper] [FOLDER [-KEYWORD VALUE ...]]
 #
 # Journal and report go into FOLDER (default: <campaign>-out), the report as FOLDER/<campaign>/report.html. Started
 # again after an interruption it goes on where it was. `sdss` injects into a real frame and needs the data folder:
@@ -11,7 +11,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
 program=${RX_VALIDATE:-$top/build/rextract-validate}
 usage() {
-    echo "run.sh: $1; usage: run.sh restoration|photometry|sdss [small|paper] [FOLDER]" >&2
+    echo "run.sh: $1; usage: run.sh restoration|photometry|sdss [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
     exit 2
 }
 case ${1:-} in
@@ -36,4 +36,4 @@ if [[ $1 == sdss ]]; then
     [[ -f $out/frame.fits ]] || { bunzip2 -c "$frame" >"$out/frame.part" && mv "$out/frame.part" "$out/frame.fits"; }
 fi
 cd "$out"
-exec "$program" -c "$name.conf" -SIZE "$size"
+exec "$program" -c "$name.conf" -SIZE "$size" "${@:4}"
