@@ -25,14 +25,14 @@
  *   n >= 2.5 (20 %): a spheroid, one Sersic profile;
  *   n < 1 (33 %): when smooth one Sersic profile, else an exponential disk;
  *   between: exponential disk and bulge, n = 2.5, its half-light radius 0.2 of the disk's, rounder by half
- *   than the disk, of the share B = 0.31 (n - 1) / (1 + 0.34 (n - 1)): there r80 / r20 of the whole is that
- * of a Sersic profile of index n (to 0.02 in n). The share of spheroids does not depend on the magnitude,
- * though brighter galaxies are more often early. RX_GALAXY_SPIRAL: all have disks (n cut at 2.5) and arms;
- * MIXED: 60 % of those with disks have arms. Arms: 2 (60 %), 3 (20 %) or 4, after the Galaxy Zoo (Hart et al.
- * 2016, MNRAS 461, 3663); pitch 10..35 degrees (Savchenko and Reshetnikov 2013, MNRAS 436, 1074), either way
- * around; contrast 0.3..0.8, a free choice. A third of galaxies with arms have a bar (Masters et al. 2011,
- * MNRAS 411, 2026: 29 % of disks) of 5..15 % of the flux, as long as 0.4..0.8 half-light radii of the disk,
- * free choices too. */
+ *   than the disk, of the share B = 0.31 (n - 1) / (1 + 0.34 (n - 1)): there r80 / r20 of both (as if of one
+ *   ratio) is that of a Sersic profile of index n (to 0.03 in n).
+ *
+ * The share of spheroids does not depend on the magnitude, though brighter galaxies are more often early.
+ * RX_GALAXY_SPIRAL: all have disks (n cut at 2.5) and arms; MIXED: 60 % of those with disks have arms. A
+ * third of galaxies with arms have a bar (29 % of disks: Masters et al. 2011, MNRAS 411, 2026). Free choices,
+ * for their looks: 2 arms (60 %), 3 (20 %) or 4, of pitch 10..35 degrees, either way around, contrast
+ * 0.3..0.8; bars of 5..15 % of the flux, their half length 0.4..0.8 half-light radii of the disk. */
 #ifndef RX_SIMULATE_SCENE_H
 #define RX_SIMULATE_SCENE_H
 
