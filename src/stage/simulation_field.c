@@ -49,13 +49,15 @@ static rx_status allow(const rx_simulate_config *config, const rx_options *optio
     }
     for (size_t i = 0; i < n; i++)
         mask[i] = tile->mask[i] & (away ? RX_HIDE_RESTORED : RX_HIDE_PLAIN);
-    if (away)
+    if (away) {
         status = rx_probe_run(options, rx_restorer_find("NONE"), field, NULL, log, &probe, err);
-    if (status == RX_OK)
-        status = rx_inject_allowed(away ? RX_INJECT_AWAY : RX_INJECT_AMONG, tile->width, tile->height,
-                                   away ? probe.sources->segments : NULL, mask,
-                                   config->inject_distance * fwhm, *dst, err);
-    if (away && status == RX_OK)
+        if (status != RX_OK)
+            goto exit;
+    }
+    status = rx_inject_allowed(away ? RX_INJECT_AWAY : RX_INJECT_AMONG, tile->width, tile->height,
+                               away ? probe.sources->segments : NULL, mask, config->inject_distance * fwhm,
+                               *dst, err);
+    if (away)
         rx_probe_free(&probe);
 exit:
     free(mask);
@@ -78,17 +80,18 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
     const rx_tile *tile = field->tile;
     const int automatic = strcmp(config->psf_type, "AUTO") == 0;
     rx_simulation *simulation = NULL;
-    rx_simulation_ground ground = {.width = tile->width,
-                                   .height = tile->height,
-                                   .extension = tile->extension,
-                                   .zeropoint = zeropoint_of(config, tile, log),
-                                   .pixel_scale =
-                                       tile->pixel_scale > 0.0 ? tile->pixel_scale : config->pixel_scale,
-                                   .psf = automatic ? field->psf : NULL,
-                                   .with_optics = 1};
     rx_status status = automatic ? check_measured(field, err) : RX_OK;
-    if (status == RX_OK)
-        status = rx_simulation_build(config, &ground, log, &simulation, err);
+    if (status != RX_OK)
+        return status;
+    const rx_simulation_ground ground = {.width = tile->width,
+                                         .height = tile->height,
+                                         .extension = tile->extension,
+                                         .zeropoint = zeropoint_of(config, tile, log),
+                                         .pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale
+                                                                                : config->pixel_scale,
+                                         .psf = automatic ? field->psf : NULL,
+                                         .with_optics = 1};
+    status = rx_simulation_build(config, &ground, log, &simulation, err);
     if (status != RX_OK)
         return status;
     simulation->noise.type = RX_NOISE_NONE;

@@ -128,8 +128,11 @@ static rx_status make_facts(const rx_simulation *simulation, const rx_scene *sce
 {
     rx_record facts = {0};
     describe(simulation, scene, field, &facts);
-    rx_record_cards(&facts, cards);
-    rx_status status = facts.failed || cards->failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_status status = facts.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK) {
+        rx_record_cards(&facts, cards);
+        status = cards->failed ? rx_error_memory(err, cards->length) : RX_OK;
+    }
     rx_record_free(&facts);
     return status;
 }
