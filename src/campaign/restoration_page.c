@@ -191,24 +191,18 @@ static void duel_row(rx_text *dst, const rx_restoration_numbers *m, int b, rx_qu
     rx_page_cell_number(dst, d->paired.statistic, 2);
     rx_page_cell_number(dst, d->paired.effect, 2);
     rx_page_cell_p(dst, d->paired.p, d->paired.ln_p);
-    rx_page_cell_p(dst, d->holm, NAN);
+    rx_page_cell_p(dst, d->holm, log(d->holm));
     rx_page_cell_p(dst, d->wilcoxon.p, d->wilcoxon.ln_p);
-    rx_page_cell_p(dst, d->holm_wilcoxon, NAN);
+    rx_page_cell_p(dst, d->holm_wilcoxon, log(d->holm_wilcoxon));
     rx_page_row_end(dst);
 }
 
 static void duel_table(rx_text *dst, const rx_restoration_numbers *m, int by_sigma, rx_quality quality,
                        int pair)
 {
-    static const char *const names[] = {"scenes",
-                                        "mean difference, t interval",
-                                        "bootstrap interval",
-                                        "t",
-                                        "d_z",
-                                        "p",
-                                        "p, Holm",
-                                        "Wilcoxon p",
-                                        "Wilcoxon p, Holm"};
+    static const char *const names[] = {
+        "scenes",  "difference (t)", "difference (bootstrap)", "t", "d_z", "p",
+        "p, Holm", "Wilcoxon",       "Wilcoxon, Holm"};
     char text[64];
     snprintf(text, sizeof text, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
     rx_page_heading(dst, text, rx_quality_unit(quality)[0] != '\0' ? rx_quality_unit(quality) : NULL);
@@ -251,7 +245,8 @@ static void write_duels(rx_text *dst, const rx_restoration_numbers *m)
     }
     rx_page_note(
         dst,
-        "Green: the first is better, red: the second (Holm p below 0.05). t and p: Student's t of the "
+        "Means of the differences with t and bootstrap intervals. Green: the first is better, red: the "
+        "second (Holm p below 0.05). t and p: Student's t of the "
         "differences (n &minus; 1 degrees of freedom); d_z: mean difference over its standard deviation; "
         "Wilcoxon: signed ranks. Holm multiplies for the bins of one table.");
 }

@@ -17,6 +17,7 @@
 #include "campaign/photometry_numbers.h"
 #include "campaign/restoration_numbers.h"
 #include "made_results.h"
+#include "validate/page.h"
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 
@@ -194,6 +195,30 @@ static void words_follow_the_numbers(void **state)
         words.data, "PSNR by FWHM, RL against BLURRED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
                     "of 3 bins (3 px, by 1 dB); no clear difference in 1 of 3 bins (4 px). "));
     rx_text_free(&words);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
+/* With one bin nothing is adjusted: p stands in the page twice side by side, for t and for Wilcoxon. */
+static void adjusted_p_is_shown(void **state)
+{
+    char folder[256];
+    rx_text cells = {0};
+    rx_restoration_numbers m;
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
+    assert_int_equal(rx_restoration_numbers_make(r, plain.seed, &m, NULL), RX_OK);
+    const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
+    for (int i = 0; i < 4; i++)
+        rx_page_cell_p(&cells, i < 2 ? d->paired.p : d->wilcoxon.p,
+                       i < 2 ? d->paired.ln_p : d->wilcoxon.ln_p);
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *page = slurp(folder, "report.html");
+    assert_non_null(strstr(page, cells.data));
+    free(page);
+    rx_text_free(&cells);
+    assert_int_equal(clear(folder), 5);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
 }
@@ -504,6 +529,7 @@ int main(void)
         cmocka_unit_test(the_papers_own_numbers),
         cmocka_unit_test(claims_about_the_network),
         cmocka_unit_test(words_follow_the_numbers),
+        cmocka_unit_test(adjusted_p_is_shown),
         cmocka_unit_test(odd_restoration_results),
         cmocka_unit_test(photometry_agrees_with_scipy),
         cmocka_unit_test(thresholds_by_hand),
