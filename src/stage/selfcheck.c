@@ -11,6 +11,7 @@
 #include "io/tile.h"
 #include "measure/aperture.h"
 #include "simulate/inject.h"
+#include "simulate/render.h"
 #include "simulate/scene.h"
 #include "stage/quality.h"
 #include "stage/replica.h"
@@ -25,6 +26,7 @@ typedef struct injection {
     rx_scene *scene;
     rx_field *field;
     float *light; /* pixels after - before */
+    float *clean; /* the same without photon noise and saturation */
 } injection;
 
 static void injection_free(injection *in)
@@ -32,6 +34,7 @@ static void injection_free(injection *in)
     rx_scene_drop(in->scene);
     rx_field_free(in->field);
     free(in->light);
+    free(in->clean);
     *in = (injection){0};
 }
 
@@ -79,9 +82,13 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
     if (status != RX_OK)
         return status;
     dst->light = RX_NEW(float, npixels);
-    if (dst->light == NULL)
+    dst->clean = RX_NEW(float, npixels);
+    if (dst->light == NULL || dst->clean == NULL)
         status = rx_error_memory(err, npixels * sizeof(float));
-    else
+    if (status == RX_OK)
+        status = rx_render(dst->scene, 1, &(const rx_optics *){plan->optics}, &(float *const){dst->clean},
+                           plan->options.nthreads, err);
+    if (status == RX_OK)
         status = rx_inject(dst->scene, plan->optics, tile->gain, tile->saturation, plan->options.seed,
                            PHOTONS + (uint64_t)round, plan->options.nthreads, copy->pixels, err);
     if (status != RX_OK) {
@@ -164,6 +171,12 @@ static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *d
     return status;
 }
 
+/* Are fluxes those of untouched pixels? */
+static int untouched(const rx_selfcheck_plan *plan, const rx_probe *probe)
+{
+    return probe->plain || plan->options.measure_original;
+}
+
 /* Sky level of a field as that restorer subtracts it. */
 static const float *sky_level(const rx_field *field, const rx_restored *on)
 {
@@ -177,7 +190,7 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *
 {
     rx_sources same = *after; /* its own list, the map is lent */
     rx_photometry unused;
-    const rx_restored *on = before->plain || plan->options.measure_original ? NULL : before->restored;
+    const rx_restored *on = untouched(plan, before) ? NULL : before->restored;
     const float *old = sky_level(plan->field, on), *new = sky_level(field, on);
     const double area =
         plan->options.measure.local_background ? 0.0 : acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
@@ -198,10 +211,24 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *
     return status;
 }
 
-/* New detections of a round behind those of the rounds before; `empty`: of empty_apertures(). */
+/* Sum of a plane in the wide aperture at (x, y), as MAG_APER sums it. */
+static double in_aperture(const rx_tile *tile, const float *plane, double x, double y, double radius)
+{
+    double sum = 0.0;
+    int x0 = (int)floor(x - radius), x1 = (int)ceil(x + radius);
+    int y0 = (int)floor(y - radius), y1 = (int)ceil(y + radius);
+    for (int j = y0 < 0 ? 0 : y0; j <= y1 && j < tile->height; j++)
+        for (int i = x0 < 0 ? 0 : x0; i <= x1 && i < tile->width; i++)
+            sum += rx_pixel_in_circle((float)(i - x), (float)(j - y), radius, 5) *
+                   (double)plane[(size_t)j * (size_t)tile->width + (size_t)i];
+    return sum;
+}
+
+/* New detections of a round behind those of the rounds before; `empty`: of empty_apertures(), `light` what
+ * was injected into the same apertures. */
 static rx_status keep_new(const rx_selfcheck_plan *plan, const rx_qa_list *all, const rx_sources *sources,
-                          const unsigned char *new_one, const double *empty, double shift, rx_selfcheck *dst,
-                          rx_error *err)
+                          const unsigned char *new_one, const double *empty, const double *light,
+                          double shift, rx_selfcheck *dst, rx_error *err)
 {
     rx_qa_list *to = &dst->found_list;
     const int wide = plan->options.measure.naper - 1;
@@ -220,8 +247,9 @@ static rx_status keep_new(const rx_selfcheck_plan *plan, const rx_qa_list *all, 
         to->flux_error[n] = all->flux_error[i];
         to->score[n] = all->score[i];
         to->flags[n] = all->flags[i] | (new_one[i] == 2 ? RX_FLAG_CROWDED : 0);
-        dst->aperture[2 * n] = sources->list[i].flux_aper[wide];
-        dst->aperture[2 * n + 1] = empty[i];
+        dst->aperture[3 * n] = sources->list[i].flux_aper[wide];
+        dst->aperture[3 * n + 1] = empty[i];
+        dst->aperture[3 * n + 2] = light[i];
         n++;
     }
     return status;
@@ -234,7 +262,8 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_probe *befor
     const rx_sources *sources = probe->sources;
     rx_qa_list all = {0};
     unsigned char *new_one = RX_NEW(unsigned char, (size_t)sources->n);
-    double *empty = RX_NEW(double, (size_t)sources->n);
+    double *empty = RX_NEW(double, 2 * (size_t)sources->n),
+           *light = empty != NULL ? empty + sources->n : NULL;
     rx_status status = RX_OK;
     if (new_one == NULL || empty == NULL)
         status = rx_error_memory(err, (size_t)sources->n * sizeof(double));
@@ -243,12 +272,16 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_probe *befor
                                    in->light, plan->match_radius, new_one, err);
     if (status == RX_OK)
         status = empty_apertures(plan, before, in->field, sources, empty, err);
+    for (int i = 0; i < sources->n && status == RX_OK; i++)
+        light[i] = untouched(plan, probe) ? in_aperture(plan->field->tile, in->clean, sources->list[i].x,
+                                                        sources->list[i].y, 0.5 * plan->diameter)
+                                          : NAN;
     if (status == RX_OK)
         status = rx_quality_list(&plan->options, in->field->tile, sources, &all, err);
     if (status == RX_OK)
         status = keep_truth(in->scene, shift, dst, err);
     if (status == RX_OK)
-        status = keep_new(plan, &all, sources, new_one, empty, shift, dst, err);
+        status = keep_new(plan, &all, sources, new_one, empty, light, shift, dst, err);
     rx_qa_list_free(&all);
     free(new_one);
     free(empty);
@@ -272,10 +305,8 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     if (status == RX_OK && round == 0)
         status = rx_quality_picture(kind->name, tile->width, tile->height, probe.restored->pixels,
                                     plan->field->plain->global_sigma, &dst->picture, err);
-    if (status == RX_OK && round == 0) {
-        const rx_restored *restored = probe.restored;
-        int original = probe.plain || plan->options.measure_original || restored->psf == NULL;
-        dst->psf = rx_psf_copy(original ? plan->field->psf : restored->psf);
+    if (status == RX_OK && round == 0 && !untouched(plan, &probe)) {
+        dst->psf = rx_psf_copy(probe.restored->psf);
         if (dst->psf == NULL)
             status = rx_error_memory(err, 0);
     }

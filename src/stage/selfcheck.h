@@ -49,7 +49,8 @@ typedef struct rx_selfcheck {
     rx_estimate purity;        /* of detections that are new after the injection: share that was injected */
     rx_estimate bias, scatter; /* median and sigma_MAD of measured - true magnitude (QA_MAG), FLAGS 0 */
     /* The same in a wide aperture corrected for what the PSF has outside, of objects of S/N 20 and more by
-     * their true flux, FLAGS 0, without a source of the untouched tile in the aperture: as measured, */
+     * their true flux, FLAGS 0, without a source of the untouched tile in the aperture: as measured, against
+     * the light that was injected into that very aperture (of a restored image: that its PSF puts there), */
     rx_estimate wide_bias;
     /* and less what that very aperture would hold without the object, which is `sky`, per pixel, in ADU:
      * light of sources too faint to be detected, and the error of the background (the object itself moves the
@@ -59,9 +60,9 @@ typedef struct rx_selfcheck {
     /* every round beside the one before: x counts on by `pitch` pixels from round to round */
     int width, height, pitch;
     rx_qa_list truth, found_list; /* injected objects; new detections */
-    double *aperture;      /* [found_list.n][2] flux in the wide aperture, and what it would hold without the
-                              object; ADU */
-    rx_psf *psf;           /* of the image that fluxes are measured on */
+    double *aperture; /* [found_list.n][3] wide aperture, ADU: flux, what it would hold without the object,
+                         and the light injected into it, NAN where fluxes are of a restored image */
+    rx_psf *psf;      /* of the image that fluxes are measured on */
     rx_qa_picture picture; /* middle of the first round, restored; pixels owned */
 } rx_selfcheck;
 

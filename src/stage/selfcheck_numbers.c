@@ -18,7 +18,7 @@ rx_status rx_selfcheck_grow(rx_qa_list *list, double **aperture, long n, rx_erro
                           &list->flux, &list->flux_error, &list->score, aperture};
     size_t used = aperture != NULL ? 8 : 6;
     for (size_t i = 0; i < used; i++) {
-        double *grown = rx_regrow(*columns[i], (columns[i] == aperture ? 2 : 1) * (size_t)n, sizeof(double));
+        double *grown = rx_regrow(*columns[i], (columns[i] == aperture ? 3 : 1) * (size_t)n, sizeof(double));
         if (grown == NULL)
             return rx_error_memory(err, (size_t)n * sizeof(double));
         *columns[i] = grown;
@@ -104,9 +104,9 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
                                  const rx_evaluation *e, deviations *dst, rx_error *err)
 {
     const double area = acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
-    const rx_psf *psf = check->psf;
     const rx_qa_list *list = &check->found_list, *truth = &check->truth;
-    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+    const size_t side = check->psf != NULL ? (size_t)check->psf->size : 0;
+    float *stamp = RX_NEW(float, side *side);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
     for (long j = 0; j < list->n; j++) {
@@ -116,10 +116,14 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
         if (isfinite(e->dmag[j]))
             dst->total[dst->ntotal++] = e->dmag[j];
         double x = fmod(truth->x[i] + 1.0, check->pitch) - 1.0, y = truth->y[i];
-        double wide = check->aperture[2 * j], empty = check->aperture[2 * j + 1];
+        double wide = check->aperture[3 * j], empty = check->aperture[3 * j + 1];
+        double light = check->aperture[3 * j + 2];
         if (truth->mag[i] > plan->limit - CLEAR || !(wide > 0.0) || !(wide > empty) || crowded(plan, x, y))
             continue;
-        double light = truth->flux[i] * rx_selfcheck_enclosed(psf, x, y, plan->diameter, stamp);
+        if (check->psf != NULL)
+            light = truth->flux[i] * rx_selfcheck_enclosed(check->psf, x, y, plan->diameter, stamp);
+        if (!(light > 0.0))
+            continue;
         dst->wide[dst->nwide] = -2.5 * log10(wide / light);
         dst->gained[dst->nwide] = -2.5 * log10((wide - empty) / light);
         dst->sky[dst->nwide++] = empty / area;

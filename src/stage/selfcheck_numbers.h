@@ -7,7 +7,7 @@
 #include "validate/qa.h"
 
 /* Make room for n rows: positions, magnitudes and fluxes, and, when `aperture` is not NULL, score, flags and
- * *aperture (two numbers a row) too. New rows are not set; alpha and delta stay NULL. */
+ * *aperture (three numbers a row) too. New rows are not set; alpha and delta stay NULL. */
 rx_status rx_selfcheck_grow(rx_qa_list *list, double **aperture, long n, rx_error *err);
 
 /* Fill the numbers of `check` from its lists. Errors: RX_SYSTEM. */
