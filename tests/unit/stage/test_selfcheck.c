@@ -262,7 +262,7 @@ static void check_completeness(const char *kind_name)
         double p = (double)truth.found[k] / n, q = (double)injected.found[k] / m;
         double both = (double)(truth.found[k] + injected.found[k] + 1) / (n + m + 2.0);
         double error = sqrt(both * (1.0 - both) * (1.0 / n + 1.0 / m));
-        assert_true(n > 80 && m > 80);
+        assert_true(n > 100 && m > 60);
         if (!(fabs(p - q) < 4.0 * error))
             fail_msg("%s, bin %d: %.3f +- %.3f of the truth, %.3f of the injected", kind_name, k, p, error,
                      q);
