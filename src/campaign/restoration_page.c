@@ -91,9 +91,9 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
     if (r->tune_scenes > 0)
         rx_text_printf(
             &html,
-            " RL knows the true PSF; its number of iterations and the Gaussian filter after it were "
-            "chosen bin by bin on %ld further scenes that are not in the test, once for the best PSNR "
-            "and once for the best SSIM: each number below is RL at its best.",
+            " RL knows the true PSF; its number of iterations and the Gaussian filter after it are the best "
+            "of those tried (TUNE_NITER, TUNE_FILTER), bin by bin, on %ld further scenes that are not "
+            "in the test, once for PSNR and once for SSIM.",
             r->tune_scenes);
     if (html.data != NULL)
         rx_page_paragraph(dst, html.data);
@@ -350,11 +350,12 @@ static void write_reading(rx_text *dst)
         "<b>PSNR</b> = 20 log<sub>10</sub>(max(reference) / &radic;MSE) in dB, MSE the mean of the squared "
         "differences (the paper prints it without the square). <b>SSIM</b>: Wang et al. 2004, 11 x 11 "
         "Gaussian "
-        "window of sigma 1.5, K1 = K2 = 0.001 as in the paper, range of the reference. Both are better when "
+        "window of sigma 1.5, K1 = K2 = 0.001 as in the paper, range of the reference. With so small K the "
+        "noise of empty sky weighs heavily in it, which favours smooth pictures. Both are better when "
         "larger. Noise sigmas are on the scale on which the brightest pixel of the reference is 255. "
         "Bootstrap "
-        "intervals: %d draws, none for fewer than %d scenes. Scenes differ much more from each other than "
-        "methods do: the paired test sees differences that the two-sample test cannot.",
+        "intervals: %d draws, none for fewer than %d scenes. The scenes are the same for all "
+        "methods: the paired test takes out what the scenes differ in, the two-sample test does not.",
         RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_page_paragraph(dst, html);
     rx_page_paragraph(
