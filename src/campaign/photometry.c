@@ -137,7 +137,7 @@ static rx_status do_unit(const void *state, long unit, const rx_unit_values *don
 /* --- results --- */
 
 /* The values of a tile from v on are added to a set's lists, which have room. Returns the end. */
-static const double *take_run(const double *v, long nstars, long first_star, rx_photometry_run *dst)
+static const double *take_run(const double *v, long nstars, long first_star, rx_photometry_tally *dst)
 {
     for (long i = 0; i < nstars; i++, v += 4)
         dst->stars[first_star + i] = (rx_star_result){(float)v[0], (float)v[1], (float)v[2], (float)v[3]};
@@ -166,7 +166,7 @@ static rx_status size_set(const rx_photometry_state *state, const rx_unit_values
     }
     int failed = 0;
     for (int r = 0; r < state->nruns; r++) {
-        rx_photometry_run *run = &dst->run[r];
+        rx_photometry_tally *run = &dst->run[r];
         run->stars = RX_NEW(rx_star_result, (size_t)dst->nstars);
         run->false_scores = RX_NEW(float, (size_t)run->nfalse);
         run->false_mags = RX_NEW(float, (size_t)run->nfalse);
@@ -267,11 +267,12 @@ static int is_setting(const char *keyword, const char *restorer)
 static void add_setting(void *user, const char *name, const char *value, const char *help)
 {
     settings *s = user;
+    const char *keyword = strrchr(name, '.') != NULL ? strrchr(name, '.') + 1 : name; /* without STAGE. */
     (void)help;
-    if (!is_setting(name, s->name))
+    if (!is_setting(keyword, s->name))
         return;
     const size_t used = strlen(s->text);
-    snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", name, value);
+    snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", keyword, value);
 }
 
 static rx_status collect_field(const rx_photometry_state *state, int s, const rx_unit_values *all,

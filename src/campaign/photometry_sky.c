@@ -199,7 +199,7 @@ static rx_status know_scene(const rx_photometry_sky *sky, const rx_scene *scene,
 
 static rx_status join(const rx_scene *a, const rx_scene *b, rx_scene **dst, rx_error *err)
 {
-    rx_status status = rx_scene_blank(a->width, a->height, a->n + b->n, dst, err);
+    rx_status status = rx_scene_new(a->width, a->height, a->n + b->n, dst, err);
     if (status != RX_OK)
         return status;
     memcpy((*dst)->objects, a->objects, (size_t)a->n * sizeof *a->objects);
@@ -255,7 +255,7 @@ static rx_status simulated_tile(const rx_photometry_state *state, const rx_photo
         status = rx_quality_radius(state->options, *tile, &radius, err);
     if (status == RX_OK)
         status = know_scene(sky, others, radius, known, err);
-    rx_scene_drop(others);
+    rx_scene_free(others);
     rx_simulated_free(&simulated);
     return status;
 }
@@ -305,7 +305,7 @@ rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_pho
                               "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "
                               "leave it out, and restorers are given the true one");
     rx_tile_free(tile);
-    rx_scene_drop(stars);
+    rx_scene_free(stars);
     if (status != RX_OK)
         rx_photometry_tile_free(dst);
     return status;

@@ -168,7 +168,7 @@ rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *
                                                                 : make_scene(state, stream, &scene, err);
     if (status == RX_OK)
         status = expose(state, stream, scene, dst, err);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     if (status != RX_OK)
         rx_trial_free(dst);
     return status;

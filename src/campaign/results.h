@@ -60,19 +60,19 @@ typedef struct rx_star_result {
 } rx_star_result;
 
 /* One restorer on one set. Stars are in the same order for every restorer: pairs can be compared. */
-typedef struct rx_photometry_run {
+typedef struct rx_photometry_tally {
     rx_star_result *stars; /* [nstars] */
     long nfalse;           /* detections that are no object, known or injected */
     float *false_scores;   /* [nfalse] */
     float *false_mags;     /* [nfalse] measured magnitude */
     double seconds;        /* never written to outputs that must repeat */
-} rx_photometry_run;
+} rx_photometry_tally;
 
 typedef struct rx_photometry_set {
     double mag, snr; /* of the stars; snr in a matched filter on this field, background-limited */
     long ntiles, nstars;
     double mpixels;
-    rx_photometry_run run[RX_METHODS_MAX];
+    rx_photometry_tally run[RX_METHODS_MAX];
 } rx_photometry_set;
 
 typedef struct rx_photometry_field {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "restore/scene.h"
+#include "restore/prepared.h"
 
 rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                       const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
@@ -22,7 +22,7 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const r
         rx_restored_free(restored);
         return rx_error_memory(err, n * sizeof(float));
     }
-    rx_scene_mask(par, tile, background, restored->mask);
+    rx_prepared_mask(par, tile, background, restored->mask);
     for (size_t k = 0; k < n; k++)
         restored->pixels[k] = restored->mask[k] != 0 ? 0 : tile->pixels[k] - background->level[k];
     memcpy(restored->sigma, background->sigma, n * sizeof *restored->sigma);

@@ -39,7 +39,7 @@ static int is_isolated(const rx_rl *rl, int x, int y, int r)
     for (int j = -2 * r; j <= 2 * r; j++)
         for (int i = -2 * r; i <= 2 * r; i++) {
             const int d2 = i * i + j * j;
-            if (d2 <= r * r && rl->scene->mask[(size_t)(y + j) * rl->scene->width + (x + i)] != 0)
+            if (d2 <= r * r && rl->prepared->mask[(size_t)(y + j) * rl->prepared->width + (x + i)] != 0)
                 return 0;
             if (d2 <= r * r || d2 > 4 * r * r)
                 continue;
@@ -50,12 +50,12 @@ static int is_isolated(const rx_rl *rl, int x, int y, int r)
 }
 
 /* Mean of the eight neighbours above the sky in the data, in units of the peak. */
-static double data_bluntness(const rx_scene *scene, int x, int y)
+static double data_bluntness(const rx_prepared *prepared, int x, int y)
 {
     double sum = 0, peak = 0;
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++) {
-            const double v = scene->data[(size_t)(y + j) * scene->width + (x + i)] - 1.0;
+            const double v = prepared->data[(size_t)(y + j) * prepared->width + (x + i)] - 1.0;
             if (i == 0 && j == 0)
                 peak = v;
             else
@@ -123,16 +123,16 @@ static rx_status keep_points(rx_point *list, size_t count, rx_point *points, int
 rx_status rx_points_find(const rx_rl *rl, double fwhm, double bluntness, rx_point *points, int *n,
                          int *radius, rx_error *err)
 {
-    const rx_scene *scene = rl->scene;
+    const rx_prepared *prepared = rl->prepared;
     const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm));
-    const float level = (float)(1 + PEAK_SIGMA * scene->sigma);
+    const float level = (float)(1 + PEAK_SIGMA * prepared->sigma);
     rx_point *list = NULL;
     size_t count = 0, room = 0;
-    for (int y = 2 * r; y < scene->height - 2 * r; y++)
-        for (int x = 2 * r; x < scene->width - 2 * r; x++) {
-            const size_t k = (size_t)y * scene->width + x;
-            if (!(scene->data[k] > level) || !(object_at(rl, x, y) > level) || !is_peak(rl, x, y) ||
-                !is_isolated(rl, x, y, r) || !(data_bluntness(scene, x, y) > SHARPEST * bluntness))
+    for (int y = 2 * r; y < prepared->height - 2 * r; y++)
+        for (int x = 2 * r; x < prepared->width - 2 * r; x++) {
+            const size_t k = (size_t)y * prepared->width + x;
+            if (!(prepared->data[k] > level) || !(object_at(rl, x, y) > level) || !is_peak(rl, x, y) ||
+                !is_isolated(rl, x, y, r) || !(data_bluntness(prepared, x, y) > SHARPEST * bluntness))
                 continue;
             const rx_point point = measure(rl, x, y, r);
             if (!(point.flux > 0) || !(fabs(point.cx - x) <= 1 && fabs(point.cy - y) <= 1))

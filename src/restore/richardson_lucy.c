@@ -21,21 +21,22 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
  * star with a masked core may be brighter. */
 static const double BOUND = 1e4;
 
-rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, rx_rl **dst, rx_error *err)
+rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, rx_rl **dst,
+                    rx_error *err)
 {
     *dst = NULL;
     rx_rl *rl = RX_NEW(rx_rl, 1);
     if (rl == NULL)
         return rx_error_memory(err, sizeof *rl);
-    rl->scene = scene;
+    rl->prepared = prepared;
     rl->blur = blur;
     rl->damping = damping;
-    rl->bound = (float)fmin(BOUND * fmax(scene->peak, 1), 1e12);
+    rl->bound = (float)fmin(BOUND * fmax(prepared->peak, 1), 1e12);
     rl->object = rx_fft_real(blur->fft);
     rl->model = rx_fft_real(blur->fft);
     rl->norm = rx_fft_real(blur->fft);
     rl->change = blur->varies ? rx_fft_real(blur->fft) : rl->model;
-    rl->rows = RX_NEW(double, (size_t)scene->height);
+    rl->rows = RX_NEW(double, (size_t)prepared->height);
     if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->change == NULL ||
         rl->rows == NULL) {
         rx_rl_free(rl);
@@ -76,11 +77,11 @@ static void clear(const rx_fft *fft, float *plane)
 
 void rx_rl_normalise(rx_rl *rl)
 {
-    const rx_scene *scene = rl->scene;
+    const rx_prepared *prepared = rl->prepared;
     clear(rl->blur->fft, rl->model);
-    for (int y = 0; y < scene->height; y++)
-        memcpy(rl->model + rx_blur_row(rl->blur, y), scene->weight + (size_t)y * scene->width,
-               (size_t)scene->width * sizeof(float));
+    for (int y = 0; y < prepared->height; y++)
+        memcpy(rl->model + rx_blur_row(rl->blur, y), prepared->weight + (size_t)y * prepared->width,
+               (size_t)prepared->width * sizeof(float));
     rx_blur_adjoint(rl->blur, rl->model, rl->norm);
 }
 
@@ -91,25 +92,25 @@ void rx_rl_model(rx_rl *rl)
 
 double rx_rl_chi2(const rx_rl *rl)
 {
-    const rx_scene *scene = rl->scene;
-    const float photon = (float)scene->photon;
-#pragma omp parallel for schedule(static) num_threads(scene->nthreads)
-    for (int y = 0; y < scene->height; y++) {
-        const size_t row = (size_t)y * scene->width;
+    const rx_prepared *prepared = rl->prepared;
+    const float photon = (float)prepared->photon;
+#pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
+    for (int y = 0; y < prepared->height; y++) {
+        const size_t row = (size_t)y * prepared->width;
         const float *model = rl->model + rx_blur_row(rl->blur, y);
         double sum = 0;
-        for (int x = 0; x < scene->width; x++) {
-            const float residual = scene->data[row + x] - model[x];
-            const float variance = scene->variance[row + x] + photon * fmaxf(model[x] - 1, 0);
-            if (scene->mask[row + x] == 0)
+        for (int x = 0; x < prepared->width; x++) {
+            const float residual = prepared->data[row + x] - model[x];
+            const float variance = prepared->variance[row + x] + photon * fmaxf(model[x] - 1, 0);
+            if (prepared->mask[row + x] == 0)
                 sum += (double)residual * residual / variance;
         }
         rl->rows[y] = sum;
     }
     double sum = 0;
-    for (int y = 0; y < scene->height; y++)
+    for (int y = 0; y < prepared->height; y++)
         sum += rl->rows[y];
-    return sum / (double)scene->good;
+    return sum / (double)prepared->good;
 }
 
 /* D of the header. */
@@ -125,11 +126,12 @@ static float damp(float residual, float variance, float scale)
 /* One tile row of the model becomes W D (d - m) / m. */
 static void residual_row(const rx_rl *rl, size_t row, float *model)
 {
-    const rx_scene *scene = rl->scene;
-    const float *data = scene->data + row, *weight = scene->weight + row, *noise = scene->variance + row;
+    const rx_prepared *prepared = rl->prepared;
+    const float *data = prepared->data + row, *weight = prepared->weight + row,
+                *noise = prepared->variance + row;
     if (rl->damping > 0) {
-        const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)scene->photon;
-        for (int x = 0; x < scene->width; x++) {
+        const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)prepared->photon;
+        for (int x = 0; x < prepared->width; x++) {
             const float m = fmaxf(model[x], MODEL_FLOOR);
             const float variance = noise[x] + photon * fmaxf(m - 1, 0);
             model[x] = weight[x] * damp(data[x] - m, variance, scale) * ((data[x] - m) / m);
@@ -137,7 +139,7 @@ static void residual_row(const rx_rl *rl, size_t row, float *model)
         return;
     }
 #pragma omp simd
-    for (int x = 0; x < scene->width; x++) {
+    for (int x = 0; x < prepared->width; x++) {
         const float m = model[x] > MODEL_FLOOR ? model[x] : MODEL_FLOOR;
         model[x] = weight[x] * ((data[x] - m) / m);
     }
@@ -145,20 +147,20 @@ static void residual_row(const rx_rl *rl, size_t row, float *model)
 
 void rx_rl_residual(rx_rl *rl)
 {
-    const rx_scene *scene = rl->scene;
+    const rx_prepared *prepared = rl->prepared;
     const rx_fft *fft = rl->blur->fft;
-    const int first = rl->blur->margin, last = first + scene->height, width = rx_fft_width(fft);
+    const int first = rl->blur->margin, last = first + prepared->height, width = rx_fft_width(fft);
     const size_t stride = (size_t)rx_fft_stride_real(fft);
-#pragma omp parallel for schedule(static) num_threads(scene->nthreads)
+#pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
     for (int j = 0; j < rx_fft_height(fft); j++) {
         float *line = rl->model + (size_t)j * stride;
         if (j < first || j >= last) {
             memset(line, 0, (size_t)width * sizeof *line);
             continue;
         }
-        residual_row(rl, (size_t)(j - first) * scene->width, line + first);
+        residual_row(rl, (size_t)(j - first) * prepared->width, line + first);
         memset(line, 0, (size_t)first * sizeof *line);
-        memset(line + first + scene->width, 0, (size_t)(width - first - scene->width) * sizeof *line);
+        memset(line + first + prepared->width, 0, (size_t)(width - first - prepared->width) * sizeof *line);
     }
 }
 
@@ -187,19 +189,19 @@ void rx_rl_update(rx_rl *rl)
 /* support = 1 - K^T (1 at good pixels): what the mask and the border have taken. */
 static void set_support(const rx_rl *rl, float *support)
 {
-    const rx_scene *scene = rl->scene;
+    const rx_prepared *prepared = rl->prepared;
     clear(rl->blur->fft, rl->model);
-    for (int y = 0; y < scene->height; y++) {
+    for (int y = 0; y < prepared->height; y++) {
         float *line = rl->model + rx_blur_row(rl->blur, y);
-        for (int x = 0; x < scene->width; x++)
-            line[x] = scene->mask[(size_t)y * scene->width + x] == 0 ? 1 : 0;
+        for (int x = 0; x < prepared->width; x++)
+            line[x] = prepared->mask[(size_t)y * prepared->width + x] == 0 ? 1 : 0;
     }
     rx_blur_adjoint(rl->blur, rl->model, rl->change);
-    for (int y = 0; y < scene->height; y++) {
+    for (int y = 0; y < prepared->height; y++) {
         const float *line = rl->change + rx_blur_row(rl->blur, y);
-        for (int x = 0; x < scene->width; x++) {
+        for (int x = 0; x < prepared->width; x++) {
             const float share = 1 - line[x];
-            support[(size_t)y * scene->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
+            support[(size_t)y * prepared->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
         }
     }
 }
@@ -207,12 +209,12 @@ static void set_support(const rx_rl *rl, float *support)
 /* Tile part of a domain plane, back in ADU above the sky. */
 static void take(const rx_rl *rl, const float *plane, const uint8_t *mask, float *dst)
 {
-    const rx_scene *scene = rl->scene;
-    for (int y = 0; y < scene->height; y++) {
+    const rx_prepared *prepared = rl->prepared;
+    for (int y = 0; y < prepared->height; y++) {
         const float *line = plane + rx_blur_row(rl->blur, y);
-        for (int x = 0; x < scene->width; x++) {
-            const size_t k = (size_t)y * scene->width + x;
-            const double value = (line[x] - 1.0) * scene->pedestal;
+        for (int x = 0; x < prepared->width; x++) {
+            const size_t k = (size_t)y * prepared->width + x;
+            const double value = (line[x] - 1.0) * prepared->pedestal;
             dst[k] = mask != NULL && mask[k] != 0 ? 0 : (float)fmax(-FLT_MAX, fmin(FLT_MAX, value));
         }
     }
@@ -241,21 +243,21 @@ static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *na
     return status;
 }
 
-static void describe(const rx_restore_params *par, const rx_scene *scene, const char *settings,
+static void describe(const rx_restore_params *par, const rx_prepared *prepared, const char *settings,
                      rx_restored *dst)
 {
     snprintf(
         dst->settings, sizeof dst->settings,
         "RL_NITER %d, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g ADU)%s%s",
         par->rl_niter, par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping, par->rl_denoise,
-        par->rl_pedestal, scene->pedestal, settings[0] != '\0' ? ", " : "", settings);
+        par->rl_pedestal, prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
 }
 
-static rx_status new_restored(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+static rx_status new_restored(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
                               const char *name, rx_restored **dst, rx_error *err)
 {
-    const size_t n = (size_t)scene->width * (size_t)scene->height;
-    rx_restored *restored = *dst = rx_restored_new(name, scene->width, scene->height);
+    const size_t n = (size_t)prepared->width * (size_t)prepared->height;
+    rx_restored *restored = *dst = rx_restored_new(name, prepared->width, prepared->height);
     if (restored == NULL)
         return rx_error_memory(err, n * sizeof(float));
     restored->support = RX_NEW(float, n);
@@ -265,23 +267,23 @@ static rx_status new_restored(const rx_restore_params *par, const rx_scene *scen
     if (restored->support == NULL || restored->psf == NULL || restored->blur == NULL ||
         (par->keep_reblurred && restored->reblurred == NULL))
         return rx_error_memory(err, 3 * n * sizeof(float));
-    memcpy(restored->mask, scene->mask, n);
+    memcpy(restored->mask, prepared->mask, n);
     return RX_OK;
 }
 
 /* The restored planes from a tile with good pixels; rl and blur are gone before the denoising. */
-static rx_status restore_planes(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+static rx_status restore_planes(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
                                 rx_log *log, rx_restored *restored, rx_error *err)
 {
     rx_blur *blur = NULL;
     rx_rl *rl = NULL;
-    rx_status status = rx_blur_new(psf, scene->width, scene->height, scene->nthreads, &blur, err);
+    rx_status status = rx_blur_new(psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(scene, blur, par->rl_damping, &rl, err);
+        status = rx_rl_new(prepared, blur, par->rl_damping, &rl, err);
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
     if (status == RX_OK) {
-        take(rl, rl->object, scene->mask, restored->pixels);
+        take(rl, rl->object, prepared->mask, restored->pixels);
         if (restored->reblurred != NULL)
             take(rl, rl->model, NULL, restored->reblurred);
         set_support(rl, restored->support);
@@ -291,7 +293,7 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_scene *sc
     return status;
 }
 
-rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_scene *scene, const rx_psf *psf,
+rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prepared, const rx_psf *psf,
                         const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
 {
     const double begun = rx_seconds();
@@ -303,20 +305,20 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_scene *scene, 
         used.rl_denoise_by_psf = 0;
     }
     *dst = NULL;
-    rx_status status = rx_blur_check(psf, scene->width, scene->height, err);
+    rx_status status = rx_blur_check(psf, prepared->width, prepared->height, err);
     if (status == RX_OK)
-        status = new_restored(par, scene, psf, name, &restored, err);
+        status = new_restored(par, prepared, psf, name, &restored, err);
     if (status != RX_OK)
         goto exit;
-    if (scene->good == 0) {
+    if (prepared->good == 0) {
         rx_log_warning(log, "%s: every pixel is masked, nothing to restore", name);
-        for (size_t k = 0; k < (size_t)scene->width * (size_t)scene->height; k++)
+        for (size_t k = 0; k < (size_t)prepared->width * (size_t)prepared->height; k++)
             restored->support[k] = 1;
-    } else if ((status = restore_planes(par, scene, psf, log, restored, err)) == RX_OK) {
-        status = rx_gauss_masked(scene->width, scene->height, par->rl_denoise, scene->mask, scene->nthreads,
-                                 restored->pixels, err);
+    } else if ((status = restore_planes(par, prepared, psf, log, restored, err)) == RX_OK) {
+        status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
+                                 prepared->nthreads, restored->pixels, err);
     }
-    describe(par, scene, settings, restored);
+    describe(par, prepared, settings, restored);
     restored->seconds = rx_seconds() - begun;
 exit:
     if (status != RX_OK) {
@@ -332,11 +334,11 @@ exit:
 rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
 {
-    rx_scene *scene = NULL;
+    rx_prepared *prepared = NULL;
     *dst = NULL;
-    rx_status status = rx_scene_new(par, tile, background, &scene, err);
+    rx_status status = rx_prepared_new(par, tile, background, &prepared, err);
     if (status == RX_OK)
-        status = rx_rl_restore(par, scene, psf, "RL", "", log, dst, err);
-    rx_scene_free(scene);
+        status = rx_rl_restore(par, prepared, psf, "RL", "", log, dst, err);
+    rx_prepared_free(prepared);
     return status;
 }

@@ -22,7 +22,7 @@
  * no Poisson noise: there White's form damps positive residuals more than negative ones and draws the sky
  * down by 0.1 sigma (T = 3).
  *
- * Memory: besides the scene's three planes and two masks, f, K f and K^T W on the domain, the
+ * Memory: besides the prepared tile's three planes and two masks, f, K f and K^T W on the domain, the
  * blur's (blur.h) two complex planes; a varying PSF takes one plane more. About 11 planes of the
  * tile at the peak, outputs included, for a constant PSF.
  *
@@ -31,21 +31,21 @@
 #define RX_RESTORE_RICHARDSON_LUCY_H
 
 #include "restore/blur.h"
+#include "restore/prepared.h"
 #include "restore/restore.h"
-#include "restore/scene.h"
 
 /* The restorer RL, a row of the table in restore.c. */
 rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
 
-/* The same on a scene that exists, under the name of another restorer, `settings` added to the text. */
-rx_status rx_rl_restore(const rx_restore_params *par, const rx_scene *scene, const rx_psf *psf,
+/* The same on a tile that has been prepared, under the name of another restorer, `settings` added to the text. */
+rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
                         const char *name, const char *settings, rx_log *log, rx_restored **dst,
                         rx_error *err);
 
 /* The iteration in pieces (the blind restorer alternates it with updates of the PSF). */
 typedef struct rx_rl {
-    const rx_scene *scene; /* both belong to the caller and must outlive it */
+    const rx_prepared *prepared; /* both belong to the caller and must outlive it */
     const rx_blur *blur;
     double damping; /* sigmas, 0 = off */
     float bound;    /* f never exceeds it */
@@ -56,7 +56,8 @@ typedef struct rx_rl {
     double *rows;   /* sums of tile rows */
 } rx_rl;
 
-rx_status rx_rl_new(const rx_scene *scene, const rx_blur *blur, double damping, rx_rl **dst, rx_error *err);
+rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, rx_rl **dst,
+                    rx_error *err);
 void rx_rl_free(rx_rl *rl);
 void rx_rl_reset(rx_rl *rl);        /* object = 1 */
 void rx_rl_normalise(rx_rl *rl);    /* norm = K^T W; again after the blur has changed */

@@ -20,7 +20,7 @@ static const float SHARE_FLOOR = 1e-6f; /* of the largest: fewer data behind a P
 enum { FEWEST_POINTS = 3 };
 
 typedef struct rx_seeker {
-    const rx_scene *scene;
+    const rx_prepared *prepared;
     rx_psf *psf; /* constant; basis is the last good PSF */
     rx_blur *blur;
     rx_rl *rl;
@@ -62,18 +62,18 @@ static int make_positive(float *stamp, int size)
     return sum > 0;
 }
 
-static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, const rx_scene *scene,
+static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, const rx_prepared *prepared,
                               const rx_psf *psf, rx_error *err)
 {
     const size_t n = (size_t)psf->size * (size_t)psf->size;
-    seeker->scene = scene;
+    seeker->prepared = prepared;
     seeker->size = psf->size;
     seeker->stamp = RX_NEW(float, n);
     seeker->share = RX_NEW(float, n);
     seeker->work = RX_NEW(float, n);
     if (seeker->stamp == NULL || seeker->share == NULL || seeker->work == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    rx_psf_at(psf, (scene->width - 1) / 2.0, (scene->height - 1) / 2.0, seeker->stamp);
+    rx_psf_at(psf, (prepared->width - 1) / 2.0, (prepared->height - 1) / 2.0, seeker->stamp);
     if (!make_positive(seeker->stamp, psf->size))
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
     seeker->psf = rx_stamp_psf(psf->type, seeker->stamp, psf->size);
@@ -83,9 +83,9 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     seeker->bluntness = rx_points_bluntness(seeker->stamp, psf->size);
     rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
     rx_status status =
-        rx_blur_new(seeker->psf, scene->width, scene->height, scene->nthreads, &seeker->blur, err);
+        rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(scene, seeker->blur, par->rl_damping, &seeker->rl, err);
+        status = rx_rl_new(prepared, seeker->blur, par->rl_damping, &seeker->rl, err);
     if (status != RX_OK)
         return status;
     seeker->rest = rx_fft_real(seeker->blur->fft);
@@ -144,7 +144,7 @@ static void take_out(const rx_seeker *seeker, const rx_point *point, int radius,
 /* Part the image into points and rest, and set what the PSF updates hold fixed; *n points. */
 static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
 {
-    const rx_scene *scene = seeker->scene;
+    const rx_prepared *prepared = seeker->prepared;
     const rx_fft *fft = seeker->blur->fft;
     const size_t size = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof(float);
     float *model = seeker->rl->model;
@@ -163,9 +163,9 @@ static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
     rx_blur_apply(seeker->blur, model, seeker->rest);
     rx_fft_forward(fft, seeker->points, seeker->spectrum);
     memset(model, 0, size);
-    for (int y = 0; y < scene->height; y++)
-        memcpy(model + rx_blur_row(seeker->blur, y), scene->weight + (size_t)y * scene->width,
-               (size_t)scene->width * sizeof *model);
+    for (int y = 0; y < prepared->height; y++)
+        memcpy(model + rx_blur_row(seeker->blur, y), prepared->weight + (size_t)y * prepared->width,
+               (size_t)prepared->width * sizeof *model);
     correlate_points(seeker, model, seeker->share);
     return RX_OK;
 }
@@ -259,17 +259,17 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, con
                           const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
 {
     const double begun = rx_seconds();
-    rx_scene *scene = NULL;
+    rx_prepared *prepared = NULL;
     rx_seeker seeker = {0};
     rx_psf *found = NULL;
     char settings[80];
     *dst = NULL;
     rx_status status = rx_blur_check(psf, tile->width, tile->height, err);
     if (status == RX_OK)
-        status = rx_scene_new(par, tile, background, &scene, err);
+        status = rx_prepared_new(par, tile, background, &prepared, err);
     if (status == RX_OK)
-        status = seeker_start(&seeker, par, scene, psf, err);
-    if (status == RX_OK && scene->good > 0) {
+        status = seeker_start(&seeker, par, prepared, psf, err);
+    if (status == RX_OK && prepared->good > 0) {
         rx_log_progress_begin(log);
         status = seek(&seeker, par, log, err);
         rx_log_progress_end(log);
@@ -284,12 +284,12 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, con
              found->fwhm);
     snprintf(settings, sizeof settings, "RL_BLIND_CYCLES %d, RL_BLIND_NITER %d", par->blind_cycles,
              par->blind_psf_niter);
-    status = rx_rl_restore(par, scene, found, "RL_BLIND", settings, log, dst, err);
+    status = rx_rl_restore(par, prepared, found, "RL_BLIND", settings, log, dst, err);
     if (status == RX_OK)
         (*dst)->seconds = rx_seconds() - begun;
 exit:
     rx_psf_free(found);
     seeker_free(&seeker);
-    rx_scene_free(scene);
+    rx_prepared_free(prepared);
     return status;
 }

@@ -15,7 +15,7 @@ enum { DRAW_PAIR = 32, DRAW_COMPANION_MAG, DRAW_COUNT = 48 };
 
 /* --- memory --- */
 
-rx_status rx_scene_blank(int width, int height, long n, rx_scene **dst, rx_error *err)
+rx_status rx_scene_new(int width, int height, long n, rx_scene **dst, rx_error *err)
 {
     *dst = NULL;
     rx_scene *scene = RX_NEW(rx_scene, 1);
@@ -30,7 +30,7 @@ rx_status rx_scene_blank(int width, int height, long n, rx_scene **dst, rx_error
     return RX_OK;
 }
 
-void rx_scene_drop(rx_scene *scene)
+void rx_scene_free(rx_scene *scene)
 {
     if (scene == NULL)
         return;
@@ -166,7 +166,7 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     long others = count_of(par, &par->templates, RX_DRAW_TEMPLATES);
     long room = (par->pair_share > 0.0 ? 2 : 1) * stars + galaxies + others;
     /* one more than needed: an object is made where it will be, before there is a place for it */
-    status = rx_scene_blank(par->width, par->height, room + 1, &scene, err);
+    status = rx_scene_new(par->width, par->height, room + 1, &scene, err);
     if (status != RX_OK)
         goto exit;
     scene->n = 0;
@@ -181,6 +181,6 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     scene = NULL;
 exit:
     rx_places_clear(&places);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     return status;
 }

@@ -31,7 +31,7 @@ typedef struct injection {
 
 static void injection_free(injection *in)
 {
-    rx_scene_drop(in->scene);
+    rx_scene_free(in->scene);
     rx_field_free(in->field);
     free(in->light);
     free(in->clean);

@@ -78,7 +78,7 @@ void rx_simulated_free(rx_simulated *simulated)
     free(simulated->clean);
     free(simulated->sharp);
     free(simulated->defects);
-    rx_scene_drop(simulated->scene);
+    rx_scene_free(simulated->scene);
     *simulated = (rx_simulated){0};
 }
 

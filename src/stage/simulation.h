@@ -68,7 +68,7 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
 
 /* pixels [height][width] of that tile (its own, or a copy) += scene number `stream` with the photon noise of
  * the added light. sharp [height][width] (NULL when not wanted) = the scene alone through the target PSF.
- * *scene is freed by rx_scene_drop(). */
+ * *scene is freed by rx_scene_free(). */
 rx_status rx_simulation_inject(const rx_simulation *simulation, uint64_t stream, float *pixels, float *sharp,
                                rx_scene **scene, rx_error *err);
 

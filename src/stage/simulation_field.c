@@ -124,6 +124,6 @@ rx_status rx_simulation_inject(const rx_simulation *simulation, uint64_t stream,
     if (status == RX_OK)
         *dst = scene;
     else
-        rx_scene_drop(scene);
+        rx_scene_free(scene);
     return status;
 }

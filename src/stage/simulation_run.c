@@ -431,7 +431,7 @@ exit:
     rx_text_free(&facts);
     free(sharp);
     free(defects);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     rx_simulation_free(simulation);
     rx_field_free(field);
     return status;

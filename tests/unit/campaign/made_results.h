@@ -124,7 +124,7 @@ typedef struct made_photometry {
 
 static void made_run(rx_photometry_set *set, int field, int k, int run, double depth)
 {
-    rx_photometry_run *dst = &set->run[run];
+    rx_photometry_tally *dst = &set->run[run];
     uint64_t stream = (uint64_t)(field * 1000 + k * 10 + run);
     dst->stars = made((size_t)set->nstars, sizeof *dst->stars);
     for (long i = 0; i < set->nstars; i++) {

@@ -138,14 +138,14 @@ static void chooses_stars(void **state)
     field(&s);
     s.tile.mask[22 * W + 20] = RX_MASK_BAD; /* the first star */
     rx_psf *psf = rx_stamp_gauss(TRUE_FWHM);
-    rx_scene *scene = NULL;
+    rx_prepared *prepared = NULL;
     rx_blur *blur = NULL;
     rx_rl *rl = NULL;
     rx_point points[RX_POINTS_MAX];
     int n = 0, radius = 0;
-    assert_int_equal(rx_scene_new(&s.par, &s.tile, &s.background, &scene, NULL), RX_OK);
+    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(scene, blur, 0, &rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(prepared, blur, 0, &rl, NULL), RX_OK);
     for (int i = 0; i < 10; i++) {
         rx_rl_model(rl);
         rx_rl_update(rl);
@@ -167,7 +167,7 @@ static void chooses_stars(void **state)
     }
     rx_rl_free(rl);
     rx_blur_free(blur);
-    rx_scene_free(scene);
+    rx_prepared_free(prepared);
     rx_psf_free(psf);
     sky_free(&s);
 }

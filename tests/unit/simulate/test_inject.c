@@ -20,7 +20,7 @@ enum { W = 96, H = 80, N = W * H };
 static rx_scene *make_scene(double flux)
 {
     rx_scene *scene = NULL;
-    assert_int_equal(rx_scene_blank(W, H, 3, &scene, NULL), RX_OK);
+    assert_int_equal(rx_scene_new(W, H, 3, &scene, NULL), RX_OK);
     scene->objects[0] = (rx_object){.type = RX_OBJECT_STAR, .x = 30.3, .y = 35.8, .flux = flux};
     scene->objects[1] = (rx_object){.type = RX_OBJECT_STAR, .x = 62.9, .y = 44.1, .flux = 0.5 * flux};
     scene->objects[2] = (rx_object){.type = RX_OBJECT_GALAXY,
@@ -81,7 +81,7 @@ static void adds_the_scene(void **state)
     free(pixels);
     free(light);
     rx_optics_free(optics);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 /* Over many realisations: mean = the light, variance = light / gain, pixels independent. */
@@ -120,7 +120,7 @@ static void photon_noise(void **state)
     free(light);
     free(pixels);
     rx_optics_free(optics);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 static void stops_at_saturation(void **state)
@@ -142,7 +142,7 @@ static void stops_at_saturation(void **state)
     assert_true(stopped > 10);
     free(pixels);
     rx_optics_free(optics);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 static void any_number_of_threads(void **state)
@@ -160,7 +160,7 @@ static void any_number_of_threads(void **state)
     free(one);
     free(many);
     rx_optics_free(optics);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 /* --- where --- */

@@ -29,7 +29,7 @@ static void test_uniform_places(void **state)
         assert_true(distance_to_uniform(u, 10000) < 0.0163 && distance_to_uniform(v, 10000) < 0.0163);
         free(u);
         free(v);
-        rx_scene_drop(scene);
+        rx_scene_free(scene);
     }
 }
 
@@ -51,7 +51,7 @@ static void test_clumps(void **state)
                 for (long j = 0; j < i; j++)
                     pairs += hypot(scene->objects[i].x - scene->objects[j].x,
                                    scene->objects[i].y - scene->objects[j].y) < 30.0;
-            rx_scene_drop(scene);
+            rx_scene_free(scene);
         }
         double area = 1024.0 * 1024.0, k = 3.14159265 * 900.0;
         double expected = 40.0 * 0.5 * 600.0 * 600.0 / area;
@@ -91,8 +91,8 @@ static void test_pairs(void **state)
     assert_int_equal(at, scene->n);
     assert_true(fabs(pairs / 5000.0 - 0.3) < 4.0 * sqrt(0.21 / 5000.0));
     assert_true(distance_to_uniform(separation, pairs) < 1.63 / sqrt((double)pairs));
-    rx_scene_drop(scene);
-    rx_scene_drop(alone);
+    rx_scene_free(scene);
+    rx_scene_free(alone);
 }
 
 static void test_least_distance(void **state)
@@ -107,7 +107,7 @@ static void test_least_distance(void **state)
         for (long j = 0; j < i; j++)
             assert_true(hypot(scene->objects[i].x - scene->objects[j].x,
                               scene->objects[i].y - scene->objects[j].y) >= 12.0);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     /* a companion may be near its star, but near no other */
     par.pair_share = 1.0;
     par.pair_low = 3.0;
@@ -122,14 +122,14 @@ static void test_least_distance(void **state)
                                     scene->objects[i].y - scene->objects[j].y) < 12.0;
         assert_true(near <= 1);
     }
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     /* no room: what finds no place is left out and counted */
     par = plain();
     par.width = par.height = 30;
     par.least_distance = 20.0;
     scene = make(&par, NULL);
     assert_true(scene->n >= 2 && scene->n < 8 && scene->left_out == 300 - scene->n);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 static void test_allowed(void **state)
@@ -151,12 +151,12 @@ static void test_allowed(void **state)
         long x = lround(scene->objects[i].x), y = lround(scene->objects[i].y);
         assert_true(x >= 700 && x < 800 && y >= 100 && y < 140);
     }
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     memset(map, 0, (size_t)par.width * (size_t)par.height);
     par.pair_share = 0.0;
     scene = make(&par, NULL);
     assert_true(scene->n == 0 && scene->left_out == 300);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     free(map);
 }
 

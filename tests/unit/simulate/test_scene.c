@@ -42,7 +42,7 @@ static void test_counts(void **state)
         assert_true(distance_to_uniform(u, 20000) <
                     1.63 / sqrt(20000.0)); /* 1 % level of Kolmogorov's test */
         free(u);
-        rx_scene_drop(scene);
+        rx_scene_free(scene);
     }
     /* a fraction is decided by chance */
     long found = 0;
@@ -51,7 +51,7 @@ static void test_counts(void **state)
         rx_scene *scene = make(&par, NULL);
         assert_true(scene->n == 2 || scene->n == 3);
         found += scene->n;
-        rx_scene_drop(scene);
+        rx_scene_free(scene);
     }
     assert_true(fabs(found / 1000.0 - 2.3) < 4.0 * sqrt(0.3 * 0.7 / 1000.0));
 }
@@ -72,22 +72,22 @@ static void test_independent(void **state)
     assert_int_equal(many->n, 450);
     assert_same(many->objects, few->objects, 100);
     assert_same(many->objects + 150, few->objects + 100, 200);
-    rx_scene_drop(again);
+    rx_scene_free(again);
     for (int k = 0; k < 2; k++) {
         rx_scene_params other = plain();
         other.seed += k == 0;
         other.stream += k == 1;
         again = make(&other, NULL);
         assert_true(again->objects[0].x != few->objects[0].x && again->objects[0].mag != few->objects[0].mag);
-        rx_scene_drop(again);
+        rx_scene_free(again);
     }
     /* two populations have nothing in common: correlation of positions, 1 sigma 0.1 */
     double sum = 0.0;
     for (int i = 0; i < 100; i++)
         sum += ((few->objects[i].x - 512.0) / 296.0) * ((few->objects[100 + i].x - 512.0) / 296.0) / 100.0;
     assert_true(fabs(sum) < 0.35);
-    rx_scene_drop(few);
-    rx_scene_drop(many);
+    rx_scene_free(few);
+    rx_scene_free(many);
 }
 
 /* --- galaxies --- */
@@ -135,7 +135,7 @@ static void test_galaxies(void **state)
     assert_true(fabs(arms / n - 0.6 * (1.0 - 0.205)) < 0.02);
     assert_true(fabs(flat / n - 0.4 * 0.338) < 0.02);
     assert_true(fabs((double)bars / (double)arms - 1.0 / 3.0) < 0.03);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     par.galaxy_kind = RX_GALAXY_SPIRAL;
     par.galaxies.count = 500.0;
     par.galaxy_scale = 3.0;
@@ -148,8 +148,8 @@ static void test_galaxies(void **state)
         assert_true(scene->objects[i].arms == 0 && scene->objects[i].bar_share == 0.0);
         assert_true(fabs(spirals->objects[i].radius / scene->objects[i].radius - 3.0) < 1e-9);
     }
-    rx_scene_drop(spirals);
-    rx_scene_drop(scene);
+    rx_scene_free(spirals);
+    rx_scene_free(scene);
     free(size);
 }
 
@@ -364,8 +364,8 @@ static void test_template_sizes(void **state)
         assert_true(o->stretch <= scene->objects[i].stretch);
     }
     assert_true(smaller > 0 && smaller == sharp->shrunk);
-    rx_scene_drop(scene);
-    rx_scene_drop(sharp);
+    rx_scene_free(scene);
+    rx_scene_free(sharp);
 }
 
 /* --- errors --- */
@@ -410,8 +410,8 @@ static void test_refused(void **state)
     par.stars.count = par.galaxies.count = 0.0;
     rx_scene *scene = make(&par, NULL);
     assert_int_equal(scene->n, 0);
-    rx_scene_drop(scene);
-    rx_scene_drop(NULL);
+    rx_scene_free(scene);
+    rx_scene_free(NULL);
 }
 
 int main(void)

@@ -21,7 +21,7 @@ static const rx_templates templates = {1, names};
 static rx_scene *make_scene(void)
 {
     rx_scene *scene = NULL;
-    assert_int_equal(rx_scene_blank(100, 80, 5, &scene, NULL), RX_OK);
+    assert_int_equal(rx_scene_new(100, 80, 5, &scene, NULL), RX_OK);
     scene->templates = &templates;
     rx_object *o = scene->objects;
     o[0] = (rx_object){.type = RX_OBJECT_STAR, .x = 10.25, .y = 20.5, .flux = 100.0, .mag = 20.0};
@@ -98,7 +98,7 @@ static void test_columns(void **state)
     assert_int_equal(table->nrows, 0);
     rx_table_free(table);
     scene->n = 5;
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
 }
 
 /* astropy.wcs of the same cards, all_pix2world(x, y, 0). */
@@ -128,7 +128,7 @@ static void test_sky(void **state)
         assert_true(fabs(value(table, "DELTA_J2000", row) - want[row][1]) < 1e-8);
     }
     rx_table_free(table);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     rx_wcs_free(wcs);
     rx_text_free(&cards);
 }

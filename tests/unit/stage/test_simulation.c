@@ -489,7 +489,7 @@ static void settings_of_a_tile(void **state)
         }
     }
     rx_probe_free(&probe);
-    rx_scene_drop(scene);
+    rx_scene_free(scene);
     free(pixels);
     rx_simulation_free(s);
     rx_simulate_config_free(ours);

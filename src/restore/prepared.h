@@ -14,14 +14,14 @@
  *
  * Working unit: the pedestal. The sky is 1, sources are above it, whatever the unit of the
  * file, so that squares neither overflow nor vanish in single precision. */
-#ifndef RX_RESTORE_SCENE_H
-#define RX_RESTORE_SCENE_H
+#ifndef RX_RESTORE_PREPARED_H
+#define RX_RESTORE_PREPARED_H
 
 #include "base/error.h"
 #include "data/tile.h"
 #include "restore/restore.h"
 
-typedef struct rx_scene {
+typedef struct rx_prepared {
     int width, height, nthreads;
     float *data;     /* [height][width], (pixel - level) / p + 1, cut to 0 .. 1e7; 0 under the mask */
     float *weight;   /* [height][width], W; 0 under the mask */
@@ -32,16 +32,16 @@ typedef struct rx_scene {
     double sigma;    /* median over good pixels, in units of p */
     float peak;      /* largest value of data */
     size_t good;     /* pixels that are not masked */
-} rx_scene;
+} rx_prepared;
 
 /* The tile's mask as far as it is honoured, mask[height][width]; a difference to the sky that is not finite
  * is bad as well. Returns the number of good pixels. */
-size_t rx_scene_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                     uint8_t *mask);
+size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                        uint8_t *mask);
 
 /* Errors: RX_SYSTEM without memory. */
-rx_status rx_scene_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                       rx_scene **dst, rx_error *err);
-void rx_scene_free(rx_scene *scene);
+rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                          rx_prepared **dst, rx_error *err);
+void rx_prepared_free(rx_prepared *prepared);
 
 #endif
