@@ -23,7 +23,9 @@ typedef struct output {
     char *path;      /* where it goes, symbolic links followed */
     char *shown;     /* as the user wrote it */
     char *temporary; /* where it is written */
-    int done;        /* renamed */
+    dev_t device;    /* with folder and name: a.fits and ./a.fits are one file */
+    ino_t folder;
+    int done; /* renamed */
 } output;
 
 struct rx_outputs {
@@ -162,6 +164,10 @@ static rx_status place(output *out, rx_error *err)
     else if (!S_ISDIR(info.st_mode))
         status =
             rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: '%s' is not a folder", shown);
+    if (status == RX_OK) {
+        out->device = info.st_dev;
+        out->folder = info.st_ino;
+    }
     free(folder);
     return status;
 }
@@ -202,6 +208,14 @@ static rx_status make_temporary(const output *out, rx_error *err)
     return RX_OK;
 }
 
+static int is_same(const output *a, const output *b)
+{
+    const char *slash_a = strrchr(a->temporary, '/'), *slash_b = strrchr(b->temporary, '/');
+    return a->device == b->device && a->folder == b->folder &&
+           strcmp(slash_a != NULL ? slash_a + 1 : a->temporary,
+                  slash_b != NULL ? slash_b + 1 : b->temporary) == 0;
+}
+
 static rx_status reserve(rx_outputs *outputs, const char *path, int folder, const char **temporary,
                          rx_error *err)
 {
@@ -217,7 +231,7 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
     if (status == RX_OK)
         status = place(out, err);
     for (size_t i = 0; status == RX_OK && i < outputs->n; i++)
-        if (strcmp(list[i].temporary, out->temporary) == 0)
+        if (is_same(&list[i], out))
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
     if (status == RX_OK)

@@ -106,6 +106,8 @@ static void test_refused(void **state)
     assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "twice"));
+    assert_int_equal(rx_outputs_file(outputs, in(state, "./c"), &a, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "twice"));
     memset(name, 'x', 250);
     name[250] = '\0';
     assert_int_equal(rx_outputs_file(outputs, in(state, name), &a, &err), RX_USAGE);
