@@ -15,6 +15,12 @@ enum { TRIALS = 1000, CLUMP_AREA = 65536, MOST_SQUARES = 1 << 24 };
 /* Slots of a trial in the numbers for positions; trial t of object i is number i * TRIALS + t. */
 enum { DRAW_CLUMPED, DRAW_PLACE, DRAW_CLUMP, DRAW_SCATTER, DRAW_BESIDE };
 
+/* Squares along an axis, none narrower than the side that it was divided by. */
+static int whole_squares(double sides)
+{
+    return (int)fmin(fmax(floor(sides), 1.0), MOST_SQUARES);
+}
+
 rx_status rx_places_set(const rx_scene_params *par, const rx_object *objects, long room, rx_places *dst,
                         rx_error *err)
 {
@@ -30,10 +36,10 @@ rx_status rx_places_set(const rx_scene_params *par, const rx_object *objects, lo
     if (!(par->least_distance > 0.0))
         return RX_OK;
     double side = par->least_distance;
-    while (ceil(dst->range_x / side) * ceil(dst->range_y / side) > MOST_SQUARES)
+    while (dst->range_x / side * (dst->range_y / side) > MOST_SQUARES)
         side *= 2.0;
-    dst->columns = (int)ceil(dst->range_x / side);
-    dst->rows = (int)ceil(dst->range_y / side);
+    dst->columns = whole_squares(dst->range_x / side);
+    dst->rows = whole_squares(dst->range_y / side);
     size_t squares = (size_t)dst->columns * (size_t)dst->rows;
     dst->first = RX_NEW(long, squares);
     dst->next = RX_NEW(long, (size_t)room);

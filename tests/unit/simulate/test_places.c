@@ -132,6 +132,29 @@ static void test_least_distance(void **state)
     rx_scene_free(scene);
 }
 
+/* Distances that the field is no multiple of, small and large against it, on both axes. */
+static void test_any_least_distance(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.stars.count = 400.0;
+    par.galaxies.count = 0.0;
+    const double distances[] = {9.7, 15.1, 26.0, 34.0, 51.0, 99.0};
+    for (par.stream = 0; par.stream < 20; par.stream++)
+        for (size_t k = 0; k < sizeof distances / sizeof *distances; k++) {
+            par.width = 101;
+            par.height = 68 + (int)par.stream;
+            par.least_distance = distances[k];
+            rx_scene *scene = make(&par, NULL);
+            assert_true(scene->n >= 1);
+            for (long i = 0; i < scene->n; i++)
+                for (long j = 0; j < i; j++)
+                    assert_true(hypot(scene->objects[i].x - scene->objects[j].x,
+                                      scene->objects[i].y - scene->objects[j].y) >= distances[k]);
+            rx_scene_free(scene);
+        }
+}
+
 static void test_allowed(void **state)
 {
     (void)state;
@@ -163,8 +186,12 @@ static void test_allowed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_uniform_places), cmocka_unit_test(test_clumps),  cmocka_unit_test(test_pairs),
-        cmocka_unit_test(test_least_distance), cmocka_unit_test(test_allowed),
+        cmocka_unit_test(test_uniform_places),
+        cmocka_unit_test(test_clumps),
+        cmocka_unit_test(test_pairs),
+        cmocka_unit_test(test_least_distance),
+        cmocka_unit_test(test_any_least_distance),
+        cmocka_unit_test(test_allowed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
