@@ -221,7 +221,8 @@ static void describe_sky(const rx_photometry_state *state, const rx_photometry_s
             dst->about, sizeof dst->about,
             "%d stars added to %d x %d real pixels, among the tile's own sources, again and again; PSF "
             "%s; noise %.4g, gain %g; what was found before the injection counts neither as right nor as "
-            "false, so that false detections are only those that the injection brings",
+            "false; false detections are those that the injection brings, and all on as many blank tiles: "
+            "realisations of the tile's own noise without sources",
             (int)fmax(floor(config->stars_per_tile * (double)tile->width * tile->height / 1048576.0 + 0.5),
                       1),
             tile->width, tile->height, sky->psf->description, sky->field->plain->global_sigma, tile->gain);

@@ -319,8 +319,9 @@ static void write_reading(rx_text *dst)
         "compared. <b>MagErr</b> is a mean of absolute values: it hides the sign, which bias_percent and "
         "bias_mag tell, and single gross errors weigh in it. F0 is the flux that was put in; nothing is "
         "calibrated away. On a real tile, whatever is found before the stars are added counts neither as "
-        "right nor "
-        "as false: precision there is an upper limit, and thresholds of equal precision are milder. S/N is "
+        "right nor as false, for nobody can tell its faint sources from peaks of its noise; false there is "
+        "what the stars bring with them, and all that is found on as many realisations of the tile's own "
+        "noise without sources. What a restorer makes of real sources, rings say, is not counted. S/N is "
         "that of a matched filter on the bare background.");
     rx_page_paragraph(
         dst, "All numbers are in summary.json, sets.ecsv (restorers), duels.ecsv (pairs) and cuts.ecsv "

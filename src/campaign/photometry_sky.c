@@ -12,6 +12,7 @@
 #include "simulate/inject.h"
 #include "simulate/noise.h"
 #include "simulate/render.h"
+#include "stage/blankcheck.h"
 #include "stage/quality.h"
 #include "stage/replica.h"
 
@@ -22,7 +23,7 @@ static const double GALAXY_REACH = 2.0;
 static const double MPIXEL = 1024.0 * 1024.0; /* STARS_PER_TILE */
 
 /* What random numbers are for: their streams never meet. */
-enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3 };
+enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3, DRAW_BLANK = 4 };
 
 static uint64_t seed_for(const rx_photometry_state *state, uint64_t purpose)
 {
@@ -272,6 +273,13 @@ static rx_status injected_tile(const rx_photometry_state *state, const rx_photom
     if (status == RX_OK)
         rx_replica_settle(*tile);
     return status;
+}
+
+rx_status rx_photometry_blank_make(const rx_photometry_state *state, const rx_photometry_sky *sky,
+                                   uint64_t number, rx_field **dst, rx_error *err)
+{
+    return rx_blankcheck_field(state->options, sky->field, &sky->noise, seed_for(state, DRAW_BLANK), number,
+                               dst, err);
 }
 
 static int needs_psf(const rx_photometry_state *state)

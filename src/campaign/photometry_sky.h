@@ -5,7 +5,9 @@
  * unless STAGE.PSF_TYPE is set: then the stage finds it as on any tile. INJECTED: stars added to a real tile
  * with the tile's own PSF (of the STAGE. keywords, measured on the untouched tile by default), which the
  * restorers are given too, and with the photon noise of its gain. Its noise is the same on every tile, and
- * what is found on it before the injection, by any restorer, is known and neither right nor false.
+ * what is found on it before the injection, by any restorer, is known and neither right nor false: of that,
+ * nobody can tell faint sources from peaks of the noise. So every tile comes with a blank one, a realisation
+ * of the tile's own noise without any source, whose detections are all false.
  *
  * (This header does not include campaign/results.h, which names a struct as stage/photometry.h a function.)
  */
@@ -19,6 +21,7 @@
 #include "campaign/journal.h"
 #include "campaign/photometry_judge.h"
 #include "config/campaign_config.h"
+#include "simulate/sky_noise.h"
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
@@ -37,7 +40,8 @@ typedef struct rx_photometry_sky {
     rx_field *field;           /* INJECTED: the untouched tile; owned */
     rx_optics *optics;         /* INJECTED: its PSF; owned */
     unsigned char *allowed;    /* INJECTED: where stars may lie; owned */
-    rx_known before;           /* INJECTED: what is found on it, once rx_photometry_prepare() was called */
+    rx_sky_noise noise; /* INJECTED: of its source-free pixels, once rx_photometry_prepare() was called */
+    rx_known before;    /* INJECTED: what is found on it, once rx_photometry_prepare() was called */
 } rx_photometry_sky;
 
 typedef struct rx_photometry_state {
@@ -61,7 +65,8 @@ rx_status rx_photometry_sky_open(rx_photometry_state *state, const char *word, r
                                  rx_photometry_sky *dst, rx_error *err);
 void rx_photometry_sky_close(rx_photometry_sky *sky); /* content only */
 
-/* INJECTED: what every restorer finds on the untouched tile. */
+/* INJECTED: what every restorer finds on the untouched tile, and its noise. Errors: RX_INPUT (too little sky
+ * without sources). */
 rx_status rx_photometry_prepare(rx_photometry_state *state, rx_log *log, rx_error *err);
 
 /* One tile with its stars. */
@@ -72,13 +77,17 @@ typedef struct rx_photometry_tile {
     double *x, *y;  /* [n]; owned */
     double flux;    /* of each */
 } rx_photometry_tile;
+/* INJECTED: the tile's noise and nothing else. Free with rx_field_free(). */
+rx_status rx_photometry_blank_make(const rx_photometry_state *state, const rx_photometry_sky *sky,
+                                   uint64_t number, rx_field **dst, rx_error *err);
+
 rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_photometry_sky *sky, double mag,
                                   uint64_t number, rx_photometry_tile *dst, rx_error *err);
 void rx_photometry_tile_free(rx_photometry_tile *tile); /* content only */
 
 /* A unit's values: number of stars n, Mpixels searched, S/N of a star in a matched filter; then for each
  * restorer n times score, F / F0, pull, crowded (all NAN, NAN, NAN, 0 for a star that is not found), the
- * number of false detections, and the score and magnitude of each. */
+ * number of false detections (INJECTED: those on the blank tile too), and the score and magnitude of each. */
 rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_unit_values *dst, rx_error *err);
 
 #endif

@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "campaign/photometry_sky.h"
+#include "stage/blankcheck.h"
 #include "stage/probe.h"
 #include "stage/quality.h"
 
@@ -92,6 +93,8 @@ static rx_status prepare_sky(const rx_photometry_state *state, rx_photometry_sky
         if (status != RX_OK)
             return status;
         status = rx_quality_list(&options, sky->field->tile, probe.sources, &list, err);
+        if (status == RX_OK && r == 0)
+            status = rx_blankcheck_noise(sky->field, probe.sources->segments, &sky->noise, err);
         if (status == RX_OK)
             status = join_known(sky, &probe, &list, radius, &sky->before, err);
         rx_qa_list_free(&list);
@@ -136,12 +139,28 @@ static void add_star(row *r, const rx_qa_list *list, long found, double flux)
     add(r, (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0);
 }
 
+/* What a restorer detects on a field. Free with rx_qa_list_free(). */
+static rx_status detections(const rx_photometry_state *state, const rx_restorer *kind, const rx_field *field,
+                            rx_qa_list *dst, rx_error *err)
+{
+    rx_probe probe;
+    *dst = (rx_qa_list){0};
+    rx_status status = rx_probe_run(state->options, kind, field, NULL, NULL, &probe, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_quality_list(state->options, field->tile, probe.sources, dst, err);
+    rx_probe_free(&probe);
+    return status;
+}
+
+/* blank: what was detected on the blank tile; n 0 where there is none. */
 static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky *sky,
-                       const rx_photometry_tile *tile, const rx_qa_list *list, row *r, rx_error *err)
+                       const rx_photometry_tile *tile, const rx_qa_list *list, const rx_qa_list *blank,
+                       row *r, rx_error *err)
 {
     const rx_judge_stars stars = {tile->n, tile->x, tile->y, tile->flux};
     const rx_known *known = sky->injected ? &sky->before : &tile->known;
-    double radius = 0, nfalse = 0;
+    double radius = 0, nfalse = (double)blank->n;
     long *found = RX_NEW(long, (size_t)tile->n);
     unsigned char *is_false = RX_NEW(unsigned char, (size_t)list->n);
     rx_status status = rx_quality_radius(state->options, tile->field->tile, &radius, err);
@@ -162,6 +181,10 @@ static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky
             add(r, list->mag[i]);
         }
     }
+    for (long i = 0; i < blank->n; i++) {
+        add(r, blank->score[i]);
+        add(r, blank->mag[i]);
+    }
 exit:
     free(found);
     free(is_false);
@@ -172,28 +195,32 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
 {
     const long set = unit / state->ntiles;
     const rx_photometry_sky *sky = &state->sky[set / state->nmags];
+    const uint64_t number = (uint64_t)set << 32 | (uint64_t)(unit % state->ntiles);
     row r = {.values = dst};
     rx_photometry_tile tile;
+    rx_field *blank = NULL;
     rx_status status =
-        rx_photometry_tile_make(state, sky, state->mags[set % state->nmags],
-                                (uint64_t)set << 32 | (uint64_t)(unit % state->ntiles), &tile, err);
-    if (status != RX_OK)
+        rx_photometry_tile_make(state, sky, state->mags[set % state->nmags], number, &tile, err);
+    if (status == RX_OK && sky->injected)
+        status = rx_photometry_blank_make(state, sky, number, &blank, err);
+    if (status != RX_OK) {
+        rx_photometry_tile_free(&tile);
         return status;
+    }
     add(&r, (double)tile.n);
     add(&r, searched(tile.field->tile));
     add(&r, tile.flux * sqrt(sky->power) / tile.field->plain->global_sigma);
     for (int k = 0; status == RX_OK && k < state->nruns; k++) {
-        rx_probe probe;
-        rx_qa_list list = {0};
-        status = rx_probe_run(state->options, state->run[k], tile.field, NULL, NULL, &probe, err);
-        if (status != RX_OK)
-            break;
-        status = rx_quality_list(state->options, tile.field->tile, probe.sources, &list, err);
+        rx_qa_list list, noise = {0};
+        status = detections(state, state->run[k], tile.field, &list, err);
+        if (status == RX_OK && blank != NULL)
+            status = detections(state, state->run[k], blank, &noise, err);
         if (status == RX_OK)
-            status = judge(state, sky, &tile, &list, &r, err);
+            status = judge(state, sky, &tile, &list, &noise, &r, err);
+        rx_qa_list_free(&noise);
         rx_qa_list_free(&list);
-        rx_probe_free(&probe);
     }
+    rx_field_free(blank);
     rx_photometry_tile_free(&tile);
     if (status == RX_OK && r.failed)
         status = rx_error_memory(err, (size_t)r.capacity * sizeof(double));

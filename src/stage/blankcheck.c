@@ -45,9 +45,8 @@ exit:
     return status;
 }
 
-/* The tile with nothing on its sky but one realisation of the noise. */
-static rx_status blank_field(const rx_options *options, const rx_field *field, const rx_sky_noise *noise,
-                             int number, rx_field **dst, rx_error *err)
+rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, const rx_sky_noise *noise,
+                              uint64_t seed, uint64_t stream, rx_field **dst, rx_error *err)
 {
     const rx_tile *tile = field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height;
@@ -55,8 +54,8 @@ static rx_status blank_field(const rx_options *options, const rx_field *field, c
     rx_status status = rx_replica_new(tile, &copy, err);
     if (status != RX_OK)
         return status;
-    status = rx_sky_noise_draw(noise, tile->width, tile->height, field->plain->sigma, options->seed,
-                               NOISE + (uint64_t)number, options->nthreads, copy->pixels, err);
+    status = rx_sky_noise_draw(noise, tile->width, tile->height, field->plain->sigma, seed, stream,
+                               options->nthreads, copy->pixels, err);
     if (status != RX_OK) {
         rx_tile_free(copy);
         return status;
@@ -64,7 +63,10 @@ static rx_status blank_field(const rx_options *options, const rx_field *field, c
     for (size_t i = 0; i < n; i++)
         copy->pixels[i] += field->plain->level[i];
     rx_replica_settle(copy);
-    return rx_field_prepare(options, 0, copy, field->psf, 0, NULL, dst, err);
+    status = rx_field_prepare(options, 0, copy, field->psf, 0, NULL, dst, err);
+    if (status == RX_OK)
+        (*dst)->unrestorable = field->unrestorable;
+    return status;
 }
 
 static rx_status run_one(const rx_options *options, const rx_restorer *kind, const rx_field *field,
@@ -73,10 +75,10 @@ static rx_status run_one(const rx_options *options, const rx_restorer *kind, con
     rx_field *blank = NULL;
     rx_probe probe = {0};
     size_t good = 0;
-    rx_status status = blank_field(options, field, noise, number, &blank, err);
+    rx_status status =
+        rx_blankcheck_field(options, field, noise, options->seed, NOISE + (uint64_t)number, &blank, err);
     if (status != RX_OK)
         return status;
-    blank->unrestorable = field->unrestorable;
     size_t n = (size_t)blank->tile->width * (size_t)blank->tile->height;
     status = rx_probe_run(options, kind, blank, NULL, NULL, &probe, err);
     if (status == RX_OK) {

@@ -27,6 +27,11 @@ typedef struct rx_blankcheck {
 rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, rx_sky_noise *dst,
                               rx_error *err);
 
+/* The tile of `field` with nothing on its sky but a realisation of its noise, the one numbered `stream` of
+ * `seed`, made ready with the field's PSF. Free with rx_field_free(). Errors: RX_SYSTEM. */
+rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, const rx_sky_noise *noise,
+                              uint64_t seed, uint64_t stream, rx_field **dst, rx_error *err);
+
 /* options->blank_check realisations through one restorer, the same ones for every restorer. Errors:
  * RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_options *options, const rx_restorer *kind, const rx_field *field,
