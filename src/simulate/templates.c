@@ -81,41 +81,67 @@ static int psf_of(const char *path, char *dst)
     return 0;
 }
 
+/* --- errors --- */
+
+/* No fault of a file that was only tried. */
+static int is_ours(rx_status status)
+{
+    return status == RX_SYSTEM || status == RX_INTERRUPTED;
+}
+
+static rx_status pass_on(rx_status status, const rx_error *error, rx_error *err)
+{
+    if (err != NULL)
+        *err = *error;
+    return status;
+}
+
 /* --- one template --- */
 
-/* FWHM in pixels, their own width included, of a PSF image around its brightest pixel; 0 when there is none
- * that a profile fits. */
-static double psf_fwhm(const char *name, rx_log *log)
+/* The square around the brightest pixel, as large as the image and MOST_PSF allow. */
+static rx_status cut_psf(const float *pixels, int width, int height, float **dst, int *size, rx_error *err)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    size_t best = 0;
+    for (size_t i = 0; i < n; i++)
+        if (pixels[i] > pixels[best] || !isfinite(pixels[best]))
+            best = i;
+    int x = (int)(best % (size_t)width), y = (int)(best / (size_t)width), half = MOST_PSF / 2;
+    int sides[4] = {x, y, width - 1 - x, height - 1 - y};
+    for (int i = 0; i < 4; i++)
+        half = sides[i] < half ? sides[i] : half;
+    *size = 2 * half + 1;
+    *dst = RX_NEW(float, (size_t)*size *(size_t)*size);
+    if (*dst == NULL)
+        return rx_error_memory(err, (size_t)*size * (size_t)*size * sizeof(float));
+    for (int i = 0; i < *size * *size; i++) {
+        float value = pixels[(size_t)(y - half + i / *size) * (size_t)width + (size_t)(x - half + i % *size)];
+        (*dst)[i] = isfinite(value) ? value : 0.0f;
+    }
+    return RX_OK;
+}
+
+/* FWHM in pixels, their own width included, of a PSF image; 0 when there is none that a profile fits. */
+static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *err)
 {
     float *pixels = NULL, *stamp = NULL;
-    int width = 0, height = 0, best = 0;
+    int width = 0, height = 0, size = 0;
     double fwhm = 0.0, ellipticity;
     rx_error error = RX_ERROR_NONE;
     rx_status status = rx_fits_read_image(name, &pixels, &width, &height, &error);
-    for (int i = 0; status == RX_OK && i < width * height; i++)
-        if (pixels[i] > pixels[best] || !isfinite(pixels[best]))
-            best = i;
-    if (status == RX_OK) {
-        int x = best % width, y = best / width, half = MOST_PSF / 2;
-        int sides[4] = {x, y, width - 1 - x, height - 1 - y};
-        for (int i = 0; i < 4; i++)
-            half = sides[i] < half ? sides[i] : half;
-        int size = 2 * half + 1;
-        stamp = RX_NEW(float, (size_t)size *(size_t)size);
-        for (int i = 0; stamp != NULL && i < size * size; i++) {
-            float value = pixels[(long)(y - half + i / size) * width + x - half + i % size];
-            stamp[i] = isfinite(value) ? value : 0.0f;
-        }
-        status = stamp != NULL ? rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error) : RX_SYSTEM;
-    }
-    if (status != RX_OK) {
-        rx_log_warning(log, "%s: no width can be measured on this PSF of a template; it counts as unknown",
-                       name);
-        fwhm = 0.0;
-    }
+    if (status == RX_OK)
+        status = cut_psf(pixels, width, height, &stamp, &size, &error);
+    if (status == RX_OK)
+        status = rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error);
     free(stamp);
     free(pixels);
-    return fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
+    *dst = status == RX_OK && fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
+    if (is_ours(status))
+        return pass_on(status, &error, err);
+    if (status != RX_OK)
+        rx_log_warning(log, "%s: no width can be measured on this PSF of a template; it counts as unknown",
+                       name);
+    return RX_OK;
 }
 
 /* *source joins the list, or is freed when there is nothing in it or too little. */
@@ -157,7 +183,8 @@ static rx_status add_image(reading *to, const char *path, int hdu, double sky, d
     snprintf(source.name, sizeof source.name, "%.64s[%d]", base_name(path), hdu);
     status = rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err);
     if (status == RX_OK && source.pixels != NULL && psf[0] != '\0' && source.snr >= to->min_snr)
-        source.fwhm = psf_fwhm(psf, to->log) * source.pixel_scale;
+        status = psf_fwhm(psf, to->log, &source.fwhm, err);
+    source.fwhm *= source.pixel_scale;
     if (status == RX_OK)
         status = keep(to, &source, err);
     rx_tile_free(tile);
@@ -181,17 +208,21 @@ static rx_status add_file(reading *to, const char *path, rx_error *err)
 /* --- GalSim's RealGalaxy --- */
 
 /* The catalogue in `path`, NULL when it is not one. */
-static rx_table *open_catalogue(const char *path)
+static rx_status open_catalogue(const char *path, rx_table **dst, rx_error *err)
 {
     rx_table *table = NULL;
-    if (rx_fits_read_table(path, 0, &table, NULL) != RX_OK)
-        return NULL;
+    rx_error error = RX_ERROR_NONE;
+    rx_status status = rx_fits_read_table(path, 0, &table, &error);
+    *dst = NULL;
+    if (status != RX_OK)
+        return is_ours(status) ? pass_on(status, &error, err) : RX_OK;
     int file = rx_table_find(table, "GAL_FILENAME"), hdu = rx_table_find(table, "GAL_HDU");
     if (file >= 0 && hdu >= 0 && table->columns[file].type == RX_CELL_TEXT &&
         table->columns[hdu].type != RX_CELL_TEXT)
-        return table;
-    rx_table_free(table);
-    return NULL;
+        *dst = table;
+    else
+        rx_table_free(table);
+    return RX_OK;
 }
 
 static double number_in(const rx_table *table, const char *name, long row, double otherwise)
@@ -244,8 +275,10 @@ static rx_status add_catalogue(reading *to, const char *path, const rx_table *ta
 
 static rx_status add_any(reading *to, const char *path, rx_error *err)
 {
-    rx_table *table = open_catalogue(path);
-    rx_status status = table != NULL ? add_catalogue(to, path, table, err) : add_file(to, path, err);
+    rx_table *table = NULL;
+    rx_status status = open_catalogue(path, &table, err);
+    if (status == RX_OK)
+        status = table != NULL ? add_catalogue(to, path, table, err) : add_file(to, path, err);
     rx_table_free(table);
     return status;
 }
@@ -263,14 +296,16 @@ static int by_name(const struct dirent **a, const struct dirent **b)
 }
 
 /* The first catalogue among the files, with its path; NULL when there is none. */
-static rx_table *find_catalogue(const char *folder, struct dirent **entries, int n, char *path)
+static rx_status find_catalogue(const char *folder, struct dirent **entries, int n, char *path,
+                                rx_table **dst, rx_error *err)
 {
-    rx_table *table = NULL;
-    for (int i = 0; i < n && table == NULL; i++) {
+    rx_status status = RX_OK;
+    *dst = NULL;
+    for (int i = 0; i < n && *dst == NULL && status == RX_OK; i++) {
         snprintf(path, NAME, "%.700s/%.255s", folder, entries[i]->d_name);
-        table = open_catalogue(path);
+        status = open_catalogue(path, dst, err);
     }
-    return table;
+    return status;
 }
 
 /* A catalogue speaks for its whole folder; without one every image counts but PSFs. */
@@ -281,8 +316,10 @@ static rx_status add_folder(reading *to, const char *folder, rx_error *err)
     int n = scandir(folder, &entries, visible_fits, by_name);
     if (n < 0)
         return rx_error_at(err, RX_INPUT, folder, -1, 0, "this folder of templates cannot be read");
-    rx_table *table = find_catalogue(folder, entries, n, path);
-    rx_status status = table != NULL ? add_catalogue(to, path, table, err) : RX_OK;
+    rx_table *table = NULL;
+    rx_status status = find_catalogue(folder, entries, n, path, &table, err);
+    if (status == RX_OK && table != NULL)
+        status = add_catalogue(to, path, table, err);
     for (int i = 0; status == RX_OK && table == NULL && i < n; i++) {
         snprintf(path, NAME, "%.700s/%.255s", folder, entries[i]->d_name);
         if (!is_psf(path))
