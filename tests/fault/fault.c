@@ -1,7 +1,7 @@
-/* fault FIRST LAST ARGUMENT...: rextract, again and again, with its n-th request for memory refused, n =
- * FIRST to LAST and, beyond, every seventh one, up to the run that asks less than n times. Each run must end
- * with status 4 and one line, and leave nothing in its folder; or, where it can do without that memory, do
- * all its work.
+/* fault FIRST LAST ARGUMENT...: the program that is linked in, again and again, with its n-th request for
+ * memory refused, n = FIRST to LAST and, beyond, every seventh one, up to the run that asks less than n
+ * times. Each run must end with status 4 and one line, and leave nothing in its folder; or, where it can do
+ * without that memory, do all its work.
  *
  * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. */
 #include <dirent.h>
@@ -17,11 +17,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-int rextract_main(int argc, char **argv);
+int tested_main(int argc, char **argv);
 
 void *__real_malloc(size_t bytes);
 void *__real_calloc(size_t n, size_t size);
 void *__real_realloc(void *old, size_t bytes);
+void *__real_aligned_alloc(size_t alignment, size_t bytes);
 char *__real_strdup(const char *text);
 char *__real_strndup(const char *text, size_t n);
 char *__real_realpath(const char *path, char *dst);
@@ -29,6 +30,7 @@ void *__real_fftwf_malloc(size_t bytes);
 void *__wrap_malloc(size_t bytes);
 void *__wrap_calloc(size_t n, size_t size);
 void *__wrap_realloc(void *old, size_t bytes);
+void *__wrap_aligned_alloc(size_t alignment, size_t bytes);
 char *__wrap_strdup(const char *text);
 char *__wrap_strndup(const char *text, size_t n);
 char *__wrap_realpath(const char *path, char *dst);
@@ -67,6 +69,11 @@ void *__wrap_calloc(size_t n, size_t size)
 void *__wrap_realloc(void *old, size_t bytes)
 {
     return refuse() ? NULL : __real_realloc(old, bytes);
+}
+
+void *__wrap_aligned_alloc(size_t alignment, size_t bytes)
+{
+    return refuse() ? NULL : __real_aligned_alloc(alignment, bytes);
 }
 
 char *__wrap_strdup(const char *text)
@@ -141,7 +148,7 @@ static int run(long n, const char *log, int argc, char **argv)
         dup2(file, 2);
         dup2(null, 1);
         left = n - 1;
-        int code = rextract_main(argc, argv);
+        int code = tested_main(argc, argv);
         left = -1;
         exit(code);
     }

@@ -1,7 +1,12 @@
-# The program once more, with every request for memory of our own code led through fault.c.
-noinst_PROGRAMS += tests/fault/fault
-tests_fault_fault_SOURCES = tests/fault/fault.c tests/fault/program.c src/programs/program.c
-tests_fault_fault_LDADD = librextract.la $(RX_LIBS)
-tests_fault_fault_LDFLAGS = $(AM_LDFLAGS) -Wl,--wrap=malloc -Wl,--wrap=calloc -Wl,--wrap=realloc \
+# The programs once more, with every request for memory of our own code led through fault.c.
+noinst_PROGRAMS += tests/fault/fault tests/fault/fault_simulate
+fault_common = tests/fault/fault.c src/programs/program.c
+fault_flags = $(AM_LDFLAGS) -Wl,--wrap=malloc -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=aligned_alloc \
 	-Wl,--wrap=strdup -Wl,--wrap=strndup -Wl,--wrap=realpath -Wl,--wrap=fftwf_malloc
+tests_fault_fault_SOURCES = tests/fault/fault_rextract.c $(fault_common)
+tests_fault_fault_LDADD = librextract.la $(RX_LIBS)
+tests_fault_fault_LDFLAGS = $(fault_flags)
+tests_fault_fault_simulate_SOURCES = tests/fault/fault_simulate.c $(fault_common)
+tests_fault_fault_simulate_LDADD = librextract.la $(RX_LIBS)
+tests_fault_fault_simulate_LDFLAGS = $(fault_flags)
 script_tests += tests/fault/run.sh

@@ -6,10 +6,9 @@ LC_ALL=C
 export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
-fault=$build/tests/fault/fault
 make_fits=$build/tests/cli/make_fits
 last=${RX_FAULT_LAST:-40}
-for needed in "$fault" "$make_fits"; do
+for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$make_fits"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -25,18 +24,28 @@ export ASAN_OPTIONS
 passed=0 failed=0
 
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
-    "$make_fits" table ref.fits || exit 2
+    "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
+    "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
 printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
 printf 'NUMBER\nX_IMAGE\nMAG_AUTO\nVECTOR_ASSOC(2)\nVIGNET(5,5)\nALPHA_J2000\n' >my.param
 printf '13.1 12.2 3.0\n37.0 12.0 4.0\n' >my.list
 
-# refuse NAME ARGUMENT...
+# refuse NAME ARGUMENT... and refuse_simulate NAME ARGUMENT...: rextract and rextract-simulate
 refuse() {
-    name=$1
-    shift
-    if "$fault" 1 "$last" "$@" -VERBOSE_TYPE QUIET -NTHREADS 1 >log 2>&1; then
+    refuse_of fault "$@"
+}
+
+refuse_simulate() {
+    refuse_of fault_simulate "$@" -SHARP_NAME s.fits -FLAG_NAME f.fits
+}
+
+refuse_of() {
+    program=$1
+    name=$2
+    shift 2
+    if "$build/tests/fault/$program" 1 "$last" "$@" -VERBOSE_TYPE QUIET -NTHREADS 1 >log 2>&1; then
         passed=$((passed + 1))
     else
         failed=$((failed + 1))
@@ -56,6 +65,17 @@ refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
     -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
+
+refuse_simulate 'a simulated field' -IMAGE_SIZE 64,48 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -PSF_FWHM 3 \
+    -TRUTH_TYPE ASCII_HEAD
+refuse_simulate 'a PSF that varies, the noise of a detector, pairs and distances' -IMAGE_SIZE 64 -STAR_COUNT 3000 \
+    -GALAXY_COUNT 3000 -PSF_FWHM 3 -PSF_RATIO 0.8 -PSF_VARIATION 0.2 -NOISE_TYPE CCD -GAIN 2 -SKY_LEVEL 100 \
+    -SATUR_LEVEL 4000 -BAD_COLUMNS 0.05 -COSMIC_RAYS 3000 -LEAST_DISTANCE 1 -PAIR_SHARE 0.3 -TRUTH_TYPE ASCII_VOTABLE
+refuse_simulate 'templates' -IMAGE_SIZE 48 -STAR_COUNT 0 -GALAXY_COUNT 0 -PSF_TYPE FILE -PSF_NAME ../psf.fits \
+    -TEMPLATE_NAME ../folder -TEMPLATE_COUNT 3000 -TEMPLATE_SCALE 0.1
+refuse_simulate 'injection away from the sources' -INJECT_IMAGE ../big.fits -PSF_FWHM 3 -STAR_COUNT 500 \
+    -INJECT_PLACE AWAY -INJECT_DISTANCE 1 -TRUTH_TYPE FITS_LDAC
+refuse_simulate 'injection with a configuration' -INJECT_IMAGE ../big.fits -PSF_FWHM 3 -INJECT_CONFIG ../my.sex
 
 echo "$passed passed, $failed failed, 0 skipped"
 [ "$failed" -eq 0 ]
