@@ -6,11 +6,20 @@
 #include "base/memory.h"
 #include "simulate/render_parts.h"
 
+/* Boxes are drawn and added in batches of so many cells, or of one box per thread where these are larger. */
+enum { BATCH_CELLS = 1 << 22, STRIP = 64 };
+
 /* Cells of a grid around an extended object. */
 struct box {
     long object;
     int i0, j0, width, height;
+    size_t offset; /* of its cells among those of its batch */
 };
+
+static size_t box_cells(const struct box *b)
+{
+    return (size_t)b->width * (size_t)b->height;
+}
 
 rx_status rx_drawing_open(rx_drawing *d, rx_error *err)
 {
@@ -41,7 +50,7 @@ static int find_box(const rx_drawing *d, long k, long column, long row, const rx
     double bottom = fmax(floor(v - reach), 0.0), top = fmin(ceil(v + reach), grid->height - 1.0);
     if (!(left <= right && bottom <= top))
         return 0;
-    *dst = (struct box){k, (int)left, (int)bottom, (int)(right - left) + 1, (int)(top - bottom) + 1};
+    *dst = (struct box){k, (int)left, (int)bottom, (int)(right - left) + 1, (int)(top - bottom) + 1, 0};
     return 1;
 }
 
@@ -54,10 +63,8 @@ static void draw_extended(const rx_object *o, const rx_templates *templates, rx_
 }
 
 /* Drawn by itself first, so that objects can be drawn at the same time and yet be added in their order. */
-static float *draw_alone(const rx_object *o, const rx_templates *templates, const rx_fine_grid *grid,
-                         const struct box *b)
+static void draw_alone(const rx_drawing *d, const struct box *b, const rx_fine_grid *grid, float *cells)
 {
-    float *cells = RX_NEW(float, (size_t)b->width *(size_t)b->height);
     rx_fine_grid part = {.width = b->width,
                          .height = b->height,
                          .x0 = grid->x0 + b->i0 * grid->step,
@@ -65,14 +72,16 @@ static float *draw_alone(const rx_object *o, const rx_templates *templates, cons
                          .step = grid->step,
                          .cells = cells,
                          .stride = (size_t)b->width};
-    if (cells != NULL)
-        draw_extended(o, templates, &part);
-    return cells;
+    memset(cells, 0, box_cells(b) * sizeof *cells);
+    draw_extended(&d->scene->objects[b->object], d->scene->templates, &part);
 }
 
-static void add_box(const float *cells, const struct box *b, rx_fine_grid *grid)
+/* Of a box what lies in the rows first .. first + STRIP - 1 of the grid. */
+static void add_box(const float *cells, const struct box *b, int first, rx_fine_grid *grid)
 {
-    for (int j = 0; j < b->height; j++) {
+    int from = first > b->j0 ? first - b->j0 : 0;
+    int end = first + STRIP - b->j0 < b->height ? first + STRIP - b->j0 : b->height;
+    for (int j = from; j < end; j++) {
         float *row = grid->cells + (size_t)(b->j0 + j) * grid->stride + b->i0;
         const float *add = cells + (size_t)j * (size_t)b->width;
         for (int i = 0; i < b->width; i++)
@@ -80,11 +89,50 @@ static void add_box(const float *cells, const struct box *b, rx_fine_grid *grid)
     }
 }
 
+/* Where the batch that begins with that box ends; the cells of its boxes. */
+static long cut_batch(const rx_drawing *d, long first, long n, size_t *cells)
+{
+    long k = first;
+    *cells = 0;
+    while (k < n && (k - first < d->nthreads || *cells + box_cells(&d->box[k]) <= BATCH_CELLS)) {
+        d->box[k].offset = *cells;
+        *cells += box_cells(&d->box[k++]);
+    }
+    return k;
+}
+
+static rx_status draw_boxes(const rx_drawing *d, long n, rx_fine_grid *grid, rx_error *err)
+{
+    float *work = NULL;
+    size_t room = 0, cells;
+    for (long first = 0, end; first < n; first = end) {
+        end = cut_batch(d, first, n, &cells);
+        if (cells > room) {
+            free(work);
+            work = RX_NEW(float, cells);
+            room = cells;
+        }
+        if (work == NULL)
+            return rx_error_memory(err, cells * sizeof *work);
+#pragma omp parallel num_threads(d->nthreads)
+        {
+#pragma omp for schedule(dynamic)
+            for (long k = first; k < end; k++)
+                draw_alone(d, &d->box[k], grid, work + d->box[k].offset);
+#pragma omp for schedule(static)
+            for (int row = 0; row < grid->height; row += STRIP)
+                for (long k = first; k < end; k++)
+                    add_box(work + d->box[k].offset, &d->box[k], row, grid);
+        }
+    }
+    free(work);
+    return RX_OK;
+}
+
 rx_status rx_drawing_part(const rx_drawing *d, long column, long row, rx_fine_grid *grid, rx_error *err)
 {
     const rx_scene *scene = d->scene;
     long n = 0;
-    int failed = 0;
     for (long k = 0; k < scene->n; k++) {
         const rx_object *o = &scene->objects[k];
         if (o->type == RX_OBJECT_STAR)
@@ -92,18 +140,5 @@ rx_status rx_drawing_part(const rx_drawing *d, long column, long row, rx_fine_gr
         else
             n += find_box(d, k, column, row, grid, &d->box[n]);
     }
-#pragma omp parallel for ordered schedule(dynamic) num_threads(d->nthreads)
-    for (long k = 0; k < n; k++) {
-        const struct box *b = &d->box[k];
-        float *drawn = draw_alone(&scene->objects[b->object], scene->templates, grid, b);
-#pragma omp ordered
-        {
-            if (drawn != NULL)
-                add_box(drawn, b, grid);
-            else
-                failed = 1;
-        }
-        free(drawn);
-    }
-    return failed ? rx_error_memory(err, 0) : RX_OK;
+    return draw_boxes(d, n, grid, err);
 }
