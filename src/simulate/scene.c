@@ -9,6 +9,7 @@
 #include "simulate/population.h"
 
 #define MOST_OBJECTS 1e8
+#define MOST_FLUX 1e25 /* ADU: sums over all objects stay far below what single precision holds */
 
 /* Numbers of what else is drawn for a star, beyond those of population.c. */
 enum { DRAW_PAIR = 32, DRAW_COMPANION_MAG, DRAW_COUNT = 48 };
@@ -40,7 +41,8 @@ void rx_scene_free(rx_scene *scene)
 
 /* --- checks --- */
 
-static rx_status check_population(const rx_population *population, const char *what, rx_error *err)
+static rx_status check_population(const rx_population *population, double zeropoint, const char *what,
+                                  rx_error *err)
 {
     if (!(population->count >= 0.0 && population->count <= MOST_OBJECTS))
         return rx_error_set(err, RX_USAGE, "%g %s in a field: between 0 and %g are possible",
@@ -50,6 +52,12 @@ static rx_status check_population(const rx_population *population, const char *w
           isfinite(population->mag_high) && isfinite(population->slope)))
         return rx_error_set(err, RX_USAGE, "magnitudes of %s from %g to %g: the brighter end comes first",
                             what, population->mag_low, population->mag_high);
+    double flux = pow(10.0, -0.4 * (population->mag_low - zeropoint));
+    if (population->count > 0.0 && !(flux <= MOST_FLUX))
+        return rx_error_set(err, RX_USAGE,
+                            "%s of magnitude %g have %.3g ADU at a zero point of %g, and no pixel holds more "
+                            "than %g; make them fainter",
+                            what, population->mag_low, flux, zeropoint, MOST_FLUX);
     return RX_OK;
 }
 
@@ -60,19 +68,19 @@ static int is_share(double value)
 
 static rx_status check(const rx_scene_params *par, const rx_templates *templates, rx_error *err)
 {
-    rx_status status = check_population(&par->stars, "stars", err);
+    if (!isfinite(par->zeropoint) || !isfinite(par->margin))
+        return rx_error_set(err, RX_USAGE, "zero point %g and margin %g must be numbers", par->zeropoint,
+                            par->margin);
+    rx_status status = check_population(&par->stars, par->zeropoint, "stars", err);
     if (status == RX_OK)
-        status = check_population(&par->galaxies, "galaxies", err);
+        status = check_population(&par->galaxies, par->zeropoint, "galaxies", err);
     if (status == RX_OK)
-        status = check_population(&par->templates, "templates", err);
+        status = check_population(&par->templates, par->zeropoint, "templates", err);
     if (status != RX_OK)
         return status;
     if (par->width < 1 || par->height < 1)
         return rx_error_set(err, RX_USAGE, "a field of %d x %d pixels holds nothing", par->width,
                             par->height);
-    if (!isfinite(par->zeropoint) || !isfinite(par->margin))
-        return rx_error_set(err, RX_USAGE, "zero point %g and margin %g must be numbers", par->zeropoint,
-                            par->margin);
     int sized = par->galaxies.count > 0.0 || par->templates.count > 0.0;
     if (sized && !(par->pixel_scale > 0.0 && isfinite(par->pixel_scale) && par->galaxy_scale > 0.0 &&
                    isfinite(par->galaxy_scale)))

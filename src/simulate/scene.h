@@ -79,7 +79,7 @@ typedef struct rx_scene {
 
 /* One population: how many, how bright. N(m) dm ~ 10^(slope m) between mag_low and mag_high. */
 typedef struct rx_population {
-    double count; /* objects on the whole tile; a fraction is decided by chance */
+    double count; /* objects on the tile and its margin; a fraction is decided by chance */
     double mag_low, mag_high, slope;
 } rx_population;
 

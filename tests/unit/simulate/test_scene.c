@@ -395,6 +395,7 @@ static void test_refused(void **state)
     REFUSED(par.galaxies.mag_low = 30.0, "brighter");
     REFUSED(par.stars.slope = NAN, "stars");
     REFUSED(par.zeropoint = NAN, "zero point");
+    REFUSED(par.zeropoint = 80.0, "no pixel");
     REFUSED(par.pixel_scale = 0.0, "pixel scale");
     REFUSED(par.galaxy_scale = 0.0, "size");
     REFUSED(par.pair_share = 1.5, "pairs");
