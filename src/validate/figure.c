@@ -175,20 +175,25 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
     }
 }
 
-/* NULL when the file is not there or cannot be an SVG. */
-static char *read_svg(const char *folder, const char *id, const char *title)
+/* *dst NULL when the file is not there or cannot be an SVG. */
+static rx_status read_svg(const char *folder, const char *id, const char *title, char **dst, rx_error *err)
 {
     rx_text path = {0}, svg = {0};
     char *content = NULL;
+    rx_status status = RX_SYSTEM;
     rx_text_printf(&path, "%s/%s.svg", folder, id);
-    if (!path.failed && rx_text_read_file(path.data, MAX_SVG, &content, NULL, NULL) == RX_OK &&
-        strstr(content, "</svg>") != NULL)
+    if (!path.failed)
+        status = rx_text_read_file(path.data, MAX_SVG, &content, NULL, NULL);
+    if (status == RX_OK && strstr(content, "</svg>") != NULL)
         add_svg(&svg, id, title, content);
     free(content);
     rx_text_free(&path);
-    if (svg.failed)
+    if (status == RX_SYSTEM || svg.failed) {
         rx_text_free(&svg);
-    return svg.data;
+        return rx_error_memory(err, 0);
+    }
+    *dst = svg.data;
+    return RX_OK;
 }
 
 static rx_status cannot_be_written(rx_error *err, const char *shown)
@@ -231,9 +236,9 @@ rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *fold
     status = write_script(&dst->script, work.data, shown, err);
     if (status == RX_OK && rx_gnuplot_run(program != NULL && program[0] != '\0' ? program : "gnuplot",
                                           work.data, "figures.gp", dst->note, sizeof dst->note))
-        for (int i = 0; i < dst->n; i++) {
+        for (int i = 0; i < dst->n && status == RX_OK; i++) {
             rx_figure *f = &dst->figure[i];
-            f->svg = read_svg(work.data, f->id, f->title);
+            status = read_svg(work.data, f->id, f->title, &f->svg, err);
         }
     rx_output_remove(work.data);
 exit:

@@ -21,7 +21,7 @@ double rx_image_mse(int width, int height, const float *image, const float *refe
         }
         sum += row;
     }
-    return sum / ((double)width * (double)height);
+    return isfinite(sum) ? sum / ((double)width * (double)height) : NAN;
 }
 
 static void range_of(int width, int height, const float *image, double *low, double *high)

@@ -148,6 +148,9 @@ static void what_cannot_be_measured(void **state)
     assert_true(isnan(rx_image_psnr(16, 16, image, reference)));
     assert_int_equal(rx_image_ssim(16, 16, image, reference, 0.001, 0.001, 0, &ssim, NULL), RX_OK);
     assert_true(isnan(ssim));
+    image[40] = INFINITY;
+    assert_true(isnan(rx_image_mse(16, 16, image, reference)));
+    assert_true(isnan(rx_image_psnr(16, 16, image, reference)));
     memset(reference, 0, sizeof reference);
     assert_true(isnan(rx_image_psnr(16, 16, image, reference)));
     assert_int_equal(rx_image_ssim(16, 16, image, reference, 0.001, 0.001, 0, &ssim, &err), RX_INPUT);
