@@ -43,17 +43,24 @@ static double uniform52(uint32_t high, uint32_t low)
     return ((double)bits + 0.5) * 0x1p-52;
 }
 
-double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter)
+void rx_random_two(uint64_t seed, uint64_t stream, uint64_t counter, double dst[2])
 {
     uint32_t words[4];
     rx_random_block(seed, stream, counter, words);
-    return uniform52(words[0], words[1]);
+    dst[0] = uniform52(words[0], words[1]);
+    dst[1] = uniform52(words[2], words[3]);
+}
+
+double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter)
+{
+    double both[2];
+    rx_random_two(seed, stream, counter, both);
+    return both[0];
 }
 
 double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter)
 {
-    uint32_t words[4];
-    rx_random_block(seed, stream, counter, words);
-    double radius = sqrt(-2.0 * log(uniform52(words[0], words[1])));
-    return radius * cos(2.0 * 3.14159265358979323846 * uniform52(words[2], words[3]));
+    double both[2];
+    rx_random_two(seed, stream, counter, both);
+    return sqrt(-2.0 * log(both[0])) * cos(2.0 * 3.14159265358979323846 * both[1]);
 }

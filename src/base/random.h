@@ -17,6 +17,9 @@ void rx_random_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, 
 /* Uniform in (0,1), 52 bits; never 0 nor 1. */
 double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter);
 
+/* Two of them, independent; the first is rx_random_uniform(). */
+void rx_random_two(uint64_t seed, uint64_t stream, uint64_t counter, double dst[2]);
+
 /* Normal deviate, mean 0, width 1 (Box-Muller on one block). */
 double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter);
 

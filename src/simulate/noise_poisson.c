@@ -8,11 +8,6 @@
 #define HUGE_MEAN 1e12
 enum { TRIAL_SHIFT = 48, INVERSION_MOST = 200 }; /* P(k > 200) of a mean of 10 is below 1e-160 */
 
-static double uniform(const uint32_t words[2])
-{
-    return ((double)(((uint64_t)words[0] << 32 | words[1]) >> 12) + 0.5) * 0x1p-52;
-}
-
 static double invert(double mean, double u)
 {
     double p = exp(-mean);
@@ -31,10 +26,10 @@ static double transformed_rejection(double mean, uint64_t seed, uint64_t stream,
     double b = 0.931 + 2.53 * sqrt(mean), a = -0.059 + 0.02483 * b;
     double inverse_alpha = 1.1239 + 1.1328 / (b - 3.4), squeeze = 0.9277 - 3.6224 / (b - 2.0);
     for (uint64_t trial = 0;; trial++) {
-        uint32_t words[4];
+        double both[2];
         int sign;
-        rx_random_block(seed, stream, number + (trial << TRIAL_SHIFT), words);
-        double u = uniform(words) - 0.5, v = uniform(words + 2), us = 0.5 - fabs(u);
+        rx_random_two(seed, stream, number + (trial << TRIAL_SHIFT), both);
+        double u = both[0] - 0.5, v = both[1], us = 0.5 - fabs(u);
         double k = floor((2.0 * a / us + b) * u + mean + 0.43);
         if (us >= 0.07 && v <= squeeze)
             return k;

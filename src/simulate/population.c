@@ -29,30 +29,30 @@ enum {
 
 /* --- numbers --- */
 
+/* The noise of the scene is drawn with the same seed and stream: a set is a seed of its own. */
+static uint64_t set_seed(const rx_scene_params *par, int set)
+{
+    return par->seed ^ (0x5343454e45000000u + (uint64_t)set) * 0x9E3779B97F4A7C15u;
+}
+
+static uint64_t counter_of(long number, int slot)
+{
+    return (uint64_t)number * SLOTS + (uint64_t)slot;
+}
+
 void rx_draw_two(const rx_scene_params *par, int set, long number, int slot, double dst[2])
 {
-    /* the noise of the scene is drawn with the same seed and stream: a set is a seed of its own */
-    uint64_t seed = par->seed ^ (0x5343454e45000000u + (uint64_t)set) * 0x9E3779B97F4A7C15u;
-    uint32_t words[4];
-    rx_random_block(seed, par->stream, (uint64_t)number * SLOTS + (uint64_t)slot, words);
-    for (int i = 0; i < 2; i++) {
-        uint64_t bits = ((uint64_t)words[2 * i] << 32 | words[2 * i + 1]) >> 12;
-        dst[i] = ((double)bits + 0.5) * 0x1p-52;
-    }
+    rx_random_two(set_seed(par, set), par->stream, counter_of(number, slot), dst);
 }
 
 double rx_draw(const rx_scene_params *par, int set, long number, int slot)
 {
-    double both[2];
-    rx_draw_two(par, set, number, slot, both);
-    return both[0];
+    return rx_random_uniform(set_seed(par, set), par->stream, counter_of(number, slot));
 }
 
 double rx_draw_normal(const rx_scene_params *par, int set, long number, int slot)
 {
-    double both[2];
-    rx_draw_two(par, set, number, slot, both);
-    return sqrt(-2.0 * log(both[0])) * cos(2.0 * PI * both[1]);
+    return rx_random_normal(set_seed(par, set), par->stream, counter_of(number, slot));
 }
 
 /* --- distributions --- */

@@ -58,6 +58,24 @@ static void uniform_has_its_moments(void **state)
     assert_true(fabs(s4 / N - 1.0 / 80) < 5 * sqrt((1.0 / 2304 - 1.0 / 6400) / N));
 }
 
+/* One block has both; neither says anything about the other. */
+static void two_at_once_are_independent(void **state)
+{
+    enum { N = 100000 };
+    double sum = 0.0, product = 0.0;
+    (void)state;
+    for (uint64_t i = 0; i < N; i++) {
+        double both[2];
+        rx_random_two(7, 1, i, both);
+        assert_true(both[0] == rx_random_uniform(7, 1, i));
+        assert_true(both[1] > 0.0 && both[1] < 1.0);
+        sum += both[1] - 0.5;
+        product += (both[0] - 0.5) * (both[1] - 0.5);
+    }
+    assert_true(fabs(sum) < 4.0 * sqrt(N / 12.0));
+    assert_true(fabs(product) < 4.0 * sqrt(N / 144.0));
+}
+
 static void normal_has_its_moments_and_tails(void **state)
 {
     (void)state;
@@ -85,6 +103,7 @@ int main(void)
         cmocka_unit_test(philox_gives_the_known_answers),
         cmocka_unit_test(numbers_depend_on_all_three_and_on_nothing_else),
         cmocka_unit_test(uniform_has_its_moments),
+        cmocka_unit_test(two_at_once_are_independent),
         cmocka_unit_test(normal_has_its_moments_and_tails),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
