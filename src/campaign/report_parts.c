@@ -9,13 +9,13 @@
 
 int rx_method_color(const char *name, int position)
 {
-    static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT"};
+    static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT", "SMOOTHED"};
     if (strcmp(name, "NONE") == 0)
         return 0;
     for (int i = 0; i < (int)(sizeof known / sizeof *known); i++)
         if (strcmp(name, known[i]) == 0)
             return i;
-    return 5 + position % 2;
+    return 6 + position % 2;
 }
 
 void rx_page_said(rx_text *dst, const rx_text *said)

@@ -34,9 +34,21 @@ static rx_status add_method(rx_restoration *state, const char *name, const char 
     return RX_OK;
 }
 
+/* The first of the restorers asked for that can be tuned, or NULL. */
+static const rx_restorer *first_tunable(const rx_words *words)
+{
+    for (int i = 0; i < words->n; i++)
+        if (is_tunable(words->v[i]))
+            return rx_restorer_find(words->v[i]);
+    return NULL;
+}
+
+/* NONE is the blurred image, and beside a tuned restorer also the blurred image through a filter, tuned as
+ * the restorer's is: what is gained without any deconvolution. */
 static rx_status set_methods(rx_restoration *state, rx_error *err)
 {
     const rx_words *words = &state->config->restore_type;
+    const rx_restorer *tunable = first_tunable(words);
     rx_status status = RX_OK;
     for (int i = 0; status == RX_OK && i < words->n; i++) {
         const rx_restorer *restorer = rx_restorer_find(words->v[i]);
@@ -45,9 +57,13 @@ static rx_status set_methods(rx_restoration *state, rx_error *err)
         const int tuned = is_tunable(restorer->name);
         const int none = strcmp(restorer->name, "NONE") == 0;
         for (int m = 0; m < state->nmethods; m++)
-            if (state->method[m].restorer == restorer)
+            if (state->method[m].restorer == restorer && !state->method[m].smooth)
                 return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
         status = add_method(state, none ? "BLURRED" : restorer->name, "", restorer, tuned, err);
+        if (status == RX_OK && none && tunable != NULL) {
+            status = add_method(state, "SMOOTHED", "", tunable, 1, err);
+            state->method[state->nmethods - 1].smooth = 1;
+        }
         if (status == RX_OK && tuned)
             status = add_method(state, restorer->name, "_FLAT", restorer, tuned, err);
         state->ntuned += tuned;

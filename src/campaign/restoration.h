@@ -19,8 +19,9 @@
 typedef struct rx_method {
     char name[RX_METHOD_NAME];
     const rx_restorer *restorer;
-    int tuned; /* iterations and filter chosen per bin */
-    int flat;  /* tuned, and what is below a threshold, tuned too, is set to the sky */
+    int tuned;  /* iterations and filter chosen per bin */
+    int flat;   /* tuned, and what is below a threshold, tuned too, is set to the sky */
+    int smooth; /* tuned, without any iteration: the filter alone, no deconvolution */
 } rx_method;
 
 typedef struct rx_restoration_range {
@@ -68,18 +69,19 @@ rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, c
 
 /* One candidate: filter in pixels and its threshold in sigmas of the noise, negative = none. */
 typedef struct rx_tuning {
-    int niter;
+    int niter;        /* 0: the blurred image as it is */
     double filter;    /* FWHM of the Gaussian, pixels; 0 = none */
     double threshold; /* in sigmas of the input's noise: what is below becomes sky; negative = none */
     char text[120];   /* for the report: filters in units of the PSF's FWHM */
 } rx_tuning;
 
-/* Candidates per restorer: TUNE_NITER x (TUNE_FILTER and the target PSF) x thresholds. */
+/* Candidates per restorer: (0 and TUNE_NITER) x (TUNE_FILTER and the target PSF) x thresholds. Those of 0
+ * iterations are for the method `smooth`, without thresholds; the others have the rest. */
 long rx_tuning_count(const rx_restoration *state);
 void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_tuning *dst);
 
-/* The candidate of the highest mean over the tuning scenes of a bin, among those with (flat) or without
- * threshold; metric 0: PSNR, 1: SSIM. done: values of all units. */
+/* The method's candidate of the highest mean over the tuning scenes of a bin; metric 0: PSNR, 1: SSIM. done:
+ * values of all units. */
 long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
                       const rx_unit_values *done);
 

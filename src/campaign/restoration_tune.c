@@ -22,17 +22,23 @@ static long filters(const rx_restoration *state)
     return state->config->tune_filter.n + 1;
 }
 
+/* Numbers of iterations: none, then those of TUNE_NITER. */
+static int niters(const rx_restoration *state)
+{
+    return state->config->tune_niter.n + 1;
+}
+
 long rx_tuning_count(const rx_restoration *state)
 {
-    return state->config->tune_niter.n * filters(state) * (long)COUNT(THRESHOLDS);
+    return niters(state) * filters(state) * (long)COUNT(THRESHOLDS);
 }
 
 void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_tuning *dst)
 {
     const long nt = (long)COUNT(THRESHOLDS), nf = filters(state);
-    const long filter = candidate / nt % nf;
+    const long filter = candidate / nt % nf, niter = candidate / nt / nf;
     char width[48];
-    dst->niter = state->config->tune_niter.v[candidate / nt / nf];
+    dst->niter = niter > 0 ? state->config->tune_niter.v[niter - 1] : 0;
     dst->threshold = THRESHOLDS[candidate % nt];
     if (filter + 1 < nf) {
         dst->filter = state->config->tune_filter.v[filter] * fwhm;
@@ -41,7 +47,10 @@ void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_
         dst->filter = state->simulation->sharp_fwhm;
         snprintf(width, sizeof width, "filter %g pixels", dst->filter);
     }
-    snprintf(dst->text, sizeof dst->text, "RL_NITER %d, %s", dst->niter, width);
+    if (niter > 0)
+        snprintf(dst->text, sizeof dst->text, "RL_NITER %d, %s", dst->niter, width);
+    else
+        snprintf(dst->text, sizeof dst->text, "%s", width);
     if (dst->threshold >= 0) {
         const size_t used = strlen(dst->text);
         snprintf(dst->text + used, sizeof dst->text - used, ", sky below %g sigma", dst->threshold);
@@ -52,19 +61,26 @@ static int tuned_index(const rx_restoration *state, const rx_restorer *restorer)
 {
     int index = 0;
     for (int m = 0; m < state->nmethods && state->method[m].restorer != restorer; m++)
-        index += state->method[m].tuned && !state->method[m].flat;
+        index += state->method[m].tuned && !state->method[m].flat && !state->method[m].smooth;
     return index;
+}
+
+static int is_for(const rx_restoration *state, const rx_method *method, long candidate)
+{
+    const long nt = (long)COUNT(THRESHOLDS);
+    const int plain = candidate / nt / filters(state) == 0, cut = candidate % nt > 0;
+    return method->smooth ? plain && !cut : !plain && cut == method->flat;
 }
 
 long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
                       const rx_unit_values *done)
 {
-    const long n = rx_tuning_count(state), nt = (long)COUNT(THRESHOLDS);
+    const long n = rx_tuning_count(state);
     const long first = tuned_index(state, method->restorer) * n;
     long best = -1;
     double highest = 0;
     for (long c = 0; c < n; c++) {
-        if ((c % nt > 0) != method->flat)
+        if (!is_for(state, method, c))
             continue;
         double sum = 0;
         for (long u = 0; u < state->nunits; u++)
@@ -89,7 +105,7 @@ int rx_tuning_at_end(const rx_restoration *state, long candidate)
         lower |= niter->v[i] < tuning.niter;
         higher |= niter->v[i] > tuning.niter;
     }
-    if (!lower || !higher)
+    if (tuning.niter > 0 && (!lower || !higher))
         return 1;
     if (candidate / (long)COUNT(THRESHOLDS) % filters(state) == filter->n)
         return 0; /* the target PSF */
@@ -123,19 +139,19 @@ static rx_status measure(const rx_restoration *state, const rx_trial *trial, con
     return rx_image_ssim(state->side, state->side, plane, trial->sharp, K_SSIM, K_SSIM, 0, &dst[1], err);
 }
 
-/* All filters and thresholds of one number of iterations. */
+/* All filters of one number of iterations, with their thresholds where there are iterations. */
 static rx_status tune_niter(const rx_restoration *state, const rx_trial *trial, long first,
                             const float *restored, float *work, double *dst, rx_error *err)
 {
     const size_t n = (size_t)state->side * (size_t)state->side;
-    const long nt = (long)COUNT(THRESHOLDS), nf = filters(state);
+    const long nt = (long)COUNT(THRESHOLDS), nf = filters(state), tried = first > 0 ? nt : 1;
     float *filtered = work, *cut = work + n;
     rx_status status = RX_OK;
     for (long f = 0; status == RX_OK && f < nf; f++) {
         rx_tuning tuning;
         rx_tuning_get(state, trial->fwhm, first + f * nt, &tuning);
         status = rx_tuning_apply(state, trial, &tuning, restored, filtered, err);
-        for (long t = 0; status == RX_OK && t < nt; t++) {
+        for (long t = 0; status == RX_OK && t < tried; t++) {
             flatten(n, t > 0 ? THRESHOLDS[t] * trial->sigma : -HUGE_VAL, filtered, cut);
             status = measure(state, trial, cut, &dst[2 * (first + f * nt + t)], err);
         }
@@ -147,7 +163,7 @@ rx_status rx_restoration_tune(const rx_restoration *state, const rx_trial *trial
                               rx_error *err)
 {
     const size_t n = (size_t)state->side * (size_t)state->side;
-    const long count = rx_tuning_count(state), step = count / state->config->tune_niter.n;
+    const long count = rx_tuning_count(state), step = count / niters(state);
     rx_status status = RX_OK;
     dst->n = 2 * count * state->ntuned;
     dst->v = RX_NEW(double, (size_t)dst->n + 1);
@@ -159,11 +175,14 @@ rx_status rx_restoration_tune(const rx_restoration *state, const rx_trial *trial
     double *values = dst->v;
     for (int m = 0; m < state->nmethods; m++) {
         const rx_method *method = &state->method[m];
-        if (!method->tuned || method->flat)
+        if (!method->tuned || method->flat || method->smooth)
             continue;
-        for (int i = 0; status == RX_OK && i < state->config->tune_niter.n; i++) {
-            status = rx_trial_restore(state, trial, method->restorer, state->config->tune_niter.v[i],
-                                      restored, err);
+        for (int i = 0; status == RX_OK && i < niters(state); i++) {
+            if (i == 0)
+                memcpy(restored, trial->image, n * sizeof *restored);
+            else
+                status = rx_trial_restore(state, trial, method->restorer, state->config->tune_niter.v[i - 1],
+                                          restored, err);
             if (status == RX_OK)
                 status = tune_niter(state, trial, i * step, restored, planes + n, values, err);
         }
@@ -193,7 +212,10 @@ static rx_status picture(const rx_restoration *state, int bin, const rx_trial *t
     rx_status status = RX_OK;
     if (last->restorer != method->restorer || last->niter != tuning.niter) {
         last->restorer = NULL;
-        status = rx_trial_restore(state, trial, method->restorer, tuning.niter, last->plane, err);
+        if (method->smooth)
+            memcpy(last->plane, trial->image, n * sizeof *plane);
+        else
+            status = rx_trial_restore(state, trial, method->restorer, tuning.niter, last->plane, err);
     }
     if (status != RX_OK)
         return status;

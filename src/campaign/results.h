@@ -28,7 +28,7 @@ typedef struct rx_restoration_bin {
 
 typedef struct rx_restoration_results {
     int nmethods;
-    char method[RX_METHODS_MAX][RX_METHOD_NAME]; /* BLURRED, RL, RL_FLAT, later NET ... */
+    char method[RX_METHODS_MAX][RX_METHOD_NAME]; /* BLURRED, SMOOTHED, RL, RL_FLAT, NET ... */
     int nbins;                                   /* FWHM bins first, then noise bins */
     rx_restoration_bin *bins;
     int side;    /* pixels of a scene */

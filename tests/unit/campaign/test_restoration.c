@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "campaign/restoration.h"
+#include "num/convolve.h"
 #include "num/stats.h"
 #include "validate/image_metrics.h"
 
@@ -147,19 +148,22 @@ static void tuning_takes_the_best(void **state)
     long n = 0;
     rx_unit_values *values = run_units(state, "tuning", &rx_kind_restoration, campaign, 2, &n);
     const long candidates = rx_tuning_count(campaign);
-    assert_string_equal(campaign->method[1].name, "RL");
-    assert_string_equal(campaign->method[2].name, "RL_FLAT");
+    assert_string_equal(campaign->method[0].name, "BLURRED");
+    assert_string_equal(campaign->method[1].name, "SMOOTHED");
+    assert_string_equal(campaign->method[2].name, "RL");
+    assert_string_equal(campaign->method[3].name, "RL_FLAT");
     for (int bin = 0; bin < campaign->nbins; bin++) {
-        for (int m = 1; m <= 2; m++) {
+        for (int m = 1; m <= 3; m++) {
             for (int metric = 0; metric < 2; metric++) {
                 const long best = rx_tuning_choose(campaign, bin, &campaign->method[m], metric, values);
                 const double score = mean_of(campaign, values, bin, best, metric);
                 rx_tuning tuning;
                 rx_tuning_get(campaign, 4.0, best, &tuning);
-                assert_int_equal(tuning.threshold >= 0, m == 2);
+                assert_int_equal(tuning.threshold >= 0, m == 3);
+                assert_int_equal(tuning.niter == 0, m == 1);
                 for (long c = 0; c < candidates; c++) {
                     rx_tuning_get(campaign, 4.0, c, &tuning);
-                    if ((tuning.threshold >= 0) == (m == 2))
+                    if ((tuning.threshold >= 0) == (m == 3) && (tuning.niter == 0) == (m == 1))
                         assert_true(mean_of(campaign, values, bin, c, metric) <= score);
                 }
             }
@@ -169,7 +173,7 @@ static void tuning_takes_the_best(void **state)
     rx_tuning tuning;
     double widths[3];
     for (int f = 0; f < 3; f++) {
-        rx_tuning_get(campaign, 5.0, f * candidates / 6, &tuning);
+        rx_tuning_get(campaign, 5.0, (3 + f) * candidates / 9, &tuning);
         widths[f] = tuning.filter;
         assert_int_equal(tuning.niter, 2);
     }
@@ -178,13 +182,16 @@ static void tuning_takes_the_best(void **state)
     assert_float_equal(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
     assert_non_null(strstr(tuning.text, "filter 2 pixels"));
     /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
-    assert_true(rx_tuning_at_end(campaign, 0) && rx_tuning_at_end(campaign, candidates - 1));
+    assert_true(rx_tuning_at_end(campaign, candidates / 3) && rx_tuning_at_end(campaign, candidates - 1));
     config->tune_niter.n = 3;
     config->tune_niter.v[2] = 5;
     assert_false(rx_tuning_at_end(campaign, candidates));
-    assert_true(rx_tuning_at_end(campaign, candidates + candidates / 6));
-    assert_false(rx_tuning_at_end(campaign, candidates + 2 * candidates / 6));
-    assert_true(rx_tuning_at_end(campaign, 0));
+    assert_true(rx_tuning_at_end(campaign, candidates + candidates / 9));
+    assert_false(rx_tuning_at_end(campaign, candidates + 2 * candidates / 9));
+    assert_true(rx_tuning_at_end(campaign, candidates / 3));
+    /* without iterations only the filter counts */
+    assert_false(rx_tuning_at_end(campaign, 0));
+    assert_true(rx_tuning_at_end(campaign, candidates / 9));
     rx_unit_values_free(n, values);
     rx_kind_restoration.close(campaign);
     rx_campaign_config_free(config);
@@ -201,13 +208,14 @@ static void results_are_the_scores(void **state)
     long n = 0;
     rx_unit_values *values = run_units(state, "results", &rx_kind_restoration, campaign, 2, &n);
     assert_int_equal(rx_restoration_collect(campaign, values, &results, &err), RX_OK);
-    assert_int_equal(results->nmethods, 3);
+    assert_int_equal(results->nmethods, 4);
     assert_int_equal(results->nbins, 3);
     assert_int_equal(results->bins[2].by_sigma, 1);
     assert_int_equal(results->bins[2].nscenes, 3);
     assert_string_equal(results->bins[0].method[0].settings_psnr, "");
-    assert_non_null(strstr(results->bins[0].method[1].settings_psnr, "RL_NITER"));
-    assert_non_null(strstr(results->bins[0].method[2].settings_ssim, "sky below"));
+    assert_int_equal(strncmp(results->bins[0].method[1].settings_psnr, "filter", 6), 0);
+    assert_non_null(strstr(results->bins[0].method[2].settings_psnr, "RL_NITER"));
+    assert_non_null(strstr(results->bins[0].method[3].settings_ssim, "sky below"));
     float *plane = calloc((size_t)side * (size_t)side, sizeof *plane);
     for (int b = 0; b < 3; b++) {
         const rx_restoration_bin *bin = &results->bins[b];
@@ -215,14 +223,26 @@ static void results_are_the_scores(void **state)
         rx_trial trial;
         make_trial(campaign, b, 0, i, &trial);
         assert_true(bin->fwhm[i] == trial.fwhm && bin->sigma[i] == trial.sigma);
-        for (int m = 0; m < 3; m++) {
+        for (int m = 0; m < 4; m++) {
             double ssim;
             for (int metric = 0; metric < 2; metric++) {
                 assert_int_equal(rx_restoration_picture(campaign, b, &trial, &campaign->method[m], metric,
                                                         values, plane, &err),
                                  RX_OK);
-                if (m == 0)
+                if (m == 1) { /* SMOOTHED: the filter, and nothing else */
+                    rx_tuning tuning;
+                    rx_tuning_get(campaign, trial.fwhm,
+                                  rx_tuning_choose(campaign, b, &campaign->method[m], metric, values),
+                                  &tuning);
+                    assert_int_equal(rx_gauss_masked(side, side, tuning.filter, NULL, 1, trial.image, &err),
+                                     RX_OK);
+                }
+                if (m <= 1)
                     assert_memory_equal(plane, trial.image, (size_t)side * (size_t)side * sizeof *plane);
+                if (m == 1) {
+                    rx_trial_free(&trial);
+                    make_trial(campaign, b, 0, i, &trial);
+                }
                 assert_int_equal(rx_image_ssim(side, side, plane, trial.sharp, 0.001, 0.001, 0, &ssim, &err),
                                  RX_OK);
                 if (metric == 0)
@@ -232,16 +252,17 @@ static void results_are_the_scores(void **state)
             }
         }
         /* tuned on other scenes, RL is still better than doing nothing to a blurred and noisy image */
-        assert_true(bin->method[1].psnr[i] > bin->method[0].psnr[i]);
+        assert_true(bin->method[2].psnr[i] > bin->method[0].psnr[i]);
         rx_trial_free(&trial);
     }
     assert_int_equal(results->nexamples, 3); /* one per bin at most */
     const rx_restoration_example *example = &results->examples[0];
-    assert_int_equal(example->nplanes, 4);
+    assert_int_equal(example->nplanes, 5);
     assert_string_equal(example->title[0], "BLURRED");
-    assert_string_equal(example->title[1], "RL");
-    assert_string_equal(example->title[3], "SHARP");
-    assert_float_equal(highest(example->planes[3], (size_t)side * (size_t)side), 255.0, 1e-3);
+    assert_string_equal(example->title[1], "SMOOTHED");
+    assert_string_equal(example->title[2], "RL");
+    assert_string_equal(example->title[4], "SHARP");
+    assert_float_equal(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
     free(plane);
     rx_restoration_results_free(results);
     rx_unit_values_free(n, values);
