@@ -125,23 +125,6 @@ rx_status rx_test_two_sample(long na, const double *a, long nb, const double *b,
     return RX_OK;
 }
 
-/* Degrees of freedom of Welch (1947, Biometrika 34, 28), Satterthwaite's formula. */
-rx_status rx_test_welch(long na, const double *a, long nb, const double *b, rx_test *dst, rx_error *err)
-{
-    rx_status status = check_two(na, a, nb, b, err);
-    if (status != RX_OK)
-        return status;
-    moments u = moments_of(na, a, NULL), v = moments_of(nb, b, NULL);
-    double variance_a = u.squares / (u.n - 1), variance_b = v.squares / (v.n - 1);
-    double ea = variance_a / u.n, eb = variance_b / v.n, sum = ea + eb;
-    /* shares, so that squares of tiny variances cannot underflow */
-    double share_a = sum > 0 ? ea / sum : 0.5, share_b = sum > 0 ? eb / sum : 0.5;
-    double dof = 1 / (share_a * share_a / (u.n - 1) + share_b * share_b / (v.n - 1));
-    finish(u.mean - v.mean, sqrt(sum), sqrt(0.5 * (variance_a + variance_b)), fmax(u.rounding, v.rounding),
-           dof, na + nb, dst);
-    return RX_OK;
-}
-
 rx_status rx_test_paired(long n, const double *a, const double *b, rx_test *dst, rx_error *err)
 {
     rx_status status = check_two(n, a, n, b, err);

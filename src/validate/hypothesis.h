@@ -19,16 +19,14 @@ typedef struct rx_test {
     double dof;       /* t tests; n of non-zero differences for Wilcoxon */
     double p;         /* two-sided; 0 when below the smallest double, then see ln_p */
     double ln_p;
-    double effect; /* Cohen's d (pooled), d over the root mean variance (Welch), d_z (paired), or the
-                      rank-biserial correlation (Kerby 2014): positive when a is larger */
+    double effect; /* Cohen's d (pooled), d_z (paired), or the rank-biserial correlation (Kerby 2014):
+                      positive when a is larger */
     rx_estimate
         difference; /* mean (t) or median (Wilcoxon, Hodges-Lehmann) of a - b with its 95 % interval */
 } rx_test;
 
 /* Student's two-sample t with pooled variance, as the paper's tables (dof = na + nb - 2); na, nb >= 2. */
 rx_status rx_test_two_sample(long na, const double *a, long nb, const double *b, rx_test *dst, rx_error *err);
-/* Welch's, unequal variances; na, nb >= 2. */
-rx_status rx_test_welch(long na, const double *a, long nb, const double *b, rx_test *dst, rx_error *err);
 /* Student's t of a[i] - b[i]; n >= 2. */
 rx_status rx_test_paired(long n, const double *a, const double *b, rx_test *dst, rx_error *err);
 /* Wilcoxon's signed ranks of a[i] - b[i] (1945, Biometrics Bull. 1, 80): zeros left out; exact for 50 or

@@ -105,35 +105,30 @@ typedef struct t_case {
     long na, nb;
     double shift;
     double pooled[4]; /* t, p, Cohen's d, half width of the interval */
-    double welch[4];  /* t, p, dof, d */
     double paired[5]; /* t, p, d_z, interval */
 } t_case;
 
-/* scipy.stats.ttest_ind(x, y, equal_var=...) and ttest_rel(...).confidence_interval(), x = a(na) + shift. */
+/* scipy.stats.ttest_ind(x, y) and ttest_rel(...).confidence_interval(), x = a(na) + shift. */
 static const t_case t_cases[] = {
     {70,
      70,
      3,
      {4.08809123165831, 7.348489199006372e-05, 0.6910135396308725, 1.338123674723803},
-     {4.08809123165831, 7.38530652078022e-05, 136.5969994649907, 0.6910135396308724},
      {4.436179861195808, 3.379627208433953e-05, 0.5302249086254309, 1.522452784193601, 4.01071048111252}},
     {40,
      25,
      0.5,
      {0.03720046059497432, 0.9704427985069941, 0.009484293724420678, 2.110356547043091},
-     {0.03763402801886141, 0.9701208361240626, 53.01428115762394, 0.009539946260412092},
      {0.3920870737219709, 0.6984540627839835, 0.07841741474439419, -1.857832601792052, 2.729261173220623}},
     {2,
      3,
      0,
      {-0.7812082025920788, 0.4916598288925362, -0.7131422577795788, 11.17856184533964},
-     {-0.7901867697453813, 0.5010856081141337, 2.358467843748024, -0.7182319220074695},
      {-2.755725190839695, 0.221609631696756, -1.948591969529341, -18.08493589707683, 11.63850732564825}},
     {1000,
      400,
      1,
      {3.105628313953485, 0.001936920971448557, 0.1837314488200196, 0.4724723234511487},
-     {3.22563965756811, 0.001308094764827032, 798.3559747795026, 0.187183051956978},
      {2.720629806044562, 0.006800809758190594, 0.1360314903022281, 0.2095360164354734, 1.301178269278812}},
 };
 
@@ -161,8 +156,6 @@ static void t_tests_as_scipy(void **state)
         assert_close(test.difference.high - test.difference.value, c->pooled[3], 1e-8);
         assert_close(test.difference.value - test.difference.low, c->pooled[3], 1e-8);
         assert_int_equal(test.difference.n, c->na + c->nb);
-        assert_int_equal(rx_test_welch(c->na, a, c->nb, b, &test, NULL), RX_OK);
-        check_t(&test, c->welch[0], c->welch[1], c->welch[2], c->welch[3]);
         assert_int_equal(rx_test_paired(n, a, b, &test, NULL), RX_OK);
         check_t(&test, c->paired[0], c->paired[1], (double)(n - 1), c->paired[2]);
         assert_near(test.difference.low, c->paired[3], 1e-8);
@@ -192,9 +185,7 @@ static void samples_without_spread(void **state)
     }
     assert_int_equal(rx_test_two_sample(20, a, 15, b, &test, NULL), RX_OK);
     assert_true(isinf(test.statistic) && test.statistic < 0 && test.p == 0);
-    assert_int_equal(rx_test_welch(20, a, 15, b, &test, NULL), RX_OK);
-    assert_true(isinf(test.statistic) && test.statistic < 0 && test.p == 0);
-    assert_int_equal(rx_test_welch(20, a, 15, a, &test, NULL), RX_OK);
+    assert_int_equal(rx_test_two_sample(20, a, 15, a, &test, NULL), RX_OK);
     assert_true(test.statistic == 0 && test.p == 1);
     assert_int_equal(rx_test_wilcoxon(20, a, a, &test, NULL), RX_OK);
     assert_true(test.statistic == 0 && test.p == 1 && test.dof == 0 && test.difference.value == 0);
@@ -232,7 +223,7 @@ static void samples_that_do_not_do(void **state)
     (void)state;
     assert_int_equal(rx_test_two_sample(1, a, 3, a, &test, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "2 values or more, the first sample has 1"));
-    assert_int_equal(rx_test_welch(3, a, 0, a, &test, &err), RX_USAGE);
+    assert_int_equal(rx_test_two_sample(3, a, 0, a, &test, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "the second sample has 0"));
     assert_int_equal(rx_test_paired(1, a, a, &test, &err), RX_USAGE);
     assert_int_equal(rx_test_wilcoxon(0, a, a, &test, &err), RX_USAGE);
