@@ -43,8 +43,9 @@ static double filter_norm(const rx_filter *filter)
 
 /* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is
  * correlated and the filter averages less of it away. So the noise is measured after the filter and divided
- * by the factor that the filter would have had on independent pixels. */
-static rx_status equivalent_noise(const work *w, rx_error *err)
+ * by the factor that the filter would have had on independent pixels. What a weight map says of the noise
+ * from pixel to pixel holds within a mesh, too: `law`, the input's noise, NULL without such a map. */
+static rx_status equivalent_noise(const work *w, const rx_background *law, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
     rx_probe *probe = w->probe;
@@ -52,18 +53,24 @@ static rx_status equivalent_noise(const work *w, rx_error *err)
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_background_params par = w->options->background[0];
     par.manual = 0;
+    float *relative = law != NULL ? RX_NEW(float, n) : NULL;
+    if (law != NULL && relative == NULL)
+        return rx_error_memory(err, n * sizeof(float));
+    for (size_t i = 0; i < n && law != NULL; i++)
+        relative[i] = law->sigma[i] > 0.0f ? probe->filtered[i] / law->sigma[i] : 0.0f;
     rx_status status =
-        rx_background_measure(&par, tile->width, tile->height, probe->filtered, probe->restored->mask,
-                              w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
+        rx_background_measure(&par, tile->width, tile->height, law != NULL ? relative : probe->filtered,
+                              probe->restored->mask, w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
+    free(relative);
     if (status != RX_OK)
         return status;
     float factor = (float)(1.0 / filter_norm(&w->filter));
     for (size_t i = 0; i < n; i++)
-        measured->sigma[i] *= factor;
+        measured->sigma[i] *= law != NULL ? factor * law->sigma[i] : factor;
     probe->own_noise = measured->sigma;
     measured->sigma = NULL;
     probe->noise = probe->own_noise;
-    probe->global_noise = measured->global_sigma * factor;
+    probe->global_noise = measured->global_sigma * factor * (law != NULL ? law->global_sigma : 1.0);
     rx_background_free(measured);
     return RX_OK;
 }
@@ -86,7 +93,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     probe->noise = restored->sigma != NULL ? restored->sigma : background->sigma;
     probe->global_noise = background->global_sigma;
     if (!probe->plain && restored->sigma == NULL)
-        return equivalent_noise(w, err);
+        return equivalent_noise(w, tile->weight_type >= RX_WEIGHT_MAP_RMS ? background : NULL, err);
     return RX_OK;
 }
 

@@ -5,8 +5,11 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/memory.h"
+#include "base/random.h"
 #include "bench.h"
 #include "io/tile.h"
 #include "psf/psf.h"
@@ -95,6 +98,39 @@ static void test_known_psf_is_copied(void **state)
     bench_close(&b);
 }
 
+/* A weight map may say that the noise changes within a background mesh: thresholds on restored pixels follow
+ * it, and peaks of the noisy patch are no sources. */
+static void test_weights_within_a_mesh(void **state)
+{
+    (void)state;
+    enum { LOW = 70, HIGH = 110 };
+    const double quiet = 5.0, loud = 40.0;
+    bench b;
+    rx_field *field = NULL;
+    rx_probe probe;
+    float *pixels = RX_NEW(float, (size_t)SIDE *SIDE), *rms = RX_NEW(float, (size_t)SIDE *SIDE);
+    assert_non_null(pixels);
+    assert_non_null(rms);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            const size_t i = (size_t)y * SIDE + (size_t)x;
+            const int patch = x >= LOW && x < HIGH && y >= LOW && y < HIGH;
+            rms[i] = (float)(patch ? loud : quiet);
+            pixels[i] = 1000.0f + rms[i] * (float)rx_random_normal(7, 1, i);
+        }
+    bench_open(&b, NULL);
+    rx_tile *tile = bench_tile(pixels, SIDE, SIDE, 0.0);
+    tile->weight = rms;
+    tile->weight_type = RX_WEIGHT_MAP_RMS;
+    assert_int_equal(rx_field_prepare(b.options, 0, tile, NULL, 1, NULL, &field, NULL), RX_OK);
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("RL"), field, NULL, NULL, &probe, NULL), RX_OK);
+    assert_int_equal(probe.sources->n, 0);
+    rx_probe_free(&probe);
+    rx_field_free(field);
+    free(pixels);
+    bench_close(&b);
+}
+
 /* The tile belongs to the field also when there is none: the leak checker would tell. */
 static void test_failure_frees_the_tile(void **state)
 {
@@ -120,6 +156,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_side_by_side_none), cmocka_unit_test(test_side_by_side_rl),
-        cmocka_unit_test(test_known_psf_is_copied), cmocka_unit_test(test_failure_frees_the_tile)};
+        cmocka_unit_test(test_known_psf_is_copied), cmocka_unit_test(test_weights_within_a_mesh),
+        cmocka_unit_test(test_failure_frees_the_tile)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
