@@ -60,8 +60,9 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
         rx_tile_free(copy);
         return status;
     }
+    /* a map of the sky follows large sources: on it, their light would be found again */
     for (size_t i = 0; i < n; i++)
-        copy->pixels[i] += field->plain->level[i];
+        copy->pixels[i] += (float)field->plain->global_level;
     rx_replica_settle(copy);
     status = rx_field_prepare(options, 0, copy, field->psf, 0, NULL, dst, err);
     if (status == RX_OK)

@@ -1,9 +1,10 @@
 /* BLANK_CHECK: what the stage finds where there is nothing but this tile's noise.
  *
  * Realisations of the tile's own noise (width per pixel, correlation between neighbours, measured on its
- * source-free pixels) on its own sky, under its own mask, go through the whole path with the tile's PSF;
- * whatever is detected is false. The photon noise of sources and what they leave after a restoration are not
- * part of it: that is the purity of a self check. */
+ * source-free pixels) on a flat sky of its level, under its own mask, go through the whole path with the
+ * tile's PSF; whatever is detected is false. The photon noise of sources and what they leave in the sky or
+ * after a restoration are not part of it: that is the purity of a self check. Except that without a weight
+ * map the width per pixel is the tile's rms map, which large or crowded sources raise. */
 #ifndef RX_STAGE_BLANKCHECK_H
 #define RX_STAGE_BLANKCHECK_H
 
@@ -27,7 +28,7 @@ typedef struct rx_blankcheck {
 rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, rx_sky_noise *dst,
                               rx_error *err);
 
-/* The tile of `field` with nothing on its sky but a realisation of its noise, the one numbered `stream` of
+/* The tile of `field` with nothing on a flat sky but a realisation of its noise, the one numbered `stream` of
  * `seed`, made ready with the field's PSF. Free with rx_field_free(). Errors: RX_SYSTEM. */
 rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, const rx_sky_noise *noise,
                               uint64_t seed, uint64_t stream, rx_field **dst, rx_error *err);

@@ -391,6 +391,47 @@ static void test_upper_limit_of_nothing(void **state)
     free(pixels);
 }
 
+/* A galaxy much larger than a background mesh bends the map of the sky; blank tiles hold none of it. */
+static void test_blank_below_a_large_galaxy(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{NULL, NULL}};
+    const double sigma = 5.0, peak = 100.0, width = 55.0, middle = 0.5 * SIDE;
+    float *pixels = malloc(SIDE * SIDE * sizeof *pixels), *rms = malloc(SIDE * SIDE * sizeof *rms);
+    int32_t *segments = calloc(SIDE * SIDE, sizeof *segments);
+    rx_field *field = NULL, *blank = NULL;
+    rx_sky_noise noise;
+    rx_probe probe;
+    bench b;
+    assert_true(pixels != NULL && rms != NULL && segments != NULL);
+    noise_plane(pixels, sigma, 3);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            const size_t i = (size_t)y * SIDE + (size_t)x;
+            const double r = hypot(x - middle, y - middle) / width;
+            rms[i] = (float)sigma;
+            pixels[i] += (float)(peak * exp(-0.5 * r * r));
+            segments[i] = r < 3.0;
+        }
+    bench_open(&b, settings);
+    rx_tile *tile = bench_tile(pixels, SIDE, SIDE, 0.0);
+    tile->weight = rms;
+    tile->weight_type = RX_WEIGHT_MAP_RMS;
+    assert_int_equal(rx_field_prepare(b.options, 0, tile, NULL, 1, NULL, &field, NULL), RX_OK);
+    assert_true(field->plain->level[(SIDE / 2) * SIDE + SIDE / 2] > field->plain->global_level + 2.0 * sigma);
+    assert_int_equal(rx_blankcheck_noise(field, segments, &noise, NULL), RX_OK);
+    assert_int_equal(rx_blankcheck_field(b.options, field, &noise, 1, 1, &blank, NULL), RX_OK);
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NONE"), blank, NULL, NULL, &probe, NULL),
+                     RX_OK);
+    assert_int_equal(probe.sources->n, 0);
+    rx_probe_free(&probe);
+    rx_field_free(blank);
+    rx_field_free(field);
+    free(segments);
+    free(pixels);
+    bench_close(&b);
+}
+
 /* A constant tile has no noise to speak of; the checks come to an end. */
 static void test_empty_tile(void **state)
 {
@@ -561,6 +602,7 @@ int main(void)
         cmocka_unit_test(test_completeness_is_true_rl),
         cmocka_unit_test(test_pure_noise),
         cmocka_unit_test(test_upper_limit_of_nothing),
+        cmocka_unit_test(test_blank_below_a_large_galaxy),
         cmocka_unit_test(test_empty_tile),
         cmocka_unit_test(test_unknown_psf_is_said),
         cmocka_unit_test_setup_teardown(test_extensions_and_threads, enter, leave),
