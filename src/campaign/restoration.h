@@ -14,6 +14,7 @@
 #include "restore/restore.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
+#include "validate/image_metrics.h"
 
 /* One column of the tables: a restorer, tuned or as the STAGE. keywords have it. */
 typedef struct rx_method {
@@ -52,9 +53,10 @@ typedef struct rx_restoration {
 /* One scene: planes [side][side], 0 = sky. */
 typedef struct rx_trial {
     double fwhm, sigma;
-    float *image; /* blurred and noisy */
-    float *sharp; /* the scene through the target PSF, its brightest pixel SCENE_PEAK */
-    rx_psf *psf;  /* that blurred it */
+    float *image;                  /* blurred and noisy */
+    float *sharp;                  /* the scene through the target PSF, its brightest pixel SCENE_PEAK */
+    rx_psf *psf;                   /* that blurred it */
+    rx_image_reference *reference; /* of `sharp`, for PSNR and SSIM */
 } rx_trial;
 
 rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst,

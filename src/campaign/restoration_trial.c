@@ -21,6 +21,7 @@
 static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
 /* Mean surface brightness of any other object, at most so many of the main galaxy's. */
 static const double OTHERS = 0.5;
+static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
 
 /* What random numbers are for: their streams never meet. */
 enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
@@ -168,6 +169,9 @@ rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *
                                                                 : make_scene(state, stream, &scene, err);
     if (status == RX_OK)
         status = expose(state, stream, scene, dst, err);
+    if (status == RX_OK)
+        status = rx_image_reference_new(state->side, state->side, dst->sharp, K_SSIM, K_SSIM, 0,
+                                        &dst->reference, err);
     rx_scene_free(scene);
     if (status != RX_OK)
         rx_trial_free(dst);
@@ -178,6 +182,7 @@ void rx_trial_free(rx_trial *trial)
 {
     free(trial->image);
     free(trial->sharp);
+    rx_image_reference_free(trial->reference);
     rx_psf_free(trial->psf);
     *trial = (rx_trial){0};
 }

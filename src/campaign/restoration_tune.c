@@ -7,14 +7,12 @@
 #include "base/memory.h"
 #include "campaign/restoration.h"
 #include "num/convolve.h"
-#include "validate/image_metrics.h"
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
 /* Below so many sigmas of the input's noise all is set to the sky; 0 = negative values only. The first one is
  * no threshold: the method without `flat`. */
 static const double THRESHOLDS[] = {-1.0, 0.0, 0.25, 0.5, 1.0, 2.0};
-static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
 
 /* Filters: those of TUNE_FILTER, and last the target PSF itself. */
 static long filters(const rx_restoration *state)
@@ -132,11 +130,10 @@ rx_status rx_tuning_apply(const rx_restoration *state, const rx_trial *trial, co
     return status;
 }
 
-static rx_status measure(const rx_restoration *state, const rx_trial *trial, const float *plane, double *dst,
-                         rx_error *err)
+static rx_status measure(const rx_trial *trial, const float *plane, double *dst, rx_error *err)
 {
-    dst[0] = rx_image_psnr(state->side, state->side, plane, trial->sharp);
-    return rx_image_ssim(state->side, state->side, plane, trial->sharp, K_SSIM, K_SSIM, 0, &dst[1], err);
+    dst[0] = rx_reference_psnr(trial->reference, plane);
+    return rx_reference_ssim(trial->reference, plane, &dst[1], err);
 }
 
 /* All filters of one number of iterations, with their thresholds where there are iterations. */
@@ -153,7 +150,7 @@ static rx_status tune_niter(const rx_restoration *state, const rx_trial *trial, 
         status = rx_tuning_apply(state, trial, &tuning, restored, filtered, err);
         for (long t = 0; status == RX_OK && t < tried; t++) {
             flatten(n, t > 0 ? THRESHOLDS[t] * trial->sigma : -HUGE_VAL, filtered, cut);
-            status = measure(state, trial, cut, &dst[2 * (first + f * nt + t)], err);
+            status = measure(trial, cut, &dst[2 * (first + f * nt + t)], err);
         }
     }
     return status;
@@ -262,7 +259,7 @@ rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_tr
                 continue; /* both were measured on the same picture */
             status = picture(state, bin, trial, &state->method[m], metric, done, &last, planes + n, err);
             if (status == RX_OK)
-                status = measure(state, trial, planes + n, values, err);
+                status = measure(trial, planes + n, values, err);
             if (status != RX_OK)
                 break;
             dst->v[2 + 2 * m + metric] = values[metric];

@@ -134,6 +134,30 @@ static void what_follows_from_the_formulas(void **state)
     assert_true(ssim < -0.8);
 }
 
+/* Prepared once, a reference gives what it gives unprepared: to the bit, for one image after another. */
+static void prepared_references(void **state)
+{
+    static const int sizes[][2] = {{11, 11}, {12, 40}, {64, 64}};
+    float image[MOST * MOST], reference[MOST * MOST];
+    (void)state;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        int w = sizes[i][0], h = sizes[i][1];
+        rx_image_reference *prepared = NULL;
+        fill(w, h, 1, image, reference);
+        assert_int_equal(rx_image_reference_new(w, h, reference, 0.01, 0.03, 0, &prepared, NULL), RX_OK);
+        for (int k = 0; k < 3; k++) {
+            double one, other;
+            image[k] = (float)(100 * k);
+            assert_int_equal(rx_image_ssim(w, h, image, reference, 0.01, 0.03, 0, &one, NULL), RX_OK);
+            assert_int_equal(rx_reference_ssim(prepared, image, &other, NULL), RX_OK);
+            assert_true(one == other);
+            assert_true(rx_image_psnr(w, h, image, reference) == rx_reference_psnr(prepared, image));
+        }
+        rx_image_reference_free(prepared);
+    }
+    rx_image_reference_free(NULL);
+}
+
 static void what_cannot_be_measured(void **state)
 {
     float image[16 * 16], reference[16 * 16] = {0};
@@ -155,6 +179,9 @@ static void what_cannot_be_measured(void **state)
     assert_true(isnan(rx_image_psnr(16, 16, image, reference)));
     assert_int_equal(rx_image_ssim(16, 16, image, reference, 0.001, 0.001, 0, &ssim, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "contrast"));
+    rx_image_reference *prepared = NULL;
+    assert_int_equal(rx_image_reference_new(16, 16, reference, 0.001, 0.001, 0, &prepared, &err), RX_INPUT);
+    assert_null(prepared);
 }
 
 int main(void)
@@ -163,6 +190,7 @@ int main(void)
         cmocka_unit_test(as_skimage),
         cmocka_unit_test(ssim_window_by_window),
         cmocka_unit_test(what_follows_from_the_formulas),
+        cmocka_unit_test(prepared_references),
         cmocka_unit_test(what_cannot_be_measured),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
