@@ -267,9 +267,11 @@ static rx_status collect_bin(const rx_restoration *state, int b, const rx_unit_v
         failed |= scores->psnr == NULL || scores->ssim == NULL;
         for (int metric = 0; method->tuned && metric < 2; metric++) {
             rx_tuning tuning;
-            rx_tuning_get(state, 1.0, rx_tuning_choose(state, b, method, metric, all), &tuning);
+            const long chosen = rx_tuning_choose(state, b, method, metric, all);
+            rx_tuning_get(state, 1.0, chosen, &tuning);
             char *text = metric == 0 ? scores->settings_psnr : scores->settings_ssim;
             memcpy(text, tuning.text, sizeof tuning.text);
+            *(metric == 0 ? &scores->end_psnr : &scores->end_ssim) = rx_tuning_at_end(state, chosen);
         }
     }
     if (failed)
@@ -390,23 +392,6 @@ rx_status rx_restoration_collect(const rx_restoration *state, const rx_unit_valu
     return status;
 }
 
-/* The lists that tuning chooses from should be longer than what it chooses. */
-static void tell_ends(const rx_restoration *state, const rx_unit_values *all, rx_log *log)
-{
-    int choices = 0, ends = 0;
-    for (int b = 0; b < state->nbins; b++)
-        for (int m = 0; m < state->nmethods; m++)
-            for (int metric = 0; state->method[m].tuned && metric < 2; metric++) {
-                choices++;
-                ends += rx_tuning_at_end(state, rx_tuning_choose(state, b, &state->method[m], metric, all));
-            }
-    if (ends > 0)
-        rx_log_info(log,
-                    "tuning took an end of TUNE_NITER or TUNE_FILTER in %d of %d choices; longer lists may "
-                    "serve the tuned methods better",
-                    ends, choices);
-}
-
 static rx_status report(const void *state, const rx_unit_values *all, const rx_campaign_record *record,
                         const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
 {
@@ -414,8 +399,6 @@ static rx_status report(const void *state, const rx_unit_values *all, const rx_c
     rx_status status = rx_restoration_collect(state, all, &results, err);
     if (status == RX_OK)
         status = rx_restoration_report(results, record, folder, shown, log, brief, err);
-    if (status == RX_OK)
-        tell_ends(state, all, log);
     rx_restoration_results_free(results);
     return status;
 }

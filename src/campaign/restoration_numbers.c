@@ -49,6 +49,17 @@ int rx_method_pair_find(const rx_restoration_numbers *m, int first, int second)
     return -1;
 }
 
+void rx_tuning_ends(const rx_restoration_results *r, int *ends, int *choices)
+{
+    *ends = *choices = 0;
+    for (int b = 0; b < r->nbins; b++)
+        for (int k = 0; k < r->nmethods; k++) {
+            const rx_method_scores *s = &r->bins[b].method[k];
+            *choices += (s->settings_psnr[0] != '\0') + (s->settings_ssim[0] != '\0');
+            *ends += s->end_psnr + s->end_ssim;
+        }
+}
+
 double rx_bin_centre(const rx_restoration_bin *bin)
 {
     return 0.5 * (bin->low + bin->high);

@@ -55,6 +55,10 @@ const rx_quality_duel *rx_quality_duel_of(const rx_restoration_numbers *numbers,
                                           int pair);
 int rx_method_pair_find(const rx_restoration_numbers *numbers, int first, int second); /* -1 none */
 
+/* Choices of tuning, two for each tuned method and bin, and how many of them lie at an end of what was tried.
+ */
+void rx_tuning_ends(const rx_restoration_results *results, int *ends, int *choices);
+
 double rx_bin_centre(const rx_restoration_bin *bin);
 const char *rx_quality_name(rx_quality quality); /* "PSNR" */
 const char *rx_quality_unit(rx_quality quality); /* "dB", "" */

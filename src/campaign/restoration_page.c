@@ -62,10 +62,11 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
     rx_text html = {0};
+    int ends, choices;
     rx_text_printf(
         &html,
         "Simulated scenes of %d x %d pixels, brightest pixel of the sharp reference %g, are blurred by a "
-        "Moffat PSF (beta 4.765, integrated over the pixel), get Gaussian noise, and are restored by "
+        "Moffat PSF (integrated over the pixel), get Gaussian noise, and are restored by "
         "every method. ",
         r->side, r->side, r->peak);
     for (int kind = 0; kind < 2; kind++) {
@@ -89,6 +90,7 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
         r->sharp_fwhm);
     rx_escape_html(&html, r->about);
     rx_text_add(&html, ".");
+    rx_tuning_ends(r, &ends, &choices);
     if (r->tune_scenes > 0)
         rx_text_printf(
             &html,
@@ -98,6 +100,11 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
             "filter, tuned as well, and nothing else: what RL gains over it is gained by deconvolution. "
             "RL_FLAT is RL with all below a threshold, tuned too, set to the sky.",
             r->tune_scenes);
+    if (ends > 0)
+        rx_text_printf(&html,
+                       " In %d of %d choices the best lies at an end of what was tried "
+                       "(<a href=\"#settings\">marked</a>): there the method might do better yet.",
+                       ends, choices);
     if (html.data != NULL)
         rx_page_paragraph(dst, html.data);
     dst->failed = dst->failed || html.failed;
@@ -316,6 +323,17 @@ static void write_paper(rx_text *dst, const rx_restoration_numbers *m)
              "same for both methods, so the paired test on the right is the fitting one.");
 }
 
+static void chosen_cell(rx_text *dst, const char *settings, int end)
+{
+    rx_text html = {0};
+    rx_escape_html(&html, settings);
+    if (end)
+        rx_text_printf(&html, " <span class=\"%s\">at an end</span>", RX_MARK_OPEN);
+    rx_page_cell_html(dst, RX_LEFT, html.data != NULL ? html.data : "");
+    dst->failed = dst->failed || html.failed;
+    rx_text_free(&html);
+}
+
 static void write_settings(rx_text *dst, const rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
@@ -337,11 +355,14 @@ static void write_settings(rx_text *dst, const rx_restoration_numbers *m)
             rx_page_row(dst, NULL);
             rx_page_cell_text(dst, text);
             rx_page_cell_text(dst, r->method[k]);
-            rx_page_cell_text(dst, s->settings_psnr);
-            rx_page_cell_text(dst, s->settings_ssim);
+            chosen_cell(dst, s->settings_psnr, s->end_psnr);
+            chosen_cell(dst, s->settings_ssim, s->end_ssim);
             rx_page_row_end(dst);
         }
     rx_page_table_end(dst);
+    rx_page_note(dst, "At an end: the lowest or highest number of iterations, the widest filter or the "
+                      "highest threshold tried; longer lists (TUNE_NITER, TUNE_FILTER) may hold better "
+                      "ones, and the method is then not shown at its best.");
 }
 
 static void write_reading(rx_text *dst)
@@ -355,9 +376,8 @@ static void write_reading(rx_text *dst)
         "Gaussian "
         "window of sigma 1.5, K1 = K2 = 0.001 as in the paper, range of the reference. With so small K the "
         "noise of empty sky weighs heavily in it, which favours smooth pictures. Both are better when "
-        "larger. Noise sigmas are on the scale on which the brightest pixel of the reference is 255. "
-        "Bootstrap "
-        "intervals: %d draws, none for fewer than %d scenes. The scenes are the same for all "
+        "larger. Bootstrap intervals: %d draws, none for fewer than %d scenes. The scenes are the same for "
+        "all "
         "methods: the paired test takes out what the scenes differ in, the two-sample test does not.",
         RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_page_paragraph(dst, html);

@@ -26,7 +26,9 @@ static void json_method(rx_json *j, const rx_restoration_numbers *m, int b, int 
     rx_json_object(j, NULL, false);
     rx_json_string(j, "method", m->results->method[k]);
     rx_json_string(j, "settings_psnr", s->settings_psnr);
+    rx_json_bool(j, "end_psnr", s->end_psnr != 0);
     rx_json_string(j, "settings_ssim", s->settings_ssim);
+    rx_json_bool(j, "end_ssim", s->end_ssim != 0);
     for (int q = 0; q < RX_QUALITIES; q++) {
         rx_json_object(j, q == RX_PSNR ? "psnr" : "ssim", false);
         rx_json_estimate(j, "mean", rx_quality_mean(m, b, (rx_quality)q, k));
@@ -110,6 +112,7 @@ void rx_restoration_json(rx_text *dst, const rx_restoration_page *page)
     const rx_restoration_numbers *m = page->numbers;
     const rx_restoration_results *r = m->results;
     rx_json j = rx_json_on(dst);
+    int ends, choices;
     rx_json_campaign_begin(&j, "restoration", page->record);
     rx_json_string(&j, "about", r->about);
     rx_json_count(&j, "scene_side", (unsigned long long)r->side);
@@ -118,6 +121,9 @@ void rx_restoration_json(rx_text *dst, const rx_restoration_page *page)
     rx_json_numbers(&j, "fwhm_trained", 2, r->fwhm_trained);
     rx_json_numbers(&j, "sigma_trained", 2, r->sigma_trained);
     rx_json_count(&j, "tune_scenes", (unsigned long long)r->tune_scenes);
+    rx_tuning_ends(r, &ends, &choices);
+    rx_json_count(&j, "tune_choices", (unsigned long long)choices);
+    rx_json_count(&j, "tune_choices_at_end", (unsigned long long)ends);
     rx_json_array(&j, "bins", false);
     for (int b = 0; b < r->nbins; b++)
         json_bin(&j, m, b);
@@ -152,7 +158,9 @@ void rx_restoration_bins_ecsv(rx_text *dst, const rx_restoration_page *page)
     rx_ecsv_estimate_columns(&t, "ssim_mean", "", "mean SSIM, t interval");
     rx_ecsv_column(&t, "ssim_median", RX_ECSV_FLOAT, "", "median SSIM");
     rx_ecsv_column(&t, "settings_psnr", RX_ECSV_TEXT, "", "what tuning chose for PSNR");
+    rx_ecsv_column(&t, "end_psnr", RX_ECSV_INT, "", "1: at an end of what was tried");
     rx_ecsv_column(&t, "settings_ssim", RX_ECSV_TEXT, "", "what tuning chose for SSIM");
+    rx_ecsv_column(&t, "end_ssim", RX_ECSV_INT, "", "1: at an end of what was tried");
     rx_ecsv_columns_end(&t);
     for (int b = 0; b < m->results->nbins; b++)
         for (int k = 0; k < m->results->nmethods; k++) {
@@ -162,8 +170,11 @@ void rx_restoration_bins_ecsv(rx_text *dst, const rx_restoration_page *page)
                 rx_ecsv_estimate(&t, rx_quality_mean(m, b, (rx_quality)q, k));
                 rx_ecsv_number(&t, rx_quality_box(m, b, (rx_quality)q, k)->median);
             }
-            rx_ecsv_text(&t, m->results->bins[b].method[k].settings_psnr);
-            rx_ecsv_text(&t, m->results->bins[b].method[k].settings_ssim);
+            const rx_method_scores *s = &m->results->bins[b].method[k];
+            rx_ecsv_text(&t, s->settings_psnr);
+            rx_ecsv_count(&t, s->end_psnr);
+            rx_ecsv_text(&t, s->settings_ssim);
+            rx_ecsv_count(&t, s->end_ssim);
             rx_ecsv_row_end(&t);
         }
 }
@@ -263,6 +274,7 @@ void rx_restoration_brief(rx_text *dst, const rx_restoration_page *page)
 {
     const rx_restoration_numbers *m = page->numbers;
     rx_text said = {0};
+    int ends, choices;
     rx_text_printf(dst, "%-12s %14s %14s %14s %14s\n", "method", "PSNR by FWHM", "SSIM by FWHM",
                    "PSNR by noise", "SSIM by noise");
     for (int k = 0; k < m->results->nmethods; k++) {
@@ -278,5 +290,11 @@ void rx_restoration_brief(rx_text *dst, const rx_restoration_page *page)
         rx_text_printf(dst, "%s\n", said.data);
     dst->failed = dst->failed || said.failed;
     rx_text_free(&said);
+    rx_tuning_ends(m->results, &ends, &choices);
+    if (ends > 0)
+        rx_text_printf(dst,
+                       "tuning took an end of what was tried in %d of %d choices; longer TUNE_NITER or "
+                       "TUNE_FILTER may serve the tuned methods better\n",
+                       ends, choices);
     rx_brief_verdicts(dst, page->nverdicts, page->verdict);
 }

@@ -105,6 +105,8 @@ int rx_tuning_at_end(const rx_restoration *state, long candidate)
     }
     if (tuning.niter > 0 && (!lower || !higher))
         return 1;
+    if (tuning.threshold >= THRESHOLDS[COUNT(THRESHOLDS) - 1])
+        return 1;
     if (candidate / (long)COUNT(THRESHOLDS) % filters(state) == filter->n)
         return 0; /* the target PSF */
     for (int i = 0; i < filter->n; i++)

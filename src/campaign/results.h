@@ -15,6 +15,7 @@ typedef struct rx_method_scores {
     char settings_psnr[120]; /* what tuning chose for PSNR ("RL_NITER 20, filter 0.8 FWHM"), "" when not tuned
                               */
     char settings_ssim[120]; /* the same for SSIM: tuned apart, in the method's own favour twice */
+    int end_psnr, end_ssim;  /* 1: they lie at an end of what was tried, beyond which better ones may be */
 } rx_method_scores;
 
 typedef struct rx_restoration_bin {

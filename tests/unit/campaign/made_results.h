@@ -40,6 +40,7 @@ static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b
         if (k == 1 || k == 2) {
             snprintf(bin->method[k].settings_psnr, 120, "RL_NITER %d, filter 0.5 FWHM", 5 * (b + 1));
             snprintf(bin->method[k].settings_ssim, 120, "RL_NITER %d, filter 0.9 FWHM", 3 * (b + 1));
+            bin->method[k].end_ssim = b == 0 && k == 1;
         }
     }
     for (long i = 0; i < how->nscenes; i++) {

@@ -223,6 +223,30 @@ static void adjusted_p_is_shown(void **state)
     rx_restoration_results_free(r);
 }
 
+/* Where tuning took an end of what was tried, page, summary and terminal say so. */
+static void ends_of_tuning_are_told(void **state)
+{
+    char folder[256];
+    rx_text brief = {0};
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
+    char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
+    assert_non_null(strstr(page, "In 1 of 4 choices the best lies at an end"));
+    assert_non_null(strstr(page, "filter 0.9 FWHM <span class=\"" RX_MARK_OPEN "\">at an end</span>"));
+    assert_null(strstr(page, "filter 0.5 FWHM <span"));
+    assert_non_null(strstr(json, "\"tune_choices_at_end\": 1"));
+    assert_non_null(strstr(json, "\"end_ssim\": true"));
+    assert_null(strstr(json, "\"end_psnr\": true"));
+    assert_non_null(strstr(brief.data, "in 1 of 4 choices"));
+    free(page);
+    free(json);
+    rx_text_free(&brief);
+    assert_int_equal(clear(folder), 5);
+    rx_restoration_results_free(r);
+}
+
 /* One scene, no spread, infinite PSNR, no bins: no number is invented and nothing breaks. */
 static void odd_restoration_results(void **state)
 {
@@ -530,6 +554,7 @@ int main(void)
         cmocka_unit_test(claims_about_the_network),
         cmocka_unit_test(words_follow_the_numbers),
         cmocka_unit_test(adjusted_p_is_shown),
+        cmocka_unit_test(ends_of_tuning_are_told),
         cmocka_unit_test(odd_restoration_results),
         cmocka_unit_test(photometry_agrees_with_scipy),
         cmocka_unit_test(thresholds_by_hand),

@@ -189,6 +189,9 @@ static void tuning_takes_the_best(void **state)
     assert_true(rx_tuning_at_end(campaign, candidates + candidates / 9));
     assert_false(rx_tuning_at_end(campaign, candidates + 2 * candidates / 9));
     assert_true(rx_tuning_at_end(campaign, candidates / 3));
+    /* the highest threshold, on 5 iterations and no filter */
+    assert_true(rx_tuning_at_end(campaign, candidates + 5));
+    assert_false(rx_tuning_at_end(campaign, candidates + 4));
     /* without iterations only the filter counts */
     assert_false(rx_tuning_at_end(campaign, 0));
     assert_true(rx_tuning_at_end(campaign, candidates / 9));
@@ -216,6 +219,11 @@ static void results_are_the_scores(void **state)
     assert_int_equal(strncmp(results->bins[0].method[1].settings_psnr, "filter", 6), 0);
     assert_non_null(strstr(results->bins[0].method[2].settings_psnr, "RL_NITER"));
     assert_non_null(strstr(results->bins[0].method[3].settings_ssim, "sky below"));
+    for (int b = 0; b < 3; b++) {
+        assert_int_equal(results->bins[b].method[0].end_psnr + results->bins[b].method[0].end_ssim, 0);
+        /* of two numbers of iterations both are ends */
+        assert_int_equal(results->bins[b].method[2].end_psnr + results->bins[b].method[2].end_ssim, 2);
+    }
     float *plane = calloc((size_t)side * (size_t)side, sizeof *plane);
     for (int b = 0; b < 3; b++) {
         const rx_restoration_bin *bin = &results->bins[b];
