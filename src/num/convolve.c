@@ -72,73 +72,102 @@ void rx_gauss_weights(double fwhm, int radius, float *weights)
         weights[i + radius] = (float)((erf((i + 0.5) * unit) - erf((i - 0.5) * unit)) / (2 * sum));
 }
 
-/* Along x: num = G (f where good), den = G (1 where good). */
-static void smooth_rows(int width, int height, int radius, const float *g, const uint8_t *mask, int nthreads,
-                        const float *image, float *num, float *den)
+/* Sums of so many pixels of a row grow together, each in the order of the weights. */
+enum { TOGETHER = 64 };
+
+/* Along x: num = G f, den = G good, for pixels x0 .. x1 - 1 of one row; f and `good` are 0 at masked ones. */
+static void smooth_row(int width, int x0, int x1, int radius, const float *g, const float *image,
+                       const float *good, float *restrict num, float *restrict den)
+{
+    float n[TOGETHER] = {0}, d[TOGETHER] = {0};
+    for (int i = -radius; i <= radius; i++) {
+        const int first = x0 + i < 0 ? -i : x0, last = x1 + i > width ? width - i : x1;
+        const float weight = g[i + radius];
+#pragma omp simd
+        for (int x = first; x < last; x++) {
+            n[x - x0] += weight * image[x + i];
+            d[x - x0] += weight * good[x + i];
+        }
+    }
+    for (int x = x0; x < x1; x++) {
+        num[x] = n[x - x0];
+        den[x] = d[x - x0];
+    }
+}
+
+/* good_stride 0: one row of ones serves all. */
+static void smooth_rows(int width, int height, int radius, const float *g, int nthreads, const float *image,
+                        const float *good, size_t good_stride, float *num, float *den)
 {
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < height; y++) {
         const size_t row = (size_t)y * width;
-        for (int x = 0; x < width; x++) {
-            const int first = x < radius ? -x : -radius;
-            const int last = x + radius >= width ? width - 1 - x : radius;
-            float n = 0, d = 0;
-            for (int i = first; i <= last; i++) {
-                if (mask != NULL && mask[row + x + i] != 0)
-                    continue;
-                n += g[i + radius] * image[row + x + i];
-                d += g[i + radius];
-            }
-            num[row + x] = n;
-            den[row + x] = d;
-        }
+        for (int x = 0; x < width; x += TOGETHER)
+            smooth_row(width, x, x + TOGETHER < width ? x + TOGETHER : width, radius, g, image + row,
+                       good + (size_t)y * good_stride, num + row, den + row);
     }
 }
 
-/* Along y, then the quotient, at good pixels. */
+/* Along y, then the quotient, at good pixels: `count` of row y, all pointers at the first of them. */
+static void smooth_piece(int width, int height, int y, int count, int radius, const float *g,
+                         const uint8_t *mask, const float *num, const float *den, float *restrict image)
+{
+    float n[TOGETHER] = {0}, d[TOGETHER] = {0};
+    const int first = y < radius ? -y : -radius;
+    const int last = y + radius >= height ? height - 1 - y : radius;
+    for (int i = first; i <= last; i++) {
+        const float weight = g[i + radius];
+        const float *a = num + (ptrdiff_t)i * width, *b = den + (ptrdiff_t)i * width;
+#pragma omp simd
+        for (int x = 0; x < count; x++) {
+            n[x] += weight * a[x];
+            d[x] += weight * b[x];
+        }
+    }
+    /* a good pixel counts itself, hence d > 0 there */
+    for (int x = 0; x < count; x++)
+        image[x] = mask == NULL || mask[x] == 0 ? n[x] / d[x] : 0.0f;
+}
+
 static void smooth_columns(int width, int height, int radius, const float *g, const uint8_t *mask,
                            int nthreads, const float *num, const float *den, float *image)
 {
 #pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (int y = 0; y < height; y++) {
-        const int first = y < radius ? -y : -radius;
-        const int last = y + radius >= height ? height - 1 - y : radius;
-        for (int x = 0; x < width; x++) {
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x += TOGETHER) {
             const size_t k = (size_t)y * width + x;
-            float n = 0, d = 0;
-            for (int i = first; i <= last; i++) {
-                n += g[i + radius] * num[k + (ptrdiff_t)i * width];
-                d += g[i + radius] * den[k + (ptrdiff_t)i * width];
-            }
-            /* a good pixel counts itself, hence d > 0 there */
-            image[k] = (mask == NULL || mask[k] == 0) ? n / d : 0.0f;
+            smooth_piece(width, height, y, x + TOGETHER < width ? TOGETHER : width - x, radius, g,
+                         mask != NULL ? mask + k : NULL, num + k, den + k, image + k);
         }
-    }
 }
 
 rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mask, int nthreads, float *image,
                           rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
-    if (!(fwhm > 0)) {
-        for (size_t k = 0; mask != NULL && k < n; k++)
-            if (mask[k] != 0)
-                image[k] = 0;
+    for (size_t k = 0; mask != NULL && k < n; k++)
+        if (mask[k] != 0)
+            image[k] = 0;
+    if (!(fwhm > 0))
         return RX_OK;
-    }
     rx_status status = RX_OK;
     const int radius = rx_gauss_radius(fwhm), threads = nthreads < 1 ? 1 : nthreads;
+    const size_t ngood = mask != NULL ? n : (size_t)width;
     float *g = RX_NEW(float, 2 * (size_t)radius + 1), *num = RX_NEW(float, n), *den = RX_NEW(float, n);
-    if (g == NULL || num == NULL || den == NULL) {
-        status = rx_error_memory(err, 2 * n * sizeof *num);
+    float *good = RX_NEW(float, ngood);
+    if (g == NULL || num == NULL || den == NULL || good == NULL) {
+        status = rx_error_memory(err, 3 * n * sizeof *num);
         goto exit;
     }
+    for (size_t k = 0; k < ngood; k++)
+        good[k] = mask == NULL || mask[k] == 0 ? 1.0f : 0.0f;
     rx_gauss_weights(fwhm, radius, g);
-    smooth_rows(width, height, radius, g, mask, threads, image, num, den);
+    smooth_rows(width, height, radius, g, threads, image, good, mask != NULL ? (size_t)width : 0, num, den);
     smooth_columns(width, height, radius, g, mask, threads, num, den, image);
 exit:
     free(g);
     free(num);
     free(den);
+    free(good);
     return status;
 }
