@@ -17,33 +17,73 @@ int rx_bins_index(const rx_bins *bins, double mag)
     return i;
 }
 
-static double centre(const rx_bins *bins, int i)
+/* Fine bins that the references are counted in: narrow against the fall of a completeness curve, which linear
+ * interpolation between wide ones would move. */
+enum { FINE = 36 };
+
+typedef struct counts {
+    double low, width;                          /* of the range, and of a fine bin */
+    double mag[FINE], found[FINE], total[FINE]; /* sums */
+} counts;
+
+static void count(counts *c, double mag, int found, double times)
 {
-    return 0.5 * (bins->edge[i] + bins->edge[i + 1]);
+    int i = (int)((mag - c->low) / c->width);
+    i = i < 0 ? 0 : i >= FINE ? FINE - 1 : i;
+    c->mag[i] += times * mag;
+    c->total[i] += times;
+    c->found[i] += found ? times : 0.0;
 }
 
-double rx_completeness_mag(const rx_bins *bins, const double *found, const double *total, double share,
-                           int *beyond)
+/* The falling curve nearest to the shares, in place: where one rises, it and its neighbours take their mean.
+ */
+static void make_fall(int n, double *share, const double *weight)
 {
-    int fainter = -1;
-    *beyond = 0;
-    for (int i = bins->n - 1; i >= 0; i--) {
-        if (total[i] < RX_COMPLETENESS_MIN)
-            continue;
-        double here = found[i] / total[i];
-        if (here >= share && fainter < 0) {
-            *beyond = 1;
-            return bins->edge[i + 1];
+    double value[FINE], sum[FINE];
+    int length[FINE], pools = 0;
+    for (int i = 0; i < n; i++) {
+        value[pools] = share[i];
+        sum[pools] = weight[i];
+        length[pools++] = 1;
+        for (; pools > 1 && value[pools - 2] < value[pools - 1]; pools--) {
+            double both = sum[pools - 2] + sum[pools - 1];
+            value[pools - 2] = (value[pools - 2] * sum[pools - 2] + value[pools - 1] * sum[pools - 1]) / both;
+            sum[pools - 2] = both;
+            length[pools - 2] += length[pools - 1];
         }
-        if (here >= share) {
-            double there = found[fainter] / total[fainter];
-            double way = (here - share) / (here - there);
-            return centre(bins, i) + way * (centre(bins, fainter) - centre(bins, i));
-        }
-        fainter = i;
     }
-    *beyond = fainter >= 0 ? -1 : 0;
-    return fainter >= 0 ? bins->edge[fainter] : NAN;
+    for (int p = 0, i = 0; p < pools; p++)
+        for (int k = 0; k < length[p]; k++)
+            share[i++] = value[p];
+}
+
+/* beyond: 0 the curve crosses `wanted`; +1 it is above it to the end, which is returned; -1 below from the
+ * beginning. NAN with fewer than RX_COMPLETENESS_MIN references. */
+static double crossing(const counts *c, double wanted, int *beyond)
+{
+    double mag[FINE], share[FINE], weight[FINE], all = 0.0;
+    int bin[FINE], n = 0, last = -1;
+    *beyond = 0;
+    for (int i = 0; i < FINE; i++) {
+        if (!(c->total[i] > 0.0))
+            continue;
+        bin[n] = i;
+        mag[n] = c->mag[i] / c->total[i];
+        share[n] = c->found[i] / c->total[i];
+        weight[n++] = c->total[i];
+        all += c->total[i];
+    }
+    if (all < RX_COMPLETENESS_MIN)
+        return NAN;
+    make_fall(n, share, weight);
+    while (last + 1 < n && share[last + 1] >= wanted)
+        last++;
+    *beyond = last < 0 ? -1 : last == n - 1 ? 1 : 0;
+    if (last < 0)
+        return c->low + bin[0] * c->width;
+    if (last == n - 1)
+        return c->low + (bin[last] + 1) * c->width;
+    return mag[last] + (share[last] - wanted) / (share[last] - share[last + 1]) * (mag[last + 1] - mag[last]);
 }
 
 /* Replicates that are only "at least" or "at most" are moved by this many magnitudes, so that they sort to
@@ -63,60 +103,57 @@ static void open_ends(rx_estimate *dst)
         dst->high = INFINITY;
 }
 
-/* References that fall into a bin, in catalogue order. */
+/* References inside the range, in catalogue order. */
 typedef struct reference_data {
-    const rx_bins *bins;
+    double low, width;
     long n;
-    const int *bin;
+    const double *mag;
     const unsigned char *found;
     double share;
 } reference_data;
 
-static double resampled_mag(const void *data, const uint32_t *counts)
+static double resampled_mag(const void *data, const uint32_t *drawn)
 {
     const reference_data *in = data;
-    double found[RX_MAX_BINS] = {0}, total[RX_MAX_BINS] = {0};
+    counts c = {.low = in->low, .width = in->width};
     int beyond;
-    for (long i = 0; i < in->n; i++) {
-        total[in->bin[i]] += counts[i];
-        if (in->found[i])
-            found[in->bin[i]] += counts[i];
-    }
-    double value = rx_completeness_mag(in->bins, found, total, in->share, &beyond);
-    return isnan(value) ? in->bins->edge[0] - LIMIT : value + beyond * LIMIT;
+    for (long i = 0; i < in->n; i++)
+        if (drawn[i] > 0)
+            count(&c, in->mag[i], in->found[i], drawn[i]);
+    double value = crossing(&c, in->share, &beyond);
+    return isnan(value) ? in->low - LIMIT : value + beyond * LIMIT;
 }
 
 rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const unsigned char *found,
                           double share, double level, unsigned long seed, rx_estimate *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    double nfound[RX_MAX_BINS] = {0}, total[RX_MAX_BINS] = {0};
+    counts c = {.low = bins->edge[0], .width = (bins->edge[bins->n] - bins->edge[0]) / FINE};
     int beyond;
     *dst = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
-    int *bin = RX_NEW(int, (size_t)n);
+    double *inside = RX_NEW(double, (size_t)n);
     unsigned char *hit = RX_NEW(unsigned char, (size_t)n);
-    if (bin == NULL || hit == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof *bin);
+    if (inside == NULL || hit == NULL) {
+        status = rx_error_memory(err, (size_t)n * sizeof *inside);
         goto exit;
     }
     for (long i = 0; i < n; i++) {
-        int b = rx_bins_index(bins, mag[i]);
-        if (b < 0)
+        if (rx_bins_index(bins, mag[i]) < 0)
             continue;
-        bin[dst->n] = b;
+        inside[dst->n] = mag[i];
         hit[dst->n++] = found[i] != 0;
-        total[b] += 1;
-        nfound[b] += found[i] != 0;
+        count(&c, mag[i], found[i] != 0, 1.0);
     }
-    dst->value = rx_completeness_mag(bins, nfound, total, share, &beyond);
+    dst->value = crossing(&c, share, &beyond);
     if (isnan(dst->value) || dst->n < RX_BOOTSTRAP_FEWEST)
         goto exit;
-    reference_data data = {.bins = bins, .n = dst->n, .bin = bin, .found = hit, .share = share};
+    reference_data data = {
+        .low = c.low, .width = c.width, .n = dst->n, .mag = inside, .found = hit, .share = share};
     status = rx_bootstrap_interval(seed, 2, dst->n, resampled_mag, &data, level, dst, err);
     if (status == RX_OK)
         open_ends(dst);
 exit:
-    free(bin);
+    free(inside);
     free(hit);
     return status;
 }

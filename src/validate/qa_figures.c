@@ -315,7 +315,7 @@ static const plan plans[] = {
     {"plot-recall", "Recall (completeness)",
      "Share of the references of each magnitude that were found; bars are 95 % intervals, pale points bins "
      "of "
-     "fewer than 5. The magnitude where a curve last crosses one half is mag50.",
+     "fewer than 5. Where the falling curve nearest to the references crosses one half is mag50.",
      write_recall},
     {"plot-precision", "Precision (purity)",
      "Share of the detections of each measured magnitude that are references; bars and pale points as "

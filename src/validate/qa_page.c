@@ -259,19 +259,20 @@ static void write_reading(rx_text *dst, const rx_report *r)
         "limit lies beyond the reference. Means, such as MagErr, follow single gross mismatches (a blend, a "
         "saturated reference); medians and sigma_MAD do not.</p>\n",
         100 * r->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
-    rx_text_add(dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
-                     "magnitude, all else by reference magnitude. Precision against a catalogue that is "
-                     "not deeper than the tile is a <b>lower bound</b>: a real source that the reference "
-                     "lacks counts as a false detection. Judge it at magnitudes where the reference is "
-                     "complete.</p>\n<p><b>Fluxes</b> are compared on the scale of the catalogue's zero "
-                     "point: F0 follows from the reference magnitude. Nothing is corrected silently: "
-                     "every table and figure uses the magnitudes as they are, only <b>magerr_shifted</b> "
-                     "takes out <b>zp_offset</b>, the median difference of bright (error up to 0.05 "
-                     "mag), unsaturated matches. An offset there is a matter of calibration or aperture, "
-                     "not of restoration.</p>\n<p><b>mag50</b> and <b>mag90</b> are scanned from the "
-                     "faint end over bins of 5 references or more, with linear interpolation between bin "
-                     "centres; a value with an infinite end is a limit.</p>\n<p><b>Precision against "
-                     "recall</b> ranks detections by ");
+    rx_text_add(
+        dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
+             "magnitude, all else by reference magnitude. Precision against a catalogue that is "
+             "not deeper than the tile is a <b>lower bound</b>: a real source that the reference "
+             "lacks counts as a false detection. Judge it at magnitudes where the reference is "
+             "complete.</p>\n<p><b>Fluxes</b> are compared on the scale of the catalogue's zero "
+             "point: F0 follows from the reference magnitude. Nothing is corrected silently: "
+             "every table and figure uses the magnitudes as they are, only <b>magerr_shifted</b> "
+             "takes out <b>zp_offset</b>, the median difference of bright (error up to 0.05 "
+             "mag), unsaturated matches. An offset there is a matter of calibration or aperture, "
+             "not of restoration.</p>\n<p><b>mag50</b> and <b>mag90</b> are read off the "
+             "falling curve that is nearest to the single references (isotonic regression), whatever "
+             "the bins of the tables; a value with an infinite end is a limit.</p>\n<p><b>Precision against "
+             "recall</b> ranks detections by ");
     rx_escape_html(dst, r->input->score_name != NULL ? r->input->score_name : "score");
     rx_text_add(
         dst, ", or by magnitude where a run has no such score; ap = &Sigma; (R<sub>n</sub> &minus; "
