@@ -109,6 +109,24 @@ void rx_checks_free(rx_checks *checks)
 }
 
 /* "22.31 (22.25..22.38)"; a side without a bound stays open. */
+/* A magnitude that was not reached is a limit. */
+static void add_depth(rx_text *dst, int percent, const rx_estimate *e)
+{
+    if (isfinite(e->value) && isfinite(e->low) && isfinite(e->high)) {
+        rx_text_printf(dst, ", %d %% complete at %.2f (%.2f..%.2f)", percent, e->value, e->low, e->high);
+        return;
+    }
+    rx_text_printf(dst, ", %d %% complete at ", percent);
+    if (!isfinite(e->value))
+        rx_text_add(dst, "not known");
+    else if (isfinite(e->low))
+        rx_text_printf(dst, "%.2f or fainter (beyond %.2f)", e->value, e->low);
+    else if (isfinite(e->high))
+        rx_text_printf(dst, "%.2f or brighter (before %.2f)", e->value, e->high);
+    else
+        rx_text_printf(dst, "%.2f (no interval)", e->value);
+}
+
 static void add_estimate(rx_text *dst, const char *what, int decimals, const rx_estimate *e)
 {
     rx_text_printf(dst, ", %s ", what);
@@ -132,8 +150,8 @@ void rx_checks_text(const rx_checks *checks, const rx_check_results *results, rx
     if (self->injected > 0) {
         rx_text_printf(dst, "self check: %ld of %ld injected objects of magnitude %.2f to %.2f found",
                        self->found, self->injected, checks->plan->mag_low, checks->plan->mag_high);
-        add_estimate(dst, "50 % complete at", 2, &self->mag50);
-        add_estimate(dst, "90 % at", 2, &self->mag90);
+        add_depth(dst, 50, &self->mag50);
+        add_depth(dst, 90, &self->mag90);
         add_estimate(dst, "purity", 3, &self->purity);
         add_estimate(dst, "magnitude bias", 3, &self->bias);
         add_estimate(dst, "of isolated ones in wide apertures", 4, &self->wide_bias);

@@ -95,16 +95,19 @@ static double stated_fwhm(const rx_options *options, const rx_tile *tile)
     return scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
 }
 
+static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
+
 /* Too few stars never lose the tile: the stated seeing serves, said loudly; without it the tile stays
  * as it is. */
-static rx_status stated_psf(const rx_options *options, rx_field *field, rx_log *log, rx_error *err)
+static rx_status stated_psf(const rx_options *options, const rx_error *why, rx_field *field, rx_log *log,
+                            rx_error *err)
 {
     rx_psf_params par = options->psf;
     char reason[RX_ERROR_TEXT];
-    snprintf(reason, sizeof reason, "%s", err != NULL ? err->text : "no PSF");
+    snprintf(reason, sizeof reason, "%s", why->text);
     par.type = RX_PSF_MOFFAT;
     par.fwhm = stated_fwhm(options, field->tile);
-    if (!(par.fwhm > 0.0)) {
+    if (!(par.fwhm >= LEAST_FWHM)) { /* a pixel scale of degrees, or none */
         rx_log_warning(log, "%s[%d]: %s; the tile is not restored", field->tile->name, field->tile->hdu,
                        reason);
         field->unrestorable = 1;
@@ -136,7 +139,7 @@ static rx_status make_psf(const rx_options *options, int role, rx_field *field, 
     status = rx_psf_make(&par, field->tile, field->restored, stars, log, &field->psf, &why);
     rx_sources_free(stars);
     if (status == RX_INPUT)
-        return stated_psf(options, field, log, &why);
+        return stated_psf(options, &why, field, log, err);
     if (status != RX_OK && err != NULL)
         *err = why;
     return status;

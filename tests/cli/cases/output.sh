@@ -43,6 +43,11 @@ make_fits flat tile.fits
 leaves test.cat
 expect 0 '' tile.fits -PSF_TYPE AUTO
 
+begin 'a tile without stars, and a stated seeing far below a pixel'
+make_fits flat tile.fits
+leaves test.cat
+expect 0 '' tile.fits -PSF_TYPE AUTO -SEEING_FWHM 0.01 -PIXEL_SCALE 1000
+
 begin 'a tile without any weight'
 make_fits tile tile.fits && make_fits zeros weight.fits
 leaves test.cat
