@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "simulate/places.h"
 #include "simulate/population.h"
@@ -121,9 +122,17 @@ static int settle(rx_scene *scene, rx_places *places, int found)
     return 1;
 }
 
-static void add_stars(const rx_scene_params *par, long count, rx_scene *scene, rx_places *places)
+/* Crowded fields take their time to fill: now and then somebody may want to stop. */
+static rx_status may_go_on(long number, rx_error *err)
 {
-    for (long i = 0; i < count; i++) {
+    return number % 256 == 0 ? rx_interrupt_check(err) : RX_OK;
+}
+
+static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *scene, rx_places *places,
+                           rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
         rx_object *star = &scene->objects[scene->n];
         rx_population_star(par, i, star);
         if (!settle(scene, places, rx_places_find(places, RX_DRAW_STARS, i, &star->x, &star->y)))
@@ -137,27 +146,33 @@ static void add_stars(const rx_scene_params *par, long count, rx_scene *scene, r
         other->flux = pow(10.0, -0.4 * (other->mag - par->zeropoint));
         settle(scene, places, rx_places_beside(places, i, primary, &other->x, &other->y));
     }
+    return status;
 }
 
-static void add_galaxies(const rx_scene_params *par, long count, rx_scene *scene, rx_places *places)
+static rx_status add_galaxies(const rx_scene_params *par, long count, rx_scene *scene, rx_places *places,
+                              rx_error *err)
 {
-    for (long i = 0; i < count; i++) {
+    rx_status status = RX_OK;
+    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
         rx_object *galaxy = &scene->objects[scene->n];
         rx_population_galaxy(par, i, galaxy);
         settle(scene, places, rx_places_find(places, RX_DRAW_GALAXIES, i, &galaxy->x, &galaxy->y));
     }
+    return status;
 }
 
-static void add_templates(const rx_scene_params *par, const rx_templates *templates, long count,
-                          rx_scene *scene, rx_places *places)
+static rx_status add_templates(const rx_scene_params *par, const rx_templates *templates, long count,
+                               rx_scene *scene, rx_places *places, rx_error *err)
 {
-    for (long i = 0; i < count; i++) {
+    rx_status status = RX_OK;
+    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
         rx_object *object = &scene->objects[scene->n];
         long before = scene->shrunk;
         rx_population_template(par, templates, i, object, &scene->shrunk);
         if (!settle(scene, places, rx_places_find(places, RX_DRAW_TEMPLATES, i, &object->x, &object->y)))
             scene->shrunk = before;
     }
+    return status;
 }
 
 rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *templates, rx_scene **dst,
@@ -182,9 +197,13 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     status = rx_places_set(par, scene->objects, room, &places, err);
     if (status != RX_OK)
         goto exit;
-    add_stars(par, stars, scene, &places);
-    add_galaxies(par, galaxies, scene, &places);
-    add_templates(par, templates, others, scene, &places);
+    status = add_stars(par, stars, scene, &places, err);
+    if (status == RX_OK)
+        status = add_galaxies(par, galaxies, scene, &places, err);
+    if (status == RX_OK)
+        status = add_templates(par, templates, others, scene, &places, err);
+    if (status != RX_OK)
+        goto exit;
     *dst = scene;
     scene = NULL;
 exit:
