@@ -1,5 +1,6 @@
 librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
+	src/io/claim.c src/io/claim.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
 	src/io/fits_tiles.c src/io/fits_tiles.h \

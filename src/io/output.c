@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "io/claim.h"
 
 /* A folder that holds this file was made by us and may be replaced by the next run. */
 static const char MARKER[] = ".rextract";
@@ -25,7 +26,8 @@ typedef struct output {
     char *temporary; /* where it is written */
     dev_t device;    /* with folder and name: a.fits and ./a.fits are one file */
     ino_t folder;
-    int done; /* renamed */
+    int claim; /* descriptor that holds a folder's claim, -1 none */
+    int done;  /* renamed */
 } output;
 
 struct rx_outputs {
@@ -177,10 +179,12 @@ static void forget(output *out)
     free(out->path);
     free(out->shown);
     free(out->temporary);
+    if (out->claim >= 0)
+        close(out->claim);
 }
 
 /* Making the temporary now is the only sure test of whether it can be made. */
-static rx_status make_temporary(const output *out, rx_error *err)
+static rx_status make_temporary(output *out, rx_error *err)
 {
     rx_output_remove(out->temporary); /* left by a killed process of the same number */
     if (out->kind != OUTPUT_FOLDER) {
@@ -191,15 +195,12 @@ static rx_status make_temporary(const output *out, rx_error *err)
         unlink(out->temporary);
         return RX_OK;
     }
+    rx_claim_sweep(out->path, out->temporary, MARKER);
     if (mkdir(out->temporary, 0777) != 0)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
-    char *marker = format(out->temporary, "/", MARKER);
-    FILE *file = marker != NULL ? fopen(marker, "w") : NULL;
-    int failed = file == NULL || fputs("Made by rextract: the next run replaces this folder.\n", file) < 0;
-    if (file != NULL && fclose(file) != 0)
-        failed = 1;
-    free(marker);
-    if (failed) {
+    out->claim =
+        rx_claim_make(out->temporary, MARKER, "Made by rextract: the next run replaces this folder.\n");
+    if (out->claim < 0) {
         rx_status status =
             rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
         rx_output_remove(out->temporary);
@@ -226,7 +227,7 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
         return rx_error_memory(err, sizeof *list);
     outputs->list = list;
     output *out = &list[outputs->n];
-    *out = (output){.shown = rx_strdup(path)};
+    *out = (output){.shown = rx_strdup(path), .claim = -1};
     rx_status status = out->shown == NULL ? rx_error_memory(err, strlen(path)) : inspect(out, folder, err);
     if (status == RX_OK)
         status = place(out, err);

@@ -17,7 +17,8 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
 
 /* The same for a folder (report): the temporary folder is made, and takes the place of
  * an older one at commit. Only an empty folder or one of ours (it holds `.rextract`) is
- * replaced; any other, or a plain file, is an RX_USAGE error. */
+ * replaced; any other, or a plain file, is an RX_USAGE error. What a killed process has left of a folder of
+ * the same name is removed. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The name that the user gave for what is written as `temporary`, for error messages: a temporary name

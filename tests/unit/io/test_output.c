@@ -1,6 +1,9 @@
 /* Outputs appear whole or not at all. */
 #include "io_test.h"
 
+#include <signal.h>
+#include <sys/wait.h>
+
 #include "io/output.h"
 
 static void put(const char *path, const char *text)
@@ -89,6 +92,74 @@ static void test_folders(void **state)
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
     check_content(in(state, "mine/letter"), "dear");
+}
+
+/* A process that reserves a folder, says so, and waits to be killed. */
+static pid_t reserve_and_wait(void **state, const char *name)
+{
+    int told[2];
+    char byte;
+    const char *path = in(state, name);
+    assert_int_equal(pipe(told), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+        rx_outputs *outputs = NULL;
+        const char *folder = NULL;
+        if (rx_outputs_new(&outputs, NULL) != RX_OK ||
+            rx_outputs_folder(outputs, path, &folder, NULL) != RX_OK)
+            _exit(1);
+        (void)!write(told[1], "x", 1);
+        for (;;)
+            pause();
+    }
+    assert_true(child > 0);
+    close(told[1]);
+    assert_int_equal(read(told[0], &byte, 1), 1);
+    close(told[0]);
+    return child;
+}
+
+/* What a killed process leaves of a folder goes with the next one of that name; what a living one is at work
+ * on stays, and so does what only looks like it. */
+static void test_leftovers(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL;
+    char left[64];
+    const int before = count_entries(in(state, ""));
+    const pid_t child = reserve_and_wait(state, "later");
+    snprintf(left, sizeof left, ".later.rx-%ld.tmp", (long)child);
+    assert_int_equal(mkdir(in(state, ".later.rx-12x.tmp"), 0777), 0);
+    for (int alive = 1; alive >= 0; alive--) {
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_folder(outputs, in(state, "later"), &folder, NULL), RX_OK);
+        rx_outputs_free(outputs);
+        assert_int_equal(access(in(state, left), F_OK), alive ? 0 : -1);
+        if (alive) {
+            assert_int_equal(kill(child, SIGKILL), 0);
+            assert_int_equal(waitpid(child, NULL, 0), child);
+        }
+    }
+    assert_int_equal(rmdir(in(state, ".later.rx-12x.tmp")), 0);
+    assert_int_equal(count_entries(in(state, "")), before);
+}
+
+/* Killed between the renames of an old folder and the new one: the old one comes back. Killed after them: it
+ * goes. */
+static void test_aside(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL;
+    for (int whole = 0; whole < 2; whole++) {
+        assert_int_equal(mkdir(in(state, ".twice.rx-1.tmp.old"), 0777), 0);
+        put(in(state, ".twice.rx-1.tmp.old/.rextract"), "ours");
+        put(in(state, ".twice.rx-1.tmp.old/page"), whole ? "second" : "first");
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_folder(outputs, in(state, "twice"), &folder, NULL), RX_OK);
+        rx_outputs_free(outputs);
+        check_content(in(state, "twice/page"), "first");
+        assert_int_equal(access(in(state, ".twice.rx-1.tmp.old"), F_OK), -1);
+    }
 }
 
 static void test_refused(void **state)
@@ -180,8 +251,10 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort), cmocka_unit_test(test_folders),
-        cmocka_unit_test(test_refused),        cmocka_unit_test(test_links), cmocka_unit_test(test_devices),
+        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort),
+        cmocka_unit_test(test_folders),        cmocka_unit_test(test_leftovers),
+        cmocka_unit_test(test_aside),          cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_links),          cmocka_unit_test(test_devices),
         cmocka_unit_test(test_failing_commit),
     };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, drop_scratch);
