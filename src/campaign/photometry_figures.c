@@ -82,7 +82,7 @@ static void fill(curves *c, const rx_photometry_numbers *m, int f, int run, cons
     }
     c->curve[run] = (rx_curve){.name = m->results->run[run],
                                .kind = band ? RX_CURVE_BAND : RX_CURVE_BARS,
-                               .color = rx_method_color(m->results->run[run], run),
+                               .color = rx_method_color(m->results->run[run]),
                                .n = field->nsets};
     c->curve[run].x = x;
     c->curve[run].y = y;
@@ -175,7 +175,7 @@ static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int se
         double *x = data + 2 * room * (size_t)run, *y = x + room;
         long n = thin(&rx_photometry_cell_of(m, f, set, run)->pr, x, y);
         line[run] = (rx_curve){.name = m->results->run[run], .kind = RX_CURVE_LINE, .n = n, .x = x, .y = y};
-        line[run].color = rx_method_color(m->results->run[run], run);
+        line[run].color = rx_method_color(m->results->run[run]);
     }
     snprintf(id, sizeof id, "curve%d-%d", f, set);
     snprintf(title, sizeof title, "Magnitude %g (S/N %.3g)", s->mag, s->snr);

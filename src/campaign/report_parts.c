@@ -7,15 +7,15 @@
 #include "validate/escape.h"
 #include "validate/page.h"
 
-int rx_method_color(const char *name, int position)
+int rx_method_color(const char *name)
 {
     static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT", "SMOOTHED"};
     if (strcmp(name, "NONE") == 0)
         return 0;
-    for (int i = 0; i < (int)(sizeof known / sizeof *known); i++)
-        if (strcmp(name, known[i]) == 0)
-            return i;
-    return 6 + position % 2;
+    int color = 0;
+    while (color < (int)(sizeof known / sizeof *known) && strcmp(name, known[color]) != 0)
+        color++;
+    return color;
 }
 
 void rx_page_said(rx_text *dst, const rx_text *said)

@@ -42,7 +42,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
     if (ngroups == 0)
         goto exit;
     for (int k = 0; k < r->nmethods; k++) {
-        colors[k] = rx_method_color(r->method[k], k);
+        colors[k] = rx_method_color(r->method[k]);
         methods[k] = r->method[k];
     }
     snprintf(id, sizeof id, "box-%s-%s", quality == RX_PSNR ? "psnr" : "ssim", kind_name[by_sigma]);
@@ -94,8 +94,9 @@ static void one_line(lines *l, const rx_restoration_numbers *m, int by_sigma, rx
     const char *first = r->method[m->pair[pair].first], *second = r->method[m->pair[pair].second];
     snprintf(l->name[pair], sizeof *l->name, "%s - %s", first, second);
     l->curve[pair] = (rx_curve){.name = l->name[pair], .kind = RX_CURVE_BARS, .n = n, .x = x, .y = y};
-    l->curve[pair].color = rx_method_color(first, m->pair[pair].first);
-    l->curve[pair].dashed = m->pair[pair].second == m->blurred && m->pair[pair].first != m->rl;
+    l->curve[pair].color = rx_method_color(first);
+    for (int p = 0; p < pair; p++) /* the first duel of a method is drawn through */
+        l->curve[pair].dashed |= m->pair[p].first == m->pair[pair].first;
     l->curve[pair].low = low;
     l->curve[pair].high = high;
 }

@@ -90,21 +90,21 @@ static void add_pair(rx_restoration_numbers *m, int first, int second)
         m->pair[m->npairs++] = (rx_method_pair){first, second};
 }
 
-/* Every method against RL, RL against what a filter alone does, then everything against the untouched image.
- */
+/* Every method against RL, but RL first against what a filter alone does: the untouched image is beaten by
+ * any suppression of noise. Then everything against that image. */
 static void choose_pairs(rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
     m->blurred = method_named(r, "BLURRED");
     m->rl = method_named(r, "RL");
     m->net = method_named(r, "NET");
-    const int smoothed = method_named(r, "SMOOTHED");
+    m->smoothed = method_named(r, "SMOOTHED");
     add_pair(m, m->net, m->rl);
+    add_pair(m, m->rl, m->smoothed);
     add_pair(m, m->rl, m->blurred);
-    add_pair(m, m->rl, smoothed);
-    add_pair(m, m->net, smoothed);
+    add_pair(m, m->net, m->smoothed);
     for (int i = 0; i < r->nmethods; i++)
-        if (i != m->blurred && i != smoothed)
+        if (i != m->blurred && i != m->smoothed)
             add_pair(m, i, m->rl);
     for (int i = 0; i < r->nmethods; i++)
         add_pair(m, i, m->blurred);

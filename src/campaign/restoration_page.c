@@ -291,15 +291,23 @@ static void write_paper(rx_text *dst, const rx_restoration_numbers *m)
                                         "p",        "d", "paired: t",    "p"};
     const rx_restoration_results *r = m->results;
     char text[160];
+    rx_text html = {0};
     if (m->chief < 0)
         return;
     const char *first = r->method[m->pair[m->chief].first], *second = r->method[m->pair[m->chief].second];
     rx_page_section(dst, "paper", "Beside the paper's Tables 1 to 4");
-    if (m->pair[m->chief].first != m->net)
-        rx_page_paragraph(
-            dst, "<b>The two sides compare different things.</b> The paper's columns are NET against RL; "
-                 "NET did not take part here, so ours are RL against the blurred images. The paper's "
-                 "are shown for reference.");
+    if (m->pair[m->chief].first != m->net) {
+        rx_text_add(&html, "<b>The two sides compare different things.</b> The paper's columns are NET "
+                           "against RL; NET did not take part here, so ours are ");
+        rx_escape_html(&html, first);
+        rx_text_add(&html, " against ");
+        rx_escape_html(&html, second);
+        rx_text_add(&html, ". The paper's are shown for reference.");
+    }
+    if (html.data != NULL)
+        rx_page_paragraph(dst, html.data);
+    dst->failed = dst->failed || html.failed;
+    rx_text_free(&html);
     for (int i = 0; i < RX_PAPER_TABLES; i++) {
         const rx_paper_table *table = rx_paper_table_get(i);
         if (!has_kind(r, table->by_sigma))

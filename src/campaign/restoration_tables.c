@@ -284,8 +284,8 @@ void rx_restoration_brief(rx_text *dst, const rx_restoration_page *page)
                 rx_text_printf(dst, " %14.*f", q == RX_PSNR ? 2 : 4, overall(m, kind, (rx_quality)q, k));
         rx_text_add(dst, "\n");
     }
-    if (m->chief >= 0)
-        rx_restoration_pair_words(&said, m, m->chief);
+    for (int p = 0; p < m->npairs && p < 2; p++)
+        rx_restoration_pair_words(&said, m, p);
     if (said.data != NULL)
         rx_text_printf(dst, "%s\n", said.data);
     dst->failed = dst->failed || said.failed;

@@ -136,6 +136,7 @@ static void instead(rx_text *dst, const rx_restoration_numbers *m, region where)
 {
     rx_text_add(dst, ABSENT);
     sentences(dst, m, m->rl >= 0 ? rx_method_pair_find(m, m->rl, m->blurred) : -1, -1, where);
+    sentences(dst, m, m->rl >= 0 ? rx_method_pair_find(m, m->rl, m->smoothed) : -1, -1, where);
 }
 
 static rx_claim_state state_of(int holds)
@@ -258,6 +259,7 @@ static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_
     v->state = state_of(wins_all(m, blurred, -1, where) &&
                         (where == INSIDE || rl < 0 || wins_all(m, rl, -1, where)));
     sentences(&v->said, m, blurred, -1, where);
+    sentences(&v->said, m, rx_method_pair_find(m, m->net, m->smoothed), -1, where);
     if (where == BEYOND)
         sentences(&v->said, m, rl, -1, where);
 }

@@ -30,17 +30,21 @@ static void *made(size_t n, size_t size)
 /* Scores in which RL gains little at small FWHM, much at large ones, and loses to noise. */
 static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b, int last)
 {
-    int nmethods = 3 + how->with_net;
+    int nmethods = 4 + how->with_net;
     bin->nscenes = how->nscenes;
     bin->fwhm = made((size_t)how->nscenes, sizeof *bin->fwhm);
     bin->sigma = made((size_t)how->nscenes, sizeof *bin->sigma);
     for (int k = 0; k < nmethods; k++) {
         bin->method[k].psnr = made((size_t)how->nscenes, sizeof(double));
         bin->method[k].ssim = made((size_t)how->nscenes, sizeof(double));
-        if (k == 1 || k == 2) {
+        if (k == 1) {
+            strcpy(bin->method[k].settings_psnr, "filter 0.7 FWHM");
+            strcpy(bin->method[k].settings_ssim, "filter 2 FWHM");
+        }
+        if (k == 2 || k == 3) {
             snprintf(bin->method[k].settings_psnr, 120, "RL_NITER %d, filter 0.5 FWHM", 5 * (b + 1));
             snprintf(bin->method[k].settings_ssim, 120, "RL_NITER %d, filter 0.9 FWHM", 3 * (b + 1));
-            bin->method[k].end_ssim = b == 0 && k == 1;
+            bin->method[k].end_ssim = b == 0 && k == 2;
         }
     }
     for (long i = 0; i < how->nscenes; i++) {
@@ -51,7 +55,8 @@ static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b
         double blurred = 34 - 0.9 * bin->fwhm[i] - 0.2 * bin->sigma[i] + 2 * rx_random_normal(2, 0, key);
         double gain = 0.35 * (bin->fwhm[i] - 3) - 0.02 * bin->sigma[i];
         double net = gain + (b == last ? how->net_worst : how->net_gain);
-        double psnr[4] = {blurred, blurred + gain, blurred + gain + 0.4, blurred + net};
+        double smooth = 0.1 * (bin->fwhm[i] - 3);
+        double psnr[] = {blurred, blurred + smooth, blurred + gain, blurred + gain + 0.4, blurred + net};
         for (int k = 0; k < nmethods; k++) {
             bin->method[k].psnr[i] = psnr[k] + (k > 0 ? 0.3 * rx_random_normal(3, (uint64_t)k, key) : 0);
             bin->method[k].ssim[i] = 1 / (1 + exp(-0.15 * (bin->method[k].psnr[i] - 24)));
@@ -61,7 +66,7 @@ static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b
 
 static void made_examples(rx_restoration_results *r, int n)
 {
-    static const double soft[] = {5, 3.5, 3, 2.5, 2};
+    static const double soft[] = {5, 5.5, 3.5, 3, 2.5, 2};
     r->nexamples = n;
     r->examples = made((size_t)n, sizeof *r->examples);
     for (int e = 0; e < n; e++) {
@@ -87,9 +92,9 @@ static void made_examples(rx_restoration_results *r, int n)
 
 static rx_restoration_results *make_restoration(const made_restoration *how)
 {
-    static const char *const names[] = {"BLURRED", "RL", "RL_FLAT", "NET"};
+    static const char *const names[] = {"BLURRED", "SMOOTHED", "RL", "RL_FLAT", "NET"};
     rx_restoration_results *r = made(1, sizeof *r);
-    r->nmethods = 3 + how->with_net;
+    r->nmethods = 4 + how->with_net;
     for (int k = 0; k < r->nmethods; k++)
         strcpy(r->method[k], names[k]);
     r->nbins = how->nfwhm + how->nsigma;

@@ -15,6 +15,7 @@
 #include "base/text.h"
 #include "campaign/campaign_report.h"
 #include "campaign/photometry_numbers.h"
+#include "campaign/report_parts.h"
 #include "campaign/restoration_numbers.h"
 #include "made_results.h"
 #include "validate/page.h"
@@ -86,20 +87,20 @@ static void restoration_agrees_with_scipy(void **state)
     rx_restoration_results_free(r);
 }
 
-/* Four scenes worked out by hand: RL - BLURRED = 1, 2, 3, 2: mean 2, s = sqrt(2/3), t = 2 / (s / 2) =
+/* Four scenes worked out by hand: RL - SMOOTHED = 1, 2, 3, 2: mean 2, s = sqrt(2/3), t = 2 / (s / 2) =
  * sqrt(24). */
 static void four_scenes_by_hand(void **state)
 {
-    static const double blurred[] = {20, 21, 22, 23}, rl[] = {21, 23, 25, 25};
+    static const double smoothed[] = {20, 21, 22, 23}, rl[] = {21, 23, 25, 25};
     (void)state;
     rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 4, 1, 0, 32, 0});
     rx_restoration_numbers m;
-    memcpy(r->bins[0].method[0].psnr, blurred, sizeof blurred);
-    memcpy(r->bins[0].method[1].psnr, rl, sizeof rl);
+    memcpy(r->bins[0].method[1].psnr, smoothed, sizeof smoothed);
+    memcpy(r->bins[0].method[2].psnr, rl, sizeof rl);
     assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
     const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
-    assert_int_equal(m.pair[m.chief].first, 1);
-    assert_int_equal(m.pair[m.chief].second, 0);
+    assert_int_equal(m.pair[m.chief].first, 2);
+    assert_int_equal(m.pair[m.chief].second, 1);
     assert_float_equal(d->paired.statistic, sqrt(24), 1e-12);
     assert_float_equal(d->paired.effect, 2 / sqrt(2.0 / 3), 1e-12);
     assert_float_equal(d->two_sample.dof, 6, 0);
@@ -107,7 +108,7 @@ static void four_scenes_by_hand(void **state)
     assert_float_equal(d->two_sample.statistic, 2 / sqrt(8.0 / 6), 1e-12);
     assert_float_equal(d->holm, d->paired.p, 1e-15); /* one bin: nothing to adjust */
     assert_int_equal(d->winner, 1);
-    assert_float_equal(rx_quality_mean(&m, 0, RX_PSNR, 1)->value, 23.5, 1e-12);
+    assert_float_equal(rx_quality_mean(&m, 0, RX_PSNR, 2)->value, 23.5, 1e-12);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
 }
@@ -137,6 +138,39 @@ static void the_papers_own_numbers(void **state)
     assert_int_equal(rx_paper_column_fits(rx_paper_table_of(1, 1), c, &p, &ln_p), 0);
     assert_float_equal(p, 0.09311549953989567, 1e-9);
     assert_null(rx_paper_column_at(rx_paper_table_of(1, 1), 3));
+}
+
+/* The first duel asks what deconvolution earned, and what NET earned once it is there; no method meets itself
+ * or another one twice. */
+static void who_meets_whom(void **state)
+{
+    static const char *const without[][2] = {{"RL", "SMOOTHED"},
+                                             {"RL", "BLURRED"},
+                                             {"RL_FLAT", "RL"},
+                                             {"SMOOTHED", "BLURRED"},
+                                             {"RL_FLAT", "BLURRED"}},
+                             *const with[][2] = {{"NET", "RL"},          {"RL", "SMOOTHED"},
+                                                 {"RL", "BLURRED"},      {"NET", "SMOOTHED"},
+                                                 {"RL_FLAT", "RL"},      {"SMOOTHED", "BLURRED"},
+                                                 {"RL_FLAT", "BLURRED"}, {"NET", "BLURRED"}};
+    (void)state;
+    for (int net = 0; net < 2; net++) {
+        rx_restoration_numbers m;
+        rx_restoration_results *r = make_restoration(&(made_restoration){net, 1, 1, 4, 1, 0, 32, 0});
+        assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+        assert_int_equal(m.npairs, net ? 8 : 5);
+        assert_int_equal(m.chief, 0);
+        for (int p = 0; p < m.npairs; p++) {
+            assert_string_equal(r->method[m.pair[p].first], (net ? with : without)[p][0]);
+            assert_string_equal(r->method[m.pair[p].second], (net ? with : without)[p][1]);
+        }
+        for (int a = 0; a < r->nmethods; a++)
+            for (int b = 0; b < a; b++)
+                assert_int_not_equal(rx_method_color(r->method[a]), rx_method_color(r->method[b]));
+        rx_restoration_numbers_free(&m);
+        rx_restoration_results_free(r);
+    }
+    assert_int_equal(rx_method_color("never heard of"), RX_PALETTE - 1);
 }
 
 static rx_claim_state restoration_state(const made_restoration *how, rx_claim_id claim)
@@ -186,13 +220,13 @@ static void words_follow_the_numbers(void **state)
     for (int b = 0; b < 3; b++)
         for (int i = 0; i < 6; i++) {
             double shift[] = {2, -1, 0}, wobble = 0.1 * (i % 2 ? 1 : -1);
-            r->bins[b].method[0].psnr[i] = 20 + i;
-            r->bins[b].method[1].psnr[i] = 20 + i + shift[b] + wobble;
+            r->bins[b].method[1].psnr[i] = 20 + i;
+            r->bins[b].method[2].psnr[i] = 20 + i + shift[b] + wobble;
         }
     assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
     rx_restoration_pair_words(&words, &m, m.chief);
     assert_non_null(strstr(
-        words.data, "PSNR by FWHM, RL against BLURRED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
+        words.data, "PSNR by FWHM, RL against SMOOTHED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
                     "of 3 bins (3 px, by 1 dB); no clear difference in 1 of 3 bins (4 px). "));
     rx_text_free(&words);
     rx_restoration_numbers_free(&m);
@@ -233,13 +267,15 @@ static void ends_of_tuning_are_told(void **state)
     make_folder(folder);
     assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
     char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
-    assert_non_null(strstr(page, "In 1 of 4 choices the best lies at an end"));
+    assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
+    assert_non_null(strstr(page, "filter 0.7 FWHM"));
+    assert_non_null(strstr(page, "In 1 of 6 choices the best lies at an end"));
     assert_non_null(strstr(page, "filter 0.9 FWHM <span class=\"" RX_MARK_OPEN "\">at an end</span>"));
     assert_null(strstr(page, "filter 0.5 FWHM <span"));
     assert_non_null(strstr(json, "\"tune_choices_at_end\": 1"));
     assert_non_null(strstr(json, "\"end_ssim\": true"));
     assert_null(strstr(json, "\"end_psnr\": true"));
-    assert_non_null(strstr(brief.data, "in 1 of 4 choices"));
+    assert_non_null(strstr(brief.data, "in 1 of 6 choices"));
     free(page);
     free(json);
     rx_text_free(&brief);
@@ -491,6 +527,8 @@ static void same_results_same_bytes(void **state)
         assert_int_equal(rx_restoration_report(r, &drawn, folder[i], "the report", NULL, &brief, NULL),
                          RX_OK);
         assert_non_null(strstr(brief.data, "RL_FLAT"));
+        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
+        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against BLURRED: "));
         rx_text_free(&brief);
     }
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
@@ -550,6 +588,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(restoration_agrees_with_scipy),
         cmocka_unit_test(four_scenes_by_hand),
+        cmocka_unit_test(who_meets_whom),
         cmocka_unit_test(the_papers_own_numbers),
         cmocka_unit_test(claims_about_the_network),
         cmocka_unit_test(words_follow_the_numbers),
