@@ -292,6 +292,19 @@ static void methods_come_from_the_table(void **state)
     assert_string_equal(campaign->method[1].name, "BLURRED");
     assert_int_equal(campaign->nunits, 2 + 2 + 3); /* nothing is tuned */
     rx_kind_restoration.close(campaign);
+    /* SMOOTHED comes with NONE, where something is tuned, wherever the two are named */
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL", NULL, NULL), RX_OK);
+    campaign = open_campaign(config);
+    assert_int_equal(campaign->nmethods, 2);
+    assert_string_equal(campaign->method[1].name, "RL_FLAT");
+    rx_kind_restoration.close(campaign);
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE", NULL, NULL), RX_OK);
+    campaign = open_campaign(config);
+    assert_int_equal(campaign->nmethods, 4);
+    assert_string_equal(campaign->method[2].name, "BLURRED");
+    assert_string_equal(campaign->method[3].name, "SMOOTHED");
+    assert_int_equal(campaign->ntuned, 1);
+    rx_kind_restoration.close(campaign);
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE,RL", NULL, NULL), RX_OK);
     assert_int_equal(rx_kind_restoration.open(config, 1, NULL, &pointer, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "RL twice"));
