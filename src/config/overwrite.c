@@ -73,6 +73,59 @@ static rx_status check_output(const inputs *list, const rx_config *config, const
     return status;
 }
 
+static bool is_folder(const char *path, const struct stat *folder)
+{
+    struct stat info;
+    return stat(path, &info) == 0 && info.st_dev == folder->st_dev && info.st_ino == folder->st_ino;
+}
+
+/* Does the file lie in that folder, or in one below it? to_be_made: it need not exist yet. */
+static bool lies_in(const char *name, const struct stat *folder, bool to_be_made, rx_error *err,
+                    rx_status *status)
+{
+    struct stat info;
+    char *path = rx_strdup(name), *slash;
+    if (path == NULL) {
+        *status = rx_error_memory(err, strlen(name));
+        return false;
+    }
+    if (stat(path, &info) != 0)
+        path[strcspn(path, "[")] = '\0';
+    char *real = realpath(path, NULL);
+    bool found = false;
+    if (real == NULL && to_be_made) {
+        if ((slash = strrchr(path, '/')) != NULL)
+            slash[1] = '\0';
+        real = realpath(slash != NULL ? path : ".", NULL);
+        found = real != NULL && is_folder(real, folder);
+    }
+    while (!found && real != NULL && (slash = strrchr(real, '/')) != NULL) {
+        *slash = '\0';
+        found = is_folder(real[0] != '\0' ? real : "/", folder);
+    }
+    free(real);
+    free(path);
+    return found;
+}
+
+/* A folder of ours is replaced with all that it holds: no file of the run may lie in it, neither an input nor
+ * an output (those of the list from `first_output` on). */
+static rx_status check_folder(const inputs *list, int first_output, const char *key, const char *name,
+                              rx_error *err)
+{
+    struct stat folder;
+    rx_status status = RX_OK;
+    if (name[0] == '\0' || stat(name, &folder) != 0 || !S_ISDIR(folder.st_mode))
+        return RX_OK;
+    for (int i = 0; i < list->n && status == RX_OK; i++)
+        if (lies_in(list->name[i], &folder, i >= first_output, err, &status))
+            return rx_error_set(
+                err, RX_USAGE,
+                "%s lies in the folder %s, which is replaced as a whole (%s); keep it elsewhere",
+                list->name[i], name, key);
+    return status;
+}
+
 /* Files that other keywords name, where they are used. */
 static void add_stage(inputs *list, const rx_config *config)
 {
@@ -109,6 +162,16 @@ rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_
     for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
         if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
             status = check_output(&list, config, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
+    const int first_output = list.n;
+    if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
+        add(&list, config->catalog_name);
+    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n; i++)
+        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
+            add(&list, config->checkimage_name.v[i]);
+    if (status == RX_OK && config->reference_name[0] != '\0')
+        status = check_folder(&list, first_output, "QA_NAME", config->qa_name, err);
+    if (status == RX_OK && config->self_check)
+        status = check_folder(&list, first_output, "SELF_CHECK_NAME", config->self_check_name, err);
     free(detect);
     free(measure);
     return status;
@@ -158,6 +221,10 @@ rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *i
         rx_text_printf(&journal, ".%d", k);
     status = journal.failed ? rx_error_memory(err, journal.length)
                             : check_file(&list, "JOURNAL_NAME", journal.data, err);
+    if (status == RX_OK) {
+        add(&list, journal.data);
+        status = check_folder(&list, list.n - 1, "OUTPUT_NAME", config->output_name, err);
+    }
     rx_text_free(&journal);
     return status;
 }

@@ -1,4 +1,5 @@
-/* No output takes the place of an input. Private to config/. */
+/* No output takes the place of an input, and no folder of a report that of a file in it. Private to config/.
+ */
 #ifndef RX_CONFIG_OVERWRITE_H
 #define RX_CONFIG_OVERWRITE_H
 
@@ -6,7 +7,8 @@
 
 /* RX_USAGE when a file that the program of these settings writes is one that it reads, or one of the images
  * in `image` ("tile.fits" or "detect.fits,measure.fits"; what stands in brackets does not count; NULL for
- * programs that take none). Files are compared, not names. For rx_keytable.check_outputs. */
+ * programs that take none). Files are compared, not names. A folder that the program replaces must hold
+ * none of them, and none of the other outputs. For rx_keytable.check_outputs. */
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);

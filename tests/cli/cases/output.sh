@@ -131,6 +131,11 @@ begin 'catalogue that would replace the reference'
 make_fits tile tile.fits && make_fits table ref.fits
 expect 2 'CATALOG_NAME ref\.fits is also read' tile.fits $none -REFERENCE_NAME ref.fits -CATALOG_NAME ref.fits
 
+begin 'files in a folder that a report replaces'
+make_fits tile tile.fits && make_fits table ref.fits && mkdir -p qa/deep && touch qa/.rextract && cp ref.fits qa/deep/
+expect 2 'qa/deep/ref\.fits lies in the folder qa, .*QA_NAME' tile.fits $none -REFERENCE_NAME qa/deep/ref.fits -QA_NAME qa
+expect 2 'qa/new\.cat lies in the folder qa, .*QA_NAME' tile.fits $none -REFERENCE_NAME ref.fits -QA_NAME qa -CATALOG_NAME qa/new.cat
+
 begin 'check-image where an unused weight is named'
 make_fits tile tile.fits && make_fits ones weight.fits
 leaves test.cat weight.fits

@@ -120,6 +120,11 @@ validates 'journal that would replace the campaign file'
 make_campaign
 expect 2 '^rextract-validate: JOURNAL_NAME tiny\.conf is also read' tiny.conf -JOURNAL_NAME tiny.conf
 
+validates 'journal in the folder that the report replaces'
+make_campaign
+mkdir report && touch report/.rextract
+expect 2 '^rextract-validate: report/tiny\.journal lies in the folder report.*OUTPUT_NAME' tiny.conf -OUTPUT_NAME report -JOURNAL_NAME report/tiny.journal
+
 validates 'journal that is another file'
 make_campaign
 echo 'my diary' >journal
