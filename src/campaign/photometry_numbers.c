@@ -142,21 +142,22 @@ static rx_status measure_cell(const rx_photometry_field *field, int k, int run, 
     return status;
 }
 
-/* Bins around the magnitudes of the sets; sets go from bright to faint in equal steps. */
-static rx_bins bins_of(const rx_photometry_field *field)
+/* One bin from half a step above the brightest set to half a step below the faintest: completeness only asks
+ * for the range. Sets go from bright to faint in equal steps. */
+static rx_bins range_of(const rx_photometry_field *field)
 {
-    rx_bins bins = {.n = field->nsets < RX_MAX_BINS ? field->nsets : RX_MAX_BINS};
-    double step = field->nsets > 1 ? field->sets[1].mag - field->sets[0].mag : 1;
-    for (int i = 0; i <= bins.n; i++)
-        bins.edge[i] = field->nsets > 0 ? field->sets[0].mag + (i - 0.5) * step : i;
-    return bins;
+    if (field->nsets == 0)
+        return (rx_bins){.n = 1, .edge = {0, 1}};
+    const double step = field->nsets > 1 ? field->sets[1].mag - field->sets[0].mag : 1;
+    return (rx_bins){
+        .n = 1, .edge = {field->sets[0].mag - 0.5 * step, field->sets[0].mag + (field->nsets - 0.5) * step}};
 }
 
 /* Magnitudes of 50 and 90 % completeness for stars found above `score`. */
 static rx_status depth(const rx_photometry_field *field, int run, double score, uint64_t seed, scratch *s,
                        rx_estimate *mag50, rx_estimate *mag90, rx_error *err)
 {
-    rx_bins bins = bins_of(field);
+    const rx_bins bins = range_of(field);
     long n = 0;
     for (int k = 0; k < field->nsets; k++)
         for (long i = 0; i < field->sets[k].nstars; i++) {

@@ -345,6 +345,25 @@ static void photometry_agrees_with_scipy(void **state)
     rx_photometry_results_free(r);
 }
 
+/* The depth of a field of many magnitudes: of 80, the 70 brightest found. */
+static void depth_of_many_magnitudes(void **state)
+{
+    enum { SETS = 80, FOUND = 70, STARS = 4 };
+    rx_photometry_numbers m;
+    (void)state;
+    rx_photometry_results *r = make_photometry(&(made_photometry){1, 1, SETS, 1, STARS, 0});
+    for (int k = 0; k < SETS; k++)
+        for (int i = 0; i < STARS; i++)
+            r->fields[0].sets[k].run[0].stars[i] =
+                k < FOUND ? (rx_star_result){9, 1, 0, 0} : (rx_star_result){NAN, NAN, NAN, 0};
+    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+    const rx_estimate *mag50 = &rx_photometry_whole_of(&m, 0, 0)->mag50;
+    assert_int_equal(mag50->n, SETS * STARS);
+    assert_float_equal(mag50->value, r->fields[0].sets[FOUND].mag, 1.0);
+    rx_photometry_numbers_free(&m);
+    rx_photometry_results_free(r);
+}
+
 /* Four stars, scores 9 8 7 -, two false detections of 7.5 and 6: precision is 2/2 down to 8, 3/4 at 7, 3/5
  * at 6. */
 static void thresholds_by_hand(void **state)
@@ -596,6 +615,7 @@ int main(void)
         cmocka_unit_test(ends_of_tuning_are_told),
         cmocka_unit_test(odd_restoration_results),
         cmocka_unit_test(photometry_agrees_with_scipy),
+        cmocka_unit_test(depth_of_many_magnitudes),
         cmocka_unit_test(thresholds_by_hand),
         cmocka_unit_test(claims_about_photometry),
         cmocka_unit_test(odd_photometry_results),
