@@ -118,7 +118,7 @@ static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_e
     if (*places == NULL)
         return rx_error_memory(err, (size_t)*n * sizeof **places);
     for (long u = 0; u < *n; u++)
-        (*places)[u] = (rx_unit_place){(int)(u / state->ntiles), 0};
+        (*places)[u] = (rx_unit_place){(int)u, 0}; /* tiles are on their own: any number of shards has work */
     return RX_OK;
 }
 

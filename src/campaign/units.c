@@ -52,19 +52,21 @@ static void tell(crew *c)
                 used * (double)(c->todo - c->done) / (double)c->done);
 }
 
-/* Keep what a unit has given, or why it failed. */
-static void finish(crew *c, long unit, rx_status status, rx_unit_values *values, const rx_error *why)
+/* Keep what a unit has given, or why it failed. What is done when a signal stops the others is done. */
+static void finish(crew *c, long unit, rx_status status, rx_unit_values *values, rx_error *why)
 {
-    if (status == RX_OK && c->status == RX_OK) {
-        c->status = rx_journal_append(c->journal, unit, values, c->err);
-        if (c->status == RX_OK) {
+    if (status == RX_OK && (c->status == RX_OK || c->status == RX_INTERRUPTED)) {
+        status = rx_journal_append(c->journal, unit, values, why);
+        if (status == RX_OK) {
             c->values[unit] = *values;
             values->v = NULL;
             c->done++;
             tell(c);
         }
-    } else if (c->status == RX_OK) {
-        c->status = status;
+    }
+    if (status != RX_OK && c->status == RX_OK) {
+#pragma omp atomic write
+        c->status = status; /* read by others outside the critical section */
         if (c->err != NULL)
             *c->err = *why;
     }
