@@ -105,6 +105,10 @@ for kind in restoration photometry; do
     diff -r $kind-whole $kind-killed >difference 2>&1
     result "$kind: the report of the killed run has the same bytes" $? difference
 
+    find . -name '.*.rx-*' >leftovers
+    [ ! -s leftovers ]
+    result "$kind: nothing is left of the killed runs" $? leftovers
+
     # shards
     campaign $kind $kind-shards $kind.shards 1 -SHARD 1/3
     result "$kind: shard 1" $? $kind-shards.log
