@@ -87,8 +87,8 @@ void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_
 long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
                       const rx_unit_values *done);
 
-/* Is the candidate's number of iterations the lowest or highest tried, or its filter the widest or its
- * threshold the highest: a longer list may hold a better one. */
+/* Is the candidate's number of iterations the lowest (above 1) or highest tried, or its filter the widest
+ * or its threshold the highest: a longer list may hold a better one. */
 int rx_tuning_at_end(const rx_restoration *state, long candidate);
 
 /* plane = filtered and cut as the candidate says, from what so many iterations gave. */

@@ -97,8 +97,9 @@ int rx_tuning_at_end(const rx_restoration *state, long candidate)
     const rx_ints *niter = &state->config->tune_niter;
     const rx_reals *filter = &state->config->tune_filter;
     rx_tuning tuning;
-    int lower = 0, higher = 0, wider = 0;
+    int higher = 0, wider = 0;
     rx_tuning_get(state, 1.0, candidate, &tuning);
+    int lower = tuning.niter == 1; /* there is nothing below but 0 */
     for (int i = 0; i < niter->n; i++) {
         lower |= niter->v[i] < tuning.niter;
         higher |= niter->v[i] > tuning.niter;

@@ -192,6 +192,9 @@ static void tuning_takes_the_best(void **state)
     /* the highest threshold, on 5 iterations and no filter */
     assert_true(rx_tuning_at_end(campaign, candidates + 5));
     assert_false(rx_tuning_at_end(campaign, candidates + 4));
+    /* nothing is lower than one iteration */
+    config->tune_niter.v[0] = 1;
+    assert_false(rx_tuning_at_end(campaign, candidates / 3));
     /* without iterations only the filter counts */
     assert_false(rx_tuning_at_end(campaign, 0));
     assert_true(rx_tuning_at_end(campaign, candidates / 9));
