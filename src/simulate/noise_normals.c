@@ -26,10 +26,10 @@ static inline float minus_two_log(uint32_t word)
 /* By Newton's rule from the well-known first guess at 1/sqrt; sqrtf() sets errno, which no vector does. */
 static inline float square_root(float x)
 {
-    int32_t bits;
+    uint32_t bits; /* unsigned: x is -0 where u rounds to 1 */
     float y;
     memcpy(&bits, &x, sizeof bits);
-    bits = 0x5F3759DF - (bits >> 1);
+    bits = 0x5F3759DFu - (bits >> 1);
     memcpy(&y, &bits, sizeof y);
     for (int k = 0; k < 3; k++)
         y *= 1.5f - 0.5f * x * y * y;
