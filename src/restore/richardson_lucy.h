@@ -38,7 +38,8 @@
 rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
 
-/* The same on a tile that has been prepared, under the name of another restorer, `settings` added to the text. */
+/* The same on a tile that has been prepared, under the name of another restorer, `settings` added to the
+ * text. */
 rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
                         const char *name, const char *settings, rx_log *log, rx_restored **dst,
                         rx_error *err);

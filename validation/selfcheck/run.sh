@@ -27,9 +27,9 @@ bunzip2 -kc "$data/frame-r-000094-1-0012.fits.bz2" >frame.fits
 gain=$("$python" "$here/../sdss/reference.py" "$data/stripe82_coadd_catalog.fit" frame.fits 4.71 reference.fits)
 
 # the camera saturates far above what this frame holds; SATUR_LEVEL is in nanomaggies here
-common=(-GAIN "$gain" -MAG_ZEROPOINT 22.5 -SATUR_LEVEL 1e9 -RESTORE_TYPE NONE,RL -PSF_TYPE AUTO
+common=(-GAIN "$gain" -MAG_ZEROPOINT 22.5 -SATUR_LEVEL 1e9 -RESTORE_TYPE "NONE,RL" -PSF_TYPE AUTO
     -MATCH_RADIUS 1 -MATCH_UNIT ARCSEC -CATALOG_TYPE FITS_LDAC -SELF_CHECK Y -SELF_CHECK_COUNT "${COUNT:-4000}"
-    -SELF_CHECK_MAG 17.5,22.5)
+    -SELF_CHECK_MAG "17.5,22.5")
 "$program" 'frame.fits[0]' "${common[@]}" -REFERENCE_NAME reference.fits -QA_NAME qa \
     -CATALOG_NAME stars.cat -SELF_CHECK_GALAXIES 0 -SELF_CHECK_NAME stars
 "$program" 'frame.fits[0]' "${common[@]}" -CATALOG_NAME galaxies.cat -SELF_CHECK_GALAXIES 1 -SELF_CHECK_NAME galaxies
