@@ -17,7 +17,7 @@ num
 par
 io
 config
-nn        num
+nn        num io
 psf       num io
 restore   nn num psf
 detect    num
@@ -25,8 +25,8 @@ measure   num
 simulate  io num psf
 catalog   io num psf
 validate  io num psf
-train     nn simulate par
-stage     io num psf restore detect measure catalog validate simulate config
+train     nn stage simulate par validate config io num psf
+stage     io num nn psf restore detect measure catalog validate simulate config
 campaign  stage simulate validate restore catalog config io num psf
 programs  stage campaign train validate simulate config catalog
 END

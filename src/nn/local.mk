@@ -1,0 +1,1 @@
+librextract_la_SOURCES += src/nn/front.h

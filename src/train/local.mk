@@ -1,0 +1,1 @@
+librextract_train_la_SOURCES += src/train/sample.h

@@ -1,0 +1,34 @@
+/* Terms of the training loss, each a mean over the inner window of a patch, with its gradient.
+ *
+ *   pixels   mean of weight (out - truth)^2            LINEAR: weight = 1/s^2, s from the input only (below)
+ *                                                      PLAIN: weight = 1
+ *                                                      STRETCHED: s(out), s(truth) of nn/front.h, weight = 1
+ *   FFL      focal frequency loss (Jiang et al. 2021, ICCV; alpha = 1) of D = F(s(out)) - F(s(truth)) on the
+ *            window, F the orthonormal 2-D DFT: mean of w |D|^2, w = |D| / max |D|, clipped to 0..1, constant
+ *            for the gradient 2/M F^-1(w D) (then times the slope of the stretch)
+ *
+ * The window leaves `margin` pixels on each side out: there the light of neighbours is missing. */
+#ifndef RX_TRAIN_LOSS_H
+#define RX_TRAIN_LOSS_H
+
+#include "base/error.h"
+
+typedef enum rx_loss_kind { RX_LOSS_LINEAR, RX_LOSS_PLAIN, RX_LOSS_STRETCHED } rx_loss_kind;
+
+/* weight[side][side] = floor^2 / (floor^2 + m^2), m = slope-weighted local brightness: the largest of the
+ * 7 x 7 neighbourhood of Gauss(sigma 1.5 px) * max(input, 0). floor in noise units. The relative weights of
+ * a faint and a bright star depend on the input alone, so that the minimum stays the conditional mean of the
+ * flux. Errors: RX_SYSTEM. */
+rx_status rx_loss_weights(const float *input, int side, double floor, float *weight, rx_error *err);
+
+/* value += scale * term; gradient[side][side] += its gradient by out. weight is used by LINEAR only. */
+void rx_loss_pixels(rx_loss_kind kind, const float *out, const float *truth, const float *weight, int side,
+                    int margin, double scale, double *value, float *gradient);
+
+typedef struct rx_ffl rx_ffl; /* plans and scratch; one caller at a time */
+rx_status rx_ffl_new(int side, int margin, rx_ffl **dst, rx_error *err);
+void rx_ffl_free(rx_ffl *ffl);
+void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale, double *value,
+                float *gradient);
+
+#endif

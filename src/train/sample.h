@@ -1,0 +1,47 @@
+/* One training image: a patch of a simulated field, blurred and noisy, with its sharp truth.
+ *
+ * All planes are in units of the noise of the sky of that patch. Content depends on (seed, epoch, set, bin,
+ * index) alone, never on who makes it, when, or how many others there are: that is what makes training
+ * repeatable for any number of threads and ranks. */
+#ifndef RX_TRAIN_SAMPLE_H
+#define RX_TRAIN_SAMPLE_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+
+enum { RX_SAMPLE_KERNEL = 63, RX_SAMPLE_STARS = 64 }; /* side of the stamp of K', stars listed at most */
+
+typedef enum rx_sample_set { RX_SET_TRAIN, RX_SET_TEST } rx_sample_set;
+
+typedef struct rx_sample_id {
+    uint32_t epoch, set, bin, index;
+} rx_sample_id;
+
+typedef struct rx_sample {
+    rx_sample_id id;
+    int side;   /* P */
+    float fwhm; /* of the PSF as the network is told, pixels (the true one where no error is simulated) */
+    float true_fwhm;
+    float sigma; /* of the bin's scale */
+    int nstars;  /* stars inside: truth for recall and bias; S/N of a matched filter on this noise */
+    float star[RX_SAMPLE_STARS][4]; /* x, y from 0 (pixels of the patch), flux and S/N (noise units) */
+    float *x;                       /* [P][P] blurred and noisy */
+    float *w;       /* [P][P] Tikhonov copy of x, filtered before the patch was cut from its field */
+    float *y;       /* [P][P] truth through the target PSF */
+    float *blurred; /* [P][P] truth through the true PSF, without noise */
+    float *kernel;  /* [RX_SAMPLE_KERNEL][RX_SAMPLE_KERNEL] relative PSF K' as told (nn/deblur.h) */
+} rx_sample;
+
+/* One allocation of rx_sample_bytes(side): header, then planes; a sample travels between ranks as these bytes
+ * (same machine type); rx_sample_attach() sets the pointers again after it has arrived. NULL without memory.
+ */
+rx_sample *rx_sample_new(int side);
+size_t rx_sample_bytes(int side);
+void rx_sample_attach(rx_sample *sample);
+void rx_sample_free(rx_sample *sample);
+
+/* One of the eight turns and flips of the square (0 = none), of all planes, kernel and star positions. */
+rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err);
+
+#endif

@@ -1,0 +1,42 @@
+/* One sample through PSF-NET and back: the paper's joint loss and its gradient.
+ *
+ *   L_idt = d(RESTORE(x), y) + d(PSF(y), x)
+ *   L_rec = d(RESTORE(PSF(y)), y) + d(PSF(RESTORE(x)), x)
+ *   L_ffl = focal frequency loss of RESTORE(x) against y
+ *
+ * Terms of weight 0 are not computed. RESTORE includes what stands around the network (nn/front.h): stretch,
+ * Tikhonov copy (of PSF(y): made on the patch), Richardson-Lucy step; the gradient goes through all of it. */
+#ifndef RX_TRAIN_STEP_H
+#define RX_TRAIN_STEP_H
+
+#include "nn/model.h"
+#include "train/loss.h"
+#include "train/sample.h"
+
+typedef struct rx_step_params {
+    rx_loss_kind kind;
+    double idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* weights of the terms, >= 0 */
+    double floor;                                           /* of rx_loss_weights() */
+    int margin;                                             /* pixels */
+} rx_step_params;
+
+typedef struct rx_step_values {
+    double total, idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* unweighted terms; total weighted */
+} rx_step_values;
+
+/* Scratch, runners and plans for samples of one side; one per thread. The model's networks are read; call
+ * rx_step_load() after their parameters changed. */
+typedef struct rx_step rx_step;
+rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,
+                      rx_error *err);
+void rx_step_free(rx_step *step);
+rx_status rx_step_load(rx_step *step, rx_error *err);
+
+/* Gradients [nparams] += (NULL: only values are wanted). psf_gradient NULL when no term needs the PSF net. */
+rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+                      rx_step_values *values, rx_error *err);
+
+/* RESTORE(x) of the last run, [side][side]. */
+const float *rx_step_restored(const rx_step *step);
+
+#endif
