@@ -5,3 +5,5 @@ tests_unit_restore_test_stamp_SOURCES = tests/unit/restore/test_stamp.c tests/un
 tests_unit_restore_test_richardson_lucy_SOURCES = tests/unit/restore/test_richardson_lucy.c tests/unit/restore/sky.h
 tests_unit_restore_test_rl_blind_SOURCES = tests/unit/restore/test_rl_blind.c tests/unit/restore/sky.h
 tests_unit_restore_test_rl_flux_SOURCES = tests/unit/restore/test_rl_flux.c tests/unit/restore/sky.h
+check_PROGRAMS += tests/unit/restore/test_noise_map
+tests_unit_restore_test_noise_map_SOURCES = tests/unit/restore/test_noise_map.c

@@ -1,0 +1,25 @@
+/* Noise for detection on a restored image.
+ *
+ * A restorer that knows what the sky looks like leaves next to none of its noise on empty sky: so many sigmas
+ * of that say nothing. What a threshold has to be held against is the noise of the input, and beside bright
+ * objects what the restorer makes of their wings:
+ *
+ *   sigma(x) sqrt(1 + (0.1 env(x))^2),   env = Gaussian of sigma 1.5 pixels * max((pixels - level) / sigma,
+ * 0)
+ *
+ * (an empirical law: with thresholds of k = 1.7 of these the precision of detections was 0.95 and above for
+ * any seeing, without tuning). */
+#ifndef RX_RESTORE_NOISE_MAP_H
+#define RX_RESTORE_NOISE_MAP_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "data/tile.h"
+
+/* *dst [height][width], ADU, to be freed with free(). mask as a restorer honours it (non-zero: hidden; NULL:
+ * nothing is); hidden pixels are not looked at, the sigma around them stays as it is. Errors: RX_SYSTEM. */
+rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
+                       int nthreads, float **dst, rx_error *err);
+
+#endif

@@ -1,0 +1,90 @@
+/* Noise for detection: against its formula where the smoothed brightness is known, and what masks do to it.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+/* cmocka.h comes after the headers it needs */
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "restore/noise_map.h"
+
+enum { SIDE = 64 };
+
+static float pixels[SIDE * SIDE], level[SIDE * SIDE], sigma[SIDE * SIDE];
+static uint8_t mask[SIDE * SIDE];
+
+static float *map_of(void)
+{
+    const rx_tile tile = {.width = SIDE, .height = SIDE, .pixels = pixels, .mask = mask};
+    const rx_background sky = {.width = SIDE, .height = SIDE, .level = level, .sigma = sigma};
+    rx_error err = RX_ERROR_NONE;
+    float *map = NULL;
+    if (rx_noise_map(&tile, &sky, mask, 1, &map, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return map;
+}
+
+static int make_sky(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        level[i] = 100;
+        pixels[i] = 100;
+        sigma[i] = 2;
+        mask[i] = 0;
+    }
+    return 0;
+}
+
+static void test_sky_and_plateau(void **unused)
+{
+    (void)unused;
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE / 2; x++)
+            pixels[y * SIDE + x] = 100 + 2 * 200; /* 200 sigmas */
+    for (int y = 0; y < SIDE; y++)
+        pixels[y * SIDE + SIDE - 8] = -50; /* below the sky: counts as none */
+    float *map = map_of();
+    assert_float_equal(map[10 * SIDE + 10], 2 * sqrt(1 + 20.0 * 20.0), 1e-4);
+    assert_float_equal(map[10 * SIDE + 50], 2, 1e-6);
+    assert_float_equal(map[10 * SIDE + SIDE - 8], 2, 1e-6);
+    free(map);
+}
+
+/* A single pixel of S sigmas spreads as a Gaussian of sigma 1.5, integrated over pixels:
+ *   python3 -c "from math import erf; w = lambda k: (erf((k + .5) / 4.5**.5) - erf((k - .5) / 4.5**.5)) / 2;
+ *               print(w(0)**2, w(0) * w(3))"  ->  0.068182 0.0099159 */
+static void test_point(void **unused)
+{
+    (void)unused;
+    pixels[32 * SIDE + 32] = 100 + 2 * 1000;
+    float *map = map_of();
+    assert_float_equal(map[32 * SIDE + 32], 2 * sqrt(1 + pow(0.1 * 68.182, 2)), 0.005);
+    assert_float_equal(map[32 * SIDE + 35], 2 * sqrt(1 + pow(0.1 * 9.9159, 2)), 0.005);
+    free(map);
+}
+
+/* What is hidden reaches nothing, whatever it holds. */
+static void test_mask(void **unused)
+{
+    (void)unused;
+    pixels[32 * SIDE + 32] = 1e30f;
+    mask[32 * SIDE + 32] = RX_MASK_SATURATED;
+    float *map = map_of();
+    for (int i = 0; i < SIDE * SIDE; i++)
+        assert_float_equal(map[i], 2, 1e-6);
+    free(map);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(test_sky_and_plateau, make_sky),
+        cmocka_unit_test_setup(test_point, make_sky),
+        cmocka_unit_test_setup(test_mask, make_sky),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
