@@ -12,6 +12,7 @@ librextract_la_SOURCES += src/campaign/photometry_tables.c
 librextract_la_SOURCES += src/campaign/report_parts.c src/campaign/report_parts.h
 librextract_la_SOURCES += src/campaign/campaign_report.c src/campaign/campaign_report.h
 librextract_la_SOURCES += src/campaign/campaign.c src/campaign/kind.h
+librextract_la_SOURCES += src/campaign/stage_options.c src/campaign/stage_options.h
 librextract_la_SOURCES += src/campaign/units.c src/campaign/units.h src/campaign/facts.c src/campaign/facts.h
 librextract_la_SOURCES += src/campaign/restoration.c src/campaign/restoration.h
 librextract_la_SOURCES += src/campaign/restoration_trial.c src/campaign/restoration_tune.c

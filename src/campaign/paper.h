@@ -46,6 +46,8 @@ typedef enum rx_claim_id {
     RX_CLAIM_NET_BEST,
     RX_CLAIM_LOW_SNR,
     RX_CLAIM_ACCURACY,
+    RX_CLAIM_ABOVE_RL, /* this and the next: goals of this program, not of the paper */
+    RX_CLAIM_ABOVE_FLAT,
     RX_CLAIM_COUNT
 } rx_claim_id;
 

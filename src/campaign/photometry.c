@@ -8,6 +8,7 @@
 #include "campaign/facts.h"
 #include "campaign/kind.h"
 #include "campaign/photometry_sky.h"
+#include "campaign/stage_options.h"
 #include "restore/restore.h"
 
 /* --- open --- */
@@ -67,6 +68,7 @@ static void close_state(void *pointer)
     for (int s = 0; s < state->nskies; s++)
         rx_photometry_sky_close(&state->sky[s]);
     rx_options_free(state->options);
+    rx_config_free(state->stage);
     free(state->mags);
     free(state);
 }
@@ -81,12 +83,9 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
     state->config = config;
     state->nthreads = nthreads;
     state->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
-    rx_status status = rx_options_from_config(config->stage, log, &state->options, err);
-    if (status == RX_OK) {
-        rx_options *options = state->options;
-        options->nthreads = options->restore.nthreads = options->measure.nthreads = 1;
+    rx_status status = rx_campaign_options(config, log, &state->stage, &state->options, err);
+    if (status == RX_OK)
         status = set_runs(state, err);
-    }
     if (status == RX_OK)
         status = set_magnitudes(state, err);
     if (status == RX_OK)

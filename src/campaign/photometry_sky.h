@@ -46,6 +46,7 @@ typedef struct rx_photometry_sky {
 
 typedef struct rx_photometry_state {
     const rx_campaign_config *config; /* not owned */
+    rx_config *stage;                 /* owned */
     rx_options *options;              /* of the stage; everything on one thread */
     int nthreads;                     /* before the units begin */
     int nruns;

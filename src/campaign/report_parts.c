@@ -38,7 +38,7 @@ static const char *mark_of(rx_claim_state state)
 
 void rx_page_verdicts(rx_text *dst, int n, const rx_claim_verdict *verdicts)
 {
-    rx_page_section(dst, "verdicts", "The paper's claims");
+    rx_page_section(dst, "verdicts", "The paper's claims, and our goals");
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
     rx_page_head(dst, RX_LEFT, "claim, and where");

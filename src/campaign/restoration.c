@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "campaign/facts.h"
+#include "campaign/stage_options.h"
 
 /* Restorers whose result depends on a number of iterations (RL_NITER): tuned per bin. */
 static const char *const TUNABLE[] = {"RL"};
@@ -168,6 +169,7 @@ static void close_state(void *pointer)
     if (state == NULL)
         return;
     rx_options_free(state->options);
+    rx_config_free(state->stage);
     rx_simulation_free(state->simulation);
     free(state->bins);
     free(state->units);
@@ -183,7 +185,7 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
         return rx_error_memory(err, sizeof *state);
     state->config = config;
     state->side = config->scene_side;
-    rx_status status = rx_options_from_config(config->stage, log, &state->options, err);
+    rx_status status = rx_campaign_options(config, log, &state->stage, &state->options, err);
     if (status == RX_OK)
         status = set_methods(state, err);
     if (status == RX_OK)
@@ -196,7 +198,6 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
         close_state(state);
         return status;
     }
-    state->options->restore.nthreads = 1;
     *dst = state;
     return RX_OK;
 }

@@ -39,6 +39,7 @@ typedef struct rx_restoration_unit {
 
 typedef struct rx_restoration {
     const rx_campaign_config *config; /* not owned */
+    rx_config *stage;                 /* owned */
     rx_options *options;              /* of the stage; everything on one thread */
     rx_simulation *simulation;        /* population, templates and target PSF */
     int side;

@@ -97,9 +97,11 @@ static void choose_pairs(rx_restoration_numbers *m)
     const rx_restoration_results *r = m->results;
     m->blurred = method_named(r, "BLURRED");
     m->rl = method_named(r, "RL");
+    m->flat = method_named(r, "RL_FLAT");
     m->net = method_named(r, "NET");
     m->smoothed = method_named(r, "SMOOTHED");
     add_pair(m, m->net, m->rl);
+    add_pair(m, m->net, m->flat);
     add_pair(m, m->rl, m->smoothed);
     add_pair(m, m->rl, m->blurred);
     add_pair(m, m->net, m->smoothed);

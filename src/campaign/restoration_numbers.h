@@ -33,8 +33,8 @@ typedef struct rx_quality_duel {
 
 typedef struct rx_restoration_numbers {
     const rx_restoration_results *results;
-    int blurred, smoothed, rl, net; /* methods of these names, -1 none */
-    int npairs, chief;              /* chief: the pair beside the paper's tables, -1 none */
+    int blurred, smoothed, rl, flat, net; /* methods of these names (flat: RL_FLAT), -1 none */
+    int npairs, chief;                    /* chief: the pair beside the paper's tables, -1 none */
     rx_method_pair pair[RX_PAIRS_MAX];
     rx_box *box;           /* [nbins][RX_QUALITIES][nmethods] */
     rx_estimate *mean;     /* the same, with its 95 % t interval */

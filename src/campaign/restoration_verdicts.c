@@ -264,10 +264,37 @@ static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_
         sentences(&v->said, m, rl, -1, where);
 }
 
+/* Above `rival` beyond doubt inside the training range, and in most bins beyond it. */
+static void judge_goal(const rx_restoration_numbers *m, int rival, rx_claim_verdict *v)
+{
+    const double beyond_doubt = 0.001;
+    const int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, rival) : -1;
+    int sure = 0, inside = 0, wins = 0, beyond = 0;
+    if (m->net < 0)
+        rx_text_add(&v->said, ABSENT);
+    for (int b = 0; b < m->results->nbins && pair >= 0; b++)
+        for (int q = 0; q < RX_QUALITIES; q++) {
+            const rx_quality_duel *d = rx_quality_duel_of(m, b, (rx_quality)q, pair);
+            inside += m->inside[b] != 0;
+            beyond += m->inside[b] == 0;
+            sure += m->inside[b] && d->winner > 0 && d->holm < beyond_doubt;
+            wins += !m->inside[b] && d->winner > 0;
+        }
+    if (inside + beyond == 0)
+        return;
+    v->state = state_of(sure == inside && (beyond == 0 || 2 * wins > beyond));
+    rx_text_printf(&v->said,
+                   "Above with p below %g in %d of %d bins inside the range, above in %d of %d beyond "
+                   "it (each bin once for PSNR, once for SSIM). ",
+                   beyond_doubt, sure, inside, wins, beyond);
+    sentences(&v->said, m, pair, -1, ANYWHERE);
+}
+
 void rx_restoration_verdicts(const rx_restoration_numbers *m, rx_claim_verdict *verdicts, int *n)
 {
-    static const rx_claim_id asked[] = {RX_CLAIM_EVERY_BIN, RX_CLAIM_ALL_P, RX_CLAIM_NOISE,   RX_CLAIM_INSIDE,
-                                        RX_CLAIM_BEYOND,    RX_CLAIM_SPEED, RX_CLAIM_NO_FAKES};
+    static const rx_claim_id asked[] = {RX_CLAIM_EVERY_BIN, RX_CLAIM_ALL_P,    RX_CLAIM_NOISE,
+                                        RX_CLAIM_INSIDE,    RX_CLAIM_BEYOND,   RX_CLAIM_SPEED,
+                                        RX_CLAIM_NO_FAKES,  RX_CLAIM_ABOVE_RL, RX_CLAIM_ABOVE_FLAT};
     *n = (int)(sizeof asked / sizeof *asked);
     for (int i = 0; i < *n; i++) {
         rx_claim_verdict *v = &verdicts[i];
@@ -280,6 +307,8 @@ void rx_restoration_verdicts(const rx_restoration_numbers *m, rx_claim_verdict *
             judge_noise(m, v);
         else if (v->claim == RX_CLAIM_INSIDE || v->claim == RX_CLAIM_BEYOND)
             judge_range(m, v->claim == RX_CLAIM_INSIDE ? INSIDE : BEYOND, v);
+        else if (v->claim == RX_CLAIM_ABOVE_RL || v->claim == RX_CLAIM_ABOVE_FLAT)
+            judge_goal(m, v->claim == RX_CLAIM_ABOVE_RL ? m->rl : m->flat, v);
         else
             v->state = RX_NOT_TESTED;
     }

@@ -149,16 +149,16 @@ static void who_meets_whom(void **state)
                                              {"RL_FLAT", "RL"},
                                              {"SMOOTHED", "BLURRED"},
                                              {"RL_FLAT", "BLURRED"}},
-                             *const with[][2] = {{"NET", "RL"},          {"RL", "SMOOTHED"},
-                                                 {"RL", "BLURRED"},      {"NET", "SMOOTHED"},
-                                                 {"RL_FLAT", "RL"},      {"SMOOTHED", "BLURRED"},
-                                                 {"RL_FLAT", "BLURRED"}, {"NET", "BLURRED"}};
+                             *const with[][2] = {
+                                 {"NET", "RL"},           {"NET", "RL_FLAT"},     {"RL", "SMOOTHED"},
+                                 {"RL", "BLURRED"},       {"NET", "SMOOTHED"},    {"RL_FLAT", "RL"},
+                                 {"SMOOTHED", "BLURRED"}, {"RL_FLAT", "BLURRED"}, {"NET", "BLURRED"}};
     (void)state;
     for (int net = 0; net < 2; net++) {
         rx_restoration_numbers m;
         rx_restoration_results *r = make_restoration(&(made_restoration){net, 1, 1, 4, 1, 0, 32, 0});
         assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-        assert_int_equal(m.npairs, net ? 8 : 5);
+        assert_int_equal(m.npairs, net ? 9 : 5);
         assert_int_equal(m.chief, 0);
         for (int p = 0; p < m.npairs; p++) {
             assert_string_equal(r->method[m.pair[p].first], (net ? with : without)[p][0]);
@@ -204,6 +204,9 @@ static void claims_about_the_network(void **state)
     assert_int_equal(restoration_state(&best, RX_CLAIM_INSIDE), RX_REPRODUCED);
     assert_int_equal(restoration_state(&best, RX_CLAIM_BEYOND), RX_REPRODUCED);
     assert_int_equal(restoration_state(&best, RX_CLAIM_SPEED), RX_NOT_TESTED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_RL), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_FLAT), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&small, RX_CLAIM_ABOVE_RL), RX_NOT_YET_TESTABLE);
     /* the bin of 14 pixels is beyond the training range */
     assert_int_equal(restoration_state(&once_worse, RX_CLAIM_EVERY_BIN), RX_NOT_REPRODUCED);
     assert_int_equal(restoration_state(&once_worse, RX_CLAIM_INSIDE), RX_REPRODUCED);
