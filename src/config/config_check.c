@@ -54,6 +54,9 @@ static rx_status check_limits(const rx_config *config, rx_error *err)
     if (config->memory_pixstack_max < config->memory_pixstack)
         return REFUSE(MEMORY_PIXSTACK_MAX, "%d is below MEMORY_PIXSTACK, %d; give at least that",
                       config->memory_pixstack_max, config->memory_pixstack);
+    if (config->net_block % 4 != 0)
+        return REFUSE(NET_BLOCK, "%d is no multiple of 4; give %d", config->net_block,
+                      (config->net_block + 2) / 4 * 4);
     if (config->deblend_maxobj_max < config->deblend_maxobj)
         return REFUSE(DEBLEND_MAXOBJ_MAX, "%d is below DEBLEND_MAXOBJ, %d; give at least that",
                       config->deblend_maxobj_max, config->deblend_maxobj);

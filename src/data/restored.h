@@ -20,6 +20,7 @@ typedef struct rx_restored {
     rx_psf *blur;     /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
     int iterations;   /* done; 0 where it has no meaning */
     double chi2;      /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
+    double seam; /* VERIFY_SEAMS: largest difference to a restoration in other blocks, sigmas; else NAN */
     double seconds;
     char settings[200]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */
 } rx_restored;

@@ -1,8 +1,9 @@
-/* The table of restorers. A new kind, such as a network, is one more row: its name as users give
- * it in RESTORE_TYPE, one line of help, whether it needs the tile's PSF, and its function. */
+/* The table of restorers. A new kind is one more row: its name as users give it in RESTORE_TYPE, one line of
+ * help, whether it needs the tile's PSF, and its function. */
 #include "restore/restore.h"
 
 #include <stddef.h>
+#include <string.h>
 #include <strings.h>
 
 #include "restore/none.h"
@@ -21,6 +22,12 @@ const rx_restorer *rx_restorers(int *n)
 {
     *n = NRESTORERS;
     return restorers;
+}
+
+int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par)
+{
+    return kind->needs_psf &&
+           !(strcmp(kind->name, "NET") == 0 && par->model != NULL && par->model->front.mode == RX_MODE_BLIND);
 }
 
 const rx_restorer *rx_restorer_find(const char *name)

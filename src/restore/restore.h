@@ -1,6 +1,6 @@
 /* Restorers: tile + PSF in, restored tile + the PSF of the output out.
  *
- * One row per kind in restore.c; the network joins there as one more row. All of them hand on
+ * One row per kind in restore.c. All of them hand on
  * background-subtracted ADU on the input's flux scale, finite everywhere, 0 under the mask, and no
  * value under the mask reaches any output. The same bytes for any nthreads. *dst belongs to the caller
  * (rx_restored_free()), NULL after an error. Errors: RX_INPUT
@@ -13,25 +13,35 @@
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/tile.h"
+#include "nn/model.h"
+#include "nn/runner.h"
+
+/* What becomes of a tile whose seeing or noise the network was not trained for (OUT_OF_DOMAIN). */
+typedef enum rx_out_of_domain { RX_DOMAIN_WARN, RX_DOMAIN_RL, RX_DOMAIN_FAIL } rx_out_of_domain;
 
 typedef struct rx_restore_params {
-    int rl_niter;            /* RL_NITER */
-    int rl_stop_discrepancy; /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
-    double rl_damping;       /* RL_DAMPING, sigmas, 0 = off */
-    double rl_denoise;       /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */
-    int rl_denoise_by_psf;   /* RL_DENOISE_UNIT PSF: in units of the FWHM of the tile's PSF */
-    double rl_pedestal;      /* RL_PEDESTAL, sky sigmas */
-    int blind_cycles;        /* RL_BLIND_CYCLES */
-    int blind_psf_niter;     /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
-    int mask_saturated;      /* saturated pixels are masked, in every kind */
-    int keep_reblurred;      /* fill rx_restored.reblurred (check-image RESIDUAL) */
+    int rl_niter;                   /* RL_NITER */
+    int rl_stop_discrepancy;        /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
+    double rl_damping;              /* RL_DAMPING, sigmas, 0 = off */
+    double rl_denoise;              /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */
+    int rl_denoise_by_psf;          /* RL_DENOISE_UNIT PSF: in units of the FWHM of the tile's PSF */
+    double rl_pedestal;             /* RL_PEDESTAL, sky sigmas */
+    int blind_cycles;               /* RL_BLIND_CYCLES */
+    int blind_psf_niter;            /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
+    const rx_model *model;          /* NET; not owned, NULL when NET is not wanted */
+    int net_block;                  /* NET_BLOCK: side of a block, output pixels, a multiple of 4 */
+    rx_precision precision;         /* NET_PRECISION */
+    int verify_seams;               /* VERIFY_SEAMS */
+    rx_out_of_domain out_of_domain; /* obeyed by the stage (stage/domain.h), not by the restorer */
+    int mask_saturated;             /* saturated pixels are masked, in every kind */
+    int keep_reblurred;             /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int nthreads;
 } rx_restore_params;
 
 typedef struct rx_restorer {
     const char *name; /* as in RESTORE_TYPE */
     const char *help; /* one line */
-    int needs_psf;
+    int needs_psf;    /* or makes use of one: rx_restorer_must_have_psf() */
     rx_status (*run)(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                      const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
 } rx_restorer;
@@ -39,5 +49,8 @@ typedef struct rx_restorer {
 /* The table of kinds, n of them. */
 const rx_restorer *rx_restorers(int *n);
 const rx_restorer *rx_restorer_find(const char *name); /* NULL when unknown */
+
+/* Can this kind not do without a PSF? NET makes use of one, but a BLIND model (par->model) works without. */
+int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par);
 
 #endif

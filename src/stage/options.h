@@ -27,6 +27,8 @@ typedef struct rx_options {
     double seeing_arcsec;               /* SEEING_FWHM */
     double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
+    const char *model_name; /* NET_MODEL as given */
+    rx_model *model;        /* owned, also restore.model; NULL when NET is not among the restorers */
     int nrestorers;
     const rx_restorer *restorers[RX_MAX_RUNS];
     rx_detect_params detect;
@@ -75,5 +77,10 @@ typedef enum rx_quality_flux {
 /* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
 void rx_options_free(rx_options *options);
+
+/* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
+ * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. A name without a folder that
+ * is not in the current one is looked for in the folder of installed data. Errors: RX_INPUT, RX_SYSTEM. */
+rx_status rx_options_need_model(rx_options *options, rx_error *err);
 
 #endif

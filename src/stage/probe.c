@@ -22,7 +22,7 @@ typedef struct work {
 static rx_status restore(const work *w, const rx_field *field, int *plain, rx_restored **dst, rx_error *err)
 {
     const rx_restorer *kind = w->kind;
-    if (kind->needs_psf && field->unrestorable)
+    if (rx_restorer_must_have_psf(kind, &w->options->restore) && field->unrestorable)
         kind = rx_restorer_find("NONE");
     *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
     rx_restore_params par = w->options->restore;
