@@ -1,1 +1,3 @@
 librextract_train_la_SOURCES += src/train/sample.h
+librextract_train_la_SOURCES += src/train/sample.c
+librextract_train_la_SOURCES += src/train/selection.c src/train/selection.h

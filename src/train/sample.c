@@ -1,0 +1,97 @@
+/* Samples as one block of memory, and the turns of the square. */
+#include "train/sample.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+enum { PLANES = 4, KERNEL = RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL, ALIGN = 64, TURNS = 8 };
+
+static size_t padded(size_t bytes)
+{
+    return (bytes + ALIGN - 1) / ALIGN * ALIGN;
+}
+
+static size_t plane_bytes(int side)
+{
+    return padded(sizeof(float) * (size_t)side * (size_t)side);
+}
+
+size_t rx_sample_bytes(int side)
+{
+    return padded(sizeof(rx_sample)) + PLANES * plane_bytes(side) + padded(KERNEL * sizeof(float));
+}
+
+void rx_sample_attach(rx_sample *sample)
+{
+    char *at = (char *)sample + padded(sizeof *sample);
+    const size_t step = plane_bytes(sample->side);
+    sample->x = (float *)at;
+    sample->w = (float *)(at + step);
+    sample->y = (float *)(at + 2 * step);
+    sample->blurred = (float *)(at + 3 * step);
+    sample->kernel = (float *)(at + 4 * step);
+}
+
+rx_sample *rx_sample_new(int side)
+{
+    rx_sample *sample = side > 0 ? rx_alloc(1, rx_sample_bytes(side)) : NULL;
+    if (sample == NULL)
+        return NULL;
+    sample->side = side;
+    rx_sample_attach(sample);
+    return sample;
+}
+
+void rx_sample_free(rx_sample *sample)
+{
+    free(sample);
+}
+
+/* Where pixel (x, y) of a square goes; bit 2 exchanges the axes, then bits 0 and 1 turn them around. */
+static void turn_point(int turn, double last, double *x, double *y)
+{
+    double u = turn & 4 ? *y : *x, v = turn & 4 ? *x : *y;
+    *x = turn & 1 ? last - u : u;
+    *y = turn & 2 ? last - v : v;
+}
+
+static void turn_plane(int turn, int side, const float *src, float *dst)
+{
+    for (int y = 0; y < side; y++) {
+        int v = turn & 2 ? side - 1 - y : y;
+        for (int x = 0; x < side; x++) {
+            int u = turn & 1 ? side - 1 - x : x;
+            dst[(size_t)y * side + x] = turn & 4 ? src[(size_t)u * side + v] : src[(size_t)v * side + u];
+        }
+    }
+}
+
+rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err)
+{
+    const int side = sample->side;
+    const size_t n = (size_t)side * (size_t)side;
+    float *planes[PLANES] = {sample->x, sample->w, sample->y, sample->blurred};
+    if (turn < 0 || turn >= TURNS)
+        return rx_error_set(err, RX_USAGE, "turn %d of a square: there are %d, from 0", turn, (int)TURNS);
+    if (turn == 0)
+        return RX_OK;
+    float *copy = RX_NEW(float, n > KERNEL ? n : KERNEL);
+    if (copy == NULL)
+        return rx_error_memory(err, n * sizeof *copy);
+    for (int i = 0; i < PLANES; i++) {
+        memcpy(copy, planes[i], n * sizeof *copy);
+        turn_plane(turn, side, copy, planes[i]);
+    }
+    memcpy(copy, sample->kernel, KERNEL * sizeof *copy);
+    turn_plane(turn, RX_SAMPLE_KERNEL, copy, sample->kernel);
+    for (int i = 0; i < sample->nstars; i++) {
+        double x = (double)sample->star[i][0], y = (double)sample->star[i][1];
+        turn_point(turn, side - 1, &x, &y);
+        sample->star[i][0] = (float)x;
+        sample->star[i][1] = (float)y;
+    }
+    free(copy);
+    return RX_OK;
+}
