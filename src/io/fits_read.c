@@ -458,3 +458,40 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
     free(hdus);
     return status;
 }
+
+rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **dst, int *hdu, rx_error *err)
+{
+    rx_fits_source source = {0};
+    int failed = 0, number = 0;
+    char wanted[FLEN_VALUE];
+    *dst = NULL;
+    *hdu = -1;
+    snprintf(wanted, sizeof wanted, "%s", extname);
+    rx_status status = rx_fits_open(path, &source, err);
+    if (status != RX_OK)
+        return status;
+    fits_movnam_hdu(source.file, ANY_HDU, wanted, 0, &failed);
+    fits_clear_errmsg();
+    if (!failed) {
+        fits_get_hdu_num(source.file, &number);
+        *hdu = number - 1;
+        status = read_table(source.file, path, *hdu, dst, err);
+    }
+    rx_fits_done(&source);
+    return status;
+}
+
+rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *ncards, rx_error *err)
+{
+    rx_fits_source source = {0};
+    size_t n = 0;
+    *cards = NULL;
+    rx_status status = rx_fits_open(path, &source, err);
+    if (status == RX_OK)
+        status = rx_fits_goto(source.file, path, hdu, err);
+    if (status == RX_OK)
+        status = rx_fits_read_cards(source.file, path, hdu, cards, &n, err);
+    *ncards = (long)n;
+    rx_fits_done(&source);
+    return status;
+}

@@ -15,6 +15,14 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
  * columns of variable length are left out. *dst to be freed by rx_table_free(). */
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err);
 
+/* The table of that EXTNAME, read in the same way; no such HDU is no error: *dst NULL, *hdu -1. `path` is a
+ * plain file name. */
+rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **dst, int *hdu, rx_error *err);
+
+/* Header of HDU number hdu (from 0) as 80-character cards without END; *cards to be freed. `path` is a plain
+ * file name. */
+rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *ncards, rx_error *err);
+
 /* Value of a key in a block of cards as text (quotes stripped, trimmed) or number; 0 when absent. */
 int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
 int rx_cards_number(const char *cards, long ncards, const char *key, double *value);

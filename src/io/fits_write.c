@@ -176,14 +176,27 @@ rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int w
 
 /* --- tables --- */
 
-/* An empty primary HDU, where an extension comes first. */
-static void write_primary(rx_fits_writer *writer, int *failed)
+static void write_primary(rx_fits_writer *writer, const char *extra, size_t nextra, int *failed)
 {
-    if (writer->hdus > 0)
-        return;
     fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
+    write_cards(writer->file, extra, nextra, 0, failed);
     write_checksum(writer->file, failed);
     writer->hdus++;
+}
+
+/* An empty primary HDU, where an extension comes first. */
+static void need_primary(rx_fits_writer *writer, int *failed)
+{
+    if (writer->hdus == 0)
+        write_primary(writer, NULL, 0, failed);
+}
+
+rx_status rx_fits_primary(rx_fits_writer *writer, const char *extra, size_t nextra, rx_error *err)
+{
+    int failed = 0;
+    fits_clear_errmsg();
+    write_primary(writer, extra, nextra, &failed);
+    return failed ? broken(writer, failed, err) : RX_OK;
 }
 
 static int cell_type(rx_cell_type type)
@@ -332,7 +345,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
         column_form(&table->columns[i], form[i], sizeof form[i]);
     }
     fits_clear_errmsg();
-    write_primary(writer, &failed);
+    need_primary(writer, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, table->nrows, n, names, forms, units, NULL, &failed);
     write_extname(writer->file, extname, &failed);
     for (int i = 0; i < n; i++)
@@ -382,7 +395,7 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     LONGLONG axes[2] = {CARD, (LONGLONG)(text.length / CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
-    write_primary(writer, &failed);
+    need_primary(writer, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, 1, 1, &type, &forms, NULL, NULL, &failed);
     write_extname(writer->file, "LDAC_IMHEAD", &failed);
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);

@@ -25,6 +25,9 @@ rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int w
                             const char *extname, const char *cards, size_t ncards, const char *extra,
                             size_t nextra, rx_error *err);
 
+/* An empty primary HDU with cards of its own, where tables follow; the first thing written. */
+rx_status rx_fits_primary(rx_fits_writer *writer, const char *extra, size_t nextra, rx_error *err);
+
 /* Append a binary table (an empty primary is made first when it is the first HDU). */
 rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
                         rx_error *err);

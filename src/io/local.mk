@@ -4,6 +4,7 @@ librextract_la_SOURCES += \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
 	src/io/fits_tiles.c src/io/fits_tiles.h \
+	src/io/fits_verify.c src/io/fits_verify.h \
 	src/io/fits_walk.c src/io/fits_walk.h \
 	src/io/fits_write.c \
 	src/io/output.c \

@@ -1,13 +1,34 @@
 /* A trained model: the RESTORE network, optionally the PSF network, what they were trained for and how well
  * they did: one FITS file.
  *
- * Layout of the file (version 1): primary HDU without data, its header holds RXMODEL (format version), MODE,
- * target PSF, front parameters, shape, seed, provenance as the training's configuration (HISTORY), CHECKSUM
- * and DATASUM in every HDU; tables RESTORE_NODES (op, src, add, relu, channels, kernel, stride),
- * RESTORE_PARAMS (one float column, node by node), PSF_NODES and PSF_PARAMS (may be absent), DICTIONARY (one
- * row per bin). */
+ * Format, version 1. Every HDU has CHECKSUM and DATASUM. Primary HDU, without data:
+ *
+ *   RXMODEL   1, the version; says that the file is a model
+ *   NEXTEND   number of tables that follow
+ *   RXNAME    name for headers and reports
+ *   RXDIGEST  rx_model_digest() of what the networks compute, 16 hexadecimal digits
+ *   RXMODE    BLIND or INFORMED: what goes in (nn/front.h)
+ *   RXTFWHM   FWHM in pixels of the Gaussian that is the PSF of the output
+ *   RXTIKH    epsilon of the deconvolved copy (nn/deblur.h)
+ *   RXRLSTEP, RXPEDST    Richardson-Lucy steps after the network, their pedestal (nn/rl_step.h)
+ *   RXNFWHM, RXNSIGMA    bins of the dictionary, 0 without one
+ *   RXEPOCHS, RXPATCHS, RXSEED    training done: epochs, images seen, seed (a string of digits)
+ *
+ * Binary tables, in this order, those in brackets where there are any:
+ *
+ *   RESTORE_NODES    OP (text), SRC, ADD, RELU, CHANNELS, KERNEL, STRIDE (32-bit): one row per node, nn/net.h
+ *   RESTORE_PARAMS   VALUE (float): all parameters in the order of nn/net.h
+ *   [PSF_NODES, PSF_PARAMS]    the network from sharp to blurred
+ *   [DICTIONARY]     FWHM_LOW, FWHM_HIGH, SIGMA_LOW, SIGMA_HIGH, LOSS, LIST, RECALL, BIAS, SCATTER (double),
+ *                    IMAGES (64-bit): one row per bin, FWHM runs fastest
+ *   [PROVENANCE]     LINE (text): the configuration of the training, KEYWORD value
+ *
+ * The same model makes the same bytes: no date, no name of a machine, no path. */
 #ifndef RX_NN_MODEL_H
 #define RX_NN_MODEL_H
+
+#include <stddef.h>
+#include <stdint.h>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -28,31 +49,37 @@ typedef struct rx_model_bin {
     long images;    /* test images behind these */
 } rx_model_bin;
 
-enum { RX_MODEL_NAME = 80 };
+enum { RX_MODEL_NAME = 80, RX_MODEL_DIGEST = 32 };
 
 typedef struct rx_model {
     rx_front front;
-    rx_net *restore;          /* owned */
-    rx_net *psf;              /* owned; NULL: left out */
-    int nfwhm, nsigma;        /* the grid */
-    rx_model_bin *bins;       /* [nsigma][nfwhm], owned; NULL: no dictionary yet */
-    char name[RX_MODEL_NAME]; /* for headers and reports */
-    char digest[32]; /* hex digest of all parameters and nodes (FNV-1a, 64 bits); set on read and write */
-    long epochs, patches; /* training done */
+    rx_net *restore;              /* owned */
+    rx_net *psf;                  /* owned; NULL: left out */
+    int nfwhm, nsigma;            /* the grid */
+    rx_model_bin *bins;           /* [nsigma][nfwhm], owned; NULL: no dictionary yet */
+    char name[RX_MODEL_NAME];     /* for headers and reports */
+    char digest[RX_MODEL_DIGEST]; /* as rx_model_digest(); set by rx_model_read() */
+    long epochs, patches;         /* training done */
     uint64_t seed;
-    char *provenance; /* KEYWORD value lines of the training, owned, may be NULL */
+    char *provenance; /* KEYWORD value lines of the training, owned, may be NULL; printable ASCII */
 } rx_model;
 
 /* All zero but the default front; NULL without memory. */
 rx_model *rx_model_new(void);
 void rx_model_free(rx_model *model); /* NULL is fine */
 
+const char *rx_mode_name(rx_mode mode); /* "BLIND", "INFORMED" */
+
+/* FNV-1a (64 bits, hexadecimal) of what the networks compute: front, nodes, parameters. */
+void rx_model_digest(const rx_model *model, char dst[RX_MODEL_DIGEST]);
+
 /* `path` is the temporary name of rx_outputs_file(), `shown` the final one. The same model gives the same
- * bytes. Errors: RX_SYSTEM. */
+ * bytes. Errors: RX_SYSTEM (disk, memory, or networks that do not fit the front). */
 rx_status rx_model_write(const rx_model *model, const char *path, const char *shown, rx_error *err);
 
-/* CHECKSUM and DATASUM are verified. Errors: RX_INPUT (not a model, another format version, truncated,
- * checksum wrong, nodes that make no network, parameters not finite or not as many as the nodes need),
+/* CHECKSUM and DATASUM are verified and everything else is checked before it is used. Errors: RX_INPUT (not
+ * FITS, not a model, another format version, truncated, checksum wrong, nodes that make no network or none
+ * that fits the front, parameters not finite or not as many as the nodes need, a dictionary that is no grid),
  * RX_SYSTEM. */
 rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err);
 
@@ -60,12 +87,14 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err);
 void rx_model_describe(const rx_model *model, rx_text *dst);
 
 /* Noise of a tile on the scale of the dictionary: 255 sigma / q, q = the value (ADU above the sky) that the
- * brightest 0.1 % of the pixels exceed; 0.1 % of pure noise exceed 3.1 sigma, so a blank tile has about 80.
- * above[n]: (pixel - sky)/sigma of the good pixels, reordered here. NAN for n = 0. */
+ * brightest 0.1 % of the pixels exceed (quantile 0.999, linear between pixels as rx_quantile()); 0.1 % of
+ * pure noise exceed 3.1 sigma, so a blank tile has about 80. above[n]: (pixel - sky)/sigma of the good
+ * pixels, all finite, reordered here. NAN for n = 0, infinite where not even 0.1 % lie above the sky. */
 double rx_model_noise(float *above, size_t n);
 
 /* The bin of that seeing and noise, or NULL outside the grid (*outside, may be NULL, then says in words what
- * is out: "FWHM 9.3 pixels is above 8"). Noise below the grid (a deeper or brighter tile) is outside too. */
+ * is out: "FWHM 9.30 pixels is above 8"; else it is empty). Upper limits belong to the next bin, those of the
+ * grid to the last one. Noise below the grid (a deeper or brighter tile) is outside too. */
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
                                   size_t size);
 

@@ -1,0 +1,215 @@
+/* Models in memory: life, digest, the dictionary. */
+#include "nn/model.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/model_parts.h"
+
+rx_model *rx_model_new(void)
+{
+    rx_model *model = RX_NEW(rx_model, 1);
+    if (model != NULL)
+        model->front = (rx_front){
+            .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 1, .pedestal = 1};
+    return model;
+}
+
+void rx_model_free(rx_model *model)
+{
+    if (model == NULL)
+        return;
+    rx_net_free(model->restore);
+    rx_net_free(model->psf);
+    free(model->bins);
+    free(model->provenance);
+    free(model);
+}
+
+/* --- digest --- */
+
+/* Fowler, Noll, Vo 1a: the little-endian bytes of a number one after the other. */
+static uint64_t add_number(uint64_t hash, uint64_t bits, int bytes)
+{
+    for (int i = 0; i < bytes; i++)
+        hash = (hash ^ (bits >> 8 * i & 0xff)) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+static uint64_t add_double(uint64_t hash, double value)
+{
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return add_number(hash, bits, 8);
+}
+
+static uint64_t add_net(uint64_t hash, const rx_net *net)
+{
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        const int values[] = {(int)n->op, n->src, n->add, n->relu, n->channels, n->kernel, n->stride};
+        for (size_t k = 0; k < sizeof values / sizeof values[0]; k++)
+            hash = add_number(hash, (uint32_t)values[k], 4);
+    }
+    for (long i = 0; i < net->nparams; i++) {
+        uint32_t bits;
+        memcpy(&bits, &net->params[i], sizeof bits);
+        hash = add_number(hash, bits, 4);
+    }
+    return hash;
+}
+
+void rx_model_digest(const rx_model *model, char dst[RX_MODEL_DIGEST])
+{
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    hash = add_number(hash, (uint64_t)model->front.mode, 4);
+    hash = add_double(hash, model->front.target_fwhm);
+    hash = add_double(hash, model->front.tikhonov);
+    hash = add_number(hash, (uint64_t)model->front.rl_steps, 4);
+    hash = add_double(hash, model->front.pedestal);
+    hash = add_net(hash, model->restore);
+    if (model->psf != NULL)
+        hash = add_net(hash, model->psf);
+    snprintf(dst, RX_MODEL_DIGEST, "%016" PRIx64, hash);
+}
+
+/* --- does it hang together --- */
+
+static const char *net_fault(const rx_net *net, const char *name, int inputs, char *text, size_t size)
+{
+    const rx_node *first = &net->node[0], *last = &net->node[net->nnodes - 1];
+    if (first->channels != inputs)
+        snprintf(text, size, "its %s network takes %d channels, the mode gives %d", name, first->channels,
+                 inputs);
+    else if (last->channels != 1 || last->level != 0)
+        snprintf(text, size,
+                 "its %s network ends in %d channels at 1/%d of the resolution, one at full is needed", name,
+                 last->channels, 1 << last->level);
+    else
+        return NULL;
+    return text;
+}
+
+const char *rx_model_fault(const rx_model *model, char *text, size_t size)
+{
+    const rx_front *f = &model->front;
+    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 100))
+        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 100", f->target_fwhm);
+    else if (!(f->tikhonov > 0 && f->tikhonov <= 1e3))
+        snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
+    else if (!(f->pedestal > 0 && f->pedestal <= 1e6))
+        snprintf(text, size, "its pedestal, %g, is not within 0 to 1e6", f->pedestal);
+    else if (f->rl_steps < 0 || f->rl_steps > 1 || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
+        snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
+                 f->rl_steps, rx_mode_name(f->mode));
+    else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&
+             (model->psf == NULL || net_fault(model->psf, "PSF", RX_PSF_CHANNELS, text, size) == NULL))
+        return NULL;
+    return text;
+}
+
+const char *rx_mode_name(rx_mode mode)
+{
+    return mode == RX_MODE_BLIND ? "BLIND" : "INFORMED";
+}
+
+/* --- the dictionary --- */
+
+static void swap_values(float *a, float *b)
+{
+    float keep = *a;
+    *a = *b;
+    *b = keep;
+}
+
+/* The k-th smallest (from 0), by Hoare's quickselect; afterwards no value behind k is smaller. */
+static float select_value(float *v, size_t n, size_t k)
+{
+    size_t low = 0, high = n - 1;
+    while (low < high) {
+        float pivot = v[low + (high - low) / 2];
+        size_t i = low, j = high;
+        for (;;) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i >= j)
+                break;
+            swap_values(&v[i++], &v[j--]);
+        }
+        if (v[j] > pivot)
+            j--;
+        if (k <= j)
+            high = j;
+        else
+            low = j + 1;
+    }
+    return v[k];
+}
+
+double rx_model_noise(float *above, size_t n)
+{
+    if (n == 0)
+        return NAN;
+    double place = 0.999 * (double)(n - 1);
+    size_t k = (size_t)place;
+    double q = select_value(above, n, k);
+    if (k + 1 < n) {
+        float next = above[k + 1];
+        for (size_t i = k + 2; i < n; i++)
+            next = above[i] < next ? above[i] : next;
+        q += (place - (double)k) * (next - q);
+    }
+    return q > 0 ? 255.0 / q : HUGE_VAL;
+}
+
+/* Cell of value on one axis of the grid: -1 below, n above. Limits belong to the cells inside. */
+static int find_cell(const rx_model_bin *bins, int n, int stride, int axis, double value)
+{
+    const double *first = axis == 0 ? bins[0].fwhm : bins[0].sigma;
+    const rx_model_bin *end = &bins[(long)(n - 1) * stride];
+    if (!(value >= first[0]))
+        return -1;
+    for (int i = 0; i < n; i++) {
+        const rx_model_bin *bin = &bins[(long)i * stride];
+        if (value < (axis == 0 ? bin->fwhm : bin->sigma)[1])
+            return i;
+    }
+    return value <= (axis == 0 ? end->fwhm : end->sigma)[1] ? n - 1 : n;
+}
+
+static void say_outside(rx_text *dst, const char *what, const char *unit, double value, int below,
+                        double limit)
+{
+    rx_text_printf(dst, "%s%s %.2f%s is %s %.4g", dst->length > 0 ? ", " : "", what, value, unit,
+                   below ? "below" : "above", limit);
+}
+
+const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
+                                  size_t size)
+{
+    rx_text why = {0};
+    const rx_model_bin *found = NULL, *bins = model->bins;
+    if (bins == NULL) {
+        rx_text_add(&why, "the model has no dictionary");
+    } else {
+        const rx_model_bin *last = &bins[(long)model->nsigma * model->nfwhm - 1];
+        int i = find_cell(bins, model->nfwhm, 1, 0, fwhm),
+            k = find_cell(bins, model->nsigma, model->nfwhm, 1, sigma);
+        if (i < 0 || i == model->nfwhm)
+            say_outside(&why, "FWHM", " pixels", fwhm, i < 0, i < 0 ? bins[0].fwhm[0] : last->fwhm[1]);
+        if (k < 0 || k == model->nsigma)
+            say_outside(&why, "noise", "", sigma, k < 0, k < 0 ? bins[0].sigma[0] : last->sigma[1]);
+        if (why.length == 0)
+            found = &bins[(long)k * model->nfwhm + i];
+    }
+    if (outside != NULL && size > 0)
+        snprintf(outside, size, "%s", why.data != NULL ? why.data : "");
+    rx_text_free(&why);
+    return found;
+}

@@ -1,0 +1,90 @@
+/* A model in words. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "nn/model.h"
+
+static void add_net(rx_text *dst, const char *name, const rx_net *net)
+{
+    int widest = 0, convolutions = 0;
+    for (int i = 1; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        widest = n->channels > widest ? n->channels : widest;
+        convolutions += n->nweights > 0;
+    }
+    rx_text_printf(dst,
+                   "%-12s%d nodes, %d convolutions of up to %d channels, %ld parameters, %.1f thousand "
+                   "multiplications per pixel, reaches %d pixels\n",
+                   name, net->nnodes, convolutions, widest, net->nparams, 1e-3 * rx_net_macs(net),
+                   rx_net_halo(net));
+}
+
+static void add_nodes(rx_text *dst, const rx_net *net)
+{
+    rx_text_add(dst, "\nnode  operation   of  plus  channels  kernel  stride  resolution\n");
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        char add[16] = "";
+        if (n->add >= 0)
+            snprintf(add, sizeof add, "%d", n->add);
+        rx_text_printf(dst, "%4d  %-10s%4d  %4s  %8d  %6d  %6d  1/%-3d%s\n", i, rx_op_name(n->op), n->src,
+                       add, n->channels, n->kernel, n->stride, 1 << n->level, n->relu ? "  ReLU" : "");
+    }
+}
+
+/* A value of the dictionary, or a dash. */
+static void add_value(rx_text *dst, int width, int digits, double value)
+{
+    if (isfinite(value))
+        rx_text_printf(dst, " %*.*f", width, digits, value);
+    else
+        rx_text_printf(dst, " %*s", width, "-");
+}
+
+static void add_bins(rx_text *dst, const rx_model *model)
+{
+    rx_text_add(dst, "\nWhat it does in each bin of seeing and noise (test images, never trained on):\n"
+                     "FWHM (pix)   noise          loss        list  recall  bias (%)  scatter (%)  images\n");
+    for (long i = 0; i < (long)model->nfwhm * model->nsigma; i++) {
+        const rx_model_bin *b = &model->bins[i];
+        rx_text_printf(dst, "%4.2f-%-6.2f %5.2f-%-7.2f %-11.5g", b->fwhm[0], b->fwhm[1], b->sigma[0],
+                       b->sigma[1], b->loss);
+        add_value(dst, 5, 3, b->list);
+        add_value(dst, 7, 3, b->recall);
+        add_value(dst, 9, 2, 100 * b->bias);
+        add_value(dst, 12, 2, 100 * b->scatter);
+        rx_text_printf(dst, " %7ld\n", b->images);
+    }
+    rx_text_add(
+        dst, "Noise: on the scale on which the brightest 0.1 % of the pixels begin at 255. Recall: stars of "
+             "S/N above 5; bias and scatter: fluxes of stars of S/N above 12.\n");
+}
+
+void rx_model_describe(const rx_model *model, rx_text *dst)
+{
+    const rx_front *f = &model->front;
+    rx_text_printf(dst, "Model       %s, digest %s\n", model->name[0] != '\0' ? model->name : "(no name)",
+                   model->digest[0] != '\0' ? model->digest : "(not yet written)");
+    rx_text_printf(dst, "Mode        %s\n",
+                   f->mode == RX_MODE_BLIND ? "BLIND: given the image alone"
+                                            : "INFORMED: given the image, a deconvolved copy and the seeing");
+    rx_text_printf(dst, "Output      PSF a Gaussian of FWHM %g pixels\n", f->target_fwhm);
+    if (f->mode == RX_MODE_INFORMED)
+        rx_text_printf(dst, "Optics      regularisation %g; %s (pedestal %g)\n", f->tikhonov,
+                       f->rl_steps > 0 ? "one Richardson-Lucy step with the tile's PSF after the network"
+                                       : "no Richardson-Lucy step",
+                       f->pedestal);
+    add_net(dst, "RESTORE", model->restore);
+    if (model->psf != NULL)
+        add_net(dst, "PSF", model->psf);
+    rx_text_printf(dst, "Training    %ld epochs, %ld images, seed %" PRIu64 "\n", model->epochs,
+                   model->patches, model->seed);
+    add_nodes(dst, model->restore);
+    if (model->bins != NULL)
+        add_bins(dst, model);
+    else
+        rx_text_add(dst, "\nNo dictionary: how well it does is not known\n");
+    if (model->provenance != NULL)
+        rx_text_printf(dst, "\nConfiguration of the training:\n%s", model->provenance);
+}

@@ -1,0 +1,389 @@
+/* Models from FITS files; nothing in them is trusted. */
+#include <inttypes.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "io/fits_read.h"
+#include "io/fits_verify.h"
+#include "nn/model_parts.h"
+
+enum { MAX_BINS = 10000, MAX_HDUS = 1000 };
+
+typedef struct reader {
+    const char *path;
+    char *cards; /* of the primary header */
+    long ncards;
+    rx_model *model;
+} reader;
+
+/* --- header --- */
+
+static rx_status take_integer(const reader *r, const char *key, long low, long high, long *dst, rx_error *err)
+{
+    double value = NAN;
+    if (!rx_cards_number(r->cards, r->ncards, key, &value) || value != floor(value) || value < (double)low ||
+        value > (double)high)
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "%s is missing or no integer from %ld to %ld; make the model again", key, low,
+                           high);
+    *dst = (long)value;
+    return RX_OK;
+}
+
+static rx_status take_number(const reader *r, const char *key, double *dst, rx_error *err)
+{
+    if (!rx_cards_number(r->cards, r->ncards, key, dst))
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0, "%s is missing or no number; make the model again",
+                           key);
+    return RX_OK;
+}
+
+static rx_status take_mode(const reader *r, rx_mode *dst, rx_error *err)
+{
+    char text[32];
+    rx_cards_text(r->cards, r->ncards, "RXMODE", text, sizeof text);
+    for (int mode = RX_MODE_BLIND; mode <= RX_MODE_INFORMED; mode++)
+        if (strcmp(text, rx_mode_name((rx_mode)mode)) == 0) {
+            *dst = (rx_mode)mode;
+            return RX_OK;
+        }
+    return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                       "RXMODE is '%s', BLIND or INFORMED was expected; make the model again", text);
+}
+
+static rx_status take_seed(const reader *r, uint64_t *dst, rx_error *err)
+{
+    char text[32], *end;
+    rx_cards_text(r->cards, r->ncards, "RXSEED", text, sizeof text);
+    *dst = strtoull(text, &end, 10);
+    if (end == text || *end != '\0')
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "RXSEED is missing or no number; make the model again");
+    return RX_OK;
+}
+
+static rx_status take_header(const reader *r, rx_error *err)
+{
+    rx_model *m = r->model;
+    long nfwhm = 0, nsigma = 0, steps = 0;
+    rx_cards_text(r->cards, r->ncards, "RXNAME", m->name, sizeof m->name);
+    rx_status status = take_mode(r, &m->front.mode, err);
+    if (status == RX_OK)
+        status = take_number(r, "RXTFWHM", &m->front.target_fwhm, err);
+    if (status == RX_OK)
+        status = take_number(r, "RXTIKH", &m->front.tikhonov, err);
+    if (status == RX_OK)
+        status = take_number(r, "RXPEDST", &m->front.pedestal, err);
+    if (status == RX_OK)
+        status = take_integer(r, "RXRLSTEP", 0, 1, &steps, err);
+    if (status == RX_OK)
+        status = take_integer(r, "RXNFWHM", 0, MAX_BINS, &nfwhm, err);
+    if (status == RX_OK)
+        status = take_integer(r, "RXNSIGMA", 0, MAX_BINS, &nsigma, err);
+    if (status == RX_OK)
+        status = take_integer(r, "RXEPOCHS", 0, INT_MAX, &m->epochs, err);
+    if (status == RX_OK)
+        status = take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err);
+    if (status == RX_OK)
+        status = take_seed(r, &m->seed, err);
+    m->front.rl_steps = (int)steps;
+    m->nfwhm = (int)nfwhm;
+    m->nsigma = (int)nsigma;
+    return status;
+}
+
+/* Is it a model of this version, and is the file as it was written? */
+static rx_status check_file(reader *r, rx_error *err)
+{
+    double version = 0, tables = 0;
+    rx_status status = rx_fits_read_header(r->path, 0, &r->cards, &r->ncards, err);
+    if (status != RX_OK)
+        return status;
+    if (!rx_cards_number(r->cards, r->ncards, "RXMODEL", &version))
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "is no model: its header has no RXMODEL; give a file made by rextract-train");
+    int known = rx_cards_number(r->cards, r->ncards, "NEXTEND", &tables) && tables >= 0 && tables < MAX_HDUS;
+    status = rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err);
+    if (status == RX_OK && version != RX_MODEL_VERSION)
+        status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                             "is a model of format version %g, this program reads version %d; use the "
+                             "program that belongs to it, or train again",
+                             version, RX_MODEL_VERSION);
+    if (status == RX_OK && !known)
+        status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                             "NEXTEND, the number of its tables, is missing; make the model again");
+    return status;
+}
+
+/* --- tables --- */
+
+/* Table of n named columns, numbers or text as the first letter of `kinds` says (T, I: integer, F: float, D:
+ * any number); *dst NULL when it is not there and may be absent. */
+static rx_status read_columns(const reader *r, const char *extname, const char *const *names,
+                              const char *kinds, int n, int needed, rx_table **dst, int *hdu, rx_error *err)
+{
+    rx_status status = rx_fits_read_named(r->path, extname, dst, hdu, err);
+    if (status != RX_OK || (*dst == NULL && !needed))
+        return status;
+    if (*dst == NULL)
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "has no table %s; make the model again", extname);
+    for (int c = 0; c < n; c++) {
+        const rx_column *column = c < (*dst)->ncolumns ? &(*dst)->columns[c] : NULL;
+        int fits = column != NULL && strcmp(column->name, names[c]) == 0 && column->ndim == 0;
+        if (fits && kinds[c] == 'T')
+            fits = column->type == RX_CELL_TEXT;
+        else if (fits && kinds[c] == 'I')
+            fits = column->type == RX_CELL_INT32;
+        else if (fits && kinds[c] == 'F')
+            fits = column->type == RX_CELL_FLOAT;
+        else if (fits)
+            fits = column->type == RX_CELL_DOUBLE || column->type == RX_CELL_INT64;
+        if (!fits)
+            return rx_error_at(err, RX_INPUT, r->path, *hdu, 0,
+                               "column %d of %s is not what a model has there (%s); make the model again",
+                               c + 1, extname, names[c]);
+    }
+    return RX_OK;
+}
+
+static int cell(const rx_table *table, int column, long row)
+{
+    return ((const int32_t *)table->columns[column].data)[row];
+}
+
+static rx_status take_nodes(const reader *r, const rx_table *table, int hdu, rx_node *nodes, rx_error *err)
+{
+    if (table->nrows < 1 || table->nrows > RX_NET_NODES)
+        return rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                           "has %ld nodes, 1 to %d are possible; make the model again", table->nrows,
+                           RX_NET_NODES);
+    for (long i = 0; i < table->nrows; i++) {
+        const rx_column *ops = &table->columns[0];
+        const char *name = (const char *)ops->data + (size_t)i * (size_t)ops->text_width;
+        int op = rx_op_find(name);
+        if (op < 0)
+            return rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                               "node %ld has the unknown operation '%.20s'; use a newer program, or make the "
+                               "model again",
+                               i, name);
+        nodes[i] = (rx_node){.op = (rx_op)op,
+                             .src = cell(table, 1, i),
+                             .add = cell(table, 2, i),
+                             .relu = cell(table, 3, i),
+                             .channels = cell(table, 4, i),
+                             .kernel = cell(table, 5, i),
+                             .stride = cell(table, 6, i)};
+    }
+    return RX_OK;
+}
+
+/* Weights of the convolutions alone, so that a list that asks for far more memory than the file has numbers
+ * is never laid out. */
+static double least_parameters(const rx_node *nodes, long n)
+{
+    double sum = 0;
+    for (long i = 1; i < n; i++)
+        if ((nodes[i].op == RX_OP_CONV || nodes[i].op == RX_OP_TRANSPOSED) && nodes[i].src >= 0 &&
+            nodes[i].src < i)
+            sum +=
+                (double)nodes[i].kernel * nodes[i].kernel * nodes[i].channels * nodes[nodes[i].src].channels;
+        else if (nodes[i].op == RX_OP_UPCONV && nodes[i].src >= 0 && nodes[i].src < i)
+            sum += 9.0 * nodes[i].channels * nodes[nodes[i].src].channels;
+    return sum;
+}
+
+static rx_status wrong_count(const reader *r, int hdu, double need, long found, rx_error *err)
+{
+    return rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                       "the network needs %.0f parameters, the table has %ld; make the model again", need,
+                       found);
+}
+
+static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const rx_table *params,
+                          int params_hdu, rx_net **dst, rx_error *err)
+{
+    rx_node list[RX_NET_NODES];
+    rx_error why = RX_ERROR_NONE;
+    const float *values = params->columns[0].data;
+    rx_status status = take_nodes(r, nodes, hdu, list, err);
+    if (status != RX_OK)
+        return status;
+    double least = least_parameters(list, nodes->nrows);
+    if (least > (double)params->nrows)
+        return wrong_count(r, params_hdu, least, params->nrows, err);
+    status = rx_net_new(list, (int)nodes->nrows, dst, &why);
+    if (status == RX_INPUT)
+        return rx_error_at(err, RX_INPUT, r->path, hdu, 0, "its nodes make no network: %s", why.text);
+    if (status != RX_OK) {
+        if (err != NULL)
+            *err = why;
+        return status;
+    }
+    if ((*dst)->nparams != params->nrows)
+        return wrong_count(r, params_hdu, (double)(*dst)->nparams, params->nrows, err);
+    for (long i = 0; i < params->nrows; i++) {
+        if (!isfinite(values[i]))
+            return rx_error_at(err, RX_INPUT, r->path, params_hdu, 0,
+                               "parameter %ld is not finite; the training diverged, train again", i + 1);
+        (*dst)->params[i] = values[i];
+    }
+    return RX_OK;
+}
+
+static rx_status read_net(const reader *r, const char *name, int needed, rx_net **dst, rx_error *err)
+{
+    static const char *const columns[] = RX_MODEL_NODE_COLUMNS, *const value[] = {"VALUE"};
+    char extname[40];
+    rx_table *nodes = NULL, *params = NULL;
+    int hdu = -1, params_hdu = -1;
+    snprintf(extname, sizeof extname, "%s_NODES", name);
+    rx_status status =
+        read_columns(r, extname, columns, "TIIIIII", RX_MODEL_NNODE_COLUMNS, needed, &nodes, &hdu, err);
+    if (status == RX_OK && nodes != NULL) {
+        snprintf(extname, sizeof extname, "%s_PARAMS", name);
+        status = read_columns(r, extname, value, "F", 1, 1, &params, &params_hdu, err);
+        if (status == RX_OK)
+            status = make_net(r, nodes, hdu, params, params_hdu, dst, err);
+    }
+    rx_table_free(nodes);
+    rx_table_free(params);
+    return status;
+}
+
+/* The grid must be one: rising limits without gaps, the same in every row and column. */
+static int is_grid(const rx_model *m)
+{
+    for (int k = 0; k < m->nsigma; k++)
+        for (int i = 0; i < m->nfwhm; i++) {
+            const rx_model_bin *b = &m->bins[(long)k * m->nfwhm + i], *top = &m->bins[i],
+                               *left = &m->bins[(long)k * m->nfwhm];
+            if (!(b->fwhm[0] >= 0 && b->fwhm[1] > b->fwhm[0] && b->sigma[0] >= 0 &&
+                  b->sigma[1] > b->sigma[0] && isfinite(b->fwhm[1]) && isfinite(b->sigma[1])))
+                return 0;
+            if (memcmp(b->fwhm, top->fwhm, sizeof b->fwhm) != 0 ||
+                memcmp(b->sigma, left->sigma, sizeof b->sigma) != 0)
+                return 0;
+            if ((i > 0 && b->fwhm[0] != b[-1].fwhm[1]) || (k > 0 && b->sigma[0] != b[-m->nfwhm].sigma[1]))
+                return 0;
+        }
+    return 1;
+}
+
+static rx_status read_bins(const reader *r, rx_error *err)
+{
+    static const char *const names[] = RX_MODEL_BIN_COLUMNS;
+    rx_model *m = r->model;
+    rx_table *table = NULL;
+    int hdu = -1, needed = m->nfwhm > 0 && m->nsigma > 0;
+    rx_status status =
+        read_columns(r, "DICTIONARY", names, "DDDDDDDDDD", RX_MODEL_NBIN_COLUMNS, needed, &table, &hdu, err);
+    if (status != RX_OK || table == NULL)
+        goto exit;
+    if (table->nrows != (long)m->nfwhm * m->nsigma) {
+        status = rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                             "the dictionary has %ld bins, the header says %d x %d; make the model again",
+                             table->nrows, m->nfwhm, m->nsigma);
+        goto exit;
+    }
+    m->bins = RX_NEW(rx_model_bin, (size_t)table->nrows);
+    if (m->bins == NULL) {
+        status = rx_error_memory(err, (size_t)table->nrows * sizeof *m->bins);
+        goto exit;
+    }
+    for (long i = 0; i < table->nrows; i++) {
+        double v[RX_MODEL_NBIN_COLUMNS];
+        for (int c = 0; c < RX_MODEL_NBIN_COLUMNS; c++)
+            v[c] = rx_column_value(&table->columns[c], i, 0);
+        m->bins[i] = (rx_model_bin){.fwhm = {v[0], v[1]},
+                                    .sigma = {v[2], v[3]},
+                                    .loss = v[4],
+                                    .list = v[5],
+                                    .recall = v[6],
+                                    .bias = v[7],
+                                    .scatter = v[8],
+                                    .images = v[9] >= 0 && v[9] < 1e15 ? (long)v[9] : 0};
+    }
+    if (!is_grid(m))
+        status =
+            rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                        "the bins of the dictionary are no grid of FWHM and noise; make the model again");
+exit:
+    rx_table_free(table);
+    return status;
+}
+
+static rx_status read_provenance(const reader *r, rx_error *err)
+{
+    static const char *const name[] = {"LINE"};
+    rx_table *table = NULL;
+    rx_text text = {0};
+    int hdu = -1;
+    rx_status status = read_columns(r, "PROVENANCE", name, "T", 1, 0, &table, &hdu, err);
+    for (long i = 0; status == RX_OK && table != NULL && i < table->nrows; i++) {
+        const rx_column *column = &table->columns[0];
+        rx_text_printf(&text, "%s\n", (const char *)column->data + (size_t)i * (size_t)column->text_width);
+    }
+    rx_table_free(table);
+    if (status == RX_OK && text.failed)
+        status = rx_error_memory(err, text.length);
+    if (status != RX_OK) {
+        rx_text_free(&text);
+        return status;
+    }
+    r->model->provenance = text.data;
+    return RX_OK;
+}
+
+/* --- all --- */
+
+static rx_status check_model(const reader *r, rx_error *err)
+{
+    char fault[200], text[RX_MODEL_DIGEST];
+    if (rx_model_fault(r->model, fault, sizeof fault) != NULL)
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "%s; make the model again", fault);
+    rx_model_digest(r->model, r->model->digest);
+    rx_cards_text(r->cards, r->ncards, "RXDIGEST", text, sizeof text);
+    if (strcmp(text, r->model->digest) != 0)
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "RXDIGEST is '%s', nodes and parameters give '%s': the file was put together from "
+                           "others; make the model again",
+                           text, r->model->digest);
+    return RX_OK;
+}
+
+rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err)
+{
+    reader r = {.path = path};
+    *dst = NULL;
+    rx_status status = check_file(&r, err);
+    if (status != RX_OK)
+        goto exit;
+    r.model = rx_model_new();
+    if (r.model == NULL) {
+        status = rx_error_memory(err, sizeof *r.model);
+        goto exit;
+    }
+    status = take_header(&r, err);
+    if (status == RX_OK)
+        status = read_net(&r, "RESTORE", 1, &r.model->restore, err);
+    if (status == RX_OK)
+        status = read_net(&r, "PSF", 0, &r.model->psf, err);
+    if (status == RX_OK)
+        status = read_bins(&r, err);
+    if (status == RX_OK)
+        status = read_provenance(&r, err);
+    if (status == RX_OK)
+        status = check_model(&r, err);
+    if (status != RX_OK)
+        goto exit;
+    *dst = r.model;
+    r.model = NULL;
+exit:
+    rx_model_free(r.model);
+    free(r.cards);
+    return status;
+}
