@@ -19,6 +19,13 @@
 
 enum { RX_MAX_RUNS = 16 };
 
+/* What thresholds on restored pixels are sigmas of. AUTO: INPUT where the restorer brings such a map. */
+typedef enum rx_detect_noise {
+    RX_DETECT_NOISE_AUTO,
+    RX_DETECT_NOISE_MEASURED,
+    RX_DETECT_NOISE_INPUT
+} rx_detect_noise;
+
 typedef struct rx_options {
     rx_tile_params tile[2];             /* of the detection and of the measurement image */
     rx_background_params background[2]; /* of the same two */
@@ -32,6 +39,8 @@ typedef struct rx_options {
     int nrestorers;
     const rx_restorer *restorers[RX_MAX_RUNS];
     rx_detect_params detect;
+    rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
+    int filter_restored;          /* FILTER_RESTORED: 1, 0, -1 = AUTO */
     rx_measure_params measure;
     int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
     int measure_original;  /* MEASURE_ON ORIGINAL */

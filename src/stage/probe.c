@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "detect/filter.h"
+#include "restore/noise_map.h"
 
 /* What one call works on. */
 typedef struct work {
@@ -14,7 +15,8 @@ typedef struct work {
     const rx_restorer *kind;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
     int hide;                         /* mask bits that hide a pixel of the detection image */
-    rx_filter filter;                 /* the detection filter */
+    rx_detect_params par;             /* of the detection on this image */
+    rx_filter filter;                 /* its filter */
     rx_log *log;
     rx_probe *probe;
 } work;
@@ -75,11 +77,47 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
     return RX_OK;
 }
 
+/* Whether thresholds on the restored image refer to the noise of the input. */
+static int by_input_noise(const work *w)
+{
+    const rx_detect_noise wanted = w->options->detect_noise;
+    if (w->probe->plain)
+        return 0;
+    return wanted == RX_DETECT_NOISE_INPUT ||
+           (wanted == RX_DETECT_NOISE_AUTO && w->probe->restored->sigma != NULL);
+}
+
+/* A restored image that is held against the input's noise is smooth already: a filter would only blend what
+ * the restoration has told apart. */
+static void choose_filter(work *w)
+{
+    const int wanted = w->options->filter_restored;
+    w->par = w->options->detect;
+    if (w->probe->plain || wanted > 0 || (wanted < 0 && !by_input_noise(w)))
+        return;
+    w->par.filter = NULL;
+    w->par.filter_width = w->par.filter_height = 0;
+    w->par.matched = 0;
+}
+
+/* The restorer's own map, or the one that it would have brought. */
+static rx_status input_noise(work *w, const rx_background *background, rx_error *err)
+{
+    rx_probe *probe = w->probe;
+    rx_status status = RX_OK;
+    if (probe->restored->sigma == NULL)
+        status = rx_noise_map(w->detect->tile, background, probe->restored->mask, w->options->nthreads,
+                              &probe->own_noise, err);
+    probe->noise = probe->restored->sigma != NULL ? probe->restored->sigma : probe->own_noise;
+    return status;
+}
+
 static rx_status prepare_detection(work *w, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
-    const rx_detect_params *par = &w->options->detect;
+    const rx_detect_params *par = &w->par;
     rx_probe *probe = w->probe;
+    choose_filter(w);
     const rx_restored *restored = probe->restored;
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err);
@@ -92,7 +130,9 @@ static rx_status prepare_detection(work *w, rx_error *err)
     const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
     probe->noise = restored->sigma != NULL ? restored->sigma : background->sigma;
     probe->global_noise = background->global_sigma;
-    if (!probe->plain && restored->sigma == NULL)
+    if (by_input_noise(w))
+        return input_noise(w, background, err);
+    if (!probe->plain)
         return equivalent_noise(w, tile->weight_type >= RX_WEIGHT_MAP_RMS ? background : NULL, err);
     return RX_OK;
 }
@@ -130,7 +170,7 @@ static rx_status detect_sources(const work *w, rx_error *err)
                              .variable_noise = !probe->plain || tile->weight_type != RX_WEIGHT_NONE,
                              .global_sigma = probe->global_noise,
                              .gain = tile->gain};
-    rx_status status = rx_detect_run(&w->options->detect, &image, w->log, &probe->sources, err);
+    rx_status status = rx_detect_run(&w->par, &image, w->log, &probe->sources, err);
     if (status == RX_OK)
         rank_detections(w);
     return status;

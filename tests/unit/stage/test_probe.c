@@ -131,6 +131,105 @@ static void test_weights_within_a_mesh(void **state)
     bench_close(&b);
 }
 
+/* A restorer that brings its noise, as the network does: RL with such a map. */
+static rx_status run_with_sigma(const rx_restore_params *par, const rx_tile *tile,
+                                const rx_background *background, const rx_psf *psf, rx_log *log,
+                                rx_restored **dst, rx_error *err)
+{
+    rx_status status = rx_restorer_find("RL")->run(par, tile, background, psf, log, dst, err);
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    if (status == RX_OK) {
+        (*dst)->sigma = RX_NEW(float, n);
+        for (size_t i = 0; i < n; i++)
+            (*dst)->sigma[i] = 2 * background->sigma[i];
+    }
+    return status;
+}
+
+static void check_noise(const char *detect_noise, const rx_restorer *kind, int by_map, int filtered)
+{
+    const setting settings[] = {{"DETECT_NOISE", detect_noise}, {"DETECT_THRESH", "3"}, {NULL, NULL}};
+    bench b;
+    scene s;
+    rx_probe probe;
+    bench_open(&b, settings);
+    scene_make(&s, SIDE, SIDE, 12, 5);
+    rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
+    const rx_restorer *rl = rx_restorer_find("RL");
+    assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &probe, NULL), RX_OK);
+    const float *own = probe.restored->sigma, *sky = field->restored->sigma;
+    long above = 0;
+    for (size_t i = 0; i < (size_t)SIDE * SIDE; i++) {
+        const float least = own != NULL ? own[i] : sky[i];
+        if (by_map && (own != NULL ? probe.noise[i] != least : probe.noise[i] < least))
+            fail_msg("%s: noise %g at pixel %zu, input %g", detect_noise, (double)probe.noise[i], i,
+                     (double)least);
+        above += probe.noise[i] > 1.5f * least;
+        if (!filtered && probe.filtered[i] != probe.restored->pixels[i])
+            fail_msg("%s: pixel %zu was filtered", detect_noise, i);
+    }
+    assert_int_equal(memcmp(probe.filtered, probe.restored->pixels, (size_t)SIDE * SIDE * sizeof(float)) != 0,
+                     filtered);
+    if (by_map && kind == rl)
+        assert_true(above > 0 && above < SIDE * SIDE / 4); /* around the stars, not on the sky */
+    for (int i = 0; i < probe.sources->n && by_map; i++) {
+        const rx_source *source = &probe.sources->list[i];
+        const size_t p = (size_t)source->ypeak * SIDE + (size_t)source->xpeak;
+        /* the lowest of its pixels */
+        assert_true(source->threshold <= 3.001 * (double)probe.noise[p]);
+        assert_true(source->threshold >= 2.8 * (double)(own != NULL ? own[p] : sky[p]));
+        assert_true(source->detection_snr >= 3);
+    }
+    assert_true(probe.sources->n > 0);
+    rx_probe_free(&probe);
+    rx_field_free(field);
+    scene_free(&s);
+    bench_close(&b);
+}
+
+static void test_detection_noise(void **state)
+{
+    (void)state;
+    const rx_restorer *rl = rx_restorer_find("RL");
+    rx_restorer with_sigma = *rl;
+    with_sigma.name = "WITH_SIGMA";
+    with_sigma.run = run_with_sigma;
+    check_noise("AUTO", rl, 0, 1);
+    check_noise("MEASURED", rl, 0, 1);
+    check_noise("INPUT", rl, 1, 0);
+    check_noise("AUTO", &with_sigma, 1, 0);
+    check_noise("MEASURED", &with_sigma, 0, 1);
+}
+
+/* FILTER_RESTORED decides on its own, and nothing of this touches the unrestored image. */
+static void test_filter_of_restored(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *kind, *filter, *noise;
+        int filtered;
+    } cases[] = {{"RL", "N", "MEASURED", 0}, {"RL", "Y", "INPUT", 1}, {"NONE", "N", "INPUT", 1}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const setting settings[] = {
+            {"DETECT_NOISE", cases[i].noise}, {"FILTER_RESTORED", cases[i].filter}, {NULL, NULL}};
+        bench b;
+        scene s;
+        rx_probe probe;
+        bench_open(&b, settings);
+        scene_make(&s, SIDE, SIDE, 12, 5);
+        rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
+        assert_int_equal(
+            rx_probe_run(b.options, rx_restorer_find(cases[i].kind), field, NULL, NULL, &probe, NULL), RX_OK);
+        assert_int_equal(
+            memcmp(probe.filtered, probe.restored->pixels, (size_t)SIDE * SIDE * sizeof(float)) != 0,
+            cases[i].filtered);
+        rx_probe_free(&probe);
+        rx_field_free(field);
+        scene_free(&s);
+        bench_close(&b);
+    }
+}
+
 /* The tile belongs to the field also when there is none: the leak checker would tell. */
 static void test_failure_frees_the_tile(void **state)
 {
@@ -155,8 +254,9 @@ static void test_failure_frees_the_tile(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_side_by_side_none), cmocka_unit_test(test_side_by_side_rl),
-        cmocka_unit_test(test_known_psf_is_copied), cmocka_unit_test(test_weights_within_a_mesh),
+        cmocka_unit_test(test_side_by_side_none),     cmocka_unit_test(test_side_by_side_rl),
+        cmocka_unit_test(test_known_psf_is_copied),   cmocka_unit_test(test_weights_within_a_mesh),
+        cmocka_unit_test(test_detection_noise),       cmocka_unit_test(test_filter_of_restored),
         cmocka_unit_test(test_failure_frees_the_tile)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
