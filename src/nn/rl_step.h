@@ -3,28 +3,53 @@
  *   m  = K' f,   r = W (x + p) / max(m + p, p/4),   f' = f  K'^T r / K'^T W
  *
  * f: sharp plane, x: data, both in noise units above the sky, K': relative PSF (nn/deblur.h), W: weights (1,
- * 0 under the mask and beyond the border; NULL: all 1 and K'^T W = 1), p: pedestal (front.h). Multiplicative
- * on f alone: where the network says sky (0) it stays sky, where it says source the flux returns to what the
- * data have. Planes are real planes of an rx_fft (cyclic domain). */
+ * 0 under the mask and beyond the border; NULL: all 1 and K'^T W = the sum of K'), p: pedestal (front.h).
+ * Multiplicative on f alone: where the network says sky (0) it stays sky, where it says source the flux
+ * returns to what the data have. Where K'^T W < RX_RL_SHARE (hardly any data) f stays. Planes are real planes
+ * of an rx_fft (cyclic domain).
+ *
+ * Gradients, with c = K'^T r, q = K'^T W, g = K'(dout f / q):
+ *
+ *   dL/df = dout c / q - K'^T [ g W (x + p) / (m + p)^2 ]   (second term only where m + p > p/4)
+ *   dL/dx = g W / max(m + p, p/4) */
 #ifndef RX_NN_RL_STEP_H
 #define RX_NN_RL_STEP_H
 
 #include "base/error.h"
 #include "num/fft.h"
 
+/* least share of K' on pixels with data, where the step is made */
+#define RX_RL_SHARE 0.02f
+
+/* r of one pixel, for those who blur by other means */
+static inline float rx_rl_ratio(float x, float m, float weight, float pedestal)
+{
+    const float model = m + pedestal, least = pedestal / 4;
+    return weight * (x + pedestal) / (model > least ? model : least);
+}
+/* f' from f, c and q */
+static inline float rx_rl_update(float f, float c, float q)
+{
+    return q >= RX_RL_SHARE ? f * (c / q) : f;
+}
+
 typedef struct rx_rl_step rx_rl_step;
 
-/* Scratch and kernel for one constant K' (stamp[size][size]). One object, one caller at a time. `fft` must
- * outlive it. */
+/* Scratch and kernel for one constant K'. One object, one caller at a time. `fft` must outlive it. Errors:
+ * RX_SYSTEM. */
 rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err);
-void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
-void rx_rl_step_free(rx_rl_step *step);
+void rx_rl_step_free(rx_rl_step *step); /* NULL is fine */
 
-/* out = f'; keeps m and K'^T r for the gradient. out may not be f. */
+/* K' = stamp[size][size], odd, not larger than the domain. To be given before the first forward. */
+void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
+
+/* out = f'; keeps m, K'^T r and K'^T W for the gradient. out may not be f. Allocates nothing. */
 void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,
                         double pedestal, float *out);
-/* After forward, with the same f, x, weight: df [plane] = gradient by f from dout = gradient by f'. */
+
+/* After forward, with the same f, x, weight, pedestal: gradients df by f and dx by x (planes, set; NULL: not
+ * wanted) from dout = gradient by f'. df, dx may not be dout, nor each other. */
 void rx_rl_step_backward(rx_rl_step *step, const float *f, const float *x, const float *weight,
-                         double pedestal, const float *dout, float *df);
+                         double pedestal, const float *dout, float *df, float *dx);
 
 #endif

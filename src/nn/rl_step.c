@@ -1,0 +1,128 @@
+/* One Richardson-Lucy step and its gradient. */
+#include "nn/rl_step.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "num/convolve.h"
+
+struct rx_rl_step {
+    const rx_fft *fft;
+    int width, height;
+    size_t stride;
+    float *kernel, *half; /* complex planes */
+    float *model;         /* m */
+    float *back;          /* c = K'^T r */
+    float *share;         /* q = K'^T W; unused without weights */
+    float *work;
+    float sum; /* of K': q without weights */
+};
+
+rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_rl_step *step = RX_NEW(rx_rl_step, 1);
+    if (step == NULL)
+        return rx_error_memory(err, sizeof *step);
+    step->fft = fft;
+    step->width = rx_fft_width(fft);
+    step->height = rx_fft_height(fft);
+    step->stride = (size_t)rx_fft_stride_real(fft);
+    step->kernel = rx_fft_complex(fft);
+    step->half = rx_fft_complex(fft);
+    step->model = rx_fft_real(fft);
+    step->back = rx_fft_real(fft);
+    step->share = rx_fft_real(fft);
+    step->work = rx_fft_real(fft);
+    if (step->kernel == NULL || step->half == NULL || step->model == NULL || step->back == NULL ||
+        step->share == NULL || step->work == NULL) {
+        rx_rl_step_free(step);
+        return rx_error_memory(err, step->stride * (size_t)step->height * 8 * sizeof(float));
+    }
+    *dst = step;
+    return RX_OK;
+}
+
+void rx_rl_step_free(rx_rl_step *step)
+{
+    if (step == NULL)
+        return;
+    free(step->kernel);
+    free(step->half);
+    free(step->model);
+    free(step->back);
+    free(step->share);
+    free(step->work);
+    free(step);
+}
+
+void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size)
+{
+    double sum = 0;
+    for (size_t k = 0; k < (size_t)size * (size_t)size; k++)
+        sum += stamp[k];
+    step->sum = (float)sum;
+    rx_convolve_spectrum(step->fft, stamp, size, step->work, step->kernel);
+}
+
+void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,
+                        double pedestal, float *out)
+{
+    const float p = (float)pedestal;
+    rx_convolve(step->fft, step->kernel, f, step->half, step->model);
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++)
+            step->work[k] = rx_rl_ratio(x[k], step->model[k], weight != NULL ? weight[k] : 1, p);
+    }
+    rx_correlate(step->fft, step->kernel, step->work, step->half, step->back);
+    if (weight != NULL)
+        rx_correlate(step->fft, step->kernel, weight, step->half, step->share);
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++)
+            out[k] = rx_rl_update(f[k], step->back[k], weight != NULL ? step->share[k] : step->sum);
+    }
+}
+
+/* work = dout f / q, df = dout c / q */
+static void begin_backward(rx_rl_step *step, const float *f, int weighted, const float *dout, float *df)
+{
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++) {
+            const float q = weighted ? step->share[k] : step->sum;
+            const int made = q >= RX_RL_SHARE;
+            step->work[k] = made ? dout[k] * f[k] / q : 0;
+            if (df != NULL)
+                df[k] = made ? dout[k] * step->back[k] / q : dout[k];
+        }
+    }
+}
+
+void rx_rl_step_backward(rx_rl_step *step, const float *f, const float *x, const float *weight,
+                         double pedestal, const float *dout, float *df, float *dx)
+{
+    const float p = (float)pedestal;
+    begin_backward(step, f, weight != NULL, dout, df);
+    rx_convolve(step->fft, step->kernel, step->work, step->half, step->work);
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++) {
+            const int free_model = step->model[k] + p > p / 4;
+            const float model = free_model ? step->model[k] + p : p / 4;
+            const float g = step->work[k] * (weight != NULL ? weight[k] : 1) / model;
+            if (dx != NULL)
+                dx[k] = g;
+            step->work[k] = free_model ? -g * (x[k] + p) / model : 0;
+        }
+    }
+    if (df == NULL)
+        return;
+    rx_correlate(step->fft, step->kernel, step->work, step->half, step->work);
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++)
+            df[k] += step->work[k];
+    }
+}
