@@ -15,19 +15,23 @@
 
 typedef enum rx_loss_kind { RX_LOSS_LINEAR, RX_LOSS_PLAIN, RX_LOSS_STRETCHED } rx_loss_kind;
 
-/* weight[side][side] = floor^2 / (floor^2 + m^2), m = slope-weighted local brightness: the largest of the
- * 7 x 7 neighbourhood of Gauss(sigma 1.5 px) * max(input, 0). floor in noise units. The relative weights of
- * a faint and a bright star depend on the input alone, so that the minimum stays the conditional mean of the
- * flux. Errors: RX_SYSTEM. */
-rx_status rx_loss_weights(const float *input, int side, double floor, float *weight, rx_error *err);
+/* weight[side][side] = floor^2 / (floor^2 + m^2), m = local brightness: the largest value of
+ * Gauss(sigma 1.5 px, normalised inside the patch) * max(input, 0) in the 7 x 7 neighbourhood. floor in noise
+ * units, > 0. The relative weights of a faint and a bright star depend on the input alone, so that the
+ * minimum stays the conditional mean of the flux. work[2 side^2] is overwritten; weight may not be input. */
+void rx_loss_weights(const float *input, int side, double floor, float *work, float *weight);
 
-/* value += scale * term; gradient[side][side] += its gradient by out. weight is used by LINEAR only. */
+/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not wanted). weight is used by
+ * LINEAR only. */
 void rx_loss_pixels(rx_loss_kind kind, const float *out, const float *truth, const float *weight, int side,
                     int margin, double scale, double *value, float *gradient);
 
-typedef struct rx_ffl rx_ffl; /* plans and scratch; one caller at a time */
+/* Plans and scratch; one caller at a time. Errors: RX_USAGE (a margin that leaves nothing), RX_SYSTEM. */
+typedef struct rx_ffl rx_ffl;
 rx_status rx_ffl_new(int side, int margin, rx_ffl **dst, rx_error *err);
-void rx_ffl_free(rx_ffl *ffl);
+void rx_ffl_free(rx_ffl *ffl); /* NULL is fine */
+/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not wanted). Allocates nothing.
+ */
 void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale, double *value,
                 float *gradient);
 
