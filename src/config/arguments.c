@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -100,7 +101,13 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
         if (a + 1 == argc)
             return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
                                 table->program);
-        if (strcmp(argv[a++], "-c") == 0)
+        const char *option = argv[a++];
+        if (table->describes && strcasecmp(option, "-INFO") == 0) {
+            *action = RX_ACTION_INFO;
+            words->image[0] = argv[a];
+            return RX_OK;
+        }
+        if (strcmp(option, "-c") == 0)
             words->file = argv[a];
     }
     if (status == RX_OK && words->plain != NULL && words->file != NULL)
@@ -165,13 +172,16 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     if (dst->action == RX_ACTION_NONE)
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
-    if (status != RX_OK || dst->action != RX_ACTION_RUN)
+    const bool runs = dst->action == RX_ACTION_RUN;
+    if (status != RX_OK || (!runs && dst->action != RX_ACTION_INFO))
         return status;
-    if (words.nimages > 0) {
+    if (words.image[0] != NULL) {
         dst->image = join_images(&words);
         if (dst->image == NULL)
             return rx_error_memory(err, 0);
     }
+    if (!runs)
+        return RX_OK;
     status = rx_settings_new(table, &dst->settings, err);
     if (status == RX_OK)
         status = configure(argc, argv, &words, dst->settings, log, err);

@@ -11,23 +11,25 @@ typedef enum rx_action {
     RX_ACTION_NONE, /* no argument at all */
     RX_ACTION_HELP,
     RX_ACTION_VERSION,
-    RX_ACTION_DUMP,        /* -d */
-    RX_ACTION_DUMP_ALL,    /* -dd */
-    RX_ACTION_DUMP_COLUMNS /* -dp */
+    RX_ACTION_DUMP,         /* -d */
+    RX_ACTION_DUMP_ALL,     /* -dd */
+    RX_ACTION_DUMP_COLUMNS, /* -dp */
+    RX_ACTION_INFO          /* -INFO FILE */
 } rx_action;
 
 typedef struct rx_arguments {
     rx_action action;
-    char *image;           /* rextract: "tile.fits" or "detect.fits,measure.fits"; RUN only, else NULL */
+    char *image; /* rextract, RUN: "tile.fits" or "detect.fits,measure.fits"; INFO: the file; else NULL */
     rx_settings *settings; /* of the table; RUN only, else NULL */
 } rx_arguments;
 
 /* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp (rextract), -v, -h (also --help,
- * --version), anything else -KEYWORD VALUE. Other words are rextract's images, two at most, or
- * rextract-validate's campaign file, in place of -c; rextract-simulate takes none. Then the settings are
- * made: defaults, the file of -c (rextract without -c: default.sex where it exists, else a warning), the
- * keywords in their order, the checks between them; log->level follows VERBOSE_TYPE. No output may be an
- * input. Errors: RX_USAGE. rx_arguments_free() after success and failure. */
+ * --version), -INFO FILE (rextract-train), anything else -KEYWORD VALUE. Other words are rextract's images,
+ * two at most, or the campaign or training file of rextract-validate and rextract-train, in place of -c;
+ * rextract-simulate takes none. Then the settings are made: defaults, the file of -c (rextract without -c:
+ * default.sex where it exists, else a warning), the keywords in their order, the checks between them;
+ * log->level follows VERBOSE_TYPE. No output may be an input. Errors: RX_USAGE. rx_arguments_free() after
+ * success and failure. */
 rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *argv, rx_log *log,
                             rx_arguments *dst, rx_error *err);
 

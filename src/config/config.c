@@ -1,5 +1,6 @@
 /* The typed faces of the settings of each program. */
 #include "config/campaign_config.h"
+#include "config/train_config.h"
 
 /* rx_settings is the first member of each of these structs, so that a pointer to one is a pointer to the
  * other. */
@@ -85,6 +86,20 @@ rx_status rx_campaign_config_new(rx_campaign_config **dst, rx_error *err)
 }
 
 void rx_campaign_config_free(rx_campaign_config *config)
+{
+    rx_settings_free((rx_settings *)config);
+}
+
+rx_status rx_train_config_new(rx_train_config **dst, rx_error *err)
+{
+    rx_settings *settings = NULL;
+    rx_status status = rx_settings_new(rx_keytable_train(), &settings, err);
+    if (status == RX_OK)
+        *dst = (rx_train_config *)settings;
+    return status;
+}
+
+void rx_train_config_free(rx_train_config *config)
 {
     rx_settings_free((rx_settings *)config);
 }

@@ -2,6 +2,7 @@
 #include "config/campaign_config.h"
 #include "config/keyword.h"
 #include "config/overwrite.h"
+#include "config/train_config.h"
 
 /* clang-format off */
 #define NOWORDS NULL
@@ -27,6 +28,12 @@ static const rx_keyword simulate_rows[] = {
 #define struct_of_table rx_campaign_config
 static const rx_keyword campaign_rows[] = {
 #include "config/campaign.def"
+};
+#undef struct_of_table
+
+#define struct_of_table rx_train_config
+static const rx_keyword train_rows[] = {
+#include "config/train.def"
 };
 #undef struct_of_table
 #undef KEY
@@ -74,10 +81,28 @@ const rx_keytable *rx_keytable_validate(void)
         ROWS(campaign_rows),
         .size = sizeof(rx_campaign_config),
         .plain = RX_PLAIN_FILE,
-        .part = {{"SIM.", rx_keytable_simulate}, {"STAGE.", rx_keytable_rextract}},
+        .part = {{"SIM.", rx_keytable_simulate, NULL}, {"STAGE.", rx_keytable_rextract, NULL}},
         .complete = rx_campaign_complete,
         .check = rx_campaign_relations,
         .check_outputs = rx_overwrite_check_campaign,
+    };
+    return &table;
+}
+
+const rx_keytable *rx_keytable_train(void)
+{
+    static const rx_keytable table = {
+        .program = "rextract-train",
+        .title = "rextract-train",
+        ROWS(train_rows),
+        .size = sizeof(rx_train_config),
+        .plain = RX_PLAIN_FILE,
+        .describes = true,
+        .part = {{"SIM.", rx_keytable_simulate, rx_train_sim_idle}},
+        .complete = rx_train_complete,
+        .idle = rx_train_idle,
+        .check = rx_train_relations,
+        .check_outputs = rx_overwrite_check_train,
     };
     return &table;
 }

@@ -53,9 +53,11 @@ struct rx_keytable {
     size_t size; /* of the struct that begins with rx_settings */
     rx_plain plain;
     const char *default_file; /* read where no other is named; NULL = none */
+    bool describes;           /* -INFO FILE tells what is in a file that the program made */
     struct {
         const char *prefix;
         const rx_keytable *(*table)(void);
+        const char *(*idle)(const rx_settings *settings, const char *name); /* instead of the table's */
     } part[RX_PARTS];
 
     /* What new settings need besides the values of the rows; NULL = nothing. */
@@ -104,9 +106,13 @@ bool rx_keyword_among(const char *const *names, const char *name);
 /* rx_keytable.complete, .idle and .check. */
 const char *rx_config_idle(const rx_settings *settings, const char *name);
 const char *rx_simulate_idle(const rx_settings *settings, const char *name);
+const char *rx_train_idle(const rx_settings *settings, const char *name);
+const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
+void rx_train_complete(rx_settings *settings);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);
+rx_status rx_train_relations(const rx_settings *settings, rx_error *err);
 
 #endif

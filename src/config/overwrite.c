@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "config/campaign_config.h"
+#include "config/train_config.h"
 
 enum { MAX_INPUTS = 8 * RX_LIST };
 
@@ -226,5 +227,23 @@ rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *i
         status = check_folder(&list, list.n - 1, "OUTPUT_NAME", config->output_name, err);
     }
     rx_text_free(&journal);
+    return status;
+}
+
+rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err)
+{
+    const rx_train_config *config = (const rx_train_config *)settings;
+    inputs list = {0};
+    add(&list, image);
+    add(&list, config->settings.file);
+    add_simulate(&list, config->sim);
+    const int first_output = list.n;
+    rx_status status = check_file(&list, "MODEL_NAME", config->model_name, err);
+    if (status == RX_OK)
+        status = check_file(&list, "CHECKPOINT_NAME", config->checkpoint_name, err);
+    add(&list, config->model_name);
+    add(&list, config->checkpoint_name);
+    if (status == RX_OK)
+        status = check_folder(&list, first_output, "OUTPUT_NAME", config->output_name, err);
     return status;
 }

@@ -12,5 +12,6 @@
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);
+rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err);
 
 #endif

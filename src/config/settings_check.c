@@ -20,22 +20,24 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
     return rx_error_set(err, RX_USAGE, "-%s%s: %s", settings->prefix, name, text);
 }
 
-/* Why the keyword has no effect, or NULL. */
-static const char *idle(const rx_settings *settings, const rx_keyword *key)
+/* Why keyword `name` has no effect, or NULL. */
+typedef const char *idle_function(const rx_settings *settings, const char *name);
+
+static const char *idle(const rx_settings *settings, idle_function *function, const rx_keyword *key)
 {
     if (key->status == RX_STATUS_IGNORED)
         return "here";
-    return settings->table->idle != NULL ? settings->table->idle(settings, key->name) : NULL;
+    return function != NULL ? function(settings, key->name) : NULL;
 }
 
 /* One warning per keyword that has no effect and a value that is not the default. */
-static rx_status warn_idle(const rx_settings *settings, rx_log *log, rx_error *err)
+static rx_status warn_idle(const rx_settings *settings, idle_function *function, rx_log *log, rx_error *err)
 {
     rx_settings *defaults = NULL;
     rx_status status = rx_settings_new(settings->table, &defaults, err);
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &settings->table->rows[row];
-        const char *why = key->kind != RX_KIND_SECTION ? idle(settings, key) : NULL;
+        const char *why = key->kind != RX_KIND_SECTION ? idle(settings, function, key) : NULL;
         if (why == NULL)
             continue;
         rx_text ours = {0}, normal = {0};
@@ -53,12 +55,20 @@ static rx_status warn_idle(const rx_settings *settings, rx_log *log, rx_error *e
     return status;
 }
 
+static rx_status check(const rx_settings *settings, idle_function *function, rx_log *log, rx_error *err)
+{
+    const rx_keytable *table = settings->table;
+    rx_status status = table->check(settings, err);
+    if (status == RX_OK)
+        status = warn_idle(settings, function, log, err);
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++) {
+        idle_function *own = settings->part[i]->table->idle;
+        status = check(settings->part[i], table->part[i].idle != NULL ? table->part[i].idle : own, log, err);
+    }
+    return status;
+}
+
 rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *err)
 {
-    rx_status status = settings->table->check(settings, err);
-    if (status == RX_OK)
-        status = warn_idle(settings, log, err);
-    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = rx_settings_check(settings->part[i], log, err);
-    return status;
+    return check(settings, settings->table->idle, log, err);
 }

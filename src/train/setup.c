@@ -1,0 +1,223 @@
+/* From keywords to structs. */
+#include "train/setup.h"
+
+#include <omp.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/psfnet.h"
+
+/* Streams of the seed's random numbers that the networks start from. */
+enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002 };
+/* Ends of residual blocks and the last layer start small: the network begins close to doing nothing. */
+static const double DAMPED = 0.3, LAST = 0.1;
+
+static int is(const char *word, const char *other)
+{
+    return strcmp(word, other) == 0;
+}
+
+static rx_mode mode_of(const rx_train_config *config)
+{
+    return is(config->mode, "BLIND") ? RX_MODE_BLIND : RX_MODE_INFORMED;
+}
+
+static rx_psfnet_shape shape_of(const rx_train_config *config)
+{
+    rx_psfnet_shape shape = {
+        .stem = is(config->stem, "CONV") ? RX_STEM_CONV : RX_STEM_UNSHUFFLE,
+        .decoder = RX_DECODER_BILINEAR,
+        .width = config->width,
+        .blocks = config->blocks,
+        .stem_kernel = config->kernels.v[0],
+        .kernel = config->kernels.v[1],
+    };
+    if (is(config->decoder, "TRANSPOSED"))
+        shape.decoder = RX_DECODER_TRANSPOSED;
+    else if (is(config->decoder, "SUBPIXEL"))
+        shape.decoder = RX_DECODER_SUBPIXEL;
+    return shape;
+}
+
+static rx_front front_of(const rx_train_config *config)
+{
+    const rx_mode mode = mode_of(config);
+    return (rx_front){
+        .mode = mode,
+        .target_fwhm = config->target_fwhm,
+        .tikhonov = config->tikhonov,
+        .rl_steps = mode == RX_MODE_INFORMED && config->rl_step,
+        .pedestal = config->rl_step_pedestal,
+    };
+}
+
+/* File name without folders and extension: a model says nothing of the machine that made it. */
+static void name_of(const rx_train_config *config, char *dst, size_t size)
+{
+    const char *slash = strrchr(config->model_name, '/');
+    const char *name = slash != NULL ? slash + 1 : config->model_name;
+    const char *dot = strrchr(name, '.');
+    const int length = dot != NULL && dot != name ? (int)(dot - name) : (int)strlen(name);
+    snprintf(dst, size, "%.*s", length, name);
+}
+
+static rx_status make_net(const rx_psfnet_shape *shape, int inputs, uint64_t seed, uint64_t stream,
+                          rx_net **dst, rx_error *err)
+{
+    rx_status status = rx_psfnet_new(shape, inputs, dst, err);
+    if (status == RX_OK)
+        rx_net_initialise(*dst, seed, stream, DAMPED, LAST);
+    return status;
+}
+
+rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error *err)
+{
+    const rx_psfnet_shape shape = shape_of(config);
+    const double psf_terms = config->loss_idt_psf + config->loss_rec + config->loss_rec_psf;
+    rx_text record = {0};
+    rx_status status = RX_OK;
+    rx_model *model = rx_model_new();
+    if (model == NULL)
+        return rx_error_memory(err, sizeof *model);
+    model->front = front_of(config);
+    model->seed = (uint64_t)config->seed;
+    name_of(config, model->name, sizeof model->name);
+    status = make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
+                      &model->restore, err);
+    if (status == RX_OK && psf_terms > 0)
+        status = make_net(&shape, RX_PSF_CHANNELS, model->seed, STREAM_PSF, &model->psf, err);
+    if (status == RX_OK)
+        status = rx_setup_text(config, RX_SETUP_RECORD, &record, err);
+    if (status != RX_OK) {
+        rx_text_free(&record);
+        rx_model_free(model);
+        return status;
+    }
+    model->provenance = record.data;
+    *dst = model;
+    return RX_OK;
+}
+
+rx_step_params rx_setup_step(const rx_train_config *config)
+{
+    rx_step_params par = {
+        .kind = RX_LOSS_LINEAR,
+        .idt_restore = config->loss_idt,
+        .idt_psf = config->loss_idt_psf,
+        .rec_restore = config->loss_rec,
+        .rec_psf = config->loss_rec_psf,
+        .ffl = config->loss_ffl,
+        .floor = config->loss_floor,
+        .margin = config->patch_margin,
+    };
+    if (is(config->loss_type, "PLAIN"))
+        par.kind = RX_LOSS_PLAIN;
+    else if (is(config->loss_type, "STRETCHED"))
+        par.kind = RX_LOSS_STRETCHED;
+    return par;
+}
+
+rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, rx_error *err)
+{
+    return rx_selection_begin(config->grid.v[0], config->grid.v[1], config->fwhm_range.v,
+                              config->sigma_range.v, config->bin_images, is(config->selection, "ACTIVE"), dst,
+                              err);
+}
+
+rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)
+{
+    return (rx_feed_params){
+        .scenes =
+            {
+                .side = config->patch,
+                .field_side = config->patch * config->field_patches,
+                .uses = config->field_uses,
+                .beta = {config->beta_range.v[0], config->beta_range.v[1]},
+                .ellipticity = config->psf_ellipticity,
+                .density = config->density_spread,
+                .nebulae = config->nebulae,
+                .photon = {config->photon_range.v[0], config->photon_range.v[1]},
+                .sky_error = config->sky_error,
+                .noise_error = config->noise_error,
+                .psf_error = config->psf_error,
+                .seed = (uint64_t)config->seed,
+                .front = front_of(config),
+            },
+        .grid = *grid,
+        .sim = config->sim,
+        .ahead = config->images_ahead,
+    };
+}
+
+int rx_setup_threads(int wanted)
+{
+    const int all = omp_get_max_threads();
+    if (wanted > 0)
+        return wanted;
+    return wanted < 0 && -wanted < all ? -wanted : all;
+}
+
+typedef struct lines {
+    rx_setup_lines which;
+    rx_text *dst;
+    rx_text normal;   /* "KEYWORD value" of every default, a line each */
+    const char *next; /* line of `normal` of the keyword visited next */
+} lines;
+
+/* Does the keyword decide what the model's bytes are? */
+static int decides(const char *name, rx_setup_lines which)
+{
+    static const char *const never[] = {"MODEL_NAME",   "OUTPUT_NAME",  "CHECKPOINT_NAME", "GENERATORS",
+                                        "IMAGES_AHEAD", "QA_FIGURES",   "PLOT_EPOCHS",     "NTHREADS",
+                                        "VERBOSE_TYPE", "SIM.NTHREADS", "SIM.VERBOSE_TYPE"};
+    static const char *const may_change[] = {"EPOCHS", "PATIENCE", "TRAIN_RANKS"};
+    for (size_t i = 0; i < sizeof never / sizeof *never; i++)
+        if (is(name, never[i]))
+            return 0;
+    for (size_t i = 0; i < sizeof may_change / sizeof *may_change; i++)
+        if (which == RX_SETUP_ALL && is(name, may_change[i]))
+            return 0;
+    return 1;
+}
+
+static void add_normal(void *user, const char *name, const char *value, const char *help)
+{
+    (void)help;
+    rx_text_printf(user, "%s %s\n", name, value);
+}
+
+static void add_line(void *user, const char *name, const char *value, const char *help)
+{
+    lines *l = user;
+    const size_t before = l->dst->length;
+    (void)help;
+    rx_text_printf(l->dst, "%s %s\n", name, value);
+    if (l->dst->failed || l->next == NULL)
+        return;
+    const size_t length = strcspn(l->next, "\n") + 1, ours = l->dst->length - before;
+    const int normal = ours == length && memcmp(l->dst->data + before, l->next, length) == 0;
+    l->next += length;
+    if (!decides(name, l->which) || (l->which == RX_SETUP_RECORD && normal)) {
+        l->dst->length = before;
+        l->dst->data[before] = '\0';
+    }
+}
+
+rx_status rx_setup_text(const rx_train_config *config, rx_setup_lines which, rx_text *dst, rx_error *err)
+{
+    rx_train_config *defaults = NULL;
+    lines l = {.which = which, .dst = dst};
+    rx_text_add(dst, "");
+    rx_status status = rx_train_config_new(&defaults, err);
+    if (status == RX_OK) {
+        rx_settings_visit(&defaults->settings, add_normal, &l.normal);
+        l.next = l.normal.data;
+        rx_settings_visit(&config->settings, add_line, &l);
+        if (l.normal.failed || dst->failed)
+            status = rx_error_memory(err, 0);
+    }
+    rx_text_free(&l.normal);
+    rx_train_config_free(defaults);
+    return status;
+}

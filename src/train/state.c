@@ -1,0 +1,74 @@
+/* Making and copying the state of a training. */
+#include "train/state.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+rx_status rx_train_state_new(const rx_model *model, const rx_selection *selection, rx_train_state **dst,
+                             rx_error *err)
+{
+    const rx_net *nets[RX_TRAIN_NETS] = {model->restore, model->psf};
+    rx_status status = RX_OK;
+    rx_train_state *state = RX_NEW(rx_train_state, 1);
+    if (state == NULL)
+        return rx_error_memory(err, sizeof *state);
+    state->nnets = model->psf != NULL ? 2 : 1;
+    state->selection = *selection;
+    state->history.nbins = selection->nbins;
+    state->best = INFINITY;
+    state->slow = 1;
+    for (int k = 0; k < state->nnets && status == RX_OK; k++) {
+        const size_t n = (size_t)nets[k]->nparams;
+        state->params[k] = RX_NEW(float, n);
+        status = state->params[k] != NULL ? rx_adam_new(nets[k]->nparams, &state->adam[k], err)
+                                          : rx_error_memory(err, n * sizeof(float));
+        if (status == RX_OK)
+            memcpy(state->params[k], nets[k]->params, n * sizeof(float));
+    }
+    if (status != RX_OK) {
+        rx_train_state_free(state);
+        return status;
+    }
+    *dst = state;
+    return RX_OK;
+}
+
+void rx_train_state_free(rx_train_state *state)
+{
+    if (state == NULL)
+        return;
+    for (int k = 0; k < RX_TRAIN_NETS; k++) {
+        free(state->params[k]);
+        rx_adam_free(state->adam[k]);
+    }
+    rx_history_free(&state->history);
+    free(state);
+}
+
+rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx_error *err)
+{
+    rx_train_state own = *dst;
+    rx_status status = rx_history_copy(&src->history, &own.history, err);
+    *dst = *src;
+    dst->history = own.history;
+    for (int k = 0; k < src->nnets; k++) {
+        const size_t bytes = (size_t)src->adam[k]->n * sizeof(float);
+        dst->params[k] = own.params[k];
+        dst->adam[k] = own.adam[k];
+        dst->adam[k]->steps = src->adam[k]->steps;
+        memcpy(dst->params[k], src->params[k], bytes);
+        memcpy(dst->adam[k]->mean, src->adam[k]->mean, bytes);
+        memcpy(dst->adam[k]->square, src->adam[k]->square, bytes);
+    }
+    return status;
+}
+
+void rx_train_state_load(const rx_train_state *state, rx_model *model)
+{
+    rx_net *nets[RX_TRAIN_NETS] = {model->restore, model->psf};
+    for (int k = 0; k < state->nnets; k++)
+        memcpy(nets[k]->params, state->params[k], (size_t)state->adam[k]->n * sizeof(float));
+}

@@ -1,0 +1,47 @@
+/* Everything that a training goes on from: the same state gives the same training, to the byte. */
+#ifndef RX_TRAIN_STATE_H
+#define RX_TRAIN_STATE_H
+
+#include "nn/model.h"
+#include "train/adam.h"
+#include "train/history.h"
+
+enum { RX_TRAIN_NETS = 2 }; /* RESTORE, PSF */
+
+typedef struct rx_train_state {
+    int nnets;
+    float *params[RX_TRAIN_NETS]; /* [adam[k]->n], owned */
+    rx_adam *adam[RX_TRAIN_NETS]; /* owned */
+
+    long epoch;   /* complete ones */
+    long at;      /* training images done of the next one */
+    long patches; /* of all epochs */
+    rx_selection selection;
+    rx_history history;
+
+    double best;  /* lowest mean test loss */
+    long without; /* epochs since then */
+
+    double slow;  /* the rate is multiplied by this, halved each time the loss diverged */
+    long returns; /* how often it did */
+    double usual; /* running mean of the loss */
+    long usual_n; /* batches behind it */
+    long high;    /* batches in a row far above it */
+
+    /* sums of the epoch that is not complete */
+    rx_step_values sum;
+    double norm, rate;
+    long batches;
+} rx_train_state;
+
+/* Weights are those of the model; the selection holds the first counts. Errors: RX_SYSTEM. */
+rx_status rx_train_state_new(const rx_model *model, const rx_selection *selection, rx_train_state **dst,
+                             rx_error *err);
+void rx_train_state_free(rx_train_state *state); /* NULL is fine */
+/* Both of the same networks and bins. Errors: RX_SYSTEM, dst is then of no use. */
+rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx_error *err);
+
+/* The weights into the networks of the model. */
+void rx_train_state_load(const rx_train_state *state, rx_model *model);
+
+#endif
