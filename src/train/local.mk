@@ -13,3 +13,7 @@ librextract_train_la_SOURCES += src/train/setup.c
 librextract_train_la_SOURCES += src/train/setup.h
 librextract_train_la_SOURCES += src/train/state.c
 librextract_train_la_SOURCES += src/train/state.h
+librextract_train_la_SOURCES += src/train/feed.c
+librextract_train_la_SOURCES += src/train/feed.h
+librextract_train_la_SOURCES += src/train/feed_generate.c
+librextract_train_la_SOURCES += src/train/feed_parts.h
