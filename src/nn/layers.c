@@ -1,0 +1,251 @@
+/* What stands between convolutions: plain loops over NHWC planes. */
+#include "nn/layers.h"
+
+#include <stdint.h>
+#include <string.h>
+
+/* ---- bfloat16: the upper half of a float ---- */
+
+static float widen(uint16_t half)
+{
+    uint32_t bits = (uint32_t)half << 16;
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static uint16_t narrow(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    /* Rounding must not carry a NaN into infinity or another sign. */
+    if ((bits & 0x7fffffffU) > 0x7f800000U)
+        return (uint16_t)(bits >> 16 | 0x40U);
+    return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
+}
+
+static void load(const rx_plane *src, size_t at, size_t n, float *restrict dst)
+{
+    if (src->real == RX_REAL_F32) {
+        memcpy(dst, (const float *)src->data + at, n * sizeof(float));
+        return;
+    }
+    const uint16_t *from = (const uint16_t *)src->data + at;
+    for (size_t i = 0; i < n; i++)
+        dst[i] = widen(from[i]);
+}
+
+static void store(const float *restrict src, size_t n, rx_plane *dst, size_t at)
+{
+    if (dst->real == RX_REAL_F32) {
+        memcpy((float *)dst->data + at, src, n * sizeof(float));
+        return;
+    }
+    uint16_t *to = (uint16_t *)dst->data + at;
+    for (size_t i = 0; i < n; i++)
+        to[i] = narrow(src[i]);
+}
+
+static void add_from(const rx_plane *src, size_t at, size_t n, float *restrict dst)
+{
+    if (src->real == RX_REAL_F32) {
+        const float *from = (const float *)src->data + at;
+        for (size_t i = 0; i < n; i++)
+            dst[i] += from[i];
+        return;
+    }
+    const uint16_t *from = (const uint16_t *)src->data + at;
+    for (size_t i = 0; i < n; i++)
+        dst[i] += widen(from[i]);
+}
+
+static void cut(float *values, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        values[i] = values[i] > 0 ? values[i] : 0;
+}
+
+/* ---- forward ---- */
+
+void rx_layer_convert(const rx_plane *src, rx_plane *dst)
+{
+    if (src->real == RX_REAL_F32)
+        store(src->data, rx_plane_size(src), dst, 0);
+    else if (dst->real == RX_REAL_F32)
+        load(src, 0, rx_plane_size(src), dst->data);
+    else
+        memcpy(dst->data, src->data, rx_plane_bytes(src));
+}
+
+void rx_layer_finish(rx_plane *dst, const float *bias, const rx_plane *add, int relu, float *row)
+{
+    size_t channels = (size_t)dst->channels, n = (size_t)dst->width * channels;
+    for (int y = 0; y < dst->height; y++) {
+        size_t at = (size_t)y * n;
+        load(dst, at, n, row);
+        if (bias != NULL)
+            for (size_t i = 0; i < n; i += channels)
+                for (size_t c = 0; c < channels; c++)
+                    row[i + c] += bias[c];
+        if (add != NULL)
+            add_from(add, at, n, row);
+        if (relu)
+            cut(row, n);
+        store(row, n, dst, at);
+    }
+}
+
+/* Between the pixel (2 y + dy, 2 x + dx) of the fine plane and the group [dy][dx] of the coarse pixel (y, x):
+ * both are runs of the fine plane's channels. */
+static void regroup(const rx_plane *src, rx_plane *dst, int to_fine)
+{
+    const rx_plane *fine = to_fine ? dst : src, *coarse = to_fine ? src : dst;
+    size_t run = (size_t)fine->channels * rx_real_bytes(fine->real);
+    size_t width = (size_t)coarse->width;
+    const char *from = src->data;
+    char *to = dst->data;
+    for (int y = 0; y < coarse->height; y++)
+        for (size_t dy = 0; dy < 2; dy++) {
+            size_t fine_row = (2 * (size_t)y + dy) * 2 * width * run;
+            size_t coarse_row = (size_t)y * 4 * width * run;
+            /* The two pixels side by side in the fine plane are neighbours in the group, too. */
+            for (size_t x = 0; x < width; x++) {
+                size_t a = fine_row + 2 * x * run, b = coarse_row + (4 * x + 2 * dy) * run;
+                memcpy(to + (to_fine ? a : b), from + (to_fine ? b : a), 2 * run);
+            }
+        }
+}
+
+void rx_layer_unshuffle(const rx_plane *src, rx_plane *dst)
+{
+    regroup(src, dst, 0);
+}
+
+void rx_layer_shuffle(const rx_plane *src, rx_plane *dst)
+{
+    regroup(src, dst, 1);
+}
+
+static int clamp(int i, int n)
+{
+    return i < 0 ? 0 : i >= n ? n - 1 : i;
+}
+
+/* Output row y takes 3/4 of row y/2 and 1/4 of the one on the other side. */
+static int other_row(int y, int height)
+{
+    return clamp(y / 2 + (y % 2 != 0 ? 1 : -1), height);
+}
+
+void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int relu, float *row)
+{
+    size_t channels = (size_t)src->channels, n = (size_t)src->width * channels;
+    float *restrict mixed = row, *restrict far = row + n, *restrict out = row + 2 * n;
+    for (int y = 0; y < dst->height; y++) {
+        load(src, (size_t)(y / 2) * n, n, mixed);
+        load(src, (size_t)other_row(y, src->height) * n, n, far);
+        for (size_t i = 0; i < n; i++)
+            mixed[i] = 0.75f * mixed[i] + 0.25f * far[i];
+        for (int x = 0; x < src->width; x++) {
+            const float *here = mixed + (size_t)x * channels;
+            const float *left = mixed + (size_t)clamp(x - 1, src->width) * channels;
+            const float *right = mixed + (size_t)clamp(x + 1, src->width) * channels;
+            float *to = out + 2 * (size_t)x * channels;
+            for (size_t c = 0; c < channels; c++) {
+                to[c] = 0.75f * here[c] + 0.25f * left[c];
+                to[c + channels] = 0.75f * here[c] + 0.25f * right[c];
+            }
+        }
+        size_t at = (size_t)y * 2 * n;
+        if (add != NULL)
+            add_from(add, at, 2 * n, out);
+        if (relu)
+            cut(out, 2 * n);
+        store(out, 2 * n, dst, at);
+    }
+}
+
+/* ---- backward ---- */
+
+void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row)
+{
+    size_t channels = (size_t)dsrc->channels, n = (size_t)dsrc->width * channels;
+    int last = 2 * dsrc->width - 1;
+    float *to = dsrc->data;
+    memset(to, 0, rx_plane_bytes(dsrc));
+    for (int y = 0; y < ddst->height; y++) {
+        const float *from = (const float *)ddst->data + (size_t)y * 2 * n;
+        for (int x = 0; x < dsrc->width; x++) {
+            const float *near = from + 2 * (size_t)x * channels;
+            const float *left = from + (size_t)(x > 0 ? 2 * x - 1 : 0) * channels;
+            const float *right = from + (size_t)(2 * x + 2 <= last ? 2 * x + 2 : last) * channels;
+            for (size_t c = 0; c < channels; c++)
+                row[(size_t)x * channels + c] =
+                    0.75f * (near[c] + near[c + channels]) + 0.25f * (left[c] + right[c]);
+        }
+        float *close = to + (size_t)(y / 2) * n, *far = to + (size_t)other_row(y, dsrc->height) * n;
+        for (size_t i = 0; i < n; i++)
+            close[i] += 0.75f * row[i];
+        for (size_t i = 0; i < n; i++)
+            far[i] += 0.25f * row[i];
+    }
+}
+
+void rx_layer_relu_back(const float *value, float *gradient, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        gradient[i] = value[i] > 0 ? gradient[i] : 0;
+}
+
+void rx_layer_add(const float *src, float *dst, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        dst[i] += src[i];
+}
+
+void rx_layer_bias_back(const rx_plane *gradient, float *dst)
+{
+    const float *from = gradient->data;
+    size_t channels = (size_t)gradient->channels, n = rx_plane_size(gradient);
+    for (size_t c = 0; c < channels; c++) {
+        double sum = 0;
+        for (size_t i = c; i < n; i += channels)
+            sum += from[i];
+        dst[c] += (float)sum;
+    }
+}
+
+/* ---- the fold ---- */
+
+/* share[d][v][r], see the header. */
+static const float share[2][3][3] = {{{0.75f, 0.25f, 0}, {0.25f, 0.75f, 0}, {0, 0.75f, 0.25f}},
+                                     {{0.25f, 0.75f, 0}, {0, 0.75f, 0.25f}, {0, 0.25f, 0.75f}}};
+
+void rx_layer_fold(const float *weights, int out, int in, float *folded)
+{
+    for (int phase = 0; phase < 4; phase++)
+        for (int k = 0; k < out * in; k++) {
+            const float *small = weights + (size_t)k * 9;
+            float *big = folded + ((size_t)phase * (size_t)(out * in) + (size_t)k) * 9;
+            for (int rs = 0; rs < 9; rs++) {
+                float sum = 0;
+                for (int vu = 0; vu < 9; vu++)
+                    sum += share[phase / 2][vu / 3][rs / 3] * share[phase % 2][vu % 3][rs % 3] * small[vu];
+                big[rs] = sum;
+            }
+        }
+}
+
+void rx_layer_unfold(const float *folded, int out, int in, float *weights)
+{
+    for (int k = 0; k < out * in; k++)
+        for (int vu = 0; vu < 9; vu++) {
+            float sum = 0;
+            for (int phase = 0; phase < 4; phase++) {
+                const float *big = folded + ((size_t)phase * (size_t)(out * in) + (size_t)k) * 9;
+                for (int rs = 0; rs < 9; rs++)
+                    sum += share[phase / 2][vu / 3][rs / 3] * share[phase % 2][vu % 3][rs % 3] * big[rs];
+            }
+            weights[(size_t)k * 9 + (size_t)vu] += sum;
+        }
+}

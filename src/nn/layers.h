@@ -1,0 +1,58 @@
+/* What stands between convolutions: plain loops over NHWC planes, forward and backward, and the fold that
+ * turns bilinear up-sampling followed by a 3x3 convolution into one convolution at the lower resolution.
+ *
+ * Forward functions work on float and bfloat16 planes, in float; what is added and cut is never rounded
+ * before. Backward ones on floats. Nothing fails or allocates: rows of scratch come from the caller. */
+#ifndef RX_NN_LAYERS_H
+#define RX_NN_LAYERS_H
+
+#include <stddef.h>
+
+#include "nn/dnn.h"
+
+typedef struct rx_plane {
+    void *data; /* [height][width][channels] */
+    rx_real real;
+    int height, width, channels;
+} rx_plane;
+
+static inline size_t rx_plane_size(const rx_plane *plane)
+{
+    return (size_t)plane->height * (size_t)plane->width * (size_t)plane->channels;
+}
+static inline size_t rx_plane_bytes(const rx_plane *plane)
+{
+    return rx_plane_size(plane) * rx_real_bytes(plane->real);
+}
+
+/* dst = src, rounded to the nearest (even) where dst is bfloat16. Same shape. */
+void rx_layer_convert(const rx_plane *src, rx_plane *dst);
+
+/* dst = relu?(dst + bias? + add?), in place. bias [channels]; add: same shape, may be dst's own memory.
+ * row [width * channels] floats. */
+void rx_layer_finish(rx_plane *dst, const float *bias, const rx_plane *add, int relu, float *row);
+
+/* 2x2 pixels of src become the channels [dy][dx][c] of dst, and back. Same kind of reals. */
+void rx_layer_unshuffle(const rx_plane *src, rx_plane *dst);
+void rx_layer_shuffle(const rx_plane *src, rx_plane *dst);
+
+/* dst [2 h][2 w] = relu?(bilinear(src) + add?): weights 3/4 and 1/4 in each direction, the border repeats.
+ * add may share dst's memory. row [4 * width * channels of src] floats. */
+void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int relu, float *row);
+/* Its transpose: dsrc from ddst, floats. row [width * channels of dsrc]. */
+void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row);
+
+/* gradient = 0 where the cut value is 0. */
+void rx_layer_relu_back(const float *value, float *gradient, size_t n);
+void rx_layer_add(const float *src, float *dst, size_t n);
+/* dst[c] += sum over the pixels, in double. */
+void rx_layer_bias_back(const rx_plane *gradient, float *dst);
+
+/* Weights [out][in][3][3] of a convolution after bilinear up-sampling -> [4 out][in][3][3] of one before a
+ * shuffle: W[dy dx o][i][r][s] = sum_vu A_dy[v][r] A_dx[u][s] w[o][i][v][u], where A_d[v][r] is the share of
+ * the lower row y + r - 1 in the upper row 2 y + d + v - 1. */
+void rx_layer_fold(const float *weights, int out, int in, float *folded);
+/* The transpose: weights += from the gradient by the folded ones. */
+void rx_layer_unfold(const float *folded, int out, int in, float *weights);
+
+#endif

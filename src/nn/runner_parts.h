@@ -1,0 +1,46 @@
+/* Inside of the runner: its plan and memory (runner_plan.c), its work (runner.c). */
+#ifndef RX_NN_RUNNER_PARTS_H
+#define RX_NN_RUNNER_PARTS_H
+
+#include "nn/dnn.h"
+#include "nn/layers.h"
+#include "nn/runner.h"
+
+/* What one node does. Slots number the runner's buffers; -1: none. */
+typedef struct rx_runner_node {
+    rx_plane value, gradient;
+    rx_plane raw;   /* what a convolution leaves where that is not yet the value: other reals or pixels */
+    rx_plane wide;  /* its source as floats, where those are bfloat16 and it works in float */
+    rx_conv *conv;  /* NULL: no convolution */
+    float *bias;    /* TRANSPOSED: its own copy, owned */
+    int fused_add;  /* the convolution itself adds */
+    int fused_relu; /* and cuts */
+    int learns;     /* there are parameters in it or before it */
+    int slot, gradient_slot, raw_slot, wide_slot;
+} rx_runner_node;
+
+typedef struct rx_slot {
+    size_t bytes;
+    int busy;
+    void *data; /* owned */
+} rx_slot;
+
+enum { RX_RUNNER_SLOTS = 4 * RX_NET_NODES };
+
+struct rx_runner {
+    const rx_net *net;
+    int backward;
+    rx_precision precision;
+    rx_dnn *dnn; /* owned, like all below */
+    rx_runner_node node[RX_NET_NODES];
+    rx_slot slot[RX_RUNNER_SLOTS];
+    int nslots;
+    float *row;    /* scratch of the layers */
+    float *folded; /* weights, then biases, of a folded UPCONV */
+    float *spare;  /* training: a gradient that is to be added to another */
+};
+
+/* Planes, slots, convolutions and memory, for planes of height x width. Errors: RX_SYSTEM. */
+rx_status rx_runner_plan(rx_runner *runner, int height, int width, rx_error *err);
+
+#endif

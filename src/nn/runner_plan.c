@@ -1,0 +1,256 @@
+/* The plan of a runner: which reals its planes hold, which share memory, which convolutions it needs.
+ *
+ * Without gradients a plane's memory is free again after its last use, and a sum is written over the plane
+ * that is added where nobody needs that any more. With gradients all values stay, and only gradients share.
+ */
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/runner_parts.h"
+
+/* ---- planes ---- */
+
+static int moves_only(rx_op op)
+{
+    return op == RX_OP_UNSHUFFLE || op == RX_OP_SHUFFLE;
+}
+
+/* bfloat16 for inner planes; float for the input, the output, and what is only moved from or to them. */
+static void choose_reals(rx_runner *r)
+{
+    const rx_net *net = r->net;
+    for (int i = 0; i < net->nnodes; i++)
+        r->node[i].value.real =
+            r->precision == RX_F32 || i == 0 || i == net->nnodes - 1 ? RX_REAL_F32 : RX_REAL_BF16;
+    for (int changed = 1; changed;) {
+        changed = 0;
+        for (int i = 1; i < net->nnodes; i++) {
+            const rx_node *n = &net->node[i];
+            rx_real *mine = &r->node[i].value.real, *source = &r->node[n->src].value.real;
+            int keeps = moves_only(n->op) || n->op == RX_OP_UPCONV;
+            if (keeps && *source == RX_REAL_F32 && *mine != RX_REAL_F32) {
+                *mine = RX_REAL_F32;
+                changed = 1;
+            }
+            if (moves_only(n->op) && *mine == RX_REAL_F32 && *source != RX_REAL_F32) {
+                *source = RX_REAL_F32;
+                changed = 1;
+            }
+        }
+    }
+}
+
+/* Shapes of value, raw and wide; what the convolution takes over. */
+static void plan_node(rx_runner *r, int i, int height, int width)
+{
+    const rx_node *n = &r->net->node[i];
+    rx_runner_node *me = &r->node[i];
+    me->value.height = height >> n->level;
+    me->value.width = width >> n->level;
+    me->value.channels = n->channels;
+    me->gradient = me->value;
+    me->gradient.real = RX_REAL_F32;
+    me->slot = me->gradient_slot = me->raw_slot = me->wide_slot = -1;
+    me->learns = n->weight >= 0;
+    if (i == 0)
+        return;
+    const rx_plane *src = &r->node[n->src].value;
+    me->learns |= r->node[n->src].learns || (n->add >= 0 && r->node[n->add].learns);
+    rx_real math = src->real; /* float planes are multiplied as floats */
+    if (n->op == RX_OP_TRANSPOSED && me->value.real == RX_REAL_F32)
+        math = RX_REAL_F32;
+    rx_real result = math == RX_REAL_F32 || n->op == RX_OP_TRANSPOSED ? math : me->value.real;
+    if (n->weight >= 0 && math != src->real) {
+        me->wide = *src;
+        me->wide.real = math;
+    }
+    if (n->op == RX_OP_UPCONV) {
+        me->raw = *src;
+        me->raw.channels = 4 * n->channels;
+        me->raw.real = result;
+    } else if (n->weight >= 0 && result != me->value.real) {
+        me->raw = me->value;
+        me->raw.real = result;
+    }
+    int direct = n->op == RX_OP_CONV && me->raw.channels == 0;
+    me->fused_add = direct && n->add >= 0 && r->node[n->add].value.real == me->value.real;
+    me->fused_relu = direct && n->relu && (n->add < 0 || me->fused_add);
+}
+
+/* ---- slots ---- */
+
+/* The smallest free slot that is large enough, else the largest free one, grown, else a new one. */
+static int take(rx_runner *r, size_t bytes)
+{
+    int best = -1;
+    for (int k = 0; k < r->nslots; k++) {
+        if (r->slot[k].busy)
+            continue;
+        size_t have = r->slot[k].bytes, had = best < 0 ? 0 : r->slot[best].bytes;
+        if (best < 0 || (had < bytes ? have > had : have >= bytes && have < had))
+            best = k;
+    }
+    if (best < 0)
+        best = r->nslots++;
+    if (r->slot[best].bytes < bytes)
+        r->slot[best].bytes = bytes;
+    r->slot[best].busy = 1;
+    return best;
+}
+
+static void give(rx_runner *r, int slot)
+{
+    if (slot >= 0)
+        r->slot[slot].busy = 0;
+}
+
+static int takes_over(const rx_runner *r, int i, int last_use_of_add)
+{
+    const rx_node *n = &r->net->node[i];
+    if (r->backward || n->add <= 0 || n->add == n->src || last_use_of_add != i)
+        return 0;
+    if (r->node[n->add].value.real != r->node[i].value.real)
+        return 0;
+    return r->node[i].fused_add || n->op == RX_OP_UP2;
+}
+
+static void share_values(rx_runner *r)
+{
+    const rx_net *net = r->net;
+    int last[RX_NET_NODES] = {0}, end = net->nnodes - 1;
+    for (int i = 1; i <= end; i++) {
+        last[net->node[i].src] = i;
+        if (net->node[i].add >= 0)
+            last[net->node[i].add] = i;
+    }
+    r->node[0].slot = take(r, rx_plane_bytes(&r->node[0].value));
+    for (int i = 1; i <= end; i++) {
+        const rx_node *n = &net->node[i];
+        rx_runner_node *me = &r->node[i];
+        int over = takes_over(r, i, n->add >= 0 ? last[n->add] : 0);
+        me->slot = over ? r->node[n->add].slot : take(r, rx_plane_bytes(&me->value));
+        if (me->raw.channels > 0)
+            me->raw_slot = take(r, rx_plane_bytes(&me->raw));
+        if (me->wide.channels > 0)
+            me->wide_slot = take(r, rx_plane_bytes(&me->wide));
+        if (r->backward)
+            continue;
+        give(r, me->raw_slot);
+        give(r, me->wide_slot);
+        if (n->src > 0 && last[n->src] == i)
+            give(r, r->node[n->src].slot);
+        if (n->add > 0 && n->add != n->src && last[n->add] == i && !over)
+            give(r, r->node[n->add].slot);
+    }
+}
+
+/* A gradient lives from the last node that uses the value back to the node itself. */
+static void share_gradients(rx_runner *r)
+{
+    const rx_net *net = r->net;
+    int end = net->nnodes - 1;
+    r->node[end].gradient_slot = take(r, rx_plane_bytes(&r->node[end].gradient));
+    for (int i = end; i > 0; i--) {
+        int users[2] = {net->node[i].add, net->node[i].src};
+        for (int k = 0; k < 2; k++) {
+            rx_runner_node *other = users[k] >= 0 ? &r->node[users[k]] : NULL;
+            if (other != NULL && other->gradient_slot < 0)
+                other->gradient_slot = take(r, rx_plane_bytes(&other->gradient));
+        }
+        if (i < end)
+            give(r, r->node[i].gradient_slot);
+    }
+}
+
+/* ---- memory ---- */
+
+static void *slot_data(const rx_runner *r, int slot)
+{
+    return slot >= 0 ? r->slot[slot].data : NULL;
+}
+
+static rx_status allocate(rx_runner *r, rx_error *err)
+{
+    size_t row = 1, folded = 1, spare = 1;
+    for (int i = 0; i < r->net->nnodes; i++) {
+        const rx_node *n = &r->net->node[i];
+        const rx_plane *value = &r->node[i].value;
+        size_t line = (size_t)value->width * (size_t)value->channels;
+        row = 4 * line > row ? 4 * line : row;
+        spare = rx_plane_size(value) > spare ? rx_plane_size(value) : spare;
+        size_t weights = n->op == RX_OP_UPCONV ? 4 * (size_t)(n->nweights + n->channels) : 0;
+        folded = weights > folded ? weights : folded;
+        if (n->op == RX_OP_TRANSPOSED && (r->node[i].bias = RX_NEW(float, (size_t)n->channels)) == NULL)
+            return rx_error_memory(err, (size_t)n->channels * sizeof(float));
+    }
+    for (int k = 0; k < r->nslots; k++)
+        if ((r->slot[k].data = rx_alloc(r->slot[k].bytes, 1)) == NULL)
+            return rx_error_memory(err, r->slot[k].bytes);
+    r->row = RX_NEW(float, row);
+    r->folded = RX_NEW(float, folded);
+    r->spare = RX_NEW(float, r->backward ? spare : 1);
+    if (r->row == NULL || r->folded == NULL || r->spare == NULL)
+        return rx_error_memory(err, spare * sizeof(float));
+    for (int i = 0; i < r->net->nnodes; i++) {
+        rx_runner_node *me = &r->node[i];
+        me->value.data = slot_data(r, me->slot);
+        me->gradient.data = slot_data(r, me->gradient_slot);
+        me->raw.data = slot_data(r, me->raw_slot);
+        me->wide.data = slot_data(r, me->wide_slot);
+    }
+    return RX_OK;
+}
+
+/* ---- convolutions ---- */
+
+static rx_conv_shape shape_of(const rx_runner *r, int i)
+{
+    const rx_node *n = &r->net->node[i];
+    const rx_runner_node *me = &r->node[i];
+    const rx_plane *src = me->wide.channels > 0 ? &me->wide : &r->node[n->src].value;
+    const rx_plane *dst = me->raw.channels > 0 ? &me->raw : &me->value;
+    int k = n->kernel, half = k / 2;
+    rx_conv_shape s = {.kernel = k, .stride = n->stride, .uses = RX_CONV_RUN, .bias = 1};
+    if (n->op == RX_OP_TRANSPOSED) {
+        /* The convolution whose transpose this is goes from the fine plane to the coarse one. */
+        const rx_plane *fine = dst;
+        dst = src;
+        src = fine;
+        s.before = s.after = half - 1;
+        s.uses = RX_CONV_DATA;
+        s.bias = 0;
+    } else {
+        s.stride = n->op == RX_OP_CONV ? n->stride : 1;
+        s.before = half;
+        s.after = s.stride == 2 && half > 0 ? half - 1 : half;
+        s.sum = me->fused_add;
+        s.relu = me->fused_relu;
+    }
+    s.height = src->height;
+    s.width = src->width;
+    s.in = src->channels;
+    s.out = dst->channels;
+    s.x = src->real;
+    s.y = dst->real;
+    if (r->backward)
+        s.uses = RX_CONV_RUN | RX_CONV_DATA | RX_CONV_WEIGHTS;
+    return s;
+}
+
+rx_status rx_runner_plan(rx_runner *runner, int height, int width, rx_error *err)
+{
+    choose_reals(runner);
+    for (int i = 0; i < runner->net->nnodes; i++)
+        plan_node(runner, i, height, width);
+    share_values(runner);
+    if (runner->backward)
+        share_gradients(runner);
+    rx_status status = allocate(runner, err);
+    for (int i = 1; !status && i < runner->net->nnodes; i++) {
+        if (runner->net->node[i].weight < 0)
+            continue;
+        rx_conv_shape shape = shape_of(runner, i);
+        status = rx_conv_new(runner->dnn, &shape, &runner->node[i].conv, err);
+    }
+    return status;
+}
