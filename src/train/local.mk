@@ -17,3 +17,5 @@ librextract_train_la_SOURCES += src/train/feed.c
 librextract_train_la_SOURCES += src/train/feed.h
 librextract_train_la_SOURCES += src/train/feed_generate.c
 librextract_train_la_SOURCES += src/train/feed_parts.h
+librextract_train_la_SOURCES += src/train/step.c src/train/step.h
+librextract_train_la_SOURCES += src/train/step_pass.c src/train/step_pass.h

@@ -4,8 +4,10 @@
  *   L_rec = d(RESTORE(PSF(y)), y) + d(PSF(RESTORE(x)), x)
  *   L_ffl = focal frequency loss of RESTORE(x) against y
  *
- * Terms of weight 0 are not computed. RESTORE includes what stands around the network (nn/front.h): stretch,
- * Tikhonov copy (of PSF(y): made on the patch), Richardson-Lucy step; the gradient goes through all of it. */
+ * d is the pixel loss of train/loss.h, its weights from the input: x for d(RESTORE(x), y) and
+ * d(PSF(RESTORE(x)), x), y for the other two. Terms of weight 0 are not computed. RESTORE includes what
+ * stands around the network (nn/front.h): stretch, Tikhonov copy (of PSF(y): made on the patch),
+ * Richardson-Lucy step; the gradient goes through all of it. */
 #ifndef RX_TRAIN_STEP_H
 #define RX_TRAIN_STEP_H
 
@@ -24,19 +26,22 @@ typedef struct rx_step_values {
     double total, idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* unweighted terms; total weighted */
 } rx_step_values;
 
-/* Scratch, runners and plans for samples of one side; one per thread. The model's networks are read; call
- * rx_step_load() after their parameters changed. */
+/* Scratch, runners and plans for samples of one side; one per thread. The model's networks are read and must
+ * live as long; call rx_step_load() after their parameters changed. Errors: RX_USAGE (side, margin, a term
+ * that needs a PSF network that the model lacks), RX_SYSTEM. */
 typedef struct rx_step rx_step;
 rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,
                       rx_error *err);
-void rx_step_free(rx_step *step);
+void rx_step_free(rx_step *step); /* NULL is fine */
 rx_status rx_step_load(rx_step *step, rx_error *err);
 
-/* Gradients [nparams] += (NULL: only values are wanted). psf_gradient NULL when no term needs the PSF net. */
+/* Gradients [nparams] += ; both NULL: only values are wanted; psf_gradient NULL when no term needs the PSF
+ * network, restore_gradient when none needs RESTORE. Allocates nothing. Errors: RX_INPUT (a sample of another
+ * side, a kernel that is not finite), RX_SYSTEM. */
 rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
                       rx_step_values *values, rx_error *err);
 
-/* RESTORE(x) of the last run, [side][side]. */
+/* RESTORE(x) of the last run, [side][side]; NULL when no term needs it. */
 const float *rx_step_restored(const rx_step *step);
 
 #endif

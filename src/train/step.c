@@ -1,0 +1,206 @@
+/* The joint loss of PSF-NET on one sample, chain by chain: from the blurred image, then from the sharp one.
+ */
+#include "train/step.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "train/step_pass.h"
+
+struct rx_step {
+    rx_step_params par;
+    int side;
+    size_t pixels;
+    int from_blurred, from_sharp; /* chains that have a term */
+    int uses_restore, uses_psf;   /* networks that have one */
+    rx_pass *pass;
+    rx_ffl *ffl;                    /* NULL without that term */
+    float *restored;                /* RESTORE(x) */
+    float *first, *second;          /* what the networks of a chain make after that */
+    float *gradient, *inner, *back; /* by the chain's first output, its second one, and what comes back */
+    float *weight, *work;           /* [pixels], [2][pixels] */
+};
+
+static rx_status new_parts(rx_step *step, const rx_model *model, rx_error *err)
+{
+    const rx_step_params *par = &step->par;
+    float **planes[] = {&step->restored, &step->first, &step->second, &step->gradient,
+                        &step->inner,    &step->back,  &step->weight};
+    step->work = RX_NEW(float, 2 * step->pixels);
+    int bad = step->work == NULL;
+    for (size_t i = 0; i < sizeof planes / sizeof planes[0]; i++) {
+        *planes[i] = RX_NEW(float, step->pixels);
+        bad |= *planes[i] == NULL;
+    }
+    if (bad)
+        return rx_error_memory(err, step->pixels * 9 * sizeof(float));
+    rx_status status = rx_pass_new(model, step->side, step->uses_psf, &step->pass, err);
+    if (status == RX_OK && par->ffl > 0)
+        status = rx_ffl_new(step->side, par->margin, &step->ffl, err);
+    return status;
+}
+
+rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,
+                      rx_error *err)
+{
+    *dst = NULL;
+    if (par->margin < 0 || side - 2 * par->margin < 1)
+        return rx_error_set(err, RX_USAGE,
+                            "a margin of %d pixels leaves nothing of images of %d pixels; give a smaller one",
+                            par->margin, side);
+    rx_step *step = RX_NEW(rx_step, 1);
+    if (step == NULL)
+        return rx_error_memory(err, sizeof *step);
+    step->par = *par;
+    step->side = side;
+    step->pixels = (size_t)side * (size_t)side;
+    step->from_blurred = par->idt_restore > 0 || par->ffl > 0 || par->rec_psf > 0;
+    step->from_sharp = par->idt_psf > 0 || par->rec_restore > 0;
+    step->uses_restore = step->from_blurred || par->rec_restore > 0;
+    step->uses_psf = step->from_sharp || par->rec_psf > 0;
+    rx_status status = new_parts(step, model, err);
+    if (status != RX_OK) {
+        rx_step_free(step);
+        return status;
+    }
+    *dst = step;
+    return RX_OK;
+}
+
+void rx_step_free(rx_step *step)
+{
+    if (step == NULL)
+        return;
+    rx_pass_free(step->pass);
+    rx_ffl_free(step->ffl);
+    float *const owned[] = {step->restored, step->first, step->second, step->gradient,
+                            step->inner,    step->back,  step->weight, step->work};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++)
+        free(owned[i]);
+    free(step);
+}
+
+rx_status rx_step_load(rx_step *step, rx_error *err)
+{
+    return rx_pass_load(step->pass, err);
+}
+
+const float *rx_step_restored(const rx_step *step)
+{
+    return step->from_blurred ? step->restored : NULL;
+}
+
+/* d(out, truth) times `scale`: *term unweighted, *total weighted, gradient += (NULL: not wanted). */
+static void add_pixels(const rx_step *step, double scale, const float *out, const float *truth, double *term,
+                       double *total, float *gradient)
+{
+    double value = 0;
+    rx_loss_pixels(step->par.kind, out, truth, step->weight, step->side, step->par.margin, scale, &value,
+                   gradient);
+    *term = value / scale;
+    *total += value;
+}
+
+static void set_weights(rx_step *step, const float *input)
+{
+    if (step->par.kind == RX_LOSS_LINEAR)
+        rx_loss_weights(input, step->side, step->par.floor, step->work, step->weight);
+}
+
+static void clear(const rx_step *step, float *plane)
+{
+    memset(plane, 0, step->pixels * sizeof *plane);
+}
+
+static void add_back(const rx_step *step)
+{
+    for (size_t k = 0; k < step->pixels; k++)
+        step->gradient[k] += step->back[k];
+}
+
+/* RESTORE(x) against y, and PSF(RESTORE(x)) against x. */
+static rx_status run_blurred(rx_step *step, const rx_sample *sample, float *restore_gradient,
+                             float *psf_gradient, int back, rx_step_values *values, rx_error *err)
+{
+    const rx_step_params *par = &step->par;
+    rx_status status = rx_pass_restore(step->pass, sample->x, sample->w, step->restored, err);
+    if (status != RX_OK)
+        return status;
+    if (par->idt_restore > 0 || par->rec_psf > 0)
+        set_weights(step, sample->x);
+    clear(step, step->gradient);
+    if (par->idt_restore > 0)
+        add_pixels(step, par->idt_restore, step->restored, sample->y, &values->idt_restore, &values->total,
+                   step->gradient);
+    if (par->ffl > 0) {
+        double value = 0;
+        rx_ffl_add(step->ffl, step->restored, sample->y, par->ffl, &value, back ? step->gradient : NULL);
+        values->ffl = value / par->ffl;
+        values->total += value;
+    }
+    if (par->rec_psf > 0) {
+        status = rx_pass_blur(step->pass, step->restored, step->first, err);
+        if (status != RX_OK)
+            return status;
+        clear(step, step->inner);
+        add_pixels(step, par->rec_psf, step->first, sample->x, &values->rec_psf, &values->total, step->inner);
+        if (back) {
+            status = rx_pass_blur_back(step->pass, step->inner, psf_gradient, step->back, err);
+            if (status != RX_OK)
+                return status;
+            add_back(step);
+        }
+    }
+    return back ? rx_pass_restore_back(step->pass, step->gradient, restore_gradient, NULL, err) : RX_OK;
+}
+
+/* PSF(y) against x, and RESTORE(PSF(y)) against y. */
+static rx_status run_sharp(rx_step *step, const rx_sample *sample, float *restore_gradient,
+                           float *psf_gradient, int back, rx_step_values *values, rx_error *err)
+{
+    const rx_step_params *par = &step->par;
+    rx_status status = rx_pass_blur(step->pass, sample->y, step->first, err);
+    if (status != RX_OK)
+        return status;
+    set_weights(step, sample->y);
+    clear(step, step->gradient);
+    if (par->idt_psf > 0)
+        add_pixels(step, par->idt_psf, step->first, sample->x, &values->idt_psf, &values->total,
+                   step->gradient);
+    if (par->rec_restore > 0) {
+        status = rx_pass_restore(step->pass, step->first, NULL, step->second, err);
+        if (status != RX_OK)
+            return status;
+        clear(step, step->inner);
+        add_pixels(step, par->rec_restore, step->second, sample->y, &values->rec_restore, &values->total,
+                   step->inner);
+        if (back) {
+            status = rx_pass_restore_back(step->pass, step->inner, restore_gradient, step->back, err);
+            if (status != RX_OK)
+                return status;
+            add_back(step);
+        }
+    }
+    return back ? rx_pass_blur_back(step->pass, step->gradient, psf_gradient, NULL, err) : RX_OK;
+}
+
+rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+                      rx_step_values *values, rx_error *err)
+{
+    *values = (rx_step_values){0};
+    if (sample->side != step->side)
+        return rx_error_set(err, RX_INPUT, "a training image of %d pixels instead of %d; make it anew",
+                            sample->side, step->side);
+    const int back = restore_gradient != NULL || psf_gradient != NULL;
+    if (back &&
+        ((step->uses_restore && restore_gradient == NULL) || (step->uses_psf && psf_gradient == NULL)))
+        return rx_error_set(err, RX_INPUT,
+                            "a network of the loss without a place for its gradient; give one");
+    rx_status status = rx_pass_optics(step->pass, sample, step->par.rec_restore > 0, err);
+    if (status == RX_OK && step->from_blurred)
+        status = run_blurred(step, sample, restore_gradient, psf_gradient, back, values, err);
+    if (status == RX_OK && step->from_sharp)
+        status = run_sharp(step, sample, restore_gradient, psf_gradient, back, values, err);
+    return status;
+}

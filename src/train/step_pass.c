@@ -1,0 +1,329 @@
+/* RESTORE and PSF with stretch, Tikhonov copy and Richardson-Lucy step, there and back. */
+#include "train/step_pass.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/deblur.h"
+#include "nn/rl_step.h"
+#include "nn/runner.h"
+#include "num/convolve.h"
+
+struct rx_pass {
+    const rx_model *model;
+    int side;
+    size_t pixels;
+    float fwhm;             /* channel of the sample's PSF */
+    rx_runner *restore;     /* owned */
+    rx_runner *psf;         /* owned; NULL without */
+    float *restore_sum;     /* [pixels] base + network of the last RESTORE: s(v) */
+    float *psf_sum;         /* the same of PSF */
+    const float *x, *w, *y; /* of the last forward */
+    int own_w;              /* w was made here */
+    float *filtered;        /* [pixels] that w */
+    float *slope;           /* [pixels] gradient by v, by w */
+    /* INFORMED only: */
+    rx_fft *fft;
+    rx_rl_step *rl;             /* NULL without that step */
+    float *kernel;              /* K' cut to the patch */
+    int kernel_size;            /* at most RX_SAMPLE_KERNEL */
+    float *tikhonov, *half;     /* complex planes */
+    float *data, *sharp, *work; /* real planes of fft: x, v and what comes out */
+    float *back, *other;        /* real planes: gradients */
+};
+
+/* ---- making ---- */
+
+static int odd_at_most(int n)
+{
+    return n % 2 == 1 ? n : n - 1;
+}
+
+static rx_status new_optics(rx_pass *pass, rx_error *err)
+{
+    rx_status status = rx_fft_new(pass->side, pass->side, 1, &pass->fft, err);
+    if (status == RX_OK && pass->model->front.rl_steps > 0)
+        status = rx_rl_step_new(pass->fft, &pass->rl, err);
+    if (status != RX_OK)
+        return status;
+    const int largest = odd_at_most(pass->side);
+    pass->kernel_size = largest < RX_SAMPLE_KERNEL ? largest : RX_SAMPLE_KERNEL;
+    pass->kernel = RX_NEW(float, (size_t)pass->kernel_size *(size_t)pass->kernel_size);
+    pass->tikhonov = rx_fft_complex(pass->fft);
+    pass->half = rx_fft_complex(pass->fft);
+    float **planes[] = {&pass->data, &pass->sharp, &pass->work, &pass->back, &pass->other};
+    int bad = pass->kernel == NULL || pass->tikhonov == NULL || pass->half == NULL;
+    for (size_t i = 0; i < sizeof planes / sizeof planes[0]; i++) {
+        *planes[i] = rx_fft_real(pass->fft);
+        bad |= *planes[i] == NULL;
+    }
+    return bad ? rx_error_memory(err, pass->pixels * 9 * sizeof(float)) : RX_OK;
+}
+
+static rx_status new_parts(rx_pass *pass, int with_psf, rx_error *err)
+{
+    const rx_model *model = pass->model;
+    pass->restore_sum = RX_NEW(float, pass->pixels);
+    pass->psf_sum = RX_NEW(float, pass->pixels);
+    pass->filtered = RX_NEW(float, pass->pixels);
+    pass->slope = RX_NEW(float, pass->pixels);
+    if (pass->restore_sum == NULL || pass->psf_sum == NULL || pass->filtered == NULL || pass->slope == NULL)
+        return rx_error_memory(err, pass->pixels * 4 * sizeof(float));
+    rx_status status = rx_runner_new(model->restore, pass->side, pass->side, 1, RX_F32, &pass->restore, err);
+    if (status == RX_OK && with_psf)
+        status = rx_runner_new(model->psf, pass->side, pass->side, 1, RX_F32, &pass->psf, err);
+    if (status == RX_OK && model->front.mode == RX_MODE_INFORMED)
+        status = new_optics(pass, err);
+    return status;
+}
+
+static rx_status check(const rx_model *model, int side, int with_psf, rx_error *err)
+{
+    if (side < 4)
+        return rx_error_set(err, RX_USAGE, "training images of %d pixels; give 4 or more", side);
+    if (with_psf && model->psf == NULL)
+        return rx_error_set(
+            err, RX_USAGE,
+            "this loss needs the PSF network, which the model does not have; set LOSS_IDT_PSF, "
+            "LOSS_REC and LOSS_REC_PSF to 0");
+    if (model->front.rl_steps < 0 || model->front.rl_steps > 1)
+        return rx_error_set(err, RX_USAGE, "training through %d Richardson-Lucy steps; give 0 or 1",
+                            model->front.rl_steps);
+    return RX_OK;
+}
+
+rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_status status = check(model, side, with_psf, err);
+    if (status != RX_OK)
+        return status;
+    rx_pass *pass = RX_NEW(rx_pass, 1);
+    if (pass == NULL)
+        return rx_error_memory(err, sizeof *pass);
+    pass->model = model;
+    pass->side = side;
+    pass->pixels = (size_t)side * (size_t)side;
+    status = new_parts(pass, with_psf, err);
+    if (status != RX_OK) {
+        rx_pass_free(pass);
+        return status;
+    }
+    *dst = pass;
+    return RX_OK;
+}
+
+void rx_pass_free(rx_pass *pass)
+{
+    if (pass == NULL)
+        return;
+    rx_runner_free(pass->restore);
+    rx_runner_free(pass->psf);
+    rx_rl_step_free(pass->rl);
+    rx_fft_free(pass->fft);
+    float *const owned[] = {pass->restore_sum, pass->psf_sum,  pass->filtered, pass->slope,
+                            pass->kernel,      pass->tikhonov, pass->half,     pass->data,
+                            pass->sharp,       pass->work,     pass->back,     pass->other};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++)
+        free(owned[i]);
+    free(pass);
+}
+
+rx_status rx_pass_load(rx_pass *pass, rx_error *err)
+{
+    rx_status status = rx_runner_load(pass->restore, pass->model->restore->params, err);
+    if (status == RX_OK && pass->psf != NULL)
+        status = rx_runner_load(pass->psf, pass->model->psf->params, err);
+    return status;
+}
+
+/* ---- planes ---- */
+
+static void to_plane(const rx_pass *pass, const float *dense, float *plane)
+{
+    const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
+    for (size_t y = 0; y < n; y++)
+        memcpy(plane + y * stride, dense + y * n, n * sizeof *dense);
+}
+
+static void from_plane(const rx_pass *pass, const float *plane, float *dense)
+{
+    const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
+    for (size_t y = 0; y < n; y++)
+        memcpy(dense + y * n, plane + y * stride, n * sizeof *dense);
+}
+
+static void cut_kernel(rx_pass *pass, const float *kernel)
+{
+    const int n = pass->kernel_size, skip = (RX_SAMPLE_KERNEL - n) / 2;
+    double sum = 0;
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            const float value = kernel[(size_t)(j + skip) * RX_SAMPLE_KERNEL + (size_t)(i + skip)];
+            pass->kernel[(size_t)j * (size_t)n + (size_t)i] = value;
+            sum += value;
+        }
+    for (size_t k = 0; skip > 0 && k < (size_t)n * (size_t)n; k++)
+        pass->kernel[k] = (float)(pass->kernel[k] / sum);
+}
+
+rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter, rx_error *err)
+{
+    const rx_front *front = &pass->model->front;
+    pass->fwhm = rx_front_fwhm(sample->fwhm);
+    if (front->mode != RX_MODE_INFORMED)
+        return RX_OK;
+    cut_kernel(pass, sample->kernel);
+    if (pass->rl != NULL)
+        rx_rl_step_kernel(pass->rl, pass->kernel, pass->kernel_size);
+    if (!with_filter)
+        return RX_OK;
+    return rx_deblur_tikhonov_relative(pass->fft, pass->kernel, pass->kernel_size, front->target_fwhm,
+                                       front->tikhonov, pass->work, pass->tikhonov, err);
+}
+
+/* ---- RESTORE ---- */
+
+static void fill_restore(rx_pass *pass)
+{
+    float *input = rx_runner_input(pass->restore);
+    if (pass->model->front.mode == RX_MODE_BLIND) {
+        for (size_t k = 0; k < pass->pixels; k++)
+            input[k] = rx_stretch(pass->x[k]);
+        return;
+    }
+    for (size_t k = 0; k < pass->pixels; k++) {
+        input[3 * k] = rx_stretch(pass->x[k]);
+        input[3 * k + 1] = rx_stretch(pass->w[k]);
+        input[3 * k + 2] = pass->fwhm;
+    }
+}
+
+/* The copy of x where none was given. */
+static void set_inputs(rx_pass *pass, const float *x, const float *w)
+{
+    pass->x = x;
+    pass->w = w;
+    pass->own_w = w == NULL && pass->model->front.mode == RX_MODE_INFORMED;
+    if (!pass->own_w)
+        return;
+    to_plane(pass, x, pass->work);
+    rx_convolve(pass->fft, pass->tikhonov, pass->work, pass->half, pass->work);
+    from_plane(pass, pass->work, pass->filtered);
+    pass->w = pass->filtered;
+}
+
+rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out, rx_error *err)
+{
+    set_inputs(pass, x, w);
+    fill_restore(pass);
+    rx_status status = rx_runner_forward(pass->restore, err);
+    if (status != RX_OK)
+        return status;
+    const float *net = rx_runner_output(pass->restore);
+    const float *base = pass->model->front.mode == RX_MODE_INFORMED ? pass->w : pass->x;
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->restore_sum[k] = rx_stretch(base[k]) + net[k];
+        out[k] = rx_unstretch(pass->restore_sum[k]);
+    }
+    if (pass->rl == NULL)
+        return RX_OK;
+    to_plane(pass, x, pass->data);
+    to_plane(pass, out, pass->sharp);
+    rx_rl_step_forward(pass->rl, pass->sharp, pass->data, NULL, pass->model->front.pedestal, pass->work);
+    from_plane(pass, pass->work, out);
+    return RX_OK;
+}
+
+/* slope = gradient by v; other = gradient by the step's data, when there is such a step. */
+static void back_through_step(rx_pass *pass, const float *dout, int want_input)
+{
+    if (pass->rl == NULL) {
+        memcpy(pass->slope, dout, pass->pixels * sizeof *dout);
+        return;
+    }
+    to_plane(pass, dout, pass->work);
+    rx_rl_step_backward(pass->rl, pass->sharp, pass->data, NULL, pass->model->front.pedestal, pass->work,
+                        pass->back, want_input ? pass->other : NULL);
+    from_plane(pass, pass->back, pass->slope);
+}
+
+/* dx from the gradients by the network's input planes, by base + network (in slope) and by the step's data.
+ */
+static void collect_restore(rx_pass *pass, float *dx)
+{
+    const float *input = rx_runner_input_gradient(pass->restore);
+    if (pass->model->front.mode == RX_MODE_BLIND) {
+        for (size_t k = 0; k < pass->pixels; k++)
+            dx[k] = (input[k] + pass->slope[k]) * rx_stretch_slope(pass->x[k]);
+        return;
+    }
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->slope[k] = (input[3 * k + 1] + pass->slope[k]) * rx_stretch_slope(pass->w[k]);
+        dx[k] = input[3 * k] * rx_stretch_slope(pass->x[k]);
+    }
+    if (pass->own_w) {
+        to_plane(pass, pass->slope, pass->work);
+        rx_correlate(pass->fft, pass->tikhonov, pass->work, pass->half, pass->work);
+        from_plane(pass, pass->work, pass->slope);
+        for (size_t k = 0; k < pass->pixels; k++)
+            dx[k] += pass->slope[k];
+    }
+    if (pass->rl != NULL) {
+        from_plane(pass, pass->other, pass->slope);
+        for (size_t k = 0; k < pass->pixels; k++)
+            dx[k] += pass->slope[k];
+    }
+}
+
+rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx, rx_error *err)
+{
+    back_through_step(pass, dout, dx != NULL);
+    float *dnet = rx_runner_output_gradient(pass->restore);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->slope[k] *= rx_unstretch_slope(pass->restore_sum[k]);
+        dnet[k] = pass->slope[k];
+    }
+    rx_status status = rx_runner_backward(pass->restore, gradient, dx != NULL, err);
+    if (status == RX_OK && dx != NULL)
+        collect_restore(pass, dx);
+    return status;
+}
+
+/* ---- PSF ---- */
+
+rx_status rx_pass_blur(rx_pass *pass, const float *y, float *out, rx_error *err)
+{
+    pass->y = y;
+    float *input = rx_runner_input(pass->psf);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        input[RX_PSF_CHANNELS * k] = rx_stretch(y[k]);
+        input[RX_PSF_CHANNELS * k + 1] = pass->fwhm;
+    }
+    rx_status status = rx_runner_forward(pass->psf, err);
+    if (status != RX_OK)
+        return status;
+    const float *net = rx_runner_output(pass->psf);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->psf_sum[k] = rx_stretch(y[k]) + net[k];
+        out[k] = rx_unstretch(pass->psf_sum[k]);
+    }
+    return RX_OK;
+}
+
+rx_status rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy, rx_error *err)
+{
+    float *dnet = rx_runner_output_gradient(pass->psf);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->slope[k] = dout[k] * rx_unstretch_slope(pass->psf_sum[k]);
+        dnet[k] = pass->slope[k];
+    }
+    rx_status status = rx_runner_backward(pass->psf, gradient, dy != NULL, err);
+    if (status != RX_OK || dy == NULL)
+        return status;
+    const float *input = rx_runner_input_gradient(pass->psf);
+    for (size_t k = 0; k < pass->pixels; k++)
+        dy[k] = (input[RX_PSF_CHANNELS * k] + pass->slope[k]) * rx_stretch_slope(pass->y[k]);
+    return RX_OK;
+}

@@ -1,0 +1,35 @@
+/* The two networks of PSF-NET on patches of one side, with what stands around them (nn/front.h), forward and
+ * backward. Patches are dense [side][side] planes. A network keeps what its last forward needs for the
+ * gradient, so a chain of both is walked back before either is used again. */
+#ifndef RX_TRAIN_STEP_PASS_H
+#define RX_TRAIN_STEP_PASS_H
+
+#include "nn/model.h"
+#include "train/sample.h"
+
+typedef struct rx_pass rx_pass;
+
+/* with_psf: the PSF network too. Allocates all that is ever needed. Errors: RX_USAGE (side, the model has no
+ * PSF network, front.rl_steps above 1), RX_SYSTEM. */
+rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **dst, rx_error *err);
+void rx_pass_free(rx_pass *pass); /* NULL is fine */
+
+/* The model's parameters as they are now. */
+rx_status rx_pass_load(rx_pass *pass, rx_error *err);
+
+/* The PSF of the sample: width, K' (cut to the patch and of sum 1 where it is larger), and for
+ * rx_pass_restore() without `w` the Tikhonov filter, O = K' * (target PSF). */
+rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, rx_error *err);
+
+/* out = RESTORE(x). w: Tikhonov copy of x (not used by BLIND networks); NULL: made here, on the patch's
+ * cyclic domain. x, w must stay until the gradient. */
+rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out, rx_error *err);
+/* gradient [nparams of RESTORE] += from dout; dx (NULL: not wanted) = gradient by x, through the Tikhonov
+ * copy too when that was made here. */
+rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx, rx_error *err);
+
+/* out = PSF(y); y must stay until the gradient. */
+rx_status rx_pass_blur(rx_pass *pass, const float *y, float *out, rx_error *err);
+rx_status rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy, rx_error *err);
+
+#endif
