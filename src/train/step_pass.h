@@ -17,9 +17,10 @@ void rx_pass_free(rx_pass *pass); /* NULL is fine */
 /* The model's parameters as they are now. */
 rx_status rx_pass_load(rx_pass *pass, rx_error *err);
 
-/* The PSF of the sample: width, K' (cut to the patch and of sum 1 where it is larger), and for
- * rx_pass_restore() without `w` the Tikhonov filter, O = K' * (target PSF). */
-rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, rx_error *err);
+/* The PSF of the sample: width, K' (cut to the patch and of sum 1 where it is larger), and, where
+ * rx_pass_restore() will make `w`, the Tikhonov filter, O = K' * (target PSF). Errors: RX_INPUT (a kernel
+ * that is not finite). */
+rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter, rx_error *err);
 
 /* out = RESTORE(x). w: Tikhonov copy of x (not used by BLIND networks); NULL: made here, on the patch's
  * cyclic domain. x, w must stay until the gradient. */
