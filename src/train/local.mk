@@ -19,3 +19,4 @@ librextract_train_la_SOURCES += src/train/feed_generate.c
 librextract_train_la_SOURCES += src/train/feed_parts.h
 librextract_train_la_SOURCES += src/train/step.c src/train/step.h
 librextract_train_la_SOURCES += src/train/step_pass.c src/train/step_pass.h
+librextract_train_la_SOURCES += src/train/scenes.c src/train/scenes_field.c src/train/scenes.h src/train/scenes_parts.h

@@ -1,20 +1,41 @@
 /* Training images made by the simulator's library, in memory.
  *
- * A field of FIELD_SIDE pixels holds (side/P)^2 patches. Fields of a series alternate between star fields,
- * galaxy fields, mixed ones and ones with smooth nebulae; counts are those of the SIM. keywords times a
- * random factor. One field is rendered once (sharp and blurred), noise, turns and the errors that a real tile
- * comes with are fresh for every patch group: sigma of the bin -> scale such that the brightest 0.1 % of the
- * blurred noise-free pixels begin at 255/sigma noise units (nn/model.h rx_model_noise()); photon noise of
- * sources, var = 1 + q v, with random q; small errors of sky level, noise and PSF width as told (keys). Which
- * field and which of its patches a sample is follows from its id alone. */
+ * A field of FIELD_SIDE pixels, and RX_SCENES_FRAME more around it, holds (side/P)^2 places for patches. It
+ * is rendered once, sharp and blurred, with its own PSF: FWHM uniform in the bin's range, beta, ellipticity
+ * and angle. What a real tile comes with is fresh for every patch:
+ *
+ *   sigma   uniform in the bin's range. It sets the scale: the level of the field, which is what the
+ * brightest 0.1 % of its blurred pixels exceed, is 255/sigma noise units (nn/model.h rx_model_noise()). The
+ *           level is at least 1/RX_SCENES_PEAK of the brightest pixel, so that a lone bright star or galaxy
+ * in an empty field stays below 255 RX_SCENES_PEAK / sigma; a field without any light is all noise. noise   x
+ * = (v + sqrt(1 + q v) n + sky) / r, v the blurred light in true noise units (not below 0 under the root), n
+ * normal, q photon noise, log-uniform; sky normal, of rms sky_error; r = noise as told over true, ln r
+ * normal. The other planes are divided by r too. PSF     told with an error of its FWHM, ln(told / true)
+ * normal; w and K' come from the PSF as told. w is filtered on a window that is RX_SCENES_FRAME pixels larger
+ * on each side and holds the field's light there.
+ *
+ * Kinds of fields: 40 % stars (with a tenth of the galaxies), 25 % galaxies (with a tenth of the stars), 35 %
+ * both in full. Counts are those of the SIM. keywords times density^u, u uniform in -1..1 for stars, galaxies
+ * and templates each; the slope of the stars' counts is the keyword's +- 0.1, the share in clumps uniform
+ * between 0 and the keyword's. Distances of pairs follow the FWHM of the field. Nebulae: 1 to 3 Gaussians of
+ * half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres 0.01..3 times as bright as the
+ * field's level without them (log-uniform).
+ *
+ * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
+ * share index / places come from one field, and the same index in `uses` successive epochs (epoch / uses)
+ * from one place of it, turned otherwise each time; the first is cut on a grid, the others anywhere. So no
+ * two images of an epoch and bin show the same place, and a field serves places * uses images. */
 #ifndef RX_TRAIN_SCENES_H
 #define RX_TRAIN_SCENES_H
 
 #include "base/log.h"
 #include "config/simulate_config.h"
+#include "nn/deblur.h"
 #include "nn/front.h"
 #include "train/sample.h"
 #include "train/selection.h"
+
+enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH, RX_SCENES_PEAK = 40 };
 
 typedef struct rx_scenes_params {
     int side;           /* P, a multiple of 4 */
@@ -24,23 +45,35 @@ typedef struct rx_scenes_params {
     double ellipticity; /* of the PSF, uniform 0 .. this */
     double density;     /* counts are multiplied by density^u, u uniform in -1 .. 1; 1 = as given */
     double nebulae;     /* share of fields with smooth nebulae on top */
-    double photon[2];   /* q: photon noise per noise unit of flux, log-uniform */
+    double photon[2];   /* q: photon noise per noise unit of flux, log-uniform (uniform when from 0) */
     double sky_error;   /* rms of a constant left in x, noise units */
     double noise_error; /* rms of ln(noise as told / true) */
     double psf_error;   /* rms of ln(FWHM as told / true) */
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */
-    int set;        /* rx_sample_set: test scenes come from other random streams than training ones */
 } rx_scenes_params;
 
-typedef struct rx_scenes rx_scenes; /* one per generator thread; keeps the last field it made */
+typedef struct rx_scenes rx_scenes; /* one per generator thread; keeps fields that it made */
 
-/* `config`: SIM. keywords for the population (its size, noise and PSF keywords have no effect here). */
+/* `config`: SIM. keywords for the population (its size, noise and PSF keywords have no effect here). It is
+ * not kept. Errors: RX_USAGE parameters out of range, or a PSF that does not fit a patch and its frame; those
+ * of reading templates; RX_SYSTEM. */
 rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
                         const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err);
-void rx_scenes_free(rx_scenes *scenes);
+void rx_scenes_free(rx_scenes *scenes); /* NULL is fine */
 
-/* Make one sample. Samples of one bin in order of index are cheapest (they share fields). */
+/* Make one sample, of either set; test scenes come from other random streams than training ones. Fields are
+ * kept up to RX_SCENES_MEMORY bytes, the one not used for longest goes first: samples may be asked for in any
+ * order, but an epoch of more fields than that costs rendering them again. Errors: RX_USAGE for a bin or an
+ * index that is not in the grid, or a dst of another side; RX_SYSTEM, RX_INTERRUPTED. */
+#define RX_SCENES_MEMORY ((size_t)1 << 29)
 rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_error *err);
+
+/* Number of the field that a sample comes from (the same for all samples of one field, otherwise different
+ * with near certainty): who shares work among generators gives those of one field to one of them. */
+uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id);
+
+/* Fields rendered so far, for the log. */
+long rx_scenes_rendered(const rx_scenes *scenes);
 
 #endif

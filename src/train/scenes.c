@@ -1,0 +1,391 @@
+/* From fields to samples: which field, which place, its noise, and what is known of it. */
+#include "train/scenes.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/convolve.h"
+#include "psf/psf.h"
+#include "simulate/noise.h"
+#include "train/scenes_parts.h"
+
+/* Independent sets of random numbers. */
+#define FIELD_SEED 0x6669656c64000000u
+#define SAMPLE_SEED 0x73616d706c650000u
+#define NOISE_SEED 0x6e6f697365000000u
+
+/* What is drawn for a sample: its slot; for a field beyond what scenes_field.c draws: the turn of each place.
+ */
+enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_TOLD };
+enum { DRAW_TURN = 1024, TURNS = 8 };
+
+enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the patch's border */
+static const double SCALE = 255.0;  /* of the bins' sigma */
+static const double FARTHEST = 3.0; /* errors are cut at so many sigma */
+
+struct rx_scenes {
+    rx_scenes_params par;
+    rx_selection grid;
+    rx_simulation *simulation;
+    int window;                   /* pixels: patch and frame */
+    rx_fft *fft;                  /* of the window */
+    float *x, *half, *spectrum;   /* planes of fft */
+    float *normal;                /* [window][window] */
+    rx_scenes_field_data *fields; /* [capacity] */
+    int capacity;
+    long clock, rendered;
+};
+
+/* One sample in the making. */
+typedef struct draft {
+    const rx_scenes_field_data *field;
+    rx_scenes_key key;
+    int x0, y0;   /* of the window in the field */
+    double scale; /* told noise units per unit of the field's flux */
+    double told;  /* noise as told / true */
+} draft;
+
+/* --- keys --- */
+
+static int places(const rx_scenes_params *par)
+{
+    return par->field_side / par->side * (par->field_side / par->side);
+}
+
+static uint64_t hash(uint64_t seed, uint64_t stream, uint64_t counter)
+{
+    uint32_t word[4];
+    rx_random_block(seed, stream, counter, word);
+    uint64_t value = (uint64_t)word[0] << 32 | word[1];
+    return value != 0 ? value : 1;
+}
+
+static uint64_t stream_of(rx_sample_id id)
+{
+    return (uint64_t)id.set << 32 | id.bin;
+}
+
+uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id)
+{
+    uint64_t era = id.epoch / (uint32_t)par->uses, number = id.index / (uint32_t)places(par);
+    return hash(par->seed ^ FIELD_SEED, stream_of(id), era << 32 | number);
+}
+
+static rx_scenes_key sample_key(const rx_scenes_params *par, rx_sample_id id)
+{
+    uint64_t seed = par->seed ^ SAMPLE_SEED;
+    return (rx_scenes_key){seed, hash(seed, stream_of(id), (uint64_t)id.epoch << 32 | id.index)};
+}
+
+static double error_of(rx_scenes_key key, uint64_t slot, double rms)
+{
+    return rms * fmin(fmax(rx_random_normal(key.seed, key.stream, slot), -FARTHEST), FARTHEST);
+}
+
+/* --- making and freeing --- */
+
+static int is_range(const double range[2], double least, double most)
+{
+    return range[0] >= least && range[0] <= range[1] && range[1] <= most;
+}
+
+static int is_within(double value, double least, double most)
+{
+    return value >= least && value <= most;
+}
+
+static rx_status check(const rx_scenes_params *par, rx_error *err)
+{
+    if (par->side < 16 || par->side % 4 != 0 || par->field_side < par->side ||
+        par->field_side % par->side != 0 || par->field_side > 1 << 14)
+        return rx_error_set(err, RX_USAGE,
+                            "patches of %d pixels in fields of %d: multiples of 4 from 16, and of the patch, "
+                            "are possible",
+                            par->side, par->field_side);
+    if (par->uses < 1)
+        return rx_error_set(err, RX_USAGE, "%d uses of each place: 1 or more are possible", par->uses);
+    if (!is_range(par->beta, 1.1, 1000.0) || !is_within(par->ellipticity, 0.0, 0.8))
+        return rx_error_set(
+            err, RX_USAGE,
+            "Moffat exponents from %g to %g and ellipticities to %g: 1.1 to 1000, the smaller "
+            "first, and 0 to 0.8 are possible",
+            par->beta[0], par->beta[1], par->ellipticity);
+    if (!is_within(par->density, 1.0, 1e6) || !is_within(par->nebulae, 0.0, 1.0))
+        return rx_error_set(err, RX_USAGE,
+                            "a spread of densities of %g and a share of nebulae of %g: 1 or more, and 0 to 1 "
+                            "are possible",
+                            par->density, par->nebulae);
+    if (!is_range(par->photon, 0.0, 1e6) || !is_within(par->sky_error, 0.0, 1e6) ||
+        !is_within(par->noise_error, 0.0, 10.0) || !is_within(par->psf_error, 0.0, 10.0))
+        return rx_error_set(err, RX_USAGE,
+                            "photon noise from %g to %g, errors of sky, noise and PSF of %g, %g and %g: none "
+                            "is negative, and the smaller comes first",
+                            par->photon[0], par->photon[1], par->sky_error, par->noise_error, par->psf_error);
+    return RX_OK;
+}
+
+/* The widest PSF that may be told has to fit the window. */
+static rx_status check_psf(const rx_scenes *s, rx_error *err)
+{
+    const rx_scenes_params *par = &s->par;
+    rx_psf *psf = NULL;
+    double widest = s->grid.fwhm[1] * exp(FARTHEST * par->psf_error);
+    rx_status status = rx_psf_moffat(widest, par->beta[0], 1.0 - par->ellipticity, 0.0, 0, &psf, err);
+    if (status == RX_OK && psf->size > s->window)
+        status = rx_error_set(err, RX_USAGE,
+                              "a PSF of FWHM %.3g has %d pixels and does not fit a patch and its frame, %d "
+                              "pixels; make patches larger or the range of FWHM smaller",
+                              widest, psf->size, s->window);
+    rx_psf_free(psf);
+    return status;
+}
+
+static rx_status open_simulation(rx_scenes *s, const rx_simulate_config *config, int side, rx_log *log,
+                                 rx_error *err)
+{
+    rx_simulate_config *own = NULL;
+    rx_status status = rx_simulate_config_copy(config, &own, err);
+    if (status != RX_OK)
+        return status;
+    own->image_size = (rx_ints){.n = 1, .v = {side}};
+    own->inject_image[0] = '\0';
+    own->psf_type = "MOFFAT";
+    own->psf_fwhm = 1.0; /* lengths in FWHM are in pixels then */
+    own->psf_variation = 0.0;
+    own->sharp_fwhm = s->par.front.target_fwhm;
+    status = rx_simulation_from_config(own, log, &s->simulation, err);
+    rx_simulate_config_free(own);
+    return status;
+}
+
+static rx_status open_scenes(rx_scenes *s, const rx_simulate_config *config, rx_log *log, rx_error *err)
+{
+    const int side = s->par.field_side + s->window - s->par.side;
+    const size_t bytes = 2 * sizeof(float) * (size_t)side * (size_t)side;
+    rx_status status = check_psf(s, err);
+    if (status == RX_OK)
+        status = open_simulation(s, config, side, log, err);
+    if (status == RX_OK)
+        status = rx_fft_new(s->window, s->window, 1, &s->fft, err);
+    if (status != RX_OK)
+        return status;
+    s->capacity = RX_SCENES_MEMORY > 2 * bytes ? (int)(RX_SCENES_MEMORY / bytes) : 2;
+    s->fields = RX_NEW(rx_scenes_field_data, s->capacity);
+    s->x = rx_fft_real(s->fft);
+    s->half = rx_fft_complex(s->fft);
+    s->spectrum = rx_fft_complex(s->fft);
+    s->normal = RX_NEW(float, (size_t)s->window *(size_t)s->window);
+    if (s->fields == NULL || s->x == NULL || s->half == NULL || s->spectrum == NULL || s->normal == NULL)
+        return rx_error_memory(err, 0);
+    return RX_OK;
+}
+
+rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
+                        const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_status status = check(par, err);
+    if (status != RX_OK)
+        return status;
+    rx_scenes *s = RX_NEW(rx_scenes, 1);
+    if (s == NULL)
+        return rx_error_memory(err, sizeof *s);
+    s->par = *par;
+    s->grid = *grid;
+    s->window = rx_fft_good_size(par->side + 2 * RX_SCENES_FRAME);
+    status = open_scenes(s, config, log, err);
+    if (status == RX_OK)
+        *dst = s;
+    else
+        rx_scenes_free(s);
+    return status;
+}
+
+void rx_scenes_free(rx_scenes *s)
+{
+    if (s == NULL)
+        return;
+    for (int i = 0; i < s->capacity && s->fields != NULL; i++)
+        rx_scenes_field_clear(&s->fields[i]);
+    free(s->fields);
+    free(s->x);
+    free(s->half);
+    free(s->spectrum);
+    free(s->normal);
+    rx_fft_free(s->fft);
+    rx_simulation_free(s->simulation);
+    free(s);
+}
+
+long rx_scenes_rendered(const rx_scenes *s)
+{
+    return s->rendered;
+}
+
+/* --- fields --- */
+
+/* The field if it is kept, else an empty place or that of the one not used for longest. */
+static rx_scenes_field_data *find_field(rx_scenes *s, uint64_t number)
+{
+    rx_scenes_field_data *oldest = &s->fields[0];
+    for (int i = 0; i < s->capacity; i++) {
+        if (s->fields[i].number == number)
+            return &s->fields[i];
+        if (s->fields[i].used < oldest->used)
+            oldest = &s->fields[i];
+    }
+    return oldest;
+}
+
+static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data **dst, rx_error *err)
+{
+    const uint64_t number = rx_scenes_field(&s->par, id);
+    rx_scenes_field_data *field = find_field(s, number);
+    *dst = field;
+    if (field->number != number) {
+        rx_scenes_sky sky = {
+            .par = &s->par, .simulation = s->simulation, .side = s->par.field_side + s->window - s->par.side};
+        double sigma[2];
+        rx_selection_bin(&s->grid, (int)id.bin, sky.fwhm, sigma);
+        rx_scenes_field_clear(field);
+        rx_status status =
+            rx_scenes_field_make(&sky, (rx_scenes_key){s->par.seed ^ FIELD_SEED, number}, field, err);
+        if (status != RX_OK)
+            return status;
+        field->number = number;
+        s->rendered++;
+    }
+    field->used = ++s->clock;
+    return RX_OK;
+}
+
+/* --- samples --- */
+
+static void choose_place(const rx_scenes *s, rx_sample_id id, draft *d)
+{
+    const int side = s->par.side, row = s->par.field_side / side, room = s->par.field_side - side + 1;
+    const int place = (int)(id.index % (uint32_t)places(&s->par));
+    d->x0 = place % row * side;
+    d->y0 = place / row * side;
+    if (id.epoch % (uint32_t)s->par.uses != 0) {
+        d->x0 = (int)rx_scenes_uniform(d->key, DRAW_X, 0.0, room);
+        d->y0 = (int)rx_scenes_uniform(d->key, DRAW_Y, 0.0, room);
+    }
+}
+
+/* The window's light with its noise into s->x, and what is known of it into dst. */
+static void expose(rx_scenes *s, draft *d, rx_sample *dst)
+{
+    const rx_scenes_field_data *field = d->field;
+    const rx_scenes_params *par = &s->par;
+    double fwhm[2], sigma[2];
+    rx_selection_bin(&s->grid, (int)dst->id.bin, fwhm, sigma);
+    const double bin_sigma = rx_scenes_uniform(d->key, DRAW_SIGMA, sigma[0], sigma[1]);
+    const double photon = rx_scenes_log_uniform(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
+    const double sky = error_of(d->key, DRAW_SKY, par->sky_error);
+    const double scale = field->level > 0.0 ? SCALE / (bin_sigma * field->level) : 0.0;
+    const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
+    d->told = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
+    d->scale = scale / d->told;
+    dst->sigma = (float)bin_sigma;
+    dst->true_fwhm = (float)field->fwhm;
+    rx_noise_normals(par->seed ^ NOISE_SEED, d->key.stream, 0, (long)(w * w), s->normal);
+    for (size_t y = 0; y < w; y++) {
+        const float *light = field->blurred + ((size_t)d->y0 + y) * (size_t)field->side + (size_t)d->x0;
+        const float *normal = s->normal + y * w;
+        float *x = s->x + y * stride;
+        for (size_t i = 0; i < w; i++) {
+            float v = (float)scale * light[i];
+            x[i] = (v + sqrtf(1.0f + (float)photon * v) * normal[i] + (float)sky) / (float)d->told;
+        }
+    }
+}
+
+/* dst [side][side] = scale times what `frame` pixels into the window of a plane is. */
+static void cut(const float *plane, size_t stride, int x0, int y0, int side, double scale, float *dst)
+{
+    for (int y = 0; y < side; y++) {
+        const float *row = plane + (size_t)(y0 + y) * stride + (size_t)x0;
+        for (int x = 0; x < side; x++)
+            *dst++ = (float)scale * row[x];
+    }
+}
+
+static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
+{
+    const rx_scenes_field_data *field = d->field;
+    const double frame = 0.5 * (s->window - dst->side), last = dst->side - 1.0;
+    dst->nstars = 0;
+    memset(dst->star, 0, sizeof dst->star);
+    for (long i = 0; i < field->nstars && dst->nstars < RX_SAMPLE_STARS; i++) {
+        double x = field->stars[i][0] - d->x0 - frame, y = field->stars[i][1] - d->y0 - frame;
+        if (!is_within(x, STAR_MARGIN, last - STAR_MARGIN) || !is_within(y, STAR_MARGIN, last - STAR_MARGIN))
+            continue;
+        float *star = dst->star[dst->nstars++];
+        double flux = field->stars[i][2] * d->scale;
+        star[0] = (float)x;
+        star[1] = (float)y;
+        star[2] = (float)flux;
+        star[3] = (float)(flux * d->told * field->norm);
+    }
+}
+
+/* K' and the filter of w, from the PSF as it is told. */
+static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *dst, rx_error *err)
+{
+    const rx_scenes_field_data *field = d->field;
+    const rx_front *front = &s->par.front;
+    rx_psf *psf = NULL;
+    double fwhm = field->fwhm * exp(error_of(d->key, DRAW_TOLD, s->par.psf_error));
+    rx_status status = rx_psf_moffat(fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
+    if (status == RX_OK)
+        status = rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1,
+                                    dst->kernel, err);
+    if (status == RX_OK)
+        status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size, front->target_fwhm, front->tikhonov, work,
+                                    s->spectrum, err);
+    dst->fwhm = (float)fwhm;
+    rx_psf_free(psf);
+    return status;
+}
+
+static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
+{
+    const rx_scenes_field_data *field = d->field;
+    const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
+    const size_t stride = (size_t)rx_fft_stride_real(s->fft);
+    rx_status status = tell_psf(s, d, s->x, dst, err);
+    if (status != RX_OK)
+        return status;
+    expose(s, d, dst);
+    cut(s->x, stride, frame, frame, side, 1.0, dst->x);
+    cut(field->sharp, (size_t)field->side, x0, y0, side, d->scale, dst->y);
+    cut(field->blurred, (size_t)field->side, x0, y0, side, d->scale, dst->blurred);
+    list_stars(s, d, dst);
+    rx_convolve(s->fft, s->spectrum, s->x, s->half, s->x);
+    cut(s->x, stride, frame, frame, side, 1.0, dst->w);
+    rx_scenes_key turns = {s->par.seed ^ FIELD_SEED, field->number};
+    const uint64_t place = dst->id.index % (uint32_t)places(&s->par);
+    const int first = (int)rx_scenes_uniform(turns, DRAW_TURN + place, 0.0, TURNS);
+    return rx_sample_turn(dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % TURNS, err);
+}
+
+rx_status rx_scenes_make(rx_scenes *s, rx_sample_id id, rx_sample *dst, rx_error *err)
+{
+    if (id.set > RX_SET_TEST || id.bin >= (uint32_t)s->grid.nbins || id.index >= (uint32_t)s->grid.total)
+        return rx_error_set(err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images",
+                            (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins,
+                            s->grid.total);
+    if (dst->side != s->par.side)
+        return rx_error_set(err, RX_USAGE, "a sample of %d pixels for patches of %d", dst->side, s->par.side);
+    draft d = {.key = sample_key(&s->par, id)};
+    rx_status status = get_field(s, id, &d.field, err);
+    if (status != RX_OK)
+        return status;
+    dst->id = id;
+    choose_place(s, id, &d);
+    return develop(s, &d, dst, err);
+}

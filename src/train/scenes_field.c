@@ -1,0 +1,241 @@
+/* One field: what is in it, through two optics. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/stats.h"
+#include "psf/psf.h"
+#include "simulate/render.h"
+#include "train/scenes_parts.h"
+
+/* What is drawn for a field: its slot. Nebula i begins at DRAW_NEBULA + i * NEBULA_SLOTS. */
+enum {
+    DRAW_FWHM,
+    DRAW_BETA,
+    DRAW_ELLIPTICITY,
+    DRAW_ANGLE,
+    DRAW_KIND,
+    DRAW_STARS,
+    DRAW_GALAXIES,
+    DRAW_TEMPLATES,
+    DRAW_SLOPE,
+    DRAW_CLUMPS,
+    DRAW_NEBULOUS,
+    DRAW_NEBULAE,
+    DRAW_NEBULA = 16,
+    NEBULA_SLOTS = 8
+};
+enum { NEBULAE_MOST = 3 };
+
+static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SLOPE = 0.1;
+/* FWHM beyond the border in which objects still lie: their light is part of the tile's background. */
+static const double BORDER = 2.0;
+static const double BRIGHTEST = 1e-3;
+
+double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
+{
+    return from + (to - from) * rx_random_uniform(key.seed, key.stream, slot);
+}
+
+double rx_scenes_log_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
+{
+    if (!(from > 0.0))
+        return rx_scenes_uniform(key, slot, from, to);
+    return exp(rx_scenes_uniform(key, slot, log(from), log(to)));
+}
+
+/* --- population --- */
+
+/* The base is for the whole field and a border of 4 pixels, as rx_simulation_from_config() makes it for a PSF
+ * of 1 pixel. */
+static double share(const rx_scene_params *base, double margin)
+{
+    double field = (base->width + 2.0 * base->margin) * (base->height + 2.0 * base->margin);
+    return (base->width + 2.0 * margin) * (base->height + 2.0 * margin) / field;
+}
+
+static rx_scene_params population(const rx_scenes_sky *sky, rx_scenes_key key, double fwhm)
+{
+    const double density = sky->par->density, kind = rx_scenes_uniform(key, DRAW_KIND, 0.0, 1.0);
+    rx_scene_params scene = sky->simulation->scene;
+    const double margin = ceil(BORDER * fwhm), area = share(&scene, margin);
+    const int stars = kind < STAR_FIELDS, galaxies = !stars && kind < STAR_FIELDS + GALAXY_FIELDS;
+    scene.stars.count *=
+        area * (galaxies ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_STARS, -1.0, 1.0));
+    scene.galaxies.count *=
+        area * (stars ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_GALAXIES, -1.0, 1.0));
+    scene.templates.count *=
+        area * (stars ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_TEMPLATES, -1.0, 1.0));
+    scene.stars.slope += rx_scenes_uniform(key, DRAW_SLOPE, -SLOPE, SLOPE);
+    scene.clustering = rx_scenes_uniform(key, DRAW_CLUMPS, 0.0, scene.clustering);
+    scene.pair_low *= fwhm;
+    scene.pair_high *= fwhm;
+    scene.least_distance *= fwhm;
+    scene.margin = margin;
+    scene.seed = key.seed;
+    scene.stream = key.stream;
+    return scene;
+}
+
+static int brighter_first(const void *a, const void *b)
+{
+    const double *p = a, *q = b;
+    for (int i = 2; i >= 0; i--) /* flux, then y and x: no two orders are possible */
+        if (p[i] != q[i])
+            return p[i] > q[i] ? -1 : 1;
+    return 0;
+}
+
+static rx_status list_stars(const rx_scene *scene, rx_scenes_field_data *dst, rx_error *err)
+{
+    dst->stars = rx_alloc((size_t)scene->n, sizeof *dst->stars);
+    if (dst->stars == NULL)
+        return rx_error_memory(err, (size_t)scene->n * sizeof *dst->stars);
+    for (long i = 0; i < scene->n; i++) {
+        const rx_object *o = &scene->objects[i];
+        if (o->type != RX_OBJECT_STAR)
+            continue;
+        double *star = dst->stars[dst->nstars++];
+        star[0] = o->x;
+        star[1] = o->y;
+        star[2] = o->flux;
+    }
+    qsort(dst->stars, (size_t)dst->nstars, sizeof *dst->stars, brighter_first);
+    return RX_OK;
+}
+
+/* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
+static rx_status make_nebulae(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst,
+                              rx_error *err)
+{
+    int n = 1 + (int)rx_scenes_uniform(key, DRAW_NEBULAE, 0.0, NEBULAE_MOST);
+    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        const uint64_t slot = DRAW_NEBULA + (uint64_t)i * NEBULA_SLOTS;
+        double radius = rx_scenes_log_uniform(key, slot, 12.0, 80.0);
+        double ratio = rx_scenes_uniform(key, slot + 1, 0.3, 1.0);
+        double centre = field->level * rx_scenes_log_uniform(key, slot + 2, 0.01, 3.0);
+        (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_GALAXY,
+                                         .x = rx_scenes_uniform(key, slot + 3, 0.0, field->side - 1.0),
+                                         .y = rx_scenes_uniform(key, slot + 4, 0.0, field->side - 1.0),
+                                         .flux = centre * M_PI * radius * radius * ratio / M_LN2,
+                                         .radius = radius,
+                                         .ratio = ratio,
+                                         .angle = rx_scenes_uniform(key, slot + 5, 0.0, M_PI),
+                                         .bulge_share = 1.0,
+                                         .bulge_n = 0.5,
+                                         .bulge_radius = radius,
+                                         .bulge_ratio = ratio};
+    }
+    return status;
+}
+
+/* --- pixels --- */
+
+static rx_status set_level(rx_scenes_field_data *field, rx_error *err)
+{
+    const size_t n = (size_t)field->side * (size_t)field->side;
+    double *values = RX_NEW(double, n), peak = 0.0;
+    if (values == NULL)
+        return rx_error_memory(err, n * sizeof *values);
+    for (size_t i = 0; i < n; i++) {
+        values[i] = (double)field->blurred[i];
+        peak = fmax(peak, values[i]);
+    }
+    field->level = fmax(rx_quantile(values, n, 1.0 - BRIGHTEST), peak / RX_SCENES_PEAK);
+    free(values);
+    return RX_OK;
+}
+
+/* Single precision leaves values a little below 0 where there is no light. */
+static void cut_negative(size_t n, float *pixels)
+{
+    for (size_t i = 0; i < n; i++)
+        pixels[i] = pixels[i] > 0.0f ? pixels[i] : 0.0f;
+}
+
+static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const rx_optics *optics,
+                        rx_scenes_field_data *field, rx_error *err)
+{
+    const rx_optics *both[2] = {optics, sky->simulation->target};
+    float *images[2] = {field->blurred, field->sharp};
+    const size_t n = (size_t)field->side * (size_t)field->side;
+    rx_status status = rx_render(scene, 2, both, images, 1, err);
+    cut_negative(n, field->blurred);
+    cut_negative(n, field->sharp);
+    return status == RX_OK ? set_level(field, err) : status;
+}
+
+static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *field,
+                          rx_optics **optics, rx_error *err)
+{
+    const rx_scenes_params *par = sky->par;
+    rx_psf *psf = NULL;
+    field->fwhm = rx_scenes_uniform(key, DRAW_FWHM, sky->fwhm[0], sky->fwhm[1]);
+    field->beta = rx_scenes_uniform(key, DRAW_BETA, par->beta[0], par->beta[1]);
+    field->ratio = 1.0 - rx_scenes_uniform(key, DRAW_ELLIPTICITY, 0.0, par->ellipticity);
+    field->angle = rx_scenes_uniform(key, DRAW_ANGLE, 0.0, M_PI);
+    rx_status status = rx_optics_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0.0,
+                                        field->side, field->side, optics, err);
+    if (status == RX_OK)
+        status = rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
+    if (status != RX_OK)
+        return status;
+    double sum = 0.0;
+    for (int i = 0; i < psf->size * psf->size; i++)
+        sum += (double)psf->basis[i] * (double)psf->basis[i];
+    field->norm = sqrt(sum);
+    rx_psf_free(psf);
+    return RX_OK;
+}
+
+static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const rx_optics *optics,
+                      rx_scenes_field_data *field, rx_error *err)
+{
+    rx_scene *scene = NULL, *nebulae = NULL;
+    rx_scene_params par = population(sky, key, field->fwhm);
+    rx_status status = rx_scene_make(&par, sky->simulation->templates, &scene, err);
+    if (status == RX_OK)
+        status = list_stars(scene, field, err);
+    if (status == RX_OK)
+        status = render(sky, scene, optics, field, err);
+    if (status == RX_OK && rx_scenes_uniform(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->par->nebulae) {
+        status = make_nebulae(field, key, &nebulae, err);
+        if (status == RX_OK)
+            status = render(sky, nebulae, optics, field, err);
+    }
+    rx_scene_free(scene);
+    rx_scene_free(nebulae);
+    return status;
+}
+
+rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *dst,
+                               rx_error *err)
+{
+    const size_t n = (size_t)sky->side * (size_t)sky->side;
+    rx_optics *optics = NULL;
+    *dst = (rx_scenes_field_data){.side = sky->side};
+    dst->sharp = RX_NEW(float, n);
+    dst->blurred = RX_NEW(float, n);
+    if (dst->sharp == NULL || dst->blurred == NULL) {
+        rx_scenes_field_clear(dst);
+        return rx_error_memory(err, n * sizeof(float));
+    }
+    rx_status status = draw_psf(sky, key, dst, &optics, err);
+    if (status == RX_OK)
+        status = fill(sky, key, optics, dst, err);
+    rx_optics_free(optics);
+    if (status != RX_OK)
+        rx_scenes_field_clear(dst);
+    return status;
+}
+
+void rx_scenes_field_clear(rx_scenes_field_data *field)
+{
+    free(field->sharp);
+    free(field->blurred);
+    free(field->stars);
+    *field = (rx_scenes_field_data){0};
+}

@@ -1,0 +1,44 @@
+/* What the files of the training scenes share. Private to src/train/scenes*.c. */
+#ifndef RX_TRAIN_SCENES_PARTS_H
+#define RX_TRAIN_SCENES_PARTS_H
+
+#include "num/fft.h"
+#include "stage/simulation.h"
+#include "train/scenes.h"
+
+/* One rendered field. Coordinates are those of the whole, frame included. */
+typedef struct rx_scenes_field_data {
+    uint64_t number; /* rx_scenes_field(); 0: none */
+    long used;       /* when last */
+    int side;        /* FIELD_SIDE + 2 frame */
+    double fwhm, beta, ratio, angle;
+    double norm;            /* sqrt of the sum of the squared PSF */
+    double level;           /* 255/sigma noise units are so much flux; 0: no light */
+    float *sharp, *blurred; /* [side][side], not negative */
+    long nstars;
+    double (*stars)[3]; /* x, y, flux; brightest first */
+} rx_scenes_field_data;
+
+/* Seeds of independent sets of numbers. */
+typedef struct rx_scenes_key {
+    uint64_t seed, stream;
+} rx_scenes_key;
+
+/* What fields are made from: base counts are per pixel, lengths of pairs in FWHM. */
+typedef struct rx_scenes_sky {
+    const rx_scenes_params *par;
+    const rx_simulation *simulation;
+    double fwhm[2]; /* of the bin */
+    int side;       /* of the whole field */
+} rx_scenes_sky;
+
+/* Content of *dst is freed by rx_scenes_field_clear(). */
+rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *dst,
+                               rx_error *err);
+void rx_scenes_field_clear(rx_scenes_field_data *field);
+
+/* Uniform in from .. to, and log-uniform (uniform when `from` is not above 0): number `slot` of the key. */
+double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to);
+double rx_scenes_log_uniform(rx_scenes_key key, uint64_t slot, double from, double to);
+
+#endif
