@@ -164,6 +164,8 @@ static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_sourc
 typedef struct plan {
     int number; /* in the file, from 1 */
     int ask;    /* cfitsio's type */
+    int exact;  /* floating in a binary table: cells come as they are, where looking for nulls loses -0 and
+                   subnormal numbers */
 } plan;
 
 static int has_null(fitsfile *file, int number)
@@ -180,13 +182,16 @@ static int has_null(fitsfile *file, int number)
  * (64-bit ones stay: a double would not hold them). 0 when the column is left out. */
 static int plan_column(fitsfile *file, int number, rx_column *column, plan *dst, int *failed)
 {
-    int type = 0;
+    int type = 0, stored = 0, hdu_type = 0;
     long repeat = 0, width = 0;
+    fits_get_hdu_type(file, &hdu_type, failed);
+    fits_get_coltype(file, number, &stored, NULL, NULL, failed);
     fits_get_eqcoltype(file, number, &type, &repeat, &width, failed);
     if (*failed || type < 0 || repeat < 1) /* negative: variable length */
         return 0;
     int nulls = type != TSTRING && has_null(file, number);
     dst->number = number;
+    dst->exact = hdu_type == BINARY_TBL && type == stored && (type == TFLOAT || type == TDOUBLE);
     column->ndim = repeat > 1;
     column->dim[0] = (int)repeat;
     switch (type) {
@@ -334,9 +339,9 @@ static void read_cells(fitsfile *file, const plan *how, rx_column *column, long 
     long n = rx_column_elements(column);
     char *dst = (char *)column->data + (first - 1) * n * rx_column_element_size(column);
     void *null = NULL; /* integers: whatever the file holds */
-    if (how->ask == TFLOAT || how->ask == TCOMPLEX)
+    if (!how->exact && (how->ask == TFLOAT || how->ask == TCOMPLEX))
         null = &no_float;
-    else if (how->ask == TDOUBLE || how->ask == TDBLCOMPLEX)
+    else if (!how->exact && (how->ask == TDOUBLE || how->ask == TDBLCOMPLEX))
         null = &no_double;
     if (how->ask == TSTRING)
         read_texts(file, how->number, first, rows * n, column, dst, failed);

@@ -1,19 +1,11 @@
 /* From header to header through a FITS file. */
 #include "io/fits_walk.h"
 
-#include <stdbool.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
-
-/* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
-typedef struct layout {
-    int64_t bitpix, naxis, product, pcount, gcount;
-    bool no_tile; /* a ZTILEn below 1 */
-} layout;
 
 static bool is_key(const char *card, const char *key)
 {
@@ -28,7 +20,12 @@ static int64_t number(const char *card)
     return strtoll(text, NULL, 10);
 }
 
-static void take_card(const char *card, layout *dst)
+rx_fits_layout rx_fits_layout_begin(void)
+{
+    return (rx_fits_layout){.product = 1, .gcount = 1};
+}
+
+void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
 {
     if (is_key(card, "BITPIX  "))
         dst->bitpix = number(card);
@@ -45,24 +42,23 @@ static void take_card(const char *card, layout *dst)
 }
 
 /* Reads one header, the file then stands behind it. false: no END, or the end of the file. */
-static bool read_header(FILE *file, layout *dst)
+static bool read_header(FILE *file, rx_fits_layout *dst)
 {
     char block[BLOCK];
-    *dst = (layout){.product = 1, .gcount = 1};
+    *dst = rx_fits_layout_begin();
     for (int b = 0; b < MAX_BLOCKS && fread(block, 1, BLOCK, file) == BLOCK; b++) {
         if (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0)
             return false;
         for (int i = 0; i < BLOCK; i += CARD) {
             if (strncmp(block + i, "END     ", 8) == 0)
                 return true;
-            take_card(block + i, dst);
+            rx_fits_layout_card(dst, block + i);
         }
     }
     return false;
 }
 
-/* Bytes of the data behind a header, in whole blocks; -1 when they make no sense. */
-static int64_t data_bytes(const layout *l)
+int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
 {
     int64_t bytes, bits = l->bitpix < 0 ? -l->bitpix : l->bitpix;
     if (l->naxis == 0)
@@ -77,13 +73,13 @@ static int64_t data_bytes(const layout *l)
 
 rx_status rx_fits_walk(const char *path, rx_error *err)
 {
-    layout header;
+    rx_fits_layout header;
     rx_status status = RX_OK;
     FILE *file = fopen(path, "rb");
     if (file == NULL)
         return RX_OK; /* cfitsio tells why */
     for (int hdu = 0; status == RX_OK && read_header(file, &header); hdu++) {
-        int64_t bytes = data_bytes(&header);
+        int64_t bytes = rx_fits_layout_bytes(&header);
         if (header.no_tile)
             status =
                 rx_error_at(err, RX_INPUT, path, hdu, 0,

@@ -325,7 +325,12 @@ static rx_status read_provenance(const reader *r, rx_error *err)
     rx_status status = read_columns(r, "PROVENANCE", name, "T", 1, 0, &table, &hdu, err);
     for (long i = 0; status == RX_OK && table != NULL && i < table->nrows; i++) {
         const rx_column *column = &table->columns[0];
-        rx_text_printf(&text, "%s\n", (const char *)column->data + (size_t)i * (size_t)column->text_width);
+        const char *line = (const char *)column->data + (size_t)i * (size_t)column->text_width;
+        size_t n = strlen(line);
+        while (n > 0 && line[n - 1] == ' ') /* FITS knows no empty string that is not missing */
+            n--;
+        rx_text_add_bytes(&text, line, n);
+        rx_text_add(&text, "\n");
     }
     rx_table_free(table);
     if (status == RX_OK && text.failed)

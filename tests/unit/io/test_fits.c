@@ -9,6 +9,7 @@
 
 #include "base/memory.h"
 #include "io/fits_read.h"
+#include "io/fits_verify.h"
 #include "io/fits_write.h"
 
 /* Each HDU's 32-bit one's complement sum must be all ones (FITS 4.0, appendix J), here from the
@@ -244,6 +245,110 @@ static void test_table(void **state)
     assert_string_equal(value, "F11.7");
     assert_int_equal(back->columns[5].dim[0], 3);
     rx_table_free(back);
+    rx_table_free(table);
+    rx_text_free(&extra);
+}
+
+/* Numbers come back to the bit, those too that a reader looking for nulls would lose. */
+static void test_exact_numbers(void **state)
+{
+    rx_table *table = make_table(), *back = NULL;
+    rx_fits_writer *writer = NULL;
+    float *f = table->columns[3].data;
+    double *d = table->columns[4].data;
+    f[0] = -0.0f;
+    f[1] = 1e-42f;
+    f[2] = INFINITY;
+    f[3] = NAN;
+    d[0] = -0.0;
+    d[2] = 5e-324;
+    assert_int_equal(rx_fits_create(in(state, "x.fits"), "x", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_read_table(in(state, "x.fits"), 0, &back, NULL), RX_OK);
+    check_equal(table, back);
+    rx_table_free(back);
+    rx_table_free(table);
+}
+
+/* --- whole files --- */
+
+static void check_verify(void **state, const char *name, int nhdus, int hdu, const char *text)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_status status = rx_fits_verify(in(state, name), nhdus, &err);
+    assert_int_equal(status, text == NULL ? RX_OK : RX_INPUT);
+    if (text != NULL && strstr(err.text, text) == NULL)
+        fail_msg("'%s' is not in '%s'", text, err.text);
+    if (text != NULL)
+        assert_int_equal(err.hdu, hdu);
+}
+
+/* A header of its own, tables by name, and every kind of damage told with its HDU. */
+static void test_whole_file(void **state)
+{
+    rx_table *table = make_table(), *back = NULL;
+    rx_text extra = {0};
+    rx_fits_writer *writer = NULL;
+    char *cards = NULL, value[40];
+    long ncards = 0;
+    int hdu = 0;
+    rx_card_integer(&extra, "RXMODEL", 1, "version");
+    assert_int_equal(rx_fits_create(in(state, "w.fits"), "w", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_primary(writer, extra.data, extra.length / 80, NULL), RX_OK);
+    for (int i = 0; i < 2; i++) {
+        free(table->name);
+        table->name = rx_strdup(i == 0 ? "ONE" : "TWO");
+        table->nrows = ROWS - i;
+        assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    }
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    assert_int_equal(sum_hdus(in(state, "w.fits")), 3);
+    assert_int_equal(rx_fits_read_header(in(state, "w.fits"), 0, &cards, &ncards, NULL), RX_OK);
+    assert_int_equal(rx_cards_text(cards, ncards, "RXMODEL", value, sizeof value), 1);
+    assert_string_equal(value, "1");
+    free(cards);
+    assert_int_equal(rx_fits_read_header(in(state, "w.fits"), 3, &cards, &ncards, NULL), RX_INPUT);
+    assert_null(cards);
+    assert_int_equal(rx_fits_read_named(in(state, "w.fits"), "TWO", &back, &hdu, NULL), RX_OK);
+    assert_int_equal(hdu, 2);
+    check_equal(table, back);
+    rx_table_free(back);
+    assert_int_equal(rx_fits_read_named(in(state, "w.fits"), "THREE", &back, &hdu, NULL), RX_OK);
+    assert_null(back);
+    assert_int_equal(hdu, -1);
+    check_verify(state, "w.fits", 0, 0, NULL);
+    check_verify(state, "w.fits", 3, 0, NULL);
+    check_verify(state, "w.fits", 4, -1, "has 3 HDUs, 4 were written");
+    check_verify(state, "absent", 0, -1, "cannot be opened");
+    size_t n = 0;
+    char *data = slurp(in(state, "w.fits"), &n);
+    assert_int_equal(n % 2880, 0);
+    dump(in(state, "d.fits"), data, n - 2880);
+    check_verify(state, "d.fits", 0, 2, "cut off: 2880 bytes are missing");
+    dump(in(state, "d.fits"), data, n - 1);
+    check_verify(state, "d.fits", 0, 2, "no multiple of 2880");
+    dump(in(state, "d.fits"), data, 2880 * 2);
+    check_verify(state, "d.fits", 0, 1, "cut off: 2880 bytes are missing");
+    for (size_t i = n - 2 * 2880; i < n - 2880; i += 80)
+        if (memcmp(data + i, "END     ", 8) == 0) {
+            memcpy(data + i, "COMMENT ", 8);
+            dump(in(state, "d.fits"), data, n);
+            memcpy(data + i, "END     ", 8);
+        }
+    check_verify(state, "d.fits", 0, 2, "the header has no END");
+    data[n - 2880] ^= 1;
+    dump(in(state, "d.fits"), data, n);
+    check_verify(state, "d.fits", 0, 2, "DATASUM does not fit");
+    data[n - 2880] ^= 1;
+    data[79] ^= 1; /* a comment */
+    dump(in(state, "d.fits"), data, n);
+    check_verify(state, "d.fits", 0, 0, "CHECKSUM does not fit");
+    data[79] ^= 1;
+    memcpy(data + 2880, "NOTHING!", 8);
+    dump(in(state, "d.fits"), data, n);
+    check_verify(state, "d.fits", 0, 1, "no HDU begins");
+    free(data);
     rx_table_free(table);
     rx_text_free(&extra);
 }
@@ -491,11 +596,12 @@ static void test_cards(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_image),     cmocka_unit_test(test_read_image),
-        cmocka_unit_test(test_table),     cmocka_unit_test(test_empty_table),
-        cmocka_unit_test(test_ldac),      cmocka_unit_test(test_column_types),
-        cmocka_unit_test(test_cut_table), cmocka_unit_test(test_unwritable),
-        cmocka_unit_test(test_full_disk), cmocka_unit_test(test_cards),
+        cmocka_unit_test(test_image),         cmocka_unit_test(test_read_image),
+        cmocka_unit_test(test_table),         cmocka_unit_test(test_empty_table),
+        cmocka_unit_test(test_exact_numbers), cmocka_unit_test(test_whole_file),
+        cmocka_unit_test(test_ldac),          cmocka_unit_test(test_column_types),
+        cmocka_unit_test(test_cut_table),     cmocka_unit_test(test_unwritable),
+        cmocka_unit_test(test_full_disk),     cmocka_unit_test(test_cards),
     };
     return cmocka_run_group_tests_name("FITS files", tests, make_scratch, drop_scratch);
 }

@@ -1,0 +1,612 @@
+/* Model files: what is written comes back, and nothing that is damaged or foreign is taken for a model. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "io/fits_read.h"
+#include "io/fits_verify.h"
+#include "io/fits_write.h"
+#include "nn/model.h"
+#include "nn/psfnet.h"
+#include "num/stats.h"
+
+enum { FLIPS = 500, CUTS = 100 };
+
+typedef struct scratch {
+    char folder[512], path[600];
+} scratch;
+
+static int make_scratch(void **state)
+{
+    const char *base = getenv("TMPDIR");
+    scratch *s = calloc(1, sizeof *s);
+    if (s == NULL)
+        return -1;
+    snprintf(s->folder, sizeof s->folder, "%.400s/rx-model-XXXXXX",
+             base != NULL && base[0] != '\0' ? base : "/tmp");
+    *state = s;
+    if (mkdtemp(s->folder) == NULL)
+        return -1;
+    snprintf(s->path, sizeof s->path, "%s/m.fits", s->folder);
+    return 0;
+}
+
+static int drop_scratch(void **state)
+{
+    scratch *s = *state;
+    unlink(s->path);
+    rmdir(s->folder);
+    free(s);
+    return 0;
+}
+
+static char *slurp(const char *path, size_t *size)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    *size = (size_t)ftell(file);
+    rewind(file);
+    char *data = malloc(*size + 1);
+    assert_non_null(data);
+    assert_int_equal(fread(data, 1, *size, file), *size);
+    fclose(file);
+    return data;
+}
+
+static void dump(const char *path, const void *data, size_t size)
+{
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Two bins of FWHM and three of noise, the paper's ranges. */
+static rx_model *make_model(int with_psf)
+{
+    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
+                                   .decoder = RX_DECODER_BILINEAR,
+                                   .width = 4,
+                                   .blocks = 1,
+                                   .stem_kernel = 3,
+                                   .kernel = 3};
+    rx_model *model = rx_model_new();
+    assert_non_null(model);
+    assert_int_equal(rx_psfnet_new(&shape, 3, &model->restore, NULL), RX_OK);
+    rx_net_initialise(model->restore, 7, 1, 0.3, 0.1);
+    model->restore->params[0] = -0.0f; /* numbers that a reader may lose */
+    model->restore->params[1] = 1e-42f;
+    if (with_psf) {
+        assert_int_equal(rx_psfnet_new(&shape, RX_PSF_CHANNELS, &model->psf, NULL), RX_OK);
+        rx_net_initialise(model->psf, 7, 2, 0.3, 0.1);
+    }
+    model->nfwhm = 2;
+    model->nsigma = 3;
+    model->bins = RX_NEW(rx_model_bin, 6);
+    assert_non_null(model->bins);
+    for (int i = 0; i < 6; i++)
+        model->bins[i] = (rx_model_bin){.fwhm = {2 + 3 * (i % 2), 5 + 3 * (i % 2)},
+                                        .sigma = {1 + 4 * (i / 2), 5 + 4 * (i / 2)},
+                                        .loss = 0.1 + 1e-3 * i,
+                                        .list = 1.0 / (i + 1),
+                                        .recall = i == 5 ? NAN : 0.9 - 0.1 * i,
+                                        .bias = -0.001 * i,
+                                        .scatter = 0.02 + 1e-17,
+                                        .images = 40 + i};
+    snprintf(model->name, sizeof model->name, "small 'quoted' net");
+    model->epochs = 12;
+    model->patches = 480000;
+    model->seed = UINT64_C(18446744073709551615);
+    model->front.tikhonov = 0.1 + 0.2;
+    model->provenance = rx_strdup("WIDTH 4\nLOSS_TYPE LINEAR\n\nSEED 1\n");
+    assert_non_null(model->provenance);
+    return model;
+}
+
+static void write_to(void **state, const rx_model *model)
+{
+    const scratch *s = *state;
+    unlink(s->path);
+    assert_int_equal(rx_model_write(model, s->path, "m.fits", NULL), RX_OK);
+}
+
+static void same_net(const rx_net *a, const rx_net *b)
+{
+    assert_int_equal(a->nnodes, b->nnodes);
+    assert_int_equal(a->nparams, b->nparams);
+    for (int i = 0; i < a->nnodes; i++) {
+        assert_int_equal(a->node[i].op, b->node[i].op);
+        assert_int_equal(a->node[i].src, b->node[i].src);
+        assert_int_equal(a->node[i].add, b->node[i].add);
+        assert_int_equal(a->node[i].relu, b->node[i].relu);
+        assert_int_equal(a->node[i].channels, b->node[i].channels);
+        assert_int_equal(a->node[i].kernel, b->node[i].kernel);
+        assert_int_equal(a->node[i].stride, b->node[i].stride);
+        assert_int_equal(a->node[i].weight, b->node[i].weight);
+    }
+    assert_memory_equal(a->params, b->params, (size_t)a->nparams * sizeof(float));
+}
+
+static void test_round_trip(void **state)
+{
+    const scratch *s = *state;
+    for (int with_psf = 0; with_psf < 2; with_psf++) {
+        rx_model *model = make_model(with_psf), *back = NULL;
+        char digest[RX_MODEL_DIGEST];
+        size_t n = 0, m = 0;
+        write_to(state, model);
+        char *first = slurp(s->path, &n);
+        assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+        same_net(model->restore, back->restore);
+        assert_int_equal(back->psf != NULL, with_psf);
+        if (with_psf)
+            same_net(model->psf, back->psf);
+        assert_int_equal(back->front.mode, RX_MODE_INFORMED);
+        assert_true(back->front.target_fwhm == 2 && back->front.tikhonov == model->front.tikhonov);
+        assert_true(back->front.rl_steps == 1 && back->front.pedestal == 1);
+        assert_int_equal(back->nfwhm, 2);
+        assert_int_equal(back->nsigma, 3);
+        for (int i = 0; i < 6; i++) {
+            assert_memory_equal(back->bins[i].fwhm, model->bins[i].fwhm, sizeof model->bins[i].fwhm);
+            assert_memory_equal(back->bins[i].sigma, model->bins[i].sigma, sizeof model->bins[i].sigma);
+            assert_true(back->bins[i].loss == model->bins[i].loss);
+            assert_true(back->bins[i].list == model->bins[i].list);
+            assert_true(i == 5 ? isnan(back->bins[i].recall) : back->bins[i].recall == model->bins[i].recall);
+            assert_true(back->bins[i].bias == model->bins[i].bias);
+            assert_true(back->bins[i].scatter == model->bins[i].scatter);
+            assert_int_equal(back->bins[i].images, 40 + i);
+        }
+        assert_string_equal(back->name, model->name);
+        assert_string_equal(back->provenance, model->provenance);
+        assert_int_equal(back->epochs, 12);
+        assert_int_equal(back->patches, 480000);
+        assert_true(back->seed == model->seed);
+        rx_model_digest(model, digest);
+        assert_string_equal(back->digest, digest);
+        write_to(state, back); /* same model, same bytes */
+        char *second = slurp(s->path, &m);
+        assert_int_equal(n, m);
+        assert_memory_equal(first, second, n);
+        model->restore->params[3] = nextafterf(model->restore->params[3], 9);
+        rx_model_digest(model, digest);
+        assert_string_not_equal(back->digest, digest);
+        free(first);
+        free(second);
+        rx_model_free(back);
+        rx_model_free(model);
+    }
+}
+
+/* Neither dictionary nor provenance yet, as after the first epoch. */
+static void test_least_model(void **state)
+{
+    const scratch *s = *state;
+    rx_model *model = make_model(0), *back = NULL;
+    free(model->bins);
+    free(model->provenance);
+    model->bins = NULL;
+    model->provenance = NULL;
+    model->name[0] = '\0';
+    write_to(state, model);
+    assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+    assert_null(back->bins);
+    assert_null(back->provenance);
+    char outside[100];
+    assert_null(rx_model_find(back, 3, 3, outside, sizeof outside));
+    assert_string_equal(outside, "the model has no dictionary");
+    rx_model_free(back);
+    rx_model_free(model);
+}
+
+/* --- what is refused --- */
+
+/* Reading fails as RX_INPUT with that in its text, one line that begins with no capital and has no stop. */
+static void refused(void **state, const char *text)
+{
+    const scratch *s = *state;
+    rx_model *back = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_model_read(s->path, &back, &err), RX_INPUT);
+    assert_null(back);
+    if (strstr(err.text, text) == NULL)
+        fail_msg("'%s' is not in '%s'", text, err.text);
+    assert_string_equal(err.where, s->path);
+    assert_null(strchr(err.text, '\n'));
+    assert_true(err.text[0] != '\0' && err.text[strlen(err.text) - 1] != '.');
+}
+
+static void write_fits(void **state, const char *cards, size_t ncards, rx_table *const *tables, int ntables)
+{
+    const scratch *s = *state;
+    rx_fits_writer *writer = NULL;
+    unlink(s->path);
+    assert_int_equal(rx_fits_create(s->path, "m.fits", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_primary(writer, cards, ncards, NULL), RX_OK);
+    for (int i = 0; i < ntables; i++)
+        assert_int_equal(rx_fits_table(writer, tables[i], NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+}
+
+static void test_foreign(void **state)
+{
+    const scratch *s = *state;
+    float pixels[64 * 64] = {0};
+    rx_fits_writer *writer = NULL;
+    unlink(s->path);
+    refused(state, "cannot be opened");
+    dump(s->path, "", 0);
+    refused(state, "empty");
+    dump(s->path, "#!/bin/sh\necho no model\n", 24);
+    refused(state, "not a FITS file");
+    unlink(s->path);
+    assert_int_equal(rx_fits_create(s->path, "tile", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_image(writer, pixels, 64, 64, NULL, NULL, 0, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    refused(state, "is no model");
+}
+
+static void test_real_tile(void **state)
+{
+    static const char *const names[] = {"frame-r-000094-1-0012.fits.bz2", "psField-000094-1-0012.fit",
+                                        "stripe82_coadd_catalog.fit"};
+    const char *folder = getenv("RX_SHARED_DATA");
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        char path[1024];
+        snprintf(path, sizeof path, "%s/sdss/94-1-12/%s", folder != NULL ? folder : "", names[i]);
+        if (access(path, R_OK) != 0) {
+            print_message("real data absent (RX_SHARED_DATA): skipped\n");
+            skip();
+        }
+        rx_model *back = NULL;
+        rx_error err = RX_ERROR_NONE;
+        assert_int_equal(rx_model_read(path, &back, &err), RX_INPUT);
+        assert_non_null(strstr(err.text, "is no model"));
+    }
+}
+
+/* The parts of a good model file, to be put together again after a change. */
+typedef struct parts {
+    char *cards;
+    long ncards;
+    rx_table *table[6];
+    int n;
+} parts;
+
+static parts take_apart(void **state)
+{
+    static const char *const names[] = {"RESTORE_NODES", "RESTORE_PARAMS", "PSF_NODES",
+                                        "PSF_PARAMS",    "DICTIONARY",     "PROVENANCE"};
+    const scratch *s = *state;
+    parts p = {.n = 6};
+    rx_model *model = make_model(1);
+    int hdu = 0;
+    write_to(state, model);
+    rx_model_free(model);
+    char *all = NULL;
+    long n = 0;
+    assert_int_equal(rx_fits_read_header(s->path, 0, &all, &n, NULL), RX_OK);
+    p.cards = RX_NEW(char, (size_t)n * 80);
+    assert_non_null(p.cards);
+    for (long i = 0; i < n; i++) /* ours; the rest is written anew */
+        if (strncmp(all + i * 80, "RX", 2) == 0 || strncmp(all + i * 80, "NEXTEND", 7) == 0)
+            memcpy(p.cards + 80 * p.ncards++, all + i * 80, 80);
+    free(all);
+    for (int i = 0; i < 6; i++) {
+        assert_int_equal(rx_fits_read_named(s->path, names[i], &p.table[i], &hdu, NULL), RX_OK);
+        assert_int_equal(hdu, i + 1);
+    }
+    return p;
+}
+
+static void put_together(void **state, parts *p)
+{
+    write_fits(state, p->cards, (size_t)p->ncards, p->table, p->n);
+    for (int i = 0; i < 6; i++)
+        rx_table_free(p->table[i]);
+    free(p->cards);
+}
+
+/* The value of a card, ten characters from column 21. */
+static void set_card(parts *p, const char *key, const char *value)
+{
+    for (long i = 0; i < p->ncards; i++) {
+        char *card = p->cards + 80 * i;
+        char text[81];
+        snprintf(text, sizeof text, "%-8s= %20s%50s", key, value, "");
+        if (strncmp(card, text, 8) == 0) {
+            memcpy(card, text, 80);
+            return;
+        }
+    }
+    fail_msg("no card %s", key);
+}
+
+static int32_t *node_cell(parts *p, int column, int row)
+{
+    return (int32_t *)p->table[0]->columns[column].data + row;
+}
+
+/* Files with right checksums and wrong content. */
+static void test_wrong_content(void **state)
+{
+    parts p = take_apart(state); /* taking apart and putting together changes nothing */
+    put_together(state, &p);
+    rx_model *back = NULL;
+    assert_int_equal(rx_model_read(((const scratch *)*state)->path, &back, NULL), RX_OK);
+    rx_model_free(back);
+    static const struct {
+        const char *key, *value, *text;
+    } cards[] = {{"RXMODEL", "2", "format version 2, this program reads version 1"},
+                 {"RXMODEL", "T", "is no model"},
+                 {"RXMODE", "'SOMETHING'", "RXMODE is 'SOMETHING'"},
+                 {"RXMODE", "'BLIND   '", "1 Richardson-Lucy steps after a network of mode BLIND"},
+                 {"RXTFWHM", "-2.0", "FWHM of its output"},
+                 {"RXTFWHM", "'two'", "RXTFWHM is missing or no number"},
+                 {"RXTIKH", "0.0", "regularisation"},
+                 {"RXPEDST", "0.0", "pedestal"},
+                 {"RXRLSTEP", "7", "RXRLSTEP"},
+                 {"RXSEED", "'many'", "RXSEED"},
+                 {"RXEPOCHS", "1.5", "RXEPOCHS"},
+                 {"RXNFWHM", "3", "has 6 bins, the header says 3 x 3"},
+                 {"RXNSIGMA", "0", "has 6 bins, the header says 2 x 0"},
+                 {"RXDIGEST", "'0123456789abcdef'", "put together from others"},
+                 {"NEXTEND", "5", "has 7 HDUs, 6 were written"}};
+    for (size_t i = 0; i < sizeof cards / sizeof cards[0]; i++) {
+        p = take_apart(state);
+        set_card(&p, cards[i].key, cards[i].value);
+        put_together(state, &p);
+        refused(state, cards[i].text);
+    }
+}
+
+static void test_wrong_network(void **state)
+{
+    parts p = take_apart(state);
+    ((float *)p.table[1]->columns[0].data)[5] = NAN;
+    put_together(state, &p);
+    refused(state, "parameter 6 is not finite");
+    p = take_apart(state);
+    ((float *)p.table[1]->columns[0].data)[0] = INFINITY;
+    put_together(state, &p);
+    refused(state, "parameter 1 is not finite");
+    p = take_apart(state);
+    p.table[1]->nrows--;
+    put_together(state, &p);
+    refused(state, "parameters, the table has");
+    p = take_apart(state);
+    *node_cell(&p, 4, 2) = 1024; /* far more weights than the file has */
+    *node_cell(&p, 5, 2) = 15;
+    put_together(state, &p);
+    refused(state, "parameters, the table has");
+    p = take_apart(state);
+    *node_cell(&p, 1, 3) = 60; /* takes a node that comes later */
+    put_together(state, &p);
+    refused(state, "make no network");
+    p = take_apart(state);
+    *node_cell(&p, 1, 3) = INT32_MIN;
+    *node_cell(&p, 4, 1) = -5;
+    put_together(state, &p);
+    refused(state, "make no network");
+    p = take_apart(state);
+    snprintf(p.table[0]->columns[0].data, 5, "NONE");
+    put_together(state, &p);
+    refused(state, "unknown operation 'NONE'");
+    p = take_apart(state);
+    p.table[0]->nrows = 0;
+    put_together(state, &p);
+    refused(state, "has 0 nodes");
+    p = take_apart(state);
+    snprintf(p.table[0]->columns[2].name, 8, "PLUS");
+    put_together(state, &p);
+    refused(state, "column 3 of RESTORE_NODES");
+    p = take_apart(state);
+    snprintf(p.table[0]->name, 8, "NODES");
+    put_together(state, &p);
+    refused(state, "has no table RESTORE_NODES");
+    p = take_apart(state); /* the PSF network takes other channels */
+    rx_table *keep[2] = {p.table[0], p.table[1]};
+    p.table[0] = p.table[2];
+    p.table[1] = p.table[3];
+    p.table[2] = keep[0];
+    p.table[3] = keep[1];
+    for (int i = 0; i < 2; i++) {
+        char *name = p.table[i]->name;
+        p.table[i]->name = p.table[i + 2]->name;
+        p.table[i + 2]->name = name;
+    }
+    put_together(state, &p);
+    refused(state, "takes 2 channels, the mode gives 3");
+    p = take_apart(state);
+    ((double *)p.table[4]->columns[1].data)[0] = 9;
+    put_together(state, &p);
+    refused(state, "no grid");
+}
+
+/* A model cannot be written that cannot be read. */
+static void test_write_refuses(void **state)
+{
+    const scratch *s = *state;
+    rx_error err = RX_ERROR_NONE;
+    rx_model *model = make_model(0);
+    model->front.mode = RX_MODE_BLIND;
+    model->front.rl_steps = 0;
+    unlink(s->path);
+    assert_int_equal(rx_model_write(model, s->path, "m.fits", &err), RX_SYSTEM);
+    assert_non_null(strstr(err.text, "takes 3 channels, the mode gives 1"));
+    assert_int_equal(access(s->path, F_OK), -1);
+    rx_model_free(model);
+}
+
+/* Every byte counts: one changed anywhere, or the file ended anywhere, is told. */
+static void test_damage(void **state)
+{
+    const scratch *s = *state;
+    rx_model *model = make_model(1);
+    size_t n = 0;
+    write_to(state, model);
+    rx_model_free(model);
+    char *data = slurp(s->path, &n);
+    for (uint64_t i = 0; i < FLIPS; i++) {
+        uint32_t words[4];
+        rx_random_block(11, 1, i, words);
+        /* headers, where structure is, as often as everything */
+        size_t at = i % 2 == 0 ? words[0] % n : words[0] % (2880 * 2);
+        char keep = data[at];
+        data[at] = (char)(keep ^ (char)(1 + words[1] % 255));
+        dump(s->path, data, n);
+        refused(state, "");
+        data[at] = keep;
+    }
+    for (uint64_t i = 0; i < CUTS; i++) {
+        uint32_t words[4];
+        rx_random_block(11, 2, i, words);
+        size_t length = i < n / 2880 ? 2880 * i : words[0] % n;
+        dump(s->path, data, length);
+        refused(state, "");
+    }
+    char *longer = calloc(1, n + 2880);
+    assert_non_null(longer);
+    memcpy(longer, data, n);
+    dump(s->path, longer, n + 2880);
+    refused(state, "no HDU begins where this one should");
+    free(longer);
+    free(data);
+}
+
+/* Without checksums nobody knows. */
+static void test_no_checksum(void **state)
+{
+    const scratch *s = *state;
+    rx_model *model = make_model(0);
+    size_t n = 0;
+    write_to(state, model);
+    rx_model_free(model);
+    char *data = slurp(s->path, &n);
+    for (size_t i = 0; i < 2880; i += 80)
+        if (strncmp(data + i, "CHECKSUM", 8) == 0)
+            memcpy(data + i, "NOTHING ", 8);
+    dump(s->path, data, n);
+    refused(state, "has no CHECKSUM");
+    free(data);
+}
+
+/* --- words and numbers --- */
+
+static void test_describe(void **state)
+{
+    (void)state;
+    rx_model *model = make_model(1);
+    rx_text text = {0};
+    rx_model_describe(model, &text);
+    assert_false(text.failed);
+    static const char *const parts[] = {"small 'quoted' net",
+                                        "(not yet written)",
+                                        "INFORMED",
+                                        "FWHM 2 pixels",
+                                        "12 epochs, 480000 images, seed 18446744073709551615",
+                                        "2.00-5.00    1.00-5.00    0.1         1.000   0.900",
+                                        "5.00-8.00    9.00-13.00   0.105",
+                                        "LOSS_TYPE LINEAR",
+                                        "UNSHUFFLE"};
+    for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++)
+        if (strstr(text.data, parts[i]) == NULL)
+            fail_msg("'%s' is not in\n%s", parts[i], text.data);
+    assert_null(strstr(text.data, "nan"));
+    for (const char *c = text.data; *c != '\0'; c++)
+        assert_true(*c == '\n' || (*c >= 0x20 && *c <= 0x7e));
+    rx_text_free(&text);
+    rx_model_free(model);
+}
+
+static void test_find(void **state)
+{
+    (void)state;
+    rx_model *model = make_model(0);
+    char why[200];
+    const struct {
+        double fwhm, sigma;
+        int bin;
+        const char *why;
+    } cases[] = {{2, 1, 0, ""},
+                 {4.99, 4.99, 0, ""},
+                 {5, 1, 1, ""},
+                 {3, 5, 2, ""},
+                 {8, 13, 5, ""},
+                 {9.3, 3, -1, "FWHM 9.30 pixels is above 8"},
+                 {1.5, 3, -1, "FWHM 1.50 pixels is below 2"},
+                 {3, 0.25, -1, "noise 0.25 is below 1"},
+                 {12, 82.5, -1, "FWHM 12.00 pixels is above 8, noise 82.50 is above 13"},
+                 {NAN, 3, -1, "FWHM nan pixels is below 2"},
+                 {3, HUGE_VAL, -1, "noise inf is above 13"}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const rx_model_bin *bin = rx_model_find(model, cases[i].fwhm, cases[i].sigma, why, sizeof why);
+        assert_true(cases[i].bin < 0 ? bin == NULL : bin == &model->bins[cases[i].bin]);
+        assert_string_equal(why, cases[i].why);
+        assert_true(rx_model_find(model, cases[i].fwhm, cases[i].sigma, NULL, 0) == bin);
+    }
+    rx_model_free(model);
+}
+
+/* Against the quantile of GSL, and where the answer is known. */
+static void test_noise(void **state)
+{
+    (void)state;
+    for (size_t n = 1; n < 30000; n = n * 5 / 2 + 1) {
+        float *v = RX_NEW(float, n);
+        double *w = RX_NEW(double, n);
+        assert_true(v != NULL && w != NULL);
+        for (size_t i = 0; i < n; i++)
+            w[i] = v[i] = (float)(20 + (i % 3 == 0 ? 4 : rx_random_normal(5, n, i)));
+        assert_true(fabs(rx_model_noise(v, n) * rx_quantile(w, n, 0.999) - 255) < 1e-6);
+        free(v);
+        free(w);
+    }
+    enum { N = 1000000 };
+    float *sky = RX_NEW(float, N);
+    assert_non_null(sky);
+    for (int i = 0; i < N; i++)
+        sky[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
+    /* pure noise: 255/3.0902 (scipy.stats.norm.isf(1e-3)); error of the quantile 0.3 % */
+    assert_true(fabs(rx_model_noise(sky, N) / 82.519 - 1) < 0.02);
+    for (int i = 0; i < N; i++)
+        sky[i] = i < 2000 ? 51 : -1;
+    assert_true(rx_model_noise(sky, N) == 5);
+    for (int i = 0; i < N; i++)
+        sky[i] = -1;
+    assert_true(isinf(rx_model_noise(sky, N)));
+    assert_true(isnan(rx_model_noise(sky, 0)));
+    free(sky);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_round_trip, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_least_model, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_foreign, make_scratch, drop_scratch),
+        cmocka_unit_test(test_real_tile),
+        cmocka_unit_test_setup_teardown(test_wrong_content, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_wrong_network, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_write_refuses, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_damage, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_no_checksum, make_scratch, drop_scratch),
+        cmocka_unit_test(test_describe),
+        cmocka_unit_test(test_find),
+        cmocka_unit_test(test_noise),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
