@@ -105,6 +105,9 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
                             "patches of %d pixels in fields of %d: multiples of 4 from 16, and of the patch, "
                             "are possible",
                             par->side, par->field_side);
+    if (par->set != RX_SET_TRAIN && par->set != RX_SET_TEST)
+        return rx_error_set(err, RX_USAGE, "set %d: training images are %d, test images %d", par->set,
+                            (int)RX_SET_TRAIN, (int)RX_SET_TEST);
     if (par->uses < 1)
         return rx_error_set(err, RX_USAGE, "%d uses of each place: 1 or more are possible", par->uses);
     if (!is_range(par->beta, 1.1, 1000.0) || !is_within(par->ellipticity, 0.0, 0.8))
@@ -375,10 +378,11 @@ static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
 
 rx_status rx_scenes_make(rx_scenes *s, rx_sample_id id, rx_sample *dst, rx_error *err)
 {
-    if (id.set > RX_SET_TEST || id.bin >= (uint32_t)s->grid.nbins || id.index >= (uint32_t)s->grid.total)
-        return rx_error_set(err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images",
-                            (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins,
-                            s->grid.total);
+    if (id.set != (uint32_t)s->par.set || id.bin >= (uint32_t)s->grid.nbins ||
+        id.index >= (uint32_t)s->grid.total)
+        return rx_error_set(
+            err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images, set %d",
+            (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins, s->grid.total, s->par.set);
     if (dst->side != s->par.side)
         return rx_error_set(err, RX_USAGE, "a sample of %d pixels for patches of %d", dst->side, s->par.side);
     draft d = {.key = sample_key(&s->par, id)};

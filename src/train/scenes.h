@@ -51,6 +51,7 @@ typedef struct rx_scenes_params {
     double psf_error;   /* rms of ln(FWHM as told / true) */
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */
+    int set;        /* rx_sample_set: whose samples are made; test scenes come from other random streams */
 } rx_scenes_params;
 
 typedef struct rx_scenes rx_scenes; /* one per generator thread; keeps fields that it made */
@@ -62,10 +63,10 @@ rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
                         const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err);
 void rx_scenes_free(rx_scenes *scenes); /* NULL is fine */
 
-/* Make one sample, of either set; test scenes come from other random streams than training ones. Fields are
+/* Make one sample. Fields are
  * kept up to RX_SCENES_MEMORY bytes, the one not used for longest goes first: samples may be asked for in any
  * order, but an epoch of more fields than that costs rendering them again. Errors: RX_USAGE for a bin or an
- * index that is not in the grid, or a dst of another side; RX_SYSTEM, RX_INTERRUPTED. */
+ * index that is not in the grid, another set, or a dst of another side; RX_SYSTEM, RX_INTERRUPTED. */
 #define RX_SCENES_MEMORY ((size_t)1 << 29)
 rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_error *err);
 
