@@ -28,7 +28,7 @@ validate  io num psf
 train     nn stage simulate par validate config io num psf
 stage     io num nn psf restore detect measure catalog validate simulate config
 campaign  stage simulate validate restore catalog config io num psf
-programs  stage campaign train validate simulate config catalog
+programs  stage campaign train par validate simulate config catalog
 END
 
 # Header (as a pattern), what it belongs to, and the folders that may include it.

@@ -13,7 +13,7 @@
 #endif
 
 /* What is asked for on standard output. */
-static rx_status print(const rx_program *program, rx_action action, rx_error *err)
+static rx_status print(const rx_program *program, rx_action action, const char *file, rx_error *err)
 {
     rx_text text = {0};
     rx_status status = RX_OK;
@@ -23,11 +23,13 @@ static rx_status print(const rx_program *program, rx_action action, rx_error *er
         rx_text_printf(&text, "%s%s", program->usage, program->help);
     else if (action == RX_ACTION_DUMP_COLUMNS)
         program->columns(&text);
+    else if (action == RX_ACTION_INFO)
+        status = program->info(file, &text, err);
     else
         rx_settings_dump(&text, program->table, NULL, action == RX_ACTION_DUMP_ALL);
-    if (text.failed)
+    if (status == RX_OK && text.failed)
         status = rx_error_memory(err, text.capacity);
-    else if (fputs(text.data, stdout) == EOF || fflush(stdout) != 0)
+    else if (status == RX_OK && (fputs(text.data, stdout) == EOF || fflush(stdout) != 0))
         status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
     rx_text_free(&text);
     return status;
@@ -64,7 +66,7 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         status = program->run(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {
         signal(SIGPIPE, at_broken_pipe); /* rextract -dd | head: nothing to clean up, nothing to say */
-        status = print(program, arguments.action, &err);
+        status = print(program, arguments.action, arguments.image, &err);
     }
     rx_log_progress_end(&log);
     if (err.status != RX_OK) {
@@ -73,6 +75,8 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         fprintf(stderr, "%s\n", line);
     }
     rx_arguments_free(&arguments);
+    if (program->end != NULL)
+        program->end(status);
     rx_interrupt_deliver();
     return (int)status;
 }

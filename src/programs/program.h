@@ -10,8 +10,12 @@ typedef struct rx_program {
     const char *usage, *help; /* text of -h; usage alone where nothing is asked for */
     const rx_keytable *table;
     void (*columns)(rx_text *dst); /* -dp; NULL where there is none */
+    /* -INFO FILE, as lines; NULL where there is none. */
+    rx_status (*info)(const char *path, rx_text *dst, rx_error *err);
     /* The job. settings is the struct of the table, image NULL where the program takes none. */
     rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log, rx_error *err);
+    /* After all is said, before a signal that is pending takes its effect; NULL: nothing. */
+    void (*end)(rx_status status);
 } rx_program;
 
 /* The exit code of main(). */

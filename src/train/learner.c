@@ -1,0 +1,196 @@
+/* Samples shared among threads. */
+#include "train/learner.h"
+
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+struct rx_learner {
+    const rx_model *model;
+    rx_step_params par;
+    int side, most, nthreads;
+    int nnets;
+    long n[RX_TRAIN_NETS];
+    rx_step **step, **test;      /* [nthreads] */
+    float **each[RX_TRAIN_NETS]; /* [most][n] */
+    float **weight; /* [nthreads][3][side][side]: of the loss of unrestored images, and scratch */
+};
+
+static void *make_list(int n)
+{
+    return rx_alloc((size_t)n, sizeof(void *));
+}
+
+/* Steps are made one by one: FFTW's planner is not for several threads. */
+static rx_status make_steps(rx_learner *l, rx_error *err)
+{
+    const rx_step_params test = {
+        .kind = l->par.kind, .idt_restore = 1, .floor = l->par.floor, .margin = l->par.margin};
+    const size_t pixels = 3 * (size_t)l->side * (size_t)l->side;
+    rx_status status = RX_OK;
+    for (int t = 0; t < l->nthreads && status == RX_OK; t++) {
+        status = rx_step_new(l->model, &l->par, l->side, &l->step[t], err);
+        if (status == RX_OK)
+            status = rx_step_new(l->model, &test, l->side, &l->test[t], err);
+        l->weight[t] = RX_NEW(float, pixels);
+        if (status == RX_OK && l->weight[t] == NULL)
+            status = rx_error_memory(err, pixels * sizeof(float));
+    }
+    return status;
+}
+
+static rx_status make_gradients(rx_learner *l, rx_error *err)
+{
+    for (int k = 0; k < l->nnets; k++)
+        for (int i = 0; i < l->most; i++) {
+            l->each[k][i] = RX_NEW(float, (size_t)l->n[k]);
+            if (l->each[k][i] == NULL)
+                return rx_error_memory(err, (size_t)l->n[k] * sizeof(float));
+        }
+    return RX_OK;
+}
+
+rx_status rx_learner_new(const rx_model *model, const rx_step_params *par, int side, int most, int nthreads,
+                         rx_learner **dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_learner *l = RX_NEW(rx_learner, 1);
+    if (l == NULL)
+        return rx_error_memory(err, sizeof *l);
+    *l = (rx_learner){.model = model, .par = *par, .side = side, .most = most, .nthreads = nthreads};
+    l->nnets = model->psf != NULL ? 2 : 1;
+    l->n[0] = model->restore->nparams;
+    l->n[1] = model->psf != NULL ? model->psf->nparams : 0;
+    l->step = make_list(nthreads);
+    l->test = make_list(nthreads);
+    l->weight = make_list(nthreads);
+    for (int k = 0; k < RX_TRAIN_NETS; k++)
+        l->each[k] = make_list(most);
+    if (l->step == NULL || l->test == NULL || l->weight == NULL || l->each[0] == NULL || l->each[1] == NULL)
+        status = rx_error_memory(err, 0);
+    if (status == RX_OK)
+        status = make_steps(l, err);
+    if (status == RX_OK)
+        status = make_gradients(l, err);
+    if (status != RX_OK) {
+        rx_learner_free(l);
+        return status;
+    }
+    *dst = l;
+    return RX_OK;
+}
+
+void rx_learner_free(rx_learner *l)
+{
+    if (l == NULL)
+        return;
+    for (int t = 0; t < l->nthreads; t++) {
+        if (l->step != NULL)
+            rx_step_free(l->step[t]);
+        if (l->test != NULL)
+            rx_step_free(l->test[t]);
+        if (l->weight != NULL)
+            free(l->weight[t]);
+    }
+    for (int k = 0; k < RX_TRAIN_NETS; k++) {
+        for (int i = 0; i < l->most && l->each[k] != NULL; i++)
+            free(l->each[k][i]);
+        free(l->each[k]);
+    }
+    free(l->step);
+    free(l->test);
+    free(l->weight);
+    free(l);
+}
+
+rx_status rx_learner_load(rx_learner *l, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int t = 0; t < l->nthreads && status == RX_OK; t++) {
+        status = rx_step_load(l->step[t], err);
+        if (status == RX_OK)
+            status = rx_step_load(l->test[t], err);
+    }
+    return status;
+}
+
+/* One sample on one thread. */
+typedef rx_status work(rx_learner *l, int thread, const rx_sample *sample, int i, void *dst, rx_error *err);
+
+static rx_status learn(rx_learner *l, int thread, const rx_sample *sample, int i, void *dst, rx_error *err)
+{
+    rx_step_values *values = dst;
+    for (int k = 0; k < l->nnets; k++)
+        memset(l->each[k][i], 0, (size_t)l->n[k] * sizeof(float));
+    return rx_step_run(l->step[thread], sample, l->each[0][i], l->nnets > 1 ? l->each[1][i] : NULL,
+                       &values[i], err);
+}
+
+static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i, void *dst, rx_error *err)
+{
+    rx_test_image *images = dst;
+    rx_step_values values = {0};
+    float *weight = l->weight[thread];
+    images[i] = (rx_test_image){0};
+    rx_status status = rx_step_run(l->test[thread], sample, NULL, NULL, &values, err);
+    if (status != RX_OK)
+        return status;
+    images[i].loss = values.idt_restore;
+    rx_loss_weights(sample->x, l->side, l->par.floor, weight + (size_t)l->side * (size_t)l->side, weight);
+    rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
+                   NULL);
+    return rx_star_check_run(sample, rx_step_restored(l->test[thread]), l->par.margin,
+                             l->model->front.target_fwhm, &images[i].check, err);
+}
+
+/* All samples; of several errors that of the first sample is told. */
+static rx_status share(rx_learner *l, work *function, rx_sample *const *samples, int n, void *dst,
+                       rx_error *err)
+{
+    rx_status status = RX_OK;
+    int first = n;
+#pragma omp parallel num_threads(l->nthreads)
+    {
+        /* what is called from here, and has threads of its own, keeps to this one */
+        omp_set_num_threads(1);
+#pragma omp for schedule(dynamic, 1)
+        for (int i = 0; i < n; i++) {
+            rx_error mine = RX_ERROR_NONE;
+            const rx_status done = function(l, omp_get_thread_num(), samples[i], i, dst, &mine);
+            if (done == RX_OK)
+                continue;
+#pragma omp critical(rx_learner_failed)
+            if (i < first) {
+                first = i;
+                status = done;
+                if (err != NULL)
+                    *err = mine;
+            }
+        }
+    }
+    return status;
+}
+
+rx_status rx_learner_gradients(rx_learner *l, rx_sample *const *samples, int n,
+                               float *const gradient[RX_TRAIN_NETS], rx_step_values *values, rx_error *err)
+{
+    rx_status status = share(l, learn, samples, n, values, err);
+    for (int k = 0; k < l->nnets && status == RX_OK; k++) {
+        float *sum = gradient[k];
+#pragma omp parallel for num_threads(l->nthreads) schedule(static)
+        for (long p = 0; p < l->n[k]; p++) {
+            float total = 0;
+            for (int i = 0; i < n; i++)
+                total += l->each[k][i][p];
+            sum[p] = total;
+        }
+    }
+    return status;
+}
+
+rx_status rx_learner_test(rx_learner *l, rx_sample *const *samples, int n, rx_test_image *dst, rx_error *err)
+{
+    return share(l, test, samples, n, dst, err);
+}

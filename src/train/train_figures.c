@@ -1,0 +1,184 @@
+/* Curves and heat maps. */
+#include "train/train_figures.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+enum { MOST_CURVES = 5, MAPS = 4 };
+
+/* A curve: a number of every epoch. */
+typedef struct number {
+    const char *name;
+    size_t offset; /* in rx_epoch */
+    double factor;
+} number;
+
+static double value_of(const rx_epoch *epoch, const number *which)
+{
+    return which->factor * *(const double *)((const char *)epoch + which->offset);
+}
+
+static void widen(rx_axes *axes, double v)
+{
+    if (!isfinite(v) || (axes->log_y && v <= 0))
+        return;
+    axes->y0 = fmin(axes->y0, v);
+    axes->y1 = fmax(axes->y1, v);
+}
+
+/* Several numbers against the epoch; one that is 0 in all of them is left out. */
+static void curves(rx_figures *dst, const rx_history *h, const char *id, const char *title,
+                   const char *reading, rx_axes axes, int n, const number *numbers)
+{
+    rx_curve curve[MOST_CURVES] = {{0}};
+    const size_t length = (size_t)h->n;
+    int drawn = 0;
+    double *data = RX_NEW(double, length *(size_t)(n + 1));
+    if (data == NULL) {
+        dst->script.failed = true;
+        return;
+    }
+    axes.xlabel = "epoch";
+    axes.x0 = 0;
+    axes.x1 = (double)h->n;
+    axes.y0 = INFINITY;
+    axes.y1 = -INFINITY;
+    for (size_t e = 0; e < length; e++)
+        data[e] = (double)e + 1;
+    for (int k = 0; k < n; k++) {
+        double *y = data + (size_t)(k + 1) * length, most = 0;
+        for (size_t e = 0; e < length; e++) {
+            y[e] = value_of(&h->epoch[e], &numbers[k]);
+            most = isfinite(y[e]) ? fmax(most, fabs(y[e])) : most;
+        }
+        if (most <= 0)
+            continue;
+        for (size_t e = 0; e < length; e++)
+            widen(&axes, y[e]);
+        curve[drawn++] = (rx_curve){.name = numbers[k].name,
+                                    .kind = length < 30 ? RX_CURVE_JOINED : RX_CURVE_LINE,
+                                    .color = k,
+                                    .n = h->n,
+                                    .x = data,
+                                    .y = y};
+    }
+    const double margin = axes.log_y ? 0 : 0.05 * (axes.y1 - axes.y0);
+    axes.y0 = axes.log_y ? 0.8 * axes.y0 : axes.y0 - margin;
+    axes.y1 = axes.log_y ? 1.25 * axes.y1 : axes.y1 + margin;
+    if (drawn > 0) {
+        rx_figure_add(dst, id, title, reading, RX_FIGURE_CHART);
+        rx_plot_curves(dst, &axes, drawn, curve);
+    }
+    free(data);
+}
+
+#define NUMBER(name, field, factor)                                                                          \
+    {                                                                                                        \
+        name, offsetof(rx_epoch, field), factor                                                              \
+    }
+
+static void all_curves(rx_figures *dst, const rx_history *h)
+{
+    static const number losses[] = {NUMBER("training, all terms", losses.total, 1),
+                                    NUMBER("test", test_loss, 1), NUMBER("test, unrestored", input_loss, 1)};
+    static const number terms[] = {NUMBER("RESTORE", losses.idt_restore, 1), NUMBER("PSF", losses.idt_psf, 1),
+                                   NUMBER("RESTORE of PSF", losses.rec_restore, 1),
+                                   NUMBER("PSF of RESTORE", losses.rec_psf, 1), NUMBER("FFL", losses.ffl, 1)};
+    static const number recall[] = {NUMBER("recall", recall, 1)};
+    static const number fluxes[] = {NUMBER("median error", bias, 100), NUMBER("scatter", scatter, 100)};
+    static const number steps[] = {NUMBER("learning rate", rate, 1)};
+    static const number norms[] = {NUMBER("norm of the gradient", norm, 1)};
+    curves(dst, h, "curve-loss", "Loss",
+           "Means of an epoch. Test: RESTORE(blurred) against sharp, mean over the bins; unrestored: the "
+           "blurred test images themselves against sharp.",
+           (rx_axes){.ylabel = "loss", .log_y = true}, 3, losses);
+    curves(dst, h, "curve-terms", "Terms of the loss", "Without their weights, training images.",
+           (rx_axes){.ylabel = "term", .log_y = true}, 5, terms);
+    curves(dst, h, "curve-recall", "Stars found",
+           "Share of the test stars of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels.",
+           (rx_axes){.ylabel = "recall"}, 1, recall);
+    curves(dst, h, "curve-flux", "Fluxes of stars",
+           "Isolated test stars of S/N above 12: sum within 2 FWHM of the target PSF against the truth's.",
+           (rx_axes){.ylabel = "error of the flux (%)"}, 2, fluxes);
+    curves(dst, h, "curve-rate", "Learning rate", "Of the last step of the epoch.",
+           (rx_axes){.ylabel = "rate"}, 1, steps);
+    curves(dst, h, "curve-gradient", "Gradient", "Mean norm before clipping.",
+           (rx_axes){.ylabel = "norm", .log_y = true}, 1, norms);
+}
+
+/* One number of every bin as a coloured table over FWHM and noise. */
+static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selection *grid, size_t offset,
+                     double factor, const char *id, const char *title, const char *reading)
+{
+    rx_text *script = &dst->script;
+    double low = INFINITY, high = -INFINITY;
+    const rx_axes axes = {.xlabel = "FWHM (pixels)",
+                          .ylabel = "noise sigma (brightest 0.1 % from 255)",
+                          .x0 = grid->fwhm[0],
+                          .x1 = grid->fwhm[1],
+                          .y0 = grid->sigma[0],
+                          .y1 = grid->sigma[1]};
+    for (int b = 0; b < grid->nbins; b++) {
+        const double v = factor * *(const double *)((const char *)&bins[b] + offset);
+        low = isfinite(v) ? fmin(low, v) : low;
+        high = isfinite(v) ? fmax(high, v) : high;
+    }
+    if (!(low <= high) || dst->n >= RX_FIGURES_MAX)
+        return;
+    rx_figure_add(dst, id, title, reading, RX_FIGURE_CHART);
+    rx_plot_begin(dst, &axes);
+    rx_text_add(script, "$heat << EOD\n");
+    for (int b = 0; b < grid->nbins; b++) {
+        double fwhm[2], sigma[2], v = factor * *(const double *)((const char *)&bins[b] + offset);
+        rx_selection_bin(grid, b, fwhm, sigma);
+        if (isfinite(v))
+            rx_text_printf(script, "%.6g %.6g %.6g %.6g %.6g\n", 0.5 * (fwhm[0] + fwhm[1]),
+                           0.5 * (sigma[0] + sigma[1]), 0.5 * (fwhm[1] - fwhm[0]),
+                           0.5 * (sigma[1] - sigma[0]), v);
+    }
+    rx_text_printf(script,
+                   "EOD\nset palette defined (0 '#ffffff', 1 '#56B4E9')\nset colorbox\n"
+                   "set cbrange [%.6g:%.6g]\n"
+                   "plot $heat using 1:2:3:4:5 with boxxyerror fillcolor palette fillstyle solid border lc "
+                   "rgb '#ffffff' notitle, $heat using 1:2:(sprintf('%%.3g', $5)) with labels notitle\n"
+                   "unset colorbox\nset palette gray\nset palette maxcolors 256\n",
+                   low, high > low ? high : low + 1);
+}
+
+/* First, last and two between. */
+static int some_epochs(long n, long dst[MAPS])
+{
+    const long wanted[MAPS] = {0, (n - 1) / 3, 2 * (n - 1) / 3, n - 1};
+    int count = 0;
+    for (int i = 0; i < MAPS; i++)
+        if (count == 0 || wanted[i] > dst[count - 1])
+            dst[count++] = wanted[i];
+    return count;
+}
+
+void rx_train_figures(rx_figures *dst, const rx_history *history, const rx_selection *grid)
+{
+    long shown[MAPS];
+    const rx_epoch_bin *last = history->bin + (history->n - 1) * history->nbins;
+    all_curves(dst, history);
+    const int n = some_epochs(history->n, shown);
+    for (int i = 0; i < n; i++) {
+        char id[RX_FIGURE_ID], title[64];
+        snprintf(id, sizeof id, "list-%ld", shown[i] + 1);
+        snprintf(title, sizeof title, "Dictionary after epoch %ld", shown[i] + 1);
+        heat_map(dst, history->bin + shown[i] * history->nbins, grid, offsetof(rx_epoch_bin, list), 1, id,
+                 title,
+                 "Mean test loss, normalised to the hardest bin (Eq. 4's list): the share of a bin's images "
+                 "that the next epoch trains on.");
+    }
+    heat_map(dst, last, grid, offsetof(rx_epoch_bin, loss), 1, "last-loss", "Test loss, last epoch", "");
+    heat_map(dst, last, grid, offsetof(rx_epoch_bin, recall), 1, "last-recall", "Recall, last epoch", "");
+    heat_map(dst, last, grid, offsetof(rx_epoch_bin, bias), 100, "last-bias",
+             "Median error of fluxes (%), last epoch", "");
+    heat_map(dst, last, grid, offsetof(rx_epoch_bin, scatter), 100, "last-scatter",
+             "Scatter of fluxes (%), last epoch", "");
+}
