@@ -124,10 +124,12 @@ static rx_status say_failed(const rx_ranks *ranks, rx_error *err)
     return ranks->failed.status;
 }
 
-/* A rank that is gone while this one waits: for a generator only a training rank matters. */
-static int find_gone(rx_ranks *ranks)
+/* A rank that is gone while this one waits, -1 if none is. A sum, and whatever a generator waits for, needs
+ * training ranks only. */
+static int find_gone(rx_ranks *ranks, int tag)
 {
-    int count = ranks->rank < ranks->trainers ? ranks->count : ranks->trainers;
+    bool all = ranks->rank < ranks->trainers && tag != RX_TAG_SUM;
+    int count = all ? ranks->count : ranks->trainers;
     for (int rank = 0; rank < count; rank++)
         if (rank != ranks->rank && ranks->via->gone(ranks, rank))
             return rank;
@@ -191,7 +193,7 @@ static rx_status next_parcel(rx_ranks *ranks, int from, int tag, bool wait, rx_p
         *dst = take(&ranks->arrived, from, tag);
         if (*dst)
             return RX_OK;
-        int gone = wait ? find_gone(ranks) : -1; /* before the poll: what it had sent comes first */
+        int gone = wait ? find_gone(ranks, tag) : -1; /* before the poll: what it had sent comes first */
         bool got = false;
         rx_status status = fetch(ranks, &got, err);
         if (status != RX_OK)

@@ -232,12 +232,19 @@ static rx_status poll_parcel(rx_ranks *ranks, rx_parcel **dst, rx_error *err)
     return RX_OK;
 }
 
-/* What a process sent before its BYE has been announced before it. */
+/* What a process sent before its BYE was announced before it; some of it may still be under way. */
 static bool is_gone(rx_ranks *ranks, int rank)
 {
-    (void)ranks;
+    mpi_link *link = ranks->link;
     int there = 0;
-    return MPI_Iprobe(rank, BYE, MPI_COMM_WORLD, &there, MPI_STATUS_IGNORE) == MPI_SUCCESS && there;
+    if (MPI_Iprobe(rank, BYE, MPI_COMM_WORLD, &there, MPI_STATUS_IGNORE) != MPI_SUCCESS || !there)
+        return false;
+    if (accept(link, NULL) != RX_OK || link->used == MOST_INCOMING)
+        return false; /* the next poll says what is wrong, or makes room */
+    for (int i = 0; i < link->used; i++)
+        if (link->place[i].parcel->message.from == rank)
+            return false;
+    return true;
 }
 
 /* At first only let others go ahead: the answer of a sum comes within microseconds. */
