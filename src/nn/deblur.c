@@ -45,6 +45,16 @@ static rx_status check_stamp(const float *psf, int size, rx_error *err)
     return RX_OK;
 }
 
+static rx_status check_sum(const float *psf, int size, rx_error *err)
+{
+    double sum = 0;
+    for (size_t k = 0; k < (size_t)size * (size_t)size; k++)
+        sum += psf[k];
+    if (sum <= 0) /* what is not finite is found pixel by pixel */
+        return rx_error_set(err, RX_INPUT, "the sum of the PSF is %g, not positive; give another one", sum);
+    return RX_OK;
+}
+
 /* K' of the stamp on the domain of fft, around the origin, as a real plane. ku[width/2+1], kv[height]. */
 static void relative_plane(const rx_fft *fft, const float *psf, int size, double target_fwhm, float *ku,
                            float *kv, float *spectrum, float *plane)
@@ -109,7 +119,9 @@ rx_status rx_deblur_relative(const float *psf, int size, double target_fwhm, int
     rx_fft *fft = NULL;
     float *plane = NULL;
     double sum = 0;
-    rx_status status = make_relative(psf, size, target_fwhm, out_size, &fft, &plane, err);
+    rx_status status = normalise ? check_sum(psf, size, err) : RX_OK;
+    if (status == RX_OK)
+        status = make_relative(psf, size, target_fwhm, out_size, &fft, &plane, err);
     if (status != RX_OK)
         goto exit;
     for (int j = 0; j < out_size; j++)
@@ -121,7 +133,10 @@ rx_status rx_deblur_relative(const float *psf, int size, double target_fwhm, int
     if (!normalise)
         goto exit;
     if (!(sum > 0) || !isfinite(sum)) {
-        status = rx_error_set(err, RX_INPUT, "the sum of the PSF is %g, not positive; give another one", sum);
+        status = rx_error_set(err, RX_INPUT,
+                              "%d pixels of the PSF relative to the target's sum to %g, not above 0; "
+                              "give a better PSF",
+                              out_size, sum);
         goto exit;
     }
     for (size_t k = 0; k < (size_t)out_size * (size_t)out_size; k++)

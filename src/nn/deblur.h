@@ -11,9 +11,9 @@
  *
  * delta = 1e-4. For round Moffat PSFs integrated over the pixel and a target of 2 pixels:
  *
- *   FWHM of O                     2      2.25    2.5     3       4       6       8
- *   |K' * K - O| / peak, beta 3   1.4 %  0.9 %   0.5 %   0.22 %  0.05 %  0.02 %  0.01 %
- *                        beta 5   1.2 %  0.7 %   0.4 %   0.15 %  0.03 %  0.01 %  0.01 %
+ *   FWHM of O                     2      2.25    2.5     3       4       6        8
+ *   |K' * K - O| / peak, beta 3   1.4 %  0.9 %   0.5 %   0.21 %  0.04 %  0.005 %  0.002 %
+ *                        beta 5   1.2 %  0.7 %   0.4 %   0.14 %  0.02 %  0.004 %  0.002 %
  *   lowest pixel / peak of K'     -5 %   -1.2 %  -0.2 %  0 from here on
  *
  * and |K'^| <= 1 at every frequency. With delta 1e-5, |O/K| comes through near the corner of the frequency
