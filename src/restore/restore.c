@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "restore/network.h"
 #include "restore/none.h"
 #include "restore/richardson_lucy.h"
 #include "restore/rl_blind.h"
@@ -14,6 +15,7 @@ static const rx_restorer restorers[] = {
     {"NONE", "the tile as it is, background subtracted", 0, rx_none_run},
     {"RL", "Richardson-Lucy with the given PSF", 1, rx_rl_run},
     {"RL_BLIND", "Richardson-Lucy that improves the PSF as well", 1, rx_rl_blind_run},
+    {"NET", "a trained network", 1, rx_network_run},
 };
 
 enum { NRESTORERS = sizeof restorers / sizeof *restorers };

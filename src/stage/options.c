@@ -5,6 +5,7 @@
 #include <omp.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "config/config_fields.h"
@@ -26,6 +27,9 @@ static const word_value weight_types[] = {{"NONE", RX_WEIGHT_NONE},
                                           {"MAP_WEIGHT", RX_WEIGHT_MAP_WEIGHT}};
 static const word_value psf_types[] = {
     {"MOFFAT", RX_PSF_MOFFAT}, {"FILE", RX_PSF_FILE}, {"PSFEX", RX_PSF_PSFEX}, {"AUTO", RX_PSF_AUTO}};
+static const word_value out_of_domain[] = {
+    {"WARN", RX_DOMAIN_WARN}, {"RL", RX_DOMAIN_RL}, {"FAIL", RX_DOMAIN_FAIL}};
+static const word_value precisions[] = {{"AUTO", RX_F32}, {"F32", RX_F32}, {"BF16", RX_BF16}};
 static const word_value mask_types[] = {
     {"NONE", RX_NEIGHBOURS_NONE}, {"BLANK", RX_NEIGHBOURS_BLANK}, {"CORRECT", RX_NEIGHBOURS_CORRECT}};
 static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
@@ -106,16 +110,21 @@ static void background_options(const rx_config *cfg, int role, rx_background_par
 
 static void restore_options(const rx_config *cfg, rx_options *dst)
 {
-    dst->restore = (rx_restore_params){.rl_niter = cfg->rl_niter,
-                                       .rl_stop_discrepancy = strcmp(cfg->rl_stop, "DISCREPANCY") == 0,
-                                       .rl_damping = cfg->rl_damping,
-                                       .rl_denoise = cfg->rl_denoise,
-                                       .rl_denoise_by_psf = strcmp(cfg->rl_denoise_unit, "PSF") == 0,
-                                       .rl_pedestal = cfg->rl_pedestal,
-                                       .blind_cycles = cfg->rl_blind_cycles,
-                                       .blind_psf_niter = cfg->rl_blind_niter,
-                                       .mask_saturated = strcmp(cfg->mask_saturated, "N") != 0,
-                                       .nthreads = dst->nthreads};
+    dst->restore =
+        (rx_restore_params){.rl_niter = cfg->rl_niter,
+                            .rl_stop_discrepancy = strcmp(cfg->rl_stop, "DISCREPANCY") == 0,
+                            .rl_damping = cfg->rl_damping,
+                            .rl_denoise = cfg->rl_denoise,
+                            .rl_denoise_by_psf = strcmp(cfg->rl_denoise_unit, "PSF") == 0,
+                            .rl_pedestal = cfg->rl_pedestal,
+                            .blind_cycles = cfg->rl_blind_cycles,
+                            .blind_psf_niter = cfg->rl_blind_niter,
+                            .net_block = cfg->net_block,
+                            .precision = (rx_precision)VALUE(precisions, cfg->net_precision),
+                            .verify_seams = cfg->verify_seams,
+                            .out_of_domain = (rx_out_of_domain)VALUE(out_of_domain, cfg->out_of_domain),
+                            .mask_saturated = strcmp(cfg->mask_saturated, "N") != 0,
+                            .nthreads = dst->nthreads};
     dst->psf = (rx_psf_params){.type = (rx_psf_type)VALUE(psf_types, cfg->psf_type),
                                .fwhm = cfg->psf_fwhm,
                                .beta = cfg->psf_beta,
@@ -125,10 +134,38 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
     dst->psf_files[0] = cfg->psf_name.v[0];
     dst->psf_files[1] = ITEM(cfg->psf_name, 1);
     dst->seeing_arcsec = cfg->seeing_fwhm;
+    dst->model_name = cfg->net_model;
     dst->stated_scale = rx_config_was_set(cfg, "PIXEL_SCALE") != RX_FROM_DEFAULT ? cfg->pixel_scale : 0.0;
     dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
     for (int i = 0; i < cfg->restore_type.n; i++)
         dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);
+}
+
+rx_status rx_options_need_model(rx_options *options, rx_error *err)
+{
+    const char *name = options->model_name;
+    if (options->model != NULL)
+        return RX_OK;
+    rx_text installed = {0};
+    if (strchr(name, '/') == NULL && access(name, F_OK) != 0) {
+        rx_text_printf(&installed, "%s/%s", RX_DATA_FOLDER, name);
+        if (installed.failed)
+            return rx_error_memory(err, 0);
+        if (access(installed.data, F_OK) == 0)
+            name = installed.data;
+    }
+    rx_status status = rx_model_read(name, &options->model, err);
+    rx_text_free(&installed);
+    options->restore.model = options->model;
+    return status;
+}
+
+static int wants_network(const rx_options *options)
+{
+    for (int i = 0; i < options->nrestorers; i++)
+        if (strcmp(options->restorers[i]->name, "NET") == 0)
+            return 1;
+    return 0;
 }
 
 /* <threshold>,<zero-point> is a surface brightness in mag/arcsec2: an absolute threshold in ADU/pixel once
@@ -368,6 +405,8 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     restore_options(cfg, options);
     detect_options(cfg, options);
     rx_status status = kernel_options(cfg, options, err);
+    if (status == RX_OK && wants_network(options))
+        status = rx_options_need_model(options, err);
     if (status == RX_OK)
         status = column_options(cfg, log, options, err);
     if (status == RX_OK) {
@@ -397,5 +436,6 @@ void rx_options_free(rx_options *options)
     rx_assoc_free(options->assoc_list);
     rx_kernel_free(options->kernel);
     rx_gates_free(options->gates);
+    rx_model_free(options->model);
     free(options);
 }

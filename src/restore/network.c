@@ -1,0 +1,393 @@
+/* A trained network on a tile, block by block. */
+#include "restore/network.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "restore/blur.h"
+#include "restore/network_optics.h"
+#include "restore/noise_map.h"
+#include "restore/prepared.h"
+#include "restore/stamp.h"
+
+static const double UNKNOWN_FWHM = 5;  /* pixels, of a PSF that nobody knows: middle of the usual seeing */
+static const double SEAM_LIMIT = 1e-3; /* sigmas, INFORMED */
+static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
+
+/* One restoration of a tile: on one grid of blocks. */
+typedef struct network {
+    const rx_restore_params *par;
+    const rx_model *model;
+    const rx_tile *tile;
+    const rx_background *background;
+    const rx_psf *psf; /* NULL: not known */
+    rx_log *log;
+    rx_restored *restored;
+    rx_blocks blocks;
+    int nthreads;
+    rx_coarse scale;
+    rx_network_optics *optics; /* NULL without a PSF */
+    float *x;                  /* data: restored->support until that is made */
+    float *v;     /* what the network, later the step makes: restored->pixels, or restored->sigma */
+    float *spare; /* the other of the two: Tikhonov copy, then target of the step */
+    rx_runner **runners;
+} network;
+
+static int unit_of(const rx_model *model)
+{
+    return 1 << rx_net_levels(model->restore);
+}
+
+/* Bytes of a network's planes on one block: no plane of its nodes is ever larger. */
+static double runner_bytes(const network *n)
+{
+    const int halo = rx_net_halo(n->model->restore);
+    const double pixels = (double)(n->blocks.width + 2 * halo) * (n->blocks.height + 2 * halo);
+    double channels = 0;
+    for (int i = 0; i < n->model->restore->nnodes; i++) {
+        const rx_node *node = &n->model->restore->node[i];
+        channels += ldexp(node->channels, -2 * node->level);
+    }
+    return pixels * channels * sizeof(float);
+}
+
+static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx_error *err)
+{
+    if (par->model == NULL)
+        return rx_error_set(err, RX_USAGE, "no model is given for the restorer NET; name one by NET_MODEL");
+    if (psf == NULL && par->model->front.mode == RX_MODE_BLIND)
+        return RX_OK;
+    /* unlike Richardson-Lucy the network takes tiles smaller than the PSF */
+    return rx_blur_check(psf, psf != NULL ? psf->size : 0, psf != NULL ? psf->size : 0, err);
+}
+
+static void free_runners(network *n, int count)
+{
+    for (int i = 0; i < count && n->runners != NULL; i++)
+        rx_runner_free(n->runners[i]);
+    free(n->runners);
+    n->runners = NULL;
+}
+
+static rx_status make_runners(network *n, int count, rx_error *err)
+{
+    const int halo = rx_net_halo(n->model->restore);
+    rx_status status = RX_OK;
+    n->runners = RX_NEW(rx_runner *, (size_t)count);
+    if (n->runners == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < count && status == RX_OK; i++)
+        status = rx_runner_new(n->model->restore, n->blocks.height + 2 * halo, n->blocks.width + 2 * halo, 0,
+                               n->par->precision, &n->runners[i], err);
+    return status;
+}
+
+/* Stretched values of a row of a plane into one of the channels of the network's input; 0 beyond the tile. */
+static void put_row(const network *n, const float *plane, int y, int x, int width, int channels, float *dst)
+{
+    const rx_tile *tile = n->tile;
+    for (int i = 0; i < width; i++) {
+        const int inside = y >= 0 && y < tile->height && x + i >= 0 && x + i < tile->width;
+        dst[(size_t)i * channels] = inside ? rx_stretch(plane[(size_t)y * tile->width + (x + i)]) : 0;
+    }
+}
+
+/* Input of the network for the block that begins at (bx, by); `line` holds a row of the block with halo. */
+static void put_input(const network *n, int bx, int by, int halo, float *line, float *input)
+{
+    const int width = n->blocks.width + 2 * halo, height = n->blocks.height + 2 * halo;
+    const int channels = rx_front_channels(n->model->front.mode);
+    for (int v = 0; v < height; v++) {
+        float *row = input + (size_t)v * width * channels;
+        put_row(n, n->x, by - halo + v, bx - halo, width, channels, row);
+        if (n->model->front.mode != RX_MODE_INFORMED)
+            continue;
+        put_row(n, n->spare, by - halo + v, bx - halo, width, channels, row + 1);
+        rx_network_optics_fwhm_row(n->optics, by - halo + v, bx - halo, width, line);
+        for (int u = 0; u < width; u++)
+            row[(size_t)u * channels + 2] = rx_front_fwhm(line[u]);
+    }
+}
+
+/* Base channel plus correction, unstretched, into the block's part of the tile. */
+static int take_output(const network *n, int bx, int by, int halo, const float *output)
+{
+    const rx_tile *tile = n->tile;
+    const float *base = n->model->front.mode == RX_MODE_INFORMED ? n->spare : n->x;
+    const int width = n->blocks.width + 2 * halo;
+    int sound = 1;
+    for (int y = by < 0 ? 0 : by; y < by + n->blocks.height && y < tile->height; y++)
+        for (int x = bx < 0 ? 0 : bx; x < bx + n->blocks.width && x < tile->width; x++) {
+            const size_t k = (size_t)y * tile->width + x;
+            const float correction = output[(size_t)(y - by + halo) * width + (x - bx + halo)];
+            n->v[k] = rx_unstretch(rx_stretch(base[k]) + correction);
+            sound &= isfinite(n->v[k]) != 0;
+        }
+    return sound;
+}
+
+static rx_status network_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    network *n = user;
+    rx_runner *runner = n->runners[thread];
+    const int halo = rx_net_halo(n->model->restore);
+    float *line = RX_NEW(float, (size_t)(n->blocks.width + 2 * halo));
+    if (line == NULL)
+        return rx_error_memory(err, 0);
+    put_input(n, bx, by, halo, line, rx_runner_input(runner));
+    free(line);
+    rx_status status = rx_runner_forward(runner, err);
+    if (status == RX_OK && !take_output(n, bx, by, halo, rx_runner_output(runner)))
+        status = rx_error_set(err, RX_INPUT,
+                              "the model %s makes values that are not finite at pixel %d,%d and around; "
+                              "train it again or give another one by NET_MODEL",
+                              n->model->name, bx > 0 ? bx + 1 : 1, by > 0 ? by + 1 : 1);
+    return status;
+}
+
+/* v = network(x, w) */
+static rx_status run_network(network *n, double begin, double end, rx_error *err)
+{
+    const double bytes = runner_bytes(n);
+    int count = n->nthreads;
+    while (count > 1 && count * bytes > BUDGET)
+        count--;
+    rx_status status = make_runners(n, count, err);
+    if (status == RX_OK)
+        status = rx_blocks_run(&n->blocks, count, network_block, n, n->log, begin, end, err);
+    free_runners(n, count);
+    return status;
+}
+
+static rx_status make_optics(network *n, rx_error *err)
+{
+    const rx_front *front = &n->model->front;
+    if (n->psf == NULL)
+        return RX_OK;
+    return rx_network_optics_new(n->psf, front->target_fwhm,
+                                 front->mode == RX_MODE_INFORMED ? front->tikhonov : 0, n->tile->width,
+                                 n->tile->height, &n->blocks, n->nthreads, &n->optics, err);
+}
+
+static rx_status run_steps(network *n, rx_error *err)
+{
+    const rx_front *front = &n->model->front;
+    const int steps = front->mode == RX_MODE_INFORMED ? front->rl_steps : 0;
+    rx_status status = RX_OK;
+    for (int i = 0; i < steps && status == RX_OK; i++) {
+        status = rx_network_optics_step(n->optics, n->v, n->x, n->restored->mask, front->pedestal, n->spare,
+                                        n->log, 0.8 + 0.1 * i / steps, 0.8 + 0.1 * (i + 1) / steps, err);
+        float *done = n->v;
+        n->v = n->spare;
+        n->spare = done;
+    }
+    return status;
+}
+
+/* Noise units become ADU, 0 under the mask. */
+static void to_adu(const network *n, float *unit)
+{
+    const int width = n->tile->width;
+    for (int y = 0; y < n->tile->height; y++) {
+        rx_coarse_row(&n->scale, y, 0, width, unit);
+        for (int x = 0; x < width; x++) {
+            const size_t k = (size_t)y * width + x;
+            const double value = (double)n->v[k] * unit[x];
+            n->v[k] = n->restored->mask[k] != 0 ? 0 : (float)fmax(-FLT_MAX, fmin(FLT_MAX, value));
+        }
+    }
+}
+
+/* The planes of the restored tile take their places; what is left of the scratch goes. */
+static rx_status finish(network *n, rx_error *err)
+{
+    rx_restored *restored = n->restored;
+    float *unit = RX_NEW(float, (size_t)n->tile->width);
+    if (unit == NULL)
+        return rx_error_memory(err, (size_t)n->tile->width * sizeof *unit);
+    to_adu(n, unit);
+    free(unit);
+    restored->pixels = n->v;
+    free(n->spare);
+    restored->sigma = n->spare = NULL;
+    return rx_noise_map(n->tile, n->background, restored->mask, n->nthreads, &restored->sigma, err);
+}
+
+/* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. */
+static rx_status make_support(network *n, rx_error *err)
+{
+    rx_restored *restored = n->restored;
+    if (n->optics != NULL)
+        return rx_network_optics_support(n->optics, restored->mask, restored->support, n->log, 0.95, 1, err);
+    rx_psf *psf = rx_stamp_gauss(UNKNOWN_FWHM);
+    rx_network_optics *optics = NULL;
+    if (psf == NULL)
+        return rx_error_memory(err, 0);
+    rx_status status = rx_network_optics_new(psf, n->model->front.target_fwhm, 0, n->tile->width,
+                                             n->tile->height, &n->blocks, n->nthreads, &optics, err);
+    if (status == RX_OK)
+        status = rx_network_optics_support(optics, restored->mask, restored->support, n->log, 0.95, 1, err);
+    rx_network_optics_free(optics);
+    rx_psf_free(psf);
+    return status;
+}
+
+static rx_status restore_planes(network *n, rx_error *err)
+{
+    const double fwhm = n->psf != NULL && n->psf->fwhm > 0 ? n->psf->fwhm : UNKNOWN_FWHM;
+    rx_restored *restored = n->restored;
+    rx_status status = rx_network_scale(n->tile, n->background, restored->mask, n->nthreads, &n->scale, err);
+    if (status == RX_OK)
+        status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->blocks,
+                                 n->nthreads, n->x, err);
+    if (status == RX_OK)
+        status = make_optics(n, err);
+    if (status == RX_OK && n->model->front.mode == RX_MODE_INFORMED)
+        status = rx_network_optics_tikhonov(n->optics, n->x, n->spare, n->log, 0, 0.1, err);
+    if (status == RX_OK)
+        status = run_network(n, 0.1, 0.8, err);
+    if (status == RX_OK)
+        status = run_steps(n, err);
+    if (status == RX_OK && n->optics != NULL)
+        status =
+            rx_network_optics_reblur(n->optics, n->v, n->x, restored->mask, &n->scale, n->tile, n->background,
+                                     restored->reblurred, &restored->chi2, n->log, 0.9, 0.95, err);
+    if (status == RX_OK)
+        status = make_support(n, err);
+    rx_network_optics_free(n->optics);
+    n->optics = NULL;
+    if (status == RX_OK)
+        status = finish(n, err);
+    rx_coarse_free(&n->scale);
+    return status;
+}
+
+/* The planes; support and sigma serve as scratch first. */
+static rx_status new_restored(const network *n, int reblurred, rx_restored **dst, rx_error *err)
+{
+    const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
+    rx_restored *restored = *dst = rx_restored_new("NET", n->tile->width, n->tile->height);
+    if (restored == NULL)
+        return rx_error_memory(err, area * sizeof(float));
+    restored->support = RX_NEW(float, area);
+    restored->sigma = RX_NEW(float, area);
+    restored->reblurred = reblurred && n->psf != NULL ? RX_NEW(float, area) : NULL;
+    restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
+    restored->blur = n->psf != NULL ? rx_psf_copy(n->psf) : NULL;
+    if (restored->support == NULL || restored->sigma == NULL || restored->psf == NULL ||
+        (reblurred && n->psf != NULL && restored->reblurred == NULL) ||
+        (n->psf != NULL && restored->blur == NULL))
+        return rx_error_memory(err, 3 * area * sizeof(float));
+    return RX_OK;
+}
+
+static void describe(const network *n, rx_restored *dst)
+{
+    const rx_front *front = &n->model->front;
+    char step[64] = "";
+    if (front->mode == RX_MODE_INFORMED && front->rl_steps > 0)
+        snprintf(step, sizeof step, ", %d RL step, pedestal %g", front->rl_steps, front->pedestal);
+    snprintf(dst->settings, sizeof dst->settings, "model %s (%s), %s, target FWHM %g pixels%s, %s",
+             n->model->name, n->model->digest, front->mode == RX_MODE_INFORMED ? "INFORMED" : "BLIND",
+             front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
+}
+
+/* One restoration on that grid of blocks. */
+static rx_status restore(const network *plan, rx_blocks blocks, int reblurred, rx_restored **dst,
+                         rx_error *err)
+{
+    network n = *plan;
+    n.blocks = blocks;
+    *dst = NULL;
+    rx_status status = new_restored(&n, reblurred, &n.restored, err);
+    if (status == RX_OK) {
+        n.x = n.restored->support;
+        n.v = n.restored->pixels;
+        n.spare = n.restored->sigma;
+        if (rx_prepared_mask(n.par, n.tile, n.background, n.restored->mask) == 0)
+            rx_log_warning(n.log, "NET: every pixel is masked, nothing to restore");
+        status = restore_planes(&n, err);
+    }
+    if (status != RX_OK) {
+        rx_restored_free(n.restored);
+        return status;
+    }
+    *dst = n.restored;
+    return RX_OK;
+}
+
+/* Largest difference between two restorations, in sigmas of the first. */
+static double largest_difference(const rx_restored *a, const rx_restored *b)
+{
+    const size_t n = (size_t)a->width * (size_t)a->height;
+    double most = 0;
+    for (size_t k = 0; k < n; k++) {
+        const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
+        if (difference > 0 && !(a->sigma[k] > 0))
+            return HUGE_VAL;
+        if (difference > 0)
+            most = fmax(most, difference / a->sigma[k]);
+    }
+    return most;
+}
+
+static rx_status verify_seams(const network *plan, rx_restored *restored, rx_error *err)
+{
+    const int unit = unit_of(plan->model), side = plan->par->net_block;
+    const int other = (side * 5 / 8 + unit) / unit * unit, shift = side / 3 / unit * unit;
+    const rx_blocks blocks =
+        rx_blocks_make(plan->tile->width, plan->tile->height, other, unit, shift, shift + unit);
+    const double limit = plan->model->front.mode == RX_MODE_INFORMED ? SEAM_LIMIT : 0;
+    rx_restored *second = NULL;
+    rx_status status = restore(plan, blocks, 0, &second, err);
+    if (status != RX_OK)
+        return status;
+    restored->seam = largest_difference(restored, second);
+    rx_restored_free(second);
+    rx_log_info(plan->log, "NET: in blocks of %d x %d pixels shifted by %d,%d: largest difference %.3g sigma",
+                blocks.width, blocks.height, -blocks.x, -blocks.y, restored->seam);
+    if (restored->seam > limit)
+        return rx_error_set(err, RX_SYSTEM,
+                            "the restored image depends on its blocks by %.3g sigma, more than %g; give a "
+                            "NET_BLOCK that holds the tile, or VERIFY_SEAMS N",
+                            restored->seam, limit);
+    return RX_OK;
+}
+
+rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                         const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+{
+    const double begun = rx_seconds();
+    rx_restored *restored = NULL;
+    *dst = NULL;
+    rx_status status = check_input(par, psf, err);
+    if (status != RX_OK)
+        return status;
+    const network plan = {.par = par,
+                          .model = par->model,
+                          .tile = tile,
+                          .background = background,
+                          .psf = psf,
+                          .log = log,
+                          .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
+    const rx_blocks blocks =
+        rx_blocks_make(tile->width, tile->height, par->net_block, unit_of(par->model), 0, 0);
+    rx_log_progress_begin(log);
+    status = restore(&plan, blocks, par->keep_reblurred, &restored, err);
+    if (status == RX_OK && par->verify_seams)
+        status = verify_seams(&plan, restored, err);
+    rx_log_progress_end(log);
+    if (status != RX_OK) {
+        rx_restored_free(restored);
+        return status;
+    }
+    describe(&plan, restored);
+    restored->seconds = rx_seconds() - begun;
+    rx_log_detail(log, "NET: %s, reduced chi2 %.3f, %.2f s", restored->settings, restored->chi2,
+                  restored->seconds);
+    *dst = restored;
+    return RX_OK;
+}

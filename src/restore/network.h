@@ -1,0 +1,42 @@
+/* The restorer NET: a trained network (nn/model.h) on a tile.
+ *
+ *   x = (pixel - level) / scale      noise units; scale: the tile's noise, smoothed (network_data.h)
+ *   v = network(x)                   INFORMED: and w = Tikhonov(x), the FWHM (nn/front.h)
+ *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
+ *   restored = scale f
+ *
+ * Masked pixels are filled from good neighbours before anything looks at them, and have no weight in the
+ * step; beyond the border x = 0 (sky), w = 0 and f = 0, and the step has no weight. No value under the mask
+ * reaches any output, to the bit.
+ *
+ * A PSF that varies: w by Tikhonov filters at nodes of a grid anchored at the tile, between them by bilinear
+ * weights of the output position, and so is the FWHM; the step by the polynomials of the PSF, exactly
+ * (network_optics.h). Without a PSF a BLIND model still works; then `blur`, `reblurred` and `chi2` stay
+ * empty. INFORMED without one is RX_INPUT.
+ *
+ * Blocks: of NET_BLOCK pixels at most, all of one size (a multiple of the network's stride), anchored at the
+ * tile's first pixel, each read with the halo that its result depends on. BLIND: the same bits for any blocks
+ * and threads. INFORMED: the same bits for any number of threads; with other blocks FFTs round differently,
+ * some 1e-7 of the brightest pixels of a block. VERIFY_SEAMS restores once more, in other blocks on a shifted
+ * grid, and takes the largest difference, in units of rx_restored.sigma, into rx_restored.seam: above 1e-3
+ * (BLIND: above 0) that is RX_SYSTEM.
+ *
+ * Overhead of the halos for NET_BLOCK 512, a network that looks 64 pixels far and FFTs with a halo of 48:
+ * 1.6 times the pixels in the network, 1.4 times in the FFTs.
+ *
+ * Memory: the restored planes (pixels, support and sigma serve as scratch before they get their content,
+ * nothing else has the size of the tile), per thread a network and some FFT planes of a block's size, and
+ * 40 kB per node of a varying PSF (every 512 pixels). Networks together stay below 1 GiB: beyond that
+ * fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
+ *
+ * Errors: RX_INPUT, also where the network's values are not finite; RX_USAGE: BF16 on a processor that has
+ * none; RX_SYSTEM; RX_INTERRUPTED. */
+#ifndef RX_RESTORE_NETWORK_H
+#define RX_RESTORE_NETWORK_H
+
+#include "restore/restore.h"
+
+rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
+                         const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+
+#endif

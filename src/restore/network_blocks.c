@@ -1,0 +1,115 @@
+/* Blocks of a tile. */
+#include "restore/network_blocks.h"
+
+#include <omp.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+
+static int up_to(int n, int unit)
+{
+    return (n + unit - 1) / unit * unit;
+}
+
+static void divide(int length, int side, int unit, int shift, int *size, int *n)
+{
+    const int whole = length + shift, most = side < unit ? unit : side / unit * unit;
+    *n = (whole + most - 1) / most;
+    *size = up_to((whole + *n - 1) / *n, unit);
+    *n = (whole + *size - 1) / *size;
+}
+
+rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y)
+{
+    rx_blocks blocks = {.x = -shift_x, .y = -shift_y};
+    divide(width, side, unit, shift_x, &blocks.width, &blocks.nx);
+    divide(height, side, unit, shift_y, &blocks.height, &blocks.ny);
+    return blocks;
+}
+
+/* The failure of the first block. */
+typedef struct failure {
+    int block;
+    rx_error error;
+} failure;
+
+static rx_status run_some(const rx_blocks *blocks, int first, int last, int nthreads, rx_blocks_task task,
+                          void *user, rx_error *err)
+{
+    failure worst = {.block = -1, .error = RX_ERROR_NONE};
+#pragma omp parallel for schedule(dynamic, 1) num_threads(nthreads)
+    for (int b = first; b < last; b++) {
+        rx_error why = RX_ERROR_NONE;
+        const int x = blocks->x + b % blocks->nx * blocks->width,
+                  y = blocks->y + b / blocks->nx * blocks->height;
+        const rx_status status = task(user, omp_get_thread_num(), x, y, &why);
+        if (status == RX_OK)
+            continue;
+        why.status = status;
+#pragma omp critical(rx_blocks_failure)
+        if (worst.block < 0 || b < worst.block)
+            worst = (failure){b, why};
+    }
+    if (worst.block < 0)
+        return RX_OK;
+    if (err != NULL)
+        *err = worst.error;
+    return worst.error.status;
+}
+
+rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
+                        double begin, double end, rx_error *err)
+{
+    const int n = blocks->nx * blocks->ny, step = 4 * nthreads;
+    rx_status status = RX_OK;
+    for (int first = 0; first < n && status == RX_OK; first += step) {
+        const int last = n - first < step ? n : first + step;
+        status = run_some(blocks, first, last, nthreads, task, user, err);
+        if (status == RX_OK)
+            status = rx_interrupt_check(err);
+        rx_log_progress(log, "NET", begin + (end - begin) * last / n);
+    }
+    return status;
+}
+
+/* Row `row` of the plane and columns x .. x + width - 1: how many of these lie before it, and in it. */
+static int overlap(int plane_width, int x, int width, int *before)
+{
+    *before = x < 0 ? (-x < width ? -x : width) : 0;
+    const int end = x + width < plane_width ? x + width : plane_width, n = end - (x + *before);
+    return n > 0 ? n : 0;
+}
+
+void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x, int y, int width,
+                    int height, int stride, float *dst)
+{
+    int before = 0;
+    const int n = overlap(plane_width, x, width, &before);
+    for (int j = 0; j < height; j++) {
+        float *line = dst + (size_t)j * stride;
+        memset(line, 0, (size_t)width * sizeof *line);
+        if (n > 0 && y + j >= 0 && y + j < plane_height)
+            memcpy(line + before, plane + (size_t)(y + j) * plane_width + (x + before),
+                   (size_t)n * sizeof *line);
+    }
+}
+
+long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int x, int y, int width,
+                    int height, int stride, float *dst)
+{
+    int before = 0;
+    long bad = 0;
+    const int n = overlap(plane_width, x, width, &before);
+    for (int j = 0; j < height; j++) {
+        float *line = dst + (size_t)j * stride;
+        const int inside = n > 0 && y + j >= 0 && y + j < plane_height;
+        const uint8_t *m = inside ? mask + (size_t)(y + j) * plane_width + (x + before) : NULL;
+        memset(line, 0, (size_t)width * sizeof *line);
+        bad += width;
+        for (int i = 0; inside && i < n; i++) {
+            line[before + i] = m[i] == 0 ? 1 : 0;
+            bad -= m[i] == 0;
+        }
+    }
+    return bad;
+}

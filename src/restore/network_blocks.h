@@ -1,0 +1,37 @@
+/* Blocks of a tile, and work on all of them by several threads. */
+#ifndef RX_RESTORE_NETWORK_BLOCKS_H
+#define RX_RESTORE_NETWORK_BLOCKS_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/log.h"
+
+/* nx * ny blocks of width x height pixels; the first begins at tile pixel (x, y), both <= 0. Together they
+ * cover the tile and may reach beyond it. */
+typedef struct rx_blocks {
+    int x, y;
+    int width, height;
+    int nx, ny;
+} rx_blocks;
+
+/* For a tile of width x height: sides of at most `side` pixels and multiples of `unit`, as even as that
+ * allows; the grid begins shift_x, shift_y pixels (multiples of unit, >= 0) before the tile. */
+rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y);
+
+/* One block: it begins at tile pixel (x, y); thread 0 .. nthreads - 1. */
+typedef rx_status (*rx_blocks_task)(void *user, int thread, int x, int y, rx_error *err);
+
+/* `task` on every block, by nthreads threads. Progress goes from `begin` to `end` (shares of the whole job).
+ * The error of the first block (in their order) that failed; RX_INTERRUPTED after a signal. */
+rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
+                        double begin, double end, rx_error *err);
+
+/* dst[height][stride] = the part of plane [plane_height][plane_width] that begins at (x, y), 0 beyond it.
+ * rx_blocks_good(): 1 where mask[][] is 0, 0 elsewhere and beyond; returns how many are 0. */
+void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x, int y, int width,
+                    int height, int stride, float *dst);
+long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int x, int y, int width,
+                    int height, int stride, float *dst);
+
+#endif

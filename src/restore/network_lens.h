@@ -1,0 +1,27 @@
+/* What rx_network_optics is made of: spectra and coefficients of a PSF, Tikhonov filters at nodes. */
+#ifndef RX_RESTORE_NETWORK_LENS_H
+#define RX_RESTORE_NETWORK_LENS_H
+
+#include "restore/network_optics.h"
+
+static inline int rx_lens_clamp(int i, int n)
+{
+    return i < 0 ? 0 : i < n ? i : n - 1;
+}
+
+/* stamps [psf->nbasis][size][size] with the polynomials of psf; `work` is a real plane of fft, overwritten.
+ * Terms that nowhere reach 1e-6 of the first stamp's peak are left out. Errors: RX_SYSTEM. */
+rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
+                      int height, float *work, rx_lens *dst, rx_error *err);
+void rx_lens_free(rx_lens *lens);
+
+/* *stamps [psf->nbasis][*size][*size], the caller's to free: the relative PSF of nn/deblur.h, basis image by
+ * basis image, scaled so that the first sums to 1 and the others to 0. */
+rx_status rx_lens_relative(const rx_psf *psf, double target_fwhm, int width, int height, float **stamps,
+                           int *size, rx_error *err);
+
+/* nx .. fwhm of optics, whose psf, width, height, target and nthreads are set; what it made so far belongs to
+ * optics even after an error. */
+rx_status rx_lens_nodes(rx_network_optics *optics, double epsilon, rx_error *err);
+
+#endif

@@ -1,0 +1,406 @@
+/* The PSF around the network, by FFT on blocks. */
+#include "restore/network_optics.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/rl_step.h"
+#include "num/convolve.h"
+#include "restore/network_lens.h"
+
+static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
+
+struct rx_network_optics_work {
+    rx_fft *fft;
+    float *a, *b, *c, *d;         /* real planes */
+    float *half, *sum, *spectrum; /* complex planes */
+    float *line;                  /* [block width] */
+};
+
+static void work_free(rx_network_optics_work *work)
+{
+    free(work->a);
+    free(work->b);
+    free(work->c);
+    free(work->d);
+    free(work->half);
+    free(work->sum);
+    free(work->spectrum);
+    free(work->line);
+    rx_fft_free(work->fft);
+}
+
+static rx_status work_new(int width, int height, int block_width, rx_network_optics_work *dst, rx_error *err)
+{
+    rx_status status = rx_fft_new(width, height, 1, &dst->fft, err);
+    if (status != RX_OK)
+        return status;
+    dst->a = rx_fft_real(dst->fft);
+    dst->b = rx_fft_real(dst->fft);
+    dst->c = rx_fft_real(dst->fft);
+    dst->d = rx_fft_real(dst->fft);
+    dst->half = rx_fft_complex(dst->fft);
+    dst->sum = rx_fft_complex(dst->fft);
+    dst->spectrum = rx_fft_complex(dst->fft);
+    dst->line = RX_NEW(float, (size_t)block_width);
+    if (dst->a == NULL || dst->b == NULL || dst->c == NULL || dst->d == NULL || dst->half == NULL ||
+        dst->sum == NULL || dst->spectrum == NULL || dst->line == NULL)
+        return rx_error_memory(err, 7 * (size_t)width * (size_t)height * sizeof(float));
+    return RX_OK;
+}
+
+void rx_network_optics_free(rx_network_optics *optics)
+{
+    if (optics == NULL)
+        return;
+    for (int i = 0; i < optics->nthreads && optics->work != NULL; i++)
+        work_free(&optics->work[i]);
+    rx_lens_free(&optics->relative);
+    rx_lens_free(&optics->plain);
+    free(optics->work);
+    free(optics->filters);
+    free(optics->fwhm);
+    free(optics);
+}
+
+/* Threads' planes on a domain that holds a block and the halo that the widest of the tasks needs. */
+static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_radius, rx_error *err)
+{
+    const rx_blocks *blocks = optics->blocks;
+    rx_status status = RX_OK;
+    optics->halo = 2 * step_radius > psf_radius ? 2 * step_radius : psf_radius;
+    if (optics->filters != NULL && optics->halo < RX_TIKHONOV_REACH)
+        optics->halo = RX_TIKHONOV_REACH;
+    const int w = rx_fft_good_size(blocks->width + 2 * optics->halo),
+              h = rx_fft_good_size(blocks->height + 2 * optics->halo);
+    optics->work = RX_NEW(rx_network_optics_work, (size_t)optics->nthreads);
+    if (optics->work == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < optics->nthreads && status == RX_OK; i++)
+        status = work_new(w, h, blocks->width, &optics->work[i], err);
+    return status;
+}
+
+rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double epsilon, int width, int height,
+                                const rx_blocks *blocks, int nthreads, rx_network_optics **dst, rx_error *err)
+{
+    float *relative = NULL;
+    int size = 0;
+    *dst = NULL;
+    rx_network_optics *optics = RX_NEW(rx_network_optics, 1);
+    if (optics == NULL)
+        return rx_error_memory(err, sizeof *optics);
+    optics->width = width;
+    optics->height = height;
+    optics->nthreads = nthreads;
+    optics->blocks = blocks;
+    optics->psf = psf;
+    optics->target_fwhm = target_fwhm;
+    rx_status status = rx_lens_nodes(optics, epsilon, err);
+    if (status == RX_OK)
+        status = rx_lens_relative(psf, target_fwhm, width, height, &relative, &size, err);
+    if (status == RX_OK)
+        status = make_work(optics, size / 2, psf->size / 2, err);
+    if (status == RX_OK)
+        status = rx_lens_new(optics->work->fft, psf, relative, size, width, height, optics->work->a,
+                             &optics->relative, err);
+    if (status == RX_OK)
+        status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, width, height, optics->work->a,
+                             &optics->plain, err);
+    free(relative);
+    if (status != RX_OK) {
+        rx_network_optics_free(optics);
+        return status;
+    }
+    *dst = optics;
+    return RX_OK;
+}
+
+/* dst (+)= c_i src, the domain beginning at tile pixel (x0, y0) */
+static void weigh(const rx_network_optics *optics, const rx_lens *lens, int i, const rx_fft *fft, int x0,
+                  int y0, const float *src, int add, float *dst)
+{
+    const size_t stride = (size_t)rx_fft_stride_real(fft);
+    const int w = rx_fft_width(fft);
+    for (int v = 0; v < rx_fft_height(fft); v++) {
+        const float cy = lens->cy[i][rx_lens_clamp(y0 + v, optics->height)];
+        const float *s = src + (size_t)v * stride;
+        float *d = dst + (size_t)v * stride;
+        for (int u = 0; u < w; u++) {
+            const float value = cy * lens->cx[i][rx_lens_clamp(x0 + u, optics->width)] * s[u];
+            d[u] = add ? d[u] + value : value;
+        }
+    }
+}
+
+/* dst = K src; `scratch` is a real plane, src stays. */
+static void apply(const rx_network_optics *optics, const rx_lens *lens, rx_network_optics_work *work, int x0,
+                  int y0, const float *src, float *scratch, float *dst)
+{
+    if (!lens->varies) {
+        rx_convolve(work->fft, lens->spectrum[0], src, work->half, dst);
+        return;
+    }
+    for (int i = 0; i < lens->n; i++) {
+        weigh(optics, lens, i, work->fft, x0, y0, src, 0, scratch);
+        rx_fft_forward(work->fft, scratch, work->half);
+        rx_convolve_multiply(work->fft, lens->spectrum[i], work->half, false, i > 0, work->sum);
+    }
+    rx_fft_inverse(work->fft, work->sum, dst);
+}
+
+/* dst = K^T src; scratch not dst. */
+static void adjoint(const rx_network_optics *optics, const rx_lens *lens, rx_network_optics_work *work,
+                    int x0, int y0, const float *src, float *scratch, float *dst)
+{
+    if (!lens->varies) {
+        rx_correlate(work->fft, lens->spectrum[0], src, work->half, dst);
+        return;
+    }
+    rx_fft_forward(work->fft, src, work->sum);
+    for (int i = 0; i < lens->n; i++) {
+        rx_convolve_multiply(work->fft, lens->spectrum[i], work->sum, true, false, work->half);
+        rx_fft_inverse(work->fft, work->half, scratch);
+        weigh(optics, lens, i, work->fft, x0, y0, scratch, i > 0, dst);
+    }
+}
+
+/* What a task on blocks is given. */
+typedef struct job {
+    const rx_network_optics *optics;
+    const float *f, *x;
+    const uint8_t *mask;
+    float *dst;
+    double pedestal;
+    const rx_coarse *scale;
+    const rx_tile *tile;
+    const rx_background *background;
+    double *sums, *counts; /* per block */
+} job;
+
+/* The part of the block at (x, y) that lies on the tile. */
+typedef struct part {
+    int x0, y0, x1, y1;
+} part;
+
+static part part_of(const rx_network_optics *optics, int x, int y)
+{
+    const rx_blocks *blocks = optics->blocks;
+    return (part){x > 0 ? x : 0, y > 0 ? y : 0,
+                  x + blocks->width < optics->width ? x + blocks->width : optics->width,
+                  y + blocks->height < optics->height ? y + blocks->height : optics->height};
+}
+
+static void read_domain(const job *j, const rx_network_optics_work *work, const float *plane, int x0, int y0,
+                        float *dst)
+{
+    rx_blocks_read(plane, j->optics->width, j->optics->height, x0, y0, rx_fft_width(work->fft),
+                   rx_fft_height(work->fft), rx_fft_stride_real(work->fft), dst);
+}
+
+static long read_good(const job *j, const rx_network_optics_work *work, int x0, int y0, float *dst)
+{
+    return rx_blocks_good(j->mask, j->optics->width, j->optics->height, x0, y0, rx_fft_width(work->fft),
+                          rx_fft_height(work->fft), rx_fft_stride_real(work->fft), dst);
+}
+
+/* w += hat_node (T_node * x); x is given as its transform in work->sum. */
+static void add_node(const job *j, rx_network_optics_work *work, int node, const part *p, int x0, int y0)
+{
+    const rx_network_optics *optics = j->optics;
+    const int side = 2 * RX_TIKHONOV_REACH + 1, nx = node % optics->nx, ny = node / optics->nx;
+    const size_t stride = (size_t)rx_fft_stride_real(work->fft);
+    rx_convolve_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->b,
+                         work->spectrum);
+    rx_convolve_multiply(work->fft, work->spectrum, work->sum, false, false, work->half);
+    rx_fft_inverse(work->fft, work->half, work->b);
+    for (int y = p->y0; y < p->y1; y++) {
+        const double hat_y = optics->ny == 1 ? 1 : 1 - fabs(y / optics->step_y - ny);
+        const float *src = work->b + (size_t)(y - y0) * stride;
+        float *dst = j->dst + (size_t)y * optics->width;
+        for (int x = p->x0; x < p->x1 && hat_y > 0; x++) {
+            const double hat_x = optics->nx == 1 ? 1 : 1 - fabs(x / optics->step_x - nx);
+            if (hat_x > 0)
+                dst[x] += (float)(hat_x * hat_y) * src[x - x0];
+        }
+    }
+}
+
+static int node_below(double v, double step, int n)
+{
+    const int i = (int)floor(v / step);
+    return i < n - 1 ? i : n - 1;
+}
+
+static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    const job *j = user;
+    const rx_network_optics *optics = j->optics;
+    rx_network_optics_work *work = &optics->work[thread];
+    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    const part p = part_of(optics, bx, by);
+    (void)err;
+    read_domain(j, work, j->x, x0, y0, work->a);
+    rx_fft_forward(work->fft, work->a, work->sum);
+    for (int y = p.y0; y < p.y1; y++)
+        memset(j->dst + (size_t)y * optics->width + p.x0, 0, (size_t)(p.x1 - p.x0) * sizeof(float));
+    const int last_x = node_below(p.x1 - 1, optics->step_x, optics->nx) + 1,
+              last_y = node_below(p.y1 - 1, optics->step_y, optics->ny) + 1;
+    for (int ny = node_below(p.y0, optics->step_y, optics->ny); ny <= last_y && ny < optics->ny; ny++)
+        for (int nx = node_below(p.x0, optics->step_x, optics->nx); nx <= last_x && nx < optics->nx; nx++)
+            add_node(j, work, ny * optics->nx + nx, &p, x0, y0);
+    return RX_OK;
+}
+
+rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w, rx_log *log,
+                                     double begin, double end, rx_error *err)
+{
+    job j = {.optics = optics, .x = x, .dst = w};
+    return rx_blocks_run(optics->blocks, optics->nthreads, tikhonov_block, &j, log, begin, end, err);
+}
+
+static rx_status step_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    const job *j = user;
+    const rx_network_optics *optics = j->optics;
+    const rx_lens *lens = &optics->relative;
+    rx_network_optics_work *work = &optics->work[thread];
+    const int x0 = bx - optics->halo, y0 = by - optics->halo, w = rx_fft_width(work->fft);
+    const size_t stride = (size_t)rx_fft_stride_real(work->fft);
+    const part p = part_of(optics, bx, by);
+    (void)err;
+    read_domain(j, work, j->f, x0, y0, work->a);
+    apply(optics, lens, work, x0, y0, work->a, work->c, work->b);
+    read_domain(j, work, j->x, x0, y0, work->c);
+    const long bad = read_good(j, work, x0, y0, work->d);
+    for (int v = 0; v < rx_fft_height(work->fft); v++)
+        for (int u = 0; u < w; u++) {
+            const size_t k = (size_t)v * stride + (size_t)u;
+            work->b[k] = rx_rl_ratio(work->c[k], work->b[k], work->d[k], (float)j->pedestal);
+        }
+    adjoint(optics, lens, work, x0, y0, work->b, work->a, work->c);
+    /* the stamps sum to 1 everywhere: without masks so does K'^T W */
+    if (bad > 0)
+        adjoint(optics, lens, work, x0, y0, work->d, work->a, work->b);
+    for (int y = p.y0; y < p.y1; y++) {
+        const size_t row = (size_t)(y - y0) * stride;
+        const float *f = j->f + (size_t)y * optics->width;
+        float *next = j->dst + (size_t)y * optics->width;
+        for (int x = p.x0; x < p.x1; x++) {
+            const size_t k = row + (size_t)(x - x0);
+            next[x] = rx_rl_update(f[x], work->c[k], bad > 0 ? work->b[k] : 1);
+        }
+    }
+    return RX_OK;
+}
+
+rx_status rx_network_optics_step(const rx_network_optics *optics, const float *f, const float *x,
+                                 const uint8_t *mask, double pedestal, float *next, rx_log *log, double begin,
+                                 double end, rx_error *err)
+{
+    job j = {.optics = optics, .f = f, .x = x, .mask = mask, .pedestal = pedestal, .dst = next};
+    return rx_blocks_run(optics->blocks, optics->nthreads, step_block, &j, log, begin, end, err);
+}
+
+/* One row of the model m (noise units, from tile pixel p->x0 on): its chi2, and in ADU where wanted. */
+static void reblur_row(const job *j, const part *p, int y, const float *m, const float *scale, double *sum,
+                       double *count)
+{
+    const size_t row = (size_t)y * j->optics->width;
+    const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
+    for (int x = p->x0; x < p->x1; x++) {
+        const double unit = scale[x - p->x0], model = m[x - p->x0], residual = j->x[row + x] - model;
+        const double sigma = j->background->sigma[row + x];
+        if (j->dst != NULL)
+            j->dst[row + x] = (float)fmax(-FLT_MAX, fmin(FLT_MAX, model * unit));
+        if (j->mask[row + x] != 0)
+            continue;
+        const double sky = isfinite(sigma) && sigma > 0 ? sigma / unit : 1;
+        *sum += residual * residual / (sky * sky + photon * fmax(model, 0) / unit);
+        ++*count;
+    }
+}
+
+static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    const job *j = user;
+    const rx_network_optics *optics = j->optics;
+    const rx_blocks *blocks = optics->blocks;
+    rx_network_optics_work *work = &optics->work[thread];
+    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    const int block = (by - blocks->y) / blocks->height * blocks->nx + (bx - blocks->x) / blocks->width;
+    const part p = part_of(optics, bx, by);
+    (void)err;
+    read_domain(j, work, j->f, x0, y0, work->a);
+    apply(optics, &optics->relative, work, x0, y0, work->a, work->c, work->b);
+    for (int y = p.y0; y < p.y1; y++) {
+        rx_coarse_row(j->scale, y, p.x0, p.x1 - p.x0, work->line);
+        reblur_row(j, &p, y, work->b + (size_t)(y - y0) * rx_fft_stride_real(work->fft) + (p.x0 - x0),
+                   work->line, &j->sums[block], &j->counts[block]);
+    }
+    return RX_OK;
+}
+
+rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, const float *x,
+                                   const uint8_t *mask, const rx_coarse *scale, const rx_tile *tile,
+                                   const rx_background *background, float *reblurred, double *chi2,
+                                   rx_log *log, double begin, double end, rx_error *err)
+{
+    const int n = optics->blocks->nx * optics->blocks->ny;
+    job j = {.optics = optics,
+             .f = f,
+             .x = x,
+             .mask = mask,
+             .dst = reblurred,
+             .scale = scale,
+             .tile = tile,
+             .background = background,
+             .sums = RX_NEW(double, (size_t)n),
+             .counts = RX_NEW(double, (size_t)n)};
+    rx_status status = RX_OK;
+    double sum = 0, count = 0;
+    if (j.sums == NULL || j.counts == NULL) {
+        status = rx_error_memory(err, 2 * (size_t)n * sizeof(double));
+        goto exit;
+    }
+    status = rx_blocks_run(optics->blocks, optics->nthreads, reblur_block, &j, log, begin, end, err);
+    for (int b = 0; b < n; b++) {
+        sum += j.sums[b];
+        count += j.counts[b];
+    }
+    *chi2 = count > 0 ? sum / count : NAN;
+exit:
+    free(j.sums);
+    free(j.counts);
+    return status;
+}
+
+static rx_status support_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    const job *j = user;
+    const rx_network_optics *optics = j->optics;
+    rx_network_optics_work *work = &optics->work[thread];
+    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    const part p = part_of(optics, bx, by);
+    (void)err;
+    const long bad = read_good(j, work, x0, y0, work->a);
+    if (bad > 0)
+        adjoint(optics, &optics->plain, work, x0, y0, work->a, work->c, work->b);
+    for (int y = p.y0; y < p.y1; y++)
+        for (int x = p.x0; x < p.x1; x++) {
+            const float share =
+                bad > 0 ? 1 - work->b[(size_t)(y - y0) * rx_fft_stride_real(work->fft) + (x - x0)] : 0;
+            j->dst[(size_t)y * optics->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
+        }
+    return RX_OK;
+}
+
+rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8_t *mask, float *support,
+                                    rx_log *log, double begin, double end, rx_error *err)
+{
+    job j = {.optics = optics, .mask = mask, .dst = support};
+    return rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
+}
