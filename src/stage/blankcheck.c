@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "io/tile.h"
 #include "simulate/inject.h"
+#include "stage/domain.h"
 #include "stage/probe.h"
 #include "stage/replica.h"
 #include "validate/hypothesis.h"
@@ -51,7 +52,10 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
     const rx_tile *tile = field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_tile *copy = NULL;
-    rx_status status = rx_replica_new(tile, &copy, err);
+    double model_noise = 0.0;
+    rx_status status = rx_domain_noise(field, &model_noise, err);
+    if (status == RX_OK)
+        status = rx_replica_new(tile, &copy, err);
     if (status != RX_OK)
         return status;
     status = rx_sky_noise_draw(noise, tile->width, tile->height, field->plain->sigma, seed, stream,
@@ -65,8 +69,10 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
         copy->pixels[i] += (float)field->plain->global_level;
     rx_replica_settle(copy);
     status = rx_field_prepare(options, 0, copy, field->psf, 0, NULL, dst, err);
-    if (status == RX_OK)
+    if (status == RX_OK) {
         (*dst)->unrestorable = field->unrestorable;
+        (*dst)->model_noise = model_noise; /* restored as the tile itself is */
+    }
     return status;
 }
 

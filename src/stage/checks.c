@@ -250,9 +250,9 @@ int rx_checks_injected(const rx_checks *checks)
 }
 
 rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *names,
-                           const char *const *accounts, const rx_check_results *const *results,
-                           const rx_record *record, const char *folder, const char *shown, rx_log *log,
-                           rx_error *err)
+                           const char *const *accounts, const rx_qa_promise *const *promises,
+                           const rx_check_results *const *results, const rx_record *record,
+                           const char *folder, const char *shown, rx_log *log, rx_error *err)
 {
     rx_qa_run runs[RX_MAX_RUNS];
     rx_qa_picture pictures[RX_MAX_RUNS];
@@ -266,6 +266,7 @@ rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *na
     for (int i = 0; i < n; i++) {
         rx_selfcheck_input(checks->plan, &results[i]->self, names[i], &input, &runs[i]);
         runs[i].settings = accounts[i];
+        runs[i].promise = promises[i];
         runs[i].psf = checks->field->psf->description;
         pictures[i] = results[i]->self.picture;
     }

@@ -69,6 +69,8 @@ static void describe(const work *w, rx_record *facts)
         rx_record_add(facts, "RXITER", "iterations done", "%d", restored->iterations);
     if (isfinite(restored->chi2))
         rx_record_add(facts, "RXCHI2", "reduced chi2 of restored * PSF - input", "%.6g", restored->chi2);
+    if (isfinite(restored->seam))
+        rx_record_add(facts, "RXSEAM", "largest change in other blocks, sigmas", "%.3g", restored->seam);
     if (restored->blur != NULL) {
         rx_record_add(facts, "RXPSF", "PSF of the input", "%s", restored->blur->description);
         rx_record_add(facts, "RXFWHM", "its FWHM, pixels", "%.4f", restored->blur->fwhm);
@@ -149,6 +151,28 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     return RX_OK;
 }
 
+/* One more sentence in the account. */
+static void add_account(rx_run *run, const char *text)
+{
+    size_t used = strlen(run->account);
+    snprintf(run->account + used, sizeof run->account - used, "; %s", text);
+}
+
+/* What the network's model says of this tile. */
+static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    rx_text text = {0};
+    rx_domain_text(&run->domain, &text);
+    if (!text.failed && text.length > 0) {
+        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text.data);
+        add_account(run, text.data);
+    }
+    rx_status status = text.failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_text_free(&text);
+    return status;
+}
+
 static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w, rx_log *log, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
@@ -160,9 +184,8 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w,
     if (text.failed)
         status = rx_error_memory(err, 0);
     if (status == RX_OK && text.length > 0) {
-        size_t used = strlen(run->account);
         rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text.data);
-        snprintf(run->account + used, sizeof run->account - used, "; %s", text.data);
+        add_account(run, text.data);
     }
     rx_text_free(&text);
     return status;
@@ -177,9 +200,12 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     rx_status status = rx_probe_run(options, run->kind, detect, measure, log, &w.probe, err);
     if (status != RX_OK)
         return status;
-    account(run, &w, log);
     rx_sources *sources = w.probe.sources;
-    status = rx_coordinates_fill(w.measure->tile, sources, err);
+    run->domain = w.probe.domain;
+    account(run, &w, log);
+    status = tell_domain(run, &w, log, err);
+    if (status == RX_OK)
+        status = rx_coordinates_fill(w.measure->tile, sources, err);
     if (status == RX_OK && options->assoc_list != NULL)
         status =
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
@@ -191,6 +217,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     if (status != RX_OK)
         goto exit;
     describe(&w, &facts);
+    rx_domain_facts(&w.probe.domain, &facts);
     rx_checks_facts(checks, &run->checks, &facts);
     status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);
     if (status == RX_OK)

@@ -12,6 +12,7 @@
 #include "io/output.h"
 #include "stage/checkimages.h"
 #include "stage/checks.h"
+#include "stage/domain.h"
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/record.h"
@@ -28,6 +29,7 @@ typedef struct rx_run {
     rx_restored *restored;
     rx_sources *sources;
     rx_check_results checks;
+    rx_domain domain;   /* place RX_DOMAIN_NONE where no network was asked for */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

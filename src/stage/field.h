@@ -21,6 +21,8 @@ typedef struct rx_field {
     rx_background *plain;    /* with RX_HIDE_PLAIN */
     rx_background *restored; /* with RX_HIDE_RESTORED; the same object when nothing is saturated */
     rx_psf *psf;             /* NULL when no restorer needs it, or none could be found */
+    double model_noise;      /* noise as rx_model_noise() has it, of the tile that this one is a copy of; 0 =
+                                none, measure it */
     int unrestorable;        /* PSF_TYPE AUTO found too few stars and no other PSF is known */
 } rx_field;
 

@@ -2,6 +2,7 @@ librextract_la_SOURCES += \
 	src/stage/blankcheck.c src/stage/blankcheck.h \
 	src/stage/checkimages.c src/stage/checkimages.h \
 	src/stage/checks.c src/stage/checks.h \
+	src/stage/domain.c src/stage/domain.h \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/field.c src/stage/field.h \
 	src/stage/fluxcheck.c src/stage/fluxcheck.h \

@@ -21,11 +21,15 @@ typedef struct work {
     rx_probe *probe;
 } work;
 
-static rx_status restore(const work *w, const rx_field *field, int *plain, rx_restored **dst, rx_error *err)
+static rx_status restore(const work *w, const rx_field *field, int *plain, rx_domain *domain,
+                         rx_restored **dst, rx_error *err)
 {
     const rx_restorer *kind = w->kind;
     if (rx_restorer_must_have_psf(kind, &w->options->restore) && field->unrestorable)
         kind = rx_restorer_find("NONE");
+    rx_status status = rx_domain_obey(&w->options->restore, field, w->log, &kind, domain, err);
+    if (status != RX_OK)
+        return status;
     *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
     rx_restore_params par = w->options->restore;
     if (*plain)
@@ -186,7 +190,8 @@ static rx_status measure_sources(const work *w, rx_error *err)
     if (w->options->measure_original || plain) {
         restored = NULL;
     } else if (w->measure != w->detect) {
-        rx_status status = restore(w, w->measure, &plain, &probe->second, err);
+        rx_domain domain; /* each image by itself; the record speaks of the detection image */
+        rx_status status = restore(w, w->measure, &plain, &domain, &probe->second, err);
         if (status != RX_OK)
             return status;
         restored = plain ? NULL : probe->second;
@@ -205,7 +210,7 @@ rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const
               .log = log,
               .probe = dst};
     *dst = (rx_probe){0};
-    rx_status status = restore(&w, detect, &dst->plain, &dst->restored, err);
+    rx_status status = restore(&w, detect, &dst->plain, &dst->domain, &dst->restored, err);
     w.hide = dst->plain && !options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
     if (status == RX_OK)
         status = prepare_detection(&w, err);

@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "data/restored.h"
 #include "data/sources.h"
+#include "stage/domain.h"
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/photometry.h"
@@ -20,11 +21,13 @@ typedef struct rx_probe {
     float *own_noise;
     double global_noise;
     int plain;           /* nothing was restored */
+    rx_domain domain;    /* of the detection image, where a network was asked for */
     rx_restored *second; /* restored measurement image, dual-image mode only */
 } rx_probe;
 
 /* restore -> detect -> measure. `measure` NULL without dual-image mode. A kind that must have a PSF runs as
- * NONE on a field that is `unrestorable`. May run in several threads at the same time, on options and fields
+ * NONE on a field that is `unrestorable`, the network as OUT_OF_DOMAIN says on one that it was not trained
+ * for (stage/domain.h). May run in several threads at the same time, on options and fields
  * that nobody changes meanwhile: log then NULL; the same result as alone. Free with rx_probe_free(), not
  * after an error: nothing is left then. */
 rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,

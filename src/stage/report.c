@@ -18,7 +18,7 @@ static rx_status match_options(const rx_options *options, const rx_tile *tile, r
 }
 
 static rx_status collect_runs(const rx_options *options, const rx_field *measure, const rx_run *runs,
-                              rx_qa_run *dst, rx_error *err)
+                              rx_qa_promise *promises, rx_qa_run *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
@@ -27,6 +27,7 @@ static rx_status collect_runs(const rx_options *options, const rx_field *measure
                              .seconds = restored->seconds,
                              .settings = runs[i].account,
                              .psf = restored->blur != NULL ? restored->blur->description : "",
+                             .promise = rx_domain_promise(&runs[i].domain, &promises[i]),
                              .law_scale = runs[i].sources->law_scale,
                              .law_power = runs[i].sources->law_power};
         status = rx_quality_list(options, measure->tile, runs[i].sources, &dst[i].list, err);
@@ -65,6 +66,7 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
 {
     const rx_tile *tile = measure->tile;
     rx_qa_run qa_runs[RX_MAX_RUNS] = {0};
+    rx_qa_promise promises[RX_MAX_RUNS];
     rx_qa_picture pictures[RX_MAX_RUNS] = {0};
     rx_qa_params par;
     rx_verdict found = RX_VERDICT_NONE;
@@ -93,7 +95,7 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
         blind[i] = (detect->tile->mask[i] & RX_HIDE_PLAIN) != 0;
     input.mask = blind;
     if (status == RX_OK)
-        status = collect_runs(options, measure, runs, qa_runs, err);
+        status = collect_runs(options, measure, runs, promises, qa_runs, err);
     if (status == RX_OK)
         status = collect_pictures(options, detect, runs, pictures, err);
     if (status == RX_OK)
@@ -122,16 +124,19 @@ rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, c
 {
     const char *names[RX_MAX_RUNS], *accounts[RX_MAX_RUNS], *folder = NULL;
     const rx_check_results *results[RX_MAX_RUNS];
+    rx_qa_promise promise[RX_MAX_RUNS];
+    const rx_qa_promise *promises[RX_MAX_RUNS];
     if (options->self_check_name[0] == '\0' || !rx_checks_injected(checks))
         return RX_OK;
     for (int i = 0; i < options->nrestorers; i++) {
         names[i] = runs[i].kind->name;
         accounts[i] = runs[i].account;
         results[i] = &runs[i].checks;
+        promises[i] = rx_domain_promise(&runs[i].domain, &promise[i]);
     }
     rx_status status = open_folder(options->self_check_name, extension, outputs, &folder, err);
     if (status == RX_OK)
-        status = rx_checks_report(checks, options->nrestorers, names, accounts, results, record, folder,
-                                  rx_outputs_shown(outputs, folder), log, err);
+        status = rx_checks_report(checks, options->nrestorers, names, accounts, promises, results, record,
+                                  folder, rx_outputs_shown(outputs, folder), log, err);
     return status;
 }

@@ -98,7 +98,10 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
     rx_replica_settle(copy);
     for (size_t i = 0; i < npixels; i++)
         dst->light[i] = copy->pixels[i] - tile->pixels[i];
-    return rx_field_prepare(&plan->options, 0, copy, plan->field->psf, 0, NULL, &dst->field, err);
+    status = rx_field_prepare(&plan->options, 0, copy, plan->field->psf, 0, NULL, &dst->field, err);
+    if (status == RX_OK)
+        dst->field->model_noise = plan->model_noise;
+    return status;
 }
 
 /* Is most of the light in the footprint of `s` injected? */

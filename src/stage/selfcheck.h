@@ -34,6 +34,7 @@ typedef struct rx_selfcheck_plan {
     unsigned char *allowed;             /* [height][width] where objects may go */
     double limit;                       /* magnitude of a point source at 5 sigma, PSF-weighted */
     double mag_low, mag_high, mag_step; /* of the objects; bins */
+    double model_noise;                 /* rx_domain_noise() of the field: copies are restored as it was */
     double pixel_scale;                 /* arcsec, for the sizes of galaxies; 1 when not known */
     double match_radius;                /* pixels */
     double distance;                    /* least one between injected objects, pixels */

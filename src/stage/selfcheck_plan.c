@@ -126,6 +126,8 @@ rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field
     if (status == RX_OK)
         status = rx_optics_psf(field->psf, &plan->optics, err);
     if (status == RX_OK)
+        status = rx_domain_noise(field, &plan->model_noise, err);
+    if (status == RX_OK)
         *dst = plan;
     else
         rx_selfcheck_plan_free(plan);

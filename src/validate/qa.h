@@ -25,12 +25,26 @@ typedef struct rx_qa_list {
     int *flags;    /* detections: FLAGS, else NULL */
 } rx_qa_list;
 
+/* What a restorer's model promises for this tile, from its tests; NAN where it does not say. */
+typedef struct rx_qa_promise {
+    const char *model, *digest;
+    const char *ran; /* restorer that was run in the end */
+    const char *why; /* nothing is promised: what is out of the model's training */
+    int inside;
+    double fwhm, noise;               /* of the tile: pixels; on the scale of the model */
+    double fwhm_bin[2], noise_bin[2]; /* the model's bin, from and to; inside only */
+    double loss;                      /* mean test loss */
+    double recall;                    /* test stars of S/N above 5 */
+    double bias, scatter;             /* %, fluxes of test stars of S/N above 12 */
+} rx_qa_promise;
+
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
     double seconds; /* of the restoration; told in `brief` only, files stay the same from run to run */
-    const char *settings, *psf;  /* one line each, for the page; may be NULL */
-    double law_scale, law_power; /* noise law of the flux errors, 1 and 0.5 = independent pixels */
+    const char *settings, *psf;   /* one line each, for the page; may be NULL */
+    const rx_qa_promise *promise; /* NULL: no model is behind this run */
+    double law_scale, law_power;  /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
 
 /* Small pictures of the same sky for the page: row-major floats, background subtracted. All are shown

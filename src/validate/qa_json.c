@@ -30,6 +30,22 @@ static void metric_table(rx_json *json)
     rx_json_end(json);
 }
 
+static void promise(rx_json *json, const rx_qa_promise *p)
+{
+    rx_json_object(json, "model", false);
+    rx_json_string(json, "name", p->model);
+    rx_json_string(json, "digest", p->digest);
+    rx_json_string(json, "restored_by", p->ran);
+    rx_json_string(json, "outside", p->why);
+    rx_json_number(json, "fwhm", p->fwhm);
+    rx_json_number(json, "noise", p->noise);
+    rx_json_number(json, "loss", p->loss);
+    rx_json_number(json, "recall", p->recall);
+    rx_json_number(json, "bias_percent", p->bias);
+    rx_json_number(json, "scatter_percent", p->scatter);
+    rx_json_end(json);
+}
+
 static void run_head(rx_json *json, const rx_report *r, int run)
 {
     const rx_evaluation *e = &r->evaluation[run];
@@ -50,6 +66,8 @@ static void run_head(rx_json *json, const rx_report *r, int run)
     rx_json_number(json, "detections_ignored", (double)e->detections_ignored);
     rx_json_number(json, "matched", (double)e->matched);
     rx_json_number(json, "chance_matches", e->chance);
+    if (e->run->promise != NULL)
+        promise(json, e->run->promise);
     json->text->failed = json->text->failed || matches.failed || curve.failed;
     rx_text_free(&matches);
     rx_text_free(&curve);

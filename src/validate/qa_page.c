@@ -1,6 +1,7 @@
 /* report.html: one self-contained page without scripts. */
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -247,6 +248,103 @@ static void write_comparisons(rx_text *dst, const rx_report *r)
         "more finds more: read it together with precision.");
 }
 
+static void promise_row(rx_text *dst, const rx_report *r, const char *name, int digits, size_t offset,
+                        int metric)
+{
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, name);
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_qa_promise *p = r->input->runs[run].promise;
+        if (p == NULL)
+            continue;
+        rx_page_cell_number(dst, *(const double *)((const char *)p + offset), digits);
+        if (metric >= 0)
+            estimate_cell(dst, rx_report_whole(r, run, (rx_metric)metric), (rx_metric)metric);
+        else
+            rx_page_cell_text(dst, NULL);
+    }
+    rx_page_row_end(dst);
+}
+
+/* Seeing or noise: the model's bin and the tile. */
+static void domain_row(rx_text *dst, const rx_report *r, const char *name, size_t bin, size_t value)
+{
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, name);
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_qa_promise *p = r->input->runs[run].promise;
+        if (p == NULL)
+            continue;
+        const double *limits = (const double *)((const char *)p + bin);
+        if (p->inside)
+            rx_text_printf(dst, "<td>%.4g &ndash; %.4g</td>", limits[0], limits[1]);
+        else
+            rx_page_cell_text(dst, "outside");
+        rx_page_cell_number(dst, *(const double *)((const char *)p + value), 2);
+    }
+    rx_page_row_end(dst);
+}
+
+static bool has_promises(const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].promise != NULL)
+            return true;
+    return false;
+}
+
+static void promise_sentences(rx_text *dst, const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_qa_promise *p = r->input->runs[run].promise;
+        if (p == NULL)
+            continue;
+        rx_text_add(dst, "<p>");
+        rx_escape_html(dst, r->input->runs[run].name);
+        rx_text_add(dst, ": model ");
+        rx_escape_html(dst, p->model);
+        rx_text_add(dst, ", digest ");
+        rx_escape_html(dst, p->digest);
+        if (!p->inside) {
+            rx_text_add(dst, ". It promises nothing here: ");
+            rx_escape_html(dst, p->why);
+            rx_text_add(dst, "; restored by ");
+            rx_escape_html(dst, p->ran);
+        }
+        rx_text_add(dst, ".</p>\n");
+    }
+}
+
+static void write_promises(rx_text *dst, const rx_report *r)
+{
+    if (!has_promises(r))
+        return;
+    rx_page_section(dst, "promise", "What the model promises here");
+    promise_sentences(dst, r);
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "");
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].promise != NULL) {
+            rx_page_head(dst, RX_RIGHT, "promised");
+            rx_page_head(dst, RX_RIGHT, "here");
+        }
+    rx_page_row_end(dst);
+    domain_row(dst, r, "FWHM [pixels]", offsetof(rx_qa_promise, fwhm_bin), offsetof(rx_qa_promise, fwhm));
+    domain_row(dst, r, "noise", offsetof(rx_qa_promise, noise_bin), offsetof(rx_qa_promise, noise));
+    promise_row(dst, r, "recall", 3, offsetof(rx_qa_promise, recall), RX_METRIC_RECALL);
+    promise_row(dst, r, "flux bias [%]", 2, offsetof(rx_qa_promise, bias), RX_METRIC_BIAS_PERCENT);
+    promise_row(dst, r, "flux scatter [%]", 2, offsetof(rx_qa_promise, scatter), RX_METRIC_SCATTER_PERCENT);
+    promise_row(dst, r, "test loss", 4, offsetof(rx_qa_promise, loss), -1);
+    rx_page_table_end(dst);
+    rx_page_note(
+        dst,
+        "Promised: what the model did on its test images of this seeing and noise (255 noise over the value "
+        "that the brightest 0.1 % of the pixels exceed): recall of stars of S/N above 5, fluxes of stars of "
+        "S/N above 12. Here: all references, of all magnitudes and kinds, as in the summary; faint ones "
+        "lower the recall, galaxies and blends widen the scatter.");
+}
+
 static void write_reading(rx_text *dst, const rx_report *r)
 {
     rx_page_section(dst, "reading", "How to read this");
@@ -329,6 +427,7 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
     rx_page_link(dst, true, "figures", "Figures");
     rx_page_link(dst, true, "bins", "Tables");
     rx_page_link(dst, r->ncomparisons > 0, "duel", "Comparison");
+    rx_page_link(dst, has_promises(r), "promise", "The model");
     rx_page_link(dst, true, "reading", "How to read");
     rx_page_link(dst, true, "restorers", "Restorers");
     rx_page_link(dst, r->input->nrecord > 0, "record", "Record");
@@ -352,6 +451,7 @@ void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
     write_figures(dst, figures);
     write_tables(dst, r);
     write_comparisons(dst, r);
+    write_promises(dst, r);
     write_reading(dst, r);
     write_runs(dst, r);
     write_record(dst, r);
