@@ -19,11 +19,11 @@ typedef struct plan {
 } plan;
 
 typedef struct generator {
+    const rx_feed_params *par;
     rx_ranks *ranks;
     rx_feed_maker *make;
     void *user;
-    int side, total, run; /* run: images of one bin that share a field */
-    int ahead;
+    int run;            /* images of one bin that share a field */
     bool open, over;    /* an epoch has begun; the trainer has ended */
     plan now, then;     /* the epoch, and the guess at the next one */
     rx_sample **kept;   /* [then.next] made for the next one */
@@ -33,14 +33,26 @@ typedef struct generator {
 
 /* --- plans --- */
 
-/* Runs of all bins are dealt out like cards; along the diagonal of the grid, so that no generator gets all
- * the wide PSFs, and from another one on in each epoch. */
+/* Images of one bin that share a field (train/scenes.h). */
+static int run_length(const rx_feed_params *par)
+{
+    int fields = par->scenes.side > 0 ? par->scenes.field_side / par->scenes.side : 0;
+    return fields * fields;
+}
+
+/* Runs of all bins are dealt out like cards, along the diagonal of the grid, so that no generator gets all
+ * the wide PSFs, and from another one on whenever the fields change. */
+int rx_feed_owner(const rx_feed_params *par, rx_sample_id id, int generators)
+{
+    unsigned n = (unsigned)generators, run = (unsigned)run_length(par);
+    unsigned deal = id.bin + id.bin / n + id.set + id.index / run + id.epoch / (unsigned)par->scenes.uses;
+    return (int)(deal % n);
+}
+
 static bool is_mine(const generator *gen, rx_sample_id id)
 {
-    int first = rx_ranks_trainers(gen->ranks);
-    unsigned n = (unsigned)(rx_ranks_count(gen->ranks) - first);
-    unsigned deal = id.bin + id.bin / n + id.set + id.index / (unsigned)gen->run + id.epoch;
-    return deal % n == (unsigned)(rx_ranks_rank(gen->ranks) - first);
+    int first = rx_ranks_trainers(gen->ranks), generators = rx_ranks_count(gen->ranks) - first;
+    return rx_feed_owner(gen->par, id, generators) == rx_ranks_rank(gen->ranks) - first;
 }
 
 static int compare_jobs(const void *a, const void *b)
@@ -108,7 +120,7 @@ static void guess_next(const generator *gen, rx_feed_counts *dst)
     for (int set = RX_SET_TRAIN; set <= RX_SET_TEST && dst->active; set++)
         for (int bin = 0; bin < dst->nbins; bin++) {
             int more = dst->count[set][bin] + dst->count[set][bin] / 8 + 2;
-            dst->count[set][bin] = more < gen->total ? more : gen->total;
+            dst->count[set][bin] = more < gen->par->grid.total ? more : gen->par->grid.total;
         }
     rx_feed_lay_out(dst);
 }
@@ -136,9 +148,9 @@ static void clear_ahead(generator *gen)
 
 static rx_status make_image(generator *gen, rx_sample_id id, rx_sample **dst, rx_error *err)
 {
-    *dst = rx_sample_new(gen->side);
+    *dst = rx_sample_new(gen->par->scenes.side);
     if (!*dst)
-        return rx_error_memory(err, rx_sample_bytes(gen->side));
+        return rx_error_memory(err, rx_sample_bytes(gen->par->scenes.side));
     (*dst)->id = id;
     rx_status status = gen->make(gen->user, id, *dst, err);
     (*dst)->id = id;
@@ -153,7 +165,7 @@ static rx_status send_image(generator *gen, rx_sample *sample, long at, rx_error
 {
     gen->made++;
     return rx_ranks_give(gen->ranks, (int)(at % rx_ranks_trainers(gen->ranks)), RX_FEED_IMAGE, sample,
-                         rx_sample_bytes(gen->side), err);
+                         rx_sample_bytes(gen->par->scenes.side), err);
 }
 
 static rx_status say_complete(generator *gen, rx_error *err)
@@ -189,7 +201,7 @@ static bool may_work_ahead(const generator *gen)
     long waiting = gen->now.counts.all - gen->used;
     long generators = rx_ranks_count(gen->ranks) - rx_ranks_trainers(gen->ranks);
     return gen->open && gen->then.next < gen->then.njobs &&
-           gen->then.next < (gen->ahead - waiting) / generators;
+           gen->then.next < (gen->par->ahead - waiting) / generators;
 }
 
 /* --- what the trainer says --- */
@@ -279,18 +291,12 @@ rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_f
                                 rx_error *err)
 {
     rx_error why = RX_ERROR_NONE;
-    int fields = par->scenes.field_side / par->scenes.side;
-    generator gen = {.ranks = ranks,
-                     .make = make,
-                     .user = user,
-                     .side = par->scenes.side,
-                     .total = par->grid.total,
-                     .run = fields * fields * par->scenes.uses,
-                     .ahead = par->ahead};
+    generator gen = {.par = par, .ranks = ranks, .make = make, .user = user, .run = run_length(par)};
     rx_status status = RX_OK;
-    if (gen.run < 1)
-        status = rx_error_set(&why, RX_USAGE, "a field of %d pixels holds no image of %d pixels",
-                              par->scenes.field_side, par->scenes.side);
+    if (gen.run < 1 || par->scenes.uses < 1)
+        status =
+            rx_error_set(&why, RX_USAGE, "a field of %d pixels holds no image of %d pixels, or %d uses of it",
+                         par->scenes.field_side, par->scenes.side, par->scenes.uses);
     while (status == RX_OK && !gen.over) {
         status = listen_to_trainer(&gen, &why);
         if (status != RX_OK || gen.over)

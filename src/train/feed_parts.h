@@ -38,6 +38,9 @@ long rx_feed_place(const rx_feed_counts *counts, rx_sample_id id);
 rx_status rx_feed_positions(const rx_feed_counts *counts, const rx_pick *order, long n, long *position,
                             rx_error *err);
 
+/* Which generator (0 .. generators-1) makes an image: images of one field are made by one of them. */
+int rx_feed_owner(const rx_feed_params *par, rx_sample_id id, int generators);
+
 /* rx_feed_generate() with any maker of images. */
 typedef rx_status rx_feed_maker(void *user, rx_sample_id id, rx_sample *dst, rx_error *err);
 rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_feed_maker *make, void *user,
