@@ -1,0 +1,297 @@
+/* PSF-NET's shapes: cost, definition, and that a pixel's value does not depend on the plane around it. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/random.h"
+#include "nn/psfnet.h"
+#include "nn/runner.h"
+#include "reference.h"
+
+static const char *const stems[] = {"UNSHUFFLE", "CONV"};
+static const char *const decoders[] = {"BILINEAR", "TRANSPOSED", "SUBPIXEL"};
+enum { STEMS = 2, DECODERS = 3 };
+
+static rx_psfnet_shape shape_of(int stem, int decoder, int width, int blocks)
+{
+    return (rx_psfnet_shape){.stem = (rx_stem)stem,
+                             .decoder = (rx_decoder)decoder,
+                             .width = width,
+                             .blocks = blocks,
+                             .stem_kernel = 3,
+                             .kernel = 3};
+}
+
+static rx_net *make(const rx_psfnet_shape *shape, int inputs)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_net *net = NULL;
+    if (rx_psfnet_new(shape, inputs, &net, &err))
+        fail_msg("%s", err.text);
+    rx_net_initialise(net, 8, 1, 0.3, 0.5);
+    return net;
+}
+
+/* Multiplications per pixel by hand, w = 8 with three planes of input: */
+static void test_cost(void **state)
+{
+    (void)state;
+    /* trunk 12 convolutions 32 to 32 at 1/16 of the pixels, half-resolution residual 2 of 16 to 16 at 1/4 */
+    const double trunk = 12 * 9216. / 16, residual = 2 * 2304 / 4.;
+    const double stem[] = {12 * 16 * 9 / 4. + 16 * 32 * 9 / 16.,
+                           3 * 8 * 9 + 8 * 16 * 9 / 4. + 16 * 32 * 9 / 16.};
+    const double end[] = {32 * 16 / 16. + 4 * 16 * 9 / 4., 32 * 16 * 16 / 16. + 16 * 16 / 4.,
+                          32 * 64 * 9 / 16. + 16 * 4 * 9 / 4.};
+    for (int s = 0; s < STEMS; s++)
+        for (int d = 0; d < DECODERS; d++)
+            for (int width = 8; width <= 16; width *= 2) {
+                rx_psfnet_shape shape = shape_of(s, d, width, 6);
+                rx_net *net = make(&shape, 3);
+                double macs = rx_net_macs(net);
+                print_message("stem %-9s decoder %-10s width %2d: %6.0f multiplications per pixel, %6ld "
+                              "parameters, halo %d\n",
+                              stems[s], decoders[d], width, macs, net->nparams, rx_net_halo(net));
+                if (width == 8)
+                    assert_true(fabs(macs - (trunk + residual + stem[s] + end[d])) < 1e-6);
+                assert_int_equal(rx_net_levels(net), 2);
+                assert_int_equal(net->node[net->nnodes - 1].level, 0);
+                assert_int_equal(net->node[net->nnodes - 1].channels, 1);
+                rx_net_free(net);
+            }
+}
+
+static void test_refused(void **state)
+{
+    (void)state;
+    rx_error err = RX_ERROR_NONE;
+    rx_net *net = NULL;
+    struct {
+        rx_psfnet_shape shape;
+        int inputs;
+        const char *text;
+    } cases[] = {{shape_of(0, 0, 0, 6), 1, "width 0"}, {shape_of(0, 0, 129, 6), 1, "width 129"},
+                 {shape_of(0, 0, 8, -1), 1, "blocks"}, {shape_of(0, 0, 8, 28), 1, "blocks"},
+                 {shape_of(0, 0, 8, 6), 0, "0 input"}, {shape_of(0, 0, 8, 6), 1024, "1024 input"},
+                 {shape_of(0, 0, 8, 6), 1, "4 and 3"}, {shape_of(0, 0, 8, 6), 1, "3 and 17"}};
+    cases[6].shape.stem_kernel = 4;
+    cases[7].shape.kernel = 17;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        assert_int_equal(rx_psfnet_new(&cases[i].shape, cases[i].inputs, &net, &err), RX_USAGE);
+        assert_null(net);
+        assert_non_null(strstr(err.text, cases[i].text));
+    }
+    for (int s = 0; s < STEMS; s++)
+        for (int d = 0; d < DECODERS; d++) {
+            rx_psfnet_shape most = shape_of(s, d, 1, 27);
+            rx_net_free(make(&most, 1));
+        }
+}
+
+/* The whole network, also with widths that fill no vector, against the definition. */
+static void test_definition(void **state)
+{
+    (void)state;
+    enum { H = 16, W = 20 };
+    for (int s = 0; s < STEMS; s++)
+        for (int d = 0; d < DECODERS; d++)
+            for (int width = 5; width <= 8; width += 3) {
+                rx_psfnet_shape shape = shape_of(s, d, width, 2);
+                shape.stem_kernel = width == 5 ? 7 : 3;
+                rx_net *net = make(&shape, 3);
+                reference *ref = reference_new(net, H, W);
+                double *params = calloc((size_t)net->nparams, sizeof *params), most = 0, worst = 0;
+                rx_runner *r = NULL;
+                assert_int_equal(rx_runner_new(net, H, W, 0, RX_F32, &r, NULL), RX_OK);
+                for (long i = 0; i < net->nparams; i++)
+                    params[i] = (double)net->params[i];
+                for (long i = 0; i < H * W * 3L; i++) {
+                    rx_runner_input(r)[i] = (float)rx_random_normal(1, 2, (uint64_t)i);
+                    ref->node[0].value[i] = (double)rx_runner_input(r)[i];
+                }
+                reference_forward(ref, params);
+                assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+                for (long i = 0; i < H * W * 1L; i++) {
+                    double want = reference_output(ref)->value[i];
+                    most = fmax(most, fabs(want));
+                    worst = fmax(worst, fabs((double)rx_runner_output(r)[i] - want));
+                }
+                assert_true(most > 0.1 && worst < 1e-5 * most);
+                rx_runner_free(r);
+                free(params);
+                reference_free(ref);
+                rx_net_free(net);
+            }
+}
+
+/* ---- the plane around a pixel ---- */
+
+typedef struct field {
+    int height, width, inputs;
+    float *in, *out;
+} field;
+
+/* A window of the field through the network; counts the pixels beyond the halo that differ from the whole. */
+static long differs(const rx_net *net, const field *f, int y0, int x0, int height, int width,
+                    rx_precision precision)
+{
+    rx_runner *r = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_runner_new(net, height, width, 0, precision, &r, &err))
+        fail_msg("%s", err.text);
+    for (int y = 0; y < height; y++)
+        memcpy(rx_runner_input(r) + (long)y * width * f->inputs,
+               f->in + ((long)(y0 + y) * f->width + x0) * f->inputs,
+               (size_t)(width * f->inputs) * sizeof(float));
+    assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+    /* A window's side that lies on the field's border has no halo: both see the same border. */
+    int halo = rx_net_halo(net);
+    int top = y0 > 0 ? halo : 0, bottom = y0 + height < f->height ? height - halo : height;
+    int left = x0 > 0 ? halo : 0, right = x0 + width < f->width ? width - halo : width;
+    long bad = 0;
+    assert_true(top < bottom && left < right);
+    for (int y = top; y < bottom; y++)
+        bad += memcmp(rx_runner_output(r) + (long)y * width + left,
+                      f->out + (long)(y0 + y) * f->width + x0 + left,
+                      (size_t)(right - left) * sizeof(float)) != 0;
+    rx_runner_free(r);
+    return bad;
+}
+
+static field field_of(const rx_net *net, int height, int width, rx_precision precision)
+{
+    rx_runner *r = NULL;
+    field f = {.height = height, .width = width, .inputs = net->node[0].channels};
+    size_t n = (size_t)height * (size_t)width;
+    f.in = malloc(n * (size_t)f.inputs * sizeof(float));
+    f.out = malloc(n * sizeof(float));
+    for (size_t i = 0; i < n * (size_t)f.inputs; i++)
+        f.in[i] = (float)rx_random_normal(6, 6, i);
+    assert_int_equal(rx_runner_new(net, height, width, 0, precision, &r, NULL), RX_OK);
+    memcpy(rx_runner_input(r), f.in, n * (size_t)f.inputs * sizeof(float));
+    assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+    memcpy(f.out, rx_runner_output(r), n * sizeof(float));
+    rx_runner_free(r);
+    return f;
+}
+
+/* Windows of many sizes, at all kinds of places, some at the field's border. */
+static void check_shifts(const rx_net *net, rx_precision precision, int *windows)
+{
+    enum { H = 200, W = 1028 };
+    field f = field_of(net, H, W, precision);
+    int halo = rx_net_halo(net);
+    for (int k = 0; k < 24; k++) {
+        int height = 2 * halo + 4 + 4 * (k % 9), width = 2 * halo + 4 + (k < 18 ? 4 * k : 36 * k);
+        height = height < H ? height : H;
+        width = width < W ? width : W;
+        int y0 = 4 * (int)(rx_random_uniform(1, 1, (uint64_t)k) * ((H - height) / 4 + 1));
+        int x0 = 4 * (int)(rx_random_uniform(1, 2, (uint64_t)k) * ((W - width) / 4 + 1));
+        if (k % 6 == 5)
+            y0 = x0 = 0;
+        assert_int_equal(differs(net, &f, y0, x0, height, width, precision), 0);
+        ++*windows;
+    }
+    free(f.in);
+    free(f.out);
+}
+
+static void check_all_shapes(int width, int inputs, int blocks, int kernel)
+{
+    int windows = 0;
+    for (int s = 0; s < STEMS; s++)
+        for (int d = 0; d < DECODERS; d++)
+            for (int p = RX_F32; p <= (rx_runner_has_bf16() ? RX_BF16 : RX_F32); p++) {
+                rx_psfnet_shape shape = shape_of(s, d, width, blocks);
+                shape.stem_kernel = kernel;
+                rx_net *net = make(&shape, inputs);
+                check_shifts(net, (rx_precision)p, &windows);
+                rx_net_free(net);
+            }
+    print_message("width %d, %d planes: %d windows, the same bits\n", width, inputs, windows);
+}
+
+static void test_shifts_narrow(void **state)
+{
+    (void)state;
+    check_all_shapes(8, 3, 1, 3);
+    check_all_shapes(8, 1, 1, 7);
+}
+
+static void test_shifts_wide(void **state)
+{
+    (void)state;
+    check_all_shapes(16, 3, 1, 3);
+    check_all_shapes(16, 2, 1, 3);
+}
+
+static void test_shifts_odd(void **state)
+{
+    (void)state;
+    check_all_shapes(5, 2, 1, 3);
+}
+
+/* The depth that is used, once. */
+static void test_shifts_deep(void **state)
+{
+    (void)state;
+    rx_psfnet_shape shape = shape_of(RX_STEM_UNSHUFFLE, RX_DECODER_BILINEAR, 8, 6);
+    rx_net *net = make(&shape, 3);
+    int windows = 0;
+    for (int p = RX_F32; p <= (rx_runner_has_bf16() ? RX_BF16 : RX_F32); p++)
+        check_shifts(net, (rx_precision)p, &windows);
+    rx_net_free(net);
+}
+
+/* A value outside of the halo does not matter, one inside can: halos are no larger than they must be. */
+static void test_reach(void **state)
+{
+    (void)state;
+    for (int s = 0; s < STEMS; s++)
+        for (int d = 0; d < DECODERS; d++) {
+            rx_psfnet_shape shape = shape_of(s, d, 8, 1);
+            rx_net *net = make(&shape, 1);
+            int halo = rx_net_halo(net), side = 2 * halo + 8, from = halo + 4;
+            for (long i = 0; i < net->nparams; i++)
+                net->params[i] = fabsf(net->params[i]) + 0.01F;
+            rx_runner *r = NULL;
+            float before[16];
+            int changed[2] = {0, 0};
+            assert_int_equal(rx_runner_new(net, side, side, 0, RX_F32, &r, NULL), RX_OK);
+            for (int turn = 0; turn < 3; turn++) {
+                for (int i = 0; i < side * side; i++)
+                    rx_runner_input(r)[i] = 1;
+                for (int y = 0; y < side && turn > 0; y++)
+                    for (int x = from - halo - 4; x < from - halo + 4 * (turn - 1); x++)
+                        rx_runner_input(r)[y * side + x] = 1000;
+                assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+                for (int k = 0; k < 16; k++) {
+                    float value = rx_runner_output(r)[(from + k / 4) * side + from + k % 4];
+                    if (turn == 0)
+                        before[k] = value;
+                    else
+                        changed[turn - 1] += value != before[k];
+                }
+            }
+            assert_int_equal(changed[0], 0);
+            assert_true(changed[1] > 0);
+            rx_runner_free(r);
+            rx_net_free(net);
+        }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_cost),        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_definition),  cmocka_unit_test(test_shifts_narrow),
+        cmocka_unit_test(test_shifts_wide), cmocka_unit_test(test_shifts_odd),
+        cmocka_unit_test(test_shifts_deep), cmocka_unit_test(test_reach),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

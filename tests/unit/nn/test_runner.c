@@ -1,0 +1,660 @@
+/* The runner against the definition: every operation forward and backward, random graphs, errors, threads. */
+#include <math.h>
+#include <pthread.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+#include "base/random.h"
+#include "nn/runner.h"
+#include "reference.h"
+
+static rx_net *make(const rx_node *nodes, int n, uint64_t seed)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_net *net = NULL;
+    if (rx_net_new(nodes, n, &net, &err))
+        fail_msg("%s", err.text);
+    rx_net_initialise(net, seed, 1, 1, 1);
+    for (int i = 1; i < n; i++)
+        for (int c = 0; net->node[i].weight >= 0 && c < net->node[i].channels; c++)
+            net->params[net->node[i].bias + c] =
+                (float)(0.3 * rx_random_normal(seed, 2, (uint64_t)(c + 99 * i)));
+    return net;
+}
+
+static rx_runner *runner(const rx_net *net, int height, int width, int backward, rx_precision precision)
+{
+    rx_error err = RX_ERROR_NONE;
+    rx_runner *r = NULL;
+    if (rx_runner_new(net, height, width, backward, precision, &r, &err))
+        fail_msg("%s", err.text);
+    return r;
+}
+
+static void forward(rx_runner *r)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (rx_runner_forward(r, &err))
+        fail_msg("%s", err.text);
+}
+
+static void backward(rx_runner *r, float *dparams, int want_input)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (rx_runner_backward(r, dparams, want_input, &err))
+        fail_msg("%s", err.text);
+}
+
+/* The largest difference as a fraction of the largest value (of `least` at least). */
+static double difference(const float *got, const double *want, long n, double least)
+{
+    double most = least, worst = 0;
+    for (long i = 0; i < n; i++) {
+        double d = fabs((double)got[i] - want[i]);
+        most = fmax(most, fabs(want[i]));
+        worst = d > worst || isnan(d) ? d : worst;
+    }
+    return n == 0 ? 0 : worst / most;
+}
+
+typedef struct both {
+    reference *ref;
+    double *params, *dparams;
+} both;
+
+static both reference_of(const rx_net *net, int height, int width)
+{
+    both b = {reference_new(net, height, width), calloc((size_t)net->nparams + 1, sizeof(double)),
+              calloc((size_t)net->nparams + 1, sizeof(double))};
+    for (long i = 0; i < net->nparams; i++)
+        b.params[i] = (double)net->params[i];
+    return b;
+}
+
+static void both_free(both *b)
+{
+    reference_free(b->ref);
+    free(b->params);
+    free(b->dparams);
+}
+
+static void random_values(float *values, double *copy, long n, uint64_t stream)
+{
+    for (long i = 0; i < n; i++) {
+        values[i] = (float)rx_random_normal(5, stream, (uint64_t)i);
+        copy[i] = (double)values[i];
+    }
+}
+
+/* A value within rounding of 0 may be cut here and not there; such a pixel would carry a gradient in one of
+ * the two only. */
+static int near_a_cut(const reference *ref)
+{
+    for (int i = 1; i < ref->net->nnodes; i++)
+        for (long k = 0; ref->net->node[i].relu && k < ref_size(&ref->node[i]); k++)
+            if (ref->node[i].value[k] != 0 && fabs(ref->node[i].value[k]) < 1e-6)
+                return 1;
+    return 0;
+}
+
+/* Forward without and with gradients, backward, against the reference. */
+static void check(const rx_net *net, int height, int width)
+{
+    const double tolerance = 2e-5;
+    both b = reference_of(net, height, width);
+    ref_plane *in = &b.ref->node[0], *out = reference_output(b.ref);
+    rx_runner *r = runner(net, height, width, 1, RX_F32), *plain = runner(net, height, width, 0, RX_F32);
+    float *dparams = calloc((size_t)net->nparams + 1, sizeof *dparams);
+    random_values(rx_runner_input(r), in->value, ref_size(in), 6);
+    memcpy(rx_runner_input(plain), rx_runner_input(r), (size_t)ref_size(in) * sizeof(float));
+    reference_forward(b.ref, b.params);
+    forward(r);
+    forward(plain);
+    assert_true(difference(rx_runner_output(r), out->value, ref_size(out), 1) < tolerance);
+    assert_memory_equal(rx_runner_output(plain), rx_runner_output(r), (size_t)ref_size(out) * sizeof(float));
+    if (!near_a_cut(b.ref)) {
+        random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 7);
+        reference_backward(b.ref, b.params, b.dparams);
+        backward(r, dparams, 1);
+        assert_true(difference(rx_runner_input_gradient(r), in->gradient, ref_size(in), 1) < tolerance);
+        assert_true(difference(dparams, b.dparams, net->nparams, 1) < tolerance);
+    }
+    /* What a caller does not ask for changes nothing, and gradients of parameters add up. */
+    random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 7);
+    float *once = calloc((size_t)net->nparams + 1, sizeof *once);
+    forward(r);
+    backward(r, once, 0);
+    random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 7);
+    for (long i = 0; i < net->nparams; i++)
+        b.dparams[i] = 2 * (double)once[i];
+    backward(r, once, 0);
+    assert_true(difference(once, b.dparams, net->nparams, 1) < 1e-6);
+    free(once);
+    free(dparams);
+    rx_runner_free(plain);
+    rx_runner_free(r);
+    both_free(&b);
+}
+
+static const rx_node no_node = {.src = 0, .add = -1};
+
+static rx_node node(rx_op op, int src, int channels, int kernel, int stride)
+{
+    rx_node n = no_node;
+    n.op = op;
+    n.src = op == RX_OP_INPUT ? -1 : src;
+    n.channels = channels;
+    n.kernel = kernel;
+    n.stride = stride;
+    return n;
+}
+
+static void check_nodes(const rx_node *nodes, int n, int height, int width)
+{
+    rx_net *net = make(nodes, n, (uint64_t)(n + 7 * height));
+    check(net, height, width);
+    rx_net_free(net);
+}
+
+static const int channels[] = {1, 3, 12, 16, 32};
+enum { CHANNELS = sizeof channels / sizeof channels[0] };
+
+static void test_conv(void **state)
+{
+    (void)state;
+    for (int a = 0; a < CHANNELS; a++)
+        for (int b = 0; b < CHANNELS; b++)
+            for (int k = 1; k <= 7; k += 2)
+                for (int stride = 1; stride <= 2; stride++) {
+                    rx_node nodes[] = {node(RX_OP_INPUT, 0, channels[a], 0, 0),
+                                       node(RX_OP_CONV, 0, channels[b], k, stride)};
+                    nodes[1].relu = (a + b) % 2;
+                    check_nodes(nodes, 2, 10, 12);
+                }
+}
+
+static void test_transposed(void **state)
+{
+    (void)state;
+    for (int a = 0; a < CHANNELS; a++)
+        for (int b = 0; b < CHANNELS; b++)
+            for (int k = 2; k <= 6; k += 2) {
+                rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_CONV, 0, channels[b], 1, 1),
+                                   node(RX_OP_CONV, 0, channels[a], 1, 2),
+                                   node(RX_OP_TRANSPOSED, 2, channels[b], k, 2)};
+                nodes[3].relu = k == 4;
+                nodes[3].add = 1;
+                check_nodes(nodes, 4, 8, 12);
+            }
+}
+
+static void test_shuffles(void **state)
+{
+    (void)state;
+    for (int a = 0; a < CHANNELS; a++) {
+        int c = channels[a];
+        rx_node nodes[] = {node(RX_OP_INPUT, 0, c, 0, 0), node(RX_OP_UNSHUFFLE, 0, 4 * c, 0, 0),
+                           node(RX_OP_CONV, 1, 4 * c, 1, 1), node(RX_OP_SHUFFLE, 2, c, 0, 0)};
+        nodes[1].relu = nodes[3].relu = 1;
+        nodes[3].add = 0;
+        check_nodes(nodes, 4, 6, 10);
+        rx_node more[] = {nodes[0], node(RX_OP_CONV, 0, 4 * c, 3, 2), nodes[1], nodes[2]};
+        more[2].add = 1;
+        more[3].src = 2;
+        check_nodes(more, 4, 6, 10);
+    }
+}
+
+static void test_up2(void **state)
+{
+    (void)state;
+    for (int a = 0; a < CHANNELS; a++)
+        for (int relu = 0; relu < 2; relu++) {
+            int c = channels[a];
+            rx_node nodes[] = {node(RX_OP_INPUT, 0, c, 0, 0), node(RX_OP_CONV, 0, c, 3, 2),
+                               node(RX_OP_UP2, 1, c, 0, 0)};
+            nodes[2].relu = relu;
+            nodes[2].add = relu ? 0 : -1;
+            check_nodes(nodes, 3, 10, 6);
+            check_nodes(nodes, 3, 2, 2);
+            check_nodes(nodes, 3, 2, 8);
+        }
+}
+
+static void test_upconv(void **state)
+{
+    (void)state;
+    for (int a = 0; a < CHANNELS; a++)
+        for (int b = 0; b < CHANNELS; b++)
+            for (int relu = 0; relu < 2; relu++) {
+                rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_CONV, 0, channels[b], 1, 1),
+                                   node(RX_OP_CONV, 0, channels[a], 3, 2),
+                                   node(RX_OP_UPCONV, 2, channels[b], 3, 1)};
+                nodes[3].relu = relu;
+                nodes[3].add = 1;
+                check_nodes(nodes, 4, 8, 6);
+                check_nodes(nodes, 4, 2, 2);
+            }
+}
+
+/* Which way round kernels lie, by hand: a single pixel spreads into the mirrored kernel of a convolution and
+ * into the kernel itself of a transposed one. */
+static void test_orientation(void **state)
+{
+    (void)state;
+    rx_node nodes[] = {node(RX_OP_INPUT, 0, 1, 0, 0), node(RX_OP_CONV, 0, 1, 3, 1)};
+    rx_net *net = make(nodes, 2, 1);
+    for (int k = 0; k < 9; k++)
+        net->params[k] = (float)(k + 1);
+    net->params[9] = 0.5F;
+    rx_runner *r = runner(net, 5, 5, 0, RX_F32);
+    rx_runner_input(r)[2 * 5 + 2] = 1;
+    forward(r);
+    for (int v = 0; v < 3; v++)
+        for (int u = 0; u < 3; u++)
+            assert_true(rx_runner_output(r)[(3 - v) * 5 + 3 - u] == (float)(3 * v + u + 1) + 0.5F);
+    assert_true(rx_runner_output(r)[0] == 0.5F);
+    rx_runner_free(r);
+    rx_net_free(net);
+
+    rx_node up[] = {nodes[0], node(RX_OP_CONV, 0, 1, 1, 2), node(RX_OP_TRANSPOSED, 1, 1, 4, 2)};
+    net = make(up, 3, 1);
+    net->params[0] = 1;
+    net->params[1] = 0;
+    for (int k = 0; k < 16; k++)
+        net->params[2 + k] = (float)(k + 1);
+    net->params[18] = 0;
+    r = runner(net, 8, 8, 0, RX_F32);
+    rx_runner_input(r)[2 * 8 + 4] = 1; /* (1, 2) at half resolution: 4x4 pixels from (1, 3) on */
+    forward(r);
+    for (int k = 0; k < 16; k++)
+        assert_true(rx_runner_output(r)[(1 + k / 4) * 8 + 3 + k % 4] == (float)(k + 1));
+    assert_true(rx_runner_output(r)[0] == 0);
+    rx_runner_free(r);
+    rx_net_free(net);
+}
+
+static int below(uint64_t seed, uint64_t counter, int n)
+{
+    return (int)(rx_random_uniform(seed, 77, counter) * n);
+}
+
+/* Random graphs: planes that are used several times, far later, added to their own source's result: what
+ * shares memory must not be needed any more. */
+static int random_graph(uint64_t seed, rx_node *nodes)
+{
+    int n = 1, level[RX_NET_NODES] = {0};
+    nodes[0] = node(RX_OP_INPUT, 0, 4, 0, 0);
+    for (uint64_t at = 0; n < 14; at += 8) {
+        int src = below(seed, at, n), kind = below(seed, at + 1, 7), c = nodes[src].channels;
+        rx_node next = node(RX_OP_CONV, src, 4 << below(seed, at + 2, 2), 3, 1);
+        level[n] = level[src];
+        if (kind == 0 && level[src] < 2) {
+            next.stride = 2;
+            level[n]++;
+        } else if (kind == 1 && level[src] < 2 && c <= 4) {
+            next = node(RX_OP_UNSHUFFLE, src, 4 * c, 0, 0);
+            level[n]++;
+        } else if (kind >= 2 && kind <= 5 && level[src] > 0) {
+            const rx_op ops[] = {RX_OP_UP2, RX_OP_TRANSPOSED, RX_OP_UPCONV, RX_OP_SHUFFLE};
+            next = node(ops[kind - 2], src, kind == 2 ? c : 4, kind == 3 ? 4 : 3, 2);
+            if (kind == 5)
+                next.channels = c / 4;
+            level[n]--;
+        }
+        for (int k = n - 1; k >= 0 && next.add < 0; k--)
+            if (level[k] == level[n] && nodes[k].channels == next.channels && below(seed, at + 3, 3) > 0)
+                next.add = k;
+        next.relu = below(seed, at + 4, 2);
+        nodes[n++] = next;
+    }
+    /* Dead ends are not allowed: bring all of them to one level and sum them up. */
+    for (int i = 0; i < 14; i++) {
+        int used = i == 13;
+        for (int k = i + 1; k < n; k++)
+            used |= nodes[k].src == i || nodes[k].add == i;
+        if (used)
+            continue;
+        int end = i;
+        for (int l = level[i]; l > 0; l--) {
+            nodes[n] = node(RX_OP_UPCONV, end, 2, 3, 1);
+            end = n++;
+        }
+        nodes[n++] = node(RX_OP_CONV, end, 2, 1, 1);
+    }
+    int sum = 13;
+    for (int l = level[13]; l > 0; l--) {
+        nodes[n] = node(RX_OP_UPCONV, sum, 2, 3, 1);
+        sum = n++;
+    }
+    nodes[n] = node(RX_OP_CONV, sum, 2, 1, 1);
+    sum = n++;
+    for (int i = 14; i < n - 1; i++) {
+        int used = 0;
+        for (int k = i + 1; k < n; k++)
+            used |= nodes[k].src == i || nodes[k].add == i;
+        if (!used) {
+            nodes[n] = node(RX_OP_CONV, sum, 2, 1, 1);
+            nodes[n].add = i;
+            sum = n++;
+        }
+    }
+    return n;
+}
+
+static void test_random_graphs(void **state)
+{
+    (void)state;
+    int most = 0;
+    for (uint64_t seed = 0; seed < 60; seed++) {
+        rx_node nodes[RX_NET_NODES];
+        int n = random_graph(seed, nodes);
+        assert_true(n < RX_NET_NODES);
+        most = n > most ? n : most;
+        check_nodes(nodes, n, 8, 12);
+    }
+    assert_true(most > 20);
+}
+
+/* Gradients against differences of the reference in double, along a random direction. */
+static void test_finite_differences(void **state)
+{
+    (void)state;
+    rx_node nodes[] = {
+        node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_UNSHUFFLE, 0, 12, 0, 0), node(RX_OP_CONV, 1, 16, 3, 1),
+        node(RX_OP_CONV, 2, 32, 3, 2), node(RX_OP_CONV, 3, 32, 3, 1),      node(RX_OP_CONV, 4, 32, 3, 1),
+        node(RX_OP_CONV, 5, 16, 1, 1), node(RX_OP_UP2, 6, 16, 0, 0),       node(RX_OP_UPCONV, 7, 1, 3, 1)};
+    nodes[2].relu = nodes[3].relu = nodes[4].relu = nodes[7].relu = 1;
+    nodes[5].add = 3;
+    nodes[7].add = 2;
+    enum { N = 9, SIDE = 16 };
+    rx_net *net = make(nodes, N, 4);
+    both b = reference_of(net, SIDE, SIDE);
+    ref_plane *in = &b.ref->node[0], *out = reference_output(b.ref);
+    rx_runner *r = runner(net, SIDE, SIDE, 1, RX_F32);
+    float *dparams = calloc((size_t)net->nparams, sizeof *dparams);
+    random_values(rx_runner_input(r), in->value, ref_size(in), 6);
+    forward(r);
+    random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 8);
+    backward(r, dparams, 1);
+    const double step = 1e-7;
+    for (int by_input = 0; by_input < 2; by_input++) {
+        double *value = by_input ? in->value : b.params, loss[2] = {0}, slope = 0;
+        const float *gradient = by_input ? rx_runner_input_gradient(r) : dparams;
+        long n = by_input ? ref_size(in) : net->nparams;
+        for (int side = 0; side < 2; side++) {
+            for (long i = 0; i < n; i++)
+                value[i] += (side ? -2 : 1) * step * rx_random_normal(9, 1, (uint64_t)i);
+            reference_forward(b.ref, b.params);
+            for (long i = 0; i < ref_size(out); i++)
+                loss[side] += out->value[i] * out->gradient[i];
+        }
+        for (long i = 0; i < n; i++) {
+            slope += (double)gradient[i] * rx_random_normal(9, 1, (uint64_t)i);
+            value[i] += step * rx_random_normal(9, 1, (uint64_t)i);
+        }
+        double want = (loss[0] - loss[1]) / (2 * step);
+        assert_true(fabs(want) > 0.1);
+        assert_true(fabs(slope - want) < 1e-4 * fabs(want));
+    }
+    free(dparams);
+    rx_runner_free(r);
+    both_free(&b);
+    rx_net_free(net);
+}
+
+/* Only the gradient by the input is wanted: the same bytes, and no array for the parameters. */
+static void test_input_gradient_alone(void **state)
+{
+    (void)state;
+    rx_node nodes[] = {node(RX_OP_INPUT, 0, 2, 0, 0), node(RX_OP_CONV, 0, 8, 3, 1),
+                       node(RX_OP_CONV, 1, 2, 3, 1)};
+    nodes[2].add = 0;
+    rx_net *net = make(nodes, 3, 2);
+    rx_runner *r = runner(net, 8, 8, 1, RX_F32);
+    float *dparams = calloc((size_t)net->nparams, sizeof *dparams), first[128];
+    for (int i = 0; i < 128; i++)
+        rx_runner_input(r)[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
+    forward(r);
+    for (int turn = 0; turn < 2; turn++) {
+        for (int i = 0; i < 128; i++)
+            rx_runner_output_gradient(r)[i] = (float)rx_random_normal(2, 1, (uint64_t)i);
+        backward(r, turn ? NULL : dparams, 1);
+        if (turn == 0)
+            memcpy(first, rx_runner_input_gradient(r), sizeof first);
+    }
+    assert_memory_equal(first, rx_runner_input_gradient(r), sizeof first);
+    free(dparams);
+    rx_runner_free(r);
+    rx_net_free(net);
+}
+
+static void test_load(void **state)
+{
+    (void)state;
+    rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_CONV, 0, 8, 3, 2),
+                       node(RX_OP_TRANSPOSED, 1, 8, 4, 2), node(RX_OP_CONV, 2, 8, 3, 2),
+                       node(RX_OP_UPCONV, 3, 2, 3, 1)};
+    rx_net *one = make(nodes, 5, 1), *two = make(nodes, 5, 2);
+    rx_runner *a = runner(one, 8, 8, 0, RX_F32), *b = runner(two, 8, 8, 0, RX_F32);
+    for (int i = 0; i < 192; i++)
+        rx_runner_input(a)[i] = rx_runner_input(b)[i] = (float)i / 100;
+    forward(a);
+    forward(b);
+    assert_memory_not_equal(rx_runner_output(a), rx_runner_output(b), 128 * sizeof(float));
+    assert_int_equal(rx_runner_load(a, two->params, NULL), RX_OK);
+    forward(a);
+    assert_memory_equal(rx_runner_output(a), rx_runner_output(b), 128 * sizeof(float));
+    rx_runner_free(a);
+    rx_runner_free(b);
+    rx_net_free(one);
+    rx_net_free(two);
+}
+
+static void test_refused(void **state)
+{
+    (void)state;
+    rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_CONV, 0, 8, 3, 2),
+                       node(RX_OP_CONV, 1, 8, 3, 2)};
+    rx_net *net = make(nodes, 3, 1);
+    const int sizes[][2] = {{0, 8}, {8, 0}, {-4, 8}, {6, 8}, {8, 10}, {1 << 24, 8}, {8, 1 << 24}};
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+        rx_error err = RX_ERROR_NONE;
+        rx_runner *r = NULL;
+        assert_int_equal(rx_runner_new(net, sizes[i][0], sizes[i][1], 0, RX_F32, &r, &err), RX_INPUT);
+        assert_null(r);
+        assert_non_null(strstr(err.text, "multiples of 4"));
+    }
+    rx_error err = RX_ERROR_NONE;
+    rx_runner *r = NULL;
+    assert_int_equal(rx_runner_new(net, 8, 8, 1, RX_BF16, &r, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "choose F32"));
+    if (!rx_runner_has_bf16())
+        assert_int_equal(rx_runner_new(net, 8, 8, 0, RX_BF16, &r, &err), RX_USAGE);
+    rx_runner_free(NULL);
+    rx_net_free(net);
+}
+
+/* ---- threads ---- */
+
+enum { SIDE = 48, TURNS = 4 };
+
+typedef struct work {
+    const rx_net *net;
+    uint64_t stream;
+    float output[SIDE * SIDE], *dparams;
+    rx_status status;
+} work;
+
+static rx_status turn(rx_runner *r, work *w)
+{
+    rx_status status = rx_runner_load(r, w->net->params, NULL);
+    for (long i = 0; i < SIDE * SIDE * 3L; i++)
+        rx_runner_input(r)[i] = (float)rx_random_normal(3, w->stream, (uint64_t)i);
+    if (!status)
+        status = rx_runner_forward(r, NULL);
+    memcpy(w->output, rx_runner_output(r), sizeof w->output);
+    memcpy(rx_runner_output_gradient(r), w->output, sizeof w->output);
+    memset(w->dparams, 0, (size_t)w->net->nparams * sizeof(float));
+    return status ? status : rx_runner_backward(r, w->dparams, 0, NULL);
+}
+
+static void *whole(void *argument)
+{
+    work *w = argument;
+    rx_runner *r = NULL;
+    w->status = rx_runner_new(w->net, SIDE, SIDE, 1, RX_F32, &r, NULL);
+    for (int i = 0; i < TURNS && !w->status; i++)
+        w->status = turn(r, w);
+    rx_runner_free(r);
+    return NULL;
+}
+
+static rx_net *thread_net(void)
+{
+    rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0),       node(RX_OP_CONV, 0, 16, 3, 1),
+                       node(RX_OP_CONV, 1, 32, 3, 2),       node(RX_OP_CONV, 2, 32, 3, 1),
+                       node(RX_OP_TRANSPOSED, 3, 16, 4, 2), node(RX_OP_CONV, 4, 1, 3, 1)};
+    nodes[1].relu = nodes[2].relu = nodes[4].relu = 1;
+    nodes[3].add = 2;
+    nodes[4].add = 1;
+    return make(nodes, 6, 5);
+}
+
+static void same_work(const work *a, const work *b)
+{
+    assert_int_equal(a->status, RX_OK);
+    assert_memory_equal(a->output, b->output, sizeof a->output);
+    assert_memory_equal(a->dparams, b->dparams, (size_t)a->net->nparams * sizeof(float));
+}
+
+/* Two runners at once in OpenMP threads, in POSIX threads, and one made in one thread and used in another, to
+ * the same bits as one after the other; the caller's number of threads is left as it was. */
+static void test_threads(void **state)
+{
+    (void)state;
+    rx_net *net = thread_net();
+    work *w = calloc(6, sizeof *w);
+    for (int i = 0; i < 6; i++) {
+        w[i].net = net;
+        w[i].stream = (uint64_t)(i % 2);
+        w[i].dparams = calloc((size_t)net->nparams, sizeof(float));
+    }
+#ifdef _OPENMP
+    int before = omp_get_max_threads();
+#endif
+    whole(&w[0]);
+    whole(&w[1]);
+#pragma omp parallel for num_threads(2) schedule(static, 1)
+    for (int i = 2; i < 4; i++)
+        whole(&w[i]);
+    pthread_t thread[2];
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(pthread_create(&thread[i], NULL, whole, &w[4 + i]), 0);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(pthread_join(thread[i], NULL), 0);
+#ifdef _OPENMP
+    assert_int_equal(omp_get_max_threads(), before);
+#endif
+    assert_memory_not_equal(w[0].output, w[1].output, sizeof w[0].output);
+    for (int i = 2; i < 6; i++)
+        same_work(&w[i], &w[i % 2]);
+
+    rx_runner *r[2];
+    for (int i = 0; i < 2; i++)
+        r[i] = runner(net, SIDE, SIDE, 1, RX_F32);
+#pragma omp parallel for num_threads(2) schedule(static, 1)
+    for (int i = 0; i < 2; i++)
+        w[2 + i].status = turn(r[1 - i], &w[2 + i]);
+    for (int i = 0; i < 2; i++) {
+        same_work(&w[2 + i], &w[i]);
+        rx_runner_free(r[i]);
+    }
+    for (int i = 0; i < 6; i++)
+        free(w[i].dparams);
+    free(w);
+    rx_net_free(net);
+}
+
+/* ---- bfloat16 ---- */
+
+/* Rounding to 8 bits at every plane: a percent of the values' own size after a dozen of layers. */
+static void check_bf16(const rx_node *nodes, int n, int height, int width)
+{
+    rx_net *net = make(nodes, n, 3);
+    rx_runner *full = runner(net, height, width, 0, RX_F32), *half = runner(net, height, width, 0, RX_BF16);
+    long in = (long)height * width * nodes[0].channels, out = in / nodes[0].channels * nodes[n - 1].channels;
+    for (long i = 0; i < in; i++)
+        rx_runner_input(full)[i] = rx_runner_input(half)[i] = (float)rx_random_normal(4, 4, (uint64_t)i);
+    forward(full);
+    forward(half);
+    double wrong = 0, size = 0;
+    for (long i = 0; i < out; i++) {
+        double a = (double)rx_runner_output(full)[i], d = (double)rx_runner_output(half)[i] - a;
+        wrong += d * d;
+        size += a * a;
+    }
+    assert_true(wrong > 0 || n <= 2);
+    assert_true(wrong < 1e-4 * size);
+    rx_runner_free(full);
+    rx_runner_free(half);
+    rx_net_free(net);
+}
+
+static void test_bf16(void **state)
+{
+    (void)state;
+    if (!rx_runner_has_bf16()) {
+        print_message("this processor does not multiply bfloat16; skipped\n");
+        skip();
+    }
+    for (uint64_t seed = 0; seed < 40; seed++) {
+        rx_node nodes[RX_NET_NODES];
+        int n = random_graph(seed, nodes);
+        check_bf16(nodes, n, 16, 24);
+    }
+    const rx_op ends[] = {RX_OP_CONV, RX_OP_TRANSPOSED, RX_OP_UPCONV, RX_OP_SHUFFLE, RX_OP_UP2};
+    for (int a = 0; a < CHANNELS; a++)
+        for (size_t e = 0; e < sizeof ends / sizeof ends[0]; e++) {
+            int c = channels[a];
+            rx_node nodes[] = {
+                node(RX_OP_INPUT, 0, 3, 0, 0),
+                node(RX_OP_CONV, 0, 16, 3, 1),
+                node(RX_OP_CONV, 1, 4 * c, 3, 2),
+                node(RX_OP_TRANSPOSED, 2, 16, 4, 2),
+                node(RX_OP_CONV, 3, 4 * c, 3, e == 0 ? 1 : 2),
+                node(ends[e], 4, e >= 3 ? e == 3 ? c : 4 * c : c, e == 1 ? 4 : 3, e == 1 ? 2 : 1)};
+            nodes[1].relu = nodes[3].relu = 1;
+            nodes[3].add = 1;
+            check_bf16(nodes, 6, 16, 24);
+        }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_conv),
+        cmocka_unit_test(test_transposed),
+        cmocka_unit_test(test_shuffles),
+        cmocka_unit_test(test_up2),
+        cmocka_unit_test(test_upconv),
+        cmocka_unit_test(test_orientation),
+        cmocka_unit_test(test_random_graphs),
+        cmocka_unit_test(test_finite_differences),
+        cmocka_unit_test(test_input_gradient_alone),
+        cmocka_unit_test(test_load),
+        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_bf16),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
