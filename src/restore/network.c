@@ -13,6 +13,7 @@
 #include "restore/prepared.h"
 #include "restore/stamp.h"
 
+enum { DOMAIN_SIDE = 512 }; /* of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit */
 static const double UNKNOWN_FWHM = 5;  /* pixels, of a PSF that nobody knows: middle of the usual seeing */
 static const double SEAM_LIMIT = 1e-3; /* sigmas, INFORMED */
 static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
@@ -26,7 +27,8 @@ typedef struct network {
     const rx_psf *psf; /* NULL: not known */
     rx_log *log;
     rx_restored *restored;
-    rx_blocks blocks;
+    rx_blocks blocks;  /* of the network */
+    rx_blocks domains; /* of the FFTs */
     int nthreads;
     rx_coarse scale;
     rx_network_optics *optics; /* NULL without a PSF */
@@ -241,7 +243,7 @@ static rx_status restore_planes(network *n, rx_error *err)
     rx_restored *restored = n->restored;
     rx_status status = rx_network_scale(n->tile, n->background, restored->mask, n->nthreads, &n->scale, err);
     if (status == RX_OK)
-        status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->blocks,
+        status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->domains,
                                  n->nthreads, n->x, err);
     if (status == RX_OK)
         status = make_optics(n, err);
@@ -295,12 +297,15 @@ static void describe(const network *n, rx_restored *dst)
              front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
 }
 
-/* One restoration on that grid of blocks. */
-static rx_status restore(const network *plan, rx_blocks blocks, int reblurred, rx_restored **dst,
-                         rx_error *err)
+/* One restoration in blocks of at most `side` and FFTs of at most `domain` pixels, the grids shifted by
+ * `shift`. */
+static rx_status restore(const network *plan, int side, int domain, int shift, int reblurred,
+                         rx_restored **dst, rx_error *err)
 {
+    const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
     network n = *plan;
-    n.blocks = blocks;
+    n.blocks = rx_blocks_make(width, height, side, unit, shift, shift > 0 ? shift + unit : 0);
+    n.domains = rx_blocks_make(width, height, domain, unit, shift, shift > 0 ? shift + unit : 0);
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);
     if (status == RX_OK) {
@@ -337,18 +342,16 @@ static double largest_difference(const rx_restored *a, const rx_restored *b)
 static rx_status verify_seams(const network *plan, rx_restored *restored, rx_error *err)
 {
     const int unit = unit_of(plan->model), side = plan->par->net_block;
-    const int other = (side * 5 / 8 + unit) / unit * unit, shift = side / 3 / unit * unit;
-    const rx_blocks blocks =
-        rx_blocks_make(plan->tile->width, plan->tile->height, other, unit, shift, shift + unit);
+    const int other = (side * 5 / 8 + unit) / unit * unit, shift = (side / 3 + unit) / unit * unit;
     const double limit = plan->model->front.mode == RX_MODE_INFORMED ? SEAM_LIMIT : 0;
     rx_restored *second = NULL;
-    rx_status status = restore(plan, blocks, 0, &second, err);
+    rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
     if (status != RX_OK)
         return status;
     restored->seam = largest_difference(restored, second);
     rx_restored_free(second);
-    rx_log_info(plan->log, "NET: in blocks of %d x %d pixels shifted by %d,%d: largest difference %.3g sigma",
-                blocks.width, blocks.height, -blocks.x, -blocks.y, restored->seam);
+    rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
+                other, shift, shift + unit, restored->seam);
     if (restored->seam > limit)
         return rx_error_set(err, RX_SYSTEM,
                             "the restored image depends on its blocks by %.3g sigma, more than %g; give a "
@@ -373,10 +376,8 @@ rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, cons
                           .psf = psf,
                           .log = log,
                           .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
-    const rx_blocks blocks =
-        rx_blocks_make(tile->width, tile->height, par->net_block, unit_of(par->model), 0, 0);
     rx_log_progress_begin(log);
-    status = restore(&plan, blocks, par->keep_reblurred, &restored, err);
+    status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, par->keep_reblurred, &restored, err);
     if (status == RX_OK && par->verify_seams)
         status = verify_seams(&plan, restored, err);
     rx_log_progress_end(log);

@@ -14,12 +14,12 @@
  * (network_optics.h). Without a PSF a BLIND model still works; then `blur`, `reblurred` and `chi2` stay
  * empty. INFORMED without one is RX_INPUT.
  *
- * Blocks: of NET_BLOCK pixels at most, all of one size (a multiple of the network's stride), anchored at the
- * tile's first pixel, each read with the halo that its result depends on. BLIND: the same bits for any blocks
- * and threads. INFORMED: the same bits for any number of threads; with other blocks FFTs round differently,
- * some 1e-7 of the brightest pixels of a block. VERIFY_SEAMS restores once more, in other blocks on a shifted
- * grid, and takes the largest difference, in units of rx_restored.sigma, into rx_restored.seam: above 1e-3
- * (BLIND: above 0) that is RX_SYSTEM.
+ * Blocks: the network works on NET_BLOCK pixels at most, all blocks of one size (a multiple of the network's
+ * stride), the FFTs on 512, both anchored at the tile's first pixel and read with the halo that a result
+ * depends on: the same bits for any NET_BLOCK and any number of threads. VERIFY_SEAMS restores once more,
+ * both grids shifted and of other sizes, and takes the largest difference, in units of rx_restored.sigma,
+ * into rx_restored.seam: BLIND models show none, INFORMED ones the rounding of FFTs, some 1e-7 of the
+ * brightest pixels of a domain. Above 0 or 1e-3 that is RX_SYSTEM.
  *
  * Overhead of the halos for NET_BLOCK 512, a network that looks 64 pixels far and FFTs with a halo of 48:
  * 1.6 times the pixels in the network, 1.4 times in the FFTs.

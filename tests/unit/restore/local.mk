@@ -7,3 +7,5 @@ tests_unit_restore_test_rl_blind_SOURCES = tests/unit/restore/test_rl_blind.c te
 tests_unit_restore_test_rl_flux_SOURCES = tests/unit/restore/test_rl_flux.c tests/unit/restore/sky.h
 check_PROGRAMS += tests/unit/restore/test_noise_map
 tests_unit_restore_test_noise_map_SOURCES = tests/unit/restore/test_noise_map.c
+check_PROGRAMS += tests/unit/restore/test_network
+tests_unit_restore_test_network_SOURCES = tests/unit/restore/test_network.c tests/unit/restore/network_model.h tests/unit/restore/sky.h

@@ -1,0 +1,381 @@
+/* The restorer NET: no blocks, threads or masked values in its results, on tiles of any shape. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+/* cmocka.h comes after the headers it needs */
+#include <cmocka.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "network_model.h"
+#include "restore/network.h"
+#include "sky.h"
+
+enum { WIDTH = 230, HEIGHT = 171 };
+
+/* Stars of up to 10^decades sigmas, masked pixels, noise that doubles across the tile. */
+static void make_scene(sky *s, int width, int height, double decades)
+{
+    sky_new(s, width, height);
+    for (int i = 0; i < 30; i++) {
+        const double x = rx_random_uniform(3, 0, (uint64_t)i) * width,
+                     y = rx_random_uniform(3, 1, (uint64_t)i) * height;
+        sky_star(s, x, y, 4, pow(10, 1 + (decades - 1) * i / 29));
+    }
+    sky_noise(s, 1, 5);
+    for (int k = 0; k < width * height; k++) {
+        s->background.sigma[k] = 1 + (float)(k % width) / (float)width;
+        if (rx_random_uniform(9, 0, (uint64_t)k) < 0.01)
+            s->tile.mask[k] = RX_MASK_BAD;
+        if (hypot(k % width - 0.3 * width, k / width - 0.6 * height) < 9)
+            s->tile.mask[k] = RX_MASK_SATURATED;
+    }
+    s->tile.gain = 2;
+    s->par.net_block = 64;
+}
+
+static rx_restored *restore(const sky *s, const rx_psf *psf)
+{
+    rx_restored *restored = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_network_run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return restored;
+}
+
+static void assert_sound(const rx_restored *r)
+{
+    for (int k = 0; k < r->width * r->height; k++) {
+        assert_true(isfinite(r->pixels[k]) && isfinite(r->sigma[k]) && isfinite(r->support[k]));
+        if (r->mask[k] != 0)
+            assert_true(r->pixels[k] == 0);
+    }
+}
+
+static double difference(const rx_restored *a, const rx_restored *b)
+{
+    double most = 0;
+    for (int k = 0; k < a->width * a->height; k++)
+        most = fmax(most, fabs((double)a->pixels[k] - b->pixels[k]) / a->sigma[k]);
+    return most;
+}
+
+static void assert_same(const rx_restored *a, const rx_restored *b)
+{
+    const size_t n = (size_t)a->width * (size_t)a->height;
+    assert_memory_equal(a->pixels, b->pixels, n * sizeof(float));
+    assert_memory_equal(a->sigma, b->sigma, n * sizeof(float));
+    assert_memory_equal(a->support, b->support, n * sizeof(float));
+    assert_memory_equal(a->mask, b->mask, n);
+    if (a->reblurred != NULL)
+        assert_memory_equal(a->reblurred, b->reblurred, n * sizeof(float));
+}
+
+static void blind_knows_no_blocks(void **state)
+{
+    static const int sides[] = {512, 32, 72, 100};
+    sky s;
+    (void)state;
+    make_scene(&s, WIDTH, HEIGHT, 3);
+    rx_model *model = small_model(RX_MODE_BLIND, 1);
+    s.par.model = model;
+    rx_restored *first = restore(&s, NULL);
+    assert_sound(first);
+    assert_null(first->blur);
+    assert_null(first->reblurred);
+    assert_true(isnan(first->chi2));
+    for (int i = 0; i < 4; i++) {
+        s.par.net_block = sides[i];
+        rx_restored *other = restore(&s, NULL);
+        assert_memory_equal(first->pixels, other->pixels, WIDTH * HEIGHT * sizeof(float));
+        rx_restored_free(other);
+    }
+    s.par.verify_seams = 1;
+    rx_restored *verified = restore(&s, NULL);
+    assert_true(verified->seam == 0);
+    rx_restored_free(verified);
+    rx_restored_free(first);
+    rx_model_free(model);
+    sky_free(&s);
+}
+
+/* With the step, whose quotients amplify what FFTs round; and stars of S/N 10,000 without it. */
+static void informed_hardly_knows_blocks(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 4; kind++) {
+        const int varying = kind % 2, step = kind / 2;
+        sky s;
+        make_scene(&s, WIDTH, HEIGHT, step ? 3 : 4.8);
+        rx_model *model = small_model(RX_MODE_INFORMED, 1);
+        rx_psf *psf = varying ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
+        model->front.rl_steps = step;
+        s.par.model = model;
+        s.par.verify_seams = 1;
+        rx_restored *first = restore(&s, psf);
+        assert_sound(first);
+        assert_true(isfinite(first->chi2));
+        print_message("%s PSF, %d step: %.2g sigma\n", varying ? "varying" : "constant", step, first->seam);
+        assert_true(first->seam < 1e-3 && first->seam > 0);
+        s.par.verify_seams = 0;
+        for (int side = 32; side < 300; side += 68) {
+            s.par.net_block = side;
+            rx_restored *other = restore(&s, psf);
+            assert_same(first, other);
+            rx_restored_free(other);
+        }
+        rx_restored_free(first);
+        rx_psf_free(psf);
+        rx_model_free(model);
+        sky_free(&s);
+    }
+}
+
+static void threads_change_no_bit(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) {
+        sky s;
+        make_scene(&s, WIDTH, HEIGHT, 3);
+        rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
+        rx_psf *psf = kind == 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
+        s.par.model = model;
+        rx_restored *one = restore(&s, psf);
+        s.par.nthreads = 5;
+        rx_restored *five = restore(&s, psf);
+        assert_same(one, five);
+        assert_true(one->chi2 == five->chi2);
+        rx_restored_free(one);
+        rx_restored_free(five);
+        rx_psf_free(psf);
+        rx_model_free(model);
+        sky_free(&s);
+    }
+}
+
+/* Whatever lies under the mask, not a bit of any output changes. */
+static void masked_values_reach_nothing(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) {
+        sky s;
+        make_scene(&s, WIDTH, HEIGHT, 3);
+        rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
+        rx_psf *psf = kind == 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
+        s.par.model = model;
+        rx_restored *clean = restore(&s, psf);
+        for (int k = 0; k < WIDTH * HEIGHT; k++)
+            if (s.tile.mask[k] != 0)
+                s.tile.pixels[k] = k % 3 == 0 ? NAN : k % 3 == 1 ? 3e38f : -1e9f;
+        rx_restored *dirty = restore(&s, psf);
+        assert_same(clean, dirty);
+        assert_true(clean->chi2 == dirty->chi2);
+        rx_restored_free(clean);
+        rx_restored_free(dirty);
+        rx_psf_free(psf);
+        rx_model_free(model);
+        sky_free(&s);
+    }
+}
+
+static void tiles_of_any_shape(void **state)
+{
+    static const int shapes[][2] = {{1, 1}, {1, 90}, {90, 1}, {3, 2}, {63, 65}, {7, 130}};
+    (void)state;
+    for (int i = 0; i < 6; i++)
+        for (int kind = 0; kind < 3; kind++) {
+            const int width = shapes[i][0], height = shapes[i][1];
+            sky s;
+            make_scene(&s, width, height, 3);
+            rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
+            rx_psf *psf = kind == 2 && width > 1 ? sky_psf_varying(4, 0.2, width) : rx_stamp_gauss(4);
+            s.par.model = model;
+            s.par.verify_seams = 1;
+            rx_restored *r = restore(&s, psf);
+            assert_sound(r);
+            rx_restored_free(r);
+            rx_psf_free(psf);
+            rx_model_free(model);
+            sky_free(&s);
+        }
+}
+
+static void nothing_good(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 2; kind++) {
+        sky s;
+        make_scene(&s, 80, 70, 3);
+        rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
+        rx_psf *psf = rx_stamp_gauss(4);
+        s.par.model = model;
+        for (int k = 0; k < 80 * 70; k++) {
+            s.tile.pixels[k] = NAN;
+            s.tile.mask[k] = kind == 0 ? RX_MASK_BAD : 0; /* not finite is as good as masked */
+        }
+        rx_restored *r = restore(&s, psf);
+        assert_sound(r);
+        for (int k = 0; k < 80 * 70; k++)
+            assert_true(r->pixels[k] == 0 && r->support[k] == 1);
+        rx_restored_free(r);
+        rx_psf_free(psf);
+        rx_model_free(model);
+        sky_free(&s);
+    }
+}
+
+/* A network that adds nothing hands its base on: the tile itself (BLIND), a star of the target's width and
+ * the right flux (INFORMED with its step). */
+static void network_without_weights(void **state)
+{
+    const double flux = 5e4, x = 100.3, y = 80.8;
+    sky s;
+    (void)state;
+    sky_new(&s, WIDTH, HEIGHT);
+    sky_star(&s, x, y, 4, flux);
+    for (int k = 0; k < WIDTH * HEIGHT; k++)
+        s.background.sigma[k] = 3;
+    rx_psf *psf = rx_stamp_gauss(4);
+    rx_model *blind = small_model(RX_MODE_BLIND, 0), *informed = small_model(RX_MODE_INFORMED, 0);
+    s.par.model = blind;
+    s.par.net_block = 64;
+    rx_restored *same = restore(&s, psf);
+    for (int k = 0; k < WIDTH * HEIGHT; k++)
+        assert_float_equal(same->pixels[k], s.tile.pixels[k] - 100, 1e-3 + 2e-6 * s.tile.pixels[k]);
+    /* the Tikhonov copy rings, which a small pedestal would amplify */
+    informed->front.pedestal = 1000;
+    s.par.model = informed;
+    rx_restored *sharp = restore(&s, psf);
+    const double sum = sky_sum(&s, sharp->pixels, x, y, 12), width = sky_fwhm(&s, sharp->pixels, 100, 81);
+    print_message("flux %.5f of the true one, FWHM %.3f pixels\n", sum / flux, width);
+    assert_float_equal(sum / flux, 1, 4e-3);
+    assert_true(width < 3.9);
+    assert_float_equal(sky_sum(&s, sharp->reblurred, x, y, 15) / flux, 1, 1e-2);
+    assert_string_equal(sharp->name, "NET");
+    assert_float_equal(sharp->psf->fwhm, 2, 1e-9);
+    assert_true(strstr(sharp->settings, "INFORMED") != NULL);
+    rx_restored_free(same);
+    rx_restored_free(sharp);
+    rx_model_free(blind);
+    rx_model_free(informed);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+/* The scale of the noise is taken out and put back: a tile of other units gives the same image in them. */
+static void units_do_not_matter(void **state)
+{
+    sky s;
+    (void)state;
+    make_scene(&s, WIDTH, HEIGHT, 3);
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    rx_psf *psf = rx_stamp_gauss(4);
+    s.par.model = model;
+    rx_restored *a = restore(&s, psf);
+    for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        s.tile.pixels[k] *= 1024;
+        s.background.level[k] *= 1024;
+        s.background.sigma[k] *= 1024;
+    }
+    s.tile.gain /= 1024;
+    rx_restored *b = restore(&s, psf);
+    for (int k = 0; k < WIDTH * HEIGHT; k++)
+        assert_float_equal(b->pixels[k] / 1024, a->pixels[k], 1e-3 * a->sigma[k]);
+    assert_float_equal(a->chi2, b->chi2, 1e-4 * a->chi2);
+    rx_restored_free(a);
+    rx_restored_free(b);
+    rx_model_free(model);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+static void refusals(void **state)
+{
+    sky s;
+    rx_restored *r = NULL;
+    rx_error err = RX_ERROR_NONE;
+    (void)state;
+    make_scene(&s, 80, 70, 3);
+    rx_psf *psf = rx_stamp_gauss(4);
+    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_USAGE);
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    s.par.model = model;
+    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, NULL, NULL, &r, &err), RX_INPUT);
+    psf->basis[3] = NAN;
+    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_INPUT);
+    psf->basis[3] = 0;
+    model->restore->params[0] = INFINITY;
+    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "small"));
+    assert_null(r);
+    rx_model_free(model);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+static void who_must_have_a_psf(void **state)
+{
+    const rx_restorer *net = rx_restorer_find("NET");
+    rx_restore_params par = {0};
+    (void)state;
+    rx_model *blind = small_model(RX_MODE_BLIND, 0), *informed = small_model(RX_MODE_INFORMED, 0);
+    assert_true(net->needs_psf);
+    assert_true(rx_restorer_must_have_psf(net, &par));
+    par.model = informed;
+    assert_true(rx_restorer_must_have_psf(net, &par));
+    par.model = blind;
+    assert_false(rx_restorer_must_have_psf(net, &par));
+    assert_true(rx_restorer_must_have_psf(rx_restorer_find("RL"), &par));
+    assert_false(rx_restorer_must_have_psf(rx_restorer_find("NONE"), &par));
+    rx_model_free(blind);
+    rx_model_free(informed);
+}
+
+static void half_precision(void **state)
+{
+    sky s;
+    (void)state;
+    if (!rx_runner_has_bf16()) {
+        print_message("this processor has no bfloat16: not tried\n");
+        skip();
+    }
+    make_scene(&s, WIDTH, HEIGHT, 3);
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    rx_psf *psf = rx_stamp_gauss(4);
+    s.par.model = model;
+    rx_restored *full = restore(&s, psf);
+    s.par.precision = RX_BF16;
+    rx_restored *half = restore(&s, psf);
+    double square = 0, n = 0;
+    for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        const double d = (half->pixels[k] - full->pixels[k]) / full->sigma[k];
+        square += d * d;
+        n++;
+    }
+    print_message("bfloat16: rms difference %.3g sigma, largest %.3g\n", sqrt(square / n),
+                  difference(full, half));
+    assert_true(sqrt(square / n) < 0.05 && square > 0);
+    rx_restored_free(full);
+    rx_restored_free(half);
+    rx_model_free(model);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(blind_knows_no_blocks),
+        cmocka_unit_test(informed_hardly_knows_blocks),
+        cmocka_unit_test(threads_change_no_bit),
+        cmocka_unit_test(masked_values_reach_nothing),
+        cmocka_unit_test(tiles_of_any_shape),
+        cmocka_unit_test(nothing_good),
+        cmocka_unit_test(network_without_weights),
+        cmocka_unit_test(units_do_not_matter),
+        cmocka_unit_test(refusals),
+        cmocka_unit_test(who_must_have_a_psf),
+        cmocka_unit_test(half_precision),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
