@@ -13,7 +13,6 @@
 #include "train/scenes_parts.h"
 
 /* Independent sets of random numbers. */
-#define FIELD_SEED 0x6669656c64000000u
 #define SAMPLE_SEED 0x73616d706c650000u
 #define NOISE_SEED 0x6e6f697365000000u
 
@@ -71,7 +70,7 @@ static uint64_t stream_of(rx_sample_id id)
 uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id)
 {
     uint64_t era = id.epoch / (uint32_t)par->uses, number = id.index / (uint32_t)places(par);
-    return hash(par->seed ^ FIELD_SEED, stream_of(id), era << 32 | number);
+    return hash(par->seed ^ RX_SCENES_FIELD_SEED, stream_of(id), era << 32 | number);
 }
 
 static rx_scenes_key sample_key(const rx_scenes_params *par, rx_sample_id id)
@@ -254,8 +253,8 @@ static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_
         double sigma[2];
         rx_selection_bin(&s->grid, (int)id.bin, sky.fwhm, sigma);
         rx_scenes_field_clear(field);
-        rx_status status =
-            rx_scenes_field_make(&sky, (rx_scenes_key){s->par.seed ^ FIELD_SEED, number}, field, err);
+        rx_status status = rx_scenes_field_make(
+            &sky, (rx_scenes_key){s->par.seed ^ RX_SCENES_FIELD_SEED, number}, field, err);
         if (status != RX_OK)
             return status;
         field->number = number;
@@ -370,7 +369,7 @@ static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
     list_stars(s, d, dst);
     rx_convolve(s->fft, s->spectrum, s->x, s->half, s->x);
     cut(s->x, stride, frame, frame, side, 1.0, dst->w);
-    rx_scenes_key turns = {s->par.seed ^ FIELD_SEED, field->number};
+    rx_scenes_key turns = {s->par.seed ^ RX_SCENES_FIELD_SEED, field->number};
     const uint64_t place = dst->id.index % (uint32_t)places(&s->par);
     const int first = (int)rx_scenes_uniform(turns, DRAW_TURN + place, 0.0, TURNS);
     return rx_sample_turn(dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % TURNS, err);

@@ -17,9 +17,10 @@
  * Kinds of fields: 40 % stars (with a tenth of the galaxies), 25 % galaxies (with a tenth of the stars), 35 %
  * both in full. Counts are those of the SIM. keywords times density^u, u uniform in -1..1 for stars, galaxies
  * and templates each; the slope of the stars' counts is the keyword's +- 0.1, the share in clumps uniform
- * between 0 and the keyword's. Distances of pairs follow the FWHM of the field. Nebulae: 1 to 3 Gaussians of
- * half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres 0.01..3 times as bright as the
- * field's level without them (log-uniform).
+ * between 0 and the keyword's. Distances of pairs follow the FWHM of the field. 30 % of the fields
+ * get 1 to 3 bright stars more, 1..20 times (log-uniform) as bright as the brightest object. Nebulae: 1 to 3
+ * Gaussians of half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres 0.01..3 times as
+ * bright as the field's level without them (log-uniform).
  *
  * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
  * share index / places come from one field, and the same index in `uses` successive epochs (epoch / uses)

@@ -10,7 +10,7 @@
 #include "simulate/render.h"
 #include "train/scenes_parts.h"
 
-/* What is drawn for a field: its slot. Nebula i begins at DRAW_NEBULA + i * NEBULA_SLOTS. */
+/* What is drawn for a field: its slot. */
 enum {
     DRAW_FWHM,
     DRAW_BETA,
@@ -24,15 +24,19 @@ enum {
     DRAW_CLUMPS,
     DRAW_NEBULOUS,
     DRAW_NEBULAE,
-    DRAW_NEBULA = 16,
-    NEBULA_SLOTS = 8
+    DRAW_BRIGHT,
+    DRAW_BRIGHTS,
+    DRAW_NEBULA = 16, /* and the following ones: NEBULA_SLOTS for each */
+    DRAW_STAR = 64    /* STAR_SLOTS for each bright star */
 };
-enum { NEBULAE_MOST = 3 };
+enum { NEBULAE_MOST = 3, NEBULA_SLOTS = 8, BRIGHT_MOST = 3, STAR_SLOTS = 4 };
 
-static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SLOPE = 0.1;
+static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SLOPE = 0.1,
+                    BRIGHT_FIELDS = 0.3;
 /* FWHM beyond the border in which objects still lie: their light is part of the tile's background. */
 static const double BORDER = 2.0;
-static const double BRIGHTEST = 1e-3;
+static const double BRIGHTEST_STAR = 20.0; /* times the brightest object of the population */
+static const double LEVEL_SHARE = 1e-3;    /* of pixels are brighter than the level */
 
 double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
 {
@@ -106,6 +110,30 @@ static rx_status list_stars(const rx_scene *scene, rx_scenes_field_data *dst, rx
     return RX_OK;
 }
 
+static rx_status add_bright_stars(rx_scenes_key key, rx_scene *scene, rx_error *err)
+{
+    double brightest = 0.0;
+    int n = 1 + (int)rx_scenes_uniform(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
+    for (long i = 0; i < scene->n; i++)
+        brightest = fmax(brightest, scene->objects[i].flux);
+    if (brightest <= 0.0 || rx_scenes_uniform(key, DRAW_BRIGHT, 0.0, 1.0) >= BRIGHT_FIELDS)
+        return RX_OK;
+    rx_object *objects = rx_regrow(scene->objects, (size_t)(scene->n + n), sizeof *objects);
+    if (objects == NULL)
+        return rx_error_memory(err, (size_t)(scene->n + n) * sizeof *objects);
+    scene->objects = objects;
+    for (int i = 0; i < n; i++) {
+        const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
+        objects[scene->n++] =
+            (rx_object){.type = RX_OBJECT_STAR,
+                        .ratio = 1.0,
+                        .x = rx_scenes_uniform(key, slot, 0.0, scene->width - 1.0),
+                        .y = rx_scenes_uniform(key, slot + 1, 0.0, scene->height - 1.0),
+                        .flux = brightest * rx_scenes_log_uniform(key, slot + 2, 1.0, BRIGHTEST_STAR)};
+    }
+    return RX_OK;
+}
+
 /* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
 static rx_status make_nebulae(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst,
                               rx_error *err)
@@ -144,7 +172,7 @@ static rx_status set_level(rx_scenes_field_data *field, rx_error *err)
         values[i] = (double)field->blurred[i];
         peak = fmax(peak, values[i]);
     }
-    field->level = fmax(rx_quantile(values, n, 1.0 - BRIGHTEST), peak / RX_SCENES_PEAK);
+    field->level = fmax(rx_quantile(values, n, 1.0 - LEVEL_SHARE), peak / RX_SCENES_PEAK);
     free(values);
     return RX_OK;
 }
@@ -197,6 +225,8 @@ static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const rx_opti
     rx_scene *scene = NULL, *nebulae = NULL;
     rx_scene_params par = population(sky, key, field->fwhm);
     rx_status status = rx_scene_make(&par, sky->simulation->templates, &scene, err);
+    if (status == RX_OK)
+        status = add_bright_stars(key, scene, err);
     if (status == RX_OK)
         status = list_stars(scene, field, err);
     if (status == RX_OK)

@@ -19,7 +19,9 @@ typedef struct rx_scenes_field_data {
     double (*stars)[3]; /* x, y, flux; brightest first */
 } rx_scenes_field_data;
 
-/* Seeds of independent sets of numbers. */
+/* A set of random numbers of its own. A field's: the training's seed ^ RX_SCENES_FIELD_SEED,
+ * rx_scenes_field(). */
+#define RX_SCENES_FIELD_SEED 0x6669656c64000000u
 typedef struct rx_scenes_key {
     uint64_t seed, stream;
 } rx_scenes_key;
