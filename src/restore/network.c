@@ -171,7 +171,7 @@ static rx_status make_optics(network *n, rx_error *err)
         return RX_OK;
     return rx_network_optics_new(n->psf, front->target_fwhm,
                                  front->mode == RX_MODE_INFORMED ? front->tikhonov : 0, n->tile->width,
-                                 n->tile->height, &n->blocks, n->nthreads, &n->optics, err);
+                                 n->tile->height, &n->domains, n->nthreads, &n->optics, err);
 }
 
 static rx_status run_steps(network *n, rx_error *err)
@@ -229,7 +229,7 @@ static rx_status make_support(network *n, rx_error *err)
     if (psf == NULL)
         return rx_error_memory(err, 0);
     rx_status status = rx_network_optics_new(psf, n->model->front.target_fwhm, 0, n->tile->width,
-                                             n->tile->height, &n->blocks, n->nthreads, &optics, err);
+                                             n->tile->height, &n->domains, n->nthreads, &optics, err);
     if (status == RX_OK)
         status = rx_network_optics_support(optics, restored->mask, restored->support, n->log, 0.95, 1, err);
     rx_network_optics_free(optics);
