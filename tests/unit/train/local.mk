@@ -1,3 +1,9 @@
 check_PROGRAMS += tests/unit/train/test_feed
 tests_unit_train_test_feed_SOURCES = tests/unit/train/test_feed.c
 tests_unit_train_test_feed_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_sample
+tests_unit_train_test_sample_SOURCES = tests/unit/train/test_sample.c
+tests_unit_train_test_sample_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_selection
+tests_unit_train_test_selection_SOURCES = tests/unit/train/test_selection.c
+tests_unit_train_test_selection_LDADD = librextract-train.la $(LDADD)
