@@ -69,7 +69,12 @@ void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const 
                         double pedestal, float *out)
 {
     const float p = (float)pedestal;
-    rx_convolve(step->fft, step->kernel, f, step->half, step->model);
+    for (int v = 0; v < step->height; v++) {
+        const size_t row = (size_t)v * step->stride;
+        for (size_t k = row; k < row + (size_t)step->width; k++)
+            step->work[k] = rx_rl_light(f[k]);
+    }
+    rx_convolve(step->fft, step->kernel, step->work, step->half, step->model);
     for (int v = 0; v < step->height; v++) {
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++)
@@ -92,7 +97,7 @@ static void begin_backward(rx_rl_step *step, const float *f, int weighted, const
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++) {
             const float q = weighted ? step->share[k] : step->sum;
-            const int made = q >= RX_RL_SHARE;
+            const int made = f[k] > 0 && q >= RX_RL_SHARE;
             step->work[k] = made ? dout[k] * f[k] / q : 0;
             if (df != NULL)
                 df[k] = made ? dout[k] * step->back[k] / q : dout[k];
@@ -123,6 +128,6 @@ void rx_rl_step_backward(rx_rl_step *step, const float *f, const float *x, const
     for (int v = 0; v < step->height; v++) {
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++)
-            df[k] += step->work[k];
+            df[k] += f[k] > 0 ? step->work[k] : 0;
     }
 }
