@@ -61,9 +61,12 @@ static rx_status check_ranks(const rx_train_config *config, rx_error *err)
     if (config->batch % config->train_ranks != 0)
         return REFUSE(BATCH, "%d images cannot be shared alike by %d training ranks; give a multiple",
                       config->batch, config->train_ranks);
-    if (config->images_ahead < 2 * config->batch)
-        return REFUSE(IMAGES_AHEAD, "%d is less than two batches; give at least %d", config->images_ahead,
-                      2 * config->batch);
+    const double epoch = (double)config->grid.v[0] * config->grid.v[1] * config->bin_images;
+    if (config->images_ahead < epoch)
+        return REFUSE(IMAGES_AHEAD,
+                      "%d is less than the %.0f images of an epoch; give that at least, better "
+                      "twice as many",
+                      config->images_ahead, epoch);
     return RX_OK;
 }
 
