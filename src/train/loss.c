@@ -2,6 +2,8 @@
 #include "train/loss.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "nn/front.h"
 #include "num/convolve.h"
@@ -13,47 +15,92 @@ enum {
 /* sigma 1.5 pixels: a single pixel's noise does not set weights, a faint star of any seeing does */
 static const double FWHM = 1.5 * 2.3548200450309493;
 
-/* dst = Gauss * max(src, 0) along one row of n pixels that are `step` apart, normalised inside the row. */
-static void smooth_line(const float *src, int n, size_t step, const float *gauss, float *dst)
+/* dst[k] += factor * src[k]. */
+static void add_line(const float *restrict src, float factor, int n, float *restrict dst)
+{
+#pragma omp simd
+    for (int k = 0; k < n; k++)
+        dst[k] += factor * src[k];
+}
+
+static void largest_of(const float *restrict src, int n, float *restrict dst)
+{
+#pragma omp simd
+    for (int k = 0; k < n; k++)
+        dst[k] = src[k] > dst[k] ? src[k] : dst[k];
+}
+
+/* share[n]: sum of the weights that lie inside a line of n pixels. */
+static void inside_shares(const float *gauss, int n, float *share)
 {
     for (int x = 0; x < n; x++) {
         const int first = x < RADIUS ? -x : -RADIUS, last = x + RADIUS >= n ? n - 1 - x : RADIUS;
-        float sum = 0, share = 0;
-        for (int i = first; i <= last; i++) {
-            const float value = src[(size_t)(x + i) * step];
-            sum += gauss[i + RADIUS] * (value > 0 ? value : 0);
-            share += gauss[i + RADIUS];
-        }
-        dst[(size_t)x * step] = sum / share;
+        share[x] = 0;
+        for (int i = first; i <= last; i++)
+            share[x] += gauss[i + RADIUS];
     }
 }
 
-static void largest_line(const float *src, int n, size_t step, float *dst)
+/* dst = Gauss * src, normalised inside the patch; other[side^2] and share[side] are scratch. Whole lines are
+ * added at a time, which is what makes it quick. */
+static void smooth(const float *src, int side, float *other, float *share, float *dst)
 {
-    for (int x = 0; x < n; x++) {
-        const int first = x < REACH ? 0 : x - REACH, last = x + REACH >= n ? n - 1 : x + REACH;
-        float most = src[(size_t)first * step];
-        for (int i = first + 1; i <= last; i++)
-            most = fmaxf(most, src[(size_t)i * step]);
-        dst[(size_t)x * step] = most;
+    const size_t n = (size_t)side;
+    float gauss[2 * RADIUS + 1];
+    rx_gauss_weights(FWHM, RADIUS, gauss);
+    inside_shares(gauss, side, share);
+    for (size_t y = 0; y < n; y++) {
+        float *line = other + y * n;
+        memset(line, 0, n * sizeof *line);
+        for (int i = -RADIUS; i <= RADIUS; i++) {
+            const int from = i < 0 ? -i : 0, length = side - abs(i);
+            if (length > 0)
+                add_line(src + y * n + (size_t)(from + i), gauss[i + RADIUS], length, line + from);
+        }
+        for (size_t x = 0; x < n; x++)
+            line[x] /= share[x];
+    }
+    for (int y = 0; y < side; y++) {
+        float *line = dst + (size_t)y * n;
+        const int first = y < RADIUS ? -y : -RADIUS, last = y + RADIUS >= side ? side - 1 - y : RADIUS;
+        memset(line, 0, n * sizeof *line);
+        for (int i = first; i <= last; i++)
+            add_line(other + (size_t)(y + i) * n, gauss[i + RADIUS], side, line);
+        for (size_t x = 0; x < n; x++)
+            line[x] /= share[y];
+    }
+}
+
+/* dst = largest value of src in the neighbourhood. */
+static void largest(const float *src, int side, float *other, float *dst)
+{
+    const size_t n = (size_t)side;
+    for (size_t y = 0; y < n; y++) {
+        float *line = other + y * n;
+        memcpy(line, src + y * n, n * sizeof *line);
+        for (int i = -REACH; i <= REACH; i++)
+            if (abs(i) < side)
+                largest_of(src + y * n + (i > 0 ? i : 0), side - abs(i), line + (i < 0 ? -i : 0));
+    }
+    for (int y = 0; y < side; y++) {
+        const int first = y < REACH ? 0 : y - REACH, last = y + REACH >= side ? side - 1 : y + REACH;
+        float *line = dst + (size_t)y * n;
+        memcpy(line, other + (size_t)first * n, n * sizeof *line);
+        for (int k = first + 1; k <= last; k++)
+            largest_of(other + (size_t)k * n, side, line);
     }
 }
 
 void rx_loss_weights(const float *input, int side, double floor, float *work, float *weight)
 {
-    const size_t n = (size_t)side;
-    float gauss[2 * RADIUS + 1], *other = work + n * n;
-    rx_gauss_weights(FWHM, RADIUS, gauss);
-    for (size_t k = 0; k < n; k++)
-        smooth_line(input + k * n, side, 1, gauss, work + k * n);
-    for (size_t k = 0; k < n; k++)
-        smooth_line(work + k, side, n, gauss, other + k);
-    for (size_t k = 0; k < n; k++)
-        largest_line(other + k * n, side, 1, work + k * n);
-    for (size_t k = 0; k < n; k++)
-        largest_line(work + k, side, n, weight + k);
+    const size_t pixels = (size_t)side * (size_t)side;
     const float square = (float)(floor * floor);
-    for (size_t k = 0; k < n * n; k++)
+    float *other = work + pixels;
+    for (size_t k = 0; k < pixels; k++)
+        work[k] = input[k] > 0 ? input[k] : 0;
+    smooth(work, side, other, weight, work);
+    largest(work, side, other, weight);
+    for (size_t k = 0; k < pixels; k++)
         weight[k] = square / (square + weight[k] * weight[k]);
 }
 
