@@ -14,3 +14,6 @@ tests_unit_stage_test_probe_SOURCES = tests/unit/stage/test_probe.c tests/unit/s
 	tests/unit/stage/bench.c tests/unit/stage/bench.h
 tests_unit_stage_test_selfcheck_SOURCES = tests/unit/stage/test_selfcheck.c tests/unit/stage/scene.c \
 	tests/unit/stage/scene.h tests/unit/stage/bench.c tests/unit/stage/bench.h
+check_PROGRAMS += tests/unit/stage/test_domain
+tests_unit_stage_test_domain_SOURCES = tests/unit/stage/test_domain.c tests/unit/stage/scene.c tests/unit/stage/scene.h \
+	tests/unit/stage/bench.c tests/unit/stage/bench.h

@@ -1,0 +1,589 @@
+/* The network's domain: what a model promises for a tile, and what becomes of one that it was not trained
+ * for.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <dirent.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "base/text.h"
+#include "bench.h"
+#include "io/fits_read.h"
+#include "io/tile.h"
+#include "nn/psfnet.h"
+#include "num/stats.h"
+#include "scene.h"
+#include "stage/blankcheck.h"
+#include "stage/domain.h"
+#include "stage/probe.h"
+#include "stage/stage.h"
+
+enum { SIDE = 200, STARS = 60, BINS = 4 };
+
+/* FWHM 2 to 5 to 8 pixels, noise 0.125 to 10 to 40; the network adds nothing to its base. */
+static rx_model *make_model(rx_mode mode)
+{
+    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
+                                   .decoder = RX_DECODER_BILINEAR,
+                                   .width = 4,
+                                   .blocks = 1,
+                                   .stem_kernel = 3,
+                                   .kernel = 3};
+    rx_model *model = rx_model_new();
+    assert_non_null(model);
+    model->front.mode = mode;
+    model->front.rl_steps = mode == RX_MODE_INFORMED;
+    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, NULL), RX_OK);
+    model->nfwhm = model->nsigma = 2;
+    model->bins = RX_NEW(rx_model_bin, BINS);
+    assert_non_null(model->bins);
+    for (int i = 0; i < BINS; i++)
+        model->bins[i] = (rx_model_bin){.fwhm = {2 + 3 * (i % 2), 5 + 3 * (i % 2)},
+                                        .sigma = {i < 2 ? 0.125 : 10, i < 2 ? 10 : 40},
+                                        .loss = 0.25 + i,
+                                        .list = 0.5,
+                                        .recall = 0.91 - 0.01 * i,
+                                        .bias = -0.0125,
+                                        .scatter = i == 1 ? NAN : 0.034,
+                                        .images = 50};
+    snprintf(model->name, sizeof model->name, "toy");
+    rx_model_digest(model, model->digest);
+    return model;
+}
+
+/* Options with that model, as if they had been read with RESTORE_TYPE NET. */
+static void open_bench(bench *b, rx_mode mode, const setting *settings)
+{
+    bench_open(b, settings);
+    b->options->model = make_model(mode);
+    b->options->restore.model = b->options->model;
+}
+
+static rx_field *make_field(const bench *b)
+{
+    scene s;
+    scene_make(&s, SIDE, SIDE, STARS, 5);
+    rx_field *field = bench_field(b, s.pixels, SIDE, SIDE, 2.0);
+    scene_free(&s);
+    return field;
+}
+
+/* What is said to a log, as one string to be freed. */
+typedef struct heard {
+    rx_log log;
+    char *text;
+    size_t size;
+} heard;
+
+static void listen(heard *h)
+{
+    *h = (heard){0};
+    FILE *stream = open_memstream(&h->text, &h->size);
+    assert_non_null(stream);
+    rx_log_init(&h->log, "test", stream, RX_NORMAL);
+}
+
+static int count(const char *text, const char *what)
+{
+    int n = 0;
+    for (const char *c = text; (c = strstr(c, what)) != NULL; c += strlen(what))
+        n++;
+    return n;
+}
+
+static const char *fact(const rx_record *facts, const char *name)
+{
+    for (int i = 0; i < facts->n; i++)
+        if (strcmp(facts->pairs[i][0], name) == 0)
+            return facts->pairs[i][1];
+    return NULL;
+}
+
+/* --- measuring --- */
+
+static void test_noise(void **state)
+{
+    (void)state;
+    bench b;
+    double noise = 0.0;
+    size_t n = 0;
+    open_bench(&b, RX_MODE_INFORMED, NULL);
+    rx_field *field = make_field(&b);
+    double *all = RX_NEW(double, (size_t)SIDE *SIDE);
+    assert_non_null(all);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        if (i % 7 == 0) { /* must not count */
+            field->tile->mask[i] = i % 2 ? RX_MASK_SATURATED : RX_MASK_BAD;
+            field->tile->pixels[i] = 1e6f;
+            continue;
+        }
+        all[n++] = (field->tile->pixels[i] - field->restored->level[i]) / field->restored->sigma[i];
+    }
+    assert_int_equal(rx_domain_noise(field, &noise, NULL), RX_OK);
+    assert_true(fabs(noise * rx_quantile(all, n, 0.999) / 255 - 1) < 1e-5);
+    field->model_noise = 3.25; /* what the tile had that this one is a copy of */
+    assert_int_equal(rx_domain_noise(field, &noise, NULL), RX_OK);
+    assert_true(noise == 3.25);
+    free(all);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+static void test_inside(void **state)
+{
+    (void)state;
+    bench b;
+    heard h;
+    rx_domain domain;
+    rx_record facts = {0};
+    rx_text text = {0};
+    rx_qa_promise promise;
+    const rx_restorer *kind = rx_restorer_find("NET");
+    open_bench(&b, RX_MODE_INFORMED, NULL);
+    rx_field *field = make_field(&b);
+    field->model_noise = 4;
+    listen(&h);
+    assert_non_null(kind);
+    assert_int_equal(rx_domain_obey(&b.options->restore, field, &h.log, &kind, &domain, NULL), RX_OK);
+    fclose(h.log.stream);
+    assert_int_equal(h.size, 0);
+    assert_int_equal(domain.place, RX_DOMAIN_INSIDE);
+    assert_ptr_equal(domain.bin, &b.options->model->bins[0]);
+    assert_true(domain.fwhm == 3.5 && domain.noise == 4);
+    assert_string_equal(kind->name, "NET");
+    rx_domain_facts(&domain, &facts);
+    static const char *const expected[][2] = {
+        {"RXNETMOD", "toy"},    {"RXNETRUN", "NET"},      {"RXNETFW", "3.5000"},
+        {"RXNETNOI", "4.0000"}, {"RXNETIN", "T"},         {"RXNETLOS", "0.25"},
+        {"RXNETREC", "0.9100"}, {"RXNETBIA", "-0.01250"}, {"RXNETSCA", "0.03400"}};
+    for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {
+        assert_non_null(fact(&facts, expected[i][0]));
+        assert_string_equal(fact(&facts, expected[i][0]), expected[i][1]);
+    }
+    assert_string_equal(fact(&facts, "RXNETSUM"), b.options->model->digest);
+    assert_null(fact(&facts, "RXNETWHY"));
+    rx_domain_text(&domain, &text);
+    assert_non_null(
+        strstr(text.data, "promises a loss of 0.25, recall 0.91, flux bias -1.25 %, scatter 3.4 %"));
+    assert_ptr_equal(rx_domain_promise(&domain, &promise), &promise);
+    assert_true(promise.inside && promise.scatter == 100 * 0.034 && promise.noise_bin[1] == 10);
+    rx_record_free(&facts);
+    rx_text_free(&text);
+    free(h.text);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* What the model does not know is left out; other restorers are none of its business. */
+static void test_gaps(void **state)
+{
+    (void)state;
+    static const setting wide[] = {{"PSF_FWHM", "6"}, {NULL, NULL}};
+    bench b;
+    rx_domain domain;
+    rx_record facts = {0};
+    rx_text text = {0};
+    rx_qa_promise promise;
+    const rx_restorer *kind = rx_restorer_find("NET");
+    open_bench(&b, RX_MODE_INFORMED, wide);
+    rx_field *field = make_field(&b);
+    field->model_noise = 4;
+    assert_int_equal(rx_domain_obey(&b.options->restore, field, NULL, &kind, &domain, NULL), RX_OK);
+    rx_domain_facts(&domain, &facts);
+    assert_non_null(fact(&facts, "RXNETBIA"));
+    assert_null(fact(&facts, "RXNETSCA"));
+    rx_domain_text(&domain, &text);
+    assert_null(strstr(text.data, "scatter"));
+    rx_text_free(&text);
+    rx_record_free(&facts);
+    kind = rx_restorer_find("RL");
+    assert_int_equal(rx_domain_obey(&b.options->restore, field, NULL, &kind, &domain, NULL), RX_OK);
+    assert_int_equal(domain.place, RX_DOMAIN_NONE);
+    rx_domain_facts(&domain, &facts);
+    assert_int_equal(facts.n, 0);
+    rx_domain_text(&domain, &text);
+    assert_int_equal(text.length, 0);
+    assert_null(rx_domain_promise(&domain, &promise));
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* --- beyond the grid: a seeing of 12 pixels and a model for 8 --- */
+
+typedef struct outcome {
+    bench b;
+    rx_field *field;
+    heard h;
+    rx_error err;
+    rx_probe probe;
+    rx_status status;
+} outcome;
+
+static void run_wide(outcome *o, const char *what, int with_log)
+{
+    const setting wide[] = {{"PSF_FWHM", "12"}, {"OUT_OF_DOMAIN", what}, {NULL, NULL}};
+    *o = (outcome){.err = RX_ERROR_NONE};
+    open_bench(&o->b, RX_MODE_INFORMED, wide);
+    o->field = make_field(&o->b);
+    o->field->model_noise = 4;
+    listen(&o->h);
+    o->status = rx_probe_run(o->b.options, rx_restorer_find("NET"), o->field, NULL,
+                             with_log ? &o->h.log : NULL, &o->probe, &o->err);
+    fclose(o->h.log.stream);
+}
+
+static void end(outcome *o)
+{
+    rx_probe_free(&o->probe);
+    rx_field_free(o->field);
+    free(o->h.text);
+    bench_close(&o->b);
+}
+
+static void test_warn(void **state)
+{
+    (void)state;
+    outcome o;
+    rx_record facts = {0};
+    run_wide(&o, "WARN", 1);
+    assert_int_equal(o.status, RX_OK);
+    assert_string_equal(o.probe.restored->name, "NET");
+    assert_int_equal(o.probe.domain.place, RX_DOMAIN_OUTSIDE);
+    assert_int_equal(count(o.h.text, "warning: "), 1);
+    assert_non_null(strstr(o.h.text,
+                           "bench[0]: FWHM 12.00 pixels is above 8, the network was trained for FWHM 2 "
+                           "to 8 pixels and noise 0.125 to 40; how well it does here is not known"));
+    rx_domain_facts(&o.probe.domain, &facts);
+    assert_string_equal(fact(&facts, "RXNETRUN"), "NET");
+    assert_string_equal(fact(&facts, "RXNETIN"), "F");
+    assert_string_equal(fact(&facts, "RXNETWHY"), "FWHM 12.00 pixels is above 8");
+    assert_null(fact(&facts, "RXNETREC"));
+    rx_record_free(&facts);
+    end(&o);
+}
+
+static void test_rl(void **state)
+{
+    (void)state;
+    outcome o;
+    rx_probe plain;
+    rx_record facts = {0};
+    run_wide(&o, "RL", 1);
+    assert_int_equal(o.status, RX_OK);
+    assert_string_equal(o.probe.restored->name, "RL");
+    assert_int_equal(count(o.h.text, "warning: "), 1);
+    assert_non_null(strstr(o.h.text, "restored by RL instead"));
+    assert_int_equal(rx_probe_run(o.b.options, rx_restorer_find("RL"), o.field, NULL, NULL, &plain, NULL),
+                     RX_OK);
+    assert_memory_equal(plain.restored->pixels, o.probe.restored->pixels,
+                        (size_t)SIDE * SIDE * sizeof(float));
+    assert_int_equal(plain.sources->n, o.probe.sources->n);
+    rx_domain_facts(&o.probe.domain, &facts);
+    assert_string_equal(fact(&facts, "RXNETRUN"), "RL (out of domain: FWHM 12.00 pixels is above 8)");
+    rx_record_free(&facts);
+    rx_probe_free(&plain);
+    end(&o);
+}
+
+static void test_fail(void **state)
+{
+    (void)state;
+    for (int with_log = 0; with_log < 2; with_log++) { /* campaigns run without one */
+        outcome o;
+        run_wide(&o, "FAIL", with_log);
+        assert_int_equal(o.status, RX_INPUT);
+        assert_string_equal(o.err.where, "bench");
+        assert_string_equal(
+            o.err.text,
+            "FWHM 12.00 pixels is above 8, the network was trained for FWHM 2 to 8 pixels and "
+            "noise 0.125 to 40; take RESTORE_TYPE RL, another NET_MODEL, or OUT_OF_DOMAIN WARN or RL");
+        assert_null(o.probe.restored);
+        end(&o);
+    }
+}
+
+/* A model that says nothing of itself promises nothing. */
+static void test_no_dictionary(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"OUT_OF_DOMAIN", "FAIL"}, {NULL, NULL}};
+    bench b;
+    rx_domain domain;
+    rx_error err = RX_ERROR_NONE;
+    const rx_restorer *kind = rx_restorer_find("NET");
+    open_bench(&b, RX_MODE_INFORMED, settings);
+    free(b.options->model->bins);
+    b.options->model->bins = NULL;
+    rx_field *field = make_field(&b);
+    assert_int_equal(rx_domain_obey(&b.options->restore, field, NULL, &kind, &domain, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "the model has no dictionary"));
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* Without a PSF an informed network leaves the tile as it is, a blind one restores it and is not judged. */
+static void test_no_psf(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"OUT_OF_DOMAIN", "FAIL"}, {NULL, NULL}};
+    for (int mode = RX_MODE_BLIND; mode <= RX_MODE_INFORMED; mode++) {
+        bench b;
+        rx_probe probe;
+        rx_record facts = {0};
+        open_bench(&b, (rx_mode)mode, settings);
+        rx_field *field = make_field(&b);
+        rx_psf_free(field->psf);
+        field->psf = NULL;
+        field->unrestorable = 1;
+        assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NET"), field, NULL, NULL, &probe, NULL),
+                         RX_OK);
+        rx_domain_facts(&probe.domain, &facts);
+        if (mode == RX_MODE_INFORMED) {
+            assert_string_equal(probe.restored->name, "NONE");
+            assert_int_equal(probe.domain.place, RX_DOMAIN_NONE);
+            assert_int_equal(facts.n, 0);
+        } else {
+            assert_string_equal(probe.restored->name, "NET");
+            assert_int_equal(probe.domain.place, RX_DOMAIN_UNKNOWN);
+            assert_string_equal(fact(&facts, "RXNETRUN"), "NET");
+            assert_string_equal(fact(&facts, "RXNETWHY"), "the FWHM of the tile is not known");
+            assert_null(fact(&facts, "RXNETIN"));
+            assert_null(fact(&facts, "RXNETFW"));
+        }
+        rx_record_free(&facts);
+        rx_probe_free(&probe);
+        rx_field_free(field);
+        bench_close(&b);
+    }
+}
+
+/* A blank copy has no bright pixels, which alone would put it beyond the grid: it is restored as its tile is.
+ */
+static void test_copies(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"OUT_OF_DOMAIN", "FAIL"}, {"BLANK_CHECK", "1"}, {NULL, NULL}};
+    bench b;
+    rx_sky_noise noise;
+    rx_blankcheck check;
+    rx_probe probe;
+    rx_field *blank = NULL;
+    double tile = 0.0;
+    open_bench(&b, RX_MODE_INFORMED, settings);
+    rx_field *field = make_field(&b);
+    assert_int_equal(rx_domain_noise(field, &tile, NULL), RX_OK);
+    assert_true(tile > 0.125 && tile < 40);
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NONE"), field, NULL, NULL, &probe, NULL),
+                     RX_OK);
+    assert_int_equal(rx_blankcheck_noise(field, probe.sources->segments, &noise, NULL), RX_OK);
+    rx_probe_free(&probe);
+    assert_int_equal(rx_blankcheck_run(b.options, rx_restorer_find("NET"), field, &noise, NULL, &check, NULL),
+                     RX_OK);
+    assert_int_equal(check.realisations, 1);
+    assert_int_equal(rx_blankcheck_field(b.options, field, &noise, 1, 1, &blank, NULL), RX_OK);
+    assert_true(blank->model_noise == tile);
+    blank->model_noise = 0.0;
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NET"), blank, NULL, NULL, &probe, NULL),
+                     RX_INPUT);
+    rx_field_free(blank);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* --- the whole stage --- */
+
+static void remove_tree(const char *path)
+{
+    DIR *dir = opendir(path);
+    if (dir == NULL) {
+        unlink(path);
+        return;
+    }
+    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
+        char name[1024];
+        snprintf(name, sizeof name, "%.700s/%.255s", path, entry->d_name);
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            remove_tree(name);
+    }
+    closedir(dir);
+    rmdir(path);
+}
+
+typedef struct place {
+    char root[64], old[4096];
+} place;
+
+static int enter(void **state)
+{
+    place *p = calloc(1, sizeof *p);
+    if (p == NULL)
+        return -1;
+    *state = p;
+    strcpy(p->root, "/tmp/rextract-domain-XXXXXX");
+    return mkdtemp(p->root) != NULL && getcwd(p->old, sizeof p->old) != NULL && chdir(p->root) == 0 ? 0 : -1;
+}
+
+static int leave(void **state)
+{
+    place *p = *state;
+    int failed = chdir(p->old);
+    remove_tree(p->root);
+    free(p);
+    return failed;
+}
+
+static rx_status run_stage(const char *fwhm, const char *out_of_domain, rx_error *err)
+{
+    const setting settings[] = {{"PARAMETERS_NAME", "columns.param"},
+                                {"CATALOG_NAME", "out.cat"},
+                                {"CATALOG_TYPE", "FITS_1.0"},
+                                {"CHECKIMAGE_TYPE", "RESTORED"},
+                                {"CHECKIMAGE_NAME", "restored.fits"},
+                                {"MAG_ZEROPOINT", "25"},
+                                {"PSF_TYPE", "MOFFAT"},
+                                {"PSF_FWHM", fwhm},
+                                {"RL_NITER", "5"},
+                                {"RESTORE_TYPE", "RL,NET"},
+                                {"NET_MODEL", "toy.fits"},
+                                {"OUT_OF_DOMAIN", out_of_domain},
+                                {"REFERENCE_NAME", "truth.fits"},
+                                {"QA_NAME", "qa"},
+                                {"SELF_CHECK", "Y"},
+                                {"SELF_CHECK_COUNT", "20"},
+                                {"SELF_CHECK_NAME", "check"},
+                                {"QA_FIGURES", "N"},
+                                {NULL, NULL}};
+    rx_config *config = NULL;
+    FILE *file = fopen("columns.param", "w");
+    assert_non_null(file);
+    fputs("NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\nFLUX_AUTO\nFLUXERR_AUTO\nFLAGS\n", file);
+    fclose(file);
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    for (const setting *s = settings; s->name != NULL; s++)
+        if (rx_config_set(config, s->name, s->value, NULL, err) != RX_OK)
+            fail_msg("%s: %s", s->name, err->text);
+    rx_status status = rx_stage_run(config, "tile.fits", stdout, NULL, err);
+    rx_config_free(config);
+    return status;
+}
+
+static void write_inputs(void)
+{
+    scene s;
+    rx_model *model = make_model(RX_MODE_INFORMED);
+    scene_make(&s, SIDE, SIDE, STARS, 5);
+    scene_write("tile.fits", s.pixels, SIDE, SIDE);
+    scene_write_truth("truth.fits", &s);
+    assert_int_equal(rx_model_write(model, "toy.fits", "toy.fits", NULL), RX_OK);
+    rx_model_free(model);
+    scene_free(&s);
+}
+
+static void card_is(const char *path, int hdu, const char *key, const char *expected)
+{
+    char *cards = NULL, value[300] = "";
+    long n = 0;
+    assert_int_equal(rx_fits_read_header(path, hdu, &cards, &n, NULL), RX_OK);
+    int there = rx_cards_text(cards, n, key, value, sizeof value);
+    free(cards);
+    assert_int_equal(there, expected != NULL);
+    if (expected != NULL)
+        assert_string_equal(value, expected);
+}
+
+static void holds(const char *path, const char *what, int expected)
+{
+    char *text = NULL;
+    size_t n = 0;
+    assert_int_equal(rx_text_read_file(path, 1 << 24, &text, &n, NULL), RX_OK);
+    if ((strstr(text, what) != NULL) != expected)
+        fail_msg("%s: '%s' is %s", path, what, expected ? "missing" : "there");
+    free(text);
+}
+
+static void expect_stage(const char *fwhm, const char *out_of_domain)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (run_stage(fwhm, out_of_domain, &err) != RX_OK)
+        fail_msg("%s: %s", err.where, err.text);
+}
+
+static void test_outputs_inside(void **state)
+{
+    (void)state;
+    static const char *const outputs[] = {"out_NET.cat", "restored_NET.fits"};
+    write_inputs();
+    expect_stage("3.5", "FAIL");
+    for (int i = 0; i < 2; i++) {
+        int hdu = i == 0;
+        card_is(outputs[i], hdu, "RXREST", "NET");
+        card_is(outputs[i], hdu, "RXNETRUN", "NET");
+        card_is(outputs[i], hdu, "RXNETMOD", "toy");
+        card_is(outputs[i], hdu, "RXNETIN", "T");
+        card_is(outputs[i], hdu, "RXNETREC", "0.91");
+        card_is(outputs[i], hdu, "RXNETBIA", "-0.0125");
+    }
+    card_is("out_RL.cat", 1, "RXNETRUN", NULL);
+    static const char *const pages[] = {"qa/report.html", "check/report.html"};
+    for (int i = 0; i < 2; i++) {
+        holds(pages[i], "What the model promises here", 1);
+        holds(pages[i], "NET: model toy, digest", 1);
+        holds(pages[i], "It promises nothing here", 0);
+        holds(pages[i], "<td>2 &ndash; 5</td>", 1);
+    }
+    holds("qa/summary.json", "\"bias_percent\": -1.25", 1);
+}
+
+static void test_outputs_rl(void **state)
+{
+    (void)state;
+    write_inputs();
+    expect_stage("12", "RL");
+    card_is("out_NET.cat", 1, "RXREST", "RL");
+    card_is("out_NET.cat", 1, "RXNETRUN", "RL (out of domain: FWHM 12.00 pixels is above 8)");
+    card_is("restored_NET.fits", 0, "RXNETRUN", "RL (out of domain: FWHM 12.00 pixels is above 8)");
+    holds("qa/report.html", "It promises nothing here: FWHM 12.00 pixels is above 8; restored by RL.", 1);
+    holds("check/report.html", "It promises nothing here: FWHM 12.00 pixels is above 8; restored by RL.", 1);
+    holds("qa/summary.json", "\"restored_by\": \"RL\"", 1);
+}
+
+static void test_outputs_fail(void **state)
+{
+    (void)state;
+    rx_error err = RX_ERROR_NONE;
+    write_inputs();
+    assert_int_equal(run_stage("12", "FAIL", &err), RX_INPUT);
+    assert_string_equal(err.where, "tile.fits");
+    assert_non_null(strstr(err.text, "FWHM 12.00 pixels is above 8"));
+    assert_int_equal(access("out_NET.cat", F_OK), -1);
+    assert_int_equal(access("out_RL.cat", F_OK), -1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_inside),
+        cmocka_unit_test(test_gaps),
+        cmocka_unit_test(test_warn),
+        cmocka_unit_test(test_rl),
+        cmocka_unit_test(test_fail),
+        cmocka_unit_test(test_no_dictionary),
+        cmocka_unit_test(test_no_psf),
+        cmocka_unit_test(test_copies),
+        cmocka_unit_test_setup_teardown(test_outputs_inside, enter, leave),
+        cmocka_unit_test_setup_teardown(test_outputs_rl, enter, leave),
+        cmocka_unit_test_setup_teardown(test_outputs_fail, enter, leave),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
