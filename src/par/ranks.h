@@ -24,9 +24,11 @@ typedef struct rx_message {
     void *data; /* owned by the receiver: free() */
 } rx_message;
 
-/* Must be the first thing a program does (argc, argv may be NULL); nothing where no mpiexec started it. Every
- * process calls rx_par_end() at its end, after rx_ranks_stop(), whatever happened before: it returns when all
- * processes are there. Only the process of rank 0 should print errors. */
+/* Must be the first thing a program does (argc, argv may be NULL); nothing where no mpiexec started it.
+ * Otherwise it blocks signals (base/interrupt.h), for the threads that MPI starts as well. Every process
+ * calls rx_par_end() at its end, after rx_ranks_stop(), whatever happened before: it returns when all
+ * processes are there, and forgets pending signals, so that the exit code says RX_INTERRUPTED. Only the
+ * process of rank 0 should print errors. */
 rx_status rx_par_begin(int *argc, char ***argv, rx_error *err);
 void rx_par_end(rx_status status);
 int rx_par_processes(void); /* 1 without MPI */

@@ -11,9 +11,11 @@
 #include <limits.h>
 #include <mpi.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <time.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 
 enum {
@@ -77,6 +79,7 @@ rx_status rx_par_begin(int *argc, char ***argv, rx_error *err)
     int level = 0;
     if (!launched())
         return RX_OK;
+    rx_interrupt_block(); /* threads that MPI starts would take signals otherwise */
     rx_status status =
         check(MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &level), "begin (MPI_Init_thread)", err);
     if (status == RX_OK)
@@ -322,11 +325,21 @@ static bool drop_one(int *there)
     return about.MPI_TAG == BYE;
 }
 
+/* mpiexec calls a process that ends by a signal a crash, and loses its exit code: what was pending has been
+ * heeded and is forgotten. */
+static void forget_signals(void)
+{
+    const int ending[] = {SIGINT, SIGTERM, SIGHUP};
+    for (size_t i = 0; i < sizeof ending / sizeof ending[0]; i++)
+        signal(ending[i], SIG_IGN);
+}
+
 void rx_par_end(rx_status status)
 {
     (void)status; /* all processes end alike, by their own exit codes */
     if (!active())
         return;
+    forget_signals();
     int count = rx_par_processes(), rank = rx_par_rank(), here = 1;
     for (int to = 0; to < count; to++) {
         MPI_Request request;
