@@ -7,3 +7,6 @@ tests_unit_train_test_sample_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_selection
 tests_unit_train_test_selection_SOURCES = tests/unit/train/test_selection.c
 tests_unit_train_test_selection_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_step
+tests_unit_train_test_step_SOURCES = tests/unit/train/test_step.c
+tests_unit_train_test_step_LDADD = librextract-train.la $(LDADD)

@@ -1,0 +1,523 @@
+/* train/step: the joint loss by its own definition, its gradient through both networks by finite differences.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "nn/deblur.h"
+#include "nn/psfnet.h"
+#include "num/convolve.h"
+#include "train/step.h"
+
+enum { SIDE = 32, MARGIN = 4, INNER = SIDE - 2 * MARGIN, PIXELS = SIDE * SIDE };
+static const double PI = 3.14159265358979323846;
+
+/* ---- a small model and a small sky ---- */
+
+static rx_model *small_model(rx_mode mode, int rl_steps)
+{
+    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
+                                   .decoder = RX_DECODER_BILINEAR,
+                                   .width = 4,
+                                   .blocks = 1,
+                                   .stem_kernel = 3,
+                                   .kernel = 3};
+    rx_model *model = rx_model_new();
+    assert_non_null(model);
+    model->front.mode = mode;
+    model->front.rl_steps = rl_steps;
+    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, NULL), RX_OK);
+    assert_int_equal(rx_psfnet_new(&shape, RX_PSF_CHANNELS, &model->psf, NULL), RX_OK);
+    rx_net_initialise(model->restore, 1, 1, 0.5, 0.1);
+    rx_net_initialise(model->psf, 1, 2, 0.5, 0.1);
+    return model;
+}
+
+/* Gaussian of that FWHM, sum 1, off centre: a filter is not its own adjoint */
+static void gauss_stamp(double fwhm, int size, float *stamp)
+{
+    double sum = 0;
+    const double s = fwhm / 2.3548200450309493;
+    for (int k = 0; k < size * size; k++) {
+        const double x = k % size - size / 2 - 0.7, y = k / size - size / 2 + 0.4;
+        sum += stamp[k] = (float)exp(-(x * x + y * y) / (2 * s * s));
+    }
+    for (int k = 0; k < size * size; k++)
+        stamp[k] = (float)(stamp[k] / sum);
+}
+
+/* Three stars through a Gaussian: dst += */
+static void stars(double fwhm, float *dst)
+{
+    static const double star[3][3] = {{9.3, 12.1, 900}, {20.6, 17.4, 250}, {16.2, 24.8, 2500}};
+    const double s = fwhm / 2.3548200450309493;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < PIXELS; k++) {
+            const double x = k % SIDE - star[i][0], y = k / SIDE - star[i][1];
+            dst[k] += (float)(star[i][2] / (2 * PI * s * s) * exp(-(x * x + y * y) / (2 * s * s)));
+        }
+}
+
+static rx_sample *small_sample(void)
+{
+    rx_sample *sample = rx_sample_new(SIDE);
+    assert_non_null(sample);
+    float psf[RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL];
+    sample->fwhm = sample->true_fwhm = 3.5f;
+    gauss_stamp(3.5, RX_SAMPLE_KERNEL, psf);
+    assert_int_equal(rx_deblur_relative(psf, RX_SAMPLE_KERNEL, 2, RX_SAMPLE_KERNEL, 1, sample->kernel, NULL),
+                     RX_OK);
+    memset(sample->y, 0, PIXELS * sizeof(float));
+    memset(sample->x, 0, PIXELS * sizeof(float));
+    memset(sample->w, 0, PIXELS * sizeof(float));
+    stars(2, sample->y);
+    stars(3.5, sample->x);
+    stars(2.4, sample->w);
+    for (int k = 0; k < PIXELS; k++) {
+        sample->x[k] += (float)rx_random_normal(5, 1, (uint64_t)k);
+        sample->w[k] += (float)rx_random_normal(5, 2, (uint64_t)k);
+    }
+    return sample;
+}
+
+static const rx_step_params all_terms = {.kind = RX_LOSS_LINEAR,
+                                         .idt_restore = 1,
+                                         .idt_psf = 0.5,
+                                         .rec_restore = 0.7,
+                                         .rec_psf = 0.3,
+                                         .ffl = 0.4,
+                                         .floor = 10,
+                                         .margin = MARGIN};
+
+/* ---- focal frequency loss with weights that stay ---- */
+
+typedef struct rx_frozen {
+    double weight[INNER * INNER]; /* of each frequency, from the parameters as they are */
+} rx_frozen;
+
+/* |F (s(a) - s(b))|^2 of the window, F the orthonormal transform, as a sum for every frequency */
+static void power(const float *a, const float *b, double *dst)
+{
+    static double re[INNER][INNER], im[INNER][INNER];
+    for (int y = 0; y < INNER; y++)
+        for (int u = 0; u < INNER; u++) {
+            re[y][u] = im[y][u] = 0;
+            for (int x = 0; x < INNER; x++) {
+                const size_t k = (size_t)(y + MARGIN) * SIDE + (size_t)(x + MARGIN);
+                const double d = (double)rx_stretch(a[k]) - rx_stretch(b[k]), phase = 2 * PI * u * x / INNER;
+                re[y][u] += d * cos(phase) / INNER;
+                im[y][u] -= d * sin(phase) / INNER;
+            }
+        }
+    for (int v = 0; v < INNER; v++)
+        for (int u = 0; u < INNER; u++) {
+            double zr = 0, zi = 0;
+            for (int y = 0; y < INNER; y++) {
+                const double c = cos(2 * PI * v * y / INNER), s = -sin(2 * PI * v * y / INNER);
+                zr += re[y][u] * c - im[y][u] * s;
+                zi += re[y][u] * s + im[y][u] * c;
+            }
+            dst[v * INNER + u] = zr * zr + zi * zi;
+        }
+}
+
+static void freeze(const float *restored, const float *truth, rx_frozen *dst)
+{
+    double most = 0;
+    power(restored, truth, dst->weight);
+    for (int k = 0; k < INNER * INNER; k++)
+        most = fmax(most, dst->weight[k]);
+    for (int k = 0; k < INNER * INNER; k++)
+        dst->weight[k] = sqrt(dst->weight[k] / most);
+}
+
+static double frozen_loss(const rx_frozen *frozen, const float *restored, const float *truth)
+{
+    static double square[INNER * INNER];
+    double sum = 0;
+    power(restored, truth, square);
+    for (int k = 0; k < INNER * INNER; k++)
+        sum += frozen->weight[k] * square[k];
+    return sum / (INNER * INNER);
+}
+
+/* ---- finite differences ---- */
+
+typedef struct rx_bench {
+    rx_model *model;
+    rx_sample *sample;
+    rx_step *step;
+    rx_step_params par;
+    rx_frozen frozen;
+    float *restore_gradient, *psf_gradient;
+} rx_bench;
+
+static void bench_new(rx_bench *b, rx_mode mode, int rl_steps, const rx_step_params *par)
+{
+    rx_step_values values;
+    b->par = *par;
+    b->model = small_model(mode, rl_steps);
+    b->sample = small_sample();
+    b->restore_gradient = RX_NEW(float, b->model->restore->nparams);
+    b->psf_gradient = RX_NEW(float, b->model->psf->nparams);
+    assert_int_equal(rx_step_new(b->model, par, SIDE, &b->step, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b->step, b->sample, b->restore_gradient, b->psf_gradient, &values, NULL),
+                     RX_OK);
+    if (par->ffl > 0)
+        freeze(rx_step_restored(b->step), b->sample->y, &b->frozen);
+}
+
+static void bench_free(rx_bench *b)
+{
+    rx_step_free(b->step);
+    rx_sample_free(b->sample);
+    rx_model_free(b->model);
+    free(b->restore_gradient);
+    free(b->psf_gradient);
+}
+
+/* The loss whose gradient the step gives: FFL's weights are those at the start. */
+static double loss(rx_bench *b)
+{
+    rx_step_values values;
+    assert_int_equal(rx_step_load(b->step, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b->step, b->sample, NULL, NULL, &values, NULL), RX_OK);
+    if (!(b->par.ffl > 0))
+        return values.total;
+    return values.total - b->par.ffl * values.ffl +
+           b->par.ffl * frozen_loss(&b->frozen, rx_step_restored(b->step), b->sample->y);
+}
+
+/* Loss with `params` moved by `by` along direction[n]. */
+static double moved(rx_bench *b, rx_net *net, const double *direction, double by)
+{
+    float *kept = RX_NEW(float, net->nparams);
+    memcpy(kept, net->params, (size_t)net->nparams * sizeof(float));
+    for (long i = 0; i < net->nparams; i++)
+        net->params[i] = (float)(kept[i] + by * direction[i]);
+    const double value = loss(b);
+    memcpy(net->params, kept, (size_t)net->nparams * sizeof(float));
+    free(kept);
+    return value;
+}
+
+/* d/dt L(params + t direction): central differences at h and 2h, extrapolated to h = 0. */
+static double slope(rx_bench *b, rx_net *net, const double *direction, double h)
+{
+    const double one = (moved(b, net, direction, h) - moved(b, net, direction, -h)) / (2 * h);
+    const double two = (moved(b, net, direction, 2 * h) - moved(b, net, direction, -2 * h)) / (4 * h);
+    return (4 * one - two) / 3;
+}
+
+static void hold(const char *what, int which, double expected, double found, double scale, double share)
+{
+    if (!(fabs(expected - found) <= share * scale))
+        fail_msg("%s %d: gradient %.9g, finite differences %.9g (scale %.3g)", what, which, found, expected,
+                 scale);
+}
+
+/* Along the gradient with something random, then for the parameters of each node that matter most. Tolerances
+ * are shares of the gradient's norm: a cut at 0 that flips inside of the step is an error that every finite
+ * difference has. */
+static void check_directions(rx_bench *b, rx_net *net, const float *gradient, double norm, const char *what)
+{
+    double *direction = RX_NEW(double, net->nparams);
+    for (int trial = 0; trial < 3; trial++) {
+        double dot = 0;
+        for (long i = 0; i < net->nparams; i++) {
+            direction[i] = gradient[i] / norm * (trial - 1) +
+                           rx_random_normal(7, (uint64_t)trial, (uint64_t)i) / sqrt((double)net->nparams);
+            dot += direction[i] * gradient[i];
+        }
+        hold(what, trial, slope(b, net, direction, 5e-4), dot, norm, 0.005);
+    }
+    free(direction);
+}
+
+static long largest(const float *gradient, long first, long n)
+{
+    long most = first;
+    for (long i = first; i < first + n; i++)
+        if (fabsf(gradient[i]) > fabsf(gradient[most]))
+            most = i;
+    return most;
+}
+
+static void check_net(rx_bench *b, rx_net *net, const float *gradient, const char *what)
+{
+    double *direction = RX_NEW(double, net->nparams), norm = 0;
+    for (long i = 0; i < net->nparams; i++)
+        norm += (double)gradient[i] * gradient[i];
+    norm = sqrt(norm);
+    assert_true(isfinite(norm) && norm > 0);
+    check_directions(b, net, gradient, norm, what);
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *node = &net->node[i];
+        if (node->weight < 0)
+            continue;
+        const long one[2] = {largest(gradient, node->weight, node->nweights),
+                             largest(gradient, node->bias, node->channels)};
+        for (int k = 0; k < 2; k++) {
+            memset(direction, 0, (size_t)net->nparams * sizeof *direction);
+            direction[one[k]] = 1;
+            hold(what, (int)one[k], slope(b, net, direction, 1e-3), gradient[one[k]],
+                 norm + 20 * fabs((double)gradient[one[k]]), 5e-4);
+        }
+    }
+    free(direction);
+}
+
+static int uses_restore(const rx_step_params *par)
+{
+    return par->idt_restore > 0 || par->ffl > 0 || par->rec_restore > 0 || par->rec_psf > 0;
+}
+
+static int uses_psf(const rx_step_params *par)
+{
+    return par->idt_psf > 0 || par->rec_restore > 0 || par->rec_psf > 0;
+}
+
+static void check_gradient(rx_mode mode, int rl_steps, const rx_step_params *par)
+{
+    rx_bench b;
+    bench_new(&b, mode, rl_steps, par);
+    if (uses_restore(par))
+        check_net(&b, b.model->restore, b.restore_gradient, "RESTORE");
+    if (uses_psf(par))
+        check_net(&b, b.model->psf, b.psf_gradient, "PSF");
+    bench_free(&b);
+}
+
+static rx_step_params only(int term)
+{
+    rx_step_params par = all_terms;
+    double *weights[] = {&par.idt_restore, &par.idt_psf, &par.rec_restore, &par.rec_psf, &par.ffl};
+    for (int i = 0; i < 5; i++)
+        if (i != term)
+            *weights[i] = 0;
+    return par;
+}
+
+static void check_terms(rx_mode mode, int rl_steps)
+{
+    for (int term = 0; term < 5; term++) {
+        const rx_step_params par = only(term);
+        check_gradient(mode, rl_steps, &par);
+    }
+    check_gradient(mode, rl_steps, &all_terms);
+}
+
+static void gradients_blind(void **state)
+{
+    (void)state;
+    check_terms(RX_MODE_BLIND, 0);
+}
+
+static void gradients_informed(void **state)
+{
+    (void)state;
+    check_terms(RX_MODE_INFORMED, 0);
+}
+
+static void gradients_informed_with_step(void **state)
+{
+    (void)state;
+    check_terms(RX_MODE_INFORMED, 1);
+}
+
+static void gradients_of_other_losses(void **state)
+{
+    (void)state;
+    rx_step_params par = all_terms;
+    par.kind = RX_LOSS_PLAIN;
+    check_gradient(RX_MODE_INFORMED, 1, &par);
+    par.kind = RX_LOSS_STRETCHED;
+    check_gradient(RX_MODE_INFORMED, 1, &par);
+}
+
+/* ---- values ---- */
+
+static double squares(const float *a, const float *b, const float *weight)
+{
+    double sum = 0;
+    for (int y = MARGIN; y < SIDE - MARGIN; y++)
+        for (int x = MARGIN; x < SIDE - MARGIN; x++) {
+            const double d = (double)a[y * SIDE + x] - b[y * SIDE + x];
+            sum += (weight != NULL ? weight[y * SIDE + x] : 1) * d * d;
+        }
+    return sum / (INNER * INNER);
+}
+
+/* dst = Tikhonov(y) on the patch, K' cut to it as the step does */
+static void filter(const rx_sample *sample, const float *y, float *dst)
+{
+    enum { CUT = SIDE - 1, SKIP = (RX_SAMPLE_KERNEL - CUT) / 2 };
+    float kernel[CUT * CUT];
+    double sum = 0;
+    rx_fft *fft = NULL;
+    assert_int_equal(rx_fft_new(SIDE, SIDE, 1, &fft, NULL), RX_OK);
+    float *plane = rx_fft_real(fft), *spectrum = rx_fft_complex(fft), *half = rx_fft_complex(fft);
+    for (int k = 0; k < CUT * CUT; k++)
+        sum += kernel[k] = sample->kernel[(k / CUT + SKIP) * RX_SAMPLE_KERNEL + k % CUT + SKIP];
+    for (int k = 0; k < CUT * CUT; k++)
+        kernel[k] = (float)(kernel[k] / sum);
+    assert_int_equal(rx_deblur_tikhonov_relative(fft, kernel, CUT, 2, 0.02, plane, spectrum, NULL), RX_OK);
+    assert_int_equal(rx_fft_stride_real(fft), SIDE);
+    memcpy(plane, y, PIXELS * sizeof *y);
+    rx_convolve(fft, spectrum, plane, half, plane);
+    memcpy(dst, plane, PIXELS * sizeof *y);
+    rx_fft_free(fft);
+    free(plane);
+    free(spectrum);
+    free(half);
+}
+
+static void near(const char *what, double expected, double found)
+{
+    if (!(fabs(expected - found) <= 2e-5 * fabs(expected)))
+        fail_msg("%s: %.9g instead of %.9g", what, found, expected);
+}
+
+/* Networks that say nothing: RESTORE is the Tikhonov copy, PSF changes nothing. */
+static void values_of_silent_networks(void **state)
+{
+    (void)state;
+    rx_model *model = small_model(RX_MODE_INFORMED, 0);
+    rx_sample *s = small_sample();
+    rx_step *step = NULL;
+    rx_step_values v;
+    rx_frozen frozen;
+    static float weight_x[PIXELS], weight_y[PIXELS], work[2 * PIXELS], copy[PIXELS];
+    memset(model->restore->params, 0, (size_t)model->restore->nparams * sizeof(float));
+    memset(model->psf->params, 0, (size_t)model->psf->nparams * sizeof(float));
+    assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, NULL), RX_OK);
+    assert_int_equal(rx_step_run(step, s, NULL, NULL, &v, NULL), RX_OK);
+    rx_loss_weights(s->x, SIDE, 10, work, weight_x);
+    rx_loss_weights(s->y, SIDE, 10, work, weight_y);
+    filter(s, s->y, copy);
+    freeze(s->w, s->y, &frozen);
+    near("RESTORE(x), y", squares(s->w, s->y, weight_x), v.idt_restore);
+    near("PSF(y), x", squares(s->y, s->x, weight_y), v.idt_psf);
+    near("RESTORE(PSF(y)), y", squares(copy, s->y, weight_y), v.rec_restore);
+    near("PSF(RESTORE(x)), x", squares(s->w, s->x, weight_x), v.rec_psf);
+    near("frequencies", frozen_loss(&frozen, s->w, s->y), v.ffl);
+    near("total", v.idt_restore + 0.5 * v.idt_psf + 0.7 * v.rec_restore + 0.3 * v.rec_psf + 0.4 * v.ffl,
+         v.total);
+    rx_step_free(step);
+    rx_sample_free(s);
+    rx_model_free(model);
+}
+
+/* The same bytes after another sample; gradients are added; values do not depend on whether they are wanted.
+ */
+static void runs_repeat(void **state)
+{
+    (void)state;
+    rx_bench b;
+    rx_step_values one, two;
+    bench_new(&b, RX_MODE_INFORMED, 1, &all_terms);
+    const long n = b.model->restore->nparams;
+    float *again = RX_NEW(float, n), *other = RX_NEW(float, b.model->psf->nparams);
+    float *restored = RX_NEW(float, PIXELS);
+    rx_sample *turned = small_sample();
+    assert_int_equal(rx_sample_turn(turned, 3, NULL), RX_OK);
+    turned->fwhm = 5;
+    assert_int_equal(rx_step_run(b.step, b.sample, NULL, NULL, &one, NULL), RX_OK);
+    memcpy(restored, rx_step_restored(b.step), PIXELS * sizeof(float));
+    assert_int_equal(rx_step_run(b.step, turned, NULL, NULL, &two, NULL), RX_OK);
+    assert_true(two.total != one.total);
+    assert_int_equal(rx_step_run(b.step, b.sample, again, other, &two, NULL), RX_OK);
+    assert_memory_equal(&one, &two, sizeof one);
+    assert_memory_equal(restored, rx_step_restored(b.step), PIXELS * sizeof(float));
+    assert_memory_equal(again, b.restore_gradient, (size_t)n * sizeof(float));
+    assert_int_equal(rx_step_run(b.step, b.sample, again, other, &two, NULL), RX_OK);
+    for (long i = 0; i < n; i++)
+        assert_true(fabsf(again[i] - 2 * b.restore_gradient[i]) <= 1e-4f * fabsf(again[i]) + 1e-4f);
+    free(again);
+    free(other);
+    free(restored);
+    rx_sample_free(turned);
+    bench_free(&b);
+}
+
+/* What has no weight is neither computed nor needed: no PSF network, or no RESTORE(x). */
+static void terms_without_weight(void **state)
+{
+    (void)state;
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    rx_sample *sample = small_sample();
+    rx_step *step = NULL;
+    rx_step_values v;
+    rx_step_params par = only(1);
+    assert_int_equal(rx_step_new(model, &par, SIDE, &step, NULL), RX_OK);
+    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, NULL), RX_OK);
+    assert_true(v.idt_psf > 0 && v.idt_restore == 0 && v.ffl == 0 && v.rec_psf == 0 && v.rec_restore == 0);
+    assert_null(rx_step_restored(step));
+    rx_step_free(step);
+    rx_net_free(model->psf);
+    model->psf = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "PSF network"));
+    assert_null(step);
+    par = only(0);
+    float *gradient = RX_NEW(float, model->restore->nparams);
+    assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_OK);
+    assert_int_equal(rx_step_run(step, sample, gradient, NULL, &v, &err), RX_OK);
+    assert_true(v.idt_restore > 0 && v.total == v.idt_restore && v.idt_psf == 0);
+    rx_step_free(step);
+    rx_sample_free(sample);
+    rx_model_free(model);
+    free(gradient);
+}
+
+static void what_cannot_be_is_said(void **state)
+{
+    (void)state;
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    rx_sample *sample = small_sample();
+    rx_step_params par = all_terms;
+    rx_step_values v;
+    rx_step *step = NULL;
+    rx_error err = RX_ERROR_NONE;
+    par.margin = SIDE / 2;
+    assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_USAGE);
+    model->front.rl_steps = 2;
+    assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, &err), RX_USAGE);
+    model->front.rl_steps = 1;
+    assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, &err), RX_OK);
+    float *gradient = RX_NEW(float, model->restore->nparams);
+    assert_int_equal(rx_step_run(step, sample, gradient, NULL, &v, &err), RX_INPUT);
+    sample->kernel[RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL / 2] = NAN;
+    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, &err), RX_INPUT);
+    sample->side = SIDE + 4;
+    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, &err), RX_INPUT);
+    sample->side = SIDE;
+    rx_step_free(step);
+    rx_sample_free(sample);
+    rx_model_free(model);
+    free(gradient);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(values_of_silent_networks),
+        cmocka_unit_test(runs_repeat),
+        cmocka_unit_test(terms_without_weight),
+        cmocka_unit_test(what_cannot_be_is_said),
+        cmocka_unit_test(gradients_blind),
+        cmocka_unit_test(gradients_informed),
+        cmocka_unit_test(gradients_informed_with_step),
+        cmocka_unit_test(gradients_of_other_losses),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
