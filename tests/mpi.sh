@@ -1,0 +1,213 @@
+#!/bin/sh
+# Ranks as processes: mpiexec runs tests/unit/par/mpi_ranks (messages, sums, ends of all kinds) and a small
+# training, whose model must have the same bytes as that of threads, and the same numbers to rounding with two
+# training ranks. MPI stays out of everything but rextract-train. Nothing may hang: every run has its limit.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+build=${RX_BUILD_DIR:-$top}
+ranks=$build/tests/unit/par/mpi_ranks
+folder=$(dirname "${RX_PROGRAM:-$top/rextract}")
+train=$folder/rextract-train
+for need in "$ranks" "$train"; do
+    [ -x "$need" ] || {
+        echo "mpi.sh: $need is missing; build first (make check)"
+        exit 2
+    }
+done
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-mpi-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+passed=0 failed=0 skipped=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+skip() {
+    skipped=$((skipped + 1))
+    echo "skipped: $1 ($2)"
+}
+
+finish() {
+    echo "$passed passed, $failed failed, $skipped skipped"
+    [ "$failed" = 0 ]
+    exit
+}
+
+# --- who is linked with MPI ---
+
+if command -v ldd >/dev/null; then
+    : >links.log
+    for program in "$folder"/rextract "$folder"/rextract-simulate "$folder"/rextract-validate \
+        "$build"/.libs/librextract.so; do
+        [ -f "$program" ] || continue
+        ldd "$program" 2>&1 | grep -i mpi | sed "s,^,$(basename "$program"): ," >>links.log
+    done
+    [ ! -s links.log ]
+    result "MPI is in rextract-train alone" $? links.log
+else
+    skip "MPI is in rextract-train alone" "no ldd"
+fi
+
+if ! command -v mpiexec >/dev/null; then
+    skip "runs under mpiexec" "no mpiexec"
+    finish
+fi
+if ! "$ranks" has-mpi >/dev/null 2>&1; then
+    skip "runs under mpiexec" "built without MPI"
+    finish
+fi
+
+# MPI's libraries keep memory of their own until the process ends.
+ASAN_OPTIONS="${ASAN_OPTIONS:+$ASAN_OPTIONS:}detect_leaks=0"
+OMP_NUM_THREADS=1
+export ASAN_OPTIONS OMP_NUM_THREADS
+
+# processes COUNT PROGRAM...: under mpiexec; 124 when it hangs.
+processes() {
+    count=$1
+    shift
+    timeout -k 5 100 mpiexec -launcher fork -n "$count" "$@"
+}
+
+# expect TITLE STATUS WORDS COUNT CASE [TRAINERS]: a case of mpi_ranks; the words stand once in what it says.
+expect() {
+    title=$1 status=$2 words=$3 count=$4
+    shift 4
+    processes "$count" "$ranks" "$@" >case.log 2>&1
+    code=$?
+    echo "exit code $code, expected $status; expected once: $words" >>case.log
+    [ "$code" = "$status" ] && [ "$(grep -v '^exit code' case.log | grep -c -- "$words")" = 1 ]
+    result "$title" $? case.log
+}
+
+# Of each of the others 50 messages come back, 17 of 8 bytes and 33 of 300000.
+expect "messages between one trainer and two generators" 0 '^19800272 bytes came back$' 3 messages
+expect "messages between two trainers and two generators" 0 '^19800272 bytes came back$' 4 messages 2
+expect "the sum of one rank" 0 '^sums of 1 ranks in order$' 2 sums
+expect "sums of two ranks" 0 '^sums of 2 ranks in order$' 3 sums 2
+expect "sums of three ranks" 0 '^sums of 3 ranks in order$' 4 sums 3
+expect "a generator that fails, with messages on their way" 3 'no galaxies are left$' 3 failing
+expect "the same with two training ranks" 3 'no galaxies are left$' 4 failing 2
+expect "a generator that ends without a word" 4 'rank 2 ended while it was still needed$' 3 leaving
+expect "a rank that fails before there are ranks" 4 'rank 1 ended while it was still needed$' 3 before
+expect "a training rank that fails while another one sums" 4 'the gradient does not fit into memory$' 3 failing-sum 2
+expect "a trainer that stops with messages on their way" 0 '^stopped$' 3 stopping
+expect "a signal while the trainer waits" 7 'interrupted by a signal' 3 interrupted
+expect "training ranks only" 2 'mpiexec -n 4 or more' 3 messages 3
+
+processes 3 "$ranks" killed >case.log 2>&1
+code=$?
+echo "exit code $code" >>case.log
+[ "$code" != 0 ] && [ "$code" != 124 ]
+result "a process that is killed takes the others with it" $? case.log
+
+# --- a training ---
+
+cat >small.conf <<'END'
+EPOCHS        3
+WIDTH         4
+BLOCKS        1
+BATCH         4
+PATCH         32
+PATCH_MARGIN  4
+FIELD_PATCHES 2
+FIELD_USES    2
+GRID          2,2
+FWHM_RANGE    2,3
+BIN_IMAGES    14
+IMAGES_AHEAD  100
+NTHREADS      1
+QA_FIGURES    N
+VERBOSE_TYPE  QUIET
+END
+
+# training TITLE FOLDER COMMAND...: a run in a folder of its own.
+training() {
+    title=$1 place=$2
+    shift 2
+    mkdir "$place"
+    (cd "$place" && "$@" >run.log 2>&1)
+    result "$title" $? "$place/run.log"
+}
+
+# same_model TITLE FOLDER
+same_model() {
+    cmp threads/psfnet.fits "$2/psfnet.fits" >cmp.log 2>&1
+    result "$1" $? cmp.log
+}
+
+training "training with a thread" threads timeout 100 "$train" -c ../small.conf
+training "training with three threads" threads3 timeout 100 "$train" -c ../small.conf -GENERATORS 3
+same_model "three threads give the model of one" threads3
+training "training in one process of mpiexec" one processes 1 "$train" -c ../small.conf
+same_model "one process gives the model of a thread" one
+training "training in three processes" three processes 3 "$train" -c ../small.conf
+same_model "three processes give the model of a thread" three
+training "two training ranks" two processes 3 "$train" -c ../small.conf -TRAIN_RANKS 2
+
+python=/usr/bin/python3
+if $python -c 'import astropy, numpy' 2>/dev/null; then
+    $python - >check.log 2>&1 <<'END'
+import numpy as np
+from astropy.io import fits
+one, two = fits.open('threads/psfnet.fits'), fits.open('two/psfnet.fits')
+checked = 0
+for a, b in zip(one, two):
+    if not a.name.endswith('_PARAMS') and a.name != 'DICTIONARY':
+        continue
+    for name in a.data.names:
+        p, q = np.asarray(a.data[name], float), np.asarray(b.data[name], float)
+        np.testing.assert_allclose(q, p, rtol=1e-4, atol=1e-5, err_msg=a.name + ' ' + name)
+        checked += p.size
+print(checked, 'numbers agree')
+assert checked > 5000
+END
+    result "two training ranks agree with one to rounding" $? check.log
+else
+    skip "two training ranks agree with one to rounding" "python3 with astropy is absent"
+fi
+
+# said_once TITLE STATUS WORDS LOG CODE
+said_once() {
+    echo "exit code $5, expected $2; expected once: $3" >>"$4"
+    [ "$5" = "$2" ] && [ "$(grep -v '^exit code' "$4" | grep -c -- "$3")" = 1 ]
+    result "$1" $? "$4"
+}
+
+processes 3 "$train" -c small.conf -EPOCHS none >wrong.log 2>&1
+said_once "a wrong keyword is told once" 2 'EPOCHS' wrong.log $?
+processes 2 "$train" -c small.conf -TRAIN_RANKS 2 >wrong.log 2>&1
+said_once "too few processes are told once" 2 'mpiexec -n 3' wrong.log $?
+processes 3 "$train" -c small.conf -IMAGES_AHEAD 20 >wrong.log 2>&1
+said_once "too little memory for an epoch is told once" 2 'IMAGES_AHEAD' wrong.log $?
+# only those who make images read the templates
+processes 3 "$train" -c small.conf -MODEL_NAME none.fits -CHECKPOINT_NAME none.checkpoint \
+    -SIM.TEMPLATE_NAME absent.fits >wrong.log 2>&1
+said_once "what fails where images are made is told once by the trainer" 3 'absent.fits' wrong.log $?
+
+# Stopped by a signal to mpiexec after its first epoch; the same command goes on, on threads as well.
+mkdir stopped && cd stopped || exit 2
+timeout -k 5 100 mpiexec -launcher fork -n 3 "$train" -c ../small.conf -EPOCHS 100000 -PATIENCE 0 \
+    >run.log 2>&1 &
+started=$!
+waited=0
+until [ -f psfnet.checkpoint ] || [ "$waited" -ge 300 ]; do
+    sleep 0.2
+    waited=$((waited + 1))
+done
+kill -TERM "$started"
+wait "$started"
+said_once "a training stopped by a signal says where it goes on" 1 'the same command goes on' run.log 1
+timeout 100 "$train" -c ../small.conf -EPOCHS 1 -VERBOSE_TYPE NORMAL >again.log 2>&1
+said_once "it goes on with threads" 0 'goes on' again.log $?
+cd ..
+
+finish
