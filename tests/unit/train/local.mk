@@ -10,3 +10,6 @@ tests_unit_train_test_selection_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_step
 tests_unit_train_test_step_SOURCES = tests/unit/train/test_step.c
 tests_unit_train_test_step_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_loss
+tests_unit_train_test_loss_SOURCES = tests/unit/train/test_loss.c
+tests_unit_train_test_loss_LDADD = librextract-train.la $(LDADD)
