@@ -121,7 +121,7 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
                             "are possible",
                             par->density, par->nebulae);
     if (!is_range(par->photon, 0.0, 1e6) || !is_within(par->sky_error, 0.0, 1e6) ||
-        !is_within(par->noise_error, 0.0, 10.0) || !is_within(par->psf_error, 0.0, 10.0))
+        !is_within(par->noise_error, 0.0, 10.0) || !is_within(par->psf_error, 0.0, 1.0))
         return rx_error_set(err, RX_USAGE,
                             "photon noise from %g to %g, errors of sky, noise and PSF of %g, %g and %g: none "
                             "is negative, and the smaller comes first",

@@ -1,0 +1,55 @@
+/* Training scenes for tests: everything as it is ideally, unless a test says otherwise. */
+#ifndef RX_TEST_SCENES_TEST_H
+#define RX_TEST_SCENES_TEST_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "train/scenes.h"
+
+typedef struct scenes_test {
+    rx_scenes_params par;
+    rx_selection grid;
+    rx_simulate_config *config;
+} scenes_test;
+
+static inline scenes_test scenes_test_open(double sigma_low, double sigma_high)
+{
+    const double fwhm[2] = {2.0, 8.0}, sigma[2] = {sigma_low, sigma_high};
+    scenes_test t = {.par = {.side = 64,
+                             .field_side = 128,
+                             .uses = 2,
+                             .beta = {3.0, 5.0},
+                             .ellipticity = 0.1,
+                             .density = 1.0,
+                             .seed = 11,
+                             .front = {.mode = RX_MODE_INFORMED, .target_fwhm = 2.0, .tikhonov = 0.02}}};
+    assert_int_equal(rx_selection_begin(5, 5, fwhm, sigma, 40, 1, &t.grid, NULL), RX_OK);
+    assert_int_equal(rx_simulate_config_new(&t.config, NULL), RX_OK);
+    t.config->star_count = 1500.0;
+    t.config->galaxy_count = 600.0;
+    t.config->star_mag.v[0] = 13.0;
+    return t;
+}
+
+static inline rx_scenes *scenes_test_make(const scenes_test *t)
+{
+    rx_scenes *scenes = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_scenes_new(&t->par, &t->grid, t->config, NULL, &scenes, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return scenes;
+}
+
+static inline void scenes_test_sample(rx_scenes *scenes, rx_sample_id id, rx_sample *dst)
+{
+    rx_error err = RX_ERROR_NONE;
+    if (rx_scenes_make(scenes, id, dst, &err) != RX_OK)
+        fail_msg("%s", err.text);
+}
+
+#endif

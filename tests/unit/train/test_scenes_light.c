@@ -1,0 +1,209 @@
+/* The light of training images: the field they are cut from, its scale, the Tikhonov copy to the patch's
+ * border, and the relative PSF between sharp and blurred. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nn/deblur.h"
+#include "num/convolve.h"
+#include "psf/psf.h"
+#include "scenes_test.h"
+#include "train/scenes_parts.h"
+
+enum { P = 64, N = P * P, WINDOW = 160, FRAME = (WINDOW - P) / 2, K = RX_SAMPLE_KERNEL };
+
+/* The whole field of image 0 of a bin. */
+static void make_field(const scenes_test *t, uint32_t bin, rx_scenes_field_data *dst)
+{
+    rx_simulate_config *config = NULL;
+    rx_simulation *simulation = NULL;
+    double sigma[2];
+    rx_scenes_sky sky = {.par = &t->par, .side = t->par.field_side + WINDOW - P};
+    assert_int_equal(rx_simulate_config_copy(t->config, &config, NULL), RX_OK);
+    config->image_size = (rx_ints){.n = 1, .v = {sky.side}};
+    config->psf_fwhm = 1.0;
+    config->sharp_fwhm = t->par.front.target_fwhm;
+    assert_int_equal(rx_simulation_from_config(config, NULL, &simulation, NULL), RX_OK);
+    sky.simulation = simulation;
+    rx_selection_bin(&t->grid, (int)bin, sky.fwhm, sigma);
+    rx_scenes_key key = {t->par.seed ^ RX_SCENES_FIELD_SEED,
+                         rx_scenes_field(&t->par, (rx_sample_id){.bin = bin})};
+    assert_int_equal(rx_scenes_field_make(&sky, key, dst, NULL), RX_OK);
+    rx_simulation_free(simulation);
+    rx_simulate_config_free(config);
+}
+
+/* Of a plane of the field the part that is place 0 in the sample's units; its largest difference to `seen`
+ * over its largest value. */
+static double compare(const float *plane, int side, double scale, const float *seen)
+{
+    double off = 0.0, most = 0.0;
+    for (int y = 0; y < P; y++)
+        for (int x = 0; x < P; x++) {
+            double value = scale * (double)plane[(size_t)(FRAME + y) * (size_t)side + FRAME + (size_t)x];
+            off = fmax(off, fabs(value - (double)seen[y * P + x]));
+            most = fmax(most, fabs(value));
+        }
+    return off / most;
+}
+
+/* Turns a sample back so that it lies as its field does. */
+static void turn_back(const rx_scenes_field_data *field, double scale, rx_sample *s)
+{
+    rx_sample *copy = rx_sample_new(P);
+    int found = 0;
+    for (int turn = 0; turn < 8 && !found; turn++) {
+        memcpy(copy, s, rx_sample_bytes(P));
+        rx_sample_attach(copy);
+        assert_int_equal(rx_sample_turn(copy, turn, NULL), RX_OK);
+        found = compare(field->sharp, field->side, scale, copy->y) < 1e-5;
+    }
+    assert_true(found);
+    memcpy(s, copy, rx_sample_bytes(P));
+    rx_sample_attach(s);
+    rx_sample_free(copy);
+}
+
+/* plane [side][side] = Tikhonov copy of the field's light, mirrored at its borders onto twice the size: what
+ * lies beyond is far from place 0. */
+static void filter_field(const scenes_test *t, const rx_scenes_field_data *field, float *plane)
+{
+    rx_fft *fft = NULL;
+    rx_psf *psf = NULL;
+    const int side = field->side, twice = 2 * side;
+    assert_int_equal(rx_fft_new(twice, twice, 1, &fft, NULL), RX_OK);
+    assert_int_equal(rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, NULL),
+                     RX_OK);
+    float *work = rx_fft_real(fft), *half = rx_fft_complex(fft), *spectrum = rx_fft_complex(fft);
+    assert_int_equal(rx_deblur_tikhonov(fft, psf->basis, psf->size, t->par.front.target_fwhm,
+                                        t->par.front.tikhonov, work, spectrum, NULL),
+                     RX_OK);
+    for (int y = 0; y < twice; y++)
+        for (int x = 0; x < twice; x++) {
+            int v = y < side ? y : twice - 1 - y, u = x < side ? x : twice - 1 - x;
+            work[(size_t)y * (size_t)rx_fft_stride_real(fft) + (size_t)x] =
+                field->blurred[(size_t)v * (size_t)side + (size_t)u];
+        }
+    rx_convolve(fft, spectrum, work, half, work);
+    for (int y = 0; y < side; y++)
+        memcpy(plane + (size_t)y * (size_t)side, work + (size_t)y * (size_t)rx_fft_stride_real(fft),
+               (size_t)side * sizeof *plane);
+    free(work);
+    free(half);
+    free(spectrum);
+    rx_psf_free(psf);
+    rx_fft_free(fft);
+}
+
+/* At sigma 0.001 there is hardly any noise. */
+static void test_cut_from_a_field(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(0.001, 0.00101);
+    t.par.nebulae = 0.3;
+    rx_scenes *scenes = scenes_test_make(&t);
+    rx_sample *s = rx_sample_new(P);
+    for (uint32_t bin = 0; bin < 10; bin++) {
+        rx_scenes_field_data field;
+        make_field(&t, bin, &field);
+        float *filtered = calloc((size_t)field.side * (size_t)field.side, sizeof *filtered);
+        assert_non_null(filtered);
+        scenes_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
+        const double scale = 255.0 / ((double)s->sigma * field.level);
+        turn_back(&field, scale, s);
+        assert_true(compare(field.blurred, field.side, scale, s->blurred) < 1e-5);
+        filter_field(&t, &field, filtered);
+        double off = compare(filtered, field.side, scale, s->w);
+        print_message("w of FWHM %.2f, beta %.2f: differs by %.1e of its highest pixel\n", field.fwhm,
+                      field.beta, off);
+        assert_true(off < 4e-3);
+        free(filtered);
+        rx_scenes_field_clear(&field);
+    }
+    rx_sample_free(s);
+    rx_scenes_free(scenes);
+    rx_simulate_config_free(t.config);
+}
+
+/* The level: 0.1 % of the pixels are brighter, or it is 1/40 of the brightest. */
+static void test_level(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    int bounded = 0;
+    for (uint32_t bin = 0; bin < 25; bin++) {
+        rx_scenes_field_data field;
+        t.config->star_count = bin % 5 == 0 ? 40.0 : 1500.0;
+        t.config->galaxy_count = bin % 5 == 0 ? 0.0 : 600.0;
+        make_field(&t, bin, &field);
+        const long n = (long)field.side * field.side;
+        long brighter = 0;
+        double peak = 0.0;
+        for (long i = 0; i < n; i++) {
+            assert_true(field.blurred[i] >= 0.0f && field.sharp[i] >= 0.0f);
+            brighter += (double)field.blurred[i] > field.level;
+            peak = fmax(peak, (double)field.blurred[i]);
+        }
+        if (peak == 0.0)
+            assert_true(field.level == 0.0);
+        else if (fabs(field.level / peak * RX_SCENES_PEAK - 1.0) < 1e-6) {
+            assert_true(brighter < (n + 999) / 1000);
+            bounded++;
+        } else
+            assert_true(labs(brighter - n / 1000) <= 1);
+        rx_scenes_field_clear(&field);
+    }
+    assert_true(bounded > 0 && bounded < 10);
+    rx_simulate_config_free(t.config);
+}
+
+/* K' * y against blurred where the stamp fits: largest difference as share of the highest pixel of the
+ * patch. */
+static double check_kernel(const rx_sample *s)
+{
+    const int side = s->side;
+    double worst = 0.0, peak = 0.0;
+    for (int y = K / 2; y < side - K / 2; y++)
+        for (int x = K / 2; x < side - K / 2; x++) {
+            double sum = 0.0;
+            for (int j = 0; j < K; j++)
+                for (int i = 0; i < K; i++)
+                    sum +=
+                        (double)s->kernel[j * K + i] * (double)s->y[(y + K / 2 - j) * side + x + K / 2 - i];
+            worst = fmax(worst, fabs(sum - (double)s->blurred[y * side + x]));
+        }
+    for (int k = 0; k < side * side; k++)
+        peak = fmax(peak, (double)s->blurred[k]);
+    return worst / peak;
+}
+
+static void test_relative_psf(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    t.par.side = t.par.field_side = 128;
+    rx_scenes *scenes = scenes_test_make(&t);
+    rx_sample *s = rx_sample_new(128);
+    for (uint32_t i = 0; i < 15; i++) {
+        scenes_test_sample(scenes, (rx_sample_id){.epoch = i % 2, .bin = i % 5, .index = i}, s);
+        double off = check_kernel(s);
+        print_message("K' * y of FWHM %.2f: differs by %.1e of the highest pixel\n", (double)s->true_fwhm,
+                      off);
+        /* nn/deblur.h: 1.4 % at 2 pixels, 0.5 % at 2.5, 0.2 % at 3 */
+        assert_true(off < (s->true_fwhm < 2.5f ? 0.02 : s->true_fwhm < 3.2f ? 5e-3 : 2e-3));
+    }
+    rx_sample_free(s);
+    rx_scenes_free(scenes);
+    rx_simulate_config_free(t.config);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_cut_from_a_field),
+        cmocka_unit_test(test_level),
+        cmocka_unit_test(test_relative_psf),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
