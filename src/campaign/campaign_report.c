@@ -1,4 +1,4 @@
-/* The reports of both kinds of campaign: numbers, verdicts, figures, files. */
+/* The reports of all kinds of campaign: numbers, verdicts, figures, files. */
 #include "campaign/campaign_report.h"
 
 #include <stdio.h>
@@ -6,6 +6,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "campaign/detection_page.h"
 #include "campaign/photometry_page.h"
 #include "campaign/restoration_page.h"
 #include "validate/report_file.h"
@@ -162,6 +163,39 @@ exit:
     rx_figures_free(&page->figures);
     rx_claim_verdicts_free(page->nverdicts, page->verdict);
     rx_photometry_numbers_free(&numbers);
+    free(page);
+    return status;
+}
+
+rx_status rx_detection_report(const rx_detection_results *results, const rx_campaign_record *record,
+                              const char *folder, const char *shown, rx_log *log, rx_text *brief,
+                              rx_error *err)
+{
+    static const part parts[] = {{"summary.json", rx_detection_json},
+                                 {"cells.ecsv", rx_detection_cells_ecsv},
+                                 {"duels.ecsv", rx_detection_duels_ecsv},
+                                 {"report.html", rx_detection_html}};
+    rx_detection_numbers numbers = {0};
+    rx_detection_page *page = RX_NEW(rx_detection_page, 1);
+    rx_status status = RX_OK;
+    if (page == NULL)
+        return rx_error_memory(err, sizeof *page);
+    page->numbers = &numbers;
+    page->record = record;
+    status = rx_detection_numbers_make(results, record->seed, &numbers, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_detection_verdicts(&numbers, page->verdict, &page->nverdicts);
+    rx_detection_figures(&page->figures, &numbers);
+    status = draw(&page->figures, record->figures, folder, shown, log, err);
+    if (status == RX_OK)
+        status = write_parts(parts, sizeof parts / sizeof *parts, page, folder, shown, err);
+    if (status == RX_OK && brief != NULL)
+        rx_detection_brief(brief, page);
+exit:
+    rx_figures_free(&page->figures);
+    rx_claim_verdicts_free(page->nverdicts, page->verdict);
+    rx_detection_numbers_free(&numbers);
     free(page);
     return status;
 }

@@ -46,8 +46,12 @@ typedef enum rx_claim_id {
     RX_CLAIM_NET_BEST,
     RX_CLAIM_LOW_SNR,
     RX_CLAIM_ACCURACY,
-    RX_CLAIM_ABOVE_RL, /* this and the next: goals of this program, not of the paper */
+    RX_CLAIM_ABOVE_RL, /* this and the next ones: goals of this program, not of the paper */
     RX_CLAIM_ABOVE_FLAT,
+    RX_CLAIM_LISTS,
+    RX_CLAIM_PAIRS,
+    RX_CLAIM_PLATEAU,
+    RX_CLAIM_FLUXES,
     RX_CLAIM_COUNT
 } rx_claim_id;
 

@@ -47,16 +47,33 @@ static rx_status set_magnitudes(rx_photometry_state *state, rx_error *err)
     return RX_OK;
 }
 
+/* A sky for each condition of simulated fields, one of a real tile. */
 static rx_status set_skies(rx_photometry_state *state, rx_log *log, rx_error *err)
 {
     const rx_words *words = &state->config->fields;
-    rx_status status = RX_OK;
-    for (int i = 0; status == RX_OK && i < words->n && i < RX_SKIES_MAX; i++) {
-        for (int k = 0; k < i; k++)
+    int n = 0;
+    rx_condition *conditions = NULL;
+    rx_status status = rx_conditions_make(state->config, &n, &conditions, err);
+    for (int i = 0; status == RX_OK && i < words->n; i++) {
+        const int injected = strcmp(words->v[i], "INJECTED") == 0;
+        for (int k = 0; status == RX_OK && k < i; k++)
             if (strcmp(words->v[k], words->v[i]) == 0)
-                return rx_error_set(err, RX_USAGE, "FIELDS names %s twice", words->v[i]);
-        status = rx_photometry_sky_open(state, words->v[i], log, &state->sky[state->nskies++], err);
+                status = rx_error_set(err, RX_USAGE, "FIELDS names %s twice", words->v[i]);
+        if (status == RX_OK && injected && (n > 1 || conditions[0].fwhm > 0))
+            status =
+                rx_error_set(err, RX_USAGE,
+                             "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave "
+                             "them out, or INJECTED");
+        for (int c = 0; status == RX_OK && c < (injected ? 1 : n); c++) {
+            if (state->nskies == RX_SKIES_MAX)
+                status = rx_error_set(err, RX_USAGE, "more than %d fields; give fewer numbers to SEEING",
+                                      RX_SKIES_MAX);
+            else
+                status = rx_photometry_sky_open(state, injected, &conditions[c], log,
+                                                &state->sky[state->nskies++], err);
+        }
     }
+    free(conditions);
     return status;
 }
 
@@ -228,15 +245,19 @@ static void describe_sky(const rx_photometry_state *state, const rx_photometry_s
         return;
     }
     const rx_simulate_config *sim = config->sim;
-    snprintf(dst->name, sizeof dst->name, "simulated");
+    rx_condition_name(&sky->condition, dst->name, sizeof dst->name);
+    if (dst->name[0] == '\0')
+        snprintf(dst->name, sizeof dst->name, "simulated");
+    dst->misled = !rx_condition_true(&sky->condition);
     snprintf(
         dst->about, sizeof dst->about,
-        "%d x %d pixels, PSF %s, %s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g mag "
+        "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g mag "
         "and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
         sky->width, sky->height, sky->simulation->optics->description,
-        sky->tell_psf ? "known to the restorers" : "found by the stage", sim->noise_type, sim->sky_level,
-        sim->noise_sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1], sim->galaxy_count,
-        sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+        sky->told != NULL ? "known to the restorers" : "found by the stage",
+        dst->misled ? " (or what is told of PSF, sky and noise, with the error named)" : "", sim->noise_type,
+        sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1],
+        sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
 }
 
 /* Settings of a restorer: the keywords that begin with its name, or with the first part of it. */

@@ -257,7 +257,7 @@ static int finds_more(const rx_photometry_numbers *m, int a, int b, int low)
 {
     int all = m->results->nfields > 0;
     for (int f = 0; f < m->results->nfields; f++)
-        for (int p = 0; p < m->nprecisions; p++)
+        for (int p = 0; p < m->nprecisions && !m->results->fields[f].misled; p++)
             all = all && beats(m, f, a, b, p, low);
     return all;
 }
@@ -266,7 +266,7 @@ static int errs_less(const rx_photometry_numbers *m, int a, int b)
 {
     int all = m->results->nfields > 0;
     for (int f = 0; f < m->results->nfields; f++)
-        all = all && beats(m, f, a, b, ABOUT_ERRORS, 0);
+        all = all && (m->results->fields[f].misled || beats(m, f, a, b, ABOUT_ERRORS, 0));
     return all;
 }
 
@@ -274,6 +274,8 @@ static void tell(rx_text *dst, const rx_photometry_numbers *m, int a, int b, int
 {
     int sign, pair = pair_of(m, a, b, &sign);
     for (int f = 0; f < m->results->nfields && pair >= 0; f++) {
+        if (m->results->fields[f].misled)
+            continue;
         rx_text_printf(dst, "Field %s: ", m->results->fields[f].name);
         for (int p = 0; p < m->nprecisions && !errors; p++)
             sentence(dst, m, f, pair, p);

@@ -6,7 +6,8 @@
 #include "base/memory.h"
 #include "campaign/photometry_page.h"
 
-enum { CURVES = 6, POINTS_MAX = 250, FEW = 5 };
+/* FIGURE_FIELDS: the first ones; the page of a long list of conditions stays readable. */
+enum { CURVES = 6, POINTS_MAX = 250, FEW = 5, FIELDS_WITH_CURVES = 2, FIGURE_FIELDS = 12 };
 
 static const rx_cell_row rows[RX_CELL_QUANTITIES] = {
     [RX_CELL_RECALL] = {"recall", "", "share of the stars found, whole list", 3},
@@ -219,7 +220,7 @@ void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)
          RX_CELL_AP, -1},
     };
     rx_figures_begin(dst);
-    for (int f = 0; f < m->results->nfields; f++) {
+    for (int f = 0; f < m->results->nfields && f < FIGURE_FIELDS; f++) {
         if (m->results->fields[f].nsets == 0)
             continue;
         for (size_t i = 0; i < sizeof plans / sizeof *plans; i++)
@@ -234,6 +235,7 @@ void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)
                                     "the whole field is equal.",
                                     RX_CELL_RECALL, p});
         }
-        six_curves(dst, m, f);
+        if (m->results->nfields <= FIELDS_WITH_CURVES)
+            six_curves(dst, m, f);
     }
 }

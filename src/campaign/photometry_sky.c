@@ -57,18 +57,21 @@ static rx_status open_simulated(rx_photometry_state *state, rx_log *log, rx_phot
                                 rx_error *err)
 {
     const rx_campaign_config *config = state->config;
-    if (config->sim->inject_image[0] != '\0')
+    const int find = rx_settings_was_set(&config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
+    if (find && dst->condition.psf_error != 0.0)
         return rx_error_set(
-            err, RX_USAGE, "SIM.INJECT_IMAGE has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
-    rx_status status = rx_simulation_from_config(config->sim, log, &dst->simulation, err);
+            err, RX_USAGE,
+            "PSF_ERROR says what PSF restorers are told, STAGE.PSF_TYPE that they find it; leave "
+            "out one of them");
+    rx_status status = rx_condition_simulation(&dst->condition, config->sim, log, &dst->simulation, err);
     if (status != RX_OK)
         return status;
-    dst->simulation->nthreads = 1;
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
-    dst->tell_psf = rx_settings_was_set(&config->settings, "STAGE.PSF_TYPE") == RX_FROM_DEFAULT;
-    return rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err);
+    if (!find)
+        status = rx_condition_psf(&dst->condition, config->sim, dst->simulation, &dst->told, err);
+    return status == RX_OK ? rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err) : status;
 }
 
 static rx_status allow(rx_photometry_sky *sky, rx_error *err)
@@ -111,28 +114,30 @@ static rx_status open_injected(rx_photometry_state *state, rx_log *log, rx_photo
             "has too few stars for a PSF of its own; give STAGE.PSF_TYPE and what belongs to it");
     if (tile->zeropoint == 0) /* the stage's default states nothing */
         tile->zeropoint = config->sim->mag_zeropoint;
-    dst->injected = dst->tell_psf = 1;
+    dst->injected = 1;
     dst->width = tile->width;
     dst->height = tile->height;
     dst->fwhm = dst->field->psf->fwhm;
     dst->psf = rx_psf_copy(dst->field->psf);
-    if (dst->psf == NULL)
+    dst->told = rx_psf_copy(dst->field->psf);
+    if (dst->psf == NULL || dst->told == NULL)
         return rx_error_memory(err, 0);
     status = rx_optics_psf(dst->psf, &dst->optics, err);
     return status == RX_OK ? allow(dst, err) : status;
 }
 
-rx_status rx_photometry_sky_open(rx_photometry_state *state, const char *word, rx_log *log,
-                                 rx_photometry_sky *dst, rx_error *err)
+rx_status rx_photometry_sky_open(rx_photometry_state *state, int injected, const rx_condition *condition,
+                                 rx_log *log, rx_photometry_sky *dst, rx_error *err)
 {
-    rx_status status = strcmp(word, "INJECTED") == 0 ? open_injected(state, log, dst, err)
-                                                     : open_simulated(state, log, dst, err);
+    dst->condition = *condition;
+    rx_status status = injected ? open_injected(state, log, dst, err) : open_simulated(state, log, dst, err);
     return status == RX_OK ? measure_power(dst, err) : status;
 }
 
 void rx_photometry_sky_close(rx_photometry_sky *sky)
 {
     rx_psf_free(sky->psf);
+    rx_psf_free(sky->told);
     rx_simulation_free(sky->simulation);
     rx_field_free(sky->field);
     rx_optics_free(sky->optics);
@@ -304,10 +309,12 @@ rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_pho
         status = sky->injected ? injected_tile(state, sky, stars, number, &tile, err)
                                : simulated_tile(state, sky, stars, number, &tile, &dst->known, err);
     if (status == RX_OK) {
-        status = rx_field_prepare(state->options, 0, tile, sky->tell_psf ? sky->psf : NULL, needs_psf(state),
-                                  NULL, &dst->field, err);
+        status =
+            rx_field_prepare(state->options, 0, tile, sky->told, needs_psf(state), NULL, &dst->field, err);
         tile = NULL; /* the field's */
     }
+    if (status == RX_OK)
+        rx_condition_tell(&sky->condition, dst->field);
     if (status == RX_OK && dst->field->unrestorable && needs_psf(state))
         status = rx_error_set(err, RX_INPUT,
                               "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "

@@ -2,7 +2,8 @@
  * restorer. The paper's last figure.
  *
  * SIMULATED: the sky of the SIM. keywords, another one on each tile; the restorers are given its true PSF,
- * unless STAGE.PSF_TYPE is set: then the stage finds it as on any tile. INJECTED: stars added to a real tile
+ * unless STAGE.PSF_TYPE is set: then the stage finds it as on any tile. A field for each of the conditions of
+ * SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR. INJECTED: stars added to a real tile
  * with the tile's own PSF (of the STAGE. keywords, measured on the untouched tile by default), which the
  * restorers are given too, and with the photon noise of its gain. Its noise is the same on every tile, and
  * what is found on it before the injection, by any restorer, is known and neither right nor false: of that,
@@ -18,6 +19,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "campaign/conditions.h"
 #include "campaign/journal.h"
 #include "campaign/photometry_judge.h"
 #include "config/campaign_config.h"
@@ -26,16 +28,17 @@
 #include "stage/options.h"
 #include "stage/simulation.h"
 
-enum { RX_RUNS_MAX = 16, RX_SKIES_MAX = 2 };
+enum { RX_RUNS_MAX = 16, RX_SKIES_MAX = 64 };
 
 /* What the tiles of a field are made from. */
 typedef struct rx_photometry_sky {
     int injected;
+    rx_condition condition; /* INJECTED: all zero */
     int width, height;
     double fwhm;               /* pixels */
     double power;              /* sum of PSF^2 over pixels, at the centre of the tile */
-    rx_psf *psf;               /* on the tile's pixels; owned */
-    int tell_psf;              /* 1: restorers are given it, 0: the stage finds it */
+    rx_psf *psf;               /* the true one, on the tile's pixels; owned */
+    rx_psf *told;              /* the one that restorers are given; owned, NULL: the stage finds it */
     rx_simulation *simulation; /* SIMULATED; owned */
     rx_field *field;           /* INJECTED: the untouched tile; owned */
     rx_optics *optics;         /* INJECTED: its PSF; owned */
@@ -58,12 +61,13 @@ typedef struct rx_photometry_state {
     long ntiles;  /* per magnitude */
 } rx_photometry_state;
 
-/* Tiles are numbered: tile + ntiles (magnitude + nmags field). */
+/* Tiles are numbered: tile + ntiles (magnitude + nmags field). Those of one magnitude and tile are drawn
+ * alike in every field. */
 long rx_photometry_units(const rx_photometry_state *state);
 
 /* Read and simulate nothing but what every tile shares. */
-rx_status rx_photometry_sky_open(rx_photometry_state *state, const char *word, rx_log *log,
-                                 rx_photometry_sky *dst, rx_error *err);
+rx_status rx_photometry_sky_open(rx_photometry_state *state, int injected, const rx_condition *condition,
+                                 rx_log *log, rx_photometry_sky *dst, rx_error *err);
 void rx_photometry_sky_close(rx_photometry_sky *sky); /* content only */
 
 /* INJECTED: what every restorer finds on the untouched tile, and its noise. Errors: RX_INPUT (too little sky

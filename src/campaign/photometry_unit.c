@@ -195,7 +195,7 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
 {
     const long set = unit / state->ntiles;
     const rx_photometry_sky *sky = &state->sky[set / state->nmags];
-    const uint64_t number = (uint64_t)set << 32 | (uint64_t)(unit % state->ntiles);
+    const uint64_t number = (uint64_t)(set % state->nmags) << 32 | (uint64_t)(unit % state->ntiles);
     row r = {.values = dst};
     rx_photometry_tile tile;
     rx_field *blank = NULL;

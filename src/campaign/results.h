@@ -79,6 +79,7 @@ typedef struct rx_photometry_set {
 typedef struct rx_photometry_field {
     char name[64];   /* "simulated", "sdss r-000094-1-0012" */
     char about[600]; /* one line for the report: FWHM, noise, what else is on it */
+    int misled;      /* restorers were told a wrong PSF, sky or noise: no claim speaks of that */
     int nsets;
     rx_photometry_set *sets; /* bright to faint */
 } rx_photometry_field;
