@@ -31,6 +31,7 @@ static void load(const rx_plane *src, size_t at, size_t n, float *restrict dst)
         return;
     }
     const uint16_t *from = (const uint16_t *)src->data + at;
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         dst[i] = widen(from[i]);
 }
@@ -42,6 +43,7 @@ static void store(const float *restrict src, size_t n, rx_plane *dst, size_t at)
         return;
     }
     uint16_t *to = (uint16_t *)dst->data + at;
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         to[i] = narrow(src[i]);
 }
@@ -50,17 +52,20 @@ static void add_from(const rx_plane *src, size_t at, size_t n, float *restrict d
 {
     if (src->real == RX_REAL_F32) {
         const float *from = (const float *)src->data + at;
+#pragma omp simd
         for (size_t i = 0; i < n; i++)
             dst[i] += from[i];
         return;
     }
     const uint16_t *from = (const uint16_t *)src->data + at;
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         dst[i] += widen(from[i]);
 }
 
 static void cut(float *values, size_t n)
 {
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         values[i] = values[i] > 0 ? values[i] : 0;
 }
@@ -144,6 +149,7 @@ void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int r
     for (int y = 0; y < dst->height; y++) {
         load(src, (size_t)(y / 2) * n, n, mixed);
         load(src, (size_t)other_row(y, src->height) * n, n, far);
+#pragma omp simd
         for (size_t i = 0; i < n; i++)
             mixed[i] = 0.75f * mixed[i] + 0.25f * far[i];
         for (int x = 0; x < src->width; x++) {
@@ -151,6 +157,7 @@ void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int r
             const float *left = mixed + (size_t)clamp(x - 1, src->width) * channels;
             const float *right = mixed + (size_t)clamp(x + 1, src->width) * channels;
             float *to = out + 2 * (size_t)x * channels;
+#pragma omp simd
             for (size_t c = 0; c < channels; c++) {
                 to[c] = 0.75f * here[c] + 0.25f * left[c];
                 to[c + channels] = 0.75f * here[c] + 0.25f * right[c];
@@ -179,13 +186,16 @@ void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row)
             const float *near = from + 2 * (size_t)x * channels;
             const float *left = from + (size_t)(x > 0 ? 2 * x - 1 : 0) * channels;
             const float *right = from + (size_t)(2 * x + 2 <= last ? 2 * x + 2 : last) * channels;
+#pragma omp simd
             for (size_t c = 0; c < channels; c++)
                 row[(size_t)x * channels + c] =
                     0.75f * (near[c] + near[c + channels]) + 0.25f * (left[c] + right[c]);
         }
         float *close = to + (size_t)(y / 2) * n, *far = to + (size_t)other_row(y, dsrc->height) * n;
+#pragma omp simd
         for (size_t i = 0; i < n; i++)
             close[i] += 0.75f * row[i];
+#pragma omp simd
         for (size_t i = 0; i < n; i++)
             far[i] += 0.25f * row[i];
     }
@@ -193,12 +203,14 @@ void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row)
 
 void rx_layer_relu_back(const float *value, float *gradient, size_t n)
 {
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         gradient[i] = value[i] > 0 ? gradient[i] : 0;
 }
 
 void rx_layer_add(const float *src, float *dst, size_t n)
 {
+#pragma omp simd
     for (size_t i = 0; i < n; i++)
         dst[i] += src[i];
 }
