@@ -144,17 +144,23 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
 rx_status rx_options_need_model(rx_options *options, rx_error *err)
 {
     const char *name = options->model_name;
+    rx_text installed = {0};
+    rx_status status = RX_OK;
     if (options->model != NULL)
         return RX_OK;
-    rx_text installed = {0};
     if (strchr(name, '/') == NULL && access(name, F_OK) != 0) {
         rx_text_printf(&installed, "%s/%s", RX_DATA_FOLDER, name);
         if (installed.failed)
             return rx_error_memory(err, 0);
         if (access(installed.data, F_OK) == 0)
             name = installed.data;
+        else
+            status = rx_error_at(err, RX_INPUT, name, -1, 0,
+                                 "is neither here nor in %s; name the network's model by NET_MODEL",
+                                 RX_DATA_FOLDER);
     }
-    rx_status status = rx_model_read(name, &options->model, err);
+    if (status == RX_OK)
+        status = rx_model_read(name, &options->model, err);
     rx_text_free(&installed);
     options->restore.model = options->model;
     return status;

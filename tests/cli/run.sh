@@ -1,6 +1,7 @@
 #!/bin/sh
 # Command line tests: run.sh [FILE.sh...] runs the cases of tests/cli/cases/*.sh, or of those named, with the
-# program $RX_PROGRAM, the ones beside it, and the helper make_fits of the build in $RX_BUILD_DIR.
+# program $RX_PROGRAM, the ones beside it, and the helpers make_fits and make_model of the build in
+# $RX_BUILD_DIR.
 #
 # A file of cases is a shell script made of
 #
@@ -25,7 +26,8 @@ rextract=${RX_PROGRAM:-$build/rextract}
 programs=$(cd "$(dirname "$rextract")" && pwd)
 program=$rextract
 fits=$build/tests/cli/make_fits
-for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$fits"; do
+model=$build/tests/cli/make_model
+for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$fits" "$model"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -45,6 +47,8 @@ name='' wanted='' printed='' said=1 active=1
 
 # shellcheck disable=SC2317 # called by the files of cases
 make_fits() { "$fits" "$@"; }
+# shellcheck disable=SC2317
+make_model() { "$model" "$@"; }
 
 begin() {
     name=$1 wanted='' printed='' said=1 program=$rextract

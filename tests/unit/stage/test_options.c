@@ -6,8 +6,12 @@
 
 #include <cmocka.h>
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "nn/psfnet.h"
 #include "stage/options.h"
 
 static rx_options *options_with(const char *name, const char *value)
@@ -65,6 +69,11 @@ static int quality_flux(const rx_options *options)
     return options->quality_flux;
 }
 
+static int out_of_domain(const rx_options *options)
+{
+    return (int)options->restore.out_of_domain;
+}
+
 static void words_have_values(void **state)
 {
     (void)state;
@@ -75,24 +84,81 @@ static void words_have_values(void **state)
     static const char *const masks[] = {"NONE", "BLANK", "CORRECT"};
     static const char *const mags[] = {"MAG_AUTO",   "MAG_APER",  "MAG_ISO",
                                        "MAG_ISOCOR", "MAG_PETRO", "MAG_WIN"};
+    static const char *const domains[] = {"WARN", "RL", "FAIL"};
     check_words("CATALOG_TYPE", catalogs, 7, catalog_type);
     check_words("PSF_TYPE", psfs, 4, psf_type);
     check_words("WEIGHT_TYPE", weights, 5, weight_type);
     check_words("MASK_TYPE", masks, 3, mask_type);
     check_words("QA_MAG", mags, 6, quality_flux);
+    check_words("OUT_OF_DOMAIN", domains, 3, out_of_domain);
+}
+
+/* A network without weights, as a file in a folder of its own. */
+static void make_model(char folder[64], char path[96])
+{
+    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
+                                   .decoder = RX_DECODER_BILINEAR,
+                                   .width = 4,
+                                   .blocks = 1,
+                                   .stem_kernel = 3,
+                                   .kernel = 3};
+    rx_model *model = rx_model_new();
+    assert_non_null(model);
+    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(model->front.mode), &model->restore, NULL),
+                     RX_OK);
+    snprintf(model->name, sizeof model->name, "toy");
+    snprintf(folder, 64, "%s", "/tmp/rextract-options-XXXXXX");
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, 96, "%s/model.fits", folder);
+    assert_int_equal(rx_model_write(model, path, path, NULL), RX_OK);
+    rx_model_free(model);
 }
 
 static void every_restorer_of_the_table_is_a_word(void **state)
 {
     (void)state;
     int n;
+    char folder[64], path[96];
     const rx_restorer *kinds = rx_restorers(&n);
+    make_model(folder, path);
     for (int i = 0; i < n; i++) {
-        rx_options *options = options_with("RESTORE_TYPE", kinds[i].name);
+        rx_config *config = NULL;
+        rx_options *options = NULL;
+        assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+        assert_int_equal(rx_config_set(config, "NET_MODEL", path, NULL, NULL), RX_OK);
+        assert_int_equal(rx_config_set(config, "RESTORE_TYPE", kinds[i].name, NULL, NULL), RX_OK);
+        assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
         assert_int_equal(options->nrestorers, 1);
         assert_ptr_equal(options->restorers[0], &kinds[i]);
+        /* the model is read for the network alone, or when a campaign asks for it */
+        assert_int_equal(options->restore.model != NULL, strcmp(kinds[i].name, "NET") == 0);
+        assert_int_equal(rx_options_need_model(options, NULL), RX_OK);
+        assert_ptr_equal(options->restore.model, options->model);
+        assert_string_equal(options->model->name, "toy");
         rx_options_free(options);
+        rx_config_free(config);
     }
+    unlink(path);
+    rmdir(folder);
+}
+
+static void a_model_is_looked_for_here_and_among_installed_data(void **state)
+{
+    (void)state;
+    rx_config *config = NULL;
+    rx_options *options = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_config_set(config, "RESTORE_TYPE", "NET", NULL, NULL), RX_OK);
+    assert_int_equal(rx_config_set(config, "NET_MODEL", "no-such-model.fits", NULL, NULL), RX_OK);
+    assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_INPUT);
+    assert_string_equal(err.where, "no-such-model.fits");
+    assert_non_null(strstr(err.text, RX_DATA_FOLDER));
+    assert_int_equal(rx_config_set(config, "NET_MODEL", "./no-such-model.fits", NULL, NULL), RX_OK);
+    err = RX_ERROR_NONE;
+    assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_INPUT);
+    assert_null(strstr(err.text, RX_DATA_FOLDER));
+    rx_config_free(config);
 }
 
 static void short_lists_repeat_their_last_item(void **state)
@@ -147,6 +213,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(words_have_values),
         cmocka_unit_test(every_restorer_of_the_table_is_a_word),
+        cmocka_unit_test(a_model_is_looked_for_here_and_among_installed_data),
         cmocka_unit_test(short_lists_repeat_their_last_item),
         cmocka_unit_test(surface_brightness_becomes_adu),
         cmocka_unit_test(an_unset_pixel_scale_is_unknown),

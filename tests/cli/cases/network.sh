@@ -1,0 +1,113 @@
+# The restorer NET: its model, its blocks
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
+
+net='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE MOFFAT -PSF_FWHM 3'
+
+begin 'network: a model that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: model\.fits: is neither here nor in .*; name the network.s model by NET_MODEL$' tile.fits $net
+
+begin 'network: a model in a folder that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: \./absent/model\.fits: ' tile.fits $net -NET_MODEL ./absent/model.fits
+
+begin 'network: a tile is no model'
+make_fits tile tile.fits
+expect 3 '^rextract: tile\.fits' tile.fits $net -NET_MODEL tile.fits
+
+begin 'network: a model cut short'
+make_fits tile tile.fits
+make_model whole.fits && head -c 9000 whole.fits >model.fits
+expect 3 '^rextract: model\.fits' tile.fits $net
+
+begin 'network: an absent model is no concern of others'
+make_fits tile tile.fits
+leaves test.cat
+expect 0 '' tile.fits $net -RESTORE_TYPE NONE
+
+begin 'network: blocks that are no multiple of 4'
+make_fits tile tile.fits
+make_model model.fits
+expect 2 'NET_BLOCK: 50 is no multiple of 4; give 52' tile.fits $net -NET_BLOCK 50
+
+begin 'network: a tile, verified'
+make_fits tile tile.fits
+make_model model.fits
+leaves test.cat
+expect 0 '' tile.fits $net -VERIFY_SEAMS Y -NET_BLOCK 32
+
+unknown='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE AUTO -PSF_MINSTARS 1000 -CATALOG_TYPE FITS_1.0'
+
+begin 'network: blind and without a PSF'
+make_fits tile tile.fits
+make_model model.fits BLIND
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        timeout 60 "$program" tile.fits $unknown -CHECKIMAGE_TYPE RESTORED,RESIDUAL,SUPPORT \
+            -CHECKIMAGE_NAME a.fits,b.fits,c.fits -VERBOSE_TYPE QUIET
+        echo $? >../code
+        tr -d '\000' <test.cat | grep -q "RXREST  = 'NET" || echo 'the network did not run'
+        rm -f test.cat a.fits b.fits c.fits
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
+begin 'network: informed and without a PSF'
+make_fits tile tile.fits
+make_model model.fits
+leaves test.cat
+expect 0 '' tile.fits $unknown
+
+begin 'network: a tile of one pixel'
+make_fits pixel tile.fits
+make_model model.fits
+leaves test.cat
+expect 0 '' tile.fits $net
+
+begin 'network: a tile without a good pixel'
+make_fits nan tile.fits
+make_model model.fits
+expect 3 '^rextract: tile\.fits' tile.fits $net
+
+begin 'network: same bytes for any number of threads and any blocks'
+make_fits tile tile.fits
+make_model model.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    for run in '1 512' '2 512' '3 512'; do
+        set -- $run
+        OMP_NUM_THREADS=$1 timeout 60 "$program" tile.fits $net -NET_BLOCK $2 -CATALOG_TYPE FITS_LDAC \
+            -CHECKIMAGE_TYPE RESTORED,RESIDUAL,SUPPORT -CHECKIMAGE_NAME a.fits,b.fits,c.fits -VERBOSE_TYPE QUIET
+        echo $? >../code
+        cat test.cat a.fits b.fits c.fits | cksum
+        rm -f test.cat a.fits b.fits c.fits
+    done >../sums 2>../err
+    for block in 32 64; do
+        timeout 60 "$program" tile.fits $net -NET_BLOCK $block -CATALOG_TYPE ASCII -VERBOSE_TYPE QUIET
+        cksum <test.cat
+        rm -f test.cat
+    done >../blocks 2>>../err
+    [ "$(sort -u ../sums | wc -l)" = 1 ] || echo 'outputs depend on the number of threads' >>../err
+    [ "$(sort -u ../blocks | wc -l)" = 1 ] || echo 'the catalogue depends on the blocks' >>../err
+    : >../out
+    judge 0 ''
+fi
+
+begin 'network: what the header says'
+make_fits tile tile.fits
+make_model model.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        timeout 60 "$program" tile.fits $net -VERIFY_SEAMS Y -CATALOG_TYPE FITS_1.0 -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
+        echo $? >../code
+        for card in "RXREST  = 'NET" 'RXSEAM  =' 'RXCHI2  =' 'model toy'; do
+            tr -d '\000' <test.fits | grep -q "$card" || echo "no $card in the header"
+        done
+        rm -f test.fits
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi

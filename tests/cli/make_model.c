@@ -1,0 +1,34 @@
+/* A small model for the command line tests: make_model FILE [BLIND]. Its weights are random and small, it
+ * was never trained. */
+#include <stdio.h>
+#include <string.h>
+
+#include "nn/model.h"
+#include "nn/psfnet.h"
+
+int main(int argc, char **argv)
+{
+    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
+                                   .decoder = RX_DECODER_BILINEAR,
+                                   .width = 4,
+                                   .blocks = 2,
+                                   .stem_kernel = 3,
+                                   .kernel = 3};
+    const rx_mode mode = argc > 2 && strcmp(argv[2], "BLIND") == 0 ? RX_MODE_BLIND : RX_MODE_INFORMED;
+    rx_error err = RX_ERROR_NONE;
+    rx_model *model = rx_model_new();
+    if (argc < 2 || model == NULL)
+        return 2;
+    model->front.mode = mode;
+    model->front.rl_steps = mode == RX_MODE_INFORMED;
+    snprintf(model->name, sizeof model->name, "toy");
+    rx_status status = rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, &err);
+    if (status == RX_OK) {
+        rx_net_initialise(model->restore, 7, 0, 0.3, 0.05);
+        status = rx_model_write(model, argv[1], argv[1], &err);
+    }
+    if (status != RX_OK)
+        fprintf(stderr, "make_model: %s\n", err.text);
+    rx_model_free(model);
+    return status != RX_OK;
+}
