@@ -190,7 +190,7 @@ processes 3 "$train" -c small.conf -IMAGES_AHEAD 20 >wrong.log 2>&1
 said_once "too little memory for an epoch is told once" 2 'IMAGES_AHEAD' wrong.log $?
 # only those who make images read the templates
 processes 3 "$train" -c small.conf -MODEL_NAME none.fits -CHECKPOINT_NAME none.checkpoint \
-    -SIM.TEMPLATE_NAME absent.fits >wrong.log 2>&1
+    -SIM.TEMPLATE_COUNT 1000 -SIM.TEMPLATE_NAME absent.fits >wrong.log 2>&1
 said_once "what fails where images are made is told once by the trainer" 3 'absent.fits' wrong.log $?
 
 # Stopped by a signal to mpiexec after its first epoch; the same command goes on, on threads as well.
