@@ -1,5 +1,5 @@
 check_PROGRAMS += tests/unit/train/test_feed
-tests_unit_train_test_feed_SOURCES = tests/unit/train/test_feed.c
+tests_unit_train_test_feed_SOURCES = tests/unit/train/test_feed.c tests/unit/train/scenes_test.h
 tests_unit_train_test_feed_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_sample
 tests_unit_train_test_sample_SOURCES = tests/unit/train/test_sample.c

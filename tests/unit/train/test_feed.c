@@ -14,6 +14,7 @@
 
 #include "base/memory.h"
 #include "base/random.h"
+#include "scenes_test.h"
 #include "train/feed_parts.h"
 
 enum { SIDE = 8, FIELD = 16, USES = 2, TOTAL = 20, NFWHM = 3, NSIGMA = 2, BINS = 6, EPOCHS = 8 };
@@ -443,6 +444,75 @@ static void waiting_is_counted(void **state)
     end(&r);
 }
 
+/* --- with the simulator --- */
+
+static void simulate(void *user, rx_ranks *ranks)
+{
+    rx_feed_generate(user, ranks, NULL, NULL);
+}
+
+static void images_of_the_simulator_arrive_as_they_are_made(void **state)
+{
+    (void)state;
+    const double fwhm[2] = {2, 4}, sigma[2] = {1, 15};
+    scenes_test t = scenes_test_open(1, 15);
+    assert_int_equal(rx_selection_begin(2, 1, fwhm, sigma, 12, 1, &t.grid, NULL), RX_OK);
+    rx_feed_params par = {.scenes = t.par, .grid = t.grid, .sim = t.config, .ahead = 24};
+    rx_ranks *ranks = NULL;
+    rx_feed *feed = NULL;
+    rx_pick *order = NULL;
+    long n = 0;
+    rx_scenes *scenes[2];
+    for (int set = 0; set < 2; set++) {
+        t.par.set = set;
+        scenes[set] = scenes_test_make(&t);
+    }
+    assert_int_equal(rx_ranks_start(1, 2, simulate, &par, &ranks, NULL), RX_OK);
+    assert_int_equal(rx_feed_new(&par, ranks, &feed, NULL), RX_OK);
+    assert_int_equal(rx_selection_order(&t.grid, 1, 6, &order, &n, NULL), RX_OK);
+    assert_int_equal(rx_feed_epoch(feed, 6, &t.grid, order, n, NULL), RX_OK);
+    rx_sample *expected = rx_sample_new(t.par.side);
+    assert_non_null(expected);
+    size_t pixels = (size_t)t.par.side * (size_t)t.par.side * sizeof(float);
+    for (long at = 0; at < 24; at++) {
+        rx_sample *sample = NULL;
+        rx_error err = RX_ERROR_NONE;
+        if (rx_feed_next(feed, at, &sample, &err) != RX_OK)
+            fail_msg("%s", err.text);
+        scenes_test_sample(scenes[sample->id.set], sample->id, expected);
+        assert_int_equal(sample->id.set, at < n ? RX_SET_TRAIN : RX_SET_TEST);
+        assert_memory_equal(sample->x, expected->x, pixels);
+        assert_memory_equal(sample->w, expected->w, pixels);
+        assert_memory_equal(sample->y, expected->y, pixels);
+        assert_memory_equal(sample->blurred, expected->blurred, pixels);
+        assert_memory_equal(sample->star, expected->star, sizeof sample->star);
+        rx_sample_free(sample);
+    }
+    rx_sample_free(expected);
+    free(order);
+    rx_feed_free(feed);
+    rx_ranks_stop(ranks);
+    rx_scenes_free(scenes[0]);
+    rx_scenes_free(scenes[1]);
+    rx_simulate_config_free(t.config);
+}
+
+static void a_simulator_that_cannot_begin_is_told(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(1, 15);
+    rx_feed_params par = {.scenes = t.par, .grid = t.grid, .sim = t.config, .ahead = 1000};
+    rx_message message;
+    rx_error err = RX_ERROR_NONE;
+    rx_ranks *ranks = NULL;
+    par.scenes.photon[0] = -1;
+    assert_int_equal(rx_ranks_start(1, 1, simulate, &par, &ranks, NULL), RX_OK);
+    assert_int_equal(rx_ranks_receive(ranks, 1, &message, &err), RX_USAGE);
+    assert_true(err.text[0] != '\0');
+    rx_ranks_stop(ranks);
+    rx_simulate_config_free(t.config);
+}
+
 int main(void)
 {
     alarm(120); /* whoever waits for ever ends the test */
@@ -461,6 +531,8 @@ int main(void)
         cmocka_unit_test(a_failed_generator_ends_the_epoch_with_its_words),
         cmocka_unit_test(a_trainer_may_leave_at_any_time),
         cmocka_unit_test(waiting_is_counted),
+        cmocka_unit_test(images_of_the_simulator_arrive_as_they_are_made),
+        cmocka_unit_test(a_simulator_that_cannot_begin_is_told),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
