@@ -15,7 +15,7 @@
 #include "train/train_output.h"
 
 /* Divergence: so many batches in a row above so many times the running mean, known from so many batches. */
-enum { HIGH_BATCHES = 3, KNOWN_BATCHES = 20, MOST_RETURNS = 3 };
+enum { HIGH_BATCHES = 3, KNOWN_BATCHES = 5, MOST_RETURNS = 3 };
 static const double HIGH = 20, FORGETS = 0.02;
 
 typedef struct job {
@@ -84,10 +84,12 @@ static int diverges(rx_train_state *s, double loss, double norm)
 {
     if (!isfinite(loss) || !isfinite(norm))
         return 1;
-    if (s->usual_n >= KNOWN_BATCHES && loss > HIGH * s->usual)
+    const int high = s->usual_n > 0 && loss > HIGH * s->usual;
+    if (high && s->usual_n >= KNOWN_BATCHES)
         return ++s->high >= HIGH_BATCHES;
     s->high = 0;
     s->usual_n++;
+    loss = high ? HIGH * s->usual : loss; /* one bad batch is not what is usual */
     s->usual += fmax(FORGETS, 1 / (double)s->usual_n) * (loss - s->usual);
     return 0;
 }

@@ -1,0 +1,163 @@
+#!/bin/sh
+# Training end to end, a tiny one: it learns; the model has the same bytes for one and two threads, one and two
+# generators, after kill -9 at random moments and after a polite signal; checkpoints of other settings and
+# foreign files are refused; what is written can be read.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+program=$(dirname "${RX_PROGRAM:-$top/rextract}")/rextract-train
+[ -x "$program" ] || {
+    echo "train.sh: $program is missing; build first (make check)"
+    exit 2
+}
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-train-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+passed=0 failed=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+cat >tiny.conf <<'END'
+EPOCHS          3
+WIDTH           4
+BLOCKS          1
+PATCH           48
+PATCH_MARGIN    8
+FIELD_PATCHES   2
+GRID            2,1
+BIN_IMAGES      60
+BATCH           4
+RATE            0.005
+LOSS_FFL        0.1
+SIM.STAR_COUNT  3000
+QA_FIGURES      N
+END
+
+# start NAME ARGUMENT...: in the background as process $job; NAME/model.fits, NAME.ck, NAME (folder), NAME.log.
+start() {
+    name=$1
+    shift
+    mkdir -p "$name.model"
+    "$program" tiny.conf -MODEL_NAME "$name.model/model.fits" -CHECKPOINT_NAME "$name.ck" -OUTPUT_NAME "$name" \
+        "$@" 2>"$name.log" &
+    job=$!
+}
+
+# The same, to its end.
+training() {
+    start "$@"
+    wait $job
+}
+
+# same NAME: is what it left that of the whole run?
+same() {
+    cmp "$1.model/model.fits" whole.model/model.fits && cmp "$1.ck" whole.ck && diff -r "$1" whole
+}
+
+training whole -NTHREADS 1
+result 'a whole training on one thread' $? whole.log
+[ -e whole/training.html ] && [ -e whole/dictionary.ecsv ] && [ -e whole/log.ecsv ]
+result 'leaves a page and tables' $? whole.log
+
+# column NAME of the last line of the log
+column() {
+    awk -F, -v name="$1" '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == name) at = i; next }
+        { value = $at } END { print value }' whole/log.ecsv
+}
+awk -v test="$(column test_loss)" -v input="$(column input_loss)" 'BEGIN { exit !(test > 0 && test < 0.8 * input) }'
+result "the loss is below that of unrestored images: $(column test_loss) against $(column input_loss)" $? whole/log.ecsv
+[ "$(grep -c '^[0-9]' whole/log.ecsv)" = 3 ] && [ "$(grep -c '^[0-9]' whole/dictionary.ecsv)" = 6 ]
+result 'a row for every epoch and bin' $? whole/dictionary.ecsv
+
+"$program" -INFO whole.model/model.fits >info 2>info.err && grep -q '^Training  *3 epochs' info && grep -q '^WIDTH 4$' info
+result '-INFO tells what the model is' $? info
+! grep -q -e "$scratch" -e "$(hostname)" whole/training.html whole.model/model.fits
+result 'nothing of this machine is in it' $? info
+
+training threads -NTHREADS 2 -GENERATORS 2
+same threads >difference 2>&1
+result 'two threads and two generators: the same bytes' $? difference
+
+# killed: at random moments, until it is complete
+hits=0 kills=0
+while [ $kills -lt 6 ]; do
+    start killed -NTHREADS 2
+    sleep "$(awk -v seed="$(date +%N)" 'BEGIN { srand(seed); printf "%.2f", 0.2 + 1.2 * rand() }')"
+    kill -9 $job 2>/dev/null
+    wait $job 2>/dev/null
+    [ $? -eq 137 ] && hits=$((hits + 1))
+    kills=$((kills + 1))
+done
+[ $hits -ge 2 ]
+result "$hits of 6 kills struck" $? killed.log
+training killed -NTHREADS 2
+result 'goes on after kills' $? killed.log
+same killed >difference 2>&1
+result 'to the same bytes' $? difference
+find . -name '.*.rx-*' >leftovers
+[ ! -s leftovers ]
+result 'nothing is left of the killed runs' $? leftovers
+
+# a polite signal, once the work has begun: the state within the epoch is kept
+start polite -NTHREADS 1 -VERBOSE_TYPE FULL
+tries=0
+while ! grep -q 'parameters' polite.log 2>/dev/null && [ $tries -lt 400 ]; do
+    sleep 0.02
+    tries=$((tries + 1))
+done
+sleep 0.3
+kill -TERM $job
+wait $job
+[ $? -eq 143 ] && grep -q 'the same command goes on from there' polite.log && [ -e polite.ck ]
+result 'a signal ends the training after its step' $? polite.log
+training polite -NTHREADS 2
+grep -q 'goes on' polite.log
+result 'which then goes on' $? polite.log
+same polite >difference 2>&1
+result 'to the same bytes' $? difference
+
+# complete: nothing more to do, what is lost comes back
+rm -r whole.model/model.fits
+cp -r whole before
+training whole -NTHREADS 1
+result 'a complete training writes its model again' $? whole.log
+cmp whole.model/model.fits threads.model/model.fits >difference 2>&1 && diff -r before whole >>difference 2>&1
+result 'with the same bytes' $? difference
+
+# more epochs are an order to go on; other settings are another training
+training whole -EPOCHS 4
+[ $? -eq 0 ] && [ "$(grep -c '^[0-9]' whole/log.ecsv)" = 4 ]
+result 'more epochs go on from a complete training' $? whole.log
+training killed -RATE 0.001
+[ $? -eq 2 ] && grep -q 'RATE 0.005, now it is RATE 0.001' killed.log
+result 'a checkpoint of other settings is refused by name' $? killed.log
+echo 'not ours' >letter.ck
+training letter
+[ $? -eq 2 ] && [ "$(cat letter.ck)" = 'not ours' ]
+result 'a file that is no checkpoint is refused and left alone' $? letter.log
+mkdir full && echo mine >full/thesis
+training full
+[ $? -eq 2 ] && [ "$(cat full/thesis)" = mine ] && [ ! -e full.ck ]
+result 'a folder of somebody else is refused before the work' $? full.log
+
+# a rate that no network survives
+training wild -RATE 1 -CLIP 0 -WARMUP 0 -EPOCHS 2 -LOSS_TYPE PLAIN
+[ $? -eq 3 ] && grep -q 'lower RATE' wild.log && grep -q 'begins again with half the rate' wild.log
+result 'a training that diverges goes back, then gives up and says so' $? wild.log
+
+# with the image alone, and both networks
+training blind -MODE BLIND -EPOCHS 1 -SELECTION UNIFORM
+result 'BLIND' $? blind.log
+"$program" -INFO blind.model/model.fits >info 2>&1 && grep -q BLIND info
+result 'is said by -INFO' $? info
+
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" -eq 0 ]
