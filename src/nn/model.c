@@ -186,8 +186,12 @@ static int find_cell(const rx_model_bin *bins, int n, int stride, int axis, doub
 static void say_outside(rx_text *dst, const char *what, const char *unit, double value, int below,
                         double limit)
 {
-    rx_text_printf(dst, "%s%s %.2f%s is %s %.4g", dst->length > 0 ? ", " : "", what, value, unit,
-                   below ? "below" : "above", limit);
+    rx_text_printf(dst, "%s%s ", dst->length > 0 ? ", " : "", what);
+    if (isnan(value))
+        rx_text_add(dst, "is not known");
+    else
+        rx_text_printf(dst, fabs(value - limit) < 0.005 ? "%.8g%s is %s %.4g" : "%.2f%s is %s %.4g", value,
+                       unit, below ? "below" : "above", limit);
 }
 
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,

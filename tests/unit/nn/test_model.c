@@ -22,7 +22,7 @@
 #include "nn/psfnet.h"
 #include "num/stats.h"
 
-enum { FLIPS = 500, CUTS = 100 };
+enum { FLIPS = 500, CUTS = 100, ODD = 300 };
 
 typedef struct scratch {
     char folder[512], path[600];
@@ -436,6 +436,32 @@ static void test_wrong_network(void **state)
     refused(state, "no grid");
 }
 
+/* Lists of nodes that nobody would write, checksums right: refused, or a network all the same. */
+static void test_odd_nodes(void **state)
+{
+    static const int32_t odd[] = {INT32_MIN, -2, -1, 0, 1, 2, 3, 4, 16, 63, 64, 1024, 1025, INT32_MAX};
+    const scratch *s = *state;
+    int read = 0;
+    for (uint64_t i = 0; i < ODD; i++) {
+        uint32_t words[4];
+        parts p = take_apart(state);
+        for (uint64_t k = 0; k <= i % 3; k++) {
+            rx_random_block(12, k, i, words);
+            *node_cell(&p, 1 + (int)(words[0] % 6), (int)(words[1] % (uint32_t)p.table[0]->nrows)) =
+                odd[words[2] % (sizeof odd / sizeof odd[0])];
+        }
+        put_together(state, &p);
+        rx_model *back = NULL;
+        rx_error err = RX_ERROR_NONE;
+        rx_status status = rx_model_read(s->path, &back, &err);
+        assert_true(status == RX_OK || status == RX_INPUT);
+        assert_int_equal(status == RX_OK, back != NULL);
+        read += status == RX_OK;
+        rx_model_free(back);
+    }
+    assert_true(read < ODD / 2);
+}
+
 /* A model cannot be written that cannot be read. */
 static void test_write_refuses(void **state)
 {
@@ -547,10 +573,11 @@ static void test_find(void **state)
                  {3, 5, 2, ""},
                  {8, 13, 5, ""},
                  {9.3, 3, -1, "FWHM 9.30 pixels is above 8"},
+                 {1.9984, 3, -1, "FWHM 1.9984 pixels is below 2"},
                  {1.5, 3, -1, "FWHM 1.50 pixels is below 2"},
                  {3, 0.25, -1, "noise 0.25 is below 1"},
                  {12, 82.5, -1, "FWHM 12.00 pixels is above 8, noise 82.50 is above 13"},
-                 {NAN, 3, -1, "FWHM nan pixels is below 2"},
+                 {NAN, 3, -1, "FWHM is not known"},
                  {3, HUGE_VAL, -1, "noise inf is above 13"}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const rx_model_bin *bin = rx_model_find(model, cases[i].fwhm, cases[i].sigma, why, sizeof why);
@@ -601,6 +628,7 @@ int main(void)
         cmocka_unit_test(test_real_tile),
         cmocka_unit_test_setup_teardown(test_wrong_content, make_scratch, drop_scratch),
         cmocka_unit_test_setup_teardown(test_wrong_network, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_odd_nodes, make_scratch, drop_scratch),
         cmocka_unit_test_setup_teardown(test_write_refuses, make_scratch, drop_scratch),
         cmocka_unit_test_setup_teardown(test_damage, make_scratch, drop_scratch),
         cmocka_unit_test_setup_teardown(test_no_checksum, make_scratch, drop_scratch),
