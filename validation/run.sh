@@ -1,7 +1,10 @@
 #!/bin/bash
 # The validation campaigns, one command each:
 #
-#   validation/run.sh restoration|photometry|sdss [small|paper] [FOLDER [-KEYWORD VALUE ...]]
+#   validation/run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]
+#
+# restoration, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors. NET takes part with the model of
+# RX_MODEL, else with config/psfnet.fits; where there is neither, the other restorers compete without it.
 #
 # Journal and report go into FOLDER (default: <campaign>-out), the report as FOLDER/<campaign>/report.html. Started
 # again after an interruption it goes on where it was. `sdss` injects into a real frame and needs the data folder:
@@ -11,11 +14,12 @@ here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
 program=${RX_VALIDATE:-$top/build/rextract-validate}
 usage() {
-    echo "run.sh: $1; usage: run.sh restoration|photometry|sdss [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
+    echo "run.sh: $1; usage: run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
+    echo "campaigns: restoration photometry sdss detection detection-errors fluxes fluxes-errors" >&2
     exit 2
 }
 case ${1:-} in
-restoration | photometry) name=$1 ;;
+restoration | photometry | detection | detection-errors | fluxes | fluxes-errors) name=$1 ;;
 sdss) name=photometry-sdss ;;
 *) usage "which campaign?" ;;
 esac
@@ -35,5 +39,16 @@ if [[ $1 == sdss ]]; then
     [[ -f $frame ]] || { echo "run.sh: $frame is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
     [[ -f $out/frame.fits ]] || { bunzip2 -c "$frame" >"$out/frame.part" && mv "$out/frame.part" "$out/frame.fits"; }
 fi
+model=${RX_MODEL:-$top/config/psfnet.fits}
+restorers=()
+if [[ -f $model ]]; then
+    cp "$model" "$out/psfnet.fits"
+elif [[ -n ${RX_MODEL:-} ]]; then
+    echo "run.sh: RX_MODEL $model is missing" >&2
+    exit 2
+else
+    echo "run.sh: there is no model ($model); NET does not take part" >&2
+    restorers=(-RESTORE_TYPE "NONE,RL")
+fi
 cd "$out"
-exec "$program" -c "$name.conf" -SIZE "$size" "${@:4}"
+exec "$program" -c "$name.conf" -SIZE "$size" "${restorers[@]}" "${@:4}"

@@ -209,7 +209,8 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
 static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
 {
     const rx_detection_state *state = pointer;
-    return rx_facts_templates(state->sky[0].simulation->templates, dst, err);
+    rx_status status = rx_facts_model(state->options->model, dst, err);
+    return status == RX_OK ? rx_facts_templates(state->sky[0].simulation->templates, dst, err) : status;
 }
 
 static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
@@ -306,6 +307,8 @@ static void describe(const rx_detection_state *state, rx_detection_results *dst)
     }
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         dst->precision[dst->nprecisions++] = config->precisions.v[i];
+    const size_t used = strlen(dst->about);
+    rx_campaign_model_words(state->options, dst->about + used, sizeof dst->about - used);
 }
 
 static rx_status collect(const rx_detection_state *state, const rx_unit_values *all,

@@ -21,7 +21,7 @@ static const char *const UNUSED[] = {"CATALOG_NAME",    "CATALOG_TYPE", "PARAMET
                                      "QA_GATES",        "XML_NAME",     "IMAGE_NAME",      "SHARP_NAME",
                                      "TRUTH_NAME",      "TRUTH_TYPE",   "FLAG_NAME",       "HEADER_SUFFIX"};
 /* How keywords that name files end. */
-static const char *const FILES[] = {"_NAME", "_IMAGE", "_CONFIG"};
+static const char *const FILES[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"};
 
 static int among(const char *const *list, size_t n, const char *name)
 {
@@ -127,6 +127,13 @@ rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *ds
     }
     snprintf(text, sizeof text, "%016llx", digest);
     rx_journal_fact(dst, "templates", text);
+    return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
+}
+
+rx_status rx_facts_model(const rx_model *model, rx_journal_facts *dst, rx_error *err)
+{
+    if (model != NULL)
+        rx_journal_fact(dst, "model", model->digest);
     return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
 }
 

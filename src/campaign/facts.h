@@ -6,6 +6,7 @@
 #include "campaign/campaign_report.h"
 #include "campaign/journal.h"
 #include "config/campaign_config.h"
+#include "nn/model.h"
 #include "simulate/templates.h"
 
 /* Program version, every keyword that decides a result, and a digest of each file that a keyword names.
@@ -15,6 +16,9 @@ rx_status rx_facts_collect(const rx_campaign_config *config, rx_journal_facts *d
 
 /* A digest of the templates of a simulation (NULL: none). */
 rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *dst, rx_error *err);
+
+/* The digest of the network's model (NULL: none), wherever its file lies. */
+rx_status rx_facts_model(const rx_model *model, rx_journal_facts *dst, rx_error *err);
 
 /* The same for the report, with names of files and what only the report uses, and the command that repeats
  * the campaign. */

@@ -119,7 +119,7 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
 static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
 {
     const rx_photometry_state *state = pointer;
-    rx_status status = RX_OK;
+    rx_status status = rx_facts_model(state->options->model, dst, err);
     for (int s = 0; status == RX_OK && s < state->nskies; s++)
         if (state->sky[s].simulation != NULL)
             status = rx_facts_templates(state->sky[s].simulation->templates, dst, err);
@@ -323,6 +323,10 @@ static rx_status collect(const rx_photometry_state *state, const rx_unit_values 
         settings s = {state->run[r]->name, dst->settings[r], sizeof dst->settings[r]};
         if (!rx_settings_visit(&config->stage->settings, add_setting, &s))
             return rx_error_memory(err, 0);
+        if (strcmp(s.name, "NET") == 0) {
+            const size_t used = strlen(s.text);
+            rx_campaign_model_words(state->options, s.text + used, s.size - used);
+        }
     }
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         dst->precision[dst->nprecisions++] = config->precisions.v[i];

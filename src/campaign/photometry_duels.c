@@ -1,6 +1,7 @@
 /* Duels between restorers on the same stars, and what they say about the paper's claims. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "campaign/photometry_numbers.h"
@@ -319,10 +320,58 @@ static void judge_net(const rx_photometry_numbers *m, int low, int errors, rx_cl
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
 }
 
+/* One field: MagErr against RL, bias and scatter against the unrestored image; what fails is said. */
+static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *said)
+{
+    const double sure_snr = 12, most_bias = 1, most_scatter = 1.5;
+    const rx_photometry_field *field = &m->results->fields[f];
+    int holds = 1;
+    for (int k = 0; k < field->nsets; k++) {
+        const rx_photometry_cell *net = rx_photometry_cell_of(m, f, k, m->net);
+        const rx_photometry_cell *none = rx_photometry_cell_of(m, f, k, m->none);
+        const rx_photometry_cell *other = rx_photometry_cell_of(m, f, k, rl);
+        const double bias = fabs(net->bias_percent.value);
+        const double scatter = net->scatter_percent.value / none->scatter_percent.value;
+        rx_text lost = {0};
+        if (net->magerr.value > other->magerr.value)
+            rx_text_printf(&lost, " MagErr %.2f %% (RL %.2f %%)", net->magerr.value, other->magerr.value);
+        if (field->sets[k].snr > sure_snr && !(bias < most_bias))
+            rx_text_printf(&lost, " bias %.2f %%", net->bias_percent.value);
+        if (field->sets[k].snr > sure_snr && !(scatter <= most_scatter))
+            rx_text_printf(&lost, " scatter %.2f times NONE's", scatter);
+        if (lost.length > 0)
+            rx_text_printf(said, "Field %s, magnitude %g:%s. ", field->name, field->sets[k].mag, lost.data);
+        holds = holds && lost.length == 0;
+        said->failed |= lost.failed;
+        rx_text_free(&lost);
+    }
+    return holds;
+}
+
+static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
+{
+    int rl = -1, holds = 1, fields = 0;
+    for (int run = 0; run < m->results->nruns; run++)
+        if (strcmp(m->results->run[run], "RL") == 0)
+            rl = run;
+    if (m->net < 0 || m->none < 0 || rl < 0) {
+        rx_text_add(&v->said, "NET, RL and NONE must all take part. ");
+        return;
+    }
+    for (int f = 0; f < m->results->nfields; f++) {
+        if (m->results->fields[f].misled)
+            continue;
+        fields++;
+        holds = fluxes_hold(m, f, rl, &v->said) && holds;
+    }
+    if (fields > 0)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
 void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *verdicts, int *n)
 {
     static const rx_claim_id asked[] = {RX_CLAIM_RESTORED_BETTER, RX_CLAIM_NET_BEST, RX_CLAIM_LOW_SNR,
-                                        RX_CLAIM_ACCURACY, RX_CLAIM_SPEED};
+                                        RX_CLAIM_ACCURACY,        RX_CLAIM_SPEED,    RX_CLAIM_FLUXES};
     *n = (int)(sizeof asked / sizeof *asked);
     for (int i = 0; i < *n; i++) {
         rx_claim_verdict *v = &verdicts[i];
@@ -331,6 +380,8 @@ void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *ve
             judge_restored(m, v);
         else if (v->claim == RX_CLAIM_SPEED)
             v->state = RX_NOT_TESTED;
+        else if (v->claim == RX_CLAIM_FLUXES)
+            judge_fluxes(m, v);
         else
             judge_net(m, v->claim == RX_CLAIM_LOW_SNR, v->claim == RX_CLAIM_ACCURACY, v);
     }

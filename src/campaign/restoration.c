@@ -208,7 +208,8 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
 static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
 {
     const rx_restoration *state = pointer;
-    return rx_facts_templates(state->simulation->templates, dst, err);
+    rx_status status = rx_facts_model(state->options->model, dst, err);
+    return status == RX_OK ? rx_facts_templates(state->simulation->templates, dst, err) : status;
 }
 
 static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
@@ -364,6 +365,8 @@ static void describe(const rx_restoration *state, rx_restoration_results *dst)
              "own size; Moffat PSF of beta %g, %g arcsec per pixel; the brightest pixel of the sharp "
              "reference (Gaussian PSF of FWHM %g pixels) is %g, the sky 0",
              sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, dst->sharp_fwhm, dst->peak);
+    const size_t used = strlen(dst->about);
+    rx_campaign_model_words(state->options, dst->about + used, sizeof dst->about - used);
 }
 
 rx_status rx_restoration_collect(const rx_restoration *state, const rx_unit_values *all,

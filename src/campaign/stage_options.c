@@ -1,6 +1,8 @@
 /* The stage's options for a campaign. */
 #include "campaign/stage_options.h"
 
+#include <stdio.h>
+
 #include "base/text.h"
 
 rx_status rx_campaign_options(const rx_campaign_config *campaign, rx_log *log, rx_config **config,
@@ -28,4 +30,11 @@ rx_status rx_campaign_options(const rx_campaign_config *campaign, rx_log *log, r
     }
     (*dst)->nthreads = (*dst)->restore.nthreads = (*dst)->measure.nthreads = 1;
     return RX_OK;
+}
+
+void rx_campaign_model_words(const rx_options *options, char *dst, size_t size)
+{
+    dst[0] = '\0';
+    if (options->model != NULL)
+        snprintf(dst, size, "; NET: model %s, digest %s", options->model->name, options->model->digest);
 }

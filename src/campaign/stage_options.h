@@ -13,4 +13,7 @@
 rx_status rx_campaign_options(const rx_campaign_config *campaign, rx_log *log, rx_config **config,
                               rx_options **dst, rx_error *err);
 
+/* "; NET: model psfnet, digest 0123456789abcdef", or "" without one: for the report. */
+void rx_campaign_model_words(const rx_options *options, char *dst, size_t size);
+
 #endif
