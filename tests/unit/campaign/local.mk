@@ -17,3 +17,9 @@ check_PROGRAMS += tests/unit/campaign/test_campaign_report
 tests_unit_campaign_test_campaign_report_SOURCES = tests/unit/campaign/test_campaign_report.c \
 	tests/unit/campaign/made_results.h tests/unit/campaign/check_restoration.py \
 	tests/unit/campaign/check_photometry.py
+check_PROGRAMS += tests/unit/campaign/test_conditions
+tests_unit_campaign_test_conditions_SOURCES = tests/unit/campaign/test_conditions.c \
+	tests/unit/campaign/settings.h tests/unit/campaign/scratch.h
+check_PROGRAMS += tests/unit/campaign/test_detection
+tests_unit_campaign_test_detection_SOURCES = tests/unit/campaign/test_detection.c \
+	tests/unit/campaign/settings.h tests/unit/campaign/scratch.h

@@ -1,0 +1,102 @@
+/* Conditions of tiles, and what restorers are told. */
+#include "settings.h"
+
+#include <math.h>
+
+#include "campaign/conditions.h"
+
+static void one_error_at_a_time(void **state)
+{
+    static const char *const pairs[] = {"SEEING",  "3,5",         "PSF_ERROR", "-0.1,0,0.1", "SKY_ERROR",
+                                        "0.3,0.1", "NOISE_ERROR", "0,0.2",     NULL};
+    static const char *const names[] = {"FWHM 3",
+                                        "FWHM 3, PSF -10 %",
+                                        "FWHM 3, PSF +10 %",
+                                        "FWHM 3, sky +0.3 sigma",
+                                        "FWHM 3, sky +0.1 sigma",
+                                        "FWHM 3, noise +20 %",
+                                        "FWHM 5"};
+    (void)state;
+    rx_campaign_config *config = make_settings(pairs);
+    rx_condition *list = NULL;
+    int n = 0;
+    assert_int_equal(rx_conditions_make(config, &n, &list, NULL), RX_OK);
+    assert_int_equal(n, 12);
+    for (int i = 0; i < 7; i++) {
+        char name[64];
+        rx_condition_name(&list[i], name, sizeof name);
+        assert_string_equal(name, names[i]);
+        assert_int_equal(rx_condition_true(&list[i]), i % 6 == 0);
+    }
+    free(list);
+    rx_campaign_config_free(config);
+}
+
+static void without_keywords_there_is_the_truth(void **state)
+{
+    static const char *const pairs[] = {NULL};
+    (void)state;
+    rx_campaign_config *config = make_settings(pairs);
+    rx_condition *list = NULL;
+    char name[64] = "x";
+    int n = 0;
+    assert_int_equal(rx_conditions_make(config, &n, &list, NULL), RX_OK);
+    assert_int_equal(n, 1);
+    rx_condition_name(&list[0], name, sizeof name);
+    assert_string_equal(name, "");
+    assert_true(rx_condition_true(&list[0]));
+    free(list);
+    rx_campaign_config_free(config);
+}
+
+/* The PSF told is a Moffat of the width asked for; the true one stays. */
+static void the_told_psf(void **state)
+{
+    static const char *const pairs[] = {"SIM.IMAGE_SIZE", "128", NULL};
+    (void)state;
+    rx_campaign_config *config = make_settings(pairs);
+    const rx_condition wide = {.fwhm = 4, .psf_error = 0.1}, truth = {.fwhm = 4.4};
+    rx_simulation *simulation = NULL, *other = NULL;
+    rx_psf *told = NULL, *expected = NULL;
+    assert_int_equal(rx_condition_simulation(&wide, config->sim, NULL, &simulation, NULL), RX_OK);
+    assert_float_equal(simulation->optics->fwhm, 4, 1e-9);
+    assert_int_equal(rx_condition_psf(&wide, config->sim, simulation, &told, NULL), RX_OK);
+    assert_int_equal(rx_condition_simulation(&truth, config->sim, NULL, &other, NULL), RX_OK);
+    assert_int_equal(rx_condition_psf(&truth, config->sim, other, &expected, NULL), RX_OK);
+    assert_float_equal(told->fwhm, 4.4, 1e-9);
+    assert_int_equal(told->size, expected->size);
+    for (int i = 0; i < told->size * told->size; i++)
+        assert_float_equal(told->basis[i], expected->basis[i], 1e-7);
+    rx_psf_free(told);
+    rx_psf_free(expected);
+    rx_simulation_free(simulation);
+    rx_simulation_free(other);
+    rx_campaign_config_free(config);
+}
+
+/* A shared background is told once. */
+static void told_sky_and_noise(void **state)
+{
+    float level[2][2] = {{100, 200}, {100, 200}}, sigma[2][2] = {{10, 20}, {30, 40}};
+    rx_background one = {2, 1, level[0], sigma[0], 150, 15}, two = {2, 1, level[1], sigma[1], 150, 35};
+    rx_field shared = {.plain = &one, .restored = &one}, apart = {.plain = &one, .restored = &two};
+    (void)state;
+    rx_condition_tell(&(rx_condition){.sky_error = 0.5}, &shared);
+    assert_float_equal(level[0][0], 95, 1e-5); /* too low: half a sigma of sky is left in the image */
+    assert_float_equal(level[0][1], 190, 1e-5);
+    assert_float_equal(one.global_level, 142.5, 1e-9);
+    assert_float_equal(sigma[0][0], 10, 0);
+    rx_condition_tell(&(rx_condition){.noise_error = 0.2}, &apart);
+    assert_float_equal(sigma[0][1], 24, 1e-5);
+    assert_float_equal(sigma[1][0], 36, 1e-5);
+    assert_float_equal(two.global_sigma, 42, 1e-9);
+    assert_float_equal(level[1][0], 100, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(one_error_at_a_time),
+                                       cmocka_unit_test(without_keywords_there_is_the_truth),
+                                       cmocka_unit_test(the_told_psf), cmocka_unit_test(told_sky_and_noise)};
+    return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
+}
