@@ -7,8 +7,9 @@ export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
 make_fits=$build/tests/cli/make_fits
+make_model=$build/tests/cli/make_model
 last=${RX_FAULT_LAST:-40}
-for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$make_fits"; do
+for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$make_fits" "$make_model"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -25,7 +26,7 @@ passed=0 failed=0
 
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
     "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
-    "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
+    "$make_model" model.fits && "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
 printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
@@ -63,6 +64,8 @@ refuse 'configuration, columns, filter, weights and a list to associate with' ..
     -WEIGHT_IMAGE ../weight.fits
 refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
+refuse 'a network, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.fits -VERIFY_SEAMS Y -NET_BLOCK 32 \
+    -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0 -CHECKIMAGE_TYPE RESIDUAL -CHECKIMAGE_NAME x.fits
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
     -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
 
