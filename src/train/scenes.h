@@ -1,31 +1,37 @@
 /* Training images made by the simulator's library, in memory.
  *
- * A field of FIELD_SIDE pixels, and RX_SCENES_FRAME more around it, holds (side/P)^2 places for patches. It
- * is rendered once, sharp and blurred, with its own PSF: FWHM uniform in the bin's range, beta, ellipticity
- * and angle. What a real tile comes with is fresh for every patch:
+ * A field of FIELD_SIDE pixels, and RX_SCENES_FRAME more around it, holds (side/P)^2 places for patches.
+ * It is rendered once, sharp and blurred, with its own PSF: FWHM uniform in the bin's range, beta,
+ * ellipticity and angle. What a real tile comes with is fresh for every patch:
  *
- *   sigma   uniform in the bin's range. It sets the scale: the level of the field, which is what the
- * brightest 0.1 % of its blurred pixels exceed, is 255/sigma noise units (nn/model.h rx_model_noise()). The
- *           level is at least 1/RX_SCENES_PEAK of the brightest pixel, so that a lone bright star or galaxy
- * in an empty field stays below 255 RX_SCENES_PEAK / sigma; a field without any light is all noise. noise   x
- * = (v + sqrt(1 + q v) n + sky) / r, v the blurred light in true noise units (not below 0 under the root), n
- * normal, q photon noise, log-uniform; sky normal, of rms sky_error; r = noise as told over true, ln r
- * normal. The other planes are divided by r too. PSF     told with an error of its FWHM, ln(told / true)
- * normal; w and K' come from the PSF as told. w is filtered on a window that is RX_SCENES_FRAME pixels larger
- * on each side and holds the field's light there.
+ *   sigma  uniform in the bin's range; it sets the scale: the level of the field is 255/sigma noise units.
+ *          The level is what the brightest 0.1 % of the blurred pixels exceed (nn/model.h rx_model_noise()),
+ *          but at least 1/RX_SCENES_PEAK of the brightest one, so that a lone star or galaxy in an empty
+ *          field does not become brighter than 255 RX_SCENES_PEAK / sigma. No light at all: only noise.
+ *   x      (v + sqrt(1 + q v) n + sky) / r: v the blurred light in true noise units, n normal, q photon
+ *          noise, sky normal of rms sky_error, r noise as told over true, ln r normal; the other planes
+ *          are divided by r too.
+ *   w, K'  from the PSF as told, with an error of its FWHM, ln(told / true) normal. w is filtered on a
+ *          window that holds RX_SCENES_FRAME pixels of the field's light around the patch: it is right to
+ *          the patch's border, to about 1e-3 of the brightest pixels nearby.
  *
- * Kinds of fields: 40 % stars (with a tenth of the galaxies), 25 % galaxies (with a tenth of the stars), 35 %
- * both in full. Counts are those of the SIM. keywords times density^u, u uniform in -1..1 for stars, galaxies
- * and templates each; the slope of the stars' counts is the keyword's +- 0.1, the share in clumps uniform
- * between 0 and the keyword's. Distances of pairs follow the FWHM of the field. 30 % of the fields
- * get 1 to 3 bright stars more, 1..20 times (log-uniform) as bright as the brightest object. Nebulae: 1 to 3
- * Gaussians of half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres 0.01..3 times as
- * bright as the field's level without them (log-uniform).
+ * Errors are cut at 3 sigma. K' * y is the blurred plane to 2 % of the brightest pixel at FWHM 2, 0.5 % at
+ * 2.5, 0.1 % from 3 on (what nn/deblur.h says of K').
+ *
+ * Kinds of fields: 40 % stars (with a tenth of the galaxies), 25 % galaxies (with a tenth of the stars),
+ * 35 % both in full. Counts are those of the SIM. keywords times density^u, u uniform in -1..1 for stars,
+ * galaxies and templates each; the slope of the stars' counts is the keyword's +- 0.1, the share in clumps
+ * uniform between 0 and the keyword's. Distances of pairs follow the FWHM of the field.
+ *
+ * Nebulae: 1 to 3 Gaussians of half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres
+ * 0.01..3 times (log-uniform) the level, which is then found again. Bright stars: 30 % of the fields have
+ * 1 to 3 of them, peaks of 2..RX_SCENES_PEAK times (log-uniform) the level, which stays as it is: rare ones
+ * of a tile that is larger than the field.
  *
  * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
- * share index / places come from one field, and the same index in `uses` successive epochs (epoch / uses)
- * from one place of it, turned otherwise each time; the first is cut on a grid, the others anywhere. So no
- * two images of an epoch and bin show the same place, and a field serves places * uses images. */
+ * share index / places come from one field, and the same index in successive epochs that share epoch / uses
+ * from one field too, turned otherwise each time. In the first of these epochs patches are cut on a grid, in
+ * the others anywhere. So a field serves places * uses images. */
 #ifndef RX_TRAIN_SCENES_H
 #define RX_TRAIN_SCENES_H
 

@@ -35,8 +35,7 @@ static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SL
                     BRIGHT_FIELDS = 0.3;
 /* FWHM beyond the border in which objects still lie: their light is part of the tile's background. */
 static const double BORDER = 2.0;
-static const double BRIGHTEST_STAR = 20.0; /* times the brightest object of the population */
-static const double LEVEL_SHARE = 1e-3;    /* of pixels are brighter than the level */
+static const double LEVEL_SHARE = 1e-3; /* of pixels are brighter than the level */
 
 double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
 {
@@ -92,46 +91,42 @@ static int brighter_first(const void *a, const void *b)
     return 0;
 }
 
+/* Stars of one more scene into the field's list. */
 static rx_status list_stars(const rx_scene *scene, rx_scenes_field_data *dst, rx_error *err)
 {
-    dst->stars = rx_alloc((size_t)scene->n, sizeof *dst->stars);
-    if (dst->stars == NULL)
-        return rx_error_memory(err, (size_t)scene->n * sizeof *dst->stars);
+    size_t room = (size_t)(dst->nstars + scene->n);
+    double(*stars)[3] = rx_regrow(dst->stars, room, sizeof *stars);
+    if (stars == NULL)
+        return rx_error_memory(err, room * sizeof *stars);
+    dst->stars = stars;
     for (long i = 0; i < scene->n; i++) {
         const rx_object *o = &scene->objects[i];
         if (o->type != RX_OBJECT_STAR)
             continue;
-        double *star = dst->stars[dst->nstars++];
+        double *star = stars[dst->nstars++];
         star[0] = o->x;
         star[1] = o->y;
         star[2] = o->flux;
     }
-    qsort(dst->stars, (size_t)dst->nstars, sizeof *dst->stars, brighter_first);
+    qsort(stars, (size_t)dst->nstars, sizeof *stars, brighter_first);
     return RX_OK;
 }
 
-static rx_status add_bright_stars(rx_scenes_key key, rx_scene *scene, rx_error *err)
+static rx_status make_bright_stars(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst,
+                                   rx_error *err)
 {
-    double brightest = 0.0;
     int n = 1 + (int)rx_scenes_uniform(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
-    for (long i = 0; i < scene->n; i++)
-        brightest = fmax(brightest, scene->objects[i].flux);
-    if (brightest <= 0.0 || rx_scenes_uniform(key, DRAW_BRIGHT, 0.0, 1.0) >= BRIGHT_FIELDS)
-        return RX_OK;
-    rx_object *objects = rx_regrow(scene->objects, (size_t)(scene->n + n), sizeof *objects);
-    if (objects == NULL)
-        return rx_error_memory(err, (size_t)(scene->n + n) * sizeof *objects);
-    scene->objects = objects;
-    for (int i = 0; i < n; i++) {
+    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
         const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
-        objects[scene->n++] =
-            (rx_object){.type = RX_OBJECT_STAR,
-                        .ratio = 1.0,
-                        .x = rx_scenes_uniform(key, slot, 0.0, scene->width - 1.0),
-                        .y = rx_scenes_uniform(key, slot + 1, 0.0, scene->height - 1.0),
-                        .flux = brightest * rx_scenes_log_uniform(key, slot + 2, 1.0, BRIGHTEST_STAR)};
+        double peak = field->level * rx_scenes_log_uniform(key, slot + 2, 2.0, RX_SCENES_PEAK);
+        (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_STAR,
+                                         .ratio = 1.0,
+                                         .x = rx_scenes_uniform(key, slot, 0.0, field->side - 1.0),
+                                         .y = rx_scenes_uniform(key, slot + 1, 0.0, field->side - 1.0),
+                                         .flux = peak / field->peak};
     }
-    return RX_OK;
+    return status;
 }
 
 /* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
@@ -193,7 +188,7 @@ static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const r
     rx_status status = rx_render(scene, 2, both, images, 1, err);
     cut_negative(n, field->blurred);
     cut_negative(n, field->sharp);
-    return status == RX_OK ? set_level(field, err) : status;
+    return status;
 }
 
 static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *field,
@@ -215,29 +210,48 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
     for (int i = 0; i < psf->size * psf->size; i++)
         sum += (double)psf->basis[i] * (double)psf->basis[i];
     field->norm = sqrt(sum);
+    field->peak = (double)psf->basis[psf->size / 2 * (psf->size + 1)];
     rx_psf_free(psf);
     return RX_OK;
+}
+
+/* What a second scene adds; `make` decides by what is there. */
+typedef rx_status maker(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst, rx_error *err);
+
+static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, const rx_optics *optics,
+                     rx_scenes_field_data *field, rx_error *err)
+{
+    rx_scene *scene = NULL;
+    rx_status status = make(field, key, &scene, err);
+    if (status == RX_OK)
+        status = list_stars(scene, field, err);
+    if (status == RX_OK)
+        status = render(sky, scene, optics, field, err);
+    rx_scene_free(scene);
+    return status;
 }
 
 static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const rx_optics *optics,
                       rx_scenes_field_data *field, rx_error *err)
 {
-    rx_scene *scene = NULL, *nebulae = NULL;
+    rx_scene *scene = NULL;
     rx_scene_params par = population(sky, key, field->fwhm);
     rx_status status = rx_scene_make(&par, sky->simulation->templates, &scene, err);
-    if (status == RX_OK)
-        status = add_bright_stars(key, scene, err);
     if (status == RX_OK)
         status = list_stars(scene, field, err);
     if (status == RX_OK)
         status = render(sky, scene, optics, field, err);
-    if (status == RX_OK && rx_scenes_uniform(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->par->nebulae) {
-        status = make_nebulae(field, key, &nebulae, err);
+    if (status == RX_OK)
+        status = set_level(field, err);
+    const int light = status == RX_OK && field->level > 0.0;
+    if (light && rx_scenes_uniform(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->par->nebulae) {
+        status = add(sky, key, make_nebulae, optics, field, err);
         if (status == RX_OK)
-            status = render(sky, nebulae, optics, field, err);
+            status = set_level(field, err);
     }
+    if (light && status == RX_OK && rx_scenes_uniform(key, DRAW_BRIGHT, 0.0, 1.0) < BRIGHT_FIELDS)
+        status = add(sky, key, make_bright_stars, optics, field, err);
     rx_scene_free(scene);
-    rx_scene_free(nebulae);
     return status;
 }
 

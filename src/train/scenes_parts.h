@@ -12,6 +12,7 @@ typedef struct rx_scenes_field_data {
     long used;       /* when last */
     int side;        /* FIELD_SIDE + 2 frame */
     double fwhm, beta, ratio, angle;
+    double peak;            /* highest pixel of the PSF centred on it */
     double norm;            /* sqrt of the sum of the squared PSF */
     double level;           /* 255/sigma noise units are so much flux; 0: no light */
     float *sharp, *blurred; /* [side][side], not negative */

@@ -126,12 +126,13 @@ static void test_cut_from_a_field(void **state)
     rx_simulate_config_free(t.config);
 }
 
-/* The level: 0.1 % of the pixels are brighter, or it is 1/40 of the brightest. */
+/* The level: 0.1 % of the pixels are brighter; more where rare bright stars were added, fewer where it is
+ * bounded by the brightest pixel. */
 static void test_level(void **state)
 {
     (void)state;
     scenes_test t = scenes_test_open(1.0, 15.0);
-    int bounded = 0;
+    int exact = 0, bounded = 0, more = 0;
     for (uint32_t bin = 0; bin < 25; bin++) {
         rx_scenes_field_data field;
         t.config->star_count = bin % 5 == 0 ? 40.0 : 1500.0;
@@ -145,16 +146,17 @@ static void test_level(void **state)
             brighter += (double)field.blurred[i] > field.level;
             peak = fmax(peak, (double)field.blurred[i]);
         }
-        if (peak == 0.0)
-            assert_true(field.level == 0.0);
-        else if (fabs(field.level / peak * RX_SCENES_PEAK - 1.0) < 1e-6) {
-            assert_true(brighter < (n + 999) / 1000);
+        assert_true(peak <= 2.0 * RX_SCENES_PEAK * field.level); /* a bright star on another one */
+        exact += peak > 0.0 && labs(brighter - n / 1000) <= 1;
+        more += brighter > n / 1000 + 1;
+        if (peak > 0.0 && brighter < n / 1000 - 1) {
+            assert_true(fabs(field.level / peak * RX_SCENES_PEAK - 1.0) < 1e-6);
             bounded++;
-        } else
-            assert_true(labs(brighter - n / 1000) <= 1);
+        }
         rx_scenes_field_clear(&field);
     }
-    assert_true(bounded > 0 && bounded < 10);
+    print_message("level: %d fields exact, %d with bright stars, %d bounded\n", exact, more, bounded);
+    assert_true(exact >= 10 && more >= 3 && more <= 14 && bounded > 0);
     rx_simulate_config_free(t.config);
 }
 
