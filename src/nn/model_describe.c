@@ -20,16 +20,27 @@ static void add_net(rx_text *dst, const char *name, const rx_net *net)
                    rx_net_halo(net));
 }
 
+/* A number, blank where it has no meaning. */
+static void add_cell(rx_text *dst, int width, int value, int there)
+{
+    if (there)
+        rx_text_printf(dst, "%*d", width, value);
+    else
+        rx_text_printf(dst, "%*s", width, "");
+}
+
 static void add_nodes(rx_text *dst, const rx_net *net)
 {
     rx_text_add(dst, "\nnode  operation   of  plus  channels  kernel  stride  resolution\n");
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
-        char add[16] = "";
-        if (n->add >= 0)
-            snprintf(add, sizeof add, "%d", n->add);
-        rx_text_printf(dst, "%4d  %-10s%4d  %4s  %8d  %6d  %6d  1/%-3d%s\n", i, rx_op_name(n->op), n->src,
-                       add, n->channels, n->kernel, n->stride, 1 << n->level, n->relu ? "  ReLU" : "");
+        rx_text_printf(dst, "%4d  %-10s", i, rx_op_name(n->op));
+        add_cell(dst, 4, n->src, i > 0);
+        add_cell(dst, 6, n->add, n->add >= 0);
+        rx_text_printf(dst, "%10d", n->channels);
+        add_cell(dst, 8, n->kernel, n->kernel > 0);
+        add_cell(dst, 8, n->stride, n->stride > 0);
+        rx_text_printf(dst, "  1/%d%s\n", 1 << n->level, n->relu ? "  ReLU" : "");
     }
 }
 

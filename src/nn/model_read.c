@@ -254,6 +254,12 @@ static rx_status read_net(const reader *r, const char *name, int needed, rx_net 
     return status;
 }
 
+/* The same limit, but for rounding. */
+static int same(double a, double b)
+{
+    return fabs(a - b) <= 1e-9 * fabs(a);
+}
+
 /* The grid must be one: rising limits without gaps, the same in every row and column. */
 static int is_grid(const rx_model *m)
 {
@@ -264,10 +270,11 @@ static int is_grid(const rx_model *m)
             if (!(b->fwhm[0] >= 0 && b->fwhm[1] > b->fwhm[0] && b->sigma[0] >= 0 &&
                   b->sigma[1] > b->sigma[0] && isfinite(b->fwhm[1]) && isfinite(b->sigma[1])))
                 return 0;
-            if (memcmp(b->fwhm, top->fwhm, sizeof b->fwhm) != 0 ||
-                memcmp(b->sigma, left->sigma, sizeof b->sigma) != 0)
+            if (!same(b->fwhm[0], top->fwhm[0]) || !same(b->fwhm[1], top->fwhm[1]) ||
+                !same(b->sigma[0], left->sigma[0]) || !same(b->sigma[1], left->sigma[1]))
                 return 0;
-            if ((i > 0 && b->fwhm[0] != b[-1].fwhm[1]) || (k > 0 && b->sigma[0] != b[-m->nfwhm].sigma[1]))
+            if ((i > 0 && !same(b->fwhm[0], b[-1].fwhm[1])) ||
+                (k > 0 && !same(b->sigma[0], b[-m->nfwhm].sigma[1])))
                 return 0;
         }
     return 1;
