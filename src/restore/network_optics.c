@@ -273,6 +273,8 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
     const part p = part_of(optics, bx, by);
     (void)err;
     read_domain(j, work, j->f, x0, y0, work->a);
+    for (size_t k = 0; k < stride * (size_t)rx_fft_height(work->fft); k++)
+        work->a[k] = rx_rl_light(work->a[k]);
     apply(optics, lens, work, x0, y0, work->a, work->c, work->b);
     read_domain(j, work, j->x, x0, y0, work->c);
     const long bad = read_good(j, work, x0, y0, work->d);
