@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "base/random.h"
+#include "num/stats.h"
 
 enum { LEAST_TOTAL = RX_TEST_LEAST + 2 };
 
@@ -66,16 +67,20 @@ static double mean_of(double sum, long number)
 
 void rx_selection_update(rx_selection *selection, const double *sum, const long *number)
 {
-    double largest = 0.0;
-    for (int b = 0; b < selection->nbins; b++)
-        largest = fmax(largest, mean_of(sum[b], number[b])); /* a NAN is passed over */
+    double means[RX_BINS_MAX];
+    size_t n = 0;
     for (int b = 0; b < selection->nbins; b++) {
-        double mean = mean_of(sum[b], number[b]);
+        const double mean = mean_of(sum[b], number[b]);
         if (isnan(mean))
             continue;
         selection->loss[b] = mean;
-        if (largest > 0.0)
-            selection->list[b] = mean / largest;
+        means[n++] = mean;
+    }
+    const double usual = n > 0 ? rx_median(means, n) : 0;
+    for (int b = 0; b < selection->nbins && usual > 0; b++) {
+        const double mean = mean_of(sum[b], number[b]);
+        if (!isnan(mean))
+            selection->list[b] = fmin(1, mean / (2 * usual));
     }
     count(selection);
 }

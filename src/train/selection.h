@@ -1,9 +1,13 @@
 /* Active learning, Eq. 4 of the paper: how many training and test images each bin of (FWHM, sigma) gets.
  *
- *   test = (total - 10) (1 - list) + 10,   train = (total - 10) list,   list = mean test loss / the largest
- * one
+ *   test = (total - 10) (1 - list) + 10,   train = (total - 10) list
+ *   list = mean test loss / (2 medians of the bins' mean test losses), at most 1
  *
- * rounded so that train + test = total. Uniform sampling takes list = 1/2 everywhere. */
+ * rounded so that train + test = total. The paper says "normalised" and not by what; by the largest mean, one
+ * bin with one bad image would leave all others nearly without training, while with the median the usual bin
+ * stays at 1/2, and bins twice as bad and worse get all there is. Uniform sampling takes list = 1/2
+ * everywhere.
+ */
 #ifndef RX_TRAIN_SELECTION_H
 #define RX_TRAIN_SELECTION_H
 

@@ -30,17 +30,17 @@ static void test_equation(void **state)
         assert_int_equal(s.test[b], 60);
         assert_true(isnan(s.loss[b]));
     }
-    /* means 0.5, 2, 1.111, 0: lists 0.25, 1, 0.5555, 0 */
-    const double sum[4] = {5.0, 20.0, 11.11, 0.0};
+    /* means 0.5, 2.5, 1.5, 0: median 1, lists 0.25, 1, 0.75, 0 */
+    const double sum[4] = {5.0, 25.0, 15.0, 0.0};
     const long count[4] = {10, 10, 10, 10};
     rx_selection_update(&s, sum, count);
-    const int train[4] = {25, 100, 56, 0}, test[4] = {85, 10, 54, 110};
+    const int train[4] = {25, 100, 75, 0}, test[4] = {85, 10, 35, 110};
     for (int b = 0; b < 4; b++) {
         assert_int_equal(s.train[b], train[b]);
         assert_int_equal(s.test[b], test[b]);
     }
     assert_true(fabs(s.list[0] - 0.25) < 1e-15 && s.list[1] == 1.0);
-    assert_true(fabs(s.loss[2] - 1.111) < 1e-15);
+    assert_true(s.loss[2] == 1.5);
 }
 
 static void test_bins_without_a_mean_keep_their_list(void **state)
@@ -49,7 +49,7 @@ static void test_bins_without_a_mean_keep_their_list(void **state)
     rx_selection s = begin(3, 1, 50, 1);
     rx_selection_update(&s, (const double[]){1.0, 4.0, 2.0}, (const long[]){1, 1, 1});
     rx_selection_update(&s, (const double[]){NAN, 0.0, 3.0}, (const long[]){2, 0, 3});
-    assert_true(s.list[0] == 0.25 && s.list[1] == 1.0 && s.list[2] == 1.0);
+    assert_true(s.list[0] == 0.25 && s.list[1] == 1.0 && s.list[2] == 0.5);
     assert_true(s.loss[0] == 1.0 && s.loss[1] == 4.0 && s.loss[2] == 1.0);
     rx_selection before = s;
     rx_selection_update(&s, (const double[]){NAN, INFINITY, 1.0}, (const long[]){1, 1, 0});
