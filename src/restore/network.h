@@ -21,8 +21,8 @@
  * into rx_restored.seam: BLIND models show none, INFORMED ones the rounding of FFTs, some 1e-7 of the
  * brightest pixels of a domain. Above 0 or 1e-3 that is RX_SYSTEM.
  *
- * Overhead of the halos for NET_BLOCK 512, a network that looks 64 pixels far and FFTs with a halo of 48:
- * 1.6 times the pixels in the network, 1.4 times in the FFTs.
+ * Overhead of the halos for NET_BLOCK 512, a network that looks 60 pixels far and FFTs with a halo of 48:
+ * 1.5 times the pixels in the network, 1.4 times in the FFTs.
  *
  * Memory: the restored planes (pixels, support and sigma serve as scratch before they get their content,
  * nothing else has the size of the tile), per thread a network and some FFT planes of a block's size, and
