@@ -279,7 +279,7 @@ static void domain_row(rx_text *dst, const rx_report *r, const char *name, size_
         if (p->inside)
             rx_text_printf(dst, "<td>%.4g &ndash; %.4g</td>", limits[0], limits[1]);
         else
-            rx_page_cell_text(dst, "outside");
+            rx_page_cell_text(dst, NULL); /* the sentence above says which of both is out */
         rx_page_cell_number(dst, *(const double *)((const char *)p + value), 2);
     }
     rx_page_row_end(dst);
