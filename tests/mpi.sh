@@ -96,6 +96,7 @@ expect "sums of two ranks" 0 '^sums of 2 ranks in order$' 3 sums 2
 expect "sums of three ranks" 0 '^sums of 3 ranks in order$' 4 sums 3
 expect "a generator that fails, with messages on their way" 3 'no galaxies are left$' 3 failing
 expect "the same with two training ranks" 3 'no galaxies are left$' 4 failing 2
+expect "the same among many generators" 3 'no galaxies are left$' 8 failing
 expect "a generator that ends without a word" 4 'rank 2 ended while it was still needed$' 3 leaving
 expect "a rank that fails before there are ranks" 4 'rank 1 ended while it was still needed$' 3 before
 expect "a training rank that fails while another one sums" 4 'the gradient does not fit into memory$' 3 failing-sum 2

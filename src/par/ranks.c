@@ -106,14 +106,21 @@ rx_status rx_ranks_send(rx_ranks *ranks, int to, int tag, const void *data, size
     return rx_ranks_give(ranks, to, tag, copy, size, err);
 }
 
-void rx_ranks_fail(rx_ranks *ranks, const rx_error *why)
+/* To the first `count` ranks, once; whoever cannot be told will see that this rank is gone. */
+static void tell_failure(rx_ranks *ranks, const rx_error *why, int count)
 {
-    if (ranks->told || rx_ranks_over(ranks))
+    if (ranks->told)
         return;
     ranks->told = true;
-    for (int to = 0; to < ranks->count; to++)
-        if (to != ranks->rank) /* whoever cannot be told will see that this rank is gone */
+    for (int to = 0; to < count; to++)
+        if (to != ranks->rank)
             rx_ranks_send(ranks, to, RX_TAG_FAIL, why, sizeof *why, NULL);
+}
+
+void rx_ranks_fail(rx_ranks *ranks, const rx_error *why)
+{
+    if (!rx_ranks_over(ranks))
+        tell_failure(ranks, why, ranks->count);
 }
 
 /* The error that another rank has brought about, again. */
@@ -179,6 +186,8 @@ static rx_status fetch(rx_ranks *ranks, bool *got, rx_error *err)
     if (ranks->failed.status == RX_OK)
         rx_error_set(&ranks->failed, RX_SYSTEM, "rank %d failed", parcel->message.from);
     rx_parcel_free(parcel);
+    /* This rank will end now. Who trains must hear why before it sees that. */
+    tell_failure(ranks, &ranks->failed, ranks->trainers);
     return say_failed(ranks, err);
 }
 
@@ -206,6 +215,8 @@ static rx_status next_parcel(rx_ranks *ranks, int from, int tag, bool wait, rx_p
             return RX_OK;
         if (gone >= 0) {
             rx_error_set(&ranks->failed, RX_SYSTEM, "rank %d ended while it was still needed", gone);
+            if (ranks->rank < ranks->trainers)
+                tell_failure(ranks, &ranks->failed, ranks->trainers);
             return say_failed(ranks, err);
         }
         if (interruptible && rx_interrupt_check(err) != RX_OK)
