@@ -242,20 +242,29 @@ static void network_without_weights(void **state)
     rx_restored *same = restore(&s, psf);
     for (int k = 0; k < WIDTH * HEIGHT; k++)
         assert_float_equal(same->pixels[k], s.tile.pixels[k] - 100, 1e-3 + 2e-6 * s.tile.pixels[k]);
-    /* the Tikhonov copy rings, which a small pedestal would amplify */
-    informed->front.pedestal = 1000;
     s.par.model = informed;
     rx_restored *sharp = restore(&s, psf);
-    const double sum = sky_sum(&s, sharp->pixels, x, y, 12), width = sky_fwhm(&s, sharp->pixels, 100, 81);
-    print_message("flux %.5f of the true one, FWHM %.3f pixels\n", sum / flux, width);
-    assert_float_equal(sum / flux, 1, 4e-3);
-    assert_true(width < 3.9);
-    assert_float_equal(sky_sum(&s, sharp->reblurred, x, y, 15) / flux, 1, 1e-2);
+    informed->front.rl_steps = 0;
+    rx_restored *copy = restore(&s, psf);
+    /* the Tikhonov copy has rings below 0, which the step leaves alone: the light is what it brings right */
+    for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        sharp->pixels[k] = fmaxf(sharp->pixels[k], 0);
+        copy->pixels[k] = fmaxf(copy->pixels[k], 0);
+    }
+    const double before = sky_sum(&s, copy->pixels, x, y, 12) / flux,
+                 after = sky_sum(&s, sharp->pixels, x, y, 12) / flux;
+    const double width = sky_fwhm(&s, sharp->pixels, 100, 81);
+    print_message("light %.4f of the star's before the step, %.4f after it, FWHM %.3f pixels\n", before,
+                  after, width);
+    assert_float_equal(after, 1, 2e-2);
+    assert_true(fabs(after - 1) < 0.3 * fabs(before - 1));
+    assert_true(width < 3.7);
     assert_string_equal(sharp->name, "NET");
     assert_float_equal(sharp->psf->fwhm, 2, 1e-9);
     assert_true(strstr(sharp->settings, "INFORMED") != NULL);
     rx_restored_free(same);
     rx_restored_free(sharp);
+    rx_restored_free(copy);
     rx_model_free(blind);
     rx_model_free(informed);
     rx_psf_free(psf);

@@ -32,7 +32,7 @@ static bench *bench_new(double fwhm, double change)
         fail_msg("%s", err.text);
     for (int k = 0; k < AREA; k++) {
         const double u = rx_random_uniform(1, 0, (uint64_t)k);
-        b->f[k] = u > 0.995 ? (float)(1e3 * (u - 0.99)) : 0;
+        b->f[k] = u > 0.995 ? (float)(1e3 * (u - 0.99)) : u < 0.1 ? -(float)(30 * u) : 0;
         b->x[k] = (float)(5 * rx_random_normal(1, 1, (uint64_t)k)) + b->f[k];
         b->mask[k] = rx_random_uniform(1, 2, (uint64_t)k) < 0.02 || k % WIDTH / 12 == 5;
     }
