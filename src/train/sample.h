@@ -1,8 +1,8 @@
 /* One training image: a patch of a simulated field, blurred and noisy, with its sharp truth.
  *
- * All planes are in units of the noise of the sky of that patch. Content depends on (seed, epoch, set, bin,
- * index) alone, never on who makes it, when, or how many others there are: that is what makes training
- * repeatable for any number of threads and ranks. */
+ * All planes are in units of the noise of the sky of that patch as it is told (train/scenes.h). Content
+ * depends on (seed, epoch, set, bin, index) alone, never on who makes it, when, or how many others there are:
+ * that is what makes training repeatable for any number of threads and ranks. */
 #ifndef RX_TRAIN_SAMPLE_H
 #define RX_TRAIN_SAMPLE_H
 
@@ -24,9 +24,12 @@ typedef struct rx_sample {
     float fwhm; /* of the PSF as the network is told, pixels (the true one where no error is simulated) */
     float true_fwhm;
     float sigma; /* of the bin's scale */
-    int nstars;  /* stars inside: truth for recall and bias; S/N of a matched filter on this noise */
-    float star[RX_SAMPLE_STARS][4]; /* x, y from 0 (pixels of the patch), flux and S/N (noise units) */
-    float *x;                       /* [P][P] blurred and noisy */
+    /* Stars whose centres are 8 pixels or more from the border pixels, brightest first, for recall and bias:
+     * x, y from 0 (pixels of the patch), flux (noise as told), S/N of a matched filter (true noise of the
+     * sky) */
+    int nstars;
+    float star[RX_SAMPLE_STARS][4];
+    float *x;       /* [P][P] blurred and noisy */
     float *w;       /* [P][P] Tikhonov copy of x, filtered before the patch was cut from its field */
     float *y;       /* [P][P] truth through the target PSF */
     float *blurred; /* [P][P] truth through the true PSF, without noise */
