@@ -40,6 +40,7 @@ typedef struct job {
 struct rx_conv {
     rx_dnn *dnn;
     rx_conv_shape shape;
+    int kernel;                   /* as the library is asked for it */
     layout x, y, any, user, bias; /* any: weights of the library's choice */
     job run, data, weights;
     dnnl_memory_t plain; /* weights as the user has them */
@@ -103,16 +104,15 @@ static dnnl_status_t describe_run(const rx_conv *c, const_dnnl_primitive_attr_t 
                                   dnnl_primitive_desc_t *dst)
 {
     geometry g = geometry_of(&c->shape);
-    layout_view bias = c->shape.bias ? VIEW(c->bias) : NULL;
 #if DNNL_VERSION_MAJOR >= 3
     return dnnl_convolution_forward_primitive_desc_create(
-        dst, c->dnn->engine, dnnl_forward_training, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any), bias,
-        VIEW(c->y), g.strides, g.dilates, g.before, g.after, attr);
+        dst, c->dnn->engine, dnnl_forward_training, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any),
+        VIEW(c->bias), VIEW(c->y), g.strides, g.dilates, g.before, g.after, attr);
 #else
     dnnl_convolution_desc_t desc;
-    dnnl_status_t bad =
-        dnnl_convolution_forward_desc_init(&desc, dnnl_forward_training, dnnl_convolution_direct, VIEW(c->x),
-                                           VIEW(c->any), bias, VIEW(c->y), g.strides, g.before, g.after);
+    dnnl_status_t bad = dnnl_convolution_forward_desc_init(
+        &desc, dnnl_forward_training, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any), VIEW(c->bias),
+        VIEW(c->y), g.strides, g.before, g.after);
     return bad ? bad : dnnl_primitive_desc_create(dst, &desc, attr, c->dnn->engine, NULL);
 #endif
 }
@@ -137,16 +137,15 @@ static dnnl_status_t describe_weights(const rx_conv *c, const_dnnl_primitive_att
                                       const_dnnl_primitive_desc_t hint, dnnl_primitive_desc_t *dst)
 {
     geometry g = geometry_of(&c->shape);
-    layout_view bias = c->shape.bias ? VIEW(c->bias) : NULL;
 #if DNNL_VERSION_MAJOR >= 3
     return dnnl_convolution_backward_weights_primitive_desc_create(
-        dst, c->dnn->engine, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any), bias, VIEW(c->y), g.strides,
-        g.dilates, g.before, g.after, hint, attr);
+        dst, c->dnn->engine, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any), VIEW(c->bias), VIEW(c->y),
+        g.strides, g.dilates, g.before, g.after, hint, attr);
 #else
     dnnl_convolution_desc_t desc;
     dnnl_status_t bad =
         dnnl_convolution_backward_weights_desc_init(&desc, dnnl_convolution_direct, VIEW(c->x), VIEW(c->any),
-                                                    bias, VIEW(c->y), g.strides, g.before, g.after);
+                                                    VIEW(c->bias), VIEW(c->y), g.strides, g.before, g.after);
     return bad ? bad : dnnl_primitive_desc_create(dst, &desc, attr, c->dnn->engine, hint);
 #endif
 }
@@ -246,11 +245,11 @@ static dnnl_status_t make_layouts(rx_conv *c)
     const rx_conv_shape *s = &c->shape;
     const dnnl_dims_t x = {1, s->in, s->height, s->width};
     const dnnl_dims_t y = {1, s->out, s->height / s->stride, s->width / s->stride};
-    const dnnl_dims_t w = {s->out, s->in, s->kernel, s->kernel}, b = {s->out};
-    rx_real packed = s->uses & RX_CONV_RUN ? s->x : s->y;
+    const dnnl_dims_t w = {s->out, s->in, c->kernel, c->kernel}, b = {s->out};
+
     dnnl_status_t bad = layout_make(&c->x, 4, x, type_of(s->x), dnnl_nhwc);
     bad = bad ? bad : layout_make(&c->y, 4, y, type_of(s->y), dnnl_nhwc);
-    bad = bad ? bad : layout_make(&c->any, 4, w, type_of(packed), dnnl_format_tag_any);
+    bad = bad ? bad : layout_make(&c->any, 4, w, type_of(s->x), dnnl_format_tag_any);
     bad = bad ? bad : layout_make(&c->user, 4, w, dnnl_f32, dnnl_oihw);
     bad = bad ? bad : layout_make(&c->bias, 1, b, dnnl_f32, dnnl_x);
     return bad;
@@ -321,21 +320,18 @@ static rx_status grow_scratch(rx_dnn *dnn, size_t bytes, rx_error *err)
 
 static dnnl_status_t make_jobs(rx_conv *c)
 {
-    int uses = c->shape.uses;
+
     dnnl_primitive_attr_t attr = NULL, bare = NULL;
     dnnl_primitive_desc_t run = NULL, data = NULL, weights = NULL;
-    dnnl_status_t bad = make_attributes(&c->shape, uses & RX_CONV_RUN, &attr);
+    dnnl_status_t bad = make_attributes(&c->shape, 1, &attr);
     bad = bad ? bad : make_attributes(&c->shape, 0, &bare);
-    /* Also a hint to the other two. */
+
     bad = bad ? bad : describe_run(c, attr, &run);
-    if (!bad && (uses & RX_CONV_RUN))
-        bad = make_job(c, &c->run, run, dnnl_query_weights_md);
-    if (!bad && (uses & RX_CONV_DATA)) {
+    bad = bad ? bad : make_job(c, &c->run, run, dnnl_query_weights_md);
+    if (!bad && c->shape.backward) {
         bad = describe_data(c, bare, run, &data);
         bad = bad ? bad : make_job(c, &c->data, data, dnnl_query_weights_md);
-    }
-    if (!bad && (uses & RX_CONV_WEIGHTS)) {
-        bad = describe_weights(c, bare, run, &weights);
+        bad = bad ? bad : describe_weights(c, bare, run, &weights);
         bad = bad ? bad : make_job(c, &c->weights, weights, dnnl_query_diff_weights_md);
     }
     dnnl_primitive_desc_t descs[] = {run, data, weights};
@@ -352,7 +348,7 @@ static dnnl_status_t make_jobs(rx_conv *c)
 static rx_status conv_new(rx_conv *c, rx_error *err)
 {
     const rx_conv_shape *s = &c->shape;
-    size_t weights = (size_t)s->out * (size_t)s->in * (size_t)s->kernel * (size_t)s->kernel;
+    size_t weights = (size_t)s->out * (size_t)s->in * (size_t)c->kernel * (size_t)c->kernel;
     c->plain_data = RX_NEW(float, weights);
     c->bias_data = RX_NEW(float, (size_t)s->out);
     c->dbias_data = RX_NEW(float, (size_t)s->out);
@@ -376,6 +372,9 @@ rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx
         return rx_error_memory(err, sizeof *c);
     c->dnn = dnn;
     c->shape = *shape;
+    /* The library's kernels for strided 1x1 convolutions write beyond their scratch memory where the channels
+     * fill no vector (oneDNN's issue 6035): a 2x2 kernel with three zeros does the same. */
+    c->kernel = shape->kernel == 1 && shape->stride == 2 ? 2 : shape->kernel;
     int before = alone_begin();
     rx_status status = conv_new(c, err);
     if (status) {
@@ -430,10 +429,12 @@ static dnnl_status_t pack(rx_conv *c, job *j, int back)
 rx_status rx_conv_load(rx_conv *conv, const float *weights, const float *bias, rx_error *err)
 {
     const rx_conv_shape *s = &conv->shape;
-    size_t n = (size_t)s->out * (size_t)s->in * (size_t)s->kernel * (size_t)s->kernel;
-    memcpy(conv->plain_data, weights, n * sizeof(float));
-    if (bias != NULL)
-        memcpy(conv->bias_data, bias, (size_t)s->out * sizeof(float));
+    size_t kernels = (size_t)s->out * (size_t)s->in;
+    size_t size = (size_t)(s->kernel * s->kernel), room = (size_t)(conv->kernel * conv->kernel);
+    memset(conv->plain_data, 0, kernels * room * sizeof(float));
+    for (size_t k = 0; k < kernels; k++)
+        memcpy(conv->plain_data + k * room, weights + k * size, size * sizeof(float));
+    memcpy(conv->bias_data, bias, (size_t)s->out * sizeof(float));
     int before = alone_begin();
     dnnl_status_t bad = pack(conv, &conv->run, 0);
     bad = bad ? bad : pack(conv, &conv->data, 0);
@@ -455,7 +456,7 @@ static dnnl_status_t execute(rx_conv *c, job *j, const void *x, const void *y, c
                                    {args[2], j->weights},
                                    {DNNL_ARG_SCRATCHPAD, j->scratch},
                                    {args[3], j->bias}};
-    bad = dnnl_primitive_execute(j->primitive, c->dnn->stream, c->shape.bias && args[3] ? 5 : 4, arguments);
+    bad = dnnl_primitive_execute(j->primitive, c->dnn->stream, args[3] ? 5 : 4, arguments);
     return bad ? bad : dnnl_stream_wait(c->dnn->stream);
 }
 
@@ -486,7 +487,11 @@ rx_status rx_conv_weights(rx_conv *conv, const void *x, const void *dy, const fl
     bad = bad ? bad : pack(conv, &conv->weights, 1);
     bad = bad ? bad : dnnl_stream_wait(conv->dnn->stream);
     alone_end(before);
+    /* Of an enlarged kernel only the first element is the user's. */
+    size_t kernels = (size_t)conv->shape.out * (size_t)conv->shape.in;
+    for (size_t k = 0; conv->kernel != conv->shape.kernel && k < kernels; k++)
+        conv->plain_data[k] = conv->plain_data[4 * k];
     *dweights = conv->plain_data;
-    *dbias = conv->shape.bias ? conv->dbias_data : NULL;
+    *dbias = conv->dbias_data;
     return refuse(err, bad, "differentiate", &conv->shape);
 }

@@ -82,16 +82,12 @@ void rx_layer_convert(const rx_plane *src, rx_plane *dst)
         memcpy(dst->data, src->data, rx_plane_bytes(src));
 }
 
-void rx_layer_finish(rx_plane *dst, const float *bias, const rx_plane *add, int relu, float *row)
+void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row)
 {
-    size_t channels = (size_t)dst->channels, n = (size_t)dst->width * channels;
+    size_t n = (size_t)dst->width * (size_t)dst->channels;
     for (int y = 0; y < dst->height; y++) {
         size_t at = (size_t)y * n;
         load(dst, at, n, row);
-        if (bias != NULL)
-            for (size_t i = 0; i < n; i += channels)
-                for (size_t c = 0; c < channels; c++)
-                    row[i + c] += bias[c];
         if (add != NULL)
             add_from(add, at, n, row);
         if (relu)
@@ -215,49 +211,72 @@ void rx_layer_add(const float *src, float *dst, size_t n)
         dst[i] += src[i];
 }
 
-void rx_layer_bias_back(const rx_plane *gradient, float *dst)
-{
-    const float *from = gradient->data;
-    size_t channels = (size_t)gradient->channels, n = rx_plane_size(gradient);
-    for (size_t c = 0; c < channels; c++) {
-        double sum = 0;
-        for (size_t i = c; i < n; i += channels)
-            sum += from[i];
-        dst[c] += (float)sum;
-    }
-}
-
-/* ---- the fold ---- */
+/* ---- folds ---- */
 
 /* share[d][v][r], see the header. */
 static const float share[2][3][3] = {{{0.75f, 0.25f, 0}, {0.25f, 0.75f, 0}, {0, 0.75f, 0.25f}},
                                      {{0.25f, 0.75f, 0}, {0, 0.75f, 0.25f}, {0, 0.25f, 0.75f}}};
 
-void rx_layer_fold(const float *weights, int out, int in, float *folded)
+int rx_layer_folded_kernel(const rx_node *node)
 {
+    return node->op == RX_OP_UPCONV ? 3 : 2 * (node->kernel / 4) + 1;
+}
+
+/* Share of element (v, u) of the node's kernel in element (r, s) of the folded one of that phase. */
+static float part(const rx_node *n, int phase, int v, int u, int r, int s)
+{
+    int dy = phase / 2, dx = phase % 2, half = n->kernel / 2, reach = n->kernel / 4;
+    if (n->op == RX_OP_UPCONV)
+        return share[dy][v][r] * share[dx][u][s];
+    return v == dy + half - 1 - 2 * (r - reach) && u == dx + half - 1 - 2 * (s - reach) ? 1.f : 0.f;
+}
+
+/* Where the node keeps the kernel from channel i to o. */
+static size_t kernel_at(const rx_node *n, int in, int o, int i)
+{
+    int which = n->op == RX_OP_UPCONV ? o * in + i : i * n->channels + o;
+    return (size_t)which * (size_t)(n->kernel * n->kernel);
+}
+
+static size_t folded_at(const rx_node *n, int in, int phase, int o, int i)
+{
+    int k = rx_layer_folded_kernel(n);
+    return (((size_t)phase * (size_t)n->channels + (size_t)o) * (size_t)in + (size_t)i) * (size_t)(k * k);
+}
+
+void rx_layer_fold(const rx_node *node, int in, const float *weights, float *folded)
+{
+    int k = node->kernel, big = rx_layer_folded_kernel(node);
     for (int phase = 0; phase < 4; phase++)
-        for (int k = 0; k < out * in; k++) {
-            const float *small = weights + (size_t)k * 9;
-            float *big = folded + ((size_t)phase * (size_t)(out * in) + (size_t)k) * 9;
-            for (int rs = 0; rs < 9; rs++) {
-                float sum = 0;
-                for (int vu = 0; vu < 9; vu++)
-                    sum += share[phase / 2][vu / 3][rs / 3] * share[phase % 2][vu % 3][rs % 3] * small[vu];
-                big[rs] = sum;
-            }
+        for (int rs = 0; rs < big * big; rs++) {
+            float parts[RX_NET_KERNEL * RX_NET_KERNEL];
+            for (int vu = 0; vu < k * k; vu++)
+                parts[vu] = part(node, phase, vu / k, vu % k, rs / big, rs % big);
+            for (int o = 0; o < node->channels; o++)
+                for (int i = 0; i < in; i++) {
+                    const float *from = weights + kernel_at(node, in, o, i);
+                    float sum = 0;
+                    for (int vu = 0; vu < k * k; vu++)
+                        sum += parts[vu] * from[vu];
+                    folded[folded_at(node, in, phase, o, i) + (size_t)rs] = sum;
+                }
         }
 }
 
-void rx_layer_unfold(const float *folded, int out, int in, float *weights)
+void rx_layer_unfold(const rx_node *node, int in, const float *folded, float *weights)
 {
-    for (int k = 0; k < out * in; k++)
-        for (int vu = 0; vu < 9; vu++) {
-            float sum = 0;
-            for (int phase = 0; phase < 4; phase++) {
-                const float *big = folded + ((size_t)phase * (size_t)(out * in) + (size_t)k) * 9;
-                for (int rs = 0; rs < 9; rs++)
-                    sum += share[phase / 2][vu / 3][rs / 3] * share[phase % 2][vu % 3][rs % 3] * big[rs];
-            }
-            weights[(size_t)k * 9 + (size_t)vu] += sum;
+    int k = node->kernel, big = rx_layer_folded_kernel(node);
+    for (int phase = 0; phase < 4; phase++)
+        for (int rs = 0; rs < big * big; rs++) {
+            float parts[RX_NET_KERNEL * RX_NET_KERNEL];
+            for (int vu = 0; vu < k * k; vu++)
+                parts[vu] = part(node, phase, vu / k, vu % k, rs / big, rs % big);
+            for (int o = 0; o < node->channels; o++)
+                for (int i = 0; i < in; i++) {
+                    float from = folded[folded_at(node, in, phase, o, i) + (size_t)rs];
+                    float *to = weights + kernel_at(node, in, o, i);
+                    for (int vu = 0; vu < k * k; vu++)
+                        to[vu] += parts[vu] * from;
+                }
         }
 }

@@ -1,5 +1,5 @@
-/* What stands between convolutions: plain loops over NHWC planes, forward and backward, and the fold that
- * turns bilinear up-sampling followed by a 3x3 convolution into one convolution at the lower resolution.
+/* What stands between convolutions: plain loops over NHWC planes, forward and backward, and the folds that
+ * turn operations to twice the size into one convolution at the lower resolution, before a shuffle.
  *
  * Forward functions work on float and bfloat16 planes, in float; what is added and cut is never rounded
  * before. Backward ones on floats. Nothing fails or allocates: rows of scratch come from the caller. */
@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "nn/dnn.h"
+#include "nn/net.h"
 
 typedef struct rx_plane {
     void *data; /* [height][width][channels] */
@@ -28,9 +29,8 @@ static inline size_t rx_plane_bytes(const rx_plane *plane)
 /* dst = src, rounded to the nearest (even) where dst is bfloat16. Same shape. */
 void rx_layer_convert(const rx_plane *src, rx_plane *dst);
 
-/* dst = relu?(dst + bias? + add?), in place. bias [channels]; add: same shape, may be dst's own memory.
- * row [width * channels] floats. */
-void rx_layer_finish(rx_plane *dst, const float *bias, const rx_plane *add, int relu, float *row);
+/* dst = relu?(dst + add?), in place. add: same shape, may be dst's own memory. row [width * channels]. */
+void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row);
 
 /* 2x2 pixels of src become the channels [dy][dx][c] of dst, and back. Same kind of reals. */
 void rx_layer_unshuffle(const rx_plane *src, rx_plane *dst);
@@ -45,14 +45,17 @@ void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row);
 /* gradient = 0 where the cut value is 0. */
 void rx_layer_relu_back(const float *value, float *gradient, size_t n);
 void rx_layer_add(const float *src, float *dst, size_t n);
-/* dst[c] += sum over the pixels, in double. */
-void rx_layer_bias_back(const rx_plane *gradient, float *dst);
 
-/* Weights [out][in][3][3] of a convolution after bilinear up-sampling -> [4 out][in][3][3] of one before a
- * shuffle: W[dy dx o][i][r][s] = sum_vu A_dy[v][r] A_dx[u][s] w[o][i][v][u], where A_d[v][r] is the share of
- * the lower row y + r - 1 in the upper row 2 y + d + v - 1. */
-void rx_layer_fold(const float *weights, int out, int in, float *folded);
+/* Weights of the node -> those of a convolution [4 out][in][K][K] that gives the channels [dy][dx][out].
+ * `in`: channels of its source; K = rx_layer_folded_kernel().
+ *
+ *   UPCONV      [out][in][3][3]: W[dy dx o][i][r][s] = sum_vu A_dy[v][r] A_dx[u][s] w[o][i][v][u], A_d[v][r]
+ *               the share of the lower row y + r - 1 in the upper row 2 y + d + v - 1
+ *   TRANSPOSED  [in][out][k][k]: W[dy dx o][i][r][s] = w[i][o][v][u], where the lower row y + r - K/2 gets to
+ *               the upper row 2 y + dy through v (likewise s, u); 0 where there is no such v */
+int rx_layer_folded_kernel(const rx_node *node);
+void rx_layer_fold(const rx_node *node, int in, const float *weights, float *folded);
 /* The transpose: weights += from the gradient by the folded ones. */
-void rx_layer_unfold(const float *folded, int out, int in, float *weights);
+void rx_layer_unfold(const rx_node *node, int in, const float *folded, float *weights);
 
 #endif

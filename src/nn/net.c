@@ -277,10 +277,10 @@ double rx_net_macs(const rx_net *net)
     for (int i = 1; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
         const rx_node *src = &net->node[n->src];
-        /* TRANSPOSED and UPCONV work at the resolution of their source. */
-        int level = n->op == RX_OP_CONV ? n->level : src->level;
-        double folds = n->op == RX_OP_UPCONV ? 4 : 1;
-        macs += ldexp(folds * (double)n->nweights, -2 * level);
+        /* TRANSPOSED and UPCONV are folded: four times the channels at the resolution of their source. */
+        int k = n->op == RX_OP_TRANSPOSED ? 2 * (n->kernel / 4) + 1 : n->kernel;
+        double weights = n->weight >= 0 ? (double)src->channels * n->channels * k * k : 0;
+        macs += n->op == RX_OP_CONV ? ldexp(weights, -2 * n->level) : ldexp(4 * weights, -2 * src->level);
     }
     return macs;
 }

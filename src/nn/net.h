@@ -21,14 +21,14 @@ typedef enum rx_op {
     RX_OP_INPUT, /* channels of the caller */
     RX_OP_CONV,  /* kernel k (odd), stride 1 or 2, bias: y = b + sum w[o][i][v][u] x[stride y + v - k/2] */
     RX_OP_TRANSPOSED, /* kernel k (even), stride 2, bias: the transpose of a convolution of stride 2 and
-                         padding k/2 - 1; weights [in][out][k][k]; level - 1 */
+                         padding k/2 - 1; weights [in][out][k][k]; level - 1; runs folded, like UPCONV */
     RX_OP_UNSHUFFLE,  /* 2x2 pixels become 4 times the channels, [dy][dx][c]; level + 1 */
     RX_OP_SHUFFLE,    /* the inverse: a quarter of the channels; level - 1 */
     RX_OP_UP2,        /* bilinear, twice the size (centres aligned: weights 3/4, 1/4; the border repeats);
                          level - 1 */
-    RX_OP_UPCONV /* bilinear to twice the size with 0 beyond the border, then a 3x3 convolution with bias:
-                    for few channels; runs folded, as one 3x3 convolution to 4 times the channels at the
-                    lower resolution, then shuffled; level - 1 */
+    RX_OP_UPCONV /* bilinear to twice the size of a plane that continues with 0 beyond its border, then a 3x3
+                    convolution with bias: for few channels; runs folded, as one 3x3 convolution to 4 times
+                    the channels at the lower resolution, then shuffled; level - 1 */
 } rx_op;
 
 enum { RX_NET_NODES = 64, RX_NET_CHANNELS = 1024, RX_NET_KERNEL = 15 };
@@ -65,9 +65,11 @@ void rx_net_free(rx_net *net); /* NULL is fine */
 void rx_net_initialise(rx_net *net, uint64_t seed, uint64_t stream, double damped, double last);
 
 int rx_net_levels(const rx_net *net); /* inputs must be multiples of 2^levels */
-int rx_net_halo(const rx_net *net);   /* receptive field beyond a pixel on each side, input pixels, rounded up
-                                         to   a multiple of 2^levels: what lies farther away cannot matter */
-double rx_net_macs(const rx_net *net); /* multiplications per input pixel, as defined (UPCONV as folded) */
+/* How many pixels beyond a block of the output its values depend on, on each side, where the block begins and
+ * ends on multiples of 2^levels; in input pixels, rounded up to a multiple of 2^levels. What lies farther
+ * away cannot matter. */
+int rx_net_halo(const rx_net *net);
+double rx_net_macs(const rx_net *net); /* multiplications per input pixel, as it runs (folded) */
 
 const char *rx_op_name(rx_op op); /* "CONV" ...; */
 int rx_op_find(const char *name); /* -1 when unknown */

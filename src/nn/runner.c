@@ -60,10 +60,9 @@ void rx_runner_free(rx_runner *runner)
 {
     if (runner == NULL)
         return;
-    for (int i = 0; i < RX_NET_NODES; i++) {
+    for (int i = 0; i < RX_NET_NODES; i++)
         rx_conv_free(runner->node[i].conv);
-        free(runner->node[i].bias);
-    }
+
     for (int k = 0; k < runner->nslots; k++)
         free(runner->slot[k].data);
     free(runner->row);
@@ -83,12 +82,10 @@ rx_status rx_runner_load(rx_runner *runner, const float *params, rx_error *err)
             continue;
         const float *weights = params + n->weight, *bias = params + n->bias;
         size_t out = (size_t)n->channels;
-        if (n->op == RX_OP_TRANSPOSED) {
-            memcpy(me->bias, bias, out * sizeof(float));
-            bias = NULL;
-        } else if (n->op == RX_OP_UPCONV) {
-            rx_layer_fold(weights, n->channels, runner->net->node[n->src].channels, runner->folded);
-            float *biases = runner->folded + 4 * n->nweights;
+        if (rx_runner_folds(n->op)) {
+            int in = runner->net->node[n->src].channels, k = rx_layer_folded_kernel(n);
+            rx_layer_fold(n, in, weights, runner->folded);
+            float *biases = runner->folded + 4 * out * (size_t)(in * k * k);
             for (size_t phase = 0; phase < 4; phase++)
                 memcpy(biases + phase * out, bias, out * sizeof(float));
             weights = runner->folded;
@@ -121,7 +118,7 @@ const float *rx_runner_input_gradient(const rx_runner *runner)
 
 /* ---- forward ---- */
 
-/* A convolution of either direction into raw or value, then what it could not do itself. */
+/* A convolution into raw or value, then what it could not do itself. */
 static rx_status forward_conv(rx_runner *r, int i, rx_error *err)
 {
     const rx_node *n = &r->net->node[i];
@@ -129,25 +126,17 @@ static rx_status forward_conv(rx_runner *r, int i, rx_error *err)
     const rx_plane *src = &r->node[n->src].value;
     const rx_plane *add = n->add >= 0 ? &r->node[n->add].value : NULL;
     rx_plane *to = me->raw.channels > 0 ? &me->raw : &me->value;
-    rx_status status;
-    if (me->wide.channels > 0) {
-        rx_layer_convert(src, &me->wide);
-        src = &me->wide;
-    }
     if (me->fused_add && add->data != to->data)
         memcpy(to->data, add->data, rx_plane_bytes(to));
-    if (n->op == RX_OP_TRANSPOSED)
-        status = rx_conv_data(me->conv, src->data, to->data, err);
-    else
-        status = rx_conv_run(me->conv, src->data, to->data, err);
-    if (n->op == RX_OP_UPCONV) {
+    rx_status status = rx_conv_run(me->conv, src->data, to->data, err);
+    if (rx_runner_folds(n->op)) {
         rx_layer_shuffle(to, &me->value);
         to = &me->value;
     }
     const rx_plane *more = me->fused_add ? NULL : add;
     int relu = n->relu && !me->fused_relu;
-    if (more != NULL || relu || me->bias != NULL)
-        rx_layer_finish(to, me->bias, more, relu, r->row);
+    if (more != NULL || relu)
+        rx_layer_finish(to, more, relu, r->row);
     if (to != &me->value)
         rx_layer_convert(to, &me->value);
     return status;
@@ -168,7 +157,7 @@ static void forward_layer(rx_runner *r, int i)
     else
         rx_layer_unshuffle(src, value);
     if (add != NULL || n->relu)
-        rx_layer_finish(value, NULL, add, n->relu, r->row);
+        rx_layer_finish(value, add, n->relu, r->row);
 }
 
 rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
@@ -194,22 +183,18 @@ static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *par
     const float *weights, *bias;
     float *to = params + n->weight, *to_bias = params + n->bias;
     size_t out = (size_t)n->channels;
-    int transposed = n->op == RX_OP_TRANSPOSED;
-    rx_status status = rx_conv_weights(me->conv, transposed ? gradient->data : src->data,
-                                       transposed ? src->data : gradient->data, &weights, &bias, err);
+    rx_status status = rx_conv_weights(me->conv, src->data, gradient->data, &weights, &bias, err);
     if (status)
         return status;
-    if (n->op == RX_OP_UPCONV) {
-        rx_layer_unfold(weights, n->channels, src->channels, to);
+    if (rx_runner_folds(n->op)) {
+        rx_layer_unfold(n, src->channels, weights, to);
         for (size_t phase = 0; phase < 4; phase++)
             rx_layer_add(bias + phase * out, to_bias, out);
         return RX_OK;
     }
     rx_layer_add(weights, to, (size_t)n->nweights);
-    if (transposed)
-        rx_layer_bias_back(gradient, to_bias);
-    else
-        rx_layer_add(bias, to_bias, out);
+    rx_layer_add(bias, to_bias, out);
+
     return RX_OK;
 }
 
@@ -217,8 +202,7 @@ static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *par
 static rx_status pass_back(rx_runner *r, int i, const rx_plane *gradient, rx_plane *to, rx_error *err)
 {
     switch (r->net->node[i].op) {
-    case RX_OP_TRANSPOSED:
-        return rx_conv_run(r->node[i].conv, gradient->data, to->data, err);
+
     case RX_OP_UNSHUFFLE:
         rx_layer_shuffle(gradient, to);
         return RX_OK;
@@ -251,7 +235,7 @@ static rx_status backward_node(rx_runner *r, int i, float *params, const int *wa
             memcpy(to, gradient->data, rx_plane_bytes(gradient));
         filled[n->add] = 1;
     }
-    if (n->op == RX_OP_UPCONV) {
+    if (rx_runner_folds(n->op)) {
         /* The folded convolution's own output is not needed any more. */
         rx_layer_unshuffle(gradient, &me->raw);
         gradient = &me->raw;

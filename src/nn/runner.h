@@ -1,8 +1,18 @@
 /* A network at work on planes of one size, forward and (in training) backward, on oneDNN.
  *
- * A runner belongs to one thread at a time; to use several cores, several runners run at the same time, each
- * inside an OpenMP thread (or any other), where oneDNN then stays on one thread. Values do not depend on how
- * many there are, and those of a pixel not on the size of the plane (beyond the halo), to the bit.
+ * A runner belongs to one caller at a time and never uses more than the thread that calls it, whatever OpenMP
+ * would allow (nn/dnn.h): several cores take several runners, each in its own thread, OpenMP's or not; one
+ * thread may make a runner and another use it. Values do not depend on how many there are.
+ *
+ * Nor does a pixel's value depend on the plane around it: two planes that agree within rx_net_halo() of a
+ * block give it the same bits, if they lie on the same multiples of 2^levels, whatever their sizes. That
+ * holds because every operation of the forward pass is one convolution in the library's plain direction,
+ * whose kernels sum over channels and places in an order that the size does not change; the transposed
+ * direction does not have that property on all processors, so TRANSPOSED runs folded. Held by
+ * tests/unit/nn/test_psfnet.c.
+ *
+ * Memory without gradients: the planes alive at the same time, 52 to 72 bytes per pixel for a PSF-NET of
+ * width 8 in single precision, 92 to 124 for width 16; with gradients all planes, 264 for width 8.
  */
 #ifndef RX_NN_RUNNER_H
 #define RX_NN_RUNNER_H
@@ -11,7 +21,8 @@
 
 typedef enum rx_precision {
     RX_F32,
-    RX_BF16 /* inner planes and weights bfloat16, sums float; input, output and what is added to them float */
+    RX_BF16 /* inner planes and weights bfloat16, sums float; input and output float, and so is the work of
+               the first convolution, which reads the input */
 } rx_precision;
 
 typedef struct rx_runner rx_runner;
@@ -32,8 +43,8 @@ float *rx_runner_input(rx_runner *runner); /* [height][width][channels of node 0
 rx_status rx_runner_forward(rx_runner *runner, rx_error *err);
 const float *rx_runner_output(const rx_runner *runner); /* [height'][width'][channels] of the last node */
 
-/* After a forward: fill the gradient of the loss by the output, then run; param_gradient [nparams] += , and
- * where wanted the gradient by the input appears. */
+/* After a forward: fill the gradient of the loss by the output (it is overwritten), then run; param_gradient
+ * [nparams] += (NULL: not wanted), and where wanted the gradient by the input appears. */
 float *rx_runner_output_gradient(rx_runner *runner);
 rx_status rx_runner_backward(rx_runner *runner, float *param_gradient, int want_input, rx_error *err);
 const float *rx_runner_input_gradient(const rx_runner *runner);

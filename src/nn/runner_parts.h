@@ -9,14 +9,14 @@
 /* What one node does. Slots number the runner's buffers; -1: none. */
 typedef struct rx_runner_node {
     rx_plane value, gradient;
-    rx_plane raw;   /* what a convolution leaves where that is not yet the value: other reals or pixels */
-    rx_plane wide;  /* its source as floats, where those are bfloat16 and it works in float */
-    rx_conv *conv;  /* NULL: no convolution */
-    float *bias;    /* TRANSPOSED: its own copy, owned */
+    rx_plane raw; /* what a convolution leaves where that is not yet the value: other reals or pixels */
+
+    rx_conv *conv; /* NULL: no convolution */
+
     int fused_add;  /* the convolution itself adds */
     int fused_relu; /* and cuts */
     int learns;     /* there are parameters in it or before it */
-    int slot, gradient_slot, raw_slot, wide_slot;
+    int slot, gradient_slot, raw_slot;
 } rx_runner_node;
 
 typedef struct rx_slot {
@@ -24,6 +24,12 @@ typedef struct rx_slot {
     int busy;
     void *data; /* owned */
 } rx_slot;
+
+/* Operations to twice the size that run as one convolution, folded, and a shuffle. */
+static inline int rx_runner_folds(rx_op op)
+{
+    return op == RX_OP_UPCONV || op == RX_OP_TRANSPOSED;
+}
 
 enum { RX_RUNNER_SLOTS = 4 * RX_NET_NODES };
 
@@ -36,7 +42,7 @@ struct rx_runner {
     rx_slot slot[RX_RUNNER_SLOTS];
     int nslots;
     float *row;    /* scratch of the layers */
-    float *folded; /* weights, then biases, of a folded UPCONV */
+    float *folded; /* weights, then biases, of a folded node */
     float *spare;  /* training: a gradient that is to be added to another */
 };
 

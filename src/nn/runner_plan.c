@@ -27,7 +27,7 @@ static void choose_reals(rx_runner *r)
         for (int i = 1; i < net->nnodes; i++) {
             const rx_node *n = &net->node[i];
             rx_real *mine = &r->node[i].value.real, *source = &r->node[n->src].value.real;
-            int keeps = moves_only(n->op) || n->op == RX_OP_UPCONV;
+            int keeps = moves_only(n->op) || rx_runner_folds(n->op);
             if (keeps && *source == RX_REAL_F32 && *mine != RX_REAL_F32) {
                 *mine = RX_REAL_F32;
                 changed = 1;
@@ -40,7 +40,7 @@ static void choose_reals(rx_runner *r)
     }
 }
 
-/* Shapes of value, raw and wide; what the convolution takes over. */
+/* Shapes of value and raw; what the convolution takes over. */
 static void plan_node(rx_runner *r, int i, int height, int width)
 {
     const rx_node *n = &r->net->node[i];
@@ -50,21 +50,15 @@ static void plan_node(rx_runner *r, int i, int height, int width)
     me->value.channels = n->channels;
     me->gradient = me->value;
     me->gradient.real = RX_REAL_F32;
-    me->slot = me->gradient_slot = me->raw_slot = me->wide_slot = -1;
+    me->slot = me->gradient_slot = me->raw_slot = -1;
     me->learns = n->weight >= 0;
     if (i == 0)
         return;
     const rx_plane *src = &r->node[n->src].value;
     me->learns |= r->node[n->src].learns || (n->add >= 0 && r->node[n->add].learns);
-    rx_real math = src->real; /* float planes are multiplied as floats */
-    if (n->op == RX_OP_TRANSPOSED && me->value.real == RX_REAL_F32)
-        math = RX_REAL_F32;
-    rx_real result = math == RX_REAL_F32 || n->op == RX_OP_TRANSPOSED ? math : me->value.real;
-    if (n->weight >= 0 && math != src->real) {
-        me->wide = *src;
-        me->wide.real = math;
-    }
-    if (n->op == RX_OP_UPCONV) {
+    /* Float planes are multiplied as floats, and give floats. */
+    rx_real result = src->real == RX_REAL_F32 ? RX_REAL_F32 : me->value.real;
+    if (rx_runner_folds(n->op)) {
         me->raw = *src;
         me->raw.channels = 4 * n->channels;
         me->raw.real = result;
@@ -131,12 +125,11 @@ static void share_values(rx_runner *r)
         me->slot = over ? r->node[n->add].slot : take(r, rx_plane_bytes(&me->value));
         if (me->raw.channels > 0)
             me->raw_slot = take(r, rx_plane_bytes(&me->raw));
-        if (me->wide.channels > 0)
-            me->wide_slot = take(r, rx_plane_bytes(&me->wide));
+
         if (r->backward)
             continue;
         give(r, me->raw_slot);
-        give(r, me->wide_slot);
+
         if (n->src > 0 && last[n->src] == i)
             give(r, r->node[n->src].slot);
         if (n->add > 0 && n->add != n->src && last[n->add] == i && !over)
@@ -178,10 +171,11 @@ static rx_status allocate(rx_runner *r, rx_error *err)
         size_t line = (size_t)value->width * (size_t)value->channels;
         row = 4 * line > row ? 4 * line : row;
         spare = rx_plane_size(value) > spare ? rx_plane_size(value) : spare;
-        size_t weights = n->op == RX_OP_UPCONV ? 4 * (size_t)(n->nweights + n->channels) : 0;
-        folded = weights > folded ? weights : folded;
-        if (n->op == RX_OP_TRANSPOSED && (r->node[i].bias = RX_NEW(float, (size_t)n->channels)) == NULL)
-            return rx_error_memory(err, (size_t)n->channels * sizeof(float));
+        if (rx_runner_folds(n->op)) {
+            size_t k = (size_t)rx_layer_folded_kernel(n), in = (size_t)r->net->node[n->src].channels;
+            size_t weights = 4 * (size_t)n->channels * (in * k * k + 1);
+            folded = weights > folded ? weights : folded;
+        }
     }
     for (int k = 0; k < r->nslots; k++)
         if ((r->slot[k].data = rx_alloc(r->slot[k].bytes, 1)) == NULL)
@@ -196,7 +190,6 @@ static rx_status allocate(rx_runner *r, rx_error *err)
         me->value.data = slot_data(r, me->slot);
         me->gradient.data = slot_data(r, me->gradient_slot);
         me->raw.data = slot_data(r, me->raw_slot);
-        me->wide.data = slot_data(r, me->wide_slot);
     }
     return RX_OK;
 }
@@ -207,33 +200,22 @@ static rx_conv_shape shape_of(const rx_runner *r, int i)
 {
     const rx_node *n = &r->net->node[i];
     const rx_runner_node *me = &r->node[i];
-    const rx_plane *src = me->wide.channels > 0 ? &me->wide : &r->node[n->src].value;
-    const rx_plane *dst = me->raw.channels > 0 ? &me->raw : &me->value;
-    int k = n->kernel, half = k / 2;
-    rx_conv_shape s = {.kernel = k, .stride = n->stride, .uses = RX_CONV_RUN, .bias = 1};
-    if (n->op == RX_OP_TRANSPOSED) {
-        /* The convolution whose transpose this is goes from the fine plane to the coarse one. */
-        const rx_plane *fine = dst;
-        dst = src;
-        src = fine;
-        s.before = s.after = half - 1;
-        s.uses = RX_CONV_DATA;
-        s.bias = 0;
-    } else {
-        s.stride = n->op == RX_OP_CONV ? n->stride : 1;
-        s.before = half;
-        s.after = s.stride == 2 && half > 0 ? half - 1 : half;
-        s.sum = me->fused_add;
-        s.relu = me->fused_relu;
-    }
-    s.height = src->height;
-    s.width = src->width;
-    s.in = src->channels;
-    s.out = dst->channels;
-    s.x = src->real;
-    s.y = dst->real;
-    if (r->backward)
-        s.uses = RX_CONV_RUN | RX_CONV_DATA | RX_CONV_WEIGHTS;
+    const rx_plane *src = &r->node[n->src].value, *dst = me->raw.channels > 0 ? &me->raw : &me->value;
+    int folds = rx_runner_folds(n->op), half;
+    rx_conv_shape s = {.height = src->height,
+                       .width = src->width,
+                       .in = src->channels,
+                       .out = dst->channels,
+                       .kernel = folds ? rx_layer_folded_kernel(n) : n->kernel,
+                       .stride = folds ? 1 : n->stride,
+                       .x = src->real,
+                       .y = dst->real,
+                       .sum = me->fused_add,
+                       .relu = me->fused_relu,
+                       .backward = r->backward};
+    half = s.kernel / 2;
+    s.before = half;
+    s.after = s.stride == 2 && half > 0 ? half - 1 : half;
     return s;
 }
 

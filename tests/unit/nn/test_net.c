@@ -118,9 +118,9 @@ static void test_layout(void **state)
     const int levels[] = {0, 1, 1, 2, 1, 1, 0};
     for (int i = 0; i < 7; i++)
         assert_int_equal(net->node[i].level, levels[i]);
-    /* By hand: the first at half, the second at quarter resolution, the transposed where its source is, the
-     * 1x1 at half, the folded head (four 3x3 kernels) at half. */
-    double macs = 540 / 4. + 270 / 16. + 480 / 16. + 25 / 4. + 4 * 90 / 4.;
+    /* By hand: the first at half, the second at quarter resolution, the transposed (four 3x3 kernels) where
+     * its source is, the 1x1 at half, the folded head (four 3x3 kernels) at half. */
+    double macs = 540 / 4. + 270 / 16. + 4 * 6 * 5 * 9 / 16. + 25 / 4. + 4 * 90 / 4.;
     assert_true(fabs(rx_net_macs(net) - macs) < 1e-9);
     for (long i = 0; i < net->nparams; i++)
         assert_true(net->params[i] == 0);

@@ -38,7 +38,8 @@ static rx_net *make(const rx_psfnet_shape *shape, int inputs)
     return net;
 }
 
-/* Multiplications per pixel by hand, w = 8 with three planes of input: */
+/* Multiplications per pixel by hand, w = 8 with three planes of input; the decoders' steps to twice the size
+ * run as 3x3 kernels of four times the channels. */
 static void test_cost(void **state)
 {
     (void)state;
@@ -46,7 +47,7 @@ static void test_cost(void **state)
     const double trunk = 12 * 9216. / 16, residual = 2 * 2304 / 4.;
     const double stem[] = {12 * 16 * 9 / 4. + 16 * 32 * 9 / 16.,
                            3 * 8 * 9 + 8 * 16 * 9 / 4. + 16 * 32 * 9 / 16.};
-    const double end[] = {32 * 16 / 16. + 4 * 16 * 9 / 4., 32 * 16 * 16 / 16. + 16 * 16 / 4.,
+    const double end[] = {32 * 16 / 16. + 4 * 16 * 9 / 4., 4 * 32 * 16 * 9 / 16. + 4 * 16 * 9 / 4.,
                           32 * 64 * 9 / 16. + 16 * 4 * 9 / 4.};
     for (int s = 0; s < STEMS; s++)
         for (int d = 0; d < DECODERS; d++)
@@ -183,11 +184,11 @@ static field field_of(const rx_net *net, int height, int width, rx_precision pre
 /* Windows of many sizes, at all kinds of places, some at the field's border. */
 static void check_shifts(const rx_net *net, rx_precision precision, int *windows)
 {
-    enum { H = 200, W = 1028 };
+    enum { H = 160, W = 772 };
     field f = field_of(net, H, W, precision);
     int halo = rx_net_halo(net);
-    for (int k = 0; k < 24; k++) {
-        int height = 2 * halo + 4 + 4 * (k % 9), width = 2 * halo + 4 + (k < 18 ? 4 * k : 36 * k);
+    for (int k = 0; k < 18; k++) {
+        int height = 2 * halo + 4 + 4 * (k % 9), width = 2 * halo + 4 + (k < 12 ? 4 * k : 36 * k);
         height = height < H ? height : H;
         width = width < W ? width : W;
         int y0 = 4 * (int)(rx_random_uniform(1, 1, (uint64_t)k) * ((H - height) / 4 + 1));
@@ -226,7 +227,6 @@ static void test_shifts_narrow(void **state)
 static void test_shifts_wide(void **state)
 {
     (void)state;
-    check_all_shapes(16, 3, 1, 3);
     check_all_shapes(16, 2, 1, 3);
 }
 
