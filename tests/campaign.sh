@@ -50,6 +50,19 @@ SIM.IMAGE_SIZE  224
 STAGE.RL_NITER  5
 END
 
+cat >detection.conf <<'END'
+CAMPAIGN_TYPE   DETECTION
+RESTORE_TYPE    NONE,RL
+SCENES          STARS,PAIRS,RINGS,PLATEAU,OUTSKIRTS
+SCENE_TILES     2
+SEEING          3
+SKY_ERROR       0,0.3
+TUNE_NITER      5
+TUNE_FILTER     0.5
+QA_FIGURES      N
+SIM.IMAGE_SIZE  192
+END
+
 # start KIND OUTPUT JOURNAL THREADS ARGUMENT...: in the background as process $job, what it says in OUTPUT.log.
 start() {
     settings=$1.conf output=$2 journal=$3 threads=$4
@@ -75,7 +88,7 @@ moments() {
         for (i = 0; i < 10; i++) printf "%d %.3f\n", 2 * rand(), 0.12 * rand() }'
 }
 
-for kind in restoration photometry; do
+for kind in restoration photometry detection; do
     campaign $kind $kind-whole $kind.whole 1
     result "$kind: a whole run on one thread" $? $kind-whole.log
 

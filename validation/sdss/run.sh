@@ -1,7 +1,7 @@
 #!/bin/bash
-# The QA report of a real tile: SDSS frame r-000094-1-0012 (Stripe 82) against the deep coadd of the same sky, NONE and
-# RL, with the PSF measured from the tile (PSF_TYPE AUTO) and with the model that the real psfex makes from our own
-# catalogue (PSF_TYPE PSFEX).
+# The QA report of a real tile: SDSS frame r-000094-1-0012 (Stripe 82) against the deep coadd of the same sky, NONE,
+# RL and NET (model: RX_MODEL, or config/psfnet.fits where there is one), with the PSF measured from the tile
+# (PSF_TYPE AUTO) and with the model that the real psfex makes from our own catalogue (PSF_TYPE PSFEX).
 #
 #   validation/sdss/run.sh [FOLDER]      reports into FOLDER (default: sdss-out)
 #
@@ -14,11 +14,9 @@ data=${RX_SHARED_DATA:-$top/../shared/data}/sdss/94-1-12
 out=${1:-sdss-out}
 [[ -x $program ]] || { echo "run.sh: $program is missing; build first (./quickstart)" >&2; exit 2; }
 [[ -d $data ]] || { echo "run.sh: $data is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
-python=
-for candidate in python3 /usr/bin/python3; do # the first one that has astropy
-    if "$candidate" -c 'import astropy, numpy' 2>/dev/null; then python=$candidate && break; fi
-done
-[[ -n $python ]] || { echo "run.sh: no python3 with astropy; install python3-astropy" >&2; exit 2; }
+restorers='' net=() python='' # set by the next line
+# shellcheck source=/dev/null
+. "$here/../restorers.sh"
 mkdir -p "$out"
 cd "$out"
 bunzip2 -kc "$data/frame-r-000094-1-0012.fits.bz2" >frame.fits
@@ -43,7 +41,7 @@ psfex stars.cat -PSF_SUFFIX .psf -PSFVAR_DEGREES 1 -CHECKPLOT_TYPE NONE -CHECKIM
     -SAMPLE_MINSN 20 -VERBOSE_TYPE QUIET
 
 for psf in AUTO PSFEX; do
-    "$program" 'frame.fits[0]' "${common[@]}" -RESTORE_TYPE NONE,RL -PSF_TYPE "$psf" -PSF_NAME stars.psf \
+    "$program" 'frame.fits[0]' "${common[@]}" -RESTORE_TYPE "$restorers" "${net[@]}" -PSF_TYPE "$psf" -PSF_NAME stars.psf \
         -CATALOG_NAME "$psf.cat" -CHECKIMAGE_TYPE RESTORED,RESIDUAL -CHECKIMAGE_NAME "$psf.fits,${psf}_residual.fits" \
         -REFERENCE_NAME reference.fits -MATCH_RADIUS 1 -MATCH_UNIT ARCSEC -QA_NAME "qa_$psf"
     echo "report: $out/qa_$psf/report.html"
