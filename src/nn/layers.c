@@ -222,13 +222,27 @@ int rx_layer_folded_kernel(const rx_node *node)
     return node->op == RX_OP_UPCONV ? 3 : 2 * (node->kernel / 4) + 1;
 }
 
-/* Share of element (v, u) of the node's kernel in element (r, s) of the folded one of that phase. */
-static float part(const rx_node *n, int phase, int v, int u, int r, int s)
+/* Which elements of the node's kernel, with what shares, make up one element of the folded one. */
+typedef struct recipe {
+    int n;
+    int element[RX_NET_KERNEL * RX_NET_KERNEL];
+    float share[RX_NET_KERNEL * RX_NET_KERNEL];
+} recipe;
+
+static recipe recipe_of(const rx_node *n, int phase, int r, int s)
 {
-    int dy = phase / 2, dx = phase % 2, half = n->kernel / 2, reach = n->kernel / 4;
-    if (n->op == RX_OP_UPCONV)
-        return share[dy][v][r] * share[dx][u][s];
-    return v == dy + half - 1 - 2 * (r - reach) && u == dx + half - 1 - 2 * (s - reach) ? 1.f : 0.f;
+    recipe made = {.n = 0};
+    int k = n->kernel, dy = phase / 2, dx = phase % 2, half = k / 2, reach = k / 4;
+    for (int v = 0; v < k; v++)
+        for (int u = 0; u < k; u++) {
+            int meets = v == dy + half - 1 - 2 * (r - reach) && u == dx + half - 1 - 2 * (s - reach);
+            float part = n->op == RX_OP_UPCONV ? share[dy][v][r] * share[dx][u][s] : (float)meets;
+            if (part != 0) {
+                made.element[made.n] = v * k + u;
+                made.share[made.n++] = part;
+            }
+        }
+    return made;
 }
 
 /* Where the node keeps the kernel from channel i to o. */
@@ -246,18 +260,16 @@ static size_t folded_at(const rx_node *n, int in, int phase, int o, int i)
 
 void rx_layer_fold(const rx_node *node, int in, const float *weights, float *folded)
 {
-    int k = node->kernel, big = rx_layer_folded_kernel(node);
+    int big = rx_layer_folded_kernel(node);
     for (int phase = 0; phase < 4; phase++)
         for (int rs = 0; rs < big * big; rs++) {
-            float parts[RX_NET_KERNEL * RX_NET_KERNEL];
-            for (int vu = 0; vu < k * k; vu++)
-                parts[vu] = part(node, phase, vu / k, vu % k, rs / big, rs % big);
+            recipe made = recipe_of(node, phase, rs / big, rs % big);
             for (int o = 0; o < node->channels; o++)
                 for (int i = 0; i < in; i++) {
                     const float *from = weights + kernel_at(node, in, o, i);
                     float sum = 0;
-                    for (int vu = 0; vu < k * k; vu++)
-                        sum += parts[vu] * from[vu];
+                    for (int e = 0; e < made.n; e++)
+                        sum += made.share[e] * from[made.element[e]];
                     folded[folded_at(node, in, phase, o, i) + (size_t)rs] = sum;
                 }
         }
@@ -265,18 +277,16 @@ void rx_layer_fold(const rx_node *node, int in, const float *weights, float *fol
 
 void rx_layer_unfold(const rx_node *node, int in, const float *folded, float *weights)
 {
-    int k = node->kernel, big = rx_layer_folded_kernel(node);
+    int big = rx_layer_folded_kernel(node);
     for (int phase = 0; phase < 4; phase++)
         for (int rs = 0; rs < big * big; rs++) {
-            float parts[RX_NET_KERNEL * RX_NET_KERNEL];
-            for (int vu = 0; vu < k * k; vu++)
-                parts[vu] = part(node, phase, vu / k, vu % k, rs / big, rs % big);
+            recipe made = recipe_of(node, phase, rs / big, rs % big);
             for (int o = 0; o < node->channels; o++)
                 for (int i = 0; i < in; i++) {
                     float from = folded[folded_at(node, in, phase, o, i) + (size_t)rs];
                     float *to = weights + kernel_at(node, in, o, i);
-                    for (int vu = 0; vu < k * k; vu++)
-                        to[vu] += parts[vu] * from;
+                    for (int e = 0; e < made.n; e++)
+                        to[made.element[e]] += made.share[e] * from;
                 }
         }
 }
