@@ -14,8 +14,9 @@
 #include "restore/stamp.h"
 
 enum { DOMAIN_SIDE = 512 }; /* of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit */
-static const double UNKNOWN_FWHM = 5;  /* pixels, of a PSF that nobody knows: middle of the usual seeing */
-static const double SEAM_LIMIT = 1e-3; /* sigmas, INFORMED */
+static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
+/* sigmas, INFORMED; what FFTs round may tip over the rounding of a bfloat16, which is 50,000 times coarser */
+static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
 
 /* One restoration of a tile: on one grid of blocks. */
@@ -343,7 +344,8 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
 {
     const int unit = unit_of(plan->model), side = plan->par->net_block;
     const int other = (side * 5 / 8 + unit) / unit * unit, shift = (side / 3 + unit) / unit * unit;
-    const double limit = plan->model->front.mode == RX_MODE_INFORMED ? SEAM_LIMIT : 0;
+    const double rounding = plan->par->precision == RX_BF16 ? SEAM_LIMIT_BF16 : SEAM_LIMIT;
+    const double limit = plan->model->front.mode == RX_MODE_INFORMED ? rounding : 0;
     rx_restored *second = NULL;
     rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
     if (status != RX_OK)

@@ -364,6 +364,16 @@ static void half_precision(void **state)
     print_message("bfloat16: rms difference %.3g sigma, largest %.3g\n", sqrt(square / n),
                   difference(full, half));
     assert_true(sqrt(square / n) < 0.05 && square > 0);
+    rx_model *blind = small_model(RX_MODE_BLIND, 1);
+    s.par.verify_seams = 1;
+    rx_restored *verified = restore(&s, psf);
+    assert_true(verified->seam < 0.5);
+    rx_restored_free(verified);
+    s.par.model = blind;
+    verified = restore(&s, psf);
+    assert_true(verified->seam == 0);
+    rx_restored_free(verified);
+    rx_model_free(blind);
     rx_restored_free(full);
     rx_restored_free(half);
     rx_model_free(model);
