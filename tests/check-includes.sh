@@ -27,7 +27,7 @@ catalog   io num psf
 validate  io num psf
 train     nn stage simulate par validate config io num psf
 stage     io num nn psf restore detect measure catalog validate simulate config
-campaign  stage simulate validate restore catalog config io num psf
+campaign  stage simulate validate restore catalog config io nn num psf
 programs  stage campaign train par validate simulate config catalog
 END
 
