@@ -7,7 +7,7 @@ export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 program=${RX_PROGRAM:-$top/rextract}
 folder=$(cd "$(dirname "$program")" && pwd)
-for needed in "$program" "$folder/rextract-simulate" "$folder/rextract-validate"; do
+for needed in "$program" "$folder/rextract-simulate" "$folder/rextract-validate" "$folder/rextract-train"; do
     [ -x "$needed" ] || {
         echo "run-examples.sh: $needed is missing; build first (make check)"
         exit 2
@@ -32,12 +32,12 @@ read_page() {
         file != "" { print > file; next }
         examples' "$1"
 }
-for page in rextract.1 rextract-simulate.1 rextract-validate.1 rextract.conf.5; do
+for page in rextract.1 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract.conf.5; do
     read_page "$top/man/$page"
 done >../commands
 
 ln -s "$program" ../bin/rextract
-ln -s "$folder/rextract-simulate" "$folder/rextract-validate" ../bin
+ln -s "$folder/rextract-simulate" "$folder/rextract-validate" "$folder/rextract-train" ../bin
 PATH=$scratch/bin:$PATH
 HOME=$scratch/home
 export PATH HOME

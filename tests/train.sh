@@ -116,7 +116,7 @@ done
 sleep 0.3
 kill -TERM $job
 wait $job
-[ $? -eq 143 ] && grep -q 'the same command goes on from there' polite.log && [ -e polite.ck ]
+[ $? -eq 143 ] && grep -q 'command goes on from there' polite.log && [ -e polite.ck ]
 result 'a signal ends the training after its step' $? polite.log
 training polite -NTHREADS 2
 grep -q 'goes on' polite.log

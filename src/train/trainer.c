@@ -348,8 +348,9 @@ static rx_status keep_interrupted(job *j, rx_error *err)
         return status;
     }
     return rx_error_at(err, RX_INTERRUPTED, j->config->checkpoint_name, -1, 0,
-                       "interrupted by a signal in epoch %ld; the same command goes on from there",
-                       j->now->epoch + 1);
+                       "interrupted by a signal in epoch %ld, after %ld training images of it; the same "
+                       "command goes on from there",
+                       j->now->epoch + 1, j->now->at);
 }
 
 static rx_status train(job *j, rx_error *err)

@@ -6,7 +6,7 @@
 # A file of cases is a shell script made of
 #
 #   begin NAME                       a new case in a scratch folder of its own, which is the current one
-#   of PROGRAM                       it is about rextract-simulate or rextract-validate, not rextract
+#   of PROGRAM                       it is about another program, not rextract
 #   leaves FILE...                   what the program may leave there besides what it found (nothing)
 #   expect CODE PATTERN ARGUMENT...  run the program; exit code, and an extended regular expression for
 #                                    standard error. The program is told to be quiet, so standard error
@@ -27,7 +27,7 @@ programs=$(cd "$(dirname "$rextract")" && pwd)
 program=$rextract
 fits=$build/tests/cli/make_fits
 model=$build/tests/cli/make_model
-for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$fits" "$model"; do
+for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$programs/rextract-train" "$fits" "$model"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2

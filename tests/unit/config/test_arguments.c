@@ -18,6 +18,7 @@ static rx_status read_line(void **state, const char *line, rx_arguments *dst, rx
 {
     const rx_keytable *table = strncmp(line, "rextract-s", 10) == 0   ? rx_keytable_simulate()
                                : strncmp(line, "rextract-v", 10) == 0 ? rx_keytable_validate()
+                               : strncmp(line, "rextract-t", 10) == 0 ? rx_keytable_train()
                                                                       : rx_keytable_rextract();
     char text[512], *argv[MAX_WORDS] = {0}, *rest = NULL;
     int argc = 0;
@@ -58,6 +59,8 @@ static void actions_are_told_apart(void **state)
         {"rextract -v", RX_ACTION_VERSION},
         {"rextract --version", RX_ACTION_VERSION},
         {"rextract -d", RX_ACTION_DUMP},
+        {"rextract-train -INFO model.fits", RX_ACTION_INFO},
+        {"rextract-train -EPOCHS 3 -info model.fits", RX_ACTION_INFO},
         {"rextract -dd", RX_ACTION_DUMP_ALL},
         {"rextract -dp", RX_ACTION_DUMP_COLUMNS},
         {"rextract a.fits -h", RX_ACTION_HELP},

@@ -8,6 +8,7 @@
 
 #include "config/arguments.h"
 #include "config/campaign_config.h"
+#include "config/train_config.h"
 #include "folder.h"
 
 static rx_campaign_config *campaign(void)
@@ -204,6 +205,32 @@ static void campaigns_are_checked(void **state)
     check_relations(rx_keytable_validate(), sizeof cases / sizeof cases[0], cases);
 }
 
+static void trainings_are_checked(void **state)
+{
+    static const char *const cases[][2] = {
+        {"EPOCHS 3", NULL},
+        {"KERNELS 7,4", "-KERNELS: 4 is even; give odd numbers"},
+        {"PATCH 98", "-PATCH: 98 is no multiple of 4; give 100"},
+        {"PATCH 96;PATCH_MARGIN 23", NULL},
+        {"PATCH 96;PATCH_MARGIN 24",
+         "-PATCH_MARGIN: 24 leaves less than half of an image's side of 96; give at"},
+        {"BETA_RANGE 5,3", "-BETA_RANGE: 5 is above 3; give <from>,<to>"},
+        {"PHOTON_RANGE 0.1,0", "-PHOTON_RANGE: 0.1 is above 0"},
+        {"BATCH 9;TRAIN_RANKS 3", NULL},
+        {"BATCH 9;TRAIN_RANKS 2", "-BATCH: 9 images cannot be shared alike by 2 training ranks"},
+        {"IMAGES_AHEAD 999", "-IMAGES_AHEAD: 999 is less than the 1000 images of an epoch"},
+        {"GRID 20,20;BIN_IMAGES 12;IMAGES_AHEAD 4800", NULL},
+        {"LOSS_IDT 0;LOSS_REC 0;LOSS_REC_PSF 0;LOSS_FFL 0", "-LOSS_IDT: no term of the loss trains RESTORE"},
+        {"LOSS_IDT 0", NULL},
+        {"MODEL_NAME a;CHECKPOINT_NAME a", "-CHECKPOINT_NAME: a is also MODEL_NAME"},
+        {"SIM.INJECT_IMAGE a.fits", "-SIM.INJECT_IMAGE: has no place in a training"},
+        {"SIM.STAR_COUNT 0;SIM.GALAXY_COUNT 0", "-SIM.STAR_COUNT: there are no stars, galaxies or templates"},
+        {"SIM.STAR_MAG 20,19", "-SIM.STAR_MAG: 20 is above 19"},
+    };
+    (void)state;
+    check_relations(rx_keytable_train(), sizeof cases / sizeof cases[0], cases);
+}
+
 static void self_checks_are_checked(void **state)
 {
     static const char *const cases[][2] = {
@@ -235,6 +262,13 @@ static void keywords_set_in_vain_warn(void **state)
         {rx_keytable_validate, "STAGE.WRITE_XML Y", "t: warning: STAGE.WRITE_XML Y has no effect here"},
         {rx_keytable_validate, "STAGE.SEED 5;RESTORE_TYPE NONE;SIM.SKY_LEVEL 5", NULL},
         {rx_keytable_rextract, "CATALOG_NAME a.cat;RESTORE_TYPE NONE", NULL},
+        {rx_keytable_train, "SIM.STAR_COUNT 5;SIM.GALAXY_MAG 15,20;RL_STEP N;TIKHONOV 0.1", NULL},
+        {rx_keytable_train, "SIM.SKY_LEVEL 5", "t: warning: SIM.SKY_LEVEL 5 has no effect in a training"},
+        {rx_keytable_train, "RL_STEP N;RL_STEP_PEDESTAL 2",
+         "t: warning: RL_STEP_PEDESTAL 2 has no effect with RL_STEP N"},
+        {rx_keytable_train, "MODE BLIND;RL_STEP N", "t: warning: RL_STEP N has no effect with MODE BLIND"},
+        {rx_keytable_train, "LOSS_TYPE PLAIN;LOSS_FLOOR 3",
+         "t: warning: LOSS_FLOOR 3 has no effect without LOSS_TYPE LINEAR"},
     };
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -394,6 +428,7 @@ int main(void)
         IN_FOLDER(errors_have_the_prefixed_name),
         cmocka_unit_test(simulations_are_checked),
         cmocka_unit_test(campaigns_are_checked),
+        cmocka_unit_test(trainings_are_checked),
         cmocka_unit_test(self_checks_are_checked),
         cmocka_unit_test(keywords_set_in_vain_warn),
         IN_FOLDER(relations_of_parts_name_their_line),

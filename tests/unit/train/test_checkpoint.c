@@ -1,0 +1,293 @@
+/* Checkpoints: what is read is what was written, and nothing else is read; the history as tables. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "io/output.h"
+#include "nn/psfnet.h"
+#include "train/checkpoint.h"
+
+static const char SETTINGS[] = "SEED 1\nWIDTH 4\n";
+enum { NBINS = 2, EPOCHS = 3 };
+
+static int make_folder(void **state)
+{
+    char *folder = malloc(64);
+    if (folder == NULL)
+        return -1;
+    strcpy(folder, "/tmp/rextract-train-XXXXXX");
+    *state = folder;
+    return mkdtemp(folder) != NULL ? 0 : -1;
+}
+
+static int remove_folder(void **state)
+{
+    rx_output_remove(*state);
+    free(*state);
+    return 0;
+}
+
+static void path_in(void **state, const char *name, char dst[128])
+{
+    snprintf(dst, 128, "%s/%s", (char *)*state, name);
+}
+
+static rx_model *make_model(int nets)
+{
+    const rx_psfnet_shape shape = {.width = 4, .blocks = 1, .stem_kernel = 3, .kernel = 3};
+    rx_model *model = rx_model_new();
+    assert_non_null(model);
+    assert_int_equal(rx_psfnet_new(&shape, 3, &model->restore, NULL), RX_OK);
+    rx_net_initialise(model->restore, 1, 1, 0.3, 0.1);
+    if (nets > 1)
+        assert_int_equal(rx_psfnet_new(&shape, 2, &model->psf, NULL), RX_OK);
+    return model;
+}
+
+static rx_train_state *make_state(int nets)
+{
+    const double fwhm[2] = {2, 8}, sigma[2] = {1, 15};
+    rx_selection selection;
+    rx_train_state *state = NULL;
+    rx_model *model = make_model(nets);
+    assert_int_equal(rx_selection_begin(NBINS, 1, fwhm, sigma, 40, 1, &selection, NULL), RX_OK);
+    assert_int_equal(rx_train_state_new(model, &selection, &state, NULL), RX_OK);
+    rx_model_free(model);
+    return state;
+}
+
+/* Every number differs from that of a fresh state, and from each other. */
+static void fill(rx_train_state *s, double first)
+{
+    double v = first;
+    for (int k = 0; k < s->nnets; k++) {
+        s->adam[k]->steps = (long)(v += 1);
+        for (long i = 0; i < s->adam[k]->n; i++) {
+            s->params[k][i] = (float)(v += 0.25);
+            s->adam[k]->mean[i] = (float)(v += 0.25);
+            s->adam[k]->square[i] = (float)(v += 0.25);
+        }
+    }
+    long *const longs[] = {&s->epoch,   &s->at,      &s->patches, &s->without,
+                           &s->returns, &s->usual_n, &s->high,    &s->batches};
+    double *const doubles[] = {&s->best,
+                               &s->slow,
+                               &s->usual,
+                               &s->norm,
+                               &s->rate,
+                               &s->sum.total,
+                               &s->sum.idt_restore,
+                               &s->sum.idt_psf,
+                               &s->sum.rec_restore,
+                               &s->sum.rec_psf,
+                               &s->sum.ffl};
+    for (size_t i = 0; i < sizeof longs / sizeof *longs; i++)
+        *longs[i] = (long)(v += 1);
+    for (size_t i = 0; i < sizeof doubles / sizeof *doubles; i++)
+        *doubles[i] = v += 1.0 / 3;
+    for (int b = 0; b < NBINS; b++) {
+        s->selection.loss[b] = v += 1.0 / 3;
+        s->selection.list[b] = v += 1.0 / 3;
+        s->selection.train[b] = (int)(v += 1);
+        s->selection.test[b] = (int)(v += 1);
+    }
+    for (int e = 0; e < EPOCHS; e++) {
+        const rx_epoch epoch = {.steps = v += 1, .test_loss = v += 1, .scatter = v += 1.0 / 3};
+        const rx_epoch_bin bins[NBINS] = {{.loss = v += 1}, {.recall = NAN, .scatter = v += 1}};
+        assert_int_equal(rx_history_add(&s->history, &epoch, bins, NULL), RX_OK);
+    }
+}
+
+static void assert_same(const rx_train_state *a, const rx_train_state *b)
+{
+    for (int k = 0; k < a->nnets; k++) {
+        const size_t bytes = (size_t)a->adam[k]->n * sizeof(float);
+        assert_int_equal(a->adam[k]->steps, b->adam[k]->steps);
+        assert_memory_equal(a->params[k], b->params[k], bytes);
+        assert_memory_equal(a->adam[k]->mean, b->adam[k]->mean, bytes);
+        assert_memory_equal(a->adam[k]->square, b->adam[k]->square, bytes);
+    }
+    assert_true(a->epoch == b->epoch && a->at == b->at && a->patches == b->patches);
+    assert_true(a->without == b->without && a->returns == b->returns && a->usual_n == b->usual_n);
+    assert_true(a->high == b->high && a->batches == b->batches && a->best == b->best && a->slow == b->slow);
+    assert_true(a->usual == b->usual && a->norm == b->norm && a->rate == b->rate);
+    assert_memory_equal(&a->sum, &b->sum, sizeof a->sum);
+    assert_memory_equal(a->selection.loss, b->selection.loss, NBINS * sizeof(double));
+    assert_memory_equal(a->selection.list, b->selection.list, NBINS * sizeof(double));
+    assert_memory_equal(a->selection.train, b->selection.train, NBINS * sizeof(int));
+    assert_memory_equal(a->selection.test, b->selection.test, NBINS * sizeof(int));
+    assert_int_equal(a->history.n, b->history.n);
+    if (a->history.n > 0) {
+        assert_memory_equal(a->history.epoch, b->history.epoch, (size_t)a->history.n * sizeof(rx_epoch));
+        assert_memory_equal(a->history.bin, b->history.bin,
+                            (size_t)a->history.n * NBINS * sizeof(rx_epoch_bin));
+    }
+}
+
+static void states_come_back(void **state)
+{
+    char path[128];
+    path_in(state, "back", path);
+    for (int nets = 1; nets <= 2; nets++)
+        for (int within = 0; within < 2; within++) {
+            rx_train_state *kept = make_state(nets), *now = make_state(nets);
+            rx_train_state *kept2 = make_state(nets), *now2 = make_state(nets);
+            int found = 0, was_within = -1;
+            fill(kept, 1);
+            fill(now, 7777);
+            assert_int_equal(rx_checkpoint_write(path, path, SETTINGS, kept, within ? now : NULL, NULL),
+                             RX_OK);
+            assert_int_equal(rx_checkpoint_read(path, SETTINGS, kept2, now2, &found, &was_within, NULL),
+                             RX_OK);
+            assert_true(found && was_within == within);
+            assert_same(kept, kept2);
+            assert_same(within ? now : kept, now2);
+            rx_train_state_free(kept);
+            rx_train_state_free(now);
+            rx_train_state_free(kept2);
+            rx_train_state_free(now2);
+        }
+}
+
+static void no_file_is_no_error(void **state)
+{
+    char path[128];
+    int found = 1, within = 1;
+    rx_train_state *kept = make_state(1), *now = make_state(1), *fresh = make_state(1);
+    path_in(state, "none", path);
+    assert_int_equal(rx_checkpoint_read(path, SETTINGS, kept, now, &found, &within, NULL), RX_OK);
+    assert_false(found || within);
+    assert_same(kept, fresh);
+    rx_train_state_free(kept);
+    rx_train_state_free(now);
+    rx_train_state_free(fresh);
+}
+
+/* What a read of bytes[size] says, into fresh states. */
+static rx_status read_bytes(void **state, const unsigned char *bytes, size_t size, const char *settings,
+                            rx_error *err)
+{
+    char path[128];
+    int found, within;
+    rx_train_state *kept = make_state(1), *now = make_state(1);
+    path_in(state, "bytes", path);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(bytes, 1, size, file), size);
+    fclose(file);
+    *err = RX_ERROR_NONE;
+    const rx_status status = rx_checkpoint_read(path, settings, kept, now, &found, &within, err);
+    rx_train_state_free(kept);
+    rx_train_state_free(now);
+    return status;
+}
+
+static unsigned char *whole(void **state, size_t *size)
+{
+    char path[128];
+    rx_train_state *kept = make_state(1), *now = make_state(1);
+    path_in(state, "whole", path);
+    fill(kept, 1);
+    fill(now, 5);
+    assert_int_equal(rx_checkpoint_write(path, path, SETTINGS, kept, now, NULL), RX_OK);
+    rx_train_state_free(kept);
+    rx_train_state_free(now);
+    FILE *file = fopen(path, "rb");
+    unsigned char *bytes = malloc(1 << 22);
+    assert_true(file != NULL && bytes != NULL);
+    *size = fread(bytes, 1, 1 << 22, file);
+    fclose(file);
+    assert_in_range(*size, 1000, (1 << 22) - 1);
+    return bytes;
+}
+
+static void damage_is_seen(void **state)
+{
+    size_t size;
+    rx_error err;
+    unsigned char *bytes = whole(state, &size);
+    assert_int_equal(read_bytes(state, bytes, size, SETTINGS, &err), RX_OK);
+    const size_t head = strlen("rextract-train checkpoint 1\n");
+    for (size_t i = head; i < size; i += i < head + 200 ? 1 : size / 97) {
+        const unsigned char old = bytes[i];
+        bytes[i] ^= 0x10;
+        const rx_status status = read_bytes(state, bytes, size, SETTINGS, &err);
+        assert_true(status == RX_INPUT || status == RX_USAGE || status == RX_SYSTEM);
+        assert_true(err.text[0] != '\0');
+        bytes[i] = old;
+    }
+    for (size_t cut = head; cut < size; cut += 1 + size / 61)
+        assert_int_equal(read_bytes(state, bytes, cut, SETTINGS, &err), RX_INPUT);
+    assert_int_equal(read_bytes(state, bytes, size - 1, SETTINGS, &err), RX_INPUT);
+    bytes[size] = 0;
+    assert_int_equal(read_bytes(state, bytes, size + 1, SETTINGS, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "damaged"));
+    assert_int_equal(read_bytes(state, bytes, 10, SETTINGS, &err), RX_USAGE);
+    assert_int_equal(read_bytes(state, (const unsigned char *)"a letter\n", 9, SETTINGS, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "no checkpoint"));
+    free(bytes);
+}
+
+static void other_settings_are_named(void **state)
+{
+    size_t size;
+    rx_error err;
+    unsigned char *bytes = whole(state, &size);
+    assert_int_equal(read_bytes(state, bytes, size, "SEED 1\nWIDTH 8\n", &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "with WIDTH 4, now it is WIDTH 8"));
+    assert_int_equal(read_bytes(state, bytes, size, "SEED 12\nWIDTH 4\n", &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "with SEED 1, now it is SEED 12;"));
+    free(bytes);
+}
+
+static void copies_are_independent(void **state)
+{
+    (void)state;
+    rx_train_state *a = make_state(2), *b = make_state(2);
+    fill(a, 3);
+    fill(b, 99);
+    assert_int_equal(rx_train_state_copy(a, b, NULL), RX_OK);
+    assert_same(a, b);
+    a->params[1][0] = -1;
+    a->adam[0]->mean[0] = -2;
+    a->history.epoch[0].steps = -3;
+    assert_true(b->params[1][0] > 0 && b->adam[0]->mean[0] > 0 && b->history.epoch[0].steps > 0);
+    rx_train_state_free(a);
+    rx_train_state_free(b);
+}
+
+static void tables_have_a_row_for_everything(void **state)
+{
+    rx_text log = {0}, dictionaries = {0};
+    rx_train_state *s = make_state(1);
+    (void)state;
+    fill(s, 1);
+    rx_history_log(&s->history, "name", &log);
+    rx_history_dictionaries(&s->history, &s->selection, "name", &dictionaries);
+    assert_non_null(strstr(log.data, "\nepoch,steps,patches,rate,gradient,loss,"));
+    assert_non_null(strstr(log.data, "\n3,"));
+    assert_null(strstr(log.data, "\n4,"));
+    assert_non_null(strstr(dictionaries.data, "\n1,2,5,1,15,"));
+    assert_non_null(strstr(dictionaries.data, "\n3,5,8,1,15,0,0,0,0,nan,0,"));
+    rx_text_free(&log);
+    rx_text_free(&dictionaries);
+    rx_train_state_free(s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(states_come_back),       cmocka_unit_test(no_file_is_no_error),
+        cmocka_unit_test(damage_is_seen),         cmocka_unit_test(other_settings_are_named),
+        cmocka_unit_test(copies_are_independent), cmocka_unit_test(tables_have_a_row_for_everything),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
