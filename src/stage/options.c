@@ -222,7 +222,7 @@ static void detect_options(const rx_config *cfg, rx_options *dst)
     dst->detect_noise = strcmp(cfg->detect_noise, "INPUT") == 0      ? RX_DETECT_NOISE_INPUT
                         : strcmp(cfg->detect_noise, "MEASURED") == 0 ? RX_DETECT_NOISE_MEASURED
                                                                      : RX_DETECT_NOISE_AUTO;
-    dst->filter_restored = strcmp(cfg->filter_restored, "AUTO") == 0 ? -1 : cfg->filter_restored[0] == 'Y';
+    dst->filter_restored = cfg->filter_restored;
     par->threshold = threshold_of(cfg, &cfg->detect_thresh, &par->absolute);
     par->analysis_absolute = strcmp(ITEM(cfg->thresh_type, 1), "ABSOLUTE") == 0;
     par->analysis_threshold = threshold_of(cfg, &cfg->analysis_thresh, &par->analysis_absolute);

@@ -40,7 +40,7 @@ typedef struct rx_options {
     const rx_restorer *restorers[RX_MAX_RUNS];
     rx_detect_params detect;
     rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
-    int filter_restored;          /* FILTER_RESTORED: 1, 0, -1 = AUTO */
+    int filter_restored;          /* FILTER_RESTORED */
     rx_measure_params measure;
     int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
     int measure_original;  /* MEASURE_ON ORIGINAL */

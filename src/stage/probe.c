@@ -91,13 +91,10 @@ static int by_input_noise(const work *w)
            (wanted == RX_DETECT_NOISE_AUTO && w->probe->restored->sigma != NULL);
 }
 
-/* A restored image that is held against the input's noise is smooth already: a filter would only blend what
- * the restoration has told apart. */
 static void choose_filter(work *w)
 {
-    const int wanted = w->options->filter_restored;
     w->par = w->options->detect;
-    if (w->probe->plain || wanted > 0 || (wanted < 0 && !by_input_noise(w)))
+    if (w->probe->plain || w->options->filter_restored)
         return;
     w->par.filter = NULL;
     w->par.filter_width = w->par.filter_height = 0;

@@ -196,8 +196,8 @@ static void test_detection_noise(void **state)
     with_sigma.run = run_with_sigma;
     check_noise("AUTO", rl, 0, 1);
     check_noise("MEASURED", rl, 0, 1);
-    check_noise("INPUT", rl, 1, 0);
-    check_noise("AUTO", &with_sigma, 1, 0);
+    check_noise("INPUT", rl, 1, 1);
+    check_noise("AUTO", &with_sigma, 1, 1);
     check_noise("MEASURED", &with_sigma, 0, 1);
 }
 
@@ -208,7 +208,10 @@ static void test_filter_of_restored(void **state)
     static const struct {
         const char *kind, *filter, *noise;
         int filtered;
-    } cases[] = {{"RL", "N", "MEASURED", 0}, {"RL", "Y", "INPUT", 1}, {"NONE", "N", "INPUT", 1}};
+    } cases[] = {{"RL", "N", "MEASURED", 0},
+                 {"RL", "N", "INPUT", 0},
+                 {"RL", "Y", "INPUT", 1},
+                 {"NONE", "N", "INPUT", 1}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const setting settings[] = {
             {"DETECT_NOISE", cases[i].noise}, {"FILTER_RESTORED", cases[i].filter}, {NULL, NULL}};
