@@ -3,7 +3,7 @@
  *   x = (pixel - level) / scale      noise units; scale: the tile's noise, smoothed (network_data.h)
  *   v = network(x)                   INFORMED: and w = Tikhonov(x), the FWHM (nn/front.h)
  *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
- *   restored = scale f
+ *   restored = scale max(f, -1/2)
  *
  * Masked pixels are filled from good neighbours before anything looks at them, and have no weight in the
  * step; beyond the border x = 0 (sky), w = 0 and f = 0, and the step has no weight. No value under the mask
