@@ -83,8 +83,8 @@ static void curves(rx_figures *dst, const rx_history *h, const char *id, const c
 
 static void all_curves(rx_figures *dst, const rx_history *h)
 {
-    static const number losses[] = {NUMBER("training, all terms", losses.total, 1),
-                                    NUMBER("test", test_loss, 1), NUMBER("test, unrestored", input_loss, 1)};
+    static const number losses[] = {NUMBER("training", losses.total, 1), NUMBER("test", test_loss, 1),
+                                    NUMBER("test unrestored", input_loss, 1)};
     static const number terms[] = {NUMBER("RESTORE", losses.idt_restore, 1), NUMBER("PSF", losses.idt_psf, 1),
                                    NUMBER("RESTORE of PSF", losses.rec_restore, 1),
                                    NUMBER("PSF of RESTORE", losses.rec_psf, 1), NUMBER("FFL", losses.ffl, 1)};
@@ -93,7 +93,8 @@ static void all_curves(rx_figures *dst, const rx_history *h)
     static const number steps[] = {NUMBER("learning rate", rate, 1)};
     static const number norms[] = {NUMBER("norm of the gradient", norm, 1)};
     curves(dst, h, "curve-loss", "Loss",
-           "Means of an epoch. Test: RESTORE(blurred) against sharp, mean over the bins; unrestored: the "
+           "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, "
+           "mean over the bins; unrestored: the "
            "blurred test images themselves against sharp.",
            (rx_axes){.ylabel = "loss", .log_y = true}, 3, losses);
     curves(dst, h, "curve-terms", "Terms of the loss", "Without their weights, training images.",

@@ -9,18 +9,25 @@
 #include "validate/escape.h"
 #include "validate/page.h"
 
+/* The words of -INFO, but for their first line: the digest is that of the file. */
 static void write_model(rx_text *dst, const rx_model *model)
 {
-    rx_text words = {0}, html = {0};
+    rx_text words = {0};
     rx_model_describe(model, &words);
     rx_page_section(dst, "model", "Model");
-    rx_text_add(&html, "<pre>");
-    rx_escape_html(&html, words.data != NULL ? words.data : "");
-    rx_text_add(&html, "</pre>\n");
-    rx_text_add(dst, html.data != NULL ? html.data : "");
-    dst->failed = dst->failed || words.failed || html.failed;
+    rx_text_add(dst, "<pre>");
+    for (char *line = words.data; line != NULL && *line != '\0';) {
+        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
+        *end = '\0';
+        if (line != words.data) {
+            rx_escape_html(dst, line);
+            rx_text_add(dst, "\n");
+        }
+        line = next;
+    }
+    rx_text_add(dst, "</pre>\n");
+    dst->failed = dst->failed || words.failed;
     rx_text_free(&words);
-    rx_text_free(&html);
 }
 
 static void write_epochs(rx_text *dst, const rx_history *history)
