@@ -20,6 +20,9 @@ static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* sigmas: light is not negative, so what is far below the sky (beside bright stars) is surely wrong and cut;
  * the small waves of an empty sky are left alone, or their mean would rise and every aperture with it */
 static const double DARKEST = -0.5;
+/* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
+ * same significance has among the noise (measured: network.h) */
+static const float DETECTABLE = 0.3f;
 static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
 
 /* One restoration of a tile: on one grid of blocks. */
@@ -219,7 +222,12 @@ static rx_status finish(network *n, rx_error *err)
     restored->pixels = n->v;
     free(n->spare);
     restored->sigma = n->spare = NULL;
-    return rx_noise_map(n->tile, n->background, restored->mask, n->nthreads, &restored->sigma, err);
+    rx_status status =
+        rx_noise_map(n->tile, n->background, restored->mask, n->nthreads, &restored->sigma, err);
+    const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
+    for (size_t k = 0; k < area && status == RX_OK; k++)
+        restored->sigma[k] *= DETECTABLE;
+    return status;
 }
 
 /* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. */
@@ -328,17 +336,17 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     return RX_OK;
 }
 
-/* Largest difference between two restorations, in sigmas of the first. */
-static double largest_difference(const rx_restored *a, const rx_restored *b)
+/* Largest difference between two restorations, in sigmas of the tile's pixels. */
+static double largest_difference(const float *sigma, const rx_restored *a, const rx_restored *b)
 {
     const size_t n = (size_t)a->width * (size_t)a->height;
     double most = 0;
     for (size_t k = 0; k < n; k++) {
         const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
-        if (difference > 0 && !(a->sigma[k] > 0))
+        if (difference > 0 && !(sigma[k] > 0))
             return HUGE_VAL;
         if (difference > 0)
-            most = fmax(most, difference / a->sigma[k]);
+            most = fmax(most, difference / sigma[k]);
     }
     return most;
 }
@@ -353,7 +361,7 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
     if (status != RX_OK)
         return status;
-    restored->seam = largest_difference(restored, second);
+    restored->seam = largest_difference(plan->background->sigma, restored, second);
     rx_restored_free(second);
     rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
                 other, shift, shift + unit, restored->seam);

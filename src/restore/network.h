@@ -5,6 +5,10 @@
  *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
  *   restored = scale max(f, -1/2)
  *
+ * rx_restored.sigma, which DETECT_THRESH counts in, is 0.3 times the noise map of restore/noise_map.h: with
+ * DETECT_THRESH 1.5, DETECT_MINAREA 5 and the default filter the lists then end where those of the unrestored
+ * image end, at S/N 5; at 1.0 times (a pixel's full noise) a fifth of the faint stars is missing.
+ *
  * Masked pixels are filled from good neighbours before anything looks at them, and have no weight in the
  * step; beyond the border x = 0 (sky), w = 0 and f = 0, and the step has no weight. No value under the mask
  * reaches any output, to the bit.
@@ -17,7 +21,7 @@
  * Blocks: the network works on NET_BLOCK pixels at most, all blocks of one size (a multiple of the network's
  * stride), the FFTs on 512, both anchored at the tile's first pixel and read with the halo that a result
  * depends on: the same bits for any NET_BLOCK and any number of threads. VERIFY_SEAMS restores once more,
- * both grids shifted and of other sizes, and takes the largest difference, in units of rx_restored.sigma,
+ * both grids shifted and of other sizes, and takes the largest difference, in sigmas of the tile's pixels,
  * into rx_restored.seam: BLIND models show none, INFORMED ones the rounding of FFTs, some 1e-7 of the
  * brightest pixels of a domain (5e-4 on an SDSS frame with stars up to saturation). More than 0 or 1e-3 is
  * RX_SYSTEM. With BF16 the limit of INFORMED models is 0.5: there a rounding of 1e-7 may tip over one of
