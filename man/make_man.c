@@ -1,5 +1,6 @@
 /* Prints the generated sections of the manual pages: `make_man keywords`, `make_man simulate`, `make_man
- * validate`, `make_man train` (keywords of these programs) or `make_man columns`. Run by man/check-man.sh, never installed. */
+ * validate`, `make_man train` (keywords of these programs) or `make_man columns`. Run by man/check-man.sh,
+ * never installed. */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,9 +1,10 @@
 /* Settings of a program: every keyword of its table, its value and where it was set.
  *
- * Each program has one table (keys.def, simulate.def, campaign.def, train.def), and everything comes from it: the struct
- * with a field per keyword, defaults, parser, range checks, the -d and -dd dumps, the table of the manual
- * page and the record in outputs. A program's struct (rx_config, rx_simulate_config, rx_campaign_config,
- * rx_train_config) begins with rx_settings; the functions here work on any of them, given &config->settings.
+ * Each program has one table (keys.def, simulate.def, campaign.def, train.def), and everything comes from it:
+ * the struct with a field per keyword, defaults, parser, range checks, the -d and -dd dumps, the table of the
+ * manual page and the record in outputs. A program's struct (rx_config, rx_simulate_config,
+ * rx_campaign_config, rx_train_config) begins with rx_settings; the functions here work on any of them, given
+ * &config->settings.
  */
 #ifndef RX_CONFIG_SETTINGS_H
 #define RX_CONFIG_SETTINGS_H
