@@ -7,7 +7,8 @@
  *   INFORMED  channels  s(x), s(w), (FWHM - 5)/3   base b = s(w),  w = Tikhonov(x), nn/deblur.h
  *   PSF net   channels  s(y), (FWHM - 5)/3         base b = s(y),  y = the sharp plane
  *
- *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h.
+ *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h. What is
+ *   shown, and what a model's recall and bias are measured on: rx_front_shown(). No loss sees that cut.
  *
  * FWHM is that of the tile's PSF in pixels, a plane where it varies. */
 #ifndef RX_NN_FRONT_H
@@ -52,6 +53,13 @@ static inline float rx_unstretch_slope(float u)
 static inline float rx_front_fwhm(double fwhm)
 {
     return (float)((fwhm - 5) / 3);
+}
+
+/* Light is not negative, so what is far below the sky (beside bright stars) is surely wrong and cut; the
+ * small waves of an empty sky are left alone, or their mean would rise and every aperture with it. */
+static inline float rx_front_shown(float f)
+{
+    return f > -0.5f ? f : -0.5f;
 }
 
 #endif

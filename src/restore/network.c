@@ -17,9 +17,6 @@ enum { DOMAIN_SIDE = 512 }; /* of the FFTs, output pixels: not NET_BLOCK, so tha
 static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
 /* sigmas, INFORMED; what FFTs round may tip over the rounding of a bfloat16, which is 50,000 times coarser */
 static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
-/* sigmas: light is not negative, so what is far below the sky (beside bright stars) is surely wrong and cut;
- * the small waves of an empty sky are left alone, or their mean would rise and every aperture with it */
-static const double DARKEST = -0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
 static const float DETECTABLE = 0.3f;
@@ -196,7 +193,7 @@ static rx_status run_steps(network *n, rx_error *err)
     return status;
 }
 
-/* Noise units become ADU, not darker than DARKEST, 0 under the mask. */
+/* Noise units become ADU, 0 under the mask. */
 static void to_adu(const network *n, float *unit)
 {
     const int width = n->tile->width;
@@ -204,7 +201,7 @@ static void to_adu(const network *n, float *unit)
         rx_coarse_row(&n->scale, y, 0, width, unit);
         for (int x = 0; x < width; x++) {
             const size_t k = (size_t)y * width + x;
-            const double value = fmax(n->v[k], DARKEST) * unit[x];
+            const double value = (double)rx_front_shown(n->v[k]) * unit[x];
             n->v[k] = n->restored->mask[k] != 0 ? 0 : (float)fmax(-FLT_MAX, fmin(FLT_MAX, value));
         }
     }

@@ -15,7 +15,7 @@ struct rx_learner {
     long n[RX_TRAIN_NETS];
     rx_step **step, **test;      /* [nthreads] */
     float **each[RX_TRAIN_NETS]; /* [most][n] */
-    float **weight; /* [nthreads][3][side][side]: of the loss of unrestored images, and scratch */
+    float **planes;              /* [nthreads][3][side][side]: scratch of tests */
 };
 
 static void *make_list(int n)
@@ -34,8 +34,8 @@ static rx_status make_steps(rx_learner *l, rx_error *err)
         status = rx_step_new(l->model, &l->par, l->side, &l->step[t], err);
         if (status == RX_OK)
             status = rx_step_new(l->model, &test, l->side, &l->test[t], err);
-        l->weight[t] = RX_NEW(float, pixels);
-        if (status == RX_OK && l->weight[t] == NULL)
+        l->planes[t] = RX_NEW(float, pixels);
+        if (status == RX_OK && l->planes[t] == NULL)
             status = rx_error_memory(err, pixels * sizeof(float));
     }
     return status;
@@ -65,10 +65,10 @@ rx_status rx_learner_new(const rx_model *model, const rx_step_params *par, int s
     l->n[1] = model->psf != NULL ? model->psf->nparams : 0;
     l->step = make_list(nthreads);
     l->test = make_list(nthreads);
-    l->weight = make_list(nthreads);
+    l->planes = make_list(nthreads);
     for (int k = 0; k < RX_TRAIN_NETS; k++)
         l->each[k] = make_list(most);
-    if (l->step == NULL || l->test == NULL || l->weight == NULL || l->each[0] == NULL || l->each[1] == NULL)
+    if (l->step == NULL || l->test == NULL || l->planes == NULL || l->each[0] == NULL || l->each[1] == NULL)
         status = rx_error_memory(err, 0);
     if (status == RX_OK)
         status = make_steps(l, err);
@@ -91,8 +91,8 @@ void rx_learner_free(rx_learner *l)
             rx_step_free(l->step[t]);
         if (l->test != NULL)
             rx_step_free(l->test[t]);
-        if (l->weight != NULL)
-            free(l->weight[t]);
+        if (l->planes != NULL)
+            free(l->planes[t]);
     }
     for (int k = 0; k < RX_TRAIN_NETS; k++) {
         for (int i = 0; i < l->most && l->each[k] != NULL; i++)
@@ -101,7 +101,7 @@ void rx_learner_free(rx_learner *l)
     }
     free(l->step);
     free(l->test);
-    free(l->weight);
+    free(l->planes);
     free(l);
 }
 
@@ -132,17 +132,21 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
 {
     rx_test_image *images = dst;
     rx_step_values values = {0};
-    float *weight = l->weight[thread];
+    const size_t pixels = (size_t)l->side * (size_t)l->side;
+    float *weight = l->planes[thread], *shown = weight + pixels;
     images[i] = (rx_test_image){0};
     rx_status status = rx_step_run(l->test[thread], sample, NULL, NULL, &values, err);
     if (status != RX_OK)
         return status;
     images[i].loss = values.idt_restore;
-    rx_loss_weights(sample->x, l->side, l->par.floor, weight + (size_t)l->side * (size_t)l->side, weight);
+    rx_loss_weights(sample->x, l->side, l->par.floor, weight + pixels, weight);
     rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
                    NULL);
-    return rx_star_check_run(sample, rx_step_restored(l->test[thread]), l->par.margin,
-                             l->model->front.target_fwhm, &images[i].check, err);
+    const float *restored = rx_step_restored(l->test[thread]);
+    for (size_t k = 0; k < pixels; k++)
+        shown[k] = rx_front_shown(restored[k]);
+    return rx_star_check_run(sample, shown, l->par.margin, l->model->front.target_fwhm, &images[i].check,
+                             err);
 }
 
 /* All samples; of several errors that of the first sample is told. */

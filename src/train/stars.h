@@ -22,7 +22,7 @@ typedef struct rx_star_check {
     double error[RX_SAMPLE_STARS];
 } rx_star_check;
 
-/* restored[side][side] of that sample. Errors: RX_SYSTEM. */
+/* restored[side][side] of that sample, as it is shown (nn/front.h). Errors: RX_SYSTEM. */
 rx_status rx_star_check_run(const rx_sample *sample, const float *restored, int margin, double target_fwhm,
                             rx_star_check *dst, rx_error *err);
 

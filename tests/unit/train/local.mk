@@ -27,3 +27,6 @@ tests_unit_train_test_checkpoint_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_trainer
 tests_unit_train_test_trainer_SOURCES = tests/unit/train/test_trainer.c
 tests_unit_train_test_trainer_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_inference
+tests_unit_train_test_inference_SOURCES = tests/unit/train/test_inference.c tests/unit/train/scenes_test.h
+tests_unit_train_test_inference_LDADD = librextract-train.la $(LDADD)
