@@ -363,10 +363,12 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
                 other, shift, shift + unit, restored->seam);
     if (restored->seam > limit)
-        return rx_error_set(err, RX_SYSTEM,
-                            "the restored image depends on its blocks by %.3g sigma, more than %g; give a "
-                            "NET_BLOCK that holds the tile, or VERIFY_SEAMS N",
-                            restored->seam, limit);
+        return rx_error_set(
+            err, RX_SYSTEM,
+            "the restored image depends on its blocks by %.3g sigma, more than %g; take %s, or "
+            "VERIFY_SEAMS N if that is good enough",
+            restored->seam, limit,
+            plan->par->precision == RX_BF16 ? "NET_PRECISION F32" : "another NET_BLOCK");
     return RX_OK;
 }
 

@@ -11,19 +11,20 @@ static int up_to(int n, int unit)
     return (n + unit - 1) / unit * unit;
 }
 
-static void divide(int length, int side, int unit, int shift, int *size, int *n)
+static void divide(int length, int side, int unit, int shift, int *begin, int *size, int *n)
 {
     const int whole = length + shift, most = side < unit ? unit : side / unit * unit;
     *n = (whole + most - 1) / most;
     *size = up_to((whole + *n - 1) / *n, unit);
-    *n = (whole + *size - 1) / *size;
+    *begin = -(shift % *size);
+    *n = (length - *begin + *size - 1) / *size;
 }
 
 rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y)
 {
-    rx_blocks blocks = {.x = -shift_x, .y = -shift_y};
-    divide(width, side, unit, shift_x, &blocks.width, &blocks.nx);
-    divide(height, side, unit, shift_y, &blocks.height, &blocks.ny);
+    rx_blocks blocks = {0};
+    divide(width, side, unit, shift_x, &blocks.x, &blocks.width, &blocks.nx);
+    divide(height, side, unit, shift_y, &blocks.y, &blocks.height, &blocks.ny);
     return blocks;
 }
 

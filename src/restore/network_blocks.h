@@ -16,7 +16,8 @@ typedef struct rx_blocks {
 } rx_blocks;
 
 /* For a tile of width x height: sides of at most `side` pixels and multiples of `unit`, as even as that
- * allows; the grid begins shift_x, shift_y pixels (multiples of unit, >= 0) before the tile. */
+ * allows; the grid begins shift_x, shift_y pixels (multiples of unit, >= 0) before the tile, without the
+ * blocks that would have no pixel of it. */
 rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y);
 
 /* One block: it begins at tile pixel (x, y); thread 0 .. nthreads - 1. */

@@ -36,6 +36,12 @@ make_model model.fits
 leaves test.cat
 expect 0 '' tile.fits $net -VERIFY_SEAMS Y -NET_BLOCK 32
 
+begin 'network: verified with blocks larger than the tile'
+make_fits tile tile.fits
+make_model model.fits
+leaves test.cat
+expect 0 '' tile.fits $net -VERIFY_SEAMS Y -NET_BLOCK 4096
+
 unknown='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE AUTO -PSF_MINSTARS 1000 -CATALOG_TYPE FITS_1.0'
 
 begin 'network: blind and without a PSF'
