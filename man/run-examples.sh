@@ -73,7 +73,7 @@ END
 # The examples were found, and what they name is there.
 for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json self_report/report.html \
     sim.fits sim_truth.fits sharp.fits sim_report/report.html ccd.fits ccd.cat flags.fits injected.fits \
-    injected_truth.fits tiny_report/report.html tiny.journal parts.1 stars_report/summary.json; do
+    injected_truth.fits tiny_report/report.html tiny.journal tiny.fits tiny.cat parts.1 stars_report/summary.json; do
     if [ -s "$file" ]; then
         passed=$((passed + 1))
     else
