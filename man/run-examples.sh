@@ -42,7 +42,8 @@ PATH=$scratch/bin:$PATH
 HOME=$scratch/home
 export PATH HOME
 cp "$top/tests/data/sim.fits.fz" tile.fits && cp tile.fits deep.fits && cp "$top/tests/data/sim_truth.fits" truth.fits &&
-    cp "$top/config/default.qa" "$top/config/default.param" "$top/config/default.conv" . || exit 2
+    cp "$top/config/default.qa" "$top/config/default.param" "$top/config/default.conv" \
+        "$top/config/psfnet.fits" . || exit 2
 "${RX_BUILD_DIR:-$top}/tests/cli/make_fits" psf psf.fits || exit 2
 
 # One command, with its continuation lines.
@@ -71,7 +72,7 @@ $(sed -e ':more' -e '/\\$/{N;s/\\\n *//;bmore' -e '}' ../commands)
 END
 
 # The examples were found, and what they name is there.
-for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html rextract_qa/summary.json self_report/report.html \
+for file in tile.cat restored.fits tile.sex "$HOME/my tile.cat" test_RL.cat report/report.html net_report/report.html rextract_qa/summary.json self_report/report.html \
     sim.fits sim_truth.fits sharp.fits sim_report/report.html ccd.fits ccd.cat flags.fits injected.fits \
     injected_truth.fits tiny_report/report.html tiny.journal tiny.fits tiny.cat parts.1 stars_report/summary.json; do
     if [ -s "$file" ]; then
