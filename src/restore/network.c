@@ -306,6 +306,25 @@ static void describe(const network *n, rx_restored *dst)
              front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
 }
 
+/* Blocks of at most `side` pixels, smaller ones where threads would have none: whatever lets all of them end
+ * first. Blocks change no bit, so neither does the number of threads. */
+static rx_blocks make_blocks(const network *n, int side, int shift_x, int shift_y)
+{
+    enum { LEAST = 32 };
+    const int unit = unit_of(n->model), halo = rx_net_halo(n->model->restore);
+    rx_blocks best = {0};
+    for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2) {
+        const rx_blocks made = rx_blocks_make(n->tile->width, n->tile->height, side, unit, shift_x, shift_y);
+        const double rounds = ceil((double)made.nx * made.ny / n->nthreads),
+                     pixels = rounds * (made.width + 2 * halo) * (made.height + 2 * halo);
+        if (pixels >= least)
+            continue;
+        least = pixels;
+        best = made;
+    }
+    return best;
+}
+
 /* One restoration in blocks of at most `side` and FFTs of at most `domain` pixels, the grids shifted by
  * `shift`. */
 static rx_status restore(const network *plan, int side, int domain, int shift, int reblurred,
@@ -313,7 +332,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 {
     const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
     network n = *plan;
-    n.blocks = rx_blocks_make(width, height, side, unit, shift, shift > 0 ? shift + unit : 0);
+    n.blocks = make_blocks(&n, side, shift, shift > 0 ? shift + unit : 0);
     n.domains = rx_blocks_make(width, height, domain, unit, shift, shift > 0 ? shift + unit : 0);
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);

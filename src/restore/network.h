@@ -18,14 +18,15 @@
  * (network_optics.h). Without a PSF a BLIND model still works; then `blur`, `reblurred` and `chi2` stay
  * empty. INFORMED without one is RX_INPUT.
  *
- * Blocks: the network works on NET_BLOCK pixels at most, all blocks of one size (a multiple of the network's
- * stride), the FFTs on 512, both anchored at the tile's first pixel and read with the halo that a result
- * depends on: the same bits for any NET_BLOCK and any number of threads. VERIFY_SEAMS restores once more,
- * both grids shifted and of other sizes, and takes the largest difference, in sigmas of the tile's pixels,
- * into rx_restored.seam: BLIND models show none, INFORMED ones the rounding of FFTs, some 1e-7 of the
- * brightest pixels of a domain (5e-4 on an SDSS frame with stars up to saturation). More than 0 or 1e-3 is
- * RX_SYSTEM. With BF16 the limit of INFORMED models is 0.5: there a rounding of 1e-7 may tip over one of
- * 0.4 % inside the network (0.18 on the same frame, beside its brightest stars).
+ * Blocks: the network works on NET_BLOCK pixels at most (smaller blocks where that keeps more threads busy),
+ * all blocks of one size (a multiple of the network's stride), the FFTs on 512, both anchored at the tile's
+ * first pixel and read with the halo that a result depends on: the same bits for any NET_BLOCK and any number
+ * of threads. VERIFY_SEAMS restores once more, both grids shifted and of other sizes, and takes the largest
+ * difference, in sigmas of the tile's pixels, into rx_restored.seam: BLIND models show none, INFORMED ones
+ * the rounding of FFTs, some 1e-7 of the brightest pixels of a domain (5e-4 on an SDSS frame with stars up to
+ * saturation). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of INFORMED models is 0.5: there a
+ * rounding of 1e-7 may tip over one of 0.4 % inside the network (0.18 on the same frame, beside its brightest
+ * stars).
  *
  * Overhead of the halos for NET_BLOCK 512, a network that looks 60 pixels far and FFTs with a halo of 48:
  * 1.5 times the pixels in the network, 1.4 times in the FFTs.

@@ -140,6 +140,7 @@ static void threads_change_no_bit(void **state)
         rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
         rx_psf *psf = kind == 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
         s.par.model = model;
+        s.par.net_block = 512; /* one block; for several threads there will be more */
         rx_restored *one = restore(&s, psf);
         s.par.nthreads = 5;
         rx_restored *five = restore(&s, psf);
