@@ -158,7 +158,7 @@ static rx_status network_block(void *user, int thread, int bx, int by, rx_error 
 static rx_status run_network(network *n, double begin, double end, rx_error *err)
 {
     const double bytes = runner_bytes(n);
-    int count = n->nthreads;
+    int count = rx_blocks_threads(&n->blocks, n->nthreads);
     while (count > 1 && count * bytes > BUDGET)
         count--;
     rx_status status = make_runners(n, count, err);

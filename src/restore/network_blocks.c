@@ -28,6 +28,12 @@ rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x,
     return blocks;
 }
 
+int rx_blocks_threads(const rx_blocks *blocks, int nthreads)
+{
+    const int n = blocks->nx * blocks->ny;
+    return nthreads < n ? nthreads : n;
+}
+
 /* The failure of the first block. */
 typedef struct failure {
     int block;

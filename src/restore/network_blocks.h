@@ -20,6 +20,9 @@ typedef struct rx_blocks {
  * blocks that would have no pixel of it. */
 rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y);
 
+/* Of nthreads those that can have a block each: no scratch for the others. */
+int rx_blocks_threads(const rx_blocks *blocks, int nthreads);
+
 /* One block: it begins at tile pixel (x, y); thread 0 .. nthreads - 1. */
 typedef rx_status (*rx_blocks_task)(void *user, int thread, int x, int y, rx_error *err);
 

@@ -311,7 +311,7 @@ rx_status rx_network_data(const rx_tile *tile, const rx_background *background, 
                     .width = tile->width,
                     .height = tile->height,
                     .x = x};
-        status = fill(&f, psf_fwhm, nthreads, err);
+        status = fill(&f, psf_fwhm, rx_blocks_threads(blocks, nthreads), err);
     }
 exit:
     rx_coarse_free(&far);

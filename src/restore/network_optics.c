@@ -95,7 +95,7 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
         return rx_error_memory(err, sizeof *optics);
     optics->width = width;
     optics->height = height;
-    optics->nthreads = nthreads;
+    optics->nthreads = rx_blocks_threads(blocks, nthreads);
     optics->blocks = blocks;
     optics->psf = psf;
     optics->target_fwhm = target_fwhm;
