@@ -1,6 +1,7 @@
 """The table of ablation.sh: every variant beside the base, on the same test scenes.
 
-    ablation.py SIZE NAME|TITLE ...        inside ablation.sh's folder; the first variant is the base
+    ablation.py SIZE KEYWORDS NAME|TITLE ...   inside ablation.sh's folder; the first variant is the base;
+                                               KEYWORDS: those that all variants were given
 
 Writes ablation.md and ablation.ecsv. Differences are variant minus base over what both did: scenes (PSNR, SSIM), seeings
 (average precision, recall), sets of stars of one magnitude and seeing (|bias|, scatter); paired t, adjusted by Holm for
@@ -153,7 +154,7 @@ def gather(variants):
 
 
 def stars(p):
-    return "" if not p < 0.05 else "*" if p >= 0.01 else "**" if p >= 0.001 else "***"
+    return "" if not p < 0.05 else "\\*" if p >= 0.01 else "\\*\\*" if p >= 0.001 else "\\*\\*\\*"
 
 
 def cell(row, metric):
@@ -194,15 +195,16 @@ def verdicts(rows, base):
     yield ""
 
 
-def report(size, rows, base):
+def report(size, keywords, rows, base):
     uneven = max(abs(row["patches"] / rows[base]["patches"] - 1) for row in rows.values())
     yield f"# What each part buys ({size})"
     yield ""
-    yield (f"The base has every part: {rows[base]['patches']} training images, {rows[base]['steps']} steps, informed, "
-           "PSF network and cycles, focal frequency loss, active learning, RL step. Every other network differs from it in "
-           f"one thing and has seen as many training images (within {100 * uneven:.1f} %). In brackets: difference to the "
-           "base, paired over the same scenes, seeings or sets of stars; * ** ***: p < 0.05, 0.01, 0.001, adjusted by Holm "
-           "for the variants.")
+    yield ("The base (ablation.train) has every part of the paper, is informed and ends in an RL step"
+           + (f"; all networks have {keywords} besides" if keywords else "")
+           + f". It has seen {rows[base]['patches']} training images in {rows[base]['steps']} steps; every other network "
+           f"differs from it in one thing and has seen as many (within {100 * uneven:.1f} %). In brackets: difference to the "
+           "base, paired over the same scenes, seeings or sets of stars; \\* \\*\\* \\*\\*\\*: p < 0.05, 0.01, 0.001, "
+           "adjusted by Holm for the variants.")
     yield ""
     heads = ["variant", *(METRICS[m][0] for m in list(METRICS)[:6])]
     yield from lines(heads, ([r["title"], *(cell(r, m) for m in list(METRICS)[:6])] for r in rows.values()))
@@ -225,7 +227,7 @@ def report(size, rows, base):
         ["variant", "training images", "epochs", "thousand MAC per pixel", "parameters", "training, s per Mpixel",
          "checkerboard (sigma)"],
         ([r["title"], str(r["patches"]), str(r["epochs"]), f"{r['kmac']:.1f}", str(r["parameters"]),
-          f"{r['seconds_per_mpixel']:.2f}", f"{r['checkerboard']:.1g}"] for r in rows.values()))
+          f"{r['seconds_per_mpixel']:.2f}", f"{r['checkerboard']:.2g}"] for r in rows.values()))
     yield ("Training: wall-clock time on the machine that did it, its other work included, tests of every epoch included. "
            "Checkerboard: largest difference between phases on a bright plateau.")
     yield ""
@@ -237,14 +239,56 @@ def report(size, rows, base):
     yield from verdicts(rows, base)
 
 
+HELP = {
+    "variant": "name of its folder",
+    "title": "what differs from the base",
+    "patches": "training images",
+    "epochs": "of the training",
+    "steps": "of the optimiser",
+    "test_loss": "of the last epoch, in the variant's own loss",
+    "kmac": "thousand multiplications per pixel, RESTORE",
+    "parameters": "of RESTORE",
+    "seconds_per_mpixel": "of training, wall clock, tests of every epoch included",
+    "checkerboard": "largest difference between phases on a bright plateau (sky sigmas)",
+}
+ENDS = {
+    "_diff": "mean paired difference to the base",
+    "_diff_low": "lower end of its 95 % interval",
+    "_diff_high": "upper end of its 95 % interval",
+    "_p": "of the paired t, two-sided",
+    "_p_holm": "adjusted for the variants",
+    "_n": "scenes, seeings or sets of stars",
+}
+
+
+def described(name):
+    if name in HELP:
+        return HELP[name]
+    if name.startswith("bias_"):
+        return "mean over sets of the median of 100 (F - F0) / F0"
+    for metric, (heading, _, _) in METRICS.items():
+        if name == metric:
+            return heading
+        if name.startswith(metric) and name[len(metric):] in ENDS:
+            return f"{heading}: {ENDS[name[len(metric):]]}"
+    return ""
+
+
+def rounded(value):
+    return float(f"{value:.9g}") if isinstance(value, float) else value
+
+
 def main():
-    size, variants = sys.argv[1], [word.split("|", 1) for word in sys.argv[2:]]
+    size, keywords, variants = sys.argv[1], sys.argv[2], [word.split("|", 1) for word in sys.argv[3:]]
     rows, base = gather(variants), variants[0][0]
     with open("ablation.md", "w") as file:
-        file.write("\n".join(report(size, rows, base)))
+        file.write("\n".join(report(size, keywords, rows, base)))
     names = list(rows[base])
-    out = Table({n: [row[n] for row in rows.values()] for n in names}, names=names)
+    out = Table({n: [rounded(row[n]) for row in rows.values()] for n in names}, names=names)
+    for name in names:
+        out[name].description = described(name)
     out.meta["title"] = f"what each part buys ({size})"
+    out.meta["keywords"] = keywords
     out.meta["differences"] = "variant minus base, paired; p: paired t; p_holm: adjusted for the variants"
     out.write("ablation.ecsv", format="ascii.ecsv", delimiter=",", overwrite=True)
 

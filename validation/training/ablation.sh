@@ -28,8 +28,8 @@ out=${2:-ablation-out}
 # NAME|what it is|keywords
 variants=(
     'base|the base|'
-    'seed|the base, another seed|-SEED 2'
-    'psf|no PSF network, no cycles|-LOSS_IDT_PSF 0 -LOSS_REC 0 -LOSS_REC_PSF 0'
+    'seed|the base with another seed|-SEED 2'
+    'psf|neither PSF network nor cycles|-LOSS_IDT_PSF 0 -LOSS_REC 0 -LOSS_REC_PSF 0'
     'ffl|no focal frequency loss|-LOSS_FFL 0'
     'active|no active learning|-SELECTION UNIFORM'
     'rl|no RL step|-RL_STEP N'
@@ -44,15 +44,15 @@ variants=(
 # shellcheck disable=SC2054 # commas are inside of values
 case $size in
 tiny)
-    epochs=2
-    training=(-PATCH 48 -PATCH_MARGIN 8 -GRID 2,1 -BIN_IMAGES 30 -BLOCKS 1 -BATCH 4)
+    epochs=4
+    training=(-PATCH 48 -PATCH_MARGIN 8 -GRID 3,1 -BIN_IMAGES 26 -BLOCKS 1 -BATCH 4)
     restoration=(-SCENES_FWHM 2 -SCENES_SIGMA 2 -FWHM_RANGE 3,4 -SIGMA_RANGE 2,3 -SCENE_SIDE 96)
     detection=(-SCENE_TILES 1 -SEEING 2.5,4 -SIM.IMAGE_SIZE 192)
     fluxes=(-TILES 2 -SEEING 3 -MAGNITUDES 18,21,1 -STARS_PER_TILE 150 -SIM.IMAGE_SIZE 192)
     ;;
 small)
     epochs=16
-    training=(-PATCH 64 -BIN_IMAGES 40)
+    training=(-PATCH 64 -FIELD_PATCHES 4 -BIN_IMAGES 40)
     restoration=(-SCENES_FWHM 10 -SCENES_SIGMA 5 -FWHM_RANGE 2,8 -SIGMA_RANGE 2,15)
     detection=(-SCENE_TILES 3 -SEEING 2.5,3,4,5,6,8)
     fluxes=(-TILES 2 -SEEING 2.5,4,6)
@@ -142,5 +142,5 @@ for variant in "${variants[@]}"; do
     [[ $name != base ]] || images=$(trained "base/epochs-$epochs")
     list+=("$name|$title")
 done
-"$python" "$here/ablation.py" "$size" "${list[@]}"
+"$python" "$here/ablation.py" "$size" "${*:3}" "${list[@]}"
 cat ablation.md

@@ -1,0 +1,83 @@
+#!/bin/sh
+# The scripts of validation/training on tiny networks: models come out, variants have as many training images as the
+# base, the table says what the campaigns measured, and a second run changes nothing.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+programs=$(dirname "${RX_PROGRAM:-$top/rextract}")
+programs=$(cd "$programs" && pwd)
+RX_TRAIN=$programs/rextract-train RX_VALIDATE=$programs/rextract-validate
+export RX_TRAIN RX_VALIDATE
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-ablation-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+passed=0 failed=0 skipped=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+for name in psfnet psfnet-blind; do
+    "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -GRID 1,1 -BIN_IMAGES 16 \
+        -BLOCKS 1 -QA_FIGURES N >$name.log 2>&1 && [ -e $name/$name/training.html ]
+    result "$name is trained" $? $name.log
+    "$RX_TRAIN" -INFO $name/$name.fits >$name.info 2>&1
+    grep -q "^Mode  *$([ $name = psfnet ] && echo INFORMED || echo BLIND)" $name.info
+    result "$name has its mode" $? $name.info
+done
+"$top/validation/training/run.sh" nothing >log 2>&1
+[ $? -eq 2 ] && grep -q 'which model' log
+result 'an unknown model is refused' $? log
+
+# column FILE NAME ROW: of an ECSV table
+column() {
+    awk -F, -v name="$2" -v row="$3" '/^#/ { next } !at { for (i = 1; i <= NF; i++) if ($i == name) at = i; next }
+        ++n == row { print $at }' "$1"
+}
+
+# psnr VARIANT: mean over its scenes, by another way than the script's
+psnr() {
+    awk -F, '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == "psnr") at = i; next }
+        { sum += $at; n++ } END { printf "%.6f\n", sum / n }' "small/$1/restoration/scenes.ecsv"
+}
+
+ablation() {
+    VARIANTS="active half" "$top/validation/training/ablation.sh" tiny small >table 2>log
+}
+
+if python3 -c 'import astropy, numpy, scipy' 2>/dev/null || /usr/bin/python3 -c 'import astropy, numpy, scipy' 2>/dev/null; then
+    ablation
+    result 'variants are trained and compared' $? log
+    cp small/ablation.ecsv first.ecsv
+    base=$(column first.ecsv patches 1)
+    for row in 2 3; do
+        n=$(column first.ecsv patches $row)
+        awk -v n="$n" -v base="$base" 'BEGIN { exit !(n > 0.9 * base && n < 1.1 * base) }'
+        result "variant $row: $n training images, the base $base" $? first.ecsv
+    done
+    said=$(column first.ecsv psnr_diff 3)
+    awk -v said="$said" -v half="$(psnr half)" -v base="$(psnr base)" \
+        'BEGIN { d = said - (half - base); exit !(said != 0 && d < 1e-4 && d > -1e-4) }'
+    result "difference of PSNR: $said, $(psnr half) - $(psnr base)" $? first.ecsv
+    [ "$(column first.ecsv parameters 3)" -lt "$(column first.ecsv parameters 1)" ]
+    result 'half the width has fewer parameters' $? first.ecsv
+    grep -q '^| half the width | ' table && grep -q '^- \*\*no active learning\*\*' table
+    result 'the table is in words, too' $? table
+    rm small/half/psfnet.fits small/ablation.md
+    ablation && cmp first.ecsv small/ablation.ecsv >>log 2>&1
+    result 'a second run changes nothing' $? log
+    "$top/validation/training/ablation.sh" huge other >log 2>&1
+    [ $? -eq 2 ] && [ ! -e other ]
+    result 'an unknown size is refused' $? log
+else
+    skipped=1
+    echo 'skipped: no python3 with astropy and scipy'
+fi
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]
