@@ -26,7 +26,7 @@ mkdir -p "$out"
 cp "$here/$name.train" "$out"
 cd "$out"
 "$program" "$name.train" "${@:3}"
-"$program" -INFO "$name.fits" | sed -n '/^$/q;p'
+"$program" -INFO "$name.fits" | sed '/^$/,$d'
 cat <<TEXT
 
 To be the model in the box:
