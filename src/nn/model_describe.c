@@ -68,8 +68,10 @@ static void add_bins(rx_text *dst, const rx_model *model)
         rx_text_printf(dst, " %7ld\n", b->images);
     }
     rx_text_add(
-        dst, "Noise: on the scale on which the brightest 0.1 % of the pixels begin at 255. Recall: stars of "
-             "S/N above 5; bias and scatter: fluxes of stars of S/N above 12.\n");
+        dst,
+        "Noise: on the scale on which 0.1 % of the blurred pixels exceed 255. List: how hard the bin is, 0 "
+        "to 1, the share of its images that train. Recall: stars of S/N above 5; bias and scatter: fluxes of "
+        "stars of S/N above 12.\n");
 }
 
 void rx_model_describe(const rx_model *model, rx_text *dst)

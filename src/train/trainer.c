@@ -271,10 +271,11 @@ static rx_status go_back(job *j, rx_error *err)
 {
     const long returns = j->kept->returns + 1;
     if (returns > MOST_RETURNS)
-        return rx_error_set(err, RX_INPUT,
-                            "the loss diverged %ld times, in the end at a rate of %g in epoch %ld; give a "
-                            "lower RATE or a smaller CLIP and train again",
-                            returns, j->now->rate, j->now->epoch + 1);
+        return rx_error_set(
+            err, RX_INPUT,
+            "the loss diverged %ld times, in the end with %g of RATE in epoch %ld; give a lower "
+            "RATE or a smaller CLIP and train again",
+            returns, j->now->slow, j->now->epoch + 1);
     rx_log_warning(j->log, "the loss diverged in epoch %ld; it begins again with half the rate",
                    j->now->epoch + 1);
     j->kept->returns = returns;
