@@ -320,12 +320,10 @@ static rx_status grow_scratch(rx_dnn *dnn, size_t bytes, rx_error *err)
 
 static dnnl_status_t make_jobs(rx_conv *c)
 {
-
     dnnl_primitive_attr_t attr = NULL, bare = NULL;
     dnnl_primitive_desc_t run = NULL, data = NULL, weights = NULL;
     dnnl_status_t bad = make_attributes(&c->shape, 1, &attr);
     bad = bad ? bad : make_attributes(&c->shape, 0, &bare);
-
     bad = bad ? bad : describe_run(c, attr, &run);
     bad = bad ? bad : make_job(c, &c->run, run, dnnl_query_weights_md);
     if (!bad && c->shape.backward) {

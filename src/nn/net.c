@@ -186,14 +186,6 @@ exit:
     return status;
 }
 
-rx_status rx_net_copy(const rx_net *net, rx_net **dst, rx_error *err)
-{
-    rx_status status = rx_net_new(net->node, net->nnodes, dst, err);
-    if (!status)
-        memcpy((*dst)->params, net->params, (size_t)net->nparams * sizeof(float));
-    return status;
-}
-
 void rx_net_free(rx_net *net)
 {
     if (net == NULL)

@@ -56,7 +56,6 @@ typedef struct rx_net {
 /* Checks the list (only op .. stride are read), lays the parameters out, zeroed. *dst is freed by
  * rx_net_free(). Errors: RX_INPUT (says which node and why), RX_SYSTEM. */
 rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *err);
-rx_status rx_net_copy(const rx_net *net, rx_net **dst, rx_error *err);
 void rx_net_free(rx_net *net); /* NULL is fine */
 
 /* He (2015, arXiv 1502.01852) normal initialisation from (seed, stream), biases 0. Convolutions whose output

@@ -62,7 +62,6 @@ void rx_runner_free(rx_runner *runner)
         return;
     for (int i = 0; i < RX_NET_NODES; i++)
         rx_conv_free(runner->node[i].conv);
-
     for (int k = 0; k < runner->nslots; k++)
         free(runner->slot[k].data);
     free(runner->row);
@@ -194,7 +193,6 @@ static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *par
     }
     rx_layer_add(weights, to, (size_t)n->nweights);
     rx_layer_add(bias, to_bias, out);
-
     return RX_OK;
 }
 
@@ -202,7 +200,6 @@ static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *par
 static rx_status pass_back(rx_runner *r, int i, const rx_plane *gradient, rx_plane *to, rx_error *err)
 {
     switch (r->net->node[i].op) {
-
     case RX_OP_UNSHUFFLE:
         rx_layer_shuffle(gradient, to);
         return RX_OK;

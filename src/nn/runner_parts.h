@@ -10,9 +10,7 @@
 typedef struct rx_runner_node {
     rx_plane value, gradient;
     rx_plane raw; /* what a convolution leaves where that is not yet the value: other reals or pixels */
-
     rx_conv *conv; /* NULL: no convolution */
-
     int fused_add;  /* the convolution itself adds */
     int fused_relu; /* and cuts */
     int learns;     /* there are parameters in it or before it */

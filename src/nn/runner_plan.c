@@ -125,11 +125,9 @@ static void share_values(rx_runner *r)
         me->slot = over ? r->node[n->add].slot : take(r, rx_plane_bytes(&me->value));
         if (me->raw.channels > 0)
             me->raw_slot = take(r, rx_plane_bytes(&me->raw));
-
         if (r->backward)
             continue;
         give(r, me->raw_slot);
-
         if (n->src > 0 && last[n->src] == i)
             give(r, r->node[n->src].slot);
         if (n->add > 0 && n->add != n->src && last[n->add] == i && !over)
