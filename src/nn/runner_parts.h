@@ -9,8 +9,8 @@
 /* What one node does. Slots number the runner's buffers; -1: none. */
 typedef struct rx_runner_node {
     rx_plane value, gradient;
-    rx_plane raw; /* what a convolution leaves where that is not yet the value: other reals or pixels */
-    rx_conv *conv; /* NULL: no convolution */
+    rx_plane raw;   /* what a convolution leaves where that is not yet the value: other reals or pixels */
+    rx_conv *conv;  /* NULL: no convolution */
     int fused_add;  /* the convolution itself adds */
     int fused_relu; /* and cuts */
     int learns;     /* there are parameters in it or before it */
