@@ -384,10 +384,9 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     if (restored->seam > limit)
         return rx_error_set(
             err, RX_SYSTEM,
-            "the restored image depends on its blocks by %.3g sigma, more than %g; take %s, or "
-            "VERIFY_SEAMS N if that is good enough",
-            restored->seam, limit,
-            plan->par->precision == RX_BF16 ? "NET_PRECISION F32" : "another NET_BLOCK");
+            "the restored image depends on its blocks by %.3g sigma, more than %g; give %sVERIFY_SEAMS N "
+            "if that is good enough",
+            restored->seam, limit, plan->par->precision == RX_BF16 ? "NET_PRECISION F32, or " : "");
     return RX_OK;
 }
 
