@@ -48,16 +48,41 @@ static int unit_of(const rx_model *model)
 }
 
 /* Bytes of a network's planes on one block: no plane of its nodes is ever larger. */
-static double runner_bytes(const network *n)
+static double runner_bytes(const rx_net *net, const rx_blocks *blocks)
 {
-    const int halo = rx_net_halo(n->model->restore);
-    const double pixels = (double)(n->blocks.width + 2 * halo) * (n->blocks.height + 2 * halo);
+    const int halo = rx_net_halo(net);
+    const double pixels = (double)(blocks->width + 2 * halo) * (blocks->height + 2 * halo);
     double channels = 0;
-    for (int i = 0; i < n->model->restore->nnodes; i++) {
-        const rx_node *node = &n->model->restore->node[i];
-        channels += ldexp(node->channels, -2 * node->level);
-    }
+    for (int i = 0; i < net->nnodes; i++)
+        channels += ldexp(net->node[i].channels, -2 * net->node[i].level);
     return pixels * channels * sizeof(float);
+}
+
+/* Threads that have a block, and room for its network, each. */
+static int runner_threads(const network *n, const rx_blocks *blocks)
+{
+    const double room = floor(BUDGET / runner_bytes(n->model->restore, blocks));
+    return rx_blocks_threads(blocks, room < 1 ? 1 : room < n->nthreads ? (int)room : n->nthreads);
+}
+
+/* Blocks of at most `side` pixels, smaller ones where threads would have none or there is no room: of those
+ * that fit the ones that end first. Blocks change no bit, so neither does the number of threads. */
+static rx_blocks make_blocks(const network *n, int side, int shift_x, int shift_y)
+{
+    enum { LEAST = 32 };
+    const int unit = unit_of(n->model), halo = rx_net_halo(n->model->restore);
+    rx_blocks best = {0};
+    for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2) {
+        const rx_blocks made = rx_blocks_make(n->tile->width, n->tile->height, side, unit, shift_x, shift_y);
+        const double rounds = ceil((double)made.nx * made.ny / runner_threads(n, &made)),
+                     pixels = rounds * (made.width + 2 * halo) * (made.height + 2 * halo);
+        const int fits = runner_bytes(n->model->restore, &made) <= BUDGET || side < 2 * LEAST;
+        if (!fits || pixels >= least)
+            continue;
+        least = pixels;
+        best = made;
+    }
+    return best;
 }
 
 static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx_error *err)
@@ -157,10 +182,7 @@ static rx_status network_block(void *user, int thread, int bx, int by, rx_error 
 /* v = network(x, w) */
 static rx_status run_network(network *n, double begin, double end, rx_error *err)
 {
-    const double bytes = runner_bytes(n);
-    int count = rx_blocks_threads(&n->blocks, n->nthreads);
-    while (count > 1 && count * bytes > BUDGET)
-        count--;
+    const int count = runner_threads(n, &n->blocks);
     rx_status status = make_runners(n, count, err);
     if (status == RX_OK)
         status = rx_blocks_run(&n->blocks, count, network_block, n, n->log, begin, end, err);
@@ -304,25 +326,6 @@ static void describe(const network *n, rx_restored *dst)
     snprintf(dst->settings, sizeof dst->settings, "model %.60s (%.16s), %s, target FWHM %g pixels%s, %s",
              n->model->name, n->model->digest, front->mode == RX_MODE_INFORMED ? "INFORMED" : "BLIND",
              front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
-}
-
-/* Blocks of at most `side` pixels, smaller ones where threads would have none: whatever lets all of them end
- * first. Blocks change no bit, so neither does the number of threads. */
-static rx_blocks make_blocks(const network *n, int side, int shift_x, int shift_y)
-{
-    enum { LEAST = 32 };
-    const int unit = unit_of(n->model), halo = rx_net_halo(n->model->restore);
-    rx_blocks best = {0};
-    for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2) {
-        const rx_blocks made = rx_blocks_make(n->tile->width, n->tile->height, side, unit, shift_x, shift_y);
-        const double rounds = ceil((double)made.nx * made.ny / n->nthreads),
-                     pixels = rounds * (made.width + 2 * halo) * (made.height + 2 * halo);
-        if (pixels >= least)
-            continue;
-        least = pixels;
-        best = made;
-    }
-    return best;
 }
 
 /* One restoration in blocks of at most `side` and FFTs of at most `domain` pixels, the grids shifted by

@@ -34,7 +34,7 @@
  * Memory: the restored planes (pixels, support and sigma serve as scratch before they get their content,
  * nothing else has the size of the tile), per thread a network and some FFT planes of a block's size, and
  * 40 kB per node of a varying PSF (every 512 pixels). Networks together stay below 1 GiB: beyond that
- * fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
+ * blocks are smaller, or fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
  *
  * Errors: RX_INPUT, also where the network's values are not finite; RX_USAGE: BF16 on a processor that has
  * none; RX_SYSTEM; RX_INTERRUPTED. */
