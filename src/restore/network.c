@@ -15,7 +15,10 @@
 
 enum { DOMAIN_SIDE = 512 }; /* of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit */
 static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
-/* sigmas, INFORMED; what FFTs round may tip over the rounding of a bfloat16, which is 50,000 times coarser */
+/* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
+static const double FULL_WELL_NOISE = 1.0 / 500;
+/* sigmas, INFORMED; what FFTs round may tip over the rounding of a bfloat16, which is 50,000 times
+ * coarser */
 static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
@@ -355,17 +358,16 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     return RX_OK;
 }
 
-/* Largest difference between two restorations, in sigmas of the tile's pixels. */
+/* Largest difference between two restorations, in sigmas of the pixels (network.h). */
 static double largest_difference(const float *sigma, const rx_restored *a, const rx_restored *b)
 {
     const size_t n = (size_t)a->width * (size_t)a->height;
     double most = 0;
     for (size_t k = 0; k < n; k++) {
         const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
-        if (difference > 0 && !(sigma[k] > 0))
-            return HUGE_VAL;
+        const double noise = (sigma[k] > 0 ? sigma[k] : 0) + FULL_WELL_NOISE * fabs((double)a->pixels[k]);
         if (difference > 0)
-            most = fmax(most, difference / sigma[k]);
+            most = fmax(most, difference / noise);
     }
     return most;
 }

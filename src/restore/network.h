@@ -22,11 +22,12 @@
  * all blocks of one size (a multiple of the network's stride), the FFTs on 512, both anchored at the tile's
  * first pixel and read with the halo that a result depends on: the same bits for any NET_BLOCK and any number
  * of threads. VERIFY_SEAMS restores once more, both grids shifted and of other sizes, and takes the largest
- * difference, in sigmas of the tile's pixels, into rx_restored.seam: BLIND models show none, INFORMED ones
- * the rounding of FFTs, some 1e-7 of the brightest pixels of a domain (5e-4 on an SDSS frame with stars up to
- * saturation). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of INFORMED models is 0.5: there a
- * rounding of 1e-7 may tip over one of 0.4 % inside the network (0.18 on the same frame, beside its brightest
- * stars).
+ * difference into rx_restored.seam, in sigmas of the pixels: that of the sky and 1/500 of the restored value
+ * added, less than which the photons of no detector leave. BLIND models show none, INFORMED ones the rounding
+ * of FFTs, some 1e-6 of the brightest pixels (5e-4 on an SDSS frame with stars up to saturation: 0.017 sigmas
+ * of the sky at a restored pixel of 15,600). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of
+ * INFORMED models is 0.5: there a rounding of 1e-7 may tip over one of 0.4 % inside the network, and beside
+ * the brightest stars of that frame a trained model exceeds it (1.5).
  *
  * Overhead of the halos for NET_BLOCK 512, a network that looks 60 pixels far and FFTs with a halo of 48:
  * 1.5 times the pixels in the network, 1.4 times in the FFTs.

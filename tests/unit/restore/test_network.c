@@ -99,14 +99,14 @@ static void blind_knows_no_blocks(void **state)
     sky_free(&s);
 }
 
-/* With the step, whose quotients amplify what FFTs round; and stars of S/N 10,000 without it. */
+/* With the step, whose quotients amplify what FFTs round, and without; stars of S/N 10,000. */
 static void informed_hardly_knows_blocks(void **state)
 {
     (void)state;
     for (int kind = 0; kind < 4; kind++) {
         const int varying = kind % 2, step = kind / 2;
         sky s;
-        make_scene(&s, WIDTH, HEIGHT, step ? 3 : 4.8);
+        make_scene(&s, WIDTH, HEIGHT, 4.8);
         rx_model *model = small_model(RX_MODE_INFORMED, 1);
         rx_psf *psf = varying ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
         model->front.rl_steps = step;
