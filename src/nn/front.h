@@ -7,8 +7,10 @@
  *   INFORMED  channels  s(x), s(w), (FWHM - 5)/3   base b = s(w),  w = Tikhonov(x), nn/deblur.h
  *   PSF net   channels  s(y), (FWHM - 5)/3         base b = s(y),  y = the sharp plane
  *
- *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h. What is
- *   shown, and what a model's recall and bias are measured on: rx_front_shown(). No loss sees that cut.
+ *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h.
+ *
+ * What is shown, and what a model's recall and bias are measured on: that through nn/flat_sky.h and
+ * rx_front_shown(), which no loss sees.
  *
  * FWHM is that of the tile's PSF in pixels, a plane where it varies. */
 #ifndef RX_NN_FRONT_H

@@ -12,4 +12,3 @@ librextract_la_SOURCES += src/restore/network_blocks.c src/restore/network_block
 librextract_la_SOURCES += src/restore/network_data.c src/restore/network_data.h
 librextract_la_SOURCES += src/restore/network_lens.c src/restore/network_lens.h
 librextract_la_SOURCES += src/restore/network_optics.c src/restore/network_optics.h
-librextract_la_SOURCES += src/restore/network_sky.c src/restore/network_sky.h

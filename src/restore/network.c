@@ -7,9 +7,9 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "nn/flat_sky.h"
 #include "restore/blur.h"
 #include "restore/network_optics.h"
-#include "restore/network_sky.h"
 #include "restore/noise_map.h"
 #include "restore/prepared.h"
 #include "restore/stamp.h"
@@ -240,7 +240,7 @@ static rx_status finish(network *n, rx_error *err)
     float *unit = RX_NEW(float, (size_t)n->tile->width);
     if (unit == NULL)
         return rx_error_memory(err, (size_t)n->tile->width * sizeof *unit);
-    rx_network_flat_sky(n->tile->width, n->tile->height, n->nthreads, n->v, n->spare);
+    rx_flat_sky(n->tile->width, n->tile->height, n->nthreads, n->v, n->spare);
     to_adu(n, unit);
     free(unit);
     restored->pixels = n->v;

@@ -3,7 +3,7 @@
  *   x = (pixel - level) / scale      noise units; scale: the tile's noise, smoothed (network_data.h)
  *   v = network(x)                   INFORMED: and w = Tikhonov(x), the FWHM (nn/front.h)
  *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
- *   restored = scale max(flat(f), -1/2)   sky where nothing is found made flat (network_sky.h)
+ *   restored = scale max(flat(f), -1/2)   sky where nothing is found made flat (nn/flat_sky.h)
  *
  * rx_restored.sigma, which DETECT_THRESH counts in, is 0.3 times the noise map of restore/noise_map.h: with
  * DETECT_THRESH 1.5, DETECT_MINAREA 5 and the default filter the lists then end where those of the unrestored

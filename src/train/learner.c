@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "nn/flat_sky.h"
 
 struct rx_learner {
     const rx_model *model;
@@ -133,7 +134,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     rx_test_image *images = dst;
     rx_step_values values = {0};
     const size_t pixels = (size_t)l->side * (size_t)l->side;
-    float *weight = l->planes[thread], *shown = weight + pixels;
+    float *weight = l->planes[thread], *shown = weight + pixels, *scratch = shown + pixels;
     images[i] = (rx_test_image){0};
     rx_status status = rx_step_run(l->test[thread], sample, NULL, NULL, &values, err);
     if (status != RX_OK)
@@ -142,9 +143,10 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     rx_loss_weights(sample->x, l->side, l->par.floor, weight + pixels, weight);
     rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
                    NULL);
-    const float *restored = rx_step_restored(l->test[thread]);
+    memcpy(shown, rx_step_restored(l->test[thread]), pixels * sizeof *shown);
+    rx_flat_sky(l->side, l->side, 1, shown, scratch);
     for (size_t k = 0; k < pixels; k++)
-        shown[k] = rx_front_shown(restored[k]);
+        shown[k] = rx_front_shown(shown[k]);
     return rx_star_check_run(sample, shown, l->par.margin, l->model->front.target_fwhm, &images[i].check,
                              err);
 }

@@ -10,3 +10,5 @@ check_PROGRAMS += tests/unit/nn/test_psfnet
 tests_unit_nn_test_psfnet_SOURCES = tests/unit/nn/test_psfnet.c tests/unit/nn/reference.c tests/unit/nn/reference.h
 check_PROGRAMS += tests/unit/nn/test_rl_step
 tests_unit_nn_test_rl_step_SOURCES = tests/unit/nn/test_rl_step.c
+check_PROGRAMS += tests/unit/nn/test_flat_sky
+tests_unit_nn_test_flat_sky_SOURCES = tests/unit/nn/test_flat_sky.c

@@ -13,5 +13,3 @@ check_PROGRAMS += tests/unit/restore/test_network_optics
 tests_unit_restore_test_network_optics_SOURCES = tests/unit/restore/test_network_optics.c tests/unit/restore/sky.h
 check_PROGRAMS += tests/unit/restore/test_network_memory
 tests_unit_restore_test_network_memory_SOURCES = tests/unit/restore/test_network_memory.c tests/unit/restore/network_model.h tests/unit/restore/sky.h
-check_PROGRAMS += tests/unit/restore/test_network_sky
-tests_unit_restore_test_network_sky_SOURCES = tests/unit/restore/test_network_sky.c

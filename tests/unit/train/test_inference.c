@@ -4,10 +4,12 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "scenes_test.h"
 /* after cmocka.h, which it needs */
 #include "../restore/network_model.h"
+#include "nn/flat_sky.h"
 #include "psf/psf.h"
 #include "restore/restore.h"
 #include "train/learner.h"
@@ -83,6 +85,7 @@ static void train(const rx_model *model, rx_sample *s, int margin, float *restor
 {
     const rx_step_params par = {.kind = RX_LOSS_LINEAR, .idt_restore = 1, .floor = 10, .margin = margin};
     rx_step_values values;
+    float *scratch = calloc(N, sizeof(float));
     rx_step *step = NULL;
     rx_learner *learner = NULL;
     rx_error err = RX_ERROR_NONE;
@@ -92,8 +95,11 @@ static void train(const rx_model *model, rx_sample *s, int margin, float *restor
         rx_learner_test(learner, &s, 1, dst, &err) != RX_OK)
         fail_msg("%s", err.text);
     assert_true(dst->loss == values.idt_restore);
+    memcpy(restored, rx_step_restored(step), N * sizeof *restored);
+    rx_flat_sky(P, P, 1, restored, scratch);
     for (int k = 0; k < N; k++)
-        restored[k] = rx_front_shown(rx_step_restored(step)[k]);
+        restored[k] = rx_front_shown(restored[k]);
+    free(scratch);
     rx_step_free(step);
     rx_learner_free(learner);
 }

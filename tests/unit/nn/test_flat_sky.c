@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "base/random.h"
-#include "restore/network_sky.h"
+#include "nn/flat_sky.h"
 
 enum { W = 61, H = 47, N = W * H };
 
@@ -33,7 +33,7 @@ static void test_empty_sky_is_zero(void **state)
     (void)state;
     float v[N], scratch[N];
     make(v, 0, 0);
-    rx_network_flat_sky(W, H, 2, v, scratch);
+    rx_flat_sky(W, H, 2, v, scratch);
     for (int k = 0; k < N; k++)
         assert_true(v[k] == 0);
 }
@@ -45,7 +45,7 @@ static void test_stars_keep_their_tails(void **state)
     float before[N], v[N], scratch[N];
     make(before, 3, 5);
     memcpy(v, before, sizeof v);
-    rx_network_flat_sky(W, H, 1, v, scratch);
+    rx_flat_sky(W, H, 1, v, scratch);
     double sum = 0, all = 0;
     for (int i = 0; i < 3; i++)
         for (int dy = -3; dy <= 3; dy++)
@@ -69,8 +69,8 @@ static void test_small_changes_stay_small(void **state)
     make(a, 3, 1.5); /* peaks around t */
     for (int k = 0; k < N; k++)
         b[k] = a[k] + 1e-6f * (float)((k * 7) % 3 - 1);
-    rx_network_flat_sky(W, H, 1, a, scratch);
-    rx_network_flat_sky(W, H, 3, b, scratch);
+    rx_flat_sky(W, H, 1, a, scratch);
+    rx_flat_sky(W, H, 3, b, scratch);
     for (int k = 0; k < N; k++)
         assert_true(fabsf(a[k] - b[k]) < 1e-5f);
 }
@@ -83,8 +83,8 @@ static void test_definition(void **state)
     make(before, 2, 1.4);
     memcpy(v, before, sizeof v);
     memcpy(other, before, sizeof v);
-    rx_network_flat_sky(W, H, 1, v, scratch);
-    rx_network_flat_sky(W, H, 3, other, scratch);
+    rx_flat_sky(W, H, 1, v, scratch);
+    rx_flat_sky(W, H, 3, other, scratch);
     assert_memory_equal(v, other, sizeof v);
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++) {

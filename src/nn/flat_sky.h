@@ -8,11 +8,11 @@
  *
  * so that a source keeps its tails down to the last digit (a threshold on its own pixels would take the share
  * t / peak of a star's flux), and the result still changes continuously with v. */
-#ifndef RX_RESTORE_NETWORK_SKY_H
-#define RX_RESTORE_NETWORK_SKY_H
+#ifndef RX_NN_FLAT_SKY_H
+#define RX_NN_FLAT_SKY_H
 
 /* v [height][width] in noise units, in place; scratch [height][width] is overwritten. The same bytes for any
  * nthreads. */
-void rx_network_flat_sky(int width, int height, int nthreads, float *v, float *scratch);
+void rx_flat_sky(int width, int height, int nthreads, float *v, float *scratch);
 
 #endif

@@ -1,5 +1,5 @@
 /* Flat sky by the largest neighbour. */
-#include "restore/network_sky.h"
+#include "nn/flat_sky.h"
 
 #include <stddef.h>
 
@@ -22,7 +22,7 @@ static float largest(const float *line, int i, int n, size_t step)
     return most;
 }
 
-void rx_network_flat_sky(int width, int height, int nthreads, float *v, float *scratch)
+void rx_flat_sky(int width, int height, int nthreads, float *v, float *scratch)
 {
     const size_t stride = (size_t)width;
 #pragma omp parallel for num_threads(nthreads) schedule(static)
