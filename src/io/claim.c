@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,8 @@
 #include <unistd.h>
 
 #include "io/output.h"
+
+static const char TEMP[] = ".tmp", ASIDE[] = ".tmp.old", PROCESS[] = ".rx-";
 
 int rx_claim_make(const char *folder, const char *marker, const char *text)
 {
@@ -36,6 +39,23 @@ int rx_claim_make(const char *folder, const char *marker, const char *text)
     return -1;
 }
 
+/* A folder without a marker, whose maker was killed before it had one: it holds a draft of it at most. The
+ * number in its name says who that was. */
+static int remove_unmarked(const char *folder, const char *marker)
+{
+    char draft[PATH_MAX];
+    const char *number = NULL;
+    for (const char *c = folder; (c = strstr(c, PROCESS)) != NULL; c++)
+        number = c + strlen(PROCESS);
+    const long process = number != NULL ? strtol(number, NULL, 10) : 0;
+    if (process <= 0 || process > INT_MAX || kill((pid_t)process, 0) == 0 || errno != ESRCH)
+        return 0;
+    if (snprintf(draft, sizeof draft, "%s/%s.new", folder, marker) >= (int)sizeof draft)
+        return 0;
+    (void)unlink(draft);
+    return rmdir(folder) == 0;
+}
+
 /* Remove a folder whose maker has died; 0 when it lives, or nobody can tell. */
 static int remove_abandoned(const char *folder, const char *marker)
 {
@@ -44,7 +64,7 @@ static int remove_abandoned(const char *folder, const char *marker)
         return 0;
     int file = open(name, O_RDWR | O_CLOEXEC);
     if (file < 0)
-        return 0;
+        return errno == ENOENT ? remove_unmarked(folder, marker) : 0;
     const int abandoned = flock(file, LOCK_EX | LOCK_NB) == 0;
     if (abandoned)
         rx_output_remove(folder);
@@ -66,8 +86,6 @@ static int is_named(const char *name, const char *prefix, size_t n, const char *
     const size_t digits = strspn(name + n, "0123456789");
     return digits > 0 && strcmp(name + n + digits, suffix) == 0;
 }
-
-static const char TEMP[] = ".tmp", ASIDE[] = ".tmp.old", PROCESS[] = ".rx-";
 
 /* A folder that stepped aside: in the way when `path` is there, else what belongs there, but not while its
  * process is between the two renames. */

@@ -144,6 +144,43 @@ static void test_leftovers(void **state)
     assert_int_equal(count_entries(in(state, "")), before);
 }
 
+/* Killed before its folder had a marker, or with a draft of one: gone with the next run; with anything else
+ * inside it is not ours to remove. A folder of a process that lives stays. */
+static void test_unmarked(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL;
+    char name[4][64];
+    const pid_t gone = fork();
+    if (gone == 0)
+        _exit(0);
+    assert_int_equal(waitpid(gone, NULL, 0), gone);
+    for (int i = 0; i < 4; i++) {
+        snprintf(name[i], sizeof name[i], ".%s.rx-%ld.tmp",
+                 i == 0   ? "bare"
+                 : i == 1 ? "draft"
+                 : i == 2 ? "full"
+                          : "live",
+                 (long)(i < 3 ? gone : getppid()));
+        assert_int_equal(mkdir(in(state, name[i]), 0777), 0);
+    }
+    char inside[100];
+    snprintf(inside, sizeof inside, "%s/.rextract.new", name[1]);
+    put(in(state, inside), "Made");
+    snprintf(inside, sizeof inside, "%s/precious", name[2]);
+    put(in(state, inside), "mine");
+    const char *wanted[] = {"bare", "draft", "full", "live"};
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_folder(outputs, in(state, wanted[i]), &folder, NULL), RX_OK);
+        rx_outputs_free(outputs);
+        assert_int_equal(access(in(state, name[i]), F_OK), i < 2 ? -1 : 0);
+    }
+    assert_int_equal(unlink(in(state, inside)), 0);
+    assert_int_equal(rmdir(in(state, name[2])), 0);
+    assert_int_equal(rmdir(in(state, name[3])), 0);
+}
+
 /* Killed between the renames of an old folder and the new one: the old one comes back. Killed after them: it
  * goes. */
 static void test_aside(void **state)
@@ -251,11 +288,11 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort),
-        cmocka_unit_test(test_folders),        cmocka_unit_test(test_leftovers),
-        cmocka_unit_test(test_aside),          cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_links),          cmocka_unit_test(test_devices),
-        cmocka_unit_test(test_failing_commit),
+        cmocka_unit_test(test_commit),   cmocka_unit_test(test_abort),
+        cmocka_unit_test(test_folders),  cmocka_unit_test(test_leftovers),
+        cmocka_unit_test(test_unmarked), cmocka_unit_test(test_aside),
+        cmocka_unit_test(test_refused),  cmocka_unit_test(test_links),
+        cmocka_unit_test(test_devices),  cmocka_unit_test(test_failing_commit),
     };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, drop_scratch);
 }
