@@ -112,6 +112,18 @@ double rx_noise_law_factor(const rx_noise_law *law, double area)
     return exp(low + share * (high - low));
 }
 
+void rx_noise_law_widen(rx_noise_law *law, double area)
+{
+    const rx_noise_law narrow = *law;
+    if (narrow.apertures == 0)
+        return;
+    for (int i = 0; i < law->nradii; i++) {
+        const double wide = narrow.area[i] + area;
+        law->ratio[i] = rx_noise_law_factor(&narrow, wide) * sqrt(wide);
+    }
+    fit_law(law);
+}
+
 rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_sources *sources, int count,
                            uint64_t seed, rx_noise_law *law, rx_log *log, rx_error *err)
 {

@@ -28,6 +28,11 @@ typedef struct rx_noise_law {
  * the outermost ones beyond them; 1 when the law was not fitted. */
 double rx_noise_law_factor(const rx_noise_law *law, double area);
 
+/* The law for an image whose light comes from places `area` pixels larger: ratio(A) becomes ratio(A + area),
+ * for an estimate that took the noise of the input with it and hides it on empty sky, as a network's image
+ * does. area = 1 / sum PSF^2 of the input: at A = 0 that is the noise of a matched filter. */
+void rx_noise_law_widen(rx_noise_law *law, double area);
+
 /* Fit the law with up to `count` empty apertures at each of several radii, thrown by `seed` where no
  * source, fragment or hidden pixel is near. Too little free sky: apertures = 0, RX_OK.
  * image->law_* are not used. Errors: RX_SYSTEM without memory. */

@@ -68,22 +68,50 @@ static rx_measure_params params_of(const rx_options *options, const rx_field *de
     return par;
 }
 
-static rx_status measure_with_law(const rx_options *options, int calibrate, const rx_measure_params *par,
-                                  rx_measure_image *image, rx_sources *sources, rx_log *log,
-                                  rx_noise_law *law, rx_error *err)
+/* *area = pixels that a matched filter collects a star's light from, 1 / sum PSF^2, in the middle of the
+ * tile. */
+static rx_status collecting_area(const rx_psf *psf, const rx_tile *tile, double *area, rx_error *err)
 {
-    rx_status status = RX_OK;
-    *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
-    if (calibrate)
-        status = rx_noise_law_fit(image, sources, options->error_apertures, options->seed, law, log, err);
-    if (status != RX_OK)
-        return status;
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    float *stamp = RX_NEW(float, n);
+    double power = 0;
+    if (stamp == NULL)
+        return rx_error_memory(err, n * sizeof *stamp);
+    rx_psf_at(psf, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1), stamp);
+    for (size_t i = 0; i < n; i++)
+        power += (double)stamp[i] * stamp[i];
+    free(stamp);
+    *area = power > 0 ? 1 / power : 0;
+    return RX_OK;
+}
+
+/* The noise law of restored pixels. A network leaves no noise on empty sky, though the fluxes that it gives
+ * to sources have all the noise of the input: then the law is that of the untouched pixels, of apertures
+ * wider by what the tile's PSF spreads. */
+static rx_status restored_law(const rx_options *options, const rx_restored *restored, const rx_tile *tile,
+                              const rx_measure_image *image, const rx_measure_image *untouched,
+                              const rx_sources *sources, rx_log *log, rx_noise_law *law, rx_error *err)
+{
+    const int hides = restored->sigma != NULL;
+    double area = 0;
+    rx_status status = rx_noise_law_fit(hides ? untouched : image, sources, options->error_apertures,
+                                        options->seed, law, log, err);
+    if (status == RX_OK && hides && restored->blur != NULL)
+        status = collecting_area(restored->blur, tile, &area, err);
+    if (status == RX_OK)
+        rx_noise_law_widen(law, area);
+    return status;
+}
+
+static rx_status measure_with_law(int calibrate, const rx_noise_law *law, const rx_measure_params *par,
+                                  rx_measure_image *image, rx_sources *sources, rx_log *log, rx_error *err)
+{
     image->law_scale = sources->law_scale = law->scale;
     image->law_power = sources->law_power = law->power;
     image->law = law->apertures > 0 ? law : NULL;
     sources->law_apertures = law->apertures;
     sources->law_scatter = law->scatter;
-    status = rx_measure_run(par, image, log, sources, err);
+    rx_status status = rx_measure_run(par, image, log, sources, err);
     for (int i = 0; i < sources->n && calibrate && law->apertures == 0; i++)
         sources->list[i].flags_measure |= RX_FLAGM_UNCALIBRATED;
     return status;
@@ -109,13 +137,21 @@ rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, c
     if (field != detect)
         untouched.radii = &detection;
     if (restored == NULL) {
-        status = measure_with_law(options, options->calibrate_none, &par, &untouched, sources, log, &dst->law,
-                                  err);
+        const int calibrate = options->calibrate_none;
+        if (calibrate)
+            status = rx_noise_law_fit(&untouched, sources, options->error_apertures, options->seed, &dst->law,
+                                      log, err);
+        if (status == RX_OK)
+            status = measure_with_law(calibrate, &dst->law, &par, &untouched, sources, log, err);
     } else {
+        const int calibrate = options->calibrate_restored;
         image = restored_image(options, detect, field, restored);
         image.radii = untouched.radii;
-        status = measure_with_law(options, options->calibrate_restored, &par, &image, sources, log, &dst->law,
+        if (calibrate)
+            status = restored_law(options, restored, field->tile, &image, &untouched, sources, log, &dst->law,
                                   err);
+        if (status == RX_OK)
+            status = measure_with_law(calibrate, &dst->law, &par, &image, sources, log, err);
         if (status == RX_OK && restored->blur != NULL)
             status = rx_fluxcheck_run(&par, &image, &untouched, restored->blur->fwhm, sources, log,
                                       &dst->check, err);

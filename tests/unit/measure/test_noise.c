@@ -103,6 +103,26 @@ static void white_noise_adds_in_quadrature(void **state)
     field_free(&f);
 }
 
+/* sigma^2 of independent pixels goes with the area: 40 pixels more add 40. */
+static void widened_law_has_the_noise_of_the_wider_area(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 1);
+    const rx_noise_law law = fit(&f);
+    rx_noise_law wide = law;
+    rx_noise_law_widen(&wide, 40.0);
+    for (int i = 0; i < law.nradii; i++) {
+        const double square = wide.ratio[i] * wide.ratio[i];
+        assert_float_equal(square / (law.area[i] + 40.0), 1.0, 0.12);
+        assert_true(wide.area[i] == law.area[i]);
+    }
+    assert_float_equal(rx_noise_law_factor(&wide, law.area[0]) * sqrt(law.area[0]), wide.ratio[0], 1e-9);
+    rx_noise_law none = {.scale = 1.0, .power = 0.5};
+    rx_noise_law_widen(&none, 40.0);
+    assert_true(none.scale == 1.0 && none.power == 0.5 && rx_noise_law_factor(&none, 9.0) == 1.0);
+    field_free(&f);
+}
+
 static void smoothed_noise_follows_the_exact_sums(void **state)
 {
     (void)state;
@@ -240,6 +260,7 @@ static void pulls_have_unit_width_after_restoration(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(white_noise_adds_in_quadrature),
+                                       cmocka_unit_test(widened_law_has_the_noise_of_the_wider_area),
                                        cmocka_unit_test(smoothed_noise_follows_the_exact_sums),
                                        cmocka_unit_test(no_free_sky_no_law),
                                        cmocka_unit_test(pulls_have_unit_width_after_restoration)};
