@@ -110,12 +110,12 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
 
 const char *rx_train_idle(const rx_settings *settings, const char *name)
 {
-    static const char *const informed[] = {"TIKHONOV", "RL_STEP", "RL_STEP_PEDESTAL", NULL};
+    static const char *const informed[] = {"TIKHONOV", "RL_STEPS", "RL_STEP_PEDESTAL", NULL};
     const rx_train_config *config = (const rx_train_config *)settings;
     if (is(config->mode, "BLIND") && rx_keyword_among(informed, name))
         return "with MODE BLIND";
-    if (!config->rl_step && is(name, "RL_STEP_PEDESTAL"))
-        return "with RL_STEP N";
+    if (config->rl_steps == 0 && is(name, "RL_STEP_PEDESTAL"))
+        return "with RL_STEPS 0";
     if (!is(config->loss_type, "LINEAR") && is(name, "LOSS_FLOOR"))
         return "without LOSS_TYPE LINEAR";
     return NULL;

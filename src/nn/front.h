@@ -21,11 +21,13 @@
 
 typedef enum rx_mode { RX_MODE_BLIND, RX_MODE_INFORMED } rx_mode;
 
+enum { RX_FRONT_STEPS = 4 };
+
 typedef struct rx_front {
     rx_mode mode;
     double target_fwhm; /* Gaussian of that FWHM, integrated over the pixel: PSF of the output, pixels [2] */
     double tikhonov;    /* epsilon of nn/deblur.h [0.02] */
-    int rl_steps;       /* [1] INFORMED, 0 BLIND */
+    int rl_steps;       /* Richardson-Lucy steps after the network, at most RX_FRONT_STEPS [2]; 0 BLIND */
     double pedestal;    /* of nn/rl_step.h, noise sigmas [1] */
 } rx_front;
 

@@ -15,7 +15,7 @@ rx_model *rx_model_new(void)
     rx_model *model = RX_NEW(rx_model, 1);
     if (model != NULL)
         model->front = (rx_front){
-            .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 1, .pedestal = 1};
+            .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 2, .pedestal = 1};
     return model;
 }
 
@@ -103,7 +103,7 @@ const char *rx_model_fault(const rx_model *model, char *text, size_t size)
         snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
     else if (!(f->pedestal > 0 && f->pedestal <= 1e6))
         snprintf(text, size, "its pedestal, %g, is not within 0 to 1e6", f->pedestal);
-    else if (f->rl_steps < 0 || f->rl_steps > 1 || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
+    else if (f->rl_steps < 0 || f->rl_steps > RX_FRONT_STEPS || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
         snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
                  f->rl_steps, rx_mode_name(f->mode));
     else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&

@@ -84,10 +84,10 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
                                             : "INFORMED: given the image, a deconvolved copy and the seeing");
     rx_text_printf(dst, "Output      PSF a Gaussian of FWHM %g pixels\n", f->target_fwhm);
     if (f->mode == RX_MODE_INFORMED)
-        rx_text_printf(dst, "Optics      regularisation %g; %s (pedestal %g)\n", f->tikhonov,
-                       f->rl_steps > 0 ? "one Richardson-Lucy step with the tile's PSF after the network"
-                                       : "no Richardson-Lucy step",
-                       f->pedestal);
+        rx_text_printf(
+            dst,
+            "Optics      regularisation %g; Richardson-Lucy steps with the tile's PSF: %d (pedestal %g)\n",
+            f->tikhonov, f->rl_steps, f->pedestal);
     add_net(dst, "RESTORE", model->restore);
     if (model->psf != NULL)
         add_net(dst, "PSF", model->psf);

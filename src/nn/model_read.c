@@ -79,7 +79,7 @@ static rx_status take_header(const reader *r, rx_error *err)
     if (status == RX_OK)
         status = take_number(r, "RXPEDST", &m->front.pedestal, err);
     if (status == RX_OK)
-        status = take_integer(r, "RXRLSTEP", 0, 1, &steps, err);
+        status = take_integer(r, "RXRLSTEP", 0, RX_FRONT_STEPS, &steps, err);
     if (status == RX_OK)
         status = take_integer(r, "RXNFWHM", 0, MAX_BINS, &nfwhm, err);
     if (status == RX_OK)

@@ -47,7 +47,7 @@ static rx_front front_of(const rx_train_config *config)
         .mode = mode,
         .target_fwhm = config->target_fwhm,
         .tikhonov = config->tikhonov,
-        .rl_steps = mode == RX_MODE_INFORMED && config->rl_step,
+        .rl_steps = mode == RX_MODE_INFORMED ? config->rl_steps : 0,
         .pedestal = config->rl_step_pedestal,
     };
 }

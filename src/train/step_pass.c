@@ -25,12 +25,14 @@ struct rx_pass {
     float *slope;           /* [pixels] gradient by v, by w */
     /* INFORMED only: */
     rx_fft *fft;
-    rx_rl_step *rl;             /* NULL without that step */
-    float *kernel;              /* K' cut to the patch */
-    int kernel_size;            /* at most RX_SAMPLE_KERNEL */
-    float *tikhonov, *half;     /* complex planes */
-    float *data, *sharp, *work; /* real planes of fft: x, v and what comes out */
-    float *back, *other;        /* real planes: gradients */
+    int steps; /* Richardson-Lucy steps after the network */
+    rx_rl_step *rl[RX_FRONT_STEPS];
+    float *kernel;                /* K' cut to the patch */
+    int kernel_size;              /* at most RX_SAMPLE_KERNEL */
+    float *tikhonov, *half;       /* complex planes */
+    float *data, *work;           /* real planes of fft: x and what comes out */
+    float *sharp[RX_FRONT_STEPS]; /* real planes: what each step begins with */
+    float *back, *other;          /* real planes: gradients */
 };
 
 /* ---- making ---- */
@@ -43,8 +45,9 @@ static int odd_at_most(int n)
 static rx_status new_optics(rx_pass *pass, rx_error *err)
 {
     rx_status status = rx_fft_new(pass->side, pass->side, 1, &pass->fft, err);
-    if (status == RX_OK && pass->model->front.rl_steps > 0)
-        status = rx_rl_step_new(pass->fft, &pass->rl, err);
+    pass->steps = pass->model->front.rl_steps;
+    for (int i = 0; i < pass->steps && status == RX_OK; i++)
+        status = rx_rl_step_new(pass->fft, &pass->rl[i], err);
     if (status != RX_OK)
         return status;
     const int largest = odd_at_most(pass->side);
@@ -52,11 +55,15 @@ static rx_status new_optics(rx_pass *pass, rx_error *err)
     pass->kernel = RX_NEW(float, (size_t)pass->kernel_size *(size_t)pass->kernel_size);
     pass->tikhonov = rx_fft_complex(pass->fft);
     pass->half = rx_fft_complex(pass->fft);
-    float **planes[] = {&pass->data, &pass->sharp, &pass->work, &pass->back, &pass->other};
+    float **planes[] = {&pass->data, &pass->work, &pass->back, &pass->other};
     int bad = pass->kernel == NULL || pass->tikhonov == NULL || pass->half == NULL;
     for (size_t i = 0; i < sizeof planes / sizeof planes[0]; i++) {
         *planes[i] = rx_fft_real(pass->fft);
         bad |= *planes[i] == NULL;
+    }
+    for (int i = 0; i < pass->steps; i++) {
+        pass->sharp[i] = rx_fft_real(pass->fft);
+        bad |= pass->sharp[i] == NULL;
     }
     return bad ? rx_error_memory(err, pass->pixels * 9 * sizeof(float)) : RX_OK;
 }
@@ -87,9 +94,9 @@ static rx_status check(const rx_model *model, int side, int with_psf, rx_error *
             err, RX_USAGE,
             "this loss needs the PSF network, which the model does not have; set LOSS_IDT_PSF, "
             "LOSS_REC and LOSS_REC_PSF to 0");
-    if (model->front.rl_steps < 0 || model->front.rl_steps > 1)
-        return rx_error_set(err, RX_USAGE, "training through %d Richardson-Lucy steps; give 0 or 1",
-                            model->front.rl_steps);
+    if (model->front.rl_steps < 0 || model->front.rl_steps > RX_FRONT_STEPS)
+        return rx_error_set(err, RX_USAGE, "training through %d Richardson-Lucy steps; give 0 to %d",
+                            model->front.rl_steps, (int)RX_FRONT_STEPS);
     return RX_OK;
 }
 
@@ -120,11 +127,14 @@ void rx_pass_free(rx_pass *pass)
         return;
     rx_runner_free(pass->restore);
     rx_runner_free(pass->psf);
-    rx_rl_step_free(pass->rl);
+    for (int i = 0; i < RX_FRONT_STEPS; i++) {
+        rx_rl_step_free(pass->rl[i]);
+        free(pass->sharp[i]);
+    }
     rx_fft_free(pass->fft);
     float *const owned[] = {pass->restore_sum, pass->psf_sum,  pass->filtered, pass->slope,
                             pass->kernel,      pass->tikhonov, pass->half,     pass->data,
-                            pass->sharp,       pass->work,     pass->back,     pass->other};
+                            pass->work,        pass->back,     pass->other};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++)
         free(owned[i]);
     free(pass);
@@ -175,8 +185,8 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
     if (front->mode != RX_MODE_INFORMED)
         return RX_OK;
     cut_kernel(pass, sample->kernel);
-    if (pass->rl != NULL)
-        rx_rl_step_kernel(pass->rl, pass->kernel, pass->kernel_size);
+    for (int i = 0; i < pass->steps; i++)
+        rx_rl_step_kernel(pass->rl[i], pass->kernel, pass->kernel_size);
     if (!with_filter)
         return RX_OK;
     return rx_deblur_tikhonov_relative(pass->fft, pass->kernel, pass->kernel_size, front->target_fwhm,
@@ -227,41 +237,52 @@ rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *
         pass->restore_sum[k] = rx_stretch(base[k]) + net[k];
         out[k] = rx_unstretch(pass->restore_sum[k]);
     }
-    if (pass->rl == NULL)
+    if (pass->steps == 0)
         return RX_OK;
     to_plane(pass, x, pass->data);
-    to_plane(pass, out, pass->sharp);
-    rx_rl_step_forward(pass->rl, pass->sharp, pass->data, NULL, pass->model->front.pedestal, pass->work);
+    to_plane(pass, out, pass->sharp[0]);
+    for (int i = 0; i < pass->steps; i++)
+        rx_rl_step_forward(pass->rl[i], pass->sharp[i], pass->data, NULL, pass->model->front.pedestal,
+                           i + 1 < pass->steps ? pass->sharp[i + 1] : pass->work);
     from_plane(pass, pass->work, out);
     return RX_OK;
 }
 
-/* slope = gradient by v; other = gradient by the step's data, when there is such a step. */
-static void back_through_step(rx_pass *pass, const float *dout, int want_input)
+/* slope = gradient by v; *dx += gradient by the data of the steps, NULL: not wanted. */
+static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
 {
-    if (pass->rl == NULL) {
+    if (pass->steps == 0) {
         memcpy(pass->slope, dout, pass->pixels * sizeof *dout);
         return;
     }
     to_plane(pass, dout, pass->work);
-    rx_rl_step_backward(pass->rl, pass->sharp, pass->data, NULL, pass->model->front.pedestal, pass->work,
-                        pass->back, want_input ? pass->other : NULL);
-    from_plane(pass, pass->back, pass->slope);
+    for (int i = pass->steps - 1; i >= 0; i--) {
+        rx_rl_step_backward(pass->rl[i], pass->sharp[i], pass->data, NULL, pass->model->front.pedestal,
+                            pass->work, pass->back, dx != NULL ? pass->other : NULL);
+        if (dx != NULL) {
+            from_plane(pass, pass->other, pass->slope);
+            for (size_t k = 0; k < pass->pixels; k++)
+                dx[k] += pass->slope[k];
+        }
+        float *done = pass->work;
+        pass->work = pass->back;
+        pass->back = done;
+    }
+    from_plane(pass, pass->work, pass->slope);
 }
 
-/* dx from the gradients by the network's input planes, by base + network (in slope) and by the step's data.
- */
+/* dx += the gradients by the network's input planes and by base + network (in slope). */
 static void collect_restore(rx_pass *pass, float *dx)
 {
     const float *input = rx_runner_input_gradient(pass->restore);
     if (pass->model->front.mode == RX_MODE_BLIND) {
         for (size_t k = 0; k < pass->pixels; k++)
-            dx[k] = (input[k] + pass->slope[k]) * rx_stretch_slope(pass->x[k]);
+            dx[k] += (input[k] + pass->slope[k]) * rx_stretch_slope(pass->x[k]);
         return;
     }
     for (size_t k = 0; k < pass->pixels; k++) {
         pass->slope[k] = (input[3 * k + 1] + pass->slope[k]) * rx_stretch_slope(pass->w[k]);
-        dx[k] = input[3 * k] * rx_stretch_slope(pass->x[k]);
+        dx[k] += input[3 * k] * rx_stretch_slope(pass->x[k]);
     }
     if (pass->own_w) {
         to_plane(pass, pass->slope, pass->work);
@@ -270,16 +291,13 @@ static void collect_restore(rx_pass *pass, float *dx)
         for (size_t k = 0; k < pass->pixels; k++)
             dx[k] += pass->slope[k];
     }
-    if (pass->rl != NULL) {
-        from_plane(pass, pass->other, pass->slope);
-        for (size_t k = 0; k < pass->pixels; k++)
-            dx[k] += pass->slope[k];
-    }
 }
 
 rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx, rx_error *err)
 {
-    back_through_step(pass, dout, dx != NULL);
+    if (dx != NULL)
+        memset(dx, 0, pass->pixels * sizeof *dx);
+    back_through_steps(pass, dout, dx);
     float *dnet = rx_runner_output_gradient(pass->restore);
     for (size_t k = 0; k < pass->pixels; k++) {
         pass->slope[k] *= rx_unstretch_slope(pass->restore_sum[k]);

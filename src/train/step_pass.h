@@ -10,7 +10,7 @@
 typedef struct rx_pass rx_pass;
 
 /* with_psf: the PSF network too. Allocates all that is ever needed. Errors: RX_USAGE (side, the model has no
- * PSF network, front.rl_steps above 1), RX_SYSTEM. */
+ * PSF network, front.rl_steps above RX_FRONT_STEPS), RX_SYSTEM. */
 rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **dst, rx_error *err);
 void rx_pass_free(rx_pass *pass); /* NULL is fine */
 

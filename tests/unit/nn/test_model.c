@@ -156,7 +156,7 @@ static void test_round_trip(void **state)
             same_net(model->psf, back->psf);
         assert_int_equal(back->front.mode, RX_MODE_INFORMED);
         assert_true(back->front.target_fwhm == 2 && back->front.tikhonov == model->front.tikhonov);
-        assert_true(back->front.rl_steps == 1 && back->front.pedestal == 1);
+        assert_true(back->front.rl_steps == 2 && back->front.pedestal == 1);
         assert_int_equal(back->nfwhm, 2);
         assert_int_equal(back->nsigma, 3);
         for (int i = 0; i < 6; i++) {
@@ -353,7 +353,7 @@ static void test_wrong_content(void **state)
     } cards[] = {{"RXMODEL", "2", "format version 2, this program reads version 1"},
                  {"RXMODEL", "T", "is no model"},
                  {"RXMODE", "'SOMETHING'", "RXMODE is 'SOMETHING'"},
-                 {"RXMODE", "'BLIND   '", "1 Richardson-Lucy steps after a network of mode BLIND"},
+                 {"RXMODE", "'BLIND   '", "2 Richardson-Lucy steps after a network of mode BLIND"},
                  {"RXTFWHM", "-2.0", "FWHM of its output"},
                  {"RXTFWHM", "'two'", "RXTFWHM is missing or no number"},
                  {"RXTIKH", "0.0", "regularisation"},

@@ -333,6 +333,13 @@ static void gradients_informed_with_step(void **state)
     check_terms(RX_MODE_INFORMED, 1);
 }
 
+/* A chain of steps: each one's gradient through those after it. */
+static void gradients_informed_with_steps(void **state)
+{
+    (void)state;
+    check_gradient(RX_MODE_INFORMED, 3, &all_terms);
+}
+
 static void gradients_of_other_losses(void **state)
 {
     (void)state;
@@ -490,7 +497,7 @@ static void what_cannot_be_is_said(void **state)
     rx_error err = RX_ERROR_NONE;
     par.margin = SIDE / 2;
     assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_USAGE);
-    model->front.rl_steps = 2;
+    model->front.rl_steps = RX_FRONT_STEPS + 1;
     assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, &err), RX_USAGE);
     model->front.rl_steps = 1;
     assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, &err), RX_OK);
@@ -517,6 +524,7 @@ int main(void)
         cmocka_unit_test(gradients_blind),
         cmocka_unit_test(gradients_informed),
         cmocka_unit_test(gradients_informed_with_step),
+        cmocka_unit_test(gradients_informed_with_steps),
         cmocka_unit_test(gradients_of_other_losses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
