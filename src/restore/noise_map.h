@@ -7,8 +7,8 @@
  *   sigma(x) sqrt(1 + (0.1 env(x))^2),   env = Gaussian of sigma 1.5 pixels * max((pixels - level) / sigma,
  * 0)
  *
- * (an empirical law: with thresholds of k = 1.7 of these the precision of detections was 0.95 and above for
- * any seeing, without tuning). */
+ * (an empirical law from prototypes; what thresholds in its units give is measured by the detection
+ * campaign). */
 #ifndef RX_RESTORE_NOISE_MAP_H
 #define RX_RESTORE_NOISE_MAP_H
 
