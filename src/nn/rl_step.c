@@ -65,6 +65,11 @@ void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size)
     rx_convolve_spectrum(step->fft, stamp, size, step->work, step->kernel);
 }
 
+void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out)
+{
+    rx_convolve(step->fft, step->kernel, f, step->half, out);
+}
+
 void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,
                         double pedestal, float *out)
 {
@@ -97,10 +102,10 @@ static void begin_backward(rx_rl_step *step, const float *f, int weighted, const
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++) {
             const float q = weighted ? step->share[k] : step->sum;
-            const int made = f[k] > 0 && q >= RX_RL_SHARE;
-            step->work[k] = made ? dout[k] * f[k] / q : 0;
+            const int made = f[k] > 0 && q >= RX_RL_SHARE, most = !(step->back[k] < RX_RL_MOST * q);
+            step->work[k] = made && !most ? dout[k] * f[k] / q : 0;
             if (df != NULL)
-                df[k] = made ? dout[k] * step->back[k] / q : dout[k];
+                df[k] = dout[k] * (!made ? 1 : most ? RX_RL_MOST : step->back[k] / q);
         }
     }
 }

@@ -1,12 +1,15 @@
 /* One Richardson-Lucy step with the known PSF, after the network and inside its training:
  *
- *   m  = K' max(f, 0),   r = W (x + p) / max(m + p, p/4),   f' = f  K'^T r / K'^T W   where f > 0, else f
+ *   m  = K' max(f, 0),   r = W (x + p) / max(m + p, p/4),   f' = f min(K'^T r / K'^T W, 4)   where f > 0,
+ * else f
  *
  * f: sharp plane, x: data, both in noise units above the sky, K': relative PSF (nn/deblur.h), W: weights (1,
  * 0 under the mask and beyond the border; NULL: all 1 and K'^T W = the sum of K'), p: pedestal (front.h).
  * Multiplicative on f alone: where the network says sky (0) it stays sky, where it says source the flux
- * returns to what the data have. Where K'^T W < RX_RL_SHARE (hardly any data) f stays. Planes are real planes
- * of an rx_fft (cyclic domain).
+ * returns to what the data have. Where K'^T W < RX_RL_SHARE (hardly any data) f stays. A step at
+ * most makes four times as much of a pixel: beside a bright star that the network missed r is in the
+ * thousands, and a faint neighbour is not to become that star. Planes are real planes of an rx_fft (cyclic
+ * domain).
  *
  * Light is not negative: a network's negative values, such as the rings of a filter around a bright star, are
  * not light that a blur could spread, and next to such a star r is so large that a step would make them the
@@ -17,6 +20,7 @@
  *
  *   dL/df = dout c / q - K'^T [ g W (x + p) / (m + p)^2 ]   (second term only where m + p > p/4)
  *           dout                                            where f <= 0
+ *           dout 4, and g without it                        where c / q > 4
  *   dL/dx = g W / max(m + p, p/4) */
 #ifndef RX_NN_RL_STEP_H
 #define RX_NN_RL_STEP_H
@@ -26,6 +30,8 @@
 
 /* least share of K' on pixels with data, where the step is made */
 #define RX_RL_SHARE 0.02f
+/* most that a step makes of a pixel, as a factor */
+#define RX_RL_MOST 4.0f
 
 /* r of one pixel, for those who blur by other means */
 static inline float rx_rl_ratio(float x, float m, float weight, float pedestal)
@@ -41,7 +47,9 @@ static inline float rx_rl_light(float f)
 /* f' from f, c and q */
 static inline float rx_rl_update(float f, float c, float q)
 {
-    return f > 0 && q >= RX_RL_SHARE ? f * (c / q) : f;
+    if (!(f > 0 && q >= RX_RL_SHARE))
+        return f;
+    return f * (c < RX_RL_MOST * q ? c / q : RX_RL_MOST);
 }
 
 typedef struct rx_rl_step rx_rl_step;
@@ -53,6 +61,9 @@ void rx_rl_step_free(rx_rl_step *step); /* NULL is fine */
 
 /* K' = stamp[size][size], odd, not larger than the domain. To be given before the first forward. */
 void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
+
+/* out = K' f; out may be f. */
+void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out);
 
 /* out = f'; keeps m, K'^T r and K'^T W for the gradient. out may not be f. Allocates nothing. */
 void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,

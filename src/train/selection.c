@@ -13,11 +13,14 @@ enum { LEAST_TOTAL = RX_TEST_LEAST + 2 };
 /* Shuffles are apart from every other use of the training's seed. */
 #define SHUFFLE_SEED 0x6f72646572000000u
 
+/* Without active learning the test needs no more images than a steady dictionary does. */
+static const double UNIFORM_LIST = 0.75;
+
 /* train = (total - 10) list to the nearest integer, what is left goes to the test. */
 static void count(rx_selection *selection)
 {
     for (int b = 0; b < selection->nbins; b++) {
-        double list = selection->active ? selection->list[b] : 0.5;
+        const double list = selection->active ? selection->list[b] : UNIFORM_LIST;
         selection->train[b] = (int)lround((selection->total - RX_TEST_LEAST) * list);
         selection->test[b] = selection->total - selection->train[b];
     }
@@ -52,7 +55,7 @@ rx_status rx_selection_begin(int nfwhm, int nsigma, const double fwhm[2], const 
                           .active = active};
     for (int b = 0; b < dst->nbins; b++) {
         dst->loss[b] = NAN;
-        dst->list[b] = 0.5;
+        dst->list[b] = active ? 0.5 : UNIFORM_LIST;
     }
     count(dst);
     return RX_OK;

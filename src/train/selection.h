@@ -5,7 +5,7 @@
  *
  * rounded so that train + test = total. The paper says "normalised" and not by what; by the largest mean, one
  * bin with one bad image would leave all others nearly without training, while with the median the usual bin
- * stays at 1/2, and bins twice as bad and worse get all there is. Uniform sampling takes list = 1/2
+ * stays at 1/2, and bins twice as bad and worse get all there is. Uniform sampling takes list = 3/4
  * everywhere.
  */
 #ifndef RX_TRAIN_SELECTION_H
@@ -23,11 +23,11 @@ typedef struct rx_selection {
     int total;                /* images per bin and epoch, >= 12 */
     int active;               /* 0: uniform */
     double loss[RX_BINS_MAX]; /* mean test loss of each bin in the last epoch; NAN: none yet */
-    double list[RX_BINS_MAX]; /* normalised; 1/2 before the first epoch */
+    double list[RX_BINS_MAX]; /* normalised; active: 1/2 before the first epoch */
     int train[RX_BINS_MAX], test[RX_BINS_MAX]; /* counts of the next epoch */
 } rx_selection;
 
-/* Counts before any loss is known (list 1/2). Errors: RX_USAGE. */
+/* Counts before any loss is known. Errors: RX_USAGE. */
 rx_status rx_selection_begin(int nfwhm, int nsigma, const double fwhm[2], const double sigma[2], int total,
                              int active, rx_selection *dst, rx_error *err);
 

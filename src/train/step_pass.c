@@ -1,6 +1,7 @@
 /* RESTORE and PSF with stretch, Tikhonov copy and Richardson-Lucy step, there and back. */
 #include "train/step_pass.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,10 +28,12 @@ struct rx_pass {
     rx_fft *fft;
     int steps; /* Richardson-Lucy steps after the network */
     rx_rl_step *rl[RX_FRONT_STEPS];
-    float *kernel;                /* K' cut to the patch */
-    int kernel_size;              /* at most RX_SAMPLE_KERNEL */
-    float *tikhonov, *half;       /* complex planes */
-    float *data, *work;           /* real planes of fft: x and what comes out */
+    float *kernel;          /* K' cut to the patch */
+    int kernel_size;        /* at most RX_SAMPLE_KERNEL */
+    float *tikhonov, *half; /* complex planes */
+    float *data, *work;     /* real planes of fft: x and what comes out */
+    float *inside;          /* real plane: 1 where the light of the sample's x is that of its y, else 0 */
+    const float *weight;    /* of the last forward: inside, or NULL */
     float *sharp[RX_FRONT_STEPS]; /* real planes: what each step begins with */
     float *back, *other;          /* real planes: gradients */
 };
@@ -55,7 +58,7 @@ static rx_status new_optics(rx_pass *pass, rx_error *err)
     pass->kernel = RX_NEW(float, (size_t)pass->kernel_size *(size_t)pass->kernel_size);
     pass->tikhonov = rx_fft_complex(pass->fft);
     pass->half = rx_fft_complex(pass->fft);
-    float **planes[] = {&pass->data, &pass->work, &pass->back, &pass->other};
+    float **planes[] = {&pass->data, &pass->work, &pass->inside, &pass->back, &pass->other};
     int bad = pass->kernel == NULL || pass->tikhonov == NULL || pass->half == NULL;
     for (size_t i = 0; i < sizeof planes / sizeof planes[0]; i++) {
         *planes[i] = rx_fft_real(pass->fft);
@@ -65,7 +68,7 @@ static rx_status new_optics(rx_pass *pass, rx_error *err)
         pass->sharp[i] = rx_fft_real(pass->fft);
         bad |= pass->sharp[i] == NULL;
     }
-    return bad ? rx_error_memory(err, pass->pixels * 9 * sizeof(float)) : RX_OK;
+    return bad ? rx_error_memory(err, pass->pixels * 10 * sizeof(float)) : RX_OK;
 }
 
 static rx_status new_parts(rx_pass *pass, int with_psf, rx_error *err)
@@ -134,7 +137,7 @@ void rx_pass_free(rx_pass *pass)
     rx_fft_free(pass->fft);
     float *const owned[] = {pass->restore_sum, pass->psf_sum,  pass->filtered, pass->slope,
                             pass->kernel,      pass->tikhonov, pass->half,     pass->data,
-                            pass->work,        pass->back,     pass->other};
+                            pass->work,        pass->inside,   pass->back,     pass->other};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++)
         free(owned[i]);
     free(pass);
@@ -178,6 +181,21 @@ static void cut_kernel(rx_pass *pass, const float *kernel)
         pass->kernel[k] = (float)(pass->kernel[k] / sum);
 }
 
+/* Light from beyond the patch, and what the cyclic domain brings round, is a difference between the blurred
+ * field and the blurred patch; an error of the PSF that is told makes a small one as well. */
+static void find_inside(rx_pass *pass, const rx_sample *sample)
+{
+    const float faint = 0.5f, share = 0.25f; /* noise sigmas; of the pixel's light */
+    const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
+    to_plane(pass, sample->y, pass->work);
+    rx_rl_step_blur(pass->rl[0], pass->work, pass->work);
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            const float light = sample->blurred[y * n + x], own = pass->work[y * stride + x];
+            pass->inside[y * stride + x] = fabsf(light - own) <= faint + share * fabsf(light) ? 1 : 0;
+        }
+}
+
 rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter, rx_error *err)
 {
     const rx_front *front = &pass->model->front;
@@ -187,6 +205,8 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
     cut_kernel(pass, sample->kernel);
     for (int i = 0; i < pass->steps; i++)
         rx_rl_step_kernel(pass->rl[i], pass->kernel, pass->kernel_size);
+    if (pass->steps > 0)
+        find_inside(pass, sample);
     if (!with_filter)
         return RX_OK;
     return rx_deblur_tikhonov_relative(pass->fft, pass->kernel, pass->kernel_size, front->target_fwhm,
@@ -239,10 +259,11 @@ rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *
     }
     if (pass->steps == 0)
         return RX_OK;
+    pass->weight = w != NULL ? pass->inside : NULL;
     to_plane(pass, x, pass->data);
     to_plane(pass, out, pass->sharp[0]);
     for (int i = 0; i < pass->steps; i++)
-        rx_rl_step_forward(pass->rl[i], pass->sharp[i], pass->data, NULL, pass->model->front.pedestal,
+        rx_rl_step_forward(pass->rl[i], pass->sharp[i], pass->data, pass->weight, pass->model->front.pedestal,
                            i + 1 < pass->steps ? pass->sharp[i + 1] : pass->work);
     from_plane(pass, pass->work, out);
     return RX_OK;
@@ -257,8 +278,9 @@ static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
     }
     to_plane(pass, dout, pass->work);
     for (int i = pass->steps - 1; i >= 0; i--) {
-        rx_rl_step_backward(pass->rl[i], pass->sharp[i], pass->data, NULL, pass->model->front.pedestal,
-                            pass->work, pass->back, dx != NULL ? pass->other : NULL);
+        rx_rl_step_backward(pass->rl[i], pass->sharp[i], pass->data, pass->weight,
+                            pass->model->front.pedestal, pass->work, pass->back,
+                            dx != NULL ? pass->other : NULL);
         if (dx != NULL) {
             from_plane(pass, pass->other, pass->slope);
             for (size_t k = 0; k < pass->pixels; k++)

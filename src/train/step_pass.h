@@ -18,12 +18,14 @@ void rx_pass_free(rx_pass *pass); /* NULL is fine */
 rx_status rx_pass_load(rx_pass *pass, rx_error *err);
 
 /* The PSF of the sample: width, K' (cut to the patch and of sum 1 where it is larger), and, where
- * rx_pass_restore() will make `w`, the Tikhonov filter, O = K' * (target PSF). Errors: RX_INPUT (a kernel
- * that is not finite). */
+ * rx_pass_restore() will make `w`, the Tikhonov filter, O = K' * (target PSF). And which of its pixels the
+ * Richardson-Lucy steps may use: those whose light comes from inside the patch, as nothing there can explain
+ * the wings of a bright star beyond its border. Errors: RX_INPUT (a kernel that is not finite). */
 rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter, rx_error *err);
 
-/* out = RESTORE(x). w: Tikhonov copy of x (not used by BLIND networks); NULL: made here, on the patch's
- * cyclic domain. x, w must stay until the gradient. */
+/* out = RESTORE(x). w: Tikhonov copy of x (not used by BLIND networks), which was cut from a larger field, as
+ * x was; NULL: x is complete in itself, w is made here, on the patch's cyclic domain. x, w must stay until
+ * the gradient. */
 rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out, rx_error *err);
 /* gradient [nparams of RESTORE] += from dout; dx (NULL: not wanted) = gradient by x, through the Tikhonov
  * copy too when that was made here. */

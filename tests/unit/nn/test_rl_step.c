@@ -52,7 +52,8 @@ static void step_reference(const rx_reference *s, double *out)
     blur(s->kernel, s->weight, -1, q);
     for (int p = 0; p < PIXELS; p++) {
         const double share = s->weighted ? q[p] : sum;
-        out[p] = s->f[p] > 0 && share >= (double)RX_RL_SHARE ? s->f[p] * c[p] / share : s->f[p];
+        const int made = s->f[p] > 0 && share >= (double)RX_RL_SHARE;
+        out[p] = made ? s->f[p] * fmin(c[p] / share, (double)RX_RL_MOST) : s->f[p];
     }
 }
 
@@ -98,7 +99,8 @@ static float *pixel(const rx_bench *b, float *plane, int p)
 }
 
 /* A lopsided kernel with negative lobes, faint and bright pixels, a negative pixel beside a bright one, a
- * model low enough for the limit p/4, and a corner without data. */
+ * model low enough for the limit p/4, a bright pixel in the data that f does not have, and a corner without
+ * data. */
 static void make_case(rx_reference *s, int weighted)
 {
     for (int k = 0; k < SIZE * SIZE; k++) {
@@ -115,6 +117,7 @@ static void make_case(rx_reference *s, int weighted)
     s->f[10 * W + 8] = 900;
     s->x[10 * W + 8] = 40;
     s->f[10 * W + 9] = -8;
+    s->x[13 * W + 17] = 2000;
     s->weighted = weighted;
 }
 
@@ -136,7 +139,7 @@ static void load(const rx_reference *s, rx_bench *b, const double *dout)
 static void check_case(const rx_reference *s)
 {
     double m[PIXELS], q[PIXELS], light[PIXELS];
-    int low = 0, blind = 0;
+    int low = 0, blind = 0, most = 0;
     for (int p = 0; p < PIXELS; p++)
         light[p] = fmax(s->f[p], 0);
     blur(s->kernel, light, 1, m);
@@ -147,6 +150,10 @@ static void check_case(const rx_reference *s)
     }
     assert_true(low > 0 && low < PIXELS / 4);
     assert_true(blind > 0 && blind < PIXELS / 2);
+    step_reference(s, m);
+    for (int p = 0; p < PIXELS; p++)
+        most += s->f[p] > 0 && m[p] == s->f[p] * (double)RX_RL_MOST;
+    assert_true(most > 0 && most < PIXELS / 4);
 }
 
 static void hold(const char *what, int p, double expected, double found, double scale)
@@ -189,8 +196,8 @@ static void check_case_of(int weighted)
         hold("gradient by f", p, difference(&s, dout, &s.f[p]), *pixel(&b, b.df, p), 10);
         hold("gradient by x", p, difference(&s, dout, &s.x[p]), *pixel(&b, b.dx, p), 10);
     }
-    const int special[] = {10 * W + 8, 10 * W + 9, 10 * W + 10, 5 * W + 5};
-    for (int i = 0; i < 4; i++)
+    const int special[] = {10 * W + 8, 10 * W + 9, 10 * W + 10, 5 * W + 5, 13 * W + 16, 12 * W + 17};
+    for (int i = 0; i < 6; i++)
         hold("gradient by f", special[i], difference(&s, dout, &s.f[special[i]]),
              *pixel(&b, b.df, special[i]), 10);
     bench_free(&b);

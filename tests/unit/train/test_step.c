@@ -79,7 +79,10 @@ static rx_sample *small_sample(void)
     memset(sample->x, 0, PIXELS * sizeof(float));
     memset(sample->w, 0, PIXELS * sizeof(float));
     stars(2, sample->y);
+    memset(sample->blurred, 0, PIXELS * sizeof(float));
     stars(3.5, sample->x);
+    stars(3.5,
+          sample->blurred); /* not where the kernel puts them: some pixels are as if lit from elsewhere */
     stars(2.4, sample->w);
     for (int k = 0; k < PIXELS; k++) {
         sample->x[k] += (float)rx_random_normal(5, 1, (uint64_t)k);
@@ -423,6 +426,56 @@ static void values_of_silent_networks(void **state)
     rx_model_free(model);
 }
 
+/* dst = K' * y on the cyclic domain */
+static void blur(const rx_sample *s, const float *y, float *dst)
+{
+    const int n = RX_SAMPLE_KERNEL;
+    for (int p = 0; p < PIXELS; p++) {
+        double sum = 0;
+        for (int k = 0; k < n * n; k++) {
+            const int x = p % SIDE - (k % n - n / 2), v = p / SIDE - (k / n - n / 2);
+            sum += (double)s->kernel[k] * y[(v + 4 * SIDE) % SIDE * SIDE + (x + 4 * SIDE) % SIDE];
+        }
+        dst[p] = (float)sum;
+    }
+}
+
+/* A faint star beside a bright one beyond the border: the steps do not feed one from the other. */
+static void light_from_beyond_is_no_data(void **state)
+{
+    (void)state;
+    enum { WING = 16 * SIDE + 7 }; /* of the faint star, towards the bright one */
+    rx_model *model = small_model(RX_MODE_INFORMED, 2);
+    rx_sample *s = small_sample();
+    rx_step *step = NULL;
+    rx_step_values v;
+    static float own[PIXELS];
+    float restored[2];
+    memset(model->restore->params, 0, (size_t)model->restore->nparams * sizeof(float));
+    for (int p = 0; p < PIXELS; p++) {
+        const int dx = p % SIDE - 9, dy = p / SIDE - 16, beyond = p % SIDE + 2;
+        s->y[p] = s->w[p] = (float)(30 * exp(-(dx * dx + dy * dy) / 1.5));
+        s->x[p] = (float)(2500 * exp(-(beyond * beyond + dy * dy) / 13.0));
+    }
+    blur(s, s->y, own);
+    for (int p = 0; p < PIXELS; p++)
+        s->x[p] += own[p];
+    rx_step_params par = all_terms;
+    par.idt_psf = par.rec_restore = par.rec_psf = 0;
+    assert_int_equal(rx_step_new(model, &par, SIDE, &step, NULL), RX_OK);
+    const float *blurred[] = {s->x, own}; /* what it is, and as if all light were the patch's own */
+    for (int i = 0; i < 2; i++) {
+        memcpy(s->blurred, blurred[i], PIXELS * sizeof(float));
+        assert_int_equal(rx_step_run(step, s, NULL, NULL, &v, NULL), RX_OK);
+        restored[i] = rx_step_restored(step)[WING];
+    }
+    assert_true(fabsf(restored[0] / s->y[WING] - 1) < 0.3f);
+    assert_true(restored[1] > 10 * s->y[WING]);
+    rx_step_free(step);
+    rx_sample_free(s);
+    rx_model_free(model);
+}
+
 /* The same bytes after another sample; gradients are added; values do not depend on whether they are wanted.
  */
 static void runs_repeat(void **state)
@@ -518,6 +571,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(values_of_silent_networks),
+        cmocka_unit_test(light_from_beyond_is_no_data),
         cmocka_unit_test(runs_repeat),
         cmocka_unit_test(terms_without_weight),
         cmocka_unit_test(what_cannot_be_is_said),
