@@ -159,5 +159,10 @@ result 'BLIND' $? blind.log
 "$program" -INFO blind.model/model.fits >info 2>&1 && grep -q BLIND info
 result 'is said by -INFO' $? info
 
+# an output that is blurrier than every input
+training blunt -TARGET_FWHM 5 -FWHM_RANGE 2,4
+[ $? -eq 2 ] && grep -q 'TARGET_FWHM 5: no PSF of FWHM_RANGE 2,4 is wider' blunt.log
+result 'a target PSF wider than all is refused' $? blunt.log
+
 echo "$passed passed, $failed failed, 0 skipped"
 [ "$failed" -eq 0 ]

@@ -152,6 +152,17 @@ static float select_value(float *v, size_t n, size_t k)
     return v[k];
 }
 
+/* Brightest pixels that may be a cosmic ray; a star has more. */
+enum { FEW = 10 };
+/* Brightness (noise sigmas) that the stars of a sparse tile make of it at most: noise 5. */
+static const double SPARSE_MOST = 51.0;
+
+/* The brightest value but for FEW; those before place k are not among them. */
+static double bright_value(float *v, size_t n, size_t k)
+{
+    return n - k > FEW ? select_value(v + k, n - k, n - k - 1 - FEW) : -HUGE_VAL;
+}
+
 double rx_model_noise(float *above, size_t n)
 {
     if (n == 0)
@@ -165,6 +176,7 @@ double rx_model_noise(float *above, size_t n)
             next = above[i] < next ? above[i] : next;
         q += (place - (double)k) * (next - q);
     }
+    q = fmax(q, fmin(bright_value(above, n, k) / RX_MODEL_PEAK, SPARSE_MOST));
     return q > 0 ? 255.0 / q : HUGE_VAL;
 }
 

@@ -86,10 +86,15 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err);
 /* Several lines for a human: what it is, shape, cost, training, dictionary as a table (`-INFO`). */
 void rx_model_describe(const rx_model *model, rx_text *dst);
 
+/* Training fields are no brighter than so many times the value that their brightest 0.1 % exceed. */
+enum { RX_MODEL_PEAK = 40 };
+
 /* Noise of a tile on the scale of the dictionary: 255 sigma / q, q = the value (ADU above the sky) that the
  * brightest 0.1 % of the pixels exceed (quantile 0.999, linear between pixels as rx_quantile()); 0.1 % of
- * pure noise exceed 3.1 sigma, so a blank tile has about 80. above[n]: (pixel - sky)/sigma of the good
- * pixels, all finite, reordered here. NAN for n = 0, infinite where not even 0.1 % lie above the sky. */
+ * pure noise exceed 3.1 sigma, so a blank tile has about 80. In a sparse tile, as in the training's sparse
+ * fields, 1/RX_MODEL_PEAK of the brightest pixels (but for ten, which may be a cosmic ray) stands for q where
+ * that is more, up to noise 5. above[n]: (pixel - sky)/sigma of the good pixels, all finite, reordered here.
+ * NAN for n = 0, infinite where not even 0.1 % lie above the sky. */
 double rx_model_noise(float *above, size_t n);
 
 /* The bin of that seeing and noise, or NULL outside the grid (*outside, may be NULL, then says in words what

@@ -39,10 +39,11 @@
 #include "config/simulate_config.h"
 #include "nn/deblur.h"
 #include "nn/front.h"
+#include "nn/model.h"
 #include "train/sample.h"
 #include "train/selection.h"
 
-enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH, RX_SCENES_PEAK = 40 };
+enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH, RX_SCENES_PEAK = RX_MODEL_PEAK };
 
 typedef struct rx_scenes_params {
     int side;           /* P, a multiple of 4 */

@@ -14,7 +14,7 @@ enum { LEAST_TOTAL = RX_TEST_LEAST + 2 };
 #define SHUFFLE_SEED 0x6f72646572000000u
 
 /* Without active learning the test needs no more images than a steady dictionary does. */
-static const double UNIFORM_LIST = 0.75;
+static const double UNIFORM_LIST = 0.9;
 
 /* train = (total - 10) list to the nearest integer, what is left goes to the test. */
 static void count(rx_selection *selection)

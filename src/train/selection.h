@@ -5,7 +5,7 @@
  *
  * rounded so that train + test = total. The paper says "normalised" and not by what; by the largest mean, one
  * bin with one bad image would leave all others nearly without training, while with the median the usual bin
- * stays at 1/2, and bins twice as bad and worse get all there is. Uniform sampling takes list = 3/4
+ * stays at 1/2, and bins twice as bad and worse get all there is. Uniform sampling takes list = 9/10
  * everywhere.
  */
 #ifndef RX_TRAIN_SELECTION_H

@@ -77,6 +77,12 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
     const double psf_terms = config->loss_idt_psf + config->loss_rec + config->loss_rec_psf;
     rx_text record = {0};
     rx_status status = RX_OK;
+    if (config->target_fwhm >= config->fwhm_range.v[1])
+        return rx_error_set(
+            err, RX_USAGE,
+            "TARGET_FWHM %g: no PSF of FWHM_RANGE %g,%g is wider, nothing would be restored; give "
+            "a smaller one",
+            config->target_fwhm, config->fwhm_range.v[0], config->fwhm_range.v[1]);
     rx_model *model = rx_model_new();
     if (model == NULL)
         return rx_error_memory(err, sizeof *model);

@@ -372,9 +372,10 @@ static rx_status train(job *j, rx_error *err)
         return status;
     const rx_epoch *last = &j->kept->history.epoch[j->kept->history.n - 1];
     rx_log_info(j->log,
-                "%s after %ld epochs and %ld training images: test loss %.4g (unrestored %.4g), in %s",
+                "%s after %ld epoch%s and %ld training images: test loss %.4g (unrestored %.4g), in %s",
                 j->kept->epoch >= j->config->epochs ? "complete" : "no improvement, stopped", j->kept->epoch,
-                j->kept->patches, last->test_loss, last->input_loss, j->config->model_name);
+                j->kept->epoch == 1 ? "" : "s", j->kept->patches, last->test_loss, last->input_loss,
+                j->config->model_name);
     return RX_OK;
 }
 

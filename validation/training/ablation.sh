@@ -110,8 +110,8 @@ one() {
     local name=$1 n=$epochs next tries=0
     shift
     if [[ $name != base ]]; then
-        # uniform: 3/4 of an epoch's images less 10 are for the training, of the base's first epoch 1/2
-        [[ " $* " != *" UNIFORM "* ]] || n=$(nearest "$images" 2 "$((3 * $(trained "base/epochs-$epochs" 1)))")
+        # uniform: 9/10 of an epoch's images less 10 are for the training, of the base's first epoch 1/2
+        [[ " $* " != *" UNIFORM "* ]] || n=$(nearest "$images" 5 "$((9 * $(trained "base/epochs-$epochs" 1)))")
         while train "$name" "$n" "$@"; do
             next=$(nearest "$n" "$images" "$(trained "$name/epochs-$n")")
             awk -v a="$(trained "$name/epochs-$n")" -v b="$images" 'BEGIN { exit !((a / b - 1)^2 > 0.04^2) }' || break

@@ -612,6 +612,16 @@ static void test_noise(void **state)
     for (int i = 0; i < N; i++)
         sky[i] = i < 2000 ? 51 : -1;
     assert_true(rx_model_noise(sky, N) == 5);
+    /* sparse: 30 pixels of stars, or only what may be a cosmic ray */
+    for (int i = 0; i < N; i++)
+        sky[i] = i % 33333 == 0 ? 1020 : i % 10 == 0 ? 2 : -1;
+    assert_true(rx_model_noise(sky, N) == 10);
+    for (int i = 0; i < N; i++)
+        sky[i] = i % 33333 == 0 ? 102000 : i % 10 == 0 ? 2 : -1;
+    assert_true(rx_model_noise(sky, N) == 5);
+    for (int i = 0; i < N; i++)
+        sky[i] = i % 125000 == 0 ? 102000 : i % 10 == 0 ? 2 : -1;
+    assert_true(rx_model_noise(sky, N) == 127.5);
     for (int i = 0; i < N; i++)
         sky[i] = -1;
     assert_true(isinf(rx_model_noise(sky, N)));

@@ -66,8 +66,8 @@ static void test_uniform(void **state)
     rx_selection_update(&s, (const double[]){1.0, 9.0}, (const long[]){1, 1});
     assert_true(s.list[0] != s.list[1]); /* the dictionary is kept, it is only not obeyed */
     for (int b = 0; b < 2; b++) {
-        assert_int_equal(s.train[b], 23);
-        assert_int_equal(s.test[b], 18);
+        assert_int_equal(s.train[b], 28);
+        assert_int_equal(s.test[b], 13);
     }
 }
 
