@@ -1,10 +1,15 @@
-/* Flat sky by the largest neighbour. */
+/* Flat sky by the largest neighbour, rows first, then columns. */
 #include "nn/flat_sky.h"
 
+#include <math.h>
 #include <stddef.h>
 
-enum { REACH = 3 };
-static const float FAINTEST = 0.5f; /* t */
+static const float FAINTEST = 1.5f; /* t */
+
+int rx_flat_sky_reach(double fwhm)
+{
+    return (int)fmin(16, fmax(2, ceil(1.25 * fwhm)));
+}
 
 static float share(float m)
 {
@@ -12,25 +17,43 @@ static float share(float m)
     return u <= 0 ? 0 : u >= 1 ? 1 : u * u * (3 - 2 * u);
 }
 
-/* Largest of up to 2 REACH + 1 values around place i of n, `step` floats apart. */
-static float largest(const float *line, int i, int n, size_t step)
+/* dst = the larger of dst and src */
+static void raise(const float *restrict src, int n, float *restrict dst)
 {
-    const int first = i > REACH ? i - REACH : 0, last = i + REACH < n ? i + REACH : n - 1;
-    float most = line[(size_t)first * step];
-    for (int k = first + 1; k <= last; k++)
-        most = line[(size_t)k * step] > most ? line[(size_t)k * step] : most;
-    return most;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        dst[i] = src[i] > dst[i] ? src[i] : dst[i];
 }
 
-void rx_flat_sky(int width, int height, int nthreads, float *v, float *scratch)
+static void largest_in_row(const float *row, int n, int reach, float *dst)
 {
+    for (int i = 0; i < n; i++)
+        dst[i] = row[i];
+    for (int d = 1; d <= reach && d < n; d++) {
+        raise(row, n - d, dst + d);
+        raise(row + d, n - d, dst);
+    }
+}
+
+void rx_flat_sky(int width, int height, int reach, int nthreads, float *v, float *scratch)
+{
+    enum { STRIP = 256 }; /* columns that a thread does at a time, so that m needs no memory of its own */
     const size_t stride = (size_t)width;
 #pragma omp parallel for num_threads(nthreads) schedule(static)
     for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++)
-            scratch[(size_t)y * stride + (size_t)x] = largest(v + (size_t)y * stride, x, width, 1);
+        largest_in_row(v + (size_t)y * stride, width, reach, scratch + (size_t)y * stride);
 #pragma omp parallel for num_threads(nthreads) schedule(static)
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++)
-            v[(size_t)y * stride + (size_t)x] *= share(largest(scratch + (size_t)x, y, height, stride));
+    for (int y = 0; y < height; y++) {
+        const int first = y > reach ? y - reach : 0, last = height - 1 - y > reach ? y + reach : height - 1;
+        for (int x = 0; x < width; x += STRIP) {
+            const int n = width - x < STRIP ? width - x : STRIP;
+            float m[STRIP], *row = v + (size_t)y * stride + (size_t)x;
+            for (int i = 0; i < n; i++)
+                m[i] = scratch[(size_t)first * stride + (size_t)(x + i)];
+            for (int k = first + 1; k <= last; k++)
+                raise(scratch + (size_t)k * stride + (size_t)x, n, m);
+            for (int i = 0; i < n; i++)
+                row[i] *= share(m[i]);
+        }
+    }
 }

@@ -234,13 +234,13 @@ static void to_adu(const network *n, float *unit)
 }
 
 /* The planes of the restored tile take their places; what is left of the scratch goes. */
-static rx_status finish(network *n, rx_error *err)
+static rx_status finish(network *n, double fwhm, rx_error *err)
 {
     rx_restored *restored = n->restored;
     float *unit = RX_NEW(float, (size_t)n->tile->width);
     if (unit == NULL)
         return rx_error_memory(err, (size_t)n->tile->width * sizeof *unit);
-    rx_flat_sky(n->tile->width, n->tile->height, n->nthreads, n->v, n->spare);
+    rx_flat_sky(n->tile->width, n->tile->height, rx_flat_sky_reach(fwhm), n->nthreads, n->v, n->spare);
     to_adu(n, unit);
     free(unit);
     restored->pixels = n->v;
@@ -298,7 +298,7 @@ static rx_status restore_planes(network *n, rx_error *err)
     rx_network_optics_free(n->optics);
     n->optics = NULL;
     if (status == RX_OK)
-        status = finish(n, err);
+        status = finish(n, fwhm, err);
     rx_coarse_free(&n->scale);
     return status;
 }

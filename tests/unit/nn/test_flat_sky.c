@@ -12,7 +12,7 @@
 #include "base/random.h"
 #include "nn/flat_sky.h"
 
-enum { W = 61, H = 47, N = W * H };
+enum { W = 61, H = 47, N = W * H, REACH = 3 };
 
 /* Waves of a tenth of a sigma, and stars: Gaussians of FWHM 2 pixels. */
 static void make(float *v, int stars, double flux)
@@ -33,7 +33,7 @@ static void test_empty_sky_is_zero(void **state)
     (void)state;
     float v[N], scratch[N];
     make(v, 0, 0);
-    rx_flat_sky(W, H, 2, v, scratch);
+    rx_flat_sky(W, H, REACH, 2, v, scratch);
     for (int k = 0; k < N; k++)
         assert_true(v[k] == 0);
 }
@@ -43,9 +43,9 @@ static void test_stars_keep_their_tails(void **state)
 {
     (void)state;
     float before[N], v[N], scratch[N];
-    make(before, 3, 5);
+    make(before, 3, 15);
     memcpy(v, before, sizeof v);
-    rx_flat_sky(W, H, 1, v, scratch);
+    rx_flat_sky(W, H, REACH, 1, v, scratch);
     double sum = 0, all = 0;
     for (int i = 0; i < 3; i++)
         for (int dy = -3; dy <= 3; dy++)
@@ -57,7 +57,7 @@ static void test_stars_keep_their_tails(void **state)
         sum += v[k];
     for (int k = 0; k < N; k++)
         all += v[k] != 0;
-    assert_true(fabs(sum / 15 - 1) < 0.2); /* waves around the stars are left */
+    assert_true(fabs(sum / 45 - 1) < 0.2); /* waves around the stars are left */
     assert_true(all < N / 2);
 }
 
@@ -66,11 +66,11 @@ static void test_small_changes_stay_small(void **state)
 {
     (void)state;
     float a[N], b[N], scratch[N];
-    make(a, 3, 1.5); /* peaks around t */
+    make(a, 3, 4.5); /* peaks around t */
     for (int k = 0; k < N; k++)
         b[k] = a[k] + 1e-6f * (float)((k * 7) % 3 - 1);
-    rx_flat_sky(W, H, 1, a, scratch);
-    rx_flat_sky(W, H, 3, b, scratch);
+    rx_flat_sky(W, H, REACH, 1, a, scratch);
+    rx_flat_sky(W, H, REACH, 3, b, scratch);
     for (int k = 0; k < N; k++)
         assert_true(fabsf(a[k] - b[k]) < 1e-5f);
 }
@@ -80,22 +80,33 @@ static void test_definition(void **state)
 {
     (void)state;
     float before[N], v[N], other[N], scratch[N];
-    make(before, 2, 1.4);
+    make(before, 2, 4.2);
     memcpy(v, before, sizeof v);
     memcpy(other, before, sizeof v);
-    rx_flat_sky(W, H, 1, v, scratch);
-    rx_flat_sky(W, H, 3, other, scratch);
+    rx_flat_sky(W, H, REACH, 1, v, scratch);
+    rx_flat_sky(W, H, REACH, 3, other, scratch);
     assert_memory_equal(v, other, sizeof v);
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++) {
             double m = -1e30;
-            for (int j = -3; j <= 3; j++)
-                for (int i = -3; i <= 3; i++)
+            for (int j = -REACH; j <= REACH; j++)
+                for (int i = -REACH; i <= REACH; i++)
                     if (y + j >= 0 && y + j < H && x + i >= 0 && x + i < W)
                         m = fmax(m, before[(y + j) * W + x + i]);
-            const double u = fmin(1, fmax(0, (m - 0.25) / 0.25)), g = u * u * (3 - 2 * u);
+            const double u = fmin(1, fmax(0, (m - 0.75) / 0.75)), g = u * u * (3 - 2 * u);
             assert_true(fabs(v[y * W + x] - g * before[y * W + x]) < 1e-6);
         }
+}
+
+/* 1.25 FWHM rounded up, whatever that is. */
+static void test_reach(void **state)
+{
+    (void)state;
+    assert_int_equal(rx_flat_sky_reach(2.5), 4);
+    assert_int_equal(rx_flat_sky_reach(4), 5);
+    assert_int_equal(rx_flat_sky_reach(0.1), 2);
+    assert_int_equal(rx_flat_sky_reach(1e300), 16);
+    assert_int_equal(rx_flat_sky_reach(NAN), 2);
 }
 
 int main(void)
@@ -105,6 +116,7 @@ int main(void)
         cmocka_unit_test(test_stars_keep_their_tails),
         cmocka_unit_test(test_small_changes_stay_small),
         cmocka_unit_test(test_definition),
+        cmocka_unit_test(test_reach),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
