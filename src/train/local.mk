@@ -9,6 +9,7 @@ librextract_train_la_SOURCES += src/train/checkpoint.c
 librextract_train_la_SOURCES += src/train/checkpoint.h
 librextract_train_la_SOURCES += src/train/history.c
 librextract_train_la_SOURCES += src/train/history.h
+librextract_train_la_SOURCES += src/train/first_model.c src/train/first_model.h
 librextract_train_la_SOURCES += src/train/setup.c
 librextract_train_la_SOURCES += src/train/setup.h
 librextract_train_la_SOURCES += src/train/state.c

@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "nn/psfnet.h"
+#include "train/first_model.h"
 
 /* Streams of the seed's random numbers that the networks start from. */
 enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002 };
@@ -93,6 +94,8 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
                       &model->restore, err);
     if (status == RX_OK && psf_terms > 0)
         status = make_net(&shape, RX_PSF_CHANNELS, model->seed, STREAM_PSF, &model->psf, err);
+    if (status == RX_OK && config->init_model[0] != '\0')
+        status = rx_first_model(config->init_model, model, err);
     if (status == RX_OK)
         status = rx_setup_text(config, RX_SETUP_RECORD, &record, err);
     if (status != RX_OK) {
@@ -197,8 +200,9 @@ static void add_line(void *user, const char *name, const char *value, const char
 {
     lines *l = user;
     const size_t before = l->dst->length;
+    const char *slash = is(name, "INIT_MODEL") ? strrchr(value, '/') : NULL; /* not where on which machine */
     (void)help;
-    rx_text_printf(l->dst, "%s %s\n", name, value);
+    rx_text_printf(l->dst, "%s %s\n", name, slash != NULL ? slash + 1 : value);
     if (l->dst->failed || l->next == NULL)
         return;
     const size_t length = strcspn(l->next, "\n") + 1, ours = l->dst->length - before;
