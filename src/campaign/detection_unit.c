@@ -69,6 +69,10 @@ static rx_options options_of(const work *w, const rx_detection_method *method)
         options.detect.filter_normalise = 1;
         options.detect.matched = 0;
     }
+    if (strcmp(method->restorer->name, "NET") == 0) {
+        options.detect.threshold *= w->state->config->net_depth;
+        options.detect.analysis_threshold *= w->state->config->net_depth;
+    }
     if (method->tuned) {
         options.restore.rl_niter = method->niter;
         options.restore.rl_stop_discrepancy = 0;

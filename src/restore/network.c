@@ -23,7 +23,7 @@ static const double FULL_WELL_NOISE = 1.0 / 500;
 static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
-static const float DETECTABLE = 0.3f;
+static const float DETECTABLE = 0.6f;
 static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
 
 /* One restoration of a tile: on one grid of blocks. */

@@ -5,11 +5,10 @@
  *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
  *   restored = scale max(flat(f), -1/2)   sky where nothing is found made flat (nn/flat_sky.h)
  *
- * rx_restored.sigma, which DETECT_THRESH counts in, is 0.3 times the noise map of restore/noise_map.h, as
- * faint sources come out fainter than they are. Stars at FWHM 2.5 of two tiles of the detection campaign, the
- * first trained model: with a threshold of 1.1 times the map itself the list ended at recall 0.84 and
- * precision 0.997 (half-trained), with 0.33 times it at an average precision of 0.957 (matched filter on the
- * unrestored image: 0.953).
+ * rx_restored.sigma, which DETECT_THRESH counts in, is 0.6 times the noise map of restore/noise_map.h, as
+ * faint sources come out fainter than they are. Self check and blank check of the quickstart's tile, FWHM 4,
+ * DETECT_THRESH 1.5: with a factor of 0.6 half of the objects of magnitude 18.82 are found, purity 0.988, 3
+ * false per Mpixel of noise; with 0.3, 18.87, 0.960 and 14 (unrestored: 18.32, 0.949 and 0).
  *
  * Masked pixels are filled from good neighbours before anything looks at them, and have no weight in the
  * step; beyond the border x = 0 (sky), w = 0 and f = 0, and the step has no weight. No value under the mask
