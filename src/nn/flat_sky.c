@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stddef.h>
 
-static const float FAINTEST = 1.5f; /* t */
+static const float FAINTEST = 1.0f; /* t */
 
 int rx_flat_sky_reach(double fwhm)
 {
