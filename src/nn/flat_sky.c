@@ -4,16 +4,19 @@
 #include <math.h>
 #include <stddef.h>
 
-static const float FAINTEST = 1.0f; /* t */
-
 int rx_flat_sky_reach(double fwhm)
 {
     return (int)fmin(16, fmax(2, ceil(1.25 * fwhm)));
 }
 
-static float share(float m)
+float rx_flat_sky_level(double fwhm)
 {
-    const float u = 2 * m / FAINTEST - 1;
+    return (float)(1 + fmin(1, fmax(0, (2.4 - fwhm) / 0.5)));
+}
+
+static float share(float m, float level)
+{
+    const float u = 2 * m / level - 1;
     return u <= 0 ? 0 : u >= 1 ? 1 : u * u * (3 - 2 * u);
 }
 
@@ -35,10 +38,12 @@ static void largest_in_row(const float *row, int n, int reach, float *dst)
     }
 }
 
-void rx_flat_sky(int width, int height, int reach, int nthreads, float *v, float *scratch)
+void rx_flat_sky(int width, int height, double fwhm, int nthreads, float *v, float *scratch)
 {
     enum { STRIP = 256 }; /* columns that a thread does at a time, so that m needs no memory of its own */
     const size_t stride = (size_t)width;
+    const int reach = rx_flat_sky_reach(fwhm);
+    const float level = rx_flat_sky_level(fwhm);
 #pragma omp parallel for num_threads(nthreads) schedule(static)
     for (int y = 0; y < height; y++)
         largest_in_row(v + (size_t)y * stride, width, reach, scratch + (size_t)y * stride);
@@ -53,7 +58,7 @@ void rx_flat_sky(int width, int height, int reach, int nthreads, float *v, float
             for (int k = first + 1; k <= last; k++)
                 raise(scratch + (size_t)k * stride + (size_t)x, n, m);
             for (int i = 0; i < n; i++)
-                row[i] *= share(m[i]);
+                row[i] *= share(m[i], level);
         }
     }
 }

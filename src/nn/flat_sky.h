@@ -4,7 +4,8 @@
  * waves are no light, and they are below anything that detection could use. With m the largest value within r
  * pixels in x and y,
  *
- *   v becomes v g(m),   g = 0 for m <= t/2, 1 for m >= t, a smooth cubic between,   t = 1 sigma
+ *   v becomes v g(m),   g = 0 for m <= t/2, 1 for m >= t, a smooth cubic between
+ *   t = 1 sigma where the FWHM of the blurred image is 2.4 pixels or more, rising to 2 sigma at 1.9 pixels
  *   r = 1.25 FWHM of the blurred image, rounded up, 2 to 16
  *
  * so that a source keeps its tails down to the last digit (a threshold on its own pixels would take the share
@@ -18,11 +19,12 @@
 #ifndef RX_NN_FLAT_SKY_H
 #define RX_NN_FLAT_SKY_H
 
-/* r for that FWHM (pixels). */
+/* r (pixels) and t (noise sigmas) for that FWHM (pixels). */
 int rx_flat_sky_reach(double fwhm);
+float rx_flat_sky_level(double fwhm);
 
-/* v [height][width] in noise units, in place; scratch [height][width] is overwritten. reach: r, >= 0. The
- * same bytes for any nthreads. */
-void rx_flat_sky(int width, int height, int reach, int nthreads, float *v, float *scratch);
+/* v [height][width] in noise units, in place; scratch [height][width] is overwritten. fwhm: of the blurred
+ * image, pixels. The same bytes for any nthreads. */
+void rx_flat_sky(int width, int height, double fwhm, int nthreads, float *v, float *scratch);
 
 #endif

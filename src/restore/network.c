@@ -240,7 +240,7 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     float *unit = RX_NEW(float, (size_t)n->tile->width);
     if (unit == NULL)
         return rx_error_memory(err, (size_t)n->tile->width * sizeof *unit);
-    rx_flat_sky(n->tile->width, n->tile->height, rx_flat_sky_reach(fwhm), n->nthreads, n->v, n->spare);
+    rx_flat_sky(n->tile->width, n->tile->height, fwhm, n->nthreads, n->v, n->spare);
     to_adu(n, unit);
     free(unit);
     restored->pixels = n->v;

@@ -144,7 +144,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
                    NULL);
     memcpy(shown, rx_step_restored(l->test[thread]), pixels * sizeof *shown);
-    rx_flat_sky(l->side, l->side, rx_flat_sky_reach(sample->fwhm), 1, shown, scratch);
+    rx_flat_sky(l->side, l->side, sample->fwhm, 1, shown, scratch);
     for (size_t k = 0; k < pixels; k++)
         shown[k] = rx_front_shown(shown[k]);
     return rx_star_check_run(sample, shown, l->par.margin, l->model->front.target_fwhm, &images[i].check,

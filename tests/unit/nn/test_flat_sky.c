@@ -13,6 +13,7 @@
 #include "nn/flat_sky.h"
 
 enum { W = 61, H = 47, N = W * H, REACH = 3 };
+static const double FWHM = 2.4; /* that has this reach, and t = 1 */
 
 /* Waves of a tenth of a sigma, and stars: Gaussians of FWHM 2 pixels. */
 static void make(float *v, int stars, double flux)
@@ -33,7 +34,7 @@ static void test_empty_sky_is_zero(void **state)
     (void)state;
     float v[N], scratch[N];
     make(v, 0, 0);
-    rx_flat_sky(W, H, REACH, 2, v, scratch);
+    rx_flat_sky(W, H, FWHM, 2, v, scratch);
     for (int k = 0; k < N; k++)
         assert_true(v[k] == 0);
 }
@@ -45,7 +46,7 @@ static void test_stars_keep_their_tails(void **state)
     float before[N], v[N], scratch[N];
     make(before, 3, 10);
     memcpy(v, before, sizeof v);
-    rx_flat_sky(W, H, REACH, 1, v, scratch);
+    rx_flat_sky(W, H, FWHM, 1, v, scratch);
     double sum = 0, all = 0;
     for (int i = 0; i < 3; i++)
         for (int dy = -3; dy <= 3; dy++)
@@ -69,8 +70,8 @@ static void test_small_changes_stay_small(void **state)
     make(a, 3, 3); /* peaks around t */
     for (int k = 0; k < N; k++)
         b[k] = a[k] + 1e-6f * (float)((k * 7) % 3 - 1);
-    rx_flat_sky(W, H, REACH, 1, a, scratch);
-    rx_flat_sky(W, H, REACH, 3, b, scratch);
+    rx_flat_sky(W, H, FWHM, 1, a, scratch);
+    rx_flat_sky(W, H, FWHM, 3, b, scratch);
     for (int k = 0; k < N; k++)
         assert_true(fabsf(a[k] - b[k]) < 1e-5f);
 }
@@ -83,8 +84,8 @@ static void test_definition(void **state)
     make(before, 2, 2.8);
     memcpy(v, before, sizeof v);
     memcpy(other, before, sizeof v);
-    rx_flat_sky(W, H, REACH, 1, v, scratch);
-    rx_flat_sky(W, H, REACH, 3, other, scratch);
+    rx_flat_sky(W, H, FWHM, 1, v, scratch);
+    rx_flat_sky(W, H, FWHM, 3, other, scratch);
     assert_memory_equal(v, other, sizeof v);
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++) {
@@ -98,10 +99,14 @@ static void test_definition(void **state)
         }
 }
 
-/* 1.25 FWHM rounded up, whatever that is. */
-static void test_reach(void **state)
+/* 1.25 FWHM rounded up, whatever that is; 1 sigma, up to 2 where hardly anything is blurred. */
+static void test_reach_and_level(void **state)
 {
     (void)state;
+    assert_int_equal(rx_flat_sky_reach(FWHM), REACH);
+    assert_true(rx_flat_sky_level(FWHM) == 1 && rx_flat_sky_level(8) == 1);
+    assert_true(fabsf(rx_flat_sky_level(2.15) - 1.5f) < 1e-6f && rx_flat_sky_level(1) == 2);
+    assert_true(rx_flat_sky_level(NAN) >= 1);
     assert_int_equal(rx_flat_sky_reach(2.5), 4);
     assert_int_equal(rx_flat_sky_reach(4), 5);
     assert_int_equal(rx_flat_sky_reach(0.1), 2);
@@ -112,11 +117,9 @@ static void test_reach(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_empty_sky_is_zero),
-        cmocka_unit_test(test_stars_keep_their_tails),
-        cmocka_unit_test(test_small_changes_stay_small),
-        cmocka_unit_test(test_definition),
-        cmocka_unit_test(test_reach),
+        cmocka_unit_test(test_empty_sky_is_zero),        cmocka_unit_test(test_stars_keep_their_tails),
+        cmocka_unit_test(test_small_changes_stay_small), cmocka_unit_test(test_definition),
+        cmocka_unit_test(test_reach_and_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

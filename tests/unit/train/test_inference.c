@@ -96,7 +96,7 @@ static void train(const rx_model *model, rx_sample *s, int margin, float *restor
         fail_msg("%s", err.text);
     assert_true(dst->loss == values.idt_restore);
     memcpy(restored, rx_step_restored(step), N * sizeof *restored);
-    rx_flat_sky(P, P, rx_flat_sky_reach(s->fwhm), 1, restored, scratch);
+    rx_flat_sky(P, P, s->fwhm, 1, restored, scratch);
     for (int k = 0; k < N; k++)
         restored[k] = rx_front_shown(restored[k]);
     free(scratch);
