@@ -173,8 +173,9 @@ void rx_train_figures(rx_figures *dst, const rx_history *history, const rx_selec
         snprintf(title, sizeof title, "Dictionary after epoch %ld", shown[i] + 1);
         heat_map(dst, history->bin + shown[i] * history->nbins, grid, offsetof(rx_epoch_bin, list), 1, id,
                  title,
-                 "Mean test loss, normalised (Eq. 4's list): the share of a bin's images that the next epoch "
-                 "trains on.");
+                 "Mean test loss, normalised (Eq. 4's list): with active learning the share of a bin's "
+                 "images that "
+                 "the next epoch trains on.");
     }
     heat_map(dst, last, grid, offsetof(rx_epoch_bin, loss), 1, "last-loss", "Test loss, last epoch", "");
     heat_map(dst, last, grid, offsetof(rx_epoch_bin, recall), 1, "last-recall", "Recall, last epoch", "");
