@@ -7,7 +7,7 @@
  *
  * rx_restored.sigma, which DETECT_THRESH counts in, is 0.6 times the noise map of restore/noise_map.h, as
  * faint sources come out fainter than they are. Self check and blank check of the quickstart's tile, FWHM 4,
- * DETECT_THRESH 1.5: with a factor of 0.6 half of the objects of magnitude 18.82 are found, purity 0.988, 3
+ * DETECT_THRESH 1.5: with a factor of 0.6 half of the objects of magnitude 18.82 are found, purity 0.976, 3
  * false per Mpixel of noise; with 0.3, 18.87, 0.960 and 14 (unrestored: 18.32, 0.949 and 0).
  *
  * Masked pixels are filled from good neighbours before anything looks at them, and have no weight in the
