@@ -22,11 +22,12 @@ psf       num io
 restore   nn num psf
 detect    num
 measure   num
+template  num psf
 simulate  io num psf
 catalog   io num psf
 validate  io num psf
 train     nn stage simulate par validate config io num psf
-stage     io num nn psf restore detect measure catalog validate simulate config
+stage     io num nn psf restore detect measure template catalog validate simulate config
 campaign  stage simulate validate restore catalog config io nn num psf
 programs  stage campaign train par validate simulate config catalog
 END

@@ -43,6 +43,23 @@ void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *s
                      dst + y * stride);
 }
 
+void rx_convolve_divide(const rx_fft *fft, const float *numerator, const float *denominator, double delta,
+                        float *dst)
+{
+    const int w = rx_fft_width(fft), h = rx_fft_height(fft);
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
+    const double pixels = (double)w * h;
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x <= w / 2; x++) {
+            const size_t k = (size_t)y * stride + 2 * (size_t)x;
+            const double re = denominator[k] * pixels, im = denominator[k + 1] * pixels;
+            const double nr = numerator[k], ni = numerator[k + 1];
+            const double gain = (1 + delta) / (re * re + im * im + delta);
+            dst[k] = (float)(gain * (nr * re + ni * im));
+            dst[k + 1] = (float)(gain * (ni * re - nr * im));
+        }
+}
+
 void rx_convolve(const rx_fft *fft, const float *kernel, const float *src, float *half, float *dst)
 {
     rx_fft_filter(fft, src, kernel, false, half, dst);

@@ -1,0 +1,28 @@
+/* Which sources must be fitted together: templates that overlap, tied into groups. */
+#ifndef RX_TEMPLATE_BLENDS_H
+#define RX_TEMPLATE_BLENDS_H
+
+#include "base/error.h"
+#include "template/canvas.h"
+
+/* Two templates that overlap: strength = <a, b> / sqrt(<a, a> <b, b>). */
+typedef struct rx_blend_link {
+    int i, j; /* i < j */
+    double strength;
+} rx_blend_link;
+
+typedef struct rx_blends {
+    int n, ngroups, largest;
+    int *group;  /* [n] number of its group, from 0 by the first member */
+    int *start;  /* [ngroups + 1] into member */
+    int *member; /* [n] by group, ascending */
+    int *cut;    /* [n] 1: a link to another group was cut */
+} rx_blends;
+
+/* Groups over links of more than `link`, strongest first; a link that would make a group of more than `limit`
+ * members is cut (so the weakest are). Free the contents with rx_blends_clear(). Errors: RX_SYSTEM. */
+rx_status rx_blends_find(const rx_footprint *const *footprints, int n, int width, int height, double link,
+                         int limit, int nthreads, rx_blends *blends, rx_error *err);
+void rx_blends_clear(rx_blends *blends);
+
+#endif

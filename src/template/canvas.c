@@ -1,0 +1,118 @@
+/* Data, variance and model of the tile to be fitted. */
+#include "template/canvas.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+enum { BAND = 64 }; /* rows that one thread draws */
+
+rx_status rx_canvas_fill(const rx_tphot_input *input, rx_canvas *canvas, rx_error *err)
+{
+    const size_t n = (size_t)input->width * (size_t)input->height;
+    *canvas = (rx_canvas){.width = input->width,
+                          .height = input->height,
+                          .data = RX_NEW(float, n),
+                          .variance = RX_NEW(float, n),
+                          .model = RX_NEW(float, n),
+                          .weight = RX_NEW(float, n),
+                          .gain = input->gain};
+    if (canvas->data == NULL || canvas->variance == NULL || canvas->model == NULL || canvas->weight == NULL) {
+        rx_canvas_clear(canvas);
+        return rx_error_memory(err, 4 * n * sizeof(float));
+    }
+    for (size_t k = 0; k < n; k++) {
+        if (input->mask != NULL && (input->mask[k] & input->mask_bits) != 0)
+            continue;
+        const float value = input->pixels[k] - (input->level != NULL ? input->level[k] : 0.0f);
+        const float variance = input->sigma[k] * input->sigma[k];
+        if (!(input->sigma[k] > 0.0f) || !(variance > 0.0f) || !isfinite(variance) || !isfinite(value))
+            continue;
+        canvas->data[k] = value;
+        canvas->variance[k] = variance;
+        canvas->weight[k] = 1.0f / variance;
+    }
+    return RX_OK;
+}
+
+void rx_canvas_clear(rx_canvas *canvas)
+{
+    free(canvas->data);
+    free(canvas->variance);
+    free(canvas->model);
+    free(canvas->weight);
+    *canvas = (rx_canvas){0};
+}
+
+static void weigh(rx_canvas *canvas, size_t from, size_t to)
+{
+    const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
+    for (size_t k = from; k < to; k++) {
+        const double variance = canvas->variance[k], model = canvas->model[k];
+        canvas->weight[k] = variance > 0.0 ? (float)(1.0 / (variance + fmax(model, 0.0) * photons)) : 0.0f;
+    }
+}
+
+static void draw_rows(rx_canvas *canvas, const rx_layer *layer, int from, int to)
+{
+    const rx_footprint *f = layer->footprint;
+    const float flux = (float)layer->flux;
+    const int first = f->y0 > from ? f->y0 : from;
+    const int last = f->y0 + f->height < to ? f->y0 + f->height : to;
+    for (int y = first; y < last; y++) {
+        float *dst = canvas->model + (size_t)y * (size_t)canvas->width + f->x0;
+        const float *src = f->values + (size_t)(y - f->y0) * (size_t)f->width;
+        for (int x = 0; x < f->width; x++)
+            dst[x] += flux * src[x];
+    }
+}
+
+rx_status rx_canvas_draw(rx_canvas *canvas, const rx_layer *layers, int n, int nthreads, rx_error *err)
+{
+    const int bands = (canvas->height + BAND - 1) / BAND;
+    /* which layers reach into a band: counted, then listed in order */
+    size_t *start = RX_NEW(size_t, bands + 1), *at = RX_NEW(size_t, bands + 1);
+    int *list = NULL;
+    rx_status status = RX_OK;
+    if (start == NULL || at == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int pass = 0; pass < 2; pass++) {
+        for (int i = 0; i < n; i++) {
+            const rx_footprint *f = layers[i].footprint;
+            for (int b = f->y0 / BAND; f->width > 0 && b <= (f->y0 + f->height - 1) / BAND; b++) {
+                if (pass == 0)
+                    start[b + 1]++;
+                else
+                    list[at[b]++] = i;
+            }
+        }
+        if (pass == 1)
+            break;
+        for (int b = 0; b < bands; b++)
+            start[b + 1] += start[b];
+        memcpy(at, start, (size_t)(bands + 1) * sizeof *at);
+        list = RX_NEW(int, start[bands]);
+        if (list == NULL) {
+            status = rx_error_memory(err, start[bands] * sizeof *list);
+            goto exit;
+        }
+    }
+#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
+    for (int b = 0; b < bands; b++) {
+        const int from = b * BAND, to = from + BAND < canvas->height ? from + BAND : canvas->height;
+        memset(canvas->model + (size_t)from * (size_t)canvas->width, 0,
+               (size_t)(to - from) * (size_t)canvas->width * sizeof(float));
+        for (size_t i = start[b]; i < start[b + 1]; i++)
+            draw_rows(canvas, &layers[list[i]], from, to);
+        weigh(canvas, (size_t)from * (size_t)canvas->width, (size_t)to * (size_t)canvas->width);
+    }
+exit:
+    free(start);
+    free(at);
+    free(list);
+    return status;
+}

@@ -1,0 +1,36 @@
+/* The nonlinear fit of one point or profile to a patch. */
+#ifndef RX_TEMPLATE_FIT_H
+#define RX_TEMPLATE_FIT_H
+
+#include "template/lens.h"
+#include "template/patch.h"
+#include "template/spergel.h"
+
+/* Order of the parameters; a point has the first three. */
+enum { RX_FIT_FLUX, RX_FIT_X, RX_FIT_Y, RX_FIT_RADIUS, RX_FIT_G1, RX_FIT_G2, RX_FIT_NU, RX_FIT_ALL };
+enum { RX_FIT_POINT = RX_FIT_RADIUS };
+
+typedef struct rx_fit {
+    int n;                                    /* RX_FIT_POINT or RX_FIT_ALL */
+    double p[RX_FIT_ALL];                     /* x, y: off the middle of the domain; radius: its logarithm */
+    double prior[RX_FIT_ALL];                 /* centre */
+    double width[RX_FIT_ALL];                 /* of the prior, 0: none */
+    double low[RX_FIT_ALL], high[RX_FIT_ALL]; /* limits, where low < high */
+    int iterations;                           /* at most */
+    /* found */
+    double chi2;                       /* with the priors' part */
+    double a[RX_FIT_ALL * RX_FIT_ALL]; /* normal matrix at the end, priors included */
+    int at_limit;                      /* bits of the parameters that ended at a limit */
+} rx_fit;
+
+/* From fit->p on. Plane 0 of the domain holds the template of fit->p afterwards. The flux is that of the
+ * linear fit at the start, whatever p says. */
+void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
+
+/* Profile of the parameters. */
+rx_spergel rx_fit_profile(const rx_fit *fit);
+
+/* Element [j][j] of the inverse of fit->a; HUGE_VAL when singular. */
+double rx_fit_variance(const rx_fit *fit, int j);
+
+#endif

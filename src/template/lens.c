@@ -1,0 +1,186 @@
+/* Rendering behind a PSF, by Fourier transforms on small domains. */
+#include "template/lens.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "num/convolve.h"
+
+/* The kernel's regularisation, see num/convolve.h. What it divides is light that has been through the
+ * restored PSF, so that little is to be kept from growing: smaller than in nn/deblur.h. */
+static const double DELTA = 1e-5;
+
+enum { PLANES = 5, MARGIN = 4 };
+
+static int same_psf(const rx_psf *a, const rx_psf *b)
+{
+    const size_t n = (size_t)a->nbasis * (size_t)a->size * (size_t)a->size;
+    return a->size == b->size && a->nbasis == b->nbasis && a->x0 == b->x0 && a->y0 == b->y0 &&
+           a->xs == b->xs && a->ys == b->ys && memcmp(a->px, b->px, sizeof a->px) == 0 &&
+           memcmp(a->py, b->py, sizeof a->py) == 0 && memcmp(a->basis, b->basis, n * sizeof(float)) == 0;
+}
+
+rx_status rx_lens_open(const rx_psf *tile, const rx_psf *image, rx_lens *lens, rx_error *err)
+{
+    *lens = (rx_lens){.tile = tile, .image = image != NULL ? image : tile};
+    lens->same = image == NULL || same_psf(tile, image);
+    lens->varies = tile->nbasis > 1 || lens->image->nbasis > 1;
+    const size_t side = (size_t)(tile->size > lens->image->size ? tile->size : lens->image->size);
+    lens->stamp = RX_NEW(float, side *side);
+    return lens->stamp != NULL ? RX_OK : rx_error_memory(err, side * side * sizeof(float));
+}
+
+static void clear_size(rx_lens_size *size)
+{
+    rx_fft_free(size->fft);
+    free(size->optics);
+    free(size->restored);
+    free(size->kernel);
+    free(size->phase);
+    for (int i = 0; i < PLANES; i++) {
+        free(size->half[i]);
+        free(size->plane[i]);
+    }
+}
+
+void rx_lens_clear(rx_lens *lens)
+{
+    for (int i = 0; i < lens->nsizes; i++)
+        clear_size(&lens->sizes[i]);
+    free(lens->sizes);
+    free(lens->stamp);
+    *lens = (rx_lens){0};
+}
+
+int rx_lens_side(const rx_lens *lens, double reach)
+{
+    static const int sides[] = {32, 40, 48, 64, 80, 96, 128, 160, 192, 256, 320, 384, 512};
+    const int psf = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
+    const int need = psf + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
+        if (sides[i] >= need)
+            return sides[i];
+    return rx_fft_good_size(need);
+}
+
+static rx_status open_size(int n, rx_lens_size *size, rx_error *err)
+{
+    *size = (rx_lens_size){.n = n};
+    rx_status status = rx_fft_new(n, n, 1, &size->fft, err);
+    if (status != RX_OK)
+        return status;
+    size->optics = rx_fft_complex(size->fft);
+    size->restored = rx_fft_complex(size->fft);
+    size->kernel = rx_fft_complex(size->fft);
+    size->phase = RX_NEW(double, 4 * n);
+    int missing =
+        size->optics == NULL || size->restored == NULL || size->kernel == NULL || size->phase == NULL;
+    for (int i = 0; i < PLANES; i++) {
+        size->half[i] = rx_fft_complex(size->fft);
+        size->plane[i] = rx_fft_real(size->fft);
+        missing = missing || size->half[i] == NULL || size->plane[i] == NULL;
+    }
+    if (missing) {
+        clear_size(size);
+        return rx_error_memory(err, (size_t)n * (size_t)n * 13 * sizeof(float));
+    }
+    return RX_OK;
+}
+
+static rx_status find_size(rx_lens *lens, int n, rx_lens_size **dst, rx_error *err)
+{
+    for (int i = 0; i < lens->nsizes; i++)
+        if (lens->sizes[i].n == n) {
+            *dst = &lens->sizes[i];
+            return RX_OK;
+        }
+    rx_lens_size *more = rx_regrow(lens->sizes, (size_t)lens->nsizes + 1, sizeof *more);
+    if (more == NULL)
+        return rx_error_memory(err, sizeof *more);
+    lens->sizes = more;
+    rx_status status = open_size(n, &more[lens->nsizes], err);
+    if (status == RX_OK)
+        *dst = &more[lens->nsizes++];
+    return status;
+}
+
+rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, rx_lens_size **dst,
+                     rx_error *err)
+{
+    rx_lens_size *size = NULL;
+    rx_status status = find_size(lens, n, &size, err);
+    if (status != RX_OK)
+        return status;
+    if (lens->varies && (x != size->x || y != size->y))
+        size->has_optics = size->has_kernel = 0;
+    size->x = x;
+    size->y = y;
+    if (!size->has_optics) {
+        rx_psf_at(lens->tile, x, y, lens->stamp);
+        rx_convolve_spectrum(size->fft, lens->stamp, lens->tile->size, size->plane[0], size->optics);
+    }
+    size->has_optics = 1;
+    if (with_kernel && !size->has_kernel) {
+        rx_psf_at(lens->image, x, y, lens->stamp);
+        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, size->plane[0], size->restored);
+        rx_convolve_divide(size->fft, size->optics, size->restored, DELTA, size->kernel);
+        size->has_kernel = 1;
+    }
+    *dst = size;
+    return RX_OK;
+}
+
+/* exp(-2 pi i u shift / n), u signed as the frequency is. */
+static void fill_phase(int n, double shift, double *phase)
+{
+    for (int u = 0; u < n; u++) {
+        const double angle = -6.283185307179586 * (u <= n / 2 ? u : u - n) * shift / n;
+        phase[2 * u] = cos(angle);
+        phase[2 * u + 1] = sin(angle);
+    }
+}
+
+/* One frequency: base * phase, times the profile and its derivatives. */
+static void put(rx_lens_size *size, size_t k, double re, double im, const rx_spergel_form *form, double kx,
+                double ky, int count)
+{
+    double factor[PLANES] = {1.0};
+    if (form != NULL)
+        factor[0] = rx_spergel_at(form, kx, ky, count > 1 ? factor + 1 : NULL);
+    for (int i = 0; i < count; i++) {
+        size->half[i][k] = (float)(re * factor[i]);
+        size->half[i][k + 1] = (float)(im * factor[i]);
+    }
+}
+
+void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
+                    int count)
+{
+    const int n = size->n;
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft);
+    const float *base = restored ? size->restored : size->optics;
+    double *px = size->phase, *py = size->phase + 2 * n;
+    rx_spergel_form form;
+    if (profile != NULL)
+        rx_spergel_set(profile, &form);
+    fill_phase(n, n / 2 + dx, px);
+    fill_phase(n, n / 2 + dy, py);
+    for (int v = 0; v < n; v++)
+        for (int u = 0; u <= n / 2; u++) {
+            const size_t k = (size_t)v * stride + 2 * (size_t)u;
+            const double pr = px[2 * u] * py[2 * v] - px[2 * u + 1] * py[2 * v + 1];
+            const double pi = px[2 * u] * py[2 * v + 1] + px[2 * u + 1] * py[2 * v];
+            put(size, k, base[k] * pr - base[k + 1] * pi, base[k] * pi + base[k + 1] * pr,
+                profile != NULL ? &form : NULL, (double)u / n, (double)(v <= n / 2 ? v : v - n) / n, count);
+        }
+    for (int i = 0; i < count; i++)
+        rx_fft_inverse(size->fft, size->half[i], size->plane[i]);
+}
+
+void rx_lens_blur(rx_lens_size *size, int same)
+{
+    if (!same)
+        rx_convolve(size->fft, size->kernel, size->plane[0], size->half[0], size->plane[0]);
+}

@@ -1,0 +1,57 @@
+/* From shapes to templates: what one thread needs to put a point, a profile or pixels behind the tile's PSF
+ * at a place, in Fourier space on small square domains. Plans and spectra are kept for each size; where a PSF
+ * varies, its spectrum is made anew at each place.
+ *
+ * A rendered plane has the place (x, y) of the source at pixel (n/2 + x - cx, n/2 + y - cy), (cx, cy) the
+ * whole pixel nearest to it; the sum is 1, and light beyond the domain comes back on the other side. Shifts
+ * are exact as far as the PSF is sampled well enough. */
+#ifndef RX_TEMPLATE_LENS_H
+#define RX_TEMPLATE_LENS_H
+
+#include "base/error.h"
+#include "data/psf.h"
+#include "num/fft.h"
+#include "template/spergel.h"
+
+/* One size of domain. */
+typedef struct rx_lens_size {
+    int n;
+    rx_fft *fft;
+    float *optics, *restored, *kernel; /* spectra of the tile's PSF, the restored one, and the kernel */
+    int has_optics, has_kernel;        /* made, at (x, y) where PSFs vary */
+    double x, y;
+    float *half[5], *plane[5]; /* work */
+    double *phase;             /* [2][n][2] */
+} rx_lens_size;
+
+typedef struct rx_lens {
+    const rx_psf *tile, *image; /* PSF of the fitted and of the restored image; not owned */
+    int same;                   /* they are the same PSF: the kernel is a point */
+    int varies;
+    int nsizes;
+    rx_lens_size *sizes;
+    float *stamp;
+} rx_lens;
+
+/* image NULL: the same as the tile's. Free the contents with rx_lens_clear(). Errors: RX_SYSTEM. */
+rx_status rx_lens_open(const rx_psf *tile, const rx_psf *image, rx_lens *lens, rx_error *err);
+void rx_lens_clear(rx_lens *lens);
+
+/* Side of the domain for light that reaches `reach` pixels from the source before it is blurred. */
+int rx_lens_side(const rx_lens *lens, double reach);
+
+/* The domain of side n (from rx_lens_side()) with the PSF at tile position (x, y); valid until
+ * the next call. with_kernel: restored and kernel, too. Errors: RX_SYSTEM. */
+rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, rx_lens_size **dst,
+                     rx_error *err);
+
+/* Planes 0 .. count - 1 of the domain (count 1 or 5) = the profile (NULL: a point) (dx, dy) off the middle,
+ * and its derivatives by ln radius, g1, g2, nu, through the tile's PSF (restored = 0) or the restored
+ * image's. */
+void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
+                    int count);
+
+/* Plane 0 (real, [n][n] in rows of rx_fft_stride_real()) blurred by the kernel. */
+void rx_lens_blur(rx_lens_size *size, int same);
+
+#endif

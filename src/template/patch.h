@@ -1,0 +1,29 @@
+/* The pixels around one source on the domain of its lens: what others leave of the data, and the weights. */
+#ifndef RX_TEMPLATE_PATCH_H
+#define RX_TEMPLATE_PATCH_H
+
+#include "template/canvas.h"
+#include "template/lens.h"
+
+/* Pixel (i, j) of the patch is pixel (x0 + i, y0 + j) of the image and (corner + i, corner + j) of a plane of
+ * the domain. */
+typedef struct rx_patch {
+    int x0, y0, side, corner;
+    double *data, *weight; /* [side][side]; weight 0 outside the image and where hidden */
+} rx_patch;
+
+/* The pixels within `half` of the whole pixel (cx, cy), the footprint times flux put back. Free with
+ * rx_patch_clear(). Errors: RX_SYSTEM. */
+rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
+                       int half, int domain, rx_patch *patch, rx_error *err);
+void rx_patch_clear(rx_patch *patch);
+
+/* Crop the rendered plane (n x n in rows of `stride`, centre (cx, cy) at (n/2, n/2)) to where it is above
+ * `level` and inside the image. Errors: RX_SYSTEM. */
+rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, int cy, double level, int width,
+                            int height, rx_footprint *dst, rx_error *err);
+
+/* sum over common pixels of a b; with `canvas` weighted. */
+double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas);
+
+#endif

@@ -1,0 +1,210 @@
+/* Point or profile, where and how large. */
+#include "template/refine.h"
+
+#include <math.h>
+
+#include "template/fit.h"
+#include "template/patch.h"
+#include "template/substructure.h"
+
+/* Priors and limits, as refine.h has them. */
+static const double USUAL_RADIUS = 0.4, RADIUS_WIDTH = 0.8;
+static const double USUAL_NU = 0.5, NU_WIDTH = 0.4, G_WIDTH = 0.25, G_MOST = 0.8;
+static const double LEAST_RADIUS = 0.1; /* pixels */
+static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
+static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
+enum { ITERATIONS = 12 };
+
+/* One source in its surroundings. */
+typedef struct job {
+    const rx_refine_params *par;
+    const rx_refine_view *view;
+    rx_lens *lens;
+    const rx_subject *before;
+    int cx, cy; /* whole pixel in the middle of the domain */
+    rx_lens_size *size;
+    rx_patch patch;
+} job;
+
+static double position_width(double fwhm)
+{
+    return 0.25 + 0.1 * fwhm;
+}
+
+static void set_position(const job *j, rx_fit *fit)
+{
+    const double given[2] = {j->before->x0 - j->cx, j->before->y0 - j->cy};
+    const double most = 0.75 + 0.3 * j->view->fwhm;
+    for (int d = 0; d < 2; d++) {
+        fit->prior[RX_FIT_X + d] = given[d];
+        fit->width[RX_FIT_X + d] = position_width(j->view->fwhm);
+        fit->low[RX_FIT_X + d] = given[d] - most;
+        fit->high[RX_FIT_X + d] = given[d] + most;
+    }
+    fit->p[RX_FIT_X] = j->before->x - j->cx;
+    fit->p[RX_FIT_Y] = j->before->y - j->cy;
+    fit->iterations = ITERATIONS;
+}
+
+static void fit_point(const job *j, rx_fit *fit)
+{
+    *fit = (rx_fit){.n = RX_FIT_POINT};
+    set_position(j, fit);
+    rx_fit_run(fit, j->size, &j->patch);
+}
+
+static void fit_profile(const job *j, rx_fit *fit)
+{
+    const rx_spergel *last = &j->before->profile;
+    const double usual = log(USUAL_RADIUS * j->view->fwhm);
+    *fit = (rx_fit){.n = RX_FIT_ALL};
+    set_position(j, fit);
+    fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
+    fit->p[RX_FIT_G1] = last->g1;
+    fit->p[RX_FIT_G2] = last->g2;
+    fit->p[RX_FIT_NU] = last->radius > 0 ? last->nu : USUAL_NU;
+    fit->prior[RX_FIT_RADIUS] = usual;
+    fit->width[RX_FIT_RADIUS] = RADIUS_WIDTH;
+    fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
+    fit->high[RX_FIT_RADIUS] = log(0.25 * j->size->n);
+    fit->width[RX_FIT_G1] = fit->width[RX_FIT_G2] = G_WIDTH;
+    fit->high[RX_FIT_G1] = G_MOST;
+    fit->low[RX_FIT_G1] = fit->low[RX_FIT_G2] = -G_MOST;
+    fit->high[RX_FIT_G2] = G_MOST;
+    fit->prior[RX_FIT_NU] = USUAL_NU;
+    fit->width[RX_FIT_NU] = NU_WIDTH;
+    fit->low[RX_FIT_NU] = RX_SPERGEL_MIN;
+    fit->high[RX_FIT_NU] = RX_SPERGEL_MAX;
+    rx_fit_run(fit, j->size, &j->patch);
+}
+
+/* Has the position run away? */
+static int lost(const rx_fit *fit)
+{
+    return (fit->at_limit & (1 << RX_FIT_X | 1 << RX_FIT_Y)) != 0 || !isfinite(fit->p[RX_FIT_FLUX]) ||
+           !isfinite(fit->chi2);
+}
+
+/* How much of the two positions the data decide. */
+static double position_gain(const rx_fit *fit)
+{
+    double sum = 0;
+    for (int d = RX_FIT_X; d <= RX_FIT_Y; d++) {
+        const double share = rx_fit_variance(fit, d) / (fit->width[d] * fit->width[d]);
+        sum += share < 1 ? 1 - share : 0;
+    }
+    return sum;
+}
+
+static void take_point(const job *j, const rx_fit *fit, rx_subject *after)
+{
+    after->kind = RX_TPHOT_POINT;
+    after->profile = (rx_spergel){.nu = USUAL_NU};
+    after->shape_error = 1;
+    if (lost(fit) || !(fit->p[RX_FIT_FLUX] > 0)) {
+        after->x = after->x0;
+        after->y = after->y0;
+        after->position_gain = 0;
+        after->flags |= RX_TPHOT_POSITION;
+    } else {
+        after->x = fit->p[RX_FIT_X] + j->cx;
+        after->y = fit->p[RX_FIT_Y] + j->cy;
+        after->position_gain = position_gain(fit);
+        after->flux = fit->p[RX_FIT_FLUX];
+    }
+}
+
+static void take_profile(const job *j, const rx_fit *fit, rx_subject *after)
+{
+    after->kind = RX_TPHOT_PROFILE;
+    after->profile = rx_fit_profile(fit);
+    after->x = fit->p[RX_FIT_X] + j->cx;
+    after->y = fit->p[RX_FIT_Y] + j->cy;
+    after->flux = fit->p[RX_FIT_FLUX];
+    after->position_gain = position_gain(fit);
+    const double inflated = rx_fit_variance(fit, RX_FIT_FLUX) * fit->a[0];
+    after->shape_error = inflated > 1 && isfinite(inflated) ? sqrt(inflated) : 1;
+    if ((fit->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
+        after->flags |= RX_TPHOT_BOUND;
+}
+
+/* Point against profile on the same pixels. */
+static void choose(const job *j, rx_subject *after)
+{
+    rx_fit point, profile;
+    fit_point(j, &point);
+    take_point(j, &point, after);
+    after->star = 1;
+    after->chi2_gain = 0;
+    if (!j->par->extended || j->before->segment == 0 || (after->flags & RX_TPHOT_POSITION) != 0)
+        return;
+    fit_profile(j, &profile);
+    if (lost(&profile) || !(profile.p[RX_FIT_FLUX] > 0))
+        return;
+    after->chi2_gain = point.chi2 - profile.chi2;
+    after->star = 1 / (1 + exp(0.5 * fmin(fmax(after->chi2_gain - j->par->star_penalty, -80), 80)));
+    if (after->chi2_gain > j->par->star_penalty)
+        take_profile(j, &profile, after);
+}
+
+/* Light below that is not worth a pixel. */
+static double crop_level(const job *j, const rx_subject *after, const float *plane, size_t stride)
+{
+    const rx_canvas *canvas = j->view->canvas;
+    double peak = 0;
+    for (int v = 0; v < j->size->n; v++)
+        for (int u = 0; u < j->size->n; u++)
+            peak = fmax(peak, plane[(size_t)v * stride + (size_t)u]);
+    const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
+    const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
+    const double variance = canvas->variance[(size_t)y * (size_t)canvas->width + (size_t)x];
+    const double noise = FAINT * sqrt(variance);
+    const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
+    return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
+}
+
+static rx_status finish(job *j, rx_subject *after, rx_error *err)
+{
+    const rx_spergel *profile = after->kind != RX_TPHOT_POINT ? &after->profile : NULL;
+    const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
+    rx_lens_render(j->size, profile, after->x - j->cx, after->y - j->cy, 0, 1);
+    if (profile != NULL && j->par->substructure) {
+        int used = 0;
+        double flux = after->flux;
+        rx_status status =
+            rx_substructure_add(j->view, after, j->cx, j->cy, j->lens, j->size, &j->patch, &used, &flux, err);
+        if (status != RX_OK)
+            return status;
+        after->kind = used ? RX_TPHOT_PIXELS : RX_TPHOT_PROFILE;
+        after->flux = flux;
+    }
+    return rx_footprint_crop(j->size->plane[0], j->size->n, stride, j->cx, j->cy,
+                             crop_level(j, after, j->size->plane[0], stride), j->view->canvas->width,
+                             j->view->canvas->height, &after->footprint, err);
+}
+
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                    const rx_subject *subject, rx_subject *after, rx_error *err)
+{
+    job j = {.par = par, .view = view, .lens = lens, .before = subject};
+    j.cx = (int)lround(subject->x);
+    j.cy = (int)lround(subject->y);
+    *after = *subject;
+    after->footprint = (rx_footprint){0};
+    after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
+    double radius = fmax(subject->guess, subject->profile.radius);
+    if (!par->extended && subject->profile.radius <= 0)
+        radius = 0;
+    const int half = (int)ceil(1.5 * view->fwhm + 2.5 * radius) + 1;
+    rx_status status = rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y,
+                                  par->substructure && radius > 0, &j.size, err);
+    if (status == RX_OK)
+        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy, half, j.size->n,
+                              &j.patch, err);
+    if (status == RX_OK && !par->frozen)
+        choose(&j, after);
+    if (status == RX_OK)
+        status = finish(&j, after, err);
+    rx_patch_clear(&j.patch);
+    return status;
+}

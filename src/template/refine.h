@@ -1,0 +1,55 @@
+/* One source against the pixels, its neighbours' models taken out: where it is, whether it is a point, and
+ * what profile it has otherwise.
+ *
+ * Levenberg-Marquardt with priors, so that faint sources end near what is usual instead of anywhere:
+ *   minimise sum_p w (c - F T(x, y, ln radius, g1, g2, nu))^2 + sum_j ((parameter_j - usual_j) / width_j)^2
+ * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one; radius 0.4 FWHM
+ * within a factor exp(0.8); g1, g2 0 +- 0.25; nu 0.5 +- 0.4. They are weak: a source of S/N 30 hardly feels
+ * them. */
+#ifndef RX_TEMPLATE_REFINE_H
+#define RX_TEMPLATE_REFINE_H
+
+#include "base/error.h"
+#include "template/canvas.h"
+#include "template/lens.h"
+#include "template/spergel.h"
+
+/* A source while it is being fitted. */
+typedef struct rx_subject {
+    rx_tphot_kind kind;
+    double x, y;        /* now */
+    double x0, y0;      /* as given: centre of the prior */
+    rx_spergel profile; /* radius 0: a point */
+    double guess;       /* half-light radius expected from the restored image, pixels */
+    double flux;        /* now, ADU */
+    rx_footprint footprint;
+    /* found by the last refinement */
+    double star, chi2_gain;
+    double shape_error;   /* error of the flux over that at fixed shape */
+    double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
+                             too high by that / 2 * fluxerr^2 / flux */
+    int flags;
+    /* from the source list; segment 0: not listed */
+    int32_t segment;
+    int xmin, xmax, ymin, ymax;
+} rx_subject;
+
+typedef struct rx_refine_params {
+    int extended, substructure;
+    double star_penalty;
+    int frozen; /* positions and profiles stay, only the footprint is made */
+} rx_refine_params;
+
+/* What every refinement sees; canvas->model holds the footprint of the subject with its flux. */
+typedef struct rx_refine_view {
+    const rx_canvas *canvas;
+    const rx_restored *restored;
+    const int32_t *segments; /* [height][width] */
+    double fwhm;
+} rx_refine_view;
+
+/* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                    const rx_subject *subject, rx_subject *after, rx_error *err);
+
+#endif

@@ -1,0 +1,154 @@
+/* First guesses and last words. */
+#include "template/subjects.h"
+
+#include <math.h>
+
+static const double GAUSS = 2.3548200450309493;      /* FWHM / sigma */
+static const double HALF_LIGHT = 1.1774100225154747; /* of a Gaussian, in sigmas */
+static const double CUT = 1.3; /* what a segment's threshold cuts off an exponential's rms radius, roughly */
+static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
+
+/* Second moments of the segment less those of the restored PSF. */
+static void guess_shape(const rx_source *s, double restored_fwhm, rx_subject *subject)
+{
+    const double blur = restored_fwhm / GAUSS;
+    const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
+    subject->guess = CUT * HALF_LIGHT * pow(a2 * b2, 0.25);
+    if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))
+        return;
+    const double q = fmax(sqrt(b2 / a2), 0.3), g = (1 - q) / (1 + q);
+    subject->profile = (rx_spergel){subject->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5};
+    subject->kind = RX_TPHOT_PROFILE;
+}
+
+static double segment_flux(const rx_tphot_input *input, const rx_source *s)
+{
+    double sum = 0;
+    for (int y = s->ymin; y <= s->ymax; y++)
+        for (int x = s->xmin; x <= s->xmax; x++) {
+            const size_t k = (size_t)y * (size_t)input->width + (size_t)x;
+            if (input->sources->segments[k] == s->segment && input->restored->mask[k] == 0)
+                sum += input->restored->pixels[k];
+        }
+    return isfinite(sum) && sum > 0 ? sum : 0;
+}
+
+static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
+{
+    const double g = (1 - from->ratio) / (1 + from->ratio);
+    subject->x = from->x;
+    subject->y = from->y;
+    subject->kind = from->kind;
+    subject->profile = (rx_spergel){.nu = from->index};
+    if (from->kind != RX_TPHOT_POINT)
+        subject->profile =
+            (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index};
+    subject->star = from->star;
+    subject->chi2_gain = from->chi2_gain;
+}
+
+void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_subject *subjects)
+{
+    const rx_psf *psf = input->restored->psf != NULL ? input->restored->psf : input->psf;
+    for (int i = 0; i < input->sources->n; i++) {
+        const rx_source *s = &input->sources->list[i];
+        rx_subject *subject = &subjects[i];
+        *subject = (rx_subject){.kind = RX_TPHOT_POINT,
+                                .x = s->x,
+                                .y = s->y,
+                                .profile = {.nu = 0.5},
+                                .star = 1,
+                                .shape_error = 1,
+                                .segment = s->segment,
+                                .xmin = s->xmin,
+                                .xmax = s->xmax,
+                                .ymin = s->ymin,
+                                .ymax = s->ymax};
+        if (par->extended)
+            guess_shape(s, psf->fwhm, subject);
+        if (input->shapes != NULL)
+            keep_shape(&input->shapes->list[i], subject);
+        if (!isfinite(subject->guess))
+            subject->guess = 0;
+        subject->x0 = subject->x;
+        subject->y0 = subject->y;
+        subject->flux = segment_flux(input, s);
+    }
+}
+
+rx_subject rx_subject_extra(double x, double y)
+{
+    return (rx_subject){.kind = RX_TPHOT_POINT,
+                        .x = x,
+                        .y = y,
+                        .x0 = x,
+                        .y0 = y,
+                        .profile = {.nu = 0.5},
+                        .star = 1,
+                        .shape_error = 1,
+                        .flags = RX_TPHOT_EXTRA};
+}
+
+/* Reduced chi2 of the pixels of the segment and of the free ones where the template is bright; the share of
+ * the template under the mask. */
+static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s,
+                         double background, rx_tphot_source *dst)
+{
+    static const double bright = 0.1;
+    const rx_footprint *f = &s->footprint;
+    double peak = 0, chi2 = 0;
+    for (size_t k = 0; k < (size_t)f->width * (size_t)f->height; k++)
+        peak = fmax(peak, f->values[k]);
+    for (int j = 0; j < f->height; j++)
+        for (int i = 0; i < f->width; i++) {
+            const size_t k = (size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)(f->x0 + i);
+            const double t = f->values[(size_t)j * (size_t)f->width + (size_t)i], w = canvas->weight[k];
+            if (!(w > 0)) {
+                dst->masked += t;
+                continue;
+            }
+            if ((segments[k] != 0 || t < bright * peak) && (s->segment == 0 || segments[k] != s->segment))
+                continue;
+            const double r = (double)canvas->data[k] - canvas->model[k] - background;
+            chi2 += w * r * r;
+            dst->npixels++;
+        }
+    const int fitted = 3 + (s->kind != RX_TPHOT_POINT ? 4 : 0), left = dst->npixels - fitted;
+    dst->chi2 = left > 0 ? chi2 / left : NAN;
+}
+
+/* Where the position is free, the flux is that of the highest point of a noisy hill: too high by half of
+ * fluxerr^2 / flux for each of the positions that the data decide (second order of the likelihood). */
+static double climb(double flux, double error, double gain)
+{
+    if (!(flux > 0))
+        return 0;
+    return fmin(0.5 * gain * error * error / flux, 0.5 * error);
+}
+
+void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s, double variance,
+                     double background, rx_tphot_source *dst)
+{
+    const double error = sqrt(variance), g = hypot(s->profile.g1, s->profile.g2);
+    dst->kind = s->kind;
+    dst->x = s->x;
+    dst->y = s->y;
+    dst->flux = s->flux - climb(s->flux, error, s->position_gain);
+    dst->fluxerr = error * s->shape_error;
+    dst->snr = dst->flux / dst->fluxerr;
+    dst->star = s->star;
+    dst->chi2_gain = s->chi2_gain;
+    dst->radius = s->kind != RX_TPHOT_POINT ? s->profile.radius : 0;
+    dst->ratio = (1 - g) / (1 + g);
+    dst->angle = g > 0 ? 0.5 * atan2(s->profile.g2, s->profile.g1) : 0;
+    dst->index = s->profile.nu;
+    dst->shape_error = s->shape_error;
+    dst->inside = s->footprint.inside;
+    dst->background = background;
+    judge_pixels(canvas, segments, s, background, dst);
+    dst->flags |= s->flags;
+    if (dst->inside < 0.99)
+        dst->flags |= RX_TPHOT_BORDER;
+    if (dst->masked > 0.1)
+        dst->flags |= RX_TPHOT_MASKED;
+}

@@ -1,0 +1,401 @@
+/* Template photometry: guess -> fit together -> refine one by one -> fit together -> what the residual shows.
+ */
+#include "template/template.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "template/blends.h"
+#include "template/canvas.h"
+#include "template/joint.h"
+#include "template/lens.h"
+#include "template/refine.h"
+#include "template/subjects.h"
+
+typedef struct work {
+    const rx_tphot_params *par;
+    const rx_tphot_input *input;
+    int nthreads;
+    rx_canvas canvas;
+    rx_lens *lenses; /* [nthreads] */
+    int n;
+    rx_subject *subjects;     /* [n] */
+    rx_joint_member *members; /* [n] of the last fit */
+    double *backgrounds;      /* [n] by group */
+    rx_blends blends;
+} work;
+
+rx_tphot_params rx_tphot_defaults(void)
+{
+    return (rx_tphot_params){.link = 0.01,
+                             .group_limit = 40,
+                             .background_sigma = 0.02,
+                             .non_negative = 0,
+                             .rounds = 2,
+                             .extended = 1,
+                             .substructure = 1,
+                             .star_penalty = 6,
+                             .nthreads = 1};
+}
+
+static rx_status check_input(const rx_tphot_input *input, rx_error *err)
+{
+    const rx_restored *restored = input->restored;
+    const rx_sources *sources = input->sources;
+    if (restored->width != input->width || restored->height != input->height ||
+        sources->width != input->width || sources->height != input->height || sources->segments == NULL)
+        return rx_error_set(err, RX_INPUT,
+                            "the fitted image has %d x %d pixels and the restored one %d x %d; "
+                            "templates need the same grid",
+                            input->width, input->height, restored->width, restored->height);
+    if (input->psf == NULL)
+        return rx_error_set(err, RX_INPUT, "templates need the PSF of the image; give PSF_TYPE");
+    if (input->shapes != NULL && input->shapes->nlisted != sources->n)
+        return rx_error_set(err, RX_INPUT, "shapes of %d sources were given for a list of %d",
+                            input->shapes->nlisted, sources->n);
+    const rx_psf *psfs[2] = {input->psf, restored->psf};
+    for (int i = 0; i < 2; i++)
+        for (size_t k = 0;
+             psfs[i] != NULL && k < (size_t)psfs[i]->nbasis * (size_t)psfs[i]->size * (size_t)psfs[i]->size;
+             k++)
+            if (!isfinite(psfs[i]->basis[k]))
+                return rx_error_set(err, RX_INPUT,
+                                    "the PSF has a pixel that is not a number; give another one");
+    return RX_OK;
+}
+
+static rx_status open_work(work *w, rx_error *err)
+{
+    w->n = w->input->sources->n;
+    w->subjects = RX_NEW(rx_subject, w->n);
+    w->lenses = RX_NEW(rx_lens, w->nthreads);
+    if (w->subjects == NULL || w->lenses == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
+    rx_status status = rx_canvas_fill(w->input, &w->canvas, err);
+    for (int i = 0; i < w->nthreads && status == RX_OK; i++)
+        status = rx_lens_open(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
+    rx_subjects_start(w->par, w->input, w->subjects);
+    return status;
+}
+
+static void close_work(work *w)
+{
+    for (int i = 0; i < w->n && w->subjects != NULL; i++)
+        free(w->subjects[i].footprint.values);
+    for (int i = 0; i < w->nthreads && w->lenses != NULL; i++)
+        rx_lens_clear(&w->lenses[i]);
+    free(w->subjects);
+    free(w->lenses);
+    free(w->members);
+    free(w->backgrounds);
+    rx_blends_clear(&w->blends);
+    rx_canvas_clear(&w->canvas);
+}
+
+static rx_status draw(work *w, rx_error *err)
+{
+    rx_layer *layers = RX_NEW(rx_layer, w->n);
+    if (layers == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *layers);
+    for (int i = 0; i < w->n; i++)
+        layers[i] = (rx_layer){&w->subjects[i].footprint, w->subjects[i].flux};
+    rx_status status = rx_canvas_draw(&w->canvas, layers, w->n, w->nthreads, err);
+    free(layers);
+    return status;
+}
+
+/* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
+ * at once, so that no order matters. */
+static rx_status refine(work *w, int first, int frozen, int substructure, rx_error *err)
+{
+    const rx_refine_params par = {.extended = w->par->extended,
+                                  .substructure = substructure,
+                                  .star_penalty = w->par->star_penalty,
+                                  .frozen = frozen};
+    const rx_refine_view view = {.canvas = &w->canvas,
+                                 .restored = w->input->restored,
+                                 .segments = w->input->sources->segments,
+                                 .fwhm = fmax(w->input->psf->fwhm, 1.0)};
+    rx_subject *after = RX_NEW(rx_subject, w->n);
+    rx_status failed = RX_OK;
+    if (after == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *after);
+#pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
+    for (int i = first; i < w->n; i++) {
+        rx_error own = RX_ERROR_NONE;
+        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
+        if (status == RX_OK)
+            status =
+                rx_refine(&par, &view, &w->lenses[omp_get_thread_num()], &w->subjects[i], &after[i], &own);
+        if (status != RX_OK) {
+#pragma omp critical(rx_tphot_failure)
+            {
+                failed = status;
+                if (err != NULL)
+                    *err = own;
+            }
+        }
+    }
+    for (int i = first; i < w->n; i++) {
+        free(failed == RX_OK ? w->subjects[i].footprint.values : after[i].footprint.values);
+        if (failed == RX_OK)
+            w->subjects[i] = after[i];
+    }
+    free(after);
+    return failed == RX_OK ? draw(w, err) : failed;
+}
+
+static rx_status regroup(work *w, rx_error *err)
+{
+    const rx_footprint **footprints = RX_NEW(const rx_footprint *, w->n);
+    rx_joint_member *members = rx_regrow(w->members, (size_t)w->n + 1, sizeof *members);
+    if (members != NULL)
+        w->members = members;
+    double *backgrounds = rx_regrow(w->backgrounds, (size_t)w->n + 1, sizeof *backgrounds);
+    if (backgrounds != NULL)
+        w->backgrounds = backgrounds;
+    if (footprints == NULL || members == NULL || backgrounds == NULL) {
+        free(footprints);
+        return rx_error_memory(err, (size_t)w->n * sizeof *members);
+    }
+    for (int i = 0; i < w->n; i++)
+        footprints[i] = &w->subjects[i].footprint;
+    rx_blends_clear(&w->blends);
+    rx_status status = rx_blends_find(footprints, w->n, w->canvas.width, w->canvas.height, w->par->link,
+                                      w->par->group_limit, w->nthreads, &w->blends, err);
+    free(footprints);
+    return status;
+}
+
+/* One group: members gathered, fitted, put back. covariance [m][m] or NULL. */
+static rx_status fit_group(work *w, int group, double *covariance, rx_error *err)
+{
+    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative};
+    const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
+    rx_joint_member *members = RX_NEW(rx_joint_member, m);
+    if (members == NULL)
+        return rx_error_memory(err, (size_t)m * sizeof *members);
+    for (int i = 0; i < m; i++) {
+        const rx_subject *s = &w->subjects[w->blends.member[first + i]];
+        members[i] = (rx_joint_member){.footprint = &s->footprint, .before = s->flux};
+    }
+    rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
+    for (int i = 0; i < m && status == RX_OK; i++)
+        w->members[w->blends.member[first + i]] = members[i];
+    free(members);
+    return status;
+}
+
+/* All groups against the model of the others, then the model anew. */
+static rx_status fit_groups(work *w, rx_error *err)
+{
+    rx_status failed = RX_OK;
+#pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
+    for (int g = 0; g < w->blends.ngroups; g++) {
+        rx_error own = RX_ERROR_NONE;
+        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, NULL, &own);
+        if (status != RX_OK) {
+#pragma omp critical(rx_tphot_failure)
+            {
+                failed = status;
+                if (err != NULL)
+                    *err = own;
+            }
+        }
+    }
+    for (int i = 0; i < w->n && failed == RX_OK; i++)
+        w->subjects[i].flux = isfinite(w->members[i].flux) ? w->members[i].flux : 0;
+    return failed == RX_OK ? draw(w, err) : failed;
+}
+
+static rx_status fit_all(work *w, rx_error *err)
+{
+    rx_status status = regroup(w, err);
+    if (status == RX_OK)
+        status = fit_groups(w, err);
+    int cut = 0;
+    for (int i = 0; i < w->n && status == RX_OK; i++)
+        cut |= w->blends.cut[i];
+    /* light across cut links comes from the round before: once more with what is known now */
+    if (status == RX_OK && cut)
+        status = fit_groups(w, err);
+    return status;
+}
+
+static rx_status add_points(work *w, const double (*at)[2], int count, rx_error *err)
+{
+    if (count <= 0)
+        return RX_OK;
+    rx_subject *more = rx_regrow(w->subjects, (size_t)w->n + (size_t)count, sizeof *more);
+    if (more == NULL)
+        return rx_error_memory(err, ((size_t)w->n + (size_t)count) * sizeof *more);
+    const int first = w->n;
+    w->subjects = more;
+    for (int i = 0; i < count; i++)
+        w->subjects[w->n++] = rx_subject_extra(at[i][0], at[i][1]);
+    return refine(w, first, 1, 0, err);
+}
+
+/* Asks for what shows in the residual, and fits everything again with it. */
+static rx_status second_pass(work *w, rx_error *err)
+{
+    const size_t n = (size_t)w->canvas.width * (size_t)w->canvas.height;
+    float *residual = RX_NEW(float, n), *error = RX_NEW(float, n);
+    double(*found)[2] = NULL;
+    int count = 0;
+    rx_status status = RX_OK;
+    if (residual == NULL || error == NULL) {
+        status = rx_error_memory(err, 2 * n * sizeof(float));
+        goto exit;
+    }
+    for (size_t k = 0; k < n; k++)
+        if (w->canvas.weight[k] > 0) {
+            residual[k] = w->canvas.data[k] - w->canvas.model[k];
+            error[k] = 1 / sqrtf(w->canvas.weight[k]);
+        }
+    status = w->input->more(w->input->user, residual, error, w->canvas.width, w->canvas.height, &found,
+                            &count, err);
+    if (status == RX_OK && count > 0) {
+        status = add_points(w, (const double(*)[2])found, count, err);
+        if (status == RX_OK)
+            status = fit_all(w, err);
+        if (status == RX_OK && w->input->shapes == NULL && w->par->rounds > 0)
+            status = refine(w, 0, 0, w->par->substructure, err);
+        if (status == RX_OK)
+            status = fit_all(w, err);
+    }
+exit:
+    free(residual);
+    free(error);
+    free(found);
+    return status;
+}
+
+static rx_status fit_everything(work *w, rx_error *err)
+{
+    rx_status status = refine(w, 0, 1, 0, err);
+    if (status == RX_OK)
+        status = add_points(w, w->input->extra, w->input->nextra, err);
+    if (status == RX_OK)
+        status = fit_all(w, err);
+    const int frozen = w->input->shapes != NULL;
+    /* frozen shapes still take up their restored pixels, once the fluxes are known */
+    const int rounds = frozen ? w->par->substructure != 0 : w->par->rounds;
+    for (int i = 0; i < rounds && status == RX_OK; i++) {
+        status = refine(w, 0, frozen, w->par->substructure, err);
+        if (status == RX_OK)
+            status = fit_all(w, err);
+    }
+    if (status == RX_OK && w->input->more != NULL)
+        status = second_pass(w, err);
+    /* weights follow the photons of the model that has just been found */
+    if (status == RX_OK && w->canvas.gain > 0)
+        status = fit_all(w, err);
+    return status;
+}
+
+static rx_status store_pairs(work *w, rx_tphot *dst, rx_error *err)
+{
+    size_t room = 0;
+    for (int g = 0; g < w->blends.ngroups; g++) {
+        const size_t m = (size_t)(w->blends.start[g + 1] - w->blends.start[g]);
+        room += m * (m - 1) / 2;
+    }
+    const size_t largest = (size_t)w->blends.largest;
+    dst->pairs = RX_NEW(rx_tphot_pair, room);
+    double *covariance = rx_alloc(largest * largest, sizeof(double));
+    rx_status status = RX_OK;
+    if (dst->pairs == NULL || covariance == NULL)
+        status = rx_error_memory(err, room * sizeof *dst->pairs);
+    for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
+        const int *member = w->blends.member + w->blends.start[g];
+        const size_t m = (size_t)(w->blends.start[g + 1] - w->blends.start[g]);
+        if (m < 2)
+            continue;
+        status = fit_group(w, g, covariance, err);
+        for (size_t i = 0; i < m && status == RX_OK; i++)
+            for (size_t j = i + 1; j < m; j++)
+                dst->pairs[dst->npairs++] =
+                    (rx_tphot_pair){member[i], member[j],
+                                    covariance[i * m + j] * w->subjects[member[i]].shape_error *
+                                        w->subjects[member[j]].shape_error};
+    }
+    free(covariance);
+    return status;
+}
+
+static rx_status store(work *w, rx_tphot *dst, rx_error *err)
+{
+    const size_t pixels = (size_t)w->canvas.width * (size_t)w->canvas.height;
+    dst->list = RX_NEW(rx_tphot_source, w->n);
+    if (dst->list == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *dst->list);
+    dst->n = w->n;
+    dst->nlisted = w->input->sources->n;
+    dst->ngroups = w->blends.ngroups;
+    dst->largest = w->blends.largest;
+    dst->width = w->canvas.width;
+    dst->height = w->canvas.height;
+#pragma omp parallel for schedule(dynamic, 64) num_threads(w->nthreads)
+    for (int i = 0; i < w->n; i++) {
+        rx_tphot_source *s = &dst->list[i];
+        s->group = w->blends.group[i];
+        s->blend = w->members[i].blend;
+        s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
+        rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], w->members[i].variance,
+                        w->backgrounds[s->group], s);
+        if ((s->flags & RX_TPHOT_NO_DATA) != 0)
+            s->flux = s->fluxerr = s->snr = NAN;
+    }
+    rx_status status = w->par->covariance ? store_pairs(w, dst, err) : RX_OK;
+    if (status != RX_OK || !w->par->keep_model)
+        return status;
+    dst->residual = RX_NEW(float, pixels);
+    if (dst->residual == NULL)
+        return rx_error_memory(err, pixels * sizeof(float));
+    for (size_t k = 0; k < pixels; k++)
+        if (w->canvas.weight[k] > 0)
+            dst->residual[k] = w->canvas.data[k] - w->canvas.model[k];
+    dst->model = w->canvas.model;
+    w->canvas.model = NULL;
+    return RX_OK;
+}
+
+rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)
+{
+    work w = {.par = par, .input = input, .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
+    *dst = NULL;
+    rx_status status = check_input(input, err);
+    if (status != RX_OK)
+        return status;
+    rx_tphot *tphot = RX_NEW(rx_tphot, 1);
+    if (tphot == NULL)
+        return rx_error_memory(err, sizeof *tphot);
+    status = open_work(&w, err);
+    if (status == RX_OK)
+        status = fit_everything(&w, err);
+    if (status == RX_OK)
+        status = store(&w, tphot, err);
+    close_work(&w);
+    if (status != RX_OK) {
+        rx_tphot_free(tphot);
+        return status;
+    }
+    *dst = tphot;
+    return RX_OK;
+}
+
+void rx_tphot_free(rx_tphot *tphot)
+{
+    if (tphot == NULL)
+        return;
+    free(tphot->list);
+    free(tphot->pairs);
+    free(tphot->model);
+    free(tphot->residual);
+    free(tphot);
+}

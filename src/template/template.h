@@ -1,0 +1,136 @@
+/* Template photometry: where the sources are and what they look like comes from the restored image, how
+ * bright they are from untouched pixels, whose noise is known. The idea of TFIT (Laidler et al. 2007, PASP
+ * 119, 1325) and T-PHOT (Merlin et al. 2015, A&A 582, A15), with the restored tile as its own high-resolution
+ * image.
+ *
+ *   d(p) = level-subtracted pixel = sum_i F_i T_i(p) + b_group + noise
+ *   w(p) = 1 / (sigma(p)^2 + max(M(p), 0) / gain),   M = sum_i F_i T_i of the round before (photons of the
+ *                                                    model, not of the data: those would bias)
+ *   F, b minimise sum_p w (d - M - b)^2 + (b / (background_sigma sigma))^2 group by group
+ *
+ * A template T_i has the sum 1 over the plane and is one of
+ *   POINT    the tile's PSF at the fitted position
+ *   PROFILE  an elliptical Spergel (2010, ApJS 191, 58) profile behind the tile's PSF, whose size,
+ * ellipticity and index are fitted to the pixels, starting from the source's shape on the restored image
+ *   PIXELS   PROFILE plus what the restored pixels of the source's segment and its surroundings have beyond
+ *            the profile, blurred by the kernel restored PSF -> tile's PSF; the profile goes on outside
+ * chosen by the pixels (chi2 with penalties). So the outskirts that no segment holds are never cut off.
+ *
+ * Flux errors hold the noise of the sky and of photons, the neighbours, the local background and, of
+ * extended sources, what the freedom of the profile costs. They do not hold errors of the PSF. */
+#ifndef RX_TEMPLATE_TEMPLATE_H
+#define RX_TEMPLATE_TEMPLATE_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "data/psf.h"
+#include "data/restored.h"
+#include "data/sources.h"
+
+/* Flags of a fitted source. */
+enum {
+    RX_TPHOT_GROUP_CUT = 1, /* its group was too large: a link to a neighbour was cut, the neighbour's light
+                               is taken from the round before */
+    RX_TPHOT_BORDER = 2,    /* more than 1 % of the template lies beyond the border */
+    RX_TPHOT_MASKED = 4,    /* more than 10 % of the template lies on masked pixels */
+    RX_TPHOT_BOUND = 8,     /* held at flux 0, or the profile ended at a limit */
+    RX_TPHOT_SINGULAR = 16, /* its group could not be told apart; fluxes of its members are arbitrary */
+    RX_TPHOT_NO_DATA = 32,  /* no usable pixel under the template: flux and error are NAN */
+    RX_TPHOT_POSITION = 64, /* the fit of the position failed, the given one was kept */
+    RX_TPHOT_EXTRA = 128    /* not of the source list: added for what showed in the residual */
+};
+
+typedef enum rx_tphot_kind { RX_TPHOT_POINT, RX_TPHOT_PROFILE, RX_TPHOT_PIXELS } rx_tphot_kind;
+
+typedef struct rx_tphot_params {
+    double link;             /* normalised inner product of two templates that ties them into one group */
+    int group_limit;         /* members of a group at most; the weakest links are cut */
+    double background_sigma; /* width of the prior of a group's background, in sigmas of a pixel; 0: none
+                                fitted */
+    int non_negative;        /* no flux below 0 */
+    int rounds;              /* how often positions and shapes are refined, neighbours taken out; 0 = never */
+    int extended;            /* 0: every source is a point */
+    int substructure;        /* 0: never PIXELS */
+    double star_penalty;     /* chi2 that an extended profile must gain over a point */
+    int covariance;          /* fill rx_tphot.pairs */
+    int keep_model;          /* fill rx_tphot.model and .residual */
+    int nthreads;            /* < 1 counts as 1; the result does not depend on it */
+} rx_tphot_params;
+
+/* What the next floor starts from. */
+rx_tphot_params rx_tphot_defaults(void);
+
+typedef struct rx_tphot_source {
+    rx_tphot_kind kind;
+    double x, y;          /* 0-based pixels, of the fit */
+    double flux, fluxerr; /* ADU, of the whole template, beyond border and masks too */
+    double snr;           /* flux / fluxerr */
+    double chi2;          /* reduced, of the source's own pixels; NAN when there are none */
+    int npixels;          /* behind chi2 */
+    double blend;         /* largest |coefficient| of covariance with a neighbour, 0 when alone */
+    double star;          /* 0 extended .. 1 point; 0.5 where both are equally good */
+    double chi2_gain;     /* chi2 of the point minus that of the best profile */
+    double radius, ratio, angle, index; /* profile: half-light radius (geometric mean of both axes, pixels),
+                                           b/a, radians from x, Spergel's nu (0.5 = exponential); 0, 1, 0, 0.5
+                                           of a point */
+    double shape_error;                 /* fluxerr is that many times the error at fixed shape, >= 1 */
+    double inside, masked;              /* share of the template inside the image, on masked pixels */
+    double background;                  /* of its group, ADU */
+    int group;                          /* number of its group, from 0 */
+    int flags;                          /* RX_TPHOT_ */
+} rx_tphot_source;
+
+/* Covariance of two fluxes of one group, ADU^2. */
+typedef struct rx_tphot_pair {
+    int i, j; /* i < j, entries of rx_tphot.list */
+    double covariance;
+} rx_tphot_pair;
+
+typedef struct rx_tphot {
+    int n;                 /* sources of the list, then extra ones */
+    int nlisted;           /* those of the list */
+    rx_tphot_source *list; /* [n] */
+    int ngroups, largest;  /* groups, members of the largest */
+    int npairs;
+    rx_tphot_pair *pairs; /* by i, then j; NULL unless asked for */
+    int width, height;
+    float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
+    float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
+} rx_tphot;
+
+/* Sources that only show in the residual: called once, after the first fit, with residual [height][width]
+ * (ADU, 0 where masked) and error [height][width] (1 sigma of a pixel, photons of the model included; 0 where
+ * masked). The callee gives *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the caller
+ * frees; NULL and 0 for none. They are added as points and everything is fitted again. */
+typedef rx_status (*rx_tphot_more)(void *user, const float *residual, const float *error, int width,
+                                   int height, double (**dst)[2], int *n, rx_error *err);
+
+typedef struct rx_tphot_input {
+    const rx_restored *restored; /* where shapes come from; its psf NULL: that of the tile */
+    const rx_sources *sources;   /* detected on it, with segments */
+    /* the tile to be fitted, same grid; another one than the restored for forced photometry */
+    int width, height;
+    const float *pixels, *level; /* [height][width] ADU; level NULL: 0 everywhere */
+    const float *sigma;          /* [height][width] noise of the sky, ADU; what is not > 0 counts as masked */
+    const uint8_t *mask;         /* [height][width]; NULL: nothing masked */
+    int mask_bits;               /* that hide a pixel */
+    double gain;                 /* e-/ADU; 0: no photon noise */
+    const rx_psf *psf;           /* of the tile to be fitted */
+    /* positions and profiles from an earlier run on the same list (its first nlisted entries), to be kept as
+     * they are: forced photometry. NULL: fitted here. */
+    const rx_tphot *shapes;
+    const double (*extra)[2]; /* [nextra] x, y of points that are not in the list */
+    int nextra;
+    rx_tphot_more more; /* NULL: no second pass */
+    void *user;
+} rx_tphot_input;
+
+/* *dst is freed by rx_tphot_free(), NULL after an error. What lies under masks has no influence. The same
+ * bytes for any nthreads. Errors: RX_INPUT (shapes do not match, no PSF, PSF not finite), RX_SYSTEM,
+ * RX_INTERRUPTED, and what `more` returns. */
+rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst,
+                       rx_error *err);
+void rx_tphot_free(rx_tphot *tphot); /* NULL is fine */
+
+#endif
