@@ -9,4 +9,5 @@ librextract_la_SOURCES += \
 	src/template/spergel.c src/template/spergel.h \
 	src/template/subjects.c src/template/subjects.h \
 	src/template/substructure.c src/template/substructure.h \
-	src/template/template.c src/template/template.h
+	src/template/template.c src/template/template.h \
+	src/template/undersky.c src/template/undersky.h

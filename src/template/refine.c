@@ -13,6 +13,7 @@ static const double USUAL_NU = 0.5, NU_WIDTH = 0.4, G_WIDTH = 0.25, G_MOST = 0.8
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
+static const double WORTH = 0.2;  /* of the penalty that a round size gains before profiles are fitted */
 enum { ITERATIONS = 12 };
 
 /* One source in its surroundings. */
@@ -128,6 +129,35 @@ static void take_profile(const job *j, const rx_fit *fit, rx_subject *after)
         after->flags |= RX_TPHOT_BOUND;
 }
 
+/* Chi2 that a little round size gains over the fitted point, to first order: F T + A (T' - T), T' a profile
+ * of the usual radius. Stars are many and a profile's fit is long. */
+static double size_gain(const job *j, const rx_fit *point)
+{
+    const rx_spergel round = {.radius = USUAL_RADIUS * j->view->fwhm, .nu = USUAL_NU};
+    const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
+    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
+    /* it moves to plane 1 */
+    float *swap = j->size->plane[0];
+    j->size->plane[0] = j->size->plane[1];
+    j->size->plane[1] = swap;
+    rx_lens_render(j->size, NULL, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
+    double tt = 0, td = 0, dd = 0, tr = 0, dr = 0;
+    for (size_t v = 0; v < side; v++)
+        for (size_t u = 0; u < side; u++) {
+            const size_t k = (v + (size_t)j->patch.corner) * stride + u + (size_t)j->patch.corner;
+            const double w = j->patch.weight[v * side + u], t = j->size->plane[0][k];
+            const double d = j->size->plane[1][k] - t;
+            const double r = j->patch.data[v * side + u] - point->p[RX_FIT_FLUX] * t;
+            tt += w * t * t;
+            td += w * t * d;
+            dd += w * d * d;
+            tr += w * t * r;
+            dr += w * d * r;
+        }
+    const double free = dd - td * td / tt, slope = dr - tr * td / tt;
+    return tt > 0 && free > 0 && slope > 0 ? slope * slope / free : 0;
+}
+
 /* Point against profile on the same pixels. */
 static void choose(const job *j, rx_subject *after)
 {
@@ -137,6 +167,8 @@ static void choose(const job *j, rx_subject *after)
     after->star = 1;
     after->chi2_gain = 0;
     if (!j->par->extended || j->before->segment == 0 || (after->flags & RX_TPHOT_POSITION) != 0)
+        return;
+    if (size_gain(j, &point) < WORTH * j->par->star_penalty)
         return;
     fit_profile(j, &profile);
     if (lost(&profile) || !(profile.p[RX_FIT_FLUX] > 0))

@@ -15,6 +15,7 @@
 #include "template/lens.h"
 #include "template/refine.h"
 #include "template/subjects.h"
+#include "template/undersky.h"
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -27,6 +28,7 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
+    double sky; /* taken off the level so far, mean */
 } work;
 
 rx_tphot_params rx_tphot_defaults(void)
@@ -34,6 +36,7 @@ rx_tphot_params rx_tphot_defaults(void)
     return (rx_tphot_params){.link = 0.01,
                              .group_limit = 40,
                              .background_sigma = 0.02,
+                             .sky_cell = 128,
                              .non_negative = 0,
                              .rounds = 2,
                              .extended = 1,
@@ -226,6 +229,19 @@ static rx_status fit_all(work *w, rx_error *err)
     return status;
 }
 
+/* The sky between the models, and all fluxes on it. */
+static rx_status fit_on_sky(work *w, rx_error *err)
+{
+    double mean = 0;
+    rx_status status = fit_all(w, err);
+    if (status != RX_OK || w->par->sky_cell <= 0)
+        return status;
+    status = rx_undersky_subtract(&w->canvas, w->input->sources->segments, w->par->sky_cell, w->nthreads,
+                                  &mean, err);
+    w->sky += mean;
+    return status == RX_OK ? fit_groups(w, err) : status;
+}
+
 static rx_status add_points(work *w, const double (*at)[2], int count, rx_error *err)
 {
     if (count <= 0)
@@ -262,11 +278,11 @@ static rx_status second_pass(work *w, rx_error *err)
     if (status == RX_OK && count > 0) {
         status = add_points(w, (const double(*)[2])found, count, err);
         if (status == RX_OK)
-            status = fit_all(w, err);
+            status = fit_on_sky(w, err);
         if (status == RX_OK && w->input->shapes == NULL && w->par->rounds > 0)
             status = refine(w, 0, 0, w->par->substructure, err);
         if (status == RX_OK)
-            status = fit_all(w, err);
+            status = fit_on_sky(w, err);
     }
 exit:
     free(residual);
@@ -281,20 +297,20 @@ static rx_status fit_everything(work *w, rx_error *err)
     if (status == RX_OK)
         status = add_points(w, w->input->extra, w->input->nextra, err);
     if (status == RX_OK)
-        status = fit_all(w, err);
+        status = fit_on_sky(w, err);
     const int frozen = w->input->shapes != NULL;
     /* frozen shapes still take up their restored pixels, once the fluxes are known */
     const int rounds = frozen ? w->par->substructure != 0 : w->par->rounds;
     for (int i = 0; i < rounds && status == RX_OK; i++) {
         status = refine(w, 0, frozen, w->par->substructure, err);
         if (status == RX_OK)
-            status = fit_all(w, err);
+            status = fit_on_sky(w, err);
     }
     if (status == RX_OK && w->input->more != NULL)
         status = second_pass(w, err);
     /* weights follow the photons of the model that has just been found */
     if (status == RX_OK && w->canvas.gain > 0)
-        status = fit_all(w, err);
+        status = fit_on_sky(w, err);
     return status;
 }
 
@@ -340,6 +356,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->largest = w->blends.largest;
     dst->width = w->canvas.width;
     dst->height = w->canvas.height;
+    dst->sky = w->sky;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(w->nthreads)
     for (int i = 0; i < w->n; i++) {
         rx_tphot_source *s = &dst->list[i];

@@ -48,14 +48,16 @@ typedef struct rx_tphot_params {
     int group_limit;         /* members of a group at most; the weakest links are cut */
     double background_sigma; /* width of the prior of a group's background, in sigmas of a pixel; 0: none
                                 fitted */
-    int non_negative;        /* no flux below 0 */
-    int rounds;              /* how often positions and shapes are refined, neighbours taken out; 0 = never */
-    int extended;            /* 0: every source is a point */
-    int substructure;        /* 0: never PIXELS */
-    double star_penalty;     /* chi2 that an extended profile must gain over a point */
-    int covariance;          /* fill rx_tphot.pairs */
-    int keep_model;          /* fill rx_tphot.model and .residual */
-    int nthreads;            /* < 1 counts as 1; the result does not depend on it */
+    int sky_cell; /* pixels: in cells of that size the sky is measured again between the models and taken off;
+                     0: the level is right */
+    int non_negative;    /* no flux below 0 */
+    int rounds;          /* how often positions and shapes are refined, neighbours taken out; 0 = never */
+    int extended;        /* 0: every source is a point */
+    int substructure;    /* 0: never PIXELS */
+    double star_penalty; /* chi2 that an extended profile must gain over a point */
+    int covariance;      /* fill rx_tphot.pairs */
+    int keep_model;      /* fill rx_tphot.model and .residual */
+    int nthreads;        /* < 1 counts as 1; the result does not depend on it */
 } rx_tphot_params;
 
 /* What the next floor starts from. */
@@ -94,6 +96,7 @@ typedef struct rx_tphot {
     int ngroups, largest;  /* groups, members of the largest */
     int npairs;
     rx_tphot_pair *pairs; /* by i, then j; NULL unless asked for */
+    double sky;           /* ADU, mean of what was taken off the level (sky_cell) */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
