@@ -14,6 +14,7 @@ static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
 static const double WORTH = 0.2;  /* of the penalty that a round size gains before profiles are fitted */
+static const double SURE = 0.02;  /* a probability below that is none */
 enum { ITERATIONS = 12 };
 
 /* One source in its surroundings. */
@@ -100,8 +101,9 @@ static double position_gain(const rx_fit *fit)
 static void take_point(const job *j, const rx_fit *fit, rx_subject *after)
 {
     after->kind = RX_TPHOT_POINT;
+    after->point = after->star = 1;
+    after->chi2_gain = after->variance = 0;
     after->profile = (rx_spergel){.nu = USUAL_NU};
-    after->shape_error = 1;
     if (lost(fit) || !(fit->p[RX_FIT_FLUX] > 0)) {
         after->x = after->x0;
         after->y = after->y0;
@@ -115,17 +117,26 @@ static void take_point(const job *j, const rx_fit *fit, rx_subject *after)
     }
 }
 
-static void take_profile(const job *j, const rx_fit *fit, rx_subject *after)
+/* The profile with its probability, besides the point that has been taken. Its variance holds what the
+ * freedom of its shape costs and that the truth may be the one or the other. */
+static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
 {
+    after->chi2_gain = point->chi2 - profile->chi2;
+    after->star = 1 / (1 + exp(0.5 * fmin(fmax(after->chi2_gain - j->par->star_penalty, -80), 80)));
+    if (after->star > 1 - SURE)
+        return;
+    const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
+    const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - g;
     after->kind = RX_TPHOT_PROFILE;
-    after->profile = rx_fit_profile(fit);
-    after->x = fit->p[RX_FIT_X] + j->cx;
-    after->y = fit->p[RX_FIT_Y] + j->cy;
-    after->flux = fit->p[RX_FIT_FLUX];
-    after->position_gain = position_gain(fit);
-    const double inflated = rx_fit_variance(fit, RX_FIT_FLUX) * fit->a[0];
-    after->shape_error = inflated > 1 && isfinite(inflated) ? sqrt(inflated) : 1;
-    if ((fit->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
+    after->profile = rx_fit_profile(profile);
+    after->flux = p * f + q * g;
+    after->point = p * f / after->flux;
+    after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
+    after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
+    after->position_gain = p * position_gain(point) + q * position_gain(profile);
+    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * rx_fit_variance(profile, RX_FIT_FLUX) +
+                      p * q * spread * spread;
+    if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;
 }
 
@@ -164,19 +175,13 @@ static void choose(const job *j, rx_subject *after)
     rx_fit point, profile;
     fit_point(j, &point);
     take_point(j, &point, after);
-    after->star = 1;
-    after->chi2_gain = 0;
     if (!j->par->extended || j->before->segment == 0 || (after->flags & RX_TPHOT_POSITION) != 0)
         return;
     if (size_gain(j, &point) < WORTH * j->par->star_penalty)
         return;
     fit_profile(j, &profile);
-    if (lost(&profile) || !(profile.p[RX_FIT_FLUX] > 0))
-        return;
-    after->chi2_gain = point.chi2 - profile.chi2;
-    after->star = 1 / (1 + exp(0.5 * fmin(fmax(after->chi2_gain - j->par->star_penalty, -80), 80)));
-    if (after->chi2_gain > j->par->star_penalty)
-        take_profile(j, &profile, after);
+    if (!lost(&profile) && profile.p[RX_FIT_FLUX] > 0)
+        take_profile(j, &point, &profile, after);
 }
 
 /* Light below that is not worth a pixel. */
@@ -195,12 +200,48 @@ static double crop_level(const job *j, const rx_subject *after, const float *pla
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
 }
 
+/* Plane 0: the point and the profile in their shares. */
+static void render(const job *j, const rx_subject *after)
+{
+    const double dx = after->x - j->cx, dy = after->y - j->cy;
+    const size_t cells = (size_t)j->size->n * (size_t)rx_fft_stride_real(j->size->fft);
+    const float share = (float)after->point;
+    if (after->kind == RX_TPHOT_POINT || after->point > 0) {
+        rx_lens_render(j->size, NULL, dx, dy, 0, 1);
+        if (after->kind == RX_TPHOT_POINT)
+            return;
+        float *swap = j->size->plane[0];
+        j->size->plane[0] = j->size->plane[1];
+        j->size->plane[1] = swap;
+    }
+    rx_lens_render(j->size, &after->profile, dx, dy, 0, 1);
+    if (after->point > 0)
+        for (size_t k = 0; k < cells; k++)
+            j->size->plane[0][k] += share * (j->size->plane[1][k] - j->size->plane[0][k]);
+}
+
+/* Error of the flux over that of plane 0 as a fixed template. */
+static double shape_error(const job *j, const rx_subject *after)
+{
+    const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
+    double power = 0;
+    for (size_t v = 0; v < side && after->variance > 0; v++)
+        for (size_t u = 0; u < side; u++) {
+            const double t =
+                j->size->plane[0][(v + (size_t)j->patch.corner) * stride + u + (size_t)j->patch.corner];
+            power += j->patch.weight[v * side + u] * t * t;
+        }
+    return power * after->variance > 1 && isfinite(power * after->variance) ? sqrt(power * after->variance)
+                                                                            : 1;
+}
+
 static rx_status finish(job *j, rx_subject *after, rx_error *err)
 {
-    const rx_spergel *profile = after->kind != RX_TPHOT_POINT ? &after->profile : NULL;
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
-    rx_lens_render(j->size, profile, after->x - j->cx, after->y - j->cy, 0, 1);
-    if (profile != NULL && j->par->substructure) {
+    render(j, after);
+    if (!j->par->frozen)
+        after->shape_error = shape_error(j, after);
+    if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
         int used = 0;
         double flux = after->flux;
         rx_status status =

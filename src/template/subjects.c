@@ -19,6 +19,7 @@ static void guess_shape(const rx_source *s, double restored_fwhm, rx_subject *su
     const double q = fmax(sqrt(b2 / a2), 0.3), g = (1 - q) / (1 + q);
     subject->profile = (rx_spergel){subject->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5};
     subject->kind = RX_TPHOT_PROFILE;
+    subject->point = 0;
 }
 
 static double segment_flux(const rx_tphot_input *input, const rx_source *s)
@@ -44,6 +45,8 @@ static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
         subject->profile =
             (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index};
     subject->star = from->star;
+    subject->point = from->point;
+    subject->shape_error = from->shape_error;
     subject->chi2_gain = from->chi2_gain;
 }
 
@@ -58,6 +61,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .y = s->y,
                                 .profile = {.nu = 0.5},
                                 .star = 1,
+                                .point = 1,
                                 .shape_error = 1,
                                 .segment = s->segment,
                                 .xmin = s->xmin,
@@ -85,6 +89,7 @@ rx_subject rx_subject_extra(double x, double y)
                         .y0 = y,
                         .profile = {.nu = 0.5},
                         .star = 1,
+                        .point = 1,
                         .shape_error = 1,
                         .flags = RX_TPHOT_EXTRA};
 }
@@ -137,6 +142,7 @@ void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_
     dst->fluxerr = error * s->shape_error;
     dst->snr = dst->flux / dst->fluxerr;
     dst->star = s->star;
+    dst->point = s->point;
     dst->chi2_gain = s->chi2_gain;
     dst->radius = s->kind != RX_TPHOT_POINT ? s->profile.radius : 0;
     dst->ratio = (1 - g) / (1 + g);

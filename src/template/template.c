@@ -41,7 +41,7 @@ rx_tphot_params rx_tphot_defaults(void)
                              .rounds = 2,
                              .extended = 1,
                              .substructure = 1,
-                             .star_penalty = 6,
+                             .star_penalty = 4,
                              .nthreads = 1};
 }
 

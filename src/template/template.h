@@ -14,7 +14,8 @@
  * ellipticity and index are fitted to the pixels, starting from the source's shape on the restored image
  *   PIXELS   PROFILE plus what the restored pixels of the source's segment and its surroundings have beyond
  *            the profile, blurred by the kernel restored PSF -> tile's PSF; the profile goes on outside
- * chosen by the pixels (chi2 with penalties). So the outskirts that no segment holds are never cut off.
+ * chosen by the pixels (chi2 with penalties); where they cannot tell, PROFILE holds a point, too, in
+ * proportion to the probabilities. So the outskirts that no segment holds are never cut off.
  *
  * Flux errors hold the noise of the sky and of photons, the neighbours, the local background and, of
  * extended sources, what the freedom of the profile costs. They do not hold errors of the PSF. */
@@ -71,7 +72,8 @@ typedef struct rx_tphot_source {
     double chi2;          /* reduced, of the source's own pixels; NAN when there are none */
     int npixels;          /* behind chi2 */
     double blend;         /* largest |coefficient| of covariance with a neighbour, 0 when alone */
-    double star;          /* 0 extended .. 1 point; 0.5 where both are equally good */
+    double star;          /* probability, 0 extended .. 1 point */
+    double point;         /* share of the light that is fitted as a point; 1 for POINT */
     double chi2_gain;     /* chi2 of the point minus that of the best profile */
     double radius, ratio, angle, index; /* profile: half-light radius (geometric mean of both axes, pixels),
                                            b/a, radians from x, Spergel's nu (0.5 = exponential); 0, 1, 0, 0.5
