@@ -19,6 +19,8 @@
 
 typedef struct work {
     const rx_tphot_params *par;
+    int substructure; /* of the restored pixels is asked for, and they are not the very ones that are fitted:
+                         their noise would be taken for structure and fitted away */
     const rx_tphot_input *input;
     int nthreads;
     rx_canvas canvas;
@@ -41,7 +43,7 @@ rx_tphot_params rx_tphot_defaults(void)
                              .rounds = 2,
                              .extended = 1,
                              .substructure = 1,
-                             .star_penalty = 4,
+                             .star_penalty = 3,
                              .nthreads = 1};
 }
 
@@ -280,7 +282,7 @@ static rx_status second_pass(work *w, rx_error *err)
         if (status == RX_OK)
             status = fit_on_sky(w, err);
         if (status == RX_OK && w->input->shapes == NULL && w->par->rounds > 0)
-            status = refine(w, 0, 0, w->par->substructure, err);
+            status = refine(w, 0, 0, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
     }
@@ -300,9 +302,9 @@ static rx_status fit_everything(work *w, rx_error *err)
         status = fit_on_sky(w, err);
     const int frozen = w->input->shapes != NULL;
     /* frozen shapes still take up their restored pixels, once the fluxes are known */
-    const int rounds = frozen ? w->par->substructure != 0 : w->par->rounds;
+    const int rounds = frozen ? w->substructure != 0 : w->par->rounds;
     for (int i = 0; i < rounds && status == RX_OK; i++) {
-        status = refine(w, 0, frozen, w->par->substructure, err);
+        status = refine(w, 0, frozen, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
     }
@@ -384,7 +386,10 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
 
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)
 {
-    work w = {.par = par, .input = input, .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
+    work w = {.par = par,
+              .substructure = par->substructure && (input->restored->blur != NULL || input->shapes != NULL),
+              .input = input,
+              .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     *dst = NULL;
     rx_status status = check_input(input, err);
     if (status != RX_OK)
