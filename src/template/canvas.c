@@ -49,9 +49,11 @@ void rx_canvas_clear(rx_canvas *canvas)
 static void weigh(rx_canvas *canvas, size_t from, size_t to)
 {
     const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
+    const double error = canvas->psf_error * canvas->psf_error;
     for (size_t k = from; k < to; k++) {
-        const double variance = canvas->variance[k], model = canvas->model[k];
-        canvas->weight[k] = variance > 0.0 ? (float)(1.0 / (variance + fmax(model, 0.0) * photons)) : 0.0f;
+        const double variance = canvas->variance[k], model = fmax(canvas->model[k], 0.0f);
+        canvas->weight[k] =
+            variance > 0.0 ? (float)(1.0 / (variance + model * (photons + model * error))) : 0.0f;
     }
 }
 

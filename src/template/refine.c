@@ -8,7 +8,7 @@
 #include "template/substructure.h"
 
 /* Priors and limits, as refine.h has them. */
-static const double USUAL_RADIUS = 0.4, RADIUS_WIDTH = 0.8;
+static const double USUAL_RADIUS = 0.6, RADIUS_WIDTH = 1.0;
 static const double USUAL_NU = 0.5, NU_WIDTH = 0.4, G_WIDTH = 0.25, G_MOST = 0.8;
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
@@ -268,7 +268,7 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     double radius = fmax(subject->guess, subject->profile.radius);
     if (!par->extended && subject->profile.radius <= 0)
         radius = 0;
-    const int half = (int)ceil(1.5 * view->fwhm + 2.5 * radius) + 1;
+    const int half = (int)ceil(2.0 * view->fwhm + 3.0 * radius) + 2;
     rx_status status = rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y,
                                   par->substructure && radius > 0, &j.size, err);
     if (status == RX_OK)

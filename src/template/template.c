@@ -39,6 +39,7 @@ rx_tphot_params rx_tphot_defaults(void)
                              .group_limit = 40,
                              .background_sigma = 0.02,
                              .sky_cell = 128,
+                             .psf_error = 0.01,
                              .non_negative = 0,
                              .rounds = 2,
                              .extended = 1,
@@ -81,6 +82,7 @@ static rx_status open_work(work *w, rx_error *err)
     if (w->subjects == NULL || w->lenses == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
     rx_status status = rx_canvas_fill(w->input, &w->canvas, err);
+    w->canvas.psf_error = w->par->psf_error;
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
         status = rx_lens_open(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
     rx_subjects_start(w->par, w->input, w->subjects);
@@ -311,7 +313,7 @@ static rx_status fit_everything(work *w, rx_error *err)
     if (status == RX_OK && w->input->more != NULL)
         status = second_pass(w, err);
     /* weights follow the photons of the model that has just been found */
-    if (status == RX_OK && w->canvas.gain > 0)
+    if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0))
         status = fit_on_sky(w, err);
     return status;
 }

@@ -4,8 +4,8 @@
  * image.
  *
  *   d(p) = level-subtracted pixel = sum_i F_i T_i(p) + b_group + noise
- *   w(p) = 1 / (sigma(p)^2 + max(M(p), 0) / gain),   M = sum_i F_i T_i of the round before (photons of the
- *                                                    model, not of the data: those would bias)
+ *   w(p) = 1 / (sigma(p)^2 + M(p) / gain + (psf_error M(p))^2),   M = sum_i F_i T_i >= 0 of the round before
+ *                               (photons of the model, not of the data: those would bias)
  *   F, b minimise sum_p w (d - M - b)^2 + (b / (background_sigma sigma))^2 group by group
  *
  * A template T_i has the sum 1 over the plane and is one of
@@ -51,10 +51,12 @@ typedef struct rx_tphot_params {
                                 fitted */
     int sky_cell; /* pixels: in cells of that size the sky is measured again between the models and taken off;
                      0: the level is right */
-    int non_negative;    /* no flux below 0 */
-    int rounds;          /* how often positions and shapes are refined, neighbours taken out; 0 = never */
-    int extended;        /* 0: every source is a point */
-    int substructure;    /* 0: never PIXELS */
+    double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not judged
+                         by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
+    int non_negative; /* no flux below 0 */
+    int rounds;       /* how often positions and shapes are refined, neighbours taken out; 0 = never */
+    int extended;     /* 0: every source is a point */
+    int substructure; /* 0: never PIXELS */
     double star_penalty; /* chi2 that an extended profile must gain over a point */
     int covariance;      /* fill rx_tphot.pairs */
     int keep_model;      /* fill rx_tphot.model and .residual */
