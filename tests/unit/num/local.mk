@@ -5,3 +5,5 @@ tests_unit_num_test_fft_SOURCES = tests/unit/num/test_fft.c
 tests_unit_num_test_convolve_SOURCES = tests/unit/num/test_convolve.c
 check_PROGRAMS += tests/unit/num/test_lsq
 tests_unit_num_test_lsq_SOURCES = tests/unit/num/test_lsq.c
+check_PROGRAMS += tests/unit/num/test_normal
+tests_unit_num_test_normal_SOURCES = tests/unit/num/test_normal.c

@@ -1,0 +1,431 @@
+/* Template photometry of small images whose truth is known. */
+#include "field.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/convolve.h"
+
+/* Nothing that blurs comparisons with closed forms: no background, no sky, a perfect PSF. */
+static rx_tphot_params plain_params(void)
+{
+    rx_tphot_params par = rx_tphot_defaults();
+    par.background_sigma = 0;
+    par.sky_cell = 0;
+    par.psf_error = 0;
+    return par;
+}
+
+static rx_tphot *run(const rx_tphot_params *par, const field *f)
+{
+    const rx_tphot_input input = field_input(f);
+    rx_tphot *tphot = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_tphot_run(par, &input, &tphot, &err), RX_OK);
+    return tphot;
+}
+
+static void list_star(field *f, double x, double y)
+{
+    field_list(f, x, y, 1.5 * f->fwhm, f->fwhm / 2.355, f->fwhm / 2.355, 0);
+}
+
+static double psf_power(const field *f)
+{
+    double sum = 0;
+    for (int k = 0; k < f->psf->size * f->psf->size; k++)
+        sum += (double)f->psf->basis[k] * f->psf->basis[k];
+    return sum;
+}
+
+static int near(double value, double want, double relative)
+{
+    return fabs(value - want) <= relative * fabs(want);
+}
+
+static void test_star(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        const double fwhm = 3.0 + 1.5 * k, flux = 1e5;
+        field f;
+        field_open(&f, 120, 110, fwhm, 1, 1);
+        field_star(&f, 57.3, 50.8, flux);
+        list_star(&f, 57.1, 50.9);
+        field_restore_none(&f);
+        const rx_tphot_params par = plain_params();
+        rx_tphot *t = run(&par, &f);
+        const rx_tphot_source *s = &t->list[0];
+        assert_true(near(s->flux, flux, 1e-4));
+        assert_true(near(s->fluxerr, 1 / sqrt(psf_power(&f)), 1e-3)); /* of the matched filter */
+        assert_true(fabs(s->x - 57.3) < 1e-3 && fabs(s->y - 50.8) < 1e-3);
+        assert_int_equal(s->kind, RX_TPHOT_POINT);
+        assert_int_equal(s->flags, 0);
+        assert_true(s->star > 0.9 && s->blend == 0 && s->point == 1 && s->inside > 0.999);
+        assert_true(near(s->snr, s->flux / s->fluxerr, 1e-12));
+        rx_tphot_free(t);
+        field_close(&f);
+    }
+}
+
+static void test_disk(void **state)
+{
+    (void)state;
+    field f;
+    field_open(&f, 140, 130, 4, 1, 1);
+    field_disk(&f, 70.4, 64.7, 1e5, 3, 0.5, 0.6);
+    field_list(&f, 70.4, 64.7, 8, 3, 2, 0.6);
+    field_restore_none(&f);
+    const rx_tphot_params par = plain_params();
+    rx_tphot *t = run(&par, &f);
+    const rx_tphot_source *s = &t->list[0];
+    assert_true(near(s->flux, 1e5, 1e-4));
+    assert_int_equal(s->kind, RX_TPHOT_PROFILE);
+    assert_true(near(s->radius, 3, 5e-3) && near(s->ratio, 0.5, 5e-3) && near(s->angle, 0.6, 5e-3));
+    assert_true(fabs(s->index - 0.5) < 0.02 && s->star < 1e-6 && s->shape_error > 1);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+/* Two stars and a disk on top of each other. */
+static void test_blend(void **state)
+{
+    (void)state;
+    field f;
+    const double flux[3] = {1e5, 4e4, 1e5};
+    field_open(&f, 140, 130, 4, 1, 3);
+    field_star(&f, 60.2, 60.7, flux[0]);
+    field_star(&f, 64.4, 60.2, flux[1]); /* 1.05 FWHM away */
+    field_disk(&f, 70.4, 66.7, flux[2], 3, 0.5, 0.6);
+    list_star(&f, 60.3, 60.6);
+    list_star(&f, 64.3, 60.3);
+    field_list(&f, 70.4, 66.7, 6, 3, 2, 0.6);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    par.covariance = par.keep_model = 1;
+    par.rounds = 8;
+    rx_tphot *t = run(&par, &f);
+    for (int i = 0; i < 3; i++)
+        assert_true(near(t->list[i].flux, flux[i], 2e-3));
+    assert_int_equal(t->ngroups, 1);
+    assert_int_equal(t->npairs, 3);
+    assert_true(t->pairs[0].i == 0 && t->pairs[0].j == 1 && t->pairs[0].covariance < 0);
+    const double coefficient = fabs(t->pairs[0].covariance) / (t->list[0].fluxerr * t->list[1].fluxerr);
+    assert_true(near(t->list[0].blend, coefficient, 1e-6) && coefficient > 0.2);
+    for (size_t k = 0; k < 140 * 130; k++)
+        assert_true(fabs((double)f.pixels[k] - t->model[k] - t->residual[k]) < 1e-2);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+static void crowd(field *f, uint64_t seed)
+{
+    field_open(f, 260, 250, 3, 1, 60);
+    for (int i = 0; i < 60; i++) {
+        const double x = 260 * rx_random_uniform(seed, 1, (uint64_t)i);
+        const double y = 250 * rx_random_uniform(seed, 2, (uint64_t)i);
+        const double flux = 100 * pow(100, rx_random_uniform(seed, 3, (uint64_t)i));
+        if (i % 10 == 0)
+            field_disk(f, x, y, flux, 2.5, 0.6, i);
+        else
+            field_star(f, x, y, flux);
+    }
+    for (int i = 0; i < 60; i++) {
+        const double x = 260 * rx_random_uniform(seed, 1, (uint64_t)i);
+        const double y = 250 * rx_random_uniform(seed, 2, (uint64_t)i);
+        field_list(f, x, y, 5, i % 10 == 0 ? 2.5 : 1.3, i % 10 == 0 ? 2 : 1.3, 0.1 * i);
+    }
+    field_noise(f, seed);
+    for (size_t k = 0; k < 260 * 250; k++)
+        f->mask[k] = k % 97 == 0 ? 1 : 0;
+    memcpy(f->restored->mask, f->mask, 260 * 250);
+    field_restore_none(f);
+}
+
+static void assert_same(const rx_tphot *a, const rx_tphot *b)
+{
+    assert_int_equal(a->n, b->n);
+    assert_int_equal(a->npairs, b->npairs);
+    assert_memory_equal(a->list, b->list, (size_t)a->n * sizeof *a->list);
+    if (a->npairs > 0)
+        assert_memory_equal(a->pairs, b->pairs, (size_t)a->npairs * sizeof *a->pairs);
+    assert_memory_equal(a->model, b->model, (size_t)a->width * (size_t)a->height * sizeof(float));
+    assert_memory_equal(a->residual, b->residual, (size_t)a->width * (size_t)a->height * sizeof(float));
+}
+
+static void test_threads_and_masks(void **state)
+{
+    (void)state;
+    field f;
+    crowd(&f, 4);
+    rx_tphot_params par = rx_tphot_defaults();
+    par.covariance = par.keep_model = 1;
+    rx_tphot *one = run(&par, &f);
+    for (int n = 2; n <= 3; n++) {
+        par.nthreads = n;
+        rx_tphot *more = run(&par, &f);
+        assert_same(one, more);
+        rx_tphot_free(more);
+    }
+    par.nthreads = 1;
+    for (size_t k = 0; k < 260 * 250; k++)
+        if (f.mask[k] != 0) {
+            f.pixels[k] = k % 2 ? NAN : 1e9f;
+            f.sigma[k] = k % 3 ? NAN : 0;
+            f.restored->pixels[k] = k % 2 ? 1e9f : NAN;
+        }
+    rx_tphot *other = run(&par, &f);
+    assert_same(one, other);
+    rx_tphot_free(other);
+    rx_tphot_free(one);
+    field_close(&f);
+}
+
+/* Shapes from one image, fluxes from another of wider PSF. */
+static void test_forced(void **state)
+{
+    (void)state;
+    field a, b;
+    field_open(&a, 140, 130, 3, 1, 2);
+    field_star(&a, 50.2, 60.7, 1e5);
+    field_disk(&a, 80.4, 66.7, 1e5, 3, 0.5, 0.6);
+    list_star(&a, 50.2, 60.7);
+    field_list(&a, 80.4, 66.7, 8, 3, 2, 0.6);
+    field_restore_none(&a);
+    field_open(&b, 140, 130, 5, 1, 0);
+    field_star(&b, 50.2, 60.7, 300);
+    field_disk(&b, 80.4, 66.7, 700, 3, 0.5, 0.6);
+    const rx_tphot_params par = plain_params();
+    rx_tphot *first = run(&par, &a), *second = NULL;
+    rx_tphot_input input = field_input(&a);
+    input.pixels = b.pixels;
+    input.psf = b.psf;
+    input.shapes = first;
+    assert_int_equal(rx_tphot_run(&par, &input, &second, NULL), RX_OK);
+    assert_true(near(second->list[0].flux, 300, 1e-3) && near(second->list[1].flux, 700, 2e-3));
+    assert_true(second->list[0].x == first->list[0].x && second->list[1].radius == first->list[1].radius);
+    rx_tphot_free(second);
+    first->nlisted = 1;
+    assert_int_equal(rx_tphot_run(&par, &input, &second, NULL), RX_INPUT);
+    rx_tphot_free(first);
+    field_close(&a);
+    field_close(&b);
+}
+
+/* The brightest pixel of the residual, once. */
+static rx_status look(void *user, const float *residual, const float *error, int width, int height,
+                      double (**dst)[2], int *n, rx_error *err)
+{
+    size_t best = 0;
+    (void)err;
+    (*(int *)user)++;
+    for (size_t k = 0; k < (size_t)width * (size_t)height; k++)
+        if (residual[k] > residual[best])
+            best = k;
+    assert_true(error[best] > 0 && residual[best] > 10 * error[best]);
+    *dst = rx_alloc(1, sizeof **dst);
+    assert_non_null(*dst);
+    (*dst)[0][0] = (double)(best % (size_t)width);
+    (*dst)[0][1] = (double)(best / (size_t)width);
+    *n = 1;
+    return RX_OK;
+}
+
+static void test_second_pass(void **state)
+{
+    (void)state;
+    field f;
+    int calls = 0;
+    field_open(&f, 120, 110, 4, 1, 1);
+    field_star(&f, 50.2, 50.7, 1e5);
+    field_star(&f, 56.4, 53.2, 5e3);
+    list_star(&f, 50.2, 50.7);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    par.extended = 0;
+    par.rounds = 4;
+    rx_tphot_input input = field_input(&f);
+    input.more = look;
+    input.user = &calls;
+    rx_tphot *t = NULL;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    assert_true(calls == 1 && t->n == 2 && t->nlisted == 1);
+    assert_true((t->list[1].flags & RX_TPHOT_EXTRA) != 0);
+    assert_true(near(t->list[0].flux, 1e5, 3e-3) && near(t->list[1].flux, 5e3, 3e-2));
+    rx_tphot_free(t);
+    const double at[1][2] = {{56.4, 53.2}};
+    input.more = NULL;
+    input.extra = at;
+    input.nextra = 1;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    assert_true(near(t->list[0].flux, 1e5, 1e-3) && near(t->list[1].flux, 5e3, 1e-2));
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+/* A row of stars, each touching the next: groups end at the limit, fluxes hardly suffer. */
+static void test_limit(void **state)
+{
+    (void)state;
+    field f;
+    field_open(&f, 200, 60, 4, 1, 25);
+    for (int i = 0; i < 25; i++)
+        field_star(&f, 20 + 6.5 * i, 30, 1e4 + 300 * i);
+    for (int i = 0; i < 25; i++)
+        list_star(&f, 20 + 6.5 * i, 30);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    par.extended = 0;
+    par.group_limit = 6;
+    rx_tphot *t = run(&par, &f);
+    int cut = 0;
+    assert_true(t->largest <= 6 && t->ngroups >= 5);
+    for (int i = 0; i < 25; i++) {
+        cut += (t->list[i].flags & RX_TPHOT_GROUP_CUT) != 0;
+        assert_true(near(t->list[i].flux, 1e4 + 300 * i, 5e-3));
+    }
+    assert_true(cut >= 8);
+    rx_tphot_free(t);
+    par.group_limit = 40;
+    t = run(&par, &f);
+    assert_true(t->ngroups == 1 && t->list[3].flags == 0);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+static void test_bound(void **state)
+{
+    (void)state;
+    field f;
+    field_open(&f, 100, 100, 4, 1, 2);
+    field_star(&f, 40, 50, 1e4);
+    field_star(&f, 52, 50, -500);
+    list_star(&f, 40, 50);
+    list_star(&f, 52, 50);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    rx_tphot *t = run(&par, &f);
+    assert_true(near(t->list[1].flux, -500, 0.02) && (t->list[1].flags & RX_TPHOT_BOUND) == 0);
+    rx_tphot_free(t);
+    par.non_negative = 1;
+    t = run(&par, &f);
+    assert_true(t->list[1].flux == 0 && (t->list[1].flags & RX_TPHOT_BOUND) != 0);
+    assert_true(t->list[1].fluxerr > 0 && near(t->list[0].flux, 1e4, 1e-2));
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+static void test_border_and_mask(void **state)
+{
+    (void)state;
+    field f;
+    field_open(&f, 120, 110, 4, 1, 3);
+    field_star(&f, 1.3, 50.2, 1e5);
+    field_star(&f, 60.3, 50.2, 1e5);
+    field_star(&f, 100, 90, 1e5);
+    list_star(&f, 1.3, 50.2);
+    list_star(&f, 60.3, 50.2);
+    list_star(&f, 100, 90);
+    for (int y = 49; y <= 50; y++)
+        for (int x = 59; x <= 61; x++)
+            f.mask[y * 120 + x] = 4;
+    for (int y = 60; y < 110; y++)
+        for (int x = 70; x < 120; x++)
+            f.mask[y * 120 + x] = 1;
+    memcpy(f.restored->mask, f.mask, 120 * 110);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    par.extended = 0;
+    rx_tphot *t = run(&par, &f);
+    assert_true((t->list[0].flags & RX_TPHOT_BORDER) != 0 && t->list[0].inside < 0.9);
+    assert_true(near(t->list[0].flux, 1e5, 1e-3));
+    assert_true((t->list[1].flags & RX_TPHOT_MASKED) != 0 && t->list[1].masked > 0.1);
+    assert_true(near(t->list[1].flux, 1e5, 1e-3) && t->list[1].fluxerr > t->list[0].fluxerr * 0.9);
+    assert_true((t->list[2].flags & RX_TPHOT_NO_DATA) != 0 || t->list[2].masked > 0.9);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+/* Two peaks in one segment, seen by a restored image whose PSF is a Gaussian of 2 pixels. */
+static void test_pixels(void **state)
+{
+    (void)state;
+    field f;
+    const double x[2] = {57, 63}, y[2] = {50, 53}, flux[2] = {1e5, 6e4};
+    field_open(&f, 120, 110, 4, 1, 1);
+    rx_psf *narrow = rx_psf_new(RX_PSF_GAUSS, 9, 1);
+    assert_non_null(narrow);
+    float weights[9];
+    assert_int_equal(rx_gauss_radius(2), 4);
+    rx_gauss_weights(2, 4, weights);
+    for (int k = 0; k < 81; k++)
+        narrow->basis[k] = weights[k / 9] * weights[k % 9];
+    narrow->fwhm = 2;
+    for (int i = 0; i < 2; i++) {
+        field_star(&f, x[i], y[i], flux[i]);
+        for (int k = 0; k < 81; k++)
+            f.restored->pixels[((int)y[i] + k / 9 - 4) * 120 + (int)x[i] + k % 9 - 4] +=
+                (float)flux[i] * narrow->basis[k];
+    }
+    field_list(&f, 59.3, 51.1, 9, 3.4, 1.8, 0.46);
+    rx_psf_free(f.restored->psf);
+    f.restored->psf = narrow;
+    f.restored->blur = rx_psf_copy(f.psf);
+    assert_non_null(f.restored->blur);
+    const rx_tphot_params par = plain_params();
+    rx_tphot *t = run(&par, &f);
+    assert_int_equal(t->list[0].kind, RX_TPHOT_PIXELS);
+    assert_true(near(t->list[0].flux, flux[0] + flux[1], 2e-3));
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
+static void test_refused(void **state)
+{
+    (void)state;
+    field f;
+    rx_tphot *t = NULL;
+    rx_error err = RX_ERROR_NONE;
+    field_open(&f, 60, 50, 3, 1, 1);
+    field_restore_none(&f);
+    const rx_tphot_params par = rx_tphot_defaults();
+    rx_tphot_input input = field_input(&f);
+    assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_OK); /* no sources */
+    assert_true(t->n == 0 && t->ngroups == 0);
+    rx_tphot_free(t);
+    input.width = 50;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
+    assert_null(t);
+    input.width = 60;
+    input.psf = NULL;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
+    input.psf = f.psf;
+    f.psf->basis[3] = NAN;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
+    field_close(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_star),
+                                       cmocka_unit_test(test_disk),
+                                       cmocka_unit_test(test_blend),
+                                       cmocka_unit_test(test_threads_and_masks),
+                                       cmocka_unit_test(test_forced),
+                                       cmocka_unit_test(test_second_pass),
+                                       cmocka_unit_test(test_limit),
+                                       cmocka_unit_test(test_bound),
+                                       cmocka_unit_test(test_border_and_mask),
+                                       cmocka_unit_test(test_pixels),
+                                       cmocka_unit_test(test_refused)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
