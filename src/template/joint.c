@@ -8,18 +8,29 @@
 #include "num/normal.h"
 #include "template/patch.h"
 
-/* The equations: unknowns 0 .. n - 1 are members with data, the last is the background when there is one. */
+/* One unknown: a flux, or the flux times a shift in x or y; the background is the last, without a column. */
+typedef struct column {
+    const rx_footprint *footprint;
+    int member, what;         /* 0 flux, 1 x, 2 y */
+    double before;            /* what the model holds of it */
+    double centre, precision; /* of its prior */
+} column;
+
 typedef struct equations {
-    size_t n;
-    int background; /* 1: the last unknown */
-    int *member;    /* [n] which member an unknown is */
+    size_t n, nflux, ncolumns; /* unknowns; columns of fluxes come first */
+    column *columns;
+    rx_footprint *slopes; /* [2 members] dT/dx, dT/dy; values owned */
+    size_t nslopes;
     double *a, *b, *x, *covariance;
     int *bounded, *held;
 } equations;
 
 static void clear(equations *e)
 {
-    free(e->member);
+    for (size_t i = 0; i < e->nslopes; i++)
+        free(e->slopes[i].values);
+    free(e->slopes);
+    free(e->columns);
     free(e->a);
     free(e->b);
     free(e->x);
@@ -30,18 +41,34 @@ static void clear(equations *e)
 
 static rx_status open_equations(size_t n, equations *e, rx_error *err)
 {
-    *e = (equations){.member = RX_NEW(int, n),
-                     .a = rx_alloc(n * n, sizeof(double)),
-                     .b = RX_NEW(double, n),
-                     .x = RX_NEW(double, n),
-                     .covariance = rx_alloc(n * n, sizeof(double)),
-                     .bounded = RX_NEW(int, n),
-                     .held = RX_NEW(int, n)};
-    if (e->member != NULL && e->a != NULL && e->b != NULL && e->x != NULL && e->covariance != NULL &&
-        e->bounded != NULL && e->held != NULL)
-        return RX_OK;
-    clear(e);
-    return rx_error_memory(err, 2 * n * n * sizeof(double));
+    e->n = n;
+    e->a = rx_alloc(n * n, sizeof(double));
+    e->b = RX_NEW(double, n);
+    e->x = RX_NEW(double, n);
+    e->covariance = rx_alloc(n * n, sizeof(double));
+    e->bounded = RX_NEW(int, n);
+    e->held = RX_NEW(int, n);
+    if (e->a == NULL || e->b == NULL || e->x == NULL || e->covariance == NULL || e->bounded == NULL ||
+        e->held == NULL)
+        return rx_error_memory(err, 2 * n * n * sizeof(double));
+    return RX_OK;
+}
+
+/* Central differences of the template, along x or y; nothing outside. */
+static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst, rx_error *err)
+{
+    const size_t w = (size_t)f->width, h = (size_t)f->height, step = along_y ? w : 1;
+    *dst = *f;
+    dst->values = RX_NEW(float, w *h);
+    if (dst->values == NULL)
+        return rx_error_memory(err, w * h * sizeof(float));
+    for (size_t y = 0; y < h; y++)
+        for (size_t x = 0; x < w; x++) {
+            const size_t k = y * w + x;
+            const int first = along_y ? y == 0 : x == 0, last = along_y ? y + 1 == h : x + 1 == w;
+            dst->values[k] = 0.5f * ((last ? 0 : f->values[k + step]) - (first ? 0 : f->values[k - step]));
+        }
+    return RX_OK;
 }
 
 /* sum w T and sum w T (data - model) over a footprint. */
@@ -99,96 +126,133 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *can
     return RX_OK;
 }
 
-/* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
-static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *m,
-                      equations *e, double *weight, rx_error *err)
+/* Columns of the fluxes of members with data, then of the shifts of those that may move. */
+static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m, equations *e, rx_error *err)
 {
+    e->columns = RX_NEW(column, 3 * (size_t)n);
+    e->slopes = RX_NEW(rx_footprint, 2 * (size_t)n);
+    if (e->columns == NULL || e->slopes == NULL)
+        return rx_error_memory(err, 3 * (size_t)n * sizeof *e->columns);
     for (int i = 0; i < n; i++) {
         const double power = rx_footprint_product(m[i].footprint, m[i].footprint, canvas);
         m[i].flags = power > 0 && isfinite(power) ? 0 : RX_TPHOT_NO_DATA;
         if (m[i].flags == 0)
-            e->member[e->n++] = i;
+            e->columns[e->nflux++] =
+                (column){.footprint = m[i].footprint, .member = i, .before = m[i].before};
     }
-    const size_t nflux = e->n, columns = e->n + (par->background_sigma > 0 && e->n > 0 ? 1 : 0);
-    e->background = columns > nflux;
-    e->n = columns;
-    for (size_t i = 0; i < nflux; i++) {
-        project(m[e->member[i]].footprint, canvas, &weight[i], &e->b[i]);
-        e->bounded[i] = par->non_negative;
-        for (size_t j = 0; j <= i; j++)
-            e->a[i * columns + j] = e->a[j * columns + i] =
-                rx_footprint_product(m[e->member[i]].footprint, m[e->member[j]].footprint, canvas);
+    e->ncolumns = e->nflux;
+    for (size_t k = 0; k < e->nflux; k++) {
+        const rx_joint_member *one = &m[e->columns[k].member];
+        const double scale = one->before * one->shift_width;
+        for (int d = 0; d < 2 && scale > 0; d++) {
+            rx_footprint *slope = &e->slopes[e->nslopes];
+            rx_status status = slope_of(one->footprint, d, slope, err);
+            if (status != RX_OK)
+                return status;
+            e->nslopes++;
+            e->columns[e->ncolumns++] = (column){.footprint = slope,
+                                                 .member = e->columns[k].member,
+                                                 .what = 1 + d,
+                                                 .centre = -one->before * one->shift_centre[d],
+                                                 .precision = 1 / (scale * scale)};
+        }
     }
-    for (size_t i = 0; i < nflux; i++)
-        for (size_t j = 0; j < nflux; j++)
-            e->b[i] += e->a[i * columns + j] * m[e->member[j]].before;
-    if (!e->background)
-        return RX_OK;
+    return RX_OK;
+}
+
+/* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
+static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n, const rx_joint_member *m,
+                      equations *e, rx_error *err)
+{
+    const size_t last = e->ncolumns, size = e->n;
     double sums[3];
+    for (size_t i = 0; i < last; i++) {
+        const column *c = &e->columns[i];
+        double weight;
+        project(c->footprint, canvas, &weight, &e->b[i]);
+        e->bounded[i] = par->non_negative && c->what == 0;
+        for (size_t j = 0; j <= i; j++)
+            e->a[i * size + j] = e->a[j * size + i] =
+                rx_footprint_product(c->footprint, e->columns[j].footprint, canvas);
+        if (size > last)
+            e->a[i * size + last] = e->a[last * size + i] = weight;
+    }
+    for (size_t i = 0; i < size; i++)
+        for (size_t j = 0; j < e->nflux; j++)
+            e->b[i] += e->a[i * size + j] * e->columns[j].before;
+    for (size_t i = e->nflux; i < last; i++) {
+        e->a[i * size + i] += e->columns[i].precision;
+        e->b[i] += e->columns[i].precision * e->columns[i].centre;
+    }
+    if (size == last)
+        return RX_OK;
     rx_status status = sum_union(n, m, canvas, sums, err);
+    if (status != RX_OK)
+        return status;
     /* members with data have pixels with weight: sums[0] > 0 */
     const double prior = sums[0] / (sums[2] * par->background_sigma * par->background_sigma);
-    e->a[nflux * columns + nflux] = sums[0] + prior;
-    e->b[nflux] = sums[1];
-    for (size_t i = 0; i < nflux; i++) {
-        e->a[i * columns + nflux] = e->a[nflux * columns + i] = weight[i];
-        e->b[nflux] += weight[i] * m[e->member[i]].before;
+    e->a[last * size + last] = sums[0] + prior;
+    e->b[last] += sums[1];
+    return RX_OK;
+}
+
+/* Largest coefficient of covariance of flux i with another flux. */
+static double largest_coefficient(const equations *e, size_t i)
+{
+    double largest = 0;
+    for (size_t j = 0; j < e->nflux; j++) {
+        const double norm = e->covariance[i * e->n + i] * e->covariance[j * e->n + j];
+        if (j != i && norm > 0)
+            largest = fmax(largest, fabs(e->covariance[i * e->n + j]) / sqrt(norm));
     }
-    return status;
+    return largest;
 }
 
 static void store(const equations *e, int singular, rx_joint_member *m, int n, double *background,
                   double *covariance)
 {
-    const size_t nflux = e->n - (size_t)e->background;
-    *background = e->background ? e->x[nflux] : 0;
+    *background = e->n > e->ncolumns ? e->x[e->ncolumns] : 0;
     for (size_t k = 0; covariance != NULL && k < (size_t)n * (size_t)n; k++)
         covariance[k] = 0;
-    for (size_t i = 0; i < nflux; i++) {
-        rx_joint_member *one = &m[e->member[i]];
+    for (size_t i = 0; i < e->nflux; i++) {
+        rx_joint_member *one = &m[e->columns[i].member];
         one->flux = e->x[i];
-        one->variance = e->covariance[i * e->n + i];
-        one->flags |= (e->held[i] ? RX_TPHOT_BOUND : 0) | (singular ? RX_TPHOT_SINGULAR : 0);
         /* of a flux held at 0: what its template alone would have */
-        if (e->held[i])
-            one->variance = 1 / e->a[i * e->n + i];
-        for (size_t j = 0; j < nflux; j++) {
-            const double c = e->covariance[i * e->n + j];
-            const double norm = e->covariance[i * e->n + i] * e->covariance[j * e->n + j];
-            if (j != i && norm > 0)
-                one->blend = fmax(one->blend, fabs(c) / sqrt(norm));
-            if (covariance != NULL)
-                covariance[(size_t)e->member[i] * (size_t)n + (size_t)e->member[j]] = c;
-        }
+        one->variance = e->held[i] ? 1 / e->a[i * e->n + i] : e->covariance[i * e->n + i];
+        one->alone = 1 / e->a[i * e->n + i];
+        one->flags |= (e->held[i] ? RX_TPHOT_BOUND : 0) | (singular ? RX_TPHOT_SINGULAR : 0);
+        one->blend = largest_coefficient(e, i);
+        for (size_t j = 0; covariance != NULL && j < e->nflux; j++)
+            covariance[(size_t)e->columns[i].member * (size_t)n + (size_t)e->columns[j].member] =
+                e->covariance[i * e->n + j];
+    }
+    for (size_t i = e->nflux; i < e->ncolumns; i++) {
+        rx_joint_member *one = &m[e->columns[i].member];
+        one->shift[e->columns[i].what - 1] = -e->x[i] / one->before;
     }
 }
 
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
                        double *background, double *covariance, rx_error *err)
 {
-    equations e;
+    equations e = {0};
     int singular = 0;
-    rx_status status = open_equations((size_t)n + 1, &e, err);
-    if (status != RX_OK)
-        return status;
-    double *weight = RX_NEW(double, n);
-    if (weight == NULL)
-        status = rx_error_memory(err, (size_t)n * sizeof(double));
     for (int i = 0; i < n; i++) {
-        members[i].flux = members[i].variance = NAN;
-        members[i].blend = 0;
+        members[i].flux = members[i].variance = members[i].alone = NAN;
+        members[i].blend = members[i].shift[0] = members[i].shift[1] = 0;
     }
     *background = 0;
+    rx_status status = list_columns(canvas, n, members, &e, err);
     if (status == RX_OK)
-        status = fill(par, canvas, n, members, &e, weight, err);
-    if (status == RX_OK && e.n > 0) {
+        status = open_equations(e.ncolumns + (par->background_sigma > 0 && e.nflux > 0), &e, err);
+    if (status == RX_OK && e.n > 0)
+        status = fill(par, canvas, n, members, &e, err);
+    if (status == RX_OK && e.n > 0)
         status = par->non_negative ? rx_normal_nonnegative(e.a, e.b, e.bounded, e.n, e.x, e.covariance,
                                                            e.held, &singular, err)
                                    : rx_normal_solve(e.a, e.b, e.n, e.x, e.covariance, &singular, err);
-    }
     if (status == RX_OK)
         store(&e, singular, members, n, background, covariance);
-    free(weight);
     clear(&e);
     return status;
 }

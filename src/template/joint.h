@@ -13,10 +13,16 @@ typedef struct rx_joint_params {
 /* One member, given and found. */
 typedef struct rx_joint_member {
     const rx_footprint *footprint;
-    double before;   /* flux that canvas->model holds of it */
+    double before; /* flux that canvas->model holds of it */
+    /* Its position may move, linearly: T(p - shift) = T - shift dT/dp. Prior: shift = centre +- width pixels;
+     * width 0: it stays. Asked for where neighbours overlap: what a wrong position of one leaves is light
+     * that the others take. */
+    double shift_width, shift_centre[2];
     double flux;     /* NAN without data */
-    double variance; /* ADU^2 */
-    double blend;    /* largest |coefficient| with another member */
+    double variance; /* ADU^2, positions free where they were */
+    double alone;    /* variance if nothing else were free, ADU^2 */
+    double blend;    /* largest |coefficient| with another member's flux */
+    double shift[2]; /* pixels */
     int flags;       /* RX_TPHOT_BOUND, SINGULAR, NO_DATA */
 } rx_joint_member;
 

@@ -28,7 +28,7 @@ typedef struct job {
     rx_patch patch;
 } job;
 
-static double position_width(double fwhm)
+double rx_refine_reach(double fwhm)
 {
     return 0.25 + 0.1 * fwhm;
 }
@@ -39,7 +39,7 @@ static void set_position(const job *j, rx_fit *fit)
     const double most = 0.75 + 0.3 * j->view->fwhm;
     for (int d = 0; d < 2; d++) {
         fit->prior[RX_FIT_X + d] = given[d];
-        fit->width[RX_FIT_X + d] = position_width(j->view->fwhm);
+        fit->width[RX_FIT_X + d] = rx_refine_reach(j->view->fwhm);
         fit->low[RX_FIT_X + d] = given[d] - most;
         fit->high[RX_FIT_X + d] = given[d] + most;
     }

@@ -34,6 +34,7 @@ typedef struct rx_subject {
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
                              too high by that / 2 * fluxerr^2 / flux */
     int flags;
+    int moved; /* since its footprint was made */
     /* from the source list; segment 0: not listed */
     int32_t segment;
     int xmin, xmax, ymin, ymax;
@@ -52,6 +53,9 @@ typedef struct rx_refine_view {
     const int32_t *segments; /* [height][width] */
     double fwhm;
 } rx_refine_view;
+
+/* Width of the prior of a position, pixels. */
+double rx_refine_reach(double fwhm);
 
 /* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,

@@ -123,7 +123,7 @@ static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const
 }
 
 /* Where the position is free, the flux is that of the highest point of a noisy hill: too high by half of
- * fluxerr^2 / flux for each of the positions that the data decide (second order of the likelihood). */
+ * error^2 / flux for each of the positions that the data decide (second order of the likelihood). */
 static double climb(double flux, double error, double gain)
 {
     if (!(flux > 0))
@@ -131,14 +131,14 @@ static double climb(double flux, double error, double gain)
     return fmin(0.5 * gain * error * error / flux, 0.5 * error);
 }
 
-void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s, double variance,
-                     double background, rx_tphot_source *dst)
+void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s,
+                     const rx_joint_member *member, double background, rx_tphot_source *dst)
 {
-    const double error = sqrt(variance), g = hypot(s->profile.g1, s->profile.g2);
+    const double error = sqrt(member->variance), g = hypot(s->profile.g1, s->profile.g2);
     dst->kind = s->kind;
     dst->x = s->x;
     dst->y = s->y;
-    dst->flux = s->flux - climb(s->flux, error, s->position_gain);
+    dst->flux = s->flux - climb(s->flux, sqrt(member->alone), s->position_gain);
     dst->fluxerr = error * s->shape_error;
     dst->snr = dst->flux / dst->fluxerr;
     dst->star = s->star;

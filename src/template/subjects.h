@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "template/canvas.h"
+#include "template/joint.h"
 #include "template/refine.h"
 
 /* First guesses of position, shape and flux from the list and the restored pixels (or the earlier run in
@@ -15,6 +16,6 @@ rx_subject rx_subject_extra(double x, double y);
 
 /* What the pixels say of a subject after the last fit of its group. */
 void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *subject,
-                     double variance, double background, rx_tphot_source *dst);
+                     const rx_joint_member *member, double background, rx_tphot_source *dst);
 
 #endif

@@ -17,6 +17,9 @@
 #include "template/subjects.h"
 #include "template/undersky.h"
 
+static const double SMALL = 1e-4; /* pixels: nobody moves for less */
+enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
+
 typedef struct work {
     const rx_tphot_params *par;
     int substructure; /* of the restored pixels is asked for, and they are not the very ones that are fitted:
@@ -116,8 +119,8 @@ static rx_status draw(work *w, rx_error *err)
 }
 
 /* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
- * at once, so that no order matters. */
-static rx_status refine(work *w, int first, int frozen, int substructure, rx_error *err)
+ * at once, so that no order matters. moved_only: those that shift() has moved. */
+static rx_status refine(work *w, int first, int frozen, int moved_only, int substructure, rx_error *err)
 {
     const rx_refine_params par = {.extended = w->par->extended,
                                   .substructure = substructure,
@@ -134,6 +137,8 @@ static rx_status refine(work *w, int first, int frozen, int substructure, rx_err
 #pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
     for (int i = first; i < w->n; i++) {
         rx_error own = RX_ERROR_NONE;
+        if (moved_only && !w->subjects[i].moved)
+            continue;
         rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
         if (status == RX_OK)
             status =
@@ -148,6 +153,8 @@ static rx_status refine(work *w, int first, int frozen, int substructure, rx_err
         }
     }
     for (int i = first; i < w->n; i++) {
+        if (moved_only && !w->subjects[i].moved)
+            continue;
         free(failed == RX_OK ? w->subjects[i].footprint.values : after[i].footprint.values);
         if (failed == RX_OK)
             w->subjects[i] = after[i];
@@ -181,6 +188,8 @@ static rx_status regroup(work *w, rx_error *err)
 /* One group: members gathered, fitted, put back. covariance [m][m] or NULL. */
 static rx_status fit_group(work *w, int group, double *covariance, rx_error *err)
 {
+    const int movable = w->input->shapes == NULL && w->par->rounds > 0;
+    const double fwhm = fmax(w->input->psf->fwhm, 1.0);
     const rx_joint_params par = {w->par->background_sigma, w->par->non_negative};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
     rx_joint_member *members = RX_NEW(rx_joint_member, m);
@@ -188,7 +197,10 @@ static rx_status fit_group(work *w, int group, double *covariance, rx_error *err
         return rx_error_memory(err, (size_t)m * sizeof *members);
     for (int i = 0; i < m; i++) {
         const rx_subject *s = &w->subjects[w->blends.member[first + i]];
-        members[i] = (rx_joint_member){.footprint = &s->footprint, .before = s->flux};
+        members[i] = (rx_joint_member){.footprint = &s->footprint,
+                                       .before = s->flux,
+                                       .shift_width = m > 1 && movable ? rx_refine_reach(fwhm) : 0,
+                                       .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
     rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++)
@@ -219,6 +231,25 @@ static rx_status fit_groups(work *w, rx_error *err)
     return failed == RX_OK ? draw(w, err) : failed;
 }
 
+/* Positions in groups move to where the last joint fit wants them, at most half a PSF's width at once, and
+ * templates follow. */
+static rx_status shift(work *w, rx_error *err)
+{
+    const double most = 0.25 * fmax(w->input->psf->fwhm, 1.0);
+    int moved = 0;
+    for (int i = 0; i < w->n; i++) {
+        const double *by = w->members[i].shift, length = hypot(by[0], by[1]);
+        w->subjects[i].moved = length > SMALL && isfinite(length);
+        if (!w->subjects[i].moved)
+            continue;
+        const double scale = length > most ? most / length : 1;
+        w->subjects[i].x += scale * by[0];
+        w->subjects[i].y += scale * by[1];
+        moved = 1;
+    }
+    return moved ? refine(w, 0, 1, 1, w->substructure, err) : RX_OK;
+}
+
 static rx_status fit_all(work *w, rx_error *err)
 {
     rx_status status = regroup(w, err);
@@ -227,6 +258,11 @@ static rx_status fit_all(work *w, rx_error *err)
     int cut = 0;
     for (int i = 0; i < w->n && status == RX_OK; i++)
         cut |= w->blends.cut[i];
+    for (int i = 0; i < SHIFTS && status == RX_OK && w->blends.largest > 1; i++) {
+        status = shift(w, err);
+        if (status == RX_OK)
+            status = fit_groups(w, err);
+    }
     /* light across cut links comes from the round before: once more with what is known now */
     if (status == RX_OK && cut)
         status = fit_groups(w, err);
@@ -257,7 +293,7 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
     w->subjects = more;
     for (int i = 0; i < count; i++)
         w->subjects[w->n++] = rx_subject_extra(at[i][0], at[i][1]);
-    return refine(w, first, 1, 0, err);
+    return refine(w, first, 1, 0, 0, err);
 }
 
 /* Asks for what shows in the residual, and fits everything again with it. */
@@ -284,7 +320,7 @@ static rx_status second_pass(work *w, rx_error *err)
         if (status == RX_OK)
             status = fit_on_sky(w, err);
         if (status == RX_OK && w->input->shapes == NULL && w->par->rounds > 0)
-            status = refine(w, 0, 0, w->substructure, err);
+            status = refine(w, 0, 0, 0, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
     }
@@ -297,7 +333,7 @@ exit:
 
 static rx_status fit_everything(work *w, rx_error *err)
 {
-    rx_status status = refine(w, 0, 1, 0, err);
+    rx_status status = refine(w, 0, 1, 0, 0, err);
     if (status == RX_OK)
         status = add_points(w, w->input->extra, w->input->nextra, err);
     if (status == RX_OK)
@@ -306,7 +342,7 @@ static rx_status fit_everything(work *w, rx_error *err)
     /* frozen shapes still take up their restored pixels, once the fluxes are known */
     const int rounds = frozen ? w->substructure != 0 : w->par->rounds;
     for (int i = 0; i < rounds && status == RX_OK; i++) {
-        status = refine(w, 0, frozen, w->substructure, err);
+        status = refine(w, 0, frozen, 0, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
     }
@@ -367,7 +403,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
         s->group = w->blends.group[i];
         s->blend = w->members[i].blend;
         s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
-        rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], w->members[i].variance,
+        rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
                         w->backgrounds[s->group], s);
         if ((s->flags & RX_TPHOT_NO_DATA) != 0)
             s->flux = s->fluxerr = s->snr = NAN;
