@@ -48,11 +48,26 @@ static void set_position(const job *j, rx_fit *fit)
     fit->iterations = ITERATIONS;
 }
 
-static void fit_point(const job *j, rx_fit *fit)
+/* Has the position run away? */
+static int lost(const rx_fit *fit)
+{
+    return (fit->at_limit & (1 << RX_FIT_X | 1 << RX_FIT_Y)) != 0 || !isfinite(fit->p[RX_FIT_FLUX]) ||
+           !isfinite(fit->chi2);
+}
+
+/* Returns whether the position has run away; the point is where it was given then. */
+static int fit_point(const job *j, rx_fit *fit)
 {
     *fit = (rx_fit){.n = RX_FIT_POINT};
     set_position(j, fit);
     rx_fit_run(fit, j->size, &j->patch);
+    if (!lost(fit) && fit->p[RX_FIT_FLUX] > 0)
+        return 0;
+    fit->p[RX_FIT_X] = fit->prior[RX_FIT_X];
+    fit->p[RX_FIT_Y] = fit->prior[RX_FIT_Y];
+    fit->iterations = 0;
+    rx_fit_run(fit, j->size, &j->patch);
+    return 1;
 }
 
 static void fit_profile(const job *j, rx_fit *fit)
@@ -80,13 +95,6 @@ static void fit_profile(const job *j, rx_fit *fit)
     rx_fit_run(fit, j->size, &j->patch);
 }
 
-/* Has the position run away? */
-static int lost(const rx_fit *fit)
-{
-    return (fit->at_limit & (1 << RX_FIT_X | 1 << RX_FIT_Y)) != 0 || !isfinite(fit->p[RX_FIT_FLUX]) ||
-           !isfinite(fit->chi2);
-}
-
 /* How much of the two positions the data decide. */
 static double position_gain(const rx_fit *fit)
 {
@@ -98,23 +106,18 @@ static double position_gain(const rx_fit *fit)
     return sum;
 }
 
-static void take_point(const job *j, const rx_fit *fit, rx_subject *after)
+static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject *after)
 {
     after->kind = RX_TPHOT_POINT;
     after->point = after->star = 1;
     after->chi2_gain = after->variance = 0;
     after->profile = (rx_spergel){.nu = USUAL_NU};
-    if (lost(fit) || !(fit->p[RX_FIT_FLUX] > 0)) {
-        after->x = after->x0;
-        after->y = after->y0;
-        after->position_gain = 0;
-        after->flags |= RX_TPHOT_POSITION;
-    } else {
-        after->x = fit->p[RX_FIT_X] + j->cx;
-        after->y = fit->p[RX_FIT_Y] + j->cy;
-        after->position_gain = position_gain(fit);
+    after->x = fit->p[RX_FIT_X] + j->cx;
+    after->y = fit->p[RX_FIT_Y] + j->cy;
+    after->position_gain = ran_away ? 0 : position_gain(fit);
+    after->flags |= ran_away ? RX_TPHOT_POSITION : 0;
+    if (isfinite(fit->p[RX_FIT_FLUX]))
         after->flux = fit->p[RX_FIT_FLUX];
-    }
 }
 
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
@@ -128,6 +131,7 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
     const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - g;
     after->kind = RX_TPHOT_PROFILE;
+    after->flags &= ~RX_TPHOT_POSITION;
     after->profile = rx_fit_profile(profile);
     after->flux = p * f + q * g;
     after->point = p * f / after->flux;
@@ -173,9 +177,9 @@ static double size_gain(const job *j, const rx_fit *point)
 static void choose(const job *j, rx_subject *after)
 {
     rx_fit point, profile;
-    fit_point(j, &point);
-    take_point(j, &point, after);
-    if (!j->par->extended || j->before->segment == 0 || (after->flags & RX_TPHOT_POSITION) != 0)
+    const int ran_away = fit_point(j, &point);
+    take_point(j, &point, ran_away, after);
+    if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return;
     if (size_gain(j, &point) < WORTH * j->par->star_penalty)
         return;
