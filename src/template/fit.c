@@ -54,6 +54,17 @@ double rx_fit_variance(const rx_fit *fit, int j)
     return solve(fit->n, a, b, x) ? x[j] : HUGE_VAL;
 }
 
+double rx_fit_log_determinant(const rx_fit *fit)
+{
+    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL] = {0}, x[RX_FIT_ALL], sum = 0;
+    memcpy(a, fit->a, sizeof a);
+    if (!solve(fit->n, a, b, x))
+        return HUGE_VAL;
+    for (int j = 0; j < fit->n; j++)
+        sum += 2 * log(a[j * fit->n + j]);
+    return sum;
+}
+
 /* Flux of the linear fit of plane 0. */
 static double linear_flux(const rx_lens_size *size, const rx_patch *patch)
 {

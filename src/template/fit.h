@@ -30,6 +30,9 @@ void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
 /* Profile of the parameters. */
 rx_spergel rx_fit_profile(const rx_fit *fit);
 
+/* ln det fit->a, HUGE_VAL when singular. */
+double rx_fit_log_determinant(const rx_fit *fit);
+
 /* Element [j][j] of the inverse of fit->a; HUGE_VAL when singular. */
 double rx_fit_variance(const rx_fit *fit, int j);
 

@@ -13,7 +13,7 @@ static const double USUAL_NU = 0.5, NU_WIDTH = 0.4, G_WIDTH = 0.25, G_MOST = 0.8
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
-static const double WORTH = 0.2;  /* of the penalty that a round size gains before profiles are fitted */
+static const double WORTH = 1.0;  /* chi2 that a round size gains before profiles are fitted */
 static const double SURE = 0.02;  /* a probability below that is none */
 enum { ITERATIONS = 12 };
 
@@ -120,12 +120,26 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject
         after->flux = fit->p[RX_FIT_FLUX];
 }
 
+/* What a profile must gain in chi2 for its freedom: -2 ln of the share of its prior that the data leave, by
+ * Laplace's approximation of the evidence (MacKay 2003, Information Theory, Inference, and Learning
+ * Algorithms, ch. 28). Small where the data say little of the shape. */
+static double occam(const rx_fit *point, const rx_fit *profile)
+{
+    double prior = 0;
+    for (int k = RX_FIT_POINT; k < RX_FIT_ALL; k++)
+        prior += 2 * log(profile->width[k]);
+    return rx_fit_log_determinant(profile) - rx_fit_log_determinant(point) + prior;
+}
+
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
 static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
 {
     after->chi2_gain = point->chi2 - profile->chi2;
-    after->star = 1 / (1 + exp(0.5 * fmin(fmax(after->chi2_gain - j->par->star_penalty, -80), 80)));
+    const double evidence = after->chi2_gain - occam(point, profile) - j->par->star_penalty;
+    if (!isfinite(evidence))
+        return;
+    after->star = 1 / (1 + exp(0.5 * fmin(fmax(evidence, -80), 80)));
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
@@ -181,7 +195,7 @@ static void choose(const job *j, rx_subject *after)
     take_point(j, &point, ran_away, after);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return;
-    if (size_gain(j, &point) < WORTH * j->par->star_penalty)
+    if (size_gain(j, &point) < WORTH)
         return;
     fit_profile(j, &profile);
     if (!lost(&profile) && profile.p[RX_FIT_FLUX] > 0)

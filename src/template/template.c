@@ -47,7 +47,7 @@ rx_tphot_params rx_tphot_defaults(void)
                              .rounds = 2,
                              .extended = 1,
                              .substructure = 1,
-                             .star_penalty = 3,
+                             .star_penalty = 2,
                              .nthreads = 1};
 }
 

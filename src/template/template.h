@@ -57,7 +57,7 @@ typedef struct rx_tphot_params {
     int rounds;       /* how often positions and shapes are refined, neighbours taken out; 0 = never */
     int extended;     /* 0: every source is a point */
     int substructure; /* 0: never PIXELS */
-    double star_penalty; /* chi2 that an extended profile must gain over a point */
+    double star_penalty; /* 2 ln of the prior odds that a source is a point and not extended */
     int covariance;      /* fill rx_tphot.pairs */
     int keep_model;      /* fill rx_tphot.model and .residual */
     int nthreads;        /* < 1 counts as 1; the result does not depend on it */
@@ -76,7 +76,7 @@ typedef struct rx_tphot_source {
     double blend;         /* largest |coefficient| of covariance with a neighbour, 0 when alone */
     double star;          /* probability, 0 extended .. 1 point */
     double point;         /* share of the light that is fitted as a point; 1 for POINT */
-    double chi2_gain;     /* chi2 of the point minus that of the best profile */
+    double chi2_gain;     /* chi2 of the point minus that of the best profile; 0 where no profile was tried */
     double radius, ratio, angle, index; /* profile: half-light radius (geometric mean of both axes, pixels),
                                            b/a, radians from x, Spergel's nu (0.5 = exponential); 0, 1, 0, 0.5
                                            of a point */

@@ -1,0 +1,269 @@
+/* The parts of template photometry one by one. */
+#include "field.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/convolve.h"
+#include "num/lsq.h"
+#include "psf/psf.h"
+#include "template/blends.h"
+#include "template/canvas.h"
+#include "template/fit.h"
+#include "template/joint.h"
+#include "template/lens.h"
+#include "template/patch.h"
+#include "template/spergel.h"
+#include "template/undersky.h"
+
+/* An exponential disk holds half of its light within 1.67835 scale lengths; gradients against differences. */
+static void test_spergel(void **state)
+{
+    (void)state;
+    const rx_spergel p = {2.5, 0.2, -0.1, 0.3};
+    rx_spergel_form form;
+    double slope, gradient[4];
+    assert_true(fabs(rx_spergel_half_light(0.5, &slope) - 1.67834699) < 1e-4);
+    const double numeric =
+        (log(rx_spergel_half_light(0.501, NULL)) - log(rx_spergel_half_light(0.499, NULL))) / 2e-3;
+    assert_true(fabs(slope - numeric) < 1e-6);
+    rx_spergel_set(&p, &form);
+    assert_true(fabs(rx_spergel_at(&form, 0, 0, NULL) - 1) < 1e-15);
+    rx_spergel_at(&form, 0.11, -0.07, gradient);
+    for (int k = 0; k < 4; k++) {
+        double at[2];
+        for (int side = 0; side < 2; side++) {
+            const double step = side ? 1e-5 : -1e-5;
+            rx_spergel q = p;
+            q.radius *= k == 0 ? exp(step) : 1;
+            q.g1 += k == 1 ? step : 0;
+            q.g2 += k == 2 ? step : 0;
+            q.nu += k == 3 ? step : 0;
+            rx_spergel_set(&q, &form);
+            at[side] = rx_spergel_at(&form, 0.11, -0.07, NULL);
+        }
+        assert_true(fabs(gradient[k] - (at[1] - at[0]) / 2e-5) < 1e-8);
+    }
+    /* an exponential of scale h has the transform (1 + (2 pi h k)^2)^-3/2 */
+    const rx_spergel disk = {1.67834699 * 2, 0, 0, 0.5};
+    rx_spergel_set(&disk, &form);
+    const double u = 2 * 3.14159265358979323846 * 2 * 0.1;
+    assert_true(fabs(rx_spergel_at(&form, 0.06, 0.08, NULL) - pow(1 + u * u, -1.5)) < 1e-4);
+}
+
+/* The kernel restored PSF -> tile's PSF, on the restored PSF itself, gives the tile's. */
+static void test_kernel(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        static const double fwhm[3] = {2.5, 4, 6};
+        rx_psf *tile = NULL, *narrow = rx_psf_new(RX_PSF_GAUSS, 11, 1);
+        rx_lens lens;
+        rx_lens_size *size = NULL;
+        float weights[11];
+        assert_int_equal(rx_psf_moffat(fwhm[k], 3.5, 1, 0, 41, &tile, NULL), RX_OK);
+        assert_non_null(narrow);
+        rx_gauss_weights(2, 5, weights);
+        for (int i = 0; i < 121; i++)
+            narrow->basis[i] = weights[i / 11] * weights[i % 11];
+        assert_int_equal(rx_lens_open(tile, narrow, &lens, NULL), RX_OK);
+        assert_int_equal(lens.same, 0);
+        assert_int_equal(rx_lens_at(&lens, rx_lens_side(&lens, 3), 10, 10, 1, &size, NULL), RX_OK);
+        rx_lens_render(size, NULL, 0.3, -0.2, 1, 1);
+        rx_lens_blur(size, lens.same);
+        const size_t stride = (size_t)rx_fft_stride_real(size->fft), n = (size_t)size->n;
+        float *blurred = RX_NEW(float, n *stride);
+        assert_non_null(blurred);
+        memcpy(blurred, size->plane[0], n * stride * sizeof(float));
+        rx_lens_render(size, NULL, 0.3, -0.2, 0, 1);
+        double peak = 0, worst = 0, sum = 0;
+        for (size_t y = 0; y < n; y++)
+            for (size_t x = 0; x < n; x++) {
+                peak = fmax(peak, size->plane[0][y * stride + x]);
+                worst = fmax(worst, fabs((double)size->plane[0][y * stride + x] - blurred[y * stride + x]));
+                sum += blurred[y * stride + x];
+            }
+        assert_true(fabs(sum - 1) < 1e-5);
+        assert_true(worst < (k == 0 ? 5e-3 : 1e-3) * peak);
+        free(blurred);
+        rx_lens_clear(&lens);
+        rx_psf_free(tile);
+        rx_psf_free(narrow);
+    }
+}
+
+/* A footprint with random values. */
+static rx_footprint boxed(int x0, int y0, int w, int h, uint64_t seed)
+{
+    rx_footprint f = {
+        .x0 = x0, .y0 = y0, .width = w, .height = h, .values = RX_NEW(float, (size_t)w *(size_t)h)};
+    assert_non_null(f.values);
+    for (int k = 0; k < w * h; k++)
+        f.values[k] = (float)(0.2 + rx_random_uniform(seed, 8, (uint64_t)k));
+    return f;
+}
+
+/* Three overlapping templates, a background with a prior and a shift of one of them, against singular values.
+ */
+static void test_joint(void **state)
+{
+    (void)state;
+    enum { W = 24, H = 20, COLUMNS = 6, ROWS = W * H + 3 };
+    field f;
+    rx_canvas canvas;
+    field_open(&f, W, H, 3, 1, 0);
+    for (int k = 0; k < W * H; k++) {
+        f.pixels[k] = (float)(5 * rx_random_normal(3, 1, (uint64_t)k));
+        f.sigma[k] = (float)(0.5 + rx_random_uniform(3, 2, (uint64_t)k));
+        f.mask[k] = k % 11 == 0;
+    }
+    const rx_tphot_input input = field_input(&f);
+    assert_int_equal(rx_canvas_fill(&input, &canvas, NULL), RX_OK);
+    rx_footprint t[3] = {boxed(2, 2, 10, 9, 1), boxed(8, 5, 12, 10, 2), boxed(0, 0, W, H, 3)};
+    const rx_layer layers[3] = {{&t[0], 3}, {&t[1], -2}, {&t[2], 1}};
+    assert_int_equal(rx_canvas_draw(&canvas, layers, 3, 1, NULL), RX_OK);
+    rx_joint_member m[3];
+    for (int i = 0; i < 3; i++)
+        m[i] = (rx_joint_member){.footprint = &t[i], .before = layers[i].flux};
+    m[0].shift_width = 0.4;
+    m[0].shift_centre[0] = 0.1;
+    m[0].shift_centre[1] = -0.2;
+    const rx_joint_params par = {.background_sigma = 0.3};
+    double background, covariance[9];
+    assert_int_equal(rx_joint_fit(&par, &canvas, 3, m, &background, covariance, NULL), RX_OK);
+
+    double *a = RX_NEW(double, ROWS *COLUMNS), *b = RX_NEW(double, ROWS), *w = RX_NEW(double, ROWS);
+    double x[COLUMNS], c[COLUMNS * COLUMNS], sw = 0, n = 0;
+    assert_true(a != NULL && b != NULL && w != NULL);
+    for (int k = 0; k < W * H; k++) {
+        for (int i = 0; i < 3; i++) {
+            const int u = k % W - t[i].x0, v = k / W - t[i].y0;
+            const int in = u >= 0 && v >= 0 && u < t[i].width && v < t[i].height;
+            a[k * COLUMNS + i] = in ? t[i].values[v * t[i].width + u] : 0;
+            if (i != 0 || !in)
+                continue;
+            const float *at = t[i].values + v * t[i].width + u;
+            a[k * COLUMNS + 3] =
+                0.5 * ((u + 1 < t[i].width ? (double)at[1] : 0) - (u > 0 ? (double)at[-1] : 0));
+            a[k * COLUMNS + 4] = 0.5 * ((v + 1 < t[i].height ? (double)at[t[i].width] : 0) -
+                                        (v > 0 ? (double)at[-t[i].width] : 0));
+        }
+        a[k * COLUMNS + 5] = 1;
+        b[k] = f.mask[k] ? 0 : f.pixels[k];
+        w[k] = f.mask[k] ? 0 : 1 / ((double)f.sigma[k] * f.sigma[k]);
+        sw += w[k];
+        n += w[k] > 0;
+    }
+    for (int d = 0; d < 2; d++) { /* the priors as equations */
+        a[(W * H + d) * COLUMNS + 3 + d] = 1;
+        b[W * H + d] = -3 * m[0].shift_centre[d];
+        w[W * H + d] = 1 / (1.2 * 1.2);
+    }
+    a[(W * H + 2) * COLUMNS + 5] = 1;
+    w[W * H + 2] = sw / n / (0.3 * 0.3);
+    assert_int_equal(rx_lsq_linear(a, b, w, ROWS, COLUMNS, x, c, NULL, NULL), RX_OK);
+    for (int i = 0; i < 3; i++) {
+        assert_true(fabs(m[i].flux - x[i]) < 1e-4 * (1 + fabs(x[i])));
+        for (int j = 0; j < 3; j++)
+            assert_true(fabs(covariance[i * 3 + j] - c[i * COLUMNS + j]) <
+                        1e-4 * sqrt(c[i * COLUMNS + i] * c[j * COLUMNS + j]));
+        assert_true(fabs(m[i].variance - c[i * COLUMNS + i]) < 1e-4 * c[i * COLUMNS + i]);
+    }
+    assert_true(fabs(m[0].shift[0] + x[3] / 3) < 1e-4 && fabs(m[0].shift[1] + x[4] / 3) < 1e-4);
+    assert_true(fabs(background - x[5]) < 1e-4);
+    for (int i = 0; i < 3; i++)
+        free(t[i].values);
+    free(a);
+    free(b);
+    free(w);
+    rx_canvas_clear(&canvas);
+    field_close(&f);
+}
+
+/* Links against every pair, groups against their definition. */
+static void test_blends(void **state)
+{
+    (void)state;
+    enum { N = 80 };
+    rx_footprint f[N];
+    const rx_footprint *list[N];
+    rx_blends blends;
+    for (int i = 0; i < N; i++) {
+        const int x = (int)(280 * rx_random_uniform(7, 1, (uint64_t)i));
+        const int y = (int)(180 * rx_random_uniform(7, 2, (uint64_t)i));
+        f[i] = boxed(x, y, 8 + i % 9, 8 + i % 7, (uint64_t)i);
+        list[i] = &f[i];
+    }
+    free(f[5].values);
+    f[5] = (rx_footprint){0}; /* wholly outside */
+    assert_int_equal(rx_blends_find(list, N, 300, 200, 0.2, 100, 1, &blends, NULL), RX_OK);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < i; j++) {
+            const double norm =
+                rx_footprint_product(list[i], list[i], NULL) * rx_footprint_product(list[j], list[j], NULL);
+            if (norm > 0 && rx_footprint_product(list[i], list[j], NULL) > 0.2 * sqrt(norm))
+                assert_int_equal(blends.group[i], blends.group[j]);
+        }
+    assert_true(blends.largest > 2 && blends.ngroups > 10 && blends.start[blends.ngroups] == N);
+    for (int g = 0; g < blends.ngroups; g++)
+        for (int k = blends.start[g]; k < blends.start[g + 1]; k++) {
+            assert_int_equal(blends.group[blends.member[k]], g);
+            assert_int_equal(blends.cut[blends.member[k]], 0);
+        }
+    rx_blends_clear(&blends);
+    assert_int_equal(rx_blends_find(list, N, 300, 200, 0.2, 2, 3, &blends, NULL), RX_OK);
+    assert_true(blends.largest == 2);
+    rx_blends_clear(&blends);
+    for (int i = 0; i < N; i++)
+        free(f[i].values);
+}
+
+/* A tilted sky comes off, sources in segments and masked pixels have no say. */
+static void test_undersky(void **state)
+{
+    (void)state;
+    enum { W = 400, H = 300 };
+    field f;
+    rx_canvas canvas;
+    double mean;
+    field_open(&f, W, H, 3, 1, 3);
+    for (int k = 0; k < W * H; k++)
+        f.pixels[k] = (float)(0.3 + 0.001 * (k % W - 200));
+    field_noise(&f, 5);
+    field_list(&f, 100, 100, 30, 1, 1, 0);
+    for (int k = 0; k < W * H; k++) {
+        f.pixels[k] += f.sources->segments[k] ? 1000 : 0;
+        f.mask[k] = k % W > 300 && k / W > 200 ? 1 : 0;
+        f.pixels[k] = f.mask[k] ? NAN : f.pixels[k];
+    }
+    const rx_tphot_input input = field_input(&f);
+    assert_int_equal(rx_canvas_fill(&input, &canvas, NULL), RX_OK);
+    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, 2, &mean, NULL), RX_OK);
+    assert_true(fabs(mean - 0.3) < 0.02);
+    double sum[2] = {0}, n[2] = {0};
+    for (int k = 0; k < W * H; k++)
+        if (!f.mask[k] && !f.sources->segments[k]) {
+            sum[k % W > 200] += canvas.data[k];
+            n[k % W > 200]++;
+        }
+    assert_true(fabs(sum[0] / n[0]) < 0.02 && fabs(sum[1] / n[1]) < 0.02);
+    rx_canvas_clear(&canvas);
+    field_close(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spergel), cmocka_unit_test(test_kernel),
+                                       cmocka_unit_test(test_joint), cmocka_unit_test(test_blends),
+                                       cmocka_unit_test(test_undersky)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
