@@ -21,10 +21,10 @@ void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float
 void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *src, bool conjugate, bool add,
                           float *dst);
 
-/* dst = (1 + delta) numerator conj(denominator) / (|denominator|^2 + delta): the kernel that blurs an image of
- * PSF `denominator` to PSF `numerator`, as far as the denominator passes light (Tikhonov; the factor keeps the
- * sum of 1). All three are complex planes, of rx_convolve_spectrum() but for dst's factor 1/(width height),
- * which it has as well; dst may be the numerator. */
+/* dst = (1 + delta) numerator conj(denominator) / (|denominator|^2 + delta): the kernel that blurs an image
+ * of PSF `denominator` to PSF `numerator`, as far as the denominator passes light (Tikhonov; the factor keeps
+ * the sum of 1). All three are complex planes, of rx_convolve_spectrum() but for dst's factor 1/(width
+ * height), which it has as well; dst may be the numerator. */
 void rx_convolve_divide(const rx_fft *fft, const float *numerator, const float *denominator, double delta,
                         float *dst);
 
