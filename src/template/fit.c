@@ -7,7 +7,8 @@
 
 rx_spergel rx_fit_profile(const rx_fit *fit)
 {
-    return (rx_spergel){exp(fit->p[RX_FIT_RADIUS]), fit->p[RX_FIT_G1], fit->p[RX_FIT_G2], fit->p[RX_FIT_NU]};
+    return (rx_spergel){exp(fit->p[RX_FIT_RADIUS]), fit->p[RX_FIT_G1], fit->p[RX_FIT_G2],
+                        expm1(fit->p[RX_FIT_NU])};
 }
 
 static void render(const rx_fit *fit, rx_lens_size *size, int gradient)

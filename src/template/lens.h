@@ -46,7 +46,7 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, 
                      rx_error *err);
 
 /* Planes 0 .. count - 1 of the domain (count 1 or 5) = the profile (NULL: a point) (dx, dy) off the middle,
- * and its derivatives by ln radius, g1, g2, nu, through the tile's PSF (restored = 0) or the restored
+ * and its derivatives by ln radius, g1, g2, ln(1 + nu), through the tile's PSF (restored = 0) or the restored
  * image's. */
 void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
                     int count);

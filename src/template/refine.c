@@ -9,7 +9,7 @@
 
 /* Priors and limits, as refine.h has them. */
 static const double USUAL_RADIUS = 0.6, RADIUS_WIDTH = 1.0;
-static const double USUAL_NU = 0.5, NU_WIDTH = 0.4, G_WIDTH = 0.25, G_MOST = 0.8;
+static const double USUAL_NU = 0.5, NU_WIDTH = 0.5, G_WIDTH = 0.25, G_MOST = 0.8;
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
@@ -79,7 +79,7 @@ static void fit_profile(const job *j, rx_fit *fit)
     fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
     fit->p[RX_FIT_G1] = last->g1;
     fit->p[RX_FIT_G2] = last->g2;
-    fit->p[RX_FIT_NU] = last->radius > 0 ? last->nu : USUAL_NU;
+    fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : USUAL_NU);
     fit->prior[RX_FIT_RADIUS] = usual;
     fit->width[RX_FIT_RADIUS] = RADIUS_WIDTH;
     fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
@@ -88,10 +88,10 @@ static void fit_profile(const job *j, rx_fit *fit)
     fit->high[RX_FIT_G1] = G_MOST;
     fit->low[RX_FIT_G1] = fit->low[RX_FIT_G2] = -G_MOST;
     fit->high[RX_FIT_G2] = G_MOST;
-    fit->prior[RX_FIT_NU] = USUAL_NU;
+    fit->prior[RX_FIT_NU] = log1p(USUAL_NU);
     fit->width[RX_FIT_NU] = NU_WIDTH;
-    fit->low[RX_FIT_NU] = RX_SPERGEL_MIN;
-    fit->high[RX_FIT_NU] = RX_SPERGEL_MAX;
+    fit->low[RX_FIT_NU] = log1p(RX_SPERGEL_MIN);
+    fit->high[RX_FIT_NU] = log1p(RX_SPERGEL_MAX);
     rx_fit_run(fit, j->size, &j->patch);
 }
 

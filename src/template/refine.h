@@ -4,7 +4,8 @@
  * Levenberg-Marquardt with priors, so that faint sources end near what is usual instead of anywhere:
  *   minimise sum_p w (c - F T(x, y, ln radius, g1, g2, nu))^2 + sum_j ((parameter_j - usual_j) / width_j)^2
  * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one; radius 0.6 FWHM
- * within a factor e; g1, g2 0 +- 0.25; nu 0.5 +- 0.4. They are weak: a source of S/N 30 hardly feels them.
+ * within a factor e; g1, g2 0 +- 0.25; 1 + nu 1.5 within a factor exp(0.5). They are weak: a source of S/N 30
+ * hardly feels them.
  *
  * Where the pixels cannot tell point from profile both are taken, each with the flux of its fit and its
  * probability: that of a point is p = 1 / (1 + exp((chi2 gain - Occam's factor - star_penalty) / 2)). A

@@ -6,16 +6,16 @@
 
 double rx_spergel_half_light(double nu, double *slope)
 {
-    static const double p[7] = {0.22887686,   0.75412917,   -0.11659717,   0.039594902,
-                                -0.011946666, 0.0038574904, -0.00096929252};
+    static const double p[8] = {0.2288561167,   0.7540844887,   -0.1163544469,    0.03985938715,
+                                -0.01231771899, 0.003532367094, -0.0008353176496, 0.000105305456};
     const double x = log1p(nu);
     double value = 0, derivative = 0;
-    for (int i = 6; i >= 0; i--) {
+    for (int i = 7; i >= 0; i--) {
         derivative = derivative * x + value;
         value = value * x + p[i];
     }
     if (slope != NULL)
-        *slope = derivative / (1 + nu);
+        *slope = derivative;
     return exp(value);
 }
 
@@ -49,7 +49,7 @@ double rx_spergel_at(const rx_spergel_form *form, double kx, double ky, double g
         gradient[0] = 2 * u * du;
         gradient[1] = du * (form->g1xx * kx * kx + form->g1yy * ky * ky + 2 * form->g1xy * kx * ky);
         gradient[2] = du * (form->g2xx * kx * kx + form->g2yy * ky * ky + 2 * form->g2xy * kx * ky);
-        gradient[3] = -ln * value - gradient[0] * form->slope;
+        gradient[3] = -ln * value * form->power - gradient[0] * form->slope;
     }
     return value;
 }

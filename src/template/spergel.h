@@ -4,21 +4,23 @@
  *   A = [[1 + g1, g2], [g2, 1 - g1]] / sqrt(1 - g1^2 - g2^2),   g = (1 - q) / (1 + q) (cos 2 angle, sin 2
  * angle)
  *
- * nu = 0.5 is the exponential disk exactly, nu = -0.6 close to de Vaucouleurs' profile. c is the scale,
+ * nu = 0.5 is the exponential disk exactly, nu = -0.6 close to de Vaucouleurs' profile,
+ * large nu near a Gaussian. c is the scale,
  * radius = c * c_nu(nu) the half-light radius, geometric mean of both axes (pixels). k in cycles per pixel.
  */
 #ifndef RX_TEMPLATE_SPERGEL_H
 #define RX_TEMPLATE_SPERGEL_H
 
-#define RX_SPERGEL_MIN (-0.75)
-#define RX_SPERGEL_MAX 3.0
+#define RX_SPERGEL_MIN (-0.8)
+#define RX_SPERGEL_MAX 9.0
 
 typedef struct rx_spergel {
     double radius, g1, g2, nu;
 } rx_spergel;
 
-/* Half-light radius in units of the scale, c_nu; to 6e-5 for RX_SPERGEL_MIN .. MAX (a polynomial in
- * ln(1 + nu) through numerical roots of Spergel's equation 6). *slope = d ln c_nu / d nu (may be NULL). */
+/* Half-light radius in units of the scale, c_nu; to 4e-5 for RX_SPERGEL_MIN .. MAX (a polynomial in
+ * ln(1 + nu) through numerical roots of Spergel's equation 6). *slope = d ln c_nu / d ln(1 + nu) (may be
+ * NULL). */
 double rx_spergel_half_light(double nu, double *slope);
 
 /* The profile ready for evaluation. */
@@ -27,12 +29,12 @@ typedef struct rx_spergel_form {
     double g1xx, g1yy, g1xy; /* d u / d g1, the same form */
     double g2xx, g2yy, g2xy;
     double power; /* 1 + nu */
-    double slope; /* d ln c_nu / d nu */
+    double slope; /* d ln c_nu / d ln(1 + nu) */
 } rx_spergel_form;
 
 void rx_spergel_set(const rx_spergel *profile, rx_spergel_form *form);
 
-/* S(k). gradient (may be NULL): d S / d ln radius, g1, g2, nu. */
+/* S(k). gradient (may be NULL): d S / d ln radius, g1, g2, ln(1 + nu). */
 double rx_spergel_at(const rx_spergel_form *form, double kx, double ky, double gradient[4]);
 
 #endif
