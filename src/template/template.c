@@ -33,7 +33,8 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    double sky; /* taken off the level so far, mean */
+    double star_odds; /* among clear sources, 1 when not known */
+    double sky;       /* taken off the level so far, mean */
 } work;
 
 rx_tphot_params rx_tphot_defaults(void)
@@ -47,7 +48,8 @@ rx_tphot_params rx_tphot_defaults(void)
                              .rounds = 2,
                              .extended = 1,
                              .substructure = 1,
-                             .star_penalty = 2,
+                             .star_penalty = 0,
+                             .learn_odds = 1,
                              .nthreads = 1};
 }
 
@@ -124,7 +126,7 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
 {
     const rx_refine_params par = {.extended = w->par->extended,
                                   .substructure = substructure,
-                                  .star_penalty = w->par->star_penalty,
+                                  .star_penalty = w->par->star_penalty + 2 * log(w->star_odds),
                                   .frozen = frozen};
     const rx_refine_view view = {.canvas = &w->canvas,
                                  .restored = w->input->restored,
@@ -331,6 +333,23 @@ exit:
     return status;
 }
 
+/* How many of the tile's sources are points, told by those that are bright enough to say and not so bright
+ * that other kinds are among them. One step of an expectation maximisation. */
+static void learn_odds(work *w)
+{
+    double points = 1, others = 1;
+    for (int i = 0; i < w->input->sources->n; i++) {
+        const double snr = w->subjects[i].flux / sqrt(w->members[i].variance);
+        if (!(snr > 15 && snr < 150))
+            continue;
+        points += w->subjects[i].star;
+        others += 1 - w->subjects[i].star;
+    }
+    /* a handful of sources says nothing; nor is any field so pure */
+    if (points + others > 22)
+        w->star_odds = fmin(fmax(points / others, 1.0 / 30), 30);
+}
+
 static rx_status fit_everything(work *w, rx_error *err)
 {
     rx_status status = refine(w, 0, 1, 0, 0, err);
@@ -345,6 +364,8 @@ static rx_status fit_everything(work *w, rx_error *err)
         status = refine(w, 0, frozen, 0, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
+        if (status == RX_OK && w->par->learn_odds && w->par->extended && !frozen)
+            learn_odds(w);
     }
     if (status == RX_OK && w->input->more != NULL)
         status = second_pass(w, err);
@@ -397,6 +418,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->width = w->canvas.width;
     dst->height = w->canvas.height;
     dst->sky = w->sky;
+    dst->star_odds = w->star_odds;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(w->nthreads)
     for (int i = 0; i < w->n; i++) {
         rx_tphot_source *s = &dst->list[i];
@@ -427,6 +449,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     work w = {.par = par,
               .substructure = par->substructure && (input->restored->blur != NULL || input->shapes != NULL),
               .input = input,
+              .star_odds = 1,
               .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     *dst = NULL;
     rx_status status = check_input(input, err);

@@ -58,9 +58,10 @@ typedef struct rx_tphot_params {
     int extended;     /* 0: every source is a point */
     int substructure; /* 0: never PIXELS */
     double star_penalty; /* 2 ln of the prior odds that a source is a point and not extended */
-    int covariance;      /* fill rx_tphot.pairs */
-    int keep_model;      /* fill rx_tphot.model and .residual */
-    int nthreads;        /* < 1 counts as 1; the result does not depend on it */
+    int learn_odds; /* 1: times the odds among the tile's own sources of S/N 15 to 150, which are clear */
+    int covariance; /* fill rx_tphot.pairs */
+    int keep_model; /* fill rx_tphot.model and .residual */
+    int nthreads;   /* < 1 counts as 1; the result does not depend on it */
 } rx_tphot_params;
 
 /* What the next floor starts from. */
@@ -97,6 +98,7 @@ typedef struct rx_tphot {
     int n;                 /* sources of the list, then extra ones */
     int nlisted;           /* those of the list */
     rx_tphot_source *list; /* [n] */
+    double star_odds;      /* what learn_odds has found, 1 without */
     int ngroups, largest;  /* groups, members of the largest */
     int npairs;
     rx_tphot_pair *pairs; /* by i, then j; NULL unless asked for */
