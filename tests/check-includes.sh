@@ -22,7 +22,7 @@ psf       num io
 restore   nn num psf
 detect    num
 measure   num
-template  num psf
+template  num
 simulate  io num psf
 catalog   io num psf
 validate  io num psf

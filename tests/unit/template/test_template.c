@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/convolve.h"
+#include "psf/psf.h"
 
 /* Nothing that blurs comparisons with closed forms: no background, no sky, a perfect PSF. */
 static rx_tphot_params plain_params(void)
@@ -418,6 +419,49 @@ static void test_pixels(void **state)
     field_close(&f);
 }
 
+/* A PSF that widens along x: the flux follows the PSF of the place. */
+static void test_varying(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *wide = NULL;
+    field_open(&f, 200, 80, 3, 1, 3);
+    assert_int_equal(rx_psf_moffat(5, 4.765, 1, 0, f.psf->size, &wide, NULL), RX_OK);
+    rx_psf *psf = rx_psf_new(RX_PSF_PSFEX, f.psf->size, 2);
+    assert_non_null(psf);
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    for (size_t k = 0; k < n; k++) { /* PSF = narrow + x/200 (wide - narrow) */
+        psf->basis[k] = f.psf->basis[k];
+        psf->basis[n + k] = wide->basis[k] - f.psf->basis[k];
+    }
+    psf->px[1] = 1;
+    psf->xs = 200;
+    psf->fwhm = 4;
+    rx_psf_free(f.psf);
+    rx_psf_free(wide);
+    f.psf = psf;
+    float *stamp = RX_NEW(float, n);
+    assert_non_null(stamp);
+    for (int i = 0; i < 3; i++) { /* on whole pixels the PSF is the stamp itself */
+        const int x = 30 + 70 * i, y = 40, half = psf->size / 2;
+        rx_psf_at(psf, x, y, stamp);
+        for (int v = -half; v <= half; v++)
+            for (int u = -half; u <= half; u++)
+                if (x + u >= 0 && x + u < 200 && y + v >= 0 && y + v < 80)
+                    f.pixels[(y + v) * 200 + x + u] += 1e5f * stamp[(v + half) * psf->size + u + half];
+        list_star(&f, x + 0.1, y - 0.1);
+    }
+    free(stamp);
+    field_restore_none(&f);
+    rx_tphot_params par = plain_params();
+    par.nthreads = 2;
+    rx_tphot *t = run(&par, &f);
+    for (int i = 0; i < 3; i++)
+        assert_true(t->list[i].kind == RX_TPHOT_POINT && near(t->list[i].flux, 1e5, 1e-4));
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
 static void test_refused(void **state)
 {
     (void)state;
@@ -456,6 +500,7 @@ int main(void)
                                        cmocka_unit_test(test_bound),
                                        cmocka_unit_test(test_border_and_mask),
                                        cmocka_unit_test(test_pixels),
+                                       cmocka_unit_test(test_varying),
                                        cmocka_unit_test(test_refused)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
