@@ -178,7 +178,8 @@ static int step(rx_fit *fit, const double *a, const double *b, double damping)
 
 void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
 {
-    static const double enough = 1e-3; /* of chi2: a thirtieth of a sigma along any direction */
+    static const double enough =
+        0.01; /* of chi2: the last step was a tenth of a sigma, what is left far less */
     double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL], damping = 1e-3;
     limit(fit);
     render(fit, size, 1);

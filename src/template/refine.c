@@ -13,8 +13,11 @@ static const double USUAL_NU = 0.5, NU_WIDTH = 0.5, G_WIDTH = 0.25, G_MOST = 0.8
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
-static const double WORTH = 1.0;  /* chi2 that a round size gains before profiles are fitted */
-static const double SURE = 0.02;  /* a probability below that is none */
+/* Chi2 that a round size gains before profiles are fitted: more where points are usual, none where they are
+ * rare. */
+static const double WORTH = 1.0, WORTH_ODDS = 0.25;
+static const double SURE = 0.02;    /* a probability below that is none */
+static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
 enum { ITERATIONS = 12 };
 
 /* One source in its surroundings. */
@@ -111,6 +114,7 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject
     after->kind = RX_TPHOT_POINT;
     after->point = after->star = 1;
     after->chi2_gain = after->variance = 0;
+    after->evidence = UNTRIED;
     after->profile = (rx_spergel){.nu = USUAL_NU};
     after->x = fit->p[RX_FIT_X] + j->cx;
     after->y = fit->p[RX_FIT_Y] + j->cy;
@@ -131,15 +135,21 @@ static double occam(const rx_fit *point, const rx_fit *profile)
     return rx_fit_log_determinant(profile) - rx_fit_log_determinant(point) + prior;
 }
 
+double rx_refine_star(double evidence, double penalty)
+{
+    return 1 / (1 + exp(0.5 * fmin(fmax(evidence - penalty, -80), 80)));
+}
+
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
 static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
 {
     after->chi2_gain = point->chi2 - profile->chi2;
-    const double evidence = after->chi2_gain - occam(point, profile) - j->par->star_penalty;
+    const double evidence = after->chi2_gain - occam(point, profile);
     if (!isfinite(evidence))
         return;
-    after->star = 1 / (1 + exp(0.5 * fmin(fmax(evidence, -80), 80)));
+    after->evidence = evidence;
+    after->star = rx_refine_star(evidence, j->par->star_penalty);
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
@@ -195,7 +205,7 @@ static void choose(const job *j, rx_subject *after)
     take_point(j, &point, ran_away, after);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return;
-    if (size_gain(j, &point) < WORTH)
+    if (size_gain(j, &point) < WORTH + WORTH_ODDS * j->par->star_penalty)
         return;
     fit_profile(j, &profile);
     if (!lost(&profile) && profile.p[RX_FIT_FLUX] > 0)

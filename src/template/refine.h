@@ -31,6 +31,8 @@ typedef struct rx_subject {
     rx_footprint footprint;
     /* found by the last refinement */
     double star, chi2_gain;
+    double evidence;      /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
+                             evidences */
     double variance;      /* of the flux, shape free, ADU^2; 0: that at fixed shape */
     double shape_error;   /* error of the flux over that at fixed shape, >= 1 */
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
@@ -55,6 +57,9 @@ typedef struct rx_refine_view {
     const int32_t *segments; /* [height][width] */
     double fwhm;
 } rx_refine_view;
+
+/* Probability of a point: penalty = 2 ln of the prior odds for it. */
+double rx_refine_star(double evidence, double penalty);
 
 /* Width of the prior of a position, pixels. */
 double rx_refine_reach(double fwhm);

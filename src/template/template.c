@@ -18,7 +18,8 @@
 #include "template/undersky.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
-enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
+static const double MOST_ODDS = 30.0;
+enum { ODDS_STEPS = 20, SHIFTS = 2 }; /* joint moves of the positions in groups after each fit */
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -334,20 +335,25 @@ exit:
 }
 
 /* How many of the tile's sources are points, told by those that are bright enough to say and not so bright
- * that other kinds are among them. One step of an expectation maximisation. */
+ * that other kinds are among them: expectation maximisation (Dempster, Laird and Rubin 1977). */
 static void learn_odds(work *w)
 {
-    double points = 1, others = 1;
-    for (int i = 0; i < w->input->sources->n; i++) {
-        const double snr = w->subjects[i].flux / sqrt(w->members[i].variance);
-        if (!(snr > 15 && snr < 150))
-            continue;
-        points += w->subjects[i].star;
-        others += 1 - w->subjects[i].star;
+    for (int step = 0; step < ODDS_STEPS; step++) {
+        const double penalty = w->par->star_penalty + 2 * log(w->star_odds);
+        double points = 1, others = 1;
+        for (int i = 0; i < w->input->sources->n; i++) {
+            const double snr = w->subjects[i].flux / sqrt(w->members[i].variance);
+            if (!(snr > 15 && snr < 150))
+                continue;
+            const double star = rx_refine_star(w->subjects[i].evidence, penalty);
+            points += star;
+            others += 1 - star;
+        }
+        /* a handful of sources says nothing; nor is any field so pure */
+        if (points + others < 22)
+            return;
+        w->star_odds = fmin(fmax(points / others, 1 / MOST_ODDS), MOST_ODDS);
     }
-    /* a handful of sources says nothing; nor is any field so pure */
-    if (points + others > 22)
-        w->star_odds = fmin(fmax(points / others, 1.0 / 30), 30);
 }
 
 static rx_status fit_everything(work *w, rx_error *err)
