@@ -9,8 +9,8 @@
 #include "train/step.h"
 
 /* A model with freshly initialised networks (the PSF network where a term of the loss needs one) or those of
- * INIT_MODEL, its front, seed and provenance; no dictionary yet. Errors: RX_USAGE (shape of the network, a target PSF wider than all
- * of FWHM_RANGE), those of rx_first_model(), RX_SYSTEM. */
+ * INIT_MODEL, its front, seed and provenance; no dictionary yet. Errors: RX_USAGE (shape of the network, a
+ * target PSF wider than all of FWHM_RANGE), those of rx_first_model(), RX_SYSTEM. */
 rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error *err);
 
 rx_step_params rx_setup_step(const rx_train_config *config);
