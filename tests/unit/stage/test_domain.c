@@ -229,9 +229,9 @@ typedef struct outcome {
     rx_status status;
 } outcome;
 
-static void run_wide(outcome *o, const char *what, int with_log)
+static void run_at(outcome *o, const char *fwhm, const char *what, int with_log)
 {
-    const setting wide[] = {{"PSF_FWHM", "12"}, {"OUT_OF_DOMAIN", what}, {NULL, NULL}};
+    const setting wide[] = {{"PSF_FWHM", fwhm}, {"OUT_OF_DOMAIN", what}, {NULL, NULL}};
     *o = (outcome){.err = RX_ERROR_NONE};
     open_bench(&o->b, RX_MODE_INFORMED, wide);
     o->field = make_field(&o->b);
@@ -240,6 +240,11 @@ static void run_wide(outcome *o, const char *what, int with_log)
     o->status = rx_probe_run(o->b.options, rx_restorer_find("NET"), o->field, NULL,
                              with_log ? &o->h.log : NULL, &o->probe, &o->err);
     fclose(o->h.log.stream);
+}
+
+static void run_wide(outcome *o, const char *what, int with_log)
+{
+    run_at(o, "12", what, with_log);
 }
 
 static void end(outcome *o)
@@ -292,6 +297,27 @@ static void test_rl(void **state)
     assert_string_equal(fact(&facts, "RXNETRUN"), "RL (out of domain: FWHM 12.00 pixels is above 8)");
     rx_record_free(&facts);
     rx_probe_free(&plain);
+    end(&o);
+}
+
+/* Narrower than the output of the network, 2 pixels: there is nothing to restore for it, whatever WARN says.
+ */
+static void test_narrow(void **state)
+{
+    (void)state;
+    const char *const fwhm[] = {"1.5", "1.9"}, *const runs[] = {"RL", "NET"};
+    for (int i = 0; i < 2; i++) {
+        outcome o;
+        run_at(&o, fwhm[i], "WARN", 1);
+        assert_int_equal(o.status, RX_OK);
+        assert_string_equal(o.probe.restored->name, runs[i]);
+        assert_int_equal(o.probe.domain.place, RX_DOMAIN_OUTSIDE);
+        assert_int_equal(count(o.h.text, "warning: "), 1);
+        end(&o);
+    }
+    outcome o;
+    run_at(&o, "1.5", "FAIL", 1);
+    assert_int_equal(o.status, RX_INPUT);
     end(&o);
 }
 
@@ -577,6 +603,7 @@ int main(void)
         cmocka_unit_test(test_gaps),
         cmocka_unit_test(test_warn),
         cmocka_unit_test(test_rl),
+        cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_fail),
         cmocka_unit_test(test_no_dictionary),
         cmocka_unit_test(test_no_psf),
