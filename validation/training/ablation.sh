@@ -45,8 +45,8 @@ variants=(
 # shellcheck disable=SC2054 # commas are inside of values
 case $size in
 tiny)
-    epochs=4
-    training=(-PATCH 48 -PATCH_MARGIN 8 -GRID 3,1 -BIN_IMAGES 26 -BLOCKS 1 -BATCH 4)
+    epochs=8
+    training=(-PATCH 48 -PATCH_MARGIN 8 -GRID 3,1 -BIN_IMAGES 20 -BLOCKS 1 -BATCH 4)
     restoration=(-SCENES_FWHM 2 -SCENES_SIGMA 2 -FWHM_RANGE 3,4 -SIGMA_RANGE 2,3 -SCENE_SIDE 96)
     detection=(-SCENE_TILES 1 -SEEING 2.5,4 -SIM.IMAGE_SIZE 192)
     fluxes=(-TILES 2 -SEEING 3 -MAGNITUDES 18,21,1 -STARS_PER_TILE 150 -SIM.IMAGE_SIZE 192)
