@@ -71,8 +71,7 @@ static void add_bins(rx_text *dst, const rx_model *model)
         dst,
         "Noise: on the scale on which 0.1 % of the blurred pixels exceed 255. List: how hard the bin is, 0 "
         "to 1; with active learning the share of its images that train. Recall: stars of S/N above 5; bias "
-        "and scatter: fluxes of "
-        "stars of S/N above 12.\n");
+        "and scatter: fluxes of stars of S/N above 12.\n");
 }
 
 void rx_model_describe(const rx_model *model, rx_text *dst)
