@@ -9,6 +9,8 @@
 
 #include <stdint.h>
 
+#include "base/error.h"
+
 /* FLAGS as in SExtractor. */
 enum {
     RX_FLAG_CROWDED = 1,    /* AUTO biased by neighbours or > 10 % bad pixels */
@@ -38,6 +40,30 @@ enum {
     RX_FRAGMENT_EATEN = 2 /* of a detection that CLEAN merged into the source of the segment: counts for its
                              FLUX_ISO, not for its shape, and is not hidden from others */
 };
+
+/* FLAGS_RESTORE: what the untouched pixels say of a source. INVENTED and SHRED mark it as made up by the
+ * restorer; see rx_source_made_up(). */
+enum {
+    RX_RESTORE_INVENTED = 1, /* not significant on them, its neighbours fitted */
+    RX_RESTORE_SHRED = 2,    /* a neighbour's own model takes its light */
+    RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
+    RX_RESTORE_ADDED = 8     /* not seen on the restored image, found where templates leave light */
+};
+
+/* Template photometry (template/template.h) of a source. */
+typedef struct rx_source_template {
+    double flux, fluxerr, snr; /* ADU, of the whole template */
+    double chi2;               /* reduced, of the source's own pixels */
+    double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
+    double x, y;               /* 0-based pixels, of the fit */
+    double alpha, delta;       /* deg, J2000 */
+    double star;               /* probability of a point, 0..1 */
+    double radius;             /* half-light radius before the PSF, pixels; 0 of a point */
+    double ratio, theta;       /* axis ratio b/a, radians */
+    int group;                 /* from 1; 0: no fit */
+    int flags;                 /* FLAGS_TEMPLATE, RX_TPHOT_ */
+    int restore;               /* FLAGS_RESTORE */
+} rx_source_template;
 
 enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
 
@@ -79,6 +105,7 @@ typedef struct rx_source {
     double awin, bwin, thetawin;
     double cxxwin, cyywin, cxywin;
     int niter_win, flags_win;
+    rx_source_template fit; /* numbers NAN, group 0 and RX_RESTORE_UNTESTED where nothing was fitted */
     /* --- sky --- */
     double alpha, delta;             /* deg, native frame of the WCS (ALPHA_SKY) ; NAN without WCS */
     double alpha_j2000, delta_j2000; /* deg, ICRS/FK5 */
@@ -116,6 +143,13 @@ typedef struct rx_sources {
     int law_apertures;           /* empty apertures behind the fit, 0 = not calibrated */
     double law_scatter;          /* robust rms of the fit in dex */
 } rx_sources;
+
+/* 1: the untouched pixels do not want this source. */
+int rx_source_made_up(const rx_source *source);
+
+/* Keep the sources with keep[i] != 0: list, vignets, assoc rows and segmentation map in step; numbers and
+ * segments are given anew from 1, the segments of those that go become sky. Errors: RX_SYSTEM. */
+rx_status rx_sources_select(rx_sources *sources, const unsigned char *keep, rx_error *err);
 
 void rx_sources_free(rx_sources *sources);
 

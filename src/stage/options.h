@@ -15,6 +15,7 @@
 #include "psf/psf.h"
 #include "restore/restore.h"
 #include "stage/reference.h"
+#include "template/template.h"
 #include "validate/qa.h"
 
 enum { RX_MAX_RUNS = 16 };
@@ -25,6 +26,18 @@ typedef enum rx_detect_noise {
     RX_DETECT_NOISE_MEASURED,
     RX_DETECT_NOISE_INPUT
 } rx_detect_noise;
+
+/* Template photometry: what is fitted, and what is done with sources that were made up. */
+typedef struct rx_template_options {
+    int wanted; /* a column, check-image, QA_MAG, INVENTED_TYPE DROP or TEMPLATE_COVAR_NAME asks for it */
+    int wanted_by_lists; /* source lists depend on it, also those of checks: QA_MAG, DROP */
+    rx_tphot_params par;
+    int passes;              /* TEMPLATE_PASSES */
+    double threshold;        /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
+    double invented;         /* INVENTED_SNR */
+    int drop;                /* INVENTED_TYPE DROP */
+    const char *covariances; /* TEMPLATE_COVAR_NAME, "" = none */
+} rx_template_options;
 
 typedef struct rx_options {
     rx_tile_params tile[2];             /* of the detection and of the measurement image */
@@ -41,6 +54,7 @@ typedef struct rx_options {
     rx_detect_params detect;
     rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
     int filter_restored;          /* FILTER_RESTORED */
+    rx_template_options templates;
     rx_measure_params measure;
     int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
     int measure_original;  /* MEASURE_ON ORIGINAL */
@@ -80,7 +94,8 @@ typedef enum rx_quality_flux {
     RX_QUALITY_ISO,
     RX_QUALITY_ISOCOR,
     RX_QUALITY_PETRO,
-    RX_QUALITY_WIN
+    RX_QUALITY_WIN,
+    RX_QUALITY_TEMPLATE
 } rx_quality_flux;
 
 /* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */

@@ -11,10 +11,12 @@
 #include "stage/field.h"
 #include "stage/options.h"
 #include "stage/photometry.h"
+#include "stage/template_fit.h"
 
 typedef struct rx_probe {
     rx_restored *restored;
-    rx_sources *sources; /* detected and measured; detection_snr ranks them */
+    rx_sources *sources;       /* detected and measured; detection_snr ranks them */
+    rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
     float *filtered;    /* detection image after the filter */
     const float *noise; /* noise that thresholds refer to, ADU: into `own` or the field */

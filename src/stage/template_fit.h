@@ -1,0 +1,36 @@
+/* Template photometry of one restorer's sources: shapes from its restored image, fluxes from the untouched
+ * pixels, one more look at what the templates leave, and the verdict on every source. */
+#ifndef RX_STAGE_TEMPLATE_FIT_H
+#define RX_STAGE_TEMPLATE_FIT_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/restored.h"
+#include "data/sources.h"
+#include "stage/field.h"
+#include "stage/options.h"
+
+/* What one call found, for header, report and check-images. */
+typedef struct rx_template_fit {
+    rx_tphot *tphot; /* owned; sources in the order of the list; NULL: nothing was fitted */
+    int added;       /* sources that only the residual showed */
+    int invented;    /* sources with a mark of FLAGS_RESTORE, before they are dropped */
+    int dropped;
+    double per_mpixel; /* invented per 10^6 usable pixels */
+    double chi2;       /* reduced, of the residual over usable pixels: noise of sky and photons */
+    double fwhm;       /* of the PSF that was fitted, pixels */
+} rx_template_fit;
+
+/* Fill `fit` of every source of the list, detected on `restored`, from the pixels of `measure` (the same
+ * field as detect without dual-image mode). The PSF is restored->blur, else that of the field; without one
+ * nothing is fitted, with a warning. In dual-image mode positions, shapes and added sources are those of
+ * `detect` (forced photometry). Added sources are appended, made-up ones removed where the options say so.
+ * `noise` [h][w]: of the restored image, `filtered` the image that was detected on: they rank added sources
+ * like the others. Saturated pixels never take part.
+ * Errors: RX_INPUT, RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. Free with rx_template_fit_free(). */
+rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect, const rx_field *measure,
+                              const rx_restored *restored, const float *filtered, const float *noise,
+                              rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
+void rx_template_fit_free(rx_template_fit *fit); /* content only */
+
+#endif
