@@ -231,43 +231,16 @@ static int match_one(const matcher *m, double x, double y, double *dst)
     return count;
 }
 
-/* Drop what is not selected: list, vignets, assoc rows and segmentation map in step. */
 static rx_status select_sources(const matcher *m, rx_sources *sources, rx_error *err)
 {
-    size_t vignet = (size_t)sources->vignet_width * (size_t)sources->vignet_height;
-    int32_t highest = 0;
-    int kept = 0;
+    unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
+    if (keep == NULL)
+        return rx_error_memory(err, (size_t)sources->n);
     for (int i = 0; i < sources->n; i++)
-        highest = sources->list[i].segment > highest ? sources->list[i].segment : highest;
-    int32_t *renumber = RX_NEW(int32_t, (size_t)highest + 1);
-    if (renumber == NULL)
-        return rx_error_memory(err, ((size_t)highest + 1) * sizeof(int32_t));
-    for (int i = 0; i < sources->n; i++) {
-        rx_source *s = &sources->list[i];
-        if ((s->number_assoc > 0) != (m->par->select == RX_ASSOC_MATCHED))
-            continue;
-        if (s->segment > 0)
-            renumber[s->segment] = kept + 1;
-        if (kept < i) {
-            memcpy(&sources->list[kept], s, sizeof *s);
-            memcpy(sources->assoc + (size_t)kept * (size_t)m->ndata,
-                   sources->assoc + (size_t)i * (size_t)m->ndata, (size_t)m->ndata * sizeof(double));
-            if (sources->vignets != NULL)
-                memcpy(sources->vignets + (size_t)kept * vignet, sources->vignets + (size_t)i * vignet,
-                       vignet * sizeof(float));
-        }
-        sources->list[kept].number = sources->list[kept].segment = kept + 1;
-        kept++;
-    }
-    sources->n = kept;
-    size_t npixels = sources->segments != NULL ? (size_t)sources->width * (size_t)sources->height : 0;
-    for (size_t i = 0; i < npixels; i++) {
-        int32_t segment = sources->segments[i];
-        if (segment > 0)
-            sources->segments[i] = segment <= highest ? renumber[segment] : 0;
-    }
-    free(renumber);
-    return RX_OK;
+        keep[i] = (sources->list[i].number_assoc > 0) == (m->par->select == RX_ASSOC_MATCHED);
+    rx_status status = rx_sources_select(sources, keep, err);
+    free(keep);
+    return status;
 }
 
 rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struct rx_wcs *wcs, rx_log *log,
@@ -291,10 +264,10 @@ rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struc
     sources->assoc = values;
     sources->nassoc = m.ndata;
     values = NULL;
-    if (par->select != RX_ASSOC_ALL)
-        status = select_sources(&m, sources, err);
     for (int i = 0; i < sources->n; i++)
         sources->list[i].vector_assoc = sources->assoc + (size_t)i * (size_t)m.ndata;
+    if (par->select != RX_ASSOC_ALL)
+        status = select_sources(&m, sources, err);
 exit:
     free(values);
     free(m.entries);

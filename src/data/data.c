@@ -5,7 +5,6 @@
 #include "base/memory.h"
 #include "data/psf.h"
 #include "data/restored.h"
-#include "data/sources.h"
 #include "data/tile.h"
 
 void rx_background_free(rx_background *background)
@@ -48,16 +47,4 @@ void rx_restored_free(rx_restored *restored)
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);
     free(restored);
-}
-
-void rx_sources_free(rx_sources *sources)
-{
-    if (sources == NULL)
-        return;
-    free(sources->list);
-    free(sources->segments);
-    free(sources->fragments);
-    free(sources->assoc);
-    free(sources->vignets);
-    free(sources);
 }

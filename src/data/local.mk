@@ -1,6 +1,7 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
 	src/data/psf.c \
+	src/data/sources.c \
 	src/data/table.c
 
 rx_datadir = $(pkgincludedir)/data

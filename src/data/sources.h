@@ -61,6 +61,7 @@ typedef struct rx_source_template {
     double radius;             /* half-light radius before the PSF, pixels; 0 of a point */
     double ratio, theta;       /* axis ratio b/a, radians */
     int group;                 /* from 1; 0: no fit */
+    int entry;                 /* of rx_tphot.list, from 0 */
     int flags;                 /* FLAGS_TEMPLATE, RX_TPHOT_ */
     int restore;               /* FLAGS_RESTORE */
 } rx_source_template;

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "io/fits_write.h"
+#include "stage/field.h"
 
 typedef struct checkimage {
     const char *type;
@@ -106,6 +107,39 @@ static void paint_support(const rx_checkimage_data *data, canvas *dst)
                                                          : 0.0f;
 }
 
+/* A pixel that took part in the template fit; without a fit none did. */
+static int was_fitted(const rx_checkimage_data *data, size_t i)
+{
+    return data->tphot != NULL && (data->fitted->mask[i] & RX_HIDE_RESTORED) == 0 &&
+           data->fitted_sky->sigma[i] > 0.0f;
+}
+
+static void paint_template_residual(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = was_fitted(data, i) ? data->tphot->residual[i] : NAN;
+}
+
+static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
+{
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->tphot != NULL ? data->tphot->model[i] : NAN;
+}
+
+/* In sigmas of sky and photons. */
+static void paint_template_chi(const rx_checkimage_data *data, canvas *dst)
+{
+    const double gain = data->fitted->gain;
+    for (size_t i = 0; i < npixels(dst); i++) {
+        dst->pixels[i] = NAN;
+        if (!was_fitted(data, i))
+            continue;
+        const double sigma = (double)data->fitted_sky->sigma[i], model = (double)data->tphot->model[i];
+        const double photons = gain > 0.0 && model > 0.0 ? model / gain : 0.0;
+        dst->pixels[i] = (float)((double)data->tphot->residual[i] / sqrt(sigma * sigma + photons));
+    }
+}
+
 /* Add `value` to the image along an ellipse. */
 static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, double x, double y, double a, double b,
                          double theta, float value)
@@ -171,13 +205,22 @@ static const struct {
     const char *type;
     painter paint;
 } painters[] = {
-    {"IDENTICAL", paint_identical},       {"RESTORED", paint_restored},
-    {"BACKGROUND", paint_background},     {"BACKGROUND_RMS", paint_rms},
-    {"-BACKGROUND", paint_subtracted},    {"FILTERED", paint_filtered},
-    {"OBJECTS", paint_objects},           {"-OBJECTS", paint_no_objects},
-    {"RESIDUAL", paint_residual},         {"SUPPORT", paint_support},
-    {"APERTURES", paint_apertures},       {"MINIBACKGROUND", paint_miniback},
+    {"IDENTICAL", paint_identical},
+    {"RESTORED", paint_restored},
+    {"BACKGROUND", paint_background},
+    {"BACKGROUND_RMS", paint_rms},
+    {"-BACKGROUND", paint_subtracted},
+    {"FILTERED", paint_filtered},
+    {"OBJECTS", paint_objects},
+    {"-OBJECTS", paint_no_objects},
+    {"RESIDUAL", paint_residual},
+    {"SUPPORT", paint_support},
+    {"APERTURES", paint_apertures},
+    {"MINIBACKGROUND", paint_miniback},
     {"MINIBACK_RMS", paint_miniback_rms},
+    {"TEMPLATE_RESIDUAL", paint_template_residual},
+    {"TEMPLATE_MODEL", paint_template_model},
+    {"TEMPLATE_CHI", paint_template_chi},
 };
 
 int rx_checkimage_offered(const char *type)

@@ -8,6 +8,7 @@
 #include "data/sources.h"
 #include "data/tile.h"
 #include "io/output.h"
+#include "template/template.h"
 
 typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer */
 
@@ -17,9 +18,12 @@ typedef struct rx_checkimage_data {
     const rx_background *background; /* of the detection tile */
     const rx_restored *restored;     /* the detection image */
     const rx_sources *sources;
-    const float *filtered;       /* detection image after FILTER, or NULL */
-    int mesh_width, mesh_height; /* BACK_SIZE, for the MINIBACK types */
-    const rx_text *cards;        /* record, ready cards */
+    const rx_tphot *tphot;           /* template fit, NULL: none */
+    const rx_tile *fitted;           /* the tile it was made of */
+    const rx_background *fitted_sky; /* with its noise */
+    const float *filtered;           /* detection image after FILTER, or NULL */
+    int mesh_width, mesh_height;     /* BACK_SIZE, for the MINIBACK types */
+    const rx_text *cards;            /* record, ready cards */
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is

@@ -27,6 +27,7 @@ static rx_status find_sources(const rx_options *options, const rx_field *field, 
     own.measure.nnw_file = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = 0;
+    own.templates.wanted = 0;
     rx_status status = rx_probe_run(&own, rx_restorer_find("NONE"), field, NULL, NULL, &probe, err);
     if (status != RX_OK)
         return status;

@@ -7,12 +7,18 @@
 #include "base/memory.h"
 #include "io/wcs.h"
 
-enum { CENTRE, WINDOWED, PEAK, NPOSITIONS };
+enum { CENTRE, WINDOWED, PEAK, FITTED, NPOSITIONS };
 
 static void position(const rx_source *source, int kind, double *x, double *y)
 {
-    *x = kind == CENTRE ? source->x : kind == WINDOWED ? source->xwin : source->xpeak;
-    *y = kind == CENTRE ? source->y : kind == WINDOWED ? source->ywin : source->ypeak;
+    if (kind == CENTRE || (kind == FITTED && source->fit.group == 0))
+        *x = source->x, *y = source->y;
+    else if (kind == WINDOWED)
+        *x = source->xwin, *y = source->ywin;
+    else if (kind == FITTED)
+        *x = source->fit.x, *y = source->fit.y;
+    else
+        *x = source->xpeak, *y = source->ypeak;
 }
 
 static void store(rx_source *source, int kind, double alpha, double delta, double alpha_j2000,
@@ -28,6 +34,9 @@ static void store(rx_source *source, int kind, double alpha, double delta, doubl
         source->deltawin = delta;
         source->alphawin_j2000 = alpha_j2000;
         source->deltawin_j2000 = delta_j2000;
+    } else if (kind == FITTED) {
+        source->fit.alpha = source->fit.group > 0 ? alpha_j2000 : NAN;
+        source->fit.delta = source->fit.group > 0 ? delta_j2000 : NAN;
     } else {
         source->alphapeak = alpha;
         source->deltapeak = delta;

@@ -17,6 +17,8 @@ librextract_la_SOURCES += \
 	src/stage/selfcheck.c src/stage/selfcheck.h \
 	src/stage/selfcheck_numbers.c src/stage/selfcheck_numbers.h \
 	src/stage/selfcheck_plan.c \
+	src/stage/template_extra.c src/stage/template_extra.h \
+	src/stage/template_fit.c src/stage/template_fit.h \
 	src/stage/coordinates.c src/stage/coordinates.h \
 	src/stage/stage.c
 

@@ -47,8 +47,9 @@ static const word_value assoc_types[] = {{"FIRST", RX_ASSOC_FIRST}, {"NEAREST", 
 static const word_value assoc_selections[] = {
     {"ALL", RX_ASSOC_ALL}, {"MATCHED", RX_ASSOC_MATCHED}, {"-MATCHED", RX_ASSOC_UNMATCHED}};
 static const word_value quality_fluxes[] = {
-    {"MAG_AUTO", RX_QUALITY_AUTO},     {"MAG_APER", RX_QUALITY_APER},   {"MAG_ISO", RX_QUALITY_ISO},
-    {"MAG_ISOCOR", RX_QUALITY_ISOCOR}, {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN}};
+    {"MAG_AUTO", RX_QUALITY_AUTO},        {"MAG_APER", RX_QUALITY_APER},   {"MAG_ISO", RX_QUALITY_ISO},
+    {"MAG_ISOCOR", RX_QUALITY_ISOCOR},    {"MAG_PETRO", RX_QUALITY_PETRO}, {"MAG_WIN", RX_QUALITY_WIN},
+    {"MAG_TEMPLATE", RX_QUALITY_TEMPLATE}};
 
 /* The parser admits only words of keys.def, so the first entry is never a silent guess: tests hold the
  * two lists together. */
@@ -289,6 +290,35 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     dst->seed = (uint64_t)cfg->seed;
 }
 
+/* As SExtractor measures what the columns ask for, templates are fitted where something asks for them. */
+static void template_options(const rx_config *cfg, rx_options *dst)
+{
+    rx_template_options *par = &dst->templates;
+    const int pixels = strcmp(cfg->template_type, "AUTO") == 0;
+    par->par = rx_tphot_defaults();
+    par->par.extended = strcmp(cfg->template_type, "POINT") != 0;
+    par->par.substructure = pixels;
+    par->par.group_limit = cfg->template_groupmax;
+    par->par.sky_cell = cfg->template_backsize;
+    par->par.psf_error = cfg->template_psferr;
+    par->par.non_negative = cfg->template_nonneg;
+    par->par.covariance = cfg->template_covar_name[0] != '\0';
+    par->par.nthreads = dst->nthreads;
+    par->passes = cfg->template_passes;
+    par->threshold = cfg->template_thresh;
+    par->invented = cfg->invented_snr;
+    par->drop = strcmp(cfg->invented_type, "DROP") == 0;
+    par->covariances = cfg->template_covar_name;
+    /* checks inject objects and look at their fluxes without a reference catalogue, too */
+    par->wanted_by_lists = par->drop || dst->quality_flux == RX_QUALITY_TEMPLATE;
+    par->wanted = par->drop || par->par.covariance ||
+                  (cfg->reference_name[0] != '\0' && dst->quality_flux == RX_QUALITY_TEMPLATE) ||
+                  rx_columns_mention(dst->columns, "TEMPLATE") ||
+                  rx_columns_has(dst->columns, "FLAGS_RESTORE");
+    for (int i = 0; i < dst->nchecks; i++)
+        par->wanted |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
+}
+
 /* Without a configuration and without the file, the columns of the shipped default.param. */
 static rx_status column_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
 {
@@ -427,6 +457,8 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     check_options(cfg, options);
     if (status == RX_OK)
         status = quality_options(cfg, options, err);
+    if (status == RX_OK)
+        template_options(cfg, options);
     if (status == RX_OK)
         *dst = options;
     else

@@ -177,6 +177,31 @@ static rx_status detect_sources(const work *w, rx_error *err)
     return status;
 }
 
+/* Added sources rank by the same quantity at their peak. */
+static void rank_added(const work *w)
+{
+    const rx_probe *probe = w->probe;
+    const double norm = filter_norm(&w->filter);
+    for (int i = 0; i < probe->sources->n; i++) {
+        rx_source *s = &probe->sources->list[i];
+        const size_t p = (size_t)s->ypeak * (size_t)probe->sources->width + (size_t)s->xpeak;
+        if ((s->fit.restore & RX_RESTORE_ADDED) != 0 && probe->noise[p] > 0.0f)
+            s->detection_snr = fmax(0.0, (double)probe->filtered[p] / (norm * (double)probe->noise[p]));
+    }
+}
+
+static rx_status fit_templates(const work *w, rx_error *err)
+{
+    rx_probe *probe = w->probe;
+    if (!w->options->templates.wanted)
+        return RX_OK;
+    rx_status status = rx_template_fit_run(w->options, w->detect, w->measure, probe->restored, probe->sources,
+                                           w->log, &probe->templates, err);
+    if (status == RX_OK)
+        rank_added(w);
+    return status;
+}
+
 /* Fluxes come from the restored image (of the measurement tile in dual-image mode) or from untouched pixels.
  */
 static rx_status measure_sources(const work *w, rx_error *err)
@@ -214,6 +239,8 @@ rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const
     if (status == RX_OK)
         status = detect_sources(&w, err);
     if (status == RX_OK)
+        status = fit_templates(&w, err);
+    if (status == RX_OK)
         status = measure_sources(&w, err);
     rx_filter_free(&w.filter);
     if (status != RX_OK)
@@ -226,6 +253,7 @@ void rx_probe_free(rx_probe *probe)
     rx_restored_free(probe->restored);
     rx_restored_free(probe->second);
     rx_sources_free(probe->sources);
+    rx_template_fit_free(&probe->templates);
     free(probe->filtered);
     free(probe->own_noise);
     *probe = (rx_probe){0};

@@ -26,6 +26,9 @@ static void flux_of(const rx_source *s, int kind, double *flux, double *error)
     case RX_QUALITY_WIN:
         *flux = s->flux_win, *error = s->fluxerr_win;
         break;
+    case RX_QUALITY_TEMPLATE:
+        *flux = s->fit.flux, *error = s->fit.fluxerr;
+        break;
     default:
         *flux = s->flux_auto, *error = s->fluxerr_auto;
     }

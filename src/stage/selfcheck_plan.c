@@ -30,6 +30,7 @@ static void own_options(const rx_options *options, double diameter, rx_options *
     par->nnw_file = NULL;
     par->vignet_width = par->vignet_height = 0;
     dst->restore.keep_reblurred = 0;
+    dst->templates.wanted = options->templates.wanted_by_lists;
 }
 
 /* Nothing but the wide aperture. */
@@ -37,6 +38,7 @@ static void aperture_options(const rx_options *options, double diameter, rx_opti
 {
     rx_measure_params *par = &dst->measure;
     *dst = *options;
+    dst->templates.wanted = 0;
     par->skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
     par->naper = 1;
     par->aperture_diameter[0] = diameter;

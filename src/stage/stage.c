@@ -1,7 +1,8 @@
 /* The main job for one tile, the paper's Figure 1 read from top to bottom:
  *
  *   open tile -> background -> psf            field.c
- *   restore -> detect -> measure -> table     probe.c and extract.c, once per restorer
+ *   restore -> detect -> templates ->
+ *   measure -> table                          probe.c and extract.c, once per restorer
  *   catalogues, check-images, report          here
  *
  * Outputs are written under temporary names and renamed together at the end.
@@ -70,12 +71,14 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     const rx_options *options = job->options;
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
-    int need_psf = any_needs_psf(options) || options->self_check;
+    const int templates = options->templates.wanted;
+    const int need_psf = any_needs_psf(options) || options->self_check || templates;
     rx_status status =
         rx_field_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
-        status = rx_field_open(options, 1, job->measure, measure_hdu, extension,
-                               need_psf && !options->measure_original, job->log, &measure, err);
+        status =
+            rx_field_open(options, 1, job->measure, measure_hdu, extension,
+                          templates || (need_psf && !options->measure_original), job->log, &measure, err);
         if (status == RX_OK)
             status = same_shape(detect, measure, err);
     }

@@ -25,12 +25,11 @@ typedef struct rx_template_fit {
  * field as detect without dual-image mode). The PSF is restored->blur, else that of the field; without one
  * nothing is fitted, with a warning. In dual-image mode positions, shapes and added sources are those of
  * `detect` (forced photometry). Added sources are appended, made-up ones removed where the options say so.
- * `noise` [h][w]: of the restored image, `filtered` the image that was detected on: they rank added sources
- * like the others. Saturated pixels never take part.
+ * detection_snr of added sources is left at 0. Saturated pixels never take part.
  * Errors: RX_INPUT, RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. Free with rx_template_fit_free(). */
 rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect, const rx_field *measure,
-                              const rx_restored *restored, const float *filtered, const float *noise,
-                              rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
+                              const rx_restored *restored, rx_sources *sources, rx_log *log,
+                              rx_template_fit *dst, rx_error *err);
 void rx_template_fit_free(rx_template_fit *fit); /* content only */
 
 #endif

@@ -1,0 +1,142 @@
+/* Sources that only show in what the templates leave. */
+#include "stage/template_extra.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+/* Of a model's light in a pixel, so much counts as noise: profiles and PSFs miss by a few per cent, which on
+ * a bright source is many sigmas, all over its face. */
+static const double MODEL_ERROR = 0.05;
+static const double REACH = 1.0; /* of the filter, units of the PSF's FWHM */
+
+/* The PSF in the middle of the tile, cut to its core: *side x *side, in the caller's stamp. */
+static float *matched_filter(const rx_psf *psf, int width, int height, int *side)
+{
+    const int whole = psf->size, half = (int)fmin(ceil(REACH * fmax(psf->fwhm, 1.0)) + 1, whole / 2);
+    float *stamp = RX_NEW(float, (size_t)whole *(size_t)whole);
+    if (stamp == NULL)
+        return NULL;
+    rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), stamp);
+    *side = 2 * half + 1;
+    for (int y = 0; y < *side; y++)
+        memmove(stamp + (size_t)y * (size_t)*side,
+                stamp + (size_t)(whole / 2 - half + y) * (size_t)whole + (size_t)(whole / 2 - half),
+                (size_t)*side * sizeof *stamp);
+    return stamp;
+}
+
+/* What the filter leaves of the noise of independent pixels. */
+static double filter_norm(const float *filter, int n)
+{
+    double sum = 0, power = 0;
+    for (int i = 0; i < n; i++) {
+        sum += fabs((double)filter[i]);
+        power += (double)filter[i] * (double)filter[i];
+    }
+    return sqrt(power) / sum;
+}
+
+static void noise_planes(const rx_template_extra *extra, const float *residual, const float *error, size_t n,
+                         float *sigma, uint8_t *mask)
+{
+    for (size_t i = 0; i < n; i++) {
+        mask[i] = !(error[i] > 0.0f);
+        if (mask[i])
+            continue;
+        const double model = (double)extra->pixels[i] - (double)extra->level[i] - (double)residual[i];
+        sigma[i] = (float)hypot((double)error[i], MODEL_ERROR * fmax(model, 0.0));
+    }
+}
+
+static rx_status positions(const rx_sources *found, double (**dst)[2], int *n, rx_error *err)
+{
+    double(*at)[2] = rx_alloc((size_t)found->n, sizeof *at);
+    if (at == NULL)
+        return rx_error_memory(err, (size_t)found->n * sizeof *at);
+    for (int i = 0; i < found->n; i++) {
+        at[i][0] = found->list[i].x;
+        at[i][1] = found->list[i].y;
+    }
+    *dst = at;
+    *n = found->n;
+    return RX_OK;
+}
+
+rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
+                                 double (**dst)[2], int *n, rx_error *err)
+{
+    rx_template_extra *extra = user;
+    const size_t npixels = (size_t)width * (size_t)height;
+    rx_detect_params par = *extra->detect;
+    int side = 0;
+    rx_status status = RX_OK;
+    float *sigma = RX_NEW(float, npixels), *filter = matched_filter(extra->psf, width, height, &side);
+    uint8_t *mask = RX_NEW(uint8_t, npixels);
+    if (sigma == NULL || mask == NULL || filter == NULL) {
+        status = rx_error_memory(err, npixels * (sizeof *sigma + 1));
+        goto exit;
+    }
+    noise_planes(extra, residual, error, npixels, sigma, mask);
+    par.threshold = par.analysis_threshold = extra->threshold * filter_norm(filter, side * side);
+    par.absolute = par.analysis_absolute = 0;
+    par.min_area = 1;
+    par.max_area = 0;
+    par.filter = filter;
+    par.filter_width = par.filter_height = side;
+    par.filter_normalise = 1;
+    par.matched = 0;
+    const rx_detect_image image = {.width = width,
+                                   .height = height,
+                                   .pixels = residual,
+                                   .sigma = sigma,
+                                   .mask = mask,
+                                   .mask_bits = 1,
+                                   .variable_noise = 1,
+                                   .global_sigma = 1.0};
+    status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
+    if (status == RX_OK)
+        status = positions(extra->found, dst, n, err);
+exit:
+    free(sigma);
+    free(mask);
+    free(filter);
+    return status;
+}
+
+/* Pixels of `from` that are nobody's become those of the added sources. */
+static void paint_segments(const rx_sources *from, int first, rx_sources *sources)
+{
+    const size_t n = (size_t)sources->width * (size_t)sources->height;
+    for (size_t i = 0; i < n; i++)
+        if (from->segments[i] != 0 && sources->segments[i] == 0)
+            sources->segments[i] = first + from->segments[i];
+}
+
+rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err)
+{
+    const rx_sources *found = extra->found;
+    if (found == NULL || found->n == 0)
+        return RX_OK;
+    const size_t all = (size_t)sources->n + (size_t)found->n;
+    rx_source *list = rx_regrow(sources->list, all, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, all * sizeof *list);
+    int32_t last = 0;
+    for (int i = 0; i < sources->n; i++)
+        last = list[i].segment > last ? list[i].segment : last;
+    sources->list = list;
+    paint_segments(found, last, sources);
+    for (int i = 0; i < found->n; i++) {
+        rx_source *s = &list[sources->n + i];
+        *s = found->list[i];
+        s->number = sources->n + i + 1;
+        s->segment += last;
+        s->flags |= RX_FLAG_MERGED;
+        s->detection_snr = 0.0;
+    }
+    sources->n = (int)all;
+    return RX_OK;
+}

@@ -1,0 +1,31 @@
+/* Sources that only show in what the templates leave. */
+#ifndef RX_STAGE_TEMPLATE_EXTRA_H
+#define RX_STAGE_TEMPLATE_EXTRA_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/psf.h"
+#include "data/sources.h"
+#include "data/tile.h"
+#include "detect/detect.h"
+
+typedef struct rx_template_extra {
+    const rx_detect_params *detect; /* deblending and limits are these */
+    double threshold;               /* S/N in a filter that matches the PSF */
+    const rx_psf *psf;
+    const float *pixels, *level; /* [h][w] ADU, of the tile */
+    rx_log *log;
+    rx_sources *found; /* owned: what was found, in the order of the positions given; NULL: not asked */
+} rx_template_extra;
+
+/* An rx_tphot_more(); user is the rx_template_extra. The noise of a pixel holds a share of the model's light
+ * there besides what it is told: models are not exact, and what remains of a bright star is no source.
+ * Errors: RX_SYSTEM, RX_USAGE. */
+rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
+                                 double (**dst)[2], int *n, rx_error *err);
+
+/* Append what was found to the list that the templates were made of: numbers and segments go on, pixels that
+ * are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */
+rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err);
+
+#endif
