@@ -10,6 +10,7 @@
 #include "catalog/assoc.h"
 #include "stage/coordinates.h"
 #include "stage/probe.h"
+#include "stage/template_table.h"
 
 /* One extension while it is extracted. */
 typedef struct work {
@@ -30,6 +31,12 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
     rx_status status = RX_OK;
     if (to_file)
         status = rx_outputs_file(outputs, run->catalog_name, &run->catalog_temporary, err);
+    if (status == RX_OK && options->templates.covariances[0] != '\0') {
+        run->covariance_name = rx_name_with_tag(options->templates.covariances, tag);
+        status = run->covariance_name == NULL
+                     ? rx_error_memory(err, 0)
+                     : rx_outputs_file(outputs, run->covariance_name, &run->covariance_temporary, err);
+    }
     if (status != RX_OK)
         return status;
     return rx_checkimages_open(options->nchecks, options->check_types, options->check_names, tag, outputs,
@@ -54,6 +61,49 @@ static void account(rx_run *run, const work *w, rx_log *log)
              check->automatic_error);
     rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text);
     snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
+}
+
+/* One more sentence in the account. */
+static void add_account(rx_run *run, const char *text)
+{
+    size_t used = strlen(run->account);
+    snprintf(run->account + used, sizeof run->account - used, "; %s", text);
+}
+
+/* What the template fit found. */
+static void account_templates(rx_run *run, const work *w, rx_log *log)
+{
+    const rx_tile *tile = w->detect->tile;
+    const rx_template_fit *fit = &w->probe.templates;
+    char text[256];
+    run->tested = fit->tphot != NULL;
+    run->invented_per_mpixel = fit->per_mpixel;
+    if (!run->tested)
+        return;
+    snprintf(
+        text, sizeof text,
+        "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g per "
+        "Mpixel) not wanted by the untouched pixels%s; residual chi2 %.3f",
+        fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
+        fit->dropped > 0 ? ", dropped" : "", fit->chi2);
+    rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text);
+    add_account(run, text);
+}
+
+static void describe_templates(const rx_template_fit *fit, rx_record *facts)
+{
+    if (fit->tphot == NULL)
+        return;
+    rx_record_add(facts, "RXTPFWHM", "templates: FWHM of the PSF, pixels", "%.4f", fit->fwhm);
+    rx_record_add(facts, "RXTPGRP", "groups of sources fitted together", "%d", fit->tphot->ngroups);
+    rx_record_add(facts, "RXTPMAX", "members of the largest", "%d", fit->tphot->largest);
+    rx_record_add(facts, "RXTPADD", "sources added from the residual", "%d", fit->added);
+    rx_record_add(facts, "RXTPSKY", "mean sky taken off between them, ADU", "%.6g", fit->tphot->sky);
+    rx_record_add(facts, "RXTPODDS", "odds of points among clear sources", "%.4g", fit->tphot->star_odds);
+    rx_record_add(facts, "RXTPCHI2", "reduced chi2 of the residual", "%.5f", fit->chi2);
+    rx_record_add(facts, "RXINV", "sources that untouched pixels do not want", "%d", fit->invented);
+    rx_record_add(facts, "RXINVMP", "the same per Mpixel", "%.5g", fit->per_mpixel);
+    rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
 }
 
 /* The facts of this extension, for the headers of its table and images. */
@@ -96,6 +146,7 @@ static void describe(const work *w, rx_record *facts)
         rx_record_add(facts, "RXFLXA", "FLUX_AUTO restored / that flux untouched", "%.5f", check->automatic);
         rx_record_add(facts, "RXFLXAE", "1 sigma of RXFLXA", "%.5f", check->automatic_error);
     }
+    describe_templates(&probe->templates, facts);
     rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
     rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", w->measure->tile->gain);
     rx_record_add(facts, "RXSATUR", "saturation level, ADU", "%.6g", w->detect->tile->saturation);
@@ -132,17 +183,41 @@ exit:
     return status;
 }
 
-static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, rx_error *err)
+/* Room for one more table of each kind. */
+static rx_status grow_tables(rx_run *run, rx_error *err)
 {
-    rx_text cards = {0};
     rx_table **tables = rx_regrow(run->tables, (size_t)run->ntables + 1, sizeof *tables);
     if (tables == NULL)
         return rx_error_memory(err, 0);
     run->tables = tables;
-    rx_status status =
-        rx_catalog_table(w->options->columns, w->measure->tile, w->probe.sources, &tables[run->ntables], err);
+    if (run->covariance_name == NULL)
+        return RX_OK;
+    tables = rx_regrow(run->covariances, (size_t)run->ntables + 1, sizeof *tables);
+    if (tables == NULL)
+        return rx_error_memory(err, 0);
+    run->covariances = tables;
+    return RX_OK;
+}
+
+static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, rx_error *err)
+{
+    rx_text cards = {0};
+    rx_table *covariances = NULL, **tables;
+    rx_status status = grow_tables(run, err);
+    if (status == RX_OK && run->covariance_name != NULL)
+        status = rx_template_table(w->probe.templates.tphot, w->probe.sources, w->detect->tile->extension,
+                                   &covariances, err);
     if (status != RX_OK)
         return status;
+    tables = run->tables;
+    status =
+        rx_catalog_table(w->options->columns, w->measure->tile, w->probe.sources, &tables[run->ntables], err);
+    if (status != RX_OK) {
+        rx_table_free(covariances);
+        return status;
+    }
+    if (covariances != NULL)
+        run->covariances[run->ntables] = covariances;
     rx_table *table = tables[run->ntables++];
     rx_record_cards(facts, &cards);
     if (cards.failed) {
@@ -152,13 +227,6 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     table->facts = cards.data;
     table->nfacts = (long)(cards.length / 80);
     return RX_OK;
-}
-
-/* One more sentence in the account. */
-static void add_account(rx_run *run, const char *text)
-{
-    size_t used = strlen(run->account);
-    snprintf(run->account + used, sizeof run->account - used, "; %s", text);
 }
 
 /* What the network's model says of this tile. */
@@ -206,6 +274,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     rx_sources *sources = w.probe.sources;
     run->domain = w.probe.domain;
     account(run, &w, log);
+    account_templates(run, &w, log);
     status = tell_domain(run, &w, log, err);
     if (status == RX_OK)
         status = rx_coordinates_fill(w.measure->tile, sources, err);
@@ -246,6 +315,14 @@ void rx_run_forget(rx_run *run)
     run->sources = NULL;
 }
 
+/* The covariances' table has the format of the catalogue, where that makes sense. */
+static rx_catalog_type covariance_type(rx_catalog_type type)
+{
+    return type == RX_CATALOG_NONE        ? RX_CATALOG_ASCII_HEAD
+           : type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0
+                                          : type;
+}
+
 rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,
                        rx_error *err)
 {
@@ -261,6 +338,10 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
         pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
     status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs,
                               record->n, run->catalog_temporary, standard_out, err);
+    if (status == RX_OK && run->covariance_name != NULL)
+        status =
+            rx_catalog_write(covariance_type(options->catalog_type), run->covariance_name, run->covariances,
+                             run->ntables, pairs, record->n, run->covariance_temporary, NULL, err);
     free(pairs);
     return status;
 }
@@ -270,7 +351,11 @@ void rx_run_free(rx_run *run)
     rx_run_forget(run);
     for (int i = 0; i < run->ntables; i++)
         rx_table_free(run->tables[i]);
+    for (int i = 0; i < run->ntables && run->covariances != NULL; i++)
+        rx_table_free(run->covariances[i]);
     free(run->tables);
+    free(run->covariances);
+    free(run->covariance_name);
     rx_checkimages_free(run->images);
     free(run->catalog_name);
     *run = (rx_run){0};

@@ -22,14 +22,19 @@ typedef struct rx_run {
     const rx_restorer *kind;
     char *catalog_name;            /* with the restorer's name when there are several */
     const char *catalog_temporary; /* where it is written; NULL: standard output, or no catalogue */
+    char *covariance_name;         /* TEMPLATE_COVAR_NAME, tagged like the catalogue; NULL: not wanted */
+    const char *covariance_temporary;
     rx_checkimages *images;
     int ntables;
     rx_table **tables;
+    rx_table **covariances; /* [ntables] where they are wanted, else NULL */
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;
     rx_check_results checks;
-    rx_domain domain;   /* place RX_DOMAIN_NONE where no network was asked for */
+    int tested;                 /* FLAGS_RESTORE was set */
+    double invented_per_mpixel; /* sources marked by it, before they were dropped */
+    rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 
