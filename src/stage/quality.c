@@ -54,6 +54,7 @@ rx_status rx_quality_list(const rx_options *options, const rx_tile *tile, const 
         dst->mag_error[i] = flux > 0.0 ? 1.0857362 * error / flux : NAN;
         dst->score[i] = s->detection_snr;
         dst->flags[i] = s->flags;
+        dst->made_up[i] = rx_source_made_up(s) != 0;
     }
     return RX_OK;
 }

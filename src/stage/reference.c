@@ -183,10 +183,12 @@ rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err
     if (with_flags) {
         list->score = RX_NEW(double, rows);
         list->flags = RX_NEW(int, rows);
+        list->made_up = RX_NEW(unsigned char, rows);
     }
     int complete = list->x != NULL && list->y != NULL && list->alpha != NULL && list->delta != NULL &&
                    list->mag != NULL && list->mag_error != NULL && list->flux != NULL &&
-                   list->flux_error != NULL && (!with_flags || (list->score != NULL && list->flags != NULL));
+                   list->flux_error != NULL &&
+                   (!with_flags || (list->score != NULL && list->flags != NULL && list->made_up != NULL));
     if (complete)
         return RX_OK;
     rx_qa_list_free(list);
@@ -205,6 +207,7 @@ void rx_qa_list_free(rx_qa_list *list)
     free(list->flux_error);
     free(list->score);
     free(list->flags);
+    free(list->made_up);
     *list = (rx_qa_list){0};
 }
 

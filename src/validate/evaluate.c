@@ -213,7 +213,16 @@ static void count_roles(rx_evaluation *e)
         int ignored = e->run_role[j] == RX_ROLE_IGNORED;
         e->detections += !ignored;
         e->detections_ignored += ignored;
+        const int made_up = !ignored && e->run->list.made_up != NULL && e->run->list.made_up[j];
+        e->made_up += made_up;
+        e->made_up_matched += made_up && e->run_role[j] == RX_ROLE_MATCHED;
     }
+}
+
+double rx_evaluation_precision_without(const rx_evaluation *evaluation)
+{
+    const long kept = evaluation->detections - evaluation->made_up;
+    return kept > 0 ? (double)(evaluation->matched - evaluation->made_up_matched) / (double)kept : NAN;
 }
 
 /* The zero point that ties flux and mag of a list together, NAN when it has no fluxes. */

@@ -34,8 +34,9 @@ typedef struct rx_evaluation {
     long references, references_ignored;
     long detections, detections_ignored;
     long matched;
-    double chance;      /* matches expected if positions were unrelated: mean over shifted lists */
-    rx_estimate offset; /* zero point: median dmag of bright matches */
+    long made_up, made_up_matched; /* of the detections that count: marked, and matched all the same */
+    double chance;                 /* matches expected if positions were unrelated: mean over shifted lists */
+    rx_estimate offset;            /* zero point: median dmag of bright matches */
     rx_pr pr;
     double level; /* of the intervals above */
 } rx_evaluation;
@@ -47,6 +48,9 @@ rx_status rx_evaluate_bins(const rx_qa_params *par, const rx_qa_input *input, rx
 rx_status rx_evaluate(const rx_qa_params *par, const rx_qa_input *input, int run, const rx_bins *bins,
                       double level, rx_evaluation *dst, rx_error *err);
 void rx_evaluation_free(rx_evaluation *evaluation); /* content only */
+
+/* Precision of the detections that count and are not marked as made up; NAN without any. */
+double rx_evaluation_precision_without(const rx_evaluation *evaluation);
 
 /* Median and sigma_MAD of n finite values (reordered), intervals by order statistics: the rank interval of
  * the median, and that of |v - median| for sigma_MAD. Unbounded when n is too small (below 6 at 0.95).

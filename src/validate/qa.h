@@ -23,6 +23,7 @@ typedef struct rx_qa_list {
     double *flux, *flux_error; /* ADU, on the scale of mag; NULL when unknown */
     double *score; /* detections: ranking for the P-R curve, high = sure, else NULL: brightest first */
     int *flags;    /* detections: FLAGS, else NULL */
+    unsigned char *made_up; /* detections: 1 = untouched pixels do not want it (FLAGS_RESTORE), else NULL */
 } rx_qa_list;
 
 /* What a restorer's model promises for this tile, from its tests; NAN where it does not say. */
@@ -44,6 +45,8 @@ typedef struct rx_qa_run { /* one restorer */
     double seconds; /* of the restoration; told in `brief` only, files stay the same from run to run */
     const char *settings, *psf;   /* one line each, for the page; may be NULL */
     const rx_qa_promise *promise; /* NULL: no model is behind this run */
+    int tested;                   /* list.made_up says something */
+    double made_up_per_mpixel;    /* marked ones, those included that were dropped from the list */
     double law_scale, law_power;  /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
 

@@ -66,6 +66,14 @@ static void run_head(rx_json *json, const rx_report *r, int run)
     rx_json_number(json, "detections_ignored", (double)e->detections_ignored);
     rx_json_number(json, "matched", (double)e->matched);
     rx_json_number(json, "chance_matches", e->chance);
+    if (e->run->tested) {
+        rx_json_object(json, "made_up", true);
+        rx_json_number(json, "marked", (double)e->made_up);
+        rx_json_number(json, "matched", (double)e->made_up_matched);
+        rx_json_number(json, "per_mpixel", e->run->made_up_per_mpixel);
+        rx_json_number(json, "precision_without", rx_evaluation_precision_without(e));
+        rx_json_end(json);
+    }
     if (e->run->promise != NULL)
         promise(json, e->run->promise);
     json->text->failed = json->text->failed || matches.failed || curve.failed;

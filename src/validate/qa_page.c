@@ -97,6 +97,57 @@ static double n_chance(const rx_evaluation *e)
     return e->chance;
 }
 
+static double n_made_up(const rx_evaluation *e)
+{
+    return e->run->tested ? (double)e->made_up : NAN;
+}
+
+static double n_made_up_matched(const rx_evaluation *e)
+{
+    return e->run->tested ? (double)e->made_up_matched : NAN;
+}
+
+static bool was_tested(const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].tested)
+            return true;
+    return false;
+}
+
+/* Which detections the untouched pixels do not want, and what the list is worth without them. */
+static void write_made_up(rx_text *dst, const rx_report *r)
+{
+    if (!was_tested(r))
+        return;
+    rx_page_section(dst, "made-up", "Invented or real");
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "marked by FLAGS_RESTORE");
+    run_headings(dst, r);
+    count_row(dst, r, "detections that count", n_made_up);
+    count_row(dst, r, "of these matched all the same", n_made_up_matched);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "marked, per Mpixel (dropped ones included)");
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_page_cell_number(dst, r->input->runs[run].made_up_per_mpixel, 1);
+    rx_page_row_end(dst);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "precision of the list");
+    for (int run = 0; run < r->input->nruns; run++)
+        estimate_cell(dst, rx_report_whole(r, run, RX_METRIC_PRECISION), RX_METRIC_PRECISION);
+    rx_page_row_end(dst);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "precision without them");
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_page_cell_number(dst, rx_evaluation_precision_without(&r->evaluation[run]), 3);
+    rx_page_row_end(dst);
+    rx_page_table_end(dst);
+    rx_page_note(dst,
+                 "A source is marked when a template of it, fitted to the untouched pixels together with its "
+                 "neighbours, is not significant (INVENTED_SNR) or adds nothing to theirs.");
+}
+
 static void write_counts(rx_text *dst, const rx_report *r)
 {
     rx_page_section(dst, "counts", "What was compared");
@@ -427,6 +478,7 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
     rx_page_link(dst, true, "figures", "Figures");
     rx_page_link(dst, true, "bins", "Tables");
     rx_page_link(dst, r->ncomparisons > 0, "duel", "Comparison");
+    rx_page_link(dst, was_tested(r), "made-up", "Invented or real");
     rx_page_link(dst, has_promises(r), "promise", "The model");
     rx_page_link(dst, true, "reading", "How to read");
     rx_page_link(dst, true, "restorers", "Restorers");
@@ -451,6 +503,7 @@ void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
     write_figures(dst, figures);
     write_tables(dst, r);
     write_comparisons(dst, r);
+    write_made_up(dst, r);
     write_promises(dst, r);
     write_reading(dst, r);
     write_runs(dst, r);

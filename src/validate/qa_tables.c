@@ -73,6 +73,7 @@ static void match_row(rx_ecsv *table, const rx_evaluation *e, const char *state,
     rx_ecsv_number(table, at(list->flux_error, j));
     rx_ecsv_number(table, at(list->score, j));
     rx_ecsv_count(table, j >= 0 && list->flags != NULL ? list->flags[j] : 0);
+    rx_ecsv_count(table, j >= 0 && list->made_up != NULL && list->made_up[j]);
     rx_ecsv_number(table, j >= 0 ? hypot(e->dx[j], e->dy[j]) : NAN);
     rx_ecsv_number(table, at(e->dx, j));
     rx_ecsv_number(table, at(e->dy, j));
@@ -104,6 +105,7 @@ void rx_report_matches(rx_text *dst, const rx_report *r, int run)
     rx_ecsv_column(&table, "flux_error", RX_ECSV_FLOAT, "adu", "detection");
     rx_ecsv_column(&table, "score", RX_ECSV_FLOAT, "", "ranking of the precision-recall curve");
     rx_ecsv_column(&table, "flags", RX_ECSV_INT, "", "FLAGS of the detection");
+    rx_ecsv_column(&table, "made_up", RX_ECSV_INT, "", "1: untouched pixels do not want it (FLAGS_RESTORE)");
     rx_ecsv_column(&table, "separation", RX_ECSV_FLOAT, "pix", "of the pair");
     rx_ecsv_column(&table, "dx", RX_ECSV_FLOAT, "pix", "detection - reference");
     rx_ecsv_column(&table, "dy", RX_ECSV_FLOAT, "pix", "detection - reference");
