@@ -11,6 +11,9 @@
  * a bright source is many sigmas, all over its face. */
 static const double MODEL_ERROR = 0.05;
 static const double REACH = 1.0; /* of the filter, units of the PSF's FWHM */
+/* What is so near the border, in FWHM, may be the wing of something beyond it, which no template inside
+ * explains. */
+static const double BORDER = 0.5;
 
 /* The PSF in the middle of the tile, cut to its core: *side x *side, in the caller's stamp. */
 static float *matched_filter(const rx_psf *psf, int width, int height, int *side)
@@ -49,6 +52,22 @@ static void noise_planes(const rx_template_extra *extra, const float *residual, 
         const double model = (double)extra->pixels[i] - (double)extra->level[i] - (double)residual[i];
         sigma[i] = (float)hypot((double)error[i], MODEL_ERROR * fmax(model, 0.0));
     }
+}
+
+static rx_status leave_border(rx_sources *found, double fwhm, rx_error *err)
+{
+    const double margin = BORDER * fwhm;
+    unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
+    if (keep == NULL)
+        return rx_error_memory(err, (size_t)found->n);
+    for (int i = 0; i < found->n; i++) {
+        const rx_source *s = &found->list[i];
+        keep[i] = s->x >= margin && s->y >= margin && s->x <= found->width - 1 - margin &&
+                  s->y <= found->height - 1 - margin;
+    }
+    rx_status status = rx_sources_select(found, keep, err);
+    free(keep);
+    return status;
 }
 
 static rx_status positions(const rx_sources *found, double (**dst)[2], int *n, rx_error *err)
@@ -97,6 +116,8 @@ rx_status rx_template_extra_find(void *user, const float *residual, const float 
                                    .variable_noise = 1,
                                    .global_sigma = 1.0};
     status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
+    if (status == RX_OK)
+        status = leave_border(extra->found, extra->psf->fwhm, err);
     if (status == RX_OK)
         status = positions(extra->found, dst, n, err);
 exit:

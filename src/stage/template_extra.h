@@ -19,7 +19,8 @@ typedef struct rx_template_extra {
 } rx_template_extra;
 
 /* An rx_tphot_more(); user is the rx_template_extra. The noise of a pixel holds a share of the model's light
- * there besides what it is told: models are not exact, and what remains of a bright star is no source.
+ * there besides what it is told: models are not exact, and what remains of a bright star is no source. Nor is
+ * what lies within half a FWHM of the border.
  * Errors: RX_SYSTEM, RX_USAGE. */
 rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
                                  double (**dst)[2], int *n, rx_error *err);
