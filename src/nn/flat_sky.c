@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "num/largest.h"
+
 int rx_flat_sky_reach(double fwhm)
 {
     return (int)fmin(16, fmax(2, ceil(1.25 * fwhm)));
@@ -20,43 +22,19 @@ static float share(float m, float level)
     return u <= 0 ? 0 : u >= 1 ? 1 : u * u * (3 - 2 * u);
 }
 
-/* dst = the larger of dst and src */
-static void raise(const float *restrict src, int n, float *restrict dst)
-{
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        dst[i] = src[i] > dst[i] ? src[i] : dst[i];
-}
-
-static void largest_in_row(const float *row, int n, int reach, float *dst)
-{
-    for (int i = 0; i < n; i++)
-        dst[i] = row[i];
-    for (int d = 1; d <= reach && d < n; d++) {
-        raise(row, n - d, dst + d);
-        raise(row + d, n - d, dst);
-    }
-}
-
 void rx_flat_sky(int width, int height, double fwhm, int nthreads, float *v, float *scratch)
 {
     enum { STRIP = 256 }; /* columns that a thread does at a time, so that m needs no memory of its own */
     const size_t stride = (size_t)width;
     const int reach = rx_flat_sky_reach(fwhm);
     const float level = rx_flat_sky_level(fwhm);
-#pragma omp parallel for num_threads(nthreads) schedule(static)
-    for (int y = 0; y < height; y++)
-        largest_in_row(v + (size_t)y * stride, width, reach, scratch + (size_t)y * stride);
+    rx_largest_in_rows(v, width, height, reach, nthreads, scratch);
 #pragma omp parallel for num_threads(nthreads) schedule(static)
     for (int y = 0; y < height; y++) {
-        const int first = y > reach ? y - reach : 0, last = height - 1 - y > reach ? y + reach : height - 1;
         for (int x = 0; x < width; x += STRIP) {
             const int n = width - x < STRIP ? width - x : STRIP;
             float m[STRIP], *row = v + (size_t)y * stride + (size_t)x;
-            for (int i = 0; i < n; i++)
-                m[i] = scratch[(size_t)first * stride + (size_t)(x + i)];
-            for (int k = first + 1; k <= last; k++)
-                raise(scratch + (size_t)k * stride + (size_t)x, n, m);
+            rx_largest_over_rows(scratch, width, height, reach, x, y, n, m);
             for (int i = 0; i < n; i++)
                 row[i] *= share(m[i], level);
         }

@@ -6,16 +6,21 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "num/largest.h"
 
-/* Of a model's light in a pixel, so much counts as noise: profiles and PSFs miss by a few per cent, which on
- * a bright source is many sigmas, all over its face. */
-static const double MODEL_ERROR = 0.05;
-static const double REACH = 1.0; /* of the filter, units of the PSF's FWHM */
+/* Of the light that the models have around a pixel, so much counts as noise: profiles and PSFs miss by a few
+ * per cent, and so do positions; of a bright source that is many sigmas, all over its face and round it. */
+static const double MODEL_ERROR = 0.1;
+static const double NEAR = 1.0;   /* around: units of the PSF's FWHM */
+static const double HIDDEN = 1.0; /* light of models, in sigmas of a pixel, that hides a source */
+static const double REACH = 1.5;  /* of the filter, units of the PSF's FWHM */
 /* What is so near the border, in FWHM, may be the wing of something beyond it, which no template inside
  * explains. */
 static const double BORDER = 0.5;
 
-/* The PSF in the middle of the tile, cut to its core: *side x *side, in the caller's stamp. */
+/* The PSF in the middle of the tile, cut to its core and lowered to a sum of 0 (Stetson 1987, PASP 99, 191),
+ * so that light without structure, the halo of a bright star beyond what its PSF holds, is no peak.
+ * [*side][*side], the caller's. */
 static float *matched_filter(const rx_psf *psf, int width, int height, int *side)
 {
     const int whole = psf->size, half = (int)fmin(ceil(REACH * fmax(psf->fwhm, 1.0)) + 1, whole / 2);
@@ -28,6 +33,12 @@ static float *matched_filter(const rx_psf *psf, int width, int height, int *side
         memmove(stamp + (size_t)y * (size_t)*side,
                 stamp + (size_t)(whole / 2 - half + y) * (size_t)whole + (size_t)(whole / 2 - half),
                 (size_t)*side * sizeof *stamp);
+    const size_t n = (size_t)*side * (size_t)*side;
+    double mean = 0;
+    for (size_t i = 0; i < n; i++)
+        mean += (double)stamp[i] / (double)n;
+    for (size_t i = 0; i < n; i++)
+        stamp[i] -= (float)mean;
     return stamp;
 }
 
@@ -42,19 +53,33 @@ static double filter_norm(const float *filter, int n)
     return sqrt(power) / sum;
 }
 
-static void noise_planes(const rx_template_extra *extra, const float *residual, const float *error, size_t n,
-                         float *sigma, uint8_t *mask)
+/* Light of the models, and the largest of it around a pixel. */
+static rx_status near_models(const rx_template_extra *extra, const float *residual, const float *error,
+                             int width, int height, float *dst, rx_error *err)
 {
+    const size_t n = (size_t)width * (size_t)height;
+    float *scratch = RX_NEW(float, n);
+    if (scratch == NULL)
+        return rx_error_memory(err, n * sizeof *scratch);
     for (size_t i = 0; i < n; i++) {
-        mask[i] = !(error[i] > 0.0f);
-        if (mask[i])
-            continue;
-        const double model = (double)extra->pixels[i] - (double)extra->level[i] - (double)residual[i];
-        sigma[i] = (float)hypot((double)error[i], MODEL_ERROR * fmax(model, 0.0));
+        const float model = extra->pixels[i] - extra->level[i] - residual[i];
+        dst[i] = error[i] > 0.0f && model > 0.0f ? model : 0.0f;
     }
+    rx_largest(dst, width, height, (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)), extra->nthreads, scratch,
+               dst);
+    free(scratch);
+    return RX_OK;
 }
 
-static rx_status leave_border(rx_sources *found, double fwhm, rx_error *err)
+/* What stands alone was there to be seen on the restored image: whether it is a source is for the detection
+ * threshold to say. */
+static int hidden(const rx_source *s, const float *near, const float *error, int width)
+{
+    const size_t peak = (size_t)s->ypeak * (size_t)width + (size_t)s->xpeak;
+    return near[peak] > HIDDEN * error[peak];
+}
+
+static rx_status choose(rx_sources *found, double fwhm, const float *near, const float *error, rx_error *err)
 {
     const double margin = BORDER * fwhm;
     unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
@@ -63,7 +88,7 @@ static rx_status leave_border(rx_sources *found, double fwhm, rx_error *err)
     for (int i = 0; i < found->n; i++) {
         const rx_source *s = &found->list[i];
         keep[i] = s->x >= margin && s->y >= margin && s->x <= found->width - 1 - margin &&
-                  s->y <= found->height - 1 - margin;
+                  s->y <= found->height - 1 - margin && hidden(s, near, error, found->width);
     }
     rx_status status = rx_sources_select(found, keep, err);
     free(keep);
@@ -92,13 +117,20 @@ rx_status rx_template_extra_find(void *user, const float *residual, const float 
     rx_detect_params par = *extra->detect;
     int side = 0;
     rx_status status = RX_OK;
-    float *sigma = RX_NEW(float, npixels), *filter = matched_filter(extra->psf, width, height, &side);
+    float *sigma = RX_NEW(float, npixels), *near = RX_NEW(float, npixels),
+          *filter = matched_filter(extra->psf, width, height, &side);
     uint8_t *mask = RX_NEW(uint8_t, npixels);
-    if (sigma == NULL || mask == NULL || filter == NULL) {
+    if (sigma == NULL || near == NULL || mask == NULL || filter == NULL) {
         status = rx_error_memory(err, npixels * (sizeof *sigma + 1));
         goto exit;
     }
-    noise_planes(extra, residual, error, npixels, sigma, mask);
+    status = near_models(extra, residual, error, width, height, near, err);
+    if (status != RX_OK)
+        goto exit;
+    for (size_t i = 0; i < npixels; i++) {
+        mask[i] = !(error[i] > 0.0f);
+        sigma[i] = hypotf(error[i], (float)MODEL_ERROR * near[i]);
+    }
     par.threshold = par.analysis_threshold = extra->threshold * filter_norm(filter, side * side);
     par.absolute = par.analysis_absolute = 0;
     par.min_area = 1;
@@ -117,11 +149,12 @@ rx_status rx_template_extra_find(void *user, const float *residual, const float 
                                    .global_sigma = 1.0};
     status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
     if (status == RX_OK)
-        status = leave_border(extra->found, extra->psf->fwhm, err);
+        status = choose(extra->found, extra->psf->fwhm, near, error, err);
     if (status == RX_OK)
         status = positions(extra->found, dst, n, err);
 exit:
     free(sigma);
+    free(near);
     free(mask);
     free(filter);
     return status;

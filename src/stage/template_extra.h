@@ -14,14 +14,16 @@ typedef struct rx_template_extra {
     double threshold;               /* S/N in a filter that matches the PSF */
     const rx_psf *psf;
     const float *pixels, *level; /* [h][w] ADU, of the tile */
+    int nthreads;
     rx_log *log;
     rx_sources *found; /* owned: what was found, in the order of the positions given; NULL: not asked */
 } rx_template_extra;
 
-/* An rx_tphot_more(); user is the rx_template_extra. The noise of a pixel holds a share of the model's light
- * there besides what it is told: models are not exact, and what remains of a bright star is no source. Nor is
- * what lies within half a FWHM of the border.
- * Errors: RX_SYSTEM, RX_USAGE. */
+/* An rx_tphot_more(); user is the rx_template_extra. Only what models of others hide is looked for: what
+ * stands alone was there to be seen, and the detection threshold has decided on it. A tenth of the brightest
+ * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
+ * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
+ * taken. Errors: RX_SYSTEM, RX_USAGE. */
 rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
                                  double (**dst)[2], int *n, rx_error *err);
 

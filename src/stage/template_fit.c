@@ -203,6 +203,7 @@ rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect,
                                   .psf = psf_of(&w, detect),
                                   .pixels = detect->tile->pixels,
                                   .level = detect->restored->level,
+                                  .nthreads = options->nthreads,
                                   .log = log};
     rx_status status = fit(&w, sources, err);
     if (status == RX_OK)

@@ -7,6 +7,7 @@
 
 #include "nn/front.h"
 #include "num/convolve.h"
+#include "num/largest.h"
 
 enum {
     RADIUS = 8, /* of the Gaussian: rx_gauss_radius(FWHM) */
@@ -21,13 +22,6 @@ static void add_line(const float *restrict src, float factor, int n, float *rest
 #pragma omp simd
     for (int k = 0; k < n; k++)
         dst[k] += factor * src[k];
-}
-
-static void largest_of(const float *restrict src, int n, float *restrict dst)
-{
-#pragma omp simd
-    for (int k = 0; k < n; k++)
-        dst[k] = src[k] > dst[k] ? src[k] : dst[k];
 }
 
 /* share[n]: sum of the weights that lie inside a line of n pixels. */
@@ -71,26 +65,6 @@ static void smooth(const float *src, int side, float *other, float *share, float
     }
 }
 
-/* dst = largest value of src in the neighbourhood. */
-static void largest(const float *src, int side, float *other, float *dst)
-{
-    const size_t n = (size_t)side;
-    for (size_t y = 0; y < n; y++) {
-        float *line = other + y * n;
-        memcpy(line, src + y * n, n * sizeof *line);
-        for (int i = -REACH; i <= REACH; i++)
-            if (abs(i) < side)
-                largest_of(src + y * n + (i > 0 ? i : 0), side - abs(i), line + (i < 0 ? -i : 0));
-    }
-    for (int y = 0; y < side; y++) {
-        const int first = y < REACH ? 0 : y - REACH, last = y + REACH >= side ? side - 1 : y + REACH;
-        float *line = dst + (size_t)y * n;
-        memcpy(line, other + (size_t)first * n, n * sizeof *line);
-        for (int k = first + 1; k <= last; k++)
-            largest_of(other + (size_t)k * n, side, line);
-    }
-}
-
 void rx_loss_weights(const float *input, int side, double floor, float *work, float *weight)
 {
     const size_t pixels = (size_t)side * (size_t)side;
@@ -99,7 +73,7 @@ void rx_loss_weights(const float *input, int side, double floor, float *work, fl
     for (size_t k = 0; k < pixels; k++)
         work[k] = input[k] > 0 ? input[k] : 0;
     smooth(work, side, other, weight, work);
-    largest(work, side, other, weight);
+    rx_largest(work, side, side, REACH, 1, other, weight);
     for (size_t k = 0; k < pixels; k++)
         weight[k] = square / (square + weight[k] * weight[k]);
 }
