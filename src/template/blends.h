@@ -12,11 +12,12 @@ typedef struct rx_blend_link {
 } rx_blend_link;
 
 typedef struct rx_blends {
-    int n, ngroups, largest;
+    int n, ngroups, largest, ntorn;
     int *group;  /* [n] number of its group, from 0 by the first member */
     int *start;  /* [ngroups + 1] into member */
     int *member; /* [n] by group, ascending */
     int *cut;    /* [n] 1: a link to another group was cut */
+    int *torn;   /* [ngroups] 1: of a member of the group */
 } rx_blends;
 
 /* Groups over links of more than `link`, strongest first; a link that would make a group of more than `limit`

@@ -71,6 +71,11 @@ static void draw_rows(rx_canvas *canvas, const rx_layer *layer, int from, int to
     }
 }
 
+void rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux)
+{
+    draw_rows(canvas, &(rx_layer){footprint, flux}, 0, canvas->height);
+}
+
 rx_status rx_canvas_draw(rx_canvas *canvas, const rx_layer *layers, int n, int nthreads, rx_error *err)
 {
     const int bands = (canvas->height + BAND - 1) / BAND;

@@ -38,4 +38,7 @@ void rx_canvas_clear(rx_canvas *canvas);
  * RX_SYSTEM. */
 rx_status rx_canvas_draw(rx_canvas *canvas, const rx_layer *layers, int n, int nthreads, rx_error *err);
 
+/* model += flux * footprint; the weights stay as they are. */
+void rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux);
+
 #endif

@@ -212,13 +212,40 @@ static rx_status fit_group(work *w, int group, double *covariance, rx_error *err
     return status;
 }
 
-/* All groups against the model of the others, then the model anew. */
+static double found_flux(const rx_joint_member *member)
+{
+    return isfinite(member->flux) ? member->flux : 0;
+}
+
+/* Groups that links were cut from, one after the other, each against what the ones before have found (block
+ * Gauss-Seidel). All at once against the model of before, as the others are fitted, would run away where
+ * neighbours across many cuts take the same light. */
+static rx_status fit_torn_groups(work *w, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
+        if (!w->blends.torn[g])
+            continue;
+        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, NULL, err);
+        for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
+            rx_subject *s = &w->subjects[w->blends.member[k]];
+            const double flux = found_flux(&w->members[w->blends.member[k]]);
+            rx_canvas_add(&w->canvas, &s->footprint, flux - s->flux);
+            s->flux = flux;
+        }
+    }
+    return status;
+}
+
+/* Whole groups against the model of all others, then those with cut links, then the model anew. */
 static rx_status fit_groups(work *w, rx_error *err)
 {
     rx_status failed = RX_OK;
 #pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
     for (int g = 0; g < w->blends.ngroups; g++) {
         rx_error own = RX_ERROR_NONE;
+        if (w->blends.torn[g])
+            continue;
         rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, NULL, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_tphot_failure)
@@ -230,7 +257,13 @@ static rx_status fit_groups(work *w, rx_error *err)
         }
     }
     for (int i = 0; i < w->n && failed == RX_OK; i++)
-        w->subjects[i].flux = isfinite(w->members[i].flux) ? w->members[i].flux : 0;
+        if (!w->blends.torn[w->blends.group[i]])
+            w->subjects[i].flux = found_flux(&w->members[i]);
+    if (failed == RX_OK && w->blends.ntorn > 0) {
+        failed = draw(w, err);
+        if (failed == RX_OK)
+            failed = fit_torn_groups(w, err);
+    }
     return failed == RX_OK ? draw(w, err) : failed;
 }
 
