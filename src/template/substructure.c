@@ -6,6 +6,9 @@
 
 #include "base/memory.h"
 
+/* Pixels outside the segment count from so many sigmas on. */
+static const double CLEAR = 3.0;
+
 /* Of the model of all at that pixel, what is the subject's; on its own segment all. */
 static double share_of(const rx_refine_view *view, const rx_subject *s, int x, int y, double own)
 {
@@ -23,8 +26,36 @@ static double share_of(const rx_refine_view *view, const rx_subject *s, int x, i
     return all > own ? own / all : 1;
 }
 
+static int descending(const void *a, const void *b)
+{
+    const double p = *(const double *)a, q = *(const double *)b;
+    return p < q ? 1 : p > q ? -1 : 0;
+}
+
+/* Noise of the restored pixels between the sources around (cx, cy), from their values below 0: what a
+ * restorer makes of the noise of the tile is larger than that, and correlated with it. 0 where there are too
+ * few. */
+static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, double *work)
+{
+    const rx_canvas *canvas = view->canvas;
+    int count = 0;
+    for (int y = cy - n / 2; y < cy - n / 2 + n; y++)
+        for (int x = cx - n / 2; x < cx - n / 2 + n; x++) {
+            if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height)
+                continue;
+            const size_t k = (size_t)y * (size_t)canvas->width + (size_t)x;
+            if (view->segments[k] == 0 && view->restored->mask[k] == 0 && view->restored->pixels[k] < 0)
+                work[count++] = -view->restored->pixels[k];
+        }
+    if (count < 30)
+        return 0;
+    qsort(work, (size_t)count, sizeof *work, descending);
+    return 1.4826 * work[count / 2];
+}
+
 /* Plane 0 = D, the profile behind the restored PSF in it before. Returns what is free in it. */
-static double difference(const rx_refine_view *view, const rx_subject *s, int cx, int cy, rx_lens_size *size)
+static double difference(const rx_refine_view *view, const rx_subject *s, int cx, int cy, double least_noise,
+                         rx_lens_size *size)
 {
     const rx_canvas *canvas = view->canvas;
     const rx_restored *restored = view->restored;
@@ -45,7 +76,10 @@ static double difference(const rx_refine_view *view, const rx_subject *s, int cx
             if (!(share > 0))
                 continue;
             const double v = restored->pixels[k] - own / share;
-            const double noise = restored->sigma != NULL ? restored->sigma[k] : sqrt(canvas->variance[k]);
+            const double noise =
+                fmax(least_noise, restored->sigma != NULL ? restored->sigma[k] : sqrt(canvas->variance[k]));
+            if (view->segments[k] != s->segment && !(v > CLEAR * noise))
+                continue;
             const double sure = v * v / (v * v + noise * noise);
             if (!isfinite(sure))
                 continue;
@@ -91,12 +125,18 @@ rx_status rx_substructure_add(const rx_refine_view *view, const rx_subject *subj
     if (subject->segment == 0 || !(subject->flux > 0))
         return RX_OK;
     float *own = RX_NEW(float, rows *stride);
-    if (own == NULL)
+    double *work = RX_NEW(double, rows *rows);
+    if (own == NULL || work == NULL) {
+        free(own);
+        free(work);
         return rx_error_memory(err, rows * stride * sizeof *own);
+    }
+    const double noise = restored_noise(view, cx, cy, size->n, work);
+    free(work);
     for (size_t k = 0; k < rows * stride; k++)
         own[k] = size->plane[0][k];
     rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, 1, 1);
-    const double cost = 2 * difference(view, subject, cx, cy, size) + 4;
+    const double cost = 2 * difference(view, subject, cx, cy, noise, size) + 4;
     rx_lens_blur(size, lens->same);
     double both = 0, amount = 0, sum = 0;
     const double gain = fit_both(patch, own, size->plane[0], stride, &both, &amount);

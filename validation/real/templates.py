@@ -7,7 +7,7 @@ usage: templates.py chi2 RESTORERS NAME...            a table for all tiles
 
 NAME_<restorer>.cat and NAME_image_, NAME_model_, NAME_chi_<restorer>.fits are of templates.sh. chi2: mean square of
 (pixel - model) over its noise of sky and photons, at least 8 pixels from saturated or masked ones; "covered": where the
-model is above 1 sigma of the sky, "bright": above 10; "cells": median over cells of 32 x 32 pixels.
+model is above 1 sigma of a pixel, "bright": above 10; "cells": median over cells of 32 x 32 pixels.
 """
 import json
 import sys
@@ -43,7 +43,7 @@ def chi2_row(name, run):
     good = np.isfinite(chi)
     good &= ~ndimage.binary_dilation(~good, iterations=AWAY)
     square = np.where(good, chi, 0) ** 2
-    noise = sky_noise(fits.getdata(f"{name}_image_{run}.fits").astype(float))
+    noise = sky_noise(fits.getdata(f"{name}_image_NONE.fits").astype(float))
     covered, bright = good & (model > noise), good & (model > 10 * noise)
     cells = cell_means(square, good)
     sources = Table.read(f"{name}_{run}.cat", hdu=1)
