@@ -36,8 +36,9 @@ rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err)
     step->work = rx_fft_real(fft);
     if (step->kernel == NULL || step->half == NULL || step->model == NULL || step->back == NULL ||
         step->share == NULL || step->work == NULL) {
+        const size_t bytes = step->stride * (size_t)step->height * 8 * sizeof(float);
         rx_rl_step_free(step);
-        return rx_error_memory(err, step->stride * (size_t)step->height * 8 * sizeof(float));
+        return rx_error_memory(err, bytes);
     }
     *dst = step;
     return RX_OK;
