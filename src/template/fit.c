@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+enum { CHUNK = 64 }; /* pixels of a row that are summed up together */
+
 rx_spergel rx_fit_profile(const rx_fit *fit)
 {
     return (rx_spergel){exp(fit->p[RX_FIT_RADIUS]), fit->p[RX_FIT_G1], fit->p[RX_FIT_G2],
@@ -96,42 +98,82 @@ static double prior_part(const rx_fit *fit)
 static double chi2_of(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
+    const double flux = fit->p[RX_FIT_FLUX];
     double sum = 0;
     for (size_t j = 0; j < side; j++) {
         const float *t = size->plane[0] + (j + (size_t)patch->corner) * stride + patch->corner;
+        const double *data = patch->data + j * side, *weight = patch->weight + j * side;
+#pragma omp simd reduction(+ : sum)
         for (size_t i = 0; i < side; i++) {
-            const double r = patch->data[j * side + i] - fit->p[RX_FIT_FLUX] * t[i];
-            sum += patch->weight[j * side + i] * r * r;
+            const double r = data[i] - flux * t[i];
+            sum += weight[i] * r * r;
         }
     }
     return sum + prior_part(fit);
 }
 
-/* Normal matrix and gradient from the planes; shifts by central differences of the template. */
+/* What a stretch of a row adds: g [RX_FIT_ALL][CHUNK] the derivatives, w, r [count]. Sums of a stretch are
+ * single precision, the total is double. */
+static void add_stretch(int n, float (*g)[CHUNK], const float *w, const float *r, int count, double *a,
+                        double *b)
+{
+    float wg[CHUNK];
+    for (int m = 0; m < n; m++) {
+        float sum = 0;
+#pragma omp simd reduction(+ : sum)
+        for (int i = 0; i < count; i++) {
+            wg[i] = w[i] * g[m][i];
+            sum += wg[i] * r[i];
+        }
+        b[m] += sum;
+        for (int l = 0; l <= m; l++) {
+            float product = 0;
+#pragma omp simd reduction(+ : product)
+            for (int i = 0; i < count; i++)
+                product += wg[i] * g[l][i];
+            a[m * n + l] += product;
+        }
+    }
+}
+
+/* Derivatives of the model on a stretch whose first pixel is k on the planes, shifts by central differences
+ * of the template; and what is left of the data. */
+static void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k, const double *data, int count,
+                   float (*g)[CHUNK], float *r)
+{
+    const size_t stride = (size_t)rx_fft_stride_real(size->fft);
+    const float *t = size->plane[0] + k, *up = t + stride, *down = t - stride;
+    const float flux = (float)fit->p[RX_FIT_FLUX];
+    for (int i = 0; i < count; i++) {
+        g[RX_FIT_FLUX][i] = t[i];
+        g[RX_FIT_X][i] = -0.5f * flux * (t[i + 1] - t[i - 1]);
+        g[RX_FIT_Y][i] = -0.5f * flux * (up[i] - down[i]);
+        r[i] = (float)(data[i] - fit->p[RX_FIT_FLUX] * t[i]);
+    }
+    for (int m = RX_FIT_RADIUS; m < fit->n; m++) {
+        const float *slope = size->plane[m - RX_FIT_RADIUS + 1] + k;
+        for (int i = 0; i < count; i++)
+            g[m][i] = flux * slope[i];
+    }
+}
+
+/* Normal matrix (lower triangle) and gradient from the planes. */
 static void normal(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch, double *a, double *b)
 {
     const int n = fit->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
-    const double flux = fit->p[RX_FIT_FLUX];
+    float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
     memset(a, 0, sizeof(double) * RX_FIT_ALL * RX_FIT_ALL);
     memset(b, 0, sizeof(double) * RX_FIT_ALL);
     for (size_t j = 0; j < side; j++)
-        for (size_t i = 0; i < side; i++) {
-            const double w = patch->weight[j * side + i];
+        for (size_t i = 0; i < side; i += CHUNK) {
+            const int count = side - i < CHUNK ? (int)(side - i) : CHUNK;
+            const size_t p = j * side + i;
             const size_t k = (j + (size_t)patch->corner) * stride + i + (size_t)patch->corner;
-            const float *t = size->plane[0] + k;
-            if (!(w > 0))
-                continue;
-            double g[RX_FIT_ALL] = {t[0], -0.5 * flux * (t[1] - t[-1]),
-                                    -0.5 * flux * (t[stride] - *(t - stride))};
-            for (int m = RX_FIT_RADIUS; m < n; m++)
-                g[m] = flux * size->plane[m - RX_FIT_RADIUS + 1][k];
-            const double r = patch->data[j * side + i] - flux * t[0];
-            for (int m = 0; m < n; m++) {
-                b[m] += w * g[m] * r;
-                for (int l = 0; l <= m; l++)
-                    a[m * n + l] += w * g[m] * g[l];
-            }
+            for (int m = 0; m < count; m++)
+                w[m] = (float)patch->weight[p + (size_t)m];
+            slopes(fit, size, k, patch->data + p, count, g, r);
+            add_stretch(n, g, w, r, count, a, b);
         }
     for (int m = 0; m < n; m++)
         if (fit->width[m] > 0) {
@@ -176,20 +218,29 @@ static int step(rx_fit *fit, const double *a, const double *b, double damping)
     return 1;
 }
 
-void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
+/* What an undamped step would gain in chi2 if it were a parabola; HUGE_VAL when there is none. */
+static double promise(const rx_fit *fit, const double *a, const double *b)
 {
-    static const double enough =
-        0.01; /* of chi2: the last step was a tenth of a sigma, what is left far less */
-    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL], damping = 1e-3;
-    limit(fit);
-    render(fit, size, 1);
-    fit->p[RX_FIT_FLUX] = linear_flux(size, patch);
-    fit->chi2 = chi2_of(fit, size, patch);
-    normal(fit, size, patch, a, b);
-    for (int i = 0; i < fit->iterations; i++) {
+    double copy[RX_FIT_ALL * RX_FIT_ALL], x[RX_FIT_ALL], sum = 0;
+    memcpy(copy, a, sizeof copy);
+    if (!solve(fit->n, copy, b, x))
+        return HUGE_VAL;
+    for (int j = 0; j < fit->n; j++)
+        sum += b[j] * x[j];
+    return sum;
+}
+
+/* Steps until nothing more is to be had; returns whether plane 0 holds the template of fit->p. */
+static int descend(rx_fit *fit, rx_lens_size *size, const rx_patch *patch, double *a, double *b)
+{
+    /* of chi2: a last step of a tenth of a sigma is followed by a far smaller one; one of a thirtieth is not
+     * worth a rendering */
+    static const double enough = 0.01, nothing = 0.001;
+    double damping = 1e-3;
+    for (int i = 0; i < fit->iterations && promise(fit, a, b) > nothing; i++) {
         rx_fit before = *fit;
         if (!step(fit, a, b, damping))
-            break;
+            return 1;
         render(fit, size, 1);
         fit->chi2 = chi2_of(fit, size, patch);
         if (!(fit->chi2 <= before.chi2)) {
@@ -197,14 +248,27 @@ void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
             *fit = before;
             damping = damping * 10;
             if (last || damping > 1e6)
-                break;
+                return 0;
             continue;
         }
         normal(fit, size, patch, a, b);
         damping = fmax(damping * 0.1, 1e-9);
         if (before.chi2 - fit->chi2 < enough)
-            break;
+            return 1;
     }
+    return 0;
+}
+
+void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
+{
+    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL];
+    limit(fit);
+    render(fit, size, 1);
+    fit->p[RX_FIT_FLUX] = linear_flux(size, patch);
+    fit->chi2 = chi2_of(fit, size, patch);
+    normal(fit, size, patch, a, b);
+    const int rendered = descend(fit, size, patch, a, b);
     memcpy(fit->a, a, sizeof a);
-    render(fit, size, 0);
+    if (!rendered)
+        render(fit, size, 0);
 }

@@ -39,6 +39,7 @@ static void clear_size(rx_lens_size *size)
     free(size->restored);
     free(size->kernel);
     free(size->phase);
+    free(size->row);
     for (int i = 0; i < PLANES; i++) {
         free(size->half[i]);
         free(size->plane[i]);
@@ -56,7 +57,9 @@ void rx_lens_clear(rx_lens *lens)
 
 int rx_lens_side(const rx_lens *lens, double reach)
 {
-    static const int sides[] = {32, 40, 48, 64, 80, 96, 128, 160, 192, 256, 320, 384, 512};
+    /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at once */
+    static const int sides[] = {30,  40,  42,  48,  56,  60,  70,  80,  90,  108,
+                                126, 140, 160, 180, 210, 252, 320, 384, 512};
     const int psf = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
     const int need = psf + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
@@ -74,9 +77,10 @@ static rx_status open_size(int n, rx_lens_size *size, rx_error *err)
     size->optics = rx_fft_complex(size->fft);
     size->restored = rx_fft_complex(size->fft);
     size->kernel = rx_fft_complex(size->fft);
-    size->phase = RX_NEW(double, 4 * n);
-    int missing =
-        size->optics == NULL || size->restored == NULL || size->kernel == NULL || size->phase == NULL;
+    size->phase = RX_NEW(double, 2 * n + 2);
+    size->row = RX_NEW(float, (PLANES + 4) * (n / 2 + 1));
+    int missing = size->optics == NULL || size->restored == NULL || size->kernel == NULL ||
+                  size->phase == NULL || size->row == NULL;
     for (int i = 0; i < PLANES; i++) {
         size->half[i] = rx_fft_complex(size->fft);
         size->plane[i] = rx_fft_real(size->fft);
@@ -132,49 +136,66 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, 
     return RX_OK;
 }
 
-/* exp(-2 pi i u shift / n), u signed as the frequency is. */
-static void fill_phase(int n, double shift, double *phase)
+/* exp(-2 pi i u shift / n) for the first `count`, u signed as the frequency is. */
+static void fill_phase(int n, int count, double shift, double *phase)
 {
-    for (int u = 0; u < n; u++) {
+    for (int u = 0; u < count; u++) {
         const double angle = -6.283185307179586 * (u <= n / 2 ? u : u - n) * shift / n;
         phase[2 * u] = cos(angle);
         phase[2 * u + 1] = sin(angle);
     }
 }
 
-/* One frequency: base * phase, times the profile and its derivatives. */
-static void put(rx_lens_size *size, size_t k, double re, double im, const rx_spergel_form *form, double kx,
-                double ky, int count)
+/* re, im [count] = base (as pairs) * px * (one of y's phases): the shifted PSF's spectrum in a row. */
+static void shift_row(const float *base, const float *px, double yr, double yi, int count, float *re,
+                      float *im)
 {
-    double factor[PLANES] = {1.0};
-    if (form != NULL)
-        factor[0] = rx_spergel_at(form, kx, ky, count > 1 ? factor + 1 : NULL);
-    for (int i = 0; i < count; i++) {
-        size->half[i][k] = (float)(re * factor[i]);
-        size->half[i][k + 1] = (float)(im * factor[i]);
+    const float c = (float)yr, s = (float)yi;
+#pragma omp simd
+    for (int u = 0; u < count; u++) {
+        const float pr = px[2 * u] * c - px[2 * u + 1] * s, pi = px[2 * u] * s + px[2 * u + 1] * c;
+        re[u] = base[2 * u] * pr - base[2 * u + 1] * pi;
+        im[u] = base[2 * u] * pi + base[2 * u + 1] * pr;
+    }
+}
+
+/* dst (pairs) = (re, im) * factor. */
+static void put_row(const float *re, const float *im, const float *factor, int count, float *dst)
+{
+#pragma omp simd
+    for (int u = 0; u < count; u++) {
+        dst[2 * u] = re[u] * factor[u];
+        dst[2 * u + 1] = im[u] * factor[u];
     }
 }
 
 void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
                     int count)
 {
-    const int n = size->n;
+    const int n = size->n, used = n / 2 + 1;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft);
     const float *base = restored ? size->restored : size->optics;
-    double *px = size->phase, *py = size->phase + 2 * n;
+    float *px = size->row + (size_t)(PLANES + 2) * (size_t)used, *rows[PLANES + 2];
+    double *py = size->phase;
     rx_spergel_form form;
+    for (int i = 0; i < PLANES + 2; i++)
+        rows[i] = size->row + (size_t)i * (size_t)used;
     if (profile != NULL)
         rx_spergel_set(profile, &form);
-    fill_phase(n, n / 2 + dx, px);
-    fill_phase(n, n / 2 + dy, py);
-    for (int v = 0; v < n; v++)
-        for (int u = 0; u <= n / 2; u++) {
-            const size_t k = (size_t)v * stride + 2 * (size_t)u;
-            const double pr = px[2 * u] * py[2 * v] - px[2 * u + 1] * py[2 * v + 1];
-            const double pi = px[2 * u] * py[2 * v + 1] + px[2 * u + 1] * py[2 * v];
-            put(size, k, base[k] * pr - base[k + 1] * pi, base[k] * pi + base[k + 1] * pr,
-                profile != NULL ? &form : NULL, (double)u / n, (double)(v <= n / 2 ? v : v - n) / n, count);
-        }
+    fill_phase(n, used, n / 2 + dx, py);
+    for (int u = 0; u < 2 * used; u++)
+        px[u] = (float)py[u];
+    fill_phase(n, n, n / 2 + dy, py);
+    for (int u = 0; u < used; u++)
+        rows[0][u] = 1;
+    for (int v = 0; v < n; v++) {
+        const size_t k = (size_t)v * stride;
+        shift_row(base + k, px, py[2 * v], py[2 * v + 1], used, rows[PLANES], rows[PLANES + 1]);
+        if (profile != NULL)
+            rx_spergel_row(&form, 1.0 / n, (double)(v <= n / 2 ? v : v - n) / n, used, count, rows);
+        for (int i = 0; i < count; i++)
+            put_row(rows[PLANES], rows[PLANES + 1], rows[i], used, size->half[i] + k);
+    }
     for (int i = 0; i < count; i++)
         rx_fft_inverse(size->fft, size->half[i], size->plane[i]);
 }

@@ -21,7 +21,8 @@ typedef struct rx_lens_size {
     int has_optics, has_kernel;        /* made, at (x, y) where PSFs vary */
     double x, y;
     float *half[5], *plane[5]; /* work */
-    double *phase;             /* [2][n][2] */
+    double *phase;             /* [n + 1][2] */
+    float *row;                /* [9][n / 2 + 1] */
 } rx_lens_size;
 
 typedef struct rx_lens {

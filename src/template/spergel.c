@@ -3,6 +3,8 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdint.h>
+#include <string.h>
 
 double rx_spergel_half_light(double nu, double *slope)
 {
@@ -52,4 +54,72 @@ double rx_spergel_at(const rx_spergel_form *form, double kx, double ky, double g
         gradient[3] = -ln * value * form->power - gradient[0] * form->slope;
     }
     return value;
+}
+
+/* ln a for a >= 1, to 2e-7: a = 2^e m, ln m = 2 artanh((m - 1) / (m + 1)) as a series, m in sqrt(1/2) ..
+ * sqrt(2). Without branches, so that compilers take many at once. */
+static inline float ln_of(float a)
+{
+    int32_t bits;
+    float m;
+    memcpy(&bits, &a, sizeof bits);
+    const int32_t e = (bits - 0x3f3504f3) >> 23; /* 0x3f3504f3: sqrt(1/2) */
+    bits -= e * (1 << 23);
+    memcpy(&m, &bits, sizeof m);
+    const float s = (m - 1.0f) / (m + 1.0f), q = s * s;
+    const float series = 2.0f + q * (2.0f / 3 + q * (2.0f / 5 + q * (2.0f / 7 + q * (2.0f / 9))));
+    return (float)e * 0.69314718f + s * series;
+}
+
+/* exp x for x <= 0, relative error 1e-7 (1 - x): 2^k of the whole part, Taylor's series of the rest; never
+ * below 2^-126. */
+static inline float exp_of(float x)
+{
+    const float t = x * 1.44269504f;
+    const int32_t k = (int32_t)(t - 0.5f);
+    const float y = (t - (float)k) * 0.69314718f;
+    const float series =
+        1 + y * (1 + y * (1.0f / 2 +
+                          y * (1.0f / 6 + y * (1.0f / 24 + y * (1.0f / 120 + y * (1.0f / 720))))));
+    const int32_t bits = (k > -126 ? k + 127 : 1) * (1 << 23);
+    float scale;
+    memcpy(&scale, &bits, sizeof scale);
+    return scale * series;
+}
+
+/* a + b i + c i^2 for the quadratic form (xx, yy, xy) at (i step, ky). */
+static void along(double xx, double yy, double xy, double step, double ky, float poly[3])
+{
+    poly[0] = (float)(yy * ky * ky);
+    poly[1] = (float)(2 * xy * step * ky);
+    poly[2] = (float)(xx * step * step);
+}
+
+void rx_spergel_row(const rx_spergel_form *form, double step, double ky, int n, int count, float *const *dst)
+{
+    const float power = (float)form->power, slope = (float)form->slope;
+    float u[3], a[3], b[3];
+    float *restrict value = dst[0];
+    along(form->uxx, form->uyy, form->uxy, step, ky, u);
+    if (count == 1) {
+#pragma omp simd
+        for (int i = 0; i < n; i++) {
+            const float x = (float)i;
+            value[i] = exp_of(-power * ln_of(1.0f + u[0] + x * (u[1] + x * u[2])));
+        }
+        return;
+    }
+    float *restrict radius = dst[1], *restrict g1 = dst[2], *restrict g2 = dst[3], *restrict nu = dst[4];
+    along(form->g1xx, form->g1yy, form->g1xy, step, ky, a);
+    along(form->g2xx, form->g2yy, form->g2xy, step, ky, b);
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float x = (float)i, square = u[0] + x * (u[1] + x * u[2]), ln = ln_of(1.0f + square);
+        const float s = exp_of(-power * ln), slope_u = -power * s / (1.0f + square);
+        value[i] = s;
+        radius[i] = 2.0f * square * slope_u;
+        g1[i] = slope_u * (a[0] + x * (a[1] + x * a[2]));
+        g2[i] = slope_u * (b[0] + x * (b[1] + x * b[2]));
+        nu[i] = -ln * s * power - 2.0f * square * slope_u * slope;
+    }
 }
