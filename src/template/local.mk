@@ -10,4 +10,5 @@ librextract_la_SOURCES += \
 	src/template/subjects.c src/template/subjects.h \
 	src/template/substructure.c src/template/substructure.h \
 	src/template/template.c src/template/template.h \
-	src/template/undersky.c src/template/undersky.h
+	src/template/undersky.c src/template/undersky.h \
+	src/template/usual.c src/template/usual.h

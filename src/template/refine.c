@@ -8,8 +8,7 @@
 #include "template/substructure.h"
 
 /* Priors and limits, as refine.h has them. */
-static const double USUAL_RADIUS = 0.6, RADIUS_WIDTH = 1.0;
-static const double USUAL_NU = 0.5, NU_WIDTH = 0.5, G_WIDTH = 0.25, G_MOST = 0.8;
+static const double EXPONENTIAL = 0.5, G_WIDTH = 0.25, G_MOST = 0.8;
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
@@ -73,26 +72,27 @@ static int fit_point(const job *j, rx_fit *fit)
     return 1;
 }
 
-static void fit_profile(const job *j, rx_fit *fit)
+/* flux: of the point. */
+static void fit_profile(const job *j, double flux, rx_fit *fit)
 {
     const rx_spergel *last = &j->before->profile;
-    const double usual = log(USUAL_RADIUS * j->view->fwhm);
+    const rx_usual *usual = j->par->usual;
     *fit = (rx_fit){.n = RX_FIT_ALL};
     set_position(j, fit);
     fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
     fit->p[RX_FIT_G1] = last->g1;
     fit->p[RX_FIT_G2] = last->g2;
-    fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : USUAL_NU);
-    fit->prior[RX_FIT_RADIUS] = usual;
-    fit->width[RX_FIT_RADIUS] = RADIUS_WIDTH;
+    fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : EXPONENTIAL);
+    fit->prior[RX_FIT_RADIUS] = rx_usual_centre(usual, &usual->radius, flux);
+    fit->width[RX_FIT_RADIUS] = usual->radius.width;
     fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
     fit->high[RX_FIT_RADIUS] = log(0.25 * j->size->n);
     fit->width[RX_FIT_G1] = fit->width[RX_FIT_G2] = G_WIDTH;
     fit->high[RX_FIT_G1] = G_MOST;
     fit->low[RX_FIT_G1] = fit->low[RX_FIT_G2] = -G_MOST;
     fit->high[RX_FIT_G2] = G_MOST;
-    fit->prior[RX_FIT_NU] = log1p(USUAL_NU);
-    fit->width[RX_FIT_NU] = NU_WIDTH;
+    fit->prior[RX_FIT_NU] = usual->nu.mean;
+    fit->width[RX_FIT_NU] = usual->nu.width;
     fit->low[RX_FIT_NU] = log1p(RX_SPERGEL_MIN);
     fit->high[RX_FIT_NU] = log1p(RX_SPERGEL_MAX);
     rx_fit_run(fit, j->size, &j->patch);
@@ -115,7 +115,8 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject
     after->point = after->star = 1;
     after->chi2_gain = after->variance = 0;
     after->evidence = UNTRIED;
-    after->profile = (rx_spergel){.nu = USUAL_NU};
+    after->size = after->slope = (rx_usual_word){0, 0};
+    after->profile = (rx_spergel){.nu = EXPONENTIAL};
     after->x = fit->p[RX_FIT_X] + j->cx;
     after->y = fit->p[RX_FIT_Y] + j->cy;
     after->position_gain = ran_away ? 0 : position_gain(fit);
@@ -135,9 +136,14 @@ static double occam(const rx_fit *point, const rx_fit *profile)
     return rx_fit_log_determinant(profile) - rx_fit_log_determinant(point) + prior;
 }
 
-double rx_refine_star(double evidence, double penalty)
+static double penalty(const rx_refine_params *par)
 {
-    return 1 / (1 + exp(0.5 * fmin(fmax(evidence - penalty, -80), 80)));
+    return par->star_penalty + 2 * log(par->usual->star_odds);
+}
+
+static rx_usual_word say(const rx_fit *fit, int j)
+{
+    return rx_usual_say(fit->p[j], rx_fit_variance(fit, j), fit->prior[j], fit->width[j]);
 }
 
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
@@ -149,7 +155,9 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     if (!isfinite(evidence))
         return;
     after->evidence = evidence;
-    after->star = rx_refine_star(evidence, j->par->star_penalty);
+    after->size = say(profile, RX_FIT_RADIUS);
+    after->slope = say(profile, RX_FIT_NU);
+    after->star = rx_usual_star(evidence, penalty(j->par));
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
@@ -172,7 +180,9 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
  * of the usual radius. Stars are many and a profile's fit is long. */
 static double size_gain(const job *j, const rx_fit *point)
 {
-    const rx_spergel round = {.radius = USUAL_RADIUS * j->view->fwhm, .nu = USUAL_NU};
+    const rx_usual *usual = j->par->usual;
+    const rx_spergel round = {.radius = exp(rx_usual_centre(usual, &usual->radius, point->p[RX_FIT_FLUX])),
+                              .nu = EXPONENTIAL};
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
     rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
     /* it moves to plane 1 */
@@ -205,9 +215,9 @@ static void choose(const job *j, rx_subject *after)
     take_point(j, &point, ran_away, after);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return;
-    if (size_gain(j, &point) < WORTH + WORTH_ODDS * j->par->star_penalty)
+    if (size_gain(j, &point) < WORTH + WORTH_ODDS * penalty(j->par))
         return;
-    fit_profile(j, &profile);
+    fit_profile(j, point.p[RX_FIT_FLUX], &profile);
     if (!lost(&profile) && profile.p[RX_FIT_FLUX] > 0)
         take_profile(j, &point, &profile, after);
 }

@@ -3,9 +3,9 @@
  *
  * Levenberg-Marquardt with priors, so that faint sources end near what is usual instead of anywhere:
  *   minimise sum_p w (c - F T(x, y, ln radius, g1, g2, nu))^2 + sum_j ((parameter_j - usual_j) / width_j)^2
- * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one; radius 0.6 FWHM
- * within a factor e; g1, g2 0 +- 0.25; 1 + nu 1.5 within a factor exp(0.5). They are weak: a source of S/N 30
- * hardly feels them.
+ * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one; g1, g2 0 +- 0.25;
+ * radius and nu as is usual on the tile (usual.h), to begin with 0.6 FWHM within a factor e and 1 + nu 1.5
+ * within a factor exp(0.5). They are weak: a source of S/N 30 hardly feels them.
  *
  * Where the pixels cannot tell point from profile both are taken, each with the flux of its fit and its
  * probability: that of a point is p = 1 / (1 + exp((chi2 gain - Occam's factor - star_penalty) / 2)). A
@@ -18,6 +18,7 @@
 #include "template/canvas.h"
 #include "template/lens.h"
 #include "template/spergel.h"
+#include "template/usual.h"
 
 /* A source while it is being fitted. */
 typedef struct rx_subject {
@@ -33,6 +34,7 @@ typedef struct rx_subject {
     double star, chi2_gain;
     double evidence;      /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
                              evidences */
+    rx_usual_word size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
     double variance;      /* of the flux, shape free, ADU^2; 0: that at fixed shape */
     double shape_error;   /* error of the flux over that at fixed shape, >= 1 */
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
@@ -46,7 +48,8 @@ typedef struct rx_subject {
 
 typedef struct rx_refine_params {
     int extended, substructure;
-    double star_penalty;
+    double star_penalty; /* without what is learnt */
+    const rx_usual *usual;
     int frozen; /* positions and profiles stay, only the footprint is made */
 } rx_refine_params;
 
@@ -57,9 +60,6 @@ typedef struct rx_refine_view {
     const int32_t *segments; /* [height][width] */
     double fwhm;
 } rx_refine_view;
-
-/* Probability of a point: penalty = 2 ln of the prior odds for it. */
-double rx_refine_star(double evidence, double penalty);
 
 /* Width of the prior of a position, pixels. */
 double rx_refine_reach(double fwhm);

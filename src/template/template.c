@@ -16,10 +16,10 @@
 #include "template/refine.h"
 #include "template/subjects.h"
 #include "template/undersky.h"
+#include "template/usual.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
-static const double MOST_ODDS = 30.0;
-enum { ODDS_STEPS = 20, SHIFTS = 2 }; /* joint moves of the positions in groups after each fit */
+enum { SHIFTS = 2 }; /* joint moves of the positions in groups after each fit */
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -34,7 +34,7 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    double star_odds; /* among clear sources, 1 when not known */
+    rx_usual usual;   /* among clear sources */
     double sky;       /* taken off the level so far, mean */
 } work;
 
@@ -127,7 +127,8 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
 {
     const rx_refine_params par = {.extended = w->par->extended,
                                   .substructure = substructure,
-                                  .star_penalty = w->par->star_penalty + 2 * log(w->star_odds),
+                                  .star_penalty = w->par->star_penalty,
+                                  .usual = &w->usual,
                                   .frozen = frozen};
     const rx_refine_view view = {.canvas = &w->canvas,
                                  .restored = w->input->restored,
@@ -367,26 +368,23 @@ exit:
     return status;
 }
 
-/* How many of the tile's sources are points, told by those that are bright enough to say and not so bright
- * that other kinds are among them: expectation maximisation (Dempster, Laird and Rubin 1977). */
-static void learn_odds(work *w)
+static rx_status learn_usual(work *w, rx_error *err)
 {
-    for (int step = 0; step < ODDS_STEPS; step++) {
-        const double penalty = w->par->star_penalty + 2 * log(w->star_odds);
-        double points = 1, others = 1;
-        for (int i = 0; i < w->input->sources->n; i++) {
-            const double snr = w->subjects[i].flux / sqrt(w->members[i].variance);
-            if (!(snr > 15 && snr < 150))
-                continue;
-            const double star = rx_refine_star(w->subjects[i].evidence, penalty);
-            points += star;
-            others += 1 - star;
-        }
-        /* a handful of sources says nothing; nor is any field so pure */
-        if (points + others < 22)
-            return;
-        w->star_odds = fmin(fmax(points / others, 1 / MOST_ODDS), MOST_ODDS);
+    const int n = w->input->sources->n;
+    rx_usual_case *cases = RX_NEW(rx_usual_case, n);
+    if (cases == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *cases);
+    for (int i = 0; i < n; i++) {
+        const rx_subject *s = &w->subjects[i];
+        cases[i] = (rx_usual_case){.flux = s->flux,
+                                   .snr = s->flux / sqrt(w->members[i].variance),
+                                   .evidence = s->evidence,
+                                   .radius = s->size,
+                                   .nu = s->slope};
     }
+    rx_usual_learn(cases, n, w->par->star_penalty, fmax(w->input->psf->fwhm, 1.0), &w->usual);
+    free(cases);
+    return RX_OK;
 }
 
 static rx_status fit_everything(work *w, rx_error *err)
@@ -404,7 +402,7 @@ static rx_status fit_everything(work *w, rx_error *err)
         if (status == RX_OK)
             status = fit_on_sky(w, err);
         if (status == RX_OK && w->par->learn_odds && w->par->extended && !frozen)
-            learn_odds(w);
+            status = learn_usual(w, err);
     }
     if (status == RX_OK && w->input->more != NULL)
         status = second_pass(w, err);
@@ -457,7 +455,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->width = w->canvas.width;
     dst->height = w->canvas.height;
     dst->sky = w->sky;
-    dst->star_odds = w->star_odds;
+    dst->star_odds = w->usual.star_odds;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(w->nthreads)
     for (int i = 0; i < w->n; i++) {
         rx_tphot_source *s = &dst->list[i];
@@ -488,7 +486,6 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     work w = {.par = par,
               .substructure = par->substructure && (input->restored->blur != NULL || input->shapes != NULL),
               .input = input,
-              .star_odds = 1,
               .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     *dst = NULL;
     rx_status status = check_input(input, err);
@@ -497,6 +494,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     rx_tphot *tphot = RX_NEW(rx_tphot, 1);
     if (tphot == NULL)
         return rx_error_memory(err, sizeof *tphot);
+    w.usual = rx_usual_start(fmax(input->psf->fwhm, 1.0));
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);
