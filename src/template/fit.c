@@ -68,8 +68,8 @@ double rx_fit_log_determinant(const rx_fit *fit)
     return sum;
 }
 
-/* Flux of the linear fit of plane 0. */
-static double linear_flux(const rx_lens_size *size, const rx_patch *patch)
+/* Flux of the linear fit of plane 0; *power = its inverse variance. */
+static double linear_flux(const rx_lens_size *size, const rx_patch *patch, double *power)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
     double td = 0, tt = 0;
@@ -81,6 +81,7 @@ static double linear_flux(const rx_lens_size *size, const rx_patch *patch)
             tt += w * t[i] * t[i];
         }
     }
+    *power = tt;
     return tt > 0 ? td / tt : 0;
 }
 
@@ -261,14 +262,60 @@ static int descend(rx_fit *fit, rx_lens_size *size, const rx_patch *patch, doubl
 
 void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
 {
-    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL];
+    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL], power;
     limit(fit);
     render(fit, size, 1);
-    fit->p[RX_FIT_FLUX] = linear_flux(size, patch);
+    fit->p[RX_FIT_FLUX] = linear_flux(size, patch, &power);
     fit->chi2 = chi2_of(fit, size, patch);
     normal(fit, size, patch, a, b);
     const int rendered = descend(fit, size, patch, a, b);
     memcpy(fit->a, a, sizeof a);
     if (!rendered)
         render(fit, size, 0);
+}
+
+/* The fit moved by `by` along its shape's direction: flux, weight over the Gaussian's there. */
+static double node(const rx_fit *fit, const double *direction, double by, rx_lens_size *size,
+                   const rx_patch *patch, double *flux)
+{
+    rx_fit moved = *fit;
+    double power = 0;
+    for (int j = RX_FIT_X; j < fit->n; j++)
+        moved.p[j] += by * direction[j];
+    limit(&moved);
+    render(&moved, size, 0);
+    *flux = moved.p[RX_FIT_FLUX] = linear_flux(size, patch, &power);
+    const double gain = fit->chi2 + by * by - chi2_of(&moved, size, patch);
+    return power > 0 && isfinite(gain) ? exp(0.5 * fmin(gain, 20)) / sqrt(power) : 0;
+}
+
+rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
+{
+    static const double nodes[3] = {0, 1.7320508075688772, -1.7320508075688772};
+    static const double shares[3] = {2.0 / 3, 1.0 / 6, 1.0 / 6};
+    double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL] = {1}, column[RX_FIT_ALL], flux[3], w[3];
+    rx_fit_mean mean = {fit->p[RX_FIT_FLUX], HUGE_VAL, 0};
+    memcpy(a, fit->a, sizeof a);
+    if (!solve(fit->n, a, b, column))
+        return mean;
+    const double own = 1 / fit->a[0], shape = column[0] - own;
+    mean.variance = column[0];
+    if (!(shape > 0))
+        return mean;
+    for (int j = 0; j < fit->n; j++)
+        column[j] /= sqrt(shape);
+    double sum = 0, first = 0, second = 0;
+    for (int k = 0; k < 3; k++) {
+        w[k] = shares[k] * node(fit, column, nodes[k], size, patch, &flux[k]);
+        sum += w[k];
+        first += w[k] * flux[k];
+    }
+    if (!(w[0] > 0))
+        return mean;
+    mean.flux = first / sum;
+    for (int k = 0; k < 3; k++)
+        second += w[k] * (flux[k] - mean.flux) * (flux[k] - mean.flux);
+    mean.variance = own + second / sum;
+    mean.evidence = 2 * log(sum * shares[0] / w[0]);
+    return mean;
 }

@@ -36,4 +36,17 @@ double rx_fit_log_determinant(const rx_fit *fit);
 /* Element [j][j] of the inverse of fit->a; HUGE_VAL when singular. */
 double rx_fit_variance(const rx_fit *fit, int j);
 
+/* Averages over what the shape may be, where its posterior is not the Gaussian around the best fit: flux grows
+ * faster than linearly with radius and steepness, and faint sources' radii are uncertain by half. */
+typedef struct rx_fit_mean {
+    double flux, variance;
+    double evidence; /* 2 ln of the evidence over that of the Gaussian */
+} rx_fit_mean;
+
+/* After rx_fit_run() with fit->n = RX_FIT_ALL. Along the direction of the shape that the flux depends on, d =
+ * Cov(shape, F) / sqrt(Var F - Var(F | shape)), at 0 and +- sqrt(3) standard deviations (the nodes of
+ * Gauss-Hermite's rule of degree 5) with the best flux each: nodes count by exp(-chi2 / 2) over the
+ * Gaussian's, times the width that the flux has there. Plane 0 is lost. */
+rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
+
 #endif

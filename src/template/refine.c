@@ -112,7 +112,7 @@ static double position_gain(const rx_fit *fit)
 static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject *after)
 {
     after->kind = RX_TPHOT_POINT;
-    after->point = after->star = 1;
+    after->point = after->star = after->lift = 1;
     after->chi2_gain = after->variance = 0;
     after->evidence = UNTRIED;
     after->size = after->slope = (rx_usual_word){0, 0};
@@ -151,7 +151,8 @@ static rx_usual_word say(const rx_fit *fit, int j)
 static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
 {
     after->chi2_gain = point->chi2 - profile->chi2;
-    const double evidence = after->chi2_gain - occam(point, profile);
+    const rx_fit_mean mean = rx_fit_average(profile, j->size, &j->patch);
+    const double evidence = after->chi2_gain - occam(point, profile) + mean.evidence;
     if (!isfinite(evidence))
         return;
     after->evidence = evidence;
@@ -161,16 +162,17 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
-    const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - g;
+    const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - mean.flux;
     after->kind = RX_TPHOT_PROFILE;
     after->flags &= ~RX_TPHOT_POSITION;
     after->profile = rx_fit_profile(profile);
     after->flux = p * f + q * g;
     after->point = p * f / after->flux;
+    after->lift = (p * f + q * mean.flux) / after->flux;
     after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
     after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
     after->position_gain = p * position_gain(point) + q * position_gain(profile);
-    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * rx_fit_variance(profile, RX_FIT_FLUX) +
+    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance +
                       p * q * spread * spread;
     if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;

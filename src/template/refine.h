@@ -28,7 +28,8 @@ typedef struct rx_subject {
     rx_spergel profile; /* radius 0: a point */
     double guess;       /* half-light radius expected from the restored image, pixels */
     double point;       /* share of the light that is a point's, 0..1 */
-    double flux;        /* now, ADU */
+    double flux;        /* now, ADU, of its template */
+    double lift;        /* mean of the flux over what the shape may be, over that of the template */
     rx_footprint footprint;
     /* found by the last refinement */
     double star, chi2_gain;

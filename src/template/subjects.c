@@ -47,6 +47,7 @@ static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
     subject->star = from->star;
     subject->point = from->point;
     subject->shape_error = from->shape_error;
+    subject->lift = from->lift;
     subject->chi2_gain = from->chi2_gain;
 }
 
@@ -63,6 +64,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .star = 1,
                                 .point = 1,
                                 .shape_error = 1,
+                                .lift = 1,
                                 .segment = s->segment,
                                 .xmin = s->xmin,
                                 .xmax = s->xmax,
@@ -91,6 +93,7 @@ rx_subject rx_subject_extra(double x, double y)
                         .star = 1,
                         .point = 1,
                         .shape_error = 1,
+                        .lift = 1,
                         .flags = RX_TPHOT_EXTRA};
 }
 
@@ -138,7 +141,7 @@ void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_
     dst->kind = s->kind;
     dst->x = s->x;
     dst->y = s->y;
-    dst->flux = s->flux - climb(s->flux, sqrt(member->alone), s->position_gain);
+    dst->flux = s->lift * (s->flux - climb(s->flux, sqrt(member->alone), s->position_gain));
     dst->fluxerr = error * s->shape_error;
     dst->snr = dst->flux / dst->fluxerr;
     dst->star = s->star;
@@ -149,6 +152,7 @@ void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_
     dst->angle = g > 0 ? 0.5 * atan2(s->profile.g2, s->profile.g1) : 0;
     dst->index = s->profile.nu;
     dst->shape_error = s->shape_error;
+    dst->lift = s->lift;
     dst->inside = s->footprint.inside;
     dst->background = background;
     judge_pixels(canvas, segments, s, background, dst);

@@ -86,6 +86,7 @@ typedef struct rx_tphot_source {
     double background;                  /* of its group, ADU */
     int group;                          /* number of its group, from 0 */
     int flags;                          /* RX_TPHOT_ */
+    double lift; /* flux is that many times the one of its template: the mean over what its shape may be */
 } rx_tphot_source;
 
 /* Covariance of two fluxes of one group, ADU^2. */
