@@ -36,8 +36,8 @@ double rx_fit_log_determinant(const rx_fit *fit);
 /* Element [j][j] of the inverse of fit->a; HUGE_VAL when singular. */
 double rx_fit_variance(const rx_fit *fit, int j);
 
-/* Averages over what the shape may be, where its posterior is not the Gaussian around the best fit: flux grows
- * faster than linearly with radius and steepness, and faint sources' radii are uncertain by half. */
+/* Averages over what the shape may be, where its posterior is not the Gaussian around the best fit: flux
+ * grows faster than linearly with radius and steepness, and faint sources' radii are uncertain by half. */
 typedef struct rx_fit_mean {
     double flux, variance;
     double evidence; /* 2 ln of the evidence over that of the Gaussian */

@@ -57,8 +57,9 @@ void rx_lens_clear(rx_lens *lens)
 
 int rx_lens_side(const rx_lens *lens, double reach)
 {
-    /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at once */
-    static const int sides[] = {30,  40,  42,  48,  56,  60,  70,  80,  90,  108,
+    /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at
+     * once */
+    static const int sides[] = {30,  40,  42,  48,  56,  60,  70,  80,  90, 108,
                                 126, 140, 160, 180, 210, 252, 320, 384, 512};
     const int psf = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
     const int need = psf + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));

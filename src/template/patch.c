@@ -41,6 +41,16 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
     return RX_OK;
 }
 
+void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux)
+{
+    for (int j = 0; j < patch->side; j++)
+        for (int i = 0; i < patch->side; i++) {
+            const size_t p = (size_t)j * (size_t)patch->side + (size_t)i;
+            if (patch->weight[p] > 0.0)
+                patch->data[p] += own_light(footprint, flux, patch->x0 + i, patch->y0 + j);
+        }
+}
+
 void rx_patch_clear(rx_patch *patch)
 {
     free(patch->data);

@@ -16,6 +16,8 @@ typedef struct rx_patch {
  * rx_patch_clear(). Errors: RX_SYSTEM. */
 rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
                        int half, int domain, rx_patch *patch, rx_error *err);
+/* Footprint times flux onto the data where there is weight. */
+void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux);
 void rx_patch_clear(rx_patch *patch);
 
 /* Crop the rendered plane (n x n in rows of `stride`, centre (cx, cy) at (n/2, n/2)) to where it is above

@@ -172,8 +172,7 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
     after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
     after->position_gain = p * position_gain(point) + q * position_gain(profile);
-    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance +
-                      p * q * spread * spread;
+    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread;
     if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;
 }
@@ -320,4 +319,39 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
         status = finish(&j, after, err);
     rx_patch_clear(&j.patch);
     return status;
+}
+
+/* Chi2 of the better of point and profile. */
+static double best_chi2(const job *j)
+{
+    rx_fit point, profile;
+    fit_point(j, &point);
+    if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
+        return point.chi2;
+    fit_profile(j, point.p[RX_FIT_FLUX], &profile);
+    return !lost(&profile) && profile.p[RX_FIT_FLUX] > 0 ? fmin(point.chi2, profile.chi2) : point.chi2;
+}
+
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                          const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err)
+{
+    job j = {.par = par, .view = view, .lens = lens, .before = subject};
+    j.cx = (int)lround(subject->x);
+    j.cy = (int)lround(subject->y);
+    const double radius = fmax(subject->guess, subject->profile.radius);
+    const double away = hypot(other->x - subject->x, other->y - subject->y);
+    const int half = (int)ceil(fmax(2.0 * view->fwhm + 3.0 * radius, away + 1.5 * view->fwhm)) + 2;
+    *rise = 0;
+    rx_status status = rx_lens_at(lens, rx_lens_side(lens, fmax(FAR * radius, half - view->fwhm)), subject->x,
+                                  subject->y, 0, &j.size, err);
+    if (status == RX_OK)
+        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy, half, j.size->n,
+                              &j.patch, err);
+    if (status != RX_OK)
+        return status;
+    const double with = best_chi2(&j);
+    rx_patch_add(&j.patch, &other->footprint, other->flux);
+    *rise = best_chi2(&j) - with;
+    rx_patch_clear(&j.patch);
+    return RX_OK;
 }

@@ -33,13 +33,14 @@ typedef struct rx_subject {
     rx_footprint footprint;
     /* found by the last refinement */
     double star, chi2_gain;
-    double evidence;      /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
-                             evidences */
+    double evidence; /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
+                        evidences */
     rx_usual_word size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
-    double variance;      /* of the flux, shape free, ADU^2; 0: that at fixed shape */
-    double shape_error;   /* error of the flux over that at fixed shape, >= 1 */
+    double variance;           /* of the flux, shape free, ADU^2; 0: that at fixed shape */
+    double shape_error;        /* error of the flux over that at fixed shape, >= 1 */
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
                              too high by that / 2 * fluxerr^2 / flux */
+    double presence;      /* what rx_tphot_source.evidence will be */
     int flags;
     int moved; /* since its footprint was made */
     /* from the source list; segment 0: not listed */
@@ -68,5 +69,11 @@ double rx_refine_reach(double fwhm);
 /* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                     const rx_subject *subject, rx_subject *after, rx_error *err);
+
+/* How much better the pixels are described with `other` than by `subject` alone: chi2 (priors included) of
+ * the subject's best point or profile with the other's light put back into the data, less that with it taken
+ * out. Errors: RX_SYSTEM. */
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                          const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err);
 
 #endif

@@ -79,8 +79,7 @@ static inline float exp_of(float x)
     const int32_t k = (int32_t)(t - 0.5f);
     const float y = (t - (float)k) * 0.69314718f;
     const float series =
-        1 + y * (1 + y * (1.0f / 2 +
-                          y * (1.0f / 6 + y * (1.0f / 24 + y * (1.0f / 120 + y * (1.0f / 720))))));
+        1 + y * (1 + y * (1.0f / 2 + y * (1.0f / 6 + y * (1.0f / 24 + y * (1.0f / 120 + y * (1.0f / 720))))));
     const int32_t bits = (k > -126 ? k + 127 : 1) * (1 << 23);
     float scale;
     memcpy(&scale, &bits, sizeof scale);

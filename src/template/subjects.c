@@ -153,6 +153,7 @@ void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_
     dst->index = s->profile.nu;
     dst->shape_error = s->shape_error;
     dst->lift = s->lift;
+    dst->evidence = s->presence;
     dst->inside = s->footprint.inside;
     dst->background = background;
     judge_pixels(canvas, segments, s, background, dst);

@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "template/blends.h"
 #include "template/canvas.h"
+#include "template/evidence.h"
 #include "template/joint.h"
 #include "template/lens.h"
 #include "template/refine.h"
@@ -19,7 +20,7 @@
 #include "template/usual.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
-enum { SHIFTS = 2 }; /* joint moves of the positions in groups after each fit */
+enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -34,8 +35,8 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    rx_usual usual;   /* among clear sources */
-    double sky;       /* taken off the level so far, mean */
+    rx_usual usual; /* among clear sources */
+    double sky;     /* taken off the level so far, mean */
 } work;
 
 rx_tphot_params rx_tphot_defaults(void)
@@ -121,19 +122,29 @@ static rx_status draw(work *w, rx_error *err)
     return status;
 }
 
+static rx_refine_params refine_params(const work *w, int frozen, int substructure)
+{
+    return (rx_refine_params){.extended = w->par->extended,
+                              .substructure = substructure,
+                              .star_penalty = w->par->star_penalty,
+                              .usual = &w->usual,
+                              .frozen = frozen};
+}
+
+static rx_refine_view refine_view(const work *w)
+{
+    return (rx_refine_view){.canvas = &w->canvas,
+                            .restored = w->input->restored,
+                            .segments = w->input->sources->segments,
+                            .fwhm = fmax(w->input->psf->fwhm, 1.0)};
+}
+
 /* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
  * at once, so that no order matters. moved_only: those that shift() has moved. */
 static rx_status refine(work *w, int first, int frozen, int moved_only, int substructure, rx_error *err)
 {
-    const rx_refine_params par = {.extended = w->par->extended,
-                                  .substructure = substructure,
-                                  .star_penalty = w->par->star_penalty,
-                                  .usual = &w->usual,
-                                  .frozen = frozen};
-    const rx_refine_view view = {.canvas = &w->canvas,
-                                 .restored = w->input->restored,
-                                 .segments = w->input->sources->segments,
-                                 .fwhm = fmax(w->input->psf->fwhm, 1.0)};
+    const rx_refine_params par = refine_params(w, frozen, substructure);
+    const rx_refine_view view = refine_view(w);
     rx_subject *after = RX_NEW(rx_subject, w->n);
     rx_status failed = RX_OK;
     if (after == NULL)
@@ -412,6 +423,33 @@ static rx_status fit_everything(work *w, rx_error *err)
     return status;
 }
 
+/* Evidence of every source, group by group. */
+static rx_status weigh_evidence(work *w, rx_error *err)
+{
+    const rx_refine_params par = refine_params(w, 0, 0);
+    const rx_refine_view view = refine_view(w);
+    rx_status failed = RX_OK;
+#pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
+    for (int g = 0; g < w->blends.ngroups; g++) {
+        const int first = w->blends.start[g], m = w->blends.start[g + 1] - first;
+        const int *member = w->blends.member + first;
+        rx_error own = RX_ERROR_NONE;
+        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
+        for (int i = 0; i < m && status == RX_OK; i++)
+            status = rx_evidence_of(&par, &view, &w->lenses[omp_get_thread_num()], w->subjects, w->members,
+                                    member, m, i, &w->subjects[member[i]].presence, &own);
+        if (status != RX_OK) {
+#pragma omp critical(rx_tphot_failure)
+            {
+                failed = status;
+                if (err != NULL)
+                    *err = own;
+            }
+        }
+    }
+    return failed;
+}
+
 static rx_status store_pairs(work *w, rx_tphot *dst, rx_error *err)
 {
     size_t room = 0;
@@ -498,6 +536,8 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);
+    if (status == RX_OK)
+        status = weigh_evidence(&w, err);
     if (status == RX_OK)
         status = store(&w, tphot, err);
     close_work(&w);

@@ -86,6 +86,12 @@ typedef struct rx_tphot_source {
     double background;                  /* of its group, ADU */
     int group;                          /* number of its group, from 0 */
     int flags;                          /* RX_TPHOT_ */
+    double evidence; /* that the source is there and no piece of a neighbour that the restored image split
+                        off, 1 / (1 / rise + lumps^2): rise of chi2 without it, its neighbours' fluxes fitted
+                        anew and, where a brighter one reaches over it, that one's position and profile, too;
+                        lumps: what a resolved galaxy may differ from its smooth profile there, in fluxes of
+                        the source. Real sources of S/N 7 and more have above 25 (99.4 %), four of five pieces
+                        of spirals less */
     double lift; /* flux is that many times the one of its template: the mean over what its shape may be */
 } rx_tphot_source;
 

@@ -9,8 +9,8 @@ typedef struct rx_usual_law {
 } rx_usual_law;
 
 typedef struct rx_usual {
-    double star_odds; /* points to others; 1 when not known */
-    double pivot;     /* ln ADU */
+    double star_odds;    /* points to others; 1 when not known */
+    double pivot;        /* ln ADU */
     rx_usual_law radius; /* ln of the half-light radius in pixels */
     rx_usual_law nu;     /* ln(1 + nu), slope 0 */
 } rx_usual;

@@ -1,0 +1,21 @@
+/* Is a source there, or is it a piece of its neighbour? */
+#ifndef RX_TEMPLATE_EVIDENCE_H
+#define RX_TEMPLATE_EVIDENCE_H
+
+#include "base/error.h"
+#include "template/joint.h"
+#include "template/refine.h"
+
+/* Member i of a group of n after its last fit: subjects[member[..]] and members[member[..]]. Without a
+ * brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
+ * 0.2) *evidence = flux^2 / variance which is exactly the rise of chi2 when a column is left out of linear
+ * least squares; else *evidence = 1 / (1 / rise + lumps^2) rise = the smaller of that and what
+ * rx_refine_alone() says of the neighbour with most light there lumps = 0.3 r^2 / (r^2 + FWHM^2) * the
+ * neighbour's light under the template in fluxes of the source r: half-light radius of the neighbour; 0 for
+ * points. Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is
+ * the least contrast of arms in simulate/scene.h. par: never frozen. Errors: RX_SYSTEM. */
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                         const rx_subject *subjects, const rx_joint_member *members, const int *member, int n,
+                         int i, double *evidence, rx_error *err);
+
+#endif
