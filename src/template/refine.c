@@ -146,6 +146,14 @@ static rx_usual_word say(const rx_fit *fit, int j)
     return rx_usual_say(fit->p[j], rx_fit_variance(fit, j), fit->prior[j], fit->width[j]);
 }
 
+/* Relative error of the flux of a profile for being Spergel's: found on simulated galaxies of Sersic's
+ * profiles (n 0.5 to 6) and bulges with disks, S/N above 100: 0.8 %, and for steep ones, whose wings go on
+ * beyond what can be seen, up to 5 % at nu = -0.65. */
+static double misfit(double nu)
+{
+    return 0.008 + 0.065 * fmax(-nu, 0);
+}
+
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
 static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
@@ -172,7 +180,8 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
     after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
     after->position_gain = p * position_gain(point) + q * position_gain(profile);
-    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread;
+    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread +
+                      pow(q * mean.flux * misfit(after->profile.nu), 2);
     if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;
 }
