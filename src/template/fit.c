@@ -235,29 +235,34 @@ static double promise(const rx_fit *fit, const double *a, const double *b)
 static int descend(rx_fit *fit, rx_lens_size *size, const rx_patch *patch, double *a, double *b)
 {
     /* of chi2: a last step of a tenth of a sigma is followed by a far smaller one; one of a thirtieth is not
-     * worth a rendering */
-    static const double enough = 0.01, nothing = 0.001;
+     * worth a rendering; after one of a third no new derivatives are */
+    static const double enough = 0.01, nothing = 0.001, little = 0.1;
     double damping = 1e-3;
-    for (int i = 0; i < fit->iterations && promise(fit, a, b) > nothing; i++) {
+    int current = 1;
+    for (int i = 0; i < fit->iterations; i++) {
+        const double hope = promise(fit, a, b);
         rx_fit before = *fit;
-        if (!step(fit, a, b, damping))
-            return 1;
-        render(fit, size, 1);
+        if (!(hope > nothing) || !step(fit, a, b, damping))
+            break;
+        render(fit, size, hope > little);
         fit->chi2 = chi2_of(fit, size, patch);
-        if (!(fit->chi2 <= before.chi2)) {
+        current = fit->chi2 <= before.chi2;
+        if (!current) {
             const int last = before.chi2 + enough > fit->chi2;
             *fit = before;
             damping = damping * 10;
             if (last || damping > 1e6)
-                return 0;
+                break;
             continue;
         }
+        if (!(hope > little))
+            break;
         normal(fit, size, patch, a, b);
         damping = fmax(damping * 0.1, 1e-9);
         if (before.chi2 - fit->chi2 < enough)
-            return 1;
+            break;
     }
-    return 0;
+    return current;
 }
 
 void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
