@@ -54,6 +54,7 @@ enum {
 typedef struct rx_source_template {
     double flux, fluxerr, snr; /* ADU, of the whole template */
     double chi2;               /* reduced, of the source's own pixels */
+    double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
     double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
     double x, y;               /* 0-based pixels, of the fit */
     double alpha, delta;       /* deg, J2000 */

@@ -307,6 +307,7 @@ static void template_options(const rx_config *cfg, rx_options *dst)
     par->passes = cfg->template_passes;
     par->threshold = cfg->template_thresh;
     par->invented = cfg->invented_snr;
+    par->evidence = cfg->invented_evidence;
     par->drop = strcmp(cfg->invented_type, "DROP") == 0;
     par->covariances = cfg->template_covar_name;
     /* checks inject objects and look at their fluxes without a reference catalogue, too */

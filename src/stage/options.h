@@ -35,6 +35,7 @@ typedef struct rx_template_options {
     int passes;              /* TEMPLATE_PASSES */
     double threshold;        /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
     double invented;         /* INVENTED_SNR */
+    double evidence;         /* INVENTED_EVIDENCE */
     int drop;                /* INVENTED_TYPE DROP */
     const char *covariances; /* TEMPLATE_COVAR_NAME, "" = none */
 } rx_template_options;

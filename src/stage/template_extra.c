@@ -17,6 +17,7 @@ static const double REACH = 1.5;  /* of the filter, units of the PSF's FWHM */
 /* What is so near the border, in FWHM, may be the wing of something beyond it, which no template inside
  * explains. */
 static const double BORDER = 0.5;
+static const double APART = 0.4; /* FWHM between a source and one that is added, at least */
 
 /* The PSF in the middle of the tile, cut to its core and lowered to a sum of 0 (Stetson 1987, PASP 99, 191),
  * so that light without structure, the halo of a bright star beyond what its PSF holds, is no peak.
@@ -79,16 +80,28 @@ static int hidden(const rx_source *s, const float *near, const float *error, int
     return near[peak] > HIDDEN * error[peak];
 }
 
-static rx_status choose(rx_sources *found, double fwhm, const float *near, const float *error, rx_error *err)
+/* Too near a source to be told apart from it: what a template leaves there is its own error, that of a cosmic
+ * ray for instance, which is no point. */
+static int on_a_source(const rx_source *s, const rx_sources *sources, double fwhm)
 {
-    const double margin = BORDER * fwhm;
+    for (int i = 0; i < sources->n; i++)
+        if (hypot(s->x - sources->list[i].x, s->y - sources->list[i].y) < APART * fwhm)
+            return 1;
+    return 0;
+}
+
+static rx_status choose(const rx_template_extra *extra, const float *near, const float *error, rx_error *err)
+{
+    rx_sources *found = extra->found;
+    const double fwhm = extra->psf->fwhm, margin = BORDER * fwhm;
     unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
     if (keep == NULL)
         return rx_error_memory(err, (size_t)found->n);
     for (int i = 0; i < found->n; i++) {
         const rx_source *s = &found->list[i];
         keep[i] = s->x >= margin && s->y >= margin && s->x <= found->width - 1 - margin &&
-                  s->y <= found->height - 1 - margin && hidden(s, near, error, found->width);
+                  s->y <= found->height - 1 - margin && hidden(s, near, error, found->width) &&
+                  !on_a_source(s, extra->sources, fwhm);
     }
     rx_status status = rx_sources_select(found, keep, err);
     free(keep);
@@ -149,7 +162,7 @@ rx_status rx_template_extra_find(void *user, const float *residual, const float 
                                    .global_sigma = 1.0};
     status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
     if (status == RX_OK)
-        status = choose(extra->found, extra->psf->fwhm, near, error, err);
+        status = choose(extra, near, error, err);
     if (status == RX_OK)
         status = positions(extra->found, dst, n, err);
 exit:

@@ -14,6 +14,7 @@ typedef struct rx_template_extra {
     double threshold;               /* S/N in a filter that matches the PSF */
     const rx_psf *psf;
     const float *pixels, *level; /* [h][w] ADU, of the tile */
+    const rx_sources *sources;   /* that have templates already */
     int nthreads;
     rx_log *log;
     rx_sources *found; /* owned: what was found, in the order of the positions given; NULL: not asked */

@@ -8,6 +8,9 @@
 #include "base/memory.h"
 #include "stage/template_extra.h"
 
+/* Share of its S/N squared that a source has as evidence unless a neighbour can do without it. */
+static const double OWED = 0.5;
+
 /* What one call works on. */
 typedef struct work {
     const rx_options *options;
@@ -87,12 +90,17 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     return status;
 }
 
-static int verdict(const rx_tphot_source *t, int added, double invented)
+/* A source whose evidence is only a part of its S/N squared owes the rest to a neighbour's model that was
+ * held fast: refitted alone, that one would take its light. */
+static int verdict(const rx_tphot_source *t, int added, const rx_template_options *options)
 {
-    int restore = added ? RX_RESTORE_ADDED : 0;
+    const int restore = added ? RX_RESTORE_ADDED : 0;
     if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr))
         return restore | RX_RESTORE_UNTESTED;
-    return t->snr < invented ? restore | RX_RESTORE_INVENTED : restore;
+    if (t->snr < options->invented)
+        return restore | RX_RESTORE_INVENTED;
+    const int shred = t->evidence < options->evidence && t->evidence < OWED * t->snr * t->snr;
+    return shred ? restore | RX_RESTORE_SHRED : restore;
 }
 
 static void tell_sources(const work *w, rx_sources *sources)
@@ -105,6 +113,7 @@ static void tell_sources(const work *w, rx_sources *sources)
                                  .fluxerr = t->fluxerr,
                                  .snr = t->snr,
                                  .chi2 = t->chi2,
+                                 .evidence = t->evidence,
                                  .blend = t->blend,
                                  .x = t->x,
                                  .y = t->y,
@@ -117,7 +126,7 @@ static void tell_sources(const work *w, rx_sources *sources)
                                  .group = t->group + 1,
                                  .entry = i,
                                  .flags = t->flags,
-                                 .restore = verdict(t, i >= tphot->nlisted, w->options->templates.invented)};
+                                 .restore = verdict(t, i >= tphot->nlisted, &w->options->templates)};
     }
 }
 
@@ -166,6 +175,7 @@ static void leave_empty(rx_sources *sources)
                                                     .fluxerr = NAN,
                                                     .snr = NAN,
                                                     .chi2 = NAN,
+                                                    .evidence = NAN,
                                                     .blend = NAN,
                                                     .x = NAN,
                                                     .y = NAN,
@@ -203,6 +213,7 @@ rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect,
                                   .psf = psf_of(&w, detect),
                                   .pixels = detect->tile->pixels,
                                   .level = detect->restored->level,
+                                  .sources = sources,
                                   .nthreads = options->nthreads,
                                   .log = log};
     rx_status status = fit(&w, sources, err);

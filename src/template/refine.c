@@ -17,6 +17,7 @@ static const double FAINT = 0.03; /* of a pixel's noise: light below that is lef
 static const double WORTH = 1.0, WORTH_ODDS = 0.25;
 static const double SURE = 0.02;    /* a probability below that is none */
 static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
+static const double MUCH = 100.0;   /* chi2 */
 enum { ITERATIONS = 12 };
 
 /* One source in its surroundings. */
@@ -35,13 +36,14 @@ double rx_refine_reach(double fwhm)
     return 0.25 + 0.1 * fwhm;
 }
 
-static void set_position(const job *j, rx_fit *fit)
+/* room: how much farther than a point's it may be from the given one, pixels. */
+static void set_position(const job *j, double room, rx_fit *fit)
 {
     const double given[2] = {j->before->x0 - j->cx, j->before->y0 - j->cy};
-    const double most = 0.75 + 0.3 * j->view->fwhm;
+    const double most = 0.75 + 0.3 * j->view->fwhm + room;
     for (int d = 0; d < 2; d++) {
         fit->prior[RX_FIT_X + d] = given[d];
-        fit->width[RX_FIT_X + d] = rx_refine_reach(j->view->fwhm);
+        fit->width[RX_FIT_X + d] = rx_refine_reach(j->view->fwhm) + 0.5 * room;
         fit->low[RX_FIT_X + d] = given[d] - most;
         fit->high[RX_FIT_X + d] = given[d] + most;
     }
@@ -50,18 +52,30 @@ static void set_position(const job *j, rx_fit *fit)
     fit->iterations = ITERATIONS;
 }
 
+static int at_end(const rx_fit *fit)
+{
+    return (fit->at_limit & (1 << RX_FIT_X | 1 << RX_FIT_Y)) != 0;
+}
+
 /* Has the position run away? */
 static int lost(const rx_fit *fit)
 {
-    return (fit->at_limit & (1 << RX_FIT_X | 1 << RX_FIT_Y)) != 0 || !isfinite(fit->p[RX_FIT_FLUX]) ||
-           !isfinite(fit->chi2);
+    return at_end(fit) || !isfinite(fit->p[RX_FIT_FLUX]) || !isfinite(fit->chi2);
+}
+
+/* A profile is worth having even where its position has come to its limit, when it explains so much more: of
+ * two merged galaxies, say, which one profile cannot describe and a point still less. */
+static int usable(const rx_fit *profile, const rx_fit *point)
+{
+    return profile->p[RX_FIT_FLUX] > 0 && isfinite(profile->p[RX_FIT_FLUX]) && isfinite(profile->chi2) &&
+           (!at_end(profile) || point->chi2 - profile->chi2 > MUCH);
 }
 
 /* Returns whether the position has run away; the point is where it was given then. */
 static int fit_point(const job *j, rx_fit *fit)
 {
     *fit = (rx_fit){.n = RX_FIT_POINT};
-    set_position(j, fit);
+    set_position(j, 0, fit);
     rx_fit_run(fit, j->size, &j->patch);
     if (!lost(fit) && fit->p[RX_FIT_FLUX] > 0)
         return 0;
@@ -78,7 +92,7 @@ static void fit_profile(const job *j, double flux, rx_fit *fit)
     const rx_spergel *last = &j->before->profile;
     const rx_usual *usual = j->par->usual;
     *fit = (rx_fit){.n = RX_FIT_ALL};
-    set_position(j, fit);
+    set_position(j, 0.5 * j->before->guess, fit);
     fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
     fit->p[RX_FIT_G1] = last->g1;
     fit->p[RX_FIT_G2] = last->g2;
@@ -173,6 +187,8 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - mean.flux;
     after->kind = RX_TPHOT_PROFILE;
     after->flags &= ~RX_TPHOT_POSITION;
+    if (at_end(profile))
+        after->flags |= RX_TPHOT_POSITION;
     after->profile = rx_fit_profile(profile);
     after->flux = p * f + q * g;
     after->point = p * f / after->flux;
@@ -228,7 +244,7 @@ static void choose(const job *j, rx_subject *after)
     if (size_gain(j, &point) < WORTH + WORTH_ODDS * penalty(j->par))
         return;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
-    if (!lost(&profile) && profile.p[RX_FIT_FLUX] > 0)
+    if (usable(&profile, &point))
         take_profile(j, &point, &profile, after);
 }
 
@@ -338,7 +354,7 @@ static double best_chi2(const job *j)
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return point.chi2;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
-    return !lost(&profile) && profile.p[RX_FIT_FLUX] > 0 ? fmin(point.chi2, profile.chi2) : point.chi2;
+    return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;
 }
 
 rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
