@@ -279,7 +279,12 @@ void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
         render(fit, size, 0);
 }
 
-/* The fit moved by `by` along its shape's direction: flux, weight over the Gaussian's there. */
+/* Of chi2 that a node may be better than the Gaussian says: more is a fit that has not come to its end, or a
+ * model far from the data, and no shape of a posterior. */
+static const double MOST_GAIN = 4.0;
+
+/* The fit moved by `by` along its shape's direction: flux, weight over the Gaussian's there; -1: no such
+ * thing. */
 static double node(const rx_fit *fit, const double *direction, double by, rx_lens_size *size,
                    const rx_patch *patch, double *flux)
 {
@@ -291,7 +296,7 @@ static double node(const rx_fit *fit, const double *direction, double by, rx_len
     render(&moved, size, 0);
     *flux = moved.p[RX_FIT_FLUX] = linear_flux(size, patch, &power);
     const double gain = fit->chi2 + by * by - chi2_of(&moved, size, patch);
-    return power > 0 && isfinite(gain) ? exp(0.5 * fmin(gain, 20)) / sqrt(power) : 0;
+    return power > 0 && gain < MOST_GAIN ? exp(0.5 * gain) / sqrt(power) : -1;
 }
 
 rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
@@ -312,6 +317,8 @@ rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch
     double sum = 0, first = 0, second = 0;
     for (int k = 0; k < 3; k++) {
         w[k] = shares[k] * node(fit, column, nodes[k], size, patch, &flux[k]);
+        if (!(w[k] >= 0))
+            return mean;
         sum += w[k];
         first += w[k] * flux[k];
     }

@@ -127,7 +127,7 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject
 {
     after->kind = RX_TPHOT_POINT;
     after->point = after->star = after->lift = 1;
-    after->chi2_gain = after->variance = 0;
+    after->chi2_gain = after->variance = after->misfit = 0;
     after->evidence = UNTRIED;
     after->size = after->slope = (rx_usual_word){0, 0};
     after->profile = (rx_spergel){.nu = EXPONENTIAL};
@@ -196,8 +196,8 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
     after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
     after->position_gain = p * position_gain(point) + q * position_gain(profile);
-    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread +
-                      pow(q * mean.flux * misfit(after->profile.nu), 2);
+    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread;
+    after->misfit = q * mean.flux * misfit(after->profile.nu);
     if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;
 }
@@ -284,27 +284,27 @@ static void render(const job *j, const rx_subject *after)
             j->size->plane[0][k] += share * (j->size->plane[1][k] - j->size->plane[0][k]);
 }
 
-/* Error of the flux over that of plane 0 as a fixed template. */
-static double shape_error(const job *j, const rx_subject *after)
+/* Error of a flux of that variance over that of plane 0 as a fixed template. */
+static double shape_error(const job *j, double variance)
 {
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
     double power = 0;
-    for (size_t v = 0; v < side && after->variance > 0; v++)
+    for (size_t v = 0; v < side && variance > 0; v++)
         for (size_t u = 0; u < side; u++) {
             const double t =
                 j->size->plane[0][(v + (size_t)j->patch.corner) * stride + u + (size_t)j->patch.corner];
             power += j->patch.weight[v * side + u] * t * t;
         }
-    return power * after->variance > 1 && isfinite(power * after->variance) ? sqrt(power * after->variance)
-                                                                            : 1;
+    return power * variance > 1 && isfinite(power * variance) ? sqrt(power * variance) : 1;
 }
 
 static rx_status finish(job *j, rx_subject *after, rx_error *err)
 {
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
     render(j, after);
+    const double own = shape_error(j, after->variance);
     if (!j->par->frozen)
-        after->shape_error = shape_error(j, after);
+        after->shape_error = shape_error(j, after->variance + after->misfit * after->misfit);
     if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
         int used = 0;
         double flux = after->flux;
@@ -313,6 +313,10 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
         if (status != RX_OK)
             return status;
         after->kind = used ? RX_TPHOT_PIXELS : RX_TPHOT_PROFILE;
+        if (used) { /* its pixels say what its shape is */
+            after->lift = 1;
+            after->shape_error = j->par->frozen ? after->shape_error : own;
+        }
         after->flux = flux;
     }
     return rx_footprint_crop(j->size->plane[0], j->size->n, stride, j->cx, j->cy,

@@ -37,6 +37,7 @@ typedef struct rx_subject {
                         evidences */
     rx_usual_word size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
     double variance;           /* of the flux, shape free, ADU^2; 0: that at fixed shape */
+    double misfit;             /* error of the flux because no galaxy is a Spergel profile, ADU */
     double shape_error;        /* error of the flux over that at fixed shape, >= 1 */
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
                              too high by that / 2 * fluxerr^2 / flux */
