@@ -13,8 +13,8 @@
 #include "campaign/units.h"
 #include "io/output.h"
 
-static const rx_campaign_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry,
-                                                &rx_kind_detection};
+static const rx_campaign_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,
+                                                &rx_kind_fluxes};
 
 typedef struct job {
     const rx_campaign_config *config;

@@ -7,6 +7,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "campaign/detection_page.h"
+#include "campaign/fluxes_page.h"
 #include "campaign/photometry_page.h"
 #include "campaign/restoration_page.h"
 #include "validate/report_file.h"
@@ -196,6 +197,40 @@ exit:
     rx_figures_free(&page->figures);
     rx_claim_verdicts_free(page->nverdicts, page->verdict);
     rx_detection_numbers_free(&numbers);
+    free(page);
+    return status;
+}
+
+rx_status rx_fluxes_report(const rx_fluxes_results *results, const rx_campaign_record *record,
+                           const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
+{
+    static const part parts[] = {{"summary.json", rx_fluxes_json},
+                                 {"cells.ecsv", rx_fluxes_cells_ecsv},
+                                 {"pairs.ecsv", rx_fluxes_pairs_ecsv},
+                                 {"invented.ecsv", rx_fluxes_invented_ecsv},
+                                 {"report.html", rx_fluxes_html}};
+    rx_fluxes_numbers numbers = {0};
+    rx_fluxes_page *page = RX_NEW(rx_fluxes_page, 1);
+    rx_status status = RX_OK;
+    if (page == NULL)
+        return rx_error_memory(err, sizeof *page);
+    page->numbers = &numbers;
+    page->record = record;
+    status = rx_fluxes_numbers_make(results, &numbers, err);
+    if (status != RX_OK)
+        goto exit;
+    page->nverdicts = RX_FLUXES_GOALS * results->nruns;
+    rx_fluxes_verdicts(&numbers, page->verdict);
+    rx_fluxes_figures(&page->figures, &numbers);
+    status = draw(&page->figures, record->figures, folder, shown, log, err);
+    if (status == RX_OK)
+        status = write_parts(parts, sizeof parts / sizeof *parts, page, folder, shown, err);
+    if (status == RX_OK && brief != NULL)
+        rx_fluxes_brief(brief, page);
+exit:
+    rx_figures_free(&page->figures);
+    rx_goal_verdicts_free(page->nverdicts, page->verdict);
+    rx_fluxes_numbers_free(&numbers);
     free(page);
     return status;
 }

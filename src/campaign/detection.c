@@ -101,24 +101,29 @@ static double sky_noise(const rx_noise_params *noise)
                : 0;
 }
 
+rx_status rx_detection_area(const rx_psf *psf, int width, int height, double *dst, rx_error *err)
+{
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    float *stamp = RX_NEW(float, n);
+    double power = 0;
+    if (stamp == NULL)
+        return rx_error_memory(err, n * sizeof *stamp);
+    rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), stamp);
+    for (size_t i = 0; i < n; i++)
+        power += (double)stamp[i] * (double)stamp[i];
+    *dst = 1 / power;
+    free(stamp);
+    return RX_OK;
+}
+
 static rx_status measure_area(const rx_simulation *simulation, rx_detection_sky *dst, rx_error *err)
 {
     rx_psf *psf = NULL;
     rx_status status = rx_optics_on_pixels(simulation->optics, &psf, err);
-    if (status != RX_OK)
-        return status;
-    const size_t n = (size_t)psf->size * (size_t)psf->size;
-    float *stamp = RX_NEW(float, n);
-    double power = 0;
-    if (stamp != NULL) {
-        rx_psf_at(psf, 0.5 * (simulation->scene.width - 1), 0.5 * (simulation->scene.height - 1), stamp);
-        for (size_t i = 0; i < n; i++)
-            power += (double)stamp[i] * (double)stamp[i];
-        dst->area = 1 / power;
-    }
-    free(stamp);
+    if (status == RX_OK)
+        status = rx_detection_area(psf, simulation->scene.width, simulation->scene.height, &dst->area, err);
     rx_psf_free(psf);
-    return stamp != NULL ? RX_OK : rx_error_memory(err, n * sizeof *stamp);
+    return status;
 }
 
 /* A Gaussian as wide as the PSF. */
@@ -137,10 +142,10 @@ static rx_status make_kernel(rx_detection_sky *dst, rx_error *err)
     return line != NULL && dst->kernel != NULL ? RX_OK : rx_error_memory(err, (size_t)side * sizeof(float));
 }
 
-static rx_status open_sky(const rx_detection_state *state, const rx_condition *condition, rx_log *log,
-                          rx_detection_sky *dst, rx_error *err)
+rx_status rx_detection_sky_open(const rx_campaign_config *config, const rx_condition *condition, rx_log *log,
+                                rx_detection_sky *dst, rx_error *err)
 {
-    const rx_simulate_config *sim = state->config->sim;
+    const rx_simulate_config *sim = config->sim;
     rx_status status = rx_condition_simulation(condition, sim, log, &dst->simulation, err);
     if (status != RX_OK)
         return status;
@@ -148,8 +153,8 @@ static rx_status open_sky(const rx_detection_state *state, const rx_condition *c
     dst->sigma = sky_noise(&dst->simulation->noise);
     if (!(dst->sigma > 0))
         return rx_error_set(err, RX_USAGE,
-                            "SIM.NOISE_TYPE, SIM.NOISE_SIGMA: the sky of a DETECTION campaign "
-                            "needs noise");
+                            "SIM.NOISE_TYPE, SIM.NOISE_SIGMA: the sky of a %s campaign needs noise",
+                            config->campaign_type);
     status = measure_area(dst->simulation, dst, err);
     if (status == RX_OK)
         status = make_kernel(dst, err);
@@ -158,16 +163,21 @@ static rx_status open_sky(const rx_detection_state *state, const rx_condition *c
     return status;
 }
 
+void rx_detection_sky_close(rx_detection_sky *sky)
+{
+    rx_simulation_free(sky->simulation);
+    rx_psf_free(sky->told);
+    free(sky->kernel);
+    *sky = (rx_detection_sky){0};
+}
+
 static void close_state(void *pointer)
 {
     rx_detection_state *state = pointer;
     if (state == NULL)
         return;
-    for (int c = 0; state->sky != NULL && c < state->nconditions; c++) {
-        rx_simulation_free(state->sky[c].simulation);
-        rx_psf_free(state->sky[c].told);
-        free(state->sky[c].kernel);
-    }
+    for (int c = 0; state->sky != NULL && c < state->nconditions; c++)
+        rx_detection_sky_close(&state->sky[c]);
     free(state->sky);
     free(state->condition);
     rx_options_free(state->options);
@@ -196,7 +206,7 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
         status = state->sky == NULL ? rx_error_memory(err, sizeof *state->sky) : RX_OK;
     }
     for (int c = 0; c < state->nconditions && status == RX_OK; c++)
-        status = open_sky(state, &state->condition[c], log, &state->sky[c], err);
+        status = rx_detection_sky_open(config, &state->condition[c], log, &state->sky[c], err);
     if (status == RX_OK)
         *dst = state;
     else

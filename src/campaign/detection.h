@@ -67,6 +67,25 @@ typedef struct rx_detection_sky {
     int side;
 } rx_detection_sky;
 
+/* Also for campaigns of other kinds. Errors: RX_USAGE (a sky without noise), and those of conditions.h. */
+rx_status rx_detection_sky_open(const rx_campaign_config *config, const rx_condition *condition, rx_log *log,
+                                rx_detection_sky *dst, rx_error *err);
+void rx_detection_sky_close(rx_detection_sky *sky); /* content only */
+
+/* S/N of an object as above, and the magnitude of a star of that S/N. */
+double rx_detection_snr(const rx_detection_sky *sky, const rx_object *object);
+double rx_detection_mag(const rx_detection_sky *sky, double snr);
+
+/* As many objects of that S/N (a star's; from, to) as find a place so far apart (FWHM). */
+rx_population rx_detection_sparse(const rx_detection_sky *sky, const rx_reals *snr, double apart);
+
+/* simulated->image, width and height: a scene's light without noise. Becomes an exposed tile. */
+rx_status rx_detection_expose(const rx_detection_sky *sky, uint64_t seed, uint64_t stream,
+                              rx_simulated *simulated, rx_tile **tile, rx_error *err);
+
+/* What became of the PSF: 1 / sum of its squares over pixels at the centre of a width x height tile. */
+rx_status rx_detection_area(const rx_psf *psf, int width, int height, double *dst, rx_error *err);
+
 typedef struct rx_detection_state {
     const rx_campaign_config *config; /* not owned */
     rx_config *stage;                 /* owned, under the options */

@@ -26,25 +26,24 @@ static uint64_t seed_for(const rx_detection_state *state, uint64_t purpose)
     return (uint64_t)words[0] << 32 | words[1];
 }
 
-static double mag_of(const rx_detection_sky *sky, double snr)
+double rx_detection_mag(const rx_detection_sky *sky, double snr)
 {
     return sky->simulation->scene.zeropoint - 2.5 * log10(snr * sky->sigma * sqrt(sky->area));
 }
 
-static double snr_of(const rx_detection_sky *sky, const rx_object *object)
+double rx_detection_snr(const rx_detection_sky *sky, const rx_object *object)
 {
     const double area = sky->area + EXTENDED * object->radius * object->radius * object->ratio;
     return object->flux / (sky->sigma * sqrt(area));
 }
 
-/* As many objects of that S/N as find a place, so far apart. */
-static rx_population sparse(const rx_detection_sky *sky, const rx_reals *snr, double apart)
+rx_population rx_detection_sparse(const rx_detection_sky *sky, const rx_reals *snr, double apart)
 {
     const rx_scene_params *scene = &sky->simulation->scene;
     const double step = 1.3 * apart * sky->fwhm;
     return (rx_population){.count = fmax(floor((double)scene->width * scene->height / (step * step)), 1),
-                           .mag_low = mag_of(sky, snr->v[1]),
-                           .mag_high = mag_of(sky, snr->v[0])};
+                           .mag_low = rx_detection_mag(sky, snr->v[1]),
+                           .mag_high = rx_detection_mag(sky, snr->v[0])};
 }
 
 static rx_scene_params params_of(const rx_detection_state *state, const rx_detection_sky *sky,
@@ -66,11 +65,11 @@ static rx_scene_params params_of(const rx_detection_state *state, const rx_detec
     if (scene != RX_SCENE_GALAXIES)
         par.galaxies = par.templates = none;
     if (scene == RX_SCENE_PAIRS)
-        par.stars = sparse(sky, &config->pair_snr, apart = PAIRS_APART);
+        par.stars = rx_detection_sparse(sky, &config->pair_snr, apart = PAIRS_APART);
     else if (scene == RX_SCENE_RINGS)
-        par.stars = sparse(sky, &config->ring_snr, apart = STARS_APART);
+        par.stars = rx_detection_sparse(sky, &config->ring_snr, apart = STARS_APART);
     else if (scene == RX_SCENE_OUTSKIRTS)
-        par.galaxies = sparse(sky, &config->outskirt_snr, apart = GALAXIES_APART);
+        par.galaxies = rx_detection_sparse(sky, &config->outskirt_snr, apart = GALAXIES_APART);
     if (apart > 0)
         par.least_distance = apart * sky->fwhm;
     return par;
@@ -120,7 +119,7 @@ static rx_status take_objects(const rx_detection_sky *sky, const rx_scene *scene
         const rx_object *object = &scene->objects[i];
         dst->x[i] = object->x;
         dst->y[i] = object->y;
-        dst->snr[i] = snr_of(sky, object);
+        dst->snr[i] = rx_detection_snr(sky, object);
         dst->flux[i] = object->flux;
         dst->radius[i] = object->radius * sqrt(object->ratio);
     }
@@ -150,18 +149,30 @@ static rx_status render(const rx_detection_sky *sky, rx_detection_scene scene, r
     return status;
 }
 
+rx_status rx_detection_expose(const rx_detection_sky *sky, uint64_t seed, uint64_t stream,
+                              rx_simulated *simulated, rx_tile **tile, rx_error *err)
+{
+    rx_noise_params noise = sky->simulation->noise;
+    noise.seed = seed;
+    noise.stream = stream;
+    rx_status status = rx_noise_expose(&noise, simulated->width, simulated->height, simulated->image,
+                                       simulated->defects, 1, err);
+    if (status == RX_OK) {
+        /* world coordinates: not every version of wcslib reads headers in several threads */
+#pragma omp critical(rx_campaign_tile)
+        status = rx_simulation_tile(sky->simulation, simulated, "simulated", tile, err);
+    }
+    return status;
+}
+
 /* The scene as pixels with sky and noise. */
 static rx_status expose(const rx_detection_state *state, const rx_detection_sky *sky,
                         rx_detection_scene scene, uint64_t stream, rx_tile **tile, rx_detection_tile *dst,
                         rx_error *err)
 {
-    const rx_simulation *simulation = sky->simulation;
     const rx_scene_params par = params_of(state, sky, scene, stream);
     rx_simulated simulated = {.width = par.width, .height = par.height};
-    rx_noise_params noise = simulation->noise;
-    noise.seed = seed_for(state, DRAW_NOISE);
-    noise.stream = stream;
-    rx_status status = rx_scene_make(&par, simulation->templates, &simulated.scene, err);
+    rx_status status = rx_scene_make(&par, sky->simulation->templates, &simulated.scene, err);
     if (status == RX_OK && scene == RX_SCENE_PAIRS)
         status = add_companions(state, sky, stream, &simulated.scene, err);
     if (status == RX_OK)
@@ -169,12 +180,7 @@ static rx_status expose(const rx_detection_state *state, const rx_detection_sky 
     if (status == RX_OK)
         status = render(sky, scene, &simulated, dst, err);
     if (status == RX_OK)
-        status = rx_noise_expose(&noise, par.width, par.height, simulated.image, simulated.defects, 1, err);
-    if (status == RX_OK) {
-        /* world coordinates: not every version of wcslib reads headers in several threads */
-#pragma omp critical(rx_campaign_tile)
-        status = rx_simulation_tile(simulation, &simulated, "simulated", tile, err);
-    }
+        status = rx_detection_expose(sky, seed_for(state, DRAW_NOISE), stream, &simulated, tile, err);
     rx_simulated_free(&simulated);
     return status;
 }

@@ -5,31 +5,10 @@
 
 #include "base/memory.h"
 #include "campaign/detection.h"
+#include "campaign/unit_row.h"
 #include "stage/probe.h"
 #include "stage/quality.h"
 #include "validate/match.h"
-
-/* Values as they are collected; floats, so that the journal's nine digits hold them. */
-typedef struct row {
-    rx_unit_values *values;
-    long capacity;
-    int failed;
-} row;
-
-static void add(row *r, double value)
-{
-    if (r->values->n == r->capacity) {
-        const long capacity = r->capacity > 0 ? 2 * r->capacity : 1024;
-        double *v = rx_regrow(r->values->v, (size_t)capacity, sizeof *v);
-        if (v == NULL) {
-            r->failed = 1;
-            return;
-        }
-        r->values->v = v;
-        r->capacity = capacity;
-    }
-    r->values->v[r->values->n++] = (float)value;
-}
 
 /* What one unit works on. */
 typedef struct work {
@@ -37,7 +16,7 @@ typedef struct work {
     const rx_detection_sky *sky;
     rx_detection_scene scene;
     const rx_detection_tile *tile;
-    row *r;
+    rx_unit_row *r;
 } work;
 
 int rx_detection_columns(rx_detection_scene scene)
@@ -108,14 +87,14 @@ static void add_list(const work *w, const rx_qa_list *list, const unsigned char 
     long nfalse = 0;
     for (long i = 0; i < w->tile->n; i++)
         if (use[i])
-            add(w->r, found[i] >= 0 ? list->score[found[i]] : NAN);
+            rx_unit_row_add(w->r, found[i] >= 0 ? list->score[found[i]] : NAN);
     for (long k = 0; k < list->n; k++)
         nfalse += taken[k] < 0 && faint[k] < 0;
-    add(w->r, (double)nfalse);
+    rx_unit_row_add(w->r, (double)nfalse);
     for (long k = 0; k < list->n; k++)
         if (taken[k] < 0 && faint[k] < 0) {
-            add(w->r, list->score[k]);
-            add(w->r, nearest_object(w, list->x[k], list->y[k]));
+            rx_unit_row_add(w->r, list->score[k]);
+            rx_unit_row_add(w->r, nearest_object(w, list->x[k], list->y[k]));
         }
 }
 
@@ -180,9 +159,9 @@ static void judge_pairs(const work *w, const rx_qa_list *list, double radius)
         const double reach = fmin(radius, 0.5 * separation(w->tile, p));
         const long a = nearest_detection(list, w->tile->x[2 * p], w->tile->y[2 * p], reach);
         const long b = nearest_detection(list, w->tile->x[2 * p + 1], w->tile->y[2 * p + 1], reach);
-        add(w->r, a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN);
+        rx_unit_row_add(w->r, a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN);
     }
-    add(w->r, 0);
+    rx_unit_row_add(w->r, 0);
 }
 
 static rx_status detect(const work *w, const rx_detection_method *method, rx_error *err)
@@ -238,10 +217,10 @@ static void measure_plateau(const work *w, const float *pixels)
     double rms2, rms4, range;
     phases(pixels, tile->width, (tile->width - box) / 2, (tile->height - box) / 2, box, 2, &rms2, &range);
     phases(pixels, tile->width, (tile->width - box) / 2, (tile->height - box) / 2, box, 4, &rms4, &range);
-    add(w->r, rms2 / w->sky->sigma);
-    add(w->r, rms4 / w->sky->sigma);
-    add(w->r, range / w->sky->sigma);
-    add(w->r, 0);
+    rx_unit_row_add(w->r, rms2 / w->sky->sigma);
+    rx_unit_row_add(w->r, rms4 / w->sky->sigma);
+    rx_unit_row_add(w->r, range / w->sky->sigma);
+    rx_unit_row_add(w->r, 0);
 }
 
 /* Sum within a radius; pixels on the edge with the share of 5 x 5 points that are inside. */
@@ -270,11 +249,11 @@ static void measure_outskirts(const work *w, const float *pixels, int restored)
         const double r50 = hypot(t->radius[i], 0.5 * w->sky->fwhm);
         for (int which = 0; which < 2; which++)
             for (int k = 0; k < RX_OUTSKIRT_RADII; k++)
-                add(w->r, aperture(which ? t->truth[restored] : pixels, width, height, t->x[i], t->y[i],
-                                   r50 * (1 << k)) /
-                              t->flux[i]);
+                rx_unit_row_add(w->r, aperture(which ? t->truth[restored] : pixels, width, height, t->x[i],
+                                               t->y[i], r50 * (1 << k)) /
+                                          t->flux[i]);
     }
-    add(w->r, 0);
+    rx_unit_row_add(w->r, 0);
 }
 
 static rx_status measure(const work *w, const rx_detection_method *method, rx_error *err)
@@ -306,19 +285,19 @@ static void add_objects(const work *w)
     if (w->scene == RX_SCENE_PLATEAU) {
         const double head[] = {1, mpixels, w->state->config->plateau_snr, 0};
         for (int i = 0; i < 4; i++)
-            add(w->r, head[i]);
+            rx_unit_row_add(w->r, head[i]);
         return;
     }
     const int pairs = w->scene == RX_SCENE_PAIRS, all = w->scene == RX_SCENE_OUTSKIRTS;
     for (long i = 0; i < tile->n; i++)
         n += pairs ? i % 2 : all || wanted(w, i);
-    add(w->r, (double)n);
-    add(w->r, mpixels);
+    rx_unit_row_add(w->r, (double)n);
+    rx_unit_row_add(w->r, mpixels);
     for (long i = 0; i < tile->n; i++) {
         if (!(pairs ? i % 2 : all || wanted(w, i)))
             continue;
-        add(w->r, pairs ? fmin(tile->snr[i], tile->snr[i - 1]) : tile->snr[i]);
-        add(w->r, pairs ? separation(tile, i / 2) / w->sky->fwhm : 0);
+        rx_unit_row_add(w->r, pairs ? fmin(tile->snr[i], tile->snr[i - 1]) : tile->snr[i]);
+        rx_unit_row_add(w->r, pairs ? separation(tile, i / 2) / w->sky->fwhm : 0);
     }
 }
 
@@ -326,7 +305,7 @@ rx_status rx_detection_unit(const rx_detection_state *state, long unit, rx_unit_
 {
     const long set = unit / state->ntiles;
     const int condition = (int)(set / state->nscenes);
-    row r = {.values = dst};
+    rx_unit_row r = {.values = dst};
     rx_detection_tile tile;
     const work w = {state, &state->sky[condition], state->scene[set % state->nscenes], &tile, &r};
     rx_status status = rx_detection_tile_make(state, condition, w.scene, unit % state->ntiles, &tile, err);
@@ -338,7 +317,5 @@ rx_status rx_detection_unit(const rx_detection_state *state, long unit, rx_unit_
         status = pixels ? measure(&w, &state->method[m], err) : detect(&w, &state->method[m], err);
     }
     rx_detection_tile_free(&tile);
-    if (status == RX_OK && r.failed)
-        status = rx_error_memory(err, (size_t)r.capacity * sizeof(double));
-    return status;
+    return status == RX_OK ? rx_unit_row_status(&r, err) : status;
 }

@@ -41,6 +41,6 @@ typedef struct rx_campaign_kind {
                         const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err);
 } rx_campaign_kind;
 
-extern const rx_campaign_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection;
+extern const rx_campaign_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection, rx_kind_fluxes;
 
 #endif

@@ -5,31 +5,10 @@
 
 #include "base/memory.h"
 #include "campaign/photometry_sky.h"
+#include "campaign/unit_row.h"
 #include "stage/blankcheck.h"
 #include "stage/probe.h"
 #include "stage/quality.h"
-
-/* Values as they are collected; floats, so that the journal's nine digits hold them. */
-typedef struct row {
-    rx_unit_values *values;
-    long capacity;
-    int failed;
-} row;
-
-static void add(row *r, double value)
-{
-    if (r->values->n == r->capacity) {
-        const long capacity = r->capacity > 0 ? 2 * r->capacity : 1024;
-        double *v = rx_regrow(r->values->v, (size_t)capacity, sizeof *v);
-        if (v == NULL) {
-            r->failed = 1;
-            return;
-        }
-        r->values->v = v;
-        r->capacity = capacity;
-    }
-    r->values->v[r->values->n++] = (float)value;
-}
 
 /* --- before the units: an untouched tile --- */
 
@@ -123,20 +102,20 @@ static double searched(const rx_tile *tile)
     return 1e-6 * (double)good;
 }
 
-static void add_star(row *r, const rx_qa_list *list, long found, double flux)
+static void add_star(rx_unit_row *r, const rx_qa_list *list, long found, double flux)
 {
     if (found < 0) {
-        add(r, NAN);
-        add(r, NAN);
-        add(r, NAN);
-        add(r, 0);
+        rx_unit_row_add(r, NAN);
+        rx_unit_row_add(r, NAN);
+        rx_unit_row_add(r, NAN);
+        rx_unit_row_add(r, 0);
         return;
     }
     const double error = list->flux_error[found];
-    add(r, list->score[found]);
-    add(r, list->flux[found] / flux);
-    add(r, error > 0 ? (list->flux[found] - flux) / error : NAN);
-    add(r, (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0);
+    rx_unit_row_add(r, list->score[found]);
+    rx_unit_row_add(r, list->flux[found] / flux);
+    rx_unit_row_add(r, error > 0 ? (list->flux[found] - flux) / error : NAN);
+    rx_unit_row_add(r, (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0);
 }
 
 /* What a restorer detects on a field. Free with rx_qa_list_free(). */
@@ -156,7 +135,7 @@ static rx_status detections(const rx_photometry_state *state, const rx_restorer 
 /* blank: what was detected on the blank tile; n 0 where there is none. */
 static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky *sky,
                        const rx_photometry_tile *tile, const rx_qa_list *list, const rx_qa_list *blank,
-                       row *r, rx_error *err)
+                       rx_unit_row *r, rx_error *err)
 {
     const rx_judge_stars stars = {tile->n, tile->x, tile->y, tile->flux};
     const rx_known *known = sky->injected ? &sky->before : &tile->known;
@@ -174,16 +153,16 @@ static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky
         add_star(r, list, found[i], tile->flux);
     for (long i = 0; i < list->n; i++)
         nfalse += is_false[i];
-    add(r, nfalse);
+    rx_unit_row_add(r, nfalse);
     for (long i = 0; i < list->n; i++) {
         if (is_false[i]) {
-            add(r, list->score[i]);
-            add(r, list->mag[i]);
+            rx_unit_row_add(r, list->score[i]);
+            rx_unit_row_add(r, list->mag[i]);
         }
     }
     for (long i = 0; i < blank->n; i++) {
-        add(r, blank->score[i]);
-        add(r, blank->mag[i]);
+        rx_unit_row_add(r, blank->score[i]);
+        rx_unit_row_add(r, blank->mag[i]);
     }
 exit:
     free(found);
@@ -196,7 +175,7 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
     const long set = unit / state->ntiles;
     const rx_photometry_sky *sky = &state->sky[set / state->nmags];
     const uint64_t number = (uint64_t)(set % state->nmags) << 32 | (uint64_t)(unit % state->ntiles);
-    row r = {.values = dst};
+    rx_unit_row r = {.values = dst};
     rx_photometry_tile tile;
     rx_field *blank = NULL;
     rx_status status =
@@ -207,9 +186,9 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
         rx_photometry_tile_free(&tile);
         return status;
     }
-    add(&r, (double)tile.n);
-    add(&r, searched(tile.field->tile));
-    add(&r, tile.flux * sqrt(sky->power) / tile.field->plain->global_sigma);
+    rx_unit_row_add(&r, (double)tile.n);
+    rx_unit_row_add(&r, searched(tile.field->tile));
+    rx_unit_row_add(&r, tile.flux * sqrt(sky->power) / tile.field->plain->global_sigma);
     for (int k = 0; status == RX_OK && k < state->nruns; k++) {
         rx_qa_list list, noise = {0};
         status = detections(state, state->run[k], tile.field, &list, err);
@@ -222,7 +201,5 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
     }
     rx_field_free(blank);
     rx_photometry_tile_free(&tile);
-    if (status == RX_OK && r.failed)
-        status = rx_error_memory(err, (size_t)r.capacity * sizeof(double));
-    return status;
+    return status == RX_OK ? rx_unit_row_status(&r, err) : status;
 }

@@ -69,7 +69,7 @@ static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
     } ranges[] = {
         {"FWHM_RANGE", &config->fwhm_range},     {"SIGMA_RANGE", &config->sigma_range},
         {"FWHM_TRAINED", &config->fwhm_trained}, {"SIGMA_TRAINED", &config->sigma_trained},
-        {"MAGNITUDES", &config->magnitudes},
+        {"MAGNITUDES", &config->magnitudes},     {"SHRED_SNR", &config->shred_snr},
     };
     for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
         if (ranges[i].range->v[0] > ranges[i].range->v[1])
@@ -84,15 +84,31 @@ static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
     return RX_OK;
 }
 
+static bool errors_told(const rx_reals *list)
+{
+    for (int i = 0; i < list->n; i++)
+        if (list->v[i] != 0.0)
+            return true;
+    return false;
+}
+
 static rx_status check_fields(const rx_campaign_config *config, rx_error *err)
 {
+    const bool fluxes = is(config->campaign_type, "FLUXES");
+    const rx_words *where = fluxes ? &config->flux_scenes : &config->fields;
     bool injects = false;
     if (is(config->campaign_type, "RESTORATION"))
         return RX_OK;
-    for (int i = 0; i < config->fields.n; i++)
-        injects |= is(config->fields.v[i], "INJECTED");
+    for (int i = 0; i < where->n; i++)
+        injects |= is(where->v[i], "INJECTED");
     if (injects && config->tile_name[0] == '\0')
-        return REFUSE(TILE_NAME, "is empty; name the real tile that stars are added to (FIELDS INJECTED)");
+        return REFUSE(TILE_NAME, "is empty; name the real tile that %s are added to (%s INJECTED)",
+                      fluxes ? "objects" : "stars", fluxes ? "FLUX_SCENES" : "FIELDS");
+    if (fluxes && injects &&
+        (where->n > 1 || config->seeing.n > 0 || errors_told(&config->psf_error) ||
+         errors_told(&config->sky_error) || errors_told(&config->noise_error)))
+        return REFUSE(FLUX_SCENES, "INJECTED stands alone: SEEING, PSF_ERROR, SKY_ERROR, NOISE_ERROR and the "
+                                   "other scenes are of simulated tiles; leave them out, or INJECTED");
     return RX_OK;
 }
 
@@ -137,6 +153,10 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
         status = check_words(config, "RESTORE_TYPE", &config->restore_type, err);
     if (status == RX_OK)
         status = check_words(config, "FIELDS", &config->fields, err);
+    if (status == RX_OK)
+        status = check_words(config, "FLUX_SCENES", &config->flux_scenes, err);
+    if (status == RX_OK)
+        status = check_words(config, "FLUXES", &config->fluxes, err);
     if (status == RX_OK)
         status = check_ranges(config, err);
     if (status == RX_OK)
