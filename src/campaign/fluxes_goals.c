@@ -115,6 +115,14 @@ static void place_words(const rx_fluxes_results *r, const rx_fluxes_place *p, ch
              rx_fluxes_scene_name(r->set[p->scene].scene), condition, rx_snr_bin_get(p->bin)->name);
 }
 
+/* The population on a tile whose restorers are told the truth. */
+static int counts(const rx_fluxes_results *r, int condition, int scene)
+{
+    const rx_fluxes_scene kind = r->set[scene].scene;
+    return rx_condition_true(&r->condition[condition]) &&
+           (kind == RX_FLUXES_FIELD || kind == RX_FLUXES_PAIRS || kind == RX_FLUXES_INJECTED);
+}
+
 /* One number of TEMPLATE's cell of every scene and seeing. */
 static void judge_cells(const rx_fluxes_numbers *m, judge *j, rx_fluxes_place p, int kinds,
                         const rx_estimate *(*number)(const rx_fluxes_cell *))
@@ -125,7 +133,7 @@ static void judge_cells(const rx_fluxes_numbers *m, judge *j, rx_fluxes_place p,
     for (p.condition = 0; p.condition < m->results->nconditions; p.condition++)
         for (p.scene = 0; p.scene < m->results->nscenes; p.scene++)
             for (p.galaxy = 0; p.galaxy < kinds; p.galaxy++) {
-                if (!rx_condition_true(&m->results->condition[p.condition]))
+                if (!counts(m->results, p.condition, p.scene))
                     continue;
                 place_words(m->results, &p, where, sizeof where);
                 hold(j, number(rx_fluxes_cell_of(m, &p)), where);
@@ -168,7 +176,7 @@ static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
         for (p.scene = 0; p.scene < r->nscenes; p.scene++)
             for (p.bin = 0; p.bin < RX_SNR_SINGLE; p.bin++) {
                 double best = HUGE_VAL;
-                if (!rx_condition_true(&r->condition[p.condition]))
+                if (!counts(r, p.condition, p.scene))
                     continue;
                 for (p.run = 0; p.run < r->nruns; p.run++)
                     for (int flux = 0; flux < RX_FLUX_TEMPLATE; flux++) {

@@ -30,9 +30,9 @@ const rx_estimate *rx_flux_quantity_of(const rx_fluxes_cell *cell, int q)
     return all[q];
 }
 
-int rx_fluxes_compared(rx_fluxes_scene scene)
+int rx_fluxes_has_objects(rx_fluxes_scene scene)
 {
-    return scene == RX_FLUXES_FIELD || scene == RX_FLUXES_PAIRS || scene == RX_FLUXES_INJECTED;
+    return scene != RX_FLUXES_BLANK;
 }
 
 static const char *const ABOUT[RX_FLUXES_SCENES] = {
@@ -254,11 +254,11 @@ static void write_scene(rx_text *dst, const rx_fluxes_page *page, int s)
     rx_page_section(dst, rx_fluxes_scene_name(scene), rx_fluxes_scene_name(scene));
     rx_page_paragraph(dst, ABOUT[scene]);
     snprintf(prefix, sizeof prefix, "%s-", rx_fluxes_scene_name(scene));
-    if (rx_fluxes_compared(scene))
+    if (rx_fluxes_has_objects(scene))
         rx_page_figures(dst, &page->figures, prefix);
     if (scene == RX_FLUXES_PAIRS)
         write_pairs(dst, m, s);
-    for (int crowd = 0; crowd < RX_CROWDS && rx_fluxes_compared(scene); crowd++)
+    for (int crowd = 0; crowd < RX_CROWDS && rx_fluxes_has_objects(scene); crowd++)
         for (int galaxy = 0; galaxy < 2; galaxy++)
             write_crowd(dst, m,
                         (rx_fluxes_place){
@@ -310,8 +310,9 @@ static void write_reading(rx_text *dst)
         "1.5 FWHM "
         "and 2 mag; <b>told apart</b>: blended, and that one was found, too, so that the flux of an object "
         "means "
-        "something. <b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against the "
-        "conditions under which restorers are told the truth; undecided: beyond the limit by less than the "
+        "something. <b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against "
+        "FIELD, PAIRS and INJECTED under conditions in which restorers are told the truth; undecided: beyond "
+        "the limit by less than the "
         "error "
         "of the number.");
 }
@@ -366,7 +367,7 @@ void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *m)
     const rx_fluxes_results *r = m->results;
     rx_figures_begin(dst);
     for (int s = 0; s < r->nscenes; s++)
-        for (int c = 0; c < r->nconditions && rx_fluxes_compared(r->set[s].scene); c++)
+        for (int c = 0; c < r->nconditions && rx_fluxes_has_objects(r->set[s].scene); c++)
             for (int galaxy = 0; galaxy < 2; galaxy++)
                 for (int k = 0; k < 2 && dst->n < RX_FIGURES_MAX; k++) {
                     const rx_fluxes_place p = {

@@ -22,8 +22,8 @@ typedef struct rx_flux_quantity {
 const rx_flux_quantity *rx_flux_quantity_get(int q);
 const rx_estimate *rx_flux_quantity_of(const rx_fluxes_cell *cell, int q);
 
-/* Scenes whose fluxes are compared; the others are there for what is invented. */
-int rx_fluxes_compared(rx_fluxes_scene scene);
+/* Is there anything on that scene. */
+int rx_fluxes_has_objects(rx_fluxes_scene scene);
 
 void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *numbers);
 void rx_fluxes_html(rx_text *dst, const void *page);

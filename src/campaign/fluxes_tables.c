@@ -99,7 +99,7 @@ void rx_fluxes_json(rx_text *dst, const void *pointer)
             rx_json_count(&j, "objects", (uint64_t)set->n);
             rx_json_number(&j, "mpixels", set->mpixels);
             json_invented(&j, m, c, s);
-            if (rx_fluxes_compared(set->scene))
+            if (rx_fluxes_has_objects(set->scene))
                 json_cells(&j, m, c, s);
             rx_json_end(&j);
         }
@@ -289,7 +289,7 @@ void rx_fluxes_brief(rx_text *dst, const rx_fluxes_page *page)
     char name[96];
     for (int s = 0; s < r->nscenes; s++) {
         const rx_fluxes_scene scene = r->set[s].scene;
-        for (int galaxy = 0; galaxy < 2 && rx_fluxes_compared(scene); galaxy++) {
+        for (int galaxy = 0; galaxy < 2 && rx_fluxes_has_objects(scene); galaxy++) {
             rx_text_printf(dst, "%s: bias of %s, isolated, S/N above 10 (mag)\n%-28s",
                            rx_fluxes_scene_name(scene), galaxy ? "galaxies" : "stars", "");
             for (int run = 0; run < r->nruns; run++) {

@@ -13,9 +13,10 @@
 
 /* --- open --- */
 
+/* Every restorer with each of FLUXES. */
 static rx_status set_runs(rx_photometry_state *state, rx_error *err)
 {
-    const rx_words *words = &state->config->restore_type;
+    const rx_words *words = &state->config->restore_type, *fluxes = &state->config->fluxes;
     for (int i = 0; i < words->n; i++) {
         const rx_restorer *restorer = rx_restorer_find(words->v[i]);
         if (restorer == NULL)
@@ -23,10 +24,14 @@ static rx_status set_runs(rx_photometry_state *state, rx_error *err)
         for (int r = 0; r < state->nruns; r++)
             if (state->run[r] == restorer)
                 return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
-        if (state->nruns == RX_RUNS_MAX || state->nruns == RX_METHODS_MAX)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names more than %d restorers; name fewer",
+        if (state->nruns + fluxes->n > RX_RUNS_MAX || state->nruns + fluxes->n > RX_METHODS_MAX)
+            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE and FLUXES give more than %d runs; name fewer",
                                 RX_RUNS_MAX);
-        state->run[state->nruns++] = restorer;
+        for (int f = 0; f < fluxes->n; f++) {
+            state->templates[state->nruns] = strcmp(fluxes->v[f], "TEMPLATE") == 0;
+            state->options->templates.wanted |= state->templates[state->nruns];
+            state->run[state->nruns++] = restorer;
+        }
     }
     return RX_OK;
 }
@@ -319,7 +324,8 @@ static rx_status collect(const rx_photometry_state *state, const rx_unit_values 
     rx_status status = RX_OK;
     dst->nruns = state->nruns;
     for (int r = 0; r < state->nruns; r++) {
-        snprintf(dst->run[r], sizeof dst->run[r], "%s", state->run[r]->name);
+        snprintf(dst->run[r], sizeof dst->run[r], "%s%s", state->run[r]->name,
+                 state->templates[r] ? " TEMPLATE" : "");
         settings s = {state->run[r]->name, dst->settings[r], sizeof dst->settings[r]};
         if (!rx_settings_visit(&config->stage->settings, add_setting, &s))
             return rx_error_memory(err, 0);

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "campaign/photometry_page.h"
@@ -84,6 +85,7 @@ static void fill(curves *c, const rx_photometry_numbers *m, int f, int run, cons
     c->curve[run] = (rx_curve){.name = m->results->run[run],
                                .kind = band ? RX_CURVE_BAND : RX_CURVE_BARS,
                                .color = rx_method_color(m->results->run[run]),
+                               .dashed = strchr(m->results->run[run], ' ') != NULL,
                                .n = field->nsets};
     c->curve[run].x = x;
     c->curve[run].y = y;
@@ -177,6 +179,7 @@ static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int se
         long n = thin(&rx_photometry_cell_of(m, f, set, run)->pr, x, y);
         line[run] = (rx_curve){.name = m->results->run[run], .kind = RX_CURVE_LINE, .n = n, .x = x, .y = y};
         line[run].color = rx_method_color(m->results->run[run]);
+        line[run].dashed = strchr(m->results->run[run], ' ') != NULL;
     }
     snprintf(id, sizeof id, "curve%d-%d", f, set);
     snprintf(title, sizeof title, "Magnitude %g (S/N %.3g)", s->mag, s->snr);

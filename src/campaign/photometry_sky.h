@@ -52,8 +52,9 @@ typedef struct rx_photometry_state {
     rx_config *stage;                 /* owned */
     rx_options *options;              /* of the stage; everything on one thread */
     int nthreads;                     /* before the units begin */
-    int nruns;
+    int nruns;                        /* the fluxes of one restorer stand together */
     const rx_restorer *run[RX_RUNS_MAX];
+    int templates[RX_RUNS_MAX]; /* 1: its flux is that of template photometry, 0: STAGE.QA_MAG */
     int nskies;
     rx_photometry_sky sky[RX_SKIES_MAX];
     int nmags;
@@ -91,7 +92,7 @@ rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_pho
 void rx_photometry_tile_free(rx_photometry_tile *tile); /* content only */
 
 /* A unit's values: number of stars n, Mpixels searched, S/N of a star in a matched filter; then for each
- * restorer n times score, F / F0, pull, crowded (all NAN, NAN, NAN, 0 for a star that is not found), the
+ * run n times score, F / F0, pull, crowded (all NAN, NAN, NAN, 0 for a star that is not found), the
  * number of false detections (INJECTED: those on the blank tile too), and the score and magnitude of each. */
 rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_unit_values *dst, rx_error *err);
 

@@ -68,6 +68,8 @@ static rx_status prepare_sky(const rx_photometry_state *state, rx_photometry_sky
     for (int r = 0; status == RX_OK && r < state->nruns; r++) {
         rx_probe probe;
         rx_qa_list list = {0};
+        if (r > 0 && state->run[r] == state->run[r - 1])
+            continue;
         status = rx_probe_run(&options, state->run[r], sky->field, NULL, log, &probe, err);
         if (status != RX_OK)
             return status;
@@ -118,18 +120,14 @@ static void add_star(rx_unit_row *r, const rx_qa_list *list, long found, double 
     rx_unit_row_add(r, (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0);
 }
 
-/* What a restorer detects on a field. Free with rx_qa_list_free(). */
-static rx_status detections(const rx_photometry_state *state, const rx_restorer *kind, const rx_field *field,
-                            rx_qa_list *dst, rx_error *err)
+/* What a run's restorer has detected, with the run's flux. Free with rx_qa_list_free(). */
+static rx_status detections(const rx_photometry_state *state, int run, const rx_field *field,
+                            const rx_probe *probe, rx_qa_list *dst, rx_error *err)
 {
-    rx_probe probe;
-    *dst = (rx_qa_list){0};
-    rx_status status = rx_probe_run(state->options, kind, field, NULL, NULL, &probe, err);
-    if (status != RX_OK)
-        return status;
-    status = rx_quality_list(state->options, field->tile, probe.sources, dst, err);
-    rx_probe_free(&probe);
-    return status;
+    rx_options options = *state->options;
+    if (state->templates[run])
+        options.quality_flux = RX_QUALITY_TEMPLATE;
+    return rx_quality_list(&options, field->tile, probe->sources, dst, err);
 }
 
 /* blank: what was detected on the blank tile; n 0 where there is none. */
@@ -170,6 +168,30 @@ exit:
     return status;
 }
 
+/* One restorer, runs `first` and the ones after it that share it. blank NULL: there is none. */
+static rx_status measure(const rx_photometry_state *state, const rx_photometry_sky *sky, int first,
+                         const rx_photometry_tile *tile, const rx_field *blank, rx_unit_row *r, rx_error *err)
+{
+    const rx_restorer *kind = state->run[first];
+    rx_probe probe = {0}, empty = {0};
+    rx_status status = rx_probe_run(state->options, kind, tile->field, NULL, NULL, &probe, err);
+    if (status == RX_OK && blank != NULL)
+        status = rx_probe_run(state->options, kind, blank, NULL, NULL, &empty, err);
+    for (int k = first; status == RX_OK && k < state->nruns && state->run[k] == kind; k++) {
+        rx_qa_list list = {0}, noise = {0};
+        status = detections(state, k, tile->field, &probe, &list, err);
+        if (status == RX_OK && blank != NULL)
+            status = detections(state, k, blank, &empty, &noise, err);
+        if (status == RX_OK)
+            status = judge(state, sky, tile, &list, &noise, r, err);
+        rx_qa_list_free(&noise);
+        rx_qa_list_free(&list);
+    }
+    rx_probe_free(&empty);
+    rx_probe_free(&probe);
+    return status;
+}
+
 rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_unit_values *dst, rx_error *err)
 {
     const long set = unit / state->ntiles;
@@ -189,16 +211,9 @@ rx_status rx_photometry_unit(const rx_photometry_state *state, long unit, rx_uni
     rx_unit_row_add(&r, (double)tile.n);
     rx_unit_row_add(&r, searched(tile.field->tile));
     rx_unit_row_add(&r, tile.flux * sqrt(sky->power) / tile.field->plain->global_sigma);
-    for (int k = 0; status == RX_OK && k < state->nruns; k++) {
-        rx_qa_list list, noise = {0};
-        status = detections(state, state->run[k], tile.field, &list, err);
-        if (status == RX_OK && blank != NULL)
-            status = detections(state, state->run[k], blank, &noise, err);
-        if (status == RX_OK)
-            status = judge(state, sky, &tile, &list, &noise, &r, err);
-        rx_qa_list_free(&noise);
-        rx_qa_list_free(&list);
-    }
+    for (int k = 0; status == RX_OK && k < state->nruns; k++)
+        if (k == 0 || state->run[k] != state->run[k - 1])
+            status = measure(state, sky, k, &tile, blank, &r, err);
     rx_field_free(blank);
     rx_photometry_tile_free(&tile);
     return status == RX_OK ? rx_unit_row_status(&r, err) : status;

@@ -10,10 +10,12 @@
 int rx_method_color(const char *name)
 {
     static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT", "SMOOTHED"};
-    if (strcmp(name, "NONE") == 0)
+    const size_t n = strcspn(name, " "); /* "NONE TEMPLATE" has the colour of NONE */
+    if (n == 4 && strncmp(name, "NONE", n) == 0)
         return 0;
     int color = 0;
-    while (color < (int)(sizeof known / sizeof *known) && strcmp(name, known[color]) != 0)
+    while (color < (int)(sizeof known / sizeof *known) &&
+           (strlen(known[color]) != n || strncmp(name, known[color], n) != 0))
         color++;
     return color;
 }

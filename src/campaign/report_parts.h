@@ -9,8 +9,8 @@
 #include "validate/hypothesis.h"
 #include "validate/json.h"
 
-/* The paper's colours where it has one: blurred and NONE blue, RL red, NET green. A name that is not known
- * has the last colour of the palette. */
+/* The paper's colours where it has one: blurred and NONE blue, RL red, NET green, by the first word. A name
+ * that is not known has the last colour of the palette. */
 int rx_method_color(const char *name);
 
 /* Text that is escaped, as one paragraph; empty text: nothing. */
