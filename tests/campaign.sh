@@ -42,6 +42,7 @@ END
 cat >photometry.conf <<'END'
 CAMPAIGN_TYPE   PHOTOMETRY
 RESTORE_TYPE    NONE,RL
+FLUXES          AUTO,TEMPLATE
 MAGNITUDES      15,19,2
 TILES           6
 STARS_PER_TILE  150
@@ -61,6 +62,19 @@ TUNE_NITER      5
 TUNE_FILTER     0.5
 QA_FIGURES      N
 SIM.IMAGE_SIZE  192
+END
+
+cat >fluxes.conf <<'END'
+CAMPAIGN_TYPE   FLUXES
+RESTORE_TYPE    NONE,RL
+FLUX_SCENES     FIELD,PAIRS,RINGS,SHREDS
+SCENE_TILES     2
+SEEING          3
+PSF_ERROR       0,0.05
+QA_FIGURES      N
+SIM.IMAGE_SIZE  192
+SIM.PAIR_DISTANCE 0.5,3
+SIM.PIXEL_SCALE 0.396
 END
 
 # start KIND OUTPUT JOURNAL THREADS ARGUMENT...: in the background as process $job, what it says in OUTPUT.log.
@@ -88,7 +102,7 @@ moments() {
         for (i = 0; i < 10; i++) printf "%d %.3f\n", 2 * rand(), 0.12 * rand() }'
 }
 
-for kind in restoration photometry detection; do
+for kind in restoration photometry detection fluxes; do
     campaign $kind $kind-whole $kind.whole 1
     result "$kind: a whole run on one thread" $? $kind-whole.log
 

@@ -78,6 +78,7 @@ typedef struct rx_fluxes_object {
 /* INJECTED: the tile as it was. */
 typedef struct rx_fluxes_ground {
     rx_field *field;                    /* owned */
+    double model_noise;                 /* rx_domain_noise(): copies are restored as it was */
     rx_detection_sky sky;               /* simulation, area, noise and FWHM of the tile; owned */
     rx_sources *before[RX_FLUXES_RUNS]; /* what each restorer finds on it, once prepared; owned */
 } rx_fluxes_ground;
@@ -101,6 +102,10 @@ typedef struct rx_fluxes_state {
 /* Units are numbered: tile + ntiles (scene + nscenes condition). */
 long rx_fluxes_units(const rx_fluxes_state *state);
 const rx_detection_sky *rx_fluxes_sky(const rx_fluxes_state *state, int condition, rx_fluxes_scene scene);
+
+/* Those of the state for one restorer, with both apertures; points into the state's. */
+rx_options rx_fluxes_options(const rx_fluxes_state *state, const rx_detection_sky *sky,
+                             const rx_restorer *restorer);
 
 /* INJECTED: read the tile; then what every restorer finds on it. */
 rx_status rx_fluxes_ground_open(rx_fluxes_state *state, rx_log *log, rx_error *err);

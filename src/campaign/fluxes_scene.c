@@ -8,6 +8,7 @@
 #include "campaign/fluxes.h"
 #include "io/tile.h"
 #include "simulate/render.h"
+#include "stage/domain.h"
 #include "stage/probe.h"
 #include "stage/replica.h"
 
@@ -85,12 +86,12 @@ rx_status rx_fluxes_ground_open(rx_fluxes_state *state, rx_log *log, rx_error *e
 
 rx_status rx_fluxes_ground_search(rx_fluxes_state *state, rx_log *log, rx_error *err)
 {
-    rx_options options = *state->options;
-    options.nthreads = options.restore.nthreads = options.measure.nthreads = options.templates.par.nthreads =
-        state->nthreads;
-    rx_status status = RX_OK;
+    rx_status status = rx_domain_noise(state->ground.field, &state->ground.model_noise, err);
     for (int r = 0; r < state->nruns && status == RX_OK; r++) {
+        rx_options options = rx_fluxes_options(state, &state->ground.sky, state->run[r]);
         rx_probe probe;
+        options.nthreads = options.restore.nthreads = options.measure.nthreads =
+            options.templates.par.nthreads = state->nthreads;
         status = rx_probe_run(&options, state->run[r], state->ground.field, NULL, log, &probe, err);
         if (status != RX_OK)
             break;
@@ -355,6 +356,8 @@ rx_status rx_fluxes_tile_make(const rx_fluxes_state *state, int condition, rx_fl
         status = rx_field_prepare(state->options, 0, tile, sky->told, 1, NULL, &dst->field, err);
         tile = NULL; /* the field's */
     }
+    if (status == RX_OK && injected)
+        dst->field->model_noise = state->ground.model_noise;
     if (status == RX_OK)
         status = find_company(state, sky, injected, dst, err);
     for (long i = 0; status == RX_OK && scene == RX_FLUXES_PAIRS && i < dst->n; i++)

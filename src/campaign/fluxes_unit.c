@@ -36,14 +36,15 @@ typedef struct finding {
     long *ignored, *excluded; /* [objects], [sources]: the same of fainter objects */
 } finding;
 
-static rx_options options_of(const work *w, const rx_restorer *restorer)
+rx_options rx_fluxes_options(const rx_fluxes_state *state, const rx_detection_sky *sky,
+                             const rx_restorer *restorer)
 {
-    rx_options options = *w->state->options;
+    rx_options options = *state->options;
     options.measure.naper = 2; /* the first is that of the keywords */
-    options.measure.aperture_diameter[1] = WIDE * w->sky->fwhm;
+    options.measure.aperture_diameter[1] = WIDE * sky->fwhm;
     if (strcmp(restorer->name, "NET") == 0) {
-        options.detect.threshold *= w->state->config->net_depth;
-        options.detect.analysis_threshold *= w->state->config->net_depth;
+        options.detect.threshold *= state->config->net_depth;
+        options.detect.analysis_threshold *= state->config->net_depth;
     }
     return options;
 }
@@ -253,7 +254,7 @@ static void add_props(const work *w)
 
 static rx_status measure(const work *w, int run, rx_error *err)
 {
-    const rx_options options = options_of(w, w->state->run[run]);
+    const rx_options options = rx_fluxes_options(w->state, w->sky, w->state->run[run]);
     rx_probe probe;
     finding f;
     rx_status status = rx_probe_run(&options, w->state->run[run], w->tile->field, NULL, NULL, &probe, err);

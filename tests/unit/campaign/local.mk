@@ -23,3 +23,6 @@ tests_unit_campaign_test_conditions_SOURCES = tests/unit/campaign/test_condition
 check_PROGRAMS += tests/unit/campaign/test_detection
 tests_unit_campaign_test_detection_SOURCES = tests/unit/campaign/test_detection.c \
 	tests/unit/campaign/settings.h tests/unit/campaign/scratch.h
+check_PROGRAMS += tests/unit/campaign/test_fluxes
+tests_unit_campaign_test_fluxes_SOURCES = tests/unit/campaign/test_fluxes.c \
+	tests/unit/campaign/settings.h tests/unit/campaign/scratch.h
