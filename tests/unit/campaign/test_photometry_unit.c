@@ -11,6 +11,24 @@
 static const char *const BRIGHT[] = {
     "SIM.IMAGE_SIZE", "256", "SIM.STAR_COUNT", "0",   "SIM.GALAXY_COUNT", "0",  "MAGNITUDES", "14.5,14.5,1",
     "TILES",          "2",   "STARS_PER_TILE", "120", "STAGE.RL_NITER",   "10", NULL};
+/* The same, MAG_AUTO beside template photometry. */
+static const char *const TEMPLATES[] = {"SIM.IMAGE_SIZE",
+                                        "256",
+                                        "SIM.STAR_COUNT",
+                                        "0",
+                                        "SIM.GALAXY_COUNT",
+                                        "0",
+                                        "MAGNITUDES",
+                                        "14.5,14.5,1",
+                                        "TILES",
+                                        "1",
+                                        "STARS_PER_TILE",
+                                        "120",
+                                        "STAGE.RL_NITER",
+                                        "10",
+                                        "FLUXES",
+                                        "AUTO,TEMPLATE",
+                                        NULL};
 /* The sky of the defaults, and stars that no image shows. */
 static const char *const FAINT[] = {"SIM.IMAGE_SIZE", "256", "MAGNITUDES", "24,26,2", "TILES", "2",
                                     "STAGE.RL_NITER", "10",  NULL};
@@ -74,6 +92,35 @@ static void bright_stars_come_back(void **state)
         /* pixels widen the PSF of 4 pixels by 1.5 %: 3 % of the power; the noise is measured to 2 % */
         assert_float_equal(values[u].v[2] / (flux * sqrt(moffat_power(4.0, 4.765)) / sigma), 0.985, 0.03);
     }
+    rx_unit_values_free(n, values);
+    rx_kind_photometry.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* Every restorer has a run for each flux; the lists are the same, and templates have the star's flux to what
+ * its S/N of 200 leaves, whatever was restored. */
+static void templates_compete(void **state)
+{
+    rx_campaign_config *config = make_settings(TEMPLATES);
+    rx_photometry_state *campaign = open_campaign(config, 1);
+    long n = 0;
+    rx_unit_values *values = run_units(state, "templates", &rx_kind_photometry, campaign, 1, &n);
+    const long nstars = (long)values[0].v[0];
+    const double *v = values[0].v + 3, *before = NULL;
+    assert_int_equal(campaign->nruns, 4);
+    for (int r = 0; r < campaign->nruns; r++) {
+        assert_int_equal(campaign->templates[r], r % 2);
+        assert_ptr_equal(campaign->run[r], campaign->run[r / 2 * 2]);
+        for (long i = 0; i < nstars && r % 2; i++) {
+            assert_float_equal(v[4 * i], before[4 * i], 0); /* the score */
+            assert_float_equal(v[4 * i + 1], 1, 0.03);
+            assert_true(v[4 * i + 1] != before[4 * i + 1]);
+        }
+        before = v;
+        v += 4 * nstars;
+        v += 1 + 2 * (long)*v;
+    }
+    assert_ptr_equal(v, values[0].v + values[0].n);
     rx_unit_values_free(n, values);
     rx_kind_photometry.close(campaign);
     rx_campaign_config_free(config);
@@ -236,9 +283,10 @@ static void settings_that_cannot_be(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bright_stars_come_back),     cmocka_unit_test(stars_are_apart),
-        cmocka_unit_test(others_are_neither),         cmocka_unit_test(injected_stars_come_back),
-        cmocka_unit_test(noise_counts_on_real_tiles), cmocka_unit_test(settings_that_cannot_be),
+        cmocka_unit_test(bright_stars_come_back),   cmocka_unit_test(templates_compete),
+        cmocka_unit_test(stars_are_apart),          cmocka_unit_test(others_are_neither),
+        cmocka_unit_test(injected_stars_come_back), cmocka_unit_test(noise_counts_on_real_tiles),
+        cmocka_unit_test(settings_that_cannot_be),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }
