@@ -5,8 +5,8 @@
  * keywords where nothing else is said:
  *   FIELD     its stars and galaxies
  *   PAIRS     pairs, the brighter member of PAIR_SNR, the other one 0 to 2 mag fainter at a separation
- *             uniform in SIM.PAIR_DISTANCE (FWHM); the pairs are 8 FWHM apart. Members are stars in the
- *             proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT; galaxies have the shapes and sizes of the
+ *             uniform in SIM.PAIR_DISTANCE (FWHM); the pairs are 8 FWHM, and 32 pixels, apart. Members are
+ * stars in the proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT; galaxies have the shapes and sizes of the
  *             population
  *   BLANK     nothing but noise        RINGS     bright stars of RING_SNR, 20 FWHM apart
  *   SHREDS    galaxies of SHRED_SNR, twice as large as the population's, 60 % of those with disks with arms
@@ -145,8 +145,9 @@ enum {
     RX_FOUND,                            /* NAN not found, 0 found, 1 found and marked as made up */
     RX_RATIO,                            /* [RX_FLUX_KINDS] flux over the true one, NAN without */
     RX_ERROR = RX_RATIO + RX_FLUX_KINDS, /* [RX_FLUX_KINDS] error it gives itself, over the true flux */
-    RX_BOTH = RX_ERROR + RX_FLUX_KINDS,  /* PAIRS: 1 both found, each nearer than half the separation */
-    RX_PIECES,                           /* [2] SHREDS: detections on the galaxy, before and after the flag */
+    RX_BOTH =
+        RX_ERROR + RX_FLUX_KINDS, /* 1: it and its partner are found, each nearer than half the separation */
+    RX_PIECES,                    /* [2] SHREDS: detections on the galaxy, before and after the flag */
     RX_FLUXES_COLUMNS = RX_PIECES + 2
 };
 /* and per restorer: */

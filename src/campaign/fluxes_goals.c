@@ -22,12 +22,11 @@ static const goal GOALS[RX_FLUXES_GOALS] = {
          -0.01, 0.01},
     [RX_GOAL_BIAS_APART] =
         {"bias, told apart",
-         "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 whose neighbour "
-         "was found, too: within 0.02 mag",
+         "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are told "
+         "apart from it: within 0.02 mag",
          -0.02, 0.02},
-    [RX_GOAL_BIAS_BLENDED] = {"bias, blended",
-                              "The same whether or not the neighbour was found: within 0.02 mag", -0.02,
-                              0.02},
+    [RX_GOAL_BIAS_BLENDED] = {"bias, blended", "The same whether or not they are told apart: within 0.02 mag",
+                              -0.02, 0.02},
     [RX_GOAL_PULL] = {"pulls, median", "Isolated stars of S/N 5 to 100: median pull within 0.1", -0.1, 0.1},
     [RX_GOAL_WIDTH] = {"pulls, width",
                        "Isolated stars of S/N 5 to 100: robust width of the pulls 0.95 to 1.05", 0.95, 1.05},

@@ -175,24 +175,23 @@ static int measured(const rx_fluxes_set *set, int run, long i)
     return finite;
 }
 
-/* Is object i in the sample, of run `run`, and its partner where that is asked. */
+/* Is object i in the sample. */
 static int takes_part(const rx_fluxes_results *r, const rx_fluxes_set *set, const rx_fluxes_place *p, long i)
 {
     const float *prop = set->prop + i * RX_FLUXES_PROPS;
-    const long partner = (long)prop[RX_PROP_PARTNER];
     const rx_snr_bin *bin = rx_snr_bin_get(p->bin);
     const rx_company company = (rx_company)prop[RX_PROP_COMPANY];
     const rx_company asked = p->crowd == RX_CROWD_ISOLATED  ? RX_ISOLATED
                              : p->crowd == RX_CROWD_NEITHER ? RX_NEITHER
                                                             : RX_BLENDED;
     if ((int)prop[RX_PROP_GALAXY] != p->galaxy || company != asked ||
-        !((double)prop[RX_PROP_SNR] >= bin->low) || !((double)prop[RX_PROP_SNR] < bin->high) ||
-        (p->crowd == RX_CROWD_APART && partner < 0))
+        !((double)prop[RX_PROP_SNR] >= bin->low) || !((double)prop[RX_PROP_SNR] < bin->high))
         return 0;
     for (int run = 0; run < r->nruns; run++) {
         if (p->sample == RX_SAMPLE_OWN && run != p->run)
             continue;
-        if (!measured(set, run, i) || (p->crowd == RX_CROWD_APART && !measured(set, run, partner)))
+        if (!measured(set, run, i) ||
+            (p->crowd == RX_CROWD_APART && !((double)column(set, run, i)[RX_BOTH] > 0.5)))
             return 0;
     }
     return 1;

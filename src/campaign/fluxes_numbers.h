@@ -46,7 +46,8 @@ typedef struct rx_snr_bin {
 } rx_snr_bin;
 const rx_snr_bin *rx_snr_bin_get(int bin);
 
-/* Company as numbers know it; APART: blended, and the partner was found, too. */
+/* Company as numbers know it; APART: blended, and told apart: it and the partner were
+ * found, each nearer than half the separation. */
 typedef enum rx_crowd {
     RX_CROWD_ISOLATED,
     RX_CROWD_BLENDED,
@@ -56,7 +57,7 @@ typedef enum rx_crowd {
 } rx_crowd;
 const char *rx_crowd_name(rx_crowd crowd);
 
-/* OWN: found by this restorer, COMMON: by all of them (APART: the partner, too). All fluxes of a restorer are
+/* OWN: found (APART: told apart) by this restorer, COMMON: by all of them. All fluxes of a restorer are
  * of the same objects. */
 typedef enum rx_fluxes_sample { RX_SAMPLE_OWN, RX_SAMPLE_COMMON, RX_SAMPLES } rx_fluxes_sample;
 

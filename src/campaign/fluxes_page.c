@@ -47,7 +47,7 @@ static const char *const ABOUT[RX_FLUXES_SCENES] = {
         "Stars and galaxies added to a real tile. What is on it already is neither right nor "
         "wrong; its unresolved and undetected objects are part of the errors."};
 
-static int any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
+int rx_fluxes_any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
 {
     p.bin = 0;
     long n = 0;
@@ -105,7 +105,7 @@ static void write_crowd(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_plac
 {
     char title[96];
     snprintf(title, sizeof title, "%s, %s", p.galaxy ? "Galaxies" : "Stars", rx_crowd_name(p.crowd));
-    if (!any_objects(m, p))
+    if (!rx_fluxes_any_objects(m, p))
         return;
     rx_text_printf(dst, "<details%s><summary><b>%s</b></summary>\n",
                    p.crowd == RX_CROWD_ISOLATED ? " open" : "", title);
@@ -293,28 +293,21 @@ static void write_goals(rx_text *dst, const rx_fluxes_page *page)
 static void write_reading(rx_text *dst)
 {
     rx_page_section(dst, "reading", "How to read this");
-    rx_page_paragraph(dst, "Every number is followed by its 95 % interval and by how many objects are behind "
-                           "it. The tables here are "
-                           "of the objects that the restorer of the column has found; all of its fluxes are "
-                           "of the same objects. "
-                           "cells.ecsv has the same for objects that every restorer has found. S/N is the "
-                           "true one, in a matched "
-                           "filter on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and "
-                           "<b>WIDE</b> an aperture of 2 "
-                           "FWHM radius, both without a correction for what lies outside of them.");
     rx_page_paragraph(
-        dst,
-        "<b>Isolated</b>: no other object of more than 1 % of the flux within (3 + log10 f) FWHM and twice "
-        "both "
-        "half-light radii, f how many times brighter the other one is. <b>Blended</b>: another one within "
-        "1.5 FWHM "
-        "and 2 mag; <b>told apart</b>: blended, and that one was found, too, so that the flux of an object "
-        "means "
-        "something. <b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against "
-        "FIELD, PAIRS and INJECTED under conditions in which restorers are told the truth; undecided: beyond "
-        "the limit by less than the "
-        "error "
-        "of the number.");
+        dst, "Every number is followed by its 95 % interval and by how many objects are behind it. The "
+             "tables here are of the objects that the restorer of the column has found; all of its fluxes "
+             "are of the same objects. cells.ecsv has the same for objects that every restorer has found. "
+             "S/N is the true one, in a matched filter on the bare sky. <b>APER</b> is the first of "
+             "STAGE.PHOT_APERTURES and <b>WIDE</b> an aperture of 2 FWHM radius, both without a correction "
+             "for what lies outside of them.");
+    rx_page_paragraph(
+        dst, "<b>Isolated</b>: no other object of more than 1 % of the flux within (3 + log10 f) FWHM and "
+             "twice both half-light radii, f how many times brighter the other one is. <b>Blended</b>: "
+             "another one within 1.5 FWHM and 2 mag; <b>told apart</b>: both were found, each nearer to "
+             "its place than half the separation, so that the flux of an object means something. "
+             "<b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against FIELD, "
+             "PAIRS and INJECTED under conditions in which restorers are told the truth; undecided: beyond "
+             "the limit, but by less than the error of the number.");
 }
 
 /* --- figures --- */
@@ -372,7 +365,7 @@ void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *m)
                 for (int k = 0; k < 2 && dst->n < RX_FIGURES_MAX; k++) {
                     const rx_fluxes_place p = {
                         .condition = c, .scene = s, .galaxy = galaxy, .crowd = crowds[k]};
-                    if (any_objects(m, p))
+                    if (rx_fluxes_any_objects(m, p))
                         plot(dst, m, p);
                 }
 }

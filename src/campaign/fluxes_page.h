@@ -25,6 +25,9 @@ const rx_estimate *rx_flux_quantity_of(const rx_fluxes_cell *cell, int q);
 /* Is there anything on that scene. */
 int rx_fluxes_has_objects(rx_fluxes_scene scene);
 
+/* Is any object in one of the cells of that scene, kind, company and sample. */
+int rx_fluxes_any_objects(const rx_fluxes_numbers *numbers, rx_fluxes_place place);
+
 void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *numbers);
 void rx_fluxes_html(rx_text *dst, const void *page);
 void rx_fluxes_json(rx_text *dst, const void *page);

@@ -13,7 +13,8 @@
 #include "stage/replica.h"
 
 /* Least distances and margins inside, in FWHM. */
-static const double PAIRS_APART = 8.0, STARS_APART = 20.0, SHREDS_APART = 20.0, INSIDE = 6.0;
+static const double PAIRS_APART = 8.0, PAIRS_PIXELS = 32.0, STARS_APART = 20.0, SHREDS_APART = 20.0,
+                    INSIDE = 6.0;
 static const double COMPANION_MAG = 2.0; /* fainter at most */
 static const double SHREDS_LARGER = 2.0;
 /* Company: see fluxes.h. */
@@ -136,7 +137,8 @@ static rx_scene_params params_of(const rx_fluxes_state *state, const rx_detectio
     par.margin = -fmin(INSIDE * sky->fwhm, fmin(par.width, par.height) / 4);
     par.stars = par.galaxies = par.templates = none;
     if (scene == RX_FLUXES_PAIRS) {
-        par.stars = par.galaxies = rx_detection_sparse(sky, &config->pair_snr, apart = PAIRS_APART);
+        apart = fmax(PAIRS_APART, PAIRS_PIXELS / sky->fwhm);
+        par.stars = par.galaxies = rx_detection_sparse(sky, &config->pair_snr, apart);
         par.stars.count *= stars;
         par.galaxies.count *= 1 - stars;
     } else if (scene == RX_FLUXES_RINGS) {

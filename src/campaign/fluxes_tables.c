@@ -269,6 +269,16 @@ static void brief_cells(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_plac
 {
     const rx_fluxes_results *r = m->results;
     char name[96];
+    rx_text_printf(dst, "%s: bias of %s, %s, S/N above 10 (mag)\n%-28s",
+                   rx_fluxes_scene_name(r->set[p.scene].scene), p.galaxy ? "galaxies" : "stars",
+                   rx_crowd_name(p.crowd), "");
+    for (int run = 0; run < r->nruns; run++) {
+        snprintf(name, sizeof name, "%.8s AUTO", r->run[run]);
+        rx_text_printf(dst, " %14s", name);
+        snprintf(name, sizeof name, "%.8s TMPL", r->run[run]);
+        rx_text_printf(dst, " %14s", name);
+    }
+    rx_text_add(dst, "\n");
     for (p.condition = 0; p.condition < r->nconditions; p.condition++) {
         rx_fluxes_condition_name(r, p.condition, name, sizeof name);
         rx_text_printf(dst, "%-28s", name);
@@ -281,7 +291,7 @@ static void brief_cells(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_plac
     }
 }
 
-/* Bias of AUTO and TEMPLATE of isolated objects, invented sources, and the goals. */
+/* Bias of AUTO and TEMPLATE of isolated objects (PAIRS: of those told apart), invented sources, goals. */
 void rx_fluxes_brief(rx_text *dst, const rx_fluxes_page *page)
 {
     const rx_fluxes_numbers *m = page->numbers;
@@ -289,20 +299,13 @@ void rx_fluxes_brief(rx_text *dst, const rx_fluxes_page *page)
     char name[96];
     for (int s = 0; s < r->nscenes; s++) {
         const rx_fluxes_scene scene = r->set[s].scene;
-        for (int galaxy = 0; galaxy < 2 && rx_fluxes_has_objects(scene); galaxy++) {
-            rx_text_printf(dst, "%s: bias of %s, isolated, S/N above 10 (mag)\n%-28s",
-                           rx_fluxes_scene_name(scene), galaxy ? "galaxies" : "stars", "");
-            for (int run = 0; run < r->nruns; run++) {
-                snprintf(name, sizeof name, "%.8s AUTO", r->run[run]);
-                rx_text_printf(dst, " %14s", name);
-                snprintf(name, sizeof name, "%.8s TMPL", r->run[run]);
-                rx_text_printf(dst, " %14s", name);
-            }
-            rx_text_add(dst, "\n");
-            brief_cells(
-                dst, m,
-                (rx_fluxes_place){
-                    .scene = s, .galaxy = galaxy, .crowd = RX_CROWD_ISOLATED, .bin = RX_SNR_ABOVE_10});
+        for (int galaxy = 0; galaxy < 2; galaxy++) {
+            const rx_fluxes_place p = {.scene = s,
+                                       .galaxy = galaxy,
+                                       .crowd = scene == RX_FLUXES_PAIRS ? RX_CROWD_APART : RX_CROWD_ISOLATED,
+                                       .bin = RX_SNR_ABOVE_10};
+            if (rx_fluxes_any_objects(m, p))
+                brief_cells(dst, m, p);
         }
         for (int c = 0; c < r->nconditions; c++)
             for (int run = 0; run < r->nruns; run++) {

@@ -140,11 +140,23 @@ static void fluxes_of(const rx_source *s, double flux[RX_FLUX_KINDS], double err
     error[RX_FLUX_TEMPLATE] = s->fit.fluxerr;
 }
 
-static int near_enough(const work *w, const finding *f, long i)
+/* Is object i found, within that distance. */
+static int near_enough(const work *w, const finding *f, long i, double distance)
 {
-    const rx_fluxes_object *o = &w->tile->object[i], *other = &w->tile->object[o->partner];
-    return f->found[i] >= 0 && hypot(f->x[f->found[i]] - o->x, f->y[f->found[i]] - o->y) <=
-                                   0.5 * hypot(o->x - other->x, o->y - other->y);
+    const rx_fluxes_object *o = &w->tile->object[i];
+    const long k = f->found[i];
+    return k >= 0 && hypot(f->x[k] - o->x, f->y[k] - o->y) <= distance;
+}
+
+/* An object and the one that it is blended with, both found, each nearer than half their separation. */
+static int told_apart(const work *w, const finding *f, long i)
+{
+    const rx_fluxes_object *o = &w->tile->object[i];
+    if (o->partner < 0)
+        return 0;
+    const rx_fluxes_object *other = &w->tile->object[o->partner];
+    const double half = 0.5 * hypot(o->x - other->x, o->y - other->y);
+    return near_enough(w, f, i, half) && near_enough(w, f, o->partner, half);
 }
 
 /* Detections on a galaxy, all (0) or those without the mark (1): those that it is the nearest object of. */
@@ -173,7 +185,6 @@ static void add_object(const work *w, const finding *f, long i)
     double flux[RX_FLUX_KINDS], error[RX_FLUX_KINDS], pieces[2] = {0, 0};
     const long found = f->found[i];
     const double truth = w->tile->object[i].flux;
-    const long partner = w->tile->object[i].partner;
     for (int k = 0; k < RX_FLUX_KINDS; k++)
         flux[k] = error[k] = NAN;
     if (found >= 0)
@@ -183,7 +194,7 @@ static void add_object(const work *w, const finding *f, long i)
         rx_unit_row_add(w->r, flux[k] / truth);
     for (int k = 0; k < RX_FLUX_KINDS; k++)
         rx_unit_row_add(w->r, error[k] / truth);
-    rx_unit_row_add(w->r, w->scene == RX_FLUXES_PAIRS && near_enough(w, f, i) && near_enough(w, f, partner));
+    rx_unit_row_add(w->r, told_apart(w, f, i));
     if (w->scene == RX_FLUXES_SHREDS)
         count_pieces(w, f, i, pieces);
     rx_unit_row_add(w->r, pieces[0]);
