@@ -20,6 +20,7 @@ static const goal GOALS[RX_FLUXES_GOALS] = {
          "Isolated stars and galaxies of S/N above 10: median error of MAG_TEMPLATE within "
          "0.01 mag, each kind at each seeing",
          -0.01, 0.01},
+    [RX_GOAL_BIAS_BINS] = {"bias, by S/N", "The same in every single bin of S/N above 10", -0.01, 0.01},
     [RX_GOAL_BIAS_APART] =
         {"bias, told apart",
          "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are told "
@@ -233,6 +234,10 @@ static void judge_goal(const rx_fluxes_numbers *m, judge *j)
     switch (j->verdict->goal) {
     case RX_GOAL_BIAS_ISOLATED:
         judge_cells(m, j, p, 2, bias_of);
+        break;
+    case RX_GOAL_BIAS_BINS:
+        for (p.bin = 1; p.bin < RX_SNR_SINGLE; p.bin++) /* the first one is below 10 */
+            judge_cells(m, j, p, 2, bias_of);
         break;
     case RX_GOAL_BIAS_APART:
         p.crowd = RX_CROWD_APART;

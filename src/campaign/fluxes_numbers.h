@@ -118,6 +118,7 @@ void rx_fluxes_condition_name(const rx_fluxes_results *results, int condition, c
 /* What is held against a number: in FIELD, PAIRS and INJECTED, where restorers are told the truth. */
 typedef enum rx_fluxes_goal {
     RX_GOAL_BIAS_ISOLATED,
+    RX_GOAL_BIAS_BINS,
     RX_GOAL_BIAS_APART,
     RX_GOAL_BIAS_BLENDED,
     RX_GOAL_PULL,

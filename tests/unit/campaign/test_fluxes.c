@@ -358,6 +358,8 @@ static void verdicts_follow_the_numbers(void **state)
     rx_fluxes_verdicts(&m, v);
     assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED].state, RX_GOAL_UNDECIDED);
     assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED + 1].state, RX_GOAL_NOT_HELD);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].state, RX_GOAL_NOT_HELD);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].all, 1);
     assert_int_equal(v[2 * RX_GOAL_BIAS_APART].state, RX_GOAL_HELD);
     assert_int_equal(v[2 * RX_GOAL_BIAS_APART + 1].state, RX_GOAL_NOT_MEASURED);
     assert_int_equal(v[2 * RX_GOAL_BOUND].state, RX_GOAL_NOT_HELD); /* 2.97 */
