@@ -172,6 +172,14 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          "MagErr of NET at or below RL's at every magnitude; for S/N above 12 its median bias "
          "below 1 % and its scatter at most 1.5 times that of NONE; on every simulated field on "
          "which restorers are told the truth"},
+    [RX_CLAIM_TEMPLATES] =
+        {"goal: templates", "a goal of this program",
+         "No flux is better than that of template photometry, whatever restored the shapes.",
+         "on the stars that every run found, MagErr of every restorer's TEMPLATE at or below the least of "
+         "the "
+         "other fluxes, or above by less than 1.96 errors of the paired difference, at every magnitude of "
+         "every "
+         "simulated field on which restorers are told the truth, and of every real one"},
 };
 
 const rx_claim *rx_claim_get(rx_claim_id id)

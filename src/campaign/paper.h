@@ -52,6 +52,7 @@ typedef enum rx_claim_id {
     RX_CLAIM_PAIRS,
     RX_CLAIM_PLATEAU,
     RX_CLAIM_FLUXES,
+    RX_CLAIM_TEMPLATES,
     RX_CLAIM_COUNT
 } rx_claim_id;
 

@@ -326,6 +326,7 @@ static rx_status collect(const rx_photometry_state *state, const rx_unit_values 
     for (int r = 0; r < state->nruns; r++) {
         snprintf(dst->run[r], sizeof dst->run[r], "%s%s", state->run[r]->name,
                  state->templates[r] ? " TEMPLATE" : "");
+        dst->templates[r] = state->templates[r];
         settings s = {state->run[r]->name, dst->settings[r], sizeof dst->settings[r]};
         if (!rx_settings_visit(&config->stage->settings, add_setting, &s))
             return rx_error_memory(err, 0);

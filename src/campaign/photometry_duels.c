@@ -289,7 +289,7 @@ static void judge_restored(const rx_photometry_numbers *m, rx_claim_verdict *v)
 {
     int others = 0, holds = 1;
     for (int run = 0; run < m->results->nruns && m->none >= 0; run++) {
-        if (run == m->none)
+        if (run == m->none || m->results->templates[run]) /* the same list */
             continue;
         others++;
         holds = holds && finds_more(m, run, m->none, 0);
@@ -309,7 +309,7 @@ static void judge_net(const rx_photometry_numbers *m, int low, int errors, rx_cl
         rx_text_add(&v->said, "NET did not take part. ");
     for (int run = 0; run < m->results->nruns; run++) {
         int a = m->net >= 0 ? m->net : run, b = m->net >= 0 ? run : m->none;
-        if (a == b || (errors && b != m->none))
+        if (a == b || (errors && b != m->none) || m->results->templates[run])
             continue;
         rivals++;
         holds = holds && (errors ? errs_less(m, a, b) : finds_more(m, a, b, low));
@@ -368,10 +368,74 @@ static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
 }
 
+/* MagErr of a run less that of another one on the stars that all runs found, and the error of that. */
+static double errs_more(const rx_photometry_results *r, const rx_photometry_set *set, int run, int other,
+                        double *error, double *magerr, long *n)
+{
+    double sum = 0, square = 0;
+    *n = 0;
+    *magerr = 0;
+    for (long i = 0; i < set->nstars; i++) {
+        int all = 1;
+        for (int k = 0; k < r->nruns; k++)
+            all = all && isfinite(set->run[k].stars[i].ratio);
+        if (!all)
+            continue;
+        const double a = 100 * fabs((double)set->run[run].stars[i].ratio - 1);
+        const double d = a - 100 * fabs((double)set->run[other].stars[i].ratio - 1);
+        *magerr += a;
+        sum += d;
+        square += d * d;
+        ++*n;
+    }
+    const double count = (double)*n, mean = sum / count;
+    *magerr /= count;
+    *error = sqrt(fmax(square / count - mean * mean, 0) / (count - 1));
+    return mean;
+}
+
+/* One magnitude; 1: held, 0: not, and what is lost is said. */
+static int templates_hold(const rx_photometry_numbers *m, int f, int k, int run, rx_text *said)
+{
+    const rx_photometry_results *r = m->results;
+    const rx_photometry_set *set = &r->fields[f].sets[k];
+    int holds = 1;
+    for (int other = 0; other < r->nruns; other++) {
+        double error, magerr;
+        long n;
+        const double more = r->templates[other] ? 0 : errs_more(r, set, run, other, &error, &magerr, &n);
+        if (r->templates[other] || n < 2 || !(more > 1.96 * error))
+            continue;
+        holds = 0;
+        rx_text_printf(said, "Field %s, magnitude %g: %s %.2f %%, %s %.2f %%. ", r->fields[f].name, set->mag,
+                       r->run[run], magerr, r->run[other], magerr - more);
+    }
+    return holds;
+}
+
+static void judge_templates(const rx_photometry_numbers *m, rx_claim_verdict *v)
+{
+    const rx_photometry_results *r = m->results;
+    int held = 0, all = 0;
+    for (int run = 0; run < r->nruns; run++)
+        for (int f = 0; f < r->nfields && r->templates[run]; f++)
+            for (int k = 0; k < r->fields[f].nsets && !r->fields[f].misled; k++) {
+                all++;
+                held += templates_hold(m, f, k, run, &v->said);
+            }
+    if (all > 0)
+        v->state = held == all ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+    if (all > 0)
+        rx_text_printf(&v->said, "Held in %d of %d sets of stars. ", held, all);
+    else
+        rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
+}
+
 void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *verdicts, int *n)
 {
     static const rx_claim_id asked[] = {RX_CLAIM_RESTORED_BETTER, RX_CLAIM_NET_BEST, RX_CLAIM_LOW_SNR,
-                                        RX_CLAIM_ACCURACY,        RX_CLAIM_SPEED,    RX_CLAIM_FLUXES};
+                                        RX_CLAIM_ACCURACY,        RX_CLAIM_SPEED,    RX_CLAIM_FLUXES,
+                                        RX_CLAIM_TEMPLATES};
     *n = (int)(sizeof asked / sizeof *asked);
     for (int i = 0; i < *n; i++) {
         rx_claim_verdict *v = &verdicts[i];
@@ -382,6 +446,8 @@ void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *ve
             v->state = RX_NOT_TESTED;
         else if (v->claim == RX_CLAIM_FLUXES)
             judge_fluxes(m, v);
+        else if (v->claim == RX_CLAIM_TEMPLATES)
+            judge_templates(m, v);
         else
             judge_net(m, v->claim == RX_CLAIM_LOW_SNR, v->claim == RX_CLAIM_ACCURACY, v);
     }

@@ -86,7 +86,8 @@ typedef struct rx_photometry_field {
 
 typedef struct rx_photometry_results {
     int nruns;
-    char run[RX_METHODS_MAX][RX_METHOD_NAME]; /* NONE, RL ... */
+    char run[RX_METHODS_MAX][RX_METHOD_NAME]; /* NONE, RL ..., "NONE TEMPLATE" */
+    int templates[RX_METHODS_MAX];            /* 1: fluxes of template photometry */
     char settings[RX_METHODS_MAX][200];
     int nfields;
     rx_photometry_field *fields;

@@ -432,6 +432,45 @@ static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id c
     return state;
 }
 
+/* Of two runs on the same stars the second one is that of template photometry. */
+static void claim_of_templates(void **state)
+{
+    static const made_photometry two = {2, 1, 4, 4, 50, 0.4};
+    (void)state;
+    for (int better = 0; better < 2; better++) {
+        rx_claim_verdict verdict[RX_CLAIM_COUNT];
+        rx_claim_state found = RX_NOT_TESTED, restored = RX_NOT_TESTED;
+        rx_photometry_numbers m;
+        int n = 0;
+        rx_photometry_results *r = make_photometry(&two);
+        r->templates[1] = 1;
+        for (int s = 0; s < 4; s++)
+            for (long i = 0; i < r->fields[0].sets[s].nstars; i++) {
+                rx_star_result *a = &r->fields[0].sets[s].run[0].stars[i];
+                rx_star_result *b = &r->fields[0].sets[s].run[1].stars[i];
+                const float error = i % 2 ? 0.1f : 0.12f;
+                a->score = b->score = 20;
+                a->ratio = 1 + error;
+                b->ratio = 1 - error * (better || s != 3 ? 0.5f : 1.5f);
+            }
+        assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+        rx_photometry_verdicts(&m, verdict, &n);
+        for (int i = 0; i < n; i++) {
+            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
+                found = verdict[i].state;
+            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
+                assert_non_null(strstr(verdict[i].said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
+            if (verdict[i].claim == RX_CLAIM_RESTORED_BETTER)
+                restored = verdict[i].state;
+        }
+        assert_int_equal(found, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
+        assert_int_equal(restored, RX_NOT_YET_TESTABLE); /* templates restore nothing */
+        rx_claim_verdicts_free(n, verdict);
+        rx_photometry_numbers_free(&m);
+        rx_photometry_results_free(r);
+    }
+}
+
 static void claims_about_photometry(void **state)
 {
     static const made_photometry deeper = {3, 1, 8, 4, 50, 0.4}, shallower = {3, 1, 8, 4, 50, -0.4},
@@ -621,6 +660,7 @@ int main(void)
         cmocka_unit_test(depth_of_many_magnitudes),
         cmocka_unit_test(thresholds_by_hand),
         cmocka_unit_test(claims_about_photometry),
+        cmocka_unit_test(claim_of_templates),
         cmocka_unit_test(odd_photometry_results),
         cmocka_unit_test(pages_are_sound),
         cmocka_unit_test(same_results_same_bytes),
