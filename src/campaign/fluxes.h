@@ -142,8 +142,8 @@ enum {
 };
 /* per restorer and object: */
 enum {
-    RX_FOUND,                            /* NAN not found, 0 found, 1 found and marked as made up */
-    RX_RATIO,                            /* [RX_FLUX_KINDS] flux over the true one, NAN without */
+    RX_FOUND, /* NAN not found, 0 found, 1 found and marked as made up; 2 more: only the residual showed it */
+    RX_RATIO, /* [RX_FLUX_KINDS] flux over the true one, NAN without */
     RX_ERROR = RX_RATIO + RX_FLUX_KINDS, /* [RX_FLUX_KINDS] error it gives itself, over the true flux */
     RX_BOTH =
         RX_ERROR + RX_FLUX_KINDS, /* 1: it and its partner are found, each nearer than half the separation */

@@ -200,37 +200,42 @@ static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
             }
 }
 
+/* The lower median |error| of AUTO on NONE and on RL. */
+static double best_auto(const rx_fluxes_numbers *m, rx_pair_place p)
+{
+    double best = HUGE_VAL;
+    for (p.run = 0; p.run < m->results->nruns; p.run++) {
+        const rx_estimate *other = &rx_pair_cell_of(m, &p, RX_FLUX_AUTO)->size;
+        const char *name = m->results->run[p.run];
+        const int rival = strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0;
+        if (rival && other->n >= FEWEST)
+            best = fmin(best, other->value);
+    }
+    return best;
+}
+
 static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
 {
     const rx_fluxes_results *r = m->results;
     char where[160], condition[96];
-    for (int c = 0; c < r->nconditions; c++)
-        for (int s = 0; s < r->nscenes; s++)
-            for (int bin = 0; bin < RX_PAIR_BINS; bin++) {
-                double best = HUGE_VAL;
-                if (!rx_condition_true(&r->condition[c]) || r->set[s].scene != RX_FLUXES_PAIRS)
+    rx_pair_place p = {.sample = RX_SAMPLE_DETECTED, .run = j->verdict->run};
+    for (p.condition = 0; p.condition < r->nconditions; p.condition++)
+        for (p.scene = 0; p.scene < r->nscenes; p.scene++)
+            for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++) {
+                const double best = best_auto(m, p);
+                if (!counts(r, p.condition, p.scene) || !isfinite(best))
                     continue;
-                for (int run = 0; run < r->nruns; run++) {
-                    const rx_estimate *other = &rx_pair_cell_of(m, c, s, bin, run, RX_FLUX_AUTO)->size;
-                    const char *name = r->run[run];
-                    const int rival = strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0;
-                    if (rival && other->n >= FEWEST)
-                        best = fmin(best, other->value);
-                }
-                if (!isfinite(best))
-                    continue;
-                rx_fluxes_condition_name(r, c, condition, sizeof condition);
-                snprintf(where, sizeof where, "%s, %g to %g FWHM", condition, RX_PAIR_EDGE[bin],
-                         RX_PAIR_EDGE[bin + 1]);
-                const rx_estimate ratio =
-                    over(&rx_pair_cell_of(m, c, s, bin, j->verdict->run, RX_FLUX_TEMPLATE)->size, best);
+                rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                snprintf(where, sizeof where, "%s, %g to %g FWHM", condition, RX_PAIR_EDGE[p.bin],
+                         RX_PAIR_EDGE[p.bin + 1]);
+                const rx_estimate ratio = over(&rx_pair_cell_of(m, &p, RX_FLUX_TEMPLATE)->size, best);
                 hold(j, &ratio, where);
             }
 }
 
 static void judge_goal(const rx_fluxes_numbers *m, judge *j)
 {
-    rx_fluxes_place p = {.sample = RX_SAMPLE_OWN, .crowd = RX_CROWD_ISOLATED, .bin = RX_SNR_ABOVE_10};
+    rx_fluxes_place p = {.sample = RX_SAMPLE_ALL, .crowd = RX_CROWD_ISOLATED, .bin = RX_SNR_ABOVE_10};
     switch (j->verdict->goal) {
     case RX_GOAL_BIAS_ISOLATED:
         judge_cells(m, j, p, 2, bias_of);

@@ -31,6 +31,12 @@ const char *rx_crowd_name(rx_crowd crowd)
     return names[crowd];
 }
 
+const char *rx_fluxes_sample_name(int sample)
+{
+    static const char *const names[RX_SAMPLES] = {"all", "detected", "common"};
+    return names[sample];
+}
+
 /* --- where things are --- */
 
 static size_t cell_count(const rx_fluxes_results *r)
@@ -53,22 +59,21 @@ const rx_fluxes_cell *rx_fluxes_cell_of(const rx_fluxes_numbers *m, const rx_flu
     return cell_at(m, place);
 }
 
-static size_t pair_index(const rx_fluxes_results *r, int condition, int scene, int bin, int run)
+static size_t pair_index(const rx_fluxes_results *r, const rx_pair_place *p)
 {
-    return (((size_t)condition * (size_t)r->nscenes + (size_t)scene) * RX_PAIR_BINS + (size_t)bin) *
-               (size_t)r->nruns +
-           (size_t)run;
+    size_t i = (size_t)p->condition * (size_t)r->nscenes + (size_t)p->scene;
+    i = (i * RX_PAIR_SAMPLES + (size_t)p->sample) * RX_PAIR_BINS + (size_t)p->bin;
+    return i * (size_t)r->nruns + (size_t)p->run;
 }
 
-const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *m, int condition, int scene, int bin, int run,
-                                    rx_flux_kind flux)
+const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *m, const rx_pair_place *p, rx_flux_kind flux)
 {
-    return &m->pair[pair_index(m->results, condition, scene, bin, run) * RX_FLUX_KINDS + (size_t)flux];
+    return &m->pair[pair_index(m->results, p) * RX_FLUX_KINDS + (size_t)flux];
 }
 
-const rx_estimate *rx_pair_share(const rx_fluxes_numbers *m, int condition, int scene, int bin, int run)
+const rx_estimate *rx_pair_share(const rx_fluxes_numbers *m, const rx_pair_place *p)
 {
-    return &m->both[pair_index(m->results, condition, scene, bin, run)];
+    return &m->both[pair_index(m->results, p)];
 }
 
 const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *m, int condition, int scene, int run)
@@ -166,10 +171,11 @@ static const float *column(const rx_fluxes_set *set, int run, long i)
 }
 
 /* Found by that run, with all its fluxes. */
-static int measured(const rx_fluxes_set *set, int run, long i)
+static int measured(const rx_fluxes_set *set, int run, long i, rx_fluxes_sample sample)
 {
     const float *v = column(set, run, i);
-    int finite = !isnan(v[RX_FOUND]);
+    const double state = (double)v[RX_FOUND]; /* NAN, not found, fails both */
+    int finite = sample == RX_SAMPLE_ALL ? state >= 0 : state < 2;
     for (int k = 0; k < RX_FLUX_KINDS; k++)
         finite = finite && isfinite(v[RX_RATIO + k]);
     return finite;
@@ -188,9 +194,9 @@ static int takes_part(const rx_fluxes_results *r, const rx_fluxes_set *set, cons
         !((double)prop[RX_PROP_SNR] >= bin->low) || !((double)prop[RX_PROP_SNR] < bin->high))
         return 0;
     for (int run = 0; run < r->nruns; run++) {
-        if (p->sample == RX_SAMPLE_OWN && run != p->run)
+        if (p->sample != RX_SAMPLE_COMMON && run != p->run)
             continue;
-        if (!measured(set, run, i) ||
+        if (!measured(set, run, i, p->sample) ||
             (p->crowd == RX_CROWD_APART && !((double)column(set, run, i)[RX_BOTH] > 0.5)))
             return 0;
     }
@@ -249,28 +255,38 @@ static double least(double ratio)
     return fmax(ratio, LEAST_RATIO);
 }
 
-static void fill_pairs(const rx_fluxes_numbers *m, int condition, int scene, int bin, int run, lists *l)
+/* Pairs of one place; *all of them, of which l holds one flux of the n that are told apart. */
+static long take_pairs(const rx_fluxes_set *set, const rx_pair_place *p, int flux, lists *l, long *all)
+{
+    long n = 0;
+    *all = 0;
+    for (long i = 0; i < set->n; i++) {
+        const long k = second_of(set, i, p->bin);
+        if (k < 0)
+            continue;
+        const float *a = column(set, p->run, i), *b = column(set, p->run, k);
+        ++*all;
+        if (!((double)a[RX_BOTH] > 0.5) || !measured(set, p->run, i, p->sample) ||
+            !measured(set, p->run, k, p->sample))
+            continue;
+        const double ra = (double)a[RX_RATIO + flux], rb = (double)b[RX_RATIO + flux];
+        const double share = pow(10, 0.4 * (double)set->prop[i * RX_FLUXES_PROPS + RX_PROP_MAGS]);
+        const double off = -2.5 * log10(least(rb) / least(ra));
+        l->ratio[n] = off;
+        l->bound[n] = fabs(off);
+        l->pull[n++] = to_mag(least((ra + share * rb) / (1 + share)));
+    }
+    return n;
+}
+
+static void fill_pairs(const rx_fluxes_numbers *m, const rx_pair_place *p, lists *l)
 {
     const rx_fluxes_results *r = m->results;
-    const rx_fluxes_set *set = &r->set[condition * r->nscenes + scene];
-    const size_t index = pair_index(r, condition, scene, bin, run);
+    const rx_fluxes_set *set = &r->set[p->condition * r->nscenes + p->scene];
+    const size_t index = pair_index(r, p);
     for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
-        long n = 0, all = 0;
-        for (long i = 0; i < set->n; i++) {
-            const long k = second_of(set, i, bin);
-            if (k < 0)
-                continue;
-            const float *a = column(set, run, i), *b = column(set, run, k);
-            all++;
-            if (!((double)a[RX_BOTH] > 0.5) || !measured(set, run, i) || !measured(set, run, k))
-                continue;
-            const double ra = (double)a[RX_RATIO + flux], rb = (double)b[RX_RATIO + flux];
-            const double share = pow(10, 0.4 * (double)set->prop[i * RX_FLUXES_PROPS + RX_PROP_MAGS]);
-            const double off = -2.5 * log10(least(rb) / least(ra));
-            l->ratio[n] = off;
-            l->bound[n] = fabs(off);
-            l->pull[n++] = to_mag(least((ra + share * rb) / (1 + share)));
-        }
+        long all;
+        const long n = take_pairs(set, p, flux, l, &all);
         rx_pair_cell *cell = &m->pair[index * RX_FLUX_KINDS + (size_t)flux];
         rx_estimate unused;
         robust(l->ratio, n, &cell->ratio, &cell->scatter);
@@ -332,8 +348,8 @@ rx_status rx_fluxes_numbers_make(const rx_fluxes_results *r, rx_fluxes_numbers *
     for (size_t s = 0; s < sets; s++)
         most = (size_t)r->set[s].n > most ? (size_t)r->set[s].n : most;
     dst->cell = RX_NEW(rx_fluxes_cell, cell_count(r));
-    dst->pair = RX_NEW(rx_pair_cell, sets * RX_PAIR_BINS * runs * RX_FLUX_KINDS);
-    dst->both = RX_NEW(rx_estimate, sets * RX_PAIR_BINS * runs);
+    dst->pair = RX_NEW(rx_pair_cell, sets * RX_PAIR_SAMPLES * RX_PAIR_BINS * runs * RX_FLUX_KINDS);
+    dst->both = RX_NEW(rx_estimate, sets * RX_PAIR_SAMPLES * RX_PAIR_BINS * runs);
     dst->invented = RX_NEW(rx_invented_cell, sets * runs);
     rx_status status = dst->cell == NULL || dst->pair == NULL || dst->both == NULL || dst->invented == NULL
                            ? rx_error_memory(err, cell_count(r) * sizeof *dst->cell)
@@ -342,8 +358,11 @@ rx_status rx_fluxes_numbers_make(const rx_fluxes_results *r, rx_fluxes_numbers *
         for (int s = 0; s < r->nscenes; s++) {
             fill_set(dst, c, s, &l);
             for (int run = 0; run < r->nruns; run++) {
-                for (int bin = 0; bin < RX_PAIR_BINS; bin++)
-                    fill_pairs(dst, c, s, bin, run, &l);
+                for (int k = 0; k < RX_PAIR_SAMPLES * RX_PAIR_BINS; k++)
+                    fill_pairs(
+                        dst,
+                        &(rx_pair_place){c, s, (rx_fluxes_sample)(k / RX_PAIR_BINS), k % RX_PAIR_BINS, run},
+                        &l);
                 const size_t i = ((size_t)c * (size_t)r->nscenes + (size_t)s) * runs + (size_t)run;
                 fill_invented(&r->set[c * r->nscenes + s], run, &l, &dst->invented[i]);
             }

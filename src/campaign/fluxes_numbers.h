@@ -57,9 +57,16 @@ typedef enum rx_crowd {
 } rx_crowd;
 const char *rx_crowd_name(rx_crowd crowd);
 
-/* OWN: found (APART: told apart) by this restorer, COMMON: by all of them. All fluxes of a restorer are
- * of the same objects. */
-typedef enum rx_fluxes_sample { RX_SAMPLE_OWN, RX_SAMPLE_COMMON, RX_SAMPLES } rx_fluxes_sample;
+/* ALL: found (APART: told apart) by this restorer. DETECTED: without sources that only the residual of the
+ * templates showed, of which AUTO and apertures know nothing. COMMON: DETECTED by every restorer. All fluxes
+ * of a restorer are of the same objects. */
+typedef enum rx_fluxes_sample {
+    RX_SAMPLE_ALL,
+    RX_SAMPLE_DETECTED,
+    RX_SAMPLE_COMMON,
+    RX_SAMPLES
+} rx_fluxes_sample;
+const char *rx_fluxes_sample_name(int sample);
 
 typedef struct rx_fluxes_cell {
     rx_estimate bias, scatter, bound, pull, width, magerr;
@@ -77,8 +84,8 @@ typedef struct rx_fluxes_place {
 
 /* Pairs by separation; differences of magnitudes of the pairs of which both are found (each nearer than half
  * the separation), second member less first, measured less true. A flux below a thousandth of the true one
- * counts as that. */
-enum { RX_PAIR_BINS = 5 };
+ * counts as that. Samples as above, ALL and DETECTED. */
+enum { RX_PAIR_BINS = 5, RX_PAIR_SAMPLES = RX_SAMPLE_DETECTED + 1 };
 extern const double RX_PAIR_EDGE[RX_PAIR_BINS + 1]; /* FWHM */
 typedef struct rx_pair_cell {
     rx_estimate ratio, scatter; /* median and sigma_MAD of the difference */
@@ -97,8 +104,8 @@ typedef struct rx_invented_cell {
 typedef struct rx_fluxes_numbers {
     const rx_fluxes_results *results;
     rx_fluxes_cell *cell;
-    rx_pair_cell *pair;         /* [nconditions][nscenes][RX_PAIR_BINS][nruns][RX_FLUX_KINDS] */
-    rx_estimate *both;          /* share of the pairs, [nconditions][nscenes][RX_PAIR_BINS][nruns] */
+    rx_pair_cell *pair; /* [nconditions][nscenes][RX_PAIR_SAMPLES][RX_PAIR_BINS][nruns][RX_FLUX_KINDS] */
+    rx_estimate *both;  /* share of the pairs, [nconditions][nscenes][RX_PAIR_SAMPLES][RX_PAIR_BINS][nruns] */
     rx_invented_cell *invented; /* [nconditions][nscenes][nruns] */
 } rx_fluxes_numbers;
 
@@ -106,10 +113,14 @@ rx_status rx_fluxes_numbers_make(const rx_fluxes_results *results, rx_fluxes_num
 void rx_fluxes_numbers_free(rx_fluxes_numbers *numbers); /* content only */
 
 const rx_fluxes_cell *rx_fluxes_cell_of(const rx_fluxes_numbers *numbers, const rx_fluxes_place *place);
-const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *numbers, int condition, int scene, int bin,
-                                    int run, rx_flux_kind flux);
-const rx_estimate *rx_pair_share(const rx_fluxes_numbers *numbers, int condition, int scene, int bin,
-                                 int run);
+typedef struct rx_pair_place {
+    int condition, scene;
+    rx_fluxes_sample sample; /* ALL, DETECTED */
+    int bin, run;
+} rx_pair_place;
+const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *numbers, const rx_pair_place *place,
+                                    rx_flux_kind flux);
+const rx_estimate *rx_pair_share(const rx_fluxes_numbers *numbers, const rx_pair_place *place);
 const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *numbers, int condition, int scene, int run);
 
 /* "FWHM 4, PSF +5 %"; of one seeing without a name: its width. */

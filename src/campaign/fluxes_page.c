@@ -117,36 +117,43 @@ static void write_crowd(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_plac
     rx_text_add(dst, "</details></details>\n");
 }
 
-static void pair_table(rx_text *dst, const rx_fluxes_numbers *m, int s, const char *title,
-                       const rx_estimate *(*number)(const rx_pair_cell *))
+static void pair_head(rx_text *dst, const rx_fluxes_results *r, const char *title, int fluxes)
 {
-    const rx_fluxes_results *r = m->results;
     char name[96];
-    rx_page_heading(dst, title, number != NULL ? "mag" : NULL);
+    rx_page_heading(dst, title, fluxes ? "mag" : NULL);
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
     rx_page_head(dst, RX_LEFT, "condition");
     rx_page_head(dst, RX_RIGHT, "separation [FWHM]");
     for (int run = 0; run < r->nruns; run++)
-        for (int t = 0; t < (number != NULL ? 2 : 1); t++) {
-            snprintf(name, sizeof name, "%s%s", r->run[run], number == NULL ? "" : t ? " TEMPLATE" : " AUTO");
+        for (int t = 0; t < (fluxes ? 2 : 1); t++) {
+            snprintf(name, sizeof name, "%s%s", r->run[run], !fluxes ? "" : t ? " TEMPLATE" : " AUTO");
             rx_page_head(dst, RX_RIGHT, name);
         }
     rx_page_row_end(dst);
-    for (int c = 0; c < r->nconditions; c++)
-        for (int bin = 0; bin < RX_PAIR_BINS; bin++) {
+}
+
+/* number NULL: the share of the pairs. */
+static void pair_table(rx_text *dst, const rx_fluxes_numbers *m, rx_pair_place p, const char *title,
+                       const rx_estimate *(*number)(const rx_pair_cell *))
+{
+    const rx_fluxes_results *r = m->results;
+    char name[96];
+    pair_head(dst, r, title, number != NULL);
+    for (p.condition = 0; p.condition < r->nconditions; p.condition++)
+        for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++) {
             rx_page_row(dst, NULL);
-            rx_fluxes_condition_name(r, c, name, sizeof name);
+            rx_fluxes_condition_name(r, p.condition, name, sizeof name);
             rx_page_cell_text(dst, name);
-            snprintf(name, sizeof name, "%g to %g", RX_PAIR_EDGE[bin], RX_PAIR_EDGE[bin + 1]);
+            snprintf(name, sizeof name, "%g to %g", RX_PAIR_EDGE[p.bin], RX_PAIR_EDGE[p.bin + 1]);
             rx_page_cell_html(dst, RX_RIGHT, name);
-            for (int run = 0; run < r->nruns; run++) {
+            for (p.run = 0; p.run < r->nruns; p.run++) {
                 if (number == NULL) {
-                    rx_page_cell_estimate(dst, rx_pair_share(m, c, s, bin, run), 3);
+                    rx_page_cell_estimate(dst, rx_pair_share(m, &p), 3);
                     continue;
                 }
-                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, c, s, bin, run, RX_FLUX_AUTO)), 3);
-                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, c, s, bin, run, RX_FLUX_TEMPLATE)), 3);
+                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, &p, RX_FLUX_AUTO)), 3);
+                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, &p, RX_FLUX_TEMPLATE)), 3);
             }
             rx_page_row_end(dst);
         }
@@ -175,12 +182,17 @@ static const rx_estimate *total_of(const rx_pair_cell *cell)
 
 static void write_pairs(rx_text *dst, const rx_fluxes_numbers *m, int s)
 {
-    pair_table(dst, m, s, "Share of the pairs of which both are found", NULL);
-    pair_table(dst, m, s, "Median |error| of their flux ratio", size_of);
-    rx_text_add(dst, "<details><summary>Median, scatter, total flux</summary>\n");
-    pair_table(dst, m, s, "Median error of the flux ratio, fainter less first", ratio_of);
-    pair_table(dst, m, s, "Scatter of that error", scatter_of);
-    pair_table(dst, m, s, "Median error of the total flux", total_of);
+    const rx_pair_place detected = {.scene = s, .sample = RX_SAMPLE_DETECTED};
+    const rx_pair_place all = {.scene = s, .sample = RX_SAMPLE_ALL};
+    pair_table(dst, m, detected, "Share of the pairs of which both are detected, each at its place", NULL);
+    pair_table(dst, m, all, "The same with sources that only the residual of the templates shows", NULL);
+    pair_table(dst, m, detected, "Detected pairs: median |error| of the flux ratio", size_of);
+    rx_text_add(dst, "<details><summary>Median, scatter, total flux, and those that the residual shows"
+                     "</summary>\n");
+    pair_table(dst, m, detected, "Median error of the flux ratio, fainter less first", ratio_of);
+    pair_table(dst, m, detected, "Scatter of that error", scatter_of);
+    pair_table(dst, m, detected, "Median error of the total flux", total_of);
+    pair_table(dst, m, all, "With those of the residual: median |error| of the flux ratio", size_of);
     rx_text_add(dst, "</details>\n");
 }
 
@@ -260,9 +272,10 @@ static void write_scene(rx_text *dst, const rx_fluxes_page *page, int s)
         write_pairs(dst, m, s);
     for (int crowd = 0; crowd < RX_CROWDS && rx_fluxes_has_objects(scene); crowd++)
         for (int galaxy = 0; galaxy < 2; galaxy++)
-            write_crowd(dst, m,
-                        (rx_fluxes_place){
-                            .scene = s, .galaxy = galaxy, .crowd = (rx_crowd)crowd, .sample = RX_SAMPLE_OWN});
+            write_crowd(
+                dst, m,
+                (rx_fluxes_place){
+                    .scene = s, .galaxy = galaxy, .crowd = (rx_crowd)crowd, .sample = RX_SAMPLE_DETECTED});
     write_invented(dst, m, s);
 }
 
@@ -295,8 +308,10 @@ static void write_reading(rx_text *dst)
     rx_page_section(dst, "reading", "How to read this");
     rx_page_paragraph(
         dst, "Every number is followed by its 95 % interval and by how many objects are behind it. The "
-             "tables here are of the objects that the restorer of the column has found; all of its fluxes "
-             "are of the same objects. cells.ecsv has the same for objects that every restorer has found. "
+             "tables here are of the objects that were detected on the image of the restorer of the "
+             "column; all of its fluxes are of the same objects. Sources that only the residual of the "
+             "templates showed (added) are left out, for AUTO and apertures know nothing of them; goals "
+             "are held against all. cells.ecsv has both, and the objects that every restorer has detected. "
              "S/N is the true one, in a matched filter on the bare sky. <b>APER</b> is the first of "
              "STAGE.PHOT_APERTURES and <b>WIDE</b> an aperture of 2 FWHM radius, both without a correction "
              "for what lies outside of them.");
@@ -363,8 +378,11 @@ void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *m)
         for (int c = 0; c < r->nconditions && rx_fluxes_has_objects(r->set[s].scene); c++)
             for (int galaxy = 0; galaxy < 2; galaxy++)
                 for (int k = 0; k < 2 && dst->n < RX_FIGURES_MAX; k++) {
-                    const rx_fluxes_place p = {
-                        .condition = c, .scene = s, .galaxy = galaxy, .crowd = crowds[k]};
+                    const rx_fluxes_place p = {.condition = c,
+                                               .scene = s,
+                                               .sample = RX_SAMPLE_DETECTED,
+                                               .galaxy = galaxy,
+                                               .crowd = crowds[k]};
                     if (rx_fluxes_any_objects(m, p))
                         plot(dst, m, p);
                 }

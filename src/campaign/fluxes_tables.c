@@ -4,17 +4,12 @@
 
 #include "campaign/fluxes_page.h"
 
-static const char *sample_name(int sample)
-{
-    return sample == RX_SAMPLE_OWN ? "own" : "common";
-}
-
 /* --- summary.json --- */
 
 static void json_cells(rx_json *j, const rx_fluxes_numbers *m, int c, int s)
 {
     const rx_fluxes_results *r = m->results;
-    rx_fluxes_place p = {.condition = c, .scene = s, .sample = RX_SAMPLE_OWN};
+    rx_fluxes_place p = {.condition = c, .scene = s, .sample = RX_SAMPLE_ALL};
     rx_json_array(j, "cells", false);
     for (p.galaxy = 0; p.galaxy < 2; p.galaxy++)
         for (int crowd = 0; crowd < RX_CROWDS; crowd++)
@@ -134,7 +129,7 @@ static void cell_row(rx_ecsv *t, const rx_fluxes_numbers *m, const rx_fluxes_pla
     if (cell->bias.n == 0)
         return;
     row_begin(t, m->results, p->condition, p->scene);
-    rx_ecsv_text(t, sample_name(p->sample));
+    rx_ecsv_text(t, rx_fluxes_sample_name(p->sample));
     rx_ecsv_text(t, p->galaxy ? "galaxy" : "star");
     rx_ecsv_text(t, rx_crowd_name(p->crowd));
     rx_ecsv_text(t, rx_snr_bin_get(p->bin)->name);
@@ -166,7 +161,8 @@ void rx_fluxes_cells_ecsv(rx_text *dst, const void *pointer)
     const rx_fluxes_page *page = pointer;
     const rx_fluxes_results *r = page->numbers->results;
     rx_ecsv t = begin(dst, page);
-    rx_ecsv_column(&t, "sample", RX_ECSV_TEXT, "", "own: found by the run, common: by all runs");
+    rx_ecsv_column(&t, "sample", RX_ECSV_TEXT, "",
+                   "all: found by the run; detected: on its image; common: detected by all runs");
     rx_ecsv_column(&t, "kind", RX_ECSV_TEXT, "", "star or galaxy");
     rx_ecsv_column(&t, "company", RX_ECSV_TEXT, "", "isolated, blended, told apart, neither");
     rx_ecsv_column(&t, "snr", RX_ECSV_TEXT, "", "bin of true S/N");
@@ -182,12 +178,34 @@ void rx_fluxes_cells_ecsv(rx_text *dst, const void *pointer)
             cell_rows(&t, page->numbers, c, s);
 }
 
+static void pair_rows(rx_ecsv *t, const rx_fluxes_numbers *m, rx_pair_place p)
+{
+    for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++)
+        for (p.run = 0; p.run < m->results->nruns; p.run++)
+            for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
+                const rx_pair_cell *cell = rx_pair_cell_of(m, &p, (rx_flux_kind)flux);
+                row_begin(t, m->results, p.condition, p.scene);
+                rx_ecsv_text(t, rx_fluxes_sample_name(p.sample));
+                rx_ecsv_number(t, RX_PAIR_EDGE[p.bin]);
+                rx_ecsv_number(t, RX_PAIR_EDGE[p.bin + 1]);
+                rx_ecsv_text(t, m->results->run[p.run]);
+                rx_ecsv_text(t, rx_flux_name((rx_flux_kind)flux));
+                rx_ecsv_estimate(t, rx_pair_share(m, &p));
+                rx_ecsv_estimate(t, &cell->ratio);
+                rx_ecsv_estimate(t, &cell->scatter);
+                rx_ecsv_estimate(t, &cell->size);
+                rx_ecsv_estimate(t, &cell->total);
+                rx_ecsv_row_end(t);
+            }
+}
+
 void rx_fluxes_pairs_ecsv(rx_text *dst, const void *pointer)
 {
     const rx_fluxes_page *page = pointer;
     const rx_fluxes_numbers *m = page->numbers;
     const rx_fluxes_results *r = m->results;
     rx_ecsv t = begin(dst, page);
+    rx_ecsv_column(&t, "sample", RX_ECSV_TEXT, "", "all: found by the run; detected: on its image");
     rx_ecsv_column(&t, "from", RX_ECSV_FLOAT, "", "separation, FWHM");
     rx_ecsv_column(&t, "to", RX_ECSV_FLOAT, "", "separation, FWHM");
     rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
@@ -200,24 +218,8 @@ void rx_fluxes_pairs_ecsv(rx_text *dst, const void *pointer)
     rx_ecsv_columns_end(&t);
     for (int c = 0; c < r->nconditions; c++)
         for (int s = 0; s < r->nscenes; s++)
-            for (int i = 0; i < RX_PAIR_BINS * r->nruns * RX_FLUX_KINDS; i++) {
-                const int flux = i % RX_FLUX_KINDS, run = i / RX_FLUX_KINDS % r->nruns;
-                const int bin = i / RX_FLUX_KINDS / r->nruns;
-                const rx_pair_cell *cell = rx_pair_cell_of(m, c, s, bin, run, (rx_flux_kind)flux);
-                if (r->set[s].scene != RX_FLUXES_PAIRS)
-                    break;
-                row_begin(&t, r, c, s);
-                rx_ecsv_number(&t, RX_PAIR_EDGE[bin]);
-                rx_ecsv_number(&t, RX_PAIR_EDGE[bin + 1]);
-                rx_ecsv_text(&t, r->run[run]);
-                rx_ecsv_text(&t, rx_flux_name((rx_flux_kind)flux));
-                rx_ecsv_estimate(&t, rx_pair_share(m, c, s, bin, run));
-                rx_ecsv_estimate(&t, &cell->ratio);
-                rx_ecsv_estimate(&t, &cell->scatter);
-                rx_ecsv_estimate(&t, &cell->size);
-                rx_ecsv_estimate(&t, &cell->total);
-                rx_ecsv_row_end(&t);
-            }
+            for (int k = 0; k < RX_PAIR_SAMPLES && r->set[s].scene == RX_FLUXES_PAIRS; k++)
+                pair_rows(&t, m, (rx_pair_place){c, s, (rx_fluxes_sample)k, 0, 0});
 }
 
 void rx_fluxes_invented_ecsv(rx_text *dst, const void *pointer)
@@ -302,6 +304,7 @@ void rx_fluxes_brief(rx_text *dst, const rx_fluxes_page *page)
         for (int galaxy = 0; galaxy < 2; galaxy++) {
             const rx_fluxes_place p = {.scene = s,
                                        .galaxy = galaxy,
+                                       .sample = RX_SAMPLE_DETECTED,
                                        .crowd = scene == RX_FLUXES_PAIRS ? RX_CROWD_APART : RX_CROWD_ISOLATED,
                                        .bin = RX_SNR_ABOVE_10};
             if (rx_fluxes_any_objects(m, p))

@@ -180,6 +180,11 @@ static void count_pieces(const work *w, const finding *f, long i, double pieces[
     }
 }
 
+static double state_of(const rx_source *s)
+{
+    return (s->fit.restore & RX_RESTORE_ADDED ? 2 : 0) + (rx_source_made_up(s) ? 1 : 0);
+}
+
 static void add_object(const work *w, const finding *f, long i)
 {
     double flux[RX_FLUX_KINDS], error[RX_FLUX_KINDS], pieces[2] = {0, 0};
@@ -189,7 +194,7 @@ static void add_object(const work *w, const finding *f, long i)
         flux[k] = error[k] = NAN;
     if (found >= 0)
         fluxes_of(&f->sources->list[found], flux, error);
-    rx_unit_row_add(w->r, found >= 0 ? rx_source_made_up(&f->sources->list[found]) : NAN);
+    rx_unit_row_add(w->r, found >= 0 ? state_of(&f->sources->list[found]) : NAN);
     for (int k = 0; k < RX_FLUX_KINDS; k++)
         rx_unit_row_add(w->r, flux[k] / truth);
     for (int k = 0; k < RX_FLUX_KINDS; k++)

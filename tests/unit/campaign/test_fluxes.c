@@ -148,7 +148,7 @@ static void units_give_what_is_known(void **state)
                 found += !isnan(v[RX_FOUND]);
                 if (campaign->scene[u] != RX_FLUXES_RINGS)
                     continue;
-                assert_float_equal(v[RX_FOUND], 0, 0);
+                assert_float_equal(v[RX_FOUND], 0, 0); /* detected, not marked */
                 assert_float_equal(v[RX_RATIO + RX_FLUX_TEMPLATE], 1, 0.03);
                 assert_true(v[RX_ERROR + RX_FLUX_TEMPLATE] > 0 && v[RX_ERROR + RX_FLUX_TEMPLATE] < 0.01);
             }
@@ -191,7 +191,7 @@ static void settings_that_make_no_sense(void **state)
 
 /* --- made results: a FIELD and a PAIRS of one condition, two restorers --- */
 
-enum { OBJECTS = 42 };
+enum { OBJECTS = 42, PAIRED = 44 };
 
 /* FIELD: 41 isolated stars of S/N 20, bound 0.05; number i has r = 1.02 + 0.01 (i - 20) with TEMPLATE of the
  * first restorer and an error of 0.1; the second one has r = 1.02 for all and misses the first ten. The last
@@ -225,12 +225,12 @@ static void fill_field(rx_fluxes_set *set)
     memcpy(set->tally[0], tally, sizeof tally);
 }
 
-/* PAIRS: 21 pairs 0.6 FWHM apart, the second member 1 mag fainter, of which the first restorer tells 20
+/* PAIRS: 22 pairs 0.6 FWHM apart, the second member 1 mag fainter, of which the first restorer tells 20
  * apart: r of the first members 1.1, of the second ones 0.9; TEMPLATE 1 and 1. */
 static void fill_pairs(rx_fluxes_set *set)
 {
-    set->n = OBJECTS;
-    for (int i = 0; i < OBJECTS; i++) {
+    set->n = PAIRED;
+    for (int i = 0; i < PAIRED; i++) {
         float *prop = set->prop + i * RX_FLUXES_PROPS;
         prop[RX_PROP_SNR] = 50;
         prop[RX_PROP_COMPANY] = RX_BLENDED;
@@ -240,7 +240,7 @@ static void fill_pairs(rx_fluxes_set *set)
         prop[RX_PROP_MAGS] = i % 2 ? 1 : -1;
         for (int run = 0; run < 2; run++) {
             float *v = set->run[run] + i * RX_FLUXES_COLUMNS;
-            v[RX_FOUND] = run == 1 || i == 0 ? NAN : 0;
+            v[RX_FOUND] = run == 1 || i == 0 ? NAN : i == 3 ? 2 : 0;
             v[RX_BOTH] = run == 0 && i >= 2;
             for (int k = 0; k < RX_FLUX_KINDS; k++) {
                 v[RX_RATIO + k] = k == RX_FLUX_TEMPLATE ? 1 : i % 2 ? 0.9f : 1.1f;
@@ -267,9 +267,9 @@ static rx_fluxes_results *make_results(void)
         r->set[s].fwhm = 4;
         r->set[s].ntiles = 1;
         r->set[s].mpixels = 1;
-        r->set[s].prop = calloc(OBJECTS * RX_FLUXES_PROPS, sizeof(float));
+        r->set[s].prop = calloc(PAIRED * RX_FLUXES_PROPS, sizeof(float));
         for (int run = 0; run < 2; run++)
-            r->set[s].run[run] = calloc(OBJECTS * RX_FLUXES_COLUMNS, sizeof(float));
+            r->set[s].run[run] = calloc(PAIRED * RX_FLUXES_COLUMNS, sizeof(float));
     }
     fill_field(&r->set[0]);
     fill_pairs(&r->set[1]);
@@ -319,22 +319,27 @@ static void pairs_and_invented_by_hand(void **state)
     rx_fluxes_results *r = make_results();
     rx_fluxes_numbers m;
     assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
-    assert_float_equal(rx_pair_share(&m, 0, 1, 0, 0)->value, 20.0 / 21, 1e-12);
-    assert_float_equal(rx_pair_share(&m, 0, 1, 0, 1)->value, 0, 1e-12);
-    assert_int_equal(rx_pair_share(&m, 0, 1, 1, 0)->n, 0);
-    assert_int_equal(rx_pair_share(&m, 0, 0, 0, 0)->n, 0); /* no pairs in FIELD */
-    const rx_pair_cell *cell = rx_pair_cell_of(&m, 0, 1, 0, 0, RX_FLUX_AUTO);
-    assert_int_equal(cell->ratio.n, 20);
+    const rx_pair_place all = {.scene = 1, .sample = RX_SAMPLE_ALL};
+    const rx_pair_place detected = {.scene = 1, .sample = RX_SAMPLE_DETECTED};
+    assert_float_equal(rx_pair_share(&m, &all)->value, 21.0 / 22, 1e-12);
+    assert_float_equal(rx_pair_share(&m, &detected)->value, 20.0 / 22, 1e-12);
+    assert_float_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .run = 1})->value, 0, 1e-12);
+    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .bin = 1})->n, 0);
+    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 0})->n, 0); /* no pairs in FIELD */
+    const rx_pair_cell *cell = rx_pair_cell_of(&m, &all, RX_FLUX_AUTO);
+    assert_int_equal(cell->ratio.n, 21);
     assert_float_equal(cell->ratio.value, -2.5 * log10(0.9 / 1.1), 1e-6);
     assert_float_equal(cell->size.value, -2.5 * log10(0.9 / 1.1), 1e-6);
     const double share = pow(10, -0.4);
     assert_float_equal(cell->total.value, -2.5 * log10((1.1 + 0.9 * share) / (1 + share)), 1e-6);
-    assert_float_equal(rx_pair_cell_of(&m, 0, 1, 0, 0, RX_FLUX_TEMPLATE)->size.value, 0, 1e-9);
-    /* blended: 41 are found, of 40 the partner, too */
+    assert_float_equal(rx_pair_cell_of(&m, &detected, RX_FLUX_TEMPLATE)->size.value, 0, 1e-9);
+    /* blended: 43 are found, of 42 the partner, too */
     rx_fluxes_place p = {.scene = 1, .crowd = RX_CROWD_BLENDED, .bin = RX_SNR_ABOVE_10};
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 43);
     p.crowd = RX_CROWD_APART;
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 40);
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 42);
+    p.sample = RX_SAMPLE_DETECTED;
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
     const rx_invented_cell *v = rx_invented_of(&m, 0, 0, 0);
     assert_float_equal(v->per_mpixel[0].value, 15, 1e-12);
     assert_float_equal(v->per_mpixel[1].value, 4.5, 1e-12);
