@@ -322,14 +322,14 @@ void rx_photometry_brief(rx_text *dst, const rx_photometry_page *page)
 {
     const rx_photometry_numbers *m = page->numbers;
     for (int f = 0; f < m->results->nfields; f++) {
-        rx_text_printf(dst, "field %s\n%-12s %9s %9s %9s", m->results->fields[f].name, "run", "recall",
+        rx_text_printf(dst, "field %s\n%-14s %9s %9s %9s", m->results->fields[f].name, "run", "recall",
                        "precision", "mag50");
         for (int p = 0; p < m->nprecisions; p++)
             rx_text_printf(dst, "  R at %-4g mag50 at", m->precision[p]);
         rx_text_add(dst, "\n");
         for (int run = 0; run < m->results->nruns; run++) {
             const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
-            rx_text_printf(dst, "%-12s", m->results->run[run]);
+            rx_text_printf(dst, "%-14s", m->results->run[run]);
             column(dst, w->recall.value, 3);
             column(dst, w->precision.value, 3);
             column(dst, w->mag50.value, 2);
