@@ -35,8 +35,10 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    rx_usual usual; /* among clear sources */
-    double sky;     /* taken off the level so far, mean */
+    double *covariances; /* of the last fit, [members][members] group after group; NULL: not asked for */
+    size_t *place;       /* [groups] where a group begins there */
+    rx_usual usual;      /* among clear sources */
+    double sky;          /* taken off the level so far, mean */
 } work;
 
 rx_tphot_params rx_tphot_defaults(void)
@@ -106,6 +108,8 @@ static void close_work(work *w)
     free(w->lenses);
     free(w->members);
     free(w->backgrounds);
+    free(w->covariances);
+    free(w->place);
     rx_blends_clear(&w->blends);
     rx_canvas_clear(&w->canvas);
 }
@@ -178,6 +182,23 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
     return failed == RX_OK ? draw(w, err) : failed;
 }
 
+/* Room for the covariances of the present groups. */
+static rx_status place_covariances(work *w, rx_error *err)
+{
+    size_t room = 0;
+    free(w->covariances);
+    free(w->place);
+    w->covariances = NULL;
+    w->place = RX_NEW(size_t, w->blends.ngroups);
+    for (int g = 0; g < w->blends.ngroups && w->place != NULL; g++) {
+        const size_t m = (size_t)(w->blends.start[g + 1] - w->blends.start[g]);
+        w->place[g] = room;
+        room += m * m;
+    }
+    w->covariances = w->place != NULL ? rx_alloc(room, sizeof(double)) : NULL;
+    return w->covariances != NULL ? RX_OK : rx_error_memory(err, room * sizeof(double));
+}
+
 static rx_status regroup(work *w, rx_error *err)
 {
     const rx_footprint **footprints = RX_NEW(const rx_footprint *, w->n);
@@ -197,16 +218,17 @@ static rx_status regroup(work *w, rx_error *err)
     rx_status status = rx_blends_find(footprints, w->n, w->canvas.width, w->canvas.height, w->par->link,
                                       w->par->group_limit, w->nthreads, &w->blends, err);
     free(footprints);
-    return status;
+    return status == RX_OK && w->par->covariance ? place_covariances(w, err) : status;
 }
 
-/* One group: members gathered, fitted, put back. covariance [m][m] or NULL. */
-static rx_status fit_group(work *w, int group, double *covariance, rx_error *err)
+/* One group: members gathered, fitted, put back. */
+static rx_status fit_group(work *w, int group, rx_error *err)
 {
     const int movable = w->input->shapes == NULL && w->par->rounds > 0;
     const double fwhm = fmax(w->input->psf->fwhm, 1.0);
     const rx_joint_params par = {w->par->background_sigma, w->par->non_negative};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
+    double *covariance = w->covariances != NULL ? w->covariances + w->place[group] : NULL;
     rx_joint_member *members = RX_NEW(rx_joint_member, m);
     if (members == NULL)
         return rx_error_memory(err, (size_t)m * sizeof *members);
@@ -238,7 +260,7 @@ static rx_status fit_torn_groups(work *w, rx_error *err)
     for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
         if (!w->blends.torn[g])
             continue;
-        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, NULL, err);
+        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, err);
         for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
             rx_subject *s = &w->subjects[w->blends.member[k]];
             const double flux = found_flux(&w->members[w->blends.member[k]]);
@@ -258,7 +280,7 @@ static rx_status fit_groups(work *w, rx_error *err)
         rx_error own = RX_ERROR_NONE;
         if (w->blends.torn[g])
             continue;
-        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, NULL, &own);
+        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_tphot_failure)
             {
@@ -450,34 +472,28 @@ static rx_status weigh_evidence(work *w, rx_error *err)
     return failed;
 }
 
-static rx_status store_pairs(work *w, rx_tphot *dst, rx_error *err)
+static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
 {
     size_t room = 0;
     for (int g = 0; g < w->blends.ngroups; g++) {
         const size_t m = (size_t)(w->blends.start[g + 1] - w->blends.start[g]);
         room += m * (m - 1) / 2;
     }
-    const size_t largest = (size_t)w->blends.largest;
     dst->pairs = RX_NEW(rx_tphot_pair, room);
-    double *covariance = rx_alloc(largest * largest, sizeof(double));
-    rx_status status = RX_OK;
-    if (dst->pairs == NULL || covariance == NULL)
-        status = rx_error_memory(err, room * sizeof *dst->pairs);
-    for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
+    if (dst->pairs == NULL)
+        return rx_error_memory(err, room * sizeof *dst->pairs);
+    for (int g = 0; g < w->blends.ngroups; g++) {
         const int *member = w->blends.member + w->blends.start[g];
+        const double *covariance = w->covariances + w->place[g];
         const size_t m = (size_t)(w->blends.start[g + 1] - w->blends.start[g]);
-        if (m < 2)
-            continue;
-        status = fit_group(w, g, covariance, err);
-        for (size_t i = 0; i < m && status == RX_OK; i++)
+        for (size_t i = 0; i < m; i++)
             for (size_t j = i + 1; j < m; j++)
                 dst->pairs[dst->npairs++] =
                     (rx_tphot_pair){member[i], member[j],
                                     covariance[i * m + j] * w->subjects[member[i]].shape_error *
                                         w->subjects[member[j]].shape_error};
     }
-    free(covariance);
-    return status;
+    return RX_OK;
 }
 
 static rx_status store(work *w, rx_tphot *dst, rx_error *err)

@@ -111,7 +111,7 @@ typedef struct rx_tphot {
     double star_odds;      /* what learn_odds has found, 1 without */
     int ngroups, largest;  /* groups, members of the largest */
     int npairs;
-    rx_tphot_pair *pairs; /* by i, then j; NULL unless asked for */
+    rx_tphot_pair *pairs; /* group after group, by i, then j; NULL unless asked for */
     double sky;           /* ADU, mean of what was taken off the level (sky_cell) */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */

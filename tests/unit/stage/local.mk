@@ -17,3 +17,8 @@ tests_unit_stage_test_selfcheck_SOURCES = tests/unit/stage/test_selfcheck.c test
 check_PROGRAMS += tests/unit/stage/test_domain
 tests_unit_stage_test_domain_SOURCES = tests/unit/stage/test_domain.c tests/unit/stage/scene.c tests/unit/stage/scene.h \
 	tests/unit/stage/bench.c tests/unit/stage/bench.h
+check_PROGRAMS += tests/unit/stage/test_template_fit tests/unit/stage/test_template_bytes
+desk = tests/unit/stage/desk.c tests/unit/stage/desk.h tests/unit/stage/scene.c tests/unit/stage/scene.h \
+	tests/unit/stage/bench.c tests/unit/stage/bench.h
+tests_unit_stage_test_template_fit_SOURCES = tests/unit/stage/test_template_fit.c $(desk)
+tests_unit_stage_test_template_bytes_SOURCES = tests/unit/stage/test_template_bytes.c $(desk)

@@ -19,9 +19,9 @@
 enum { SKY = 1000, NOISE = 5 };
 
 /* A star's pixels by 5 x 5 points each: the simulation needs no better than 1e-3. */
-static void add_star(scene *s, double x, double y, double flux)
+void scene_star(scene *s, double x, double y, double flux, double fwhm)
 {
-    const double fwhm = 3.5, beta = 4.765;
+    const double beta = 4.765;
     double alpha = fwhm / (2.0 * sqrt(pow(2.0, 1.0 / beta) - 1.0));
     double norm = flux * (beta - 1.0) / (M_PI * alpha * alpha);
     int reach = 25;
@@ -56,7 +56,7 @@ void scene_make(scene *dst, int width, int height, int nstars, uint64_t seed)
         star[0] = (width - 1) * rx_random_uniform(seed, 1, (uint64_t)k);
         star[1] = (height - 1) * rx_random_uniform(seed, 2, (uint64_t)k);
         star[2] = pow(10.0, 2.8 + 2.0 * rx_random_uniform(seed, 3, (uint64_t)k));
-        add_star(dst, star[0], star[1], star[2]);
+        scene_star(dst, star[0], star[1], star[2], 3.5);
     }
 }
 

@@ -16,6 +16,9 @@ typedef struct scene {
 void scene_make(scene *dst, int width, int height, int nstars, uint64_t seed);
 void scene_free(scene *scene);
 
+/* One more star, of a Moffat of this FWHM and beta 4.765, into the pixels; not into `stars`. */
+void scene_star(scene *scene, double x, double y, double flux, double fwhm);
+
 /* Write a plane as a float image with SATURATE, GAIN and a TAN WCS in its header. */
 void scene_write(const char *path, const float *pixels, int width, int height);
 
