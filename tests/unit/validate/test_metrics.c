@@ -109,6 +109,45 @@ static void shares_and_differences(void **state)
     rx_evaluation_free(&e);
 }
 
+/* Marked: one that is right, the false one, and one that does not count. */
+static void made_up_detections(void **state)
+{
+    static const struct {
+        unsigned char made_up[6];
+        long marked, matched;
+        double without; /* them: matched / detections */
+    } cases[] = {{{0, 0, 0, 0, 0, 0}, 0, 0, 2.0 / 3.0},
+                 {{1, 0, 0, 1, 1, 0}, 2, 1, 1.0},
+                 {{0, 0, 1, 1, 1, 1}, 1, 0, 1.0},
+                 {{1, 1, 0, 0, 0, 0}, 2, 2, 0.0},
+                 {{1, 1, 0, 1, 0, 0}, 3, 2, NAN}};
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_int_equal(e.made_up + e.made_up_matched, 0);
+    assert_near(rx_evaluation_precision_without(&e), 2.0 / 3.0, 1e-15);
+    rx_evaluation_free(&e);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        unsigned char made_up[6];
+        memcpy(made_up, cases[i].made_up, sizeof made_up);
+        run.list.made_up = made_up;
+        evaluate(&params, &input, &e);
+        assert_int_equal(e.detections, 3); /* marks take nobody out of the count */
+        assert_int_equal(e.matched, 2);
+        assert_int_equal(e.made_up, cases[i].marked);
+        assert_int_equal(e.made_up_matched, cases[i].matched);
+        if (isnan(cases[i].without))
+            assert_true(isnan(rx_evaluation_precision_without(&e)));
+        else
+            assert_near(rx_evaluation_precision_without(&e), cases[i].without, 1e-15);
+        rx_evaluation_free(&e);
+    }
+}
+
 /* Asked for one metric, the answer is that of all, and nothing else. */
 static void one_metric_alone(void **state)
 {
@@ -269,6 +308,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roles),
         cmocka_unit_test(shares_and_differences),
+        cmocka_unit_test(made_up_detections),
         cmocka_unit_test(one_metric_alone),
         cmocka_unit_test(negative_flux_counts),
         cmocka_unit_test(zero_point_is_told_not_hidden),

@@ -227,6 +227,57 @@ static void other_programs_read_it(void **state)
     count_files(folder, 1);
 }
 
+static int occurrences(const char *text, const char *what)
+{
+    int n = 0;
+    for (; (text = strstr(text, what)) != NULL; text += strlen(what))
+        n++;
+    return n;
+}
+
+/* 20 detections stand where nothing is, every second of them is marked, and so are 5 others. */
+static void made_up_sources_have_their_section(void **state)
+{
+    scene *s = *state;
+    char folder[256], command[2048];
+    static unsigned char made_up[N];
+    rx_qa_params par = params;
+    par.figures = 0;
+    for (int i = 0; i < 20; i++) {
+        s->rx[0][i] = s->ry[0][i] = 1 + 0.01 * i;
+        made_up[i] = i % 2 == 0;
+    }
+    memset(made_up + 20, 1, 5);
+    for (int tested = 0; tested < 2; tested++) {
+        make_folder(folder);
+        s->run[0].list.made_up = tested ? made_up : NULL;
+        s->run[0].tested = tested;
+        s->run[0].made_up_per_mpixel = 123.4;
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+        char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
+        char *table = slurp(folder, "matches_NONE.ecsv");
+        assert_int_equal(occurrences(page, "<h2 id=\"made-up\">Invented or real</h2>"), tested);
+        assert_int_equal(occurrences(page, "href=\"#made-up\""), tested);
+        assert_int_equal(occurrences(json, "\"made_up\""), tested); /* of the other run nothing is known */
+        assert_int_equal(occurrences(page, "<td>123.4</td><td>"), tested);
+        assert_int_equal(occurrences(page, "<td>15</td>"), tested);
+        assert_int_equal(occurrences(table, "made_up"), 2); /* declaration and heading */
+        free(page);
+        free(json);
+        free(table);
+        snprintf(
+            command, sizeof command,
+            "python3 -c \"import json; r = json.load(open('%s/summary.json'))['runs'][0]; m = r['made_up'];"
+            "assert m['marked'] == 15 and m['matched'] == 5 and m['per_mpixel'] == 123.4;"
+            "p = (r['matched'] - 5) / (r['detections'] - 15); assert abs(m['precision_without'] - p) < 1e-9;"
+            "assert p > r['all']['precision']['value'] + 0.01\"",
+            folder);
+        if (tested && have("python3 -c 'import json' 2>/dev/null"))
+            assert_int_equal(system(command), 0);
+        count_files(folder, 1);
+    }
+}
+
 static void without_gnuplot(void **state)
 {
     static const char *const programs[] = {"no-such-gnuplot", "/no/such/gnuplot", "false"};
@@ -347,9 +398,16 @@ int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, make_scene, free_scene)
     const struct CMUnitTest tests[] = {
-        TEST(writes_all_files),   TEST(same_input_same_bytes),    TEST(other_programs_read_it),
-        TEST(without_gnuplot),    TEST(gates_reach_the_verdict),  TEST(names_that_collide),
-        TEST(nothing_to_compare), TEST(folder_that_is_not_there), TEST(interruption_leaves_nothing),
+        TEST(writes_all_files),
+        TEST(same_input_same_bytes),
+        TEST(other_programs_read_it),
+        TEST(without_gnuplot),
+        TEST(gates_reach_the_verdict),
+        TEST(names_that_collide),
+        TEST(made_up_sources_have_their_section),
+        TEST(nothing_to_compare),
+        TEST(folder_that_is_not_there),
+        TEST(interruption_leaves_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
