@@ -18,6 +18,7 @@
 #include "catalog/catalog.h"
 #include "config/config.h"
 #include "io/fits_read.h"
+#include "io/fits_write.h"
 #include "scene.h"
 #include "stage/stage.h"
 
@@ -74,7 +75,12 @@ typedef struct setting {
 static const char columns_text[] =
     "NUMBER\nX_IMAGE\nY_IMAGE\nXWIN_IMAGE\nYWIN_IMAGE\nMAG_AUTO\nFLUX_AUTO\nFLUXERR_AUTO\n"
     "FLUX_APER(2)\nFLUXERR_APER(2)\nFLUX_RADIUS\nALPHA_J2000\nDELTA_J2000\nFLAGS\n"
-    "MASKED_FRACTION\nSNR_WIN\nVIGNET(9,9)\n";
+    "MASKED_FRACTION\nSNR_WIN\nVIGNET(9,9)\n"
+    "FLUX_TEMPLATE\nFLUXERR_TEMPLATE\nMAG_TEMPLATE\nMAGERR_TEMPLATE\nSNR_TEMPLATE\nCHI2_TEMPLATE\nBLEND_"
+    "TEMPLATE\n"
+    "XTEMPLATE_IMAGE\nYTEMPLATE_IMAGE\nALPHATEMPLATE_J2000\nDELTATEMPLATE_J2000\nCLASS_TEMPLATE\nRADIUS_"
+    "TEMPLATE\n"
+    "ELLIPTICITY_TEMPLATE\nTHETA_TEMPLATE\nGROUP_TEMPLATE\nFLAGS_TEMPLATE\nFLAGS_RESTORE\n";
 
 static void write_text(const char *path, const char *text)
 {
@@ -140,15 +146,19 @@ static void assert_same_file(const char *a, const char *b)
     free(second);
 }
 
-static const char *const products[] = {"out_NONE.cat",     "out_RL.cat",        "restored_NONE.fits",
-                                       "restored_RL.fits", "segment_NONE.fits", "segment_RL.fits",
-                                       "support_RL.fits",  "residual_RL.fits",  "qa/bins.ecsv",
-                                       "qa/summary.json",  "qa/report.html"};
+static const char *const products[] = {
+    "out_NONE.cat",    "out_RL.cat",      "restored_NONE.fits", "restored_RL.fits", "segment_NONE.fits",
+    "segment_RL.fits", "support_RL.fits", "residual_RL.fits",   "qa/bins.ecsv",     "qa/summary.json",
+    "qa/report.html",  "left_NONE.fits",  "left_RL.fits",       "model_RL.fits",    "chi_RL.fits",
+    "covar_NONE.cat",  "covar_RL.cat"};
 
 static const setting everything[] = {
     {"RESTORE_TYPE", "NONE,RL"},
-    {"CHECKIMAGE_TYPE", "RESTORED,SEGMENTATION,SUPPORT,RESIDUAL"},
-    {"CHECKIMAGE_NAME", "restored.fits,segment.fits,support.fits,residual.fits"},
+    {"CHECKIMAGE_TYPE",
+     "RESTORED,SEGMENTATION,SUPPORT,RESIDUAL,TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI"},
+    {"CHECKIMAGE_NAME",
+     "restored.fits,segment.fits,support.fits,residual.fits,left.fits,model.fits,chi.fits"},
+    {"TEMPLATE_COVAR_NAME", "covar.cat"},
     {"WEIGHT_TYPE", "MAP_WEIGHT"},
     {"WEIGHT_IMAGE", "weight.fits"},
     {"MASK_SATURATED", "Y"},
@@ -264,6 +274,26 @@ static void an_empty_tile_gives_a_catalogue_without_rows(void **state)
     }
 }
 
+static double value(const rx_table *table, const char *name, long row)
+{
+    return rx_column_value(&table->columns[rx_table_find(table, name)], row, 0);
+}
+
+/* Positions and shapes of `a`, `scale` times its fluxes: of its very pixels, but photons weigh otherwise. */
+static void assert_forced(const rx_table *a, const rx_table *b, double scale)
+{
+    static const char *const kept[] = {"XTEMPLATE_IMAGE",     "YTEMPLATE_IMAGE", "ALPHATEMPLATE_J2000",
+                                       "DELTATEMPLATE_J2000", "RADIUS_TEMPLATE", "CLASS_TEMPLATE"};
+    for (long i = 0; i < a->nrows; i++) {
+        const double one = value(a, "FLUX_TEMPLATE", i), two = value(b, "FLUX_TEMPLATE", i);
+        const double error = value(a, "FLUXERR_TEMPLATE", i);
+        if (!(fabs(two / scale - one) < 0.5 * error))
+            fail_msg("row %ld: %g of %g +- %g", i, two, one, error);
+        for (size_t k = 0; k < sizeof kept / sizeof kept[0]; k++)
+            assert_true(value(a, kept[k], i) == value(b, kept[k], i));
+    }
+}
+
 static void the_second_image_is_measured(void **state)
 {
     (void)state;
@@ -286,10 +316,139 @@ static void the_second_image_is_measured(void **state)
     int flux = rx_table_find(a, "FLUX_APER");
     for (long i = 0; i < a->nrows; i++) {
         double one = rx_column_value(&a->columns[flux], i, 0), two = rx_column_value(&b->columns[flux], i, 0);
-        assert_true(fabs(two / one - 2.0) < 1e-3 + 1.0 / fabs(one));
+        assert_true(fabs(two - 2.0 * one) < 1e-3 * fabs(one) + 1.0);
     }
+    assert_forced(a, b, 2.0);
     rx_table_free(a);
     rx_table_free(b);
+}
+
+static float *plane(const char *path, int width, int height)
+{
+    float *pixels = NULL;
+    int w = 0, h = 0;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_fits_read_image(path, &pixels, &w, &h, &err) != RX_OK)
+        fail_msg("%s: %s", path, err.text);
+    assert_true(w == width && h == height);
+    return pixels;
+}
+
+static double header_number(const char *path, const char *key)
+{
+    char *cards = NULL;
+    long n = 0;
+    double value = NAN;
+    assert_int_equal(rx_fits_read_header(path, 0, &cards, &n, NULL), RX_OK);
+    if (!rx_cards_number(cards, n, key, &value))
+        fail_msg("%s has no %s", path, key);
+    free(cards);
+    return value;
+}
+
+/* model + residual = input - level - the sky between the templates; chi counts noise and photons. */
+static void check_template_images(const scene *s, int with_sky)
+{
+    const char *names[] = {"left.fits", "model.fits", "chi.fits", "level.fits", "rms.fits"};
+    float *p[5];
+    double sum = 0;
+    long used = 0;
+    for (int i = 0; i < 5; i++)
+        p[i] = plane(names[i], s->width, s->height);
+    for (size_t i = 0; i < (size_t)s->width * (size_t)s->height; i++) {
+        assert_true(isfinite(p[1][i]));
+        if (s->weights[i] == 0) {
+            assert_true(isnan(p[0][i]) && isnan(p[2][i]));
+            continue;
+        }
+        const double left = p[0][i], model = p[1][i], rms = p[4][i];
+        const double sky = (double)s->pixels[i] - (double)p[3][i] - model - left;
+        if (fabs(sky) > (with_sky ? 1.5 : 1e-6 * fabs((double)s->pixels[i]) + 1e-3))
+            fail_msg("pixel %zu: %g more than level, model and residual", i, sky);
+        assert_float_equal(p[2][i], left / sqrt(rms * rms + fmax(model, 0) / 2.0), 1e-3);
+        sum += sky;
+        used++;
+    }
+    assert_int_equal(used, s->width * s->height - 20 * 10);
+    const double told = header_number("left.fits", "RXTPSKY");
+    if (with_sky)
+        assert_true(fabs(told) > 1e-4 && fabs(sum / (double)used - told) < 0.1 * fabs(told) + 0.01);
+    else
+        assert_true(told == 0);
+    for (int i = 0; i < 5; i++)
+        free(p[i]);
+}
+
+static void template_images_add_up(void **state)
+{
+    (void)state;
+    scene s;
+    scene_make(&s, 200, 220, 40, 12);
+    for (int y = 21; y < 31; y++)
+        for (int x = 130; x < 150; x++)
+            s.weights[y * s.width + x] = 0;
+    scene_write("tile.fits", s.pixels, s.width, s.height);
+    scene_write("weight.fits", s.weights, s.width, s.height);
+    for (int with_sky = 0; with_sky < 2; with_sky++) {
+        const setting settings[] = {
+            {"RESTORE_TYPE", with_sky ? "RL" : "NONE"},
+            {"TEMPLATE_BACKSIZE", with_sky ? "64" : "0"},
+            {"WEIGHT_TYPE", "MAP_WEIGHT"},
+            {"WEIGHT_IMAGE", "weight.fits"},
+            {"CHECKIMAGE_TYPE", "TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI,BACKGROUND,BACKGROUND_RMS"},
+            {"CHECKIMAGE_NAME", "left.fits,model.fits,chi.fits,level.fits,rms.fits"},
+            {NULL, NULL}};
+        expect_run("tile.fits", settings);
+        check_template_images(&s, with_sky);
+    }
+    scene_free(&s);
+}
+
+/* Two images in one file: each has its own templates, groups and covariances. */
+static void every_image_of_a_file_is_fitted(void **state)
+{
+    (void)state;
+    scene s[2];
+    rx_fits_writer *writer = NULL;
+    const setting settings[] = {{"RESTORE_TYPE", "NONE"}, {"CATALOG_TYPE", "FITS_LDAC"},        {"GAIN", "2"},
+                                {"GAIN_KEY", "NOGAIN"},   {"TEMPLATE_COVAR_NAME", "covar.cat"}, {NULL, NULL}};
+    assert_int_equal(rx_fits_create("both.fits", "both.fits", &writer, NULL), RX_OK);
+    for (int k = 0; k < 2; k++) {
+        scene_make(&s[k], 150, 140, 30, 13 + (uint64_t)k);
+        assert_int_equal(
+            rx_fits_image(writer, s[k].pixels, 150, 140, k == 0 ? "" : "TWO", NULL, 0, NULL, 0, NULL), RX_OK);
+    }
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    expect_run("both.fits", settings);
+    rx_table *together[2], *covariances[2];
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(rx_catalog_read("out.cat", k, &together[k], NULL), RX_OK);
+        assert_int_equal(rx_catalog_read("covar.cat", k, &covariances[k], NULL), RX_OK);
+        assert_true(covariances[k]->nrows > 0);
+        for (long i = 0; i < covariances[k]->nrows; i++)
+            assert_int_equal(rx_column_value(&covariances[k]->columns[0], i, 0), k + 1);
+    }
+    for (int k = 0; k < 2; k++) {
+        rx_table *alone = NULL, *pairs = NULL;
+        char name[32];
+        snprintf(name, sizeof name, "both.fits[%d]", k);
+        expect_run(name, settings);
+        assert_int_equal(rx_catalog_read("out.cat", 0, &alone, NULL), RX_OK);
+        assert_int_equal(rx_catalog_read("covar.cat", 0, &pairs, NULL), RX_OK);
+        assert_int_equal(alone->nrows, together[k]->nrows);
+        assert_int_equal(pairs->nrows, covariances[k]->nrows);
+        assert_true(alone->nrows > 10);
+        for (long i = 0; i < alone->nrows; i++) {
+            const double flux = value(alone, "FLUX_TEMPLATE", i);
+            assert_true(isfinite(flux) && flux == value(together[k], "FLUX_TEMPLATE", i));
+            assert_true(value(alone, "GROUP_TEMPLATE", i) == value(together[k], "GROUP_TEMPLATE", i));
+        }
+        rx_table_free(alone);
+        rx_table_free(pairs);
+        rx_table_free(together[k]);
+        rx_table_free(covariances[k]);
+        scene_free(&s[k]);
+    }
 }
 
 static void gates_decide_the_status(void **state)
@@ -348,6 +507,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(threads_change_no_byte, enter, leave),
         cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter, leave),
         cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter, leave),
+        cmocka_unit_test_setup_teardown(template_images_add_up, enter, leave),
+        cmocka_unit_test_setup_teardown(every_image_of_a_file_is_fitted, enter, leave),
         cmocka_unit_test_setup_teardown(gates_decide_the_status, enter, leave),
         cmocka_unit_test_setup_teardown(a_failed_run_leaves_the_old_outputs, enter, leave),
     };
