@@ -163,7 +163,10 @@ rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_
     for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
         if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
             status = check_output(&list, config, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
+    if (status == RX_OK && config->template_covar_name[0] != '\0')
+        status = check_output(&list, config, "TEMPLATE_COVAR_NAME", config->template_covar_name, err);
     const int first_output = list.n;
+    add(&list, config->template_covar_name);
     if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
         add(&list, config->catalog_name);
     for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n; i++)

@@ -318,9 +318,9 @@ void rx_run_forget(rx_run *run)
 /* The covariances' table has the format of the catalogue, where that makes sense. */
 static rx_catalog_type covariance_type(rx_catalog_type type)
 {
-    return type == RX_CATALOG_NONE        ? RX_CATALOG_ASCII_HEAD
-           : type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0
-                                          : type;
+    if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT)
+        return RX_CATALOG_ASCII_HEAD;
+    return type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0 : type;
 }
 
 rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,

@@ -8,4 +8,4 @@ script_tests += tests/cli/run.sh tests/train.sh tests/ablation.sh
 dist_noinst_DATA += tests/cli/cases/config.sh tests/cli/cases/input.sh tests/cli/cases/output.sh \
 	tests/cli/cases/selfcheck.sh tests/cli/cases/simulate.sh tests/cli/cases/system.sh tests/cli/cases/train.sh tests/cli/cases/usage.sh \
 	tests/cli/cases/validate.sh
-dist_noinst_DATA += tests/cli/cases/network.sh
+dist_noinst_DATA += tests/cli/cases/network.sh tests/cli/cases/template.sh

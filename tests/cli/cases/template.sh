@@ -1,0 +1,149 @@
+# Template photometry: keywords, columns, check-images and the table of covariances.
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
+
+moffat='-RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3'
+columns='NUMBER\nX_IMAGE\nFLUX_TEMPLATE\nFLUXERR_TEMPLATE\nMAG_TEMPLATE\nSNR_TEMPLATE\nGROUP_TEMPLATE\nFLAGS_RESTORE\n'
+
+# --- refused
+
+while read -r keyword value pattern; do
+    begin "$keyword $value"
+    make_fits tile tile.fits
+    expect 2 "^rextract: -$keyword: $pattern" tile.fits $moffat "-$keyword" "$value"
+done <<'END'
+TEMPLATE_TYPE PIXELS unknown word 'PIXELS'; give one of AUTO, PROFILE, POINT$
+TEMPLATE_TYPE POINTS unknown word 'POINTS' \(did you mean POINT\?\)
+TEMPLATE_PASSES 0 0 is out of range, give 1 to 2$
+TEMPLATE_PASSES 3 3 is out of range, give 1 to 2$
+TEMPLATE_PASSES one 'one' is not a number$
+TEMPLATE_THRESH 1.9 1\.9 is out of range, give 2 to
+TEMPLATE_THRESH nan 'nan' is not a number$
+TEMPLATE_NONNEG maybe 'maybe' is not Y or N$
+TEMPLATE_GROUPMAX 0 0 is out of range, give 1 to 1000$
+TEMPLATE_BACKSIZE -1 -1 is out of range, give 0 to
+TEMPLATE_PSFERR 1.5 1\.5 is out of range, give 0 to 1$
+TEMPLATE_PSFERR -0.1 -0\.1 is out of range, give 0 to 1$
+INVENTED_TYPE DROPP unknown word 'DROPP' \(did you mean DROP\?\)
+INVENTED_SNR -1 -1 is out of range, give 0 to
+INVENTED_SNR inf 'inf' is not a number$
+QA_MAG MAG_TEMPLAT unknown word 'MAG_TEMPLAT' \(did you mean MAG_TEMPLATE\?\)
+CHECKIMAGE_TYPE TEMPLATE_RESIDUALS unknown word 'TEMPLATE_RESIDUALS' \(did you mean TEMPLATE_RESIDUAL\?\)
+END
+
+begin 'a bad value of a template keyword in a file'
+make_fits tile tile.fits
+printf 'DETECT_MINAREA 5\nTEMPLATE_PASSES 3\n' >my.sex
+expect 2 '^rextract: my\.sex:2: TEMPLATE_PASSES: 3 is out of range' tile.fits -c my.sex
+
+begin 'a template column that is misspelt'
+make_fits tile tile.fits
+printf 'NUMBER\nFLUX_TEMPLAT\n' >my.param
+expect 2 '^rextract: my\.param:2: .*FLUX_TEMPLAT.*FLUX_TEMPLATE' tile.fits $moffat -PARAMETERS_NAME my.param
+
+begin 'covariances in a folder that is not there'
+make_fits tile tile.fits
+expect 4 '^rextract: absent/c\.cat: ' tile.fits $moffat -TEMPLATE_COVAR_NAME absent/c.cat
+
+begin 'covariances where nobody can write'
+make_fits tile tile.fits
+expect 4 '^rextract: /proc/c\.cat: ' tile.fits $moffat -TEMPLATE_COVAR_NAME /proc/c.cat
+
+begin 'covariances that are a folder'
+make_fits tile tile.fits && mkdir c.cat
+expect 2 '^rextract: c\.cat: is a folder' tile.fits $moffat -TEMPLATE_COVAR_NAME c.cat
+
+begin 'covariances under the name of the catalogue'
+make_fits tile tile.fits
+expect 2 '^rextract: test\.cat: is asked for twice' tile.fits $moffat -TEMPLATE_COVAR_NAME test.cat
+
+begin 'covariances that would replace the image'
+make_fits tile tile.fits
+expect 2 'TEMPLATE_COVAR_NAME \./tile\.fits is also read, as tile\.fits' tile.fits $moffat -TEMPLATE_COVAR_NAME ./tile.fits
+
+begin 'covariances that would replace the image under the name they get'
+make_fits tile c_RL.fits
+expect 2 'TEMPLATE_COVAR_NAME c_RL\.fits is also read' c_RL.fits -RESTORE_TYPE NONE,RL -PSF_TYPE MOFFAT -PSF_FWHM 3 -TEMPLATE_COVAR_NAME c.fits
+
+begin 'covariances in a folder that a report replaces'
+make_fits tile tile.fits && make_fits table ref.fits && mkdir qa && touch qa/.rextract
+expect 2 'qa/c\.cat lies in the folder qa, .*QA_NAME' tile.fits $moffat -REFERENCE_NAME ref.fits -QA_NAME qa -TEMPLATE_COVAR_NAME qa/c.cat
+
+# --- columns
+
+begin 'template columns'
+make_fits tile tile.fits && printf "$columns" >my.param
+prints '^ +16 .* +0$'
+expect 0 '' tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_NAME STDOUT -CATALOG_TYPE ASCII
+
+begin 'template columns without a PSF, without sources'
+make_fits flat tile.fits && printf "$columns" >my.param
+leaves test.cat
+expect 0 '' tile.fits -PSF_TYPE AUTO -PARAMETERS_NAME my.param
+
+# Too few stars for AUTO: sources are there, their template columns are empty, and it is told.
+begin 'template columns without a PSF'
+make_fits tile tile.fits && printf "$columns" >my.param
+if [ "$active" = 1 ]; then
+    list_files >../before
+    "$program" tile.fits -RESTORE_TYPE NONE -PSF_TYPE AUTO -PSF_MINSNR 1e6 -PARAMETERS_NAME my.param \
+        -CATALOG_TYPE ASCII -CATALOG_NAME test.cat -TEMPLATE_COVAR_NAME c.cat -INVENTED_TYPE DROP \
+        -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL -CHECKIMAGE_NAME r.fits >../out 2>../told
+    echo $? >../code
+    {
+        grep -q 'warning: tile.fits.0.: the PSF is not known, so no templates are fitted' ../told || echo 'no warning'
+        [ "$(awk '$3 == "nan" && $4 == "nan" && $6 == "nan" && $7 == 0 && $8 == 4' test.cat | wc -l)" = 16 ] || cat test.cat
+        [ "$(wc -l <c.cat)" = 0 ] || echo 'covariances of nothing'
+    } >../err
+    leaves test.cat c.cat r.fits
+    judge 0 ''
+fi
+
+begin 'made-up sources dropped'
+make_fits tile tile.fits && printf "$columns" >my.param
+if [ "$active" = 1 ]; then
+    list_files >../before
+    "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
+        -TEMPLATE_TYPE POINT -INVENTED_SNR 400 -INVENTED_TYPE FLAG -VERBOSE_TYPE QUIET >../out 2>../err &&
+        awk '$8 != 1' test.cat | cut -c 11- >../kept &&
+        "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
+            -TEMPLATE_TYPE POINT -INVENTED_SNR 400 -INVENTED_TYPE DROP -VERBOSE_TYPE QUIET >>../out 2>>../err
+    echo $? >../code
+    cut -c 11- test.cat | diff ../kept - >>../err
+    [ "$(wc -l <../kept)" -gt 4 ] && [ "$(wc -l <../kept)" -lt 16 ] || wc -l ../kept >>../err
+    leaves test.cat
+    judge 0 ''
+fi
+
+begin 'the magnitude of templates in the report'
+make_fits tile tile.fits && make_fits table ref.fits
+leaves test.cat report
+expect 0 '' tile.fits $moffat -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -QA_MAG MAG_TEMPLATE
+
+begin 'template check-images of two restorers'
+make_fits tile tile.fits
+leaves test_NONE.cat test_RL.cat r_NONE.fits r_RL.fits m_NONE.fits m_RL.fits x_NONE.fits x_RL.fits
+expect 0 '' tile.fits -RESTORE_TYPE NONE,RL -PSF_TYPE MOFFAT -PSF_FWHM 3 \
+    -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,m.fits,x.fits
+
+# --- covariances, in the format of the catalogue where that can hold them
+
+for type in NONE ASCII ASCII_HEAD ASCII_SKYCAT ASCII_VOTABLE FITS_1.0 FITS_LDAC; do
+    begin "covariances beside a catalogue of CATALOG_TYPE $type"
+    make_fits extensions tile.fits
+    if [ "$active" = 1 ]; then
+        list_files >../before
+        timeout 60 "$program" tile.fits $moffat -CATALOG_TYPE $type -CATALOG_NAME test.cat -TEMPLATE_COVAR_NAME c.cat \
+            -VERBOSE_TYPE QUIET >../out 2>../err
+        echo $? >../code
+        case $type in
+        NONE | ASCII_HEAD | ASCII_SKYCAT) wanted_text='^#   4 COVAR_TEMPLATE' ;;
+        ASCII) wanted_text='' ;;
+        ASCII_VOTABLE) wanted_text='<FIELD.* name="COVAR_TEMPLATE"' ;;
+        *) wanted_text="^TTYPE4  = 'COVAR_TEMPLATE'" ;;
+        esac
+        case $type in FITS*) fold -w 80 c.cat ;; *) cat c.cat ;; esac | grep -aq -- "$wanted_text" || echo 'no COVAR_TEMPLATE' >>../err
+        leaves c.cat
+        [ $type = NONE ] || leaves test.cat c.cat
+        judge 0 ''
+    fi
+done
