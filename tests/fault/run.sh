@@ -31,6 +31,7 @@ printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
 printf 'NUMBER\nX_IMAGE\nMAG_AUTO\nVECTOR_ASSOC(2)\nVIGNET(5,5)\nALPHA_J2000\n' >my.param
+printf 'NUMBER\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\nALPHATEMPLATE_J2000\nFLAGS_RESTORE\n' >template.param
 printf '13.1 12.2 3.0\n37.0 12.0 4.0\n' >my.list
 
 # refuse NAME ARGUMENT... and refuse_simulate NAME ARGUMENT...: rextract and rextract-simulate
@@ -68,6 +69,11 @@ refuse 'a network, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0 -CHECKIMAGE_TYPE RESIDUAL -CHECKIMAGE_NAME x.fits
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
     -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
+refuse 'templates, their images and covariances' ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
+    -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.fits -INVENTED_TYPE DROP \
+    -INVENTED_SNR 300 -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,x.fits
+refuse 'templates of two images' ../tile.fits,../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
+    -CATALOG_TYPE ASCII -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.txt
 
 refuse_simulate 'a simulated field' -IMAGE_SIZE 64,48 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -PSF_FWHM 3 \
     -TRUTH_TYPE ASCII_HEAD
