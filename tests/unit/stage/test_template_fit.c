@@ -267,8 +267,8 @@ static void forced_photometry(void **state)
 {
     (void)state;
     static const char *const kinds[] = {"NONE", "RL"};
-    static const setting settings[] = {{"TEMPLATE_PSFERR", "0"},
-                                       {NULL, NULL}}; /* errors are those of the sky */
+    /* errors are those of the sky; no star of a pair is taken for a disk */
+    static const setting settings[] = {{"TEMPLATE_PSFERR", "0"}, {"TEMPLATE_TYPE", "POINT"}, {NULL, NULL}};
     scene first, second;
     few_stars(&first, 1, FWHM, 15);
     few_stars(&second, 0.4, 4.5, 16);
