@@ -18,6 +18,7 @@ static const double WORTH = 1.0, WORTH_ODDS = 0.25;
 static const double SURE = 0.02;    /* a probability below that is none */
 static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
 static const double MUCH = 100.0;   /* chi2 */
+static const double WIDEST_GUESS = 2.0;
 enum { ITERATIONS = 12 };
 
 /* One source in its surroundings. */
@@ -86,6 +87,15 @@ static int fit_point(const job *j, rx_fit *fit)
     return 1;
 }
 
+/* A profile much wider than what the restored image shows is not of the source: faint ones would take the
+ * halo of a bright star, or what the sky level lacks, for their outskirts, at twenty times their flux. */
+static double widest(const job *j)
+{
+    const rx_subject *s = j->before;
+    const double seen = 0.5 * sqrt((s->xmax - s->xmin + 1.0) * (s->ymax - s->ymin + 1.0));
+    return fmax(WIDEST_GUESS * s->guess, seen + 0.5 * j->view->fwhm);
+}
+
 /* flux: of the point. */
 static void fit_profile(const job *j, double flux, rx_fit *fit)
 {
@@ -100,7 +110,7 @@ static void fit_profile(const job *j, double flux, rx_fit *fit)
     fit->prior[RX_FIT_RADIUS] = rx_usual_centre(usual, &usual->radius, flux);
     fit->width[RX_FIT_RADIUS] = usual->radius.width;
     fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
-    fit->high[RX_FIT_RADIUS] = log(0.25 * j->size->n);
+    fit->high[RX_FIT_RADIUS] = log(fmin(widest(j), 0.25 * j->size->n));
     fit->width[RX_FIT_G1] = fit->width[RX_FIT_G2] = G_WIDTH;
     fit->high[RX_FIT_G1] = G_MOST;
     fit->low[RX_FIT_G1] = fit->low[RX_FIT_G2] = -G_MOST;
