@@ -78,7 +78,7 @@ static double difference(const rx_refine_view *view, const rx_subject *s, int cx
             const double v = restored->pixels[k] - own / share;
             const double noise =
                 fmax(least_noise, restored->sigma != NULL ? restored->sigma[k] : sqrt(canvas->variance[k]));
-            if (view->segments[k] != s->segment && !(v > CLEAR * noise))
+            if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
                 continue;
             const double sure = v * v / (v * v + noise * noise);
             if (!isfinite(sure))
