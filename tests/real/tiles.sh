@@ -49,6 +49,12 @@ tile() {
 tile galaxies "$data/sextractor/galaxies.fits[1:400,1:400]" -WEIGHT_TYPE MAP_WEIGHT \
     -WEIGHT_IMAGE "$data/sextractor/galaxies.weight.fits[1:400,1:400]"
 tile psfex "$data/sextractor/galaxies.fits[300:700,1:400]" -PSF_TYPE PSFEX -PSF_NAME "$data/sextractor/default.psf"
+# the template fit, which the check-images ask for
+templates="RESTORED,TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI"
+tile templates "$data/sextractor/galaxies.fits[300:700,300:700]" -PSF_TYPE PSFEX -PSF_NAME "$data/sextractor/default.psf" \
+    -CHECKIMAGE_TYPE "$templates"
+tile templates-crowded-nan "$data/fields/spitzer_example_image.fits[1:150,1:150]" -CHECKIMAGE_TYPE "$templates"
+tile templates-no-stars "$data/fields/M13_blue_0001.fits[1:400,1:400]" -CHECKIMAGE_TYPE "$templates"
 tile crowded-nan "$data/fields/spitzer_example_image.fits[1:400,1:400]"
 tile no-stars "$data/fields/M13_blue_0001.fits[1:400,1:400]"
 tile unsigned-vignetted "$data/fields/aligned_eso085-030-004.fit[1:500,1:400]" -SATUR_LEVEL 60000
