@@ -71,18 +71,18 @@ expect 2 'qa/c\.cat lies in the folder qa, .*QA_NAME' tile.fits $moffat -REFEREN
 # --- columns
 
 begin 'template columns'
-make_fits tile tile.fits && printf "$columns" >my.param
+make_fits tile tile.fits && printf "%b" "$columns" >my.param
 prints '^ +16 .* +0$'
 expect 0 '' tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_NAME STDOUT -CATALOG_TYPE ASCII
 
 begin 'template columns without a PSF, without sources'
-make_fits flat tile.fits && printf "$columns" >my.param
+make_fits flat tile.fits && printf "%b" "$columns" >my.param
 leaves test.cat
 expect 0 '' tile.fits -PSF_TYPE AUTO -PARAMETERS_NAME my.param
 
 # Too few stars for AUTO: sources are there, their template columns are empty, and it is told.
 begin 'template columns without a PSF'
-make_fits tile tile.fits && printf "$columns" >my.param
+make_fits tile tile.fits && printf "%b" "$columns" >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits -RESTORE_TYPE NONE -PSF_TYPE AUTO -PSF_MINSNR 1e6 -PARAMETERS_NAME my.param \
@@ -99,7 +99,7 @@ if [ "$active" = 1 ]; then
 fi
 
 begin 'made-up sources dropped'
-make_fits tile tile.fits && printf "$columns" >my.param
+make_fits tile tile.fits && printf "%b" "$columns" >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
