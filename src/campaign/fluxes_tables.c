@@ -232,7 +232,7 @@ void rx_fluxes_invented_ecsv(rx_text *dst, const void *pointer)
     rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
     rx_ecsv_column(&t, "added", RX_ECSV_LONG, "", "true ones that only the residual showed");
     for (int k = 0; k < 2; k++) {
-        const char *what[] = {"true", "false", "false_per_mpixel", "precision", "pieces"};
+        const char *what[] = {"right", "wrong", "false_per_mpixel", "precision", "pieces"};
         for (int i = 0; i < 2; i++) {
             snprintf(name, sizeof name, "%s%s", what[i], ways[k]);
             rx_ecsv_column(&t, name, RX_ECSV_LONG, "", i ? "invented detections" : "detections of objects");
