@@ -337,7 +337,7 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
     double data[CURVES][4][RX_SNR_SINGLE];
     rx_curve curves[CURVES];
     char names[CURVES][64], id[RX_FIGURE_ID], title[160], condition[96];
-    int n = 0;
+    int n = 0, points = 0;
     for (int k = -1; k < r->nruns; k++, n++) {
         p.run = k < 0 ? 0 : k;
         p.flux = k < 0 ? RX_FLUX_AUTO : RX_FLUX_TEMPLATE;
@@ -346,6 +346,7 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
             const rx_estimate *e = &rx_fluxes_cell_of(m, &p)->bias;
             data[n][0][p.bin] = middle[p.bin] * (1 + 0.03 * n);
             data[n][1][p.bin] = e->n >= 5 ? e->value : NAN;
+            points += e->n >= 5;
             data[n][2][p.bin] = e->low;
             data[n][3][p.bin] = e->high;
         }
@@ -359,6 +360,8 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
         curves[n].low = data[n][2];
         curves[n].high = data[n][3];
     }
+    if (points == 0)
+        return;
     const rx_axes axes = {"S/N", "median error (mag)", 5, 4000, -0.1, 0.1, true, false};
     rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
     snprintf(title, sizeof title, "%s, %s, %s", p.galaxy ? "Galaxies" : "Stars", rx_crowd_name(p.crowd),
