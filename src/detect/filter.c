@@ -46,6 +46,16 @@ static void add_shifted(float *line, const float *src, int width, int dx, float 
         line[x] += k * src[x + dx];
 }
 
+double rx_filter_norm(const float *values, int n)
+{
+    double sum = 0, power = 0;
+    for (int i = 0; i < n; i++) {
+        sum += fabs((double)values[i]);
+        power += (double)values[i] * (double)values[i];
+    }
+    return power > 0 ? sqrt(power) / sum : 1;
+}
+
 void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst)
 {
     size_t row = (size_t)width;

@@ -17,6 +17,10 @@ typedef struct rx_filter {
 rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err);
 void rx_filter_free(rx_filter *kernel);
 
+/* What a filter of n values leaves of the noise of independent pixels, sqrt(sum k^2) / sum |k|; 1 without
+ * one. */
+double rx_filter_norm(const float *values, int n);
+
 /* dst = src filtered, [height][width]: correlation with the kernel, zero outside the image,
  * term by term in sep's order so that both meet the threshold alike. */
 void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst);

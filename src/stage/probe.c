@@ -38,13 +38,9 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
                      err);
 }
 
-/* What the filter leaves of the noise of independent pixels; 1 without a filter. */
 static double filter_norm(const rx_filter *filter)
 {
-    double power = 0.0;
-    for (int i = 0; i < filter->width * filter->height; i++)
-        power += (double)filter->values[i] * (double)filter->values[i];
-    return power > 0.0 ? sqrt(power) : 1.0;
+    return rx_filter_norm(filter->values, filter->width * filter->height);
 }
 
 /* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "detect/filter.h"
 #include "num/largest.h"
 
 /* Of the light that the models have around a pixel, so much counts as noise: profiles and PSFs miss by a few
@@ -41,17 +42,6 @@ static float *matched_filter(const rx_psf *psf, int width, int height, int *side
     for (size_t i = 0; i < n; i++)
         stamp[i] -= (float)mean;
     return stamp;
-}
-
-/* What the filter leaves of the noise of independent pixels. */
-static double filter_norm(const float *filter, int n)
-{
-    double sum = 0, power = 0;
-    for (int i = 0; i < n; i++) {
-        sum += fabs((double)filter[i]);
-        power += (double)filter[i] * (double)filter[i];
-    }
-    return sqrt(power) / sum;
 }
 
 /* Light of the models, and the largest of it around a pixel. */
@@ -144,7 +134,7 @@ rx_status rx_template_extra_find(void *user, const float *residual, const float 
         mask[i] = !(error[i] > 0.0f);
         sigma[i] = hypotf(error[i], (float)MODEL_ERROR * near[i]);
     }
-    par.threshold = par.analysis_threshold = extra->threshold * filter_norm(filter, side * side);
+    par.threshold = par.analysis_threshold = extra->threshold * rx_filter_norm(filter, side * side);
     par.absolute = par.analysis_absolute = 0;
     par.min_area = 1;
     par.max_area = 0;
