@@ -3,7 +3,8 @@
  *
  * Levenberg-Marquardt with priors, so that faint sources end near what is usual instead of anywhere:
  *   minimise sum_p w (c - F T(x, y, ln radius, g1, g2, nu))^2 + sum_j ((parameter_j - usual_j) / width_j)^2
- * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one; g1, g2 0 +- 0.25;
+ * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one, of a
+ * profile a quarter of its guessed half-light radius more; g1, g2 0 +- 0.25;
  * radius and nu as is usual on the tile (usual.h), to begin with 0.6 FWHM within a factor e and 1 + nu 1.5
  * within a factor exp(0.5). They are weak: a source of S/N 30 hardly feels them.
  *

@@ -333,7 +333,7 @@ static rx_status fit_all(work *w, rx_error *err)
         if (status == RX_OK)
             status = fit_groups(w, err);
     }
-    /* light across cut links comes from the round before: once more with what is known now */
+    /* across cut links groups take turns: once more with what is known now */
     if (status == RX_OK && cut)
         status = fit_groups(w, err);
     return status;

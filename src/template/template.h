@@ -33,8 +33,8 @@
 
 /* Flags of a fitted source. */
 enum {
-    RX_TPHOT_GROUP_CUT = 1, /* its group was too large: a link to a neighbour was cut, the neighbour's light
-                               is taken from the round before */
+    RX_TPHOT_GROUP_CUT = 1, /* its group was too large: a link to a neighbour was cut; such groups are
+                               fitted in turn, each against the model of the others */
     RX_TPHOT_BORDER = 2,    /* more than 1 % of the template lies beyond the border */
     RX_TPHOT_MASKED = 4,    /* more than 10 % of the template lies on masked pixels */
     RX_TPHOT_BOUND = 8,     /* held at flux 0, or the profile ended at a limit */
