@@ -64,10 +64,10 @@ static void relative_plane(const rx_fft *fft, const float *psf, int size, double
     rx_convolve_spectrum(fft, psf, size, plane, spectrum);
     target_spectrum(target_fwhm, w, w / 2 + 1, ku);
     target_spectrum(target_fwhm, h, h, kv);
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u <= w / 2; u++) {
+    for (int u = 0; u <= w / 2; u++)
+        for (int v = 0; v < h; v++) {
             const double k = (double)ku[u] * kv[v], gain = (1 + DELTA) * k / (k * k + DELTA);
-            float *z = spectrum + (size_t)v * stride + 2 * (size_t)u;
+            float *z = spectrum + (size_t)u * stride + 2 * (size_t)v;
             z[0] = (float)(z[0] * gain);
             z[1] = (float)(z[1] * gain);
         }
@@ -198,9 +198,9 @@ static rx_status tikhonov(const rx_fft *fft, const float *stamp, int size, int r
     float *ku = work, *kv = work + rx_fft_stride_real(fft);
     target_spectrum(target_fwhm, w, w / 2 + 1, ku);
     target_spectrum(target_fwhm, h, h, kv);
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u <= w / 2; u++) {
-            float *z = spectrum + (size_t)v * stride + 2 * (size_t)u;
+    for (int u = 0; u <= w / 2; u++)
+        for (int v = 0; v < h; v++) {
+            float *z = spectrum + (size_t)u * stride + 2 * (size_t)v;
             const double k = (double)ku[u] * kv[v], optics = pixels * (relative ? k : 1);
             const double re = z[0] * optics, im = z[1] * optics;
             const double gain = (1 + epsilon) * k / ((re * re + im * im + epsilon) * pixels);

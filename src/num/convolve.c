@@ -21,8 +21,8 @@ void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float
     rx_fft_forward(fft, work, spectrum);
 }
 
-/* Rows of n complex numbers: d (+)= k s with the sign of Im k given. */
-static void multiply_row(int n, const float *k, const float *s, float sign, bool add, float *d)
+/* n complex numbers: d (+)= k s with the sign of Im k given. */
+static void multiply_column(int n, const float *k, const float *s, float sign, bool add, float *d)
 {
     for (int i = 0; i < n; i++) {
         float kr = k[2 * i], ki = sign * k[2 * i + 1], sr = s[2 * i], si = s[2 * i + 1];
@@ -35,12 +35,11 @@ static void multiply_row(int n, const float *k, const float *s, float sign, bool
 void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *src, bool conjugate, bool add,
                           float *dst)
 {
-    const int n = rx_fft_width(fft) / 2 + 1;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
 #pragma omp parallel for schedule(static) num_threads(rx_fft_threads(fft))
-    for (int y = 0; y < rx_fft_height(fft); y++)
-        multiply_row(n, kernel + y * stride, src + y * stride, conjugate ? -1.0f : 1.0f, add,
-                     dst + y * stride);
+    for (int u = 0; u <= rx_fft_width(fft) / 2; u++)
+        multiply_column(rx_fft_height(fft), kernel + u * stride, src + u * stride, conjugate ? -1.0f : 1.0f,
+                        add, dst + u * stride);
 }
 
 void rx_convolve_divide(const rx_fft *fft, const float *numerator, const float *denominator, double delta,
@@ -49,9 +48,9 @@ void rx_convolve_divide(const rx_fft *fft, const float *numerator, const float *
     const int w = rx_fft_width(fft), h = rx_fft_height(fft);
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
     const double pixels = (double)w * h;
-    for (int y = 0; y < h; y++)
-        for (int x = 0; x <= w / 2; x++) {
-            const size_t k = (size_t)y * stride + 2 * (size_t)x;
+    for (int u = 0; u <= w / 2; u++)
+        for (int v = 0; v < h; v++) {
+            const size_t k = (size_t)u * stride + 2 * (size_t)v;
             const double re = denominator[k] * pixels, im = denominator[k + 1] * pixels;
             const double nr = numerator[k], ni = numerator[k + 1];
             const double gain = (1 + delta) / (re * re + im * im + delta);

@@ -9,14 +9,17 @@
 
 #include "base/memory.h"
 
-/* Columns transformed together: eight complex numbers are one cache line. */
+/* Columns transformed together, and rows turned into pieces of columns together: eight complex numbers are
+ * one cache line. */
 enum { GROUP = 8, REAL_ALIGN = 16 };
 
 struct rx_fft {
     int width, height, nthreads;
-    int stride_real, stride_complex;
-    int stride_column;      /* complex numbers between two columns of a group in scratch */
-    fftwf_complex *scratch; /* [nthreads][GROUP][stride_column] */
+    int stride_real;
+    int stride_complex;     /* complex numbers between two columns of a complex plane */
+    int groups;             /* of columns, the last one filled up */
+    int stride_scratch;     /* complex numbers between two rows of scratch */
+    fftwf_complex *scratch; /* [nthreads][GROUP][stride_scratch] spectra of rows, then one row of pixels */
     fftwf_plan row_forward, row_inverse;
     fftwf_plan group_forward, group_inverse;
 };
@@ -46,16 +49,16 @@ int rx_fft_good_size(int n)
  * alignment (64 bytes), which is what FFTW's new-array calls ask for. */
 static int make_plans(rx_fft *fft)
 {
-    const int w = fft->width, h = fft->height, s = fft->stride_column;
+    const int w = fft->width, h = fft->height, s = fft->stride_complex;
     float *real = RX_NEW(float, fft->stride_real);
-    fftwf_complex *half = RX_NEW(fftwf_complex, fft->stride_complex);
-    if (real != NULL && half != NULL) {
+    fftwf_complex *half = RX_NEW(fftwf_complex, fft->stride_scratch);
+    fftwf_complex *g = RX_NEW(fftwf_complex, (size_t)GROUP * (size_t)s);
+    if (real != NULL && half != NULL && g != NULL) {
 /* FFTW's planner is not thread-safe, and tiles of a campaign run side by side. */
 #pragma omp critical(rx_fft_planner)
         {
             fft->row_forward = fftwf_plan_dft_r2c_1d(w, real, half, FFTW_ESTIMATE);
             fft->row_inverse = fftwf_plan_dft_c2r_1d(w, half, real, FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
-            fftwf_complex *g = fft->scratch;
             fft->group_forward =
                 fftwf_plan_many_dft(1, &h, GROUP, g, NULL, 1, s, g, NULL, 1, s, FFTW_FORWARD, FFTW_ESTIMATE);
             fft->group_inverse =
@@ -64,8 +67,15 @@ static int make_plans(rx_fft *fft)
     }
     free(real);
     free(half);
+    free(g);
     return fft->row_forward != NULL && fft->row_inverse != NULL && fft->group_forward != NULL &&
            fft->group_inverse != NULL;
+}
+
+/* Of one thread, complex numbers: a row of pixels takes half as many. */
+static size_t scratch_size(const rx_fft *fft)
+{
+    return (size_t)(GROUP + 1) * (size_t)fft->stride_scratch;
 }
 
 rx_status rx_fft_new(int width, int height, int nthreads, rx_fft **dst, rx_error *err)
@@ -83,10 +93,11 @@ rx_status rx_fft_new(int width, int height, int nthreads, rx_fft **dst, rx_error
     fft->height = height;
     fft->nthreads = nthreads < 1 ? 1 : nthreads;
     fft->stride_real = round_up(width, REAL_ALIGN);
-    fft->stride_complex = round_up(width / 2 + 1, GROUP);
+    fft->groups = (width / 2 + GROUP) / GROUP;
     /* one more cache line than needed, against strides of a power of two */
-    fft->stride_column = round_up(height, GROUP) + GROUP;
-    size_t scratch = (size_t)fft->nthreads * GROUP * (size_t)fft->stride_column;
+    fft->stride_complex = round_up(height, GROUP) + GROUP;
+    fft->stride_scratch = fft->groups * GROUP + GROUP;
+    size_t scratch = (size_t)fft->nthreads * scratch_size(fft);
     fft->scratch = RX_NEW(fftwf_complex, scratch);
     if (fft->scratch == NULL || !make_plans(fft)) {
         rx_fft_free(fft);
@@ -118,7 +129,12 @@ float *rx_fft_real(const rx_fft *fft)
 
 float *rx_fft_complex(const rx_fft *fft)
 {
-    return RX_NEW(float, 2 * (size_t)fft->height * (size_t)fft->stride_complex);
+    return RX_NEW(float, rx_fft_complex_size(fft));
+}
+
+size_t rx_fft_complex_size(const rx_fft *fft)
+{
+    return 2 * (size_t)GROUP * (size_t)fft->groups * (size_t)fft->stride_complex;
 }
 
 int rx_fft_width(const rx_fft *fft)
@@ -146,108 +162,164 @@ int rx_fft_stride_complex(const rx_fft *fft)
     return fft->stride_complex;
 }
 
-/* A group of columns to scratch, column by column, where each transform runs through neighbouring memory. */
-static void gather(const rx_fft *fft, fftwf_complex *corner, fftwf_complex *scratch)
+/* s *= kernel, or its complex conjugate for sign = -1; n complex numbers. */
+static void multiply(size_t n, const fftwf_complex *kernel, float sign, fftwf_complex *s)
 {
-    const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
-    for (size_t y = 0; y < (size_t)fft->height; y++)
-        for (size_t i = 0; i < GROUP; i++)
-            memcpy(scratch[i * column + y], corner[y * stride + i], sizeof(fftwf_complex));
-}
-
-static void scatter(const rx_fft *fft, fftwf_complex *scratch, fftwf_complex *corner)
-{
-    const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
-    for (size_t y = 0; y < (size_t)fft->height; y++)
-        for (size_t i = 0; i < GROUP; i++)
-            memcpy(corner[y * stride + i], scratch[i * column + y], sizeof(fftwf_complex));
-}
-
-/* scratch *= kernel, or its complex conjugate for sign = -1. */
-static void multiply(const rx_fft *fft, const fftwf_complex *kernel, float sign, fftwf_complex *scratch)
-{
-    const size_t stride = (size_t)fft->stride_complex, column = (size_t)fft->stride_column;
-    for (size_t y = 0; y < (size_t)fft->height; y++)
-        for (size_t i = 0; i < GROUP; i++) {
-            const float kr = kernel[y * stride + i][0], ki = sign * kernel[y * stride + i][1];
-            float *s = scratch[i * column + y];
-            const float sr = s[0], si = s[1];
-            s[0] = kr * sr - ki * si;
-            s[1] = kr * si + ki * sr;
-        }
-}
-
-/* The first groups of columns of plane [height][stride_complex] in place: transformed by `first`, multiplied
- * by the kernel, transformed by `second`; kernel and second are NULL where only one transform is wanted. */
-static void pass_columns(const rx_fft *fft, int groups, fftwf_plan first, const fftwf_complex *kernel,
-                         float sign, fftwf_plan second, fftwf_complex *plane)
-{
-#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
-    for (int g = 0; g < groups; g++) {
-        fftwf_complex *scratch =
-            fft->scratch + (size_t)omp_get_thread_num() * GROUP * (size_t)fft->stride_column;
-        gather(fft, plane + (size_t)g * GROUP, scratch);
-        fftwf_execute_dft(first, scratch, scratch);
-        if (kernel != NULL) {
-            multiply(fft, kernel + (size_t)g * GROUP, sign, scratch);
-            fftwf_execute_dft(second, scratch, scratch);
-        }
-        scatter(fft, scratch, plane + (size_t)g * GROUP);
+    const float *restrict k = (const float *)kernel;
+    float *restrict z = (float *)s;
+#pragma omp simd
+    for (size_t i = 0; i < n; i++) {
+        const float kr = k[2 * i], ki = sign * k[2 * i + 1], sr = z[2 * i], si = z[2 * i + 1];
+        z[2 * i] = kr * sr - ki * si;
+        z[2 * i + 1] = kr * si + ki * sr;
     }
 }
 
-static int all_groups(const rx_fft *fft)
+/* The first groups of columns of a plane in place: transformed by `first`, multiplied by the kernel,
+ * transformed by `second`; kernel and second are NULL where only one transform is wanted. */
+static void pass_columns(const rx_fft *fft, int groups, fftwf_plan first, const fftwf_complex *kernel,
+                         float sign, fftwf_plan second, fftwf_complex *plane)
 {
-    return fft->stride_complex / GROUP;
+    const size_t step = (size_t)GROUP * (size_t)fft->stride_complex;
+#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
+    for (int g = 0; g < groups; g++) {
+        fftwf_complex *group = plane + (size_t)g * step;
+        fftwf_execute_dft(first, group, group);
+        if (kernel != NULL) {
+            multiply(step, kernel + (size_t)g * step, sign, group);
+            fftwf_execute_dft(second, group, group);
+        }
+    }
 }
 
-static void rows_forward(const rx_fft *fft, const float *real, fftwf_complex *plane)
+/* Where rows come from and go to: planes, or the caller's functions. */
+typedef struct rows {
+    const float *from;
+    float *to;
+    rx_fft_read read;
+    rx_fft_write write;
+    void *user;
+} rows;
+
+static fftwf_complex *thread_scratch(const rx_fft *fft)
 {
-    /* FFTW's type is not const; an out-of-place r2c plan in one dimension preserves its input */
-    float *rows = (float *)(size_t)real;
-#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
-    for (int y = 0; y < fft->height; y++)
-        fftwf_execute_dft_r2c(fft->row_forward, rows + (size_t)y * fft->stride_real,
-                              plane + (size_t)y * fft->stride_complex);
+    return fft->scratch + (size_t)omp_get_thread_num() * scratch_size(fft);
 }
 
-static void rows_inverse(const rx_fft *fft, fftwf_complex *plane, float *real)
+/* Rows y .. y + n - 1 to pieces of the columns. */
+static void put_rows(const rx_fft *fft, const rows *rows, int y, int n, int columns, fftwf_complex *plane)
+{
+    const size_t stride = (size_t)fft->stride_scratch, column = (size_t)fft->stride_complex;
+    fftwf_complex *scratch = thread_scratch(fft);
+    float *line = (float *)(scratch + GROUP * stride);
+    int some = 0;
+    for (int i = 0; i < n; i++) {
+        if (rows->read != NULL && !rows->read(rows->user, y + i, line)) {
+            memset(scratch + (size_t)i * stride, 0, stride * sizeof *scratch);
+            continue;
+        }
+        /* FFTW's type is not const; an out-of-place r2c plan in one dimension preserves its input */
+        float *row = rows->read != NULL
+                         ? line
+                         : (float *)(size_t)(rows->from + (size_t)(y + i) * (size_t)fft->stride_real);
+        fftwf_execute_dft_r2c(fft->row_forward, row, scratch + (size_t)i * stride);
+        some = 1;
+    }
+    for (size_t u = 0; u < (size_t)columns; u++) {
+        fftwf_complex *piece = plane + u * column + y;
+        if (!some)
+            memset(piece, 0, (size_t)n * sizeof *piece);
+        else
+            for (int i = 0; i < n; i++)
+                memcpy(piece[i], scratch[(size_t)i * stride + u], sizeof *piece);
+    }
+}
+
+static void rows_forward(const rx_fft *fft, const rows *rows, int columns, fftwf_complex *plane)
 {
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
-    for (int y = 0; y < fft->height; y++)
-        fftwf_execute_dft_c2r(fft->row_inverse, plane + (size_t)y * fft->stride_complex,
-                              real + (size_t)y * fft->stride_real);
+    for (int y = 0; y < fft->height; y += GROUP)
+        put_rows(fft, rows, y, y + GROUP < fft->height ? GROUP : fft->height - y, columns, plane);
+}
+
+static void take_rows(const rx_fft *fft, const rows *rows, int y, int n, fftwf_complex *plane)
+{
+    const size_t stride = (size_t)fft->stride_scratch, column = (size_t)fft->stride_complex;
+    fftwf_complex *scratch = thread_scratch(fft);
+    float *line = (float *)(scratch + GROUP * stride);
+    for (size_t u = 0; u < (size_t)fft->width / 2 + 1; u++) {
+        fftwf_complex *piece = plane + u * column + y;
+        for (int i = 0; i < n; i++)
+            memcpy(scratch[(size_t)i * stride + u], piece[i], sizeof *piece);
+    }
+    for (int i = 0; i < n; i++) {
+        float *row = rows->write != NULL ? line : rows->to + (size_t)(y + i) * (size_t)fft->stride_real;
+        fftwf_execute_dft_c2r(fft->row_inverse, scratch + (size_t)i * stride, row);
+        if (rows->write != NULL)
+            rows->write(rows->user, y + i, row);
+    }
+}
+
+static void rows_inverse(const rx_fft *fft, const rows *rows, int first, int last, fftwf_complex *plane)
+{
+#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
+    for (int y = first; y < last; y += GROUP)
+        take_rows(fft, rows, y, y + GROUP < last ? GROUP : last - y, plane);
 }
 
 void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out)
 {
-    fftwf_complex *plane = (fftwf_complex *)complex_out;
-    rows_forward(fft, real, plane);
-    pass_columns(fft, all_groups(fft), fft->group_forward, NULL, 1, NULL, plane);
+    rx_fft_forward_low(fft, real, fft->width / 2 + 1, complex_out);
 }
 
 void rx_fft_forward_low(const rx_fft *fft, const float *real, int columns, float *complex_out)
 {
-    const int groups = (columns + GROUP - 1) / GROUP;
+    const int all = fft->width / 2 + 1, wanted = columns < all ? columns : all;
     fftwf_complex *plane = (fftwf_complex *)complex_out;
-    rows_forward(fft, real, plane);
-    pass_columns(fft, groups < all_groups(fft) ? groups : all_groups(fft), fft->group_forward, NULL, 1, NULL,
-                 plane);
+    rows_forward(fft, &(rows){.from = real}, wanted, plane);
+    pass_columns(fft, (wanted + GROUP - 1) / GROUP, fft->group_forward, NULL, 1, NULL, plane);
+}
+
+void rx_fft_forward_rows(const rx_fft *fft, rx_fft_read read, void *user, float *complex_out)
+{
+    fftwf_complex *plane = (fftwf_complex *)complex_out;
+    rows_forward(fft, &(rows){.read = read, .user = user}, fft->width / 2 + 1, plane);
+    pass_columns(fft, fft->groups, fft->group_forward, NULL, 1, NULL, plane);
 }
 
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real)
 {
     fftwf_complex *plane = (fftwf_complex *)complex_in;
-    pass_columns(fft, all_groups(fft), fft->group_inverse, NULL, 1, NULL, plane);
-    rows_inverse(fft, plane, real);
+    pass_columns(fft, fft->groups, fft->group_inverse, NULL, 1, NULL, plane);
+    rows_inverse(fft, &(rows){.to = real}, 0, fft->height, plane);
+}
+
+void rx_fft_inverse_rows(const rx_fft *fft, float *complex_in, int first, int last, rx_fft_write write,
+                         void *user)
+{
+    fftwf_complex *plane = (fftwf_complex *)complex_in;
+    pass_columns(fft, fft->groups, fft->group_inverse, NULL, 1, NULL, plane);
+    rows_inverse(fft, &(rows){.write = write, .user = user}, first, last, plane);
+}
+
+static void filter(const rx_fft *fft, const rows *rows, const float *kernel, bool conjugate, float *half,
+                   int first, int last)
+{
+    fftwf_complex *plane = (fftwf_complex *)half;
+    rows_forward(fft, rows, fft->width / 2 + 1, plane);
+    pass_columns(fft, fft->groups, fft->group_forward, (const fftwf_complex *)kernel,
+                 conjugate ? -1.0f : 1.0f, fft->group_inverse, plane);
+    rows_inverse(fft, rows, first, last, plane);
 }
 
 void rx_fft_filter(const rx_fft *fft, const float *src, const float *kernel, bool conjugate, float *half,
                    float *dst)
 {
-    fftwf_complex *plane = (fftwf_complex *)half;
-    rows_forward(fft, src, plane);
-    pass_columns(fft, all_groups(fft), fft->group_forward, (const fftwf_complex *)kernel,
-                 conjugate ? -1.0f : 1.0f, fft->group_inverse, plane);
-    rows_inverse(fft, plane, dst);
+    filter(fft, &(rows){.from = src, .to = dst}, kernel, conjugate, half, 0, fft->height);
+}
+
+void rx_fft_filter_rows(const rx_fft *fft, rx_fft_read read, const float *kernel, bool conjugate, float *half,
+                        int first, int last, rx_fft_write write, void *user)
+{
+    filter(fft, &(rows){.read = read, .write = write, .user = user}, kernel, conjugate, half, first, last);
 }

@@ -163,8 +163,7 @@ static void convolve(const renderer *r, const rx_fine_grid *grid)
 {
     int shared = 0;
     for (int i = 0; i < r->n; i++) {
-        memset(r->half[i], 0,
-               2 * sizeof(float) * (size_t)rx_fft_stride_complex(r->native) * (size_t)r->height);
+        memset(r->half[i], 0, rx_fft_complex_size(r->native) * sizeof(float));
         for (int b = 0; b < r->optics[i]->nbasis; b++) {
             if (!is_constant(r->optics[i], b))
                 continue;

@@ -91,7 +91,7 @@ static const float *find_spectrum(rx_kernels *k, int i, int image)
     const float *stamp = o->basis + (size_t)image * (size_t)o->size * (size_t)o->size;
     if (k->planes[i][image] != NULL)
         return k->planes[i][image];
-    size_t bytes = 2 * sizeof(float) * (size_t)rx_fft_stride_complex(fft) * (size_t)rx_fft_height(fft);
+    size_t bytes = rx_fft_complex_size(fft) * sizeof(float);
     float *plane = bytes <= k->left ? rx_fft_complex(fft) : NULL;
     if (plane != NULL) {
         k->planes[i][image] = plane;
@@ -102,32 +102,56 @@ static const float *find_spectrum(rx_kernels *k, int i, int image)
     return plane;
 }
 
-/* One line of frequencies ky: its place in three planes. */
-typedef struct line {
+/* A column of frequencies kx, of two spectra: ky = 0 .. at the beginning, ky < 0 at the end. */
+typedef struct column {
     const float *fine, *kernel;
+    int fine_rows, rows;
     float weight; /* 1/2 at the Nyquist frequency of the optics, which stands for both signs */
-} line;
+} column;
 
-/* out[0..width/2] += all frequencies of `direct` that fold onto them, and of `mirrored` those whose
- * opposites do: half spectra have kx >= 0 only. */
-static void fold_line(const line *direct, const line *mirrored, int width, int last, float *out)
+/* out[v] += product at frequency ky, and at the next n - 1; v is ky modulo height. */
+static void add_direct(const column *c, int ky, int n, float weight, int height, float *out)
 {
-    for (int first = 0; first <= last; first += width) {
-        const float *f = direct->fine + 2 * (size_t)first, *k = direct->kernel + 2 * (size_t)first;
-        for (int i = 0; i <= width / 2 && first + i <= last; i++) {
-            float w = first + i == last ? 0.5f * direct->weight : direct->weight;
-            out[2 * i] += w * (f[2 * i] * k[2 * i] - f[2 * i + 1] * k[2 * i + 1]);
-            out[2 * i + 1] += w * (f[2 * i] * k[2 * i + 1] + f[2 * i + 1] * k[2 * i]);
+    const float w = weight * c->weight;
+    for (int v = (ky % height + height) % height, m; n > 0; ky += m, n -= m, v = 0) {
+        const float *f = c->fine + 2 * (size_t)(ky < 0 ? ky + c->fine_rows : ky);
+        const float *k = c->kernel + 2 * (size_t)(ky < 0 ? ky + c->rows : ky);
+        float *o = out + 2 * (size_t)v;
+        m = n < height - v ? n : height - v;
+#pragma omp simd
+        for (int i = 0; i < m; i++) {
+            o[2 * i] += w * (f[2 * i] * k[2 * i] - f[2 * i + 1] * k[2 * i + 1]);
+            o[2 * i + 1] += w * (f[2 * i] * k[2 * i + 1] + f[2 * i + 1] * k[2 * i]);
         }
     }
-    for (int first = width; first - width / 2 <= last; first += width) {
-        const float *f = mirrored->fine + 2 * (size_t)first, *k = mirrored->kernel + 2 * (size_t)first;
-        for (int i = first > last ? first - last : 0; i <= width / 2; i++) {
-            float w = first - i == last ? 0.5f * mirrored->weight : mirrored->weight;
-            out[2 * i] += w * (f[-2 * i] * k[-2 * i] - f[-2 * i + 1] * k[-2 * i + 1]);
-            out[2 * i + 1] -= w * (f[-2 * i] * k[-2 * i + 1] + f[-2 * i + 1] * k[-2 * i]);
+}
+
+/* The same of (-kx, -ky), which the half spectra do not hold: its complex conjugate at (kx, ky) does. */
+static void add_mirrored(const column *c, int ky, int n, float weight, int height, float *out)
+{
+    const float w = weight * c->weight;
+    for (int v = (height - ky % height) % height, m; n > 0; ky += m, n -= m, v = height - 1) {
+        const float *f = c->fine + 2 * (size_t)(ky < 0 ? ky + c->fine_rows : ky);
+        const float *k = c->kernel + 2 * (size_t)(ky < 0 ? ky + c->rows : ky);
+        float *o = out + 2 * (size_t)v;
+        m = n < v + 1 ? n : v + 1;
+#pragma omp simd
+        for (int i = 0; i < m; i++) {
+            o[-2 * i] += w * (f[2 * i] * k[2 * i] - f[2 * i + 1] * k[2 * i + 1]);
+            o[-2 * i + 1] -= w * (f[2 * i] * k[2 * i + 1] + f[2 * i + 1] * k[2 * i]);
         }
     }
+}
+
+/* out[0 .. height - 1] += all frequencies ky of the column that fold onto them. */
+static void fold_column(const column *c, int mirrored, int height, float *out)
+{
+    const int top = c->rows / 2;
+    void (*add)(const column *, int, int, float, int, float *) = mirrored ? add_mirrored : add_direct;
+    add(c, -top, 1, 0.5f, height, out);
+    add(c, -top + 1, top - 1, 1, height, out);
+    add(c, 0, top, 1, height, out);
+    add(c, top, 1, 0.5f, height, out);
 }
 
 void rx_kernels_fold(rx_kernels *kernels, int i, int image, const rx_fft *fine, const float *spectrum,
@@ -135,20 +159,21 @@ void rx_kernels_fold(rx_kernels *kernels, int i, int image, const rx_fft *fine, 
 {
     const float *kernel = find_spectrum(kernels, i, image);
     const rx_fft *fft = kernels->ffts[i];
-    const int width = kernels->width, height = kernels->height, rows = rx_fft_height(fft),
-              fine_rows = rx_fft_height(fine), last = rx_fft_width(fft) / 2, top = rows / 2;
+    const int width = kernels->width, last = rx_fft_width(fft) / 2;
     const size_t sf = 2 * (size_t)rx_fft_stride_complex(fine), sk = 2 * (size_t)rx_fft_stride_complex(fft),
                  sn = 2 * (size_t)rx_fft_stride_complex(native);
 #pragma omp parallel for schedule(static) num_threads(rx_fft_threads(native))
-    for (int v = 0; v < height; v++)
-        for (int ky = v - (v + top) / height * height; ky <= top; ky += height) {
-            float weight = ky == top || ky == -top ? 0.5f : 1.0f;
-            line direct = {.fine = spectrum + sf * (size_t)((ky + fine_rows) % fine_rows),
-                           .kernel = kernel + sk * (size_t)((ky + rows) % rows),
-                           .weight = weight};
-            line mirrored = {.fine = spectrum + sf * (size_t)((fine_rows - ky) % fine_rows),
-                             .kernel = kernel + sk * (size_t)((rows - ky) % rows),
-                             .weight = weight};
-            fold_line(&direct, &mirrored, width, last, half + sn * (size_t)v);
-        }
+    for (int u = 0; u <= width / 2; u++) {
+        column c = {.fine_rows = rx_fft_height(fine), .rows = rx_fft_height(fft)};
+        for (int first = 0; first - u <= last; first += width)
+            for (int mirrored = 0; mirrored < 2; mirrored++) {
+                const int kx = mirrored ? first - u : first + u;
+                if (kx > last || (mirrored && first == 0))
+                    continue;
+                c.fine = spectrum + sf * (size_t)kx;
+                c.kernel = kernel + sk * (size_t)kx;
+                c.weight = kx == last ? 0.5f : 1.0f;
+                fold_column(&c, mirrored, kernels->height, half + sn * (size_t)u);
+            }
+    }
 }

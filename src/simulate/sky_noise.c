@@ -196,9 +196,9 @@ static rx_status filter_spectrum(const rx_sky_noise *noise, const rx_fft *fft, f
                 (float)(dy >= 0 ? noise->correlation[dy][dx + LAGS] : noise->correlation[-dy][LAGS - dx]);
         }
     rx_fft_forward(fft, plane, spectrum);
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u < half; u++) {
-            float *value = spectrum + 2 * ((size_t)v * complex + (size_t)u);
+    for (int u = 0; u < half; u++)
+        for (int v = 0; v < h; v++) {
+            float *value = spectrum + 2 * ((size_t)u * complex + (size_t)v);
             /* the half that is not stored holds the same again, but for u = 0 and, of an even width, the last
              */
             double twice = u == 0 || 2 * u == w ? 1.0 : 2.0;
@@ -209,9 +209,9 @@ static rx_status filter_spectrum(const rx_sky_noise *noise, const rx_fft *fft, f
     const double cells = (double)w * h;
     if (!(power > 0.0))
         return rx_error_set(err, RX_INPUT, "the correlation of the noise has no power at any frequency");
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u < half; u++) {
-            float *value = spectrum + 2 * ((size_t)v * complex + (size_t)u);
+    for (int u = 0; u < half; u++)
+        for (int v = 0; v < h; v++) {
+            float *value = spectrum + 2 * ((size_t)u * complex + (size_t)v);
             value[0] = (float)(sqrt((double)value[0] * cells / power) / cells);
         }
     return RX_OK;

@@ -39,7 +39,7 @@ static void clear_size(rx_lens_size *size)
     free(size->restored);
     free(size->kernel);
     free(size->phase);
-    free(size->row);
+    free(size->column);
     for (int i = 0; i < PLANES; i++) {
         free(size->half[i]);
         free(size->plane[i]);
@@ -79,9 +79,9 @@ static rx_status open_size(int n, rx_lens_size *size, rx_error *err)
     size->restored = rx_fft_complex(size->fft);
     size->kernel = rx_fft_complex(size->fft);
     size->phase = RX_NEW(double, 2 * n + 2);
-    size->row = RX_NEW(float, (PLANES + 4) * (n / 2 + 1));
+    size->column = RX_NEW(float, (PLANES + 4) * n);
     int missing = size->optics == NULL || size->restored == NULL || size->kernel == NULL ||
-                  size->phase == NULL || size->row == NULL;
+                  size->phase == NULL || size->column == NULL;
     for (int i = 0; i < PLANES; i++) {
         size->half[i] = rx_fft_complex(size->fft);
         size->plane[i] = rx_fft_real(size->fft);
@@ -147,21 +147,21 @@ static void fill_phase(int n, int count, double shift, double *phase)
     }
 }
 
-/* re, im [count] = base (as pairs) * px * (one of y's phases): the shifted PSF's spectrum in a row. */
-static void shift_row(const float *base, const float *px, double yr, double yi, int count, float *re,
-                      float *im)
+/* re, im [count] = base (as pairs) * py * (one of x's phases): the shifted PSF's spectrum in a column. */
+static void shift_column(const float *base, const float *py, double xr, double xi, int count, float *re,
+                         float *im)
 {
-    const float c = (float)yr, s = (float)yi;
+    const float c = (float)xr, s = (float)xi;
 #pragma omp simd
-    for (int u = 0; u < count; u++) {
-        const float pr = px[2 * u] * c - px[2 * u + 1] * s, pi = px[2 * u] * s + px[2 * u + 1] * c;
-        re[u] = base[2 * u] * pr - base[2 * u + 1] * pi;
-        im[u] = base[2 * u] * pi + base[2 * u + 1] * pr;
+    for (int v = 0; v < count; v++) {
+        const float pr = py[2 * v] * c - py[2 * v + 1] * s, pi = py[2 * v] * s + py[2 * v + 1] * c;
+        re[v] = base[2 * v] * pr - base[2 * v + 1] * pi;
+        im[v] = base[2 * v] * pi + base[2 * v + 1] * pr;
     }
 }
 
 /* dst (pairs) = (re, im) * factor. */
-static void put_row(const float *re, const float *im, const float *factor, int count, float *dst)
+static void put_column(const float *re, const float *im, const float *factor, int count, float *dst)
 {
 #pragma omp simd
     for (int u = 0; u < count; u++) {
@@ -176,26 +176,30 @@ void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, do
     const int n = size->n, used = n / 2 + 1;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft);
     const float *base = restored ? size->restored : size->optics;
-    float *px = size->row + (size_t)(PLANES + 2) * (size_t)used, *rows[PLANES + 2];
-    double *py = size->phase;
+    float *py = size->column + (size_t)(PLANES + 2) * (size_t)n, *columns[PLANES + 2], *negative[PLANES];
+    double *px = size->phase;
     rx_spergel_form form;
     for (int i = 0; i < PLANES + 2; i++)
-        rows[i] = size->row + (size_t)i * (size_t)used;
+        columns[i] = size->column + (size_t)i * (size_t)n;
+    for (int i = 0; i < PLANES; i++)
+        negative[i] = columns[i] + used;
     if (profile != NULL)
         rx_spergel_set(profile, &form);
-    fill_phase(n, used, n / 2 + dx, py);
-    for (int u = 0; u < 2 * used; u++)
-        px[u] = (float)py[u];
-    fill_phase(n, n, n / 2 + dy, py);
-    for (int u = 0; u < used; u++)
-        rows[0][u] = 1;
-    for (int v = 0; v < n; v++) {
-        const size_t k = (size_t)v * stride;
-        shift_row(base + k, px, py[2 * v], py[2 * v + 1], used, rows[PLANES], rows[PLANES + 1]);
-        if (profile != NULL)
-            rx_spergel_row(&form, 1.0 / n, (double)(v <= n / 2 ? v : v - n) / n, used, count, rows);
+    fill_phase(n, n, n / 2 + dy, px);
+    for (int v = 0; v < 2 * n; v++)
+        py[v] = (float)px[v];
+    fill_phase(n, used, n / 2 + dx, px);
+    for (int v = 0; v < n; v++)
+        columns[0][v] = 1;
+    for (int u = 0; u < used; u++) {
+        const size_t k = (size_t)u * stride;
+        shift_column(base + k, py, px[2 * u], px[2 * u + 1], n, columns[PLANES], columns[PLANES + 1]);
+        if (profile != NULL) {
+            rx_spergel_column(&form, (double)u / n, 1.0 / n, 0, used, count, columns);
+            rx_spergel_column(&form, (double)u / n, 1.0 / n, used - n, n - used, count, negative);
+        }
         for (int i = 0; i < count; i++)
-            put_row(rows[PLANES], rows[PLANES + 1], rows[i], used, size->half[i] + k);
+            put_column(columns[PLANES], columns[PLANES + 1], columns[i], n, size->half[i] + k);
     }
     for (int i = 0; i < count; i++)
         rx_fft_inverse(size->fft, size->half[i], size->plane[i]);

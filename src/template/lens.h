@@ -22,7 +22,7 @@ typedef struct rx_lens_size {
     double x, y;
     float *half[5], *plane[5]; /* work */
     double *phase;             /* [n + 1][2] */
-    float *row;                /* [9][n / 2 + 1] */
+    float *column;             /* [9][n] */
 } rx_lens_size;
 
 typedef struct rx_lens {

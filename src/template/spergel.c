@@ -86,34 +86,35 @@ static inline float exp_of(float x)
     return scale * series;
 }
 
-/* a + b i + c i^2 for the quadratic form (xx, yy, xy) at (i step, ky). */
-static void along(double xx, double yy, double xy, double step, double ky, float poly[3])
+/* a + b i + c i^2 for the quadratic form (xx, yy, xy) at (kx, i step). */
+static void along(double xx, double yy, double xy, double kx, double step, float poly[3])
 {
-    poly[0] = (float)(yy * ky * ky);
-    poly[1] = (float)(2 * xy * step * ky);
-    poly[2] = (float)(xx * step * step);
+    poly[0] = (float)(xx * kx * kx);
+    poly[1] = (float)(2 * xy * step * kx);
+    poly[2] = (float)(yy * step * step);
 }
 
-void rx_spergel_row(const rx_spergel_form *form, double step, double ky, int n, int count, float *const *dst)
+void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n, int count,
+                       float *const *dst)
 {
     const float power = (float)form->power, slope = (float)form->slope;
     float u[3], a[3], b[3];
     float *restrict value = dst[0];
-    along(form->uxx, form->uyy, form->uxy, step, ky, u);
+    along(form->uxx, form->uyy, form->uxy, kx, step, u);
     if (count == 1) {
 #pragma omp simd
         for (int i = 0; i < n; i++) {
-            const float x = (float)i;
+            const float x = (float)(first + i);
             value[i] = exp_of(-power * ln_of(1.0f + u[0] + x * (u[1] + x * u[2])));
         }
         return;
     }
     float *restrict radius = dst[1], *restrict g1 = dst[2], *restrict g2 = dst[3], *restrict nu = dst[4];
-    along(form->g1xx, form->g1yy, form->g1xy, step, ky, a);
-    along(form->g2xx, form->g2yy, form->g2xy, step, ky, b);
+    along(form->g1xx, form->g1yy, form->g1xy, kx, step, a);
+    along(form->g2xx, form->g2yy, form->g2xy, kx, step, b);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
-        const float x = (float)i, square = u[0] + x * (u[1] + x * u[2]), ln = ln_of(1.0f + square);
+        const float x = (float)(first + i), square = u[0] + x * (u[1] + x * u[2]), ln = ln_of(1.0f + square);
         const float s = exp_of(-power * ln), slope_u = -power * s / (1.0f + square);
         value[i] = s;
         radius[i] = 2.0f * square * slope_u;

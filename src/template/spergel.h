@@ -37,8 +37,9 @@ void rx_spergel_set(const rx_spergel *profile, rx_spergel_form *form);
 /* S(k). gradient (may be NULL): d S / d ln radius, g1, g2, ln(1 + nu). */
 double rx_spergel_at(const rx_spergel_form *form, double kx, double ky, double gradient[4]);
 
-/* The same for n frequencies (i step, ky), i = 0 .. n - 1, in single precision (to 1e-6): dst[0] = S [n], and
- * with count = 5 dst[1 .. 4] its derivatives in the order above; with count = 1 dst[0] only. */
-void rx_spergel_row(const rx_spergel_form *form, double step, double ky, int n, int count, float *const *dst);
+/* The same for n frequencies (kx, i step), i = first .. first + n - 1, in single precision (to 1e-6): dst[0]
+ * = S [n], and with count = 5 dst[1 .. 4] its derivatives in the order above; with count = 1 dst[0] only. */
+void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n, int count,
+                       float *const *dst);
 
 #endif

@@ -69,9 +69,9 @@ static void measure(const rx_ffl *ffl, double *most, double *cubes)
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(ffl->fft);
     const int n = ffl->inner;
     double largest = 0, sum = 0;
-    for (int v = 0; v < n; v++)
-        for (int u = 0; u <= n / 2; u++) {
-            const float *z = ffl->spectrum + (size_t)v * stride + 2 * (size_t)u;
+    for (int u = 0; u <= n / 2; u++)
+        for (int v = 0; v < n; v++) {
+            const float *z = ffl->spectrum + (size_t)u * stride + 2 * (size_t)v;
             const double square = (double)z[0] * z[0] + (double)z[1] * z[1], size = sqrt(square);
             largest = fmax(largest, size);
             sum += (u == 0 || 2 * u == n ? 1 : 2) * square * size;
@@ -84,9 +84,9 @@ static void measure(const rx_ffl *ffl, double *most, double *cubes)
 static void apply_weights(rx_ffl *ffl, double most, double factor)
 {
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(ffl->fft);
-    for (int v = 0; v < ffl->inner; v++)
-        for (int u = 0; u <= ffl->inner / 2; u++) {
-            float *z = ffl->spectrum + (size_t)v * stride + 2 * (size_t)u;
+    for (int u = 0; u <= ffl->inner / 2; u++)
+        for (int v = 0; v < ffl->inner; v++) {
+            float *z = ffl->spectrum + (size_t)u * stride + 2 * (size_t)v;
             const double w = sqrt((double)z[0] * z[0] + (double)z[1] * z[1]) / most;
             z[0] = (float)(z[0] * w * factor);
             z[1] = (float)(z[1] * w * factor);

@@ -60,7 +60,7 @@ static void check_against_sum(int width, int height)
                     re += a * cos(angle);
                     im -= a * sin(angle);
                 }
-            const float *z = half + 2 * ((size_t)v * rx_fft_stride_complex(fft) + u);
+            const float *z = half + 2 * ((size_t)u * rx_fft_stride_complex(fft) + v);
             assert_true(fabs(z[0] - re) < tolerance && fabs(z[1] - im) < tolerance);
         }
     rx_fft_inverse(fft, half, back);
@@ -97,8 +97,8 @@ static void low_columns(void **state)
     for (int i = 0; i < 6; i++) {
         rx_fft_forward_low(fft, real, columns[i], low);
         size_t stride = 2 * (size_t)rx_fft_stride_complex(fft), n = columns[i] < 76 ? (size_t)columns[i] : 76;
-        for (size_t v = 0; v < 42; v++)
-            assert_memory_equal(low + v * stride, whole + v * stride, 2 * n * sizeof(float));
+        for (size_t u = 0; u < n; u++)
+            assert_memory_equal(low + u * stride, whole + u * stride, 2 * 42 * sizeof(float));
     }
     free(real);
     free(whole);
@@ -116,7 +116,7 @@ static void threads(void **state)
         rx_fft *fft = NULL;
         assert_int_equal(rx_fft_new(150, 126, counts[i], &fft, NULL), RX_OK);
         float *real = rx_fft_real(fft), *half = rx_fft_complex(fft), *copy = rx_fft_complex(fft);
-        size_t n_half = 2 * (size_t)rx_fft_stride_complex(fft) * 126 * sizeof(float);
+        size_t n_half = rx_fft_complex_size(fft) * sizeof(float);
         size_t n_real = (size_t)rx_fft_stride_real(fft) * 126 * sizeof(float);
         fill(fft, real);
         rx_fft_forward(fft, real, half);
@@ -138,6 +138,64 @@ static void threads(void **state)
     free(first_back);
 }
 
+enum { ROWS_WIDTH = 60, ROWS_HEIGHT = 45, DARK = 17, FIRST = 5, LAST = 38 };
+
+typedef struct planes {
+    const float *from;
+    float *to;
+    size_t stride;
+} planes;
+
+static int read_row(void *user, int y, float *line)
+{
+    const planes *p = user;
+    if (y < DARK) /* zeros in the plane as well */
+        return 0;
+    memcpy(line, p->from + (size_t)y * p->stride, ROWS_WIDTH * sizeof *line);
+    return 1;
+}
+
+static void write_row(void *user, int y, float *line)
+{
+    const planes *p = user;
+    assert_true(y >= FIRST && y < LAST);
+    memcpy(p->to + (size_t)y * p->stride, line, ROWS_WIDTH * sizeof *line);
+}
+
+/* Row by row the same bytes as plane by plane. */
+static void by_rows(void **state)
+{
+    (void)state;
+    rx_fft *fft = NULL;
+    assert_int_equal(rx_fft_new(ROWS_WIDTH, ROWS_HEIGHT, 2, &fft, NULL), RX_OK);
+    const size_t stride = (size_t)rx_fft_stride_real(fft), size = rx_fft_complex_size(fft) * sizeof(float);
+    float *src = rx_fft_real(fft), *whole = rx_fft_real(fft), *part = rx_fft_real(fft);
+    float *kernel = rx_fft_complex(fft), *half = rx_fft_complex(fft), *other = rx_fft_complex(fft);
+    planes p = {src, part, stride};
+    fill(fft, src);
+    rx_fft_forward(fft, src, kernel);
+    memset(src, 0, DARK * stride * sizeof *src);
+    rx_fft_forward(fft, src, half);
+    rx_fft_forward_rows(fft, read_row, &p, other);
+    assert_memory_equal(half, other, size);
+    rx_fft_inverse(fft, half, whole);
+    rx_fft_inverse_rows(fft, other, FIRST, LAST, write_row, &p);
+    for (size_t y = FIRST; y < LAST; y++)
+        assert_memory_equal(whole + y * stride, part + y * stride, ROWS_WIDTH * sizeof(float));
+    rx_fft_filter(fft, src, kernel, true, half, whole);
+    rx_fft_filter_rows(fft, read_row, kernel, true, other, FIRST, LAST, write_row, &p);
+    for (size_t y = FIRST; y < LAST; y++)
+        assert_memory_equal(whole + y * stride, part + y * stride, ROWS_WIDTH * sizeof(float));
+    assert_true(part[FIRST * stride] != 0 && part[(FIRST - 1) * stride] == 0 && part[LAST * stride] == 0);
+    free(src);
+    free(whole);
+    free(part);
+    free(kernel);
+    free(half);
+    free(other);
+    rx_fft_free(fft);
+}
+
 static void refuses(void **state)
 {
     (void)state;
@@ -151,8 +209,8 @@ static void refuses(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(good_sizes), cmocka_unit_test(direct_sum),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(good_sizes),  cmocka_unit_test(direct_sum),
                                        cmocka_unit_test(low_columns), cmocka_unit_test(threads),
-                                       cmocka_unit_test(refuses)};
+                                       cmocka_unit_test(by_rows),     cmocka_unit_test(refuses)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -17,35 +17,35 @@
 #include "template/spergel.h"
 #include "template/usual.h"
 
-/* Rows in single precision against the doubles. */
-static void test_row(void **state)
+/* Columns in single precision against the doubles. */
+static void test_column(void **state)
 {
     (void)state;
-    enum { N = 65 };
+    enum { N = 65, FIRST = -20 };
     static const rx_spergel profiles[] = {
         {2.5, 0.2, -0.1, 0.3}, {0.2, 0, 0, -0.7}, {30, -0.5, 0.6, 8}, {9, 0.1, 0, -0.78}};
     float values[5][N];
-    float *rows[5];
+    float *columns[5];
     for (int k = 0; k < 5; k++)
-        rows[k] = values[k];
+        columns[k] = values[k];
     for (size_t p = 0; p < sizeof profiles / sizeof *profiles; p++)
-        for (int v = -64; v <= 64; v += 16) {
+        for (int u = 0; u <= 64; u += 8) {
             rx_spergel_form form;
             rx_spergel_set(&profiles[p], &form);
-            rx_spergel_row(&form, 1.0 / 128, v / 128.0, N, 5, rows);
-            for (int u = 0; u < N; u++) {
+            rx_spergel_column(&form, u / 128.0, 1.0 / 128, FIRST, N, 5, columns);
+            for (int v = 0; v < N; v++) {
                 double gradient[4];
-                const double value = rx_spergel_at(&form, u / 128.0, v / 128.0, gradient);
-                assert_true(fabs(values[0][u] - value) < 1e-6);
+                const double value = rx_spergel_at(&form, u / 128.0, (FIRST + v) / 128.0, gradient);
+                assert_true(fabs(values[0][v] - value) < 1e-6);
                 for (int k = 0; k < 4; k++)
-                    assert_true(fabs(values[k + 1][u] - gradient[k]) < 3e-6 * (1 + fabs(gradient[k])));
+                    assert_true(fabs(values[k + 1][v] - gradient[k]) < 3e-6 * (1 + fabs(gradient[k])));
             }
             float alone[N];
-            rows[0] = alone;
-            rx_spergel_row(&form, 1.0 / 128, v / 128.0, N, 1, rows);
-            rows[0] = values[0];
-            for (int u = 0; u < N; u++)
-                assert_true(fabsf(alone[u] - values[0][u]) < 1e-6f);
+            columns[0] = alone;
+            rx_spergel_column(&form, u / 128.0, 1.0 / 128, FIRST, N, 1, columns);
+            columns[0] = values[0];
+            for (int v = 0; v < N; v++)
+                assert_true(fabsf(alone[v] - values[0][v]) < 1e-6f);
         }
 }
 
@@ -230,7 +230,7 @@ static void test_evidence(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_row), cmocka_unit_test(test_usual),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_column), cmocka_unit_test(test_usual),
                                        cmocka_unit_test(test_average), cmocka_unit_test(test_evidence)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
