@@ -11,30 +11,50 @@
  * to blend. The price is n+1 transforms for K and for K^T with n terms, instead of 2 each: a
  * PSFEx model of degree 2 (6 terms) takes 3.5 times the transforms of a constant PSF.
  *
- * Domain: the sky reaches `margin` = PSF radius beyond the tile on each side, tile pixel (0,0)
- * being domain pixel (margin, margin), then up to good FFT sizes: on the tile K f never wraps.
- * Beyond the tile's edge the polynomials keep the value they have at the edge.
+ * The sky reaches `margin` = PSF radius beyond the tile on each side; beyond the tile's edge the polynomials
+ * keep the value they have at the edge.
  *
- * Memory besides the caller's planes: n + 1 complex planes, n + 2 when n > 1 (a complex plane
- * has the size of a real one). Terms that nowhere reach 1e-6 of the PSF's peak are left out. */
+ * Work goes by blocks of the image that is made, each with `margin` pixels of the other around it on a cyclic
+ * domain that is large enough not to wrap (overlap-save): same sums, but planes that stay in the cache, and
+ * no plane of the whole tile but the caller's. How the tile is cut follows from its size and the PSF's alone,
+ * so that results do not depend on nthreads. Terms that nowhere reach 1e-6 of the PSF's peak are left out.
+ *
+ * Memory: n complex planes of a block, and two (three of a varying PSF) for each thread; 1 to 5 MB a plane.
+ */
 #ifndef RX_RESTORE_BLUR_H
 #define RX_RESTORE_BLUR_H
 
 #include "data/psf.h"
 #include "num/fft.h"
 
+/* Blocks of one axis: `n` of `step` pixels from `begin` on, the last one to `end`. */
+typedef struct rx_blur_axis {
+    int begin, end, step, n;
+} rx_blur_axis;
+
+typedef struct rx_blur_work rx_blur_work; /* planes of one thread */
+
 typedef struct rx_blur {
-    rx_fft *fft;
     int width, height; /* of the tile */
     int margin;
     int size; /* of the PSF stamps */
     int nterms;
-    int varies;                                         /* 0: one term with c = 1 */
-    float *kernel[RX_PSF_MAX_BASIS];                    /* spectra of B_i, num/convolve.h */
-    float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* c_i = cx[x] cy[y] on the domain */
-    float *half;                                        /* complex scratch */
-    float *sum;                                         /* the same, only when it varies */
+    int varies; /* 0: one term with c = 1 */
+    rx_blur_axis tile_x, tile_y, sky_x, sky_y;
+    float *kernel[RX_PSF_MAX_BASIS];                    /* spectra of B_i on a block's domain */
+    float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* c_i = cx[x + margin] cy[y + margin] */
+    int nwork;                                          /* blocks at a time */
+    rx_blur_work *work;
+    float *plane; /* real, for spectra in the making */
 } rx_blur;
+
+/* Pieces of rows, asked for and given by any of the blur's threads, in any order, some asked for twice: n
+ * pixels from (x, y) on, in tile pixels, so that the sky begins at -margin. */
+typedef struct rx_blur_lines {
+    void (*read)(void *user, int y, int x, int n, float *line);
+    void (*write)(void *user, int y, int x, int n, const float *line);
+    void *user;
+} rx_blur_lines;
 
 /* Can this PSF blur such a tile: odd stamps no larger than the tile, finite, with flux? RX_INPUT when not. */
 rx_status rx_blur_check(const rx_psf *psf, int width, int height, rx_error *err);
@@ -43,17 +63,22 @@ rx_status rx_blur_check(const rx_psf *psf, int width, int height, rx_error *err)
 rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx_blur **dst, rx_error *err);
 void rx_blur_free(rx_blur *blur);
 
-/* Another constant PSF stamp[size][size] in place of the present one (which must be constant);
- * `work` is a real plane, overwritten. */
-void rx_blur_replace(rx_blur *blur, const float *stamp, float *work);
+/* Another constant PSF stamp[size][size] in place of the present one (which must be constant). */
+void rx_blur_replace(rx_blur *blur, const float *stamp);
 
-/* dst = K src; real planes of blur->fft, dst not src. */
-void rx_blur_apply(const rx_blur *blur, const float *src, float *dst);
+/* K: reads rows of the sky, writes rows of the tile. */
+void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines);
 
-/* dst = K^T src; src is destroyed. dst may be src unless the PSF varies. */
-void rx_blur_adjoint(const rx_blur *blur, float *src, float *dst);
+/* K^T: reads rows of the tile, writes rows of the sky. */
+void rx_blur_adjoint(const rx_blur *blur, const rx_blur_lines *lines);
 
-/* Offset of tile row y, pixel 0, in a real plane. */
+/* The same with planes: sky [height + 2 margin][width + 2 margin], tile [height][width]. */
+void rx_blur_plane(const rx_blur *blur, const float *sky, float *tile);
+void rx_blur_adjoint_plane(const rx_blur *blur, const float *tile, float *sky);
+
+/* A sky of zeros, to be freed by free(); NULL without memory. Its pixels, and where tile pixel (0, y) is. */
+float *rx_blur_sky(const rx_blur *blur);
+size_t rx_blur_sky_size(const rx_blur *blur);
 size_t rx_blur_row(const rx_blur *blur, int y);
 
 #endif

@@ -32,16 +32,13 @@ rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double dam
     rl->blur = blur;
     rl->damping = damping;
     rl->bound = (float)fmin(BOUND * fmax(prepared->peak, 1), 1e12);
-    rl->object = rx_fft_real(blur->fft);
-    rl->model = rx_fft_real(blur->fft);
-    rl->norm = rx_fft_real(blur->fft);
-    rl->change = blur->varies ? rx_fft_real(blur->fft) : rl->model;
+    rl->object = rx_blur_sky(blur);
+    rl->norm = rx_blur_sky(blur);
+    rl->model = RX_NEW(float, (size_t)prepared->width *(size_t)prepared->height);
     rl->rows = RX_NEW(double, (size_t)prepared->height);
-    if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->change == NULL ||
-        rl->rows == NULL) {
+    if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->rows == NULL) {
         rx_rl_free(rl);
-        return rx_error_memory(err, 3 * (size_t)rx_fft_width(blur->fft) * (size_t)rx_fft_height(blur->fft) *
-                                        sizeof(float));
+        return rx_error_memory(err, 3 * rx_blur_sky_size(blur) * sizeof(float));
     }
     rx_rl_reset(rl);
     rx_rl_normalise(rl);
@@ -53,8 +50,6 @@ void rx_rl_free(rx_rl *rl)
 {
     if (rl == NULL)
         return;
-    if (rl->change != rl->model)
-        free(rl->change);
     free(rl->object);
     free(rl->model);
     free(rl->norm);
@@ -64,30 +59,19 @@ void rx_rl_free(rx_rl *rl)
 
 void rx_rl_reset(rx_rl *rl)
 {
-    const rx_fft *fft = rl->blur->fft;
-    const size_t n = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft);
+    const size_t n = rx_blur_sky_size(rl->blur);
     for (size_t k = 0; k < n; k++)
         rl->object[k] = 1;
 }
 
-static void clear(const rx_fft *fft, float *plane)
-{
-    memset(plane, 0, (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof *plane);
-}
-
 void rx_rl_normalise(rx_rl *rl)
 {
-    const rx_prepared *prepared = rl->prepared;
-    clear(rl->blur->fft, rl->model);
-    for (int y = 0; y < prepared->height; y++)
-        memcpy(rl->model + rx_blur_row(rl->blur, y), prepared->weight + (size_t)y * prepared->width,
-               (size_t)prepared->width * sizeof(float));
-    rx_blur_adjoint(rl->blur, rl->model, rl->norm);
+    rx_blur_adjoint_plane(rl->blur, rl->prepared->weight, rl->norm);
 }
 
 void rx_rl_model(rx_rl *rl)
 {
-    rx_blur_apply(rl->blur, rl->object, rl->model);
+    rx_blur_plane(rl->blur, rl->object, rl->model);
 }
 
 double rx_rl_chi2(const rx_rl *rl)
@@ -97,7 +81,7 @@ double rx_rl_chi2(const rx_rl *rl)
 #pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
     for (int y = 0; y < prepared->height; y++) {
         const size_t row = (size_t)y * prepared->width;
-        const float *model = rl->model + rx_blur_row(rl->blur, y);
+        const float *model = rl->model + row;
         double sum = 0;
         for (int x = 0; x < prepared->width; x++) {
             const float residual = prepared->data[row + x] - model[x];
@@ -123,95 +107,94 @@ static float damp(float residual, float variance, float scale)
     return u3 * u3 * u3 * (10 - 9 * u);
 }
 
-/* One tile row of the model becomes W D (d - m) / m. */
-static void residual_row(const rx_rl *rl, size_t row, float *model)
+void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
-    const float *data = prepared->data + row, *weight = prepared->weight + row,
-                *noise = prepared->variance + row;
+    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+    const float *data = prepared->data + k, *weight = prepared->weight + k, *model = rl->model + k;
     if (rl->damping > 0) {
         const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)prepared->photon;
-        for (int x = 0; x < prepared->width; x++) {
-            const float m = fmaxf(model[x], MODEL_FLOOR);
-            const float variance = noise[x] + photon * fmaxf(m - 1, 0);
-            model[x] = weight[x] * damp(data[x] - m, variance, scale) * ((data[x] - m) / m);
+        for (int i = 0; i < n; i++) {
+            const float m = fmaxf(model[i], MODEL_FLOOR);
+            const float variance = prepared->variance[k + (size_t)i] + photon * fmaxf(m - 1, 0);
+            dst[i] = weight[i] * damp(data[i] - m, variance, scale) * ((data[i] - m) / m);
         }
         return;
     }
 #pragma omp simd
-    for (int x = 0; x < prepared->width; x++) {
-        const float m = model[x] > MODEL_FLOOR ? model[x] : MODEL_FLOOR;
-        model[x] = weight[x] * ((data[x] - m) / m);
+    for (int i = 0; i < n; i++) {
+        const float m = model[i] > MODEL_FLOOR ? model[i] : MODEL_FLOOR;
+        dst[i] = weight[i] * ((data[i] - m) / m);
     }
 }
 
-void rx_rl_residual(rx_rl *rl)
+static void read_residual(void *user, int y, int x, int n, float *line)
 {
-    const rx_prepared *prepared = rl->prepared;
-    const rx_fft *fft = rl->blur->fft;
-    const int first = rl->blur->margin, last = first + prepared->height, width = rx_fft_width(fft);
-    const size_t stride = (size_t)rx_fft_stride_real(fft);
-#pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
-    for (int j = 0; j < rx_fft_height(fft); j++) {
-        float *line = rl->model + (size_t)j * stride;
-        if (j < first || j >= last) {
-            memset(line, 0, (size_t)width * sizeof *line);
-            continue;
-        }
-        residual_row(rl, (size_t)(j - first) * prepared->width, line + first);
-        memset(line, 0, (size_t)first * sizeof *line);
-        memset(line + first + prepared->width, 0, (size_t)(width - first - prepared->width) * sizeof *line);
+    rx_rl_residual(user, y, x, n, line);
+}
+
+/* A piece of K^T of the residuals moves the object. */
+static void move_object(void *user, int y, int x, int n, const float *change)
+{
+    const rx_rl *rl = user;
+    const size_t k = rx_blur_row(rl->blur, y) - (size_t)rl->blur->margin + (size_t)(x + rl->blur->margin);
+    const float *norm = rl->norm + k, bound = rl->bound;
+    float *f = rl->object + k;
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float known = norm[i] > NORM_FLOOR ? 1 : 0;
+        const float safe = norm[i] > NORM_FLOOR ? norm[i] : 1;
+        const float next = f[i] * (1 + known * (change[i] / safe));
+        f[i] = next > OBJECT_FLOOR ? (next < bound ? next : bound) : OBJECT_FLOOR;
     }
 }
 
 void rx_rl_update(rx_rl *rl)
 {
-    const rx_fft *fft = rl->blur->fft;
-    const int width = rx_fft_width(fft);
-    const size_t stride = (size_t)rx_fft_stride_real(fft);
-    const float bound = rl->bound;
-    rx_rl_residual(rl);
-    rx_blur_adjoint(rl->blur, rl->model, rl->change);
-#pragma omp parallel for schedule(static) num_threads(rx_fft_threads(fft))
-    for (int y = 0; y < rx_fft_height(fft); y++) {
-        float *f = rl->object + (size_t)y * stride;
-        const float *change = rl->change + (size_t)y * stride, *norm = rl->norm + (size_t)y * stride;
-#pragma omp simd
-        for (int x = 0; x < width; x++) {
-            const float known = norm[x] > NORM_FLOOR ? 1 : 0;
-            const float safe = norm[x] > NORM_FLOOR ? norm[x] : 1;
-            const float next = f[x] * (1 + known * (change[x] / safe));
-            f[x] = next > OBJECT_FLOOR ? (next < bound ? next : bound) : OBJECT_FLOOR;
-        }
+    rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_residual, move_object, rl});
+}
+
+/* Good pixels in, what is left of the sky's light on them out. */
+typedef struct share {
+    const rx_prepared *prepared;
+    float *support;
+} share;
+
+static void read_good(void *user, int y, int x, int n, float *line)
+{
+    const rx_prepared *prepared = ((const share *)user)->prepared;
+    const uint8_t *mask = prepared->mask + (size_t)y * (size_t)prepared->width + (size_t)x;
+    for (int i = 0; i < n; i++)
+        line[i] = mask[i] == 0 ? 1 : 0;
+}
+
+static void write_support(void *user, int y, int x, int n, const float *line)
+{
+    const share *s = user;
+    const int width = s->prepared->width, height = s->prepared->height;
+    for (int i = 0; i < n && y >= 0 && y < height; i++) {
+        const float lost = 1 - line[i];
+        if (x + i >= 0 && x + i < width)
+            s->support[(size_t)y * (size_t)width + (size_t)(x + i)] = lost < SUPPORT_FLOOR ? 0
+                                                                      : lost > 1           ? 1
+                                                                                           : lost;
     }
 }
 
 /* support = 1 - K^T (1 at good pixels): what the mask and the border have taken. */
 static void set_support(const rx_rl *rl, float *support)
 {
-    const rx_prepared *prepared = rl->prepared;
-    clear(rl->blur->fft, rl->model);
-    for (int y = 0; y < prepared->height; y++) {
-        float *line = rl->model + rx_blur_row(rl->blur, y);
-        for (int x = 0; x < prepared->width; x++)
-            line[x] = prepared->mask[(size_t)y * prepared->width + x] == 0 ? 1 : 0;
-    }
-    rx_blur_adjoint(rl->blur, rl->model, rl->change);
-    for (int y = 0; y < prepared->height; y++) {
-        const float *line = rl->change + rx_blur_row(rl->blur, y);
-        for (int x = 0; x < prepared->width; x++) {
-            const float share = 1 - line[x];
-            support[(size_t)y * prepared->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
-        }
-    }
+    share s = {rl->prepared, support};
+    rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_good, write_support, &s});
 }
 
-/* Tile part of a domain plane, back in ADU above the sky. */
-static void take(const rx_rl *rl, const float *plane, const uint8_t *mask, float *dst)
+/* A plane of the tile's pixels, rows `stride` apart, back in ADU above the sky. */
+static void take(const rx_rl *rl, const float *plane, size_t stride, const uint8_t *mask, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
+#pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
     for (int y = 0; y < prepared->height; y++) {
-        const float *line = plane + rx_blur_row(rl->blur, y);
+        const float *line = plane + (size_t)y * stride;
         for (int x = 0; x < prepared->width; x++) {
             const size_t k = (size_t)y * prepared->width + x;
             const double value = (line[x] - 1.0) * prepared->pedestal;
@@ -283,9 +266,10 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
     if (status == RX_OK) {
-        take(rl, rl->object, prepared->mask, restored->pixels);
+        take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
+             prepared->mask, restored->pixels);
         if (restored->reblurred != NULL)
-            take(rl, rl->model, NULL, restored->reblurred);
+            take(rl, rl->model, (size_t)prepared->width, NULL, restored->reblurred);
         set_support(rl, restored->support);
     }
     rx_rl_free(rl);

@@ -22,9 +22,8 @@
  * no Poisson noise: there White's form damps positive residuals more than negative ones and draws the sky
  * down by 0.1 sigma (T = 3).
  *
- * Memory: besides the prepared tile's three planes and two masks, f, K f and K^T W on the domain, the
- * blur's (blur.h) two complex planes; a varying PSF takes one plane more. About 11 planes of the
- * tile at the peak, outputs included, for a constant PSF.
+ * Memory: besides the prepared tile's three planes and two masks, f and K^T W on the sky and K f on the
+ * tile; about 8 planes of the tile at the peak, outputs included.
  *
  * Sums go row by row and are added in the order of rows: the same bytes for any nthreads. */
 #ifndef RX_RESTORE_RICHARDSON_LUCY_H
@@ -50,10 +49,9 @@ typedef struct rx_rl {
     const rx_blur *blur;
     double damping; /* sigmas, 0 = off */
     float bound;    /* f never exceeds it */
-    float *object;  /* f on the domain, units of the pedestal; 1 at the start */
-    float *model;   /* K f, then scratch */
-    float *change;  /* K^T of the residuals; the same plane as model unless the PSF varies */
-    float *norm;    /* K^T W */
+    float *object;  /* f on the sky (restore/blur.h), units of the pedestal; 1 at the start */
+    float *norm;    /* K^T W, likewise */
+    float *model;   /* K f, [height][width] */
     double *rows;   /* sums of tile rows */
 } rx_rl;
 
@@ -64,7 +62,9 @@ void rx_rl_reset(rx_rl *rl);        /* object = 1 */
 void rx_rl_normalise(rx_rl *rl);    /* norm = K^T W; again after the blur has changed */
 void rx_rl_model(rx_rl *rl);        /* model = K object */
 double rx_rl_chi2(const rx_rl *rl); /* mean over good pixels of (d - model)^2 / var(model) */
-void rx_rl_residual(rx_rl *rl);     /* model becomes W D (d - model) / model on the tile, 0 beyond it */
-void rx_rl_update(rx_rl *rl);       /* one update of object from model, which is destroyed */
+void rx_rl_update(rx_rl *rl);       /* one update of object from model */
+
+/* dst = W D (d - model) / model at n tile pixels from (x, y) on. */
+void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst);
 
 #endif

@@ -28,9 +28,10 @@ typedef struct rx_seeker {
     float *stamp;                       /* [size][size] the PSF that is being improved */
     float *share;                       /* [size][size] sum_x s(x - u) W(x) */
     float *work;                        /* [size][size] */
-    float *rest;                        /* real plane: b */
-    float *points;                      /* real plane: s, then scratch */
-    float *spectrum;                    /* complex plane of s */
+    float *rest;                        /* [height][width] b */
+    float *points;                      /* s on the sky */
+    rx_fft *fft;                        /* of the whole sky */
+    float *plane, *half, *spectrum;     /* its planes: scratch, scratch, spectrum of s */
     double start_fwhm, bluntness, x, y; /* of the start: width and centroid */
 } rx_seeker;
 
@@ -44,7 +45,10 @@ static void seeker_free(rx_seeker *seeker)
     free(seeker->work);
     free(seeker->rest);
     free(seeker->points);
+    free(seeker->plane);
+    free(seeker->half);
     free(seeker->spectrum);
+    rx_fft_free(seeker->fft);
 }
 
 /* Positive with sum 1; 0 when that is impossible. */
@@ -60,6 +64,27 @@ static int make_positive(float *stamp, int size)
     for (int k = 0; k < size * size && sum > 0; k++)
         stamp[k] = (float)(stamp[k] / sum);
     return sum > 0;
+}
+
+/* The transform is of the whole sky: a point's light counts for the PSF wherever it is. */
+static rx_status open_planes(rx_seeker *seeker, rx_error *err)
+{
+    const rx_prepared *prepared = seeker->prepared;
+    const int around = 2 * seeker->blur->margin;
+    rx_status status =
+        rx_fft_new(rx_fft_good_size(prepared->width + around), rx_fft_good_size(prepared->height + around),
+                   prepared->nthreads, &seeker->fft, err);
+    if (status != RX_OK)
+        return status;
+    seeker->rest = RX_NEW(float, (size_t)prepared->width *(size_t)prepared->height);
+    seeker->points = rx_blur_sky(seeker->blur);
+    seeker->plane = rx_fft_real(seeker->fft);
+    seeker->half = rx_fft_complex(seeker->fft);
+    seeker->spectrum = rx_fft_complex(seeker->fft);
+    if (seeker->rest == NULL || seeker->points == NULL || seeker->plane == NULL || seeker->half == NULL ||
+        seeker->spectrum == NULL)
+        return rx_error_memory(err, 3 * rx_fft_complex_size(seeker->fft) * sizeof(float));
+    return RX_OK;
 }
 
 static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, const rx_prepared *prepared,
@@ -88,12 +113,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
         status = rx_rl_new(prepared, seeker->blur, par->rl_damping, &seeker->rl, err);
     if (status != RX_OK)
         return status;
-    seeker->rest = rx_fft_real(seeker->blur->fft);
-    seeker->points = rx_fft_real(seeker->blur->fft);
-    seeker->spectrum = rx_fft_complex(seeker->blur->fft);
-    if (seeker->rest == NULL || seeker->points == NULL || seeker->spectrum == NULL)
-        return rx_error_memory(err, 0);
-    return RX_OK;
+    return open_planes(seeker, err);
 }
 
 /* The stamp around the origin of a cyclic plane, divided by the number of pixels. */
@@ -107,14 +127,36 @@ static void read_stamp(const rx_fft *fft, const float *plane, int size, float *s
     }
 }
 
-/* stamp(u) = sum_x s(x - u) plane(x); plane is destroyed. */
-static void correlate_points(rx_seeker *seeker, float *plane, float *stamp)
+/* Tile pixel (0, y) on the plane of the whole sky. */
+static float *plane_row(const rx_seeker *seeker, int y)
 {
-    const rx_fft *fft = seeker->blur->fft;
-    rx_fft_forward(fft, plane, seeker->blur->half);
-    rx_convolve_multiply(fft, seeker->spectrum, seeker->blur->half, true, false, seeker->blur->half);
-    rx_fft_inverse(fft, seeker->blur->half, plane);
-    read_stamp(fft, plane, seeker->size, stamp);
+    const int margin = seeker->blur->margin;
+    return seeker->plane + (size_t)(y + margin) * (size_t)rx_fft_stride_real(seeker->fft) + (size_t)margin;
+}
+
+static void clear_plane(rx_seeker *seeker)
+{
+    const rx_fft *fft = seeker->fft;
+    memset(seeker->plane, 0,
+           (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof *seeker->plane);
+}
+
+/* stamp(u) = sum_x s(x - u) plane(x); plane is destroyed. */
+static void correlate_points(rx_seeker *seeker, float *stamp)
+{
+    rx_fft_filter(seeker->fft, seeker->plane, seeker->spectrum, true, seeker->half, seeker->plane);
+    read_stamp(seeker->fft, seeker->plane, seeker->size, stamp);
+}
+
+/* The spectrum of the points. */
+static void transform_points(rx_seeker *seeker)
+{
+    const int margin = seeker->blur->margin, width = seeker->prepared->width + 2 * margin;
+    clear_plane(seeker);
+    for (int y = -margin; y < seeker->prepared->height + margin; y++)
+        memcpy(plane_row(seeker, y) - margin, seeker->points + rx_blur_row(seeker->blur, y) - margin,
+               (size_t)width * sizeof(float));
+    rx_fft_forward(seeker->fft, seeker->plane, seeker->spectrum);
 }
 
 /* The flux of a point onto the pixels around its centroid, by cubic convolution: sum, centroid and width
@@ -145,44 +187,43 @@ static void take_out(const rx_seeker *seeker, const rx_point *point, int radius,
 static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
 {
     const rx_prepared *prepared = seeker->prepared;
-    const rx_fft *fft = seeker->blur->fft;
-    const size_t size = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft) * sizeof(float);
-    float *model = seeker->rl->model;
+    const size_t size = rx_blur_sky_size(seeker->blur) * sizeof(float);
     rx_point found[RX_POINTS_MAX];
     int radius = 0;
     rx_status status =
         rx_points_find(seeker->rl, seeker->psf->fwhm, seeker->bluntness, found, n, &radius, err);
     if (status != RX_OK || *n < FEWEST_POINTS)
         return status;
+    memcpy(seeker->points, seeker->rl->object, size);
+    for (int i = 0; i < *n; i++)
+        take_out(seeker, &found[i], radius, seeker->points);
+    rx_blur_plane(seeker->blur, seeker->points, seeker->rest);
     memset(seeker->points, 0, size);
-    memcpy(model, seeker->rl->object, size);
-    for (int i = 0; i < *n; i++) {
+    for (int i = 0; i < *n; i++)
         put_point(seeker, &found[i]);
-        take_out(seeker, &found[i], radius, model);
-    }
-    rx_blur_apply(seeker->blur, model, seeker->rest);
-    rx_fft_forward(fft, seeker->points, seeker->spectrum);
-    memset(model, 0, size);
+    transform_points(seeker);
+    clear_plane(seeker);
     for (int y = 0; y < prepared->height; y++)
-        memcpy(model + rx_blur_row(seeker->blur, y), prepared->weight + (size_t)y * prepared->width,
-               (size_t)prepared->width * sizeof *model);
-    correlate_points(seeker, model, seeker->share);
+        memcpy(plane_row(seeker, y), prepared->weight + (size_t)y * prepared->width,
+               (size_t)prepared->width * sizeof(float));
+    correlate_points(seeker, seeker->share);
     return RX_OK;
 }
 
 /* One update of the stamp. */
 static int improve(rx_seeker *seeker)
 {
-    const rx_fft *fft = seeker->blur->fft;
-    const size_t n = (size_t)rx_fft_stride_real(fft) * (size_t)rx_fft_height(fft);
+    const rx_prepared *prepared = seeker->prepared;
+    const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     const int pixels = seeker->size * seeker->size;
     float *model = seeker->rl->model, largest = 0;
-    rx_convolve_multiply(fft, seeker->blur->kernel[0], seeker->spectrum, false, false, seeker->blur->half);
-    rx_fft_inverse(fft, seeker->blur->half, model);
+    rx_blur_plane(seeker->blur, seeker->points, model);
     for (size_t k = 0; k < n; k++)
         model[k] += seeker->rest[k];
-    rx_rl_residual(seeker->rl);
-    correlate_points(seeker, model, seeker->work);
+    clear_plane(seeker);
+    for (int y = 0; y < prepared->height; y++)
+        rx_rl_residual(seeker->rl, y, 0, prepared->width, plane_row(seeker, y));
+    correlate_points(seeker, seeker->work);
     for (int k = 0; k < pixels; k++)
         largest = fmaxf(largest, seeker->share[k]);
     for (int k = 0; k < pixels; k++)
@@ -190,7 +231,7 @@ static int improve(rx_seeker *seeker)
             seeker->stamp[k] *= 1 + seeker->work[k] / seeker->share[k];
     if (!make_positive(seeker->stamp, seeker->size))
         return 0;
-    rx_blur_replace(seeker->blur, seeker->stamp, seeker->points);
+    rx_blur_replace(seeker->blur, seeker->stamp);
     return 1;
 }
 
@@ -209,7 +250,7 @@ static int accept(rx_seeker *seeker)
     seeker->psf->fwhm = fwhm;
     seeker->psf->ellipticity = ellipticity;
     memcpy(seeker->psf->basis, seeker->stamp, (size_t)seeker->size * (size_t)seeker->size * sizeof(float));
-    rx_blur_replace(seeker->blur, seeker->stamp, seeker->points);
+    rx_blur_replace(seeker->blur, seeker->stamp);
     rx_rl_normalise(seeker->rl);
     return 1;
 }

@@ -17,7 +17,7 @@
  *
  * The output is Richardson-Lucy from the start with the PSF found, RL_NITER iterations, hence has
  * all properties of richardson_lucy.h. rx_restored.blur is the PSF found. Memory while the PSF is
- * sought: three planes on the domain more than RL, less the outputs. */
+ * sought: six planes of the tile more than RL, less the outputs. */
 #ifndef RX_RESTORE_RL_BLIND_H
 #define RX_RESTORE_RL_BLIND_H
 

@@ -56,38 +56,22 @@ static double direct(const rx_blur *blur, const rx_psf *psf, const float *sky, i
         for (int i = x - 3; i <= x + 3; i++) {
             rx_psf_at(psf, clamped(i, W), clamped(j, H), stamp);
             sum += (double)stamp[(y - j + 3) * 7 + (x - i + 3)] *
-                   sky[(size_t)(j + 3) * (size_t)rx_fft_stride_real(blur->fft) + (size_t)(i + 3)];
+                   sky[rx_blur_row(blur, j) - 3 + (size_t)(i + 3)];
         }
     return sum;
 }
 
-static void fill(const rx_blur *blur, float *plane, int only_tile)
+static void fill(uint64_t stream, size_t n, float *plane)
 {
-    for (int y = 0; y < rx_fft_height(blur->fft); y++)
-        for (int x = 0; x < rx_fft_width(blur->fft); x++) {
-            int inside = x >= 3 && y >= 3 && x < 3 + W && y < 3 + H;
-            plane[(size_t)y * rx_fft_stride_real(blur->fft) + x] =
-                inside || !only_tile ? value((uint64_t)only_tile, y * 1000 + x) : 0;
-        }
+    for (size_t k = 0; k < n; k++)
+        plane[k] = value(stream, (int)k);
 }
 
-static double dot_tile(const rx_blur *blur, const float *a, const float *b)
+static double dot(size_t n, const float *a, const float *b)
 {
     double sum = 0;
-    for (int y = 0; y < H; y++)
-        for (int x = 0; x < W; x++)
-            sum += (double)a[rx_blur_row(blur, y) + x] * b[rx_blur_row(blur, y) + x];
-    return sum;
-}
-
-static double dot_all(const rx_blur *blur, const float *a, const float *b)
-{
-    double sum = 0;
-    for (int y = 0; y < rx_fft_height(blur->fft); y++)
-        for (int x = 0; x < rx_fft_width(blur->fft); x++) {
-            size_t k = (size_t)y * rx_fft_stride_real(blur->fft) + x;
-            sum += (double)a[k] * b[k];
-        }
+    for (size_t k = 0; k < n; k++)
+        sum += (double)a[k] * b[k];
     return sum;
 }
 
@@ -96,22 +80,18 @@ static void check_operator(const rx_psf *psf, int varies)
     rx_blur *blur = NULL;
     assert_int_equal(rx_blur_new(psf, W, H, 2, &blur, NULL), RX_OK);
     assert_int_equal(blur->varies, varies);
-    float *f = rx_fft_real(blur->fft), *kf = rx_fft_real(blur->fft), *r = rx_fft_real(blur->fft);
-    float *copy = rx_fft_real(blur->fft), *ktr = rx_fft_real(blur->fft);
-    fill(blur, f, 0);
-    fill(blur, r, 1);
-    rx_blur_apply(blur, f, kf);
+    float *f = rx_blur_sky(blur), *ktr = rx_blur_sky(blur);
+    float kf[W * H], r[W * H];
+    fill(0, rx_blur_sky_size(blur), f);
+    fill(1, W * H, r);
+    rx_blur_plane(blur, f, kf);
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
-            assert_float_equal(kf[rx_blur_row(blur, y) + x], direct(blur, psf, f, x, y), 3e-5);
-    memcpy(copy, r, (size_t)rx_fft_stride_real(blur->fft) * (size_t)rx_fft_height(blur->fft) * sizeof(float));
-    rx_blur_adjoint(blur, copy, ktr);
-    const double left = dot_tile(blur, kf, r), right = dot_all(blur, f, ktr);
+            assert_float_equal(kf[y * W + x], direct(blur, psf, f, x, y), 3e-5);
+    rx_blur_adjoint_plane(blur, r, ktr);
+    const double left = dot(W * H, kf, r), right = dot(rx_blur_sky_size(blur), f, ktr);
     assert_float_equal(left, right, 1e-5 * fabs(left));
     free(f);
-    free(kf);
-    free(r);
-    free(copy);
     free(ktr);
     rx_blur_free(blur);
 }
@@ -149,17 +129,18 @@ static void no_seams(void **state)
     float *stamp = calloc((size_t)size * (size_t)size, sizeof(float));
     rx_blur *blur = NULL;
     assert_int_equal(rx_blur_new(psf, LONG, 40, 1, &blur, NULL), RX_OK);
-    float *f = rx_fft_real(blur->fft), *kf = rx_fft_real(blur->fft);
+    assert_true(blur->tile_x.n > 1);
+    float *f = rx_blur_sky(blur), *kf = calloc(LONG * 40, sizeof *kf);
     float last = 0, before = 0;
     for (int x = 0; x < LONG; x++) {
-        f[rx_blur_row(blur, 20) + x] = 1;
-        rx_blur_apply(blur, f, kf);
-        f[rx_blur_row(blur, 20) + x] = 0;
+        f[rx_blur_row(blur, 20) + (size_t)x] = 1;
+        rx_blur_plane(blur, f, kf);
+        f[rx_blur_row(blur, 20) + (size_t)x] = 0;
         rx_psf_at(psf, x, 20, stamp);
         for (int i = 0; i < size; i++)
             if (x + i - r >= 0 && x + i - r < LONG)
-                assert_float_equal(kf[rx_blur_row(blur, 20) + x + i - r], stamp[r * size + i], 1e-6);
-        const float peak = kf[rx_blur_row(blur, 20) + x];
+                assert_float_equal(kf[20 * LONG + x + i - r], stamp[r * size + i], 1e-6);
+        const float peak = kf[20 * LONG + x];
         if (x > 1) /* the PSF is linear in x, so is its peak: steps would show in the second difference */
             assert_true(fabsf(peak - 2 * last + before) < 1e-5f * peak);
         before = last;
@@ -172,34 +153,69 @@ static void no_seams(void **state)
     rx_psf_free(psf);
 }
 
-static void threads(void **state)
+/* A constant PSF in many blocks, against the defining sum: borders, corners and seams alike. */
+static void blocks_are_exact(void **state)
 {
     (void)state;
+    enum { WIDE = 1300, HIGH = 300 };
     rx_psf *psf = quadratic();
+    rx_blur *blur = NULL;
+    psf->nbasis = 1;
+    assert_int_equal(rx_blur_new(psf, WIDE, HIGH, 2, &blur, NULL), RX_OK);
+    assert_true(blur->tile_x.n > 2);
+    float *f = rx_blur_sky(blur), *kf = calloc(WIDE * HIGH, sizeof *kf);
+    fill(2, rx_blur_sky_size(blur), f);
+    rx_blur_plane(blur, f, kf);
+    for (int y = 0; y < HIGH; y += y < HIGH - 13 ? 13 : 1)
+        for (int x = 0; x < WIDE; x++) {
+            double sum = 0;
+            for (int k = 0; k < 49; k++)
+                sum +=
+                    (double)psf->basis[k] * f[rx_blur_row(blur, y - k / 7 + 3) - 3 + (size_t)(x + 6 - k % 7)];
+            assert_float_equal(kf[y * WIDE + x], sum, 3e-5);
+        }
+    free(f);
+    free(kf);
+    rx_blur_free(blur);
+    rx_psf_free(psf);
+}
+
+/* One block and many, constant and varying: the same bytes from 1 to 5 threads. */
+static void check_threads(const rx_psf *psf, int width, int height)
+{
     float *first[2] = {NULL, NULL};
-    size_t bytes = 0;
-    for (int n = 1; n <= 3; n++) {
+    for (int n = 1; n <= 5; n += n < 3 ? 1 : 2) {
         rx_blur *blur = NULL;
-        assert_int_equal(rx_blur_new(psf, W, H, n, &blur, NULL), RX_OK);
-        float *f = rx_fft_real(blur->fft), *kf = rx_fft_real(blur->fft), *ktf = rx_fft_real(blur->fft);
-        fill(blur, f, 0);
-        bytes = (size_t)rx_fft_stride_real(blur->fft) * (size_t)rx_fft_height(blur->fft) * sizeof(float);
-        rx_blur_apply(blur, f, kf);
-        rx_blur_adjoint(blur, f, ktf);
+        assert_int_equal(rx_blur_new(psf, width, height, n, &blur, NULL), RX_OK);
+        const size_t tile = (size_t)width * (size_t)height, sky = rx_blur_sky_size(blur);
+        float *f = rx_blur_sky(blur), *kf = calloc(tile, sizeof *kf), *ktr = rx_blur_sky(blur);
+        fill(0, sky, f);
+        rx_blur_plane(blur, f, kf);
+        rx_blur_adjoint_plane(blur, kf, ktr);
         free(f);
         if (n == 1) {
             first[0] = kf;
-            first[1] = ktf;
+            first[1] = ktr;
         } else {
-            assert_memory_equal(kf, first[0], bytes);
-            assert_memory_equal(ktf, first[1], bytes);
+            assert_memory_equal(kf, first[0], tile * sizeof(float));
+            assert_memory_equal(ktr, first[1], sky * sizeof(float));
             free(kf);
-            free(ktf);
+            free(ktr);
         }
         rx_blur_free(blur);
     }
     free(first[0]);
     free(first[1]);
+}
+
+static void threads(void **state)
+{
+    (void)state;
+    rx_psf *psf = quadratic();
+    for (psf->nbasis = 6; psf->nbasis > 0; psf->nbasis -= 5) {
+        check_threads(psf, W, H);
+        check_threads(psf, 700, 650);
+    }
     rx_psf_free(psf);
 }
 
@@ -232,8 +248,8 @@ static void refuses(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(varying_is_exact),
-                                       cmocka_unit_test(constant_is_exact), cmocka_unit_test(no_seams),
-                                       cmocka_unit_test(threads), cmocka_unit_test(refuses)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(varying_is_exact), cmocka_unit_test(constant_is_exact), cmocka_unit_test(no_seams),
+        cmocka_unit_test(blocks_are_exact), cmocka_unit_test(threads),           cmocka_unit_test(refuses)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
