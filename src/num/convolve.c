@@ -2,6 +2,7 @@
 #include "num/convolve.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -88,8 +89,16 @@ void rx_gauss_weights(double fwhm, int radius, float *weights)
         weights[i + radius] = (float)((erf((i + 0.5) * unit) - erf((i - 0.5) * unit)) / (2 * sum));
 }
 
-/* Sums of so many pixels of a row grow together, each in the order of the weights. */
-enum { TOGETHER = 64 };
+/* Sums of so many pixels of a row grow together, each in the order of the weights; rows of a band. */
+enum { TOGETHER = 64, BAND = 256 };
+
+typedef struct gauss {
+    int width, height, radius, nthreads;
+    const uint8_t *mask;
+    float *weights;   /* [2 radius + 1] */
+    float *num, *den; /* sums along x of some rows */
+    float *good;      /* [nthreads][width] */
+} gauss;
 
 /* Along x: num = G f, den = G good, for pixels x0 .. x1 - 1 of one row; f and `good` are 0 at masked ones. */
 static void smooth_row(int width, int x0, int x1, int radius, const float *g, const float *image,
@@ -111,29 +120,31 @@ static void smooth_row(int width, int x0, int x1, int radius, const float *g, co
     }
 }
 
-/* good_stride 0: one row of ones serves all. */
-static void smooth_rows(int width, int height, int radius, const float *g, int nthreads, const float *image,
-                        const float *good, size_t good_stride, float *num, float *den)
+/* Rows y0 .. y1 - 1 of the image along x, into rows of num and den from `first` on. `good`: a row for each
+ * thread, ones where there is no mask. */
+static void smooth_rows(const gauss *g, int y0, int y1, int first, const float *image)
 {
-#pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (int y = 0; y < height; y++) {
-        const size_t row = (size_t)y * width;
-        for (int x = 0; x < width; x += TOGETHER)
-            smooth_row(width, x, x + TOGETHER < width ? x + TOGETHER : width, radius, g, image + row,
-                       good + (size_t)y * good_stride, num + row, den + row);
+#pragma omp parallel for schedule(static) num_threads(g->nthreads)
+    for (int y = y0; y < y1; y++) {
+        const size_t row = (size_t)y * g->width, at = (size_t)(first + y - y0) * g->width;
+        float *good = g->good + (size_t)omp_get_thread_num() * g->width;
+        for (int x = 0; g->mask != NULL && x < g->width; x++)
+            good[x] = g->mask[row + x] == 0 ? 1.0f : 0.0f;
+        for (int x = 0; x < g->width; x += TOGETHER)
+            smooth_row(g->width, x, x + TOGETHER < g->width ? x + TOGETHER : g->width, g->radius, g->weights,
+                       image + row, good, g->num + at, g->den + at);
     }
 }
 
-/* Along y, then the quotient, at good pixels: `count` of row y, all pointers at the first of them. */
-static void smooth_piece(int width, int height, int y, int count, int radius, const float *g,
-                         const uint8_t *mask, const float *num, const float *den, float *restrict image)
+/* Along y, then the quotient, at good pixels: `count` pixels, all pointers at the first of them; rows
+ * `first` .. `last` from it are in the image. */
+static void smooth_piece(const gauss *g, int count, int first, int last, const uint8_t *mask,
+                         const float *num, const float *den, float *restrict image)
 {
     float n[TOGETHER] = {0}, d[TOGETHER] = {0};
-    const int first = y < radius ? -y : -radius;
-    const int last = y + radius >= height ? height - 1 - y : radius;
     for (int i = first; i <= last; i++) {
-        const float weight = g[i + radius];
-        const float *a = num + (ptrdiff_t)i * width, *b = den + (ptrdiff_t)i * width;
+        const float weight = g->weights[i + g->radius];
+        const float *a = num + (ptrdiff_t)i * g->width, *b = den + (ptrdiff_t)i * g->width;
 #pragma omp simd
         for (int x = 0; x < count; x++) {
             n[x] += weight * a[x];
@@ -145,45 +156,79 @@ static void smooth_piece(int width, int height, int y, int count, int radius, co
         image[x] = mask == NULL || mask[x] == 0 ? n[x] / d[x] : 0.0f;
 }
 
-static void smooth_columns(int width, int height, int radius, const float *g, const uint8_t *mask,
-                           int nthreads, const float *num, const float *den, float *image)
+/* Rows y0 .. y1 - 1 of the image, from num and den whose first row is row `top` of the image. */
+static void smooth_columns(const gauss *g, int y0, int y1, int top, float *image)
+{
+    const int radius = g->radius;
+#pragma omp parallel for schedule(static) num_threads(g->nthreads)
+    for (int y = y0; y < y1; y++) {
+        const int first = y < radius ? -y : -radius;
+        const int last = y + radius >= g->height ? g->height - 1 - y : radius;
+        for (int x = 0; x < g->width; x += TOGETHER) {
+            const size_t k = (size_t)y * g->width + x, at = (size_t)(y - top) * g->width + x;
+            smooth_piece(g, x + TOGETHER < g->width ? TOGETHER : g->width - x, first, last,
+                         g->mask != NULL ? g->mask + k : NULL, g->num + at, g->den + at, image + k);
+        }
+    }
+}
+
+/* Band by band: what the next one needs of rows that this one overwrites is in num and den already. */
+static void smooth_bands(const gauss *g, float *image)
+{
+    int done = 0; /* rows of the image that num and den have had */
+    for (int y0 = 0; y0 < g->height; y0 += BAND) {
+        const int y1 = y0 + BAND < g->height ? y0 + BAND : g->height;
+        const int top = y0 > g->radius ? y0 - g->radius : 0;
+        const int end = y1 + g->radius < g->height ? y1 + g->radius : g->height;
+        const int before = y0 - BAND > g->radius ? y0 - BAND - g->radius : 0; /* the last band's top */
+        if (y0 > 0) {
+            const size_t from = (size_t)(top - before) * g->width, n = (size_t)(done - top) * g->width;
+            memmove(g->num, g->num + from, n * sizeof *g->num);
+            memmove(g->den, g->den + from, n * sizeof *g->den);
+        }
+        smooth_rows(g, done, end, done - top, image);
+        done = end;
+        smooth_columns(g, y0, y1, top, image);
+    }
+}
+
+static void clear_masked(int width, int height, const uint8_t *mask, int nthreads, float *image)
 {
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x += TOGETHER) {
-            const size_t k = (size_t)y * width + x;
-            smooth_piece(width, height, y, x + TOGETHER < width ? TOGETHER : width - x, radius, g,
-                         mask != NULL ? mask + k : NULL, num + k, den + k, image + k);
-        }
+        for (size_t k = (size_t)y * width; k < (size_t)(y + 1) * width; k++)
+            if (mask[k] != 0)
+                image[k] = 0;
 }
 
 rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mask, int nthreads, float *image,
                           rx_error *err)
 {
-    const size_t n = (size_t)width * (size_t)height;
-    for (size_t k = 0; mask != NULL && k < n; k++)
-        if (mask[k] != 0)
-            image[k] = 0;
+    gauss g = {.width = width, .height = height, .mask = mask, .nthreads = nthreads < 1 ? 1 : nthreads};
+    rx_status status = RX_OK;
+    if (mask != NULL)
+        clear_masked(width, height, mask, g.nthreads, image);
     if (!(fwhm > 0))
         return RX_OK;
-    rx_status status = RX_OK;
-    const int radius = rx_gauss_radius(fwhm), threads = nthreads < 1 ? 1 : nthreads;
-    const size_t ngood = mask != NULL ? n : (size_t)width;
-    float *g = RX_NEW(float, 2 * (size_t)radius + 1), *num = RX_NEW(float, n), *den = RX_NEW(float, n);
-    float *good = RX_NEW(float, ngood);
-    if (g == NULL || num == NULL || den == NULL || good == NULL) {
-        status = rx_error_memory(err, 3 * n * sizeof *num);
+    g.radius = rx_gauss_radius(fwhm);
+    const size_t rows = (size_t)BAND + 2 * (size_t)g.radius,
+                 most = rows < (size_t)height ? rows : (size_t)height;
+    g.weights = RX_NEW(float, 2 * (size_t)g.radius + 1);
+    g.num = RX_NEW(float, most *(size_t)width);
+    g.den = RX_NEW(float, most *(size_t)width);
+    g.good = RX_NEW(float, (size_t)g.nthreads *(size_t)width);
+    if (g.weights == NULL || g.num == NULL || g.den == NULL || g.good == NULL) {
+        status = rx_error_memory(err, 2 * most * (size_t)width * sizeof *g.num);
         goto exit;
     }
-    for (size_t k = 0; k < ngood; k++)
-        good[k] = mask == NULL || mask[k] == 0 ? 1.0f : 0.0f;
-    rx_gauss_weights(fwhm, radius, g);
-    smooth_rows(width, height, radius, g, threads, image, good, mask != NULL ? (size_t)width : 0, num, den);
-    smooth_columns(width, height, radius, g, mask, threads, num, den, image);
+    for (size_t k = 0; k < (size_t)g.nthreads * (size_t)width; k++)
+        g.good[k] = 1;
+    rx_gauss_weights(fwhm, g.radius, g.weights);
+    smooth_bands(&g, image);
 exit:
-    free(g);
-    free(num);
-    free(den);
-    free(good);
+    free(g.weights);
+    free(g.num);
+    free(g.den);
+    free(g.good);
     return status;
 }

@@ -266,11 +266,15 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
     if (status == RX_OK) {
-        take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
-             prepared->mask, restored->pixels);
         if (restored->reblurred != NULL)
             take(rl, rl->model, (size_t)prepared->width, NULL, restored->reblurred);
+        /* before the restored planes are touched for the first time */
+        free(rl->model);
+        free(rl->norm);
+        rl->model = rl->norm = NULL;
         set_support(rl, restored->support);
+        take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
+             prepared->mask, restored->pixels);
     }
     rx_rl_free(rl);
     rx_blur_free(blur);

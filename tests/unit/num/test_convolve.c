@@ -116,6 +116,33 @@ static void gauss_masked(void **state)
         assert_float_equal(a[k], mask[k] ? 0 : normalised(f, mask, g, r, k % G_W, k / G_W), 1e-5);
 }
 
+/* Tall images go in bands, which neither width shows: rows of a Gaussian along y of what varies along y only.
+ */
+static void gauss_has_no_bands(void **state)
+{
+    (void)state;
+    enum { TALL = 900, WIDE = 5 };
+    static const double fwhm[] = {4, 150}; /* radius below and above the height of a band */
+    float *image = malloc(TALL * WIDE * sizeof *image), g[700];
+    for (int i = 0; i < 2; i++) {
+        const int r = rx_gauss_radius(fwhm[i]);
+        assert_in_range(2 * r + 1, 3, 700);
+        rx_gauss_weights(fwhm[i], r, g);
+        for (int k = 0; k < TALL * WIDE; k++)
+            image[k] = noise(5, k / WIDE);
+        assert_int_equal(rx_gauss_masked(WIDE, TALL, fwhm[i], NULL, 2, image, NULL), RX_OK);
+        for (int y = 0; y < TALL; y++) {
+            double n = 0, d = 0;
+            for (int j = y < r ? -y : -r; j <= r && y + j < TALL; j++) {
+                n += (double)g[j + r] * noise(5, y + j);
+                d += g[j + r];
+            }
+            assert_float_equal(image[y * WIDE + 2], n / d, 1e-5);
+        }
+    }
+    free(image);
+}
+
 static void gauss_keeps_flux_and_constants(void **state)
 {
     (void)state;
@@ -141,7 +168,7 @@ static void gauss_keeps_flux_and_constants(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(against_direct_sum), cmocka_unit_test(weights),
-                                       cmocka_unit_test(gauss_masked),
+                                       cmocka_unit_test(gauss_masked), cmocka_unit_test(gauss_has_no_bands),
                                        cmocka_unit_test(gauss_keeps_flux_and_constants)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
