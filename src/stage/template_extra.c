@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "detect/filter.h"
-#include "num/largest.h"
+#include "template/leftover.h"
 
 /* Of the light that the models have around a pixel, so much counts as noise: profiles and PSFs miss by a few
  * per cent, and so do positions; of a bright source that is many sigmas, all over its face and round it. */
@@ -44,53 +44,40 @@ static float *matched_filter(const rx_psf *psf, int width, int height, int *side
     return stamp;
 }
 
-/* Light of the models, and the largest of it around a pixel. */
-static rx_status near_models(const rx_template_extra *extra, const float *residual, const float *error,
-                             int width, int height, float *dst, rx_error *err)
-{
-    const size_t n = (size_t)width * (size_t)height;
-    float *scratch = RX_NEW(float, n);
-    if (scratch == NULL)
-        return rx_error_memory(err, n * sizeof *scratch);
-    for (size_t i = 0; i < n; i++) {
-        const float model = extra->pixels[i] - extra->level[i] - residual[i];
-        dst[i] = error[i] > 0.0f && model > 0.0f ? model : 0.0f;
-    }
-    rx_largest(dst, width, height, (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)), extra->nthreads, scratch,
-               dst);
-    free(scratch);
-    return RX_OK;
-}
-
 /* What stands alone was there to be seen on the restored image: whether it is a source is for the detection
  * threshold to say. */
-static int hidden(const rx_source *s, const float *near, const float *error, int width)
+static int hidden(const rx_source *s, const rx_leftover *leftover)
 {
-    const size_t peak = (size_t)s->ypeak * (size_t)width + (size_t)s->xpeak;
-    return near[peak] > HIDDEN * error[peak];
+    const rx_tphot_state *state = leftover->state;
+    const size_t peak = (size_t)s->ypeak * (size_t)state->width + (size_t)s->xpeak;
+    return rx_leftover_light(leftover, s->xpeak, s->ypeak) > HIDDEN / sqrt(state->weight[peak]);
 }
 
 /* Too near a source to be told apart from it: what a template leaves there is its own error, that of a cosmic
  * ray for instance, which is no point. */
 static int on_a_source(const rx_source *s, const rx_sources *sources, double fwhm)
 {
-    for (int i = 0; i < sources->n; i++)
-        if (hypot(s->x - sources->list[i].x, s->y - sources->list[i].y) < APART * fwhm)
+    const double apart = APART * fwhm;
+    for (int i = 0; i < sources->n; i++) {
+        const rx_source *other = &sources->list[i];
+        if (fabs(s->y - other->y) < apart && hypot(s->x - other->x, s->y - other->y) < apart)
             return 1;
+    }
     return 0;
 }
 
-static rx_status choose(const rx_template_extra *extra, const float *near, const float *error, rx_error *err)
+static rx_status choose(const rx_template_extra *extra, const rx_leftover *leftover, rx_error *err)
 {
     rx_sources *found = extra->found;
     const double fwhm = extra->psf->fwhm, margin = BORDER * fwhm;
     unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
     if (keep == NULL)
         return rx_error_memory(err, (size_t)found->n);
+#pragma omp parallel for schedule(dynamic, 64) num_threads(extra->nthreads)
     for (int i = 0; i < found->n; i++) {
         const rx_source *s = &found->list[i];
         keep[i] = s->x >= margin && s->y >= margin && s->x <= found->width - 1 - margin &&
-                  s->y <= found->height - 1 - margin && hidden(s, near, error, found->width) &&
+                  s->y <= found->height - 1 - margin && hidden(s, leftover) &&
                   !on_a_source(s, extra->sources, fwhm);
     }
     rx_status status = rx_sources_select(found, keep, err);
@@ -112,61 +99,91 @@ static rx_status positions(const rx_sources *found, double (**dst)[2], int *n, r
     return RX_OK;
 }
 
-rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
-                                 double (**dst)[2], int *n, rx_error *err)
+/* The threshold for measuring a source is that of its peak before the filter. */
+static void set_analysis_threshold(const rx_leftover *leftover, double threshold, rx_sources *found)
 {
-    rx_template_extra *extra = user;
+    for (int i = 0; i < found->n; i++) {
+        rx_source *s = &found->list[i];
+        s->analysis_threshold = threshold * rx_leftover_sigma(leftover, s->xpeak, s->ypeak);
+    }
+}
+
+/* On planes that have been filtered already, by all threads: the filter is as large as the PSF. */
+static rx_status detect(rx_template_extra *extra, const rx_leftover *leftover, double threshold,
+                        rx_error *err)
+{
+    const int width = leftover->state->width, height = leftover->state->height;
     const size_t npixels = (size_t)width * (size_t)height;
     rx_detect_params par = *extra->detect;
-    int side = 0;
-    rx_status status = RX_OK;
-    float *sigma = RX_NEW(float, npixels), *near = RX_NEW(float, npixels),
-          *filter = matched_filter(extra->psf, width, height, &side);
+    float *filtered = RX_NEW(float, npixels), *noise = RX_NEW(float, npixels);
     uint8_t *mask = RX_NEW(uint8_t, npixels);
-    if (sigma == NULL || near == NULL || mask == NULL || filter == NULL) {
-        status = rx_error_memory(err, npixels * (sizeof *sigma + 1));
-        goto exit;
-    }
-    status = near_models(extra, residual, error, width, height, near, err);
-    if (status != RX_OK)
-        goto exit;
-    for (size_t i = 0; i < npixels; i++) {
-        mask[i] = !(error[i] > 0.0f);
-        sigma[i] = hypotf(error[i], (float)MODEL_ERROR * near[i]);
-    }
-    par.threshold = par.analysis_threshold = extra->threshold * rx_filter_norm(filter, side * side);
+    rx_status status = RX_OK;
+    if (filtered == NULL || noise == NULL || mask == NULL)
+        status = rx_error_memory(err, npixels * (2 * sizeof *filtered + 1));
+    else
+        status = rx_leftover_filter(leftover, filtered, noise, mask, err);
+    par.threshold = par.analysis_threshold = threshold;
     par.absolute = par.analysis_absolute = 0;
     par.min_area = 1;
     par.max_area = 0;
-    par.filter = filter;
-    par.filter_width = par.filter_height = side;
+    par.filter = NULL;
+    par.filter_width = par.filter_height = 0;
     par.filter_normalise = 1;
     par.matched = 0;
     const rx_detect_image image = {.width = width,
                                    .height = height,
-                                   .pixels = residual,
-                                   .sigma = sigma,
+                                   .pixels = filtered,
+                                   .sigma = noise,
                                    .mask = mask,
                                    .mask_bits = 1,
                                    .variable_noise = 1,
                                    .global_sigma = 1.0};
-    status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
     if (status == RX_OK)
-        status = choose(extra, near, error, err);
-    if (status == RX_OK)
-        status = positions(extra->found, dst, n, err);
-exit:
-    free(sigma);
-    free(near);
+        status = rx_detect_run(&par, &image, extra->log, &extra->found, err);
+    free(filtered);
+    free(noise);
     free(mask);
-    free(filter);
+    return status;
+}
+
+rx_status rx_template_extra_find(void *user, const rx_tphot_state *state, double (**dst)[2], int *n,
+                                 rx_error *err)
+{
+    rx_template_extra *extra = user;
+    int side = 0;
+    float *stamp = matched_filter(extra->psf, state->width, state->height, &side);
+    if (stamp == NULL)
+        return rx_error_memory(err, 0);
+    const double threshold = extra->threshold * rx_filter_norm(stamp, side * side);
+    rx_filter filter = {0};
+    rx_status status = rx_filter_new(stamp, side, side, &filter, err);
+    free(stamp);
+    if (status != RX_OK)
+        return status;
+    const rx_leftover leftover = {.state = state,
+                                  .pixels = extra->pixels,
+                                  .level = extra->level,
+                                  .reach = (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)),
+                                  .model_error = MODEL_ERROR,
+                                  .filter = filter.values,
+                                  .side = side,
+                                  .nthreads = extra->nthreads};
+    status = detect(extra, &leftover, threshold, err);
+    if (status == RX_OK)
+        status = choose(extra, &leftover, err);
+    if (status == RX_OK) {
+        set_analysis_threshold(&leftover, threshold, extra->found);
+        status = positions(extra->found, dst, n, err);
+    }
+    rx_filter_free(&filter);
     return status;
 }
 
 /* Pixels of `from` that are nobody's become those of the added sources. */
-static void paint_segments(const rx_sources *from, int first, rx_sources *sources)
+static void paint_segments(const rx_sources *from, int first, int nthreads, rx_sources *sources)
 {
     const size_t n = (size_t)sources->width * (size_t)sources->height;
+#pragma omp parallel for schedule(static) num_threads(nthreads)
     for (size_t i = 0; i < n; i++)
         if (from->segments[i] != 0 && sources->segments[i] == 0)
             sources->segments[i] = first + from->segments[i];
@@ -185,7 +202,7 @@ rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *s
     for (int i = 0; i < sources->n; i++)
         last = list[i].segment > last ? list[i].segment : last;
     sources->list = list;
-    paint_segments(found, last, sources);
+    paint_segments(found, last, extra->nthreads, sources);
     for (int i = 0; i < found->n; i++) {
         rx_source *s = &list[sources->n + i];
         *s = found->list[i];

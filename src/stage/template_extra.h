@@ -8,6 +8,7 @@
 #include "data/sources.h"
 #include "data/tile.h"
 #include "detect/detect.h"
+#include "template/template.h"
 
 typedef struct rx_template_extra {
     const rx_detect_params *detect; /* deblending and limits are these */
@@ -25,8 +26,8 @@ typedef struct rx_template_extra {
  * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
  * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
  * taken. Errors: RX_SYSTEM, RX_USAGE. */
-rx_status rx_template_extra_find(void *user, const float *residual, const float *error, int width, int height,
-                                 double (**dst)[2], int *n, rx_error *err);
+rx_status rx_template_extra_find(void *user, const rx_tphot_state *state, double (**dst)[2], int *n,
+                                 rx_error *err);
 
 /* Append what was found to the list that the templates were made of: numbers and segments go on, pixels that
  * are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */

@@ -4,6 +4,7 @@ librextract_la_SOURCES += \
 	src/template/evidence.c src/template/evidence.h \
 	src/template/fit.c src/template/fit.h \
 	src/template/joint.c src/template/joint.h \
+	src/template/leftover.c src/template/leftover.h \
 	src/template/lens.c src/template/lens.h \
 	src/template/patch.c src/template/patch.h \
 	src/template/refine.c src/template/refine.h \

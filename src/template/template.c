@@ -369,22 +369,11 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
 /* Asks for what shows in the residual, and fits everything again with it. */
 static rx_status second_pass(work *w, rx_error *err)
 {
-    const size_t n = (size_t)w->canvas.width * (size_t)w->canvas.height;
-    float *residual = RX_NEW(float, n), *error = RX_NEW(float, n);
+    const rx_canvas *c = &w->canvas;
+    const rx_tphot_state state = {c->width, c->height, c->data, c->model, c->weight};
     double(*found)[2] = NULL;
     int count = 0;
-    rx_status status = RX_OK;
-    if (residual == NULL || error == NULL) {
-        status = rx_error_memory(err, 2 * n * sizeof(float));
-        goto exit;
-    }
-    for (size_t k = 0; k < n; k++)
-        if (w->canvas.weight[k] > 0) {
-            residual[k] = w->canvas.data[k] - w->canvas.model[k];
-            error[k] = 1 / sqrtf(w->canvas.weight[k]);
-        }
-    status = w->input->more(w->input->user, residual, error, w->canvas.width, w->canvas.height, &found,
-                            &count, err);
+    rx_status status = w->input->more(w->input->user, &state, &found, &count, err);
     if (status == RX_OK && count > 0) {
         status = add_points(w, (const double(*)[2])found, count, err);
         if (status == RX_OK)
@@ -394,9 +383,6 @@ static rx_status second_pass(work *w, rx_error *err)
         if (status == RX_OK)
             status = fit_on_sky(w, err);
     }
-exit:
-    free(residual);
-    free(error);
     free(found);
     return status;
 }

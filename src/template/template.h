@@ -118,12 +118,19 @@ typedef struct rx_tphot {
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
 } rx_tphot;
 
-/* Sources that only show in the residual: called once, after the first fit, with residual [height][width]
- * (ADU, 0 where masked) and error [height][width] (1 sigma of a pixel, photons of the model included; 0 where
- * masked). The callee gives *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the caller
- * frees; NULL and 0 for none. They are added as points and everything is fitted again. */
-typedef rx_status (*rx_tphot_more)(void *user, const float *residual, const float *error, int width,
-                                   int height, double (**dst)[2], int *n, rx_error *err);
+/* What has been fitted so far, [height][width]. */
+typedef struct rx_tphot_state {
+    int width, height;
+    const float *data;   /* ADU above the sky; 0 where hidden */
+    const float *model;  /* M */
+    const float *weight; /* 1 / variance of a pixel, photons of the model included; 0 where hidden */
+} rx_tphot_state;
+
+/* Sources that only show in the residual, data - model: called once, after the first fit. The callee gives
+ * *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the caller frees; NULL and 0 for none.
+ * They are added as points and everything is fitted again. */
+typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_state *state, double (**dst)[2], int *n,
+                                   rx_error *err);
 
 typedef struct rx_tphot_input {
     const rx_restored *restored; /* where shapes come from; its psf NULL: that of the tile */

@@ -252,20 +252,21 @@ static void test_forced(void **state)
 }
 
 /* The brightest pixel of the residual, once. */
-static rx_status look(void *user, const float *residual, const float *error, int width, int height,
-                      double (**dst)[2], int *n, rx_error *err)
+static rx_status look(void *user, const rx_tphot_state *state, double (**dst)[2], int *n, rx_error *err)
 {
     size_t best = 0;
+    const size_t width = (size_t)state->width;
     (void)err;
     (*(int *)user)++;
-    for (size_t k = 0; k < (size_t)width * (size_t)height; k++)
-        if (residual[k] > residual[best])
+    for (size_t k = 0; k < width * (size_t)state->height; k++)
+        if (state->data[k] - state->model[k] > state->data[best] - state->model[best])
             best = k;
-    assert_true(error[best] > 0 && residual[best] > 10 * error[best]);
+    assert_true(state->weight[best] > 0 &&
+                state->data[best] - state->model[best] > 10 / sqrt(state->weight[best]));
     *dst = rx_alloc(1, sizeof **dst);
     assert_non_null(*dst);
-    (*dst)[0][0] = (double)(best % (size_t)width);
-    (*dst)[0][1] = (double)(best / (size_t)width);
+    (*dst)[0][0] = (double)(best % width);
+    (*dst)[0][1] = (double)(best / width);
     *n = 1;
     return RX_OK;
 }

@@ -20,6 +20,7 @@
 #include "template/canvas.h"
 #include "template/fit.h"
 #include "template/joint.h"
+#include "template/leftover.h"
 #include "template/lens.h"
 #include "template/patch.h"
 #include "template/spergel.h"
@@ -262,10 +263,87 @@ static void test_undersky(void **state)
     field_close(&f);
 }
 
+enum { LW = 90, LH = 150, LSIDE = 5 };
+
+/* L of one pixel by its definition. */
+static double largest_light(const rx_leftover *of, int x, int y)
+{
+    const rx_tphot_state *s = of->state;
+    double most = 0;
+    for (int k = 0; k < LW * LH; k++)
+        if (abs(k % LW - x) <= of->reach && abs(k / LW - y) <= of->reach && s->weight[k] > 0)
+            most = fmax(most, of->pixels[k] - of->level[k] - (s->data[k] - s->model[k]));
+    return most;
+}
+
+/* Filtered residual and noise of one pixel, by their definitions. */
+static void filter_plainly(const rx_leftover *of, int x, int y, double *value, double *noise)
+{
+    const rx_tphot_state *s = of->state;
+    double square = 0, norm = 0;
+    *value = 0;
+    for (int j = 0; j < LSIDE; j++)
+        for (int i = 0; i < LSIDE; i++) {
+            const int u = x + i - LSIDE / 2, v = y + j - LSIDE / 2, k = v * LW + u;
+            const int inside = u >= 0 && v >= 0 && u < LW && v < LH;
+            const double f = of->filter[j * LSIDE + i];
+            if (inside && !(s->weight[k] > 0))
+                continue;
+            norm += fabs(f);
+            if (!inside)
+                continue;
+            *value += f * (s->data[k] - s->model[k]);
+            square += fabs(f) * (1 / s->weight[k] + pow(of->model_error * largest_light(of, u, v), 2));
+        }
+    *noise = sqrt(square / norm);
+}
+
+/* Strips, borders and hidden pixels against the definition; the same bytes for any number of threads. */
+static void test_leftover(void **state)
+{
+    (void)state;
+    static float data[LW * LH], model[LW * LH], weight[LW * LH], pixels[LW * LH], level[LW * LH];
+    static float filtered[2][LW * LH], noise[2][LW * LH];
+    static uint8_t mask[LW * LH];
+    float filter[LSIDE * LSIDE];
+    for (int k = 0; k < LW * LH; k++) {
+        model[k] = (float)fmax(0, rx_random_uniform(1, 0, (uint64_t)k) * 8 - 6);
+        data[k] = model[k] + (float)rx_random_uniform(1, 1, (uint64_t)k);
+        level[k] = 3;
+        pixels[k] = data[k] + 3.5f;
+        weight[k] = k / LW > 100 && k % 37 == 0 ? 0 : (float)(0.5 + rx_random_uniform(1, 2, (uint64_t)k));
+    }
+    for (int i = 0; i < LSIDE * LSIDE; i++)
+        filter[i] = (i % 3 == 0 ? -1.0f : 1.0f) / (LSIDE * LSIDE);
+    const rx_tphot_state fitted = {LW, LH, data, model, weight};
+    rx_leftover of = {.state = &fitted,
+                      .pixels = pixels,
+                      .level = level,
+                      .reach = 2,
+                      .model_error = 0.3,
+                      .filter = filter,
+                      .side = LSIDE,
+                      .nthreads = 1};
+    assert_int_equal(rx_leftover_filter(&of, filtered[0], noise[0], mask, NULL), RX_OK);
+    of.nthreads = 3;
+    assert_int_equal(rx_leftover_filter(&of, filtered[1], noise[1], mask, NULL), RX_OK);
+    assert_memory_equal(filtered[0], filtered[1], sizeof filtered[0]);
+    assert_memory_equal(noise[0], noise[1], sizeof noise[0]);
+    for (int k = 0; k < LW * LH; k += 3) {
+        double value, error;
+        assert_int_equal(mask[k], !(weight[k] > 0));
+        if (mask[k])
+            continue;
+        filter_plainly(&of, k % LW, k / LW, &value, &error);
+        assert_true(fabs(filtered[0][k] - value) < 1e-5 && fabs(noise[0][k] / error - 1) < 1e-5);
+        assert_true(fabs(rx_leftover_light(&of, k % LW, k / LW) - largest_light(&of, k % LW, k / LW)) < 1e-5);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spergel), cmocka_unit_test(test_kernel),
-                                       cmocka_unit_test(test_joint), cmocka_unit_test(test_blends),
-                                       cmocka_unit_test(test_undersky)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spergel),  cmocka_unit_test(test_kernel),
+                                       cmocka_unit_test(test_joint),    cmocka_unit_test(test_blends),
+                                       cmocka_unit_test(test_undersky), cmocka_unit_test(test_leftover)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
