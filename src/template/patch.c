@@ -6,14 +6,6 @@
 
 #include "base/memory.h"
 
-static double own_light(const rx_footprint *f, double flux, int x, int y)
-{
-    const int i = x - f->x0, j = y - f->y0;
-    if (i < 0 || j < 0 || i >= f->width || j >= f->height)
-        return 0.0;
-    return flux * f->values[(size_t)j * (size_t)f->width + (size_t)i];
-}
-
 rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
                        int half, int domain, rx_patch *patch, rx_error *err)
 {
@@ -27,28 +19,38 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
         rx_patch_clear(patch);
         return rx_error_memory(err, 2 * side * side * sizeof(double));
     }
-    for (int j = 0; j < patch->side; j++)
-        for (int i = 0; i < patch->side; i++) {
-            const int x = patch->x0 + i, y = patch->y0 + j;
-            if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height)
-                continue;
-            const size_t k = (size_t)y * (size_t)canvas->width + (size_t)x, p = (size_t)j * side + (size_t)i;
-            patch->weight[p] = canvas->weight[k];
-            if (patch->weight[p] > 0.0)
-                patch->data[p] =
-                    canvas->data[k] - (double)canvas->model[k] + own_light(footprint, flux, x, y);
+    const int first = patch->x0 > 0 ? 0 : -patch->x0;
+    const int last = canvas->width - patch->x0 < patch->side ? canvas->width - patch->x0 : patch->side;
+    for (int j = 0; j < patch->side; j++) {
+        const int y = patch->y0 + j;
+        if (y < 0 || y >= canvas->height)
+            continue;
+        const ptrdiff_t k = (ptrdiff_t)y * canvas->width + patch->x0;
+        double *weight = patch->weight + (size_t)j * side, *data = patch->data + (size_t)j * side;
+        for (int i = first; i < last; i++) {
+            weight[i] = canvas->weight[k + i];
+            data[i] = weight[i] > 0.0 ? canvas->data[k + i] - (double)canvas->model[k + i] : 0.0;
         }
+    }
+    rx_patch_add(patch, footprint, flux);
     return RX_OK;
 }
 
 void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux)
 {
-    for (int j = 0; j < patch->side; j++)
-        for (int i = 0; i < patch->side; i++) {
-            const size_t p = (size_t)j * (size_t)patch->side + (size_t)i;
+    const rx_footprint *f = footprint;
+    const int x0 = f->x0 > patch->x0 ? f->x0 : patch->x0, y0 = f->y0 > patch->y0 ? f->y0 : patch->y0;
+    const int xf = f->x0 + f->width, xp = patch->x0 + patch->side, x1 = xf < xp ? xf : xp;
+    const int yf = f->y0 + f->height, yp = patch->y0 + patch->side, y1 = yf < yp ? yf : yp;
+    for (int y = y0; y < y1; y++) {
+        const float *values = f->values + (size_t)(y - f->y0) * (size_t)f->width;
+        const size_t row = (size_t)(y - patch->y0) * (size_t)patch->side;
+        for (int x = x0; x < x1; x++) {
+            const size_t p = row + (size_t)(x - patch->x0);
             if (patch->weight[p] > 0.0)
-                patch->data[p] += own_light(footprint, flux, patch->x0 + i, patch->y0 + j);
+                patch->data[p] += flux * values[x - f->x0];
         }
+    }
 }
 
 void rx_patch_clear(rx_patch *patch)
@@ -105,10 +107,12 @@ double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const 
         const float *u = a->values + (size_t)(y - a->y0) * (size_t)a->width - a->x0;
         const float *v = b->values + (size_t)(y - b->y0) * (size_t)b->width - b->x0;
         if (canvas == NULL) {
+#pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x];
         } else {
             const float *w = canvas->weight + (size_t)y * (size_t)canvas->width;
+#pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x] * w[x];
         }

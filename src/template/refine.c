@@ -262,10 +262,14 @@ static void choose(const job *j, rx_subject *after)
 static double crop_level(const job *j, const rx_subject *after, const float *plane, size_t stride)
 {
     const rx_canvas *canvas = j->view->canvas;
-    double peak = 0;
-    for (int v = 0; v < j->size->n; v++)
+    float highest = 0;
+    for (size_t v = 0; v < (size_t)j->size->n; v++) {
+        const float *row = plane + v * stride;
+#pragma omp simd reduction(max : highest)
         for (int u = 0; u < j->size->n; u++)
-            peak = fmax(peak, plane[(size_t)v * stride + (size_t)u]);
+            highest = row[u] > highest ? row[u] : highest;
+    }
+    const double peak = highest;
     const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
     const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
     const double variance = canvas->variance[(size_t)y * (size_t)canvas->width + (size_t)x];
@@ -294,17 +298,24 @@ static void render(const job *j, const rx_subject *after)
             j->size->plane[0][k] += share * (j->size->plane[1][k] - j->size->plane[0][k]);
 }
 
-/* Error of a flux of that variance over that of plane 0 as a fixed template. */
-static double shape_error(const job *j, double variance)
+/* Inverse variance of the flux of plane 0 as a fixed template. */
+static double fixed_power(const job *j)
 {
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
     double power = 0;
-    for (size_t v = 0; v < side && variance > 0; v++)
-        for (size_t u = 0; u < side; u++) {
-            const double t =
-                j->size->plane[0][(v + (size_t)j->patch.corner) * stride + u + (size_t)j->patch.corner];
-            power += j->patch.weight[v * side + u] * t * t;
-        }
+    for (size_t v = 0; v < side; v++) {
+        const float *t = j->size->plane[0] + (v + (size_t)j->patch.corner) * stride + j->patch.corner;
+        const double *weight = j->patch.weight + v * side;
+#pragma omp simd reduction(+ : power)
+        for (size_t u = 0; u < side; u++)
+            power += weight[u] * t[u] * t[u];
+    }
+    return power;
+}
+
+/* Error of a flux of that variance over that of a fixed template. */
+static double shape_error(double power, double variance)
+{
     return power * variance > 1 && isfinite(power * variance) ? sqrt(power * variance) : 1;
 }
 
@@ -312,9 +323,12 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
 {
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
     render(j, after);
-    const double own = shape_error(j, after->variance);
-    if (!j->par->frozen)
-        after->shape_error = shape_error(j, after->variance + after->misfit * after->misfit);
+    double own = 1;
+    if (!j->par->frozen) {
+        const double power = fixed_power(j);
+        own = shape_error(power, after->variance);
+        after->shape_error = shape_error(power, after->variance + after->misfit * after->misfit);
+    }
     if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
         int used = 0;
         double flux = after->flux;

@@ -10,26 +10,43 @@
 static const double CLEAR = 3.0;
 
 /* Of the model of all at that pixel, what is the subject's; on its own segment all. */
-static double share_of(const rx_refine_view *view, const rx_subject *s, int x, int y, double own)
+static double share_of(const rx_refine_view *view, const rx_subject *s, size_t k, double own)
 {
-    const size_t k = (size_t)y * (size_t)view->canvas->width + (size_t)x;
     const int32_t segment = view->segments[k];
     if (segment == s->segment)
         return 1;
     if (segment != 0 || !(own > 0))
         return 0;
-    /* nobody's: near the segment's box only, and what neighbours' models leave */
-    const int reach = (int)ceil(view->fwhm);
-    if (x < s->xmin - reach || x > s->xmax + reach || y < s->ymin - reach || y > s->ymax + reach)
-        return 0;
     const double all = view->canvas->model[k];
     return all > own ? own / all : 1;
 }
 
-static int descending(const void *a, const void *b)
+/* The value that `below` of n are not larger than, by Hoare's partitions; the order of v is lost. */
+static double select_value(double *v, int n, int below)
 {
-    const double p = *(const double *)a, q = *(const double *)b;
-    return p < q ? 1 : p > q ? -1 : 0;
+    int first = 0, last = n - 1;
+    while (first < last) {
+        const double pivot = v[(first + last) / 2];
+        int i = first, j = last;
+        while (i <= j) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i <= j) {
+                const double swap = v[i];
+                v[i++] = v[j];
+                v[j--] = swap;
+            }
+        }
+        if (below <= j)
+            last = j;
+        else if (below >= i)
+            first = i;
+        else
+            break;
+    }
+    return v[below];
 }
 
 /* Noise of the restored pixels between the sources around (cx, cy), from their values below 0: what a
@@ -49,43 +66,53 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
         }
     if (count < 30)
         return 0;
-    qsort(work, (size_t)count, sizeof *work, descending);
-    return 1.4826 * work[count / 2];
+    return 1.4826 * select_value(work, count, count - 1 - count / 2);
 }
 
-/* Plane 0 = D, the profile behind the restored PSF in it before. Returns what is free in it. */
+/* What of the pixel k is free in D, *d; own: the profile's light there. Outside the segment only what
+ * neighbours' models leave. */
+static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t k, double own,
+                         double least_noise, float *d)
+{
+    const rx_restored *restored = view->restored;
+    const double share = restored->mask[k] == 0 ? share_of(view, s, k, own) : 0;
+    if (!(share > 0))
+        return 0;
+    const double v = restored->pixels[k] - own / share;
+    const double known = restored->sigma != NULL ? restored->sigma[k] : sqrt(view->canvas->variance[k]);
+    const double noise = known > least_noise ? known : least_noise;
+    if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
+        return 0;
+    const double sure = v * v / (v * v + noise * noise);
+    if (!isfinite(sure))
+        return 0;
+    *d = (float)(share * sure * v);
+    return share * sure;
+}
+
+/* Plane 0 = D, the profile behind the restored PSF in it before. Returns what is free in it: near the
+ * segment's box only. */
 static double difference(const rx_refine_view *view, const rx_subject *s, int cx, int cy, double least_noise,
                          rx_lens_size *size)
 {
     const rx_canvas *canvas = view->canvas;
-    const rx_restored *restored = view->restored;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
+    const int reach = (int)ceil(view->fwhm), left = cx - size->n / 2, low = cy - size->n / 2;
+    const int x0 = s->xmin - reach > 0 ? s->xmin - reach : 0, y0 = s->ymin - reach > 0 ? s->ymin - reach : 0;
+    const int x1 = s->xmax + reach < canvas->width ? s->xmax + reach : canvas->width - 1;
+    const int y1 = s->ymax + reach < canvas->height ? s->ymax + reach : canvas->height - 1;
     double used = 0;
-    for (int j = 0; j < size->n; j++)
-        for (int i = 0; i < size->n; i++) {
-            float *p = size->plane[0] + (size_t)j * stride + (size_t)i;
-            const int x = cx - size->n / 2 + i, y = cy - size->n / 2 + j;
+    for (int y = low; y < low + size->n; y++) {
+        float *row = size->plane[0] + (size_t)(y - low) * stride;
+        for (int x = left; x < left + size->n; x++) {
+            float *p = row + (x - left);
             const double own = s->flux * *p;
             *p = 0;
-            if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height)
-                continue;
-            const size_t k = (size_t)y * (size_t)canvas->width + (size_t)x;
-            if (restored->mask[k] != 0)
-                continue;
-            const double share = share_of(view, s, x, y, own);
-            if (!(share > 0))
-                continue;
-            const double v = restored->pixels[k] - own / share;
-            const double noise =
-                fmax(least_noise, restored->sigma != NULL ? restored->sigma[k] : sqrt(canvas->variance[k]));
-            if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
-                continue;
-            const double sure = v * v / (v * v + noise * noise);
-            if (!isfinite(sure))
-                continue;
-            *p = (float)(share * sure * v);
-            used += share * sure;
+            if (x >= x0 && x <= x1 && y >= y0 && y <= y1)
+                used +=
+                    free_pixel(view, s, (size_t)y * (size_t)canvas->width + (size_t)x, own, least_noise, p);
         }
+    }
     return used;
 }
 
@@ -94,17 +121,20 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
                        double *amount)
 {
     double tt = 0, td = 0, dd = 0, tc = 0, dc = 0;
-    for (int j = 0; j < patch->side; j++)
+    for (size_t j = 0; j < (size_t)patch->side; j++) {
+        const double *weight = patch->weight + j * (size_t)patch->side;
+        const double *data = patch->data + j * (size_t)patch->side;
+        const size_t k = (j + (size_t)patch->corner) * stride + (size_t)patch->corner;
+#pragma omp simd reduction(+ : tt, td, dd, tc, dc)
         for (int i = 0; i < patch->side; i++) {
-            const size_t p = (size_t)j * (size_t)patch->side + (size_t)i;
-            const size_t k = (size_t)(j + patch->corner) * stride + (size_t)(i + patch->corner);
-            const double w = patch->weight[p], c = patch->data[p];
-            tt += w * t[k] * t[k];
-            td += w * t[k] * d[k];
-            dd += w * d[k] * d[k];
-            tc += w * t[k] * c;
-            dc += w * d[k] * c;
+            const double wt = weight[i] * t[k + (size_t)i], wd = weight[i] * d[k + (size_t)i];
+            tt += wt * t[k + (size_t)i];
+            td += wt * d[k + (size_t)i];
+            dd += wd * d[k + (size_t)i];
+            tc += wt * data[i];
+            dc += wd * data[i];
         }
+    }
     const double det = tt * dd - td * td;
     if (!(tt > 0) || !(det > 1e-9 * tt * dd))
         return 0;
