@@ -50,10 +50,13 @@ static void weigh(rx_canvas *canvas, size_t from, size_t to)
 {
     const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
     const double error = canvas->psf_error * canvas->psf_error;
+    const float *variances = canvas->variance, *models = canvas->model;
+    float *weights = canvas->weight;
+#pragma omp simd
     for (size_t k = from; k < to; k++) {
-        const double variance = canvas->variance[k], model = fmax(canvas->model[k], 0.0f);
-        canvas->weight[k] =
-            variance > 0.0 ? (float)(1.0 / (variance + model * (photons + model * error))) : 0.0f;
+        const double variance = variances[k], model = models[k] > 0.0f ? models[k] : 0.0f;
+        const double weight = 1.0 / (variance + model * (photons + model * error));
+        weights[k] = variance > 0.0 ? (float)weight : 0.0f;
     }
 }
 
@@ -64,8 +67,9 @@ static void draw_rows(rx_canvas *canvas, const rx_layer *layer, int from, int to
     const int first = f->y0 > from ? f->y0 : from;
     const int last = f->y0 + f->height < to ? f->y0 + f->height : to;
     for (int y = first; y < last; y++) {
-        float *dst = canvas->model + (size_t)y * (size_t)canvas->width + f->x0;
-        const float *src = f->values + (size_t)(y - f->y0) * (size_t)f->width;
+        float *restrict dst = canvas->model + (size_t)y * (size_t)canvas->width + f->x0;
+        const float *restrict src = f->values + (size_t)(y - f->y0) * (size_t)f->width;
+#pragma omp simd
         for (int x = 0; x < f->width; x++)
             dst[x] += flux * src[x];
     }

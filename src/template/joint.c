@@ -8,11 +8,14 @@
 #include "num/normal.h"
 #include "template/patch.h"
 
+enum { MANY = 16 }; /* unknowns that are worth several threads */
+
 /* One unknown: a flux, or the flux times a shift in x or y; the background is the last, without a column. */
 typedef struct column {
     const rx_footprint *footprint;
     int member, what;         /* 0 flux, 1 x, 2 y */
     double before;            /* what the model holds of it */
+    double power;             /* of a flux, sum w T^2 */
     double centre, precision; /* of its prior */
 } column;
 
@@ -21,8 +24,9 @@ typedef struct equations {
     column *columns;
     rx_footprint *slopes; /* [2 members] dT/dx, dT/dy; values owned */
     size_t nslopes;
+    double *room; /* owned, holds the next four */
     double *a, *b, *x, *covariance;
-    int *bounded, *held;
+    int *bounded, *held; /* the first one owned, it holds both */
 } equations;
 
 static void clear(equations *e)
@@ -31,26 +35,22 @@ static void clear(equations *e)
         free(e->slopes[i].values);
     free(e->slopes);
     free(e->columns);
-    free(e->a);
-    free(e->b);
-    free(e->x);
-    free(e->covariance);
+    free(e->room);
     free(e->bounded);
-    free(e->held);
 }
 
 static rx_status open_equations(size_t n, equations *e, rx_error *err)
 {
     e->n = n;
-    e->a = rx_alloc(n * n, sizeof(double));
-    e->b = RX_NEW(double, n);
-    e->x = RX_NEW(double, n);
-    e->covariance = rx_alloc(n * n, sizeof(double));
-    e->bounded = RX_NEW(int, n);
-    e->held = RX_NEW(int, n);
-    if (e->a == NULL || e->b == NULL || e->x == NULL || e->covariance == NULL || e->bounded == NULL ||
-        e->held == NULL)
+    e->room = RX_NEW(double, 2 * n * (n + 1));
+    e->bounded = RX_NEW(int, 2 * n);
+    if (e->room == NULL || e->bounded == NULL)
         return rx_error_memory(err, 2 * n * n * sizeof(double));
+    e->a = e->room;
+    e->covariance = e->a + n * n;
+    e->b = e->covariance + n * n;
+    e->x = e->b + n;
+    e->held = e->bounded + n;
     return RX_OK;
 }
 
@@ -74,16 +74,20 @@ static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst,
 /* sum w T and sum w T (data - model) over a footprint. */
 static void project(const rx_footprint *f, const rx_canvas *canvas, double *weight, double *value)
 {
-    *weight = *value = 0;
+    double sum_w = 0, sum_v = 0;
     for (int j = 0; j < f->height; j++) {
         const size_t row = (size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)f->x0;
         const float *t = f->values + (size_t)j * (size_t)f->width;
+        const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
+#pragma omp simd reduction(+ : sum_w, sum_v)
         for (int i = 0; i < f->width; i++) {
-            const double wt = (double)canvas->weight[row + (size_t)i] * t[i];
-            *weight += wt;
-            *value += wt * ((double)canvas->data[row + (size_t)i] - canvas->model[row + (size_t)i]);
+            const double wt = (double)w[i] * t[i];
+            sum_w += wt;
+            sum_v += wt * ((double)data[i] - model[i]);
         }
     }
+    *weight = sum_w;
+    *value = sum_v;
 }
 
 /* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
@@ -138,7 +142,7 @@ static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m
         m[i].flags = power > 0 && isfinite(power) ? 0 : RX_TPHOT_NO_DATA;
         if (m[i].flags == 0)
             e->columns[e->nflux++] =
-                (column){.footprint = m[i].footprint, .member = i, .before = m[i].before};
+                (column){.footprint = m[i].footprint, .member = i, .before = m[i].before, .power = power};
     }
     e->ncolumns = e->nflux;
     for (size_t k = 0; k < e->nflux; k++) {
@@ -160,22 +164,35 @@ static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m
     return RX_OK;
 }
 
+/* Of the unknown i: sum w T (d - M), and the matrix up to its diagonal and for the background. */
+static void fill_column(const rx_joint_params *par, const rx_canvas *canvas, size_t i, equations *e)
+{
+    const size_t last = e->ncolumns, size = e->n;
+    const column *c = &e->columns[i];
+    double weight;
+    project(c->footprint, canvas, &weight, &e->b[i]);
+    e->bounded[i] = par->non_negative && c->what == 0;
+    for (size_t j = 0; j <= i; j++)
+        e->a[i * size + j] = e->a[j * size + i] =
+            c->what == 0 && j == i ? c->power
+                                   : rx_footprint_product(c->footprint, e->columns[j].footprint, canvas);
+    if (size > last)
+        e->a[i * size + last] = e->a[last * size + i] = weight;
+}
+
 /* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
 static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n, const rx_joint_member *m,
-                      equations *e, rx_error *err)
+                      int nthreads, equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
     double sums[3];
-    for (size_t i = 0; i < last; i++) {
-        const column *c = &e->columns[i];
-        double weight;
-        project(c->footprint, canvas, &weight, &e->b[i]);
-        e->bounded[i] = par->non_negative && c->what == 0;
-        for (size_t j = 0; j <= i; j++)
-            e->a[i * size + j] = e->a[j * size + i] =
-                rx_footprint_product(c->footprint, e->columns[j].footprint, canvas);
-        if (size > last)
-            e->a[i * size + last] = e->a[last * size + i] = weight;
+    if (nthreads > 1 && last >= MANY) {
+#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
+        for (size_t i = 0; i < last; i++)
+            fill_column(par, canvas, last - 1 - i, e); /* long ones first */
+    } else {
+        for (size_t i = 0; i < last; i++)
+            fill_column(par, canvas, i, e);
     }
     for (size_t i = 0; i < size; i++)
         for (size_t j = 0; j < e->nflux; j++)
@@ -233,7 +250,7 @@ static void store(const equations *e, int singular, rx_joint_member *m, int n, d
 }
 
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       double *background, double *covariance, rx_error *err)
+                       int nthreads, double *background, double *covariance, rx_error *err)
 {
     equations e = {0};
     int singular = 0;
@@ -246,7 +263,7 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int 
     if (status == RX_OK)
         status = open_equations(e.ncolumns + (par->background_sigma > 0 && e.nflux > 0), &e, err);
     if (status == RX_OK && e.n > 0)
-        status = fill(par, canvas, n, members, &e, err);
+        status = fill(par, canvas, n, members, nthreads, &e, err);
     if (status == RX_OK && e.n > 0)
         status = par->non_negative ? rx_normal_nonnegative(e.a, e.b, e.bounded, e.n, e.x, e.covariance,
                                                            e.held, &singular, err)

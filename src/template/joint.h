@@ -27,8 +27,8 @@ typedef struct rx_joint_member {
 } rx_joint_member;
 
 /* n members; data are what the model of all others leaves. covariance [n][n] of the fluxes, NULL: not
- * wanted. Errors: RX_SYSTEM. */
+ * wanted. nthreads for the equations of one group. Errors: RX_SYSTEM. */
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       double *background, double *covariance, rx_error *err);
+                       int nthreads, double *background, double *covariance, rx_error *err);
 
 #endif

@@ -221,8 +221,8 @@ static rx_status regroup(work *w, rx_error *err)
     return status == RX_OK && w->par->covariance ? place_covariances(w, err) : status;
 }
 
-/* One group: members gathered, fitted, put back. */
-static rx_status fit_group(work *w, int group, rx_error *err)
+/* One group: members gathered, fitted, put back; nthreads work on it. */
+static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
     const int movable = w->input->shapes == NULL && w->par->rounds > 0;
     const double fwhm = fmax(w->input->psf->fwhm, 1.0);
@@ -239,7 +239,8 @@ static rx_status fit_group(work *w, int group, rx_error *err)
                                        .shift_width = m > 1 && movable ? rx_refine_reach(fwhm) : 0,
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
-    rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
+    rx_status status =
+        rx_joint_fit(&par, &w->canvas, m, members, nthreads, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++)
         w->members[w->blends.member[first + i]] = members[i];
     free(members);
@@ -260,7 +261,7 @@ static rx_status fit_torn_groups(work *w, rx_error *err)
     for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
         if (!w->blends.torn[g])
             continue;
-        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, err);
+        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, w->nthreads, err);
         for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
             rx_subject *s = &w->subjects[w->blends.member[k]];
             const double flux = found_flux(&w->members[w->blends.member[k]]);
@@ -280,7 +281,7 @@ static rx_status fit_groups(work *w, rx_error *err)
         rx_error own = RX_ERROR_NONE;
         if (w->blends.torn[g])
             continue;
-        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, &own);
+        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, 1, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_tphot_failure)
             {
@@ -431,21 +432,22 @@ static rx_status fit_everything(work *w, rx_error *err)
     return status;
 }
 
-/* Evidence of every source, group by group. */
+/* Evidence of every source; long groups are no one thread's. */
 static rx_status weigh_evidence(work *w, rx_error *err)
 {
     const rx_refine_params par = refine_params(w, 0, 0);
     const rx_refine_view view = refine_view(w);
     rx_status failed = RX_OK;
 #pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
-    for (int g = 0; g < w->blends.ngroups; g++) {
-        const int first = w->blends.start[g], m = w->blends.start[g + 1] - first;
+    for (int k = 0; k < w->n; k++) {
+        const int group = w->blends.group[w->blends.member[k]];
+        const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
         const int *member = w->blends.member + first;
         rx_error own = RX_ERROR_NONE;
         rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
-        for (int i = 0; i < m && status == RX_OK; i++)
+        if (status == RX_OK)
             status = rx_evidence_of(&par, &view, &w->lenses[omp_get_thread_num()], w->subjects, w->members,
-                                    member, m, i, &w->subjects[member[i]].presence, &own);
+                                    member, m, k - first, &w->subjects[member[k - first]].presence, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_tphot_failure)
             {

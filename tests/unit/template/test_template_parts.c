@@ -142,7 +142,7 @@ static void test_joint(void **state)
     m[0].shift_centre[1] = -0.2;
     const rx_joint_params par = {.background_sigma = 0.3};
     double background, covariance[9];
-    assert_int_equal(rx_joint_fit(&par, &canvas, 3, m, &background, covariance, NULL), RX_OK);
+    assert_int_equal(rx_joint_fit(&par, &canvas, 3, m, 1, &background, covariance, NULL), RX_OK);
 
     double *a = RX_NEW(double, ROWS *COLUMNS), *b = RX_NEW(double, ROWS), *w = RX_NEW(double, ROWS);
     double x[COLUMNS], c[COLUMNS * COLUMNS], sw = 0, n = 0;
