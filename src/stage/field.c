@@ -166,9 +166,12 @@ rx_status rx_field_prepare(const rx_options *options, int role, rx_tile *tile, c
         return rx_error_memory(err, sizeof *field);
     }
     field->tile = tile;
+    double begun = rx_seconds();
     rx_status status = measure_backgrounds(options, role, field, err);
     if (status != RX_OK)
         goto exit;
+    field->background_seconds = rx_seconds() - begun;
+    begun = rx_seconds();
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
                   tile->name, tile->hdu, tile->width, tile->height, field->plain->global_level,
                   field->plain->global_sigma, tile->gain, tile->pixel_scale);
@@ -179,6 +182,7 @@ rx_status rx_field_prepare(const rx_options *options, int role, rx_tile *tile, c
     } else if (need_psf) {
         status = make_psf(options, role, field, log, err);
     }
+    field->psf_seconds = rx_seconds() - begun;
     if (status == RX_OK && known == NULL && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", tile->name, tile->hdu, field->psf->description);
 exit:
@@ -193,10 +197,15 @@ rx_status rx_field_open(const rx_options *options, int role, const char *name, i
                         int need_psf, rx_log *log, rx_field **dst, rx_error *err)
 {
     rx_tile *tile = NULL;
+    const double begun = rx_seconds();
     rx_status status = rx_tile_read(&options->tile[role], name, hdu, extension, log, &tile, err);
-    if (status != RX_OK)
-        return status;
-    return rx_field_prepare(options, role, tile, NULL, need_psf, log, dst, err);
+    const double read_seconds = rx_seconds() - begun;
+    if (status == RX_OK)
+        status = rx_field_prepare(options, role, tile, NULL, need_psf, log, dst, err);
+    if (status == RX_OK)
+        rx_log_detail(log, "%s[%d]: seconds: read %.4f, background %.4f, PSF %.4f", (*dst)->tile->name,
+                      (*dst)->tile->hdu, read_seconds, (*dst)->background_seconds, (*dst)->psf_seconds);
+    return status;
 }
 
 void rx_field_free(rx_field *field)

@@ -24,6 +24,7 @@ typedef struct rx_field {
     double model_noise;      /* noise as rx_model_noise() has it, of the tile that this one is a copy of; 0 =
                                 none, measure it */
     int unrestorable;        /* PSF_TYPE AUTO found too few stars and no other PSF is known */
+    double background_seconds, psf_seconds; /* wall clock of preparing it */
 } rx_field;
 
 /* A tile in memory, which belongs to the field from then on, and is freed when this fails. Measures its

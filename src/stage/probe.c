@@ -218,6 +218,28 @@ static rx_status measure_sources(const work *w, rx_error *err)
                              restored, probe->sources, w->log, &probe->photometry, err);
 }
 
+/* The steps of a probe, in their order. */
+enum { RESTORE, DETECT, TEMPLATES, MEASURE, STEPS };
+
+static rx_status run_step(work *w, int step, rx_error *err)
+{
+    rx_probe *probe = w->probe;
+    rx_status status = RX_OK;
+    switch (step) {
+    case RESTORE:
+        status = restore(w, w->detect, &probe->plain, &probe->domain, &probe->restored, err);
+        w->hide = probe->plain && !w->options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
+        return status;
+    case DETECT:
+        status = prepare_detection(w, err);
+        return status == RX_OK ? detect_sources(w, err) : status;
+    case TEMPLATES:
+        return fit_templates(w, err);
+    default:
+        return measure_sources(w, err);
+    }
+}
+
 rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,
                        const rx_field *measure, rx_log *log, rx_probe *dst, rx_error *err)
 {
@@ -228,16 +250,17 @@ rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const
               .log = log,
               .probe = dst};
     *dst = (rx_probe){0};
-    rx_status status = restore(&w, detect, &dst->plain, &dst->domain, &dst->restored, err);
-    w.hide = dst->plain && !options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
+    rx_status status = RX_OK;
+    double seconds[STEPS] = {0};
+    for (int step = 0; step < STEPS && status == RX_OK; step++) {
+        const double begun = rx_seconds();
+        status = run_step(&w, step, err);
+        seconds[step] = rx_seconds() - begun;
+    }
     if (status == RX_OK)
-        status = prepare_detection(&w, err);
-    if (status == RX_OK)
-        status = detect_sources(&w, err);
-    if (status == RX_OK)
-        status = fit_templates(&w, err);
-    if (status == RX_OK)
-        status = measure_sources(&w, err);
+        rx_log_detail(log, "%s[%d]: %s: seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
+                      detect->tile->name, detect->tile->hdu, kind->name, seconds[RESTORE], seconds[DETECT],
+                      seconds[TEMPLATES], seconds[MEASURE]);
     rx_filter_free(&w.filter);
     if (status != RX_OK)
         rx_probe_free(dst);
