@@ -5,12 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <sys/mman.h>
+
 enum { ALIGNMENT = 64 };
+enum {
+    PAGE = 1 << 16,
+    LARGE = 32 << 20
+}; /* a multiple of every page size; what malloc maps anew each time */
+
+/* What was in a large block is given back to the system rather than overwritten: its pages come as zeros when
+ * they are first touched, and those of a plane that stays empty never do. */
+static void *alloc_large(size_t bytes)
+{
+    bytes = (bytes + PAGE - 1) / PAGE * PAGE;
+    void *ptr = aligned_alloc(PAGE, bytes);
+    if (ptr != NULL && madvise(ptr, bytes, MADV_DONTNEED) != 0)
+        memset(ptr, 0, bytes);
+    return ptr;
+}
 
 void *rx_alloc(size_t count, size_t size)
 {
-    if (size != 0 && count > (SIZE_MAX - ALIGNMENT) / size)
+    if (size != 0 && count > (SIZE_MAX - LARGE) / size)
         return NULL;
+    if (count * size >= LARGE)
+        return alloc_large(count * size);
     size_t bytes = (count * size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     if (bytes == 0)
         bytes = ALIGNMENT;
