@@ -34,71 +34,71 @@ static int compare_descending(const void *a, const void *b)
 
 /* The min_area-th largest height above the threshold. As in SExtractor, a list of exactly min_area
  * pixels is not sorted, and the first pixel after the first min_area is not looked at. */
-static float weakest_pixel(const sep_catalog *cat, int i, const rx_clean_image *image, int min_area,
+static float weakest_pixel(const rx_detection *list, int i, const rx_clean_image *image, int min_area,
                            float *heights)
 {
     int n = 0;
-    if (cat->npix[i] < min_area)
+    if (list[i].npix < min_area)
         return 0.0f;
-    for (int k = 0; k < cat->npix[i]; k++) {
-        int at = cat->pix[i][k];
-        float limit = image->sigma != NULL ? (float)image->threshold * image->sigma[at] : cat->thresh[i];
+    for (int k = 0; k < list[i].npix; k++) {
+        int at = list[i].pixels[k];
+        float limit = image->sigma != NULL ? (float)image->threshold * image->sigma[at] : list[i].threshold;
         if (k != min_area)
             heights[n++] = image->filtered[at] - limit;
     }
-    if (cat->npix[i] == min_area)
+    if (list[i].npix == min_area)
         return heights[0];
     qsort(heights, (size_t)n, sizeof *heights, compare_descending);
     return heights[min_area - 1];
 }
 
-static double axis_correction(const sep_catalog *cat, int i, const rx_clean_image *image)
+static double axis_correction(const rx_detection *list, int i, const rx_clean_image *image)
 {
-    double half = (cat->thresh[i] + (double)cat->peak[i]) / 2.0;
-    double ratio = cat->thresh[i] / half;
+    double half = (list[i].threshold + (double)list[i].peak) / 2.0;
+    double ratio = list[i].threshold / half;
     int above_half = 0;
     if (image->sigma != NULL || !(ratio > 0.0))
         return 1.0;
-    for (int k = 0; k < cat->npix[i]; k++)
-        above_half += image->pixels[cat->pix[i][k]] > half;
-    double difference = above_half - cat->tnpix[i];
+    for (int k = 0; k < list[i].npix; k++)
+        above_half += image->pixels[list[i].pixels[k]] > half;
+    double difference = above_half - list[i].npix_raw;
     double correction = (difference < 0.0 ? difference : -1.0) /
-                        (2.0 * PI * log(ratio < 1.0 ? ratio : 0.99) * cat->a[i] * cat->b[i]);
+                        (2.0 * PI * log(ratio < 1.0 ? ratio : 0.99) * list[i].a * list[i].b);
     return fmin(correction, 1.0);
 }
 
 /* Does the wing of `big` at the place of `small` rise above small's weakest pixel? */
-static bool swallows(const sep_catalog *cat, const wing *wings, int big, int small, double beta)
+static bool swallows(const rx_detection *list, const wing *wings, int big, int small, double beta)
 {
-    double dx = cat->x[small] - cat->x[big], dy = cat->y[small] - cat->y[big];
-    double unit_area = PI * cat->a[big] * cat->b[big];
+    double dx = list[small].x - list[big].x, dy = list[small].y - list[big].y;
+    double unit_area = PI * list[big].a * list[big].b;
     double amplitude = wings[big].flux / (2.0 * unit_area * wings[big].axis_correction);
-    double alpha = (pow(amplitude / cat->thresh[big], 1.0 / beta) - 1.0) * unit_area / wings[big].area;
-    double fall = 1.0 + alpha * (cat->cxx[big] * dx * dx + cat->cyy[big] * dy * dy + cat->cxy[big] * dx * dy);
+    double alpha = (pow(amplitude / list[big].threshold, 1.0 / beta) - 1.0) * unit_area / wings[big].area;
+    double fall = 1.0 + alpha * (list[big].cxx * dx * dx + list[big].cyy * dy * dy + list[big].cxy * dx * dy);
     return fall > 1.0 && (fall < 1e10 ? (float)(amplitude * pow(fall, -beta)) : 0.0f) > wings[small].weakest;
 }
 
-static bool in_reach(const sep_catalog *cat, int i, int j)
+static bool in_reach(const rx_detection *list, int i, int j)
 {
-    double dx = cat->x[i] - cat->x[j], dy = cat->y[i] - cat->y[j], reach = cat->a[i] + cat->a[j];
+    double dx = list[i].x - list[j].x, dy = list[i].y - list[j].y, reach = list[i].a + list[j].a;
     return dx * dx + dy * dy < reach * reach * REACH * REACH;
 }
 
-static bool band_in_reach(const sep_catalog *cat, const band *b, int i)
+static bool band_in_reach(const rx_detection *list, const band *b, int i)
 {
-    double reach = (cat->a[i] + b->largest) * REACH;
-    return !(cat->y[i] < b->low - reach || cat->y[i] > b->high + reach);
+    double reach = (list[i].a + b->largest) * REACH;
+    return !(list[i].y < b->low - reach || list[i].y > b->high + reach);
 }
 
 /* Source i joins its band. */
-static void extend_bands(const sep_catalog *cat, int i, band *bands)
+static void extend_bands(const rx_detection *list, int i, band *bands)
 {
     band *b = &bands[i / BAND];
     if (i % BAND == 0)
         *b = (band){.low = HUGE_VAL, .high = -HUGE_VAL};
-    b->low = fmin(b->low, cat->y[i]);
-    b->high = fmax(b->high, cat->y[i]);
-    b->largest = fmax(b->largest, cat->a[i]);
+    b->low = fmin(b->low, list[i].y);
+    b->high = fmax(b->high, list[i].y);
+    b->largest = fmax(b->largest, list[i].a);
 }
 
 static void merge(wing *wings, int *eater, int small, int big)
@@ -109,21 +109,21 @@ static void merge(wing *wings, int *eater, int small, int big)
 }
 
 /* Let source i meet those before it: it is eaten by the first that can, or else eats all it can. */
-static void admit(const sep_catalog *cat, wing *wings, const band *bands, int *eater, int i, double beta,
+static void admit(const rx_detection *list, wing *wings, const band *bands, int *eater, int i, double beta,
                   int *menu)
 {
     int n = 0;
     for (int j = 0; j < i; j++) {
-        if (j % BAND == 0 && !band_in_reach(cat, &bands[j / BAND], i)) {
+        if (j % BAND == 0 && !band_in_reach(list, &bands[j / BAND], i)) {
             j += BAND - 1;
             continue;
         }
-        if (eater[j] != NOBODY || !in_reach(cat, i, j))
+        if (eater[j] != NOBODY || !in_reach(list, i, j))
             continue;
         if (wings[j].flux < wings[i].flux) {
-            if (swallows(cat, wings, i, j, beta))
+            if (swallows(list, wings, i, j, beta))
                 menu[n++] = j;
-        } else if (swallows(cat, wings, j, i, beta)) {
+        } else if (swallows(list, wings, j, i, beta)) {
             merge(wings, eater, i, j);
             return;
         }
@@ -132,13 +132,14 @@ static void admit(const sep_catalog *cat, wing *wings, const band *bands, int *e
         merge(wings, eater, menu[--n], i);
 }
 
-rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, int max_area,
+rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
                    double beta, int **eater, rx_error *err)
 {
-    size_t n = (size_t)cat->nobj;
+    const rx_detection *list = found->list;
+    size_t n = (size_t)found->n;
     int largest = 1;
-    for (int i = 0; i < cat->nobj; i++)
-        largest = cat->npix[i] > largest ? cat->npix[i] : largest;
+    for (int i = 0; i < found->n; i++)
+        largest = list[i].npix > largest ? list[i].npix : largest;
     wing *wings = RX_NEW(wing, n);
     band *bands = RX_NEW(band, n / BAND + 1);
     int *menu = RX_NEW(int, n);
@@ -149,19 +150,19 @@ rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_
         status = rx_error_memory(err, n * sizeof *wings);
         goto exit;
     }
-    for (int i = 0; i < cat->nobj; i++) {
-        wings[i] = (wing){.flux = cat->cflux[i],
-                          .area = cat->npix[i],
-                          .axis_correction = axis_correction(cat, i, image),
-                          .weakest = weakest_pixel(cat, i, image, min_area, heights)};
+    for (int i = 0; i < found->n; i++) {
+        wings[i] = (wing){.flux = list[i].filtered_flux,
+                          .area = list[i].npix,
+                          .axis_correction = axis_correction(list, i, image),
+                          .weakest = weakest_pixel(list, i, image, min_area, heights)};
         (*eater)[i] = NOBODY;
-        extend_bands(cat, i, bands);
-        if (max_area > 0 && cat->npix[i] > max_area)
+        extend_bands(list, i, bands);
+        if (max_area > 0 && list[i].npix > max_area)
             (*eater)[i] = LEFT_OUT;
         else
-            admit(cat, wings, bands, *eater, i, beta, menu);
+            admit(list, wings, bands, *eater, i, beta, menu);
     }
-    for (int i = 0; i < cat->nobj; i++) { /* to the end of the chain */
+    for (int i = 0; i < found->n; i++) { /* to the end of the chain */
         while ((*eater)[i] >= 0 && (*eater)[(*eater)[i]] >= 0)
             (*eater)[i] = (*eater)[(*eater)[i]];
         if ((*eater)[i] == LEFT_OUT)

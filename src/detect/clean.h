@@ -3,13 +3,13 @@
 #define RX_DETECT_CLEAN_H
 
 #include "base/error.h"
-#include "detect/libsep.h"
+#include "detect/detections.h"
 
-/* What cleaning looks at besides sep's catalogue; planes are [height][width]. */
+/* What cleaning looks at besides the detections; planes are [height][width]. */
 typedef struct rx_clean_image {
     const float *pixels;   /* masked ones 0 */
     const float *filtered; /* the filtered image */
-    const float *sigma;    /* threshold noise of a pixel, NULL: one threshold, that of the catalogue */
+    const float *sigma;    /* threshold noise of a pixel, NULL: one threshold, that of the detections */
     double threshold;      /* in sigmas; used with sigma */
 } rx_clean_image;
 
@@ -19,7 +19,7 @@ typedef struct rx_clean_image {
  * `beta` (CLEAN_PARAM) fitted to its area and flux; it eats a fainter one whose min_area-th brightest pixel
  * does not rise above that wing. Sources are taken one after the other as SExtractor does, with the same
  * merged fluxes; sep's own cleaning compares pairs only and does not say who ate whom. */
-rx_status rx_clean(const sep_catalog *cat, const rx_clean_image *image, int min_area, int max_area,
+rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
                    double beta, int **eater, rx_error *err);
 
 #endif

@@ -1,9 +1,10 @@
-/* Detection: planes for sep, its catalogue as rx_sources, segmentation map and fragments. */
+/* Detection: filter, groups above the threshold, sep on these, the result as rx_sources. */
 #include "detect/detect.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "detect/clean.h"
@@ -11,78 +12,114 @@
 #include "detect/groups.h"
 #include "detect/sep_extract.h"
 
+enum { USUAL_PIXELS = 300000 }; /* above the threshold: SExtractor's first limit */
+
 /* Everything one run needs, freed together. */
 typedef struct workspace {
     size_t n;
     rx_filter kernel;
-    float *pixels; /* masked ones 0 */
-    uint8_t *hidden;
+    const float *pixels, *filtered; /* masked ones 0; before and after the filter */
+    float *own_pixels, *own_filtered;
     float *sigma; /* threshold noise, NULL = one value */
-    float *filtered;
-    uint8_t *above;   /* filtered value above the threshold */
-    rx_groups groups; /* of those */
-    int *eater;       /* of each row of the catalogue, -1 none; NULL without CLEAN */
-    sep_catalog *catalog;
+    rx_groups groups;
+    int *eater; /* of each detection, -1 none; NULL without CLEAN */
+    rx_detections found;
 } workspace;
 
 static void free_workspace(workspace *work)
 {
     rx_filter_free(&work->kernel);
-    free(work->pixels);
-    free(work->hidden);
+    free(work->own_pixels);
+    free(work->own_filtered);
     free(work->sigma);
-    free(work->filtered);
-    free(work->above);
     rx_groups_free(&work->groups);
     free(work->eater);
-    sep_catalog_free(work->catalog);
+    rx_detections_free(&work->found);
 }
 
-static rx_status fill_planes(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
-                             rx_error *err)
+static bool is_hidden(const rx_detect_image *image, size_t i)
 {
-    work->n = (size_t)image->width * (size_t)image->height;
-    work->pixels = RX_NEW(float, work->n);
-    work->hidden = RX_NEW(uint8_t, work->n);
-    work->filtered = RX_NEW(float, work->n);
-    work->above = RX_NEW(uint8_t, work->n);
-    if (work->pixels == NULL || work->hidden == NULL || work->filtered == NULL || work->above == NULL)
-        return rx_error_memory(err, work->n * sizeof(float));
-    for (size_t i = 0; i < work->n; i++) {
-        bool hidden =
-            (image->mask != NULL && (image->mask[i] & image->mask_bits) != 0) || !isfinite(image->pixels[i]);
-        work->hidden[i] = hidden;
-        work->pixels[i] = hidden ? 0.0f : image->pixels[i];
-    }
-    if (!image->variable_noise && !par->matched)
+    return (image->mask != NULL && (image->mask[i] & image->mask_bits) != 0) || !isfinite(image->pixels[i]);
+}
+
+/* The filtered image, unless the caller has it. */
+static rx_status filter_pixels(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                               rx_error *err)
+{
+    work->pixels = image->pixels;
+    work->filtered = image->filtered;
+    if (image->filtered != NULL)
         return RX_OK;
-    work->sigma = RX_NEW(float, work->n);
-    if (work->sigma == NULL)
+    work->pixels = work->own_pixels = RX_NEW(float, work->n);
+    work->filtered = work->own_filtered = RX_NEW(float, work->n);
+    if (work->own_pixels == NULL || work->own_filtered == NULL)
         return rx_error_memory(err, work->n * sizeof(float));
-    if (par->matched) { /* sep filters the noise itself */
-        for (size_t i = 0; i < work->n; i++)
-            work->sigma[i] = work->hidden[i]         ? 1e30f
-                             : image->variable_noise ? image->sigma[i]
-                                                     : (float)image->global_sigma;
-    } else {
-        rx_filter_sigma(&work->kernel, image->sigma, work->hidden, image->width, image->height, work->sigma);
-    }
+    for (size_t i = 0; i < work->n; i++)
+        work->own_pixels[i] = is_hidden(image, i) ? 0.0f : image->pixels[i];
+    rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, par->nthreads,
+                    work->own_filtered);
     return RX_OK;
 }
 
-/* Mark the pixels above the threshold, as sep will find them; returns how many. */
-static long mark_above(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
-                       double threshold)
+/* The noise that thresholds refer to, where it is not the same everywhere. */
+static rx_status filter_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                              rx_error *err)
 {
-    long count = 0;
-    rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, work->filtered);
-    for (size_t i = 0; i < work->n; i++) {
-        float sigma = work->sigma != NULL ? work->sigma[i] : (float)image->global_sigma;
-        float limit = par->absolute ? (float)threshold : (float)threshold * sigma;
-        work->above[i] = work->filtered[i] > limit;
-        count += work->above[i];
+    if (!image->variable_noise && !par->matched)
+        return RX_OK;
+    rx_status status = RX_OK;
+    uint8_t *hidden = RX_NEW(uint8_t, work->n);
+    work->sigma = RX_NEW(float, work->n);
+    if (work->sigma == NULL || hidden == NULL) {
+        status = rx_error_memory(err, work->n * sizeof(float));
+        goto exit;
     }
-    return count;
+    for (size_t i = 0; i < work->n; i++)
+        hidden[i] = is_hidden(image, i);
+    if (par->matched) { /* sep filters the noise itself */
+        for (size_t i = 0; i < work->n; i++)
+            work->sigma[i] = hidden[i]               ? 1e30f
+                             : image->variable_noise ? image->sigma[i]
+                                                     : (float)image->global_sigma;
+    } else {
+        status = rx_filter_sigma(&work->kernel, image->sigma, hidden, image->width, image->height,
+                                 par->nthreads, work->sigma, err);
+    }
+exit:
+    free(hidden);
+    return status;
+}
+
+/* Groups above the threshold; while there are more pixels in them than may be, the threshold rises, which is
+ * flagged. */
+static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_extraction *job, rx_log *log,
+                             rx_error *err)
+{
+    const long floor = par->pixstack > 0 ? par->pixstack : USUAL_PIXELS;
+    const long allowed = par->pixstack_max > par->pixstack ? par->pixstack_max : par->pixstack;
+    const double wanted = job->threshold;
+    double raised = 1.0;
+    for (;;) {
+        job->threshold = wanted * raised;
+        job->image.limit = (float)job->threshold;
+        if (!par->absolute && job->image.sigma == NULL)
+            job->image.limit *= (float)job->noise_value;
+        rx_status status = rx_groups_find(&job->image, par->nthreads, &work->groups, err);
+        if (status != RX_OK)
+            return status;
+        job->grown += work->groups.above > floor;
+        if (par->matched || work->groups.above <= allowed)
+            break;
+        rx_groups_free(&work->groups);
+        job->flags |= RX_FLAG_EXTRACT_OVER;
+        raised *= 1.25;
+    }
+    if ((job->flags & RX_FLAG_EXTRACT_OVER) != 0)
+        rx_log_warning(log,
+                       "more than %ld pixels above the threshold: threshold raised by %.2f, all sources "
+                       "flagged; raise MEMORY_PIXSTACK_MAX or DETECT_THRESH",
+                       allowed, raised);
+    return RX_OK;
 }
 
 static rx_status clean_catalog(const rx_detect_params *par, workspace *work, double threshold, rx_error *err)
@@ -90,7 +127,7 @@ static rx_status clean_catalog(const rx_detect_params *par, workspace *work, dou
     rx_clean_image image = {.pixels = work->pixels, .filtered = work->filtered, .threshold = threshold};
     if (!par->absolute)
         image.sigma = work->sigma;
-    return rx_clean(work->catalog, &image, par->min_area, par->max_area, par->clean_param, &work->eater, err);
+    return rx_clean(&work->found, &image, par->min_area, par->max_area, par->clean_param, &work->eater, err);
 }
 
 /* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)
@@ -111,48 +148,35 @@ static void cure_ellipse(rx_source *s)
     s->flags_measure |= RX_FLAGM_SINGULAR;
 }
 
-static int source_flags(short flag)
+static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const rx_detection *d,
+                           const rx_filter *kernel, rx_source *s)
 {
-    int flags = 0;
-    if ((flag & SEP_OBJ_MERGED) != 0)
-        flags |= RX_FLAG_MERGED;
-    if ((flag & SEP_OBJ_TRUNC) != 0)
-        flags |= RX_FLAG_TRUNCATED;
-    if ((flag & SEP_OBJ_DOVERFLOW) != 0)
-        flags |= RX_FLAG_DEBLEND_OVER;
-    return flags;
-}
-
-/* Row i of sep's catalogue. */
-static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const sep_catalog *cat,
-                           int i, const rx_filter *kernel, rx_source *s)
-{
-    *s = (rx_source){.xmin = cat->xmin[i],
-                     .xmax = cat->xmax[i],
-                     .ymin = cat->ymin[i],
-                     .ymax = cat->ymax[i],
-                     .xpeak = cat->xcpeak[i],
-                     .ypeak = cat->ycpeak[i],
-                     .npix = cat->npix[i],
-                     .isoarea = cat->tnpix[i],
-                     .x = cat->x[i],
-                     .y = cat->y[i],
-                     .x2 = cat->x2[i],
-                     .y2 = cat->y2[i],
-                     .xy = cat->xy[i],
-                     .errx2 = cat->errx2[i],
-                     .erry2 = cat->erry2[i],
-                     .errxy = cat->errxy[i],
-                     .a = cat->a[i],
-                     .b = cat->b[i],
-                     .theta = cat->theta[i],
-                     .cxx = cat->cxx[i],
-                     .cyy = cat->cyy[i],
-                     .cxy = cat->cxy[i],
-                     .peak = cat->peak[i],
-                     .flux_iso = cat->flux[i],
-                     .flags = source_flags(cat->flag[i])};
-    s->threshold = cat->thresh[i] * (par->filter_normalise ? 1.0 : kernel->sum);
+    *s = (rx_source){.xmin = d->xmin,
+                     .xmax = d->xmax,
+                     .ymin = d->ymin,
+                     .ymax = d->ymax,
+                     .xpeak = d->xpeak,
+                     .ypeak = d->ypeak,
+                     .npix = d->npix,
+                     .isoarea = d->npix_raw,
+                     .x = d->x,
+                     .y = d->y,
+                     .x2 = d->x2,
+                     .y2 = d->y2,
+                     .xy = d->xy,
+                     .errx2 = d->errx2,
+                     .erry2 = d->erry2,
+                     .errxy = d->errxy,
+                     .a = d->a,
+                     .b = d->b,
+                     .theta = d->theta,
+                     .cxx = d->cxx,
+                     .cyy = d->cyy,
+                     .cxy = d->cxy,
+                     .peak = d->peak,
+                     .flux_iso = d->flux,
+                     .flags = d->flags};
+    s->threshold = d->threshold * (par->filter_normalise ? 1.0 : kernel->sum);
     s->analysis_threshold = par->analysis_threshold;
     if (!par->analysis_absolute) {
         double sigma = image->global_sigma;
@@ -160,7 +184,7 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
             sigma = image->sigma[(size_t)s->ypeak * (size_t)image->width + (size_t)s->xpeak];
         s->analysis_threshold *= sigma;
     }
-    if ((cat->flag[i] & SEP_OBJ_SINGU) != 0)
+    if (d->singular)
         s->flags_measure |= RX_FLAGM_SINGULAR;
     if (!isfinite(s->x) || !isfinite(s->y)) {
         s->x = s->xpeak;
@@ -171,71 +195,74 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
 }
 
 /* Fragments: pixels above the threshold in a group of fewer than min_area. */
-static void mark_fragments(const workspace *work, int min_area, uint8_t *fragments)
+static void mark_fragments(const rx_groups *groups, int min_area, rx_sources *dst)
 {
-    for (size_t i = 0; i < work->n; i++) {
-        int32_t label = work->groups.label[i];
-        if (label > 0 && work->groups.list[label - 1].size < min_area)
-            fragments[i] = RX_FRAGMENT_SMALL;
+    for (long i = 0; i < groups->nspans; i++) {
+        const rx_span *span = &groups->spans[i];
+        if (groups->list[span->group].size < min_area)
+            memset(dst->fragments + (size_t)span->y * (size_t)dst->width + (size_t)span->x0,
+                   RX_FRAGMENT_SMALL, (size_t)(span->x1 - span->x0));
     }
 }
 
-static void paint_segment(const sep_catalog *cat, int row, int32_t segment, int fragment, rx_sources *dst)
+static void paint_segment(const rx_detection *d, int32_t segment, int fragment, rx_sources *dst)
 {
-    for (int k = 0; k < cat->npix[row]; k++) {
-        dst->segments[cat->pix[row][k]] = segment;
-        dst->fragments[cat->pix[row][k]] = (uint8_t)fragment;
+    for (int k = 0; k < d->npix; k++) {
+        dst->segments[d->pixels[k]] = segment;
+        if (fragment != 0)
+            dst->fragments[d->pixels[k]] = (uint8_t)fragment;
     }
 }
 
-/* Add row `i`, eaten by `s`, to it. */
-static void merge_source(const sep_catalog *cat, int i, rx_source *s, rx_sources *dst)
+/* Add a detection, eaten by `s`, to it. */
+static void merge_source(const rx_detection *d, rx_source *s, rx_sources *dst)
 {
-    s->npix += cat->npix[i];
-    s->flux_iso += cat->flux[i];
-    s->flags |= source_flags(cat->flag[i]) & ~RX_FLAG_MERGED;
-    s->xmin = cat->xmin[i] < s->xmin ? cat->xmin[i] : s->xmin;
-    s->xmax = cat->xmax[i] > s->xmax ? cat->xmax[i] : s->xmax;
-    s->ymin = cat->ymin[i] < s->ymin ? cat->ymin[i] : s->ymin;
-    s->ymax = cat->ymax[i] > s->ymax ? cat->ymax[i] : s->ymax;
-    paint_segment(cat, i, s->segment, RX_FRAGMENT_EATEN, dst);
+    s->npix += d->npix;
+    s->flux_iso += d->flux;
+    s->flags |= d->flags & ~RX_FLAG_MERGED;
+    s->xmin = d->xmin < s->xmin ? d->xmin : s->xmin;
+    s->xmax = d->xmax > s->xmax ? d->xmax : s->xmax;
+    s->ymin = d->ymin < s->ymin ? d->ymin : s->ymin;
+    s->ymax = d->ymax > s->ymax ? d->ymax : s->ymax;
+    paint_segment(d, s->segment, RX_FRAGMENT_EATEN, dst);
 }
 
 static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image,
                                const workspace *work, const rx_extraction *job, rx_sources *dst,
                                rx_error *err)
 {
-    const sep_catalog *cat = work->catalog;
+    const rx_detection *list = work->found.list;
+    const int n = work->found.n;
     rx_status status = RX_OK;
-    int *row_of = RX_NEW(int, (size_t)cat->nobj); /* index in dst->list, -1 left out */
+    int *row_of = RX_NEW(int, (size_t)n); /* index in dst->list, -1 left out */
     dst->width = image->width;
     dst->height = image->height;
     dst->grown = job->grown;
     dst->law_scale = 1.0;
     dst->law_power = 0.5;
-    dst->list = RX_NEW(rx_source, (size_t)cat->nobj);
+    dst->list = RX_NEW(rx_source, (size_t)n);
     dst->segments = RX_NEW(int32_t, work->n);
     dst->fragments = RX_NEW(uint8_t, work->n);
     if (row_of == NULL || dst->list == NULL || dst->segments == NULL || dst->fragments == NULL) {
         status = rx_error_memory(err, work->n * sizeof(int32_t));
         goto exit;
     }
-    for (int i = 0; i < cat->nobj; i++) {
+    for (int i = 0; i < n; i++) {
         row_of[i] = -1;
         if ((work->eater != NULL && work->eater[i] >= 0) ||
-            (par->max_area > 0 && cat->npix[i] > par->max_area))
+            (par->max_area > 0 && list[i].npix > par->max_area))
             continue;
         row_of[i] = dst->n;
         rx_source *s = &dst->list[dst->n++];
-        convert_source(par, image, cat, i, &work->kernel, s);
+        convert_source(par, image, &list[i], &work->kernel, s);
         s->number = s->segment = dst->n;
         s->flags |= job->flags;
-        paint_segment(cat, i, s->segment, 0, dst);
+        paint_segment(&list[i], s->segment, 0, dst);
     }
-    for (int i = 0; work->eater != NULL && i < cat->nobj; i++)
+    for (int i = 0; work->eater != NULL && i < n; i++)
         if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
-            merge_source(cat, i, &dst->list[row_of[work->eater[i]]], dst);
-    mark_fragments(work, par->min_area, dst->fragments);
+            merge_source(&list[i], &dst->list[row_of[work->eater[i]]], dst);
+    mark_fragments(&work->groups, par->min_area, dst);
 exit:
     free(row_of);
     return status;
@@ -253,28 +280,27 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
     status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &work.kernel, err);
     if (status != RX_OK)
         return status;
-    status = fill_planes(par, image, &work, err);
+    work.n = (size_t)image->width * (size_t)image->height;
+    status = filter_pixels(par, image, &work, err);
+    if (status == RX_OK)
+        status = filter_noise(par, image, &work, err);
     if (status != RX_OK)
         goto exit;
-    rx_extraction job = {.width = image->width,
-                         .height = image->height,
+    rx_extraction job = {.image = {.width = image->width,
+                                   .height = image->height,
+                                   .filtered = work.filtered,
+                                   .sigma = par->absolute ? NULL : work.sigma},
                          .pixels = work.pixels,
-                         .hidden = work.hidden,
                          .noise = work.sigma,
                          .noise_value = image->global_sigma,
                          .gain = image->gain,
                          .kernel = &work.kernel,
                          .groups = &work.groups,
                          .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
-    job.above = mark_above(par, image, &work, job.threshold);
-    status = rx_groups_find(work.above, par->absolute ? NULL : work.sigma, job.threshold, image->width,
-                            image->height, &work.groups, err);
-    if (status != RX_OK)
-        goto exit;
-    status = rx_extract_run(par, &job, log, &work.catalog, err);
-    if (status != RX_OK)
-        goto exit;
-    if (par->clean)
+    status = find_groups(par, &work, &job, log, err);
+    if (status == RX_OK)
+        status = rx_extract_run(par, &job, log, &work.found, err);
+    if (status == RX_OK && par->clean)
         status = clean_catalog(par, &work, job.threshold * job.raised, err);
     if (status != RX_OK)
         goto exit;

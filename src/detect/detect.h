@@ -25,16 +25,18 @@ typedef struct rx_detect_params {
     double clean_param;
     long pixstack, pixstack_max;    /* MEMORY_PIXSTACK, and how far it may grow */
     int subobjects, subobjects_max; /* deblending limit, and how far it may grow */
+    int nthreads;
 } rx_detect_params;
 
 /* The image that detection works on. */
 typedef struct rx_detect_image {
     int width, height;
-    const float *pixels; /* background subtracted */
-    const float *sigma;  /* noise of a pixel */
-    const uint8_t *mask; /* NULL: nothing hidden */
-    int mask_bits;       /* which bits hide a pixel */
-    int variable_noise;  /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
+    const float *pixels;   /* background subtracted */
+    const float *filtered; /* pixels after the filter, finite and hidden ones 0; NULL: made here */
+    const float *sigma;    /* noise of a pixel */
+    const uint8_t *mask;   /* NULL: nothing hidden */
+    int mask_bits;         /* which bits hide a pixel */
+    int variable_noise; /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
     double global_sigma;
     double gain; /* e-/ADU for the position errors, 0 = infinite */
 } rx_detect_image;
@@ -42,7 +44,8 @@ typedef struct rx_detect_image {
 /* Source list: detection columns, segmentation map and fragments. No source: n = 0.
  *
  * variable_noise: the threshold is threshold * sqrt(filtered variance), as in SExtractor; masked
- * pixels stay out of that filter. Numbers follow the order in which sep completes the sources.
+ * pixels stay out of that filter. Numbers follow the order in which a scan completes the groups of pixels
+ * above the threshold; the same for any nthreads.
  * When sep runs out of room its limits grow; beyond *_max detection goes on with coarser deblending
  * or a higher threshold, with a warning and RX_FLAG_DEBLEND_OVER or RX_FLAG_EXTRACT_OVER on every
  * source. `sources->grown` counts. Callers in several OpenMP threads wait for each other while sep

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <omp.h>
+
 #include "base/memory.h"
 
 rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err)
@@ -42,8 +44,31 @@ static void add_shifted(float *line, const float *src, int width, int dx, float 
 {
     int first = dx < 0 ? -dx : 0;
     int last = dx > 0 ? width - dx : width;
+#pragma omp simd
     for (int x = first; x < last; x++)
         line[x] += k * src[x + dx];
+}
+
+/* The same with three neighbouring values of the kernel, k[0] at dx: the line is read and written once. */
+static void add_three(float *line, const float *src, int width, int dx, const float *k)
+{
+    const int first = dx < 0 ? -dx : 0, last = dx + 2 > 0 ? width - dx - 2 : width;
+    if (first >= last) {
+        for (int i = 0; i < 3; i++)
+            add_shifted(line, src, width, dx + i, k[i]);
+        return;
+    }
+    for (int x = 0; x < width; x++) {
+        if (x == first)
+            x = last;
+        for (int i = 0; i < 3 && x < width; i++)
+            if (x + dx + i >= 0 && x + dx + i < width)
+                line[x] += k[i] * src[x + dx + i];
+    }
+    const float k0 = k[0], k1 = k[1], k2 = k[2];
+#pragma omp simd
+    for (int x = first; x < last; x++)
+        line[x] = line[x] + k0 * src[x + dx] + k1 * src[x + dx + 1] + k2 * src[x + dx + 2];
 }
 
 double rx_filter_norm(const float *values, int n)
@@ -56,25 +81,33 @@ double rx_filter_norm(const float *values, int n)
     return power > 0 ? sqrt(power) / sum : 1;
 }
 
-void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst)
+static void filter_row(const rx_filter *kernel, const float *src, int width, int height, int y, float *line)
 {
-    size_t row = (size_t)width;
+    memset(line, 0, (size_t)width * sizeof *line);
+    for (int j = 0; j < kernel->height; j++) {
+        const int v = y + j - kernel->height / 2;
+        const float *from = src + (size_t)width * (size_t)v, *k = kernel->values + j * kernel->width;
+        if (v < 0 || v >= height)
+            continue;
+        int i = 0;
+        for (; i + 3 <= kernel->width; i += 3)
+            add_three(line, from, width, i - kernel->width / 2, k + i);
+        for (; i < kernel->width; i++)
+            add_shifted(line, from, width, i - kernel->width / 2, k[i]);
+    }
+}
+
+void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, int nthreads,
+                     float *dst)
+{
+    const size_t row = (size_t)width;
     if (kernel->values == NULL) {
         memcpy(dst, src, row * (size_t)height * sizeof(float));
         return;
     }
-    for (int y = 0; y < height; y++) {
-        float *line = dst + row * (size_t)y;
-        memset(line, 0, row * sizeof(float));
-        for (int j = 0; j < kernel->height; j++) {
-            int from = y + j - kernel->height / 2;
-            if (from < 0 || from >= height)
-                continue;
-            for (int i = 0; i < kernel->width; i++)
-                add_shifted(line, src + row * (size_t)from, width, i - kernel->width / 2,
-                            kernel->values[j * kernel->width + i]);
-        }
-    }
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (int y = 0; y < height; y++)
+        filter_row(kernel, src, width, height, y, dst + row * (size_t)y);
 }
 
 static double filtered_variance(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
@@ -96,17 +129,60 @@ static double filtered_variance(const rx_filter *kernel, const float *sigma, con
     return norm > 0.0 ? sum / norm : 0.0;
 }
 
-void rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
-                     int height, float *dst)
+/* One row where no pixel that reaches it is hidden: the weights' sum is the same everywhere. */
+static void open_row(const rx_filter *kernel, const float *sigma, int width, int height, int y, double *sums,
+                     float *line)
 {
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) {
-            size_t k = (size_t)y * (size_t)width + (size_t)x;
-            if (hidden[k])
-                dst[k] = 1e30f;
-            else if (kernel->values == NULL)
-                dst[k] = sigma[k];
-            else
-                dst[k] = (float)sqrt(filtered_variance(kernel, sigma, hidden, width, height, x, y));
+    double norm = 0.0;
+    for (int x = 0; x < width; x++)
+        sums[x] = 0.0;
+    for (int j = 0; j < kernel->height; j++)
+        for (int i = 0; i < kernel->width; i++) {
+            const int dx = i - kernel->width / 2, v = y + j - kernel->height / 2;
+            const double weight = fabs(kernel->values[j * kernel->width + i]);
+            const int first = dx < 0 ? -dx : 0, last = dx > 0 ? width - dx : width;
+            const float *from = sigma + (size_t)width * (size_t)v;
+            norm += weight;
+            if (v < 0 || v >= height)
+                continue;
+#pragma omp simd
+            for (int x = first; x < last; x++)
+                sums[x] += weight * from[x + dx] * from[x + dx];
         }
+    for (int x = 0; x < width; x++)
+        line[x] = (float)sqrt(norm > 0.0 ? sums[x] / norm : 0.0);
+}
+
+static bool any_hidden(const rx_filter *kernel, const uint8_t *hidden, int width, int height, int y)
+{
+    int first = y - kernel->height / 2, last = first + kernel->height;
+    first = first > 0 ? first : 0;
+    last = last < height ? last : height;
+    return memchr(hidden + (size_t)first * (size_t)width, 1, (size_t)(last - first) * (size_t)width) != NULL;
+}
+
+rx_status rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
+                          int height, int nthreads, float *dst, rx_error *err)
+{
+    const int n = nthreads > 0 ? nthreads : 1;
+    double *sums = RX_NEW(double, (size_t)n *(size_t)width);
+    if (sums == NULL)
+        return rx_error_memory(err, (size_t)n * (size_t)width * sizeof *sums);
+#pragma omp parallel for schedule(static) num_threads(n)
+    for (int y = 0; y < height; y++) {
+        const size_t row = (size_t)y * (size_t)width;
+        if (kernel->values != NULL && !any_hidden(kernel, hidden, width, height, y)) {
+            open_row(kernel, sigma, width, height, y, sums + (size_t)omp_get_thread_num() * (size_t)width,
+                     dst + row);
+            continue;
+        }
+        for (int x = 0; x < width; x++)
+            dst[row + (size_t)x] =
+                hidden[row + (size_t)x] ? 1e30f
+                : kernel->values == NULL
+                    ? sigma[row + (size_t)x]
+                    : (float)sqrt(filtered_variance(kernel, sigma, hidden, width, height, x, y));
+    }
+    free(sums);
+    return RX_OK;
 }

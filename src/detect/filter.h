@@ -21,13 +21,15 @@ void rx_filter_free(rx_filter *kernel);
  * one. */
 double rx_filter_norm(const float *values, int n);
 
-/* dst = src filtered, [height][width]: correlation with the kernel, zero outside the image,
- * term by term in sep's order so that both meet the threshold alike. */
-void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, float *dst);
+/* dst = src filtered, [height][width]: correlation with the kernel, zero outside the image, summed row by row
+ * of the kernel. */
+void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, int nthreads,
+                     float *dst);
 
 /* dst = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get 1e30; beyond the
- * border is sigma 0, as in SExtractor, where the filtered image is lower too. */
-void rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
-                     int height, float *dst);
+ * border is sigma 0, as in SExtractor, where the filtered image is lower too. hidden: 0 or 1. Errors:
+ * RX_SYSTEM without memory. */
+rx_status rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
+                          int height, int nthreads, float *dst, rx_error *err);
 
 #endif

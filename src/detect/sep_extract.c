@@ -1,19 +1,36 @@
-/* sep_extract() with limits that grow by themselves. */
+/* sep_extract() on packed groups, or on the whole tile for its matched filter. */
 #include "detect/sep_extract.h"
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdlib.h>
 
-#include "detect/noise_planes.h"
+#include "base/memory.h"
+#include "detect/batches.h"
+#include "detect/cutouts.h"
+#include "detect/libsep.h"
 
 /* Status values of sep_extract(), which sep.h does not name (sepcore.h of sep 1.2.1). */
 enum { SEP_STATUS_MEMORY = 1, SEP_STATUS_STACK = 2, SEP_STATUS_DEBLEND = 7 };
 
 enum {
-    STACK_FLOOR = 300000,         /* sep's default: a smaller stack saves nothing */
-    STACK_SPARE = 16,             /* sep gives up with one free pixel left */
-    STACK_LIMIT = 2147483647 / 32 /* sep counts the bytes as int, 28 for a pixel */
+    STACK_SPARE = 16,              /* sep gives up with one free pixel left */
+    STACK_LIMIT = 2147483647 / 32, /* sep counts the bytes as int, 28 for a pixel */
+    USUAL_STACK = 1 << 16          /* pixels of a batch: sep clears all of its stack at each call */
 };
+
+/* What one call of sep found. */
+typedef struct part {
+    int n;
+    rx_detection *list;
+    int *pixels;
+    int failed; /* status of sep */
+} part;
+
+/* The limits of one run and how far they may go. */
+typedef struct limits {
+    int subobjects, subobjects_max, levels;
+} limits;
 
 /* sep multiplies levels * limit * children as int, with at most `limit` children. */
 static int safe_subobjects(int wanted, int levels)
@@ -24,66 +41,14 @@ static int safe_subobjects(int wanted, int levels)
     return wanted < safe ? wanted : safe;
 }
 
-static int call_sep(const rx_detect_params *par, const rx_extraction *job, const rx_noise_planes *planes,
-                    int levels, sep_catalog **dst)
-{
-    bool own = planes->noise != NULL; /* in which hidden pixels are settled */
-    sep_image image = {.data = own ? planes->pixels : job->pixels,
-                       .noise = own ? planes->noise : job->noise,
-                       .mask = own ? NULL : job->hidden,
-                       .dtype = SEP_TFLOAT,
-                       .ndtype = SEP_TFLOAT,
-                       .mdtype = SEP_TBYTE,
-                       .w = own ? planes->width : job->width,
-                       .h = own ? planes->height : job->height,
-                       .noiseval = job->noise_value,
-                       .noise_type = SEP_NOISE_STDDEV,
-                       .gain = job->gain};
-    return sep_extract(&image, (float)(job->threshold * job->raised),
-                       par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area, job->kernel->values,
-                       job->kernel->width, job->kernel->height,
-                       par->matched ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
-                       levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, dst);
-}
-
-/* Room for the pixels above the threshold, for all of the tile at most; false when that is more than
- * allowed. */
-static bool fit_stack(const rx_detect_params *par, rx_extraction *job, size_t *stack)
-{
-    size_t allowed = (size_t)(par->pixstack_max > par->pixstack ? par->pixstack_max : par->pixstack);
-    size_t whole = (size_t)job->width * (size_t)job->height + STACK_SPARE;
-    size_t floor = par->pixstack > 0 ? (size_t)par->pixstack : STACK_FLOOR;
-    size_t needed = (size_t)job->above + STACK_SPARE;
-    allowed = allowed < STACK_LIMIT ? allowed : STACK_LIMIT;
-    *stack = needed > floor ? needed : floor;
-    *stack = *stack < whole ? *stack : whole;
-    job->grown += needed > floor;
-    if (*stack <= allowed)
-        return true;
-    *stack = allowed;
-    return needed <= allowed;
-}
-
-/* The limits of one run and how far they may go. */
-typedef struct limits {
-    size_t stack;
-    bool stack_fits; /* every pixel above the threshold has room */
-    int subobjects, subobjects_max, levels;
-} limits;
-
 /* Make room after sep gave up with `failed`; false when nothing is left to try. Beyond the limits the
- * threshold rises or the deblending gets coarser, which is flagged. */
+ * deblending gets coarser, which is flagged. */
 static bool loosen(int failed, rx_extraction *job, limits *limit)
 {
     job->grown++;
-    if (failed == SEP_STATUS_STACK && !limit->stack_fits) {
+    if (failed == SEP_STATUS_STACK) { /* a matched filter on more pixels than may be stacked */
         job->flags |= RX_FLAG_EXTRACT_OVER;
         job->raised *= 1.25;
-        return true;
-    }
-    if (failed == SEP_STATUS_STACK) {
-        limit->stack = 2 * limit->stack < STACK_LIMIT ? 2 * limit->stack : STACK_LIMIT;
-        limit->stack_fits = limit->stack < (size_t)job->width * (size_t)job->height;
         return true;
     }
     bool room = limit->subobjects < limit->subobjects_max &&
@@ -101,23 +66,196 @@ static bool loosen(int failed, rx_extraction *job, limits *limit)
     return false;
 }
 
-static void warn(const rx_detect_params *par, const rx_extraction *job, const limits *limit, rx_log *log)
+/* Row i of sep's catalogue, its places still those of the image that sep saw. */
+static rx_detection detection_of(const sep_catalog *cat, int i)
 {
-    if ((job->flags & RX_FLAG_EXTRACT_OVER) != 0)
-        rx_log_warning(log,
-                       "more than %zu pixels above the threshold: threshold raised by %.2f, all sources "
-                       "flagged; raise MEMORY_PIXSTACK_MAX or DETECT_THRESH",
-                       limit->stack, job->raised);
-    if ((job->flags & RX_FLAG_DEBLEND_OVER) != 0)
-        rx_log_warning(log,
-                       "too many sub-objects: deblended with %d instead of %d levels, all sources flagged",
-                       limit->levels, par->deblend_levels);
+    return (rx_detection){.npix = cat->npix[i],
+                          .xmin = cat->xmin[i],
+                          .xmax = cat->xmax[i],
+                          .ymin = cat->ymin[i],
+                          .ymax = cat->ymax[i],
+                          .xpeak = cat->xcpeak[i],
+                          .ypeak = cat->ycpeak[i],
+                          .x = cat->x[i],
+                          .y = cat->y[i],
+                          .x2 = cat->x2[i],
+                          .y2 = cat->y2[i],
+                          .xy = cat->xy[i],
+                          .errx2 = cat->errx2[i],
+                          .erry2 = cat->erry2[i],
+                          .errxy = cat->errxy[i],
+                          .threshold = cat->thresh[i],
+                          .a = cat->a[i],
+                          .b = cat->b[i],
+                          .theta = cat->theta[i],
+                          .cxx = cat->cxx[i],
+                          .cyy = cat->cyy[i],
+                          .cxy = cat->cxy[i],
+                          .filtered_flux = cat->cflux[i],
+                          .flags = ((cat->flag[i] & SEP_OBJ_MERGED) != 0 ? RX_FLAG_MERGED : 0) |
+                                   ((cat->flag[i] & SEP_OBJ_DOVERFLOW) != 0 ? RX_FLAG_DEBLEND_OVER : 0),
+                          .singular = (cat->flag[i] & SEP_OBJ_SINGU) != 0};
+}
+
+static void move(rx_detection *d, int dx, int dy)
+{
+    d->xmin += dx;
+    d->xmax += dx;
+    d->xpeak += dx;
+    d->x += dx;
+    d->ymin += dy;
+    d->ymax += dy;
+    d->ypeak += dy;
+    d->y += dy;
+}
+
+/* What the pixels before the filter say, the lowest threshold among them, and whether they end at a border.
+ */
+static void look_at_pixels(const rx_extraction *job, bool matched, rx_detection *d)
+{
+    const rx_threshold *image = &job->image;
+    double flux = 0.0;
+    float peak = -HUGE_VALF, lowest = HUGE_VALF;
+    for (int k = 0; k < d->npix; k++) {
+        const int at = d->pixels[k];
+        const float value = job->pixels[at];
+        const float own = image->sigma != NULL ? image->limit * image->sigma[at] : image->limit;
+        flux += value;
+        peak = value > peak ? value : peak;
+        lowest = own < lowest ? own : lowest;
+        d->npix_raw += value > own;
+    }
+    d->flux = (float)flux;
+    d->peak = peak;
+    if (image->sigma != NULL && !matched)
+        d->threshold = lowest;
+    if (d->xmin == 0 || d->ymin == 0 || d->xmax == image->width - 1 || d->ymax == image->height - 1)
+        d->flags |= RX_FLAG_TRUNCATED;
+}
+
+/* sep's catalogue on the tile; cutouts NULL: it is of the tile. */
+static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_catalog *cat, part *dst)
+{
+    size_t npixels = 0, used = 0;
+    for (int i = 0; i < cat->nobj; i++)
+        npixels += (size_t)cat->npix[i];
+    dst->list = RX_NEW(rx_detection, (size_t)cat->nobj);
+    dst->pixels = RX_NEW(int, npixels);
+    if (dst->list == NULL || dst->pixels == NULL)
+        return false;
+    dst->n = cat->nobj;
+    for (int i = 0; i < cat->nobj; i++) {
+        rx_detection *d = &dst->list[i];
+        const int width = cutouts != NULL ? cutouts->width : job->image.width;
+        int dx = 0, dy = 0;
+        *d = detection_of(cat, i);
+        if (cutouts != NULL) {
+            const rx_cutout *cut = rx_cutouts_at(cutouts, d->xmin, d->ymin);
+            d->group = cut->group;
+            dx = job->groups->list[cut->group].xmin - cut->x;
+            dy = job->groups->list[cut->group].ymin - cut->y;
+        }
+        move(d, dx, dy);
+        for (int k = 0; k < d->npix; k++) {
+            const int at = cat->pix[i][k];
+            dst->pixels[used + (size_t)k] = (at / width + dy) * job->image.width + at % width + dx;
+        }
+        d->pixels = dst->pixels + used;
+        used += (size_t)d->npix;
+        look_at_pixels(job, cutouts == NULL, d);
+    }
+    return true;
+}
+
+/* One call of sep. */
+static void extract(const rx_detect_params *par, const rx_extraction *job, const rx_cutouts *cutouts,
+                    int levels, part *dst)
+{
+    const bool whole = cutouts == NULL; /* with sep's own matched filter */
+    sep_catalog *cat = NULL;
+    sep_image image = {.data = whole ? job->pixels : cutouts->pixels,
+                       .noise = whole ? job->noise : cutouts->noise,
+                       .dtype = SEP_TFLOAT,
+                       .ndtype = SEP_TFLOAT,
+                       .w = whole ? job->image.width : cutouts->width,
+                       .h = whole ? job->image.height : cutouts->height,
+                       .noiseval = job->noise_value,
+                       .noise_type = SEP_NOISE_STDDEV,
+                       .gain = job->gain};
+    dst->failed = sep_extract(&image, (float)(job->threshold * job->raised),
+                              par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area,
+                              whole ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
+                              whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
+                              levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
+    if (dst->failed == 0 && !take(job, cutouts, cat, dst))
+        dst->failed = SEP_STATUS_MEMORY;
+    sep_catalog_free(cat);
+}
+
+static void extract_batch(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
+                          int which, int levels, part *dst)
+{
+    const rx_batch *batch = &batches->list[which];
+    rx_cutouts cutouts = {0};
+    *dst = (part){0};
+    if (rx_cutouts_make(&job->image, job->noise, job->groups, batches->members + batch->first, batch->n,
+                        &cutouts, NULL) == RX_OK)
+        extract(par, job, &cutouts, batch->blended ? levels : 1, dst);
+    else
+        dst->failed = SEP_STATUS_MEMORY;
+    rx_cutouts_free(&cutouts);
+}
+
+static void free_parts(part *parts, int n)
+{
+    for (int i = 0; i < n; i++) {
+        free(parts[i].list);
+        free(parts[i].pixels);
+        parts[i] = (part){0};
+    }
+}
+
+/* All batches; the status of the first that failed. Those with more pixels than usual come last, for all that
+ * are at work at a time have the same stack. */
+static int extract_batches(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
+                           int levels, part *parts)
+{
+    int failed = 0;
+    for (int large = 0; large < 2; large++) {
+        long stack = 0;
+        for (int i = 0; i < batches->n; i++)
+            if ((batches->list[i].pixels > USUAL_STACK) == large && batches->list[i].pixels > stack)
+                stack = batches->list[i].pixels;
+        if (stack == 0)
+            continue;
+        sep_set_extract_pixstack((size_t)stack + STACK_SPARE);
+#pragma omp parallel for schedule(dynamic, 1) num_threads(par->nthreads > 0 ? par->nthreads : 1)
+        for (int i = 0; i < batches->n; i++)
+            if ((batches->list[i].pixels > USUAL_STACK) == large)
+                extract_batch(par, job, batches, i, levels, &parts[i]);
+    }
+    for (int i = 0; i < batches->n && failed == 0; i++)
+        failed = parts[i].failed;
+    if (failed != 0)
+        free_parts(parts, batches->n);
+    return failed;
+}
+
+static void extract_whole(const rx_detect_params *par, const rx_extraction *job, const limits *limit,
+                          part *dst)
+{
+    const size_t allowed = (size_t)(par->pixstack_max > par->pixstack ? par->pixstack_max : par->pixstack);
+    size_t stack = (size_t)job->image.width * (size_t)job->image.height + STACK_SPARE;
+    stack = stack < allowed ? stack : allowed;
+    sep_set_extract_pixstack(stack < STACK_LIMIT ? stack : STACK_LIMIT);
+    *dst = (part){0};
+    extract(par, job, NULL, limit->levels, dst);
 }
 
 /* Call sep until it succeeds or nothing is left to try; its status. sep's two limits belong to the whole
  * process, so only one extraction at a time may set and use them. */
-static int extract_alone(const rx_detect_params *par, rx_extraction *job, const rx_noise_planes *planes,
-                         limits *limit, sep_catalog **dst)
+static int extract_alone(const rx_detect_params *par, rx_extraction *job, const rx_batches *batches,
+                         limits *limit, part *parts)
 {
     int failed = 0;
 #pragma omp critical(rx_sep_extract)
@@ -125,9 +263,13 @@ static int extract_alone(const rx_detect_params *par, rx_extraction *job, const 
         size_t old_stack = sep_get_extract_pixstack();
         int old_subobjects = sep_get_sub_object_limit();
         do {
-            sep_set_extract_pixstack(limit->stack);
             sep_set_sub_object_limit(safe_subobjects(limit->subobjects, limit->levels));
-            failed = call_sep(par, job, planes, limit->levels, dst);
+            if (par->matched) {
+                extract_whole(par, job, limit, parts);
+                failed = parts->failed;
+            } else {
+                failed = extract_batches(par, job, batches, limit->levels, parts);
+            }
         } while (failed != 0 && loosen(failed, job, limit));
         sep_set_extract_pixstack(old_stack);
         sep_set_sub_object_limit(old_subobjects);
@@ -135,33 +277,79 @@ static int extract_alone(const rx_detect_params *par, rx_extraction *job, const 
     return failed;
 }
 
-rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, sep_catalog **dst,
+/* The parts' detections by group; those of one group are together in one part. */
+static rx_status join(part *parts, int nparts, int ngroups, rx_detections *dst, rx_error *err)
+{
+    int *next = RX_NEW(int, (size_t)ngroups + 1);
+    for (int i = 0; i < nparts; i++)
+        dst->n += parts[i].n;
+    dst->list = RX_NEW(rx_detection, (size_t)dst->n);
+    dst->blocks = RX_NEW(int *, (size_t)nparts);
+    if (next == NULL || dst->list == NULL || dst->blocks == NULL) {
+        free(next);
+        return rx_error_memory(err, (size_t)dst->n * sizeof *dst->list);
+    }
+    for (int i = 0; i < nparts; i++)
+        for (int k = 0; k < parts[i].n; k++)
+            next[parts[i].list[k].group + 1]++;
+    for (int g = 0; g < ngroups; g++)
+        next[g + 1] += next[g];
+    for (int i = 0; i < nparts; i++) {
+        for (int k = 0; k < parts[i].n; k++)
+            dst->list[next[parts[i].list[k].group]++] = parts[i].list[k];
+        dst->blocks[dst->nblocks++] = parts[i].pixels;
+        parts[i].pixels = NULL;
+    }
+    free(next);
+    return RX_OK;
+}
+
+rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, rx_detections *dst,
                          rx_error *err)
 {
     limits limit = {.subobjects = par->subobjects > 0 ? par->subobjects : 1024,
                     .levels = par->deblend_levels > 1 ? par->deblend_levels : 1};
     limit.subobjects_max = par->subobjects_max > limit.subobjects ? par->subobjects_max : limit.subobjects;
-    limit.stack_fits = fit_stack(par, job, &limit.stack);
-    rx_noise_planes planes = {0};
+    rx_batches batches = {0};
+    part *parts = NULL;
+    int nparts = 1, failed = 0;
     rx_status status = RX_OK;
-    *dst = NULL;
+    *dst = (rx_detections){0};
     job->raised = 1.0;
-    if (job->noise != NULL && !par->absolute && !par->matched) /* the matched filter needs the true noise */
-        status = rx_noise_planes_make(job->pixels, job->noise, job->width, job->height, job->kernel,
-                                      job->threshold, job->groups, &planes, err);
+    if (!par->matched) {
+        status = rx_batches_make(&job->image, job->groups, par->min_area, limit.levels > 1,
+                                 par->deblend_contrast, par->nthreads, &batches, err);
+        nparts = batches.n;
+    }
+    if (status == RX_OK && (parts = RX_NEW(part, (size_t)nparts)) == NULL)
+        status = rx_error_memory(err, (size_t)nparts * sizeof *parts);
     if (status != RX_OK)
         goto exit;
-    int failed = extract_alone(par, job, &planes, &limit, dst);
-    if (failed == 0) {
-        warn(par, job, &limit, log);
-        if (planes.noise != NULL)
-            rx_noise_planes_restore(&planes, job->noise, job->threshold * job->raised, *dst);
-    } else {
+    failed = extract_alone(par, job, &batches, &limit, parts);
+    if (failed != 0) {
         char text[61] = "";
         sep_get_errmsg(failed, text);
         status = rx_error_set(err, RX_SYSTEM, "detection: %s; raise DETECT_THRESH or cut the tile", text);
+        goto exit;
     }
+    if ((job->flags & RX_FLAG_DEBLEND_OVER) != 0)
+        rx_log_warning(log,
+                       "too many sub-objects: deblended with %d instead of %d levels, all sources flagged",
+                       limit.levels, par->deblend_levels);
+    status = join(parts, nparts, job->groups->n, dst, err);
 exit:
-    rx_noise_planes_free(&planes);
+    if (parts != NULL)
+        free_parts(parts, nparts);
+    free(parts);
+    rx_batches_free(&batches);
     return status;
+}
+
+void rx_detections_free(rx_detections *detections)
+{
+    for (int i = 0; i < detections->nblocks; i++)
+        free(detections->blocks[i]);
+    free(detections->blocks);
+    free(detections->list);
+    *detections = (rx_detections){0};
 }

@@ -1,4 +1,5 @@
-/* sep_extract() with limits that grow by themselves; keeps sep's types out of detect.c's way.
+/* Deblending and isophotal numbers through sep, with limits that grow by themselves; keeps sep's types out of
+ * detect.c's way.
  *
  * sep's two limits are process-wide; they are set and put back here, so extractions that several OpenMP
  * threads ask for wait for each other. */
@@ -8,29 +9,30 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "detect/detect.h"
+#include "detect/detections.h"
 #include "detect/filter.h"
 #include "detect/groups.h"
-#include "detect/libsep.h"
 
-/* What goes into sep, and how the run ended. */
+/* What goes in, and how the run ended. */
 typedef struct rx_extraction {
-    int width, height;
-    const float *pixels;   /* masked ones 0 */
-    const uint8_t *hidden; /* 1 = masked */
-    const float *noise;    /* threshold noise of a pixel or NULL: noise_value everywhere */
+    rx_threshold image;
+    const float *pixels; /* before the filter, masked ones 0 */
+    const float *noise;  /* noise of a pixel or NULL: noise_value everywhere */
     double noise_value;
     double gain;
     const rx_filter *kernel;
-    double threshold;        /* sigmas, or ADU when absolute, on the normalised kernel's scale */
     const rx_groups *groups; /* of the pixels above the threshold */
-    long above;              /* how many these are: bounds the pixel stack */
+    double threshold;        /* of which the groups are: sigmas, or ADU when absolute */
     int grown;               /* out: times a limit was raised */
-    int flags;               /* out: RX_FLAG_ bits for every source when a limit could not be met */
     double raised;           /* out: factor by which the threshold had to be raised (1) */
+    int flags;               /* out: RX_FLAG_ bits for every source when a limit could not be met */
 } rx_extraction;
 
-/* Runs sep until it succeeds; gives up only without memory. Free with sep_catalog_free(). */
-rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, sep_catalog **dst,
+/* Groups that cannot fall apart and those that may are packed into small images by fixed rules, and sep works
+ * on these in `par->nthreads` threads; its random numbers, by which it shares out the pixels between the
+ * parts of a blend, begin anew with each of them. A matched filter is sep's own: the whole tile at once.
+ * Gives up only without memory. Free with rx_detections_free(). */
+rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, rx_detections *dst,
                          rx_error *err);
 
 #endif

@@ -219,7 +219,8 @@ static void detect_options(const rx_config *cfg, rx_options *dst)
                               .pixstack = cfg->memory_pixstack,
                               .pixstack_max = cfg->memory_pixstack_max,
                               .subobjects = cfg->deblend_maxobj,
-                              .subobjects_max = cfg->deblend_maxobj_max};
+                              .subobjects_max = cfg->deblend_maxobj_max,
+                              .nthreads = dst->nthreads};
     dst->detect_noise = strcmp(cfg->detect_noise, "INPUT") == 0      ? RX_DETECT_NOISE_INPUT
                         : strcmp(cfg->detect_noise, "MEASURED") == 0 ? RX_DETECT_NOISE_MEASURED
                                                                      : RX_DETECT_NOISE_AUTO;

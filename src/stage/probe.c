@@ -123,7 +123,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     probe->filtered = RX_NEW(float, n);
     if (probe->filtered == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, probe->filtered);
+    rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, par->nthreads, probe->filtered);
     const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
     probe->noise = restored->sigma != NULL ? restored->sigma : background->sigma;
     probe->global_noise = background->global_sigma;
@@ -161,6 +161,7 @@ static rx_status detect_sources(const work *w, rx_error *err)
     rx_detect_image image = {.width = tile->width,
                              .height = tile->height,
                              .pixels = probe->restored->pixels,
+                             .filtered = probe->filtered,
                              .sigma = probe->noise,
                              .mask = probe->restored->mask,
                              .mask_bits = w->hide,

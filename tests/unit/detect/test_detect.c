@@ -160,6 +160,71 @@ static void limits_grow_and_the_tile_survives(void **state)
     field_free(&f);
 }
 
+/* More pixels than one batch holds, with one threshold and with a noise map. */
+static void threads_change_nothing(void **state)
+{
+    (void)state;
+    enum { SIDE = 700 };
+    field f = field_new(SIDE, SIDE, 1.0, 9);
+    field_crowd(&f, 3000, 2000.0, 10);
+    for (int variable = 0; variable < 2; variable++) {
+        rx_detect_params par = field_params();
+        rx_detect_image image = field_image(&f);
+        rx_sources *one = NULL, *more = NULL;
+        image.variable_noise = variable;
+        par.nthreads = 1;
+        assert_int_equal(rx_detect_run(&par, &image, NULL, &one, NULL), RX_OK);
+        assert_true(one->n > 500);
+        for (par.nthreads = 2; par.nthreads < 4; par.nthreads++) {
+            assert_int_equal(rx_detect_run(&par, &image, NULL, &more, NULL), RX_OK);
+            assert_int_equal(one->n, more->n);
+            assert_memory_equal(one->list, more->list, (size_t)one->n * sizeof *one->list);
+            assert_memory_equal(one->segments, more->segments, f.n * sizeof *one->segments);
+            assert_memory_equal(one->fragments, more->fragments, f.n);
+            rx_sources_free(more);
+        }
+        rx_sources_free(one);
+    }
+    field_free(&f);
+}
+
+/* Positions and shapes of sep on the tile as it is, in its order. */
+static void finds_what_sep_finds(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 11);
+    field_crowd(&f, 150, 3000.0, 12);
+    rx_detect_params par = field_params();
+    par.clean = 0;
+    rx_sources *s = field_detect(&f, &par);
+    sep_image image = {.data = f.pixels,
+                       .dtype = SEP_TFLOAT,
+                       .w = W,
+                       .h = H,
+                       .noiseval = 1.0,
+                       .noise_type = SEP_NOISE_STDDEV};
+    sep_catalog *cat = NULL;
+    assert_int_equal(sep_extract(&image, (float)par.threshold, SEP_THRESH_REL, par.min_area, field_kernel, 3,
+                                 3, SEP_FILTER_CONV, par.deblend_levels, par.deblend_contrast, 0, 1.0, &cat),
+                     0);
+    assert_int_equal(s->n, cat->nobj);
+    int merged = 0;
+    for (int i = 0; i < s->n; i++) {
+        const rx_source *o = &s->list[i];
+        assert_float_equal(o->x, cat->x[i], 1e-9);
+        assert_float_equal(o->y, cat->y[i], 1e-9);
+        assert_int_equal((o->flags & RX_FLAG_MERGED) != 0, (cat->flag[i] & SEP_OBJ_MERGED) != 0);
+        assert_int_equal((o->flags & RX_FLAG_TRUNCATED) != 0, (cat->flag[i] & SEP_OBJ_TRUNC) != 0);
+        if ((o->flags & RX_FLAG_MERGED) == 0) /* else by lot */
+            assert_float_equal(o->x2, cat->x2[i], 1e-9);
+        merged += (o->flags & RX_FLAG_MERGED) != 0;
+    }
+    assert_true(merged > 5 && merged < s->n);
+    sep_catalog_free(cat);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
 static void noise_map_sets_the_threshold(void **state)
 {
     (void)state;
@@ -284,7 +349,7 @@ static void filter_is_seps(void **state)
     f.pixels[60 * W + 80] = 600.0f;
     rx_filter filter;
     assert_int_equal(rx_filter_new(corner, 3, 3, &filter, NULL), RX_OK);
-    rx_filter_plane(&filter, f.pixels, W, H, out);
+    rx_filter_plane(&filter, f.pixels, W, H, 1, out);
     rx_filter_free(&filter);
     int peak = 0;
     double sum = 0.0;
@@ -317,6 +382,8 @@ int main(void)
                                        cmocka_unit_test(small_groups_are_fragments),
                                        cmocka_unit_test(cleans_as_sep_does),
                                        cmocka_unit_test(limits_grow_and_the_tile_survives),
+                                       cmocka_unit_test(threads_change_nothing),
+                                       cmocka_unit_test(finds_what_sep_finds),
                                        cmocka_unit_test(noise_map_sets_the_threshold),
                                        cmocka_unit_test(filter_is_seps),
                                        cmocka_unit_test(noise_map_deblends_everywhere),

@@ -1,0 +1,97 @@
+#include "detect/batches.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "detect/cutouts.h"
+#include "detect/summits.h"
+
+enum { SMALL, PLAIN, BLEND };
+enum { PLAIN_AREA = 1 << 17, BLEND_AREA = 1 << 15 }; /* pixels of a packed image: it stays in the cache */
+enum { LEAST_PART = 3 }; /* pixels: sep deblends into parts of less than min_area, too */
+
+/* What kind each group is. */
+static rx_status sort_out(const rx_threshold *image, const rx_groups *groups, int min_area, int deblend,
+                          double contrast, int nthreads, unsigned char *kind, rx_error *err)
+{
+    rx_status status = RX_OK;
+    const int part = min_area < LEAST_PART ? min_area : LEAST_PART;
+#pragma omp parallel num_threads(nthreads > 0 ? nthreads : 1)
+    {
+        rx_summits work = {0};
+        rx_error trouble = RX_ERROR_NONE;
+        rx_status own = RX_OK;
+#pragma omp for schedule(dynamic, 64)
+        for (int i = 0; i < groups->n; i++) {
+            int splits = 0;
+            kind[i] = SMALL;
+            if (groups->list[i].size < min_area || own != RX_OK)
+                continue;
+            if (deblend)
+                own = rx_summits_split(image, groups, i, part, contrast, &work, &splits, &trouble);
+            kind[i] = splits ? BLEND : PLAIN;
+        }
+        rx_summits_free(&work);
+        if (own != RX_OK) {
+#pragma omp critical(rx_batches_status)
+            {
+                status = own;
+                if (err != NULL)
+                    *err = trouble;
+            }
+        }
+    }
+    return status;
+}
+
+/* Neighbours in the list into one batch until its image is full. */
+static void collect(const rx_groups *groups, const unsigned char *kind, int wanted, long limit,
+                    rx_batches *dst, int *used)
+{
+    long area = 0;
+    rx_batch *batch = NULL;
+    for (int i = 0; i < groups->n; i++) {
+        if (kind[i] != wanted)
+            continue;
+        const long own = rx_cutout_area(&groups->list[i]);
+        if (batch == NULL || area + own > limit) {
+            batch = &dst->list[dst->n++];
+            *batch = (rx_batch){.first = *used, .blended = wanted == BLEND};
+            area = 0;
+        }
+        area += own;
+        dst->members[(*used)++] = i;
+        batch->n++;
+        batch->pixels += groups->list[i].size;
+    }
+}
+
+rx_status rx_batches_make(const rx_threshold *image, const rx_groups *groups, int min_area, int deblend,
+                          double contrast, int nthreads, rx_batches *dst, rx_error *err)
+{
+    const size_t n = (size_t)groups->n;
+    int used = 0;
+    *dst = (rx_batches){.list = RX_NEW(rx_batch, n), .members = RX_NEW(int, n)};
+    unsigned char *kind = RX_NEW(unsigned char, n);
+    rx_status status = RX_OK;
+    if (kind == NULL || dst->list == NULL || dst->members == NULL) {
+        status = rx_error_memory(err, n * sizeof(rx_batch));
+        goto exit;
+    }
+    status = sort_out(image, groups, min_area, deblend, contrast, nthreads, kind, err);
+    if (status != RX_OK)
+        goto exit;
+    collect(groups, kind, BLEND, BLEND_AREA, dst, &used);
+    collect(groups, kind, PLAIN, PLAIN_AREA, dst, &used);
+exit:
+    free(kind);
+    return status;
+}
+
+void rx_batches_free(rx_batches *batches)
+{
+    free(batches->list);
+    free(batches->members);
+    *batches = (rx_batches){0};
+}

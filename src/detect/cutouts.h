@@ -1,0 +1,37 @@
+/* Groups cut out of the filtered image and packed into a small one: sky costs nothing then, and parts of the
+ * tile can be deblended at the same time. */
+#ifndef RX_DETECT_CUTOUTS_H
+#define RX_DETECT_CUTOUTS_H
+
+#include "base/error.h"
+#include "detect/groups.h"
+
+/* Where the corner (xmin, ymin) of a group is. */
+typedef struct rx_cutout {
+    int group, x, y;
+} rx_cutout;
+
+typedef struct rx_cutouts {
+    int width, height;
+    float *pixels; /* [height][width]: 0 but for the groups' pixels */
+    float *noise; /* NULL where the image has one threshold. Of a group's pixels theirs; around them such that
+                     the threshold is the lowest of the group (more by rounding): sep reads the threshold from
+                     which it deblends there, as SExtractor takes it */
+    int n;
+    rx_cutout *list; /* [n] shelf by shelf, from left to right */
+    int *shelf;      /* [height] first of the shelf at that row */
+} rx_cutouts;
+
+/* Pack n groups; each has a pixel of sky around it. relative: thresholds are limit * sigma of a pixel; else
+ * sigma is only handed on. Free with rx_cutouts_free(), also after an error. Errors: RX_SYSTEM. */
+rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const rx_groups *groups,
+                          const int *wanted, int n, rx_cutouts *dst, rx_error *err);
+void rx_cutouts_free(rx_cutouts *cutouts);
+
+/* The cutout that pixel (x, y) of the packed image is in. */
+const rx_cutout *rx_cutouts_at(const rx_cutouts *cutouts, int x, int y);
+
+/* Pixels that a group takes in a packed image. */
+long rx_cutout_area(const rx_group *group);
+
+#endif

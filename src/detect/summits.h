@@ -1,0 +1,28 @@
+/* Can a group fall apart when the threshold rises? Most cannot, and need no deblending. */
+#ifndef RX_DETECT_SUMMITS_H
+#define RX_DETECT_SUMMITS_H
+
+#include "base/error.h"
+#include "detect/groups.h"
+
+/* Memory of one thread, which grows with the groups; zero to begin with. */
+typedef struct rx_summits {
+    size_t room;     /* pixels */
+    float *values;   /* a group in its box and a ring of zeros */
+    uint64_t *order; /* pixels by value: bits of the value, then the place */
+    uint64_t *spare; /* of the sort */
+    int *parent;     /* forest of the pixels that are up */
+    int *size;       /* of each tree */
+    double *sum;     /* values of each tree */
+} rx_summits;
+
+/* *splits = 1 where there may be a threshold at which two parts stand, each of `min_area` pixels or more and
+ * each with more than `contrast` of the group's flux above that threshold (the flux of the group counts from
+ * zero); 0 means that multi-threshold deblending (Bertin & Arnouts 1996, section 6) at any levels leaves the
+ * group as it is. Parts grow as the threshold falls, in pixels and in flux above it, so it is enough to look
+ * at them where they merge. Errors: RX_SYSTEM without memory. */
+rx_status rx_summits_split(const rx_threshold *image, const rx_groups *groups, int group, int min_area,
+                           double contrast, rx_summits *work, int *splits, rx_error *err);
+void rx_summits_free(rx_summits *work);
+
+#endif
