@@ -45,21 +45,30 @@ static rx_status sort_out(const rx_threshold *image, const rx_groups *groups, in
     return status;
 }
 
-/* Neighbours in the list into one batch until its image is full. */
-static void collect(const rx_groups *groups, const unsigned char *kind, int wanted, long limit,
-                    rx_batches *dst, int *used)
+static int at_border(const rx_threshold *image, const rx_group *g)
+{
+    return g->xmin == 0 || g->ymin == 0 || g->xmax == image->width - 1 || g->ymax == image->height - 1;
+}
+
+/* Neighbours in the list into one batch until its image is full; a blend at the border by itself, for which
+ * of its parts the border cuts sep must see. */
+static void collect(const rx_threshold *image, const rx_groups *groups, const unsigned char *kind, int wanted,
+                    long limit, rx_batches *dst, int *used)
 {
     long area = 0;
+    int closed = 0; /* the batch takes no more */
     rx_batch *batch = NULL;
     for (int i = 0; i < groups->n; i++) {
         if (kind[i] != wanted)
             continue;
         const long own = rx_cutout_area(&groups->list[i]);
-        if (batch == NULL || area + own > limit) {
+        const int alone = wanted == BLEND && at_border(image, &groups->list[i]);
+        if (batch == NULL || alone || closed || area + own > limit) {
             batch = &dst->list[dst->n++];
             *batch = (rx_batch){.first = *used, .blended = wanted == BLEND};
             area = 0;
         }
+        closed = alone;
         area += own;
         dst->members[(*used)++] = i;
         batch->n++;
@@ -82,8 +91,8 @@ rx_status rx_batches_make(const rx_threshold *image, const rx_groups *groups, in
     status = sort_out(image, groups, min_area, deblend, contrast, nthreads, kind, err);
     if (status != RX_OK)
         goto exit;
-    collect(groups, kind, BLEND, BLEND_AREA, dst, &used);
-    collect(groups, kind, PLAIN, PLAIN_AREA, dst, &used);
+    collect(image, groups, kind, BLEND, BLEND_AREA, dst, &used);
+    collect(image, groups, kind, PLAIN, PLAIN_AREA, dst, &used);
 exit:
     free(kind);
     return status;

@@ -39,6 +39,19 @@ static int by_height(const void *left, const void *right)
                                   : (a->group > b->group) - (a->group < b->group);
 }
 
+/* A group alone stands at those borders of its image at which it stands in the tile: sep flags what is cut
+ * off there. Not where noise beyond the right and the upper border would be read. */
+static void place_alone(const rx_threshold *image, const rx_group *g, int group, rx_cutouts *dst)
+{
+    const bool open = image->sigma == NULL;
+    const int left = g->xmin > 0 ? RING : 0, low = g->ymin > 0 ? RING : 0;
+    const int right = g->xmax == image->width - 1 && open ? 0 : RING;
+    const int high = g->ymax == image->height - 1 && open ? 0 : RING;
+    dst->list[0] = (rx_cutout){group, left, low};
+    dst->width = left + g->xmax - g->xmin + 1 + right;
+    dst->height = low + g->ymax - g->ymin + 1 + high;
+}
+
 /* Places for the groups and the size of the image. */
 static void lay_out(const rx_groups *groups, const item *items, rx_cutouts *dst)
 {
@@ -70,7 +83,8 @@ static void index_shelves(const rx_groups *groups, rx_cutouts *dst)
         if (i > 0 && dst->list[i - 1].y == dst->list[i].y)
             continue;
         /* the first of a shelf is its highest */
-        for (int v = y; v < y + height_of(&groups->list[dst->list[i].group]); v++)
+        for (int v = y > 0 ? y : 0; v < y + height_of(&groups->list[dst->list[i].group]) && v < dst->height;
+             v++)
             dst->shelf[v] = i;
     }
 }
@@ -82,9 +96,10 @@ static void fill(const rx_threshold *image, const float *sigma, const rx_groups 
     const size_t row = (size_t)dst->width;
     /* where thresholds are relative */
     const float around = image->sigma != NULL ? g->lowest / image->limit * ROUNDING : NOTHING;
-    for (int v = -RING; v <= g->ymax - g->ymin + RING && sigma != NULL; v++)
-        for (int u = -RING; u <= g->xmax - g->xmin + RING; u++)
-            dst->noise[(size_t)(cut->y + v) * row + (size_t)(cut->x + u)] = around;
+    for (int v = cut->y - RING; v <= cut->y + g->ymax - g->ymin + RING && sigma != NULL; v++)
+        for (int u = cut->x - RING; u <= cut->x + g->xmax - g->xmin + RING; u++)
+            if (u >= 0 && v >= 0 && u < dst->width && v < dst->height)
+                dst->noise[(size_t)v * row + (size_t)u] = around;
     for (const rx_span *s = groups->spans + g->first; s < groups->spans + g->first + g->nspans; s++) {
         const size_t from = (size_t)s->y * (size_t)image->width + (size_t)s->x0;
         const size_t to = (size_t)(cut->y + s->y - g->ymin) * row + (size_t)(cut->x + s->x0 - g->xmin);
@@ -109,7 +124,10 @@ rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const r
     for (int i = 0; i < n; i++)
         items[i] = (item){height_of(&groups->list[wanted[i]]), wanted[i]};
     qsort(items, (size_t)n, sizeof *items, by_height);
-    lay_out(groups, items, dst);
+    if (n == 1)
+        place_alone(image, &groups->list[items[0].group], items[0].group, dst);
+    else
+        lay_out(groups, items, dst);
     const size_t area = (size_t)dst->width * (size_t)dst->height;
     dst->pixels = RX_NEW(float, area);
     dst->shelf = RX_NEW(int, (size_t)dst->height);

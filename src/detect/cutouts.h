@@ -22,8 +22,9 @@ typedef struct rx_cutouts {
     int *shelf;      /* [height] first of the shelf at that row */
 } rx_cutouts;
 
-/* Pack n groups; each has a pixel of sky around it. relative: thresholds are limit * sigma of a pixel; else
- * sigma is only handed on. Free with rx_cutouts_free(), also after an error. Errors: RX_SYSTEM. */
+/* Pack n groups; each has a pixel of sky around it, but one alone that touches the tile's border. relative:
+ * thresholds are limit * sigma of a pixel; else sigma is only handed on. Free with rx_cutouts_free(), also
+ * after an error. Errors: RX_SYSTEM. */
 rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const rx_groups *groups,
                           const int *wanted, int n, rx_cutouts *dst, rx_error *err);
 void rx_cutouts_free(rx_cutouts *cutouts);

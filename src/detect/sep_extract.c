@@ -1,6 +1,7 @@
 /* sep_extract() on packed groups, or on the whole tile for its matched filter. */
 #include "detect/sep_extract.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -16,7 +17,8 @@ enum { SEP_STATUS_MEMORY = 1, SEP_STATUS_STACK = 2, SEP_STATUS_DEBLEND = 7 };
 enum {
     STACK_SPARE = 16,              /* sep gives up with one free pixel left */
     STACK_LIMIT = 2147483647 / 32, /* sep counts the bytes as int, 28 for a pixel */
-    USUAL_STACK = 1 << 16          /* pixels of a batch: sep clears all of its stack at each call */
+    SMALL_STACK = 1 << 12,         /* pixels of a batch: sep clears all of its stack at each call */
+    USUAL_STACK = 1 << 16
 };
 
 /* What one call of sep found. */
@@ -93,6 +95,7 @@ static rx_detection detection_of(const sep_catalog *cat, int i)
                           .cxy = cat->cxy[i],
                           .filtered_flux = cat->cflux[i],
                           .flags = ((cat->flag[i] & SEP_OBJ_MERGED) != 0 ? RX_FLAG_MERGED : 0) |
+                                   ((cat->flag[i] & SEP_OBJ_TRUNC) != 0 ? RX_FLAG_TRUNCATED : 0) |
                                    ((cat->flag[i] & SEP_OBJ_DOVERFLOW) != 0 ? RX_FLAG_DEBLEND_OVER : 0),
                           .singular = (cat->flag[i] & SEP_OBJ_SINGU) != 0};
 }
@@ -129,7 +132,10 @@ static void look_at_pixels(const rx_extraction *job, bool matched, rx_detection 
     d->peak = peak;
     if (image->sigma != NULL && !matched)
         d->threshold = lowest;
-    if (d->xmin == 0 || d->ymin == 0 || d->xmax == image->width - 1 || d->ymax == image->height - 1)
+    const bool high = d->xmax == image->width - 1 || d->ymax == image->height - 1;
+    const bool whole =
+        (d->flags & RX_FLAG_MERGED) == 0; /* of blends sep flags what is cut at its own level */
+    if ((whole && (high || d->xmin == 0 || d->ymin == 0)) || (high && image->sigma != NULL && !matched))
         d->flags |= RX_FLAG_TRUNCATED;
 }
 
@@ -215,25 +221,33 @@ static void free_parts(part *parts, int n)
     }
 }
 
-/* All batches; the status of the first that failed. Those with more pixels than usual come last, for all that
- * are at work at a time have the same stack. */
+/* Batches with more than `above` pixels, `limit` at most: all that are at work at a time have the same stack.
+ */
+static void extract_size(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
+                         int levels, long above, long limit, part *parts)
+{
+    long stack = 0;
+    for (int i = 0; i < batches->n; i++) {
+        const long pixels = batches->list[i].pixels;
+        stack = pixels > stack && pixels <= limit ? pixels : stack;
+    }
+    if (stack <= above)
+        return;
+    sep_set_extract_pixstack((size_t)stack + STACK_SPARE);
+#pragma omp parallel for schedule(dynamic, 1) num_threads(par->nthreads > 0 ? par->nthreads : 1)
+    for (int i = 0; i < batches->n; i++)
+        if (batches->list[i].pixels > above && batches->list[i].pixels <= limit)
+            extract_batch(par, job, batches, i, levels, &parts[i]);
+}
+
+/* All batches; the status of the first that failed. */
 static int extract_batches(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
                            int levels, part *parts)
 {
     int failed = 0;
-    for (int large = 0; large < 2; large++) {
-        long stack = 0;
-        for (int i = 0; i < batches->n; i++)
-            if ((batches->list[i].pixels > USUAL_STACK) == large && batches->list[i].pixels > stack)
-                stack = batches->list[i].pixels;
-        if (stack == 0)
-            continue;
-        sep_set_extract_pixstack((size_t)stack + STACK_SPARE);
-#pragma omp parallel for schedule(dynamic, 1) num_threads(par->nthreads > 0 ? par->nthreads : 1)
-        for (int i = 0; i < batches->n; i++)
-            if ((batches->list[i].pixels > USUAL_STACK) == large)
-                extract_batch(par, job, batches, i, levels, &parts[i]);
-    }
+    extract_size(par, job, batches, levels, USUAL_STACK, LONG_MAX, parts);
+    extract_size(par, job, batches, levels, SMALL_STACK, USUAL_STACK, parts);
+    extract_size(par, job, batches, levels, 0, SMALL_STACK, parts);
     for (int i = 0; i < batches->n && failed == 0; i++)
         failed = parts[i].failed;
     if (failed != 0)
