@@ -43,7 +43,8 @@ void rx_restored_free(rx_restored *restored)
     free(restored->mask);
     free(restored->support);
     free(restored->reblurred);
-    free(restored->sigma);
+    if (!restored->sigma_lent)
+        free(restored->sigma);
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);
     free(restored);

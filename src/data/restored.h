@@ -16,6 +16,7 @@ typedef struct rx_restored {
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
     float *sigma;     /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
+    int sigma_lent;   /* sigma belongs to the background that the restorer was given, and lives as long */
     rx_psf *psf;      /* of the restored image */
     rx_psf *blur;     /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
     int iterations;   /* done; 0 where it has no meaning */

@@ -1,8 +1,6 @@
 /* No restoration. */
 #include "restore/none.h"
 
-#include <string.h>
-
 #include "base/memory.h"
 #include "restore/prepared.h"
 
@@ -16,16 +14,19 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const r
     rx_restored *restored = rx_restored_new("NONE", tile->width, tile->height);
     if (restored == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    restored->sigma = RX_NEW(float, n);
+    restored->sigma = background->sigma;
+    restored->sigma_lent = 1;
     restored->psf = psf != NULL ? rx_psf_copy(psf) : NULL;
-    if (restored->sigma == NULL || (psf != NULL && restored->psf == NULL)) {
+    if (psf != NULL && restored->psf == NULL) {
         rx_restored_free(restored);
-        return rx_error_memory(err, n * sizeof(float));
+        return rx_error_memory(err, 0);
     }
     rx_prepared_mask(par, tile, background, restored->mask);
+    float *pixels = restored->pixels;
+    const uint8_t *mask = restored->mask;
+#pragma omp parallel for simd schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (size_t k = 0; k < n; k++)
-        restored->pixels[k] = restored->mask[k] != 0 ? 0 : tile->pixels[k] - background->level[k];
-    memcpy(restored->sigma, background->sigma, n * sizeof *restored->sigma);
+        pixels[k] = mask[k] != 0 ? 0 : tile->pixels[k] - background->level[k];
     restored->seconds = rx_seconds() - begun;
     *dst = restored;
     return RX_OK;

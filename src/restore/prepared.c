@@ -19,15 +19,18 @@ size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const
 {
     const int honoured = RX_MASK_BAD | RX_MASK_WEIGHT | (par->mask_saturated ? RX_MASK_SATURATED : 0);
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    size_t good = 0;
+    size_t hidden = 0;
+#pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1) reduction(+ : hidden)
     for (size_t k = 0; k < n; k++) {
         int bits = tile->mask[k] & honoured;
         if (bits == 0 && !isfinite(tile->pixels[k] - background->level[k]))
             bits = RX_MASK_BAD;
-        mask[k] = (uint8_t)bits;
-        good += bits == 0;
+        if (bits != 0) { /* most of the plane is never touched */
+            mask[k] = (uint8_t)bits;
+            hidden++;
+        }
     }
-    return good;
+    return n - hidden;
 }
 
 static int usable(float sigma)

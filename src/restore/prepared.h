@@ -34,8 +34,8 @@ typedef struct rx_prepared {
     size_t good;     /* pixels that are not masked */
 } rx_prepared;
 
-/* The tile's mask as far as it is honoured, mask[height][width]; a difference to the sky that is not finite
- * is bad as well. Returns the number of good pixels. */
+/* The tile's mask as far as it is honoured, into mask[height][width], zeroed before; a difference to the sky
+ * that is not finite is bad as well. Returns the number of good pixels. */
 size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                         uint8_t *mask);
 

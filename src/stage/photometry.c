@@ -36,13 +36,20 @@ static rx_measure_image restored_image(const rx_options *options, const rx_field
     return image;
 }
 
-/* *pixels is the plane the image points at, the caller's. */
+/* *pixels is the plane the image points at, the caller's; NULL where that of NONE serves. */
 static rx_status untouched_image(const rx_options *options, const rx_field *detect, const rx_field *field,
-                                 float **pixels, rx_measure_image *dst, rx_error *err)
+                                 const rx_restored *none, float **pixels, rx_measure_image *dst,
+                                 rx_error *err)
 {
     const rx_tile *tile = field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height;
     *dst = image_of(options, detect, field, field->plain);
+    if (none != NULL) {
+        dst->mask_bits = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+        dst->pixels = none->pixels;
+        dst->mask = none->mask;
+        return RX_OK;
+    }
     *pixels = RX_NEW(float, n);
     if (*pixels == NULL)
         return rx_error_memory(err, n * sizeof(float));
@@ -118,20 +125,20 @@ static rx_status measure_with_law(int calibrate, const rx_noise_law *law, const 
 }
 
 rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, const rx_restored *detected,
-                            const rx_field *field, const rx_restored *restored, rx_sources *sources,
-                            rx_log *log, rx_photometry *dst, rx_error *err)
+                            const rx_field *field, const rx_restored *restored, const rx_restored *none,
+                            rx_sources *sources, rx_log *log, rx_photometry *dst, rx_error *err)
 {
     rx_measure_params par = params_of(options, detect, field);
     rx_measure_image untouched, image, detection;
     float *pixels = NULL, *detection_pixels = NULL;
     *dst = (rx_photometry){.law = {.scale = 1.0, .power = 0.5}};
-    rx_status status = untouched_image(options, detect, field, &pixels, &untouched, err);
+    rx_status status = untouched_image(options, detect, field, none, &pixels, &untouched, err);
     if (status != RX_OK)
         return status;
     if (field != detect && detected != NULL)
         detection = restored_image(options, detect, detect, detected);
     else if (field != detect)
-        status = untouched_image(options, detect, detect, &detection_pixels, &detection, err);
+        status = untouched_image(options, detect, detect, NULL, &detection_pixels, &detection, err);
     if (status != RX_OK)
         goto exit;
     if (field != detect)

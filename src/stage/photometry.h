@@ -19,10 +19,11 @@ typedef struct rx_photometry {
 
 /* In dual-image mode (field != detect) radii come from the detection image: `detected`, or its untouched
  * pixels when that is NULL. Measure `sources` on `restored` (an image of the tile of `field`), or on its
- * untouched pixels when restored is NULL. Flag maps come from `detect`, the field the sources were found on
- * (the same one without dual-image mode). */
+ * untouched pixels when restored is NULL; `none`: these as the restorer NONE left them, or NULL: made here.
+ * Flag maps come from `detect`, the field the sources were found on (the same one without dual-image mode).
+ */
 rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, const rx_restored *detected,
-                            const rx_field *field, const rx_restored *restored, rx_sources *sources,
-                            rx_log *log, rx_photometry *dst, rx_error *err);
+                            const rx_field *field, const rx_restored *restored, const rx_restored *none,
+                            rx_sources *sources, rx_log *log, rx_photometry *dst, rx_error *err);
 
 #endif

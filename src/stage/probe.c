@@ -216,7 +216,8 @@ static rx_status measure_sources(const work *w, rx_error *err)
         restored = plain ? NULL : probe->second;
     }
     return rx_photometry_run(w->options, w->detect, restored != NULL ? probe->restored : NULL, w->measure,
-                             restored, probe->sources, w->log, &probe->photometry, err);
+                             restored, probe->plain && w->measure == w->detect ? probe->restored : NULL,
+                             probe->sources, w->log, &probe->photometry, err);
 }
 
 /* The steps of a probe, in their order. */

@@ -203,8 +203,8 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *
     if (same.list == NULL)
         return rx_error_memory(err, n * sizeof(rx_source));
     memcpy(same.list, after->list, n * sizeof(rx_source));
-    rx_status status =
-        rx_photometry_run(&plan->apertures, plan->field, on, plan->field, on, &same, NULL, &unused, err);
+    rx_status status = rx_photometry_run(&plan->apertures, plan->field, on, plan->field, on, NULL, &same,
+                                         NULL, &unused, err);
     for (size_t i = 0; i < n && status == RX_OK; i++) {
         const rx_source *s = &same.list[i];
         size_t p = (size_t)s->ypeak * (size_t)after->width + (size_t)s->xpeak;
