@@ -1,4 +1,4 @@
-/* Sky level and noise maps through sep, weights turned into noise as SExtractor does. */
+/* Sky level and noise maps, weights turned into noise as SExtractor does. */
 #ifndef RX_DETECT_BACKGROUND_H
 #define RX_DETECT_BACKGROUND_H
 
@@ -16,6 +16,7 @@ typedef struct rx_background_params {
     double manual_value;             /* BACK_VALUE */
     int weight_gain;                 /* WEIGHT_GAIN */
     int no_rescale;                  /* RESCALE_WEIGHTS N: variances of MAP_VAR and MAP_WEIGHT are absolute */
+    int nthreads;
 } rx_background_params;
 
 /* Background of `pixels` ([h][w] ADU). Masked ones, mask & mask_bits != 0, are ignored to the bit;

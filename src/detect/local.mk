@@ -7,5 +7,6 @@ librextract_la_SOURCES += \
 	src/detect/sep_extract.c src/detect/sep_extract.h \
 	src/detect/filter.c src/detect/filter.h \
 	src/detect/groups.c src/detect/groups.h \
+	src/detect/mesh.c src/detect/mesh.h \
 	src/detect/summits.c src/detect/summits.h \
 	src/detect/libsep.h

@@ -96,7 +96,7 @@ static void flag_options(const rx_config *cfg, const rx_column_list *columns, rx
         dst->flag_types[i] = VALUE(flag_types, cfg->flag_type.v[i]);
 }
 
-static void background_options(const rx_config *cfg, int role, rx_background_params *dst)
+static void background_options(const rx_config *cfg, int role, int nthreads, rx_background_params *dst)
 {
     *dst = (rx_background_params){.mesh_width = cfg->back_size.v[0],
                                   .mesh_height = ITEM(cfg->back_size, 1),
@@ -106,7 +106,8 @@ static void background_options(const rx_config *cfg, int role, rx_background_par
                                   .manual = strcmp(ITEM(cfg->back_type, role), "MANUAL") == 0,
                                   .manual_value = ITEM(cfg->back_value, role),
                                   .weight_gain = cfg->weight_gain,
-                                  .no_rescale = !ITEM(cfg->rescale_weights, role)};
+                                  .no_rescale = !ITEM(cfg->rescale_weights, role),
+                                  .nthreads = nthreads};
 }
 
 static void restore_options(const rx_config *cfg, rx_options *dst)
@@ -439,7 +440,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     options->catalog_name = cfg->catalog_name;
     options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
     for (int role = 0; role < 2; role++)
-        background_options(cfg, role, &options->background[role]);
+        background_options(cfg, role, options->nthreads, &options->background[role]);
     restore_options(cfg, options);
     detect_options(cfg, options);
     rx_status status = kernel_options(cfg, options, err);

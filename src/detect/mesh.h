@@ -1,0 +1,25 @@
+/* Sky level and noise of a tile on a grid of meshes.
+ *
+ * The estimator of SExtractor (Bertin & Arnouts 1996, A&AS 117, 393, section 4.1; constants as in its public
+ * source) with sep's numbers to the bit: mean and rms clipped once at 2 sigma set the range of a histogram;
+ * its median and rms are clipped at 3 sigma until they stay; the level is 2.5 median - 1.5 mean, or the
+ * median where the two are 0.3 sigma apart. A running median smooths the grid; bicubic splines, which sep
+ * evaluates, join it. */
+#ifndef RX_DETECT_MESH_H
+#define RX_DETECT_MESH_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "detect/background.h"
+#include "detect/libsep.h"
+
+/* The grid for `pixels` [height][width]. Hidden pixels, mask & mask_bits != 0 or not finite, are ignored;
+ * mask NULL: none. A mesh of which more than half is hidden takes the mean of the nearest that are not.
+ * *good: pixels that are not hidden. The same for any par->nthreads. Free with rx_mesh_free(). Errors:
+ * RX_SYSTEM without memory. */
+rx_status rx_mesh_measure(const rx_background_params *par, int width, int height, const float *pixels,
+                          const uint8_t *mask, int mask_bits, sep_bkg **dst, size_t *good, rx_error *err);
+void rx_mesh_free(sep_bkg *mesh);
+
+#endif
