@@ -176,8 +176,10 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
 
 /* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every masked pixel counts as NaN,
  * for its value must not reach any output. */
-void rx_tile_digest(rx_tile *tile)
+const char *rx_tile_checksum(rx_tile *tile)
 {
+    if (tile->checksum[0] != '\0')
+        return tile->checksum;
     uint64_t hash = UINT64_C(0xcbf29ce484222325);
     size_t n = (size_t)tile->width * (size_t)tile->height;
     for (size_t i = 0; i < n; i++) {
@@ -188,6 +190,7 @@ void rx_tile_digest(rx_tile *tile)
             hash = (hash ^ (bits >> shift & 0xff)) * UINT64_C(0x100000001b3);
     }
     snprintf(tile->checksum, sizeof tile->checksum, "%016" PRIx64, hash);
+    return tile->checksum;
 }
 
 static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile *tile, rx_error *err)
@@ -201,15 +204,15 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile
         rx_fits_read_pixels(file, tile->name, tile->hdu, place->first, place->last, tile->pixels, err);
     if (status != RX_OK)
         return status;
-    for (size_t i = 0; i < n; i++) {
+    good = n;
+    for (size_t i = 0; i < n; i++) { /* most of the mask is never touched */
         if (isnan(tile->pixels[i])) {
             tile->pixels[i] = 0.f;
-            tile->mask[i] |= RX_MASK_BAD;
-            continue;
+            tile->mask[i] = RX_MASK_BAD;
+            good--;
+        } else if (tile->pixels[i] >= tile->saturation) {
+            tile->mask[i] = RX_MASK_SATURATED;
         }
-        good++;
-        if (tile->pixels[i] >= tile->saturation)
-            tile->mask[i] |= RX_MASK_SATURATED;
     }
     if (good == 0)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
@@ -354,7 +357,6 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
         status = rx_tile_add_flags(par, &place, tile, err);
     if (status != RX_OK)
         goto exit;
-    rx_tile_digest(tile);
     *dst = tile;
     tile = NULL;
 exit:

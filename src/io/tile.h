@@ -39,7 +39,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
                        rx_tile **dst, rx_error *err);
 void rx_tile_free(rx_tile *tile);
 
-/* Set the checksum of a tile that was made in memory from its pixels and mask, as reading does. */
-void rx_tile_digest(rx_tile *tile);
+/* The digest of pixels and mask, made when it is first asked for; not by several threads at a time. */
+const char *rx_tile_checksum(rx_tile *tile);
 
 #endif

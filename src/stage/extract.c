@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "catalog/assoc.h"
+#include "io/tile.h"
 #include "stage/coordinates.h"
 #include "stage/probe.h"
 #include "stage/template_table.h"
@@ -16,6 +17,7 @@
 typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
+    int headers;                      /* some output has a header that facts go into */
     rx_probe probe;
 } work;
 
@@ -150,7 +152,8 @@ static void describe(const work *w, rx_record *facts)
     rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
     rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", w->measure->tile->gain);
     rx_record_add(facts, "RXSATUR", "saturation level, ADU", "%.6g", w->detect->tile->saturation);
-    rx_record_add(facts, "RXINSUM", "digest of the input pixels", "%s", field->tile->checksum);
+    if (w->headers)
+        rx_record_add(facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(field->tile));
 }
 
 static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
@@ -262,11 +265,23 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w,
     return status;
 }
 
+/* Plain ASCII catalogues hold no facts. */
+static int has_headers(const rx_options *options, const rx_run *run)
+{
+    const rx_catalog_type type = options->catalog_type;
+    const int ascii = type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII || type == RX_CATALOG_ASCII_HEAD ||
+                      type == RX_CATALOG_ASCII_SKYCAT;
+    return !ascii || options->nchecks > 0 || run->covariance_name != NULL;
+}
+
 rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
                          const rx_field *measure, const rx_checks *checks, const rx_record *record,
                          rx_log *log, rx_error *err)
 {
-    work w = {.options = options, .detect = detect, .measure = measure != NULL ? measure : detect};
+    work w = {.options = options,
+              .detect = detect,
+              .measure = measure != NULL ? measure : detect,
+              .headers = has_headers(options, run)};
     rx_record facts = {0};
     rx_status status = rx_probe_run(options, run->kind, detect, measure, log, &w.probe, err);
     if (status != RX_OK)

@@ -151,7 +151,6 @@ rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated
         goto exit;
     }
     take_pixels(simulated, tile);
-    rx_tile_digest(tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};

@@ -54,7 +54,7 @@ void rx_simulated_free(rx_simulated *simulated);
 /* The exposed image as a tile that the stage can take, as if it had been read from the file that
  * rx_simulation_run() writes: dead columns are NaN there and RX_MASK_BAD here, saturated pixels
  * RX_MASK_SATURATED, cosmic rays stay in the pixels unmarked, as in a raw exposure. WCS, gain (0 = infinite),
- * saturation, zero point and checksum are set. Free with rx_tile_free(). */
+ * saturation and zero point are set. Free with rx_tile_free(). */
 rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated *simulated, const char *name,
                              rx_tile **dst, rx_error *err);
 

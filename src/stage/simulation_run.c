@@ -119,7 +119,7 @@ static void describe(const rx_simulation *simulation, const rx_scene *scene, con
         rx_record_add(facts, "RXNOUT", "objects left out: no place for them", "%ld", scene->left_out);
     if (field != NULL) {
         rx_record_add(facts, "RXINPUT", "tile that objects were added to", "%s", field->tile->name);
-        rx_record_add(facts, "RXINSUM", "digest of its pixels", "%s", field->tile->checksum);
+        rx_record_add(facts, "RXINSUM", "digest of its pixels", "%s", rx_tile_checksum(field->tile));
     }
 }
 

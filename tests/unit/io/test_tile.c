@@ -19,8 +19,8 @@ static void test_bitpix(void **state)
             assert_int_equal(tile->mask[i], 0);
         }
         if (k > 0)
-            assert_string_equal(tile->checksum, checksum);
-        memcpy(checksum, tile->checksum, sizeof checksum);
+            assert_string_equal(rx_tile_checksum(tile), checksum);
+        memcpy(checksum, rx_tile_checksum(tile), sizeof checksum);
         rx_tile_free(tile);
     }
     assert_int_equal(strlen(checksum), 16);
