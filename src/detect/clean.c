@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include <omp.h>
+
 #include "base/memory.h"
 
 static const double PI = 3.14159265358979323846;
@@ -26,29 +28,28 @@ typedef struct band {
     double largest;   /* major axis */
 } band;
 
-static int compare_descending(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x < y) - (x > y);
-}
-
 /* The min_area-th largest height above the threshold. As in SExtractor, a list of exactly min_area
- * pixels is not sorted, and the first pixel after the first min_area is not looked at. */
+ * pixels is not sorted, and the first pixel after the first min_area is not looked at. heights: [min_area].
+ */
 static float weakest_pixel(const rx_detection *list, int i, const rx_clean_image *image, int min_area,
                            float *heights)
 {
     int n = 0;
-    if (list[i].npix < min_area)
+    if (list[i].npix < min_area || min_area < 1)
         return 0.0f;
     for (int k = 0; k < list[i].npix; k++) {
         int at = list[i].pixels[k];
         float limit = image->sigma != NULL ? (float)image->threshold * image->sigma[at] : list[i].threshold;
-        if (k != min_area)
-            heights[n++] = image->filtered[at] - limit;
+        float height = image->filtered[at] - limit;
+        if (list[i].npix == min_area)
+            return height;
+        if (k == min_area || (n == min_area && height <= heights[n - 1]))
+            continue;
+        int place = n < min_area ? n++ : n - 1; /* the largest so far, in order */
+        for (; place > 0 && heights[place - 1] < height; place--)
+            heights[place] = heights[place - 1];
+        heights[place] = height;
     }
-    if (list[i].npix == min_area)
-        return heights[0];
-    qsort(heights, (size_t)n, sizeof *heights, compare_descending);
     return heights[min_area - 1];
 }
 
@@ -133,28 +134,30 @@ static void admit(const rx_detection *list, wing *wings, const band *bands, int 
 }
 
 rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
-                   double beta, int **eater, rx_error *err)
+                   double beta, int nthreads, int **eater, rx_error *err)
 {
+    const int threads = nthreads > 0 ? nthreads : 1;
     const rx_detection *list = found->list;
     size_t n = (size_t)found->n;
-    int largest = 1;
-    for (int i = 0; i < found->n; i++)
-        largest = list[i].npix > largest ? list[i].npix : largest;
     wing *wings = RX_NEW(wing, n);
     band *bands = RX_NEW(band, n / BAND + 1);
     int *menu = RX_NEW(int, n);
-    float *heights = RX_NEW(float, (size_t)largest);
+    float *heights = RX_NEW(float, ((size_t)min_area + 1) * (size_t)threads);
     *eater = RX_NEW(int, n);
     rx_status status = RX_OK;
     if (wings == NULL || bands == NULL || menu == NULL || heights == NULL || *eater == NULL) {
         status = rx_error_memory(err, n * sizeof *wings);
         goto exit;
     }
+#pragma omp parallel for schedule(dynamic, 64) num_threads(threads)
     for (int i = 0; i < found->n; i++) {
+        float *own = heights + (size_t)omp_get_thread_num() * ((size_t)min_area + 1);
         wings[i] = (wing){.flux = list[i].filtered_flux,
                           .area = list[i].npix,
                           .axis_correction = axis_correction(list, i, image),
-                          .weakest = weakest_pixel(list, i, image, min_area, heights)};
+                          .weakest = weakest_pixel(list, i, image, min_area, own)};
+    }
+    for (int i = 0; i < found->n; i++) {
         (*eater)[i] = NOBODY;
         extend_bands(list, i, bands);
         if (max_area > 0 && list[i].npix > max_area)

@@ -20,6 +20,6 @@ typedef struct rx_clean_image {
  * does not rise above that wing. Sources are taken one after the other as SExtractor does, with the same
  * merged fluxes; sep's own cleaning compares pairs only and does not say who ate whom. */
 rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
-                   double beta, int **eater, rx_error *err);
+                   double beta, int nthreads, int **eater, rx_error *err);
 
 #endif

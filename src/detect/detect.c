@@ -127,7 +127,8 @@ static rx_status clean_catalog(const rx_detect_params *par, workspace *work, dou
     rx_clean_image image = {.pixels = work->pixels, .filtered = work->filtered, .threshold = threshold};
     if (!par->absolute)
         image.sigma = work->sigma;
-    return rx_clean(&work->found, &image, par->min_area, par->max_area, par->clean_param, &work->eater, err);
+    return rx_clean(&work->found, &image, par->min_area, par->max_area, par->clean_param, par->nthreads,
+                    &work->eater, err);
 }
 
 /* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)

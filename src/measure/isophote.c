@@ -138,17 +138,31 @@ static void measure_fwhm(const rx_view *view, rx_source *s)
     s->fwhm -= 1.0 / (4.0 * s->fwhm); /* undersampling */
 }
 
+static bool any_masked(const rx_view *view, const rx_source *s)
+{
+    rx_box box = {s->xmin - 1, s->xmax + 2, s->ymin - 1, s->ymax + 2};
+    rx_view_clip(view, &box);
+    int bits = 0;
+    for (int y = box.y0; y < box.y1; y++)
+        for (int x = box.x0; x < box.x1; x++)
+            bits |= view->image->mask[at(view, x, y)];
+    return bits != 0;
+}
+
 /* Weight flags, saturation and masked core from the pixels in and around the segment. */
 static void measure_neighbourhood(const rx_view *view, rx_source *s)
 {
     const rx_measure_image *image = view->image;
+    const bool masked = image->mask != NULL && any_masked(view, s);
+    if (!masked && image->saturated_mask == NULL)
+        return;
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++) {
             if (view->sources->segments[at(view, x, y)] != view->segment)
                 continue;
             if (saturated(view, x, y))
                 s->flags |= RX_FLAG_SATURATED;
-            if (image->mask == NULL)
+            if (!masked)
                 continue;
             if ((image->mask[at(view, x, y)] & RX_MASK_WEIGHT) != 0)
                 s->flags_weight |= RX_FLAGW_ISO;

@@ -3,51 +3,6 @@
 
 #include <math.h>
 
-rx_seen rx_view_state(const rx_view *view, int x, int y)
-{
-    const rx_measure_image *image = view->image;
-    size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-    if (image->mask != NULL && (image->mask[k] & image->mask_bits) != 0)
-        return RX_SEEN_MASKED;
-    if (view->neighbours == RX_NEIGHBOURS_NONE)
-        return RX_SEEN_GOOD;
-    int fragment = view->sources->fragments != NULL ? view->sources->fragments[k] : 0;
-    if (fragment == RX_FRAGMENT_EATEN)
-        return RX_SEEN_GOOD;
-    int32_t segment = view->sources->segments[k];
-    bool other = segment != 0 && segment != view->segment;
-    return other || fragment == RX_FRAGMENT_SMALL ? RX_SEEN_NEIGHBOUR : RX_SEEN_GOOD;
-}
-
-static double variance_of(const rx_measure_image *image, size_t k)
-{
-    double sigma = image->variable_noise ? image->sigma[k] : image->global_sigma;
-    return sigma * sigma;
-}
-
-rx_seen rx_view_pixel(const rx_view *view, int x, int y, double cx, double cy, double *value,
-                      double *variance)
-{
-    const rx_measure_image *image = view->image;
-    rx_seen state = rx_view_state(view, x, y);
-    if (state != RX_SEEN_GOOD) {
-        int mx = (int)(2.0 * cx + 0.49999 - x), my = (int)(2.0 * cy + 0.49999 - y);
-        bool mirrored = view->neighbours == RX_NEIGHBOURS_CORRECT && mx >= 0 && mx < image->width &&
-                        my >= 0 && my < image->height && rx_view_state(view, mx, my) == RX_SEEN_GOOD;
-        if (!mirrored) {
-            *value = 0.0;
-            *variance = image->variable_noise ? 0.0 : image->global_sigma * image->global_sigma;
-            return state;
-        }
-        x = mx;
-        y = my;
-    }
-    size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-    *value = image->pixels[k];
-    *variance = variance_of(image, k);
-    return state;
-}
-
 double rx_view_noise_factor(const rx_view *view, double area)
 {
     const rx_measure_image *image = view->image;

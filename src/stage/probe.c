@@ -134,24 +134,30 @@ static rx_status prepare_detection(work *w, rx_error *err)
     return RX_OK;
 }
 
+static double rank_of(const rx_probe *probe, double norm, const rx_source *s)
+{
+    const rx_sources *sources = probe->sources;
+    double highest = 0.0;
+    for (int y = s->ymin; y <= s->ymax; y++)
+        for (int x = s->xmin; x <= s->xmax; x++) {
+            const size_t p = (size_t)y * (size_t)sources->width + (size_t)x;
+            if (sources->segments[p] != s->segment)
+                continue;
+            const double snr = (double)probe->filtered[p] / (norm * (double)probe->noise[p]);
+            highest = snr > highest ? snr : highest;
+        }
+    return highest;
+}
+
 /* Peak of the filtered image in units of its own noise: the order of certainty for P-R curves. */
 static void rank_detections(const work *w)
 {
-    const rx_probe *probe = w->probe;
-    rx_sources *sources = probe->sources;
+    const rx_sources *sources = w->probe->sources;
     const double norm = filter_norm(&w->filter);
-    for (int i = 0; i < sources->n; i++) {
-        rx_source *s = &sources->list[i];
-        s->detection_snr = 0.0;
-        for (int y = s->ymin; y <= s->ymax; y++) {
-            for (int x = s->xmin; x <= s->xmax; x++) {
-                size_t p = (size_t)y * (size_t)sources->width + (size_t)x;
-                double snr = (double)probe->filtered[p] / (norm * (double)probe->noise[p]);
-                if (sources->segments[p] == s->segment && snr > s->detection_snr)
-                    s->detection_snr = snr;
-            }
-        }
-    }
+#pragma omp parallel for schedule(dynamic, 64)                                                               \
+    num_threads(w->options->nthreads > 0 ? w->options->nthreads : 1)
+    for (int i = 0; i < sources->n; i++)
+        sources->list[i].detection_snr = rank_of(w->probe, norm, &sources->list[i]);
 }
 
 static rx_status detect_sources(const work *w, rx_error *err)
