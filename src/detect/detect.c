@@ -249,14 +249,17 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
         goto exit;
     }
     for (int i = 0; i < n; i++) {
-        row_of[i] = -1;
-        if ((work->eater != NULL && work->eater[i] >= 0) ||
-            (par->max_area > 0 && list[i].npix > par->max_area))
+        const bool eaten = work->eater != NULL && work->eater[i] >= 0;
+        const bool large = par->max_area > 0 && list[i].npix > par->max_area;
+        row_of[i] = eaten || large ? -1 : dst->n++;
+    }
+#pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
+    for (int i = 0; i < n; i++) {
+        if (row_of[i] < 0)
             continue;
-        row_of[i] = dst->n;
-        rx_source *s = &dst->list[dst->n++];
+        rx_source *s = &dst->list[row_of[i]];
         convert_source(par, image, &list[i], &work->kernel, s);
-        s->number = s->segment = dst->n;
+        s->number = s->segment = row_of[i] + 1;
         s->flags |= job->flags;
         paint_segment(&list[i], s->segment, 0, dst);
     }
