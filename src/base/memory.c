@@ -8,10 +8,8 @@
 #include <sys/mman.h>
 
 enum { ALIGNMENT = 64 };
-enum {
-    PAGE = 1 << 16,
-    LARGE = 32 << 20
-}; /* a multiple of every page size; what malloc maps anew each time */
+/* PAGE is a multiple of every page size, LARGE what malloc maps anew each time, PART taken at a time. */
+enum { PAGE = 1 << 16, LARGE = 32 << 20, PART = 8 << 20 };
 
 /* What was in a large block is given back to the system rather than overwritten: its pages come as zeros when
  * they are first touched, and those of a plane that stays empty never do. */
@@ -36,6 +34,21 @@ void *rx_alloc(size_t count, size_t size)
     void *ptr = aligned_alloc(ALIGNMENT, bytes);
     if (ptr != NULL)
         memset(ptr, 0, bytes);
+    return ptr;
+}
+
+void *rx_alloc_filled(size_t count, size_t size, int nthreads)
+{
+    char *ptr = rx_alloc(count, size);
+#ifdef MADV_POPULATE_WRITE
+    if (ptr == NULL || count * size < LARGE)
+        return ptr;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (size_t at = 0; at < count * size; at += PART) /* what fails comes when it is touched */
+        (void)madvise(ptr + at, count * size - at < PART ? count * size - at : PART, MADV_POPULATE_WRITE);
+#else
+    (void)nthreads;
+#endif
     return ptr;
 }
 

@@ -11,6 +11,10 @@ void *rx_alloc(size_t count, size_t size);
 /* Typed form: RX_NEW(float, n). */
 #define RX_NEW(type, count) ((type *)rx_alloc((count), sizeof(type)))
 
+/* The same for a plane all of which will be written to: when it is large the system is asked for all of its
+ * pages at once, by so many threads, which takes half the time of one after the other. */
+void *rx_alloc_filled(size_t count, size_t size, int nthreads);
+
 /* Grow (or make, when ptr is NULL) an array; old content kept, the new part is
  * not cleared. NULL on failure, ptr then still belongs to the caller. */
 void *rx_regrow(void *ptr, size_t count, size_t size);

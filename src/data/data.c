@@ -26,7 +26,7 @@ rx_restored *rx_restored_new(const char *name, int width, int height)
     restored->width = width;
     restored->height = height;
     restored->chi2 = restored->seam = NAN;
-    restored->pixels = RX_NEW(float, n);
+    restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, 1);
     restored->mask = RX_NEW(uint8_t, n);
     if (restored->pixels == NULL || restored->mask == NULL) {
         rx_restored_free(restored);

@@ -163,8 +163,8 @@ rx_status rx_background_measure(const rx_background_params *par, int width, int 
     back->height = height;
     back->global_sigma = 1.0;
     back->global_level = par->manual ? par->manual_value : 0.0;
-    back->level = RX_NEW(float, n);
-    back->sigma = RX_NEW(float, n);
+    back->level = rx_alloc_filled(n, sizeof *back->level, par->nthreads);
+    back->sigma = rx_alloc_filled(n, sizeof *back->sigma, par->nthreads);
     if (back->level == NULL || back->sigma == NULL) {
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;

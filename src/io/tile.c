@@ -196,7 +196,7 @@ const char *rx_tile_checksum(rx_tile *tile)
 static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile *tile, rx_error *err)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
-    tile->pixels = RX_NEW(float, n);
+    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, 1);
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));

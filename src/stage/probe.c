@@ -120,7 +120,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err);
     if (status != RX_OK)
         return status;
-    probe->filtered = RX_NEW(float, n);
+    probe->filtered = rx_alloc_filled(n, sizeof *probe->filtered, par->nthreads);
     if (probe->filtered == NULL)
         return rx_error_memory(err, n * sizeof(float));
     rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, par->nthreads, probe->filtered);
