@@ -96,8 +96,8 @@ static geometry geometry_of(const rx_conv_shape *s)
 {
     return (geometry){.strides = {s->stride, s->stride},
                       .dilates = {0, 0},
-                      .before = {s->before, s->before},
-                      .after = {s->after, s->after}};
+                      .before = {s->band ? 0 : s->before, s->before},
+                      .after = {s->band ? 0 : s->after, s->after}};
 }
 
 static dnnl_status_t describe_run(const rx_conv *c, const_dnnl_primitive_attr_t attr,
@@ -244,7 +244,8 @@ static dnnl_status_t make_layouts(rx_conv *c)
 {
     const rx_conv_shape *s = &c->shape;
     const dnnl_dims_t x = {1, s->in, s->height, s->width};
-    const dnnl_dims_t y = {1, s->out, s->height / s->stride, s->width / s->stride};
+    const int rows = s->band ? (s->height - c->kernel) / s->stride + 1 : s->height / s->stride;
+    const dnnl_dims_t y = {1, s->out, rows, s->width / s->stride};
     const dnnl_dims_t w = {s->out, s->in, c->kernel, c->kernel}, b = {s->out};
 
     dnnl_status_t bad = layout_make(&c->x, 4, x, type_of(s->x), dnnl_nhwc);

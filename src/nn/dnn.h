@@ -26,6 +26,7 @@ typedef struct rx_conv_shape {
     int height, width; /* of x; y has 1/stride of them */
     int in, out, kernel, stride;
     int before, after; /* pixels of 0 on the left and top, on the right and bottom */
+    int band;          /* none on top and bottom: y has only rows that see all theirs in x */
     rx_real x, y;      /* of the planes; weights are bfloat16 where x is */
     int sum;           /* adds what y held before */
     int relu;          /* cuts at 0, last */

@@ -132,19 +132,21 @@ static int clamp(int i, int n)
     return i < 0 ? 0 : i >= n ? n - 1 : i;
 }
 
-/* Output row y takes 3/4 of row y/2 and 1/4 of the one on the other side. */
-static int other_row(int y, int height)
+/* Output row y takes 3/4 of row y/2 and 1/4 of the one on the other side; rows of the source count from the
+ * one that the first two output rows are in, and there are `more` before that. */
+static int other_row(int y, int height, int more)
 {
-    return clamp(y / 2 + (y % 2 != 0 ? 1 : -1), height);
+    return clamp(y / 2 + (y % 2 != 0 ? 1 : -1) + more, height);
 }
 
 void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int relu, float *row)
 {
     size_t channels = (size_t)src->channels, n = (size_t)src->width * channels;
+    const int more = (src->height - dst->height / 2) / 2;
     float *restrict mixed = row, *restrict far = row + n, *restrict out = row + 2 * n;
     for (int y = 0; y < dst->height; y++) {
-        load(src, (size_t)(y / 2) * n, n, mixed);
-        load(src, (size_t)other_row(y, src->height) * n, n, far);
+        load(src, (size_t)(y / 2 + more) * n, n, mixed);
+        load(src, (size_t)other_row(y, src->height, more) * n, n, far);
 #pragma omp simd
         for (size_t i = 0; i < n; i++)
             mixed[i] = 0.75f * mixed[i] + 0.25f * far[i];
@@ -187,7 +189,7 @@ void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row)
                 row[(size_t)x * channels + c] =
                     0.75f * (near[c] + near[c + channels]) + 0.25f * (left[c] + right[c]);
         }
-        float *close = to + (size_t)(y / 2) * n, *far = to + (size_t)other_row(y, dsrc->height) * n;
+        float *close = to + (size_t)(y / 2) * n, *far = to + (size_t)other_row(y, dsrc->height, 0) * n;
 #pragma omp simd
         for (size_t i = 0; i < n; i++)
             close[i] += 0.75f * row[i];

@@ -12,3 +12,4 @@ librextract_la_SOURCES += src/nn/psfnet.c src/nn/psfnet.h
 librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
 librextract_la_SOURCES += src/nn/runner.c src/nn/runner.h
 librextract_la_SOURCES += src/nn/runner_plan.c src/nn/runner_parts.h
+librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h

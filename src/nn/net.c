@@ -248,9 +248,10 @@ static int reach(const rx_node *n, int e)
     }
 }
 
-int rx_net_halo(const rx_net *net)
+void rx_net_margins(const rx_net *net, int *needed)
 {
-    int needed[RX_NET_NODES] = {0};
+    for (int i = 0; i < net->nnodes; i++)
+        needed[i] = 0;
     for (int i = net->nnodes - 1; i > 0; i--) {
         const rx_node *n = &net->node[i];
         int e = reach(n, needed[i]);
@@ -259,6 +260,12 @@ int rx_net_halo(const rx_net *net)
         if (n->add >= 0 && needed[i] > needed[n->add])
             needed[n->add] = needed[i];
     }
+}
+
+int rx_net_halo(const rx_net *net)
+{
+    int needed[RX_NET_NODES];
+    rx_net_margins(net, needed);
     int step = 1 << rx_net_levels(net);
     return (needed[0] + step - 1) / step * step;
 }

@@ -68,6 +68,8 @@ int rx_net_levels(const rx_net *net); /* inputs must be multiples of 2^levels */
  * ends on multiples of 2^levels; in input pixels, rounded up to a multiple of 2^levels. What lies farther
  * away cannot matter. */
 int rx_net_halo(const rx_net *net);
+/* needed[nnodes]: the same of each node, in its own pixels, not rounded. */
+void rx_net_margins(const rx_net *net, int *needed);
 double rx_net_macs(const rx_net *net); /* multiplications per input pixel, as it runs (folded) */
 
 const char *rx_op_name(rx_op op); /* "CONV" ...; */

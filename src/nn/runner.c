@@ -71,27 +71,30 @@ void rx_runner_free(rx_runner *runner)
     free(runner);
 }
 
+rx_status rx_runner_load_node(const rx_net *net, int i, const float *params, float *folded, rx_conv *conv,
+                              rx_error *err)
+{
+    const rx_node *n = &net->node[i];
+    const float *weights = params + n->weight, *bias = params + n->bias;
+    size_t out = (size_t)n->channels;
+    if (rx_runner_folds(n->op)) {
+        int in = net->node[n->src].channels, k = rx_layer_folded_kernel(n);
+        rx_layer_fold(n, in, weights, folded);
+        float *biases = folded + 4 * out * (size_t)(in * k * k);
+        for (size_t phase = 0; phase < 4; phase++)
+            memcpy(biases + phase * out, bias, out * sizeof(float));
+        weights = folded;
+        bias = biases;
+    }
+    return rx_conv_load(conv, weights, bias, err);
+}
+
 rx_status rx_runner_load(rx_runner *runner, const float *params, rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int i = 1; !status && i < runner->net->nnodes; i++) {
-        const rx_node *n = &runner->net->node[i];
-        rx_runner_node *me = &runner->node[i];
-        if (me->conv == NULL)
-            continue;
-        const float *weights = params + n->weight, *bias = params + n->bias;
-        size_t out = (size_t)n->channels;
-        if (rx_runner_folds(n->op)) {
-            int in = runner->net->node[n->src].channels, k = rx_layer_folded_kernel(n);
-            rx_layer_fold(n, in, weights, runner->folded);
-            float *biases = runner->folded + 4 * out * (size_t)(in * k * k);
-            for (size_t phase = 0; phase < 4; phase++)
-                memcpy(biases + phase * out, bias, out * sizeof(float));
-            weights = runner->folded;
-            bias = biases;
-        }
-        status = rx_conv_load(me->conv, weights, bias, err);
-    }
+    for (int i = 1; !status && i < runner->net->nnodes; i++)
+        if (runner->node[i].conv != NULL)
+            status = rx_runner_load_node(runner->net, i, params, runner->folded, runner->node[i].conv, err);
     return status;
 }
 
@@ -118,55 +121,52 @@ const float *rx_runner_input_gradient(const rx_runner *runner)
 /* ---- forward ---- */
 
 /* A convolution into raw or value, then what it could not do itself. */
-static rx_status forward_conv(rx_runner *r, int i, rx_error *err)
+static rx_status forward_conv(const rx_runner_node *me, const rx_node *n, const rx_plane *src,
+                              const rx_plane *add, rx_plane *value, float *row, rx_error *err)
 {
-    const rx_node *n = &r->net->node[i];
-    rx_runner_node *me = &r->node[i];
-    const rx_plane *src = &r->node[n->src].value;
-    const rx_plane *add = n->add >= 0 ? &r->node[n->add].value : NULL;
-    rx_plane *to = me->raw.channels > 0 ? &me->raw : &me->value;
+    rx_plane raw = me->raw, *to = raw.channels > 0 ? &raw : value;
     if (me->fused_add && add->data != to->data)
         memcpy(to->data, add->data, rx_plane_bytes(to));
     rx_status status = rx_conv_run(me->conv, src->data, to->data, err);
     if (rx_runner_folds(n->op)) {
-        rx_layer_shuffle(to, &me->value);
-        to = &me->value;
+        rx_layer_shuffle(to, value);
+        to = value;
     }
     const rx_plane *more = me->fused_add ? NULL : add;
     int relu = n->relu && !me->fused_relu;
     if (more != NULL || relu)
-        rx_layer_finish(to, more, relu, r->row);
-    if (to != &me->value)
-        rx_layer_convert(to, &me->value);
+        rx_layer_finish(to, more, relu, row);
+    if (to != value)
+        rx_layer_convert(to, value);
     return status;
 }
 
-static void forward_layer(rx_runner *r, int i)
+rx_status rx_runner_apply(const rx_runner_node *me, const rx_node *n, const rx_plane *src,
+                          const rx_plane *add, rx_plane *value, float *row, rx_error *err)
 {
-    const rx_node *n = &r->net->node[i];
-    rx_plane *value = &r->node[i].value;
-    const rx_plane *src = &r->node[n->src].value;
-    const rx_plane *add = n->add >= 0 ? &r->node[n->add].value : NULL;
+    if (me->conv != NULL)
+        return forward_conv(me, n, src, add, value, row, err);
     if (n->op == RX_OP_UP2) {
-        rx_layer_up2(src, value, add, n->relu, r->row);
-        return;
+        rx_layer_up2(src, value, add, n->relu, row);
+        return RX_OK;
     }
     if (n->op == RX_OP_SHUFFLE)
         rx_layer_shuffle(src, value);
     else
         rx_layer_unshuffle(src, value);
     if (add != NULL || n->relu)
-        rx_layer_finish(value, add, n->relu, r->row);
+        rx_layer_finish(value, add, n->relu, row);
+    return RX_OK;
 }
 
 rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int i = 1; !status && i < runner->net->nnodes; i++) {
-        if (runner->node[i].conv != NULL)
-            status = forward_conv(runner, i, err);
-        else
-            forward_layer(runner, i);
+        const rx_node *n = &runner->net->node[i];
+        const rx_plane *add = n->add >= 0 ? &runner->node[n->add].value : NULL;
+        status = rx_runner_apply(&runner->node[i], n, &runner->node[n->src].value, add,
+                                 &runner->node[i].value, runner->row, err);
     }
     return status;
 }

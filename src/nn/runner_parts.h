@@ -44,6 +44,22 @@ struct rx_runner {
     float *spare;  /* training: a gradient that is to be added to another */
 };
 
+/* Parts that a stream (stream.h) shares. Nodes of one network on planes of height x width: reals, shapes of
+ * value and raw, what their convolutions take over, and the shape of such a convolution. */
+void rx_runner_shapes(const rx_net *net, rx_precision precision, int height, int width, rx_runner_node *node);
+rx_conv_shape rx_runner_conv_shape(const rx_net *net, int i, const rx_runner_node *node);
+size_t rx_runner_row(const rx_net *net, const rx_runner_node *node); /* floats of the layers' scratch */
+size_t rx_runner_folded(const rx_net *net);                          /* floats of rx_runner_load_node()'s */
+
+/* Parameters of node i into its convolution. Errors: RX_SYSTEM. */
+rx_status rx_runner_load_node(const rx_net *net, int i, const float *params, float *folded, rx_conv *conv,
+                              rx_error *err);
+
+/* value = relu?( op(src) + add? ) of one node, on these planes; me gives raw, the convolution and what it
+ * takes over. add NULL: none. */
+rx_status rx_runner_apply(const rx_runner_node *me, const rx_node *n, const rx_plane *src,
+                          const rx_plane *add, rx_plane *value, float *row, rx_error *err);
+
 /* Planes, slots, convolutions and memory, for planes of height x width. Errors: RX_SYSTEM. */
 rx_status rx_runner_plan(rx_runner *runner, int height, int width, rx_error *err);
 

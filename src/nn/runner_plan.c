@@ -16,17 +16,16 @@ static int moves_only(rx_op op)
 }
 
 /* bfloat16 for inner planes; float for the input, the output, and what is only moved from or to them. */
-static void choose_reals(rx_runner *r)
+static void choose_reals(const rx_net *net, rx_precision precision, rx_runner_node *node)
 {
-    const rx_net *net = r->net;
     for (int i = 0; i < net->nnodes; i++)
-        r->node[i].value.real =
-            r->precision == RX_F32 || i == 0 || i == net->nnodes - 1 ? RX_REAL_F32 : RX_REAL_BF16;
+        node[i].value.real =
+            precision == RX_F32 || i == 0 || i == net->nnodes - 1 ? RX_REAL_F32 : RX_REAL_BF16;
     for (int changed = 1; changed;) {
         changed = 0;
         for (int i = 1; i < net->nnodes; i++) {
             const rx_node *n = &net->node[i];
-            rx_real *mine = &r->node[i].value.real, *source = &r->node[n->src].value.real;
+            rx_real *mine = &node[i].value.real, *source = &node[n->src].value.real;
             int keeps = moves_only(n->op) || rx_runner_folds(n->op);
             if (keeps && *source == RX_REAL_F32 && *mine != RX_REAL_F32) {
                 *mine = RX_REAL_F32;
@@ -41,10 +40,10 @@ static void choose_reals(rx_runner *r)
 }
 
 /* Shapes of value and raw; what the convolution takes over. */
-static void plan_node(rx_runner *r, int i, int height, int width)
+static void plan_node(const rx_net *net, int i, int height, int width, rx_runner_node *node)
 {
-    const rx_node *n = &r->net->node[i];
-    rx_runner_node *me = &r->node[i];
+    const rx_node *n = &net->node[i];
+    rx_runner_node *me = &node[i];
     me->value.height = height >> n->level;
     me->value.width = width >> n->level;
     me->value.channels = n->channels;
@@ -54,8 +53,8 @@ static void plan_node(rx_runner *r, int i, int height, int width)
     me->learns = n->weight >= 0;
     if (i == 0)
         return;
-    const rx_plane *src = &r->node[n->src].value;
-    me->learns |= r->node[n->src].learns || (n->add >= 0 && r->node[n->add].learns);
+    const rx_plane *src = &node[n->src].value;
+    me->learns |= node[n->src].learns || (n->add >= 0 && node[n->add].learns);
     /* Float planes are multiplied as floats, and give floats. */
     rx_real result = src->real == RX_REAL_F32 ? RX_REAL_F32 : me->value.real;
     if (rx_runner_folds(n->op)) {
@@ -67,8 +66,15 @@ static void plan_node(rx_runner *r, int i, int height, int width)
         me->raw.real = result;
     }
     int direct = n->op == RX_OP_CONV && me->raw.channels == 0;
-    me->fused_add = direct && n->add >= 0 && r->node[n->add].value.real == me->value.real;
+    me->fused_add = direct && n->add >= 0 && node[n->add].value.real == me->value.real;
     me->fused_relu = direct && n->relu && (n->add < 0 || me->fused_add);
+}
+
+void rx_runner_shapes(const rx_net *net, rx_precision precision, int height, int width, rx_runner_node *node)
+{
+    choose_reals(net, precision, node);
+    for (int i = 0; i < net->nnodes; i++)
+        plan_node(net, i, height, width, node);
 }
 
 /* ---- slots ---- */
@@ -160,26 +166,40 @@ static void *slot_data(const rx_runner *r, int slot)
     return slot >= 0 ? r->slot[slot].data : NULL;
 }
 
+size_t rx_runner_row(const rx_net *net, const rx_runner_node *node)
+{
+    size_t row = 1;
+    for (int i = 0; i < net->nnodes; i++) {
+        size_t line = (size_t)node[i].value.width * (size_t)node[i].value.channels;
+        row = 4 * line > row ? 4 * line : row;
+    }
+    return row;
+}
+
+size_t rx_runner_folded(const rx_net *net)
+{
+    size_t folded = 1;
+    for (int i = 1; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        if (!rx_runner_folds(n->op))
+            continue;
+        size_t k = (size_t)rx_layer_folded_kernel(n), in = (size_t)net->node[n->src].channels;
+        size_t weights = 4 * (size_t)n->channels * (in * k * k + 1);
+        folded = weights > folded ? weights : folded;
+    }
+    return folded;
+}
+
 static rx_status allocate(rx_runner *r, rx_error *err)
 {
-    size_t row = 1, folded = 1, spare = 1;
-    for (int i = 0; i < r->net->nnodes; i++) {
-        const rx_node *n = &r->net->node[i];
-        const rx_plane *value = &r->node[i].value;
-        size_t line = (size_t)value->width * (size_t)value->channels;
-        row = 4 * line > row ? 4 * line : row;
-        spare = rx_plane_size(value) > spare ? rx_plane_size(value) : spare;
-        if (rx_runner_folds(n->op)) {
-            size_t k = (size_t)rx_layer_folded_kernel(n), in = (size_t)r->net->node[n->src].channels;
-            size_t weights = 4 * (size_t)n->channels * (in * k * k + 1);
-            folded = weights > folded ? weights : folded;
-        }
-    }
+    size_t spare = 1;
+    for (int i = 0; i < r->net->nnodes; i++)
+        spare = rx_plane_size(&r->node[i].value) > spare ? rx_plane_size(&r->node[i].value) : spare;
     for (int k = 0; k < r->nslots; k++)
         if ((r->slot[k].data = rx_alloc(r->slot[k].bytes, 1)) == NULL)
             return rx_error_memory(err, r->slot[k].bytes);
-    r->row = RX_NEW(float, row);
-    r->folded = RX_NEW(float, folded);
+    r->row = RX_NEW(float, rx_runner_row(r->net, r->node));
+    r->folded = RX_NEW(float, rx_runner_folded(r->net));
     r->spare = RX_NEW(float, r->backward ? spare : 1);
     if (r->row == NULL || r->folded == NULL || r->spare == NULL)
         return rx_error_memory(err, spare * sizeof(float));
@@ -194,11 +214,11 @@ static rx_status allocate(rx_runner *r, rx_error *err)
 
 /* ---- convolutions ---- */
 
-static rx_conv_shape shape_of(const rx_runner *r, int i)
+rx_conv_shape rx_runner_conv_shape(const rx_net *net, int i, const rx_runner_node *node)
 {
-    const rx_node *n = &r->net->node[i];
-    const rx_runner_node *me = &r->node[i];
-    const rx_plane *src = &r->node[n->src].value, *dst = me->raw.channels > 0 ? &me->raw : &me->value;
+    const rx_node *n = &net->node[i];
+    const rx_runner_node *me = &node[i];
+    const rx_plane *src = &node[n->src].value, *dst = me->raw.channels > 0 ? &me->raw : &me->value;
     int folds = rx_runner_folds(n->op), half;
     rx_conv_shape s = {.height = src->height,
                        .width = src->width,
@@ -209,8 +229,7 @@ static rx_conv_shape shape_of(const rx_runner *r, int i)
                        .x = src->real,
                        .y = dst->real,
                        .sum = me->fused_add,
-                       .relu = me->fused_relu,
-                       .backward = r->backward};
+                       .relu = me->fused_relu};
     half = s.kernel / 2;
     s.before = half;
     s.after = s.stride == 2 && half > 0 ? half - 1 : half;
@@ -219,9 +238,7 @@ static rx_conv_shape shape_of(const rx_runner *r, int i)
 
 rx_status rx_runner_plan(rx_runner *runner, int height, int width, rx_error *err)
 {
-    choose_reals(runner);
-    for (int i = 0; i < runner->net->nnodes; i++)
-        plan_node(runner, i, height, width);
+    rx_runner_shapes(runner->net, runner->precision, height, width, runner->node);
     share_values(runner);
     if (runner->backward)
         share_gradients(runner);
@@ -229,7 +246,8 @@ rx_status rx_runner_plan(rx_runner *runner, int height, int width, rx_error *err
     for (int i = 1; !status && i < runner->net->nnodes; i++) {
         if (runner->net->node[i].weight < 0)
             continue;
-        rx_conv_shape shape = shape_of(runner, i);
+        rx_conv_shape shape = rx_runner_conv_shape(runner->net, i, runner->node);
+        shape.backward = runner->backward;
         status = rx_conv_new(runner->dnn, &shape, &runner->node[i].conv, err);
     }
     return status;

@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "nn/flat_sky.h"
 #include "restore/blur.h"
+#include "restore/network_forward.h"
 #include "restore/network_optics.h"
 #include "restore/noise_map.h"
 #include "restore/prepared.h"
@@ -24,7 +25,6 @@ static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
 static const float DETECTABLE = 0.6f;
-static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks together */
 
 /* One restoration of a tile: on one grid of blocks. */
 typedef struct network {
@@ -43,50 +43,12 @@ typedef struct network {
     float *x;                  /* data: restored->support until that is made */
     float *v;     /* what the network, later the step makes: restored->pixels, or restored->sigma */
     float *spare; /* the other of the two: Tikhonov copy, then target of the step */
-    rx_runner **runners;
+    rx_network_forward forward; /* its planes are set when it runs */
 } network;
 
 static int unit_of(const rx_model *model)
 {
     return 1 << rx_net_levels(model->restore);
-}
-
-/* Bytes of a network's planes on one block: no plane of its nodes is ever larger. */
-static double runner_bytes(const rx_net *net, const rx_blocks *blocks)
-{
-    const int halo = rx_net_halo(net);
-    const double pixels = (double)(blocks->width + 2 * halo) * (blocks->height + 2 * halo);
-    double channels = 0;
-    for (int i = 0; i < net->nnodes; i++)
-        channels += ldexp(net->node[i].channels, -2 * net->node[i].level);
-    return pixels * channels * sizeof(float);
-}
-
-/* Threads that have a block, and room for its network, each. */
-static int runner_threads(const network *n, const rx_blocks *blocks)
-{
-    const double room = floor(BUDGET / runner_bytes(n->model->restore, blocks));
-    return rx_blocks_threads(blocks, room < 1 ? 1 : room < n->nthreads ? (int)room : n->nthreads);
-}
-
-/* Blocks of at most `side` pixels, smaller ones where threads would have none or there is no room: of those
- * that fit the ones that end first. Blocks change no bit, so neither does the number of threads. */
-static rx_blocks make_blocks(const network *n, int side, int shift_x, int shift_y)
-{
-    enum { LEAST = 32 };
-    const int unit = unit_of(n->model), halo = rx_net_halo(n->model->restore);
-    rx_blocks best = {0};
-    for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2) {
-        const rx_blocks made = rx_blocks_make(n->tile->width, n->tile->height, side, unit, shift_x, shift_y);
-        const double rounds = ceil((double)made.nx * made.ny / runner_threads(n, &made)),
-                     pixels = rounds * (made.width + 2 * halo) * (made.height + 2 * halo);
-        const int fits = runner_bytes(n->model->restore, &made) <= BUDGET || side < 2 * LEAST;
-        if (!fits || pixels >= least)
-            continue;
-        least = pixels;
-        best = made;
-    }
-    return best;
 }
 
 static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx_error *err)
@@ -99,99 +61,15 @@ static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx
     return rx_blur_check(psf, psf != NULL ? psf->size : 0, psf != NULL ? psf->size : 0, err);
 }
 
-static void free_runners(network *n, int count)
-{
-    for (int i = 0; i < count && n->runners != NULL; i++)
-        rx_runner_free(n->runners[i]);
-    free(n->runners);
-    n->runners = NULL;
-}
-
-static rx_status make_runners(network *n, int count, rx_error *err)
-{
-    const int halo = rx_net_halo(n->model->restore);
-    rx_status status = RX_OK;
-    n->runners = RX_NEW(rx_runner *, (size_t)count);
-    if (n->runners == NULL)
-        return rx_error_memory(err, 0);
-    for (int i = 0; i < count && status == RX_OK; i++)
-        status = rx_runner_new(n->model->restore, n->blocks.height + 2 * halo, n->blocks.width + 2 * halo, 0,
-                               n->par->precision, &n->runners[i], err);
-    return status;
-}
-
-/* Stretched values of a row of a plane into one of the channels of the network's input; 0 beyond the tile. */
-static void put_row(const network *n, const float *plane, int y, int x, int width, int channels, float *dst)
-{
-    const rx_tile *tile = n->tile;
-    for (int i = 0; i < width; i++) {
-        const int inside = y >= 0 && y < tile->height && x + i >= 0 && x + i < tile->width;
-        dst[(size_t)i * channels] = inside ? rx_stretch(plane[(size_t)y * tile->width + (x + i)]) : 0;
-    }
-}
-
-/* Input of the network for the block that begins at (bx, by); `line` holds a row of the block with halo. */
-static void put_input(const network *n, int bx, int by, int halo, float *line, float *input)
-{
-    const int width = n->blocks.width + 2 * halo, height = n->blocks.height + 2 * halo;
-    const int channels = rx_front_channels(n->model->front.mode);
-    for (int v = 0; v < height; v++) {
-        float *row = input + (size_t)v * width * channels;
-        put_row(n, n->x, by - halo + v, bx - halo, width, channels, row);
-        if (n->model->front.mode != RX_MODE_INFORMED)
-            continue;
-        put_row(n, n->spare, by - halo + v, bx - halo, width, channels, row + 1);
-        rx_network_optics_fwhm_row(n->optics, by - halo + v, bx - halo, width, line);
-        for (int u = 0; u < width; u++)
-            row[(size_t)u * channels + 2] = rx_front_fwhm(line[u]);
-    }
-}
-
-/* Base channel plus correction, unstretched, into the block's part of the tile. */
-static int take_output(const network *n, int bx, int by, int halo, const float *output)
-{
-    const rx_tile *tile = n->tile;
-    const float *base = n->model->front.mode == RX_MODE_INFORMED ? n->spare : n->x;
-    const int width = n->blocks.width + 2 * halo;
-    int sound = 1;
-    for (int y = by < 0 ? 0 : by; y < by + n->blocks.height && y < tile->height; y++)
-        for (int x = bx < 0 ? 0 : bx; x < bx + n->blocks.width && x < tile->width; x++) {
-            const size_t k = (size_t)y * tile->width + x;
-            const float correction = output[(size_t)(y - by + halo) * width + (x - bx + halo)];
-            n->v[k] = rx_unstretch(rx_stretch(base[k]) + correction);
-            sound &= isfinite(n->v[k]) != 0;
-        }
-    return sound;
-}
-
-static rx_status network_block(void *user, int thread, int bx, int by, rx_error *err)
-{
-    network *n = user;
-    rx_runner *runner = n->runners[thread];
-    const int halo = rx_net_halo(n->model->restore);
-    float *line = RX_NEW(float, (size_t)(n->blocks.width + 2 * halo));
-    if (line == NULL)
-        return rx_error_memory(err, 0);
-    put_input(n, bx, by, halo, line, rx_runner_input(runner));
-    free(line);
-    rx_status status = rx_runner_forward(runner, err);
-    if (status == RX_OK && !take_output(n, bx, by, halo, rx_runner_output(runner)))
-        status = rx_error_set(err, RX_INPUT,
-                              "the model %s makes values that are not finite at pixel %d,%d and around; "
-                              "train it again or give another one by NET_MODEL",
-                              n->model->name, bx > 0 ? bx + 1 : 1, by > 0 ? by + 1 : 1);
-    return status;
-}
-
 /* v = network(x, w) */
 static rx_status run_network(network *n, double begin, double end, rx_error *err)
 {
-    const int count = runner_threads(n, &n->blocks);
-    rx_status status = make_runners(n, count, err);
-    if (status == RX_OK)
-        status = rx_blocks_run(&n->blocks, count, network_block, n, n->log, begin, end, err);
-    free_runners(n, count);
-    return status;
+    rx_network_forward forward = n->forward;
+    forward.optics = n->optics;
+    forward.x = n->x;
+    forward.base = n->model->front.mode == RX_MODE_INFORMED ? n->spare : n->x;
+    forward.v = n->v;
+    return rx_network_forward_run(&forward, &n->blocks, n->log, begin, end, err);
 }
 
 static rx_status make_optics(network *n, rx_error *err)
@@ -340,7 +218,12 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 {
     const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
     network n = *plan;
-    n.blocks = make_blocks(&n, side, shift, shift > 0 ? shift + unit : 0);
+    n.forward = (rx_network_forward){.model = n.model,
+                                     .precision = n.par->precision,
+                                     .width = width,
+                                     .height = height,
+                                     .nthreads = n.nthreads};
+    n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift > 0 ? shift + unit : 0);
     n.domains = rx_blocks_make(width, height, domain, unit, shift, shift > 0 ? shift + unit : 0);
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);

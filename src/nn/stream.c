@@ -1,0 +1,341 @@
+/* A network on a band of rows that moves down.
+ *
+ * All nodes make the same number of rows in a step (at their own resolution); step t makes the rows
+ *
+ *   t rows - delay  ..  (t + 1) rows - delay - 1
+ *
+ * of a node, counted from the first input row above the block, with the smallest delay for which its sources
+ * have what it reads. */
+#include "nn/stream.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "nn/runner_parts.h"
+
+enum { STEP = 32 }; /* input rows */
+
+/* What a node keeps: `history` rows and those of this step, which begin at row `at` of its memory. */
+typedef struct band {
+    int rows, delay, history, room, at;
+    int behind, behind_add; /* the first row that it reads of src and add lies so far before their newest */
+    size_t bytes;           /* of a row */
+    char *data;             /* owned */
+} band;
+
+struct rx_stream {
+    const rx_net *net;
+    int step, halo, width;
+    int margin[RX_NET_NODES]; /* of each node, beyond the block */
+    rx_dnn *dnn;              /* owned, like all below */
+    rx_runner_node node[RX_NET_NODES];
+    band band[RX_NET_NODES];
+    void *raw;
+    float *row, *folded;
+    rx_stream_cost *cost; /* the caller's; NULL: not wanted */
+};
+
+/* ---- plan ---- */
+
+/* Rows that a kernel reads above and below its own; strided 1x1 ones run as 2x2. */
+static int above(const rx_node *n)
+{
+    return rx_runner_folds(n->op) ? rx_layer_folded_kernel(n) / 2 : n->kernel / 2;
+}
+
+static int below(const rx_node *n)
+{
+    return n->kernel == 1 && n->stride == 2 ? 1 : above(n);
+}
+
+static int to_fine(rx_op op)
+{
+    return op == RX_OP_SHUFFLE || op == RX_OP_UP2 || rx_runner_folds(op);
+}
+
+static int half_up(int n)
+{
+    return (n + 1) / 2;
+}
+
+/* Delay of a node whose source has the delay d. */
+static int delay_after(const rx_node *n, int d)
+{
+    switch (n->op) {
+    case RX_OP_CONV:
+        return n->stride == 1 ? d + below(n) : half_up(d + below(n) - 1);
+    case RX_OP_UNSHUFFLE:
+        return half_up(d);
+    case RX_OP_SHUFFLE:
+        return 2 * d;
+    case RX_OP_UP2:
+        return 2 * (d + 1);
+    default: /* folded */
+        return 2 * (d + below(n));
+    }
+}
+
+/* How far the first source row of a step lies before that of the source's step, for delays of the two. */
+static int behind(const rx_node *n, int delay, int source)
+{
+    switch (n->op) {
+    case RX_OP_CONV:
+        return n->stride * delay + above(n) - source;
+    case RX_OP_UNSHUFFLE:
+        return 2 * delay - source;
+    case RX_OP_SHUFFLE:
+        return delay / 2 - source;
+    case RX_OP_UP2:
+        return delay / 2 + 1 - source;
+    default:
+        return delay / 2 + above(n) - source;
+    }
+}
+
+static void at_least(int value, int *dst)
+{
+    if (value > *dst)
+        *dst = value;
+}
+
+static void plan_bands(const rx_net *net, int step, const rx_runner_node *node, band *bands)
+{
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        const rx_plane *value = &node[i].value;
+        band *b = &bands[i];
+        *b = (band){.rows = step >> n->level};
+        b->bytes = (size_t)value->width * (size_t)value->channels * rx_real_bytes(value->real);
+        if (i == 0)
+            continue;
+        b->delay = delay_after(n, bands[n->src].delay);
+        if (n->add >= 0)
+            at_least(bands[n->add].delay, &b->delay);
+        if (to_fine(n->op)) /* its rows come in pairs */
+            b->delay += b->delay % 2;
+        b->behind = behind(n, b->delay, bands[n->src].delay);
+        at_least(b->behind, &bands[n->src].history);
+        if (n->add < 0)
+            continue;
+        b->behind_add = b->delay - bands[n->add].delay;
+        at_least(b->behind_add, &bands[n->add].history);
+    }
+    /* Long histories are moved rarely. */
+    for (int i = 0; i < net->nnodes; i++)
+        bands[i].room = bands[i].history + bands[i].rows * (bands[i].history > bands[i].rows ? 4 : 1);
+}
+
+static size_t raw_bytes(const rx_net *net, const rx_runner_node *node)
+{
+    size_t most = 1;
+    for (int i = 0; i < net->nnodes; i++)
+        if (node[i].raw.channels > 0 && rx_plane_bytes(&node[i].raw) > most)
+            most = rx_plane_bytes(&node[i].raw);
+    return most;
+}
+
+static int step_of(const rx_net *net)
+{
+    const int unit = 1 << rx_net_levels(net);
+    return unit > STEP ? unit : STEP;
+}
+
+double rx_stream_bytes(const rx_net *net, int width, rx_precision precision)
+{
+    rx_runner_node node[RX_NET_NODES] = {0};
+    band bands[RX_NET_NODES];
+    const int step = step_of(net);
+    rx_runner_shapes(net, precision, step, width + 2 * rx_net_halo(net), node);
+    plan_bands(net, step, node, bands);
+    double bytes = (double)raw_bytes(net, node);
+    for (int i = 0; i < net->nnodes; i++)
+        bytes += (double)bands[i].room * (double)bands[i].bytes;
+    return bytes;
+}
+
+/* ---- making ---- */
+
+static rx_status check(const rx_net *net, int width, rx_precision precision, rx_error *err)
+{
+    enum { LARGEST = 1 << 20 };
+    const int unit = 1 << rx_net_levels(net);
+    if (width < unit || width % unit != 0 || width > LARGEST)
+        return rx_error_set(err, RX_INPUT,
+                            "the network cannot work on blocks of %d columns; these must be a positive "
+                            "multiple of %d",
+                            width, unit);
+    if (precision == RX_BF16 && !rx_runner_has_bf16())
+        return rx_error_set(err, RX_USAGE, "this processor does not multiply bfloat16; choose F32");
+    return RX_OK;
+}
+
+static rx_status make_conv(rx_stream *s, int i, rx_error *err)
+{
+    const rx_node *n = &s->net->node[i];
+    rx_runner_node *me = &s->node[i];
+    rx_conv_shape shape = rx_runner_conv_shape(s->net, i, s->node);
+    const int last = rx_runner_folds(n->op) ? me->raw.height - 1 : n->stride * (s->band[i].rows - 1);
+    shape.band = 1;
+    shape.height = above(n) + last + 1 + below(n);
+    rx_status status = rx_conv_new(s->dnn, &shape, &me->conv, err);
+    if (status == RX_OK)
+        status = rx_runner_load_node(s->net, i, s->net->params, s->folded, me->conv, err);
+    return status;
+}
+
+static rx_status make(rx_stream *s, rx_precision precision, rx_error *err)
+{
+    rx_runner_shapes(s->net, precision, s->step, s->width, s->node);
+    plan_bands(s->net, s->step, s->node, s->band);
+    const size_t raw = raw_bytes(s->net, s->node);
+    s->raw = rx_alloc(raw, 1);
+    s->row = RX_NEW(float, rx_runner_row(s->net, s->node));
+    s->folded = RX_NEW(float, rx_runner_folded(s->net));
+    if (s->raw == NULL || s->row == NULL || s->folded == NULL)
+        return rx_error_memory(err, raw);
+    rx_status status = rx_dnn_new(&s->dnn, err);
+    for (int i = 0; i < s->net->nnodes && status == RX_OK; i++) {
+        band *b = &s->band[i];
+        s->node[i].raw.data = s->raw;
+        b->data = rx_alloc((size_t)b->room, b->bytes);
+        if (b->data == NULL)
+            return rx_error_memory(err, (size_t)b->room * b->bytes);
+        if (s->net->node[i].weight >= 0)
+            status = make_conv(s, i, err);
+    }
+    return status;
+}
+
+rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx_stream **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_status status = check(net, width, precision, err);
+    if (status != RX_OK)
+        return status;
+    rx_stream *s = RX_NEW(rx_stream, 1);
+    if (s == NULL)
+        return rx_error_memory(err, sizeof *s);
+    s->net = net;
+    s->step = step_of(net);
+    s->halo = rx_net_halo(net);
+    s->width = width + 2 * s->halo;
+    rx_net_margins(net, s->margin);
+    status = make(s, precision, err);
+    if (status == RX_OK)
+        *dst = s;
+    else
+        rx_stream_free(s);
+    return status;
+}
+
+void rx_stream_free(rx_stream *stream)
+{
+    if (stream == NULL)
+        return;
+    for (int i = 0; i < RX_NET_NODES; i++) {
+        rx_conv_free(stream->node[i].conv);
+        free(stream->band[i].data);
+    }
+    rx_dnn_free(stream->dnn);
+    free(stream->raw);
+    free(stream->row);
+    free(stream->folded);
+    free(stream);
+}
+
+void rx_stream_measure(rx_stream *stream, rx_stream_cost *cost)
+{
+    stream->cost = cost;
+}
+
+/* ---- work ---- */
+
+static void move_on(band *b)
+{
+    if (b->at + 2 * b->rows <= b->room) {
+        b->at += b->rows;
+        return;
+    }
+    memmove(b->data, b->data + (size_t)(b->at + b->rows - b->history) * b->bytes,
+            (size_t)b->history * b->bytes);
+    b->at = b->history;
+}
+
+/* The plane of a node that begins `before` rows before those of this step. */
+static rx_plane plane_at(const rx_stream *s, int i, int before)
+{
+    rx_plane plane = s->node[i].value;
+    plane.data = s->band[i].data + (size_t)(s->band[i].at - before) * s->band[i].bytes;
+    return plane;
+}
+
+static double flops_of(const rx_stream *s, int i)
+{
+    const rx_node *n = &s->net->node[i];
+    const rx_plane *to = s->node[i].raw.channels > 0 ? &s->node[i].raw : &s->node[i].value;
+    const int k = rx_runner_folds(n->op) ? rx_layer_folded_kernel(n) : n->kernel;
+    return n->weight < 0 ? 0 : 2.0 * k * k * s->net->node[n->src].channels * (double)rx_plane_size(to);
+}
+
+static rx_status step_node(rx_stream *s, int i, rx_error *err)
+{
+    const rx_node *n = &s->net->node[i];
+    const double begun = s->cost != NULL ? rx_seconds() : 0;
+    rx_plane value = plane_at(s, i, 0), src = plane_at(s, n->src, s->band[i].behind), add = {0};
+    if (n->op == RX_OP_UP2)
+        src.height += 2;
+    if (n->add >= 0)
+        add = plane_at(s, n->add, s->band[i].behind_add);
+    rx_status status =
+        rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
+    if (s->cost != NULL) {
+        s->cost[i].seconds += rx_seconds() - begun;
+        s->cost[i].flops += flops_of(s, i);
+    }
+    return status;
+}
+
+/* Whether a step makes rows of node i that the block depends on. */
+static int wanted(const rx_stream *s, int i, int first, int height)
+{
+    const int level = s->net->node[i].level;
+    return first + s->band[i].rows > (s->halo >> level) - s->margin[i] &&
+           first < ((s->halo + height) >> level) + s->margin[i];
+}
+
+static void take_rows(const rx_stream *s, const rx_stream_ends *ends, int first, int height)
+{
+    const int last = s->net->nnodes - 1, rows = s->band[last].rows, level = s->net->node[last].level;
+    const int y = first - (s->halo >> level), end = height >> level;
+    const int from = y < 0 ? -y : 0, to = y + rows > end ? end - y : rows;
+    const rx_plane value = plane_at(s, last, -from);
+    if (from < to)
+        ends->take(ends->user, y + from, to - from, value.data);
+}
+
+rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *ends, rx_error *err)
+{
+    const int last = stream->net->nnodes - 1;
+    const int rows = stream->band[last].rows, end = (stream->halo + height) >> stream->net->node[last].level;
+    rx_status status = RX_OK;
+    for (int i = 0; i <= last; i++)
+        stream->band[i].at = stream->band[i].history;
+    for (int t = 0; status == RX_OK && t * rows - stream->band[last].delay < end; t++) {
+        for (int i = 0; i <= last && status == RX_OK; i++) {
+            const int first = t * stream->band[i].rows - stream->band[i].delay;
+            if (t > 0)
+                move_on(&stream->band[i]);
+            if (!wanted(stream, i, first, height))
+                continue;
+            if (i > 0)
+                status = step_node(stream, i, err);
+            else
+                ends->give(ends->user, first - stream->halo, stream->step, plane_at(stream, 0, 0).data);
+        }
+        if (status == RX_OK)
+            take_rows(stream, ends, t * rows - stream->band[last].delay, height);
+    }
+    return status;
+}
