@@ -1,6 +1,7 @@
 /* Convolutions of a fixed shape on oneDNN (C API, versions 2 and 3). */
 #include "nn/dnn.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,11 +23,17 @@ typedef const dnnl_memory_desc_t *layout_view;
 #define VIEW(l) (&(l))
 #endif
 
+/* Memory that grows. */
+typedef struct room {
+    void *data;
+    size_t bytes;
+} room;
+
 struct rx_dnn {
     dnnl_engine_t engine;
     dnnl_stream_t stream;
-    void *scratch;
-    size_t scratch_bytes;
+    room scratch;
+    room x, y; /* planes as Winograd's algorithm wants them */
 };
 
 /* One primitive with the memory objects it is given; weights of its own packing. */
@@ -40,7 +47,8 @@ typedef struct job {
 struct rx_conv {
     rx_dnn *dnn;
     rx_conv_shape shape;
-    int kernel;                   /* as the library is asked for it */
+    int kernel, in, out;          /* as the library is asked for them */
+    int winograd;                 /* by that algorithm, on planes of blocks of 16 channels */
     layout x, y, any, user, bias; /* any: weights of the library's choice */
     job run, data, weights;
     dnnl_memory_t plain; /* weights as the user has them */
@@ -116,6 +124,46 @@ static dnnl_status_t describe_run(const rx_conv *c, const_dnnl_primitive_attr_t 
     return bad ? bad : dnnl_primitive_desc_create(dst, &desc, attr, c->dnn->engine, NULL);
 #endif
 }
+
+/* Winograd's algorithm in its small form, F(2x2, 3x3): the larger one is faster, and less exact by far. */
+#if DNNL_VERSION_MAJOR >= 3
+static dnnl_status_t describe_winograd(const rx_conv *c, const_dnnl_primitive_attr_t attr,
+                                       dnnl_primitive_desc_t *dst)
+{
+    (void)c;
+    (void)attr;
+    (void)dst;
+    return dnnl_unimplemented; /* not on these processors any more */
+}
+#else
+static dnnl_status_t describe_winograd(const rx_conv *c, const_dnnl_primitive_attr_t attr,
+                                       dnnl_primitive_desc_t *dst)
+{
+    geometry g = geometry_of(&c->shape);
+    dnnl_convolution_desc_t desc;
+    dnnl_primitive_desc_iterator_t all = NULL;
+    dnnl_status_t bad = dnnl_convolution_forward_desc_init(
+        &desc, dnnl_forward_inference, dnnl_convolution_winograd, VIEW(c->x), VIEW(c->any), VIEW(c->bias),
+        VIEW(c->y), g.strides, g.before, g.after);
+    bad = bad ? bad : dnnl_primitive_desc_iterator_create(&all, &desc, attr, c->dnn->engine, NULL);
+    while (!bad && *dst == NULL) {
+        const char *name = "";
+        dnnl_primitive_desc_t found = dnnl_primitive_desc_iterator_fetch(all);
+        bad = found == NULL ? dnnl_unimplemented
+                            : dnnl_primitive_desc_query(found, dnnl_query_impl_info_str, 0, (void *)&name);
+        if (!bad && strstr(name, "wino_2x3") != NULL) {
+            *dst = found;
+            break;
+        }
+        if (found != NULL)
+            dnnl_primitive_desc_destroy(found);
+        bad = bad ? bad : dnnl_primitive_desc_iterator_next(all);
+    }
+    if (all != NULL)
+        dnnl_primitive_desc_iterator_destroy(all);
+    return bad;
+}
+#endif
 
 static dnnl_status_t describe_data(const rx_conv *c, const_dnnl_primitive_attr_t attr,
                                    const_dnnl_primitive_desc_t hint, dnnl_primitive_desc_t *dst)
@@ -222,7 +270,9 @@ void rx_dnn_free(rx_dnn *dnn)
         dnnl_stream_destroy(dnn->stream);
     if (dnn->engine != NULL)
         dnnl_engine_destroy(dnn->engine);
-    free(dnn->scratch);
+    free(dnn->scratch.data);
+    free(dnn->x.data);
+    free(dnn->y.data);
     free(dnn);
 }
 
@@ -243,13 +293,14 @@ static dnnl_data_type_t type_of(rx_real real)
 static dnnl_status_t make_layouts(rx_conv *c)
 {
     const rx_conv_shape *s = &c->shape;
-    const dnnl_dims_t x = {1, s->in, s->height, s->width};
+    const dnnl_format_tag_t tag = c->winograd ? dnnl_nChw16c : dnnl_nhwc;
+    const dnnl_dims_t x = {1, c->in, s->height, s->width};
     const int rows = s->band ? (s->height - c->kernel) / s->stride + 1 : s->height / s->stride;
-    const dnnl_dims_t y = {1, s->out, rows, s->width / s->stride};
-    const dnnl_dims_t w = {s->out, s->in, c->kernel, c->kernel}, b = {s->out};
+    const dnnl_dims_t y = {1, c->out, rows, s->width / s->stride};
+    const dnnl_dims_t w = {c->out, c->in, c->kernel, c->kernel}, b = {c->out};
 
-    dnnl_status_t bad = layout_make(&c->x, 4, x, type_of(s->x), dnnl_nhwc);
-    bad = bad ? bad : layout_make(&c->y, 4, y, type_of(s->y), dnnl_nhwc);
+    dnnl_status_t bad = layout_make(&c->x, 4, x, type_of(s->x), tag);
+    bad = bad ? bad : layout_make(&c->y, 4, y, type_of(s->y), tag);
     bad = bad ? bad : layout_make(&c->any, 4, w, type_of(s->x), dnnl_format_tag_any);
     bad = bad ? bad : layout_make(&c->user, 4, w, dnnl_f32, dnnl_oihw);
     bad = bad ? bad : layout_make(&c->bias, 1, b, dnnl_f32, dnnl_x);
@@ -306,16 +357,16 @@ static dnnl_status_t make_job(rx_conv *c, job *j, const_dnnl_primitive_desc_t de
     return bad;
 }
 
-static rx_status grow_scratch(rx_dnn *dnn, size_t bytes, rx_error *err)
+static rx_status grow(room *r, size_t bytes, rx_error *err)
 {
-    if (bytes <= dnn->scratch_bytes)
+    if (bytes <= r->bytes)
         return RX_OK;
-    free(dnn->scratch);
-    dnn->scratch_bytes = 0;
-    dnn->scratch = rx_alloc(bytes, 1);
-    if (dnn->scratch == NULL)
+    free(r->data);
+    r->bytes = 0;
+    r->data = rx_alloc(bytes, 1);
+    if (r->data == NULL)
         return rx_error_memory(err, bytes);
-    dnn->scratch_bytes = bytes;
+    r->bytes = bytes;
     return RX_OK;
 }
 
@@ -325,7 +376,7 @@ static dnnl_status_t make_jobs(rx_conv *c)
     dnnl_primitive_desc_t run = NULL, data = NULL, weights = NULL;
     dnnl_status_t bad = make_attributes(&c->shape, 1, &attr);
     bad = bad ? bad : make_attributes(&c->shape, 0, &bare);
-    bad = bad ? bad : describe_run(c, attr, &run);
+    bad = bad ? bad : c->winograd ? describe_winograd(c, bare, &run) : describe_run(c, attr, &run);
     bad = bad ? bad : make_job(c, &c->run, run, dnnl_query_weights_md);
     if (!bad && c->shape.backward) {
         bad = describe_data(c, bare, run, &data);
@@ -344,44 +395,75 @@ static dnnl_status_t make_jobs(rx_conv *c)
     return bad;
 }
 
-static rx_status conv_new(rx_conv *c, rx_error *err)
+static size_t weights_of(const rx_conv *c)
 {
-    const rx_conv_shape *s = &c->shape;
-    size_t weights = (size_t)s->out * (size_t)s->in * (size_t)c->kernel * (size_t)c->kernel;
-    c->plain_data = RX_NEW(float, weights);
-    c->bias_data = RX_NEW(float, (size_t)s->out);
-    c->dbias_data = RX_NEW(float, (size_t)s->out);
+    return (size_t)c->out * (size_t)c->in * (size_t)c->kernel * (size_t)c->kernel;
+}
+
+static size_t plane_bytes(const layout *l)
+{
+    return dnnl_memory_desc_get_size(VIEW(*l));
+}
+
+static rx_status conv_make(rx_conv *c, rx_error *err)
+{
+    c->plain_data = RX_NEW(float, weights_of(c));
+    c->bias_data = RX_NEW(float, (size_t)c->out);
+    c->dbias_data = RX_NEW(float, (size_t)c->out);
     if (c->plain_data == NULL || c->bias_data == NULL || c->dbias_data == NULL)
-        return rx_error_memory(err, weights * sizeof(float));
+        return rx_error_memory(err, weights_of(c) * sizeof(float));
     dnnl_status_t bad = make_layouts(c);
     bad = bad ? bad : dnnl_memory_create(&c->plain, VIEW(c->user), c->dnn->engine, c->plain_data);
     bad = bad ? bad : make_jobs(c);
     if (bad)
-        return refuse(err, bad, "make", s);
+        return refuse(err, bad, "make", &c->shape);
     size_t most = c->run.scratch_bytes;
     most = c->data.scratch_bytes > most ? c->data.scratch_bytes : most;
     most = c->weights.scratch_bytes > most ? c->weights.scratch_bytes : most;
-    return grow_scratch(c->dnn, most, err);
+    rx_status status = grow(&c->dnn->scratch, most, err);
+    if (status == RX_OK && c->winograd)
+        status = grow(&c->dnn->x, plane_bytes(&c->x), err);
+    if (status == RX_OK && c->winograd)
+        status = grow(&c->dnn->y, plane_bytes(&c->y), err);
+    return status;
 }
 
-rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err)
+static rx_status conv_new(rx_dnn *dnn, const rx_conv_shape *shape, int winograd, rx_conv **dst, rx_error *err)
 {
     rx_conv *c = *dst = RX_NEW(rx_conv, 1);
     if (c == NULL)
         return rx_error_memory(err, sizeof *c);
     c->dnn = dnn;
     c->shape = *shape;
+    c->winograd = winograd;
+    c->in = winograd ? (shape->in + 15) / 16 * 16 : shape->in;
+    c->out = winograd ? (shape->out + 15) / 16 * 16 : shape->out;
     /* The library's kernels for strided 1x1 convolutions write beyond their scratch memory where the channels
      * fill no vector (oneDNN's issue 6035): a 2x2 kernel with three zeros does the same. */
     c->kernel = shape->kernel == 1 && shape->stride == 2 ? 2 : shape->kernel;
     int before = alone_begin();
-    rx_status status = conv_new(c, err);
+    rx_status status = conv_make(c, err);
     if (status) {
         rx_conv_free(c);
         *dst = NULL;
     }
     alone_end(before);
     return status;
+}
+
+/* Where Winograd's algorithm pays: its planes are padded to 16 channels. */
+static int for_winograd(const rx_conv_shape *s)
+{
+    return s->fast && s->kernel == 3 && s->stride == 1 && !s->backward && s->x == RX_REAL_F32 &&
+           s->y == RX_REAL_F32 && s->in % 16 == 0;
+}
+
+rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err)
+{
+    /* without an error: not every processor and version of the library has it */
+    if (for_winograd(shape) && conv_new(dnn, shape, 1, dst, NULL) == RX_OK)
+        return RX_OK;
+    return conv_new(dnn, shape, 0, dst, err);
 }
 
 static void job_free(job *j)
@@ -428,11 +510,12 @@ static dnnl_status_t pack(rx_conv *c, job *j, int back)
 rx_status rx_conv_load(rx_conv *conv, const float *weights, const float *bias, rx_error *err)
 {
     const rx_conv_shape *s = &conv->shape;
-    size_t kernels = (size_t)s->out * (size_t)s->in;
+    size_t kernels = (size_t)s->out * (size_t)s->in, in = (size_t)s->in;
     size_t size = (size_t)(s->kernel * s->kernel), room = (size_t)(conv->kernel * conv->kernel);
-    memset(conv->plain_data, 0, kernels * room * sizeof(float));
+    memset(conv->plain_data, 0, weights_of(conv) * sizeof(float));
     for (size_t k = 0; k < kernels; k++)
-        memcpy(conv->plain_data + k * room, weights + k * size, size * sizeof(float));
+        memcpy(conv->plain_data + (k / in * (size_t)conv->in + k % in) * room, weights + k * size,
+               size * sizeof(float));
     memcpy(conv->bias_data, bias, (size_t)s->out * sizeof(float));
     int before = alone_begin();
     dnnl_status_t bad = pack(conv, &conv->run, 0);
@@ -447,7 +530,7 @@ static dnnl_status_t execute(rx_conv *c, job *j, const void *x, const void *y, c
 {
     dnnl_status_t bad = dnnl_memory_set_data_handle(j->x, (void *)(size_t)x);
     bad = bad ? bad : dnnl_memory_set_data_handle(j->y, (void *)(size_t)y);
-    bad = bad ? bad : dnnl_memory_set_data_handle(j->scratch, c->dnn->scratch);
+    bad = bad ? bad : dnnl_memory_set_data_handle(j->scratch, c->dnn->scratch.data);
     if (bad)
         return bad;
     dnnl_exec_arg_t arguments[] = {{args[0], j->x},
@@ -459,11 +542,66 @@ static dnnl_status_t execute(rx_conv *c, job *j, const void *x, const void *y, c
     return bad ? bad : dnnl_stream_wait(c->dnn->stream);
 }
 
-rx_status rx_conv_run(rx_conv *conv, const void *x, void *y, rx_error *err)
+/* [pixels][channels] to blocks of 16 channels, [block][pixels][16]; channels a multiple of 16. */
+static void to_blocks(const float *restrict src, size_t pixels, size_t channels, float *restrict dst)
+{
+    for (size_t c = 0; c < channels; c += 16, dst += 16 * pixels)
+        for (size_t k = 0; k < pixels; k++)
+            memcpy(dst + 16 * k, src + k * channels + c, 16 * sizeof(float));
+}
+
+/* And back, the first `channels` of them: dst = relu?(src + add?). */
+static void from_blocks(const float *restrict src, size_t pixels, size_t channels, const float *add, int relu,
+                        float *dst)
+{
+    const float least = relu ? 0 : -INFINITY;
+    for (size_t c = 0; c < channels; c += 16, src += 16 * pixels) {
+        const size_t n = channels - c < 16 ? channels - c : 16;
+        for (size_t k = 0; k < pixels; k++) {
+            float *to = dst + k * channels + c;
+            const float *from = src + 16 * k, *more = add != NULL ? add + k * channels + c : NULL;
+            if (n < 16)
+                for (size_t i = 0; i < n; i++) {
+                    const float value = more != NULL ? from[i] + more[i] : from[i];
+                    to[i] = value > least ? value : least;
+                }
+            else if (more != NULL)
+#pragma omp simd
+                for (size_t i = 0; i < 16; i++) {
+                    const float value = from[i] + more[i];
+                    to[i] = value > least ? value : least;
+                }
+            else
+#pragma omp simd
+                for (size_t i = 0; i < 16; i++)
+                    to[i] = from[i] > least ? from[i] : least;
+        }
+    }
+}
+
+static dnnl_status_t run_winograd(rx_conv *c, const float *x, const float *add, float *y, const int args[4])
+{
+    const rx_conv_shape *s = &c->shape;
+    float *in = c->dnn->x.data, *out = c->dnn->y.data;
+    to_blocks(x, (size_t)s->height * (size_t)s->width, (size_t)s->in, in);
+    dnnl_status_t bad = execute(c, &c->run, in, out, args);
+    const size_t pixels = plane_bytes(&c->y) / sizeof(float) / (size_t)c->out;
+    from_blocks(out, pixels, (size_t)s->out, add, s->relu, y);
+    return bad;
+}
+
+rx_status rx_conv_run(rx_conv *conv, const void *x, const void *add, void *y, rx_error *err)
 {
     static const int args[4] = {DNNL_ARG_SRC, DNNL_ARG_DST, DNNL_ARG_WEIGHTS, DNNL_ARG_BIAS};
+    dnnl_status_t bad = dnnl_success;
     int before = alone_begin();
-    dnnl_status_t bad = execute(conv, &conv->run, x, y, args);
+    if (conv->winograd) {
+        bad = run_winograd(conv, x, add, y, args);
+    } else {
+        if (add != NULL && add != y)
+            memcpy(y, add, plane_bytes(&conv->y));
+        bad = execute(conv, &conv->run, x, y, args);
+    }
     alone_end(before);
     return refuse(err, bad, "run", &conv->shape);
 }

@@ -28,9 +28,11 @@ typedef struct rx_conv_shape {
     int before, after; /* pixels of 0 on the left and top, on the right and bottom */
     int band;          /* none on top and bottom: y has only rows that see all theirs in x */
     rx_real x, y;      /* of the planes; weights are bfloat16 where x is */
-    int sum;           /* adds what y held before */
+    int sum;           /* adds a plane */
     int relu;          /* cuts at 0, last */
     int backward;      /* gradients are wanted, too */
+    int fast;          /* may use Winograd's algorithm (arXiv 1509.09308): 2.25 times fewer multiplications, the
+                          same bits only for planes that begin on the same multiples of two pixels */
 } rx_conv_shape;
 
 /* Errors: RX_SYSTEM (memory, or the library refuses). */
@@ -45,8 +47,8 @@ void rx_conv_free(rx_conv *conv); /* NULL is fine */
 /* weights [out][in][k][k], bias [out]; both are copied. */
 rx_status rx_conv_load(rx_conv *conv, const float *weights, const float *bias, rx_error *err);
 
-/* y = relu?(y? + b + sum w x) */
-rx_status rx_conv_run(rx_conv *conv, const void *x, void *y, rx_error *err);
+/* y = relu?(add? + b + sum w x); add, with `sum` only, may be y */
+rx_status rx_conv_run(rx_conv *conv, const void *x, const void *add, void *y, rx_error *err);
 
 /* Only with `backward`. dx from dy, both by what is before sum and relu. */
 rx_status rx_conv_data(rx_conv *conv, const void *dy, void *dx, rx_error *err);

@@ -125,9 +125,7 @@ static rx_status forward_conv(const rx_runner_node *me, const rx_node *n, const 
                               const rx_plane *add, rx_plane *value, float *row, rx_error *err)
 {
     rx_plane raw = me->raw, *to = raw.channels > 0 ? &raw : value;
-    if (me->fused_add && add->data != to->data)
-        memcpy(to->data, add->data, rx_plane_bytes(to));
-    rx_status status = rx_conv_run(me->conv, src->data, to->data, err);
+    rx_status status = rx_conv_run(me->conv, src->data, me->fused_add ? add->data : NULL, to->data, err);
     if (rx_runner_folds(n->op)) {
         rx_layer_shuffle(to, value);
         to = value;

@@ -178,6 +178,9 @@ static rx_status make_conv(rx_stream *s, int i, rx_error *err)
     rx_conv_shape shape = rx_runner_conv_shape(s->net, i, s->node);
     const int last = rx_runner_folds(n->op) ? me->raw.height - 1 : n->stride * (s->band[i].rows - 1);
     shape.band = 1;
+    /* A folded TRANSPOSED has zeros in its kernel where it may stand beside values that depend on the block;
+     * Winograd's sums would carry these into the last bit. */
+    shape.fast = n->op != RX_OP_TRANSPOSED;
     shape.height = above(n) + last + 1 + below(n);
     rx_status status = rx_conv_new(s->dnn, &shape, &me->conv, err);
     if (status == RX_OK)

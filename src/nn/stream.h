@@ -4,8 +4,11 @@
  * image. Rows above and below the block are computed only where the block depends on them; beside it the
  * whole halo is.
  *
- * The values are those of a runner (runner.h) on the block with its halo, to the bit. A stream belongs to one
- * caller at a time and never uses more than the thread that calls it.
+ * The values are those of a runner (runner.h) on the block with its halo: to the bit, or within rounding
+ * (some 1e-6 of the largest, tests/unit/nn/test_stream.c) where the processor has Winograd's algorithm, which
+ * takes 2.25 times fewer multiplications (nn/dnn.h). They do not depend on the block as long as blocks begin
+ * on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more than
+ * the thread that calls it.
  *
  * Memory: rx_stream_bytes(), 5 kB per pixel of width for a PSF-NET of width 8 in single precision. */
 #ifndef RX_NN_STREAM_H

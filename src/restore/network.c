@@ -48,7 +48,7 @@ typedef struct network {
 
 static int unit_of(const rx_model *model)
 {
-    return 1 << rx_net_levels(model->restore);
+    return 2 << rx_net_levels(model->restore);
 }
 
 static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx_error *err)

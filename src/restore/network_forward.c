@@ -22,7 +22,7 @@ static int threads_of(const rx_network_forward *f, const rx_blocks *blocks)
 rx_blocks rx_network_forward_blocks(const rx_network_forward *f, int side, int shift_x, int shift_y)
 {
     enum { LEAST = 32, HIGHEST = 4096 };
-    const int unit = 1 << rx_net_levels(f->model->restore), halo = rx_net_halo(f->model->restore);
+    const int unit = 2 << rx_net_levels(f->model->restore), halo = rx_net_halo(f->model->restore);
     const int whole = (f->height + HIGHEST - 1) / HIGHEST;
     rx_blocks best = {0};
     for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2)

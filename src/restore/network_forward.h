@@ -21,7 +21,7 @@ typedef struct rx_network_forward {
 
 /* Blocks of `side` columns at most and as many rows as fit, smaller ones where threads would have none or
  * there is no room (1 GiB for all threads together): of these the ones that end first. The grid begins at
- * (-shift_x, -shift_y), multiples of the network's stride. Neither the blocks nor the number of threads
+ * (-shift_x, -shift_y), multiples of twice the network's stride. Neither the blocks nor the number of threads
  * change a bit. */
 rx_blocks rx_network_forward_blocks(const rx_network_forward *forward, int side, int shift_x, int shift_y);
 

@@ -29,7 +29,7 @@ typedef struct rx_restore_params {
     int blind_cycles;               /* RL_BLIND_CYCLES */
     int blind_psf_niter;            /* RL_BLIND_NITER: iterations of the image and of the PSF in a cycle */
     const rx_model *model;          /* NET; not owned, NULL when NET is not wanted */
-    int net_block;                  /* NET_BLOCK: side of a block, output pixels, a multiple of 4 */
+    int net_block;                  /* NET_BLOCK: width of a block, pixels, a multiple of 4 */
     rx_precision precision;         /* NET_PRECISION */
     int verify_seams;               /* VERIFY_SEAMS */
     rx_out_of_domain out_of_domain; /* obeyed by the stage (stage/domain.h), not by the restorer */
