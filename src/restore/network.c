@@ -26,6 +26,8 @@ static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
  * same significance has among the noise (measured: network.h) */
 static const float DETECTABLE = 0.6f;
 
+typedef enum part { DATA, OPTICS, TIKHONOV, NETWORK, STEPS, REBLUR, SUPPORT, FINISH, PARTS } part;
+
 /* One restoration of a tile: on one grid of blocks. */
 typedef struct network {
     const rx_restore_params *par;
@@ -44,7 +46,17 @@ typedef struct network {
     float *v;     /* what the network, later the step makes: restored->pixels, or restored->sigma */
     float *spare; /* the other of the two: Tikhonov copy, then target of the step */
     rx_network_forward forward; /* its planes are set when it runs */
+    double clock;               /* seconds: when the last part of the work ended */
+    double spent[PARTS];        /* seconds of each part */
 } network;
+
+/* The time since the last call belongs to that part. */
+static void lap(network *n, part which)
+{
+    const double now = rx_seconds();
+    n->spent[which] += now - n->clock;
+    n->clock = now;
+}
 
 static int unit_of(const rx_model *model)
 {
@@ -159,24 +171,32 @@ static rx_status restore_planes(network *n, rx_error *err)
     if (status == RX_OK)
         status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->domains,
                                  n->nthreads, n->x, err);
+    lap(n, DATA);
     if (status == RX_OK)
         status = make_optics(n, err);
+    lap(n, OPTICS);
     if (status == RX_OK && n->model->front.mode == RX_MODE_INFORMED)
         status = rx_network_optics_tikhonov(n->optics, n->x, n->spare, n->log, 0, 0.1, err);
+    lap(n, TIKHONOV);
     if (status == RX_OK)
         status = run_network(n, 0.1, 0.8, err);
+    lap(n, NETWORK);
     if (status == RX_OK)
         status = run_steps(n, err);
+    lap(n, STEPS);
     if (status == RX_OK && n->optics != NULL)
         status =
             rx_network_optics_reblur(n->optics, n->v, n->x, restored->mask, &n->scale, n->tile, n->background,
                                      restored->reblurred, &restored->chi2, n->log, 0.9, 0.95, err);
+    lap(n, REBLUR);
     if (status == RX_OK)
         status = make_support(n, err);
+    lap(n, SUPPORT);
     rx_network_optics_free(n->optics);
     n->optics = NULL;
     if (status == RX_OK)
         status = finish(n, fwhm, err);
+    lap(n, FINISH);
     rx_coarse_free(&n->scale);
     return status;
 }
@@ -225,6 +245,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
                                      .nthreads = n.nthreads};
     n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift > 0 ? shift + unit : 0);
     n.domains = rx_blocks_make(width, height, domain, unit, shift, shift > 0 ? shift + unit : 0);
+    n.clock = rx_seconds();
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);
     if (status == RX_OK) {
@@ -239,6 +260,11 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
         rx_restored_free(n.restored);
         return status;
     }
+    rx_log_detail(n.log,
+                  "NET: data %.3f s, optics %.3f s, Tikhonov %.3f s, network %.3f s, steps %.3f s, model "
+                  "%.3f s, support %.3f s, flat sky and noise %.3f s",
+                  n.spent[DATA], n.spent[OPTICS], n.spent[TIKHONOV], n.spent[NETWORK], n.spent[STEPS],
+                  n.spent[REBLUR], n.spent[SUPPORT], n.spent[FINISH]);
     *dst = n.restored;
     return RX_OK;
 }
