@@ -1,7 +1,6 @@
 /* Convolutions of a fixed shape on oneDNN (C API, versions 2 and 3). */
 #include "nn/dnn.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +10,7 @@
 #endif
 
 #include "base/memory.h"
+#include "nn/layers.h"
 
 /* A descriptor of memory is a struct in version 2 and a handle in version 3. */
 #if DNNL_VERSION_MAJOR >= 3
@@ -542,51 +542,14 @@ static dnnl_status_t execute(rx_conv *c, job *j, const void *x, const void *y, c
     return bad ? bad : dnnl_stream_wait(c->dnn->stream);
 }
 
-/* [pixels][channels] to blocks of 16 channels, [block][pixels][16]; channels a multiple of 16. */
-static void to_blocks(const float *restrict src, size_t pixels, size_t channels, float *restrict dst)
-{
-    for (size_t c = 0; c < channels; c += 16, dst += 16 * pixels)
-        for (size_t k = 0; k < pixels; k++)
-            memcpy(dst + 16 * k, src + k * channels + c, 16 * sizeof(float));
-}
-
-/* And back, the first `channels` of them: dst = relu?(src + add?). */
-static void from_blocks(const float *restrict src, size_t pixels, size_t channels, const float *add, int relu,
-                        float *dst)
-{
-    const float least = relu ? 0 : -INFINITY;
-    for (size_t c = 0; c < channels; c += 16, src += 16 * pixels) {
-        const size_t n = channels - c < 16 ? channels - c : 16;
-        for (size_t k = 0; k < pixels; k++) {
-            float *to = dst + k * channels + c;
-            const float *from = src + 16 * k, *more = add != NULL ? add + k * channels + c : NULL;
-            if (n < 16)
-                for (size_t i = 0; i < n; i++) {
-                    const float value = more != NULL ? from[i] + more[i] : from[i];
-                    to[i] = value > least ? value : least;
-                }
-            else if (more != NULL)
-#pragma omp simd
-                for (size_t i = 0; i < 16; i++) {
-                    const float value = from[i] + more[i];
-                    to[i] = value > least ? value : least;
-                }
-            else
-#pragma omp simd
-                for (size_t i = 0; i < 16; i++)
-                    to[i] = from[i] > least ? from[i] : least;
-        }
-    }
-}
-
 static dnnl_status_t run_winograd(rx_conv *c, const float *x, const float *add, float *y, const int args[4])
 {
     const rx_conv_shape *s = &c->shape;
     float *in = c->dnn->x.data, *out = c->dnn->y.data;
-    to_blocks(x, (size_t)s->height * (size_t)s->width, (size_t)s->in, in);
+    rx_layer_to_blocks(x, (size_t)s->height * (size_t)s->width, (size_t)s->in, in);
     dnnl_status_t bad = execute(c, &c->run, in, out, args);
     const size_t pixels = plane_bytes(&c->y) / sizeof(float) / (size_t)c->out;
-    from_blocks(out, pixels, (size_t)s->out, add, s->relu, y);
+    rx_layer_from_blocks(out, pixels, (size_t)s->out, add, s->relu, y);
     return bad;
 }
 

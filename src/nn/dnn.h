@@ -31,8 +31,8 @@ typedef struct rx_conv_shape {
     int sum;           /* adds a plane */
     int relu;          /* cuts at 0, last */
     int backward;      /* gradients are wanted, too */
-    int fast;          /* may use Winograd's algorithm (arXiv 1509.09308): 2.25 times fewer multiplications, the
-                          same bits only for planes that begin on the same multiples of two pixels */
+    int fast; /* may use Winograd's algorithm (arXiv 1509.09308): 2.25 times fewer multiplications, the
+                 same bits only for planes that begin on the same multiples of two pixels */
 } rx_conv_shape;
 
 /* Errors: RX_SYSTEM (memory, or the library refuses). */

@@ -36,12 +36,18 @@ void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row);
 void rx_layer_unshuffle(const rx_plane *src, rx_plane *dst);
 void rx_layer_shuffle(const rx_plane *src, rx_plane *dst);
 
-/* dst [2 h][2 w] = relu?(bilinear(src) + add?): weights 3/4 and 1/4 in each direction, the border repeats; where
- * src has h + 2 rows, the first and the last stand in for the border above and below. add may share dst's
- * memory. row [4 * width * channels of src] floats. */
+/* dst [2 h][2 w] = relu?(bilinear(src) + add?): weights 3/4 and 1/4 in each direction, the border repeats;
+ * where src has h + 2 rows, the first and the last stand in for the border above and below. add may share
+ * dst's memory. row [4 * width * channels of src] floats. */
 void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int relu, float *row);
 /* Its transpose: dsrc from ddst, floats. row [width * channels of dsrc]. */
 void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row);
+
+/* [pixels][channels] to blocks of 16 channels, [block][pixels][16]: channels a multiple of 16. */
+void rx_layer_to_blocks(const float *src, size_t pixels, size_t channels, float *dst);
+/* And back, the first `channels` of the blocks: dst = relu?(src + add?). add NULL or like dst, may be dst. */
+void rx_layer_from_blocks(const float *src, size_t pixels, size_t channels, const float *add, int relu,
+                          float *dst);
 
 /* gradient = 0 where the cut value is 0. */
 void rx_layer_relu_back(const float *value, float *gradient, size_t n);

@@ -13,3 +13,4 @@ librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
 librextract_la_SOURCES += src/nn/runner.c src/nn/runner.h
 librextract_la_SOURCES += src/nn/runner_plan.c src/nn/runner_parts.h
 librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h
+librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h

@@ -44,12 +44,12 @@ static inline float rx_rl_light(float f)
 {
     return f > 0 ? f : 0;
 }
-/* f' from f, c and q */
+/* f' from f, c and q; without branches, for loops on vectors */
 static inline float rx_rl_update(float f, float c, float q)
 {
-    if (!(f > 0 && q >= RX_RL_SHARE))
-        return f;
-    return f * (c < RX_RL_MOST * q ? c / q : RX_RL_MOST);
+    const int enough = q >= RX_RL_SHARE, made = (f > 0) & enough;
+    const float ratio = c / (enough ? q : 1), gain = c < RX_RL_MOST * q ? ratio : RX_RL_MOST;
+    return made ? f * gain : f;
 }
 
 typedef struct rx_rl_step rx_rl_step;

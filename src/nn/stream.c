@@ -291,8 +291,7 @@ static rx_status step_node(rx_stream *s, int i, rx_error *err)
         src.height += 2;
     if (n->add >= 0)
         add = plane_at(s, n->add, s->band[i].behind_add);
-    rx_status status =
-        rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
+    rx_status status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
     if (s->cost != NULL) {
         s->cost[i].seconds += rx_seconds() - begun;
         s->cost[i].flops += flops_of(s, i);

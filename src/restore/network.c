@@ -11,11 +11,14 @@
 #include "restore/blur.h"
 #include "restore/network_forward.h"
 #include "restore/network_optics.h"
+#include "restore/network_report.h"
 #include "restore/noise_map.h"
 #include "restore/prepared.h"
 #include "restore/stamp.h"
 
-enum { DOMAIN_SIDE = 512 }; /* of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit */
+/* Of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit. Large domains have little halo;
+ * small tiles need two of them to be shared among threads. */
+enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
 static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
 static const double FULL_WELL_NOISE = 1.0 / 500;
@@ -25,8 +28,6 @@ static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
 static const float DETECTABLE = 0.6f;
-
-typedef enum part { DATA, OPTICS, TIKHONOV, NETWORK, STEPS, REBLUR, SUPPORT, FINISH, PARTS } part;
 
 /* One restoration of a tile: on one grid of blocks. */
 typedef struct network {
@@ -47,14 +48,14 @@ typedef struct network {
     float *spare; /* the other of the two: Tikhonov copy, then target of the step */
     rx_network_forward forward; /* its planes are set when it runs */
     double clock;               /* seconds: when the last part of the work ended */
-    double spent[PARTS];        /* seconds of each part */
+    rx_network_times times;
 } network;
 
 /* The time since the last call belongs to that part. */
-static void lap(network *n, part which)
+static void lap(network *n, double *part)
 {
     const double now = rx_seconds();
-    n->spent[which] += now - n->clock;
+    *part += now - n->clock;
     n->clock = now;
 }
 
@@ -171,32 +172,29 @@ static rx_status restore_planes(network *n, rx_error *err)
     if (status == RX_OK)
         status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->domains,
                                  n->nthreads, n->x, err);
-    lap(n, DATA);
     if (status == RX_OK)
         status = make_optics(n, err);
-    lap(n, OPTICS);
+    lap(n, &n->times.rest);
     if (status == RX_OK && n->model->front.mode == RX_MODE_INFORMED)
         status = rx_network_optics_tikhonov(n->optics, n->x, n->spare, n->log, 0, 0.1, err);
-    lap(n, TIKHONOV);
+    lap(n, &n->times.tikhonov);
     if (status == RX_OK)
         status = run_network(n, 0.1, 0.8, err);
-    lap(n, NETWORK);
+    lap(n, &n->times.network);
     if (status == RX_OK)
         status = run_steps(n, err);
-    lap(n, STEPS);
+    lap(n, &n->times.steps);
     if (status == RX_OK && n->optics != NULL)
         status =
             rx_network_optics_reblur(n->optics, n->v, n->x, restored->mask, &n->scale, n->tile, n->background,
                                      restored->reblurred, &restored->chi2, n->log, 0.9, 0.95, err);
-    lap(n, REBLUR);
     if (status == RX_OK)
         status = make_support(n, err);
-    lap(n, SUPPORT);
     rx_network_optics_free(n->optics);
     n->optics = NULL;
     if (status == RX_OK)
         status = finish(n, fwhm, err);
-    lap(n, FINISH);
+    lap(n, &n->times.rest);
     rx_coarse_free(&n->scale);
     return status;
 }
@@ -237,14 +235,18 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
                          rx_restored **dst, rx_error *err)
 {
     const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
+    const int measured = plan->log != NULL && plan->log->level >= RX_FULL;
+    rx_stream_cost cost[RX_NET_NODES] = {{0, 0}};
     network n = *plan;
     n.forward = (rx_network_forward){.model = n.model,
                                      .precision = n.par->precision,
                                      .width = width,
                                      .height = height,
-                                     .nthreads = n.nthreads};
-    n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift > 0 ? shift + unit : 0);
-    n.domains = rx_blocks_make(width, height, domain, unit, shift, shift > 0 ? shift + unit : 0);
+                                     .nthreads = n.nthreads,
+                                     .cost = measured ? cost : NULL};
+    const int high = height > LARGE_TILE ? domain : domain / 2, shift_y = shift > 0 ? shift + unit : 0;
+    n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
+    n.domains = rx_blocks_make(width, height, domain, high, unit, shift, shift_y);
     n.clock = rx_seconds();
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);
@@ -260,11 +262,8 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
         rx_restored_free(n.restored);
         return status;
     }
-    rx_log_detail(n.log,
-                  "NET: data %.3f s, optics %.3f s, Tikhonov %.3f s, network %.3f s, steps %.3f s, model "
-                  "%.3f s, support %.3f s, flat sky and noise %.3f s",
-                  n.spent[DATA], n.spent[OPTICS], n.spent[TIKHONOV], n.spent[NETWORK], n.spent[STEPS],
-                  n.spent[REBLUR], n.spent[SUPPORT], n.spent[FINISH]);
+    if (measured)
+        rx_network_report(&n.forward, &n.times, n.log);
     *dst = n.restored;
     return RX_OK;
 }

@@ -20,23 +20,26 @@
  * empty. INFORMED without one is RX_INPUT.
  *
  * Blocks: the network runs down blocks of NET_BLOCK columns at most (smaller ones where that keeps more
- * threads busy), all of one size (a multiple of twice the network's stride), the FFTs work on 512 x 512 pixels,
- * both anchored at the tile's first pixel and read with the halo that a result depends on: the same bits for
- * any NET_BLOCK and any number of threads. VERIFY_SEAMS restores once more, both grids shifted and of other sizes, and takes the largest
- * difference into rx_restored.seam, in sigmas of the pixels: that of the sky and 1/500 of the restored value
- * added, less than which the photons of no detector leave. BLIND models show none, INFORMED ones the rounding
- * of FFTs, some 1e-6 of the brightest pixels (5e-4 on an SDSS frame with stars up to saturation: 0.017 sigmas
- * of the sky at a restored pixel of 15,600). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of
- * INFORMED models is 0.5: there a rounding of 1e-7 may tip over one of 0.4 % inside the network, and beside
- * the brightest stars of that frame a trained model exceeds it (1.5).
+ * threads busy), all of one size (a multiple of twice the network's stride), the FFTs work on 1024 x 512
+ * pixels (1024 x 1024 on tiles of more than 2048 rows), both anchored at the tile's first pixel and read with
+ * the halo that a result depends on: the same bits for any NET_BLOCK and any number of threads. VERIFY_SEAMS
+ * restores once more, both grids shifted and of other sizes, and takes the largest difference into
+ * rx_restored.seam, in sigmas of the pixels: that of the sky and 1/500 of the restored value added, less than
+ * which the photons of no detector leave. BLIND models show none, INFORMED ones the rounding of FFTs, some
+ * 1e-6 of the brightest pixels (5e-4 on an SDSS frame with stars up to saturation: 0.017 sigmas of the sky at
+ * a restored pixel of 15,600). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of INFORMED models is
+ * 0.5: there a rounding of 1e-7 may tip over one of 0.4 % inside the network, and beside the brightest stars
+ * of that frame a trained model exceeds it (1.5).
  *
  * Overhead of the halos for a network that looks 60 pixels far and FFTs with a halo of 48: 1.06 (4096 x 4096
- * pixels, NET_BLOCK 4096) to 1.2 (1024 x 1024) times the pixels in the network, 1.4 times in the FFTs.
+ * pixels, NET_BLOCK 4096) to 1.2 (1024 x 1024) times the pixels in the network, 1.2 to 1.35 times in the
+ * FFTs.
  *
  * Memory: the restored planes (pixels, support and sigma serve as scratch before they get their content,
  * nothing else has the size of the tile), per thread some rows of a network (22 MB for NET_BLOCK 2048) and
- * some FFT planes of 512 x 512 pixels, and 40 kB per node of a varying PSF (every 512 pixels). Networks together stay below 1 GiB: beyond that
- * blocks are smaller, or fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
+ * seven FFT planes of 1024 x 1024 pixels at most, and 40 kB per node of a varying PSF (every 512 pixels).
+ * Networks together stay below 1 GiB: beyond that blocks are smaller, or fewer threads are used. VERIFY_SEAMS
+ * takes three planes of the tile's size more.
  *
  * Errors: RX_INPUT, also where the network's values are not finite; RX_USAGE: BF16 on a processor that has
  * none; RX_SYSTEM; RX_INTERRUPTED. */

@@ -20,11 +20,11 @@ static void divide(int length, int side, int unit, int shift, int *begin, int *s
     *n = (length - *begin + *size - 1) / *size;
 }
 
-rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y)
+rx_blocks rx_blocks_make(int width, int height, int wide, int high, int unit, int shift_x, int shift_y)
 {
     rx_blocks blocks = {0};
-    divide(width, side, unit, shift_x, &blocks.x, &blocks.width, &blocks.nx);
-    divide(height, side, unit, shift_y, &blocks.y, &blocks.height, &blocks.ny);
+    divide(width, wide, unit, shift_x, &blocks.x, &blocks.width, &blocks.nx);
+    divide(height, high, unit, shift_y, &blocks.y, &blocks.height, &blocks.ny);
     return blocks;
 }
 
@@ -101,6 +101,17 @@ void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x
     }
 }
 
+static int good_row(const uint8_t *restrict mask, int n, float *restrict dst)
+{
+    int good = 0;
+#pragma omp simd reduction(+ : good)
+    for (int i = 0; i < n; i++) {
+        dst[i] = mask[i] == 0 ? 1 : 0;
+        good += mask[i] == 0;
+    }
+    return good;
+}
+
 long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int x, int y, int width,
                     int height, int stride, float *dst)
 {
@@ -113,10 +124,7 @@ long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int 
         const uint8_t *m = inside ? mask + (size_t)(y + j) * plane_width + (x + before) : NULL;
         memset(line, 0, (size_t)width * sizeof *line);
         bad += width;
-        for (int i = 0; inside && i < n; i++) {
-            line[before + i] = m[i] == 0 ? 1 : 0;
-            bad -= m[i] == 0;
-        }
+        bad -= inside ? good_row(m, n, line + before) : 0;
     }
     return bad;
 }

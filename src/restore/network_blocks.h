@@ -15,10 +15,10 @@ typedef struct rx_blocks {
     int nx, ny;
 } rx_blocks;
 
-/* For a tile of width x height: sides of at most `side` pixels and multiples of `unit`, as even as that
+/* For a tile of width x height: at most `wide` x `high` pixels, multiples of `unit`, as even as that
  * allows; the grid begins shift_x, shift_y pixels (multiples of unit, >= 0) before the tile, without the
  * blocks that would have no pixel of it. */
-rx_blocks rx_blocks_make(int width, int height, int side, int unit, int shift_x, int shift_y);
+rx_blocks rx_blocks_make(int width, int height, int wide, int high, int unit, int shift_x, int shift_y);
 
 /* Of nthreads those that can have a block each: no scratch for the others. */
 int rx_blocks_threads(const rx_blocks *blocks, int nthreads);

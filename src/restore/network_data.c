@@ -102,16 +102,34 @@ static int place(int v, int n, float *fraction)
     return i;
 }
 
+/* dst[n]: pixels x .. x + n - 1 of a row, between cells i and `next` of the rows low and high, the fraction
+ * fy beyond the centres of the low one. */
+static void coarse_span(const float *low, const float *high, int i, int next, float fy, int x, int n,
+                        float *restrict dst)
+{
+    const float a0 = low[i], a1 = low[next] - low[i], b0 = high[i], b1 = high[next] - high[i];
+#pragma omp simd
+    for (int k = 0; k < n; k++) {
+        const float u = ((float)(x + k) + 0.5f) / CELL - 0.5f - (float)i;
+        const float fx = u < 0 ? 0 : u > 1 ? 1 : u;
+        const float a = a0 + fx * a1, b = b0 + fx * b1;
+        dst[k] = a + fy * (b - a);
+    }
+}
+
 void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst)
 {
     float fx = 0, fy = 0;
-    const int j = place(y, coarse->ny, &fy);
+    const int j = place(y, coarse->ny, &fy), last = coarse->nx - 2;
     const float *low = coarse->value + (size_t)j * coarse->nx;
     const float *high = coarse->ny > 1 ? low + coarse->nx : low;
-    for (int k = 0; k < n; k++) {
+    for (int k = 0; k < n;) {
         const int i = place(x + k, coarse->nx, &fx), next = coarse->nx > 1 ? i + 1 : i;
-        const float a = low[i] + fx * (low[next] - low[i]), b = high[i] + fx * (high[next] - high[i]);
-        dst[k] = a + fy * (b - a);
+        /* up to the centre of the next cell */
+        const int end = i < last ? CELL * (i + 1) + CELL / 2 - x : n;
+        const int count = (end < n ? end : n) - k;
+        coarse_span(low, high, i, next, fy, x + k, count, dst + k);
+        k += count;
     }
 }
 
@@ -131,6 +149,27 @@ static double noiseless(const rx_tile *tile, const rx_background *background, co
     return peak > 0 ? NOISELESS * peak : 1;
 }
 
+/* Logarithms of the noise of a cell's row, at most `left` pixels from k on. */
+static void add_logs(const float *sigma, const uint8_t *mask, size_t k, int left, cells *c, size_t cell)
+{
+    /* the logarithm of a product is the sum of logarithms; four floats multiply without leaving a double */
+    enum { AT_ONCE = 4 };
+    const int n = left < CELL ? left : CELL;
+    double product = 1;
+    int count = 0;
+    for (int i = 0; i < n; i++) {
+        if (mask[k + (size_t)i] == 0 && usable(sigma[k + (size_t)i])) {
+            product *= (double)sigma[k + (size_t)i];
+            count++;
+        }
+        if (i % AT_ONCE == AT_ONCE - 1 || i == n - 1) {
+            c->sum[cell] += log(product);
+            product = 1;
+        }
+    }
+    c->count[cell] += count;
+}
+
 rx_status rx_network_scale(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
                            int nthreads, rx_coarse *dst, rx_error *err)
 {
@@ -143,13 +182,9 @@ rx_status rx_network_scale(const rx_tile *tile, const rx_background *background,
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
         for (int y = cy * CELL; y < (cy + 1) * CELL && y < tile->height; y++)
-            for (int x = 0; x < tile->width; x++) {
-                const size_t k = (size_t)y * tile->width + x, cell = (size_t)cy * c.nx + x / CELL;
-                if (mask[k] != 0 || !usable(background->sigma[k]))
-                    continue;
-                c.sum[cell] += log(background->sigma[k]);
-                c.count[cell]++;
-            }
+            for (int cx = 0; cx < c.nx; cx++)
+                add_logs(background->sigma, mask, (size_t)y * tile->width + (size_t)cx * CELL,
+                         tile->width - cx * CELL, &c, (size_t)cy * c.nx + cx);
     for (size_t k = 0; k < (size_t)c.nx * (size_t)c.ny; k++) {
         sum += c.sum[k];
         count += c.count[k];
@@ -163,6 +198,17 @@ exit:
     return status;
 }
 
+static void to_units(int n, const float *restrict pixels, const float *restrict level,
+                     const float *restrict unit, const uint8_t *restrict mask, float *restrict x)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float value = (pixels[i] - level[i]) / unit[i];
+        const float low = value > -LARGEST ? value : -LARGEST, cut = low < LARGEST ? low : LARGEST;
+        x[i] = mask[i] != 0 ? 0 : cut;
+    }
+}
+
 /* Good pixels in noise units, and their sums in cells; one row of cells. */
 static void set_rows(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
                      const rx_coarse *scale, int cy, cells *c, float *unit, float *x)
@@ -170,16 +216,17 @@ static void set_rows(const rx_tile *tile, const rx_background *background, const
     const int width = tile->width;
     for (int y = cy * CELL; y < (cy + 1) * CELL && y < tile->height; y++) {
         rx_coarse_row(scale, y, 0, width, unit);
-        for (int i = 0; i < width; i++) {
-            const size_t k = (size_t)y * width + i, cell = (size_t)cy * c->nx + i / CELL;
-            if (mask[k] != 0) {
-                x[k] = 0;
-                continue;
+        const size_t row = (size_t)y * width;
+        to_units(width, tile->pixels + row, background->level + row, unit, mask + row, x + row);
+        for (int cx = 0; cx < c->nx; cx++) {
+            const int end = (cx + 1) * CELL < width ? (cx + 1) * CELL : width;
+            double sum = c->sum[(size_t)cy * c->nx + cx], count = 0;
+            for (int i = cx * CELL; i < end; i++) {
+                sum += x[row + (size_t)i];
+                count += mask[row + (size_t)i] == 0;
             }
-            const float value = (tile->pixels[k] - background->level[k]) / unit[i];
-            x[k] = fmaxf(-LARGEST, fminf(LARGEST, value));
-            c->sum[cell] += x[k];
-            c->count[cell]++;
+            c->sum[(size_t)cy * c->nx + cx] = sum;
+            c->count[(size_t)cy * c->nx + cx] += count;
         }
     }
 }

@@ -28,11 +28,7 @@ rx_blocks rx_network_forward_blocks(const rx_network_forward *f, int side, int s
     for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2)
         for (int parts = whole; parts <= whole * 2 * f->nthreads; parts++) {
             const int high = (f->height + parts - 1) / parts;
-            rx_blocks made = rx_blocks_make(f->width, f->height, side, unit, shift_x, shift_y);
-            const rx_blocks rows = rx_blocks_make(f->width, f->height, high, unit, shift_x, shift_y);
-            made.y = rows.y;
-            made.height = rows.height;
-            made.ny = rows.ny;
+            const rx_blocks made = rx_blocks_make(f->width, f->height, side, high, unit, shift_x, shift_y);
             /* of the halo above and below half is computed, at both ends of a block */
             const double rounds = ceil((double)made.nx * made.ny / threads_of(f, &made)),
                          pixels = rounds * (made.width + 2 * halo) * (made.height + halo);

@@ -17,7 +17,8 @@ struct rx_network_optics_work {
     rx_fft *fft;
     float *a, *b, *c, *d;         /* real planes */
     float *half, *sum, *spectrum; /* complex planes */
-    float *line;                  /* [block width] */
+    float *line;                  /* [block width], like term */
+    double *term;
 };
 
 static void work_free(rx_network_optics_work *work)
@@ -30,6 +31,7 @@ static void work_free(rx_network_optics_work *work)
     free(work->sum);
     free(work->spectrum);
     free(work->line);
+    free(work->term);
     rx_fft_free(work->fft);
 }
 
@@ -46,8 +48,9 @@ static rx_status work_new(int width, int height, int block_width, rx_network_opt
     dst->sum = rx_fft_complex(dst->fft);
     dst->spectrum = rx_fft_complex(dst->fft);
     dst->line = RX_NEW(float, (size_t)block_width);
+    dst->term = RX_NEW(double, (size_t)block_width);
     if (dst->a == NULL || dst->b == NULL || dst->c == NULL || dst->d == NULL || dst->half == NULL ||
-        dst->sum == NULL || dst->spectrum == NULL || dst->line == NULL)
+        dst->sum == NULL || dst->spectrum == NULL || dst->line == NULL || dst->term == NULL)
         return rx_error_memory(err, 7 * (size_t)width * (size_t)height * sizeof(float));
     return RX_OK;
 }
@@ -61,6 +64,7 @@ void rx_network_optics_free(rx_network_optics *optics)
     rx_lens_free(&optics->relative);
     rx_lens_free(&optics->plain);
     free(optics->work);
+    free(optics->tikhonov);
     free(optics->filters);
     free(optics->fwhm);
     free(optics);
@@ -82,6 +86,18 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     for (int i = 0; i < optics->nthreads && status == RX_OK; i++)
         status = work_new(w, h, blocks->width, &optics->work[i], err);
     return status;
+}
+
+static rx_status make_tikhonov(rx_network_optics *optics, rx_error *err)
+{
+    const rx_network_optics_work *work = &optics->work[0];
+    if (optics->filters == NULL || optics->nx > 1 || optics->ny > 1)
+        return RX_OK;
+    optics->tikhonov = rx_fft_complex(work->fft);
+    if (optics->tikhonov == NULL)
+        return rx_error_memory(err, 0);
+    rx_convolve_spectrum(work->fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, work->a, optics->tikhonov);
+    return RX_OK;
 }
 
 rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double epsilon, int width, int height,
@@ -110,6 +126,8 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
     if (status == RX_OK)
         status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, width, height, optics->work->a,
                              &optics->plain, err);
+    if (status == RX_OK)
+        status = make_tikhonov(optics, err);
     free(relative);
     if (status != RX_OK) {
         rx_network_optics_free(optics);
@@ -244,6 +262,14 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
     const part p = part_of(optics, bx, by);
     (void)err;
     read_domain(j, work, j->x, x0, y0, work->a);
+    if (optics->tikhonov != NULL) {
+        rx_convolve(work->fft, optics->tikhonov, work->a, work->half, work->b);
+        for (int y = p.y0; y < p.y1; y++)
+            memcpy(j->dst + (size_t)y * optics->width + p.x0,
+                   work->b + (size_t)(y - y0) * (size_t)rx_fft_stride_real(work->fft) + (p.x0 - x0),
+                   (size_t)(p.x1 - p.x0) * sizeof(float));
+        return RX_OK;
+    }
     rx_fft_forward(work->fft, work->a, work->sum);
     for (int y = p.y0; y < p.y1; y++)
         memset(j->dst + (size_t)y * optics->width + p.x0, 0, (size_t)(p.x1 - p.x0) * sizeof(float));
@@ -262,39 +288,72 @@ rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const floa
     return rx_blocks_run(optics->blocks, optics->nthreads, tikhonov_block, &j, log, begin, end, err);
 }
 
+static void light(int n, float *f)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        f[i] = rx_rl_light(f[i]);
+}
+
+/* m becomes r; weight NULL: 1. */
+static void ratios(int n, const float *restrict x, const float *restrict weight, float pedestal,
+                   float *restrict m)
+{
+    if (weight == NULL) {
+#pragma omp simd
+        for (int i = 0; i < n; i++)
+            m[i] = rx_rl_ratio(x[i], m[i], 1, pedestal);
+        return;
+    }
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        m[i] = rx_rl_ratio(x[i], m[i], weight[i], pedestal);
+}
+
+/* q NULL: 1. */
+static void update(int n, const float *restrict f, const float *restrict c, const float *restrict q,
+                   float *restrict next)
+{
+    if (q == NULL) {
+#pragma omp simd
+        for (int i = 0; i < n; i++)
+            next[i] = rx_rl_update(f[i], c[i], 1);
+        return;
+    }
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        next[i] = rx_rl_update(f[i], c[i], q[i]);
+}
+
 static rx_status step_block(void *user, int thread, int bx, int by, rx_error *err)
 {
     const job *j = user;
     const rx_network_optics *optics = j->optics;
     const rx_lens *lens = &optics->relative;
     rx_network_optics_work *work = &optics->work[thread];
-    const int x0 = bx - optics->halo, y0 = by - optics->halo, w = rx_fft_width(work->fft);
+    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    const int w = rx_fft_width(work->fft), h = rx_fft_height(work->fft);
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
     const part p = part_of(optics, bx, by);
     (void)err;
     read_domain(j, work, j->f, x0, y0, work->a);
-    for (size_t k = 0; k < stride * (size_t)rx_fft_height(work->fft); k++)
-        work->a[k] = rx_rl_light(work->a[k]);
+    for (int v = 0; v < h; v++)
+        light(w, work->a + (size_t)v * stride);
     apply(optics, lens, work, x0, y0, work->a, work->c, work->b);
     read_domain(j, work, j->x, x0, y0, work->c);
     const long bad = read_good(j, work, x0, y0, work->d);
-    for (int v = 0; v < rx_fft_height(work->fft); v++)
-        for (int u = 0; u < w; u++) {
-            const size_t k = (size_t)v * stride + (size_t)u;
-            work->b[k] = rx_rl_ratio(work->c[k], work->b[k], work->d[k], (float)j->pedestal);
-        }
+    for (int v = 0; v < h; v++) {
+        const size_t row = (size_t)v * stride;
+        ratios(w, work->c + row, bad > 0 ? work->d + row : NULL, (float)j->pedestal, work->b + row);
+    }
     adjoint(optics, lens, work, x0, y0, work->b, work->a, work->c);
     /* the stamps sum to 1 everywhere: without masks so does K'^T W */
     if (bad > 0)
         adjoint(optics, lens, work, x0, y0, work->d, work->a, work->b);
     for (int y = p.y0; y < p.y1; y++) {
-        const size_t row = (size_t)(y - y0) * stride;
-        const float *f = j->f + (size_t)y * optics->width;
-        float *next = j->dst + (size_t)y * optics->width;
-        for (int x = p.x0; x < p.x1; x++) {
-            const size_t k = row + (size_t)(x - x0);
-            next[x] = rx_rl_update(f[x], work->c[k], bad > 0 ? work->b[k] : 1);
-        }
+        const size_t row = (size_t)(y - y0) * stride + (size_t)(p.x0 - x0);
+        const size_t k = (size_t)y * optics->width + (size_t)p.x0;
+        update(p.x1 - p.x0, j->f + k, work->c + row, bad > 0 ? work->b + row : NULL, j->dst + k);
     }
     return RX_OK;
 }
@@ -307,22 +366,29 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const float *f
     return rx_blocks_run(optics->blocks, optics->nthreads, step_block, &j, log, begin, end, err);
 }
 
-/* One row of the model m (noise units, from tile pixel p->x0 on): its chi2, and in ADU where wanted. */
-static void reblur_row(const job *j, const part *p, int y, const float *m, const float *scale, double *sum,
-                       double *count)
+/* ADU from n pixels of the model m (noise units). */
+static void to_adu(int n, const float *restrict m, const float *restrict scale, float *restrict dst)
 {
-    const size_t row = (size_t)y * j->optics->width;
-    const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
-    for (int x = p->x0; x < p->x1; x++) {
-        const double unit = scale[x - p->x0], model = m[x - p->x0], residual = j->x[row + x] - model;
-        const double sigma = j->background->sigma[row + x];
-        if (j->dst != NULL)
-            j->dst[row + x] = (float)fmax(-FLT_MAX, fmin(FLT_MAX, model * unit));
-        if (j->mask[row + x] != 0)
-            continue;
-        const double sky = isfinite(sigma) && sigma > 0 ? sigma / unit : 1;
-        *sum += residual * residual / (sky * sky + photon * fmax(model, 0) / unit);
-        ++*count;
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double value = (double)m[i] * (double)scale[i];
+        dst[i] = (float)(value > FLT_MAX ? FLT_MAX : value < -FLT_MAX ? -FLT_MAX : value);
+    }
+}
+
+/* term[n]: (x - m)^2 / variance of n pixels of the model m, 0 under the mask. photon: noise units^2 per unit
+ * of the model and ADU of scale. */
+static void residuals(int n, const float *restrict x, const float *restrict m, const float *restrict scale,
+                      const float *restrict sigma, const uint8_t *restrict mask, double photon,
+                      double *restrict term)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double unit = (double)scale[i], model = (double)m[i], residual = (double)x[i] - model;
+        const double share = (double)sigma[i] / unit;
+        const double sky = (sigma[i] > 0) & (sigma[i] <= FLT_MAX) ? share : 1;
+        const double value = residual * residual / (sky * sky + photon * (model > 0 ? model : 0) / unit);
+        term[i] = mask[i] != 0 ? 0 : value;
     }
 }
 
@@ -335,13 +401,22 @@ static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *
     const int x0 = bx - optics->halo, y0 = by - optics->halo;
     const int block = (by - blocks->y) / blocks->height * blocks->nx + (bx - blocks->x) / blocks->width;
     const part p = part_of(optics, bx, by);
+    const int n = p.x1 - p.x0;
+    const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
     (void)err;
     read_domain(j, work, j->f, x0, y0, work->a);
     apply(optics, &optics->relative, work, x0, y0, work->a, work->c, work->b);
     for (int y = p.y0; y < p.y1; y++) {
-        rx_coarse_row(j->scale, y, p.x0, p.x1 - p.x0, work->line);
-        reblur_row(j, &p, y, work->b + (size_t)(y - y0) * rx_fft_stride_real(work->fft) + (p.x0 - x0),
-                   work->line, &j->sums[block], &j->counts[block]);
+        const size_t k = (size_t)y * optics->width + (size_t)p.x0;
+        const float *m = work->b + (size_t)(y - y0) * rx_fft_stride_real(work->fft) + (p.x0 - x0);
+        rx_coarse_row(j->scale, y, p.x0, n, work->line);
+        if (j->dst != NULL)
+            to_adu(n, m, work->line, j->dst + k);
+        residuals(n, j->x + k, m, work->line, j->background->sigma + k, j->mask + k, photon, work->term);
+        for (int i = 0; i < n; i++) {
+            j->sums[block] += work->term[i];
+            j->counts[block] += j->mask[k + (size_t)i] == 0;
+        }
     }
     return RX_OK;
 }

@@ -39,8 +39,9 @@ typedef struct rx_network_optics {
     rx_lens plain;                /* the tile's PSF */
     int nx, ny;                   /* nodes; 1 x 1 for a constant PSF */
     double step_x, step_y;
-    float *filters; /* [ny][nx] Tikhonov filters of 2 RX_TIKHONOV_REACH + 1 pixels a side; NULL: not made */
-    float *fwhm;    /* [ny][nx] pixels */
+    float *tikhonov; /* spectrum of the only filter of a constant PSF; NULL: not made */
+    float *filters;  /* [ny][nx] Tikhonov filters of 2 RX_TIKHONOV_REACH + 1 pixels a side; NULL: not made */
+    float *fwhm;     /* [ny][nx] pixels */
 } rx_network_optics;
 
 /* The blocks and the PSF must outlive it. epsilon <= 0: no Tikhonov filters. Errors: RX_INPUT (no usable

@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "base/random.h"
+#include "nn/peak.h"
 #include "nn/psfnet.h"
 #include "nn/stream.h"
 
@@ -84,8 +85,8 @@ static void take(void *user, int y, int n, const float *rows)
 {
     const field *f = user;
     for (int v = 0; v < n; v++)
-        memcpy(f->got + (long)(f->y + y + v) * SIDE + f->x, rows + (long)v * (f->width + 2 * f->halo) + f->halo,
-               (size_t)f->width * sizeof(float));
+        memcpy(f->got + (long)(f->y + y + v) * SIDE + f->x,
+               rows + (long)v * (f->width + 2 * f->halo) + f->halo, (size_t)f->width * sizeof(float));
 }
 
 /* One block of the field into f->got. */
@@ -117,8 +118,8 @@ static double largest(const float *a, const float *b, int x, int y, int width, i
 static void check(const rx_net *net, rx_precision precision, double tolerance)
 {
     enum { SIZES = 5 };
-    static const int sizes[SIZES][4] = {{0, 0, 8, 8}, {8, 16, 24, 104}, {16, 8, 100, 4}, {40, 24, 4, 92},
-                                        {0, 48, 36, 60}};
+    static const int sizes[SIZES][4] = {
+        {0, 0, 8, 8}, {8, 16, 24, 104}, {16, 8, 100, 4}, {40, 24, 4, 92}, {0, 48, 36, 60}};
     field f = field_new(net, precision);
     const int from = (f.halo + 7) / 8 * 8, side = (SIDE - from - f.halo) / 8 * 8;
     assert_true(side >= 120);
@@ -195,6 +196,14 @@ static void what_it_costs(void **state)
     rx_net_free(net);
 }
 
+static void a_peak(void **state)
+{
+    (void)state;
+    double flops = 0;
+    assert_int_equal(rx_peak_measure(RX_REAL_F32, &flops, NULL), RX_OK);
+    assert_true(flops > 1e7 && flops < 1e13);
+}
+
 static void refusals(void **state)
 {
     (void)state;
@@ -215,7 +224,8 @@ static void refusals(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(values_of_a_runner), cmocka_unit_test(bits_of_a_runner),
-                                       cmocka_unit_test(what_it_costs), cmocka_unit_test(refusals)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(values_of_a_runner),
+                                       cmocka_unit_test(bits_of_a_runner), cmocka_unit_test(what_it_costs),
+                                       cmocka_unit_test(a_peak), cmocka_unit_test(refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

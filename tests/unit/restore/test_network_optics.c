@@ -27,7 +27,7 @@ static bench *bench_new(double fwhm, double change)
     bench *b = calloc(1, sizeof *b);
     rx_error err = RX_ERROR_NONE;
     b->psf = change > 0 ? sky_psf_varying(fwhm, change, WIDTH) : rx_stamp_gauss(fwhm);
-    b->blocks = rx_blocks_make(WIDTH, HEIGHT, 64, 4, 0, 0);
+    b->blocks = rx_blocks_make(WIDTH, HEIGHT, 64, 64, 4, 0, 0);
     if (rx_network_optics_new(b->psf, 2, 0.02, WIDTH, HEIGHT, &b->blocks, 1, &b->optics, &err) != RX_OK)
         fail_msg("%s", err.text);
     for (int k = 0; k < AREA; k++) {
@@ -261,7 +261,7 @@ static void blocks_cover_the_tile(void **state)
     for (int width = 1; width < 300; width += 7)
         for (int side = 8; side < 200; side += 36)
             for (int shift = 0; shift < 500; shift = 2 * shift + 8) {
-                const rx_blocks b = rx_blocks_make(width, 5, side, 8, shift, 0);
+                const rx_blocks b = rx_blocks_make(width, 5, side, side, 8, shift, 0);
                 assert_true(b.width <= side && b.width % 8 == 0);
                 assert_true(b.x <= 0 && b.x > -b.width && (b.x + shift) % b.width == 0);
                 assert_true(b.x + b.nx * b.width >= width && b.x + (b.nx - 1) * b.width < width);
