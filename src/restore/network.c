@@ -3,6 +3,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -110,17 +111,25 @@ static rx_status run_steps(network *n, rx_error *err)
     return status;
 }
 
-/* Noise units become ADU, 0 under the mask. */
-static void to_adu(const network *n, float *unit)
+static void row_to_adu(int n, const float *restrict unit, const uint8_t *restrict mask, float *restrict v)
 {
-    const int width = n->tile->width;
+#pragma omp simd
+    for (int x = 0; x < n; x++) {
+        const double value = (double)rx_front_shown(v[x]) * (double)unit[x];
+        const double held = value > FLT_MAX ? FLT_MAX : value < -FLT_MAX ? -FLT_MAX : value;
+        v[x] = mask[x] != 0 ? 0 : (float)held;
+    }
+}
+
+/* Noise units become ADU, 0 under the mask. units[nthreads][width]: scratch. */
+static void to_adu(const network *n, float *units)
+{
+    const size_t width = (size_t)n->tile->width;
+#pragma omp parallel for schedule(static) num_threads(n->nthreads)
     for (int y = 0; y < n->tile->height; y++) {
-        rx_coarse_row(&n->scale, y, 0, width, unit);
-        for (int x = 0; x < width; x++) {
-            const size_t k = (size_t)y * width + x;
-            const double value = (double)rx_front_shown(n->v[k]) * unit[x];
-            n->v[k] = n->restored->mask[k] != 0 ? 0 : (float)fmax(-FLT_MAX, fmin(FLT_MAX, value));
-        }
+        float *unit = units + (size_t)omp_get_thread_num() * width;
+        rx_coarse_row(&n->scale, y, 0, n->tile->width, unit);
+        row_to_adu(n->tile->width, unit, n->restored->mask + (size_t)y * width, n->v + (size_t)y * width);
     }
 }
 
@@ -128,21 +137,24 @@ static void to_adu(const network *n, float *unit)
 static rx_status finish(network *n, double fwhm, rx_error *err)
 {
     rx_restored *restored = n->restored;
-    float *unit = RX_NEW(float, (size_t)n->tile->width);
-    if (unit == NULL)
-        return rx_error_memory(err, (size_t)n->tile->width * sizeof *unit);
+    float *units = RX_NEW(float, (size_t)n->tile->width *(size_t)n->nthreads);
+    if (units == NULL)
+        return rx_error_memory(err, (size_t)n->tile->width * (size_t)n->nthreads * sizeof *units);
     rx_flat_sky(n->tile->width, n->tile->height, fwhm, n->nthreads, n->v, n->spare);
-    to_adu(n, unit);
-    free(unit);
+    to_adu(n, units);
+    free(units);
     restored->pixels = n->v;
     free(n->spare);
     restored->sigma = n->spare = NULL;
     rx_status status =
         rx_noise_map(n->tile, n->background, restored->mask, n->nthreads, &restored->sigma, err);
     const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
-    for (size_t k = 0; k < area && status == RX_OK; k++)
+    if (status != RX_OK)
+        return status;
+#pragma omp parallel for simd schedule(static) num_threads(n->nthreads)
+    for (size_t k = 0; k < area; k++)
         restored->sigma[k] *= DETECTABLE;
-    return status;
+    return RX_OK;
 }
 
 /* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. */

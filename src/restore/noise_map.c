@@ -21,13 +21,12 @@ static rx_status smooth_band(const rx_tile *tile, const rx_background *backgroun
     const int from = first > radius ? first - radius : 0;
     const int to = last + radius < tile->height ? last + radius : tile->height;
     const size_t width = (size_t)tile->width, offset = (size_t)from * width, n = (size_t)(to - from) * width;
+#pragma omp parallel for simd schedule(static) num_threads(nthreads)
     for (size_t i = 0; i < n; i++) {
         const size_t k = offset + i;
-        band[i] = 0;
-        if ((mask != NULL && mask[k] != 0) || !(background->sigma[k] > 0))
-            continue;
         const float above = (tile->pixels[k] - background->level[k]) / background->sigma[k];
-        band[i] = above > 0 ? above : 0.0f;
+        const int seen = (mask == NULL || mask[k] == 0) & (background->sigma[k] > 0) & (above > 0);
+        band[i] = seen ? above : 0.0f;
     }
     rx_status status = rx_gauss_masked(tile->width, to - from, SMOOTH_FWHM,
                                        mask != NULL ? mask + offset : NULL, nthreads, band, err);
@@ -52,7 +51,10 @@ rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, con
     for (int y = 0; y < tile->height && status == RX_OK; y += BAND)
         status = smooth_band(tile, background, mask, y, y + BAND < tile->height ? y + BAND : tile->height,
                              radius, nthreads, band, map, err);
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    if (status != RX_OK)
+        goto exit;
+#pragma omp parallel for simd schedule(static) num_threads(nthreads)
+    for (size_t i = 0; i < n; i++)
         map[i] = background->sigma[i] * sqrtf(1.0f + SHARE * SHARE * map[i] * map[i]);
 exit:
     free(band);
