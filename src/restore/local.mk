@@ -11,6 +11,7 @@ librextract_la_SOURCES += src/restore/network.c src/restore/network.h
 librextract_la_SOURCES += src/restore/network_blocks.c src/restore/network_blocks.h
 librextract_la_SOURCES += src/restore/network_forward.c src/restore/network_forward.h
 librextract_la_SOURCES += src/restore/network_report.c src/restore/network_report.h
+librextract_la_SOURCES += src/restore/network_rows.c src/restore/network_rows.h
 librextract_la_SOURCES += src/restore/network_data.c src/restore/network_data.h
 librextract_la_SOURCES += src/restore/network_lens.c src/restore/network_lens.h
 librextract_la_SOURCES += src/restore/network_optics.c src/restore/network_optics.h

@@ -10,6 +10,7 @@
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/network_lens.h"
+#include "restore/network_rows.h"
 
 static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
 
@@ -225,6 +226,23 @@ static long read_good(const job *j, const rx_network_optics_work *work, int x0, 
                           rx_fft_height(work->fft), rx_fft_stride_real(work->fft), dst);
 }
 
+static rx_rows rows_of(const rx_network_optics *optics, const rx_network_optics_work *work, const part *p,
+                       int x0, int y0)
+{
+    return (rx_rows){.fft = work->fft,
+                     .width = optics->width,
+                     .height = optics->height,
+                     .x0 = x0,
+                     .y0 = y0,
+                     .left = p->x0,
+                     .right = p->x1,
+                     .top = p->y0,
+                     .bottom = p->y1,
+                     .half = work->half,
+                     .a = work->a,
+                     .b = work->b};
+}
+
 /* w += hat_node (T_node * x); x is given as its transform in work->sum. */
 static void add_node(const job *j, rx_network_optics_work *work, int node, const part *p, int x0, int y0)
 {
@@ -261,15 +279,12 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
     const int x0 = bx - optics->halo, y0 = by - optics->halo;
     const part p = part_of(optics, bx, by);
     (void)err;
-    read_domain(j, work, j->x, x0, y0, work->a);
     if (optics->tikhonov != NULL) {
-        rx_convolve(work->fft, optics->tikhonov, work->a, work->half, work->b);
-        for (int y = p.y0; y < p.y1; y++)
-            memcpy(j->dst + (size_t)y * optics->width + p.x0,
-                   work->b + (size_t)(y - y0) * (size_t)rx_fft_stride_real(work->fft) + (p.x0 - x0),
-                   (size_t)(p.x1 - p.x0) * sizeof(float));
+        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
+        rx_rows_filter(&rows, optics->tikhonov, j->x, j->dst);
         return RX_OK;
     }
+    read_domain(j, work, j->x, x0, y0, work->a);
     rx_fft_forward(work->fft, work->a, work->sum);
     for (int y = p.y0; y < p.y1; y++)
         memset(j->dst + (size_t)y * optics->width + p.x0, 0, (size_t)(p.x1 - p.x0) * sizeof(float));
@@ -336,6 +351,11 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
     const part p = part_of(optics, bx, by);
     (void)err;
+    if (!lens->varies) {
+        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
+        rx_rows_step(&rows, lens->spectrum[0], j->f, j->x, j->mask, (float)j->pedestal, j->dst);
+        return RX_OK;
+    }
     read_domain(j, work, j->f, x0, y0, work->a);
     for (int v = 0; v < h; v++)
         light(w, work->a + (size_t)v * stride);
@@ -404,8 +424,13 @@ static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *
     const int n = p.x1 - p.x0;
     const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
     (void)err;
-    read_domain(j, work, j->f, x0, y0, work->a);
-    apply(optics, &optics->relative, work, x0, y0, work->a, work->c, work->b);
+    if (!optics->relative.varies) {
+        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
+        rx_rows_blur(&rows, optics->relative.spectrum[0], j->f);
+    } else {
+        read_domain(j, work, j->f, x0, y0, work->a);
+        apply(optics, &optics->relative, work, x0, y0, work->a, work->c, work->b);
+    }
     for (int y = p.y0; y < p.y1; y++) {
         const size_t k = (size_t)y * optics->width + (size_t)p.x0;
         const float *m = work->b + (size_t)(y - y0) * rx_fft_stride_real(work->fft) + (p.x0 - x0);
