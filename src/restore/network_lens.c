@@ -17,7 +17,7 @@ enum {
 };
 static const double NEGLIGIBLE = 1e-6;
 
-static int varies(const rx_psf *psf)
+int rx_lens_varies(const rx_psf *psf)
 {
     return psf->nbasis > 1 || psf->px[0] != 0 || psf->py[0] != 0;
 }
@@ -60,7 +60,7 @@ rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps,
     const size_t n = (size_t)size * (size_t)size;
     const double peak = largest(stamps, n);
     rx_status status = RX_OK;
-    *dst = (rx_lens){.radius = size / 2, .varies = varies(psf)};
+    *dst = (rx_lens){.radius = size / 2, .varies = rx_lens_varies(psf)};
     for (int b = 0; b < psf->nbasis && status == RX_OK; b++) {
         const float *stamp = stamps + n * (size_t)b;
         const double x = fmax(fabs(psf->x0), fabs(width - 1 - psf->x0)) / psf->xs,
@@ -88,7 +88,7 @@ static rx_status relative_size(const rx_psf *psf, double target_fwhm, int width,
     const double places[][2] = {{0.5, 0.5}, {0, 0}, {1, 0}, {0, 1}, {1, 1}};
     rx_status status = RX_OK;
     *size = 1;
-    for (int i = 0; i < (varies(psf) ? 5 : 1) && status == RX_OK; i++) {
+    for (int i = 0; i < (rx_lens_varies(psf) ? 5 : 1) && status == RX_OK; i++) {
         int here = 0;
         rx_psf_at(psf, places[i][0] * (width - 1), places[i][1] * (height - 1), stamp);
         status = rx_deblur_relative_size(stamp, psf->size, target_fwhm, RELATIVE_LARGEST, &here, err);
@@ -193,7 +193,7 @@ static int count_nodes(const rx_psf *psf, int length, double *step)
     int n = (length - 1 + NODE_STEP - 1) / NODE_STEP + 1;
     if (n < NODES_LEAST)
         n = NODES_LEAST;
-    if (!varies(psf) || length < 2)
+    if (!rx_lens_varies(psf) || length < 2)
         n = 1;
     *step = n > 1 ? (length - 1.0) / (n - 1) : length;
     return n;
@@ -228,7 +228,7 @@ rx_status rx_lens_nodes(rx_network_optics *optics, double epsilon, rx_error *err
     for (size_t k = 0; k < n && status == RX_OK; k++) {
         const double x = (double)(k % (size_t)optics->nx) * optics->step_x,
                      y = (double)(k / (size_t)optics->nx) * optics->step_y;
-        if (varies(psf))
+        if (rx_lens_varies(psf))
             rx_psf_at(psf, optics->nx > 1 ? x : 0.5 * (optics->width - 1),
                       optics->ny > 1 ? y : 0.5 * (optics->height - 1), m.stamp);
         optics->fwhm[k] = (float)node_fwhm(psf, m.stamp, centre);

@@ -9,6 +9,9 @@ static inline int rx_lens_clamp(int i, int n)
     return i < 0 ? 0 : i < n ? i : n - 1;
 }
 
+/* 1: the PSF is not the same everywhere. */
+int rx_lens_varies(const rx_psf *psf);
+
 /* stamps [psf->nbasis][size][size] with the polynomials of psf; `work` is a real plane of fft, overwritten.
  * Terms that nowhere reach 1e-6 of the first stamp's peak are left out. Errors: RX_SYSTEM. */
 rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,

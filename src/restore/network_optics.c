@@ -16,9 +16,11 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
 
 struct rx_network_optics_work {
     rx_fft *fft;
-    float *a, *b, *c, *d;         /* real planes */
-    float *half, *sum, *spectrum; /* complex planes */
-    float *line;                  /* [block width], like term */
+    float *a, *b;          /* real planes */
+    float *c, *d;          /* likewise, for a PSF that varies */
+    float *half;           /* complex plane */
+    float *sum, *spectrum; /* likewise, for a PSF that varies */
+    float *line;           /* [block width], like term */
     double *term;
 };
 
@@ -36,24 +38,27 @@ static void work_free(rx_network_optics_work *work)
     rx_fft_free(work->fft);
 }
 
-static rx_status work_new(int width, int height, int block_width, rx_network_optics_work *dst, rx_error *err)
+static rx_status work_new(int width, int height, int block_width, int varies, rx_network_optics_work *dst,
+                          rx_error *err)
 {
     rx_status status = rx_fft_new(width, height, 1, &dst->fft, err);
     if (status != RX_OK)
         return status;
     dst->a = rx_fft_real(dst->fft);
     dst->b = rx_fft_real(dst->fft);
-    dst->c = rx_fft_real(dst->fft);
-    dst->d = rx_fft_real(dst->fft);
     dst->half = rx_fft_complex(dst->fft);
-    dst->sum = rx_fft_complex(dst->fft);
-    dst->spectrum = rx_fft_complex(dst->fft);
     dst->line = RX_NEW(float, (size_t)block_width);
     dst->term = RX_NEW(double, (size_t)block_width);
-    if (dst->a == NULL || dst->b == NULL || dst->c == NULL || dst->d == NULL || dst->half == NULL ||
-        dst->sum == NULL || dst->spectrum == NULL || dst->line == NULL || dst->term == NULL)
-        return rx_error_memory(err, 7 * (size_t)width * (size_t)height * sizeof(float));
-    return RX_OK;
+    int made =
+        dst->a != NULL && dst->b != NULL && dst->half != NULL && dst->line != NULL && dst->term != NULL;
+    if (varies) {
+        dst->c = rx_fft_real(dst->fft);
+        dst->d = rx_fft_real(dst->fft);
+        dst->sum = rx_fft_complex(dst->fft);
+        dst->spectrum = rx_fft_complex(dst->fft);
+        made &= dst->c != NULL && dst->d != NULL && dst->sum != NULL && dst->spectrum != NULL;
+    }
+    return made ? RX_OK : rx_error_memory(err, 7 * (size_t)width * (size_t)height * sizeof(float));
 }
 
 void rx_network_optics_free(rx_network_optics *optics)
@@ -85,7 +90,7 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     if (optics->work == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < optics->nthreads && status == RX_OK; i++)
-        status = work_new(w, h, blocks->width, &optics->work[i], err);
+        status = work_new(w, h, blocks->width, rx_lens_varies(optics->psf), &optics->work[i], err);
     return status;
 }
 
