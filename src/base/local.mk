@@ -8,5 +8,5 @@ librextract_la_SOURCES += \
 	src/base/text.c
 
 rx_basedir = $(pkgincludedir)/base
-rx_base_HEADERS = src/base/error.h src/base/interrupt.h src/base/log.h src/base/memory.h src/base/names.h src/base/random.h \
+rx_base_HEADERS = src/base/error.h src/base/interrupt.h src/base/log.h src/base/memory.h src/base/wide.h src/base/names.h src/base/random.h \
 	src/base/text.h

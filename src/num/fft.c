@@ -175,21 +175,30 @@ static void multiply(size_t n, const fftwf_complex *kernel, float sign, fftwf_co
     }
 }
 
+static void pass_group(size_t step, size_t at, fftwf_plan first, const fftwf_complex *kernel, float sign,
+                       fftwf_plan second, fftwf_complex *plane)
+{
+    fftwf_execute_dft(first, plane + at, plane + at);
+    if (kernel == NULL)
+        return;
+    multiply(step, kernel + at, sign, plane + at);
+    fftwf_execute_dft(second, plane + at, plane + at);
+}
+
 /* The first groups of columns of a plane in place: transformed by `first`, multiplied by the kernel,
  * transformed by `second`; kernel and second are NULL where only one transform is wanted. */
 static void pass_columns(const rx_fft *fft, int groups, fftwf_plan first, const fftwf_complex *kernel,
                          float sign, fftwf_plan second, fftwf_complex *plane)
 {
     const size_t step = (size_t)GROUP * (size_t)fft->stride_complex;
-#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
-    for (int g = 0; g < groups; g++) {
-        fftwf_complex *group = plane + (size_t)g * step;
-        fftwf_execute_dft(first, group, group);
-        if (kernel != NULL) {
-            multiply(step, kernel + (size_t)g * step, sign, group);
-            fftwf_execute_dft(second, group, group);
-        }
+    if (fft->nthreads == 1) { /* small planes, tens of thousands: opening a region takes its time */
+        for (int g = 0; g < groups; g++)
+            pass_group(step, (size_t)g * step, first, kernel, sign, second, plane);
+        return;
     }
+#pragma omp parallel for schedule(static) num_threads(fft->nthreads)
+    for (int g = 0; g < groups; g++)
+        pass_group(step, (size_t)g * step, first, kernel, sign, second, plane);
 }
 
 /* Where rows come from and go to: planes, or the caller's functions. */
@@ -203,7 +212,7 @@ typedef struct rows {
 
 static fftwf_complex *thread_scratch(const rx_fft *fft)
 {
-    return fft->scratch + (size_t)omp_get_thread_num() * scratch_size(fft);
+    return fft->scratch + (fft->nthreads == 1 ? 0 : (size_t)omp_get_thread_num()) * scratch_size(fft);
 }
 
 /* Rows y .. y + n - 1 to pieces of the columns. */
@@ -262,6 +271,11 @@ static void take_rows(const rx_fft *fft, const rows *rows, int y, int n, fftwf_c
 
 static void rows_inverse(const rx_fft *fft, const rows *rows, int first, int last, fftwf_complex *plane)
 {
+    if (fft->nthreads == 1) {
+        for (int y = first; y < last; y += GROUP)
+            take_rows(fft, rows, y, y + GROUP < last ? GROUP : last - y, plane);
+        return;
+    }
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
     for (int y = first; y < last; y += GROUP)
         take_rows(fft, rows, y, y + GROUP < last ? GROUP : last - y, plane);
@@ -289,9 +303,14 @@ void rx_fft_forward_rows(const rx_fft *fft, rx_fft_read read, void *user, float 
 
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real)
 {
+    rx_fft_inverse_part(fft, complex_in, 0, fft->height, real);
+}
+
+void rx_fft_inverse_part(const rx_fft *fft, float *complex_in, int first, int last, float *real)
+{
     fftwf_complex *plane = (fftwf_complex *)complex_in;
     pass_columns(fft, fft->groups, fft->group_inverse, NULL, 1, NULL, plane);
-    rows_inverse(fft, &(rows){.to = real}, 0, fft->height, plane);
+    rows_inverse(fft, &(rows){.to = real}, first, last, plane);
 }
 
 void rx_fft_inverse_rows(const rx_fft *fft, float *complex_in, int first, int last, rx_fft_write write,

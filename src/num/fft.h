@@ -44,6 +44,8 @@ void rx_fft_forward(const rx_fft *fft, const float *real, float *complex_out);
 void rx_fft_forward_low(const rx_fft *fft, const float *real, int columns, float *complex_out);
 /* Unnormalised inverse (width*height times too large); complex_in is destroyed. */
 void rx_fft_inverse(const rx_fft *fft, float *complex_in, float *real);
+/* The same, of the rows first <= y < last only; the others stay as they are. */
+void rx_fft_inverse_part(const rx_fft *fft, float *complex_in, int first, int last, float *real);
 
 /* dst = inverse(kernel forward(src)), conj(kernel) when `conjugate`: the three steps in one, each
  * column group staying in the cache. `kernel` is a complex plane; `half` another, overwritten;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 
 enum { BAND = 64 }; /* rows that one thread draws */
 
@@ -46,7 +47,7 @@ void rx_canvas_clear(rx_canvas *canvas)
     *canvas = (rx_canvas){0};
 }
 
-static void weigh(rx_canvas *canvas, size_t from, size_t to)
+RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
 {
     const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
     const double error = canvas->psf_error * canvas->psf_error;

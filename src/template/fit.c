@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/wide.h"
+
 enum { CHUNK = 64 }; /* pixels of a row that are summed up together */
 
 rx_spergel rx_fit_profile(const rx_fit *fit)
@@ -75,17 +77,18 @@ static double linear_flux(const rx_lens_size *size, const rx_patch *patch, doubl
     double td = 0, tt = 0;
     for (size_t j = 0; j < side; j++) {
         const float *t = size->plane[0] + (j + (size_t)patch->corner) * stride + patch->corner;
+        const double *data = patch->data + j * side, *weight = patch->weight + j * side;
+#pragma omp simd reduction(+ : td, tt)
         for (size_t i = 0; i < side; i++) {
-            const double w = patch->weight[j * side + i];
-            td += w * t[i] * patch->data[j * side + i];
-            tt += w * t[i] * t[i];
+            td += weight[i] * t[i] * data[i];
+            tt += weight[i] * t[i] * t[i];
         }
     }
     *power = tt;
     return tt > 0 ? td / tt : 0;
 }
 
-static double prior_part(const rx_fit *fit)
+static inline double prior_part(const rx_fit *fit)
 {
     double sum = 0;
     for (int j = 0; j < fit->n; j++)
@@ -96,7 +99,7 @@ static double prior_part(const rx_fit *fit)
     return sum;
 }
 
-static double chi2_of(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch)
+RX_WIDE static double chi2_of(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
     const double flux = fit->p[RX_FIT_FLUX];
@@ -115,8 +118,8 @@ static double chi2_of(const rx_fit *fit, const rx_lens_size *size, const rx_patc
 
 /* What a stretch of a row adds: g [RX_FIT_ALL][CHUNK] the derivatives, w, r [count]. Sums of a stretch are
  * single precision, the total is double. */
-static void add_stretch(int n, float (*g)[CHUNK], const float *w, const float *r, int count, double *a,
-                        double *b)
+static inline void add_stretch(int n, float (*g)[CHUNK], const float *w, const float *r, int count, double *a,
+                               double *b)
 {
     float wg[CHUNK];
     for (int m = 0; m < n; m++) {
@@ -139,8 +142,8 @@ static void add_stretch(int n, float (*g)[CHUNK], const float *w, const float *r
 
 /* Derivatives of the model on a stretch whose first pixel is k on the planes, shifts by central differences
  * of the template; and what is left of the data. */
-static void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k, const double *data, int count,
-                   float (*g)[CHUNK], float *r)
+static inline void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k, const double *data,
+                          int count, float (*g)[CHUNK], float *r)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     const float *t = size->plane[0] + k, *up = t + stride, *down = t - stride;
@@ -159,7 +162,8 @@ static void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k, const 
 }
 
 /* Normal matrix (lower triangle) and gradient from the planes. */
-static void normal(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch, double *a, double *b)
+RX_WIDE static void normal(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch, double *a,
+                           double *b)
 {
     const int n = fit->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
@@ -293,7 +297,8 @@ static double node(const rx_fit *fit, const double *direction, double by, rx_len
     for (int j = RX_FIT_X; j < fit->n; j++)
         moved.p[j] += by * direction[j];
     limit(&moved);
-    render(&moved, size, 0);
+    if (by != 0)
+        render(&moved, size, 0);
     *flux = moved.p[RX_FIT_FLUX] = linear_flux(size, patch, &power);
     const double gain = fit->chi2 + by * by - chi2_of(&moved, size, patch);
     return power > 0 && gain < MOST_GAIN ? exp(0.5 * gain) / sqrt(power) : -1;

@@ -43,11 +43,12 @@ typedef struct rx_fit_mean {
     double evidence; /* 2 ln of the evidence over that of the Gaussian */
 } rx_fit_mean;
 
-/* After rx_fit_run() with fit->n = RX_FIT_ALL. Along the direction of the shape that the flux depends on, d =
- * Cov(shape, F) / sqrt(Var F - Var(F | shape)), at 0 and +- sqrt(3) standard deviations (the nodes of
- * Gauss-Hermite's rule of degree 5) with the best flux each: nodes count by exp(-chi2 / 2) over the
- * Gaussian's, times the width that the flux has there. Where a node is better than the best fit
- * by more than a posterior's skewness explains, the best fit and its variance. Plane 0 is lost. */
+/* After rx_fit_run() with fit->n = RX_FIT_ALL, whose plane 0 it starts from. Along the direction of the shape
+ * that the flux depends on, d = Cov(shape, F) / sqrt(Var F - Var(F | shape)), at 0 and +- sqrt(3) standard
+ * deviations (the nodes of Gauss-Hermite's rule of degree 5) with the best flux each: nodes count by
+ * exp(-chi2 / 2) over the Gaussian's, times the width that the flux has there. Where a node is better than
+ * the best fit by more than a posterior's skewness explains, the best fit and its variance. Plane 0 is lost.
+ */
 rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
 
 #endif

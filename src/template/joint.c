@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "num/normal.h"
 #include "template/patch.h"
 
@@ -72,7 +73,7 @@ static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst,
 }
 
 /* sum w T and sum w T (data - model) over a footprint. */
-static void project(const rx_footprint *f, const rx_canvas *canvas, double *weight, double *value)
+RX_WIDE static void project(const rx_footprint *f, const rx_canvas *canvas, double *weight, double *value)
 {
     double sum_w = 0, sum_v = 0;
     for (int j = 0; j < f->height; j++) {

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "num/largest.h"
 
 enum { STRIP = 64, TOGETHER = 64 }; /* rows of a strip; pixels of a row whose sums grow together */
@@ -123,8 +124,8 @@ static inline void add_row(const float *restrict row, int count, float k, float 
 }
 
 /* Pixels x .. x + count - 1 of row y, which is the strip's row r. */
-static void filter_piece(const strip *s, int y, int r, int x, int count, float *filtered, float *noise,
-                         uint8_t *mask)
+RX_WIDE static void filter_piece(const strip *s, int y, int r, int x, int count, float *filtered,
+                                 float *noise, uint8_t *mask)
 {
     const rx_leftover *of = s->of;
     float sum[TOGETHER] = {0}, square[TOGETHER] = {0}, norm[TOGETHER] = {0};

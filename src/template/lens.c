@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "num/convolve.h"
 
 /* The kernel's regularisation, see num/convolve.h. What it divides is light that has been through the
@@ -133,6 +134,8 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, 
         rx_convolve_divide(size->fft, size->optics, size->restored, DELTA, size->kernel);
         size->has_kernel = 1;
     }
+    size->first = 0;
+    size->last = n;
     *dst = size;
     return RX_OK;
 }
@@ -140,16 +143,20 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, 
 /* exp(-2 pi i u shift / n) for the first `count`, u signed as the frequency is. */
 static void fill_phase(int n, int count, double shift, double *phase)
 {
-    for (int u = 0; u < count; u++) {
-        const double angle = -6.283185307179586 * (u <= n / 2 ? u : u - n) * shift / n;
+    for (int u = 0; u < count && u <= n / 2; u++) {
+        const double angle = -6.283185307179586 * u * shift / n;
         phase[2 * u] = cos(angle);
         phase[2 * u + 1] = sin(angle);
+    }
+    for (int u = n / 2 + 1; u < count; u++) {
+        phase[2 * u] = phase[2 * (n - u)];
+        phase[2 * u + 1] = -phase[2 * (n - u) + 1];
     }
 }
 
 /* re, im [count] = base (as pairs) * py * (one of x's phases): the shifted PSF's spectrum in a column. */
-static void shift_column(const float *base, const float *py, double xr, double xi, int count, float *re,
-                         float *im)
+RX_WIDE static void shift_column(const float *base, const float *py, double xr, double xi, int count,
+                                 float *re, float *im)
 {
     const float c = (float)xr, s = (float)xi;
 #pragma omp simd
@@ -161,7 +168,7 @@ static void shift_column(const float *base, const float *py, double xr, double x
 }
 
 /* dst (pairs) = (re, im) * factor. */
-static void put_column(const float *re, const float *im, const float *factor, int count, float *dst)
+RX_WIDE static void put_column(const float *re, const float *im, const float *factor, int count, float *dst)
 {
 #pragma omp simd
     for (int u = 0; u < count; u++) {
@@ -202,7 +209,7 @@ void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, do
             put_column(columns[PLANES], columns[PLANES + 1], columns[i], n, size->half[i] + k);
     }
     for (int i = 0; i < count; i++)
-        rx_fft_inverse(size->fft, size->half[i], size->plane[i]);
+        rx_fft_inverse_part(size->fft, size->half[i], size->first, size->last, size->plane[i]);
 }
 
 void rx_lens_blur(rx_lens_size *size, int same)

@@ -19,6 +19,7 @@ typedef struct rx_lens_size {
     rx_fft *fft;
     float *optics, *restored, *kernel; /* spectra of the tile's PSF, the restored one, and the kernel */
     int has_optics, has_kernel;        /* made, at (x, y) where PSFs vary */
+    int first, last;                   /* rows that are rendered, first <= row < last; the caller's choice */
     double x, y;
     float *half[5], *plane[5]; /* work */
     double *phase;             /* [n + 1][2] */
@@ -42,7 +43,7 @@ void rx_lens_clear(rx_lens *lens);
 int rx_lens_side(const rx_lens *lens, double reach);
 
 /* The domain of side n (from rx_lens_side()) with the PSF at tile position (x, y); valid until
- * the next call. with_kernel: restored and kernel, too. Errors: RX_SYSTEM. */
+ * the next call; all rows will be rendered. with_kernel: restored and kernel, too. Errors: RX_SYSTEM. */
 rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, rx_lens_size **dst,
                      rx_error *err);
 

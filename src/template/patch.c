@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 
 rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
                        int half, int domain, rx_patch *patch, rx_error *err)
@@ -97,7 +98,7 @@ rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, in
     return RX_OK;
 }
 
-double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas)
+RX_WIDE double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas)
 {
     const int x0 = a->x0 > b->x0 ? a->x0 : b->x0, y0 = a->y0 > b->y0 ? a->y0 : b->y0;
     const int x1 = a->x0 + a->width < b->x0 + b->width ? a->x0 + a->width : b->x0 + b->width;

@@ -212,41 +212,51 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
         after->flags |= RX_TPHOT_BOUND;
 }
 
-/* Chi2 that a little round size gains over the fitted point, to first order: F T + A (T' - T), T' a profile
- * of the usual radius. Stars are many and a profile's fit is long. */
+/* Chi2 that a little round size gains over the fitted point, which plane 0 holds, to first order: F T + A (T'
+ * - T), T' a profile of the usual radius. Stars are many and a profile's fit is long. */
 static double size_gain(const job *j, const rx_fit *point)
 {
     const rx_usual *usual = j->par->usual;
     const rx_spergel round = {.radius = exp(rx_usual_centre(usual, &usual->radius, point->p[RX_FIT_FLUX])),
                               .nu = EXPONENTIAL};
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
-    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
-    /* it moves to plane 1 */
+    /* the point, which has been fitted, moves to plane 1 */
     float *swap = j->size->plane[0];
     j->size->plane[0] = j->size->plane[1];
     j->size->plane[1] = swap;
-    rx_lens_render(j->size, NULL, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
+    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
+    const double flux = point->p[RX_FIT_FLUX];
     double tt = 0, td = 0, dd = 0, tr = 0, dr = 0;
-    for (size_t v = 0; v < side; v++)
+    for (size_t v = 0; v < side; v++) {
+        const size_t k = (v + (size_t)j->patch.corner) * stride + (size_t)j->patch.corner;
+        const float *profile = j->size->plane[0] + k, *star = j->size->plane[1] + k;
+        const double *weight = j->patch.weight + v * side, *data = j->patch.data + v * side;
+#pragma omp simd reduction(+ : tt, td, dd, tr, dr)
         for (size_t u = 0; u < side; u++) {
-            const size_t k = (v + (size_t)j->patch.corner) * stride + u + (size_t)j->patch.corner;
-            const double w = j->patch.weight[v * side + u], t = j->size->plane[0][k];
-            const double d = j->size->plane[1][k] - t;
-            const double r = j->patch.data[v * side + u] - point->p[RX_FIT_FLUX] * t;
+            const double w = weight[u], t = star[u], d = profile[u] - t, r = data[u] - flux * t;
             tt += w * t * t;
             td += w * t * d;
             dd += w * d * d;
             tr += w * t * r;
             dr += w * d * r;
         }
+    }
     const double free = dd - td * td / tt, slope = dr - tr * td / tt;
     return tt > 0 && free > 0 && slope > 0 ? slope * slope / free : 0;
+}
+
+/* What fits look at is the patch and one pixel around it. */
+static void render_patch_only(const job *j)
+{
+    j->size->first = j->patch.corner - 1;
+    j->size->last = j->patch.corner + j->patch.side + 1;
 }
 
 /* Point against profile on the same pixels. */
 static void choose(const job *j, rx_subject *after)
 {
     rx_fit point, profile;
+    render_patch_only(j);
     const int ran_away = fit_point(j, &point);
     take_point(j, &point, ran_away, after);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
@@ -322,6 +332,8 @@ static double shape_error(double power, double variance)
 static rx_status finish(job *j, rx_subject *after, rx_error *err)
 {
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
+    j->size->first = 0;
+    j->size->last = j->size->n;
     render(j, after);
     double own = 1;
     if (!j->par->frozen) {
@@ -378,6 +390,7 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
 static double best_chi2(const job *j)
 {
     rx_fit point, profile;
+    render_patch_only(j);
     fit_point(j, &point);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return point.chi2;

@@ -6,6 +6,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "base/wide.h"
+
 double rx_spergel_half_light(double nu, double *slope)
 {
     static const double p[8] = {0.2288561167,   0.7540844887,   -0.1163544469,    0.03985938715,
@@ -94,8 +96,8 @@ static void along(double xx, double yy, double xy, double kx, double step, float
     poly[2] = (float)(yy * step * step);
 }
 
-void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n, int count,
-                       float *const *dst)
+RX_WIDE void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n,
+                               int count, float *const *dst)
 {
     const float power = (float)form->power, slope = (float)form->slope;
     float u[3], a[3], b[3];
