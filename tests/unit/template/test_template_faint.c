@@ -171,8 +171,8 @@ static void test_average(void **state)
         rx_fit fit = only_radius();
         open_patch(&p, 150, seed); /* S/N 12 */
         rx_fit_run(&fit, p.size, &p.patch);
-        const double best = fit.p[RX_FIT_FLUX], exact = exact_mean(&fit, &p);
         const rx_fit_mean mean = rx_fit_average(&fit, p.size, &p.patch);
+        const double best = fit.p[RX_FIT_FLUX], exact = exact_mean(&fit, &p);
         before += fabs(best - exact);
         left += fabs(mean.flux - exact);
         assert_true(mean.variance > 0.5 * rx_fit_variance(&fit, 0) &&
