@@ -59,6 +59,15 @@ static rx_status extra_positions(const rx_tphot *tphot, double (**dst)[2], rx_er
     return RX_OK;
 }
 
+/* Do check-images show the models? */
+static int shown(const rx_options *options)
+{
+    for (int i = 0; i < options->nchecks; i++)
+        if (strncmp(options->check_types[i], "TEMPLATE_", 9) == 0)
+            return 1;
+    return 0;
+}
+
 /* Shapes on the detection image, fluxes there or, with these shapes, on the measurement image. */
 static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
 {
@@ -71,7 +80,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
         input.more = rx_template_extra_find;
         input.user = &w->extra;
     }
-    par.keep_model = !forced;
+    par.keep_model = !forced && shown(w->options);
     par.covariance = par.covariance && !forced;
     rx_status status = rx_tphot_run(&par, &input, forced ? &shapes : &w->dst->tphot, err);
     if (status != RX_OK || !forced)
@@ -83,7 +92,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
         input.extra = (const double(*)[2])at;
         input.nextra = shapes->n - shapes->nlisted;
         par = w->options->templates.par;
-        par.keep_model = 1;
+        par.keep_model = shown(w->options);
         status = rx_tphot_run(&par, &input, &w->dst->tphot, err);
     }
     free(at);
@@ -134,23 +143,12 @@ static void tell_sources(const work *w, rx_sources *sources)
 /* How well the models explain the image, and how many sources they do not need. */
 static void tell_tile(const work *w, const rx_sources *sources)
 {
-    const rx_tile *tile = w->measure->tile;
-    const rx_background *background = w->measure->restored;
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_template_fit *dst = w->dst;
-    double chi2 = 0, usable = 0;
-    for (size_t i = 0; i < n; i++) {
-        const double sigma = (double)background->sigma[i], residual = (double)dst->tphot->residual[i];
-        if ((tile->mask[i] & RX_HIDE_RESTORED) != 0 || !(sigma > 0.0))
-            continue;
-        const double photons = tile->gain > 0.0 ? fmax(0.0, (double)dst->tphot->model[i]) / tile->gain : 0.0;
-        chi2 += residual * residual / (sigma * sigma + photons);
-        usable++;
-    }
+    const double usable = dst->tphot->visible;
     for (int i = 0; i < sources->n; i++)
         dst->invented += rx_source_made_up(&sources->list[i]);
     dst->added = dst->tphot->n - dst->tphot->nlisted;
-    dst->chi2 = usable > 0 ? chi2 / usable : NAN;
+    dst->chi2 = usable > 0 ? dst->tphot->chi2 / usable : NAN;
     dst->per_mpixel = usable > 0 ? 1e6 * dst->invented / usable : NAN;
     dst->fwhm = psf_of(w, w->measure)->fwhm;
 }

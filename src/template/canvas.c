@@ -10,20 +10,21 @@
 
 enum { BAND = 64 }; /* rows that one thread draws */
 
-rx_status rx_canvas_fill(const rx_tphot_input *input, rx_canvas *canvas, rx_error *err)
+rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err)
 {
     const size_t n = (size_t)input->width * (size_t)input->height;
     *canvas = (rx_canvas){.width = input->width,
                           .height = input->height,
                           .data = RX_NEW(float, n),
-                          .variance = RX_NEW(float, n),
+                          .sigma = input->sigma,
                           .model = RX_NEW(float, n),
                           .weight = RX_NEW(float, n),
                           .gain = input->gain};
-    if (canvas->data == NULL || canvas->variance == NULL || canvas->model == NULL || canvas->weight == NULL) {
+    if (canvas->data == NULL || canvas->model == NULL || canvas->weight == NULL) {
         rx_canvas_clear(canvas);
-        return rx_error_memory(err, 4 * n * sizeof(float));
+        return rx_error_memory(err, 3 * n * sizeof(float));
     }
+#pragma omp parallel for schedule(static) num_threads(nthreads)
     for (size_t k = 0; k < n; k++) {
         if (input->mask != NULL && (input->mask[k] & input->mask_bits) != 0)
             continue;
@@ -32,7 +33,6 @@ rx_status rx_canvas_fill(const rx_tphot_input *input, rx_canvas *canvas, rx_erro
         if (!(input->sigma[k] > 0.0f) || !(variance > 0.0f) || !isfinite(variance) || !isfinite(value))
             continue;
         canvas->data[k] = value;
-        canvas->variance[k] = variance;
         canvas->weight[k] = 1.0f / variance;
     }
     return RX_OK;
@@ -41,7 +41,6 @@ rx_status rx_canvas_fill(const rx_tphot_input *input, rx_canvas *canvas, rx_erro
 void rx_canvas_clear(rx_canvas *canvas)
 {
     free(canvas->data);
-    free(canvas->variance);
     free(canvas->model);
     free(canvas->weight);
     *canvas = (rx_canvas){0};
@@ -51,13 +50,13 @@ RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
 {
     const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
     const double error = canvas->psf_error * canvas->psf_error;
-    const float *variances = canvas->variance, *models = canvas->model;
+    const float *sigmas = canvas->sigma, *models = canvas->model;
     float *weights = canvas->weight;
 #pragma omp simd
     for (size_t k = from; k < to; k++) {
-        const double variance = variances[k], model = models[k] > 0.0f ? models[k] : 0.0f;
+        const float variance = sigmas[k] * sigmas[k], model = models[k] > 0.0f ? models[k] : 0.0f;
         const double weight = 1.0 / (variance + model * (photons + model * error));
-        weights[k] = variance > 0.0 ? (float)weight : 0.0f;
+        weights[k] = weights[k] > 0.0f ? (float)weight : 0.0f; /* hidden ones stay hidden */
     }
 }
 

@@ -21,18 +21,25 @@ typedef struct rx_layer {
 
 typedef struct rx_canvas {
     int width, height;
-    float *data;      /* [height][width] pixels - level; 0 where hidden */
-    float *variance;  /* [height][width] of the sky; 0 where hidden */
-    float *model;     /* [height][width] sum_i F_i T_i */
-    float *weight;    /* [height][width] 1 / (variance + photons and errors of the model); 0 where hidden */
-    double gain;      /* e-/ADU, 0: none */
-    double psf_error; /* of a template, relative */
+    float *data;        /* [height][width] pixels - level; 0 where hidden */
+    const float *sigma; /* [height][width] noise of the sky, ADU, not owned; anything where hidden */
+    float *model;       /* [height][width] sum_i F_i T_i */
+    float *weight;      /* [height][width] 1 / (variance + photons and errors of the model); 0 where hidden */
+    double gain;        /* e-/ADU, 0: none */
+    double psf_error;   /* of a template, relative */
 } rx_canvas;
 
-/* From the input, psf_error 0; the model is 0. Free the contents with rx_canvas_clear(). Errors: RX_SYSTEM.
+/* From the input, whose sigma goes on being read, psf_error 0; the model is 0. Free the contents with
+ * rx_canvas_clear(). Errors: RX_SYSTEM.
  */
-rx_status rx_canvas_fill(const rx_tphot_input *input, rx_canvas *canvas, rx_error *err);
+rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err);
 void rx_canvas_clear(rx_canvas *canvas);
+
+/* Variance of the sky in pixel k, ADU^2; 0 where hidden. */
+static inline float rx_canvas_variance(const rx_canvas *canvas, size_t k)
+{
+    return canvas->weight[k] > 0.0f ? canvas->sigma[k] * canvas->sigma[k] : 0.0f;
+}
 
 /* model = sum of n layers, added in their order in every pixel, and the weights that follow from it. Errors:
  * RX_SYSTEM. */

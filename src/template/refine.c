@@ -282,7 +282,7 @@ static double crop_level(const job *j, const rx_subject *after, const float *pla
     const double peak = highest;
     const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
     const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
-    const double variance = canvas->variance[(size_t)y * (size_t)canvas->width + (size_t)x];
+    const double variance = rx_canvas_variance(canvas, (size_t)y * (size_t)canvas->width + (size_t)x);
     const double noise = FAINT * sqrt(variance);
     const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);

@@ -79,7 +79,8 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
     if (!(share > 0))
         return 0;
     const double v = restored->pixels[k] - own / share;
-    const double known = restored->sigma != NULL ? restored->sigma[k] : sqrt(view->canvas->variance[k]);
+    const double known =
+        restored->sigma != NULL ? restored->sigma[k] : sqrt(rx_canvas_variance(view->canvas, k));
     const double noise = known > least_noise ? known : least_noise;
     if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
         return 0;

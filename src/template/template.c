@@ -90,7 +90,7 @@ static rx_status open_work(work *w, rx_error *err)
     w->lenses = RX_NEW(rx_lens, w->nthreads);
     if (w->subjects == NULL || w->lenses == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
-    rx_status status = rx_canvas_fill(w->input, &w->canvas, err);
+    rx_status status = rx_canvas_fill(w->input, w->nthreads, &w->canvas, err);
     w->canvas.psf_error = w->par->psf_error;
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
         status = rx_lens_open(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
@@ -484,9 +484,45 @@ static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
     return RX_OK;
 }
 
-static rx_status store(work *w, rx_tphot *dst, rx_error *err)
+/* The pixels against all models; rows are added up in their order. */
+static rx_status judge_tile(const work *w, rx_tphot *dst, rx_error *err)
+{
+    const rx_canvas *c = &w->canvas;
+    double(*rows)[2] = rx_alloc((size_t)c->height, sizeof *rows);
+    if (rows == NULL)
+        return rx_error_memory(err, (size_t)c->height * sizeof *rows);
+#pragma omp parallel for schedule(static) num_threads(w->nthreads)
+    for (int y = 0; y < c->height; y++)
+        for (size_t k = (size_t)y * (size_t)c->width; k < ((size_t)y + 1) * (size_t)c->width; k++) {
+            if (!(c->weight[k] > 0))
+                continue;
+            const double sigma = (double)c->sigma[k], r = c->data[k] - c->model[k];
+            const double photons = c->gain > 0.0 && c->model[k] > 0 ? (double)c->model[k] / c->gain : 0.0;
+            rows[y][0] += r * r / (sigma * sigma + photons);
+            rows[y][1]++;
+        }
+    for (int y = 0; y < c->height; y++) {
+        dst->chi2 += rows[y][0];
+        dst->visible += rows[y][1];
+    }
+    free(rows);
+    return RX_OK;
+}
+
+/* Data become the residual in their place. */
+static void keep_model(work *w, rx_tphot *dst)
 {
     const size_t pixels = (size_t)w->canvas.width * (size_t)w->canvas.height;
+#pragma omp parallel for schedule(static) num_threads(w->nthreads)
+    for (size_t k = 0; k < pixels; k++)
+        w->canvas.data[k] = w->canvas.weight[k] > 0 ? w->canvas.data[k] - w->canvas.model[k] : 0;
+    dst->residual = w->canvas.data;
+    dst->model = w->canvas.model;
+    w->canvas.data = w->canvas.model = NULL;
+}
+
+static rx_status store(work *w, rx_tphot *dst, rx_error *err)
+{
     dst->list = RX_NEW(rx_tphot_source, w->n);
     if (dst->list == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *dst->list);
@@ -510,17 +546,11 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
             s->flux = s->fluxerr = s->snr = NAN;
     }
     rx_status status = w->par->covariance ? store_pairs(w, dst, err) : RX_OK;
-    if (status != RX_OK || !w->par->keep_model)
-        return status;
-    dst->residual = RX_NEW(float, pixels);
-    if (dst->residual == NULL)
-        return rx_error_memory(err, pixels * sizeof(float));
-    for (size_t k = 0; k < pixels; k++)
-        if (w->canvas.weight[k] > 0)
-            dst->residual[k] = w->canvas.data[k] - w->canvas.model[k];
-    dst->model = w->canvas.model;
-    w->canvas.model = NULL;
-    return RX_OK;
+    if (status == RX_OK)
+        status = judge_tile(w, dst, err);
+    if (status == RX_OK && w->par->keep_model)
+        keep_model(w, dst);
+    return status;
 }
 
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)

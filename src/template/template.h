@@ -113,6 +113,8 @@ typedef struct rx_tphot {
     int npairs;
     rx_tphot_pair *pairs; /* group after group, by i, then j; NULL unless asked for */
     double sky;           /* ADU, mean of what was taken off the level (sky_cell) */
+    double chi2;          /* of the visible pixels, their noise that of the sky and of the model's photons */
+    double visible;       /* pixels */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */

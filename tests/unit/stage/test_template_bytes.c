@@ -54,8 +54,10 @@ static void values_under_masks_do_not_matter(void **state)
 {
     (void)state;
     static const char *const kinds[] = {"NONE", "RL"};
-    static const setting settings[] = {
-        {"MASK_SATURATED", "Y"}, {"TEMPLATE_COVAR_NAME", "c.cat"}, {NULL, NULL}};
+    static const setting settings[] = {{"MASK_SATURATED", "Y"},
+                                       {"TEMPLATE_COVAR_NAME", "c.cat"},
+                                       {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},
+                                       {NULL, NULL}};
     static uint8_t mask[AREA];
     for (int turn = 0; turn < 2; turn++) {
         desk d[2];
@@ -77,8 +79,10 @@ static void values_under_masks_do_not_matter(void **state)
 static void saturated_pixels_take_no_part(void **state)
 {
     (void)state;
-    static const setting settings[] = {
-        {"MASK_SATURATED", "N"}, {"TEMPLATE_COVAR_NAME", "c.cat"}, {NULL, NULL}};
+    static const setting settings[] = {{"MASK_SATURATED", "N"},
+                                       {"TEMPLATE_COVAR_NAME", "c.cat"},
+                                       {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},
+                                       {NULL, NULL}};
     static uint8_t mask[AREA];
     desk d[2];
     scene s;
@@ -109,8 +113,10 @@ static void threads_change_no_byte(void **state)
     for (int turn = 0; turn < 2; turn++) {
         desk d[3];
         for (int k = 0; k < 3; k++) {
-            const setting settings[] = {
-                {"NTHREADS", threads[k]}, {"TEMPLATE_COVAR_NAME", "c.cat"}, {NULL, NULL}};
+            const setting settings[] = {{"NTHREADS", threads[k]},
+                                        {"TEMPLATE_COVAR_NAME", "c.cat"},
+                                        {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},
+                                        {NULL, NULL}};
             desk_open(&d[k], kinds[turn], &s, mask, 2, settings);
             desk_fit(&d[k], NULL);
             if (k > 0)
@@ -164,6 +170,7 @@ static void covariances_as_a_table(void **state)
                                     {"INVENTED_SNR", "60"},
                                     {"TEMPLATE_TYPE", "POINT"},
                                     {"TEMPLATE_COVAR_NAME", "c.cat"},
+                                    {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},
                                     {NULL, NULL}};
         scene s;
         desk d;

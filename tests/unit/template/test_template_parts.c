@@ -130,7 +130,7 @@ static void test_joint(void **state)
         f.mask[k] = k % 11 == 0;
     }
     const rx_tphot_input input = field_input(&f);
-    assert_int_equal(rx_canvas_fill(&input, &canvas, NULL), RX_OK);
+    assert_int_equal(rx_canvas_fill(&input, 1, &canvas, NULL), RX_OK);
     rx_footprint t[3] = {boxed(2, 2, 10, 9, 1), boxed(8, 5, 12, 10, 2), boxed(0, 0, W, H, 3)};
     const rx_layer layers[3] = {{&t[0], 3}, {&t[1], -2}, {&t[2], 1}};
     assert_int_equal(rx_canvas_draw(&canvas, layers, 3, 1, NULL), RX_OK);
@@ -249,7 +249,7 @@ static void test_undersky(void **state)
         f.pixels[k] = f.mask[k] ? NAN : f.pixels[k];
     }
     const rx_tphot_input input = field_input(&f);
-    assert_int_equal(rx_canvas_fill(&input, &canvas, NULL), RX_OK);
+    assert_int_equal(rx_canvas_fill(&input, 1, &canvas, NULL), RX_OK);
     assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, 2, &mean, NULL), RX_OK);
     assert_true(fabs(mean - 0.3) < 0.02);
     double sum[2] = {0}, n[2] = {0};
