@@ -48,15 +48,15 @@ void rx_canvas_clear(rx_canvas *canvas)
 
 RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
 {
-    const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0;
-    const double error = canvas->psf_error * canvas->psf_error;
+    const float photons = canvas->gain > 0.0 ? (float)(1.0 / canvas->gain) : 0.0f;
+    const float error = (float)(canvas->psf_error * canvas->psf_error);
     const float *sigmas = canvas->sigma, *models = canvas->model;
     float *weights = canvas->weight;
 #pragma omp simd
     for (size_t k = from; k < to; k++) {
         const float variance = sigmas[k] * sigmas[k], model = models[k] > 0.0f ? models[k] : 0.0f;
-        const double weight = 1.0 / (variance + model * (photons + model * error));
-        weights[k] = weights[k] > 0.0f ? (float)weight : 0.0f; /* hidden ones stay hidden */
+        const float weight = 1.0f / (variance + model * (photons + model * error));
+        weights[k] = weights[k] > 0.0f ? weight : 0.0f; /* hidden ones stay hidden */
     }
 }
 

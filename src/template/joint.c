@@ -91,6 +91,24 @@ RX_WIDE static void project(const rx_footprint *f, const rx_canvas *canvas, doub
     *value = sum_v;
 }
 
+RX_WIDE static void sum_box(const rx_footprint *f, const rx_canvas *canvas, double sums[3])
+{
+    double sum = 0, value = 0, count = 0;
+    for (int y = f->y0; y < f->y0 + f->height; y++) {
+        const size_t row = (size_t)y * (size_t)canvas->width + (size_t)f->x0;
+        const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
+#pragma omp simd reduction(+ : sum, value, count)
+        for (int i = 0; i < f->width; i++) {
+            sum += w[i];
+            value += w[i] * ((double)data[i] - model[i]);
+            count += w[i] > 0.0f ? 1.0 : 0.0;
+        }
+    }
+    sums[0] = sum;
+    sums[1] = value;
+    sums[2] = count;
+}
+
 /* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
 static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *canvas, double sums[3],
                            rx_error *err)
@@ -106,7 +124,9 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *can
         y1 = f->y0 + f->height > y1 ? f->y0 + f->height : y1;
     }
     sums[0] = sums[1] = sums[2] = 0;
-    if (x1 <= x0 || y1 <= y0)
+    if (n == 1)
+        sum_box(m[0].footprint, canvas, sums);
+    if (n == 1 || x1 <= x0 || y1 <= y0)
         return RX_OK;
     const size_t side = (size_t)(x1 - x0);
     uint8_t *seen = RX_NEW(uint8_t, side * (size_t)(y1 - y0));

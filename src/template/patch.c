@@ -7,6 +7,18 @@
 #include "base/memory.h"
 #include "base/wide.h"
 
+/* count pixels from k on. */
+RX_WIDE static void cut_row(const rx_canvas *canvas, ptrdiff_t k, int count, double *restrict data,
+                            double *restrict weight)
+{
+    const float *w = canvas->weight + k, *d = canvas->data + k, *m = canvas->model + k;
+#pragma omp simd
+    for (int i = 0; i < count; i++) {
+        weight[i] = w[i];
+        data[i] = w[i] > 0.0f ? (double)d[i] - (double)m[i] : 0.0;
+    }
+}
+
 rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
                        int half, int domain, rx_patch *patch, rx_error *err)
 {
@@ -14,12 +26,10 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
         half = domain / 2 - 2;
     const size_t side = 2 * (size_t)half + 1;
     *patch = (rx_patch){.x0 = cx - half, .y0 = cy - half, .side = (int)side, .corner = domain / 2 - half};
-    patch->data = rx_alloc(side * side, sizeof(double));
-    patch->weight = rx_alloc(side * side, sizeof(double));
-    if (patch->data == NULL || patch->weight == NULL) {
-        rx_patch_clear(patch);
+    patch->data = rx_alloc(side * side, 2 * sizeof(double));
+    if (patch->data == NULL)
         return rx_error_memory(err, 2 * side * side * sizeof(double));
-    }
+    patch->weight = patch->data + side * side;
     const int first = patch->x0 > 0 ? 0 : -patch->x0;
     const int last = canvas->width - patch->x0 < patch->side ? canvas->width - patch->x0 : patch->side;
     for (int j = 0; j < patch->side; j++) {
@@ -27,11 +37,8 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
         if (y < 0 || y >= canvas->height)
             continue;
         const ptrdiff_t k = (ptrdiff_t)y * canvas->width + patch->x0;
-        double *weight = patch->weight + (size_t)j * side, *data = patch->data + (size_t)j * side;
-        for (int i = first; i < last; i++) {
-            weight[i] = canvas->weight[k + i];
-            data[i] = weight[i] > 0.0 ? canvas->data[k + i] - (double)canvas->model[k + i] : 0.0;
-        }
+        cut_row(canvas, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
+                patch->weight + (size_t)j * side + (size_t)first);
     }
     rx_patch_add(patch, footprint, flux);
     return RX_OK;
@@ -57,28 +64,43 @@ void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux)
 void rx_patch_clear(rx_patch *patch)
 {
     free(patch->data);
-    free(patch->weight);
     *patch = (rx_patch){0};
+}
+
+RX_WIDE static int any_above(const float *row, int count, double level)
+{
+    float most = 0;
+#pragma omp simd reduction(max : most)
+    for (int i = 0; i < count; i++) {
+        const float size = row[i] < 0 ? -row[i] : row[i];
+        most = size > most ? size : most;
+    }
+    return most > level;
 }
 
 rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, int cy, double level, int width,
                             int height, rx_footprint *dst, rx_error *err)
 {
+    const int x0 = cx - n / 2, y0 = cy - n / 2;
+    const int first = x0 < 0 ? -x0 : 0, end = width - x0 < n ? width - x0 : n;
     int low[2] = {n, n}, high[2] = {-1, -1};
     double outside = 0;
-    for (int j = 0; j < n; j++)
-        for (int i = 0; i < n; i++) {
-            const int x = cx - n / 2 + i, y = cy - n / 2 + j;
-            const float value = plane[(size_t)j * stride + (size_t)i];
-            if (x < 0 || y < 0 || x >= width || y >= height) {
-                outside += value;
-            } else if (fabsf(value) > level) {
-                low[0] = i < low[0] ? i : low[0];
-                high[0] = i > high[0] ? i : high[0];
-                low[1] = j < low[1] ? j : low[1];
-                high[1] = j > high[1] ? j : high[1];
-            }
-        }
+    for (int j = 0; j < n; j++) {
+        const float *row = plane + (size_t)j * stride;
+        const int inside = y0 + j >= 0 && y0 + j < height;
+        for (int i = 0; i < n && (!inside || first > 0 || end < n); i++)
+            outside += inside && i >= first && i < end ? 0.0f : row[i];
+        if (!inside || !any_above(row + first, end - first, level))
+            continue;
+        low[1] = low[1] < n ? low[1] : j;
+        high[1] = j;
+        for (int i = first; i < low[0]; i++)
+            if (fabsf(row[i]) > level)
+                low[0] = i;
+        for (int i = end - 1; i > high[0]; i--)
+            if (fabsf(row[i]) > level)
+                high[0] = i;
+    }
     *dst = (rx_footprint){.inside = 1.0 - outside};
     if (high[0] < 0)
         return RX_OK;

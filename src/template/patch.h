@@ -9,7 +9,8 @@
  * the domain. */
 typedef struct rx_patch {
     int x0, y0, side, corner;
-    double *data, *weight; /* [side][side]; weight 0 outside the image and where hidden */
+    double *data,
+        *weight; /* [side][side] in one block, data's; weight 0 outside the image and where hidden */
 } rx_patch;
 
 /* The pixels within `half` of the whole pixel (cx, cy), the footprint times flux put back. Free with

@@ -344,10 +344,7 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
     if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
         int used = 0;
         double flux = after->flux;
-        rx_status status =
-            rx_substructure_add(j->view, after, j->cx, j->cy, j->lens, j->size, &j->patch, &used, &flux, err);
-        if (status != RX_OK)
-            return status;
+        rx_substructure_add(j->view, after, j->cx, j->cy, j->lens, j->size, &j->patch, &used, &flux);
         after->kind = used ? RX_TPHOT_PIXELS : RX_TPHOT_PROFILE;
         if (used) { /* its pixels say what its shape is */
             after->lift = 1;

@@ -2,12 +2,10 @@
 #include "template/substructure.h"
 
 #include <math.h>
-#include <stdlib.h>
-
-#include "base/memory.h"
 
 /* Pixels outside the segment count from so many sigmas on. */
 static const double CLEAR = 3.0;
+enum { KEPT = 4 }; /* plane */
 
 /* Of the model of all at that pixel, what is the subject's; on its own segment all. */
 static double share_of(const rx_refine_view *view, const rx_subject *s, size_t k, double own)
@@ -22,11 +20,11 @@ static double share_of(const rx_refine_view *view, const rx_subject *s, size_t k
 }
 
 /* The value that `below` of n are not larger than, by Hoare's partitions; the order of v is lost. */
-static double select_value(double *v, int n, int below)
+static float select_value(float *v, int n, int below)
 {
     int first = 0, last = n - 1;
     while (first < last) {
-        const double pivot = v[(first + last) / 2];
+        const float pivot = v[(first + last) / 2];
         int i = first, j = last;
         while (i <= j) {
             while (v[i] < pivot)
@@ -34,7 +32,7 @@ static double select_value(double *v, int n, int below)
             while (v[j] > pivot)
                 j--;
             if (i <= j) {
-                const double swap = v[i];
+                const float swap = v[i];
                 v[i++] = v[j];
                 v[j--] = swap;
             }
@@ -51,22 +49,27 @@ static double select_value(double *v, int n, int below)
 
 /* Noise of the restored pixels between the sources around (cx, cy), from their values below 0: what a
  * restorer makes of the noise of the tile is larger than that, and correlated with it. 0 where there are too
- * few. */
-static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, double *work)
+ * few. work [n][n]. */
+static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, float *work)
 {
     const rx_canvas *canvas = view->canvas;
+    const int x0 = cx - n / 2 > 0 ? cx - n / 2 : 0, y0 = cy - n / 2 > 0 ? cy - n / 2 : 0;
+    const int x1 = cx - n / 2 + n < canvas->width ? cx - n / 2 + n : canvas->width;
+    const int y1 = cy - n / 2 + n < canvas->height ? cy - n / 2 + n : canvas->height;
     int count = 0;
-    for (int y = cy - n / 2; y < cy - n / 2 + n; y++)
-        for (int x = cx - n / 2; x < cx - n / 2 + n; x++) {
-            if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height)
-                continue;
-            const size_t k = (size_t)y * (size_t)canvas->width + (size_t)x;
-            if (view->segments[k] == 0 && view->restored->mask[k] == 0 && view->restored->pixels[k] < 0)
-                work[count++] = -view->restored->pixels[k];
+    for (int y = y0; y < y1; y++) {
+        const size_t row = (size_t)y * (size_t)canvas->width;
+        const int32_t *segments = view->segments + row;
+        const uint8_t *mask = view->restored->mask + row;
+        const float *pixels = view->restored->pixels + row;
+        for (int x = x0; x < x1; x++) { /* signs of noise cannot be foreseen: no branches */
+            work[count] = -pixels[x];
+            count += (segments[x] == 0) & (mask[x] == 0) & (pixels[x] < 0);
         }
+    }
     if (count < 30)
         return 0;
-    return 1.4826 * select_value(work, count, count - 1 - count / 2);
+    return 1.4826 * (double)select_value(work, count, count - 1 - count / 2);
 }
 
 /* What of the pixel k is free in D, *d; own: the profile's light there. Outside the segment only what
@@ -147,25 +150,18 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
     return both - alone;
 }
 
-rx_status rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
-                              rx_lens *lens, rx_lens_size *size, const rx_patch *patch, int *used,
-                              double *flux, rx_error *err)
+void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy, rx_lens *lens,
+                         rx_lens_size *size, const rx_patch *patch, int *used, double *flux)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
     *used = 0;
     if (subject->segment == 0 || !(subject->flux > 0))
-        return RX_OK;
-    float *own = RX_NEW(float, rows *stride);
-    double *work = RX_NEW(double, rows *rows);
-    if (own == NULL || work == NULL) {
-        free(own);
-        free(work);
-        return rx_error_memory(err, rows * stride * sizeof *own);
-    }
-    const double noise = restored_noise(view, cx, cy, size->n, work);
-    free(work);
-    for (size_t k = 0; k < rows * stride; k++)
-        own[k] = size->plane[0][k];
+        return;
+    /* a spectrum is larger than its plane, and nobody's now */
+    const double noise = restored_noise(view, cx, cy, size->n, size->half[0]);
+    float *own = size->plane[0]; /* kept as a plane that only derivatives need */
+    size->plane[0] = size->plane[KEPT];
+    size->plane[KEPT] = own;
     rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, 1, 1);
     const double cost = 2 * difference(view, subject, cx, cy, noise, size) + 4;
     rx_lens_blur(size, lens->same);
@@ -181,9 +177,7 @@ rx_status rx_substructure_add(const rx_refine_view *view, const rx_subject *subj
         for (size_t k = 0; k < rows * stride; k++)
             size->plane[0][k] = (float)((both * own[k] + amount * size->plane[0][k]) / total);
     } else {
-        for (size_t k = 0; k < rows * stride; k++)
-            size->plane[0][k] = own[k];
+        size->plane[KEPT] = size->plane[0];
+        size->plane[0] = own;
     }
-    free(own);
-    return RX_OK;
 }

@@ -2,7 +2,6 @@
 #ifndef RX_TEMPLATE_SUBSTRUCTURE_H
 #define RX_TEMPLATE_SUBSTRUCTURE_H
 
-#include "base/error.h"
 #include "template/patch.h"
 #include "template/refine.h"
 
@@ -12,9 +11,8 @@
  * PSF; s: the restored pixel's noise, at least that of the restored sky around; share: of the model of all,
  * what is the subject's) the data decide on F', A, 0 <= A <= 1, of F' T + A K*D. Where that gains more than
  * two for each pixel that D makes free use of (Akaike 1974), plane 0 becomes the template of both, sum 1,
- * *used = 1 and *flux its flux. Errors: RX_SYSTEM. */
-rx_status rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
-                              rx_lens *lens, rx_lens_size *size, const rx_patch *patch, int *used,
-                              double *flux, rx_error *err);
+ * *used = 1 and *flux its flux. Other planes are lost. */
+void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy, rx_lens *lens,
+                         rx_lens_size *size, const rx_patch *patch, int *used, double *flux);
 
 #endif

@@ -107,9 +107,9 @@ static void open_patch(patch *p, double flux, uint64_t seed)
     const int side = 2 * HALF + 1, corner = p->size->n / 2 - HALF;
     const size_t stride = (size_t)rx_fft_stride_real(p->size->fft);
     p->patch = (rx_patch){.side = side, .corner = corner};
-    p->patch.data = RX_NEW(double, side *side);
-    p->patch.weight = RX_NEW(double, side *side);
-    assert_true(p->patch.data != NULL && p->patch.weight != NULL);
+    p->patch.data = RX_NEW(double, 2 * side * side);
+    assert_non_null(p->patch.data);
+    p->patch.weight = p->patch.data + side * side;
     for (int k = 0; k < side * side; k++) {
         const size_t at = (size_t)(k / side + corner) * stride + (size_t)(k % side + corner);
         p->patch.data[k] = flux * p->size->plane[0][at] + rx_random_normal(seed, 1, (uint64_t)k);
