@@ -62,8 +62,10 @@ same() {
     cmp "$1.model/model.fits" whole.model/model.fits && cmp "$1.ck" whole.ck && diff -r "$1" whole
 }
 
-training whole -NTHREADS 1
+training whole -NTHREADS 1 -VERBOSE_TYPE FULL
 result 'a whole training on one thread' $? whole.log
+[ "$(grep -Ec ' steps: [0-9.]+ s for [0-9]+ images, [0-9.]+ s waiting .* generators: [0-9.]+ s for [0-9]+ images$' whole.log)" = 3 ]
+result 'tells what steps and images cost, epoch by epoch' $? whole.log
 [ -e whole/training.html ] && [ -e whole/dictionary.ecsv ] && [ -e whole/log.ecsv ]
 result 'leaves a page and tables' $? whole.log
 

@@ -17,9 +17,9 @@ struct rx_feed {
     long *position;    /* [n] and the other way round */
     rx_sample **image; /* [all] by place; NULL where not here */
     bool *taken;       /* [all] by place */
-    long ready, used, dropped;
+    long ready, used, dropped, drawn;
     int complete;
-    double waited;
+    double waited, drawing;
 };
 
 void rx_feed_lay_out(rx_feed_counts *counts)
@@ -227,6 +227,8 @@ static rx_status take_message(rx_feed *feed, rx_message *message, rx_error *err)
     if (message->tag == RX_FEED_COMPLETE && message->size == sizeof(rx_feed_done)) {
         const rx_feed_done *done = message->data;
         feed->dropped += done->dropped;
+        feed->drawn += done->drawn;
+        feed->drawing += done->seconds;
         feed->complete += feed->image && done->epoch == feed->now.epoch;
     }
     free(message->data);
@@ -309,4 +311,10 @@ int rx_feed_complete(const rx_feed *feed)
 long rx_feed_dropped(const rx_feed *feed)
 {
     return feed->dropped;
+}
+
+void rx_feed_drawn(const rx_feed *feed, long *images, double *seconds)
+{
+    *images = feed->drawn;
+    *seconds = feed->drawing;
 }

@@ -52,6 +52,9 @@ double rx_feed_waited(const rx_feed *feed); /* seconds spent waiting for images 
  * made for a next epoch that did not need them. */
 int rx_feed_complete(const rx_feed *feed);
 long rx_feed_dropped(const rx_feed *feed);
+/* What rank 0 has been told of the generators' work: images, and the seconds of all generators that they
+ * took. */
+void rx_feed_drawn(const rx_feed *feed, long *images, double *seconds);
 
 /* A generator's whole life. Returns RX_OK when the trainer is done or gone; an error of its own has been told
  * to the training ranks (it is what they return). */

@@ -29,6 +29,8 @@ typedef struct generator {
     rx_sample **kept;   /* [then.next] made for the next one */
     long used;          /* images of this epoch that the trainer has taken */
     long made, dropped; /* of this epoch */
+    long drawn;         /* images made since the last message that told of them */
+    double seconds;     /* that took */
 } generator;
 
 /* --- plans --- */
@@ -152,7 +154,10 @@ static rx_status make_image(generator *gen, rx_sample_id id, rx_sample **dst, rx
     if (!*dst)
         return rx_error_memory(err, rx_sample_bytes(gen->par->scenes.side));
     (*dst)->id = id;
+    const double begun = rx_seconds();
     rx_status status = gen->make(gen->user, id, *dst, err);
+    gen->seconds += rx_seconds() - begun;
+    gen->drawn++;
     (*dst)->id = id;
     if (status == RX_OK)
         return RX_OK;
@@ -170,7 +175,13 @@ static rx_status send_image(generator *gen, rx_sample *sample, long at, rx_error
 
 static rx_status say_complete(generator *gen, rx_error *err)
 {
-    rx_feed_done done = {.epoch = gen->now.counts.epoch, .made = gen->made, .dropped = gen->dropped};
+    rx_feed_done done = {.epoch = gen->now.counts.epoch,
+                         .made = gen->made,
+                         .dropped = gen->dropped,
+                         .drawn = gen->drawn,
+                         .seconds = gen->seconds};
+    gen->drawn = 0;
+    gen->seconds = 0;
     return rx_ranks_send(gen->ranks, 0, RX_FEED_COMPLETE, &done, sizeof done, err);
 }
 

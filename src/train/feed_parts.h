@@ -27,6 +27,8 @@ typedef struct rx_feed_progress {
 typedef struct rx_feed_done {
     uint32_t epoch;
     long made, dropped;
+    long drawn;     /* images made since the last such message, those for the next epoch included */
+    double seconds; /* that took */
 } rx_feed_done;
 
 /* Fill first, n and all from count and nbins. */

@@ -33,6 +33,8 @@ typedef struct job {
     rx_step_values *values;
     int most, rank, nranks;
     double begun, begun_at; /* seconds; share of the training done then */
+    double learning;        /* seconds spent on gradients and improvements */
+    long learnt;            /* from so many images, by this rank */
     int has_diverged, interrupted;
 } job;
 
@@ -130,6 +132,7 @@ static rx_status run_batch(job *j, long n, rx_error *err)
     batch_sums sums = {.interrupted = rx_interrupt_pending()};
     int mine = 0;
     rx_status status = take_samples(j, from, to, &mine, err);
+    const double begun = rx_seconds();
     if (status == RX_OK)
         status = rx_learner_gradients(j->learner, j->sample, mine, j->gradient, j->values, err);
     free_samples(j, mine);
@@ -144,6 +147,8 @@ static rx_status run_batch(job *j, long n, rx_error *err)
     rx_step_values mean = {0};
     add_values(&mean, &sums.values, 1 / (double)(to - from));
     status = improve(j, to - from, n, &mean, err);
+    j->learning += rx_seconds() - begun;
+    j->learnt += mine;
     j->interrupted = sums.interrupted > 0;
     return status;
 }
@@ -266,6 +271,17 @@ static void tell_epoch(const job *j, double seconds, double waited, long images)
                 100 * e->bias, 100 * e->scatter, (double)images / seconds, 100 * waited / seconds, left);
 }
 
+/* What steps and images have cost so far. */
+static void tell_costs(const job *j)
+{
+    long images = 0;
+    double seconds = 0;
+    rx_feed_drawn(j->feed, &images, &seconds);
+    rx_log_detail(j->log,
+                  "steps: %.2f s for %ld images, %.2f s waiting for them; generators: %.2f s for %ld images",
+                  j->learning, j->learnt, rx_feed_waited(j->feed), seconds, images);
+}
+
 /* Back to the last end of an epoch, with half the rate. */
 static rx_status go_back(job *j, rx_error *err)
 {
@@ -326,8 +342,10 @@ static rx_status run_epoch(job *j, rx_error *err)
         status = conclude(j, images, err);
     if (status == RX_OK)
         status = save(j, err);
-    if (status == RX_OK)
+    if (status == RX_OK) {
         tell_epoch(j, rx_seconds() - begun, rx_feed_waited(j->feed) - waited, n - at + ntest);
+        tell_costs(j);
+    }
 exit:
     free(order);
     free(images);

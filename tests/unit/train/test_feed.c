@@ -223,6 +223,11 @@ static void next_epoch_is_made_while_this_one_is_used(void **state)
     made_exactly(&r, r.all + ahead);
     take_all(&r, 0);
     assert_int_equal(rx_feed_complete(r.feed), 2);
+    long drawn = 0;
+    double seconds = 0;
+    rx_feed_drawn(r.feed, &drawn, &seconds);
+    assert_int_equal(drawn, r.all); /* those ahead came after both had told */
+    assert_true(seconds > 0);
     begin_epoch(&r, 1); /* the same counts: nothing is left to make for it */
     take_all(&r, 1);
     made_exactly(&r, r.all + 2 * ahead);
