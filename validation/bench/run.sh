@@ -1,0 +1,57 @@
+#!/bin/bash
+# Speed and memory of this build beside other programs, on this machine, as ratios.
+#
+#   validation/bench/run.sh [quick|full] [FOLDER] [-VERBOSE_TYPE FULL]
+#   validation/bench/run.sh check [FOLDER]      quick, then against validation/results/bench/quick; exit 1: slower
+#
+# Into FOLDER (default: bench-out): bench.json (every ratio, with quartiles), bench.md (tables), bench.svg (figure).
+# quick: tiles of 1 and 4 thousand pixels a side, 3 repeats, about 4 minutes on two cores; full: up to 16 thousand, 25
+# minutes, 3.5 GB of disk and 14 GB of memory (where there is less, what does not fit is left out and named). Nothing
+# else should run meanwhile.
+# -VERBOSE_TYPE FULL also shows each layer of the network.
+#
+# RX_BUILD_DIR is the build (default: build/); `make bench` makes what it needs. Needs python3 (its standard library);
+# source-extractor, siril, python3-skimage, python3-sep, python3-astropy and gnuplot take part where they are.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+top=$(cd "$here/../.." && pwd)
+build=$(realpath "${RX_BUILD_DIR:-$top/build}")
+python=/usr/bin/python3
+committed=$top/validation/results/bench/quick/bench.json
+
+fail() {
+    echo "run.sh: $1" >&2
+    exit "$2"
+}
+
+size=full
+case ${1-} in
+quick | full | check)
+    size=$1
+    shift
+    ;;
+esac
+out=bench-out
+case ${1-} in
+'' | -*) ;;
+*)
+    out=$1
+    shift
+    ;;
+esac
+verbose=()
+if [[ $# -gt 0 ]]; then
+    [[ $# -eq 2 && $1 == -VERBOSE_TYPE && $2 =~ ^(NORMAL|FULL)$ ]] ||
+        fail "do not know $*; give quick, full or check, a folder, and -VERBOSE_TYPE FULL if wanted" 2
+    [[ $2 == NORMAL ]] || verbose=(--layers)
+fi
+[[ -x $python ]] || fail "$python is missing; install the package python3" 4
+for program in rextract rextract-simulate rextract-train validation/bench/limits; do
+    [[ -x $build/$program ]] || fail "$build/$program is missing; run make bench, or name the build in RX_BUILD_DIR" 4
+done
+[[ $size != check || -r $committed ]] || fail "$committed is missing; nothing to compare with" 3
+mkdir -p "$out"
+out=$(realpath "$out")
+"$python" -B "$here/bench.py" --size "${size/check/quick}" --build "$build" --top "$top" --out "$out" "${verbose[@]}"
+[[ $size == check ]] || exit 0
+"$python" -B "$here/compare.py" "$committed" "$out/bench.json"
