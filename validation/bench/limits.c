@@ -1,17 +1,22 @@
 /* What this machine can do at most, measured here and now: the yardstick of validation/bench/run.sh.
  *
- *   limits [-values] all [FILE]                             everything below, on one and on all threads
- *   limits [-values] conv F32|BF16 THREADS [CHANNELS SIDE]  3 x 3 convolutions; without CHANNELS the best of
- * a sweep limits [-values] fft SIDE THREADS                       a real transform of SIDE x SIDE pixels
- *   limits [-values] rl WIDTH HEIGHT FWHM THREADS           the same, of what RL transforms for such a tile
- * and PSF limits [-values] memory THREADS                         copy and triad over planes much larger than
- * the cache limits [-values] read FILE                              a file that has been read before
+ *   limits [-values] all [FILE]               everything below but rl, on one and on all threads
+ *   limits [-values] conv F32|BF16 THREADS [CHANNELS SIDE]
+ *                                             3 x 3 convolutions; without CHANNELS the best of a sweep
+ *   limits [-values] fft SIDE THREADS         a real transform of SIDE x SIDE pixels
+ *   limits [-values] rl WIDTH HEIGHT FWHM THREADS
+ *                                             of a tile padded for a PSF; RL's blur and its adjoint
+ *   limits [-values] memory THREADS           copy and triad over planes much larger than the cache
+ *   limits [-values] read FILE                a file that has been read before
  *
  * -values writes "key value" instead of text. Each number is the best of several tries: a limit is what was
- * possible at least once. Threads work side by side, each with its own convolution and planes. Units: GFLOP
- * are 1e9 additions and multiplications, 2 x 9 x channels^2 a pixel and convolution (padding counts) and 2.5
- * N log2 N a real transform of N pixels (the count of a radix 2 transform, by which FFTW's authors compare);
- * GB are 1e9 bytes, 2 planes a copy a[i] = b[i], 3 a triad a[i] = b[i] + s c[i] (McCalpin's STREAM). */
+ * possible at least once. Threads work side by side, each with its own convolution and planes.
+ *
+ * Units: GFLOP are 1e9 additions and multiplications, 2 x 9 x channels^2 a pixel and convolution (padding
+ * counts) and 2.5 N log2 N a real transform of N pixels (of radix 2; the count by which FFTW's authors
+ * compare). GB are 1e9 bytes, 2 planes a copy a[i] = b[i], 3 a triad a[i] = b[i] + s c[i] (McCalpin's
+ * STREAM).
+ */
 #include <fcntl.h>
 #include <math.h>
 #include <omp.h>
@@ -248,18 +253,60 @@ static rx_status tell_square(bool values, int side, int nthreads, rx_error *err)
     return status;
 }
 
-/* The domain is that of the restorer itself. */
+/* *seconds of a blur and its adjoint as the restorer has them. */
+static rx_status measure_blur(const rx_blur *blur, double *seconds, rx_error *err)
+{
+    const size_t pixels = (size_t)blur->width * (size_t)blur->height;
+    float *sky = rx_blur_sky(blur), *tile = RX_NEW(float, pixels);
+    double least = INFINITY;
+    rx_status status = RX_OK;
+    if (sky == NULL || tile == NULL) {
+        status = rx_error_memory(err, pixels * sizeof *tile);
+        goto exit;
+    }
+    for (size_t i = 0, n = rx_blur_sky_size(blur); i < n; i++)
+        sky[i] = 1;
+    const double begun = rx_seconds();
+    for (int i = 0; i < 3 || rx_seconds() - begun < FFT_TIME; i++) {
+        const double start = rx_seconds();
+        rx_blur_plane(blur, sky, tile);
+        rx_blur_adjoint_plane(blur, tile, sky);
+        least = fmin(least, rx_seconds() - start);
+    }
+    *seconds = least;
+exit:
+    free(sky);
+    free(tile);
+    return status;
+}
+
+/* A transform of the whole tile, padded by the PSF's radius, and what an iteration really does: blur and
+ * adjoint in blocks. */
 static rx_status tell_rl(bool values, int width, int height, double fwhm, int nthreads, rx_error *err)
 {
-    char name[64];
+    char name[64], key[96], text[128];
     rx_psf *psf = NULL;
     rx_blur *blur = NULL;
+    rx_fft *fft = NULL;
+    double seconds = 0;
     snprintf(name, sizeof name, "rl_%dx%d", width, height);
     rx_status status = rx_psf_moffat(fwhm, 4.765, 1, 0, 0, &psf, err);
     if (status == RX_OK)
         status = rx_blur_new(psf, width, height, nthreads, &blur, err);
     if (status == RX_OK)
-        status = tell_fft(values, name, blur->fft, err);
+        status = rx_fft_new(rx_fft_good_size(width + 2 * blur->margin),
+                            rx_fft_good_size(height + 2 * blur->margin), nthreads, &fft, err);
+    if (status == RX_OK)
+        status = tell_fft(values, name, fft, err);
+    if (status == RX_OK)
+        status = measure_blur(blur, &seconds, err);
+    if (status == RX_OK) {
+        snprintf(key, sizeof key, "%s_%d_blur_ms", name, nthreads);
+        snprintf(text, sizeof text, "RL's blur and adjoint of such a tile, %d thread%s: %.3f ms", nthreads,
+                 nthreads > 1 ? "s" : "", 1e3 * seconds);
+        tell(values, key, 1e3 * seconds, text);
+    }
+    rx_fft_free(fft);
     rx_blur_free(blur);
     rx_psf_free(psf);
     return status;

@@ -4,7 +4,9 @@
 #   validation/bench/run.sh [quick|full] [FOLDER] [-VERBOSE_TYPE FULL]
 #   validation/bench/run.sh check [FOLDER]      quick, then against validation/results/bench/quick; exit 1: slower
 #
-# Into FOLDER (default: bench-out): bench.json (every ratio, with quartiles), bench.md (tables), bench.svg (figure).
+# Into FOLDER (default: bench-out, of check bench-check-out): bench.json (every ratio, with quartiles), bench.md (tables),
+# bench.svg (figure).
+#
 # quick: tiles of 1 and 4 thousand pixels a side, 3 repeats, about 4 minutes on two cores; full: up to 16 thousand, 25
 # minutes, 3.5 GB of disk and 14 GB of memory (where there is less, what does not fit is left out and named). Nothing
 # else should run meanwhile.
@@ -32,6 +34,7 @@ quick | full | check)
     ;;
 esac
 out=bench-out
+[[ $size != check ]] || out=bench-check-out
 case ${1-} in
 '' | -*) ;;
 *)
