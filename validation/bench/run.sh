@@ -55,6 +55,10 @@ done
 [[ $size != check || -r $committed ]] || fail "$committed is missing; nothing to compare with" 3
 mkdir -p "$out"
 out=$(realpath "$out")
-"$python" -B "$here/bench.py" --size "${size/check/quick}" --build "$build" --top "$top" --out "$out" "${verbose[@]}"
+# A signal must reach the one who knows of the tiles.
+"$python" -B "$here/bench.py" --size "${size/check/quick}" --build "$build" --top "$top" --out "$out" "${verbose[@]}" &
+child=$!
+trap 'kill "$child"; wait "$child"; exit 143' INT TERM HUP
+wait "$child"
 [[ $size == check ]] || exit 0
 "$python" -B "$here/compare.py" "$committed" "$out/bench.json"
