@@ -337,7 +337,9 @@ def extraction_of(bench, side, kind):
         jobs["source-extractor"] = lambda: bench.sextractor_seconds(tile)
     if bench.python["sep"]:
         jobs["sep"] = lambda: bench.peer("sep", tile, "other.fits", "default.conv")
-    samples = bench.turns(min(bench.repeats, 3) if side > 4096 else bench.repeats, jobs)
+    # Hundredths of a second are less sure; minutes are more so, and many.
+    repeats = {1024: max(bench.repeats, 5), 8192: min(bench.repeats, 3)}.get(side, bench.repeats)
+    samples = bench.turns(repeats, jobs)
     for threads in box.threads:
         name = f"{NAME[side]} {kind}, {label(threads)}"
         key = f"{NAME[side]}-{kind}-{threads}"
@@ -521,7 +523,7 @@ def training(bench):
     if bench.box.most < 2:
         bench.skip("training: it takes two cores")
         return
-    samples = bench.turns(1 if bench.repeats <= 3 else 3, {"training": lambda: train(bench)}).get("training")
+    samples = bench.turns(2 if bench.repeats <= 3 else 3, {"training": lambda: train(bench)}).get("training")
     if not samples:
         return
     steps, images = [one[0] for one in samples], [one[1] for one in samples]
