@@ -411,6 +411,7 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     }
     /* images of one file are different skies */
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
+    rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */
     status = rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
                                   job->sharp.writer != NULL ? sharp : NULL, &scene, err);
     if (status == RX_OK)
