@@ -246,6 +246,11 @@ static void put_rows(const rx_fft *fft, const rows *rows, int y, int n, int colu
 
 static void rows_forward(const rx_fft *fft, const rows *rows, int columns, fftwf_complex *plane)
 {
+    if (fft->nthreads == 1) {
+        for (int y = 0; y < fft->height; y += GROUP)
+            put_rows(fft, rows, y, y + GROUP < fft->height ? GROUP : fft->height - y, columns, plane);
+        return;
+    }
 #pragma omp parallel for schedule(static) num_threads(fft->nthreads)
     for (int y = 0; y < fft->height; y += GROUP)
         put_rows(fft, rows, y, y + GROUP < fft->height ? GROUP : fft->height - y, columns, plane);
