@@ -4,7 +4,7 @@
 #   validation/bench/run.sh [quick|full] [FOLDER] [-VERBOSE_TYPE FULL]
 #   validation/bench/run.sh check [FOLDER]      quick, then against validation/results/bench/quick; exit 1: slower
 #
-# Into FOLDER (default: bench-out, of check bench-check-out): bench.json (every ratio, with quartiles), bench.md (tables),
+# Into FOLDER (default: bench-out, of check bench-check-out): bench.json (each ratio with quartiles), bench.md (tables),
 # bench.svg (figure).
 #
 # quick: tiles of 1 and 4 thousand pixels a side, 3 repeats, about 4 minutes on two cores; full: up to 16 thousand, 25

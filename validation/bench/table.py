@@ -7,7 +7,7 @@ import subprocess
 
 from machine import median, quartiles
 
-FIGURE = """set terminal svg size 900,{height} dynamic font 'sans-serif,12' background 'white'
+FIGURE = """set terminal svg size 1000,{height} dynamic font 'sans-serif,12' background 'white'
 set output 'bench.svg'
 set logscale x
 set xrange [{least}:{most}]
@@ -15,7 +15,7 @@ set yrange [{bottom}:0.5]
 set ytics ({names}) font ',11'
 set xtics font ',11'
 set grid xtics
-set key bottom right
+set lmargin at screen {left:.3f}
 set xlabel 'measured / target'
 set style fill solid 0.8 noborder
 set arrow from 1, graph 0 to 1, graph 1 nohead lw 2 lc rgb '#444444'
@@ -155,7 +155,8 @@ def draw(folder, rows):
         for i, (low, middle, high) in enumerate(scaled):
             file.write(f"{-i} {middle:.5g} {low:.5g} {high:.5g}\n")
     names = ", ".join(f'"{row.what}" {-i}'.replace("_", " ") for i, row in enumerate(judged))
-    script = FIGURE.format(height=90 + 17 * len(judged), names=names, bottom=0.5 - len(judged),
+    left = min(0.6, 0.0062 * max(len(row.what) for row in judged))  # gnuplot itself leaves too much room
+    script = FIGURE.format(left=left, height=90 + 17 * len(judged), names=names, bottom=0.5 - len(judged),
                            least=10 ** math.floor(math.log10(min(one[0] for one in scaled))),
                            most=10 ** math.ceil(math.log10(max(2, max(one[2] for one in scaled)))))
     done = subprocess.run(["gnuplot"], input=script, text=True, cwd=folder, capture_output=True, check=False)
