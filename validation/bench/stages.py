@@ -367,7 +367,7 @@ def whole_stage(bench):
     jobs = {f"all {threads}": lambda t=threads: stage("NONE,RL,NET", t) for threads in box.threads}
     for kind in ("NONE", "RL", "NET"):
         jobs[kind] = lambda k=kind: stage(k, box.most)
-    samples = bench.turns(min(bench.repeats, 3), jobs)
+    samples = bench.turns((bench.repeats + 1) // 2, jobs)
     if box.most > 1:
         bench.versus("stage-scaling", f"NONE, RL, NET and report, {NAME[side]}: {box.most} cores against 1", samples,
                      "all 1", f"all {box.most}", 1.8)
@@ -464,7 +464,7 @@ def growth(bench):
         if not fits_in(bench, side):
             continue
         tile = bench.tile(side, "sparse")
-        repeats = {1024: bench.repeats, 4096: min(2, bench.repeats)}.get(side, 1)
+        repeats = {1024: bench.repeats, 4096: max(bench.repeats // 2, 1)}.get(side, 1)
         samples = bench.turns(repeats, {kind: lambda k=kind, f=tile: run(f, k) for kind in KINDS})
         for kind, values in samples.items():
             seconds[kind, side] = [one[0] / mpixels(side) for one in values]
