@@ -97,24 +97,42 @@ void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row)
     }
 }
 
+/* n pieces of so many bytes, at distances of `from_step` and `to_step`. */
+static inline void move(const char *restrict from, size_t from_step, char *restrict to, size_t to_step,
+                        size_t n, size_t bytes)
+{
+    for (size_t x = 0; x < n; x++)
+        memcpy(to + x * to_step, from + x * from_step, bytes);
+}
+
+/* The usual pieces (one or three floats a pixel) are moved without a call. */
+static void move_any(const char *from, size_t from_step, char *to, size_t to_step, size_t n, size_t bytes)
+{
+    if (bytes == 2 * sizeof(float))
+        move(from, from_step, to, to_step, n, 2 * sizeof(float));
+    else if (bytes == 6 * sizeof(float))
+        move(from, from_step, to, to_step, n, 6 * sizeof(float));
+    else
+        move(from, from_step, to, to_step, n, bytes);
+}
+
 /* Between the pixel (2 y + dy, 2 x + dx) of the fine plane and the group [dy][dx] of the coarse pixel (y, x):
  * both are runs of the fine plane's channels. */
 static void regroup(const rx_plane *src, rx_plane *dst, int to_fine)
 {
     const rx_plane *fine = to_fine ? dst : src, *coarse = to_fine ? src : dst;
-    size_t run = (size_t)fine->channels * rx_real_bytes(fine->real);
-    size_t width = (size_t)coarse->width;
+    /* The two pixels side by side in the fine plane are neighbours in the group, too. */
+    const size_t pair = 2 * (size_t)fine->channels * rx_real_bytes(fine->real);
+    const size_t width = (size_t)coarse->width;
     const char *from = src->data;
     char *to = dst->data;
     for (int y = 0; y < coarse->height; y++)
         for (size_t dy = 0; dy < 2; dy++) {
-            size_t fine_row = (2 * (size_t)y + dy) * 2 * width * run;
-            size_t coarse_row = (size_t)y * 4 * width * run;
-            /* The two pixels side by side in the fine plane are neighbours in the group, too. */
-            for (size_t x = 0; x < width; x++) {
-                size_t a = fine_row + 2 * x * run, b = coarse_row + (4 * x + 2 * dy) * run;
-                memcpy(to + (to_fine ? a : b), from + (to_fine ? b : a), 2 * run);
-            }
+            const size_t a = (2 * (size_t)y + dy) * width * pair, b = (2 * (size_t)y * width + dy) * pair;
+            if (to_fine)
+                move_any(from + b, 2 * pair, to + a, pair, width, pair);
+            else
+                move_any(from + a, pair, to + b, 2 * pair, width, pair);
         }
 }
 

@@ -249,12 +249,17 @@ void rx_network_optics_fwhm_row(const rx_network_optics *optics, int y, int x, i
     const int j = rx_lens_clamp((int)floor(v), optics->ny > 1 ? optics->ny - 1 : 1);
     const double fy = optics->ny > 1 ? v - j : 0;
     const float *low = optics->fwhm + (size_t)j * optics->nx, *high = optics->ny > 1 ? low + optics->nx : low;
+    if (optics->nx == 1) {
+        const float value = (float)(low[0] + fy * ((double)high[0] - low[0]));
+        for (int k = 0; k < n; k++)
+            dst[k] = value;
+        return;
+    }
     for (int k = 0; k < n; k++) {
         const double u = rx_lens_clamp(x + k, optics->width) / optics->step_x;
-        const int i = rx_lens_clamp((int)floor(u), optics->nx > 1 ? optics->nx - 1 : 1);
-        const double fx = optics->nx > 1 ? u - i : 0;
-        const int next = optics->nx > 1 ? i + 1 : i;
-        const double a = low[i] + fx * (low[next] - low[i]), b = high[i] + fx * (high[next] - high[i]);
+        const int i = rx_lens_clamp((int)u, optics->nx - 1);
+        const double fx = u - i;
+        const double a = low[i] + fx * (low[i + 1] - low[i]), b = high[i] + fx * (high[i + 1] - high[i]);
         dst[k] = (float)(a + fy * (b - a));
     }
 }
