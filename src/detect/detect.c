@@ -51,11 +51,16 @@ static rx_status filter_pixels(const rx_detect_params *par, const rx_detect_imag
     if (image->filtered != NULL)
         return RX_OK;
     work->pixels = work->own_pixels = RX_NEW(float, work->n);
-    work->filtered = work->own_filtered = RX_NEW(float, work->n);
-    if (work->own_pixels == NULL || work->own_filtered == NULL)
+    if (work->own_pixels == NULL)
         return rx_error_memory(err, work->n * sizeof(float));
     for (size_t i = 0; i < work->n; i++)
         work->own_pixels[i] = is_hidden(image, i) ? 0.0f : image->pixels[i];
+    work->filtered = work->pixels;
+    if (work->kernel.values == NULL)
+        return RX_OK;
+    work->filtered = work->own_filtered = RX_NEW(float, work->n);
+    if (work->own_filtered == NULL)
+        return rx_error_memory(err, work->n * sizeof(float));
     rx_filter_plane(&work->kernel, work->pixels, image->width, image->height, par->nthreads,
                     work->own_filtered);
     return RX_OK;
