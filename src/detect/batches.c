@@ -1,3 +1,4 @@
+/* Sorting groups out, and filling batches in the order of the list. */
 #include "detect/batches.h"
 
 #include <stdbool.h>

@@ -1,3 +1,4 @@
+/* Meshes one by one in threads; then the grid as a whole. */
 #include "detect/mesh.h"
 
 #include <math.h>

@@ -1,5 +1,6 @@
 /* Sky level and noise: truth of synthetic skies, masks, weights, odd tiles. */
 #include "detect/background.h"
+#include "detect/mesh.h"
 #include "field.h"
 
 enum { W = 200, H = 150 };
@@ -127,11 +128,63 @@ static void takes_a_manual_level_and_refuses_nonsense(void **state)
     field_free(&f);
 }
 
+/* The grid, its filter, the meshes under the mask and the maps are sep's to the bit, for any number of
+ * threads. */
+static void meshes_are_seps(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 3.0, 21);
+    field_crowd(&f, 60, 900.0, 22);
+    for (size_t i = 0; i < f.n; i++) {
+        const size_t x = i % W, y = i / W;
+        f.mask[i] = (x > 40 && x < 110 && y > 30 && y < 100) || i % 17 == 0;
+        if (f.mask[i] != 0)
+            f.pixels[i] = 0.0f;
+    }
+    sep_image image = {.data = f.pixels,
+                       .mask = f.mask,
+                       .dtype = SEP_TFLOAT,
+                       .mdtype = SEP_TBYTE,
+                       .w = W,
+                       .h = H,
+                       .noise_type = SEP_NOISE_NONE};
+    sep_bkg *expected = NULL;
+    float *level = RX_NEW(float, f.n);
+    assert_int_equal(sep_background(&image, 32, 32, 3, 3, 0.0, &expected), 0);
+    assert_int_equal(sep_bkg_array(expected, level, SEP_TFLOAT), 0);
+    for (int nthreads = 1; nthreads < 4; nthreads++) {
+        rx_background_params par = defaults;
+        sep_bkg *mesh = NULL;
+        rx_background *back = NULL;
+        size_t good = 0;
+        par.nthreads = nthreads;
+        assert_int_equal(rx_mesh_measure(&par, W, H, f.pixels, f.mask, 1, &mesh, &good, NULL), RX_OK);
+        assert_int_equal(mesh->n, expected->n);
+        assert_true(good > f.n / 2 && good < f.n);
+        const size_t size = (size_t)mesh->n * sizeof(float);
+        assert_memory_equal(mesh->back, expected->back, size);
+        assert_memory_equal(mesh->sigma, expected->sigma, size);
+        assert_memory_equal(mesh->dback, expected->dback, size);
+        assert_memory_equal(mesh->dsigma, expected->dsigma, size);
+        assert_true(mesh->global == expected->global && mesh->globalrms == expected->globalrms);
+        assert_int_equal(
+            rx_background_measure(&par, W, H, f.pixels, f.mask, 1, NULL, RX_WEIGHT_NONE, &back, NULL), RX_OK);
+        assert_memory_equal(back->level, level, f.n * sizeof *level);
+        rx_background_free(back);
+        rx_mesh_free(mesh);
+    }
+    sep_bkg_free(expected);
+    free(level);
+    field_free(&f);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_level_and_noise), cmocka_unit_test(is_blind_to_masked_values),
-        cmocka_unit_test(copes_with_odd_tiles), cmocka_unit_test(scales_weights_to_the_noise),
-        cmocka_unit_test(takes_a_manual_level_and_refuses_nonsense)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(finds_level_and_noise),
+                                       cmocka_unit_test(is_blind_to_masked_values),
+                                       cmocka_unit_test(copes_with_odd_tiles),
+                                       cmocka_unit_test(scales_weights_to_the_noise),
+                                       cmocka_unit_test(takes_a_manual_level_and_refuses_nonsense),
+                                       cmocka_unit_test(meshes_are_seps)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

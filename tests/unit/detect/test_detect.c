@@ -1,5 +1,6 @@
 /* Detection: positions and shapes of known sources, masks, fragments, cleaning, limits. */
 #include "detect/filter.h"
+#include "detect/summits.h"
 #include "field.h"
 
 #include <sep.h>
@@ -225,6 +226,30 @@ static void finds_what_sep_finds(void **state)
     field_free(&f);
 }
 
+/* Two summits of one group, the lesser of which has a share of the group's flux above the saddle or not. */
+static void only_real_summits_split(void **state)
+{
+    (void)state;
+    for (int apart = 0; apart < 2; apart++) {
+        field f = field_new(W, H, 0.0, 1);
+        field_add(&f, 60.0, 60.0, 3.0, 3.0, 20000.0);
+        field_add(&f, 70.0, 60.0, 2.0, 2.0, apart ? 4000.0 : 40.0);
+        if (!apart)
+            f.pixels[60 * W + 73] *= 1.5f; /* a summit of one pixel */
+        const rx_threshold image = {.width = W, .height = H, .filtered = f.pixels, .limit = 1.0f};
+        rx_groups groups;
+        rx_summits work = {0};
+        int splits = -1;
+        assert_int_equal(rx_groups_find(&image, 2, &groups, NULL), RX_OK);
+        assert_int_equal(groups.n, 1);
+        assert_int_equal(rx_summits_split(&image, &groups, 0, 3, 0.005, &work, &splits, NULL), RX_OK);
+        assert_int_equal(splits, apart);
+        rx_summits_free(&work);
+        rx_groups_free(&groups);
+        field_free(&f);
+    }
+}
+
 static void noise_map_sets_the_threshold(void **state)
 {
     (void)state;
@@ -384,6 +409,7 @@ int main(void)
                                        cmocka_unit_test(limits_grow_and_the_tile_survives),
                                        cmocka_unit_test(threads_change_nothing),
                                        cmocka_unit_test(finds_what_sep_finds),
+                                       cmocka_unit_test(only_real_summits_split),
                                        cmocka_unit_test(noise_map_sets_the_threshold),
                                        cmocka_unit_test(filter_is_seps),
                                        cmocka_unit_test(noise_map_deblends_everywhere),
