@@ -104,7 +104,7 @@ static rx_status open_worker(worker *w, rx_real real, int channels, int side)
         status = rx_conv_load(w->conv, weight, bias, &w->error);
     }
     if (status == RX_OK)
-        status = rx_conv_run(w->conv, w->x, w->y, &w->error);
+        status = rx_conv_run(w->conv, w->x, NULL, w->y, &w->error);
     free(weight);
     free(bias);
     return status;
@@ -129,7 +129,7 @@ static double time_workers(worker *workers, int nthreads, int runs)
 #pragma omp single
         begun = rx_seconds();
         for (int i = 0; i < runs && w->status == RX_OK; i++)
-            w->status = rx_conv_run(w->conv, w->x, w->y, &w->error);
+            w->status = rx_conv_run(w->conv, w->x, NULL, w->y, &w->error);
     }
     return rx_seconds() - begun;
 }
