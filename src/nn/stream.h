@@ -10,7 +10,7 @@
  * on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more than
  * the thread that calls it.
  *
- * Memory: rx_stream_bytes(), 5 kB per pixel of width for a PSF-NET of width 8 in single precision. */
+ * Memory: rx_stream_bytes(), 10 kB per pixel of width for a PSF-NET of width 8 in single precision. */
 #ifndef RX_NN_STREAM_H
 #define RX_NN_STREAM_H
 
