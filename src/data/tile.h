@@ -50,7 +50,7 @@ typedef struct rx_tile {
     struct rx_wcs *wcs; /* NULL without usable celestial coordinates */
     int linear_wcs;     /* 1: header has only linear coordinates, then */
     double linear[6];   /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
-    char checksum[32];  /* hex digest of the pixels that are not masked (FNV-1a, 64 bits); empty until
+    char checksum[32];  /* hex digest of the pixels that are not masked (64 bits); empty until
                            rx_tile_checksum() of io/tile.h is asked for it */
 } rx_tile;
 

@@ -174,21 +174,26 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
 
 /* --- pixels --- */
 
-/* FNV-1a, 64 bits (Fowler, Noll, Vo), over the little-endian bytes; every masked pixel counts as NaN,
- * for its value must not reach any output. */
+/* FNV-1a, 64 bits (Fowler, Noll, Vo), taken pixel by pixel instead of byte by byte, every fourth pixel into
+ * the same of four sums, whose FNV-1a it is in the end: a processor works on the four at once. Every masked
+ * pixel counts as NaN, for its value must not reach any output. */
 const char *rx_tile_checksum(rx_tile *tile)
 {
+    enum { LANES = 4 };
+    const uint64_t start = UINT64_C(0xcbf29ce484222325), prime = UINT64_C(0x100000001b3);
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    uint64_t lane[LANES] = {start, start, start, start}, hash = start;
     if (tile->checksum[0] != '\0')
         return tile->checksum;
-    uint64_t hash = UINT64_C(0xcbf29ce484222325);
-    size_t n = (size_t)tile->width * (size_t)tile->height;
-    for (size_t i = 0; i < n; i++) {
-        uint32_t bits = UINT32_C(0x7fc00000);
-        if (tile->mask[i] == 0)
-            memcpy(&bits, &tile->pixels[i], sizeof bits);
-        for (int shift = 0; shift < 32; shift += 8)
-            hash = (hash ^ (bits >> shift & 0xff)) * UINT64_C(0x100000001b3);
-    }
+    for (size_t i = 0; i < n; i += LANES)
+        for (size_t k = 0; k < LANES && i + k < n; k++) {
+            uint32_t bits;
+            memcpy(&bits, &tile->pixels[i + k], sizeof bits);
+            bits = tile->mask[i + k] == 0 ? bits : UINT32_C(0x7fc00000);
+            lane[k] = (lane[k] ^ bits) * prime;
+        }
+    for (int k = 0; k < LANES; k++)
+        hash = (hash ^ lane[k]) * prime;
     snprintf(tile->checksum, sizeof tile->checksum, "%016" PRIx64, hash);
     return tile->checksum;
 }

@@ -9,6 +9,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "base/wide.h"
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
@@ -107,6 +108,17 @@ static float damp(float residual, float variance, float scale)
     return u3 * u3 * u3 * (10 - 9 * u);
 }
 
+/* dst = W (d - m) / m */
+RX_WIDE static void plain_residual(const float *restrict data, const float *restrict weight,
+                                   const float *restrict model, int n, float *restrict dst)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float m = model[i] > MODEL_FLOOR ? model[i] : MODEL_FLOOR;
+        dst[i] = weight[i] * ((data[i] - m) / m);
+    }
+}
+
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
@@ -121,11 +133,7 @@ void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
         }
         return;
     }
-#pragma omp simd
-    for (int i = 0; i < n; i++) {
-        const float m = model[i] > MODEL_FLOOR ? model[i] : MODEL_FLOOR;
-        dst[i] = weight[i] * ((data[i] - m) / m);
-    }
+    plain_residual(data, weight, model, n, dst);
 }
 
 static void read_residual(void *user, int y, int x, int n, float *line)
@@ -133,13 +141,10 @@ static void read_residual(void *user, int y, int x, int n, float *line)
     rx_rl_residual(user, y, x, n, line);
 }
 
-/* A piece of K^T of the residuals moves the object. */
-static void move_object(void *user, int y, int x, int n, const float *change)
+/* f moves by its change, where that is known. */
+RX_WIDE static void move(const float *restrict change, const float *restrict norm, float bound, int n,
+                         float *restrict f)
 {
-    const rx_rl *rl = user;
-    const size_t k = rx_blur_row(rl->blur, y) - (size_t)rl->blur->margin + (size_t)(x + rl->blur->margin);
-    const float *norm = rl->norm + k, bound = rl->bound;
-    float *f = rl->object + k;
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const float known = norm[i] > NORM_FLOOR ? 1 : 0;
@@ -147,6 +152,13 @@ static void move_object(void *user, int y, int x, int n, const float *change)
         const float next = f[i] * (1 + known * (change[i] / safe));
         f[i] = next > OBJECT_FLOOR ? (next < bound ? next : bound) : OBJECT_FLOOR;
     }
+}
+
+static void move_object(void *user, int y, int x, int n, const float *change)
+{
+    const rx_rl *rl = user;
+    const size_t k = rx_blur_row(rl->blur, y) - (size_t)rl->blur->margin + (size_t)(x + rl->blur->margin);
+    move(change, rl->norm + k, rl->bound, n, rl->object + k);
 }
 
 void rx_rl_update(rx_rl *rl)
