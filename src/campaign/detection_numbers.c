@@ -232,7 +232,7 @@ static rx_status measure_list(const rx_detection_results *r, int condition, int 
     long objects = 0;
     rx_status status = curve_of(r, condition, scene, scene, method, &objects, &pr, err);
     if (status == RX_OK)
-        status = rx_pr_interval(&pr, objects, LEVEL, (unsigned long)seed, dst++, err);
+        status = rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){seed, 1}, dst++, err);
     double first = -HUGE_VAL;
     for (int p = 0; p < r->nprecisions && status == RX_OK; p++) {
         const double cut = cut_of(&pr, r->precision[p]);

@@ -138,7 +138,7 @@ static rx_status measure_cell(const rx_photometry_field *field, int k, int run, 
     if (status == RX_OK)
         status = rx_pr_make(detections(field, k, k, run, s), s->value, s->mark, set->nstars, &dst->pr, err);
     if (status == RX_OK)
-        status = rx_pr_interval(&dst->pr, set->nstars, LEVEL, (unsigned long)seed, &dst->ap, err);
+        status = rx_pr_interval(&dst->pr, set->nstars, LEVEL, (rx_resampling){seed, 1}, &dst->ap, err);
     return status;
 }
 
@@ -166,9 +166,10 @@ static rx_status depth(const rx_photometry_field *field, int run, double score, 
             s->value[n++] = field->sets[k].mag;
         }
     rx_status status =
-        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (unsigned long)seed, mag50, err);
+        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (rx_resampling){seed, 1}, mag50, err);
     if (status == RX_OK)
-        status = rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (unsigned long)seed, mag90, err);
+        status =
+            rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (rx_resampling){seed, 1}, mag90, err);
     return status;
 }
 

@@ -377,7 +377,7 @@ static rx_status quality_options(const rx_config *cfg, rx_options *dst, rx_error
                              .mag_high = cfg->qa_mag_range.v[1],
                              .mag_step = cfg->qa_mag_range.v[2],
                              .figures = cfg->qa_figures,
-                             .seed = (unsigned long)cfg->seed};
+                             .by = {(uint64_t)cfg->seed, dst->nthreads}};
     if (cfg->qa_gates[0] == '\0')
         return RX_OK;
     rx_status status = rx_gates_read(cfg->qa_gates, &dst->gates, err);

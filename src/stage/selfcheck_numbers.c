@@ -70,7 +70,7 @@ rx_qa_params rx_selfcheck_qa(const rx_selfcheck_plan *plan)
                           .mag_high = plan->mag_high,
                           .mag_step = plan->mag_step,
                           .figures = plan->options.qa_figures,
-                          .seed = (unsigned long)plan->options.seed};
+                          .by = {plan->options.seed, plan->options.nthreads}};
 }
 
 /* Does a source of the untouched tile, a masked pixel or the border reach into the wide aperture? */
@@ -150,11 +150,11 @@ static rx_status biases(const rx_selfcheck_plan *plan, const rx_evaluation *e, r
     return status;
 }
 
-static rx_status measure_one(const rx_evaluation *e, rx_metric metric, unsigned long seed, rx_estimate *dst,
+static rx_status measure_one(const rx_evaluation *e, rx_metric metric, rx_resampling by, rx_estimate *dst,
                              rx_error *err)
 {
     rx_estimate all[RX_METRIC_COUNT];
-    rx_status status = rx_metrics_measure(e, 1, 0, 0, LEVEL, seed, metric, all, err);
+    rx_status status = rx_metrics_measure(e, 1, 0, 0, LEVEL, by, metric, all, err);
     if (status == RX_OK)
         *dst = all[metric];
     return status;
@@ -175,11 +175,11 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
         return status;
     check->injected = e.references;
     check->found = e.matched;
-    status = measure_one(&e, RX_METRIC_MAG50, par.seed, &check->mag50, err);
+    status = measure_one(&e, RX_METRIC_MAG50, par.by, &check->mag50, err);
     if (status == RX_OK)
-        status = measure_one(&e, RX_METRIC_MAG90, par.seed, &check->mag90, err);
+        status = measure_one(&e, RX_METRIC_MAG90, par.by, &check->mag90, err);
     if (status == RX_OK)
-        status = measure_one(&e, RX_METRIC_PRECISION, par.seed, &check->purity, err);
+        status = measure_one(&e, RX_METRIC_PRECISION, par.by, &check->purity, err);
     if (status == RX_OK)
         status = biases(plan, &e, check, err);
     rx_evaluation_free(&e);

@@ -2,6 +2,7 @@
 #include "validate/bootstrap.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +10,8 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/stats.h"
+
+enum { TOGETHER = 128 }; /* replicates between two looks at interrupts */
 
 void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint32_t *counts)
 {
@@ -22,19 +25,25 @@ void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint
     }
 }
 
-rx_status rx_bootstrap_interval(uint64_t seed, uint64_t stream, long n, rx_statistic statistic,
+rx_status rx_bootstrap_interval(rx_resampling by, uint64_t stream, long n, rx_statistic statistic,
                                 const void *data, double level, rx_estimate *estimate, rx_error *err)
 {
+    const int threads = by.nthreads < 1 ? 1 : by.nthreads;
     rx_status status = RX_OK;
     double replicate[RX_BOOTSTRAP_ROUNDS];
-    uint32_t *counts = RX_NEW(uint32_t, (size_t)n);
+    uint32_t *counts = RX_NEW(uint32_t, (size_t)n * (size_t)threads);
     if (counts == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *counts);
-    for (int round = 0; round < RX_BOOTSTRAP_ROUNDS; round++) {
-        if (round % 64 == 0 && (status = rx_interrupt_check(err)) != RX_OK)
+        return rx_error_memory(err, (size_t)n * (size_t)threads * sizeof *counts);
+    for (int begin = 0; begin < RX_BOOTSTRAP_ROUNDS; begin += TOGETHER) {
+        const int end = begin + TOGETHER < RX_BOOTSTRAP_ROUNDS ? begin + TOGETHER : RX_BOOTSTRAP_ROUNDS;
+        if ((status = rx_interrupt_check(err)) != RX_OK)
             goto exit;
-        rx_bootstrap_counts(seed, stream, round, n, counts);
-        replicate[round] = statistic(data, counts);
+#pragma omp parallel for schedule(static) num_threads(threads)
+        for (int round = begin; round < end; round++) {
+            uint32_t *own = counts + (size_t)omp_get_thread_num() * (size_t)n;
+            rx_bootstrap_counts(by.seed, stream, round, n, own);
+            replicate[round] = statistic(data, own);
+        }
     }
     rx_sort(replicate, RX_BOOTSTRAP_ROUNDS);
     /* outward to the nearest replicate: infinite ones must not be averaged */

@@ -19,8 +19,15 @@ void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint
 /* The statistic of one replicate; may be infinite, not NAN. */
 typedef double (*rx_statistic)(const void *data, const uint32_t *counts);
 
-/* low and high of `estimate` from the percentiles of RX_BOOTSTRAP_ROUNDS replicates over n units. */
-rx_status rx_bootstrap_interval(uint64_t seed, uint64_t stream, long n, rx_statistic statistic,
+/* What replicates are drawn from, and by how many threads; below 1 counts as 1. */
+typedef struct rx_resampling {
+    uint64_t seed;
+    int nthreads;
+} rx_resampling;
+
+/* low and high of `estimate` from the percentiles of RX_BOOTSTRAP_ROUNDS replicates over n units; `statistic`
+ * is called by any of the threads. */
+rx_status rx_bootstrap_interval(rx_resampling by, uint64_t stream, long n, rx_statistic statistic,
                                 const void *data, double level, rx_estimate *estimate, rx_error *err);
 
 #endif

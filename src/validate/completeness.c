@@ -125,7 +125,7 @@ static double resampled_mag(const void *data, const uint32_t *drawn)
 }
 
 rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const unsigned char *found,
-                          double share, double level, unsigned long seed, rx_estimate *dst, rx_error *err)
+                          double share, double level, rx_resampling by, rx_estimate *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     counts c = {.low = bins->edge[0], .width = (bins->edge[bins->n] - bins->edge[0]) / FINE};
@@ -149,7 +149,7 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
         goto exit;
     reference_data data = {
         .low = c.low, .width = c.width, .n = dst->n, .mag = inside, .found = hit, .share = share};
-    status = rx_bootstrap_interval(seed, 2, dst->n, resampled_mag, &data, level, dst, err);
+    status = rx_bootstrap_interval(by, 2, dst->n, resampled_mag, &data, level, dst, err);
     if (status == RX_OK)
         open_ends(dst);
 exit:

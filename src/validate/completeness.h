@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "validate/binomial.h"
+#include "validate/bootstrap.h"
 
 enum { RX_COMPLETENESS_MIN = 5, RX_MAX_BINS = 60 };
 
@@ -30,6 +31,6 @@ int rx_bins_index(const rx_bins *bins, double mag);
  * open there); below from its beginning, an upper limit. Bootstrap interval from RX_BOOTSTRAP_FEWEST
  * references on. Errors: RX_SYSTEM. */
 rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const unsigned char *found,
-                          double share, double level, unsigned long seed, rx_estimate *dst, rx_error *err);
+                          double share, double level, rx_resampling by, rx_estimate *dst, rx_error *err);
 
 #endif

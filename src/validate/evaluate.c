@@ -290,7 +290,7 @@ static rx_status find_offset(rx_evaluation *e, rx_error *err)
     return RX_OK;
 }
 
-static rx_status find_curve(rx_evaluation *e, unsigned long seed, rx_error *err)
+static rx_status find_curve(rx_evaluation *e, rx_resampling by, rx_error *err)
 {
     const rx_qa_list *list = &e->run->list;
     rx_status status = RX_OK;
@@ -309,7 +309,7 @@ static rx_status find_curve(rx_evaluation *e, unsigned long seed, rx_error *err)
     }
     status = rx_pr_make(n, score, matched, e->references, &e->pr, err);
     if (status == RX_OK)
-        status = rx_pr_interval(&e->pr, e->references, e->level, seed, &e->pr.ap, err);
+        status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
 exit:
     free(score);
     free(matched);
@@ -329,7 +329,7 @@ rx_status rx_evaluate(const rx_qa_params *par, const rx_qa_input *input, int run
         status = find_offset(dst, err);
     }
     if (status == RX_OK)
-        status = find_curve(dst, par->seed, err);
+        status = find_curve(dst, par->by, err);
     if (status != RX_OK)
         rx_evaluation_free(dst);
     return status;

@@ -160,8 +160,8 @@ rx_status rx_paired_bootstrap(long n, const double *a, const double *b, double l
         return status;
     *dst = (rx_estimate){moments_of(n, a, b).mean, -INFINITY, INFINITY, n};
     if (n >= RX_BOOTSTRAP_FEWEST)
-        status =
-            rx_bootstrap_interval(seed, stream, n, resampled_mean, &(pairs){n, difference}, level, dst, err);
+        status = rx_bootstrap_interval((rx_resampling){seed, 1}, stream, n, resampled_mean,
+                                       &(pairs){n, difference}, level, dst, err);
     free(difference);
     return status;
 }

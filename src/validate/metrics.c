@@ -30,7 +30,7 @@ typedef struct range {
     const rx_evaluation *e;
     int whole;
     double low, high, level;
-    unsigned long seed;
+    rx_resampling by;
     rx_metric only;
     double *scratch; /* [run.n] */
 } range;
@@ -130,7 +130,7 @@ static rx_status measure_magerr(const range *r, double factor, rx_estimate *dst,
     dst->value = sum / (double)n;
     if (n < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
-    return rx_bootstrap_interval(r->seed, 3, n, resampled_mean, &(sample){n, r->scratch}, r->level, dst, err);
+    return rx_bootstrap_interval(r->by, 3, n, resampled_mean, &(sample){n, r->scratch}, r->level, dst, err);
 }
 
 /* Counted references with their magnitude and whether they are found. */
@@ -152,9 +152,9 @@ static rx_status measure_depth(const range *r, rx_estimate *out, rx_error *err)
         found[n++] = e->truth_role[i] == RX_ROLE_MATCHED;
     }
     if (wanted(r, RX_METRIC_MAG50))
-        status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->seed, &out[RX_METRIC_MAG50], err);
+        status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->by, &out[RX_METRIC_MAG50], err);
     if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
-        status = rx_completeness(&e->bins, n, mag, found, 0.9, r->level, r->seed, &out[RX_METRIC_MAG90], err);
+        status = rx_completeness(&e->bins, n, mag, found, 0.9, r->level, r->by, &out[RX_METRIC_MAG90], err);
 exit:
     free(mag);
     free(found);
@@ -179,16 +179,16 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
             r->scratch[n++] = e->dmag[j];
     rx_robust_estimates(r->scratch, n, r->level, &out[RX_METRIC_ZP_OFFSET], &sigma);
     if (wanted(r, RX_METRIC_AP))
-        status = rx_pr_interval(&e->pr, e->references, r->level, r->seed, &out[RX_METRIC_AP], err);
+        status = rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err);
     return status;
 }
 
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, unsigned long seed, rx_metric only, rx_estimate *estimate,
+                             double level, rx_resampling by, rx_metric only, rx_estimate *estimate,
                              rx_error *err)
 {
     rx_status status = RX_OK;
-    range r = {evaluation, whole, low, high, level, seed, only, NULL};
+    range r = {evaluation, whole, low, high, level, by, only, NULL};
     r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
     if (r.scratch == NULL)
         return rx_error_memory(err, 0);

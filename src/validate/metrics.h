@@ -6,6 +6,7 @@
 #ifndef RX_VALIDATE_METRICS_H
 #define RX_VALIDATE_METRICS_H
 
+#include "validate/bootstrap.h"
 #include "validate/evaluate.h"
 
 /* METRIC(id, name, unit, whole, help): `whole` metrics exist for "all" only. Precision goes by measured
@@ -50,7 +51,7 @@ int rx_metric_find(const char *name); /* -1 unknown; case ignored */
  * `only` one of them, or all with RX_METRIC_COUNT (bootstraps cost time). estimate[RX_METRIC_COUNT]; what was
  * not asked or does not exist there has value NAN, n 0. */
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, unsigned long seed, rx_metric only, rx_estimate *estimate,
+                             double level, rx_resampling by, rx_metric only, rx_estimate *estimate,
                              rx_error *err);
 
 #endif

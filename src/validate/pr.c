@@ -91,7 +91,7 @@ static double resampled_ap(const void *data, const uint32_t *counts)
     return matched + missed > 0 ? sum / (matched + missed) : 0;
 }
 
-rx_status rx_pr_interval(const rx_pr *pr, long references, double level, unsigned long seed, rx_estimate *dst,
+rx_status rx_pr_interval(const rx_pr *pr, long references, double level, rx_resampling by, rx_estimate *dst,
                          rx_error *err)
 {
     ap_data data = {.pr = pr};
@@ -103,6 +103,5 @@ rx_status rx_pr_interval(const rx_pr *pr, long references, double level, unsigne
     dst->high = 1;
     if (references < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
-    return rx_bootstrap_interval(seed, 1, data.detections + data.missed, resampled_ap, &data, level, dst,
-                                 err);
+    return rx_bootstrap_interval(by, 1, data.detections + data.missed, resampled_ap, &data, level, dst, err);
 }

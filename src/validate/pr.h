@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "validate/binomial.h"
+#include "validate/bootstrap.h"
 
 typedef struct rx_pr_point {
     double score, recall, precision;
@@ -28,7 +29,7 @@ rx_status rx_pr_make(long n, const double *score, const unsigned char *matched, 
 void rx_pr_free(rx_pr *pr); /* content only */
 
 /* Bootstrap interval of AP over matched pairs, false detections and missed references. */
-rx_status rx_pr_interval(const rx_pr *pr, long references, double level, unsigned long seed, rx_estimate *dst,
+rx_status rx_pr_interval(const rx_pr *pr, long references, double level, rx_resampling by, rx_estimate *dst,
                          rx_error *err);
 
 #endif

@@ -51,15 +51,15 @@ static void name_stems(rx_report *r)
 
 static rx_status measure_run(rx_report *r, int run, rx_error *err)
 {
-    const unsigned long seed = r->par->seed;
+    const rx_resampling by = r->par->by;
     rx_evaluation *e = &r->evaluation[run];
     rx_status status = rx_evaluate(r->par, r->input, run, &r->bins, r->level, e, err);
     if (status == RX_OK)
-        status = rx_metrics_measure(e, 1, 0, 0, r->level, seed, RX_METRIC_COUNT,
+        status = rx_metrics_measure(e, 1, 0, 0, r->level, by, RX_METRIC_COUNT,
                                     &r->whole[(size_t)run * RX_METRIC_COUNT], err);
     for (int b = 0; b < r->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(e, 0, r->bins.edge[b], r->bins.edge[b + 1], r->level, seed,
-                                    RX_METRIC_COUNT, bin_estimates(r, run, b), err);
+        status = rx_metrics_measure(e, 0, r->bins.edge[b], r->bins.edge[b + 1], r->level, by, RX_METRIC_COUNT,
+                                    bin_estimates(r, run, b), err);
     return status;
 }
 
@@ -88,7 +88,7 @@ static rx_status judge_gate(rx_report *r, const rx_gate *gate, rx_error *err)
         if (strcmp(gate->run, "*") != 0 && strcasecmp(gate->run, r->input->runs[run].name) != 0)
             continue;
         status = rx_metrics_measure(&r->evaluation[run], gate->whole, gate->low, gate->high, gate->level,
-                                    r->par->seed, gate->metric, estimates, err);
+                                    r->par->by, gate->metric, estimates, err);
         if (status != RX_OK)
             return status;
         rx_gate_result *result = &r->result[r->nresults++];

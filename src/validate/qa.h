@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "validate/bootstrap.h"
 
 /* What is compared: plain arrays, made by the stage from tables and source lists. Positions or magnitudes
  * that are unknown are NAN; magnitudes of 90 and fainter count as unknown (SExtractor writes 99). A reference
@@ -69,7 +70,7 @@ typedef struct rx_qa_params {
     int figures;                        /* 0: no gnuplot */
     const rx_gates *gates;              /* or NULL */
     const char *gnuplot;                /* program, NULL = "gnuplot" */
-    unsigned long seed;                 /* bootstrap */
+    rx_resampling by;                   /* bootstrap */
 } rx_qa_params;
 
 typedef struct rx_qa_input {

@@ -157,7 +157,7 @@ static void settings(rx_json *json, const rx_report *r)
                    "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and "
                    "completeness magnitudes: "
                    "bootstrap; null: not bounded or not known");
-    rx_json_count(json, "seed", r->par->seed);
+    rx_json_count(json, "seed", r->par->by.seed);
 }
 
 void rx_report_json(rx_text *dst, const rx_report *r)

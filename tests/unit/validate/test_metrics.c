@@ -37,7 +37,7 @@ static void make_input(rx_qa_input *input, rx_qa_run *run, unsigned char *mask)
 }
 
 static const rx_qa_params params = {
-    .match_radius = 1, .mag_low = 18, .mag_high = 21, .mag_step = 1, .seed = 1};
+    .match_radius = 1, .mag_low = 18, .mag_high = 21, .mag_step = 1, .by = {1, 2}};
 
 static void evaluate(const rx_qa_params *par, const rx_qa_input *input, rx_evaluation *e)
 {
@@ -81,7 +81,8 @@ static void shares_and_differences(void **state)
     (void)state;
     make_input(&input, &run, mask);
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
     assert_near(m[RX_METRIC_RECALL].value, 2.0 / 3.0, 1e-15);
     assert_int_equal(m[RX_METRIC_RECALL].n, 3);
     assert_near(m[RX_METRIC_PRECISION].value, 2.0 / 3.0, 1e-15);
@@ -98,12 +99,14 @@ static void shares_and_differences(void **state)
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.1, 1e-12); /* the second is too uncertain to count */
     assert_int_equal(m[RX_METRIC_ZP_OFFSET].n, 1);
     assert_true(isinf(m[RX_METRIC_BIAS_MAG].high));
-    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
     assert_int_equal(m[RX_METRIC_RECALL].n, 1);
     assert_int_equal(m[RX_METRIC_PRECISION].n, 2); /* 18.1 and 18.9 as measured */
     assert_near(m[RX_METRIC_BIAS_MAG].value, 0.1, 1e-12);
     assert_int_equal(m[RX_METRIC_AP].n, 0); /* exists for all only */
-    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
     assert_near(m[RX_METRIC_PRECISION].value, 0, 0);
     assert_near(m[RX_METRIC_RECALL].value, 1, 0);
     rx_evaluation_free(&e);
@@ -159,9 +162,11 @@ static void one_metric_alone(void **state)
     (void)state;
     make_input(&input, &run, mask);
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, 1, RX_METRIC_COUNT, all, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, RX_METRIC_COUNT, all, NULL),
+                     RX_OK);
     for (int k = 0; k < RX_METRIC_COUNT; k++) {
-        assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, 1, (rx_metric)k, one, NULL), RX_OK);
+        assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, (rx_metric)k, one, NULL),
+                         RX_OK);
         for (int i = 0; i < RX_METRIC_COUNT; i++)
             if (i == k)
                 assert_memory_equal(&one[i], &all[i], sizeof one[i]);
@@ -220,7 +225,8 @@ static void zero_point_is_told_not_hidden(void **state)
     input.nruns = 1;
     input.runs = &run;
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, 1, RX_METRIC_COUNT, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.2, 1e-9);
     assert_near(m[RX_METRIC_MAGERR].value, 100 * (1 - pow(10, -0.08)), 1e-9);
     assert_near(m[RX_METRIC_MAGERR_SHIFTED].value, 0, 1e-9);

@@ -13,6 +13,8 @@
 #include "validate/bootstrap.h"
 #include "validate/pr.h"
 
+#define BY ((rx_resampling){5, 2})
+
 static void by_hand_with_ties(void **state)
 {
     /* in no order; 9 references; thresholds and sums worked out by hand */
@@ -77,15 +79,15 @@ static void interval(void **state)
         matched[i] = rx_random_uniform(3, 1, (uint64_t)i) < 0.3 + 0.6 * score[i];
     }
     assert_int_equal(rx_pr_make(N, score, matched, REFERENCES, &pr, NULL), RX_OK);
-    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.95, 5, &first, NULL), RX_OK);
-    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.95, 5, &second, NULL), RX_OK);
-    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.6, 5, &narrow, NULL), RX_OK);
+    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.95, BY, &first, NULL), RX_OK);
+    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.95, BY, &second, NULL), RX_OK);
+    assert_int_equal(rx_pr_interval(&pr, REFERENCES, 0.6, BY, &narrow, NULL), RX_OK);
     assert_memory_equal(&first, &second, sizeof first);
     assert_true(first.low < first.value && first.value < first.high);
     assert_true(first.low < narrow.low && narrow.high < first.high);
     assert_true(first.high - first.low > 0.04 && first.high - first.low < 0.2);
     /* too few references to resample: no bound at all */
-    assert_int_equal(rx_pr_interval(&pr, RX_BOOTSTRAP_FEWEST - 1, 0.95, 5, &narrow, NULL), RX_OK);
+    assert_int_equal(rx_pr_interval(&pr, RX_BOOTSTRAP_FEWEST - 1, 0.95, BY, &narrow, NULL), RX_OK);
     assert_near(narrow.low, 0, 0);
     assert_near(narrow.high, 1, 0);
     rx_pr_free(&pr);
@@ -116,7 +118,8 @@ static void bootstrap_of_a_mean(void **state)
     for (int i = 0; i < 500; i++)
         sum += counts[i];
     assert_int_equal(sum, 500);
-    assert_int_equal(rx_bootstrap_interval(9, 1, 500, weighted_mean, values, 0.95, &e, NULL), RX_OK);
+    assert_int_equal(
+        rx_bootstrap_interval((rx_resampling){9, 2}, 1, 500, weighted_mean, values, 0.95, &e, NULL), RX_OK);
     double half = 1.96 * sqrt((square - mean * mean) / 500);
     assert_near(e.low, mean - half, 0.15 * half);
     assert_near(e.high, mean + half, 0.15 * half);
