@@ -259,7 +259,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     const int high = height > LARGE_TILE ? domain : domain / 2, shift_y = shift > 0 ? shift + unit : 0;
     n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
     n.domains = rx_blocks_make(width, height, domain, high, unit, shift, shift_y);
-    n.clock = rx_seconds();
+    const double begun = n.clock = rx_seconds();
     *dst = NULL;
     rx_status status = new_restored(&n, reblurred, &n.restored, err);
     if (status == RX_OK) {
@@ -274,6 +274,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
         rx_restored_free(n.restored);
         return status;
     }
+    n.restored->seconds = rx_seconds() - begun;
     if (measured)
         rx_network_report(&n.forward, &n.times, n.log);
     *dst = n.restored;
@@ -320,7 +321,6 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
 rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                          const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
 {
-    const double begun = rx_seconds();
     rx_restored *restored = NULL;
     *dst = NULL;
     rx_status status = check_input(par, psf, err);
@@ -335,16 +335,18 @@ rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, cons
                           .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     rx_log_progress_begin(log);
     status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, par->keep_reblurred, &restored, err);
-    if (status == RX_OK && par->verify_seams)
+    if (status == RX_OK && par->verify_seams) {
+        const double begun = rx_seconds();
         status = verify_seams(&plan, restored, err);
+        restored->seconds += rx_seconds() - begun;
+    }
     rx_log_progress_end(log);
     if (status != RX_OK) {
         rx_restored_free(restored);
         return status;
     }
     describe(&plan, restored);
-    restored->seconds = rx_seconds() - begun;
-    rx_log_detail(log, "NET: %s, reduced chi2 %.3f, %.2f s", restored->settings, restored->chi2,
+    rx_log_detail(log, "NET: %s, reduced chi2 %.3f, %.3f s", restored->settings, restored->chi2,
                   restored->seconds);
     *dst = restored;
     return RX_OK;

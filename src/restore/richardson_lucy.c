@@ -325,7 +325,7 @@ exit:
         rx_restored_free(restored);
         return status;
     }
-    rx_log_detail(log, "%s: %d iterations, reduced chi2 %.3f, %.2f s", name, restored->iterations,
+    rx_log_detail(log, "%s: %d iterations, reduced chi2 %.3f, %.3f s", name, restored->iterations,
                   restored->chi2, restored->seconds);
     *dst = restored;
     return RX_OK;
