@@ -4,6 +4,7 @@
 #define RX_DETECT_CUTOUTS_H
 
 #include "base/error.h"
+#include "detect/filter.h"
 #include "detect/groups.h"
 
 /* Where the corner (xmin, ymin) of a group is. */
@@ -14,6 +15,7 @@ typedef struct rx_cutout {
 typedef struct rx_cutouts {
     int width, height;
     float *pixels; /* [height][width]: 0 but for the groups' pixels */
+    int ring;      /* pixels around a group that are its own */
     float *noise; /* NULL where the image has one threshold. Of a group's pixels theirs; around them such that
                      the threshold is the lowest of the group (more by rounding): sep reads the threshold from
                      which it deblends there, as SExtractor takes it */
@@ -22,11 +24,23 @@ typedef struct rx_cutouts {
     int *shelf;      /* [height] first of the shelf at that row */
 } rx_cutouts;
 
+/* The image before the filter, for sep to filter it itself: of blends it looks at both, and shares the pixels
+ * between the parts out by what the unfiltered ones say of their shapes. */
+typedef struct rx_unfiltered {
+    const float *pixels; /* [height][width], hidden ones 0 */
+    const rx_filter *kernel;
+    double threshold;  /* sigmas */
+    float noise_value; /* of a pixel where no plane says it */
+} rx_unfiltered;
+
 /* Pack n groups; each has a pixel of sky around it, but one alone that touches the tile's border. relative:
- * thresholds are limit * sigma of a pixel; else sigma is only handed on. Free with rx_cutouts_free(), also
+ * thresholds are limit * sigma of a pixel; else sigma is only handed on. With `unfiltered` (else NULL) the
+ * pixels are those, and all that lies around that the filter asks for; noise then keeps everything but the
+ * groups below the threshold. Free with rx_cutouts_free(), also
  * after an error. Errors: RX_SYSTEM. */
 rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const rx_groups *groups,
-                          const int *wanted, int n, rx_cutouts *dst, rx_error *err);
+                          const rx_unfiltered *unfiltered, const int *wanted, int n, rx_cutouts *dst,
+                          rx_error *err);
 void rx_cutouts_free(rx_cutouts *cutouts);
 
 /* The cutout that pixel (x, y) of the packed image is in. */

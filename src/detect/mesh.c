@@ -114,11 +114,13 @@ static double find_median(const workspace *work, int low, int high)
     return from - 1 + 0.5 + (double)(all - 2 * below) / (2.0 * (here > before ? here : before));
 }
 
-/* Level and sigma from the histogram of `levels` levels. */
-static void settle(const workspace *work, int levels, float zero, float scale, float *level, float *sigma)
+/* Level and sigma from the histogram of `levels` levels. A mesh of one pixel has one level and no round: its
+ * mean, meant in levels, is then that of the pixels, in SExtractor as in sep. */
+static void settle(const workspace *work, int levels, float zero, float scale, float mean_of_pixels,
+                   float *level, float *sigma)
 {
     int low = 0, high = levels - 1;
-    double spread = 10.0 * high, last = 1.0, mean = 0.0, median = 0.0;
+    double spread = 10.0 * high, last = 1.0, mean = mean_of_pixels, median = mean_of_pixels;
     for (int round = 0; round < MAX_ROUNDS && spread >= LEAST_SIGMA && fabs(spread / last - 1.0) > SETTLED;
          round++) {
         last = spread;
@@ -157,7 +159,7 @@ static void measure_mesh(workspace *work, int n, int area, float *level, float *
     const float scale = kept.sigma > 0.0 ? (float)(2.0 * REACH * kept.sigma / levels) : 1.0f;
     const float zero = (float)(kept.mean - REACH * kept.sigma);
     fill_histogram(work, n, levels, zero, scale);
-    settle(work, levels, zero, scale, level, sigma);
+    settle(work, levels, zero, scale, (float)kept.mean, level, sigma);
 }
 
 /* The good values of a mesh, row by row; *area: all of its pixels. */

@@ -114,7 +114,7 @@ static void move(rx_detection *d, int dx, int dy)
 
 /* What the pixels before the filter say, the lowest threshold among them, and whether they end at a border.
  */
-static void look_at_pixels(const rx_extraction *job, bool matched, rx_detection *d)
+static void look_at_pixels(const rx_extraction *job, bool matched, bool fenced, rx_detection *d)
 {
     const rx_threshold *image = &job->image;
     double flux = 0.0;
@@ -130,7 +130,7 @@ static void look_at_pixels(const rx_extraction *job, bool matched, rx_detection 
     }
     d->flux = (float)flux;
     d->peak = peak;
-    if (image->sigma != NULL && !matched)
+    if ((image->sigma != NULL || fenced) && !matched)
         d->threshold = lowest;
     const bool high = d->xmax == image->width - 1 || d->ymax == image->height - 1;
     const bool whole =
@@ -168,7 +168,7 @@ static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_
         }
         d->pixels = dst->pixels + used;
         used += (size_t)d->npix;
-        look_at_pixels(job, cutouts == NULL, d);
+        look_at_pixels(job, cutouts == NULL, cutouts != NULL && cutouts->ring > 1, d);
     }
     return true;
 }
@@ -178,6 +178,7 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
                     int levels, part *dst)
 {
     const bool whole = cutouts == NULL; /* with sep's own matched filter */
+    const bool filters = whole || cutouts->ring > 1;
     sep_catalog *cat = NULL;
     sep_image image = {.data = whole ? job->pixels : cutouts->pixels,
                        .noise = whole ? job->noise : cutouts->noise,
@@ -190,7 +191,7 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
                        .gain = job->gain};
     dst->failed = sep_extract(&image, (float)(job->threshold * job->raised),
                               par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area,
-                              whole ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
+                              filters ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
                               whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
                               levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
     if (dst->failed == 0 && !take(job, cutouts, cat, dst))
@@ -198,14 +199,27 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
     sep_catalog_free(cat);
 }
 
+/* Does sep filter this blend itself? Not with absolute thresholds, which know no noise to keep others out by,
+ * and not at the right and the upper border, where sep would read noise beyond it: such a blend stands alone
+ * in its batch, and has its shapes from the filtered pixels. */
+static bool asks_for_filter(const rx_detect_params *par, const rx_extraction *job, int group)
+{
+    const rx_group *g = &job->groups->list[group];
+    const bool high = g->xmax == job->image.width - 1 || g->ymax == job->image.height - 1;
+    return !par->absolute && job->kernel->width * job->kernel->height > 1 &&
+           (job->image.sigma != NULL || !high);
+}
+
 static void extract_batch(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
                           int which, int levels, part *dst)
 {
     const rx_batch *batch = &batches->list[which];
     rx_cutouts cutouts = {0};
+    const rx_unfiltered unfiltered = {job->pixels, job->kernel, job->threshold, (float)job->noise_value};
+    const bool filters = batch->blended && asks_for_filter(par, job, batches->members[batch->first]);
     *dst = (part){0};
-    if (rx_cutouts_make(&job->image, job->noise, job->groups, batches->members + batch->first, batch->n,
-                        &cutouts, NULL) == RX_OK)
+    if (rx_cutouts_make(&job->image, job->noise, job->groups, filters ? &unfiltered : NULL,
+                        batches->members + batch->first, batch->n, &cutouts, NULL) == RX_OK)
         extract(par, job, &cutouts, batch->blended ? levels : 1, dst);
     else
         dst->failed = SEP_STATUS_MEMORY;

@@ -130,13 +130,12 @@ static void takes_a_manual_level_and_refuses_nonsense(void **state)
 
 /* The grid, its filter, the meshes under the mask and the maps are sep's to the bit, for any number of
  * threads. */
-static void meshes_are_seps(void **state)
+static void check_meshes(int width, int height)
 {
-    (void)state;
-    field f = field_new(W, H, 3.0, 21);
+    field f = field_new(width, height, 3.0, 21);
     field_crowd(&f, 60, 900.0, 22);
     for (size_t i = 0; i < f.n; i++) {
-        const size_t x = i % W, y = i / W;
+        const size_t x = i % (size_t)width, y = i / (size_t)width;
         f.mask[i] = (x > 40 && x < 110 && y > 30 && y < 100) || i % 17 == 0;
         if (f.mask[i] != 0)
             f.pixels[i] = 0.0f;
@@ -145,8 +144,8 @@ static void meshes_are_seps(void **state)
                        .mask = f.mask,
                        .dtype = SEP_TFLOAT,
                        .mdtype = SEP_TBYTE,
-                       .w = W,
-                       .h = H,
+                       .w = width,
+                       .h = height,
                        .noise_type = SEP_NOISE_NONE};
     sep_bkg *expected = NULL;
     float *level = RX_NEW(float, f.n);
@@ -158,7 +157,8 @@ static void meshes_are_seps(void **state)
         rx_background *back = NULL;
         size_t good = 0;
         par.nthreads = nthreads;
-        assert_int_equal(rx_mesh_measure(&par, W, H, f.pixels, f.mask, 1, &mesh, &good, NULL), RX_OK);
+        assert_int_equal(rx_mesh_measure(&par, width, height, f.pixels, f.mask, 1, &mesh, &good, NULL),
+                         RX_OK);
         assert_int_equal(mesh->n, expected->n);
         assert_true(good > f.n / 2 && good < f.n);
         const size_t size = (size_t)mesh->n * sizeof(float);
@@ -167,8 +167,9 @@ static void meshes_are_seps(void **state)
         assert_memory_equal(mesh->dback, expected->dback, size);
         assert_memory_equal(mesh->dsigma, expected->dsigma, size);
         assert_true(mesh->global == expected->global && mesh->globalrms == expected->globalrms);
-        assert_int_equal(
-            rx_background_measure(&par, W, H, f.pixels, f.mask, 1, NULL, RX_WEIGHT_NONE, &back, NULL), RX_OK);
+        assert_int_equal(rx_background_measure(&par, width, height, f.pixels, f.mask, 1, NULL, RX_WEIGHT_NONE,
+                                               &back, NULL),
+                         RX_OK);
         assert_memory_equal(back->level, level, f.n * sizeof *level);
         rx_background_free(back);
         rx_mesh_free(mesh);
@@ -176,6 +177,13 @@ static void meshes_are_seps(void **state)
     sep_bkg_free(expected);
     free(level);
     field_free(&f);
+}
+
+static void meshes_are_seps(void **state)
+{
+    (void)state;
+    check_meshes(W, H);
+    check_meshes(161, 129); /* meshes of one column, of one row, and of one pixel, which is not masked */
 }
 
 int main(void)
