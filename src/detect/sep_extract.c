@@ -26,8 +26,10 @@ typedef struct part {
     int n;
     rx_detection *list;
     int *pixels;
-    int failed; /* status of sep */
+    int failed; /* status of sep, or NO_MEMORY of our own, which coarser deblending does not cure */
 } part;
+
+enum { NO_MEMORY = -1 };
 
 /* The limits of one run and how far they may go. */
 typedef struct limits {
@@ -195,7 +197,7 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
                               whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
                               levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
     if (dst->failed == 0 && !take(job, cutouts, cat, dst))
-        dst->failed = SEP_STATUS_MEMORY;
+        dst->failed = NO_MEMORY;
     sep_catalog_free(cat);
 }
 
@@ -222,7 +224,7 @@ static void extract_batch(const rx_detect_params *par, const rx_extraction *job,
                         batches->members + batch->first, batch->n, &cutouts, NULL) == RX_OK)
         extract(par, job, &cutouts, batch->blended ? levels : 1, dst);
     else
-        dst->failed = SEP_STATUS_MEMORY;
+        dst->failed = NO_MEMORY;
     rx_cutouts_free(&cutouts);
 }
 
@@ -354,6 +356,10 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     if (status != RX_OK)
         goto exit;
     failed = extract_alone(par, job, &batches, &limit, parts);
+    if (failed == NO_MEMORY) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
     if (failed != 0) {
         char text[61] = "";
         sep_get_errmsg(failed, text);

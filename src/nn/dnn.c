@@ -405,8 +405,10 @@ static size_t plane_bytes(const layout *l)
     return dnnl_memory_desc_get_size(VIEW(*l));
 }
 
-static rx_status conv_make(rx_conv *c, rx_error *err)
+/* *lacks: the library does not make it. */
+static rx_status conv_make(rx_conv *c, int *lacks, rx_error *err)
 {
+    *lacks = 0;
     c->plain_data = RX_NEW(float, weights_of(c));
     c->bias_data = RX_NEW(float, (size_t)c->out);
     c->dbias_data = RX_NEW(float, (size_t)c->out);
@@ -415,6 +417,7 @@ static rx_status conv_make(rx_conv *c, rx_error *err)
     dnnl_status_t bad = make_layouts(c);
     bad = bad ? bad : dnnl_memory_create(&c->plain, VIEW(c->user), c->dnn->engine, c->plain_data);
     bad = bad ? bad : make_jobs(c);
+    *lacks = bad && bad != dnnl_out_of_memory;
     if (bad)
         return refuse(err, bad, "make", &c->shape);
     size_t most = c->run.scratch_bytes;
@@ -428,8 +431,10 @@ static rx_status conv_make(rx_conv *c, rx_error *err)
     return status;
 }
 
-static rx_status conv_new(rx_dnn *dnn, const rx_conv_shape *shape, int winograd, rx_conv **dst, rx_error *err)
+static rx_status conv_new(rx_dnn *dnn, const rx_conv_shape *shape, int winograd, rx_conv **dst, int *lacks,
+                          rx_error *err)
 {
+    *lacks = 0;
     rx_conv *c = *dst = RX_NEW(rx_conv, 1);
     if (c == NULL)
         return rx_error_memory(err, sizeof *c);
@@ -442,7 +447,7 @@ static rx_status conv_new(rx_dnn *dnn, const rx_conv_shape *shape, int winograd,
      * fill no vector (oneDNN's issue 6035): a 2x2 kernel with three zeros does the same. */
     c->kernel = shape->kernel == 1 && shape->stride == 2 ? 2 : shape->kernel;
     int before = alone_begin();
-    rx_status status = conv_make(c, err);
+    rx_status status = conv_make(c, lacks, err);
     if (status) {
         rx_conv_free(c);
         *dst = NULL;
@@ -460,10 +465,16 @@ static int for_winograd(const rx_conv_shape *s)
 
 rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err)
 {
-    /* without an error: not every processor and version of the library has it */
-    if (for_winograd(shape) && conv_new(dnn, shape, 1, dst, NULL) == RX_OK)
-        return RX_OK;
-    return conv_new(dnn, shape, 0, dst, err);
+    int lacks = 1; /* not every processor and version of the library has it */
+    rx_status status = RX_OK;
+    rx_error why = RX_ERROR_NONE;
+    if (for_winograd(shape))
+        status = conv_new(dnn, shape, 1, dst, &lacks, &why);
+    if (lacks)
+        return conv_new(dnn, shape, 0, dst, &lacks, err);
+    if (status != RX_OK && err != NULL)
+        *err = why;
+    return status;
 }
 
 static void job_free(job *j)
