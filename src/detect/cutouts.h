@@ -14,7 +14,7 @@ typedef struct rx_cutout {
 
 typedef struct rx_cutouts {
     int width, height;
-    float *pixels; /* [height][width]: 0 but for the groups' pixels */
+    float *pixels; /* [height][width]: 0 but for the groups' pixels, or (unfiltered) their boxes */
     int ring;      /* pixels around a group that are its own */
     float *noise; /* NULL where the image has one threshold. Of a group's pixels theirs; around them such that
                      the threshold is the lowest of the group (more by rounding): sep reads the threshold from
