@@ -195,37 +195,42 @@ static int find_cell(const rx_model_bin *bins, int n, int stride, int axis, doub
     return value <= (axis == 0 ? end->fwhm : end->sigma)[1] ? n - 1 : n;
 }
 
-static void say_outside(rx_text *dst, const char *what, const char *unit, double value, int below,
+/* Adds to the text of `size` bytes in dst, as far as there is room; no memory is asked for. */
+static void say_outside(char *dst, size_t size, const char *what, const char *unit, double value, int below,
                         double limit)
 {
-    rx_text_printf(dst, "%s%s ", dst->length > 0 ? ", " : "", what);
+    const size_t length = strlen(dst);
+    char *end = dst + length;
+    const char *comma = length > 0 ? ", " : "";
     if (isnan(value))
-        rx_text_add(dst, "is not known");
+        snprintf(end, size - length, "%s%s is not known", comma, what);
     else
-        rx_text_printf(dst, fabs(value - limit) < 0.005 ? "%.8g%s is %s %.4g" : "%.2f%s is %s %.4g", value,
-                       unit, below ? "below" : "above", limit);
+        snprintf(end, size - length,
+                 fabs(value - limit) < 0.005 ? "%s%s %.8g%s is %s %.4g" : "%s%s %.2f%s is %s %.4g", comma,
+                 what, value, unit, below ? "below" : "above", limit);
 }
 
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
                                   size_t size)
 {
-    rx_text why = {0};
-    const rx_model_bin *found = NULL, *bins = model->bins;
-    if (bins == NULL) {
-        rx_text_add(&why, "the model has no dictionary");
-    } else {
-        const rx_model_bin *last = &bins[(long)model->nsigma * model->nfwhm - 1];
-        int i = find_cell(bins, model->nfwhm, 1, 0, fwhm),
-            k = find_cell(bins, model->nsigma, model->nfwhm, 1, sigma);
-        if (i < 0 || i == model->nfwhm)
-            say_outside(&why, "FWHM", " pixels", fwhm, i < 0, i < 0 ? bins[0].fwhm[0] : last->fwhm[1]);
-        if (k < 0 || k == model->nsigma)
-            say_outside(&why, "noise", "", sigma, k < 0, k < 0 ? bins[0].sigma[0] : last->sigma[1]);
-        if (why.length == 0)
-            found = &bins[(long)k * model->nfwhm + i];
+    char nowhere[1];
+    if (outside == NULL || size == 0) {
+        outside = nowhere;
+        size = sizeof nowhere;
     }
-    if (outside != NULL && size > 0)
-        snprintf(outside, size, "%s", why.data != NULL ? why.data : "");
-    rx_text_free(&why);
-    return found;
+    outside[0] = '\0';
+    const rx_model_bin *bins = model->bins;
+    if (bins == NULL) {
+        snprintf(outside, size, "the model has no dictionary");
+        return NULL;
+    }
+    const rx_model_bin *last = &bins[(long)model->nsigma * model->nfwhm - 1];
+    const int i = find_cell(bins, model->nfwhm, 1, 0, fwhm),
+              k = find_cell(bins, model->nsigma, model->nfwhm, 1, sigma);
+    const int blur = i >= 0 && i < model->nfwhm, noise = k >= 0 && k < model->nsigma;
+    if (!blur)
+        say_outside(outside, size, "FWHM", " pixels", fwhm, i < 0, i < 0 ? bins[0].fwhm[0] : last->fwhm[1]);
+    if (!noise)
+        say_outside(outside, size, "noise", "", sigma, k < 0, k < 0 ? bins[0].sigma[0] : last->sigma[1]);
+    return blur && noise ? &bins[(long)k * model->nfwhm + i] : NULL;
 }

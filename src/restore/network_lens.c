@@ -199,10 +199,9 @@ static int count_nodes(const rx_psf *psf, int length, double *step)
     return n;
 }
 
-/* FWHM as psf->fwhm counts it, in the ratio of the stamps' own. */
-static double node_fwhm(const rx_psf *psf, const float *stamp, double centre)
+/* FWHM as psf->fwhm counts it, in the ratio of the stamps' own, here and at the centre. */
+static double node_fwhm(const rx_psf *psf, double here, double centre)
 {
-    const double here = rx_stamp_fwhm(stamp, psf->size, NULL);
     if (!(psf->fwhm > 0))
         return here;
     return here > 0 && centre > 0 ? psf->fwhm * here / centre : psf->fwhm;
@@ -224,14 +223,17 @@ rx_status rx_lens_nodes(rx_network_optics *optics, double epsilon, rx_error *err
     if (status != RX_OK)
         goto exit;
     rx_psf_at(psf, 0.5 * (optics->width - 1), 0.5 * (optics->height - 1), m.stamp);
-    const double centre = rx_stamp_fwhm(m.stamp, psf->size, NULL);
+    double centre, here;
+    status = rx_stamp_fwhm(m.stamp, psf->size, &centre, NULL, err);
     for (size_t k = 0; k < n && status == RX_OK; k++) {
         const double x = (double)(k % (size_t)optics->nx) * optics->step_x,
                      y = (double)(k / (size_t)optics->nx) * optics->step_y;
         if (rx_lens_varies(psf))
             rx_psf_at(psf, optics->nx > 1 ? x : 0.5 * (optics->width - 1),
                       optics->ny > 1 ? y : 0.5 * (optics->height - 1), m.stamp);
-        optics->fwhm[k] = (float)node_fwhm(psf, m.stamp, centre);
+        if ((status = rx_stamp_fwhm(m.stamp, psf->size, &here, NULL, err)) != RX_OK)
+            break;
+        optics->fwhm[k] = (float)node_fwhm(psf, here, centre);
         if (!isfinite(optics->fwhm[k]))
             status = rx_error_set(err, RX_INPUT, "the PSF has no peak; give one with a positive centre");
         else if (optics->filters != NULL)

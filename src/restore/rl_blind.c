@@ -101,13 +101,13 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     rx_psf_at(psf, (prepared->width - 1) / 2.0, (prepared->height - 1) / 2.0, seeker->stamp);
     if (!make_positive(seeker->stamp, psf->size))
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
-    seeker->psf = rx_stamp_psf(psf->type, seeker->stamp, psf->size);
-    if (seeker->psf == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    rx_status status = rx_stamp_psf(psf->type, seeker->stamp, psf->size, &seeker->psf, err);
+    if (status != RX_OK)
+        return status;
     seeker->start_fwhm = seeker->psf->fwhm;
     seeker->bluntness = rx_points_bluntness(seeker->stamp, psf->size);
     rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
-    rx_status status =
+    status =
         rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err);
     if (status == RX_OK)
         status = rx_rl_new(prepared, seeker->blur, par->rl_damping, &seeker->rl, err);
@@ -235,24 +235,27 @@ static int improve(rx_seeker *seeker)
     return 1;
 }
 
-/* Back to the centroid of the start; then the PSF is taken over, if it is one. */
-static int accept(rx_seeker *seeker)
+/* Back to the centroid of the start; then the PSF is taken over, *taken, if it is one. */
+static rx_status accept(rx_seeker *seeker, int *taken, rx_error *err)
 {
-    double x, y, ellipticity;
+    *taken = 0;
+    double x, y, fwhm, ellipticity;
     rx_stamp_centroid(seeker->stamp, seeker->size, seeker->start_fwhm, &x, &y);
     rx_stamp_shift(seeker->stamp, seeker->size, fmax(-1, fmin(1, seeker->x - x)),
                    fmax(-1, fmin(1, seeker->y - y)), seeker->work);
     if (!make_positive(seeker->stamp, seeker->size))
-        return 0;
-    const double fwhm = rx_stamp_fwhm(seeker->stamp, seeker->size, &ellipticity);
-    if (!(fwhm >= fmax(NARROWEST, seeker->start_fwhm / RANGE) && fwhm <= RANGE * seeker->start_fwhm))
-        return 0;
+        return RX_OK;
+    rx_status status = rx_stamp_fwhm(seeker->stamp, seeker->size, &fwhm, &ellipticity, err);
+    if (status != RX_OK ||
+        !(fwhm >= fmax(NARROWEST, seeker->start_fwhm / RANGE) && fwhm <= RANGE * seeker->start_fwhm))
+        return status;
     seeker->psf->fwhm = fwhm;
     seeker->psf->ellipticity = ellipticity;
     memcpy(seeker->psf->basis, seeker->stamp, (size_t)seeker->size * (size_t)seeker->size * sizeof(float));
     rx_blur_replace(seeker->blur, seeker->stamp);
     rx_rl_normalise(seeker->rl);
-    return 1;
+    *taken = 1;
+    return RX_OK;
 }
 
 /* The image from the start with the present PSF: what another PSF has left in it would not go away. */
@@ -286,7 +289,9 @@ static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *l
                 return status;
             sound = improve(seeker);
         }
-        if (!sound || !accept(seeker)) {
+        if (sound && (status = accept(seeker, &sound, err)) != RX_OK)
+            return status;
+        if (!sound) {
             rx_log_warning(log, "RL_BLIND: the PSF degenerates in cycle %d, the one before is used",
                            cycle + 1);
             return RX_OK;

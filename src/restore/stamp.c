@@ -74,19 +74,21 @@ static double summit(const float *stamp, int size, int peak)
     return top;
 }
 
-double rx_stamp_fwhm(const float *stamp, int size, double *ellipticity)
+rx_status rx_stamp_fwhm(const float *stamp, int size, double *fwhm, double *ellipticity, rx_error *err)
 {
+    *fwhm = NAN;
+    if (ellipticity != NULL)
+        *ellipticity = 0;
     int peak = 0;
     for (int k = 1; k < size * size; k++)
         if (stamp[k] > stamp[peak])
             peak = k;
-    if (ellipticity != NULL)
-        *ellipticity = 0;
-    unsigned char *inside = RX_NEW(unsigned char, (size_t)size *(size_t)size);
-    if (inside == NULL || !(stamp[peak] > 0)) {
-        free(inside);
-        return NAN;
-    }
+    if (!(stamp[peak] > 0))
+        return RX_OK;
+    const size_t area = (size_t)size * (size_t)size;
+    unsigned char *inside = RX_NEW(unsigned char, area);
+    if (inside == NULL)
+        return rx_error_memory(err, area);
     const double level = summit(stamp, size, peak) / 2;
     flood(stamp, size, peak, level, inside);
     double n = 0, sx = 0, sy = 0, xx = 0, yy = 0, xy = 0;
@@ -110,7 +112,8 @@ double rx_stamp_fwhm(const float *stamp, int size, double *ellipticity)
         double half = hypot((xx - yy) / 2, xy), mean = (xx + yy) / 2;
         *ellipticity = 1 - sqrt(fmax(mean - half, 0) / (mean + half));
     }
-    return 2 * sqrt(n / 3.14159265358979323846) / FINE;
+    *fwhm = 2 * sqrt(n / 3.14159265358979323846) / FINE;
+    return RX_OK;
 }
 
 void rx_stamp_centroid(const float *stamp, int size, double fwhm, double *dx, double *dy)
@@ -136,14 +139,19 @@ void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work)
         stamp[k] = (float)interpolate(work, size, k % size - dx, k / size - dy);
 }
 
-rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size)
+rx_status rx_stamp_psf(rx_psf_type type, const float *stamp, int size, rx_psf **dst, rx_error *err)
 {
-    rx_psf *psf = rx_psf_new(type, size, 1);
+    const size_t area = (size_t)size * (size_t)size;
+    rx_psf *psf = *dst = rx_psf_new(type, size, 1);
     if (psf == NULL)
-        return NULL;
-    memcpy(psf->basis, stamp, (size_t)size * (size_t)size * sizeof *stamp);
-    psf->fwhm = rx_stamp_fwhm(stamp, size, &psf->ellipticity);
-    return psf;
+        return rx_error_memory(err, area * sizeof *stamp);
+    memcpy(psf->basis, stamp, area * sizeof *stamp);
+    rx_status status = rx_stamp_fwhm(stamp, size, &psf->fwhm, &psf->ellipticity, err);
+    if (status != RX_OK) {
+        rx_psf_free(psf);
+        *dst = NULL;
+    }
+    return status;
 }
 
 rx_psf *rx_stamp_gauss(double fwhm)

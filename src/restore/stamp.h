@@ -3,6 +3,7 @@
 #ifndef RX_RESTORE_STAMP_H
 #define RX_RESTORE_STAMP_H
 
+#include "base/error.h"
 #include "data/psf.h"
 
 /* Weights of the samples -1, 0, 1, 2 for a point at the fraction t, 0 <= t < 1, between 0 and 1:
@@ -13,8 +14,9 @@ void rx_stamp_cubic(double t, double w[4]);
  * stamp, interpolated by cubic convolution (Keys 1981, IEEE Trans. ASSP 29, 1153), exceeds
  * half of its maximum; only the connected pixels around the maximum count. The pixel is part of
  * the PSF: 1.0 or a bit more for a single pixel. Good to 0.01 pixels for a Gaussian of FWHM > 2. NAN when the
- * stamp has no positive maximum. *ellipticity (may be NULL): 1 - b/a of that area. */
-double rx_stamp_fwhm(const float *stamp, int size, double *ellipticity);
+ * stamp has no positive maximum. *ellipticity (may be NULL): 1 - b/a of that area. Errors: RX_SYSTEM without
+ * memory. */
+rx_status rx_stamp_fwhm(const float *stamp, int size, double *fwhm, double *ellipticity, rx_error *err);
 
 /* Centroid relative to the centre, pixels, with a Gaussian weight of the given FWHM. */
 void rx_stamp_centroid(const float *stamp, int size, double fwhm, double *dx, double *dy);
@@ -25,8 +27,8 @@ void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work);
 
 /* A constant PSF from a stamp, its FWHM and ellipticity measured; or the
  * Gaussian of RL_DENOISE (FWHM in pixels before the pixel's own width, <= 0: a single pixel).
- * NULL without memory. */
-rx_psf *rx_stamp_psf(rx_psf_type type, const float *stamp, int size);
+ * Both are the caller's; without memory RX_SYSTEM and NULL. */
+rx_status rx_stamp_psf(rx_psf_type type, const float *stamp, int size, rx_psf **dst, rx_error *err);
 rx_psf *rx_stamp_gauss(double fwhm);
 
 #endif

@@ -91,7 +91,9 @@ static inline double sky_fwhm(const sky *s, const float *plane, int x, int y)
     float cut[21 * 21];
     for (int k = 0; k < 21 * 21; k++)
         cut[k] = plane[(y + k / 21 - 10) * s->tile.width + x + k % 21 - 10];
-    return rx_stamp_fwhm(cut, 21, NULL);
+    double fwhm = 0;
+    assert_int_equal(rx_stamp_fwhm(cut, 21, &fwhm, NULL, NULL), RX_OK);
+    return fwhm;
 }
 
 /* Constant Gaussian PSF, or one whose second basis image makes it narrower to the left and
