@@ -21,10 +21,10 @@ def parse():
     return parser.parse_args()
 
 
-def measure(arguments, work):
-    bench = stages.Bench(machine.Machine(arguments.top, arguments.build, work), arguments.size, arguments.layers,
-                         arguments.repeats)
-    wanted = ["limits"] + arguments.only.split(",") if arguments.only else list(stages.PARTS)
+def measure(bench, wanted, save):
+    """Each part, one after the other; what is there so far is saved after each, so that a run cut short keeps it.
+    Returns what was wrong with the figure."""
+    trouble = None
     bench.prepare()
     for name in wanted:
         group, part = stages.PARTS[name]
@@ -34,7 +34,18 @@ def measure(arguments, work):
             part(bench)
         except machine.Failed as error:
             bench.skip(f"the rest of “{group}”: {error}")
-    return bench
+        trouble = save(bench)
+    return trouble
+
+
+def save(bench, arguments):
+    head = {"size": arguments.size, "processor": machine.processor_name(), "cores": bench.box.most,
+            "missing": bench.missing, "skipped": bench.skipped, "limits": bench.limits}
+    trouble = table.draw(arguments.out, bench.rows) if bench.rows else None
+    table.write_json(os.path.join(arguments.out, "bench.json"), head, bench.rows)
+    table.write_markdown(os.path.join(arguments.out, "bench.md"), head, bench.rows, bench.extras,
+                         [group for group, _ in stages.PARTS.values()])
+    return trouble
 
 
 def main():
@@ -42,18 +53,15 @@ def main():
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     # Tiles are large: not into /tmp, which may be memory.
     with tempfile.TemporaryDirectory(prefix="tiles-", dir=arguments.out) as work:
+        bench = stages.Bench(machine.Machine(arguments.top, arguments.build, work), arguments.size, arguments.layers,
+                             arguments.repeats)
+        wanted = ["limits"] + arguments.only.split(",") if arguments.only else list(stages.PARTS)
         try:
-            bench = measure(arguments, work)
+            trouble = measure(bench, wanted, lambda one: save(one, arguments))
         except machine.Failed as error:
             sys.exit(f"bench.py: {error}")
-    head = {"size": arguments.size, "processor": machine.processor_name(), "cores": bench.box.most,
-            "missing": bench.missing, "skipped": bench.skipped, "limits": bench.limits}
-    trouble = table.draw(arguments.out, bench.rows)
     if trouble:
         print(f"bench.py: no figure: {trouble}", file=sys.stderr)
-    table.write_json(os.path.join(arguments.out, "bench.json"), head, bench.rows)
-    table.write_markdown(os.path.join(arguments.out, "bench.md"), head, bench.rows, bench.extras,
-                         [group for group, _ in stages.PARTS.values()])
     with open(os.path.join(arguments.out, "bench.md"), encoding="utf-8") as file:
         print(file.read(), end="")
 
