@@ -1,0 +1,33 @@
+/* Values of all pixels of a tile that are read a row at a time, whether they lie in memory or are made then.
+ *
+ * A map is a plane, or the sky level or noise of a background (data/tile.h). Copy it; it owns nothing and
+ * lives as long as what it was made from. Any number of threads may read it at once.
+ */
+#ifndef RX_DATA_MAP_H
+#define RX_DATA_MAP_H
+
+#include "data/tile.h"
+
+typedef struct rx_map {
+    int width;
+    const float *plane; /* [height][width]; NULL: of the sky */
+    const rx_background *sky;
+    int noise; /* 1: the sky's noise, 0: its level */
+} rx_map;
+
+/* plane: [height][width]. */
+rx_map rx_map_plane(const float *plane, int width);
+
+/* Level above 0, and noise of a pixel, both in ADU. */
+rx_map rx_background_level(const rx_background *sky);
+rx_map rx_background_noise(const rx_background *sky);
+
+/* The n values from pixel (x, y) on, which must lie in one row of the tile: in the plane where there is one,
+ * else written to `room`, which is the caller's and holds n floats. A value is the same to the bit whatever
+ * the x and n that it is asked with. Cheap for short pieces too. */
+const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room);
+
+/* One value. */
+float rx_map_at(const rx_map *map, int x, int y);
+
+#endif
