@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "nn/flat_sky.h"
 #include "restore/blur.h"
 #include "restore/network_forward.h"
@@ -282,16 +283,19 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 }
 
 /* Largest difference between two restorations, in sigmas of the pixels (network.h). */
-static double largest_difference(const float *sigma, const rx_restored *a, const rx_restored *b)
+static double largest_difference(const rx_map *noise, const rx_restored *a, const rx_restored *b)
 {
-    const size_t n = (size_t)a->width * (size_t)a->height;
     double most = 0;
-    for (size_t k = 0; k < n; k++) {
-        const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
-        const double noise = (sigma[k] > 0 ? sigma[k] : 0) + FULL_WELL_NOISE * fabs((double)a->pixels[k]);
-        if (difference > 0)
-            most = fmax(most, difference / noise);
-    }
+    for (int y = 0; y < a->height; y++)
+        for (int x = 0; x < a->width; x++) {
+            const size_t k = (size_t)y * (size_t)a->width + (size_t)x;
+            const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
+            if (!(difference > 0))
+                continue;
+            const float sigma = rx_map_at(noise, x, y);
+            most = fmax(most, difference /
+                                  ((sigma > 0 ? sigma : 0) + FULL_WELL_NOISE * fabs((double)a->pixels[k])));
+        }
     return most;
 }
 
@@ -301,11 +305,12 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     const int other = (side * 5 / 8 + unit) / unit * unit, shift = (side / 3 + unit) / unit * unit;
     const double rounding = plan->par->precision == RX_BF16 ? SEAM_LIMIT_BF16 : SEAM_LIMIT;
     const double limit = plan->model->front.mode == RX_MODE_INFORMED ? rounding : 0;
+    const rx_map noise = rx_background_noise(plan->background);
     rx_restored *second = NULL;
     rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
     if (status != RX_OK)
         return status;
-    restored->seam = largest_difference(plan->background->sigma, restored, second);
+    restored->seam = largest_difference(&noise, restored, second);
     rx_restored_free(second);
     rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
                 other, shift, shift + unit, restored->seam);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "num/convolve.h"
 
 enum { CELL = 16, CELL_RADIUS = 6 };
@@ -141,25 +142,27 @@ static int usable(float sigma)
 /* Stands in for the noise of a tile without any. */
 static double noiseless(const rx_tile *tile, const rx_background *background, const uint8_t *mask)
 {
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const rx_map level = rx_background_level(background);
     double peak = 0;
-    for (size_t k = 0; k < n; k++)
-        if (mask[k] == 0)
-            peak = fmax(peak, fabs((double)tile->pixels[k] - background->level[k]));
+    for (int y = 0; y < tile->height; y++)
+        for (int x = 0; x < tile->width; x++) {
+            const size_t k = (size_t)y * (size_t)tile->width + (size_t)x;
+            if (mask[k] == 0)
+                peak = fmax(peak, fabs((double)tile->pixels[k] - rx_map_at(&level, x, y)));
+        }
     return peak > 0 ? NOISELESS * peak : 1;
 }
 
-/* Logarithms of the noise of a cell's row, at most `left` pixels from k on. */
-static void add_logs(const float *sigma, const uint8_t *mask, size_t k, int left, cells *c, size_t cell)
+/* Logarithms of the noise of n pixels, part of a row of a cell. */
+static void add_logs(const float *sigma, const uint8_t *mask, int n, cells *c, size_t cell)
 {
     /* the logarithm of a product is the sum of logarithms; four floats multiply without leaving a double */
     enum { AT_ONCE = 4 };
-    const int n = left < CELL ? left : CELL;
     double product = 1;
     int count = 0;
     for (int i = 0; i < n; i++) {
-        if (mask[k + (size_t)i] == 0 && usable(sigma[k + (size_t)i])) {
-            product *= (double)sigma[k + (size_t)i];
+        if (mask[i] == 0 && usable(sigma[i])) {
+            product *= (double)sigma[i];
             count++;
         }
         if (i % AT_ONCE == AT_ONCE - 1 || i == n - 1) {
@@ -170,10 +173,26 @@ static void add_logs(const float *sigma, const uint8_t *mask, size_t k, int left
     c->count[cell] += count;
 }
 
+/* The same of a row of the tile; rows come in their order. */
+static void add_row(const rx_map *noise, const uint8_t *mask, int width, int y, cells *c)
+{
+    enum { PIECE = 64 * CELL };
+    float room[PIECE];
+    const size_t row = (size_t)(y / CELL) * (size_t)c->nx;
+    for (int x = 0; x < width; x += PIECE) {
+        const int end = width - x < PIECE ? width : x + PIECE;
+        const float *sigma = rx_map_row(noise, y, x, end - x, room);
+        for (int at = x; at < end; at += CELL)
+            add_logs(sigma + (at - x), mask + (size_t)y * (size_t)width + (size_t)at,
+                     end - at < CELL ? end - at : CELL, c, row + (size_t)(at / CELL));
+    }
+}
+
 rx_status rx_network_scale(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
                            int nthreads, rx_coarse *dst, rx_error *err)
 {
     cells c = {0};
+    const rx_map noise = rx_background_noise(background);
     double sum = 0, count = 0;
     *dst = (rx_coarse){0};
     rx_status status = cells_new(tile->width, tile->height, &c, err);
@@ -182,9 +201,7 @@ rx_status rx_network_scale(const rx_tile *tile, const rx_background *background,
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
         for (int y = cy * CELL; y < (cy + 1) * CELL && y < tile->height; y++)
-            for (int cx = 0; cx < c.nx; cx++)
-                add_logs(background->sigma, mask, (size_t)y * tile->width + (size_t)cx * CELL,
-                         tile->width - cx * CELL, &c, (size_t)cy * c.nx + cx);
+            add_row(&noise, mask, tile->width, y, &c);
     for (size_t k = 0; k < (size_t)c.nx * (size_t)c.ny; k++) {
         sum += c.sum[k];
         count += c.count[k];
@@ -209,15 +226,16 @@ static void to_units(int n, const float *restrict pixels, const float *restrict 
     }
 }
 
-/* Good pixels in noise units, and their sums in cells; one row of cells. */
-static void set_rows(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                     const rx_coarse *scale, int cy, cells *c, float *unit, float *x)
+/* Good pixels in noise units, and their sums in cells; one row of cells. rows[2][width]: scratch. */
+static void set_rows(const rx_tile *tile, const rx_map *level, const uint8_t *mask, const rx_coarse *scale,
+                     int cy, cells *c, float *rows, float *x)
 {
     const int width = tile->width;
+    float *unit = rows, *room = rows + width;
     for (int y = cy * CELL; y < (cy + 1) * CELL && y < tile->height; y++) {
         rx_coarse_row(scale, y, 0, width, unit);
         const size_t row = (size_t)y * width;
-        to_units(width, tile->pixels + row, background->level + row, unit, mask + row, x + row);
+        to_units(width, tile->pixels + row, rx_map_row(level, y, 0, width, room), unit, mask + row, x + row);
         for (int cx = 0; cx < c->nx; cx++) {
             const int end = (cx + 1) * CELL < width ? (cx + 1) * CELL : width;
             double sum = c->sum[(size_t)cy * c->nx + cx], count = 0;
@@ -341,15 +359,16 @@ rx_status rx_network_data(const rx_tile *tile, const rx_background *background, 
     cells c = {0};
     rx_coarse far = {0};
     rx_status status = cells_new(tile->width, tile->height, &c, err);
-    float *units = RX_NEW(float, (size_t)tile->width *(size_t)nthreads);
-    if (status == RX_OK && units == NULL)
-        status = rx_error_memory(err, (size_t)tile->width * (size_t)nthreads * sizeof *units);
+    const rx_map level = rx_background_level(background);
+    float *rows = RX_NEW(float, 2 * (size_t)tile->width * (size_t)nthreads);
+    if (status == RX_OK && rows == NULL)
+        status = rx_error_memory(err, 2 * (size_t)tile->width * (size_t)nthreads * sizeof *rows);
     if (status != RX_OK)
         goto exit;
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
-        set_rows(tile, background, mask, scale, cy, &c,
-                 units + (size_t)omp_get_thread_num() * (size_t)tile->width, x);
+        set_rows(tile, &level, mask, scale, cy, &c,
+                 rows + 2 * (size_t)omp_get_thread_num() * (size_t)tile->width, x);
     status = coarse_means(&c, 0, nthreads, &far, err);
     if (status == RX_OK) {
         filler f = {.mask = mask,
@@ -363,6 +382,6 @@ rx_status rx_network_data(const rx_tile *tile, const rx_background *background, 
 exit:
     rx_coarse_free(&far);
     cells_free(&c);
-    free(units);
+    free(rows);
     return status;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/network_lens.h"
@@ -20,7 +21,7 @@ struct rx_network_optics_work {
     float *c, *d;          /* likewise, for a PSF that varies */
     float *half;           /* complex plane */
     float *sum, *spectrum; /* likewise, for a PSF that varies */
-    float *line;           /* [block width], like term */
+    float *line, *room;    /* [block width], like term */
     double *term;
 };
 
@@ -34,6 +35,7 @@ static void work_free(rx_network_optics_work *work)
     free(work->sum);
     free(work->spectrum);
     free(work->line);
+    free(work->room);
     free(work->term);
     rx_fft_free(work->fft);
 }
@@ -48,9 +50,10 @@ static rx_status work_new(int width, int height, int block_width, int varies, rx
     dst->b = rx_fft_real(dst->fft);
     dst->half = rx_fft_complex(dst->fft);
     dst->line = RX_NEW(float, (size_t)block_width);
+    dst->room = RX_NEW(float, (size_t)block_width);
     dst->term = RX_NEW(double, (size_t)block_width);
-    int made =
-        dst->a != NULL && dst->b != NULL && dst->half != NULL && dst->line != NULL && dst->term != NULL;
+    int made = dst->a != NULL && dst->b != NULL && dst->half != NULL && dst->line != NULL &&
+               dst->room != NULL && dst->term != NULL;
     if (varies) {
         dst->c = rx_fft_real(dst->fft);
         dst->d = rx_fft_real(dst->fft);
@@ -201,7 +204,7 @@ typedef struct job {
     double pedestal;
     const rx_coarse *scale;
     const rx_tile *tile;
-    const rx_background *background;
+    rx_map noise;
     double *sums, *counts; /* per block */
 } job;
 
@@ -442,7 +445,8 @@ static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *
         rx_coarse_row(j->scale, y, p.x0, n, work->line);
         if (j->dst != NULL)
             to_adu(n, m, work->line, j->dst + k);
-        residuals(n, j->x + k, m, work->line, j->background->sigma + k, j->mask + k, photon, work->term);
+        residuals(n, j->x + k, m, work->line, rx_map_row(&j->noise, y, p.x0, n, work->room), j->mask + k,
+                  photon, work->term);
         for (int i = 0; i < n; i++) {
             j->sums[block] += work->term[i];
             j->counts[block] += j->mask[k + (size_t)i] == 0;
@@ -464,7 +468,7 @@ rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float 
              .dst = reblurred,
              .scale = scale,
              .tile = tile,
-             .background = background,
+             .noise = rx_background_noise(background),
              .sums = RX_NEW(double, (size_t)n),
              .counts = RX_NEW(double, (size_t)n)};
     rx_status status = RX_OK;

@@ -2,66 +2,172 @@
 #include "restore/noise_map.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
+#include "data/map.h"
 #include "num/convolve.h"
 
-enum { BAND = 256 }; /* rows at a time: little memory besides the map */
+/* A block is done at a time, its sums stay in the cache; TOGETHER of a row grow in registers. */
+enum { ROWS = 64, COLUMNS = 512, TOGETHER = 64, RADIUS_MOST = 16 };
+enum { LINE = COLUMNS + 2 * RADIUS_MOST, LINES = ROWS + 2 * RADIUS_MOST };
 static const double SMOOTH_FWHM = 1.5 * 2.3548200450309493; /* pixels */
 static const float SHARE = 0.1f;                            /* of the brightness around, in sigmas */
 
-/* How bright rows first .. last - 1 are, smoothed, into the map; `band` holds them and `radius` more on each
- * side. */
-static rx_status smooth_band(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                             int first, int last, int radius, int nthreads, float *band, float *map,
-                             rx_error *err)
+typedef struct job {
+    const rx_tile *tile;
+    rx_map level, noise;
+    const uint8_t *mask; /* NULL: nothing is hidden */
+    int radius;
+    float weights[2 * RADIUS_MOST + 1];
+    float *map;
+} job;
+
+/* Of one thread: sums along x of a block's rows, of brightness and of weights. */
+typedef struct sums {
+    float num[LINES][COLUMNS], den[LINES][COLUMNS];
+    float all[COLUMNS]; /* sums of weights over a whole neighbourhood that nothing hides */
+    int clean[LINES];   /* nothing is hidden in that row */
+} sums;
+
+/* sum[n] = weights[2 radius + 1] along the line, whose first value belongs to -radius. */
+RX_WIDE static void along(const float *restrict line, const float *restrict weights, int radius, int n,
+                          float *restrict sum)
 {
-    const int from = first > radius ? first - radius : 0;
-    const int to = last + radius < tile->height ? last + radius : tile->height;
-    const size_t width = (size_t)tile->width, offset = (size_t)from * width, n = (size_t)(to - from) * width;
-#pragma omp parallel for simd schedule(static) num_threads(nthreads)
-    for (size_t i = 0; i < n; i++) {
-        const size_t k = offset + i;
-        const float above = (tile->pixels[k] - background->level[k]) / background->sigma[k];
-        const int seen = (mask == NULL || mask[k] == 0) & (background->sigma[k] > 0) & (above > 0);
-        band[i] = seen ? above : 0.0f;
+    for (int x = 0; x < n; x += TOGETHER) {
+        float s[TOGETHER] = {0};
+        for (int i = 0; i <= 2 * radius; i++)
+#pragma omp simd
+            for (int k = 0; k < TOGETHER; k++)
+                s[k] += weights[i] * line[x + i + k];
+        memcpy(sum + x, s, sizeof s);
     }
-    rx_status status = rx_gauss_masked(tile->width, to - from, SMOOTH_FWHM,
-                                       mask != NULL ? mask + offset : NULL, nthreads, band, err);
-    if (status == RX_OK)
-        memcpy(map + (size_t)first * width, band + (size_t)(first - from) * width,
-               (size_t)(last - first) * width * sizeof *map);
-    return status;
+}
+
+/* sum[n] of the rows first .. last (from the one at `rows`, COLUMNS apart), each with its weight. */
+RX_WIDE static void across(const float *rows, const float *restrict weights, int first, int last, int n,
+                           float *restrict sum)
+{
+    for (int x = 0; x < n; x += TOGETHER) {
+        float s[TOGETHER] = {0};
+        for (int i = first; i <= last; i++)
+#pragma omp simd
+            for (int k = 0; k < TOGETHER; k++)
+                s[k] += weights[i] * rows[(ptrdiff_t)i * COLUMNS + x + k];
+        memcpy(sum + x, s, sizeof s);
+    }
+}
+
+/* How bright n pixels are, in sigmas, and which of them are seen. Returns how many are hidden. */
+RX_WIDE static int brightness(int n, const float *restrict pixels, const float *restrict level,
+                              const float *restrict sigma, const uint8_t *restrict mask, float *restrict line,
+                              float *restrict good)
+{
+    int hidden = 0;
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float above = (pixels[i] - level[i]) / sigma[i];
+        line[i] = (sigma[i] > 0) & (above > 0) ? above : 0.0f;
+        good[i] = 1;
+    }
+    for (int i = 0; mask != NULL && i < n; i++)
+        if (mask[i] != 0) {
+            line[i] = good[i] = 0;
+            hidden++;
+        }
+    return hidden;
+}
+
+/* Row y of the tile, columns x0 - radius .. x0 + n + radius - 1 of it, into the sums' row j. */
+static void sum_row(const job *j, int x0, int y, int n, int row, sums *s)
+{
+    float line[LINE + TOGETHER] = {0}, good[LINE + TOGETHER] = {0}, level[LINE], sigma[LINE];
+    const int width = j->tile->width, r = j->radius;
+    const int from = x0 > r ? x0 - r : 0, to = x0 + n + r < width ? x0 + n + r : width, count = to - from;
+    const size_t k = (size_t)y * (size_t)width + (size_t)from;
+    const int at = from - (x0 - r);
+    const int hidden = brightness(count, j->tile->pixels + k, rx_map_row(&j->level, y, from, count, level),
+                                  rx_map_row(&j->noise, y, from, count, sigma),
+                                  j->mask != NULL ? j->mask + k : NULL, line + at, good + at);
+    s->clean[row] = hidden == 0;
+    along(line, j->weights, r, n, s->num[row]);
+    if (row > 0 && s->clean[row] && s->clean[row - 1])
+        memcpy(s->den[row], s->den[row - 1], sizeof s->den[row]);
+    else
+        along(good, j->weights, r, n, s->den[row]);
+}
+
+RX_WIDE static void make_noise(int n, const float *restrict num, const float *restrict den,
+                               const uint8_t *restrict mask, const float *restrict sigma, float *restrict map)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float around = num[i] / den[i]; /* a pixel that is seen counts itself: den > 0 */
+        map[i] = sigma[i] * sqrtf(1.0f + SHARE * SHARE * around * around);
+    }
+    for (int i = 0; mask != NULL && i < n; i++)
+        if (mask[i] != 0)
+            map[i] = sigma[i];
+}
+
+/* Pixels x0 .. x0 + n - 1 of the rows y0 .. y1 - 1. */
+static void run_block(const job *j, int x0, int y0, int n, int y1, sums *s)
+{
+    float num[COLUMNS], den[COLUMNS], room[COLUMNS];
+    const int width = j->tile->width, height = j->tile->height, r = j->radius;
+    const int top = y0 > r ? y0 - r : 0, end = y1 + r < height ? y1 + r : height;
+    int known = 0; /* whether `all` is */
+    for (int y = top; y < end; y++)
+        sum_row(j, x0, y, n, y - top, s);
+    for (int y = y0; y < y1; y++) {
+        const int first = y < r ? -y : -r, last = y + r >= height ? height - 1 - y : r, row = y - top;
+        const size_t k = (size_t)y * (size_t)width + (size_t)x0;
+        int unclean = 0;
+        for (int i = first; i <= last; i++)
+            unclean += !s->clean[row + i];
+        const int whole = unclean == 0 && last - first == 2 * r;
+        across(s->num[row], j->weights + r, first, last, n, num);
+        if (!whole || !known)
+            across(s->den[row], j->weights + r, first, last, n, whole ? s->all : den);
+        known |= whole;
+        make_noise(n, num, whole ? s->all : den, j->mask != NULL ? j->mask + k : NULL,
+                   rx_map_row(&j->noise, y, x0, n, room), j->map + k);
+    }
 }
 
 rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
                        int nthreads, float **dst, rx_error *err)
 {
-    const size_t width = (size_t)tile->width, n = width * (size_t)tile->height;
-    const int radius = rx_gauss_radius(SMOOTH_FWHM);
+    const int threads = nthreads < 1 ? 1 : nthreads;
+    const int across_x = (tile->width + COLUMNS - 1) / COLUMNS, down = (tile->height + ROWS - 1) / ROWS;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    job j = {.tile = tile,
+             .level = rx_background_level(background),
+             .noise = rx_background_noise(background),
+             .mask = mask,
+             .radius = rx_gauss_radius(SMOOTH_FWHM),
+             .map = RX_NEW(float, n)};
+    sums *all = RX_NEW(sums, (size_t)threads);
     rx_status status = RX_OK;
-    float *map = RX_NEW(float, n), *band = RX_NEW(float, width *(size_t)(BAND + 2 * radius));
     *dst = NULL;
-    if (map == NULL || band == NULL) {
-        status = rx_error_memory(err, n * sizeof *map);
+    if (j.map == NULL || all == NULL) {
+        status = rx_error_memory(err, n * sizeof *j.map);
         goto exit;
     }
-    for (int y = 0; y < tile->height && status == RX_OK; y += BAND)
-        status = smooth_band(tile, background, mask, y, y + BAND < tile->height ? y + BAND : tile->height,
-                             radius, nthreads, band, map, err);
-    if (status != RX_OK)
-        goto exit;
-#pragma omp parallel for simd schedule(static) num_threads(nthreads)
-    for (size_t i = 0; i < n; i++)
-        map[i] = background->sigma[i] * sqrtf(1.0f + SHARE * SHARE * map[i] * map[i]);
+    rx_gauss_weights(SMOOTH_FWHM, j.radius, j.weights);
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (int b = 0; b < across_x * down; b++) {
+        const int x = b % across_x * COLUMNS, y = b / across_x * ROWS;
+        run_block(&j, x, y, tile->width - x < COLUMNS ? tile->width - x : COLUMNS,
+                  tile->height - y < ROWS ? tile->height : y + ROWS, &all[omp_get_thread_num()]);
+    }
+    *dst = j.map;
+    j.map = NULL;
 exit:
-    free(band);
-    if (status != RX_OK) {
-        free(map);
-        return status;
-    }
-    *dst = map;
-    return RX_OK;
+    free(all);
+    free(j.map);
+    return status;
 }

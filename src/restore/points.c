@@ -11,7 +11,7 @@ static const double PEAK_SIGMA = 10;
 static const double NEIGHBOUR = 0.1;
 static const double SIZE_QUANTILE = 0.2, SIZE_RATIO = 1.3;
 static const double SHARPEST = 0.6;
-enum { PEAK_RADIUS = 2 };
+enum { PEAK_RADIUS = 2, PIECE = 512 /* pixels of a row at a time */ };
 
 static float object_at(const rx_rl *rl, int x, int y)
 {
@@ -53,14 +53,17 @@ static int is_isolated(const rx_rl *rl, int x, int y, int r)
 static double data_bluntness(const rx_prepared *prepared, int x, int y)
 {
     double sum = 0, peak = 0;
-    for (int j = -1; j <= 1; j++)
-        for (int i = -1; i <= 1; i++) {
-            const double v = prepared->data[(size_t)(y + j) * prepared->width + (x + i)] - 1.0;
-            if (i == 0 && j == 0)
+    for (int j = -1; j <= 1; j++) {
+        float room[3];
+        const float *data = rx_prepared_data(prepared, y + j, x - 1, 3, room);
+        for (int i = 0; i < 3; i++) {
+            const double v = data[i] - 1.0;
+            if (i == 1 && j == 0)
                 peak = v;
             else
                 sum += v;
         }
+    }
     return sum / 8 / peak;
 }
 
@@ -120,35 +123,57 @@ static rx_status keep_points(rx_point *list, size_t count, rx_point *points, int
     return RX_OK;
 }
 
+typedef struct points_list {
+    rx_point *list;
+    size_t count, room;
+} points_list;
+
+static rx_status add_point(points_list *list, const rx_point *point, rx_error *err)
+{
+    if (list->count == list->room) {
+        list->room = list->room > 0 ? 2 * list->room : 256;
+        rx_point *more = rx_regrow(list->list, list->room, sizeof *more);
+        if (more == NULL)
+            return rx_error_memory(err, list->room * sizeof *more);
+        list->list = more;
+    }
+    list->list[list->count++] = *point;
+    return RX_OK;
+}
+
+/* Those of n pixels from (x, y) on; r: the disk's radius. */
+static rx_status find_in_piece(const rx_rl *rl, int y, int x, int n, int r, double bluntness,
+                               points_list *list, rx_error *err)
+{
+    const rx_prepared *prepared = rl->prepared;
+    const float level = (float)(1 + PEAK_SIGMA * prepared->sigma);
+    float room[PIECE];
+    const float *data = rx_prepared_data(prepared, y, x, n, room);
+    rx_status status = RX_OK;
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        const int at = x + i;
+        if (!(data[i] > level) || !(object_at(rl, at, y) > level) || !is_peak(rl, at, y) ||
+            !is_isolated(rl, at, y, r) || !(data_bluntness(prepared, at, y) > SHARPEST * bluntness))
+            continue;
+        const rx_point point = measure(rl, at, y, r);
+        if (point.flux > 0 && fabs(point.cx - at) <= 1 && fabs(point.cy - y) <= 1)
+            status = add_point(list, &point, err);
+    }
+    return status;
+}
+
 rx_status rx_points_find(const rx_rl *rl, double fwhm, double bluntness, rx_point *points, int *n,
                          int *radius, rx_error *err)
 {
     const rx_prepared *prepared = rl->prepared;
-    const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm));
-    const float level = (float)(1 + PEAK_SIGMA * prepared->sigma);
-    rx_point *list = NULL;
-    size_t count = 0, room = 0;
-    for (int y = 2 * r; y < prepared->height - 2 * r; y++)
-        for (int x = 2 * r; x < prepared->width - 2 * r; x++) {
-            const size_t k = (size_t)y * prepared->width + x;
-            if (!(prepared->data[k] > level) || !(object_at(rl, x, y) > level) || !is_peak(rl, x, y) ||
-                !is_isolated(rl, x, y, r) || !(data_bluntness(prepared, x, y) > SHARPEST * bluntness))
-                continue;
-            const rx_point point = measure(rl, x, y, r);
-            if (!(point.flux > 0) || !(fabs(point.cx - x) <= 1 && fabs(point.cy - y) <= 1))
-                continue;
-            if (count == room) {
-                room = room > 0 ? 2 * room : 256;
-                rx_point *more = rx_regrow(list, room, sizeof *list);
-                if (more == NULL) {
-                    free(list);
-                    return rx_error_memory(err, room * sizeof *list);
-                }
-                list = more;
-            }
-            list[count++] = point;
-        }
-    const rx_status status = keep_points(list, count, points, n, err);
-    free(list);
+    const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm)), end = prepared->width - 2 * r;
+    points_list list = {0};
+    rx_status status = RX_OK;
+    for (int y = 2 * r; y < prepared->height - 2 * r && status == RX_OK; y++)
+        for (int x = 2 * r; x < end && status == RX_OK; x += PIECE)
+            status = find_in_piece(rl, y, x, end - x < PIECE ? end - x : PIECE, r, bluntness, &list, err);
+    if (status == RX_OK)
+        status = keep_points(list.list, list.count, points, n, err);
+    free(list.list);
     return status;
 }

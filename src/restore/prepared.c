@@ -1,36 +1,56 @@
 /* Tile and background to data, weights and noise in units of the pedestal. */
 #include "restore/prepared.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
+#include "data/map.h"
 #include "num/stats.h"
 
-enum { SAMPLE = 65536 };
+static const size_t KEPT = (size_t)1 << 25; /* pixels of a tile whose planes are kept, at most */
+enum { SAMPLE = 65536, PIECE = 1024 /* pixels of a row at a time */ };
 static const float LARGEST =
     1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */
 static const double SIGMA_HIGH = 3;   /* pedestal from at most that many median sigmas */
 static const double SIGMA_LOW = 1e-3; /* smallest sigma believed, medians */
 static const double NOISELESS = 1e-3; /* sigma of a tile without noise, share of its peak */
 
+/* Bits of n pixels; how many are hidden. */
+static size_t mask_piece(const uint8_t *from, int honoured, const float *pixels, const float *level, int n,
+                         uint8_t *mask)
+{
+    size_t hidden = 0;
+    for (int i = 0; i < n; i++) {
+        int bits = from[i] & honoured;
+        if (bits == 0 && !isfinite(pixels[i] - level[i]))
+            bits = RX_MASK_BAD;
+        if (bits != 0) { /* most of the plane is never touched */
+            mask[i] = (uint8_t)bits;
+            hidden++;
+        }
+    }
+    return hidden;
+}
+
 size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                         uint8_t *mask)
 {
     const int honoured = RX_MASK_BAD | RX_MASK_WEIGHT | (par->mask_saturated ? RX_MASK_SATURATED : 0);
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const rx_map level = rx_background_level(background);
     size_t hidden = 0;
 #pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1) reduction(+ : hidden)
-    for (size_t k = 0; k < n; k++) {
-        int bits = tile->mask[k] & honoured;
-        if (bits == 0 && !isfinite(tile->pixels[k] - background->level[k]))
-            bits = RX_MASK_BAD;
-        if (bits != 0) { /* most of the plane is never touched */
-            mask[k] = (uint8_t)bits;
-            hidden++;
+    for (int y = 0; y < tile->height; y++)
+        for (int x = 0; x < tile->width; x += PIECE) {
+            float room[PIECE];
+            const int n = tile->width - x < PIECE ? tile->width - x : PIECE;
+            const size_t k = (size_t)y * (size_t)tile->width + (size_t)x;
+            hidden += mask_piece(tile->mask + k, honoured, tile->pixels + k,
+                                 rx_map_row(&level, y, x, n, room), n, mask + k);
         }
-    }
-    return n - hidden;
+    return (size_t)tile->width * (size_t)tile->height - hidden;
 }
 
 static int usable(float sigma)
@@ -38,28 +58,44 @@ static int usable(float sigma)
     return isfinite(sigma) && sigma > 0;
 }
 
+/* What is found on good pixels. */
+typedef struct sample {
+    double *values; /* [SAMPLE + 1] sigmas of an even sample, ADU */
+    size_t count, seen, step;
+    double peak; /* largest |value|, ADU */
+} sample;
+
+static void sample_row(const rx_prepared *prepared, int y, int x, int n, sample *dst)
+{
+    float level_room[PIECE], sigma_room[PIECE];
+    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+    const float *level = rx_map_row(&prepared->level, y, x, n, level_room),
+                *sigma = rx_map_row(&prepared->noise, y, x, n, sigma_room);
+    for (int i = 0; i < n; i++) {
+        if (prepared->mask[k + (size_t)i] != 0)
+            continue;
+        dst->peak = fmax(dst->peak, fabs((double)prepared->tile->pixels[k + (size_t)i] - level[i]));
+        if (dst->seen++ % dst->step == 0 && usable(sigma[i]))
+            dst->values[dst->count++] = sigma[i];
+    }
+}
+
 /* Median and 98 % quantile of sigma over good pixels (an even sample of them), ADU; the
  * largest |value| stands in where nothing has a sigma. */
-static rx_status measure_sigma(const rx_prepared *prepared, const rx_tile *tile,
-                               const rx_background *background, double *median, double *high, rx_error *err)
+static rx_status measure_sigma(const rx_prepared *prepared, double *median, double *high, rx_error *err)
 {
-    const size_t n = (size_t)tile->width * (size_t)tile->height, step = prepared->good / SAMPLE + 1;
-    double *values = RX_NEW(double, SAMPLE + 1), peak = 0;
-    if (values == NULL)
-        return rx_error_memory(err, SAMPLE * sizeof *values);
-    size_t count = 0, seen = 0;
-    for (size_t k = 0; k < n; k++) {
-        if (prepared->mask[k] != 0)
-            continue;
-        peak = fmax(peak, fabs((double)tile->pixels[k] - background->level[k]));
-        if (seen++ % step == 0 && usable(background->sigma[k]))
-            values[count++] = background->sigma[k];
-    }
-    *median = rx_median(values, count);
-    *high = rx_quantile(values, count, 0.98);
-    free(values);
-    if (count == 0)
-        *median = *high = peak > 0 ? NOISELESS * peak : 1;
+    const int width = prepared->width;
+    sample s = {.values = RX_NEW(double, SAMPLE + 1), .step = prepared->good / SAMPLE + 1};
+    if (s.values == NULL)
+        return rx_error_memory(err, SAMPLE * sizeof *s.values);
+    for (int y = 0; y < prepared->height; y++)
+        for (int x = 0; x < width; x += PIECE)
+            sample_row(prepared, y, x, width - x < PIECE ? width - x : PIECE, &s);
+    *median = rx_median(s.values, s.count);
+    *high = rx_quantile(s.values, s.count, 0.98);
+    free(s.values);
+    if (s.count == 0)
+        *median = *high = s.peak > 0 ? NOISELESS * s.peak : 1;
     return RX_OK;
 }
 
@@ -68,22 +104,97 @@ static double choose_pedestal(const rx_restore_params *par, double median, doubl
     return fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median);
 }
 
-static void set_pixels(rx_prepared *prepared, const rx_tile *tile, const rx_background *background,
-                       double median)
+RX_WIDE static void make_data(int n, const float *restrict pixels, const float *level, double pedestal,
+                              const uint8_t *restrict mask, float *dst)
 {
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    for (size_t k = 0; k < n; k++) {
-        prepared->variance[k] = 1;
-        if (prepared->mask[k] != 0)
-            continue;
-        const double value = ((double)tile->pixels[k] - background->level[k]) / prepared->pedestal + 1;
-        prepared->data[k] = value < 0 ? 0 : value > LARGEST ? LARGEST : (float)value;
-        prepared->peak = fmaxf(prepared->peak, prepared->data[k]);
-        const double sigma =
-            usable(background->sigma[k]) ? fmax(background->sigma[k] / median, SIGMA_LOW) : 1;
-        prepared->weight[k] = sigma > 1 ? (float)(1 / (sigma * sigma)) : 1;
-        prepared->variance[k] = (float)(sigma * sigma * prepared->sigma * prepared->sigma);
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double value = ((double)pixels[i] - level[i]) / pedestal + 1;
+        const float cut = value > LARGEST ? LARGEST : (float)value;
+        dst[i] = (mask[i] != 0) | (value < 0) ? 0 : cut;
     }
+}
+
+const float *rx_prepared_data(const rx_prepared *prepared, int y, int x, int n, float *room)
+{
+    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+    if (prepared->data != NULL)
+        return prepared->data + k;
+    make_data(n, prepared->tile->pixels + k, rx_map_row(&prepared->level, y, x, n, room), prepared->pedestal,
+              prepared->mask + k, room);
+    return room;
+}
+
+/* In medians; what has none counts as one. */
+static inline double relative(float sigma, double median)
+{
+    const double share = sigma / median, held = share > SIGMA_LOW ? share : SIGMA_LOW;
+    return (sigma > 0) & (sigma <= FLT_MAX) ? held : 1;
+}
+
+RX_WIDE static void make_weight(int n, const float *sigma, double median, const uint8_t *restrict mask,
+                                float *dst)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double s = relative(sigma[i], median);
+        const float weight = s > 1 ? (float)(1 / (s * s)) : 1;
+        dst[i] = mask[i] != 0 ? 0 : weight;
+    }
+}
+
+const float *rx_prepared_weight(const rx_prepared *prepared, int y, int x, int n, float *room)
+{
+    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+    if (prepared->weight != NULL)
+        return prepared->weight + k;
+    make_weight(n, rx_map_row(&prepared->noise, y, x, n, room), prepared->median, prepared->mask + k, room);
+    return room;
+}
+
+RX_WIDE static void make_variance(int n, const float *sigma, double median, double unit,
+                                  const uint8_t *restrict mask, float *dst)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double s = relative(sigma[i], median);
+        dst[i] = mask[i] != 0 ? 1 : (float)(s * s * unit * unit);
+    }
+}
+
+void rx_prepared_variance(const rx_prepared *prepared, int y, int x, int n, float *dst)
+{
+    make_variance(n, rx_map_row(&prepared->noise, y, x, n, dst), prepared->median, prepared->sigma,
+                  prepared->mask + (size_t)y * (size_t)prepared->width + (size_t)x, dst);
+}
+
+static float largest(int n, const float *data)
+{
+    float most = 0;
+    for (int i = 0; i < n; i++)
+        most = data[i] > most ? data[i] : most;
+    return most;
+}
+
+/* The planes that are kept, and the peak; they are made by the functions that make them when they are not. */
+static void set_planes(rx_prepared *prepared, float *data, float *weight)
+{
+    float peak = 0;
+#pragma omp parallel for schedule(static) num_threads(prepared->nthreads) reduction(max : peak)
+    for (int y = 0; y < prepared->height; y++)
+        for (int x = 0; x < prepared->width; x += PIECE) {
+            float room[PIECE];
+            const int n = prepared->width - x < PIECE ? prepared->width - x : PIECE;
+            const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+            const float *values = rx_prepared_data(prepared, y, x, n, data != NULL ? data + k : room);
+            const float most = largest(n, values);
+            peak = most > peak ? most : peak;
+            if (weight != NULL)
+                (void)rx_prepared_weight(prepared, y, x, n, weight + k);
+        }
+    prepared->peak = peak;
+    prepared->data = data;
+    prepared->weight = weight;
 }
 
 rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
@@ -97,25 +208,29 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, con
     prepared->width = tile->width;
     prepared->height = tile->height;
     prepared->nthreads = par->nthreads < 1 ? 1 : par->nthreads;
-    prepared->data = RX_NEW(float, n);
-    prepared->weight = RX_NEW(float, n);
-    prepared->variance = RX_NEW(float, n);
+    prepared->tile = tile;
+    prepared->level = rx_background_level(background);
+    prepared->noise = rx_background_noise(background);
     prepared->mask = RX_NEW(uint8_t, n);
+    float *data = n <= KEPT ? RX_NEW(float, n) : NULL, *weight = n <= KEPT ? RX_NEW(float, n) : NULL;
     rx_status status = RX_OK;
-    if (prepared->data == NULL || prepared->weight == NULL || prepared->variance == NULL ||
-        prepared->mask == NULL) {
-        status = rx_error_memory(err, 3 * n * sizeof(float));
+    if (prepared->mask == NULL || (n <= KEPT && (data == NULL || weight == NULL))) {
+        status = rx_error_memory(err, 2 * n * sizeof(float));
         goto exit;
     }
     prepared->good = rx_prepared_mask(par, tile, background, prepared->mask);
     double median = 1, high = 1;
-    if ((status = measure_sigma(prepared, tile, background, &median, &high, err)) != RX_OK)
+    if ((status = measure_sigma(prepared, &median, &high, err)) != RX_OK)
         goto exit;
     prepared->pedestal = choose_pedestal(par, median, high);
+    prepared->median = median;
     prepared->sigma = median / prepared->pedestal;
     prepared->photon = tile->gain > 0 && isfinite(tile->gain) ? 1 / (tile->gain * prepared->pedestal) : 0;
-    set_pixels(prepared, tile, background, median);
+    set_planes(prepared, data, weight);
+    data = weight = NULL;
 exit:
+    free(data);
+    free(weight);
     if (status != RX_OK) {
         rx_prepared_free(prepared);
         return status;
@@ -130,7 +245,6 @@ void rx_prepared_free(rx_prepared *prepared)
         return;
     free(prepared->data);
     free(prepared->weight);
-    free(prepared->variance);
     free(prepared->mask);
     free(prepared);
 }

@@ -12,26 +12,32 @@
  * relative weights W = min(1, (median sigma / sigma)^2), which decide between neighbours only, as the
  * update is normalised by K^T W.
  *
+ * Data and weights of a tile of up to 2^25 pixels are kept; those of a larger one, whose planes weigh more
+ * than the time to make them again, are made from the tile whenever they are asked for: the same bits.
+ *
  * Working unit: the pedestal. The sky is 1, sources are above it, whatever the unit of the
  * file, so that squares neither overflow nor vanish in single precision. */
 #ifndef RX_RESTORE_PREPARED_H
 #define RX_RESTORE_PREPARED_H
 
 #include "base/error.h"
+#include "data/map.h"
 #include "data/tile.h"
 #include "restore/restore.h"
 
 typedef struct rx_prepared {
     int width, height, nthreads;
-    float *data;     /* [height][width], (pixel - level) / p + 1, cut to 0 .. 1e7; 0 under the mask */
-    float *weight;   /* [height][width], W; 0 under the mask */
-    float *variance; /* [height][width], of the sky's noise, (sigma / p)^2; 1 under the mask */
-    uint8_t *mask;   /* [height][width], the tile's bits as far as honoured */
-    double pedestal; /* p, ADU */
-    double photon;   /* 1 / (gain p), 0 without gain: var = variance + photon max(value - 1, 0) */
-    double sigma;    /* median over good pixels, in units of p */
-    float peak;      /* largest value of data */
-    size_t good;     /* pixels that are not masked */
+    const rx_tile *tile; /* not owned, like what the maps were made from */
+    rx_map level, noise; /* ADU */
+    float *data;         /* [height][width], NULL: not kept; see rx_prepared_data() */
+    float *weight;       /* likewise, rx_prepared_weight() */
+    uint8_t *mask;       /* [height][width], the tile's bits as far as honoured */
+    double pedestal;     /* p, ADU */
+    double photon;       /* 1 / (gain p), 0 without gain: var = variance + photon max(value - 1, 0) */
+    double sigma;        /* median over good pixels, in units of p */
+    double median;       /* the same in ADU */
+    float peak;          /* largest value of data */
+    size_t good;         /* pixels that are not masked */
 } rx_prepared;
 
 /* The tile's mask as far as it is honoured, into mask[height][width], zeroed before; a difference to the sky
@@ -39,9 +45,17 @@ typedef struct rx_prepared {
 size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                         uint8_t *mask);
 
-/* Errors: RX_SYSTEM without memory. */
+/* Tile and background must outlive it. Errors: RX_SYSTEM without memory. */
 rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                           rx_prepared **dst, rx_error *err);
 void rx_prepared_free(rx_prepared *prepared);
+
+/* n pixels of a row of the tile from (x, y) on, in the plane where there is one, else in `room`, the caller's
+ * n floats. Data: (pixel - level) / p + 1, cut to 0 .. 1e7; 0 under the mask. Weight: W; 0 under the mask. */
+const float *rx_prepared_data(const rx_prepared *prepared, int y, int x, int n, float *room);
+const float *rx_prepared_weight(const rx_prepared *prepared, int y, int x, int n, float *room);
+
+/* dst[n]: variance of the sky's noise, (sigma / p)^2; 1 under the mask. */
+void rx_prepared_variance(const rx_prepared *prepared, int y, int x, int n, float *dst);
 
 #endif

@@ -13,6 +13,8 @@
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
+enum { PIECE = 512 }; /* pixels of a row at a time */
+
 /* In units of the pedestal, the sky being 1. */
 static const float MODEL_FLOOR = 0.05f;   /* a model below it (negative PSF wings) is no divisor */
 static const float OBJECT_FLOOR = 1e-4f;  /* f stays positive, or it could not come back */
@@ -65,9 +67,27 @@ void rx_rl_reset(rx_rl *rl)
         rl->object[k] = 1;
 }
 
+static void read_weight(void *user, int y, int x, int n, float *line)
+{
+    const float *weight = rx_prepared_weight(((const rx_rl *)user)->prepared, y, x, n, line);
+    if (weight != line)
+        memcpy(line, weight, (size_t)n * sizeof *line);
+}
+
+static size_t sky_at(const rx_blur *blur, int y, int x)
+{
+    return rx_blur_row(blur, y) - (size_t)blur->margin + (size_t)(x + blur->margin);
+}
+
+static void write_norm(void *user, int y, int x, int n, const float *line)
+{
+    const rx_rl *rl = user;
+    memcpy(rl->norm + sky_at(rl->blur, y, x), line, (size_t)n * sizeof *line);
+}
+
 void rx_rl_normalise(rx_rl *rl)
 {
-    rx_blur_adjoint_plane(rl->blur, rl->prepared->weight, rl->norm);
+    rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_weight, write_norm, rl});
 }
 
 void rx_rl_model(rx_rl *rl)
@@ -75,21 +95,33 @@ void rx_rl_model(rx_rl *rl)
     rx_blur_plane(rl->blur, rl->object, rl->model);
 }
 
+/* Sum over good pixels of n from (x, y) on, added to `sum` in their order. */
+static double add_chi2(const rx_rl *rl, int y, int x, int n, double sum)
+{
+    const rx_prepared *prepared = rl->prepared;
+    float room[PIECE], variance[PIECE];
+    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+    const float *data = rx_prepared_data(prepared, y, x, n, room), *model = rl->model + k;
+    const float photon = (float)prepared->photon;
+    rx_prepared_variance(prepared, y, x, n, variance);
+    for (int i = 0; i < n; i++) {
+        const float residual = data[i] - model[i];
+        const float whole = variance[i] + photon * fmaxf(model[i] - 1, 0);
+        if (prepared->mask[k + (size_t)i] == 0)
+            sum += (double)residual * residual / whole;
+    }
+    return sum;
+}
+
 double rx_rl_chi2(const rx_rl *rl)
 {
     const rx_prepared *prepared = rl->prepared;
-    const float photon = (float)prepared->photon;
+    const int width = prepared->width;
 #pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
     for (int y = 0; y < prepared->height; y++) {
-        const size_t row = (size_t)y * prepared->width;
-        const float *model = rl->model + row;
         double sum = 0;
-        for (int x = 0; x < prepared->width; x++) {
-            const float residual = prepared->data[row + x] - model[x];
-            const float variance = prepared->variance[row + x] + photon * fmaxf(model[x] - 1, 0);
-            if (prepared->mask[row + x] == 0)
-                sum += (double)residual * residual / variance;
-        }
+        for (int x = 0; x < width; x += PIECE)
+            sum = add_chi2(rl, y, x, width - x < PIECE ? width - x : PIECE, sum);
         rl->rows[y] = sum;
     }
     double sum = 0;
@@ -119,21 +151,33 @@ RX_WIDE static void plain_residual(const float *restrict data, const float *rest
     }
 }
 
+static void damped_residual(const rx_rl *rl, const float *data, const float *weight, const float *model,
+                            const float *sky, int n, float *dst)
+{
+    const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)rl->prepared->photon;
+    for (int i = 0; i < n; i++) {
+        const float m = fmaxf(model[i], MODEL_FLOOR);
+        const float variance = sky[i] + photon * fmaxf(m - 1, 0);
+        dst[i] = weight[i] * damp(data[i] - m, variance, scale) * ((data[i] - m) / m);
+    }
+}
+
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
-    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
-    const float *data = prepared->data + k, *weight = prepared->weight + k, *model = rl->model + k;
-    if (rl->damping > 0) {
-        const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)prepared->photon;
-        for (int i = 0; i < n; i++) {
-            const float m = fmaxf(model[i], MODEL_FLOOR);
-            const float variance = prepared->variance[k + (size_t)i] + photon * fmaxf(m - 1, 0);
-            dst[i] = weight[i] * damp(data[i] - m, variance, scale) * ((data[i] - m) / m);
+    for (int end = x + n; x < end; x += PIECE, dst += PIECE) {
+        float data_room[PIECE], weight_room[PIECE], variance[PIECE];
+        const int count = end - x < PIECE ? end - x : PIECE;
+        const float *data = rx_prepared_data(prepared, y, x, count, data_room),
+                    *weight = rx_prepared_weight(prepared, y, x, count, weight_room),
+                    *model = rl->model + (size_t)y * (size_t)prepared->width + (size_t)x;
+        if (!(rl->damping > 0)) {
+            plain_residual(data, weight, model, count, dst);
+            continue;
         }
-        return;
+        rx_prepared_variance(prepared, y, x, count, variance);
+        damped_residual(rl, data, weight, model, variance, count, dst);
     }
-    plain_residual(data, weight, model, n, dst);
 }
 
 static void read_residual(void *user, int y, int x, int n, float *line)
@@ -157,7 +201,7 @@ RX_WIDE static void move(const float *restrict change, const float *restrict nor
 static void move_object(void *user, int y, int x, int n, const float *change)
 {
     const rx_rl *rl = user;
-    const size_t k = rx_blur_row(rl->blur, y) - (size_t)rl->blur->margin + (size_t)(x + rl->blur->margin);
+    const size_t k = sky_at(rl->blur, y, x);
     move(change, rl->norm + k, rl->bound, n, rl->object + k);
 }
 
@@ -262,7 +306,6 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
     if (restored->support == NULL || restored->psf == NULL || restored->blur == NULL ||
         (par->keep_reblurred && restored->reblurred == NULL))
         return rx_error_memory(err, 3 * n * sizeof(float));
-    memcpy(restored->mask, prepared->mask, n);
     return RX_OK;
 }
 
@@ -318,6 +361,7 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
                                  prepared->nthreads, restored->pixels, err);
     }
+    memcpy(restored->mask, prepared->mask, (size_t)prepared->width * (size_t)prepared->height);
     describe(par, prepared, settings, restored);
     restored->seconds = rx_seconds() - begun;
 exit:

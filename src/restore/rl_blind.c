@@ -203,9 +203,12 @@ static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
         put_point(seeker, &found[i]);
     transform_points(seeker);
     clear_plane(seeker);
-    for (int y = 0; y < prepared->height; y++)
-        memcpy(plane_row(seeker, y), prepared->weight + (size_t)y * prepared->width,
-               (size_t)prepared->width * sizeof(float));
+    for (int y = 0; y < prepared->height; y++) {
+        float *row = plane_row(seeker, y);
+        const float *weight = rx_prepared_weight(prepared, y, 0, prepared->width, row);
+        if (weight != row)
+            memcpy(row, weight, (size_t)prepared->width * sizeof(float));
+    }
     correlate_points(seeker, seeker->share);
     return RX_OK;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 
 rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
 {
@@ -16,15 +17,27 @@ rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
     *noise = field->model_noise;
     if (field->model_noise > 0.0)
         return RX_OK;
-    float *above = RX_NEW(float, n);
-    if (above == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    for (size_t i = 0; i < n; i++)
-        if ((tile->mask[i] & RX_HIDE_RESTORED) == 0 && sky->sigma[i] > 0.0f)
-            above[good++] = (tile->pixels[i] - sky->level[i]) / sky->sigma[i];
+    const rx_map level = rx_background_level(sky), deviation = rx_background_noise(sky);
+    const size_t width = (size_t)tile->width;
+    float *above = RX_NEW(float, n), *rows = RX_NEW(float, 2 * width);
+    rx_status status = RX_OK;
+    if (above == NULL || rows == NULL) {
+        status = rx_error_memory(err, (n + 2 * width) * sizeof(float));
+        goto exit;
+    }
+    for (int y = 0; y < tile->height; y++) {
+        const size_t row = (size_t)y * width;
+        const float *sigma = rx_map_row(&deviation, y, 0, tile->width, rows),
+                    *base = rx_map_row(&level, y, 0, tile->width, rows + width);
+        for (size_t x = 0; x < width; x++)
+            if ((tile->mask[row + x] & RX_HIDE_RESTORED) == 0 && sigma[x] > 0.0f)
+                above[good++] = (tile->pixels[row + x] - base[x]) / sigma[x];
+    }
     *noise = rx_model_noise(above, good);
+exit:
     free(above);
-    return RX_OK;
+    free(rows);
+    return status;
 }
 
 /* "FWHM 2 to 8 pixels and noise 1 to 15", or that there is no such grid. */

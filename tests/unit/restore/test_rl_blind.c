@@ -172,9 +172,49 @@ static void chooses_stars(void **state)
     sky_free(&s);
 }
 
+/* What a large tile asks for row by row is what a small one keeps. */
+static void makes_again_what_it_does_not_keep(void **state)
+{
+    (void)state;
+    sky s;
+    field(&s);
+    for (int k = 0; k < W * H; k++)
+        s.background.sigma[k] = 0.5f + (float)(k % 7);
+    s.background.sigma[5] = -1;
+    s.tile.mask[7] = RX_MASK_BAD;
+    rx_prepared *prepared = NULL;
+    float data[W], weight[W], variance[W];
+    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
+    rx_prepared small = *prepared;
+    prepared->data = prepared->weight = NULL;
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x += 1 + x) { /* pieces of several lengths */
+            const int n = W - x;
+            const size_t k = (size_t)y * W + (size_t)x;
+            assert_ptr_equal(rx_prepared_data(&small, y, x, n, data), small.data + k);
+            assert_memory_equal(rx_prepared_data(prepared, y, x, n, data), small.data + k,
+                                (size_t)n * sizeof *data);
+            assert_memory_equal(rx_prepared_weight(prepared, y, x, n, weight), small.weight + k,
+                                (size_t)n * sizeof *weight);
+        }
+    rx_prepared_variance(prepared, 0, 0, W, variance);
+    assert_float_equal(small.data[7], 0, 0);
+    assert_float_equal(small.weight[7], 0, 0);
+    assert_float_equal(variance[7], 1, 0);
+    assert_float_equal(variance[5], pow(prepared->sigma, 2), 1e-6); /* no noise known: the median */
+    assert_float_equal(small.weight[5], 1, 0);
+    assert_float_equal(variance[6] / variance[1], pow(6.5 / 1.5, 2), 1e-4);
+    assert_float_equal(small.weight[6], pow(prepared->median / 6.5, 2), 1e-6);
+    prepared->data = small.data;
+    prepared->weight = small.weight;
+    rx_prepared_free(prepared);
+    sky_free(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_psf), cmocka_unit_test(keeps_positions),
-                                       cmocka_unit_test(lets_well_alone), cmocka_unit_test(chooses_stars)};
+                                       cmocka_unit_test(lets_well_alone), cmocka_unit_test(chooses_stars),
+                                       cmocka_unit_test(makes_again_what_it_does_not_keep)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
