@@ -104,9 +104,14 @@ rx_status rx_condition_psf(const rx_condition *c, const rx_simulate_config *sim,
 static void tell(const rx_condition *c, rx_background *sky)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
-    for (size_t i = 0; i < n; i++) {
-        sky->level[i] -= (float)(c->sky_error * (double)sky->sigma[i]);
-        sky->sigma[i] = (float)((double)sky->sigma[i] * (1 + c->noise_error));
+    const double more = 1 + c->noise_error;
+    sky->level_error += c->sky_error * (1 + sky->sigma_error);
+    if (sky->sigma == NULL) {
+        sky->sigma_error = (1 + sky->sigma_error) * more - 1;
+    } else {
+        sky->level_error /= more;
+        for (size_t i = 0; i < n; i++)
+            sky->sigma[i] = (float)((double)sky->sigma[i] * more);
     }
     sky->global_level -= c->sky_error * sky->global_sigma;
     sky->global_sigma *= 1 + c->noise_error;

@@ -200,18 +200,10 @@ static rx_status put_plateau(const rx_detection_state *state, const rx_detection
         for (int x = w / 4 + shift; x < w - w / 4 + shift; x++)
             plane[(size_t)y * (size_t)w + (size_t)x] = (float)(state->config->plateau_snr * sky->sigma);
     rx_status status = rx_gauss_masked(w, h, sky->fwhm + EDGE, NULL, 1, plane, err);
-    rx_background *both[] = {field->plain, field->restored};
-    for (size_t i = 0; i < n && status == RX_OK; i++) {
+    for (size_t i = 0; i < n && status == RX_OK; i++)
         tile->pixels[i] = (float)(level + (double)plane[i]);
-        for (int k = 0; k < 2; k++) {
-            both[k]->level[i] = (float)level;
-            both[k]->sigma[i] = (float)sky->sigma;
-        }
-    }
-    for (int k = 0; k < 2; k++) {
-        both[k]->global_level = level;
-        both[k]->global_sigma = sky->sigma;
-    }
+    rx_background_flatten(field->plain, level, sky->sigma);
+    rx_background_flatten(field->restored, level, sky->sigma);
     free(plane);
     return status;
 }

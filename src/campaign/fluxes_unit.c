@@ -90,8 +90,9 @@ static rx_status finding_new(const work *w, int run, const rx_sources *sources, 
     if (w->scene != RX_FLUXES_INJECTED)
         return RX_OK;
     const rx_field *field = w->tile->field;
-    return rx_selfcheck_sift(w->state->ground.before[run], sources, field->tile, field->plain->level,
-                             w->tile->light, w->radius, f->use, err);
+    const rx_map level = rx_background_level(field->plain);
+    return rx_selfcheck_sift(w->state->ground.before[run], sources, field->tile, &level, w->tile->light,
+                             w->radius, f->use, err);
 }
 
 /* Objects that are listed take detections first; what is left may belong to others. */

@@ -207,25 +207,18 @@ rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, c
                     .pixels = trial->image,
                     .mask = RX_NEW(uint8_t, n),
                     .saturation = HUGE_VAL};
-    rx_background sky = {.width = state->side,
-                         .height = state->side,
-                         .level = RX_NEW(float, n),
-                         .sigma = RX_NEW(float, n),
-                         .global_sigma = trial->sigma};
+    rx_background sky = {.width = state->side, .height = state->side};
     rx_status status = RX_OK;
-    if (tile.mask == NULL || sky.level == NULL || sky.sigma == NULL) {
-        status = rx_error_memory(err, 2 * n * sizeof(float));
+    if (tile.mask == NULL) {
+        status = rx_error_memory(err, n);
         goto exit;
     }
-    for (size_t i = 0; i < n; i++)
-        sky.sigma[i] = (float)trial->sigma;
+    rx_background_flatten(&sky, 0, trial->sigma);
     status = restorer->run(&par, &tile, &sky, trial->psf, NULL, &restored, err);
     if (status == RX_OK)
         memcpy(dst, restored->pixels, n * sizeof *dst);
 exit:
     rx_restored_free(restored);
     free(tile.mask);
-    free(sky.level);
-    free(sky.sigma);
     return status;
 }

@@ -7,13 +7,31 @@
 #include "data/restored.h"
 #include "data/tile.h"
 
+static void clear(rx_background *background)
+{
+    free(background->level);
+    free(background->sigma);
+    rx_splines_free(&background->levels);
+    rx_splines_free(&background->sigmas);
+}
+
 void rx_background_free(rx_background *background)
 {
     if (background == NULL)
         return;
-    free(background->level);
-    free(background->sigma);
+    clear(background);
     free(background);
+}
+
+void rx_background_flatten(rx_background *background, double level, double sigma)
+{
+    clear(background);
+    *background = (rx_background){.width = background->width,
+                                  .height = background->height,
+                                  .global_level = level,
+                                  .global_sigma = sigma,
+                                  .levels.value = (float)level,
+                                  .sigmas.value = (float)sigma};
 }
 
 rx_restored *rx_restored_new(const char *name, int width, int height)
@@ -43,8 +61,7 @@ void rx_restored_free(rx_restored *restored)
     free(restored->mask);
     free(restored->support);
     free(restored->reblurred);
-    if (!restored->sigma_lent)
-        free(restored->sigma);
+    free(restored->sigma);
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);
     free(restored);

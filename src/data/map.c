@@ -1,5 +1,10 @@
-/* Maps that are read by rows. */
+/* Planes as they are, the sky of a background from its meshes. */
 #include "data/map.h"
+
+#include <float.h>
+#include <string.h>
+
+enum { PIECE = 64 }; /* pixels of a row whose noise is held beside their level */
 
 rx_map rx_map_plane(const float *plane, int width)
 {
@@ -8,23 +13,86 @@ rx_map rx_map_plane(const float *plane, int width)
 
 rx_map rx_background_level(const rx_background *sky)
 {
-    return rx_map_plane(sky->level, sky->width);
+    const int plain = sky->level_error == 0;
+    return (rx_map){.width = sky->width, .plane = plain ? sky->level : NULL, .sky = sky};
 }
 
 rx_map rx_background_noise(const rx_background *sky)
 {
-    return rx_map_plane(sky->sigma, sky->width);
+    return (rx_map){.width = sky->width, .plane = sky->sigma, .sky = sky, .noise = 1};
+}
+
+/* No noise where there is no pixel, some noise where there is one. */
+static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
+{
+    const float usual = sky->usual_sigma;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        sigma[i] = (sigma[i] > 0.0f) & (sigma[i] <= FLT_MAX) ? sigma[i] : usual;
+    const uint8_t *mask = sky->mask != NULL ? sky->mask + at : NULL;
+    for (int i = 0; mask != NULL && i < n; i++)
+        sigma[i] = (mask[i] & sky->mask_bits) != 0 ? 0.0f : sigma[i];
+}
+
+/* Before any error. */
+static void true_noise(const rx_background *sky, int y, int x, int n, float *sigma)
+{
+    const size_t at = (size_t)y * (size_t)sky->width + (size_t)x;
+    if (sky->sigma != NULL) {
+        memcpy(sigma, sky->sigma + at, (size_t)n * sizeof *sigma);
+        return;
+    }
+    rx_splines_row(&sky->sigmas, y, x, n, sigma);
+    finish_noise(sky, at, n, sigma);
+}
+
+static void noise_row(const rx_background *sky, int y, int x, int n, float *sigma)
+{
+    true_noise(sky, y, x, n, sigma);
+    for (int i = 0; i < n && sky->sigma_error != 0; i++)
+        sigma[i] = (float)((double)sigma[i] * (1 + sky->sigma_error));
+}
+
+static void level_row(const rx_background *sky, int y, int x, int n, float *level)
+{
+    float sigma[PIECE];
+    if (sky->level != NULL)
+        memcpy(level, sky->level + (size_t)y * (size_t)sky->width + (size_t)x, (size_t)n * sizeof *level);
+    else
+        rx_splines_row(&sky->levels, y, x, n, level);
+    for (int from = 0; from < n && sky->level_error != 0; from += PIECE) {
+        const int count = n - from < PIECE ? n - from : PIECE;
+        true_noise(sky, y, x + from, count, sigma);
+        for (int i = 0; i < count; i++)
+            level[from + i] -= (float)(sky->level_error * (double)sigma[i]);
+    }
 }
 
 const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room)
 {
-    (void)n;
-    (void)room;
-    return map->plane + (size_t)y * (size_t)map->width + (size_t)x;
+    if (map->plane != NULL)
+        return map->plane + (size_t)y * (size_t)map->width + (size_t)x;
+    if (map->noise)
+        noise_row(map->sky, y, x, n, room);
+    else
+        level_row(map->sky, y, x, n, room);
+    return room;
 }
 
 float rx_map_at(const rx_map *map, int x, int y)
 {
-    float value;
+    float value = 0;
     return *rx_map_row(map, y, x, 1, &value);
+}
+
+void rx_map_fill(const rx_map *map, int height, int nthreads, float *dst)
+{
+    const size_t width = (size_t)map->width;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (int y = 0; y < height; y++) {
+        float *own = dst + (size_t)y * width;
+        const float *row = rx_map_row(map, y, 0, map->width, own);
+        if (row != own)
+            memcpy(own, row, width * sizeof *own);
+    }
 }

@@ -8,12 +8,15 @@
 
 #include "data/tile.h"
 
+/* All 0: no map. */
 typedef struct rx_map {
     int width;
     const float *plane; /* [height][width]; NULL: of the sky */
     const rx_background *sky;
     int noise; /* 1: the sky's noise, 0: its level */
 } rx_map;
+
+enum { RX_MAP_PIECE = 256 }; /* pixels of a row at a time, where there is no room for more */
 
 /* plane: [height][width]. */
 rx_map rx_map_plane(const float *plane, int width);
@@ -29,5 +32,19 @@ const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room);
 
 /* One value. */
 float rx_map_at(const rx_map *map, int x, int y);
+
+/* All values: dst[height][width]. */
+void rx_map_fill(const rx_map *map, int height, int nthreads, float *dst);
+
+static inline int rx_map_given(const rx_map *map)
+{
+    return map->plane != NULL || map->sky != NULL;
+}
+
+/* Length of the piece of a row of `width` pixels that begins at x. */
+static inline int rx_map_piece(int x, int width)
+{
+    return width - x < RX_MAP_PIECE ? width - x : RX_MAP_PIECE;
+}
 
 #endif

@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "data/psf.h"
+#include "data/tile.h"
 
 typedef struct rx_restored {
     const char *name; /* "NONE", "RL", ... static */
@@ -15,12 +16,13 @@ typedef struct rx_restored {
                          beyond   the border; NULL for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
-    float *sigma;     /* noise for detection, ADU, [height][width]; NULL: measure it on pixels */
-    int sigma_lent;   /* sigma belongs to the background that the restorer was given, and lives as long */
-    rx_psf *psf;      /* of the restored image */
-    rx_psf *blur;     /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
-    int iterations;   /* done; 0 where it has no meaning */
-    double chi2;      /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
+    float *sigma;     /* noise for detection, ADU, [height][width]; NULL: that of `sky` */
+    const rx_background *sky; /* whose noise is that of these pixels, and which lives as long; NULL: measure
+                                 it on pixels */
+    rx_psf *psf;              /* of the restored image */
+    rx_psf *blur;             /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
+    int iterations;           /* done; 0 where it has no meaning */
+    double chi2;              /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
     double seam; /* VERIFY_SEAMS: largest difference to a restoration in other blocks, sigmas; else NAN */
     double seconds;
     char settings[200]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */

@@ -9,6 +9,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "data/splines.h"
+
 /* Why a pixel must not be used. 0 = good. */
 enum {
     RX_MASK_BAD = 1,       /* NaN, infinite or BLANK in the file */
@@ -54,13 +56,24 @@ typedef struct rx_tile {
                            rx_tile_checksum() of io/tile.h is asked for it */
 } rx_tile;
 
-/* Sky level and noise of a tile (SExtractor's background and rms maps). */
+/* Sky level and noise of a tile (SExtractor's background and rms maps), read through data/map.h: planes where
+ * they are, else what meshes say. */
 typedef struct rx_background {
     int width, height;
-    float *level; /* [height][width] ADU */
-    float *sigma; /* [height][width] noise of a pixel, ADU; what weights say, else the rms map */
+    float *level; /* [height][width] ADU; NULL: levels */
+    float *sigma; /* [height][width] noise of a pixel, ADU; NULL: sigmas */
     double global_level, global_sigma;
+    rx_splines levels, sigmas;
+    const uint8_t *mask; /* [height][width] of the tile, which must live as long; NULL: nothing is hidden */
+    int mask_bits;       /* sigmas are 0 where mask & mask_bits != 0 */
+    float usual_sigma;   /* where sigmas are not above 0 */
+    /* So that a wrong sky can be told: level_error times the noise is taken off the level, and what sigmas
+     * say is larger by sigma_error times itself, which that noise is not. */
+    double level_error, sigma_error;
 } rx_background;
+
+/* The same level and noise everywhere, whatever was there before. */
+void rx_background_flatten(rx_background *background, double level, double sigma);
 
 void rx_background_free(rx_background *background);
 

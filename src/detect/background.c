@@ -1,4 +1,4 @@
-/* Sky level and noise maps: the meshes' splines, weights and odd tiles. */
+/* Sky level and noise: the meshes' splines, weights and odd tiles. */
 #include "detect/background.h"
 
 #include <math.h>
@@ -78,68 +78,82 @@ static rx_status sigma_from_map(const rx_background_params *par, const source *s
     return RX_OK;
 }
 
-static void fill_constant(float *values, size_t n, double value)
+/* A surface of splines over one of the two grids of `mesh`. */
+static rx_status join(const rx_background_params *par, const sep_bkg *mesh, const float *values,
+                      const float *derivatives, rx_splines *dst, rx_error *err)
 {
-    for (size_t i = 0; i < n; i++)
-        values[i] = (float)value;
+    const rx_spline_grid grid = {.mesh_width = (int)mesh->bw,
+                                 .mesh_height = (int)mesh->bh,
+                                 .nx = (int)mesh->nx,
+                                 .ny = (int)mesh->ny,
+                                 .values = values,
+                                 .derivatives = derivatives};
+    return rx_splines_new(&grid, (int)mesh->w, (int)mesh->h, par->nthreads, dst, err);
 }
 
-/* No noise where there is no pixel, some noise where there is one. */
-static void finish_sigma(const source *src, size_t from, size_t to, rx_background *dst)
-{
-    for (size_t i = from; i < to; i++) {
-        if (src->mask != NULL && (src->mask[i] & src->mask_bits) != 0)
-            dst->sigma[i] = 0.0f;
-        else if (!(dst->sigma[i] > 0.0f) || !isfinite(dst->sigma[i]))
-            dst->sigma[i] = (float)dst->global_sigma;
-    }
-}
-
-/* The splines' values row by row; sigma only where no map says it. */
-static rx_status fill_rows(const rx_background_params *par, const source *src, const sep_bkg *back,
-                           int own_sigma, rx_background *dst, rx_error *err)
+/* The noise as a plane, where every pixel has its own: `own`, in dst->sigma already, what a map says. No
+ * noise where there is no pixel, some noise where there is one. */
+static void finish_sigma(const rx_background_params *par, const source *src, int own, rx_background *dst)
 {
     const size_t width = (size_t)dst->width;
-    int failed = 0;
-#pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)                 \
-    reduction(|                                                                                              \
-              : failed)
+#pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int y = 0; y < dst->height; y++) {
         const size_t row = (size_t)y * width;
-        if (par->manual)
-            fill_constant(dst->level + row, width, par->manual_value);
-        else
-            failed |= sep_bkg_line(back, y, dst->level + row, SEP_TFLOAT);
-        if (own_sigma)
-            failed |= sep_bkg_rmsline(back, y, dst->sigma + row, SEP_TFLOAT);
-        finish_sigma(src, row, row + width, dst);
+        float *sigma = dst->sigma + row;
+        if (!own)
+            rx_splines_row(&dst->sigmas, y, 0, dst->width, sigma);
+        for (size_t x = 0; x < width; x++) {
+            if (src->mask != NULL && (src->mask[row + x] & src->mask_bits) != 0)
+                sigma[x] = 0.0f;
+            else if (!(sigma[x] > 0.0f) || !isfinite(sigma[x]))
+                sigma[x] = dst->usual_sigma;
+        }
     }
-    return failed ? rx_error_memory(err, width * sizeof(float)) : RX_OK;
+}
+
+/* A weight map makes thresholds and errors ask every pixel for its own noise. */
+static rx_status fill_sigma(const rx_background_params *par, const source *src, const sep_bkg *mesh,
+                            size_t good, rx_background *dst, rx_error *err)
+{
+    const int own = good > 0 && src->weight != NULL && src->weight_type >= RX_WEIGHT_MAP_RMS;
+    const size_t n = (size_t)dst->width * (size_t)dst->height;
+    rx_status status = RX_OK;
+    if (good > 0 && !own)
+        status = join(par, mesh, mesh->sigma, mesh->dsigma, &dst->sigmas, err);
+    if (status != RX_OK || src->weight_type == RX_WEIGHT_NONE)
+        return status;
+    dst->sigma = rx_alloc_filled(n, sizeof *dst->sigma, par->nthreads);
+    if (dst->sigma == NULL)
+        return rx_error_memory(err, n * sizeof *dst->sigma);
+    if (own)
+        status = sigma_from_map(par, src, mesh, dst, err);
+    dst->usual_sigma = (float)dst->global_sigma;
+    if (status == RX_OK)
+        finish_sigma(par, src, own, dst);
+    return status;
 }
 
 static rx_status fill_maps(const rx_background_params *par, const source *src, rx_background *dst,
                            rx_error *err)
 {
-    sep_bkg *back = NULL;
+    sep_bkg *mesh = NULL;
     size_t good = 0;
-    const int map = src->weight != NULL && src->weight_type >= RX_WEIGHT_MAP_RMS;
     rx_status status = rx_mesh_measure(par, dst->width, dst->height, src->pixels, src->mask, src->mask_bits,
-                                       &back, &good, err);
+                                       &mesh, &good, err);
     if (status != RX_OK)
         goto exit;
-    if (good == 0) {
-        fill_constant(dst->level, (size_t)dst->width * (size_t)dst->height, dst->global_level);
-        finish_sigma(src, 0, (size_t)dst->width * (size_t)dst->height, dst);
-        goto exit;
+    if (good > 0) {
+        dst->global_level = par->manual ? par->manual_value : mesh->global;
+        dst->global_sigma = mesh->globalrms > 0.0f ? mesh->globalrms : 1.0;
     }
-    dst->global_level = par->manual ? par->manual_value : back->global;
-    dst->global_sigma = back->globalrms > 0.0f ? back->globalrms : 1.0;
-    if (map)
-        status = sigma_from_map(par, src, back, dst, err);
+    dst->levels.value = (float)dst->global_level;
+    dst->usual_sigma = (float)dst->global_sigma;
+    if (good > 0 && !par->manual)
+        status = join(par, mesh, mesh->back, mesh->dback, &dst->levels, err);
     if (status == RX_OK)
-        status = fill_rows(par, src, back, !map, dst, err);
+        status = fill_sigma(par, src, mesh, good, dst, err);
 exit:
-    rx_mesh_free(back);
+    rx_mesh_free(mesh);
     return status;
 }
 
@@ -147,7 +161,6 @@ rx_status rx_background_measure(const rx_background_params *par, int width, int 
                                 const uint8_t *mask, int mask_bits, const float *weight,
                                 rx_weight_type weight_type, rx_background **dst, rx_error *err)
 {
-    size_t n = (size_t)width * (size_t)height;
     const source src = {
         .pixels = pixels, .mask = mask, .mask_bits = mask_bits, .weight = weight, .weight_type = weight_type};
     rx_background *back = NULL;
@@ -163,12 +176,8 @@ rx_status rx_background_measure(const rx_background_params *par, int width, int 
     back->height = height;
     back->global_sigma = 1.0;
     back->global_level = par->manual ? par->manual_value : 0.0;
-    back->level = rx_alloc_filled(n, sizeof *back->level, par->nthreads);
-    back->sigma = rx_alloc_filled(n, sizeof *back->sigma, par->nthreads);
-    if (back->level == NULL || back->sigma == NULL) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+    back->mask = mask;
+    back->mask_bits = mask_bits;
     status = fill_maps(par, &src, back, err);
     if (status != RX_OK)
         goto exit;

@@ -19,8 +19,10 @@ typedef struct rx_background_params {
     int nthreads;
 } rx_background_params;
 
-/* Background of `pixels` ([h][w] ADU). Masked ones, mask & mask_bits != 0, are ignored to the bit;
- * mask may be NULL. level and sigma are filled everywhere; sigma of masked pixels is 0.
+/* Background of `pixels` ([h][w] ADU), to be read through data/map.h. Masked ones, mask & mask_bits != 0,
+ * are ignored to the bit; mask may be NULL, else it must live as long as the result. Every pixel has a level
+ * and a sigma, which is 0 for masked ones. Both are surfaces through the meshes, without a plane; with a
+ * weight type sigma is a plane.
  *
  * sigma: no weight (NULL) or RX_WEIGHT_BACKGROUND, the image's own rms map; MAP_RMS, the map;
  * MAP_VAR and MAP_WEIGHT, f sqrt(var) and f / sqrt(weight) with f the median over the meshes of

@@ -21,9 +21,9 @@ static const float OUTSIDE = -1e30f; /* VIGNET pixels that are hidden or beyond 
 static double level_at(const rx_measure_image *image, const rx_source *s)
 {
     int x = (int)(s->x + 0.5), y = (int)(s->y + 0.5);
-    if (image->level == NULL || x < 0 || y < 0 || x >= image->width || y >= image->height)
+    if (!rx_map_given(&image->level) || x < 0 || y < 0 || x >= image->width || y >= image->height)
         return 0.0;
-    return image->level[(size_t)y * (size_t)image->width + (size_t)x];
+    return (double)rx_map_at(&image->level, x, y);
 }
 
 static void measure_apertures(const rx_view *view, const rx_measure_params *par, rx_source *s)

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "data/map.h"
 #include "data/sources.h"
 #include "data/tile.h"
 #include "measure/noise.h"
@@ -44,8 +45,8 @@ typedef struct rx_measure_params {
 typedef struct rx_measure_image {
     int width, height;
     const float *pixels;           /* background subtracted */
-    const float *sigma;            /* noise of a pixel */
-    const float *level;            /* background, for BACKGROUND; may be NULL */
+    const float *sigma;            /* noise of a pixel; read with variable_noise only */
+    rx_map level;                  /* background, for BACKGROUND; may be none */
     const uint8_t *mask;           /* may be NULL */
     int mask_bits;                 /* bits that hide a pixel */
     const uint8_t *saturated_mask; /* same plane or the tile's, tested for RX_MASK_SATURATED; may be NULL */

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "num/lsq.h"
 #include "num/stats.h"
 #include "psf/moffat_fit.h"
@@ -34,32 +35,45 @@ typedef struct scene {
     double radius; /* pixels, of what is fitted around each star */
 } scene;
 
-/* Unmasked pixels of a disc around the star that belong to it or to the sky. */
+/* Of n pixels from (x, y) on those in the disc that belong to the star or to the sky, unmasked. */
+static void cut_piece(const scene *sc, const rx_source *s, int y, int x, int n, fitted_star *star)
+{
+    const rx_tile *t = sc->tile;
+    const rx_map levels = sc->background != NULL ? rx_background_level(sc->background) : (rx_map){0};
+    const rx_map noise = sc->background != NULL ? rx_background_noise(sc->background) : (rx_map){0};
+    float room[2][RX_MAP_PIECE];
+    const float *level = rx_map_given(&levels) ? rx_map_row(&levels, y, x, n, room[0]) : NULL;
+    const float *sigmas = rx_map_given(&noise) ? rx_map_row(&noise, y, x, n, room[1]) : NULL;
+    rx_moffat_pixels *p = &star->pixels;
+    for (int i = 0; i < n; i++) {
+        const size_t at = (size_t)y * (size_t)t->width + (size_t)(x + i);
+        const int32_t owner = sc->sources->segments != NULL ? sc->sources->segments[at] : 0;
+        const double sigma = sigmas != NULL ? (double)sigmas[i] : 1.0;
+        if (hypot(x + i - s->x, y - s->y) > sc->radius || t->mask[at] != 0 ||
+            (owner != 0 && owner != s->segment) || !(sigma > 0.0))
+            continue;
+        p->x[p->n] = x + i;
+        p->y[p->n] = y;
+        p->value[p->n] = (double)t->pixels[at] - (level != NULL ? (double)level[i] : 0.0);
+        star->noise[p->n++] = sigma;
+    }
+}
+
+/* The pixels of a disc around the star. */
 static rx_status cut_out(const scene *sc, const rx_source *s, fitted_star *star, rx_error *err)
 {
-    int reach = (int)ceil(sc->radius), x0 = (int)lround(s->x), y0 = (int)lround(s->y);
-    const rx_tile *t = sc->tile;
+    const int reach = (int)ceil(sc->radius), cx = (int)lround(s->x), cy = (int)lround(s->y);
+    const int x0 = cx > reach ? cx - reach : 0, y0 = cy > reach ? cy - reach : 0;
+    const int x1 = cx + reach < sc->tile->width ? cx + reach + 1 : sc->tile->width;
+    const int y1 = cy + reach < sc->tile->height ? cy + reach + 1 : sc->tile->height;
     star->source = s;
     rx_status status = rx_moffat_pixels_new((2 * reach + 1) * (2 * reach + 1), &star->pixels, err);
     star->noise = RX_NEW(double, (2 * reach + 1) * (2 * reach + 1));
     if (status != RX_OK || star->noise == NULL)
         return rx_error_memory(err, 0);
-    for (int y = y0 - reach; y <= y0 + reach; y++)
-        for (int x = x0 - reach; x <= x0 + reach; x++) {
-            if (x < 0 || y < 0 || x >= t->width || y >= t->height || hypot(x - s->x, y - s->y) > sc->radius)
-                continue;
-            size_t at = (size_t)y * (size_t)t->width + (size_t)x;
-            int32_t owner = sc->sources->segments != NULL ? sc->sources->segments[at] : 0;
-            double sigma = sc->background != NULL ? (double)sc->background->sigma[at] : 1.0;
-            if (t->mask[at] != 0 || (owner != 0 && owner != s->segment) || !(sigma > 0.0))
-                continue;
-            rx_moffat_pixels *p = &star->pixels;
-            p->x[p->n] = x;
-            p->y[p->n] = y;
-            p->value[p->n] =
-                (double)t->pixels[at] - (sc->background != NULL ? (double)sc->background->level[at] : 0.0);
-            star->noise[p->n++] = sigma;
-        }
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x += RX_MAP_PIECE)
+            cut_piece(sc, s, y, x, rx_map_piece(x, x1), star);
     return RX_OK;
 }
 

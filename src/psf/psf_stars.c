@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "num/stats.h"
 
 /* Half-width of the stellar locus in ln(radius). */
@@ -11,9 +12,12 @@ static const double locus_half = 0.10;
 /* Half-light radius, pixels: wider than any PSF that can be given (FWHM 200); fits take six radii around. */
 static const double widest = 120.0;
 
-static double sky_level(const rx_star_search *v, size_t at)
+static double sky_level(const rx_star_search *v, int x, int y)
 {
-    return v->background != NULL ? (double)v->background->level[at] : 0.0;
+    if (v->background == NULL)
+        return 0.0;
+    const rx_map levels = rx_background_level(v->background);
+    return (double)rx_map_at(&levels, x, y);
 }
 
 /* No masked pixel, no plateau at the saturation level, and light around the peak: a hot pixel or the hit
@@ -40,7 +44,7 @@ static int clean_core(const rx_star_search *v, const rx_source *s, double radius
     for (int y = py - 1; y <= py + 1; y++)
         for (int x = px - 1; x <= px + 1; x++) {
             size_t at = (size_t)y * (size_t)t->width + (size_t)x;
-            double value = (double)t->pixels[at] - sky_level(v, at);
+            double value = (double)t->pixels[at] - sky_level(v, x, y);
             *(x == px && y == py ? &centre : &ring) += value;
         }
     return centre > 0.0 && ring > 0.7 * centre;

@@ -25,8 +25,7 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_tile *tile, const r
     rx_restored *restored = rx_restored_new("NONE", tile->width, tile->height);
     if (restored == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    restored->sigma = background->sigma;
-    restored->sigma_lent = 1;
+    restored->sky = background;
     restored->psf = psf != NULL ? rx_psf_copy(psf) : NULL;
     if (psf != NULL && restored->psf == NULL) {
         rx_restored_free(restored);

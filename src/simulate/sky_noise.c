@@ -25,16 +25,25 @@ static const double FLOOR = 0.05;        /* more than that at the last lags is n
 /* --- measuring --- */
 
 /* z of the used pixels, NAN elsewhere; their number. */
-static long normalise(size_t n, const float *pixels, const float *sigma, const unsigned char *used, float *z)
+static long normalise(int width, int height, const float *pixels, const rx_map *sigmas,
+                      const unsigned char *used, float *z)
 {
     long count = 0;
-    for (size_t i = 0; i < n; i++) {
-        z[i] = used[i] && sigma[i] > 0.0f ? pixels[i] / sigma[i] : NAN;
-        if (isfinite(z[i]))
-            count++;
-        else
-            z[i] = NAN;
-    }
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, width);
+            float room[RX_MAP_PIECE];
+            const float *sigma = rx_map_row(sigmas, y, x, n, room);
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            for (int k = 0; k < n; k++) {
+                const size_t i = at + (size_t)k;
+                z[i] = used[i] && sigma[k] > 0.0f ? pixels[i] / sigma[k] : NAN;
+                if (isfinite(z[i]))
+                    count++;
+                else
+                    z[i] = NAN;
+            }
+        }
     return count;
 }
 
@@ -146,7 +155,7 @@ static void judge(rx_sky_noise *dst)
     dst->correlated = largest > fmax(4.0 * dst->error, LEAST);
 }
 
-rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const float *sigma,
+rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const rx_map *sigma,
                                const unsigned char *used, rx_sky_noise *dst, rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
@@ -156,7 +165,7 @@ rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const
     if (z == NULL)
         return rx_error_memory(err, n * sizeof(float));
     rx_status status = RX_OK;
-    long count = normalise(n, pixels, sigma, used, z);
+    long count = normalise(width, height, pixels, sigma, used, z);
     if (count < ENOUGH)
         status = rx_error_set(err, RX_INPUT,
                               "%ld source-free pixels are too few to measure the noise; %d are needed", count,
@@ -217,18 +226,22 @@ static rx_status filter_spectrum(const rx_sky_noise *noise, const rx_fft *fft, f
     return RX_OK;
 }
 
-static void scale_rows(double scale, int width, int height, const float *sigma, const float *unit,
+static void scale_rows(double scale, int width, int height, const rx_map *sigmas, const float *unit,
                        size_t stride, int nthreads, float *dst)
 {
 #pragma omp parallel for num_threads(nthreads) schedule(static)
     for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) {
-            size_t i = (size_t)y * (size_t)width + (size_t)x;
-            dst[i] = (float)scale * sigma[i] * unit[(size_t)y * stride + (size_t)x];
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, width);
+            float room[RX_MAP_PIECE];
+            const float *sigma = rx_map_row(sigmas, y, x, n, room), *from = unit + (size_t)y * stride + x;
+            float *to = dst + (size_t)y * (size_t)width + x;
+            for (int k = 0; k < n; k++)
+                to[k] = (float)scale * sigma[k] * from[k];
         }
 }
 
-static rx_status draw_correlated(const rx_sky_noise *noise, int width, int height, const float *sigma,
+static rx_status draw_correlated(const rx_sky_noise *noise, int width, int height, const rx_map *sigma,
                                  uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err)
 {
     rx_fft *fft = NULL;
@@ -261,7 +274,7 @@ exit:
     return status;
 }
 
-rx_status rx_sky_noise_draw(const rx_sky_noise *noise, int width, int height, const float *sigma,
+rx_status rx_sky_noise_draw(const rx_sky_noise *noise, int width, int height, const rx_map *sigma,
                             uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err)
 {
     const int threads = nthreads > 1 ? nthreads : 1;

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "data/map.h"
 
 enum { RX_NOISE_LAGS = 4 };
 
@@ -30,7 +31,7 @@ typedef struct rx_sky_noise {
 
 /* pixels: sky subtracted; sigma: noise per pixel (> 0 where used); used: 0 = a source or masked, and kept
  * out. All [height][width]. Errors: RX_INPUT with fewer than 1000 used pixels, RX_SYSTEM memory. */
-rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const float *sigma,
+rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const rx_map *sigma,
                                const unsigned char *used, rx_sky_noise *dst, rx_error *err);
 
 /* dst = one realisation: scale * sigma(x, y) times unit noise with that correlation (white when not
@@ -38,7 +39,7 @@ rx_status rx_sky_noise_measure(int width, int height, const float *pixels, const
  * spectrum, the Fourier transform of the correlation; where that is negative (lags beyond RX_NOISE_LAGS were
  * cut off, or measured with error) it counts as 0, and what is left is scaled to the variance asked for: such
  * a correlation is met as nearly as a possible one can. */
-rx_status rx_sky_noise_draw(const rx_sky_noise *noise, int width, int height, const float *sigma,
+rx_status rx_sky_noise_draw(const rx_sky_noise *noise, int width, int height, const rx_map *sigma,
                             uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err);
 
 #endif

@@ -24,6 +24,7 @@ rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, rx
     size_t n = (size_t)tile->width * (size_t)tile->height;
     const double fwhm = field->psf != NULL ? field->psf->fwhm : 4.0;
     const double distances[] = {2.0 * fwhm, fwhm, 0.0};
+    const rx_map sigma = rx_background_noise(field->plain);
     rx_status status = RX_INPUT;
     unsigned char *used = RX_NEW(unsigned char, n);
     float *pixels = RX_NEW(float, n);
@@ -31,14 +32,12 @@ rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, rx
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    for (size_t i = 0; i < n; i++)
-        pixels[i] = tile->pixels[i] - field->plain->level[i];
+    rx_field_above_sky(tile, field->plain, 0, 1, pixels);
     for (size_t k = 0; k < sizeof distances / sizeof *distances && status == RX_INPUT; k++) {
         status = rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, segments, tile->mask,
                                    distances[k], used, err);
         if (status == RX_OK)
-            status =
-                rx_sky_noise_measure(tile->width, tile->height, pixels, field->plain->sigma, used, dst, err);
+            status = rx_sky_noise_measure(tile->width, tile->height, pixels, &sigma, used, dst, err);
     }
 exit:
     free(used);
@@ -51,6 +50,7 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
 {
     const rx_tile *tile = field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height;
+    const rx_map sigma = rx_background_noise(field->plain);
     rx_tile *copy = NULL;
     double model_noise = 0.0;
     rx_status status = rx_domain_noise(field, &model_noise, err);
@@ -58,8 +58,8 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
         status = rx_replica_new(tile, &copy, err);
     if (status != RX_OK)
         return status;
-    status = rx_sky_noise_draw(noise, tile->width, tile->height, field->plain->sigma, seed, stream,
-                               options->nthreads, copy->pixels, err);
+    status = rx_sky_noise_draw(noise, tile->width, tile->height, &sigma, seed, stream, options->nthreads,
+                               copy->pixels, err);
     if (status != RX_OK) {
         rx_tile_free(copy);
         return status;

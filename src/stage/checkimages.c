@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "data/map.h"
 #include "io/fits_write.h"
 #include "stage/field.h"
 
@@ -43,26 +44,29 @@ static void paint_identical(const rx_checkimage_data *data, canvas *dst)
         dst->pixels[i] = data->tile->mask[i] & RX_MASK_BAD ? NAN : data->tile->pixels[i];
 }
 
+static void paint_background(const rx_checkimage_data *data, canvas *dst)
+{
+    const rx_map level = rx_background_level(data->background);
+    rx_map_fill(&level, dst->height, 1, dst->pixels);
+}
+
+static void paint_rms(const rx_checkimage_data *data, canvas *dst)
+{
+    const rx_map noise = rx_background_noise(data->background);
+    rx_map_fill(&noise, dst->height, 1, dst->pixels);
+}
+
 static void paint_restored(const rx_checkimage_data *data, canvas *dst)
 {
+    paint_background(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i] + data->background->level[i];
+        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i] + dst->pixels[i];
 }
 
 static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i];
-}
-
-static void paint_background(const rx_checkimage_data *data, canvas *dst)
-{
-    memcpy(dst->pixels, data->background->level, npixels(dst) * sizeof(float));
-}
-
-static void paint_rms(const rx_checkimage_data *data, canvas *dst)
-{
-    memcpy(dst->pixels, data->background->sigma, npixels(dst) * sizeof(float));
 }
 
 static void paint_filtered(const rx_checkimage_data *data, canvas *dst)
@@ -91,12 +95,22 @@ static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 /* In sigmas: a restorer that explains the data leaves white noise of width 1. */
 static void paint_residual(const rx_checkimage_data *data, canvas *dst)
 {
-    for (size_t i = 0; i < npixels(dst); i++) {
-        float input = data->tile->pixels[i] - data->background->level[i], sigma = data->background->sigma[i];
-        const float *reblurred = data->restored->reblurred; /* NULL: nothing was restored */
-        float model = reblurred != NULL ? reblurred[i] : data->restored->pixels[i];
-        dst->pixels[i] = hidden(data, i) || !(sigma > 0.0f) ? NAN : (model - input) / sigma;
-    }
+    const rx_map levels = rx_background_level(data->background);
+    const rx_map noise = rx_background_noise(data->background);
+    const float *reblurred = data->restored->reblurred; /* NULL: nothing was restored */
+    for (int y = 0; y < dst->height; y++)
+        for (int x = 0; x < dst->width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, dst->width);
+            float room[2][RX_MAP_PIECE];
+            const float *level = rx_map_row(&levels, y, x, n, room[0]);
+            const float *sigma = rx_map_row(&noise, y, x, n, room[1]);
+            size_t k = (size_t)y * (size_t)dst->width + (size_t)x;
+            for (int i = 0; i < n; i++, k++) {
+                const float input = data->tile->pixels[k] - level[i];
+                const float model = reblurred != NULL ? reblurred[k] : data->restored->pixels[k];
+                dst->pixels[k] = hidden(data, k) || !(sigma[i] > 0.0f) ? NAN : (model - input) / sigma[i];
+            }
+        }
 }
 
 static void paint_support(const rx_checkimage_data *data, canvas *dst)
@@ -107,17 +121,24 @@ static void paint_support(const rx_checkimage_data *data, canvas *dst)
                                                          : 0.0f;
 }
 
-/* A pixel that took part in the template fit; without a fit none did. */
-static int was_fitted(const rx_checkimage_data *data, size_t i)
+/* dst = the noise of the sky where a pixel took part in the template fit, else not a number; without a fit
+ * none did. */
+static void paint_fitted_noise(const rx_checkimage_data *data, canvas *dst)
 {
-    return data->tphot != NULL && (data->fitted->mask[i] & RX_HIDE_RESTORED) == 0 &&
-           data->fitted_sky->sigma[i] > 0.0f;
+    const rx_map noise = rx_background_noise(data->fitted_sky);
+    rx_map_fill(&noise, dst->height, 1, dst->pixels);
+    for (size_t i = 0; i < npixels(dst); i++)
+        if (data->tphot == NULL || (data->fitted->mask[i] & RX_HIDE_RESTORED) != 0 ||
+            !(dst->pixels[i] > 0.0f))
+            dst->pixels[i] = NAN;
 }
 
 static void paint_template_residual(const rx_checkimage_data *data, canvas *dst)
 {
+    paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = was_fitted(data, i) ? data->tphot->residual[i] : NAN;
+        if (!isnan(dst->pixels[i]))
+            dst->pixels[i] = data->tphot->residual[i];
 }
 
 static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
@@ -130,11 +151,11 @@ static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
 static void paint_template_chi(const rx_checkimage_data *data, canvas *dst)
 {
     const double gain = data->fitted->gain;
+    paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++) {
-        dst->pixels[i] = NAN;
-        if (!was_fitted(data, i))
+        if (isnan(dst->pixels[i]))
             continue;
-        const double sigma = (double)data->fitted_sky->sigma[i], model = (double)data->tphot->model[i];
+        const double sigma = (double)dst->pixels[i], model = (double)data->tphot->model[i];
         const double photons = gain > 0.0 && model > 0.0 ? model / gain : 0.0;
         dst->pixels[i] = (float)((double)data->tphot->residual[i] / sqrt(sigma * sigma + photons));
     }
@@ -174,7 +195,7 @@ static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
 }
 
 /* One pixel per background mesh, the value of the full map at the mesh centre. */
-static void paint_mesh(const rx_checkimage_data *data, const float *map, canvas *dst)
+static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, canvas *dst)
 {
     int nx = (dst->width - 1) / data->mesh_width + 1, ny = (dst->height - 1) / data->mesh_height + 1;
     for (int j = 0; j < ny; j++) {
@@ -183,7 +204,7 @@ static void paint_mesh(const rx_checkimage_data *data, const float *map, canvas 
                 y = j * data->mesh_height + data->mesh_height / 2;
             x = x < dst->width ? x : dst->width - 1;
             y = y < dst->height ? y : dst->height - 1;
-            dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = map[(size_t)y * (size_t)dst->width + (size_t)x];
+            dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = rx_map_at(map, x, y);
         }
     }
     dst->width = nx;
@@ -192,12 +213,14 @@ static void paint_mesh(const rx_checkimage_data *data, const float *map, canvas 
 
 static void paint_miniback(const rx_checkimage_data *data, canvas *dst)
 {
-    paint_mesh(data, data->background->level, dst);
+    const rx_map level = rx_background_level(data->background);
+    paint_mesh(data, &level, dst);
 }
 
 static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
 {
-    paint_mesh(data, data->background->sigma, dst);
+    const rx_map noise = rx_background_noise(data->background);
+    paint_mesh(data, &noise, dst);
 }
 
 /* SEGMENTATION has no painter: it is written as integers. */

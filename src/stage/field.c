@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/map.h"
 #include "io/tile.h"
 #include "io/wcs.h"
 
@@ -29,23 +30,43 @@ static rx_status measure_background(const rx_options *options, int role, const r
     return status;
 }
 
+void rx_field_above_sky(const rx_tile *tile, const rx_background *sky, int hide, int nthreads, float *dst)
+{
+    const rx_map levels = rx_background_level(sky);
+    const int width = tile->width;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (int y = 0; y < tile->height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            const int n = rx_map_piece(x, width);
+            float room[RX_MAP_PIECE];
+            const float *level = rx_map_row(&levels, y, x, n, room);
+            for (int i = 0; i < n; i++)
+                dst[at + (size_t)i] =
+                    (tile->mask[at + (size_t)i] & hide) != 0 ? 0.0f : tile->pixels[at + (size_t)i] - level[i];
+        }
+}
+
 /* Candidate stars for PSF_TYPE AUTO: a plain extraction that never looks at saturated values. */
 static rx_status find_stars(const rx_options *options, const rx_field *field, rx_log *log, rx_sources **dst,
                             rx_error *err)
 {
     const rx_tile *tile = field->tile;
-    size_t n = (size_t)tile->width * (size_t)tile->height;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const rx_map noise = rx_background_noise(field->restored);
     rx_sources *sources = NULL;
     rx_status status = RX_OK;
-    float *pixels = RX_NEW(float, n);
-    if (pixels == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    for (size_t i = 0; i < n; i++)
-        pixels[i] = tile->mask[i] & RX_HIDE_RESTORED ? 0.0f : tile->pixels[i] - field->restored->level[i];
+    float *pixels = RX_NEW(float, n), *sigma = RX_NEW(float, n);
+    if (pixels == NULL || sigma == NULL) {
+        status = rx_error_memory(err, 2 * n * sizeof(float));
+        goto exit;
+    }
+    rx_field_above_sky(tile, field->restored, RX_HIDE_RESTORED, options->nthreads, pixels);
+    rx_map_fill(&noise, tile->height, options->nthreads, sigma);
     rx_detect_image detect = {.width = tile->width,
                               .height = tile->height,
                               .pixels = pixels,
-                              .sigma = field->restored->sigma,
+                              .sigma = sigma,
                               .mask = tile->mask,
                               .mask_bits = RX_HIDE_RESTORED,
                               .variable_noise = 1,
@@ -53,8 +74,8 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
     rx_measure_image measure = {.width = tile->width,
                                 .height = tile->height,
                                 .pixels = pixels,
-                                .sigma = field->restored->sigma,
-                                .level = field->restored->level,
+                                .sigma = sigma,
+                                .level = rx_background_level(field->restored),
                                 .mask = tile->mask,
                                 .mask_bits = RX_HIDE_RESTORED,
                                 .saturated_mask = tile->mask,
@@ -79,8 +100,10 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
         *dst = sources;
         sources = NULL;
     }
+exit:
     rx_sources_free(sources);
     free(pixels);
+    free(sigma);
     return status;
 }
 

@@ -38,4 +38,7 @@ rx_status rx_field_open(const rx_options *options, int role, const char *name, i
                         int need_psf, rx_log *log, rx_field **dst, rx_error *err);
 void rx_field_free(rx_field *field);
 
+/* dst[height][width]: the pixels above that sky's level; 0 where mask & hide is not. */
+void rx_field_above_sky(const rx_tile *tile, const rx_background *sky, int hide, int nthreads, float *dst);
+
 #endif

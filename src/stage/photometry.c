@@ -13,7 +13,7 @@ static rx_measure_image image_of(const rx_options *options, const rx_field *dete
     return (rx_measure_image){.width = tile->width,
                               .height = tile->height,
                               .sigma = background->sigma,
-                              .level = background->level,
+                              .level = rx_background_level(background),
                               .saturated_mask = tile->mask,
                               .gain = tile->gain,
                               .global_sigma = background->global_sigma,
@@ -54,9 +54,7 @@ static rx_status untouched_image(const rx_options *options, const rx_field *dete
     if (*pixels == NULL)
         return rx_error_memory(err, n * sizeof(float));
     dst->mask_bits = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
-    for (size_t i = 0; i < n; i++)
-        if ((tile->mask[i] & dst->mask_bits) == 0)
-            (*pixels)[i] = tile->pixels[i] - field->plain->level[i];
+    rx_field_above_sky(tile, field->plain, dst->mask_bits, options->nthreads, *pixels);
     dst->pixels = *pixels;
     dst->mask = tile->mask;
     return RX_OK;

@@ -43,6 +43,21 @@ static double filter_norm(const rx_filter *filter)
     return rx_filter_norm(filter->values, filter->width * filter->height);
 }
 
+/* noise = factor times what was measured, and with a law times what it holds of it. */
+static void scale_noise(const rx_background *measured, int law, float factor, float *noise)
+{
+    const rx_map map = rx_background_noise(measured);
+    const int width = measured->width;
+    for (int y = 0; y < measured->height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, width);
+            float room[RX_MAP_PIECE], *dst = noise + (size_t)y * (size_t)width + x;
+            const float *sigma = rx_map_row(&map, y, x, n, room);
+            for (int i = 0; i < n; i++)
+                dst[i] = sigma[i] * (law ? factor * dst[i] : factor);
+        }
+}
+
 /* A threshold of k sigmas should mean the same on restored pixels as on raw ones, although their noise is
  * correlated and the filter averages less of it away. So the noise is measured after the filter and divided
  * by the factor that the filter would have had on independent pixels. What a weight map says of the noise
@@ -52,29 +67,36 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
     const rx_tile *tile = w->detect->tile;
     rx_probe *probe = w->probe;
     rx_background *measured = NULL;
-    size_t n = (size_t)tile->width * (size_t)tile->height;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_background_params par = w->options->background[0];
+    rx_status status = RX_OK;
     par.manual = 0;
-    float *relative = law != NULL ? RX_NEW(float, n) : NULL;
-    if (law != NULL && relative == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    float *noise = RX_NEW(float, n), *relative = law != NULL ? RX_NEW(float, n) : NULL;
+    if (noise == NULL || (law != NULL && relative == NULL)) {
+        status = rx_error_memory(err, n * sizeof(float));
+        goto exit;
+    }
+    if (law != NULL) {
+        const rx_map input = rx_background_noise(law);
+        rx_map_fill(&input, tile->height, par.nthreads, noise);
+    }
     for (size_t i = 0; i < n && law != NULL; i++)
-        relative[i] = law->sigma[i] > 0.0f ? probe->filtered[i] / law->sigma[i] : 0.0f;
-    rx_status status =
-        rx_background_measure(&par, tile->width, tile->height, law != NULL ? relative : probe->filtered,
-                              probe->restored->mask, w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
-    free(relative);
+        relative[i] = noise[i] > 0.0f ? probe->filtered[i] / noise[i] : 0.0f;
+    status = rx_background_measure(&par, tile->width, tile->height, law != NULL ? relative : probe->filtered,
+                                   probe->restored->mask, w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
     if (status != RX_OK)
-        return status;
-    float factor = (float)(1.0 / filter_norm(&w->filter));
-    for (size_t i = 0; i < n; i++)
-        measured->sigma[i] *= law != NULL ? factor * law->sigma[i] : factor;
-    probe->own_noise = measured->sigma;
-    measured->sigma = NULL;
-    probe->noise = probe->own_noise;
+        goto exit;
+    const float factor = (float)(1.0 / filter_norm(&w->filter));
+    scale_noise(measured, law != NULL, factor, noise);
+    probe->own_noise = noise;
+    noise = NULL;
+    probe->noise = rx_map_plane(probe->own_noise, tile->width);
     probe->global_noise = measured->global_sigma * factor * (law != NULL ? law->global_sigma : 1.0);
+exit:
     rx_background_free(measured);
-    return RX_OK;
+    free(relative);
+    free(noise);
+    return status;
 }
 
 /* Whether thresholds on the restored image refer to the noise of the input. */
@@ -105,7 +127,8 @@ static rx_status input_noise(work *w, const rx_background *background, rx_error 
     if (probe->restored->sigma == NULL)
         status = rx_noise_map(w->detect->tile, background, probe->restored->mask, w->options->nthreads,
                               &probe->own_noise, err);
-    probe->noise = probe->restored->sigma != NULL ? probe->restored->sigma : probe->own_noise;
+    probe->noise = rx_map_plane(probe->restored->sigma != NULL ? probe->restored->sigma : probe->own_noise,
+                                w->detect->tile->width);
     return status;
 }
 
@@ -125,7 +148,8 @@ static rx_status prepare_detection(work *w, rx_error *err)
         return rx_error_memory(err, n * sizeof(float));
     rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, par->nthreads, probe->filtered);
     const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
-    probe->noise = restored->sigma != NULL ? restored->sigma : background->sigma;
+    probe->noise = restored->sigma != NULL ? rx_map_plane(restored->sigma, tile->width)
+                                           : rx_background_noise(background);
     probe->global_noise = background->global_sigma;
     if (by_input_noise(w))
         return input_noise(w, background, err);
@@ -137,14 +161,20 @@ static rx_status prepare_detection(work *w, rx_error *err)
 static double rank_of(const rx_probe *probe, double norm, const rx_source *s)
 {
     const rx_sources *sources = probe->sources;
+    const int end = s->xmax + 1;
     double highest = 0.0;
     for (int y = s->ymin; y <= s->ymax; y++)
-        for (int x = s->xmin; x <= s->xmax; x++) {
+        for (int x = s->xmin; x < end; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, end);
             const size_t p = (size_t)y * (size_t)sources->width + (size_t)x;
-            if (sources->segments[p] != s->segment)
-                continue;
-            const double snr = (double)probe->filtered[p] / (norm * (double)probe->noise[p]);
-            highest = snr > highest ? snr : highest;
+            float room[RX_MAP_PIECE];
+            const float *noise = rx_map_row(&probe->noise, y, x, n, room);
+            for (int i = 0; i < n; i++) {
+                if (sources->segments[p + (size_t)i] != s->segment)
+                    continue;
+                const double snr = (double)probe->filtered[p + (size_t)i] / (norm * (double)noise[i]);
+                highest = snr > highest ? snr : highest;
+            }
         }
     return highest;
 }
@@ -168,7 +198,7 @@ static rx_status detect_sources(const work *w, rx_error *err)
                              .height = tile->height,
                              .pixels = probe->restored->pixels,
                              .filtered = probe->filtered,
-                             .sigma = probe->noise,
+                             .sigma = probe->noise.plane,
                              .mask = probe->restored->mask,
                              .mask_bits = w->hide,
                              .variable_noise = !probe->plain || tile->weight_type != RX_WEIGHT_NONE,
@@ -188,8 +218,9 @@ static void rank_added(const work *w)
     for (int i = 0; i < probe->sources->n; i++) {
         rx_source *s = &probe->sources->list[i];
         const size_t p = (size_t)s->ypeak * (size_t)probe->sources->width + (size_t)s->xpeak;
-        if ((s->fit.restore & RX_RESTORE_ADDED) != 0 && probe->noise[p] > 0.0f)
-            s->detection_snr = fmax(0.0, (double)probe->filtered[p] / (norm * (double)probe->noise[p]));
+        const double noise = (double)rx_map_at(&probe->noise, s->xpeak, s->ypeak);
+        if ((s->fit.restore & RX_RESTORE_ADDED) != 0 && noise > 0)
+            s->detection_snr = fmax(0.0, (double)probe->filtered[p] / (norm * noise));
     }
 }
 

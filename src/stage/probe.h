@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "data/map.h"
 #include "data/restored.h"
 #include "data/sources.h"
 #include "stage/domain.h"
@@ -18,8 +19,8 @@ typedef struct rx_probe {
     rx_sources *sources;       /* detected and measured; detection_snr ranks them */
     rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
-    float *filtered;    /* detection image after the filter */
-    const float *noise; /* noise that thresholds refer to, ADU: into `own` or the field */
+    float *filtered; /* detection image after the filter */
+    rx_map noise;    /* noise that thresholds refer to, ADU: of own_noise, what was restored or the field */
     float *own_noise;
     double global_noise;
     int plain;           /* nothing was restored */

@@ -106,7 +106,7 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
 
 /* Is most of the light in the footprint of `s` injected? */
 static int mostly_injected(const rx_sources *after, const rx_source *s, const rx_tile *tile,
-                           const float *level, const float *injected)
+                           const rx_map *level, const float *injected)
 {
     double all = 0.0, gained = 0.0;
     for (int y = s->ymin; y <= s->ymax; y++) {
@@ -114,7 +114,7 @@ static int mostly_injected(const rx_sources *after, const rx_source *s, const rx
             size_t p = (size_t)y * (size_t)tile->width + (size_t)x;
             if (after->segments[p] != s->segment || (tile->mask[p] & RX_MASK_BAD))
                 continue;
-            all += (double)tile->pixels[p] - (double)level[p];
+            all += (double)tile->pixels[p] - (double)rx_map_at(level, x, y);
             gained += (double)injected[p];
         }
     }
@@ -130,7 +130,7 @@ static void positions(const rx_sources *sources, double *x, double *y)
 }
 
 rx_status rx_selfcheck_sift(const rx_sources *before, const rx_sources *after, const rx_tile *tile,
-                            const float *level, const float *injected, double radius, unsigned char *new_one,
+                            const rx_map *level, const float *injected, double radius, unsigned char *new_one,
                             rx_error *err)
 {
     size_t nb = (size_t)before->n, na = (size_t)after->n;
@@ -181,9 +181,9 @@ static int untouched(const rx_selfcheck_plan *plan, const rx_probe *probe)
 }
 
 /* Sky level of a field as that restorer subtracts it. */
-static const float *sky_level(const rx_field *field, const rx_restored *on)
+static rx_map sky_level(const rx_field *field, const rx_restored *on)
 {
-    return on == NULL ? field->plain->level : field->restored->level;
+    return rx_background_level(on == NULL ? field->plain : field->restored);
 }
 
 /* flux[i]: what the wide aperture of source i would hold without injection, that is on the untouched tile,
@@ -194,7 +194,7 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *
     rx_sources same = *after; /* its own list, the map is lent */
     rx_photometry unused;
     const rx_restored *on = untouched(plan, before) ? NULL : before->restored;
-    const float *old = sky_level(plan->field, on), *new = sky_level(field, on);
+    const rx_map old = sky_level(plan->field, on), new = sky_level(field, on);
     const double area =
         plan->options.measure.local_background ? 0.0 : acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
     size_t n = (size_t)after->n;
@@ -207,8 +207,9 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_probe *
                                          NULL, &unused, err);
     for (size_t i = 0; i < n && status == RX_OK; i++) {
         const rx_source *s = &same.list[i];
-        size_t p = (size_t)s->ypeak * (size_t)after->width + (size_t)s->xpeak;
-        flux[i] = s->flux_aper[0] - area * ((double)new[p] - (double)old[p]);
+        const float gained = rx_map_at(&new, s->xpeak, s->ypeak),
+                    before_it = rx_map_at(&old, s->xpeak, s->ypeak);
+        flux[i] = s->flux_aper[0] - area * ((double)gained - (double)before_it);
     }
     free(same.list);
     return status;
@@ -263,6 +264,7 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_probe *befor
                             const rx_probe *probe, double shift, rx_selfcheck *dst, rx_error *err)
 {
     const rx_sources *sources = probe->sources;
+    const rx_map level = rx_background_level(in->field->plain);
     rx_qa_list all = {0};
     unsigned char *new_one = RX_NEW(unsigned char, (size_t)sources->n);
     double *empty = RX_NEW(double, 2 * (size_t)sources->n),
@@ -271,8 +273,8 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_probe *befor
     if (new_one == NULL || empty == NULL)
         status = rx_error_memory(err, (size_t)sources->n * sizeof(double));
     if (status == RX_OK)
-        status = rx_selfcheck_sift(before->sources, sources, in->field->tile, in->field->plain->level,
-                                   in->light, plan->match_radius, new_one, err);
+        status = rx_selfcheck_sift(before->sources, sources, in->field->tile, &level, in->light,
+                                   plan->match_radius, new_one, err);
     if (status == RX_OK)
         status = empty_apertures(plan, before, in->field, sources, empty, err);
     for (int i = 0; i < sources->n && status == RX_OK; i++)

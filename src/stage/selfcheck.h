@@ -83,7 +83,7 @@ void rx_selfcheck_free(rx_selfcheck *check);
  * counterpart all the same. `injected`: pixels of the tile after - before the injection; `level` its sky
  * after. */
 rx_status rx_selfcheck_sift(const rx_sources *before, const rx_sources *after, const rx_tile *tile,
-                            const float *level, const float *injected, double radius, unsigned char *new_one,
+                            const rx_map *level, const float *injected, double radius, unsigned char *new_one,
                             rx_error *err);
 
 #endif

@@ -14,8 +14,9 @@ typedef struct rx_template_extra {
     const rx_detect_params *detect; /* deblending and limits are these */
     double threshold;               /* S/N in a filter that matches the PSF */
     const rx_psf *psf;
-    const float *pixels, *level; /* [h][w] ADU, of the tile */
-    const rx_sources *sources;   /* that have templates already */
+    const float *pixels;       /* [h][w] ADU, of the tile */
+    rx_map level;              /* ADU */
+    const rx_sources *sources; /* that have templates already */
     int nthreads;
     rx_log *log;
     rx_sources *found; /* owned: what was found, in the order of the positions given; NULL: not asked */

@@ -10,37 +10,55 @@
 
 enum { BAND = 64 }; /* rows that one thread draws */
 
+/* n pixels of row y from x on. */
+static void fill_piece(const rx_tphot_input *input, int y, int x, int n, rx_canvas *canvas)
+{
+    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
+    const float *sigmas = canvas->sigma + at, *pixels = input->pixels + at;
+    float room[RX_MAP_PIECE];
+    const float *level = rx_map_given(&input->level) ? rx_map_row(&input->level, y, x, n, room) : NULL;
+    for (int i = 0; i < n; i++) {
+        if (input->mask != NULL && (input->mask[at + (size_t)i] & input->mask_bits) != 0)
+            continue;
+        const float value = pixels[i] - (level != NULL ? level[i] : 0.0f);
+        const float sigma = sigmas[i], variance = sigma * sigma;
+        if (!(sigma > 0.0f) || !(variance > 0.0f) || !isfinite(variance) || !isfinite(value))
+            continue;
+        canvas->data[at + (size_t)i] = value;
+        canvas->weight[at + (size_t)i] = 1.0f / variance;
+    }
+}
+
 rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err)
 {
     const size_t n = (size_t)input->width * (size_t)input->height;
+    const int known = input->sigma.plane != NULL;
     *canvas = (rx_canvas){.width = input->width,
                           .height = input->height,
                           .data = RX_NEW(float, n),
-                          .sigma = input->sigma,
+                          .own_sigma = known ? NULL : RX_NEW(float, n),
                           .model = RX_NEW(float, n),
                           .weight = RX_NEW(float, n),
                           .gain = input->gain};
-    if (canvas->data == NULL || canvas->model == NULL || canvas->weight == NULL) {
+    if (canvas->data == NULL || canvas->model == NULL || canvas->weight == NULL ||
+        (!known && canvas->own_sigma == NULL)) {
         rx_canvas_clear(canvas);
-        return rx_error_memory(err, 3 * n * sizeof(float));
+        return rx_error_memory(err, 4 * n * sizeof(float));
     }
+    if (!known)
+        rx_map_fill(&input->sigma, input->height, nthreads, canvas->own_sigma);
+    canvas->sigma = known ? input->sigma.plane : canvas->own_sigma;
 #pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (size_t k = 0; k < n; k++) {
-        if (input->mask != NULL && (input->mask[k] & input->mask_bits) != 0)
-            continue;
-        const float value = input->pixels[k] - (input->level != NULL ? input->level[k] : 0.0f);
-        const float variance = input->sigma[k] * input->sigma[k];
-        if (!(input->sigma[k] > 0.0f) || !(variance > 0.0f) || !isfinite(variance) || !isfinite(value))
-            continue;
-        canvas->data[k] = value;
-        canvas->weight[k] = 1.0f / variance;
-    }
+    for (int y = 0; y < input->height; y++)
+        for (int x = 0; x < input->width; x += RX_MAP_PIECE)
+            fill_piece(input, y, x, rx_map_piece(x, input->width), canvas);
     return RX_OK;
 }
 
 void rx_canvas_clear(rx_canvas *canvas)
 {
     free(canvas->data);
+    free(canvas->own_sigma);
     free(canvas->model);
     free(canvas->weight);
     *canvas = (rx_canvas){0};

@@ -22,15 +22,16 @@ typedef struct rx_layer {
 typedef struct rx_canvas {
     int width, height;
     float *data;        /* [height][width] pixels - level; 0 where hidden */
-    const float *sigma; /* [height][width] noise of the sky, ADU, not owned; anything where hidden */
+    const float *sigma; /* [height][width] noise of the sky, ADU, own or the input's; anything where hidden */
+    float *own_sigma;   /* NULL where the input has it as a plane */
     float *model;       /* [height][width] sum_i F_i T_i */
     float *weight;      /* [height][width] 1 / (variance + photons and errors of the model); 0 where hidden */
     double gain;        /* e-/ADU, 0: none */
     double psf_error;   /* of a template, relative */
 } rx_canvas;
 
-/* From the input, whose sigma goes on being read, psf_error 0; the model is 0. Free the contents with
- * rx_canvas_clear(). Errors: RX_SYSTEM.
+/* From the input, whose sigma goes on being read where it is a plane, psf_error 0; the model is 0. Free the
+ * contents with rx_canvas_clear(). Errors: RX_SYSTEM.
  */
 rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err);
 void rx_canvas_clear(rx_canvas *canvas);

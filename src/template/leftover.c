@@ -23,13 +23,17 @@ typedef struct strip {
     bool hidden;        /* any pixel is */
 } strip;
 
-static float light_of(const rx_leftover *of, size_t k)
+/* light[n] of the models in the pixels from (x, y) on. */
+static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
 {
     const rx_tphot_state *s = of->state;
-    if (!(s->weight[k] > 0))
-        return 0;
-    const float light = of->pixels[k] - of->level[k] - (s->data[k] - s->model[k]);
-    return light > 0 ? light : 0;
+    const size_t at = (size_t)y * (size_t)s->width + (size_t)x;
+    const float *level = rx_map_row(&of->level, y, x, n, light);
+    for (int i = 0; i < n; i++) {
+        const size_t k = at + (size_t)i;
+        const float value = of->pixels[k] - level[i] - (s->data[k] - s->model[k]);
+        light[i] = s->weight[k] > 0 && value > 0 ? value : 0;
+    }
 }
 
 static float variance_of(const rx_leftover *of, size_t k, float light)
@@ -41,10 +45,16 @@ static float variance_of(const rx_leftover *of, size_t k, float light)
 double rx_leftover_light(const rx_leftover *of, int x, int y)
 {
     const int width = of->state->width, height = of->state->height;
+    const int end = x + of->reach < width ? x + of->reach + 1 : width;
     float most = 0;
     for (int v = y > of->reach ? y - of->reach : 0; v <= y + of->reach && v < height; v++)
-        for (int u = x > of->reach ? x - of->reach : 0; u <= x + of->reach && u < width; u++)
-            most = fmaxf(most, light_of(of, (size_t)v * (size_t)width + (size_t)u));
+        for (int u = x > of->reach ? x - of->reach : 0; u < end; u += RX_MAP_PIECE) {
+            const int n = rx_map_piece(u, end);
+            float light[RX_MAP_PIECE];
+            light_of(of, v, u, n, light);
+            for (int i = 0; i < n; i++)
+                most = fmaxf(most, light[i]);
+        }
     return most;
 }
 
@@ -105,8 +115,8 @@ static void fill_strip(strip *s, int from, int to)
     for (size_t k = 0; k < cells; k++)
         s->open[k] = 1;
     s->hidden = false;
-    for (size_t k = 0; k < (size_t)(bright - dark) * (size_t)width; k++)
-        s->own[k] = light_of(of, (size_t)dark * (size_t)width + k);
+    for (int y = dark; y < bright; y++)
+        light_of(of, y, 0, width, s->own + (size_t)(y - dark) * (size_t)width);
     rx_largest_in_rows(s->own, width, bright - dark, of->reach, 1, s->light);
     float *most = s->own; /* that is needed no more */
     for (int y = low; y < high; y++) {

@@ -12,11 +12,12 @@
  * least 0, in the square of 2 reach + 1 pixels around, hidden pixels left out */
 typedef struct rx_leftover {
     const rx_tphot_state *state;
-    const float *pixels, *level; /* [height][width] ADU, of the tile */
-    int reach;                   /* pixels */
-    double model_error;          /* relative */
-    const float *filter;         /* [side][side], sum of the absolute values 1 */
-    int side;                    /* odd */
+    const float *pixels; /* [height][width] ADU, of the tile */
+    rx_map level;        /* ADU */
+    int reach;           /* pixels */
+    double model_error;  /* relative */
+    const float *filter; /* [side][side], sum of the absolute values 1 */
+    int side;            /* odd */
     int nthreads;
 } rx_leftover;
 

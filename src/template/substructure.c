@@ -72,6 +72,19 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
     return 1.4826 * (double)select_value(work, count, count - 1 - count / 2);
 }
 
+/* Of the restored pixel k. */
+static double noise_of(const rx_refine_view *view, size_t k)
+{
+    const rx_restored *restored = view->restored;
+    if (restored->sigma != NULL)
+        return (double)restored->sigma[k];
+    if (restored->sky == NULL)
+        return sqrt(rx_canvas_variance(view->canvas, k));
+    const rx_map map = rx_background_noise(restored->sky);
+    const size_t width = (size_t)restored->width;
+    return (double)rx_map_at(&map, (int)(k % width), (int)(k / width));
+}
+
 /* What of the pixel k is free in D, *d; own: the profile's light there. Outside the segment only what
  * neighbours' models leave. */
 static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t k, double own,
@@ -82,8 +95,7 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
     if (!(share > 0))
         return 0;
     const double v = restored->pixels[k] - own / share;
-    const double known =
-        restored->sigma != NULL ? restored->sigma[k] : sqrt(rx_canvas_variance(view->canvas, k));
+    const double known = noise_of(view, k);
     const double noise = known > least_noise ? known : least_noise;
     if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
         return 0;

@@ -27,6 +27,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "data/map.h"
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/sources.h"
@@ -139,12 +140,13 @@ typedef struct rx_tphot_input {
     const rx_sources *sources;   /* detected on it, with segments */
     /* the tile to be fitted, same grid; another one than the restored for forced photometry */
     int width, height;
-    const float *pixels, *level; /* [height][width] ADU; level NULL: 0 everywhere */
-    const float *sigma;          /* [height][width] noise of the sky, ADU; what is not > 0 counts as masked */
-    const uint8_t *mask;         /* [height][width]; NULL: nothing masked */
-    int mask_bits;               /* that hide a pixel */
-    double gain;                 /* e-/ADU; 0: no photon noise */
-    const rx_psf *psf;           /* of the tile to be fitted */
+    const float *pixels; /* [height][width] ADU */
+    rx_map level;        /* none: 0 everywhere */
+    rx_map sigma;        /* noise of the sky, ADU; what is not > 0 counts as masked */
+    const uint8_t *mask; /* [height][width]; NULL: nothing masked */
+    int mask_bits;       /* that hide a pixel */
+    double gain;         /* e-/ADU; 0: no photon noise */
+    const rx_psf *psf;   /* of the tile to be fitted */
     /* positions and profiles from an earlier run on the same list (its first nlisted entries), to be kept as
      * they are: forced photometry. NULL: fitted here. */
     const rx_tphot *shapes;

@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "campaign/conditions.h"
+#include "data/map.h"
 
 static void one_error_at_a_time(void **state)
 {
@@ -74,23 +75,56 @@ static void the_told_psf(void **state)
     rx_campaign_config_free(config);
 }
 
+static float level_of(const rx_background *sky, int x)
+{
+    const rx_map map = rx_background_level(sky);
+    return rx_map_at(&map, x, 0);
+}
+
+static float noise_of(const rx_background *sky, int x)
+{
+    const rx_map map = rx_background_noise(sky);
+    return rx_map_at(&map, x, 0);
+}
+
 /* A shared background is told once. */
 static void told_sky_and_noise(void **state)
 {
     float level[2][2] = {{100, 200}, {100, 200}}, sigma[2][2] = {{10, 20}, {30, 40}};
-    rx_background one = {2, 1, level[0], sigma[0], 150, 15}, two = {2, 1, level[1], sigma[1], 150, 35};
+    rx_background one = {.width = 2,
+                         .height = 1,
+                         .level = level[0],
+                         .sigma = sigma[0],
+                         .global_level = 150,
+                         .global_sigma = 15};
+    rx_background two = {.width = 2,
+                         .height = 1,
+                         .level = level[1],
+                         .sigma = sigma[1],
+                         .global_level = 150,
+                         .global_sigma = 35};
     rx_field shared = {.plain = &one, .restored = &one}, apart = {.plain = &one, .restored = &two};
     (void)state;
     rx_condition_tell(&(rx_condition){.sky_error = 0.5}, &shared);
-    assert_float_equal(level[0][0], 95, 1e-5); /* too low: half a sigma of sky is left in the image */
-    assert_float_equal(level[0][1], 190, 1e-5);
+    assert_float_equal(level_of(&one, 0), 95, 1e-5); /* too low: half a sigma of sky is left in the image */
+    assert_float_equal(level_of(&one, 1), 190, 1e-5);
     assert_float_equal(one.global_level, 142.5, 1e-9);
-    assert_float_equal(sigma[0][0], 10, 0);
+    assert_float_equal(noise_of(&one, 0), 10, 0);
     rx_condition_tell(&(rx_condition){.noise_error = 0.2}, &apart);
-    assert_float_equal(sigma[0][1], 24, 1e-5);
-    assert_float_equal(sigma[1][0], 36, 1e-5);
+    assert_float_equal(level_of(&one, 1), 190, 1e-5);
+    assert_float_equal(noise_of(&one, 1), 24, 1e-5);
+    assert_float_equal(noise_of(&two, 0), 36, 1e-5);
     assert_float_equal(two.global_sigma, 42, 1e-9);
-    assert_float_equal(level[1][0], 100, 0);
+    assert_float_equal(level_of(&two, 0), 100, 0);
+    rx_condition_tell(&(rx_condition){.sky_error = 1}, &apart); /* a sigma as it was told */
+    assert_float_equal(level_of(&one, 1), 166, 1e-4);
+    assert_float_equal(level_of(&two, 0), 64, 1e-4);
+    rx_background flat = {.width = 2, .height = 1};
+    rx_field both = {.plain = &flat, .restored = &flat};
+    rx_background_flatten(&flat, 100, 10);
+    rx_condition_tell(&(rx_condition){.sky_error = 0.5, .noise_error = 0.2}, &both);
+    assert_float_equal(level_of(&flat, 1), 95, 1e-5);
+    assert_float_equal(noise_of(&flat, 1), 12, 1e-5);
 }
 
 int main(void)

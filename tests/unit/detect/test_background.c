@@ -1,4 +1,5 @@
 /* Sky level and noise: truth of synthetic skies, masks, weights, odd tiles. */
+#include "data/map.h"
 #include "detect/background.h"
 #include "detect/mesh.h"
 #include "field.h"
@@ -19,6 +20,18 @@ static rx_background *measure(const field *f, const float *weight, rx_weight_typ
     return back;
 }
 
+static float level_at(const rx_background *back, size_t i)
+{
+    const rx_map map = rx_background_level(back);
+    return rx_map_at(&map, (int)(i % (size_t)back->width), (int)(i / (size_t)back->width));
+}
+
+static float sigma_at(const rx_background *back, size_t i)
+{
+    const rx_map map = rx_background_noise(back);
+    return rx_map_at(&map, (int)(i % (size_t)back->width), (int)(i / (size_t)back->width));
+}
+
 static void finds_level_and_noise(void **state)
 {
     (void)state;
@@ -28,8 +41,8 @@ static void finds_level_and_noise(void **state)
     rx_background *back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
     assert_float_equal(back->global_sigma, 3.0, 0.15);
     for (size_t i = 0; i < f.n; i++) {
-        assert_float_equal(back->level[i], 100.0 + 0.05 * (double)(i % W), 1.2);
-        assert_float_equal(back->sigma[i], 3.0, 0.5);
+        assert_float_equal(level_at(back, i), 100.0 + 0.05 * (double)(i % W), 1.2);
+        assert_float_equal(sigma_at(back, i), 3.0, 0.5);
     }
     rx_background_free(back);
     field_free(&f);
@@ -45,10 +58,10 @@ static void is_blind_to_masked_values(void **state)
     rx_background *a = measure(&f, NULL, RX_WEIGHT_NONE, 0);
     field_scramble(&f, 6);
     rx_background *b = measure(&f, NULL, RX_WEIGHT_NONE, 0);
-    assert_memory_equal(a->level, b->level, f.n * sizeof(float));
-    assert_memory_equal(a->sigma, b->sigma, f.n * sizeof(float));
+    for (size_t i = 0; i < f.n; i++)
+        assert_true(level_at(a, i) == level_at(b, i) && sigma_at(a, i) == sigma_at(b, i));
     assert_true(a->global_sigma == b->global_sigma && a->global_level == b->global_level);
-    assert_float_equal(a->sigma[0], 0.0, 0.0);
+    assert_float_equal(sigma_at(a, 0), 0.0, 0.0);
     rx_background_free(a);
     rx_background_free(b);
     field_free(&f);
@@ -63,14 +76,14 @@ static void copes_with_odd_tiles(void **state)
     rx_background *back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
     assert_float_equal(back->global_sigma, 1.0, 0.0);
     for (size_t i = 0; i < f.n; i++) {
-        assert_float_equal(back->level[i], 7.0, 1e-5);
-        assert_float_equal(back->sigma[i], 1.0, 0.0);
+        assert_float_equal(level_at(back, i), 7.0, 1e-5);
+        assert_float_equal(sigma_at(back, i), 1.0, 0.0);
     }
     rx_background_free(back);
     memset(f.mask, 1, f.n); /* nothing left */
     back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
-    assert_float_equal(back->level[5], 0.0, 0.0);
-    assert_float_equal(back->sigma[5], 0.0, 0.0);
+    assert_float_equal(level_at(back, 5), 0.0, 0.0);
+    assert_float_equal(sigma_at(back, 5), 0.0, 0.0);
     assert_float_equal(back->global_sigma, 1.0, 0.0);
     rx_background_free(back);
     field_free(&f);
@@ -90,18 +103,18 @@ static void scales_weights_to_the_noise(void **state)
     weight[3] = 0.0f;
     f.mask[3] = 1;
     rx_background *back = measure(&f, weight, RX_WEIGHT_MAP_WEIGHT, 0);
-    assert_float_equal(back->sigma[10], 2.0, 0.1);
-    assert_float_equal(back->sigma[W - 10], 4.0, 0.2);
-    assert_float_equal(back->sigma[3], 0.0, 0.0);
+    assert_float_equal(sigma_at(back, 10), 2.0, 0.1);
+    assert_float_equal(sigma_at(back, W - 10), 4.0, 0.2);
+    assert_float_equal(sigma_at(back, 3), 0.0, 0.0);
     rx_background_free(back);
     back = measure(&f, variance, RX_WEIGHT_MAP_VAR, 1);
-    assert_float_equal(back->sigma[10], 10.0, 1e-4);
+    assert_float_equal(sigma_at(back, 10), 10.0, 1e-4);
     rx_background_free(back);
     back = measure(&f, variance, RX_WEIGHT_MAP_RMS, 0);
-    assert_float_equal(back->sigma[10], 100.0, 0.0);
+    assert_float_equal(sigma_at(back, 10), 100.0, 0.0);
     rx_background_free(back);
     back = measure(&f, NULL, RX_WEIGHT_BACKGROUND, 0);
-    assert_float_equal(back->sigma[10], 2.0, 0.4);
+    assert_float_equal(sigma_at(back, 10), 2.0, 0.4);
     rx_background_free(back);
     free(weight);
     free(variance);
@@ -118,8 +131,8 @@ static void takes_a_manual_level_and_refuses_nonsense(void **state)
     par.manual_value = 12.5;
     assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
                      RX_OK);
-    assert_float_equal(back->level[77], 12.5, 0.0);
-    assert_float_equal(back->sigma[77], 1.0, 0.2);
+    assert_float_equal(level_at(back, 77), 12.5, 0.0);
+    assert_float_equal(sigma_at(back, 77), 1.0, 0.2);
     rx_background_free(back);
     par.mesh_width = 0;
     assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
@@ -128,9 +141,8 @@ static void takes_a_manual_level_and_refuses_nonsense(void **state)
     field_free(&f);
 }
 
-/* The grid, its filter, the meshes under the mask and the maps are sep's to the bit, for any number of
- * threads. */
-static void check_meshes(int width, int height)
+/* A field with sources, and holes in which nothing is seen. */
+static field make_patchy(int width, int height)
 {
     field f = field_new(width, height, 3.0, 21);
     field_crowd(&f, 60, 900.0, 22);
@@ -140,21 +152,31 @@ static void check_meshes(int width, int height)
         if (f.mask[i] != 0)
             f.pixels[i] = 0.0f;
     }
-    sep_image image = {.data = f.pixels,
-                       .mask = f.mask,
+    return f;
+}
+
+static sep_bkg *measure_by_sep(const field *f, int mesh_width, int mesh_height)
+{
+    sep_image image = {.data = f->pixels,
+                       .mask = f->mask,
                        .dtype = SEP_TFLOAT,
                        .mdtype = SEP_TBYTE,
-                       .w = width,
-                       .h = height,
+                       .w = f->width,
+                       .h = f->height,
                        .noise_type = SEP_NOISE_NONE};
-    sep_bkg *expected = NULL;
-    float *level = RX_NEW(float, f.n);
-    assert_int_equal(sep_background(&image, 32, 32, 3, 3, 0.0, &expected), 0);
-    assert_int_equal(sep_bkg_array(expected, level, SEP_TFLOAT), 0);
+    sep_bkg *back = NULL;
+    assert_int_equal(sep_background(&image, mesh_width, mesh_height, 3, 3, 0.0, &back), 0);
+    return back;
+}
+
+/* The grid and its filter are sep's to the bit, for any number of threads. */
+static void check_meshes(int width, int height)
+{
+    field f = make_patchy(width, height);
+    sep_bkg *expected = measure_by_sep(&f, 32, 32);
     for (int nthreads = 1; nthreads < 4; nthreads++) {
         rx_background_params par = defaults;
         sep_bkg *mesh = NULL;
-        rx_background *back = NULL;
         size_t good = 0;
         par.nthreads = nthreads;
         assert_int_equal(rx_mesh_measure(&par, width, height, f.pixels, f.mask, 1, &mesh, &good, NULL),
@@ -167,16 +189,67 @@ static void check_meshes(int width, int height)
         assert_memory_equal(mesh->dback, expected->dback, size);
         assert_memory_equal(mesh->dsigma, expected->dsigma, size);
         assert_true(mesh->global == expected->global && mesh->globalrms == expected->globalrms);
-        assert_int_equal(rx_background_measure(&par, width, height, f.pixels, f.mask, 1, NULL, RX_WEIGHT_NONE,
-                                               &back, NULL),
-                         RX_OK);
-        assert_memory_equal(back->level, level, f.n * sizeof *level);
-        rx_background_free(back);
         rx_mesh_free(mesh);
     }
     sep_bkg_free(expected);
-    free(level);
     field_free(&f);
+}
+
+/* Any span of any row says what the plane has there. */
+static void check_spans(const rx_map *map, int width, int height, const float *plane)
+{
+    float *room = RX_NEW(float, (size_t)width);
+    assert_non_null(room);
+    for (uint64_t i = 0; i < 4000; i++) {
+        const int y = i < (uint64_t)height ? (int)i : (int)(rx_random_uniform(9, 1, i) * height);
+        const int x = i < (uint64_t)height ? 0 : (int)(rx_random_uniform(9, 2, i) * width);
+        const int n = i < (uint64_t)height ? width : 1 + (int)(rx_random_uniform(9, 3, i) * (width - x));
+        assert_memory_equal(rx_map_row(map, y, x, n, room), plane + (size_t)y * (size_t)width + (size_t)x,
+                            (size_t)n * sizeof *plane);
+    }
+    free(room);
+}
+
+/* Level and noise are sep's planes to the bit; where nothing is seen there is no noise. */
+static void check_maps(int width, int height, int mesh_width, int mesh_height)
+{
+    field f = make_patchy(width, height);
+    sep_bkg *mesh = measure_by_sep(&f, mesh_width, mesh_height);
+    float *level = RX_NEW(float, f.n), *sigma = RX_NEW(float, f.n);
+    rx_background_params par = defaults;
+    assert_int_equal(sep_bkg_array(mesh, level, SEP_TFLOAT), 0);
+    assert_int_equal(sep_bkg_rmsarray(mesh, sigma, SEP_TFLOAT), 0);
+    par.mesh_width = mesh_width;
+    par.mesh_height = mesh_height;
+    for (size_t i = 0; i < f.n; i++)
+        sigma[i] = f.mask[i] != 0 ? 0.0f : sigma[i] > 0.0f ? sigma[i] : (float)mesh->globalrms;
+    for (par.nthreads = 1; par.nthreads < 4; par.nthreads++)
+        for (int weighted = 0; weighted < 2; weighted++) {
+            const rx_weight_type type = weighted ? RX_WEIGHT_BACKGROUND : RX_WEIGHT_NONE;
+            rx_background *back = NULL;
+            assert_int_equal(
+                rx_background_measure(&par, width, height, f.pixels, f.mask, 1, NULL, type, &back, NULL),
+                RX_OK);
+            const rx_map levels = rx_background_level(back), noise = rx_background_noise(back);
+            assert_true(levels.plane == NULL && (noise.plane != NULL) == weighted);
+            check_spans(&levels, width, height, level);
+            check_spans(&noise, width, height, sigma);
+            rx_background_free(back);
+        }
+    sep_bkg_free(mesh);
+    free(level);
+    free(sigma);
+    field_free(&f);
+}
+
+static void maps_are_seps(void **state)
+{
+    static const int sides[][2] = {{32, 32},  {17, 64},  {64, 5}, {200, 200},
+                                   {300, 20}, {100, 75}, {2, 3},  {1, 40}};
+    (void)state;
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
+        check_maps(W, H, sides[i][0], sides[i][1]);
+    check_maps(161, 129, 32, 32);
 }
 
 static void meshes_are_seps(void **state)
@@ -193,6 +266,7 @@ int main(void)
                                        cmocka_unit_test(copes_with_odd_tiles),
                                        cmocka_unit_test(scales_weights_to_the_noise),
                                        cmocka_unit_test(takes_a_manual_level_and_refuses_nonsense),
-                                       cmocka_unit_test(meshes_are_seps)};
+                                       cmocka_unit_test(meshes_are_seps),
+                                       cmocka_unit_test(maps_are_seps)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -66,9 +66,10 @@ static sky *make_sky(int filtered)
 
 static rx_sky_noise measure(const sky *src)
 {
+    const rx_map sigma = rx_map_plane(src->sigma, W);
     rx_sky_noise noise;
     rx_error err = RX_ERROR_NONE;
-    if (rx_sky_noise_measure(W, H, src->pixels, src->sigma, src->used, &noise, &err) != RX_OK)
+    if (rx_sky_noise_measure(W, H, src->pixels, &sigma, src->used, &noise, &err) != RX_OK)
         fail_msg("%s", err.text);
     return noise;
 }
@@ -153,7 +154,8 @@ static void same_bytes_whatever_is_hidden(void **state)
 static void draw(const rx_sky_noise *noise, const float *sigma, uint64_t stream, int nthreads, float *dst)
 {
     rx_error err = RX_ERROR_NONE;
-    if (rx_sky_noise_draw(noise, W, H, sigma, 21, stream, nthreads, dst, &err) != RX_OK)
+    const rx_map map = rx_map_plane(sigma, W);
+    if (rx_sky_noise_draw(noise, W, H, &map, 21, stream, nthreads, dst, &err) != RX_OK)
         fail_msg("%s", err.text);
 }
 
@@ -258,17 +260,18 @@ static void nothing_to_measure(void **state)
 {
     (void)state;
     sky *src = make_sky(1);
+    const rx_map sigma = rx_map_plane(src->sigma, W);
     rx_sky_noise noise;
     rx_error err = RX_ERROR_NONE;
     for (int i = 0; i < N; i++)
         src->used[i] = i % 1000 == 1;
-    assert_int_equal(rx_sky_noise_measure(W, H, src->pixels, src->sigma, src->used, &noise, &err), RX_INPUT);
+    assert_int_equal(rx_sky_noise_measure(W, H, src->pixels, &sigma, src->used, &noise, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "too few"));
     for (int i = 0; i < N; i++) {
         src->used[i] = 1;
         src->pixels[i] = 7.0f * src->sigma[i];
     }
-    assert_int_equal(rx_sky_noise_measure(W, H, src->pixels, src->sigma, src->used, &noise, &err), RX_INPUT);
+    assert_int_equal(rx_sky_noise_measure(W, H, src->pixels, &sigma, src->used, &noise, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "no noise"));
     free(src);
 }
@@ -326,8 +329,9 @@ static void resampled_images(void **state)
         unsigned char *used = RX_NEW(unsigned char, n);
         for (size_t i = 0; i < n; i++)
             used[i] = segments[i] == 0.0f;
+        const rx_map map = rx_map_plane(sigma, width);
         rx_sky_noise noise;
-        assert_int_equal(rx_sky_noise_measure(width, height, pixels, sigma, used, &noise, NULL), RX_OK);
+        assert_int_equal(rx_sky_noise_measure(width, height, pixels, &map, used, &noise, NULL), RX_OK);
         assert_true(noise.correlated);
         assert_float_equal(noise.scale, resampled[k].scale, 0.002);
         assert_float_equal(noise.correlation[0][LAGS + 1], resampled[k].right, 0.003);

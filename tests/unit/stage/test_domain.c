@@ -119,6 +119,7 @@ static void test_noise(void **state)
     size_t n = 0;
     open_bench(&b, RX_MODE_INFORMED, NULL);
     rx_field *field = make_field(&b);
+    const rx_map level = rx_background_level(field->restored), sigma = rx_background_noise(field->restored);
     double *all = RX_NEW(double, (size_t)SIDE *SIDE);
     assert_non_null(all);
     for (int i = 0; i < SIDE * SIDE; i++) {
@@ -127,7 +128,8 @@ static void test_noise(void **state)
             field->tile->pixels[i] = 1e6f;
             continue;
         }
-        all[n++] = (field->tile->pixels[i] - field->restored->level[i]) / field->restored->sigma[i];
+        const float light = field->tile->pixels[i] - rx_map_at(&level, i % SIDE, i / SIDE);
+        all[n++] = light / rx_map_at(&sigma, i % SIDE, i / SIDE);
     }
     assert_int_equal(rx_domain_noise(field, &noise, NULL), RX_OK);
     assert_true(fabs(noise * rx_quantile(all, n, 0.999) / 255 - 1) < 1e-5);

@@ -118,7 +118,8 @@ static void shine(pair *p, int index, float light)
 static void expect_sift(const pair *before, const pair *after, int first, int second)
 {
     unsigned char new_one[3] = {9, 9, 9};
-    assert_int_equal(rx_selfcheck_sift(&before->sources, &after->sources, &after->tile, after->level,
+    const rx_map level = rx_map_plane(after->level, after->tile.width);
+    assert_int_equal(rx_selfcheck_sift(&before->sources, &after->sources, &after->tile, &level,
                                        after->injected, 2.0, new_one, NULL),
                      RX_OK);
     assert_int_equal(new_one[0], first);
@@ -418,7 +419,8 @@ static void test_blank_below_a_large_galaxy(void **state)
     tile->weight = rms;
     tile->weight_type = RX_WEIGHT_MAP_RMS;
     assert_int_equal(rx_field_prepare(b.options, 0, tile, NULL, 1, NULL, &field, NULL), RX_OK);
-    assert_true(field->plain->level[(SIDE / 2) * SIDE + SIDE / 2] > field->plain->global_level + 2.0 * sigma);
+    const rx_map level = rx_background_level(field->plain);
+    assert_true(rx_map_at(&level, SIDE / 2, SIDE / 2) > field->plain->global_level + 2.0 * sigma);
     assert_int_equal(rx_blankcheck_noise(field, segments, &noise, NULL), RX_OK);
     assert_int_equal(rx_blankcheck_field(b.options, field, &noise, 1, 1, &blank, NULL), RX_OK);
     assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NONE"), blank, NULL, NULL, &probe, NULL),

@@ -175,7 +175,7 @@ rx_tphot_input field_input(const field *f)
                             .width = f->width,
                             .height = f->height,
                             .pixels = f->pixels,
-                            .sigma = f->sigma,
+                            .sigma = rx_map_plane(f->sigma, f->width),
                             .mask = f->mask,
                             .mask_bits = 7,
                             .psf = f->psf};

@@ -272,7 +272,7 @@ static double largest_light(const rx_leftover *of, int x, int y)
     double most = 0;
     for (int k = 0; k < LW * LH; k++)
         if (abs(k % LW - x) <= of->reach && abs(k / LW - y) <= of->reach && s->weight[k] > 0)
-            most = fmax(most, of->pixels[k] - of->level[k] - (s->data[k] - s->model[k]));
+            most = fmax(most, of->pixels[k] - of->level.plane[k] - (s->data[k] - s->model[k]));
     return most;
 }
 
@@ -318,7 +318,7 @@ static void test_leftover(void **state)
     const rx_tphot_state fitted = {LW, LH, data, model, weight};
     rx_leftover of = {.state = &fitted,
                       .pixels = pixels,
-                      .level = level,
+                      .level = rx_map_plane(level, LW),
                       .reach = 2,
                       .model_error = 0.3,
                       .filter = filter,
