@@ -13,7 +13,7 @@ typedef struct rx_restored {
     float *pixels;    /* background-subtracted, ADU; masked pixels hold 0 */
     uint8_t *mask;    /* as of the tile, RX_MASK_ bits that the restorer honoured */
     float *support;   /* share (0..1), PSF-weighted, of the pixels a value was made from that are masked or
-                         beyond   the border; NULL for NONE */
+                         beyond the border; NULL unless asked for (keep_support) and for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
     float *sigma;     /* noise for detection, ADU, [height][width]; NULL: that of `sky` */

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "data/map.h"
 #include "nn/flat_sky.h"
 #include "restore/blur.h"
@@ -45,7 +46,7 @@ typedef struct network {
     int nthreads;
     rx_coarse scale;
     rx_network_optics *optics; /* NULL without a PSF */
-    float *x;                  /* data: restored->support until that is made */
+    float *x;                  /* data: restored->support until that is made, or its own */
     float *v;     /* what the network, later the step makes: restored->pixels, or restored->sigma */
     float *spare; /* the other of the two: Tikhonov copy, then target of the step */
     rx_network_forward forward; /* its planes are set when it runs */
@@ -112,7 +113,8 @@ static rx_status run_steps(network *n, rx_error *err)
     return status;
 }
 
-static void row_to_adu(int n, const float *restrict unit, const uint8_t *restrict mask, float *restrict v)
+RX_WIDE static void row_to_adu(int n, const float *restrict unit, const uint8_t *restrict mask,
+                               float *restrict v)
 {
 #pragma omp simd
     for (int x = 0; x < n; x++) {
@@ -158,10 +160,15 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     return RX_OK;
 }
 
-/* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. */
-static rx_status make_support(network *n, rx_error *err)
+/* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. The data go. */
+static rx_status make_support(network *n, int wanted, rx_error *err)
 {
     rx_restored *restored = n->restored;
+    if (!wanted) {
+        free(restored->support);
+        restored->support = n->x = NULL;
+        return RX_OK;
+    }
     if (n->optics != NULL)
         return rx_network_optics_support(n->optics, restored->mask, restored->support, n->log, 0.95, 1, err);
     rx_psf *psf = rx_stamp_gauss(UNKNOWN_FWHM);
@@ -177,7 +184,7 @@ static rx_status make_support(network *n, rx_error *err)
     return status;
 }
 
-static rx_status restore_planes(network *n, rx_error *err)
+static rx_status restore_planes(network *n, int extras, rx_error *err)
 {
     const double fwhm = n->psf != NULL && n->psf->fwhm > 0 ? n->psf->fwhm : UNKNOWN_FWHM;
     rx_restored *restored = n->restored;
@@ -202,7 +209,7 @@ static rx_status restore_planes(network *n, rx_error *err)
             rx_network_optics_reblur(n->optics, n->v, n->x, restored->mask, &n->scale, n->tile, n->background,
                                      restored->reblurred, &restored->chi2, n->log, 0.9, 0.95, err);
     if (status == RX_OK)
-        status = make_support(n, err);
+        status = make_support(n, extras && n->par->keep_support, err);
     rx_network_optics_free(n->optics);
     n->optics = NULL;
     if (status == RX_OK)
@@ -213,20 +220,20 @@ static rx_status restore_planes(network *n, rx_error *err)
 }
 
 /* The planes; support and sigma serve as scratch first. */
-static rx_status new_restored(const network *n, int reblurred, rx_restored **dst, rx_error *err)
+static rx_status new_restored(const network *n, int extras, rx_restored **dst, rx_error *err)
 {
+    const int reblurred = extras && n->par->keep_reblurred && n->psf != NULL;
     const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
     rx_restored *restored = *dst = rx_restored_new("NET", n->tile->width, n->tile->height);
     if (restored == NULL)
         return rx_error_memory(err, area * sizeof(float));
     restored->support = RX_NEW(float, area);
     restored->sigma = RX_NEW(float, area);
-    restored->reblurred = reblurred && n->psf != NULL ? RX_NEW(float, area) : NULL;
+    restored->reblurred = reblurred ? RX_NEW(float, area) : NULL;
     restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
     restored->blur = n->psf != NULL ? rx_psf_copy(n->psf) : NULL;
     if (restored->support == NULL || restored->sigma == NULL || restored->psf == NULL ||
-        (reblurred && n->psf != NULL && restored->reblurred == NULL) ||
-        (n->psf != NULL && restored->blur == NULL))
+        (reblurred && restored->reblurred == NULL) || (n->psf != NULL && restored->blur == NULL))
         return rx_error_memory(err, 3 * area * sizeof(float));
     return RX_OK;
 }
@@ -243,9 +250,9 @@ static void describe(const network *n, rx_restored *dst)
 }
 
 /* One restoration in blocks of at most `side` and FFTs of at most `domain` pixels, the grids shifted by
- * `shift`. */
-static rx_status restore(const network *plan, int side, int domain, int shift, int reblurred,
-                         rx_restored **dst, rx_error *err)
+ * `shift`; extras: with the planes that are to be kept besides the image. */
+static rx_status restore(const network *plan, int side, int domain, int shift, int extras, rx_restored **dst,
+                         rx_error *err)
 {
     const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
     const int measured = plan->log != NULL && plan->log->level >= RX_FULL;
@@ -262,14 +269,14 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     n.domains = rx_blocks_make(width, height, domain, high, unit, shift, shift_y);
     const double begun = n.clock = rx_seconds();
     *dst = NULL;
-    rx_status status = new_restored(&n, reblurred, &n.restored, err);
+    rx_status status = new_restored(&n, extras, &n.restored, err);
     if (status == RX_OK) {
         n.x = n.restored->support;
         n.v = n.restored->pixels;
         n.spare = n.restored->sigma;
         if (rx_prepared_mask(n.par, n.tile, n.background, n.restored->mask) == 0)
             rx_log_warning(n.log, "NET: every pixel is masked, nothing to restore");
-        status = restore_planes(&n, err);
+        status = restore_planes(&n, extras, err);
     }
     if (status != RX_OK) {
         rx_restored_free(n.restored);
@@ -339,7 +346,7 @@ rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, cons
                           .log = log,
                           .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     rx_log_progress_begin(log);
-    status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, par->keep_reblurred, &restored, err);
+    status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, 1, &restored, err);
     if (status == RX_OK && par->verify_seams) {
         const double begun = rx_seconds();
         status = verify_seams(&plan, restored, err);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "data/map.h"
 #include "num/convolve.h"
 
@@ -105,8 +106,8 @@ static int place(int v, int n, float *fraction)
 
 /* dst[n]: pixels x .. x + n - 1 of a row, between cells i and `next` of the rows low and high, the fraction
  * fy beyond the centres of the low one. */
-static void coarse_span(const float *low, const float *high, int i, int next, float fy, int x, int n,
-                        float *restrict dst)
+RX_WIDE static void coarse_span(const float *low, const float *high, int i, int next, float fy, int x, int n,
+                                float *restrict dst)
 {
     const float a0 = low[i], a1 = low[next] - low[i], b0 = high[i], b1 = high[next] - high[i];
 #pragma omp simd
@@ -215,8 +216,8 @@ exit:
     return status;
 }
 
-static void to_units(int n, const float *restrict pixels, const float *restrict level,
-                     const float *restrict unit, const uint8_t *restrict mask, float *restrict x)
+RX_WIDE static void to_units(int n, const float *restrict pixels, const float *restrict level,
+                             const float *restrict unit, const uint8_t *restrict mask, float *restrict x)
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {

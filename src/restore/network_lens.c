@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "nn/deblur.h"
 #include "num/convolve.h"
+#include "restore/network_rows.h"
 #include "restore/stamp.h"
 
 enum {
@@ -61,6 +62,12 @@ rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps,
     const double peak = largest(stamps, n);
     rx_status status = RX_OK;
     *dst = (rx_lens){.radius = size / 2, .varies = rx_lens_varies(psf)};
+    if (!dst->varies) {
+        dst->inside = RX_NEW(double, (size_t)(size + 1) * (size_t)(size + 1));
+        if (dst->inside == NULL)
+            return rx_error_memory(err, (size_t)(size + 1) * (size_t)(size + 1) * sizeof(double));
+        rx_rows_inside(stamps, size / 2, dst->inside);
+    }
     for (int b = 0; b < psf->nbasis && status == RX_OK; b++) {
         const float *stamp = stamps + n * (size_t)b;
         const double x = fmax(fabs(psf->x0), fabs(width - 1 - psf->x0)) / psf->xs,
@@ -74,6 +81,7 @@ rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps,
 
 void rx_lens_free(rx_lens *lens)
 {
+    free(lens->inside);
     for (int i = 0; i < lens->n; i++) {
         free(lens->spectrum[i]);
         free(lens->cx[i]);

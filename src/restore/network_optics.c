@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 #include "data/map.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
@@ -71,7 +72,6 @@ void rx_network_optics_free(rx_network_optics *optics)
     for (int i = 0; i < optics->nthreads && optics->work != NULL; i++)
         work_free(&optics->work[i]);
     rx_lens_free(&optics->relative);
-    rx_lens_free(&optics->plain);
     free(optics->work);
     free(optics->tikhonov);
     free(optics->filters);
@@ -132,9 +132,6 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
     if (status == RX_OK)
         status = rx_lens_new(optics->work->fft, psf, relative, size, width, height, optics->work->a,
                              &optics->relative, err);
-    if (status == RX_OK)
-        status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, width, height, optics->work->a,
-                             &optics->plain, err);
     if (status == RX_OK)
         status = make_tikhonov(optics, err);
     free(relative);
@@ -205,6 +202,7 @@ typedef struct job {
     const rx_coarse *scale;
     const rx_tile *tile;
     rx_map noise;
+    const rx_lens *plain;  /* the tile's PSF */
     double *sums, *counts; /* per block */
 } job;
 
@@ -361,7 +359,8 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
     (void)err;
     if (!lens->varies) {
         const rx_rows rows = rows_of(optics, work, &p, x0, y0);
-        rx_rows_step(&rows, lens->spectrum[0], j->f, j->x, j->mask, (float)j->pedestal, j->dst);
+        const rx_rows_kernel kernel = {lens->spectrum[0], lens->inside, lens->radius};
+        rx_rows_step(&rows, &kernel, j->f, j->x, j->mask, (float)j->pedestal, j->dst);
         return RX_OK;
     }
     read_domain(j, work, j->f, x0, y0, work->a);
@@ -395,7 +394,7 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const float *f
 }
 
 /* ADU from n pixels of the model m (noise units). */
-static void to_adu(int n, const float *restrict m, const float *restrict scale, float *restrict dst)
+RX_WIDE static void to_adu(int n, const float *restrict m, const float *restrict scale, float *restrict dst)
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -406,9 +405,9 @@ static void to_adu(int n, const float *restrict m, const float *restrict scale, 
 
 /* term[n]: (x - m)^2 / variance of n pixels of the model m, 0 under the mask. photon: noise units^2 per unit
  * of the model and ADU of scale. */
-static void residuals(int n, const float *restrict x, const float *restrict m, const float *restrict scale,
-                      const float *restrict sigma, const uint8_t *restrict mask, double photon,
-                      double *restrict term)
+RX_WIDE static void residuals(int n, const float *restrict x, const float *restrict m,
+                              const float *restrict scale, const float *restrict sigma,
+                              const uint8_t *restrict mask, double photon, double *restrict term)
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -431,6 +430,8 @@ static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *
     const part p = part_of(optics, bx, by);
     const int n = p.x1 - p.x0;
     const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
+    double sum = 0;
+    long count = 0;
     (void)err;
     if (!optics->relative.varies) {
         const rx_rows rows = rows_of(optics, work, &p, x0, y0);
@@ -448,10 +449,12 @@ static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *
         residuals(n, j->x + k, m, work->line, rx_map_row(&j->noise, y, p.x0, n, work->room), j->mask + k,
                   photon, work->term);
         for (int i = 0; i < n; i++) {
-            j->sums[block] += work->term[i];
-            j->counts[block] += j->mask[k + (size_t)i] == 0;
+            sum += work->term[i];
+            count += j->mask[k + (size_t)i] == 0;
         }
     }
+    j->sums[block] = sum;
+    j->counts[block] = (double)count;
     return RX_OK;
 }
 
@@ -499,7 +502,7 @@ static rx_status support_block(void *user, int thread, int bx, int by, rx_error 
     (void)err;
     const long bad = read_good(j, work, x0, y0, work->a);
     if (bad > 0)
-        adjoint(optics, &optics->plain, work, x0, y0, work->a, work->c, work->b);
+        adjoint(optics, j->plain, work, x0, y0, work->a, work->c, work->b);
     for (int y = p.y0; y < p.y1; y++)
         for (int x = p.x0; x < p.x1; x++) {
             const float share =
@@ -512,6 +515,13 @@ static rx_status support_block(void *user, int thread, int bx, int by, rx_error 
 rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8_t *mask, float *support,
                                     rx_log *log, double begin, double end, rx_error *err)
 {
-    job j = {.optics = optics, .mask = mask, .dst = support};
-    return rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
+    const rx_psf *psf = optics->psf;
+    rx_lens plain = {0};
+    job j = {.optics = optics, .mask = mask, .dst = support, .plain = &plain};
+    rx_status status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, optics->width,
+                                   optics->height, optics->work->a, &plain, err);
+    if (status == RX_OK)
+        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
+    rx_lens_free(&plain);
+    return status;
 }

@@ -23,6 +23,7 @@ typedef struct rx_lens {
     int n, varies;
     int radius; /* of the stamps */
     float *spectrum[RX_PSF_MAX_BASIS];
+    double *inside; /* [2 radius + 2][2 radius + 2], of a PSF that does not vary: network_rows.h */
     float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* [width], [height] of the tile */
 } rx_lens;
 
@@ -36,7 +37,6 @@ typedef struct rx_network_optics {
     int halo;
     rx_network_optics_work *work; /* [nthreads] */
     rx_lens relative;             /* K' */
-    rx_lens plain;                /* the tile's PSF */
     int nx, ny;                   /* nodes; 1 x 1 for a constant PSF */
     double step_x, step_y;
     float *tikhonov; /* spectrum of the only filter of a constant PSF; NULL: not made */

@@ -4,6 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "base/wide.h"
 #include "nn/rl_step.h"
 
 /* What the ends of a transform are given. */
@@ -12,8 +13,8 @@ typedef struct ends {
     const float *src, *x, *f;
     const uint8_t *mask;
     float pedestal;
-    long good; /* pixels */
-    int weighted;
+    const rx_rows_kernel *kernel;
+    long good, seen; /* pixels of the domain: not masked, on the tile */
     float *dst;
 } ends;
 
@@ -96,35 +97,40 @@ static int read_ratio(void *user, int y, float *line)
 
 /* ---- out of it ---- */
 
+/* r of n pixels; how many of them are good. */
+RX_WIDE static int ratios(int n, const float *restrict x, const float *restrict m,
+                          const uint8_t *restrict mask, float pedestal, float *restrict r)
+{
+    int good = 0;
+#pragma omp simd reduction(+ : good)
+    for (int i = 0; i < n; i++) {
+        const float ratio = rx_rl_ratio(x[i], m[i], 1, pedestal);
+        r[i] = mask[i] == 0 ? ratio : 0;
+        good += mask[i] == 0;
+    }
+    return good;
+}
+
 /* r into a, and how many pixels are good. */
 static void write_ratio(void *user, int y, float *line)
 {
     ends *e = user;
-    int from = 0, to = 0, good = 0;
+    int from = 0, to = 0;
     if (!on_tile(e->rows, y, &from, &to))
         return;
-    float *restrict r = in_domain(e->rows, e->rows->a, y, 0);
-    const float *x = e->x + in_tile(e->rows, y, from), pedestal = e->pedestal;
+    float *r = in_domain(e->rows, e->rows->a, y, 0);
+    const float *x = e->x + in_tile(e->rows, y, from);
     const uint8_t *mask = e->mask + in_tile(e->rows, y, from);
     clear_beyond(e->rows, from, to, r);
-#pragma omp simd reduction(+ : good)
-    for (int i = from; i < to; i++) {
-        const float ratio = rx_rl_ratio(x[i - from], line[i], 1, pedestal);
-        r[i] = mask[i - from] == 0 ? ratio : 0;
-        good += mask[i - from] == 0;
-    }
-    e->good += good;
+    e->good += ratios(to - from, x, line + from, mask, e->pedestal, r + from);
+    e->seen += to - from;
 }
 
-static void write_update(void *user, int y, float *line)
+/* q: NULL for ones. */
+RX_WIDE static void update(int n, const float *restrict f, const float *restrict c, const float *restrict q,
+                           float *restrict next)
 {
-    const ends *e = user;
-    const rx_rows *r = e->rows;
-    const int from = r->left - r->x0, n = r->right - r->left;
-    const size_t k = in_tile(r, y, from);
-    const float *f = e->f + k, *c = line + from, *q = in_domain(r, r->b, y, from);
-    float *restrict next = e->dst + k;
-    if (!e->weighted) { /* the stamp sums to 1: without masks so does K'^T W */
+    if (q == NULL) { /* the stamp sums to 1: far from masks and borders so does K'^T W */
 #pragma omp simd
         for (int i = 0; i < n; i++)
             next[i] = rx_rl_update(f[i], c[i], 1);
@@ -133,6 +139,46 @@ static void write_update(void *user, int y, float *line)
 #pragma omp simd
     for (int i = 0; i < n; i++)
         next[i] = rx_rl_update(f[i], c[i], q[i]);
+}
+
+static int within(int i, int least, int most)
+{
+    return i < least ? least : i > most ? most : i;
+}
+
+/* K'^T W of n pixels of the tile's row y from x on where nothing is masked: the part of the stamp that lies
+ * on the tile. Returns 0 where that is all of it. */
+static int share_on_tile(const ends *e, int y, int x, int n, float *q)
+{
+    const rx_rows *r = e->rows;
+    const int radius = e->kernel->radius, size = 2 * radius + 1;
+    const int top = within(radius - y, 0, size), bottom = within(r->height - y + radius, 0, size);
+    const double *first = e->kernel->inside + (size_t)top * (size_t)(size + 1),
+                 *last = e->kernel->inside + (size_t)bottom * (size_t)(size + 1);
+    const int whole = bottom - top == size;
+    if (whole && x >= radius && x + n + radius <= r->width)
+        return 0;
+    const float middle = whole ? 1 : (float)(last[size] - first[size]);
+    for (int i = 0; i < n; i++) {
+        const int left = within(radius - (x + i), 0, size),
+                  right = within(r->width - (x + i) + radius, 0, size);
+        q[i] =
+            right - left == size ? middle : (float)(last[right] - first[right] - (last[left] - first[left]));
+    }
+    return 1;
+}
+
+static void write_update(void *user, int y, float *line)
+{
+    const ends *e = user;
+    const rx_rows *r = e->rows;
+    const int from = r->left - r->x0, n = r->right - r->left;
+    const size_t k = in_tile(r, y, from);
+    float *q = in_domain(r, r->b, y, from);
+    int weighted = e->good < e->seen; /* by rx_rows_step() */
+    if (!weighted)
+        weighted = share_on_tile(e, r->y0 + y, r->left, n, q);
+    update(n, e->f + k, line + from, weighted ? q : NULL, e->dst + k);
 }
 
 static void write_tile(void *user, int y, float *line)
@@ -173,14 +219,29 @@ void rx_rows_blur(const rx_rows *rows, const float *kernel, const float *src)
     transform(&e, read_tile, kernel, false, write_domain);
 }
 
-void rx_rows_step(const rx_rows *rows, const float *kernel, const float *f, const float *x,
+void rx_rows_inside(const float *stamp, int radius, double *inside)
+{
+    const int size = 2 * radius + 1, stride = size + 1;
+    for (int i = 0; i < stride; i++)
+        inside[i] = 0;
+    for (int j = 0; j < size; j++) {
+        double row = 0;
+        inside[(j + 1) * stride] = 0;
+        for (int i = 0; i < size; i++) {
+            row += stamp[j * size + i];
+            inside[(j + 1) * stride + i + 1] = inside[j * stride + i + 1] + row;
+        }
+    }
+}
+
+void rx_rows_step(const rx_rows *rows, const rx_rows_kernel *kernel, const float *f, const float *x,
                   const uint8_t *mask, float pedestal, float *next)
 {
-    ends e = {.rows = rows, .x = x, .f = f, .mask = mask, .pedestal = pedestal, .dst = next};
-    const int w = rx_fft_width(rows->fft), h = rx_fft_height(rows->fft);
-    rx_fft_filter_rows(rows->fft, read_light, kernel, false, rows->half, 0, h, write_ratio, &e);
-    e.weighted = e.good < (long)w * h;
-    if (e.weighted)
-        transform(&e, read_good, kernel, true, write_domain);
-    transform(&e, read_ratio, kernel, true, write_update);
+    ends e = {
+        .rows = rows, .x = x, .f = f, .mask = mask, .kernel = kernel, .pedestal = pedestal, .dst = next};
+    const int h = rx_fft_height(rows->fft);
+    rx_fft_filter_rows(rows->fft, read_light, kernel->spectrum, false, rows->half, 0, h, write_ratio, &e);
+    if (e.good < e.seen)
+        transform(&e, read_good, kernel->spectrum, true, write_domain);
+    transform(&e, read_ratio, kernel->spectrum, true, write_update);
 }

@@ -23,8 +23,19 @@ void rx_rows_filter(const rx_rows *rows, const float *kernel, const float *src, 
 /* b (rows and columns of the block, in the domain) = K' src */
 void rx_rows_blur(const rx_rows *rows, const float *kernel, const float *src);
 
+/* A stamp of (2 radius + 1)^2 pixels: spectrum, and inside[j][i], (2 radius + 2)^2, the sum of its first j
+ * rows and i columns, which tells how much of it lies on the tile near a border. */
+typedef struct rx_rows_kernel {
+    const float *spectrum;
+    const double *inside;
+    int radius;
+} rx_rows_kernel;
+
+/* inside of stamp[2 radius + 1][2 radius + 1] */
+void rx_rows_inside(const float *stamp, int radius, double *inside);
+
 /* next (a plane of the tile, its part) = a Richardson-Lucy step from f */
-void rx_rows_step(const rx_rows *rows, const float *kernel, const float *f, const float *x,
+void rx_rows_step(const rx_rows *rows, const rx_rows_kernel *kernel, const float *f, const float *x,
                   const uint8_t *mask, float pedestal, float *next);
 
 #endif

@@ -35,6 +35,7 @@ typedef struct rx_restore_params {
     rx_out_of_domain out_of_domain; /* obeyed by the stage (stage/domain.h), not by the restorer */
     int mask_saturated;             /* saturated pixels are masked, in every kind */
     int keep_reblurred;             /* fill rx_restored.reblurred (check-image RESIDUAL) */
+    int keep_support;               /* and .support (check-image SUPPORT) */
     int nthreads;
 } rx_restore_params;
 

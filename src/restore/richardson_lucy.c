@@ -299,11 +299,11 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
     rx_restored *restored = *dst = rx_restored_new(name, prepared->width, prepared->height);
     if (restored == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    restored->support = RX_NEW(float, n);
+    restored->support = par->keep_support ? RX_NEW(float, n) : NULL;
     restored->reblurred = par->keep_reblurred ? RX_NEW(float, n) : NULL;
     restored->psf = rx_stamp_gauss(par->rl_denoise);
     restored->blur = rx_psf_copy(psf);
-    if (restored->support == NULL || restored->psf == NULL || restored->blur == NULL ||
+    if (restored->psf == NULL || restored->blur == NULL || (par->keep_support && restored->support == NULL) ||
         (par->keep_reblurred && restored->reblurred == NULL))
         return rx_error_memory(err, 3 * n * sizeof(float));
     return RX_OK;
@@ -327,7 +327,8 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
         free(rl->model);
         free(rl->norm);
         rl->model = rl->norm = NULL;
-        set_support(rl, restored->support);
+        if (restored->support != NULL)
+            set_support(rl, restored->support);
         take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
              prepared->mask, restored->pixels);
     }
@@ -355,7 +356,8 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         goto exit;
     if (prepared->good == 0) {
         rx_log_warning(log, "%s: every pixel is masked, nothing to restore", name);
-        for (size_t k = 0; k < (size_t)prepared->width * (size_t)prepared->height; k++)
+        for (size_t k = 0;
+             restored->support != NULL && k < (size_t)prepared->width * (size_t)prepared->height; k++)
             restored->support[k] = 1;
     } else if ((status = restore_planes(par, prepared, psf, log, restored, err)) == RX_OK) {
         status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,

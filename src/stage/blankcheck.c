@@ -111,6 +111,7 @@ rx_status rx_blankcheck_run(const rx_options *options, const rx_restorer *kind, 
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = 0;
+    own.restore.keep_support = 0;
     own.templates.wanted = own.templates.drop;
     *dst = (rx_blankcheck){0};
     rx_log_progress_begin(log);

@@ -30,6 +30,7 @@ static void own_options(const rx_options *options, double diameter, rx_options *
     par->nnw_file = NULL;
     par->vignet_width = par->vignet_height = 0;
     dst->restore.keep_reblurred = 0;
+    dst->restore.keep_support = 0;
     dst->templates.wanted = options->templates.wanted_by_lists;
 }
 

@@ -40,6 +40,7 @@ static inline void sky_new(sky *s, int width, int height)
                                  .blind_psf_niter = 10,
                                  .mask_saturated = 1,
                                  .keep_reblurred = 1,
+                                 .keep_support = 1,
                                  .nthreads = 1};
 }
 

@@ -43,7 +43,7 @@ static double peak_of(int height)
     rx_psf *psf = sky_psf_varying(4, 0.2, WIDTH);
     s.par.model = model;
     s.par.net_block = 256;
-    s.par.keep_reblurred = 0;
+    s.par.keep_reblurred = s.par.keep_support = 0;
     s.par.nthreads = 2;
     const double before = resident();
     const rx_status status = rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &restored, NULL);
