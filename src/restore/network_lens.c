@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "nn/deblur.h"
@@ -39,8 +40,35 @@ static double largest(const float *values, size_t n)
     return most;
 }
 
+/* A stamp around the origin of a cyclic plane. */
+typedef struct stamp_rows {
+    const float *stamp;
+    int size, width, height;
+    double scale;
+} stamp_rows;
+
+static int read_stamp(void *user, int y, float *line)
+{
+    const stamp_rows *s = user;
+    const int centre = s->size / 2, j = (y + centre) % s->height;
+    if (j >= s->size)
+        return 0;
+    memset(line, 0, (size_t)s->width * sizeof *line);
+    for (int i = 0; i < s->size; i++)
+        line[(i - centre + s->width) % s->width] =
+            (float)(s->stamp[(size_t)j * (size_t)s->size + (size_t)i] * s->scale);
+    return 1;
+}
+
+void rx_lens_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum)
+{
+    const int w = rx_fft_width(fft), h = rx_fft_height(fft);
+    stamp_rows rows = {stamp, size, w, h, 1.0 / ((double)w * h)};
+    rx_fft_forward_rows(fft, read_stamp, &rows, spectrum);
+}
+
 static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const float *stamp, int size,
-                          int width, int height, float *work, rx_lens *dst, rx_error *err)
+                          int width, int height, rx_lens *dst, rx_error *err)
 {
     const int i = dst->n++;
     float *spectrum = dst->spectrum[i] = rx_fft_complex(fft);
@@ -51,12 +79,12 @@ static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const
         cx[x] = (float)power((x - psf->x0) / psf->xs, psf->px[basis]);
     for (int y = 0; y < height; y++)
         cy[y] = (float)power((y - psf->y0) / psf->ys, psf->py[basis]);
-    rx_convolve_spectrum(fft, stamp, size, work, spectrum);
+    rx_lens_spectrum(fft, stamp, size, spectrum);
     return RX_OK;
 }
 
 rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
-                      int height, float *work, rx_lens *dst, rx_error *err)
+                      int height, rx_lens *dst, rx_error *err)
 {
     const size_t n = (size_t)size * (size_t)size;
     const double peak = largest(stamps, n);
@@ -74,7 +102,7 @@ rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps,
                      y = fmax(fabs(psf->y0), fabs(height - 1 - psf->y0)) / psf->ys;
         const double most = fabs(power(x, psf->px[b]) * power(y, psf->py[b])) * largest(stamp, n);
         if (b == 0 || most > NEGLIGIBLE * peak)
-            status = add_term(fft, psf, b, stamp, size, width, height, work, dst, err);
+            status = add_term(fft, psf, b, stamp, size, width, height, dst, err);
     }
     return status;
 }

@@ -9,13 +9,16 @@ static inline int rx_lens_clamp(int i, int n)
     return i < 0 ? 0 : i < n ? i : n - 1;
 }
 
+/* spectrum as rx_convolve_spectrum() makes it, to the bit, without a plane. */
+void rx_lens_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum);
+
 /* 1: the PSF is not the same everywhere. */
 int rx_lens_varies(const rx_psf *psf);
 
-/* stamps [psf->nbasis][size][size] with the polynomials of psf; `work` is a real plane of fft, overwritten.
- * Terms that nowhere reach 1e-6 of the first stamp's peak are left out. Errors: RX_SYSTEM. */
+/* stamps [psf->nbasis][size][size] with the polynomials of psf. Terms that nowhere reach 1e-6 of the first
+ * stamp's peak are left out. Errors: RX_SYSTEM. */
 rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
-                      int height, float *work, rx_lens *dst, rx_error *err);
+                      int height, rx_lens *dst, rx_error *err);
 void rx_lens_free(rx_lens *lens);
 
 /* *stamps [psf->nbasis][*size][*size], the caller's to free: the relative PSF of nn/deblur.h, basis image by

@@ -79,6 +79,17 @@ void rx_network_optics_free(rx_network_optics *optics)
     free(optics);
 }
 
+/* What a thread failed with; all of them can only lack memory. */
+static void take_error(rx_status why, const rx_error *error, rx_status *status, rx_error *err)
+{
+#pragma omp critical(rx_network_optics_failure)
+    {
+        *status = why;
+        if (err != NULL)
+            *err = *error;
+    }
+}
+
 /* Threads' planes on a domain that holds a block and the halo that the widest of the tasks needs. */
 static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_radius, rx_error *err)
 {
@@ -92,21 +103,45 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     optics->work = RX_NEW(rx_network_optics_work, (size_t)optics->nthreads);
     if (optics->work == NULL)
         return rx_error_memory(err, 0);
-    for (int i = 0; i < optics->nthreads && status == RX_OK; i++)
-        status = work_new(w, h, blocks->width, rx_lens_varies(optics->psf), &optics->work[i], err);
+#pragma omp parallel for schedule(static, 1) num_threads(optics->nthreads)
+    for (int i = 0; i < optics->nthreads; i++) {
+        rx_error why = RX_ERROR_NONE;
+        const rx_status made =
+            work_new(w, h, blocks->width, rx_lens_varies(optics->psf), &optics->work[i], &why);
+        if (made != RX_OK)
+            take_error(made, &why, &status, err);
+    }
     return status;
 }
 
-static rx_status make_tikhonov(rx_network_optics *optics, rx_error *err)
+/* The spectrum of the only filter of a PSF that does not vary. */
+static rx_status make_tikhonov(rx_network_optics *optics, const rx_fft *fft, rx_error *err)
 {
-    const rx_network_optics_work *work = &optics->work[0];
     if (optics->filters == NULL || optics->nx > 1 || optics->ny > 1)
         return RX_OK;
-    optics->tikhonov = rx_fft_complex(work->fft);
+    optics->tikhonov = rx_fft_complex(fft);
     if (optics->tikhonov == NULL)
         return rx_error_memory(err, 0);
-    rx_convolve_spectrum(work->fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, work->a, optics->tikhonov);
+    rx_lens_spectrum(fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, optics->tikhonov);
     return RX_OK;
+}
+
+/* The filter of the copy and the relative PSF, each by a thread where there are two. */
+static rx_status make_spectra(rx_network_optics *optics, const float *relative, int size, rx_error *err)
+{
+    const int other = optics->nthreads > 1; /* an rx_fft is used by one thread at a time */
+    rx_status status = RX_OK;
+#pragma omp parallel for schedule(static, 1) num_threads(1 + other)
+    for (int task = 0; task < 2; task++) {
+        rx_error why = RX_ERROR_NONE;
+        const rx_status made = task == 0
+                                   ? make_tikhonov(optics, optics->work[0].fft, &why)
+                                   : rx_lens_new(optics->work[other].fft, optics->psf, relative, size,
+                                                 optics->width, optics->height, &optics->relative, &why);
+        if (made != RX_OK)
+            take_error(made, &why, &status, err);
+    }
+    return status;
 }
 
 rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double epsilon, int width, int height,
@@ -130,10 +165,7 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
     if (status == RX_OK)
         status = make_work(optics, size / 2, psf->size / 2, err);
     if (status == RX_OK)
-        status = rx_lens_new(optics->work->fft, psf, relative, size, width, height, optics->work->a,
-                             &optics->relative, err);
-    if (status == RX_OK)
-        status = make_tikhonov(optics, err);
+        status = make_spectra(optics, relative, size, err);
     free(relative);
     if (status != RX_OK) {
         rx_network_optics_free(optics);
@@ -255,8 +287,7 @@ static void add_node(const job *j, rx_network_optics_work *work, int node, const
     const rx_network_optics *optics = j->optics;
     const int side = 2 * RX_TIKHONOV_REACH + 1, nx = node % optics->nx, ny = node / optics->nx;
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
-    rx_convolve_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->b,
-                         work->spectrum);
+    rx_lens_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->spectrum);
     rx_convolve_multiply(work->fft, work->spectrum, work->sum, false, false, work->half);
     rx_fft_inverse(work->fft, work->half, work->b);
     for (int y = p->y0; y < p->y1; y++) {
@@ -519,7 +550,7 @@ rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8
     rx_lens plain = {0};
     job j = {.optics = optics, .mask = mask, .dst = support, .plain = &plain};
     rx_status status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, optics->width,
-                                   optics->height, optics->work->a, &plain, err);
+                                   optics->height, &plain, err);
     if (status == RX_OK)
         status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
     rx_lens_free(&plain);
