@@ -119,9 +119,18 @@ RX_WIDE static void row_to_adu(int n, const float *restrict unit, const uint8_t 
 #pragma omp simd
     for (int x = 0; x < n; x++) {
         const double value = (double)rx_front_shown(v[x]) * (double)unit[x];
-        const double held = value > FLT_MAX ? FLT_MAX : value < -FLT_MAX ? -FLT_MAX : value;
-        v[x] = mask[x] != 0 ? 0 : (float)held;
+        v[x] = (float)value;
     }
+    /* one choice in a loop, or it does not become vectors; v >= -1/2 before it was scaled */
+#pragma omp simd
+    for (int x = 0; x < n; x++)
+        v[x] = v[x] > FLT_MAX ? FLT_MAX : v[x];
+#pragma omp simd
+    for (int x = 0; x < n; x++)
+        v[x] = v[x] < -FLT_MAX ? -FLT_MAX : v[x];
+    for (int x = 0; x < n; x++)
+        if (mask[x] != 0)
+            v[x] = 0;
 }
 
 /* Noise units become ADU, 0 under the mask. units[nthreads][width]: scratch. */

@@ -106,11 +106,10 @@ static int place(int v, int n, float *fraction)
 
 /* dst[n]: pixels x .. x + n - 1 of a row, between cells i and `next` of the rows low and high, the fraction
  * fy beyond the centres of the low one. */
-RX_WIDE static void coarse_span(const float *low, const float *high, int i, int next, float fy, int x, int n,
-                                float *restrict dst)
+static inline void coarse_span(const float *low, const float *high, int i, int next, float fy, int x, int n,
+                               float *restrict dst)
 {
     const float a0 = low[i], a1 = low[next] - low[i], b0 = high[i], b1 = high[next] - high[i];
-#pragma omp simd
     for (int k = 0; k < n; k++) {
         const float u = ((float)(x + k) + 0.5f) / CELL - 0.5f - (float)i;
         const float fx = u < 0 ? 0 : u > 1 ? 1 : u;
@@ -119,20 +118,41 @@ RX_WIDE static void coarse_span(const float *low, const float *high, int i, int 
     }
 }
 
-void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst)
+/* The same of the pixels from the centre of cell i to that of the next one. */
+static inline void coarse_cell(const float *low, const float *high, int i, float fy, float *restrict dst)
 {
-    float fx = 0, fy = 0;
-    const int j = place(y, coarse->ny, &fy), last = coarse->nx - 2;
-    const float *low = coarse->value + (size_t)j * coarse->nx;
-    const float *high = coarse->ny > 1 ? low + coarse->nx : low;
+    const float a0 = low[i], a1 = low[i + 1] - low[i], b0 = high[i], b1 = high[i + 1] - high[i];
+#pragma omp simd
+    for (int k = 0; k < CELL; k++) {
+        const float fx = ((float)k + 0.5f) / CELL;
+        const float a = a0 + fx * a1, b = b0 + fx * b1;
+        dst[k] = a + fy * (b - a);
+    }
+}
+
+/* The row between the cells' rows low and high. */
+RX_WIDE static void coarse_row(const float *low, const float *high, int nx, float fy, int x, int n,
+                               float *dst)
+{
+    float fx = 0;
     for (int k = 0; k < n;) {
-        const int i = place(x + k, coarse->nx, &fx), next = coarse->nx > 1 ? i + 1 : i;
-        /* up to the centre of the next cell */
-        const int end = i < last ? CELL * (i + 1) + CELL / 2 - x : n;
+        const int i = place(x + k, nx, &fx), next = nx > 1 ? i + 1 : i, centre = CELL * i + CELL / 2;
+        const int end = i < nx - 2 ? centre + CELL - x : n; /* up to the centre of the next cell */
         const int count = (end < n ? end : n) - k;
-        coarse_span(low, high, i, next, fy, x + k, count, dst + k);
+        if (count == CELL && x + k == centre && nx > 1)
+            coarse_cell(low, high, i, fy, dst + k);
+        else
+            coarse_span(low, high, i, next, fy, x + k, count, dst + k);
         k += count;
     }
+}
+
+void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst)
+{
+    float fy = 0;
+    const int j = place(y, coarse->ny, &fy);
+    const float *low = coarse->value + (size_t)j * coarse->nx;
+    coarse_row(low, coarse->ny > 1 ? low + coarse->nx : low, coarse->nx, fy, x, n, dst);
 }
 
 static int usable(float sigma)

@@ -430,8 +430,15 @@ RX_WIDE static void to_adu(int n, const float *restrict m, const float *restrict
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const double value = (double)m[i] * (double)scale[i];
-        dst[i] = (float)(value > FLT_MAX ? FLT_MAX : value < -FLT_MAX ? -FLT_MAX : value);
+        dst[i] = (float)value;
     }
+    /* one choice in a loop, or it does not become vectors */
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        dst[i] = dst[i] > FLT_MAX ? FLT_MAX : dst[i];
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        dst[i] = dst[i] < -FLT_MAX ? -FLT_MAX : dst[i];
 }
 
 /* term[n]: (x - m)^2 / variance of n pixels of the model m, 0 under the mask. photon: noise units^2 per unit
@@ -442,12 +449,15 @@ RX_WIDE static void residuals(int n, const float *restrict x, const float *restr
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {
-        const double unit = (double)scale[i], model = (double)m[i], residual = (double)x[i] - model;
-        const double share = (double)sigma[i] / unit;
-        const double sky = (sigma[i] > 0) & (sigma[i] <= FLT_MAX) ? share : 1;
-        const double value = residual * residual / (sky * sky + photon * (model > 0 ? model : 0) / unit);
-        term[i] = mask[i] != 0 ? 0 : value;
+        const float known = (sigma[i] > 0) & (sigma[i] <= FLT_MAX) ? sigma[i] : scale[i];
+        const float light = m[i] > 0 ? m[i] : 0;
+        const double unit = (double)scale[i], residual = (double)x[i] - (double)m[i];
+        const double sky = (double)known / unit;
+        term[i] = residual * residual / (sky * sky + photon * (double)light / unit);
     }
+    for (int i = 0; i < n; i++)
+        if (mask[i] != 0)
+            term[i] = 0;
 }
 
 static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *err)

@@ -97,17 +97,31 @@ static int read_ratio(void *user, int y, float *line)
 
 /* ---- out of it ---- */
 
-/* r of n pixels; how many of them are good. */
-RX_WIDE static int ratios(int n, const float *restrict x, const float *restrict m,
-                          const uint8_t *restrict mask, float pedestal, float *restrict r)
+/* One choice in a loop, and none whose other side is the neutral element of what follows: else a compiler
+ * makes branches of them, not vectors. */
+enum { TOGETHER = 64 };
+
+/* r of n pixels. */
+RX_WIDE static void ratios(int n, const float *restrict x, const float *restrict m,
+                           const uint8_t *restrict mask, float pedestal, float *restrict r)
 {
-    int good = 0;
-#pragma omp simd reduction(+ : good)
-    for (int i = 0; i < n; i++) {
-        const float ratio = rx_rl_ratio(x[i], m[i], 1, pedestal);
-        r[i] = mask[i] == 0 ? ratio : 0;
-        good += mask[i] == 0;
+    for (int first = 0; first < n; first += TOGETHER) {
+        const int count = n - first < TOGETHER ? n - first : TOGETHER;
+        float ratio[TOGETHER];
+#pragma omp simd
+        for (int i = 0; i < count; i++)
+            ratio[i] = rx_rl_ratio(x[first + i], m[first + i], 1, pedestal);
+#pragma omp simd
+        for (int i = 0; i < count; i++)
+            r[first + i] = mask[first + i] != 0 ? 0 : ratio[i];
     }
+}
+
+static long good_pixels(int n, const uint8_t *mask)
+{
+    long good = 0;
+    for (int i = 0; i < n; i++)
+        good += mask[i] == 0;
     return good;
 }
 
@@ -122,23 +136,41 @@ static void write_ratio(void *user, int y, float *line)
     const float *x = e->x + in_tile(e->rows, y, from);
     const uint8_t *mask = e->mask + in_tile(e->rows, y, from);
     clear_beyond(e->rows, from, to, r);
-    e->good += ratios(to - from, x, line + from, mask, e->pedestal, r + from);
+    ratios(to - from, x, line + from, mask, e->pedestal, r + from);
+    e->good += good_pixels(to - from, mask);
     e->seen += to - from;
 }
 
-/* q: NULL for ones. */
-RX_WIDE static void update(int n, const float *restrict f, const float *restrict c, const float *restrict q,
-                           float *restrict next)
+/* rx_rl_update() of n pixels, at most TOGETHER. */
+RX_WIDE static void update_some(int n, const float *restrict f, const float *restrict c,
+                                const float *restrict q, float *restrict next)
 {
-    if (q == NULL) { /* the stamp sums to 1: far from masks and borders so does K'^T W */
-#pragma omp simd
-        for (int i = 0; i < n; i++)
-            next[i] = rx_rl_update(f[i], c[i], 1);
-        return;
-    }
+    float gain[TOGETHER];
 #pragma omp simd
     for (int i = 0; i < n; i++)
-        next[i] = rx_rl_update(f[i], c[i], q[i]);
+        gain[i] = c[i] / (q[i] >= RX_RL_SHARE ? q[i] : RX_RL_SHARE);
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = c[i] < RX_RL_MOST * q[i] ? gain[i] : RX_RL_MOST;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = q[i] >= RX_RL_SHARE ? gain[i] : 1;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = f[i] > 0 ? gain[i] : 1;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        next[i] = f[i] * gain[i];
+}
+
+/* q: NULL for ones, as the stamp sums to 1 and so does K'^T W far from masks and borders. */
+static void update(int n, const float *f, const float *c, const float *q, float *next)
+{
+    float ones[TOGETHER];
+    for (int i = 0; i < TOGETHER; i++)
+        ones[i] = 1;
+    for (int i = 0; i < n; i += TOGETHER)
+        update_some(n - i < TOGETHER ? n - i : TOGETHER, f + i, c + i, q != NULL ? q + i : ones, next + i);
 }
 
 static int within(int i, int least, int most)
@@ -159,11 +191,15 @@ static int share_on_tile(const ends *e, int y, int x, int n, float *q)
     if (whole && x >= radius && x + n + radius <= r->width)
         return 0;
     const float middle = whole ? 1 : (float)(last[size] - first[size]);
+    for (int i = 0; i < n; i++)
+        q[i] = middle;
     for (int i = 0; i < n; i++) {
         const int left = within(radius - (x + i), 0, size),
                   right = within(r->width - (x + i) + radius, 0, size);
-        q[i] =
-            right - left == size ? middle : (float)(last[right] - first[right] - (last[left] - first[left]));
+        if (right - left < size)
+            q[i] = (float)(last[right] - first[right] - (last[left] - first[left]));
+        else /* on to where the border on the right comes near */
+            i = within(r->width - radius - x - 1, i, n);
     }
     return 1;
 }
