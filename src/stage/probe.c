@@ -143,10 +143,14 @@ static rx_status prepare_detection(work *w, rx_error *err)
     rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err);
     if (status != RX_OK)
         return status;
-    probe->filtered = rx_alloc_filled(n, sizeof *probe->filtered, par->nthreads);
-    if (probe->filtered == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, par->nthreads, probe->filtered);
+    probe->filtered = restored->pixels;
+    if (w->filter.values != NULL) {
+        float *filtered = probe->own_filtered = rx_alloc_filled(n, sizeof *filtered, par->nthreads);
+        if (filtered == NULL)
+            return rx_error_memory(err, n * sizeof(float));
+        rx_filter_plane(&w->filter, restored->pixels, tile->width, tile->height, par->nthreads, filtered);
+        probe->filtered = filtered;
+    }
     const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
     probe->noise = restored->sigma != NULL ? rx_map_plane(restored->sigma, tile->width)
                                            : rx_background_noise(background);
@@ -312,7 +316,7 @@ void rx_probe_free(rx_probe *probe)
     rx_restored_free(probe->second);
     rx_sources_free(probe->sources);
     rx_template_fit_free(&probe->templates);
-    free(probe->filtered);
+    free(probe->own_filtered);
     free(probe->own_noise);
     *probe = (rx_probe){0};
 }

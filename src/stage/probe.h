@@ -19,8 +19,9 @@ typedef struct rx_probe {
     rx_sources *sources;       /* detected and measured; detection_snr ranks them */
     rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
-    float *filtered; /* detection image after the filter */
-    rx_map noise;    /* noise that thresholds refer to, ADU: of own_noise, what was restored or the field */
+    const float *filtered; /* detection image after the filter: restored->pixels without one */
+    float *own_filtered;   /* NULL without one */
+    rx_map noise; /* noise that thresholds refer to, ADU: of own_noise, what was restored or the field */
     float *own_noise;
     double global_noise;
     int plain;           /* nothing was restored */
