@@ -12,10 +12,16 @@
 
 static int any_saturated(const rx_tile *tile)
 {
-    size_t n = (size_t)tile->width * (size_t)tile->height;
-    for (size_t i = 0; i < n; i++)
-        if (tile->mask[i] & RX_MASK_SATURATED)
+    const size_t width = (size_t)tile->width;
+    for (int y = 0; y < tile->height; y++) { /* whole rows: no branch in a loop over all pixels */
+        const uint8_t *mask = tile->mask + (size_t)y * width;
+        uint8_t bits = 0;
+#pragma omp simd reduction(| : bits)
+        for (size_t x = 0; x < width; x++)
+            bits |= mask[x];
+        if (bits & RX_MASK_SATURATED)
             return 1;
+    }
     return 0;
 }
 
