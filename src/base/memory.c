@@ -8,8 +8,9 @@
 #include <sys/mman.h>
 
 enum { ALIGNMENT = 64 };
-/* PAGE is a multiple of every page size, LARGE what malloc maps anew each time, PART taken at a time. */
-enum { PAGE = 1 << 16, LARGE = 32 << 20, PART = 8 << 20 };
+/* PAGE is a multiple of every usual page size, HUGE of the next larger one, LARGE what malloc maps anew each
+ * time, PART taken at a time. */
+enum { PAGE = 1 << 16, HUGE = 2 << 20, LARGE = 32 << 20, PART = 8 << 20 };
 
 /* What was in a large block is given back to the system rather than overwritten: its pages come as zeros when
  * they are first touched, and those of a plane that stays empty never do. */
@@ -22,19 +23,32 @@ static void *alloc_large(size_t bytes)
     return ptr;
 }
 
+static void *alloc_zeroed(size_t bytes, size_t alignment)
+{
+    bytes = (bytes + alignment - 1) / alignment * alignment;
+    void *ptr = aligned_alloc(alignment, bytes);
+#ifdef MADV_HUGEPAGE
+    if (ptr != NULL && alignment == HUGE)
+        (void)madvise(ptr, bytes, MADV_HUGEPAGE); /* a wish: the system may have none, or not be asked */
+#endif
+    if (ptr != NULL)
+        memset(ptr, 0, bytes);
+    return ptr;
+}
+
+/* Of a tile of a Mpixel or two, being given the planes page by page costs more than reading it does: these
+ * ask for huge pages. Larger planes do not, as whole huge pages have to be found (and, under a hypervisor,
+ * fetched) for them where small ones are at hand. */
 void *rx_alloc(size_t count, size_t size)
 {
     if (size != 0 && count > (SIZE_MAX - LARGE) / size)
         return NULL;
-    if (count * size >= LARGE)
-        return alloc_large(count * size);
-    size_t bytes = (count * size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
-    if (bytes == 0)
-        bytes = ALIGNMENT;
-    void *ptr = aligned_alloc(ALIGNMENT, bytes);
-    if (ptr != NULL)
-        memset(ptr, 0, bytes);
-    return ptr;
+    const size_t bytes = count * size;
+    if (bytes >= LARGE)
+        return alloc_large(bytes);
+    if (bytes >= HUGE)
+        return alloc_zeroed(bytes, HUGE);
+    return alloc_zeroed(bytes > 0 ? bytes : 1, ALIGNMENT);
 }
 
 void *rx_alloc_filled(size_t count, size_t size, int nthreads)
