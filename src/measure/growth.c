@@ -2,46 +2,98 @@
 #include "measure/growth.h"
 
 #include <math.h>
+#include <stdint.h>
 
-enum { RINGS = 64, OVERSAMPLING = 5 };
+#include "base/wide.h"
+
+/* ROOM: for the samples of a pixel, whole vectors of them. */
+enum { RINGS = 64, OVERSAMPLING = 5, SAMPLES = OVERSAMPLING * OVERSAMPLING, ROOM = 28 };
 static const double EXTENT = 6.0;         /* A's */
 static const double MARGIN = 1.5;         /* pixels beyond the last ring that still reach into it */
+static const double RIM = 0.75;           /* pixels from it */
 static const double MIN_HALF_LIGHT = 0.5; /* pixels */
 
-/* Spread a pixel over the rings it touches. */
-static void add_to_rings(double *rings, double value, double dx, double dy, double per_pixel)
+/* Squared distances of the samples of a pixel from the centre, by row; filled up with some that are in no
+ * ring. */
+typedef struct samples {
+    double distance2[ROOM];
+    double nearest2, farthest2;
+} samples;
+
+static inline void place_samples(double dx, double dy, samples *dst)
 {
-    double step = 1.0 / OVERSAMPLING, start = 0.5 * (step - 1.0);
-    for (int j = 0; j < OVERSAMPLING; j++) {
-        double v = dy + start + j * step;
-        for (int i = 0; i < OVERSAMPLING; i++) {
-            double u = dx + start + i * step;
-            double ring = sqrt(u * u + v * v) * per_pixel;
-            if (ring < RINGS)
-                rings[(int)ring] += value * step * step;
-        }
+    const double step = 1.0 / OVERSAMPLING, start = 0.5 * (step - 1.0);
+    double u2[OVERSAMPLING], v2[OVERSAMPLING], near_u = HUGE_VAL, near_v = HUGE_VAL, far_u = 0.0, far_v = 0.0;
+    for (int i = 0; i < OVERSAMPLING; i++) {
+        const double u = dx + start + i * step, v = dy + start + i * step;
+        u2[i] = u * u;
+        v2[i] = v * v;
+        near_u = u2[i] < near_u ? u2[i] : near_u;
+        near_v = v2[i] < near_v ? v2[i] : near_v;
+        far_u = u2[i] > far_u ? u2[i] : far_u;
+        far_v = v2[i] > far_v ? v2[i] : far_v;
+    }
+    for (int j = 0; j < OVERSAMPLING; j++)
+        for (int i = 0; i < OVERSAMPLING; i++)
+            dst->distance2[j * OVERSAMPLING + i] = u2[i] + v2[j];
+    for (int i = SAMPLES; i < ROOM; i++)
+        dst->distance2[i] = HUGE_VAL;
+    dst->nearest2 = near_u + near_v;
+    dst->farthest2 = far_u + far_v;
+}
+
+static inline int64_t count_within(const samples *pixel, double edge2)
+{
+    int64_t n = 0;
+#pragma omp simd reduction(+ : n)
+    for (int i = 0; i < ROOM; i++)
+        n += pixel->distance2[i] < edge2;
+    return n;
+}
+
+/* Spread a pixel over the rings it touches; edge2[i]: squared radius where ring i begins. The samples of each
+ * ring are counted, which takes no root for any of them and adds to a ring once. */
+RX_WIDE static void add_to_rings(const double *edge2, double *rings, double value, double dx, double dy,
+                                 double per_pixel)
+{
+    const double share = value / SAMPLES;
+    samples pixel;
+    place_samples(dx, dy, &pixel);
+    const double nearest = sqrt(pixel.nearest2) * per_pixel, farthest = sqrt(pixel.farthest2) * per_pixel;
+    if (!(nearest < RINGS))
+        return;
+    const int first = (int)nearest, last = farthest < RINGS ? (int)farthest : RINGS - 1;
+    int64_t within = 0;
+    for (int ring = first; ring <= last; ring++) {
+        const int64_t before = within;
+        within = ring == last && farthest < RINGS ? SAMPLES : count_within(&pixel, edge2[ring + 1]);
+        rings[ring] += (double)(within - before) * share;
     }
 }
 
 /* Cumulated flux in RINGS rings out to `limit` pixels. */
 static void grow(const rx_view *view, rx_source *s, double limit, double *curve)
 {
-    double reach = limit + MARGIN, width = limit / RINGS;
+    const double reach = limit + MARGIN, width = limit / RINGS, per_pixel = RINGS / limit;
+    double edge2[RINGS + 1];
+    for (int i = 0; i <= RINGS; i++)
+        edge2[i] = i * width * (i * width);
     rx_box box;
     if (rx_view_circle_box(view, s->x, s->y, reach, &box))
         s->flags |= RX_FLAG_APERTURE;
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {
-            double dx = u - s->x, dy = v - s->y, r = sqrt(dx * dx + dy * dy);
+            const double dx = u - s->x, dy = v - s->y, r = sqrt(dx * dx + dy * dy);
             if (r >= reach)
                 continue;
             double value, variance;
             rx_view_pixel(view, u, v, s->x, s->y, &value, &variance);
-            double within = fmod(r, width);
-            if (within < 0.75 || within > width - 0.75)
-                add_to_rings(curve, value, dx, dy, RINGS / limit);
+            /* in narrow rings every pixel is at a rim */
+            const double within = width > 2.0 * RIM ? fmod(r, width) : 0.0;
+            if (within < RIM || within > width - RIM)
+                add_to_rings(edge2, curve, value, dx, dy, per_pixel);
             else if (r < limit)
-                curve[(int)(r * RINGS / limit)] += value;
+                curve[(int)(r * per_pixel)] += value;
         }
     for (int i = 1; i < RINGS; i++)
         curve[i] += curve[i - 1];
