@@ -1,14 +1,16 @@
 /* Meshes one by one in threads; then the grid as a whole. */
 #include "detect/mesh.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 
-enum { MAX_LEVELS = 4096, MAX_ROUNDS = 100 };
+enum { MAX_LEVELS = 4096, MAX_ROUNDS = 100, PART = 64 };
 static const double LEAST_GOOD = 0.5;             /* of a mesh's pixels */
 static const double FIRST_CLIP = 2.0, CLIP = 3.0; /* sigmas */
 static const double REACH = 5.0;                  /* of the histogram to each side, sigmas */
@@ -21,15 +23,15 @@ static const float NONE = -1e30f;                 /* of a mesh without enough pi
 /* Memory of one thread. count[i], first[i], second[i]: sums over levels below i of the pixels in a level,
  * times its number and its square. */
 typedef struct workspace {
-    float *values; /* good pixels of a mesh */
-    int32_t *histogram;
+    float *values;      /* good pixels of a mesh */
+    int32_t *histogram; /* one more for what is in no level */
     int64_t *count, *first, *second;
 } workspace;
 
 static bool make_workspace(size_t area, workspace *work)
 {
     work->values = RX_NEW(float, area);
-    work->histogram = RX_NEW(int32_t, MAX_LEVELS);
+    work->histogram = RX_NEW(int32_t, MAX_LEVELS + 1);
     work->count = RX_NEW(int64_t, MAX_LEVELS + 1);
     work->first = RX_NEW(int64_t, MAX_LEVELS + 1);
     work->second = RX_NEW(int64_t, MAX_LEVELS + 1);
@@ -51,18 +53,22 @@ typedef struct moments {
     int n;
 } moments;
 
-/* Of the values from low to high. What is outside adds 0, so that no branch depends on noise. */
-static moments measure_moments(const float *values, int n, float low, float high)
+/* Of the values from low to high. What is outside adds 0: no branch depends on noise, and vectors do it. */
+RX_WIDE static moments measure_moments(const float *values, int n, float low, float high)
 {
     moments m = {0};
     double sum = 0.0, squares = 0.0;
+    int count = 0;
+#pragma omp simd reduction(+ : sum, squares, count)
     for (int i = 0; i < n; i++) {
-        const bool inside = values[i] >= low && values[i] <= high;
-        const double value = inside ? (double)values[i] : 0.0;
+        const float here = values[i];
+        const int inside = (here >= low) & (here <= high);
+        const double value = inside * (double)here;
         sum += value;
         squares += value * value;
-        m.n += inside;
+        count += inside;
     }
+    m.n = count;
     m.mean = sum / m.n;
     const double variance = squares / m.n - m.mean * m.mean;
     m.sigma = variance > 0.0 ? sqrt(variance) : 0.0;
@@ -70,14 +76,20 @@ static moments measure_moments(const float *values, int n, float low, float high
 }
 
 /* Levels of width `scale` from `zero`; fills the histogram and its running sums. */
-static void fill_histogram(workspace *work, int n, int levels, float zero, float scale)
+RX_WIDE static void fill_histogram(workspace *work, int n, int levels, float zero, float scale)
 {
     const float shift = (float)(0.499999 - (double)(zero / scale));
-    memset(work->histogram, 0, (size_t)levels * sizeof *work->histogram);
-    for (int i = 0; i < n; i++) {
-        const float place = work->values[i] / scale + shift;
-        if (place > -1.0f && place < (float)levels)
-            work->histogram[(int)place]++;
+    memset(work->histogram, 0, ((size_t)levels + 1) * sizeof *work->histogram);
+    for (int i = 0; i < n; i += PART) {
+        const int part = n - i < PART ? n - i : PART;
+        int32_t place[PART];
+#pragma omp simd
+        for (int k = 0; k < part; k++) {
+            const float at = work->values[i + k] / scale + shift;
+            place[k] = (int32_t)((at > -1.0f) & (at < (float)levels) ? at : (float)levels);
+        }
+        for (int k = 0; k < part; k++)
+            work->histogram[place[k]]++;
     }
     int64_t count = 0, first = 0, second = 0;
     for (int64_t i = 0; i < levels; i++) {
@@ -162,20 +174,42 @@ static void measure_mesh(workspace *work, int n, int area, float *level, float *
     settle(work, levels, zero, scale, (float)kept.mean, level, sigma);
 }
 
+/* The n pixels are finite and none is hidden, as nearly all rows are. */
+RX_WIDE static bool all_good(const float *pixels, const uint8_t *mask, int mask_bits, int n)
+{
+    int bad = 0;
+#pragma omp simd reduction(| : bad)
+    for (int i = 0; i < n; i++)
+        bad |= !(fabsf(pixels[i]) <= FLT_MAX);
+    if (bad != 0 || mask == NULL)
+        return bad == 0;
+#pragma omp simd reduction(| : bad)
+    for (int i = 0; i < n; i++)
+        bad |= mask[i];
+    return (bad & mask_bits) == 0;
+}
+
 /* The good values of a mesh, row by row; *area: all of its pixels. */
 static int collect(const sep_bkg *mesh, const float *pixels, const uint8_t *mask, int mask_bits, int i, int j,
                    float *values, int *area)
 {
-    const int x0 = i * mesh->bw, x1 = x0 + mesh->bw < mesh->w ? x0 + mesh->bw : mesh->w;
+    const int x0 = i * mesh->bw, width = x0 + mesh->bw < mesh->w ? mesh->bw : mesh->w - x0;
     const int y0 = j * mesh->bh, y1 = y0 + mesh->bh < mesh->h ? y0 + mesh->bh : mesh->h;
     int n = 0;
-    *area = (x1 - x0) * (y1 - y0);
-    for (int y = y0; y < y1; y++)
-        for (int x = x0; x < x1; x++) {
-            const size_t k = (size_t)y * (size_t)mesh->w + (size_t)x;
-            values[n] = pixels[k];
-            n += isfinite(pixels[k]) && (mask == NULL || (mask[k] & mask_bits) == 0);
+    *area = width * (y1 - y0);
+    for (int y = y0; y < y1; y++) {
+        const size_t k = (size_t)y * (size_t)mesh->w + (size_t)x0;
+        const uint8_t *hidden = mask != NULL ? mask + k : NULL;
+        if (all_good(pixels + k, hidden, mask_bits, width)) {
+            memcpy(values + n, pixels + k, (size_t)width * sizeof *values);
+            n += width;
+            continue;
         }
+        for (int x = 0; x < width; x++) {
+            values[n] = pixels[k + (size_t)x];
+            n += isfinite(values[n]) && (hidden == NULL || (hidden[x] & mask_bits) == 0);
+        }
+    }
     return n;
 }
 

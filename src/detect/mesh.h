@@ -1,10 +1,10 @@
 /* Sky level and noise of a tile on a grid of meshes.
  *
  * The estimator of SExtractor (Bertin & Arnouts 1996, A&AS 117, 393, section 4.1; constants as in its public
- * source) with sep's numbers to the bit: mean and rms clipped once at 2 sigma set the range of a histogram;
- * its median and rms are clipped at 3 sigma until they stay; the level is 2.5 median - 1.5 mean, or the
- * median where the two are 0.3 sigma apart. A running median smooths the grid; bicubic splines, which sep
- * evaluates, join it. */
+ * source) with sep's numbers but for the rounding of sums over a mesh, which are in another order. Mean and
+ * rms clipped once at 2 sigma set the range of a histogram; its median and rms are clipped at 3 sigma until
+ * they stay; the level is 2.5 median - 1.5 mean, or the median where the two are 0.3 sigma apart. A running
+ * median smooths the grid; bicubic splines, which sep evaluates, join it. */
 #ifndef RX_DETECT_MESH_H
 #define RX_DETECT_MESH_H
 
