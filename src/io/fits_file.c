@@ -18,7 +18,8 @@
 /* Name that cfitsio is given for a file held in memory, padded. */
 static const char PADDED[] = "padded copy";
 
-enum { CHUNK_PIXELS = 1 << 20, BLOCK = 2880 };
+/* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at. */
+enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, BLOCK = 2880 };
 
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what)
@@ -410,7 +411,7 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const lo
 {
     int failed = 0, anynul = 0;
     const size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
-    const size_t rows = CHUNK_PIXELS / width + 1;
+    const size_t rows = CACHED_PIXELS / width + 1;
     for (size_t row = 0; row < height; row += rows) {
         const size_t n = height - row < rows ? height - row : rows;
         float *to = dst + row * width;

@@ -4,12 +4,14 @@
 #include <inttypes.h>
 #include <limits.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "base/text.h"
+#include "base/wide.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/fits_read.h"
@@ -198,10 +200,42 @@ const char *rx_tile_checksum(rx_tile *tile)
     return tile->checksum;
 }
 
-static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile *tile, rx_error *err)
+/* No pixel is NaN or saturated, as in nearly all rows. */
+RX_WIDE static bool all_good(const float *pixels, size_t n, double saturation)
 {
-    size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
-    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, 1);
+    int bad = 0;
+#pragma omp simd reduction(| : bad)
+    for (size_t i = 0; i < n; i++)
+        bad |= !((double)pixels[i] < saturation);
+    return bad == 0;
+}
+
+/* Number of NaNs in row y, which become 0; most of the mask is never touched. */
+static size_t mask_row(rx_tile *tile, int y)
+{
+    const size_t width = (size_t)tile->width;
+    float *pixels = tile->pixels + (size_t)y * width;
+    uint8_t *mask = tile->mask + (size_t)y * width;
+    size_t bad = 0;
+    if (all_good(pixels, width, tile->saturation))
+        return 0;
+    for (size_t i = 0; i < width; i++) {
+        if (isnan(pixels[i])) {
+            pixels[i] = 0.f;
+            mask[i] = RX_MASK_BAD;
+            bad++;
+        } else if (pixels[i] >= tile->saturation) {
+            mask[i] = RX_MASK_SATURATED;
+        }
+    }
+    return bad;
+}
+
+static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_tile *tile,
+                             rx_error *err)
+{
+    size_t n = (size_t)tile->width * (size_t)tile->height, bad = 0;
+    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
@@ -209,17 +243,10 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, rx_tile
         rx_fits_read_pixels(file, tile->name, tile->hdu, place->first, place->last, tile->pixels, err);
     if (status != RX_OK)
         return status;
-    good = n;
-    for (size_t i = 0; i < n; i++) { /* most of the mask is never touched */
-        if (isnan(tile->pixels[i])) {
-            tile->pixels[i] = 0.f;
-            tile->mask[i] = RX_MASK_BAD;
-            good--;
-        } else if (tile->pixels[i] >= tile->saturation) {
-            tile->mask[i] = RX_MASK_SATURATED;
-        }
-    }
-    if (good == 0)
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : bad)
+    for (int y = 0; y < tile->height; y++)
+        bad += mask_row(tile, y);
+    if (bad == n)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "all %zu pixels are NaN or BLANK; there is nothing to measure", n);
     return RX_OK;
@@ -353,7 +380,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    status = read_pixels(source.file, &place, tile, err);
+    status = read_pixels(source.file, &place, par->nthreads, tile, err);
     if (status == RX_OK)
         status = take_wcs(par, log, tile, err);
     if (status == RX_OK)

@@ -19,6 +19,7 @@ typedef struct rx_tile_params {
     double zeropoint; /* MAG_ZEROPOINT; no header key in SExtractor, MAG_ZEROPOINT_KEY is ours, "" = none */
     const char *zeropoint_key;
     double pixel_scale; /* PIXEL_SCALE, 0 = from the WCS */
+    int nthreads;       /* for memory and mask */
 } rx_tile_params;
 
 /* The image HDUs a name selects: `tile.fits` all 2-D images (primary and extensions, compressed

@@ -74,7 +74,8 @@ static void tile_options(const rx_config *cfg, int role, rx_tile_params *dst)
                             .saturation_key = cfg->satur_key,
                             .zeropoint = cfg->mag_zeropoint,
                             .zeropoint_key = cfg->mag_zeropoint_key,
-                            .pixel_scale = cfg->pixel_scale};
+                            .pixel_scale = cfg->pixel_scale,
+                            .nthreads = cfg->nthreads};
     if (cfg->weight_type.n > 0)
         dst->weight_type = (rx_weight_type)VALUE(weight_types, ITEM(cfg->weight_type, role));
     if (dst->weight_type > RX_WEIGHT_BACKGROUND && cfg->weight_image.n > 0)
