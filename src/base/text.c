@@ -46,12 +46,22 @@ void rx_text_add(rx_text *dst, const char *text)
     rx_text_add_bytes(dst, text, strlen(text));
 }
 
+/* Into the room there is, and once more where that was too little. */
 void rx_text_printf(rx_text *dst, const char *format, ...)
 {
     va_list args;
+    if (dst->failed)
+        return;
+    const size_t room = dst->capacity - dst->length;
     va_start(args, format);
-    int n = vsnprintf(NULL, 0, format, args);
+    int n = vsnprintf(room > 0 ? dst->data + dst->length : NULL, room, format, args);
     va_end(args);
+    if (n >= 0 && (size_t)n < room) {
+        dst->length += (size_t)n;
+        return;
+    }
+    if (room > 0)
+        dst->data[dst->length] = '\0';
     if (n < 0 || !reserve(dst, (size_t)n))
         return;
     va_start(args, format);

@@ -155,6 +155,9 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
     const char *c = strstr(svg, "<svg");
     for (; c != NULL && *c != '\0';) {
         size_t skip = 0;
+        const size_t plain = strcspn(c, " hu<"); /* with one of these every mark begins */
+        rx_text_add_bytes(dst, c, plain);
+        c += plain;
         for (size_t i = 0; i < sizeof marks / sizeof *marks && skip == 0; i++)
             if (strncmp(c, marks[i], strlen(marks[i])) == 0)
                 skip = strlen(marks[i]);
@@ -168,7 +171,7 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
             rx_escape_html(dst, title);
             rx_text_add(dst, "</title>");
             c = strstr(c, "</desc>") + 7;
-        } else {
+        } else if (*c != '\0') {
             rx_text_add_bytes(dst, c, 1);
             c++;
         }
