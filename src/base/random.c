@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "base/wide.h"
+
 /* One block; in a loop over blocks the compiler makes vectors of them. */
 static inline void philox(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t *w0, uint32_t *w1,
                           uint32_t *w2, uint32_t *w3)
@@ -30,11 +32,16 @@ void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t 
     philox(seed, stream, counter, out, out + 1, out + 2, out + 3);
 }
 
-void rx_random_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out)
+RX_WIDE static void make_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out)
 {
 #pragma omp simd
     for (size_t i = 0; i < n; i++)
         philox(seed, stream, first + i, out + i, out + n + i, out + 2 * n + i, out + 3 * n + i);
+}
+
+void rx_random_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out)
+{
+    make_blocks(seed, stream, first, n, out);
 }
 
 static double uniform52(uint32_t high, uint32_t low)

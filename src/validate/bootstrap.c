@@ -11,17 +11,20 @@
 #include "base/random.h"
 #include "num/stats.h"
 
-enum { TOGETHER = 128 }; /* replicates between two looks at interrupts */
+/* TOGETHER: replicates between two looks at interrupts; BLOCKS: of random numbers made at a time. */
+enum { TOGETHER = 128, BLOCKS = 64 };
 
 void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint32_t *counts)
 {
-    uint32_t word[4];
-    uint64_t begin = (uint64_t)round << 32; /* blocks of one replicate: n/4 < 2^32 */
+    uint32_t word[4 * BLOCKS];
+    const uint64_t begin = (uint64_t)round << 32; /* blocks of one replicate: n/4 < 2^32 */
     memset(counts, 0, (size_t)n * sizeof *counts);
-    for (long i = 0; i < n; i++) {
-        if (i % 4 == 0)
-            rx_random_block(seed, stream, begin + (uint64_t)(i / 4), word);
-        counts[((uint64_t)word[i % 4] * (uint64_t)n) >> 32]++;
+    for (long done = 0; done < n; done += 4 * BLOCKS) {
+        const long left = n - done, blocks = left < 4 * BLOCKS ? (left + 3) / 4 : BLOCKS;
+        rx_random_blocks(seed, stream, begin + (uint64_t)(done / 4), (size_t)blocks, word);
+        for (long k = 0; k < 4; k++)
+            for (long i = 0; 4 * i + k < left && i < blocks; i++)
+                counts[((uint64_t)word[k * blocks + i] * (uint64_t)n) >> 32]++;
     }
 }
 
