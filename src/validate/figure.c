@@ -52,8 +52,31 @@ void rx_figures_begin(rx_figures *dst)
     write_head(&dst->script);
 }
 
+static const char *name_of(const char *program)
+{
+    return program != NULL && program[0] != '\0' ? program : "gnuplot";
+}
+
+static int end_gnuplot(rx_figures *figures, const char *program)
+{
+    const pid_t child = figures->gnuplot;
+    figures->gnuplot = 0;
+    return child != 0 &&
+           rx_gnuplot_wait(child, name_of(program), figures->work, figures->note, sizeof figures->note);
+}
+
+static void remove_work(rx_figures *figures)
+{
+    if (figures->work != NULL)
+        rx_output_remove(figures->work);
+    free(figures->work);
+    figures->work = NULL;
+}
+
 void rx_figures_free(rx_figures *figures)
 {
+    end_gnuplot(figures, NULL);
+    remove_work(figures);
     for (int i = 0; i < figures->n; i++) {
         free(figures->figure[i].title);
         free(figures->figure[i].reading);
@@ -224,27 +247,43 @@ exit:
     return status;
 }
 
-rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
-                          rx_error *err)
+rx_status rx_figures_start(rx_figures *dst, const char *program, const char *folder, const char *shown,
+                           rx_error *err)
 {
     rx_text work = {0};
-    rx_status status = RX_OK;
     rx_text_printf(&work, "%s/.figures-XXXXXX", folder);
     if (work.failed)
         return rx_error_memory(err, 0);
     if (mkdtemp(work.data) == NULL) {
-        status = cannot_be_written(err, shown);
-        goto exit;
+        const rx_status failed = cannot_be_written(err, shown);
+        rx_text_free(&work);
+        return failed;
     }
-    status = write_script(&dst->script, work.data, shown, err);
-    if (status == RX_OK && rx_gnuplot_run(program != NULL && program[0] != '\0' ? program : "gnuplot",
-                                          work.data, "figures.gp", dst->note, sizeof dst->note))
+    dst->work = work.data;
+    rx_status status = write_script(&dst->script, dst->work, shown, err);
+    if (status == RX_OK)
+        dst->gnuplot =
+            rx_gnuplot_start(name_of(program), dst->work, "figures.gp", dst->note, sizeof dst->note);
+    if (dst->gnuplot == 0)
+        remove_work(dst);
+    return status;
+}
+
+rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err)
+{
+    rx_status status = RX_OK;
+    if (end_gnuplot(dst, program))
         for (int i = 0; i < dst->n && status == RX_OK; i++) {
             rx_figure *f = &dst->figure[i];
-            status = read_svg(work.data, f->id, f->title, &f->svg, err);
+            status = read_svg(dst->work, f->id, f->title, &f->svg, err);
         }
-    rx_output_remove(work.data);
-exit:
-    rx_text_free(&work);
+    remove_work(dst);
     return status;
+}
+
+rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
+                          rx_error *err)
+{
+    const rx_status status = rx_figures_start(dst, program, folder, shown, err);
+    return status == RX_OK ? rx_figures_finish(dst, program, err) : status;
 }

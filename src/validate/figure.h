@@ -10,6 +10,7 @@
 #define RX_VALIDATE_FIGURE_H
 
 #include <stdbool.h>
+#include <sys/types.h>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -35,10 +36,12 @@ typedef struct rx_figures {
     rx_figure figure[RX_FIGURES_MAX];
     rx_text script; /* for gnuplot; writers of special figures add their own commands */
     char note[256]; /* why there are none, "" when all is well */
+    char *work;     /* owned: gnuplot's folder while it works, else NULL */
+    pid_t gnuplot;  /* 0: none at work */
 } rx_figures;
 
 void rx_figures_begin(rx_figures *dst);
-void rx_figures_free(rx_figures *figures); /* content only */
+void rx_figures_free(rx_figures *figures); /* content only; waits for a gnuplot that was started */
 
 /* Announce the figure that the next rx_plot_... call draws; id is made fit for a file name. Beyond
  * RX_FIGURES_MAX, or without memory, script.failed is set and rx_figures_draw fails. */
@@ -49,6 +52,11 @@ void rx_figure_add(rx_figures *dst, const char *id, const char *title, const cha
  * errors) and removed again. Without gnuplot dst->note says so and the status is RX_OK. Errors: RX_SYSTEM. */
 rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
                           rx_error *err);
+
+/* The two halves of it, between which there is time for other work while gnuplot draws. */
+rx_status rx_figures_start(rx_figures *dst, const char *program, const char *folder, const char *shown,
+                           rx_error *err);
+rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err);
 
 /* Ranges are always given, so that empty data cannot stop gnuplot, and may fall. One that gnuplot would
  * refuse (no extent, not finite, not positive on a logarithmic axis) is mended. */

@@ -104,18 +104,22 @@ static void last_words(const char *folder, char *dst, size_t size)
     rx_text_free(&path);
 }
 
-int rx_gnuplot_run(const char *program, const char *folder, const char *script, char *note, size_t size)
+pid_t rx_gnuplot_start(const char *program, const char *folder, const char *script, char *note, size_t size)
 {
     pid_t child;
-    int state = 0;
     /* a path with a folder in it is meant from here, not from where the child works */
     char *absolute = strchr(program, '/') != NULL ? realpath(program, NULL) : NULL;
     int failed = spawn(&child, absolute != NULL ? absolute : program, folder, script);
     free(absolute);
-    if (failed != 0) {
-        snprintf(note, size, "%s cannot be started (%s); install gnuplot", program, strerror(failed));
-        return 0;
-    }
+    if (failed == 0)
+        return child;
+    snprintf(note, size, "%s cannot be started (%s); install gnuplot", program, strerror(failed));
+    return 0;
+}
+
+int rx_gnuplot_wait(pid_t child, const char *program, const char *folder, char *note, size_t size)
+{
+    int state = 0;
     while (waitpid(child, &state, 0) < 0)
         if (errno != EINTR) {
             snprintf(note, size, "%s got lost: %s", program, strerror(errno));

@@ -3,10 +3,14 @@
 #define RX_VALIDATE_GNUPLOT_H
 
 #include <stddef.h>
+#include <sys/types.h>
 
-/* Run `program -d script` inside `folder` and wait. No shell; no signal blocked; nothing read, what it
- * prints goes to gnuplot.log in that folder. Returns 1 when it ended well, else 0 and the reason, one line,
- * in note. */
-int rx_gnuplot_run(const char *program, const char *folder, const char *script, char *note, size_t size);
+/* Start `program -d script` inside `folder`. No shell; no signal blocked; nothing read, what it prints goes
+ * to gnuplot.log in that folder. Returns the process, to be waited for, or 0 and the reason, one line, in
+ * note. */
+pid_t rx_gnuplot_start(const char *program, const char *folder, const char *script, char *note, size_t size);
+
+/* Wait for its end. Returns 1 when it ended well, else 0 and the reason. */
+int rx_gnuplot_wait(pid_t child, const char *program, const char *folder, char *note, size_t size);
 
 #endif

@@ -180,7 +180,8 @@ static rx_status write_runs(const rx_report *r, const target *to, rx_error *err)
     return status;
 }
 
-static rx_status write_all(const rx_report *r, const rx_figures *figures, const target *to, rx_error *err)
+/* All but the page. */
+static rx_status write_tables(const rx_report *r, const target *to, rx_error *err)
 {
     rx_text text = {0};
     rx_report_json(&text, r);
@@ -189,11 +190,12 @@ static rx_status write_all(const rx_report *r, const rx_figures *figures, const 
         return status;
     rx_report_bins(&text, r);
     status = write_file(to, "bins.ecsv", &text, err);
-    if (status != RX_OK)
-        return status;
-    status = write_runs(r, to, err);
-    if (status != RX_OK)
-        return status;
+    return status == RX_OK ? write_runs(r, to, err) : status;
+}
+
+static rx_status write_page(const rx_report *r, const rx_figures *figures, const target *to, rx_error *err)
+{
+    rx_text text = {0};
     rx_report_html(&text, r, figures);
     return write_file(to, "report.html", &text, err);
 }
@@ -216,6 +218,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
                        const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
     rx_report report = {.par = par, .input = input, .level = LEVEL};
+    const target to = {folder, shown};
     rx_figures *figures = RX_NEW(rx_figures, 1);
     rx_status status = figures != NULL ? report_make(&report, err) : rx_error_memory(err, 0);
     if (status != RX_OK)
@@ -224,14 +227,19 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         status = rx_report_figures(&report, folder, shown, figures, err);
     else
         snprintf(figures->note, sizeof figures->note, "figures were not asked for");
+    if (status != RX_OK)
+        goto exit;
+    warn_of_scale(&report, log);
+    status = write_tables(&report, &to, err); /* while gnuplot draws */
+    if (status == RX_OK && par->figures)
+        status = rx_figures_finish(figures, par->gnuplot, err);
     if (status == RX_OK)
         status = rx_interrupt_check(err);
     if (status != RX_OK)
         goto exit;
-    warn_of_scale(&report, log);
     if (par->figures && figures->note[0] != '\0')
         rx_log_warning(log, "report without figures: %s", figures->note);
-    status = write_all(&report, figures, &(target){folder, shown}, err);
+    status = write_page(&report, figures, &to, err);
     if (status != RX_OK)
         goto exit;
     if (brief != NULL)

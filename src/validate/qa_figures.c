@@ -388,5 +388,5 @@ rx_status rx_report_figures(const rx_report *r, const char *folder, const char *
         plans[i].write(dst, r);
     }
     write_pictures(dst, r);
-    return rx_figures_draw(dst, r->par->gnuplot, folder, shown, err);
+    return rx_figures_start(dst, r->par->gnuplot, folder, shown, err);
 }

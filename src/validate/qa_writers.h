@@ -44,7 +44,7 @@ typedef struct rx_report {
 const rx_estimate *rx_report_whole(const rx_report *report, int run, rx_metric metric);
 const rx_estimate *rx_report_bin(const rx_report *report, int run, int bin, rx_metric metric);
 
-/* Draw all figures of the report, see rx_figures_draw(). Free with rx_figures_free(). */
+/* Start drawing all figures of the report, see rx_figures_start(). Free with rx_figures_free(). */
 rx_status rx_report_figures(const rx_report *report, const char *folder, const char *shown, rx_figures *dst,
                             rx_error *err);
 
