@@ -71,21 +71,29 @@ void rx_runner_free(rx_runner *runner)
     free(runner);
 }
 
+void rx_runner_node_params(const rx_net *net, int i, const float *params, float *folded,
+                           const float **weights, const float **bias)
+{
+    const rx_node *n = &net->node[i];
+    const size_t out = (size_t)n->channels;
+    *weights = params + n->weight;
+    *bias = params + n->bias;
+    if (!rx_runner_folds(n->op))
+        return;
+    const int in = net->node[n->src].channels, k = rx_layer_folded_kernel(n);
+    float *biases = folded + 4 * out * (size_t)(in * k * k);
+    rx_layer_fold(n, in, *weights, folded);
+    for (size_t phase = 0; phase < 4; phase++)
+        memcpy(biases + phase * out, *bias, out * sizeof(float));
+    *weights = folded;
+    *bias = biases;
+}
+
 rx_status rx_runner_load_node(const rx_net *net, int i, const float *params, float *folded, rx_conv *conv,
                               rx_error *err)
 {
-    const rx_node *n = &net->node[i];
-    const float *weights = params + n->weight, *bias = params + n->bias;
-    size_t out = (size_t)n->channels;
-    if (rx_runner_folds(n->op)) {
-        int in = net->node[n->src].channels, k = rx_layer_folded_kernel(n);
-        rx_layer_fold(n, in, weights, folded);
-        float *biases = folded + 4 * out * (size_t)(in * k * k);
-        for (size_t phase = 0; phase < 4; phase++)
-            memcpy(biases + phase * out, bias, out * sizeof(float));
-        weights = folded;
-        bias = biases;
-    }
+    const float *weights, *bias;
+    rx_runner_node_params(net, i, params, folded, &weights, &bias);
     return rx_conv_load(conv, weights, bias, err);
 }
 

@@ -51,7 +51,10 @@ rx_conv_shape rx_runner_conv_shape(const rx_net *net, int i, const rx_runner_nod
 size_t rx_runner_row(const rx_net *net, const rx_runner_node *node); /* floats of the layers' scratch */
 size_t rx_runner_folded(const rx_net *net);                          /* floats of rx_runner_load_node()'s */
 
-/* Parameters of node i into its convolution. Errors: RX_SYSTEM. */
+/* Parameters of node i as its convolution has them: into params, or, of a folded one, into `folded`. */
+void rx_runner_node_params(const rx_net *net, int i, const float *params, float *folded,
+                           const float **weights, const float **bias);
+/* The same into the convolution. Errors: RX_SYSTEM. */
 rx_status rx_runner_load_node(const rx_net *net, int i, const float *params, float *folded, rx_conv *conv,
                               rx_error *err);
 

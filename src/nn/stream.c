@@ -13,9 +13,10 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "nn/direct.h"
 #include "nn/runner_parts.h"
 
-enum { STEP = 32 }; /* input rows */
+enum { STEP = 16 }; /* input rows */
 
 /* What a node keeps: `history` rows and those of this step, which begin at row `at` of its memory. */
 typedef struct band {
@@ -31,9 +32,10 @@ struct rx_stream {
     int margin[RX_NET_NODES]; /* of each node, beyond the block */
     rx_dnn *dnn;              /* owned, like all below */
     rx_runner_node node[RX_NET_NODES];
+    rx_direct *direct[RX_NET_NODES]; /* where it does it instead of the node's own convolution */
     band band[RX_NET_NODES];
     void *raw;
-    float *row, *folded;
+    float *row, *folded, *scratch;
     rx_stream_cost *cost; /* the caller's; NULL: not wanted */
 };
 
@@ -122,9 +124,12 @@ static void plan_bands(const rx_net *net, int step, const rx_runner_node *node, 
         b->behind_add = b->delay - bands[n->add].delay;
         at_least(b->behind_add, &bands[n->add].history);
     }
-    /* Long histories are moved rarely. */
-    for (int i = 0; i < net->nnodes; i++)
-        bands[i].room = bands[i].history + bands[i].rows * (bands[i].history > bands[i].rows ? 4 : 1);
+    /* A row is moved once for two steps of its history's length at most. */
+    for (int i = 0; i < net->nnodes; i++) {
+        int more = 2 * bands[i].history;
+        at_least(bands[i].rows, &more);
+        bands[i].room = bands[i].history + more;
+    }
 }
 
 static size_t raw_bytes(const rx_net *net, const rx_runner_node *node)
@@ -171,6 +176,24 @@ static rx_status check(const rx_net *net, int width, rx_precision precision, rx_
     return RX_OK;
 }
 
+/* The convolution with all that follows it; *dst stays NULL where it is not to be had or slower. */
+static rx_status make_direct(rx_stream *s, int i, rx_conv_shape shape, rx_direct **dst, rx_error *err)
+{
+    const rx_node *n = &s->net->node[i];
+    const int fine = n->op == RX_OP_UPCONV;
+    const float *weights, *bias;
+    *dst = NULL;
+    if (n->op == RX_OP_TRANSPOSED)
+        return RX_OK;
+    shape.sum = n->add >= 0;
+    shape.relu = n->relu;
+    shape.y = s->node[i].value.real;
+    if (!rx_direct_can(&shape, fine))
+        return RX_OK;
+    rx_runner_node_params(s->net, i, s->net->params, s->folded, &weights, &bias);
+    return rx_direct_new(&shape, fine, weights, bias, dst, err);
+}
+
 static rx_status make_conv(rx_stream *s, int i, rx_error *err)
 {
     const rx_node *n = &s->net->node[i];
@@ -182,7 +205,10 @@ static rx_status make_conv(rx_stream *s, int i, rx_error *err)
      * Winograd's sums would carry these into the last bit. */
     shape.fast = n->op != RX_OP_TRANSPOSED;
     shape.height = above(n) + last + 1 + below(n);
-    rx_status status = rx_conv_new(s->dnn, &shape, &me->conv, err);
+    rx_status status = make_direct(s, i, shape, &s->direct[i], err);
+    if (status != RX_OK || s->direct[i] != NULL)
+        return status;
+    status = rx_conv_new(s->dnn, &shape, &me->conv, err);
     if (status == RX_OK)
         status = rx_runner_load_node(s->net, i, s->net->params, s->folded, me->conv, err);
     return status;
@@ -196,7 +222,8 @@ static rx_status make(rx_stream *s, rx_precision precision, rx_error *err)
     s->raw = rx_alloc(raw, 1);
     s->row = RX_NEW(float, rx_runner_row(s->net, s->node));
     s->folded = RX_NEW(float, rx_runner_folded(s->net));
-    if (s->raw == NULL || s->row == NULL || s->folded == NULL)
+    s->scratch = RX_NEW(float, rx_direct_scratch());
+    if (s->raw == NULL || s->row == NULL || s->folded == NULL || s->scratch == NULL)
         return rx_error_memory(err, raw);
     rx_status status = rx_dnn_new(&s->dnn, err);
     for (int i = 0; i < s->net->nnodes && status == RX_OK; i++) {
@@ -239,12 +266,14 @@ void rx_stream_free(rx_stream *stream)
         return;
     for (int i = 0; i < RX_NET_NODES; i++) {
         rx_conv_free(stream->node[i].conv);
+        rx_direct_free(stream->direct[i]);
         free(stream->band[i].data);
     }
     rx_dnn_free(stream->dnn);
     free(stream->raw);
     free(stream->row);
     free(stream->folded);
+    free(stream->scratch);
     free(stream);
 }
 
@@ -274,15 +303,40 @@ static rx_plane plane_at(const rx_stream *s, int i, int before)
     return plane;
 }
 
-static double flops_of(const rx_stream *s, int i)
+/* Columns and rows of a node that the block depends on, of the rows from `first` on that a step makes. */
+static rx_direct_area area_of(const rx_stream *s, int i, int first, int height)
+{
+    const int level = s->net->node[i].level, margin = s->margin[i], begin = s->halo >> level;
+    rx_direct_area a = {.left = begin - margin,
+                        .right = ((s->width - s->halo) >> level) + margin,
+                        .first = begin - margin - first,
+                        .last = ((s->halo + height) >> level) + margin - first};
+    at_least(0, &a.first);
+    if (a.last > s->band[i].rows)
+        a.last = s->band[i].rows;
+    return a;
+}
+
+/* The same in a plane of half the size. */
+static rx_direct_area half_area(rx_direct_area a)
+{
+    return (rx_direct_area){a.left / 2, half_up(a.right), a.first / 2, half_up(a.last)};
+}
+
+/* Of the pixels that are made: those of the area, or all. */
+static double flops_of(const rx_stream *s, int i, rx_direct_area area)
 {
     const rx_node *n = &s->net->node[i];
     const rx_plane *to = s->node[i].raw.channels > 0 ? &s->node[i].raw : &s->node[i].value;
-    const int k = rx_runner_folds(n->op) ? rx_layer_folded_kernel(n) : n->kernel;
-    return n->weight < 0 ? 0 : 2.0 * k * k * s->net->node[n->src].channels * (double)rx_plane_size(to);
+    const int folds = rx_runner_folds(n->op), k = folds ? rx_layer_folded_kernel(n) : n->kernel;
+    double outputs = (double)rx_plane_size(to);
+    if (s->direct[i] != NULL)
+        outputs = (double)(area.right - area.left) * (area.last - area.first) * (folds ? 4 : 1) * n->channels;
+    return n->weight < 0 ? 0 : 2.0 * k * k * s->net->node[n->src].channels * outputs;
 }
 
-static rx_status step_node(rx_stream *s, int i, rx_error *err)
+/* area: in which values are wanted; of a node that folds, in a plane of half the size. */
+static rx_status step_node(rx_stream *s, int i, rx_direct_area area, rx_error *err)
 {
     const rx_node *n = &s->net->node[i];
     const double begun = s->cost != NULL ? rx_seconds() : 0;
@@ -291,20 +345,16 @@ static rx_status step_node(rx_stream *s, int i, rx_error *err)
         src.height += 2;
     if (n->add >= 0)
         add = plane_at(s, n->add, s->band[i].behind_add);
-    rx_status status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
+    rx_status status = RX_OK;
+    if (s->direct[i] != NULL)
+        rx_direct_run(s->direct[i], &src, n->add >= 0 ? &add : NULL, &value, area, s->scratch);
+    else
+        status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
     if (s->cost != NULL) {
         s->cost[i].seconds += rx_seconds() - begun;
-        s->cost[i].flops += flops_of(s, i);
+        s->cost[i].flops += flops_of(s, i, area);
     }
     return status;
-}
-
-/* Whether a step makes rows of node i that the block depends on. */
-static int wanted(const rx_stream *s, int i, int first, int height)
-{
-    const int level = s->net->node[i].level;
-    return first + s->band[i].rows > (s->halo >> level) - s->margin[i] &&
-           first < ((s->halo + height) >> level) + s->margin[i];
 }
 
 static void take_rows(const rx_stream *s, const rx_stream_ends *ends, int first, int height)
@@ -329,10 +379,12 @@ rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *end
             const int first = t * stream->band[i].rows - stream->band[i].delay;
             if (t > 0)
                 move_on(&stream->band[i]);
-            if (!wanted(stream, i, first, height))
+            const int folds = rx_runner_folds(stream->net->node[i].op);
+            const rx_direct_area area = area_of(stream, i, first, height);
+            if (area.first >= area.last)
                 continue;
             if (i > 0)
-                status = step_node(stream, i, err);
+                status = step_node(stream, i, folds ? half_area(area) : area, err);
             else
                 ends->give(ends->user, first - stream->halo, stream->step, plane_at(stream, 0, 0).data);
         }

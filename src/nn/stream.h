@@ -1,14 +1,14 @@
 /* A network that runs down a block of an image: rows of input go in at the top, a few at a time, and rows of
  * output come out, some rows behind. Every node keeps only the rows that later nodes still read, so that a
  * step's work stays in the processor's cache, no row is computed twice, and a block may be as high as the
- * image. Rows above and below the block are computed only where the block depends on them; beside it the
- * whole halo is.
+ * image. Around the block only what it depends on is computed where nn/direct.h does the convolution;
+ * oneDNN does it for whole steps and beside the block the whole halo.
  *
  * The values are those of a runner (runner.h) on the block with its halo: to the bit, or within rounding
- * (some 1e-6 of the largest, tests/unit/nn/test_stream.c) where the processor has Winograd's algorithm, which
- * takes 2.25 times fewer multiplications (nn/dnn.h). They do not depend on the block as long as blocks begin
- * on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more than
- * the thread that calls it.
+ * (some 1e-6 of the largest, with bfloat16 some 1e-2, tests/unit/nn/test_stream.c) where nn/direct.h does it
+ * or the processor has Winograd's algorithm (nn/dnn.h). They do not depend on the block as long as blocks
+ * begin on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more
+ * than the thread that calls it.
  *
  * Memory: rx_stream_bytes(), 10 kB per pixel of width for a PSF-NET of width 8 in single precision. */
 #ifndef RX_NN_STREAM_H
@@ -32,7 +32,8 @@ typedef struct rx_stream_ends {
 /* What a node has cost so far. */
 typedef struct rx_stream_cost {
     double seconds;
-    double flops; /* additions and multiplications, as it runs; 0 where it is no convolution */
+    double flops; /* additions and multiplications by the definition, of what it makes; 0 where it is no
+                     convolution */
 } rx_stream_cost;
 
 /* width of the block: a multiple of 2^levels. The net is only read and must live as long. Errors: RX_INPUT,

@@ -14,3 +14,5 @@ check_PROGRAMS += tests/unit/nn/test_flat_sky
 tests_unit_nn_test_flat_sky_SOURCES = tests/unit/nn/test_flat_sky.c
 check_PROGRAMS += tests/unit/nn/test_stream
 tests_unit_nn_test_stream_SOURCES = tests/unit/nn/test_stream.c
+check_PROGRAMS += tests/unit/nn/test_direct
+tests_unit_nn_test_direct_SOURCES = tests/unit/nn/test_direct.c

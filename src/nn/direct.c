@@ -1,0 +1,120 @@
+/* Convolutions of a band of rows: which there are, and their weights. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "nn/direct_parts.h"
+
+static void measure(const rx_conv_shape *s, int fine, rx_direct *d)
+{
+    d->shape = *s;
+    d->fine = fine;
+    d->words = s->in * (int)rx_real_bytes(s->x) / (int)sizeof(float);
+    d->step = s->stride * d->words;
+    d->winograd = s->fast && !fine && s->kernel == 3 && s->stride == 1 && s->x == RX_REAL_F32 &&
+                  s->in <= MOST_IN && s->height % 2 == 0;
+    d->blocks = s->out % (2 * LANES) == 0 ? 2 : 1;
+}
+
+int rx_direct_can(const rx_conv_shape *shape, int fine)
+{
+    rx_direct d;
+    if (!rx_direct_has_kernels() || !rx_dnn_has_bf16() || !shape->band || shape->backward ||
+        shape->in % 2 != 0)
+        return 0;
+    measure(shape, fine, &d);
+    if (fine)
+        return shape->in % 8 == 0 && shape->out == FINE && shape->stride == 1 && shape->y == RX_REAL_F32 &&
+               !shape->sum;
+    return shape->out % LANES == 0 && (d.winograd || rx_direct_has_rows(&d));
+}
+
+/* The nearest bfloat16 (even). */
+static uint16_t narrow(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
+}
+
+static void put(const rx_direct *d, size_t word, int half, float value)
+{
+    if (d->shape.x == RX_REAL_F32)
+        ((float *)d->weights)[word] = value;
+    else
+        ((uint16_t *)d->weights)[2 * word + (size_t)half] = narrow(value);
+}
+
+/* Where the weight from channel i to o at place (v, u) of the kernel goes, in words. */
+static size_t place(const rx_direct *d, int o, int v, int u, int word)
+{
+    const int k = d->shape.kernel, span = k * d->words, vectors = (span + LANES - 1) / LANES;
+    const int along = u * d->words + word, group = LANES * d->blocks;
+    if (d->fine)
+        return (size_t)(((v * vectors + along / LANES) * FINE + o) * LANES + along % LANES);
+    return ((size_t)(o / group) * (size_t)(k * span) + (size_t)(v * span + along)) * (size_t)group +
+           (size_t)(o % group);
+}
+
+static void load(rx_direct *d, const float *weights, const float *bias)
+{
+    const rx_conv_shape *s = &d->shape;
+    const int per_word = s->in / d->words;
+    memcpy(d->bias, bias, (size_t)s->out * sizeof(float));
+    if (d->winograd) {
+        rx_direct_winograd_load(d, weights);
+        return;
+    }
+    for (int o = 0; o < s->out; o++)
+        for (int i = 0; i < s->in; i++)
+            for (int v = 0; v < s->kernel; v++)
+                for (int u = 0; u < s->kernel; u++)
+                    put(d, place(d, o, v, u, i / per_word), i % per_word, *weights++);
+}
+
+rx_status rx_direct_new(const rx_conv_shape *shape, int fine, const float *weights, const float *bias,
+                        rx_direct **dst, rx_error *err)
+{
+    rx_direct *d = *dst = RX_NEW(rx_direct, 1);
+    if (d == NULL)
+        return rx_error_memory(err, sizeof *d);
+    measure(shape, fine, d);
+    /* the lanes that a row of the kernel does not fill are 0 */
+    const size_t span = (size_t)(shape->kernel * d->words) + LANES;
+    const size_t words = d->winograd ? (size_t)(POINTS * shape->in) * (size_t)shape->out
+                                     : (size_t)shape->kernel * span * (size_t)shape->out;
+    d->weights = RX_NEW(float, words);
+    d->bias = RX_NEW(float, (size_t)shape->out);
+    if (d->weights == NULL || d->bias == NULL) {
+        rx_direct_free(d);
+        *dst = NULL;
+        return rx_error_memory(err, words * sizeof(float));
+    }
+    load(d, weights, bias);
+    return RX_OK;
+}
+
+void rx_direct_free(rx_direct *direct)
+{
+    if (direct == NULL)
+        return;
+    free(direct->weights);
+    free(direct->bias);
+    free(direct);
+}
+
+size_t rx_direct_scratch(void)
+{
+    return (size_t)(POINTS * ACCUMULATORS) * (MOST_IN + LANES);
+}
+
+void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
+                   rx_direct_area area, float *scratch)
+{
+    if (direct->fine)
+        rx_direct_fine(direct, x, y, area);
+    else if (direct->winograd)
+        rx_direct_winograd(direct, x, add, y, area, scratch);
+    else
+        rx_direct_wide(direct, x, add, y, area);
+}

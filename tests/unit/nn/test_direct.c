@@ -1,0 +1,253 @@
+/* Convolutions of a band on AVX-512 against the definition, and the same bits whatever is asked for. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/random.h"
+#include "nn/direct.h"
+
+enum { WIDTH = 67, ROWS = 6 };
+
+typedef struct fixture {
+    rx_conv_shape shape;
+    int fine;
+    rx_plane x, add, y;
+    float *weights, *bias, *scratch;
+    double *want;
+    rx_direct *direct;
+} fixture;
+
+static float value_of(const rx_plane *p, size_t at)
+{
+    float value;
+    if (p->real == RX_REAL_F32)
+        return ((const float *)p->data)[at];
+    const uint32_t bits = (uint32_t)((const uint16_t *)p->data)[at] << 16;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static rx_plane plane(int height, int width, int channels, rx_real real, uint64_t stream)
+{
+    rx_plane p = {.real = real, .height = height, .width = width, .channels = channels}, f = p;
+    f.real = RX_REAL_F32;
+    f.data = malloc(rx_plane_bytes(&f));
+    for (size_t i = 0; i < rx_plane_size(&f); i++)
+        ((float *)f.data)[i] = (float)rx_random_normal(3, stream, i);
+    p.data = malloc(rx_plane_bytes(&p));
+    rx_layer_convert(&f, &p);
+    free(f.data);
+    return p;
+}
+
+/* The numbers themselves, as far as bfloat16 has them. */
+static float *numbers(size_t n, rx_real real, uint64_t stream)
+{
+    rx_plane p = plane(1, (int)n, 1, real, stream), f = p;
+    f.real = RX_REAL_F32;
+    f.data = malloc(n * sizeof(float));
+    rx_layer_convert(&p, &f);
+    free(p.data);
+    return f.data;
+}
+
+/* Place of channel o of the output at column u of row v of the input's size. */
+static size_t at_output(const fixture *f, int v, int u, int o)
+{
+    if (f->fine)
+        return (size_t)(2 * v + o / 2) * (size_t)f->y.width + (size_t)(2 * u + o % 2);
+    return ((size_t)v * (size_t)f->y.width + (size_t)u) * (size_t)f->shape.out + (size_t)o;
+}
+
+static double by_definition(const fixture *f, int v, int u, int o)
+{
+    const rx_conv_shape *s = &f->shape;
+    const float *w = f->weights + (size_t)o * (size_t)(s->in * s->kernel * s->kernel);
+    double sum = (double)f->bias[o];
+    for (int i = 0; i < s->in; i++)
+        for (int k = 0; k < s->kernel; k++)
+            for (int l = 0; l < s->kernel; l++) {
+                const int row = v * s->stride + k, column = u * s->stride + l - s->before;
+                sum +=
+                    (double)*w++ * (double)value_of(&f->x, (size_t)((row * f->x.width + column) * s->in + i));
+            }
+    if (s->sum)
+        sum += (double)value_of(&f->add, at_output(f, v, u, o));
+    return s->relu && sum < 0 ? 0 : sum;
+}
+
+static fixture new_fixture(rx_conv_shape s, int fine)
+{
+    fixture f = {.fine = fine};
+    s.band = 1;
+    s.before = s.after = s.kernel / 2;
+    s.width = WIDTH;
+    s.height = s.kernel + s.stride * (ROWS - 1);
+    f.shape = s;
+    f.x = plane(s.height, s.width, s.in, s.x, 1);
+    f.y = fine ? plane(2 * ROWS, 2 * WIDTH, 1, s.y, 2) : plane(ROWS, WIDTH / s.stride, s.out, s.y, 2);
+    f.add = plane(f.y.height, f.y.width, f.y.channels, s.y, 3);
+    f.weights = numbers((size_t)(s.out * s.in * s.kernel * s.kernel), s.x, 4);
+    f.bias = numbers((size_t)s.out, RX_REAL_F32, 5);
+    f.scratch = aligned_alloc(64, rx_direct_scratch() * sizeof(float));
+    memset(f.scratch, 0, rx_direct_scratch() * sizeof(float));
+    assert_int_equal(rx_direct_new(&f.shape, fine, f.weights, f.bias, &f.direct, NULL), RX_OK);
+    return f;
+}
+
+static void free_fixture(fixture *f)
+{
+    rx_direct_free(f->direct);
+    free(f->x.data);
+    free(f->y.data);
+    free(f->add.data);
+    free(f->weights);
+    free(f->bias);
+    free(f->scratch);
+}
+
+static void run(const fixture *f, rx_direct_area area, const rx_plane *y)
+{
+    rx_direct_run(f->direct, &f->x, f->shape.sum ? &f->add : NULL, y, area, f->scratch);
+}
+
+static void check_values(const fixture *f, rx_direct_area a)
+{
+    /* sums of some hundred products of numbers near 1; what is rounded to 8 bits is 2^-9 of itself off */
+    const double rounding = f->shape.y == RX_REAL_BF16 ? 0.004 : 0;
+    for (int v = a.first; v < a.last; v++)
+        for (int u = a.left; u < a.right; u++)
+            for (int o = 0; o < f->shape.out; o++) {
+                const double want = by_definition(f, v, u, o);
+                const double got = (double)value_of(&f->y, at_output(f, v, u, o));
+                if (!(fabs(got - want) <= 5e-4 + rounding * fabs(want)))
+                    fail_msg("%d -> %d, kernel %d, stride %d: %g, not %g", f->shape.in, f->shape.out,
+                             f->shape.kernel, f->shape.stride, got, want);
+            }
+}
+
+/* Whether the area holds what the whole has, and nothing beside it was written (but by Winograd's algorithm
+ * in the other row of a pair). */
+static void check_area(const fixture *f, rx_direct_area a, int pairs)
+{
+    rx_plane y = plane(f->y.height, f->y.width, f->y.channels, f->y.real, 7);
+    const rx_plane before = plane(f->y.height, f->y.width, f->y.channels, f->y.real, 7);
+    run(f, a, &y);
+    const int above = pairs ? a.first / 2 * 2 : a.first, below = pairs ? (a.last + 1) / 2 * 2 : a.last;
+    for (int v = 0; v < ROWS; v++)
+        for (int u = 0; u < WIDTH / f->shape.stride; u++)
+            for (int o = 0; o < f->shape.out; o++) {
+                const size_t at = at_output(f, v, u, o);
+                if (u >= a.left && u < a.right && v >= a.first && v < a.last)
+                    assert_true(value_of(&y, at) == value_of(&f->y, at));
+                else if (u < a.left || u >= a.right || v < above || v >= below)
+                    assert_true(value_of(&y, at) == value_of(&before, at));
+            }
+    free(y.data);
+    free(before.data);
+}
+
+static void check(rx_conv_shape s, int fine)
+{
+    s.height = ROWS; /* even, like all that runs */
+    s.band = 1;
+    if (!rx_direct_can(&s, fine)) {
+        assert_false(rx_dnn_has_bf16());
+        return;
+    }
+    fixture f = new_fixture(s, fine);
+    const int left = s.kernel / 2, right = WIDTH / s.stride - s.kernel / 2;
+    const int pairs = s.fast && s.kernel == 3 && s.stride == 1 && s.x == RX_REAL_F32 && !fine;
+    run(&f, (rx_direct_area){left, right, 0, ROWS}, &f.y);
+    check_values(&f, (rx_direct_area){left, right, 0, ROWS});
+    check_area(&f, (rx_direct_area){left, left + 1, 1, 2}, pairs);
+    check_area(&f, (rx_direct_area){left, left + 5, 0, 5}, pairs);
+    check_area(&f, (rx_direct_area){left, right - 4, 3, 4}, pairs);
+    check_area(&f, (rx_direct_area){left + 2, right, 2, ROWS}, pairs);
+    free_fixture(&f);
+}
+
+static const rx_real reals[] = {RX_REAL_F32, RX_REAL_BF16};
+
+/* Each step through the words of a pixel, with one vector of outputs, two and more. */
+static void wide(void **state)
+{
+    (void)state;
+    static const int words[] = {8, 12, 16, 32, 64}, outs[] = {16, 32, 48, 64};
+    for (size_t w = 0; w < sizeof words / sizeof words[0]; w++)
+        for (int k = 0; k < 32; k++) {
+            const int stride = 1 + (k / 4) % 2;
+            rx_conv_shape s = {.out = outs[k % 4],
+                               .stride = stride,
+                               .kernel = k % 3 == 0   ? 1
+                                         : k % 3 == 1 ? 3
+                                                      : 5};
+            s.x = reals[k / 8 % 2];
+            s.y = reals[k / 16 % 2];
+            s.in = words[w] / stride * (s.x == RX_REAL_F32 ? 1 : 2);
+            s.sum = k % 5 < 2;
+            s.relu = k % 7 < 3;
+            check(s, 0);
+        }
+}
+
+static void winograd(void **state)
+{
+    (void)state;
+    static const int ins[] = {2, 12, 16, 18, 32, 48, 64}, outs[] = {16, 32, 48, 64};
+    for (size_t i = 0; i < sizeof ins / sizeof ins[0]; i++)
+        for (int k = 0; k < 8; k++) {
+            const rx_conv_shape s = {.in = ins[i],
+                                     .out = outs[k % 4],
+                                     .kernel = 3,
+                                     .stride = 1,
+                                     .y = reals[k / 4],
+                                     .sum = k % 2,
+                                     .relu = k % 3 == 0,
+                                     .fast = 1};
+            check(s, 0);
+        }
+}
+
+static void fine(void **state)
+{
+    (void)state;
+    for (int in = 8; in <= 64; in += 8)
+        for (int k = 0; k < 4; k++)
+            check((rx_conv_shape){.in = in,
+                                  .out = 4,
+                                  .kernel = k < 2 ? 3 : 5,
+                                  .stride = 1,
+                                  .x = reals[k % 2],
+                                  .relu = in % 16 == 0},
+                  1);
+}
+
+static void what_it_leaves(void **state)
+{
+    (void)state;
+    const rx_conv_shape good = {.height = 6, .in = 16, .out = 16, .kernel = 3, .stride = 1, .band = 1};
+    rx_conv_shape s[5] = {good, good, good, good, good};
+    assert_int_equal(rx_direct_can(&good, 0), rx_dnn_has_bf16());
+    s[0].out = 12;
+    s[1].in = 7;
+    s[2].band = 0;
+    s[3].backward = 1;
+    s[4].in = 10;
+    for (int i = 0; i < 5; i++)
+        assert_false(rx_direct_can(&s[i], 0));
+    assert_false(rx_direct_can(&good, 1));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(wide), cmocka_unit_test(winograd),
+                                       cmocka_unit_test(fine), cmocka_unit_test(what_it_leaves)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
