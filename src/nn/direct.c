@@ -105,7 +105,7 @@ void rx_direct_free(rx_direct *direct)
 
 size_t rx_direct_scratch(void)
 {
-    return (size_t)(POINTS * ACCUMULATORS) * (MOST_IN + LANES);
+    return (size_t)(POINTS * SUMS) * (MOST_IN + LANES);
 }
 
 void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
@@ -117,4 +117,9 @@ void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *a
         rx_direct_winograd(direct, x, add, y, area, scratch);
     else
         rx_direct_wide(direct, x, add, y, area);
+}
+
+int rx_direct_can_up2(const rx_plane *src)
+{
+    return rx_direct_has_kernels() && rx_dnn_has_bf16() && src->channels % LANES == 0;
 }

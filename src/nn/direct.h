@@ -36,4 +36,11 @@ void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *a
                    rx_direct_area area, float *scratch);
 size_t rx_direct_scratch(void); /* floats */
 
+/* The same for dst = relu?(bilinear(src) + add?), to twice the size (rx_layer_up2(), and its bits), for
+ * channels that are a multiple of 16. src has a row more above and below; the columns of `area`, which is one
+ * of dst, keep away from its left and right border. */
+int rx_direct_can_up2(const rx_plane *src);
+void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
+                   rx_direct_area area);
+
 #endif

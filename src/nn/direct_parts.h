@@ -11,6 +11,7 @@ enum {
     ACCUMULATORS = 24, /* sums that stay in registers */
     FINE = 4,          /* outputs of a fine one */
     POINTS = 16,       /* of Winograd's algorithm */
+    SUMS = 12,         /* as many in registers leave room in the fastest cache for a strip of it */
     MOST_IN = 64       /* channels that it takes */
 };
 

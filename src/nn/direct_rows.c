@@ -81,11 +81,20 @@ PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, int
 /* The last pixels of a row are made with some before them once more: the same bits. */
 PART void wide_row(const rx_direct *d, const run *r, int left, int right, int blocks, int step, int bf16)
 {
-    const int most = ACCUMULATORS / blocks;
-    for (int x = left; right - left >= most && x < right; x += most)
-        wide_pixels(d, r, (size_t)(x + most <= right ? x : right - most), most, blocks, step, bf16);
-    for (int x = left; right - left < most && x < right; x++)
-        wide_pixels(d, r, (size_t)x, 1, blocks, step, bf16);
+    const int most = ACCUMULATORS / blocks, half = most / 2;
+    int x = left;
+    for (; x + most <= right; x += most)
+        wide_pixels(d, r, (size_t)x, most, blocks, step, bf16);
+    if (right - x > half && right - left >= most) {
+        wide_pixels(d, r, (size_t)(right - most), most, blocks, step, bf16);
+    } else if (right > x && right - left >= half) {
+        for (; right - x > half; x += half)
+            wide_pixels(d, r, (size_t)x, half, blocks, step, bf16);
+        wide_pixels(d, r, (size_t)(right - half), half, blocks, step, bf16);
+    } else {
+        for (; x < right; x++)
+            wide_pixels(d, r, (size_t)x, 1, blocks, step, bf16);
+    }
 }
 
 typedef void row_function(const rx_direct *d, const run *r, int left, int right);
@@ -230,6 +239,46 @@ WIDE void rx_direct_fine(const rx_direct *d, const rx_plane *x, const rx_plane *
     }
 }
 
+/* ---- bilinear ---- */
+
+PART __m512 near_and_far(__m512 near, __m512 far)
+{
+    return _mm512_add_ps(_mm512_mul_ps(_mm512_set1_ps(0.75f), near),
+                         _mm512_mul_ps(_mm512_set1_ps(0.25f), far));
+}
+
+/* near, far: where rows of src begin, at: where one of dst does, in numbers. */
+PART void up2_row(const rx_plane *src, size_t near, size_t far, const rx_plane *add, int relu,
+                  const rx_plane *dst, size_t at, rx_direct_area area)
+{
+    const size_t channels = (size_t)src->channels;
+    for (int x = area.left; x < area.right; x++)
+        for (size_t c = 0; c < channels; c += LANES) {
+            const size_t to = at + (size_t)x * channels + c, here = (size_t)(x / 2) * channels + c;
+            const size_t side = x % 2 == 0 ? here - channels : here + channels;
+            const __m512 a = near_and_far(load_reals(src->real, src->data, near + here),
+                                          load_reals(src->real, src->data, far + here));
+            const __m512 b = near_and_far(load_reals(src->real, src->data, near + side),
+                                          load_reals(src->real, src->data, far + side));
+            __m512 value = near_and_far(a, b);
+            if (add != NULL)
+                value = _mm512_add_ps(value, load_reals(add->real, add->data, to));
+            if (relu)
+                value = _mm512_max_ps(value, _mm512_setzero_ps());
+            store_reals(dst->real, value, dst->data, to);
+        }
+}
+
+WIDE void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
+                        rx_direct_area area)
+{
+    const size_t line = (size_t)src->width * (size_t)src->channels;
+    for (int y = area.first; y < area.last; y++) {
+        const size_t near = (size_t)(y / 2 + 1) * line, far = y % 2 == 0 ? near - line : near + line;
+        up2_row(src, near, far, add, relu, dst, (size_t)y * 2 * line, area);
+    }
+}
+
 int rx_direct_has_kernels(void)
 {
     return 1;
@@ -262,6 +311,12 @@ void rx_direct_wide(const rx_direct *direct, const rx_plane *x, const rx_plane *
 void rx_direct_fine(const rx_direct *direct, const rx_plane *x, const rx_plane *y, rx_direct_area area)
 {
     (void)direct, (void)x, (void)y, (void)area;
+}
+
+void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
+                   rx_direct_area area)
+{
+    (void)src, (void)add, (void)relu, (void)dst, (void)area;
 }
 
 #endif

@@ -108,10 +108,10 @@ PART void points_of(const strip *s, int k, int tiles, int room)
 PART void multiply_point(const strip *s, const float *w, int point, int tiles, int blocks, int room)
 {
     const float *from = s->points + point * tiles * room;
-    float *to = s->products + point * ACCUMULATORS * LANES;
-    __m512 sum[ACCUMULATORS];
+    float *to = s->products + point * SUMS * LANES;
+    __m512 sum[SUMS];
 #pragma GCC unroll 24
-    for (int k = 0; k < ACCUMULATORS; k++)
+    for (int k = 0; k < SUMS; k++)
         sum[k] = _mm512_setzero_ps();
     for (int i = 0; i < s->d->shape.in; i++, w += LANES * blocks) {
         const __m512 w0 = _mm512_loadu_ps(w), w1 = _mm512_loadu_ps(w + LANES * (blocks - 1));
@@ -124,7 +124,7 @@ PART void multiply_point(const strip *s, const float *w, int point, int tiles, i
         }
     }
 #pragma GCC unroll 24
-    for (int k = 0; k < ACCUMULATORS; k++)
+    for (int k = 0; k < SUMS; k++)
         _mm512_storeu_ps(to + LANES * k, sum[k]);
 }
 
@@ -149,7 +149,7 @@ PART void outputs_of(const strip *s, int k, int block, int blocks, int from)
     for (int u = 0; u < 4; u++) {
 #pragma GCC unroll 4
         for (int v = 0; v < 4; v++)
-            m[v] = _mm512_loadu_ps(products + (4 * v + u) * ACCUMULATORS * LANES);
+            m[v] = _mm512_loadu_ps(products + (4 * v + u) * SUMS * LANES);
         transform_out(m, 1, t[u]);
     }
 #pragma GCC unroll 2
@@ -166,7 +166,7 @@ PART void outputs_of(const strip *s, int k, int block, int blocks, int from)
 
 PART void strip_of(const strip *s, int count, int blocks, int room)
 {
-    const int tiles = ACCUMULATORS / blocks, group = LANES * blocks, in = s->d->shape.in;
+    const int tiles = SUMS / blocks, group = LANES * blocks, in = s->d->shape.in;
     const float *w = s->d->weights;
     for (int k = 0; k < count; k++)
         points_of(s, k, tiles, room);
@@ -199,9 +199,9 @@ void rx_direct_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *a
     static void (*const strips[3][2])(const strip *, int) = {
         {strip_1_16, strip_2_16}, {strip_1_32, strip_2_32}, {strip_1_64, strip_2_64}};
     void (*const work)(const strip *, int) = strips[(d->shape.in > 16) + (d->shape.in > 32)][d->blocks - 1];
-    const int tiles = ACCUMULATORS / d->blocks;
+    const int tiles = SUMS / d->blocks;
     strip s = {.d = d, .x = x, .add = add, .y = y, .area = area, .points = scratch};
-    s.products = scratch + POINTS * ACCUMULATORS * MOST_IN;
+    s.products = scratch + POINTS * SUMS * MOST_IN;
     s.area.first = area.first / 2 * 2;
     s.across = (area.right - area.left + 1) / 2;
     const int all = s.across * ((area.last + 1 - s.area.first) / 2);

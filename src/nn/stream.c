@@ -28,7 +28,8 @@ typedef struct band {
 
 struct rx_stream {
     const rx_net *net;
-    int step, halo, width;
+    rx_precision precision;
+    int step, halo, width, made;
     int margin[RX_NET_NODES]; /* of each node, beyond the block */
     rx_dnn *dnn;              /* owned, like all below */
     rx_runner_node node[RX_NET_NODES];
@@ -214,9 +215,9 @@ static rx_status make_conv(rx_stream *s, int i, rx_error *err)
     return status;
 }
 
-static rx_status make(rx_stream *s, rx_precision precision, rx_error *err)
+static rx_status make(rx_stream *s, rx_error *err)
 {
-    rx_runner_shapes(s->net, precision, s->step, s->width, s->node);
+    rx_runner_shapes(s->net, s->precision, s->step, s->width, s->node);
     plan_bands(s->net, s->step, s->node, s->band);
     const size_t raw = raw_bytes(s->net, s->node);
     s->raw = rx_alloc(raw, 1);
@@ -251,29 +252,37 @@ rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx
     s->step = step_of(net);
     s->halo = rx_net_halo(net);
     s->width = width + 2 * s->halo;
+    s->precision = precision;
     rx_net_margins(net, s->margin);
-    status = make(s, precision, err);
-    if (status == RX_OK)
-        *dst = s;
-    else
-        rx_stream_free(s);
-    return status;
+    *dst = s;
+    return RX_OK;
+}
+
+/* Back to a stream that has not run. */
+static void clear(rx_stream *s)
+{
+    for (int i = 0; i < RX_NET_NODES; i++) {
+        rx_conv_free(s->node[i].conv);
+        rx_direct_free(s->direct[i]);
+        free(s->band[i].data);
+        s->node[i].conv = NULL;
+        s->direct[i] = NULL;
+        s->band[i].data = NULL;
+    }
+    rx_dnn_free(s->dnn);
+    free(s->raw);
+    free(s->row);
+    free(s->folded);
+    free(s->scratch);
+    s->dnn = NULL;
+    s->raw = s->row = s->folded = s->scratch = NULL;
 }
 
 void rx_stream_free(rx_stream *stream)
 {
     if (stream == NULL)
         return;
-    for (int i = 0; i < RX_NET_NODES; i++) {
-        rx_conv_free(stream->node[i].conv);
-        rx_direct_free(stream->direct[i]);
-        free(stream->band[i].data);
-    }
-    rx_dnn_free(stream->dnn);
-    free(stream->raw);
-    free(stream->row);
-    free(stream->folded);
-    free(stream->scratch);
+    clear(stream);
     free(stream);
 }
 
@@ -348,6 +357,8 @@ static rx_status step_node(rx_stream *s, int i, rx_direct_area area, rx_error *e
     rx_status status = RX_OK;
     if (s->direct[i] != NULL)
         rx_direct_run(s->direct[i], &src, n->add >= 0 ? &add : NULL, &value, area, s->scratch);
+    else if (n->op == RX_OP_UP2 && rx_direct_can_up2(&src))
+        rx_direct_up2(&src, n->add >= 0 ? &add : NULL, n->relu, &value, area);
     else
         status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
     if (s->cost != NULL) {
@@ -367,11 +378,26 @@ static void take_rows(const rx_stream *s, const rx_stream_ends *ends, int first,
         ends->take(ends->user, y + from, to - from, value.data);
 }
 
+/* In the first run, by its thread: streams that run side by side are made side by side. */
+static rx_status prepare(rx_stream *s, rx_error *err)
+{
+    if (s->made)
+        return RX_OK;
+    const rx_status status = make(s, err);
+    s->made = status == RX_OK;
+    if (!s->made)
+        clear(s);
+    return status;
+}
+
 rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *ends, rx_error *err)
 {
     const int last = stream->net->nnodes - 1;
-    const int rows = stream->band[last].rows, end = (stream->halo + height) >> stream->net->node[last].level;
-    rx_status status = RX_OK;
+    const int end = (stream->halo + height) >> stream->net->node[last].level;
+    rx_status status = prepare(stream, err);
+    if (status != RX_OK)
+        return status;
+    const int rows = stream->band[last].rows;
     for (int i = 0; i <= last; i++)
         stream->band[i].at = stream->band[i].history;
     for (int t = 0; status == RX_OK && t * rows - stream->band[last].delay < end; t++) {

@@ -10,7 +10,7 @@
  * begin on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more
  * than the thread that calls it.
  *
- * Memory: rx_stream_bytes(), 10 kB per pixel of width for a PSF-NET of width 8 in single precision. */
+ * Memory: rx_stream_bytes(), 7 kB per pixel of width for a PSF-NET of width 8 in single precision. */
 #ifndef RX_NN_STREAM_H
 #define RX_NN_STREAM_H
 
@@ -37,7 +37,7 @@ typedef struct rx_stream_cost {
 } rx_stream_cost;
 
 /* width of the block: a multiple of 2^levels. The net is only read and must live as long. Errors: RX_INPUT,
- * RX_SYSTEM, RX_USAGE as rx_runner_new(). */
+ * RX_SYSTEM, RX_USAGE as rx_runner_new(). What takes time and memory is left to the first run. */
 rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx_stream **dst, rx_error *err);
 void rx_stream_free(rx_stream *stream); /* NULL is fine */
 

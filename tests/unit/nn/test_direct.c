@@ -229,6 +229,37 @@ static void fine(void **state)
                   1);
 }
 
+/* The bits of the plain layer, away from the border. */
+static void up2(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 8 && rx_dnn_has_bf16(); k++) {
+        const rx_real real = reals[k % 2];
+        const int channels = k / 2 % 2 == 0 ? 16 : 32, relu = k / 4;
+        rx_plane src = plane(ROWS + 2, WIDTH, channels, real, 1);
+        rx_plane add = plane(2 * ROWS, 2 * WIDTH, channels, real, 2);
+        rx_plane want = plane(2 * ROWS, 2 * WIDTH, channels, real, 3);
+        rx_plane got = plane(2 * ROWS, 2 * WIDTH, channels, real, 3);
+        float *row = malloc(4 * (size_t)(WIDTH * channels) * sizeof *row);
+        const rx_direct_area area = {3, 2 * WIDTH - 4, 1, 2 * ROWS - 1};
+        assert_true(rx_direct_can_up2(&src));
+        rx_layer_up2(&src, &want, k < 5 ? &add : NULL, relu, row);
+        rx_direct_up2(&src, k < 5 ? &add : NULL, relu, &got, area);
+        for (int y = area.first; y < area.last; y++)
+            for (int i = area.left * channels; i < area.right * channels; i++) {
+                const size_t at = (size_t)(y * 2 * WIDTH * channels + i);
+                assert_true(value_of(&got, at) == value_of(&want, at));
+            }
+        free(src.data);
+        free(add.data);
+        free(want.data);
+        free(got.data);
+        free(row);
+    }
+    const rx_plane odd = {.channels = 12};
+    assert_false(rx_direct_can_up2(&odd));
+}
+
 static void what_it_leaves(void **state)
 {
     (void)state;
@@ -248,6 +279,7 @@ static void what_it_leaves(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(wide), cmocka_unit_test(winograd),
-                                       cmocka_unit_test(fine), cmocka_unit_test(what_it_leaves)};
+                                       cmocka_unit_test(fine), cmocka_unit_test(up2),
+                                       cmocka_unit_test(what_it_leaves)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
