@@ -301,16 +301,21 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 /* Largest difference between two restorations, in sigmas of the pixels (network.h). */
 static double largest_difference(const rx_map *noise, const rx_restored *a, const rx_restored *b)
 {
+    enum { PIECE = 1024 }; /* pixels of a row at a time */
+    float room[PIECE];
     double most = 0;
     for (int y = 0; y < a->height; y++)
-        for (int x = 0; x < a->width; x++) {
+        for (int x = 0; x < a->width; x += PIECE) {
+            const int n = a->width - x < PIECE ? a->width - x : PIECE;
+            const float *sigma = rx_map_row(noise, y, x, n, room);
             const size_t k = (size_t)y * (size_t)a->width + (size_t)x;
-            const double difference = fabs((double)a->pixels[k] - b->pixels[k]);
-            if (!(difference > 0))
-                continue;
-            const float sigma = rx_map_at(noise, x, y);
-            most = fmax(most, difference /
-                                  ((sigma > 0 ? sigma : 0) + FULL_WELL_NOISE * fabs((double)a->pixels[k])));
+            const float *p = a->pixels + k, *q = b->pixels + k;
+            for (int i = 0; i < n; i++) {
+                const double difference = fabs((double)p[i] - q[i]);
+                const double unit = (sigma[i] > 0 ? sigma[i] : 0) + FULL_WELL_NOISE * fabs((double)p[i]);
+                if (difference > 0)
+                    most = fmax(most, difference / unit);
+            }
         }
     return most;
 }

@@ -22,8 +22,10 @@
  * no Poisson noise: there White's form damps positive residuals more than negative ones and draws the sky
  * down by 0.1 sigma (T = 3).
  *
- * Memory: besides the prepared tile's three planes and two masks, f and K^T W on the sky and K f on the
- * tile; about 8 planes of the tile at the peak, outputs included.
+ * Memory: besides tile and sky a mask, f and K^T W on the sky and K f on the tile, 13 bytes a pixel, and two
+ * planes more of a tile of up to 2^25 pixels (restore/prepared.h); pixels and the planes that are asked for
+ * (support, reblurred) take the place of K f and K^T W. RL_BLIND adds the rest of the image, the points and
+ * three planes of a transform of the sky while it seeks the PSF.
  *
  * Sums go row by row and are added in the order of rows: the same bytes for any nthreads. */
 #ifndef RX_RESTORE_RICHARDSON_LUCY_H
