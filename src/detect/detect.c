@@ -200,6 +200,26 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
     cure_ellipse(s);
 }
 
+/* Highest S/N of the filtered pixels of a detection, whose places come in runs along rows. */
+static double highest_snr(const rx_detect_image *image, const float *filtered, double norm,
+                          const rx_detection *d)
+{
+    double highest = 0.0;
+    for (int k = 0, n; k < d->npix; k += n) {
+        const int at = d->pixels[k], x = at % image->width;
+        float room[RX_MAP_PIECE];
+        for (n = 1;
+             k + n < d->npix && d->pixels[k + n] == at + n && x + n < image->width && n < RX_MAP_PIECE;)
+            n++;
+        const float *noise = rx_map_row(&image->noise, at / image->width, x, n, room);
+        for (int i = 0; i < n; i++) {
+            const double snr = (double)filtered[at + i] / (norm * (double)noise[i]);
+            highest = snr > highest ? snr : highest;
+        }
+    }
+    return highest;
+}
+
 /* Fragments: pixels above the threshold in a group of fewer than min_area. */
 static void mark_fragments(const rx_groups *groups, int min_area, rx_sources *dst)
 {
@@ -221,16 +241,31 @@ static void paint_segment(const rx_detection *d, int32_t segment, int fragment, 
 }
 
 /* Add a detection, eaten by `s`, to it. */
-static void merge_source(const rx_detection *d, rx_source *s, rx_sources *dst)
+static void merge_source(const rx_detection *d, double snr, rx_source *s, rx_sources *dst)
 {
     s->npix += d->npix;
     s->flux_iso += d->flux;
     s->flags |= d->flags & ~RX_FLAG_MERGED;
+    s->detection_snr = fmax(s->detection_snr, snr);
     s->xmin = d->xmin < s->xmin ? d->xmin : s->xmin;
     s->xmax = d->xmax > s->xmax ? d->xmax : s->xmax;
     s->ymin = d->ymin < s->ymin ? d->ymin : s->ymin;
     s->ymax = d->ymax > s->ymax ? d->ymax : s->ymax;
     paint_segment(d, s->segment, RX_FRAGMENT_EATEN, dst);
+}
+
+/* snr[n] of all that was found; after this the filtered image is not needed any more. */
+static double *rank_all(const rx_detect_params *par, const rx_detect_image *image, const workspace *work)
+{
+    const int n = work->found.n;
+    const double norm = rx_filter_norm(work->kernel.values, work->kernel.width * work->kernel.height);
+    double *snr = RX_NEW(double, (size_t)n);
+    if (snr == NULL || !rx_map_given(&image->noise))
+        return snr;
+#pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
+    for (int i = 0; i < n; i++)
+        snr[i] = highest_snr(image, work->filtered, norm, &work->found.list[i]);
+    return snr;
 }
 
 static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image,
@@ -241,6 +276,11 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
     const int n = work->found.n;
     rx_status status = RX_OK;
     int *row_of = RX_NEW(int, (size_t)n); /* index in dst->list, -1 left out */
+    double *snr = rank_all(par, image, work);
+    if (image->done_with != NULL) {
+        free(*image->done_with);
+        *image->done_with = NULL;
+    }
     dst->width = image->width;
     dst->height = image->height;
     dst->grown = job->grown;
@@ -249,7 +289,8 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
     dst->list = RX_NEW(rx_source, (size_t)n);
     dst->segments = RX_NEW(int32_t, work->n);
     dst->fragments = RX_NEW(uint8_t, work->n);
-    if (row_of == NULL || dst->list == NULL || dst->segments == NULL || dst->fragments == NULL) {
+    if (row_of == NULL || snr == NULL || dst->list == NULL || dst->segments == NULL ||
+        dst->fragments == NULL) {
         status = rx_error_memory(err, work->n * sizeof(int32_t));
         goto exit;
     }
@@ -266,14 +307,16 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
         convert_source(par, image, &list[i], &work->kernel, s);
         s->number = s->segment = row_of[i] + 1;
         s->flags |= job->flags;
+        s->detection_snr = snr[i];
         paint_segment(&list[i], s->segment, 0, dst);
     }
     for (int i = 0; work->eater != NULL && i < n; i++)
         if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
-            merge_source(&list[i], &dst->list[row_of[work->eater[i]]], dst);
+            merge_source(&list[i], snr[i], &dst->list[row_of[work->eater[i]]], dst);
     mark_fragments(&work->groups, par->min_area, dst);
 exit:
     free(row_of);
+    free(snr);
     return status;
 }
 

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "data/map.h"
 #include "data/sources.h"
 #include "data/tile.h"
 
@@ -38,7 +39,11 @@ typedef struct rx_detect_image {
     int mask_bits;         /* which bits hide a pixel */
     int variable_noise; /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
     double global_sigma;
-    double gain; /* e-/ADU for the position errors, 0 = infinite */
+    double gain;  /* e-/ADU for the position errors, 0 = infinite */
+    rx_map noise; /* of the pixels of `filtered` before the filter, for rx_source.detection_snr; width 0: not
+                     wanted */
+    float **done_with; /* where `filtered` lies in memory that is no longer wanted once sources are found: it
+                          is freed, and set to NULL, before their map is made; NULL: it stays */
 } rx_detect_image;
 
 /* Source list: detection columns, segmentation map and fragments. No source: n = 0.
@@ -48,8 +53,10 @@ typedef struct rx_detect_image {
  * above the threshold; the same for any nthreads.
  * When sep runs out of room its limits grow; beyond *_max detection goes on with coarser deblending
  * or a higher threshold, with a warning and RX_FLAG_DEBLEND_OVER or RX_FLAG_EXTRACT_OVER on every
- * source. `sources->grown` counts. Callers in several OpenMP threads wait for each other while sep
- * works (its limits are process-wide). Errors: RX_USAGE, RX_SYSTEM. */
+ * source. `sources->grown` counts. detection_snr: the highest value of the filtered image within the source
+ * over its noise there times rx_filter_norm(), the order of certainty for P-R curves. Callers in several
+ * OpenMP threads wait for each other while sep works (its limits are process-wide). Errors: RX_USAGE,
+ * RX_SYSTEM. */
 rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
                         rx_sources **dst, rx_error *err);
 

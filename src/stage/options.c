@@ -350,6 +350,7 @@ static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_option
                                 "CHECKIMAGE_TYPE has more items than CHECKIMAGE_NAME; name a file for %s",
                                 type);
         dst->restore.keep_reblurred |= strcmp(type, "RESIDUAL") == 0;
+        dst->keep_filtered |= strcmp(type, "FILTERED") == 0;
         dst->restore.keep_support |= strcmp(type, "SUPPORT") == 0;
         dst->check_types[dst->nchecks] = type;
         dst->check_names[dst->nchecks++] = cfg->checkimage_name.v[i];

@@ -67,6 +67,7 @@ typedef struct rx_options {
     const char *catalog_name;
     rx_column_list *columns; /* owned */
     int nchecks;
+    int keep_filtered; /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     rx_assoc_params assoc;
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */

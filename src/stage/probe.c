@@ -162,38 +162,6 @@ static rx_status prepare_detection(work *w, rx_error *err)
     return RX_OK;
 }
 
-static double rank_of(const rx_probe *probe, double norm, const rx_source *s)
-{
-    const rx_sources *sources = probe->sources;
-    const int end = s->xmax + 1;
-    double highest = 0.0;
-    for (int y = s->ymin; y <= s->ymax; y++)
-        for (int x = s->xmin; x < end; x += RX_MAP_PIECE) {
-            const int n = rx_map_piece(x, end);
-            const size_t p = (size_t)y * (size_t)sources->width + (size_t)x;
-            float room[RX_MAP_PIECE];
-            const float *noise = rx_map_row(&probe->noise, y, x, n, room);
-            for (int i = 0; i < n; i++) {
-                if (sources->segments[p + (size_t)i] != s->segment)
-                    continue;
-                const double snr = (double)probe->filtered[p + (size_t)i] / (norm * (double)noise[i]);
-                highest = snr > highest ? snr : highest;
-            }
-        }
-    return highest;
-}
-
-/* Peak of the filtered image in units of its own noise: the order of certainty for P-R curves. */
-static void rank_detections(const work *w)
-{
-    const rx_sources *sources = w->probe->sources;
-    const double norm = filter_norm(&w->filter);
-#pragma omp parallel for schedule(dynamic, 64)                                                               \
-    num_threads(w->options->nthreads > 0 ? w->options->nthreads : 1)
-    for (int i = 0; i < sources->n; i++)
-        sources->list[i].detection_snr = rank_of(w->probe, norm, &sources->list[i]);
-}
-
 static rx_status detect_sources(const work *w, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
@@ -207,11 +175,13 @@ static rx_status detect_sources(const work *w, rx_error *err)
                              .mask_bits = w->hide,
                              .variable_noise = !probe->plain || tile->weight_type != RX_WEIGHT_NONE,
                              .global_sigma = probe->global_noise,
-                             .gain = tile->gain};
-    rx_status status = rx_detect_run(&w->par, &image, w->log, &probe->sources, err);
-    if (status == RX_OK)
-        rank_detections(w);
-    return status;
+                             .gain = tile->gain,
+                             .noise = probe->noise};
+    if (!w->options->templates.wanted && !w->options->keep_filtered && probe->own_filtered != NULL) {
+        image.done_with = &probe->own_filtered;
+        probe->filtered = NULL;
+    }
+    return rx_detect_run(&w->par, &image, w->log, &probe->sources, err);
 }
 
 /* Added sources rank by the same quantity at their peak. */

@@ -19,7 +19,8 @@ typedef struct rx_probe {
     rx_sources *sources;       /* detected and measured; detection_snr ranks them */
     rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
-    const float *filtered; /* detection image after the filter: restored->pixels without one */
+    const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once nobody
+                              wants it any more (rx_options.keep_filtered, templates) */
     float *own_filtered;   /* NULL without one */
     rx_map noise; /* noise that thresholds refer to, ADU: of own_noise, what was restored or the field */
     float *own_noise;
