@@ -28,8 +28,9 @@ catalog   io num psf
 validate  io num psf
 train     nn stage simulate par validate config io num psf
 stage     io num nn psf restore detect measure template catalog validate simulate config
+survey    stage par config
 campaign  stage simulate validate restore catalog config io nn num psf
-programs  stage campaign train par validate simulate config catalog
+programs  stage survey campaign train par validate simulate config catalog
 END
 
 # Header (as a pattern), what it belongs to, and the folders that may include it.

@@ -17,7 +17,8 @@ typedef enum rx_status {
     RX_SYSTEM = 4,            /* memory, disk, permissions, missing programs */
     RX_GATE_FAIL = 5,         /* a quality gate is violated */
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
-    RX_INTERRUPTED = 7        /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
+    RX_INTERRUPTED = 7,       /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
+    RX_SOME_FAILED = 8        /* of a list of tiles, not all are done */
 } rx_status;
 
 enum { RX_ERROR_WHERE = 1024, RX_ERROR_TEXT = 768 };

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
 
@@ -44,4 +45,34 @@ bool rx_name_split_images(const char *images, char **detect, char **measure)
     free(*measure);
     *detect = *measure = NULL;
     return false;
+}
+
+/* Cut `ending` off where the name is more than that. */
+static void cut_ending(char *name, const char *ending)
+{
+    const size_t length = strlen(name), n = strlen(ending);
+    if (length > n && strcasecmp(name + length - n, ending) == 0)
+        name[length - n] = '\0';
+}
+
+char *rx_name_stem(const char *image)
+{
+    static const char *const packed[] = {".fz", ".gz", ".bz2", ".z"}, *const plain[] = {".fits", ".fit",
+                                                                                        ".fts"};
+    char *detect, *measure;
+    if (!rx_name_split_images(image, &detect, &measure))
+        return NULL;
+    free(measure);
+    const size_t length = strlen(detect);
+    char *bracket = length > 0 && detect[length - 1] == ']' ? strchr(detect, '[') : NULL;
+    if (bracket != NULL)
+        *bracket = '\0';
+    const char *slash = strrchr(detect, '/');
+    if (slash != NULL)
+        memmove(detect, slash + 1, strlen(slash));
+    for (size_t i = 0; i < sizeof packed / sizeof packed[0]; i++)
+        cut_ending(detect, packed[i]);
+    for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++)
+        cut_ending(detect, plain[i]);
+    return detect;
 }

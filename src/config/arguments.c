@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "config/keyword.h"
 
 /* What a first pass over the words finds; pointers into argv. */
@@ -48,9 +49,11 @@ static int count_images(const char *word)
 
 static rx_status take_image(const char *word, found *words, rx_error *err)
 {
-    words->nimages += count_images(word);
+    words->nimages += word[0] == '@' ? 2 : count_images(word);
     if (word[0] == '\0' || word[0] == ',' || word[strlen(word) - 1] == ',')
         return rx_error_set(err, RX_USAGE, "an image name is empty; give IMAGE or DETECT,MEASURE");
+    if (word[0] == '@' && word[1] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the list is empty; give @FILE");
     if (words->nimages > 2)
         return rx_error_set(err, RX_USAGE,
                             "'%.200s' is one image too many; give one, or two for detection and measurement",
@@ -153,6 +156,18 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     return rx_settings_check(settings, log, err);
 }
 
+/* What is known once the image is: the names of outputs, and that none of them is an input. */
+static rx_status settle(rx_settings *settings, const char *image, rx_error *err)
+{
+    rx_status status = RX_OK;
+    if (image != NULL && settings->table->plain == RX_PLAIN_IMAGES) {
+        char *name = rx_name_stem(image);
+        status = name != NULL ? rx_settings_name_tile(settings, name, err) : rx_error_memory(err, 0);
+        free(name);
+    }
+    return status == RX_OK ? settings->table->check_outputs(settings, image, err) : status;
+}
+
 static char *join_images(const found *words)
 {
     rx_text text = {0};
@@ -185,8 +200,8 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     status = rx_settings_new(table, &dst->settings, err);
     if (status == RX_OK)
         status = configure(argc, argv, &words, dst->settings, log, err);
-    if (status == RX_OK)
-        status = table->check_outputs(dst->settings, dst->image, err);
+    if (status == RX_OK && (dst->image == NULL || dst->image[0] != '@'))
+        status = settle(dst->settings, dst->image, err);
     return status;
 }
 

@@ -19,7 +19,8 @@ typedef enum rx_action {
 
 typedef struct rx_arguments {
     rx_action action;
-    char *image; /* rextract, RUN: "tile.fits" or "detect.fits,measure.fits"; INFO: the file; else NULL */
+    char *image; /* rextract, RUN: "tile.fits", "detect.fits,measure.fits" or "@list"; INFO: the file; else
+                    NULL */
     rx_settings *settings; /* of the table; RUN only, else NULL */
 } rx_arguments;
 
@@ -28,7 +29,8 @@ typedef struct rx_arguments {
  * two at most, or the campaign or training file of rextract-validate and rextract-train, in place of -c;
  * rextract-simulate takes none. Then the settings are made: defaults, the file of -c (rextract without -c:
  * default.sex where it exists, else a warning), the keywords in their order, the checks between them;
- * log->level follows VERBOSE_TYPE. No output may be an input. Errors: RX_USAGE. rx_arguments_free() after
+ * log->level follows VERBOSE_TYPE. "{tile}" in names becomes the image's own name, and no output may be an
+ * input; of a list, "@FILE", that is left to each of its tiles. Errors: RX_USAGE. rx_arguments_free() after
  * success and failure. */
 rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *argv, rx_log *log,
                             rx_arguments *dst, rx_error *err);

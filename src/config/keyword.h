@@ -93,6 +93,10 @@ rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_
 /* Value as text, items joined by commas; quoted = so that reading it back gives the same. */
 void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted);
 
+/* `what` becomes `with` in every string of the field; numbers and words stay. */
+rx_status rx_keyword_replace(rx_settings *settings, int row, const char *what, const char *with,
+                             rx_error *err);
+
 /* Free what the field owns. */
 void rx_keyword_clear(rx_settings *settings, int row);
 

@@ -278,6 +278,39 @@ rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_
     return RX_OK;
 }
 
+static rx_status replace(char **string, const char *what, const char *with, rx_error *err)
+{
+    rx_text text = {0};
+    const char *rest = *string;
+    for (const char *at; (at = strstr(rest, what)) != NULL; rest = at + strlen(what)) {
+        rx_text_add_bytes(&text, rest, (size_t)(at - rest));
+        rx_text_add(&text, with);
+    }
+    if (rest == *string)
+        return RX_OK;
+    rx_text_add(&text, rest);
+    if (text.failed) {
+        rx_text_free(&text);
+        return rx_error_memory(err, 0);
+    }
+    free(*string);
+    *string = text.data;
+    return RX_OK;
+}
+
+rx_status rx_keyword_replace(rx_settings *settings, int row, const char *what, const char *with,
+                             rx_error *err)
+{
+    const rx_keyword *key = &settings->table->rows[row];
+    void *field = (char *)settings + key->offset;
+    rx_status status = RX_OK;
+    if (key->kind == RX_KIND_STRING)
+        status = replace(field, what, with, err);
+    for (int i = 0; key->kind == RX_KIND_STRINGS && i < ((rx_strings *)field)->n && status == RX_OK; i++)
+        status = replace(&((rx_strings *)field)->v[i], what, with, err);
+    return status;
+}
+
 void rx_keyword_clear(rx_settings *settings, int row)
 {
     const rx_keyword *key = &settings->table->rows[row];

@@ -12,6 +12,7 @@ librextract_la_SOURCES += \
 	src/config/settings_check.c \
 	src/config/settings_dump.c \
 	src/config/simulate_check.c \
+	src/config/tiles.c src/config/tiles.h \
 	src/config/tokens.c src/config/tokens.h \
 	src/config/train_check.c
 

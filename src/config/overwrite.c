@@ -147,31 +147,65 @@ static void add_stage(inputs *list, const rx_config *config)
     add(list, config->qa_gates);
 }
 
+/* Files that a run writes, a name for all restorers. */
+static void visit_files(const rx_config *config, rx_output_visitor visit, void *user)
+{
+    if (strcmp(config->catalog_type, "NONE") != 0)
+        visit(user, "CATALOG_NAME", config->catalog_name);
+    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n; i++)
+        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
+            visit(user, "CHECKIMAGE_NAME", config->checkimage_name.v[i]);
+    if (config->template_covar_name[0] != '\0')
+        visit(user, "TEMPLATE_COVAR_NAME", config->template_covar_name);
+}
+
+void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user)
+{
+    visit_files(config, visit, user);
+    if (config->reference_name[0] != '\0')
+        visit(user, "QA_NAME", config->qa_name);
+    if (config->self_check)
+        visit(user, "SELF_CHECK_NAME", config->self_check_name);
+}
+
+/* What visit_files() is used for. */
+typedef struct file_check {
+    inputs *list;
+    const rx_config *config;
+    rx_status status;
+    rx_error *err;
+} file_check;
+
+static void check_visited(void *user, const char *key, const char *name)
+{
+    file_check *check = user;
+    if (check->status == RX_OK && strcmp(name, "STDOUT") != 0)
+        check->status = check_output(check->list, check->config, key, name, check->err);
+}
+
+static void add_visited(void *user, const char *key, const char *name)
+{
+    file_check *check = user;
+    (void)key;
+    if (strcmp(name, "STDOUT") != 0)
+        add(check->list, name);
+}
+
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
     inputs list = {0};
-    rx_status status = RX_OK;
+    file_check check = {.list = &list, .config = config, .err = err};
     char *detect = NULL, *measure = NULL;
     if (!rx_name_split_images(image, &detect, &measure))
         return rx_error_memory(err, strlen(image));
     add(&list, detect);
     add(&list, measure);
     add_stage(&list, config);
-    if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
-        status = check_output(&list, config, "CATALOG_NAME", config->catalog_name, err);
-    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n && status == RX_OK; i++)
-        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
-            status = check_output(&list, config, "CHECKIMAGE_NAME", config->checkimage_name.v[i], err);
-    if (status == RX_OK && config->template_covar_name[0] != '\0')
-        status = check_output(&list, config, "TEMPLATE_COVAR_NAME", config->template_covar_name, err);
+    visit_files(config, check_visited, &check);
+    rx_status status = check.status;
     const int first_output = list.n;
-    add(&list, config->template_covar_name);
-    if (strcmp(config->catalog_type, "NONE") != 0 && strcmp(config->catalog_name, "STDOUT") != 0)
-        add(&list, config->catalog_name);
-    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n; i++)
-        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
-            add(&list, config->checkimage_name.v[i]);
+    visit_files(config, add_visited, &check);
     if (status == RX_OK && config->reference_name[0] != '\0')
         status = check_folder(&list, first_output, "QA_NAME", config->qa_name, err);
     if (status == RX_OK && config->self_check)

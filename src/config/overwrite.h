@@ -3,7 +3,7 @@
 #ifndef RX_CONFIG_OVERWRITE_H
 #define RX_CONFIG_OVERWRITE_H
 
-#include "config/settings.h"
+#include "config/config_fields.h"
 
 /* RX_USAGE when a file that the program of these settings writes is one that it reads, or one of the images
  * in `image` ("tile.fits" or "detect.fits,measure.fits"; what stands in brackets does not count; NULL for
@@ -13,5 +13,9 @@ rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_
 rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err);
+
+/* Every file and folder that a run of rextract writes, by keyword; restorers that share a name give it once. */
+typedef void (*rx_output_visitor)(void *user, const char *key, const char *name);
+void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user);
 
 #endif

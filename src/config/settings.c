@@ -212,6 +212,15 @@ rx_status rx_settings_set(rx_settings *settings, const char *name, const char *v
     return status;
 }
 
+rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++)
+        if (settings->table->rows[row].kind != RX_KIND_SECTION)
+            status = rx_keyword_replace(settings, row, "{tile}", tile, err);
+    return status;
+}
+
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
 {
     const char *rest = name;

@@ -108,6 +108,27 @@ rx_status rx_tokens_read(const char *line, rx_tokens *dst, rx_error *err)
     return status;
 }
 
+rx_status rx_tokens_words(const char *line, rx_tokens *dst, rx_error *err)
+{
+    static const char blanks[] = " \t\r\n\v\f";
+    rx_status status = RX_OK;
+    rx_text item = {0};
+    *dst = (rx_tokens){0};
+    for (line += strspn(line, blanks); *line != '\0' && *line != '#' && status == RX_OK;
+         line += strspn(line, blanks)) {
+        bool quoted = false;
+        for (; *line != '\0' && (quoted || strchr(blanks, *line) == NULL); line++)
+            if (*line == '"')
+                quoted = !quoted;
+            else
+                rx_text_add_bytes(&item, line, 1);
+        status = quoted ? rx_error_set(err, RX_USAGE, "a quote is not closed; add the missing \"")
+                        : append(dst, &item, err);
+    }
+    rx_text_free(&item);
+    return status;
+}
+
 rx_status rx_tokens_expand(const char *text, rx_tokens *dst, rx_error *err)
 {
     rx_status status = RX_OK;

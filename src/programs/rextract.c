@@ -1,45 +1,51 @@
-/* rextract: a tile in; restored image, catalogue and report out. */
+/* rextract: a tile in, or a list of them; restored images, catalogues and reports out. */
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
-#include "catalog/catalog.h"
 #include "config/config.h"
-#include "programs/program.h"
+#include "programs/extract.h"
 #include "stage/stage.h"
-
-static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
-                            "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
-                            "       rextract -d | -dd | -dp | -v | -h\n";
-
-static const char help[] = "\n"
-                           "Restore the image, detect and measure its sources, write their catalogue, and\n"
-                           "with a reference catalogue (REFERENCE_NAME) a quality report.\n"
-                           "\n"
-                           "  -c FILE          configuration file (default.sex where there is one)\n"
-                           "  -KEYWORD VALUE   overrides the file, any number of times\n"
-                           "  -d               print a default configuration file\n"
-                           "  -dd              the same with all keywords\n"
-                           "  -dp              print the columns a catalogue can have\n"
-                           "  -v, --version    print the version\n"
-                           "  -h, --help       print this\n"
-                           "\n"
-                           "Exit status: 0 fine, 2 usage or configuration, 3 input data, 4 system or\n"
-                           "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate.\n"
-                           "More in rextract(1), the keywords in rextract.conf(5).\n";
+#include "survey/survey.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
+    if (image[0] == '@')
+        return rx_survey_run(settings, image + 1, stdout, log, err);
     return rx_stage_run((const rx_config *)settings, image, stdout, log, err);
+}
+
+/* Started by mpiexec as one of several? Each launcher says so in its own words. */
+static int one_of_several(void)
+{
+    static const char *const counts[] = {"PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS"};
+    for (size_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
+        const char *count = getenv(counts[i]);
+        if (count != NULL && atoi(count) > 1)
+            return 1;
+    }
+    return 0;
+}
+
+/* Linking MPI would cost every run tens of libraries at its start, so that it lives in a program of its own
+ * beside this one, which takes over under mpiexec. */
+static int hand_over(char **argv)
+{
+    char path[4096];
+    const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
+    char *slash = length > 0 && (size_t)length < sizeof path ? memrchr(path, '/', (size_t)length) : NULL;
+    if (slash != NULL && slash + sizeof "/rextract-mpi" <= path + sizeof path) {
+        memcpy(slash, "/rextract-mpi", sizeof "/rextract-mpi");
+        execv(path, argv);
+    }
+    fputs("rextract: started by mpiexec, but there is no rextract-mpi beside it; build with MPICH "
+          "(libmpich-dev), or start it without mpiexec\n",
+          stderr);
+    return (int)RX_SYSTEM;
 }
 
 int main(int argc, char **argv)
 {
-    const rx_program program = {
-        .name = "rextract",
-        .usage = usage,
-        .help = help,
-        .table = rx_keytable_rextract(),
-        .columns = rx_columns_dump,
-        .run = run,
-    };
-    return rx_program_main(&program, argc, argv);
+    return one_of_several() ? hand_over(argv) : rx_program_extract("rextract", run, NULL, argc, argv);
 }

@@ -1,0 +1,230 @@
+/* Lists of tiles. */
+#include "config/tiles.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/names.h"
+#include "config/keyword.h"
+#include "config/overwrite.h"
+
+enum { MAX_LIST_BYTES = 1 << 28 };
+
+/* Errors of a line's words say where it stands. */
+static rx_status at_line(const rx_tiles *tiles, long line, rx_status status, rx_error *err)
+{
+    if (status == RX_USAGE && err != NULL && err->where[0] == '\0') {
+        snprintf(err->where, sizeof err->where, "%s", tiles->path);
+        err->line = line;
+    }
+    return status;
+}
+
+/* "." and ".." would lead a name that holds {tile} to another folder. */
+static rx_status check_name(const rx_tiles *tiles, const rx_listed_tile *tile, rx_error *err)
+{
+    if (tile->words.v[0][0] != '-' && tile->name[0] != '\0' && strcmp(tile->name, ".") != 0 &&
+        strcmp(tile->name, "..") != 0)
+        return RX_OK;
+    return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
+                       "'%.200s' names no file; give the name of an image first", tile->words.v[0]);
+}
+
+static rx_status check_words(const rx_tiles *tiles, const rx_listed_tile *tile, rx_error *err)
+{
+    const rx_tokens *words = &tile->words;
+    for (int i = 1; i < words->n; i += 2)
+        if (words->v[i][0] != '-' || words->v[i][1] == '\0')
+            return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
+                               "'%.200s' is no option; give IMAGE [-KEYWORD VALUE]... in each line",
+                               words->v[i]);
+    if (words->n % 2 == 0)
+        return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
+                           "%.80s has no value; give one after it", words->v[words->n - 1]);
+    return RX_OK;
+}
+
+static rx_status read_line(rx_tiles *tiles, long number, const char *line, rx_error *err)
+{
+    rx_tokens words = {0};
+    rx_status status = at_line(tiles, number, rx_tokens_words(line, &words, err), err);
+    rx_listed_tile *grown = NULL;
+    if (status != RX_OK || words.n == 0)
+        goto exit;
+    grown = rx_regrow(tiles->tile, (size_t)tiles->n + 1, sizeof *grown);
+    if (grown == NULL) {
+        status = rx_error_memory(err, ((size_t)tiles->n + 1) * sizeof *grown);
+        goto exit;
+    }
+    tiles->tile = grown;
+    rx_listed_tile *tile = &tiles->tile[tiles->n++];
+    *tile = (rx_listed_tile){.line = number, .words = words};
+    words = (rx_tokens){0};
+    tile->name = rx_name_stem(tile->words.v[0]);
+    status = tile->name == NULL ? rx_error_memory(err, 0) : check_name(tiles, tile, err);
+    if (status == RX_OK)
+        status = check_words(tiles, tile, err);
+exit:
+    rx_tokens_free(&words);
+    return status;
+}
+
+rx_status rx_tiles_read(const char *path, rx_tiles **dst, rx_error *err)
+{
+    char *text = NULL;
+    *dst = NULL;
+    rx_tiles *tiles = RX_NEW(rx_tiles, 1);
+    if (tiles == NULL || (tiles->path = rx_strdup(path)) == NULL) {
+        rx_tiles_free(tiles);
+        return rx_error_memory(err, sizeof *tiles);
+    }
+    rx_status status = rx_text_read_file(path, MAX_LIST_BYTES, &text, NULL, err);
+    long number = 0;
+    for (char *line = text; status == RX_OK && line != NULL && *line != '\0';) {
+        char *end = strchr(line, '\n');
+        if (end != NULL)
+            *end = '\0';
+        status = read_line(tiles, ++number, line, err);
+        line = end != NULL ? end + 1 : NULL;
+    }
+    if (status == RX_OK && tiles->n == 0)
+        status = rx_error_at(err, RX_INPUT, path, -1, 0, "lists no tile; give an image per line");
+    free(text);
+    if (status != RX_OK)
+        rx_tiles_free(tiles);
+    else
+        *dst = tiles;
+    return status;
+}
+
+void rx_tiles_free(rx_tiles *tiles)
+{
+    if (tiles == NULL)
+        return;
+    for (int i = 0; i < tiles->n; i++) {
+        free(tiles->tile[i].name);
+        rx_tokens_free(&tiles->tile[i].words);
+    }
+    free(tiles->tile);
+    free(tiles->path);
+    free(tiles);
+}
+
+const char *rx_tiles_image(const rx_tiles *tiles, int i)
+{
+    return tiles->tile[i].words.v[0];
+}
+
+rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *common, rx_log *log,
+                            rx_settings **dst, rx_error *err)
+{
+    const rx_listed_tile *tile = &tiles->tile[i];
+    rx_settings *settings = NULL;
+    *dst = NULL;
+    rx_status status = rx_settings_copy(common, &settings, err);
+    for (int k = 1; k < tile->words.n && status == RX_OK; k += 2)
+        status = rx_settings_set(settings, tile->words.v[k] + 1, tile->words.v[k + 1], log, err);
+    if (status == RX_OK)
+        status = rx_settings_name_tile(settings, tile->name, err);
+    if (status == RX_OK)
+        status = rx_settings_check(settings, NULL, err);
+    if (status == RX_OK)
+        status = settings->table->check_outputs(settings, tile->words.v[0], err);
+    if (status == RX_OK)
+        *dst = settings;
+    else
+        rx_settings_free(settings);
+    return at_line(tiles, tile->line, status, err);
+}
+
+/* A file that a tile reads or writes. */
+typedef struct place_taken {
+    char *name;
+    long line;
+    bool written;
+} place_taken;
+
+typedef struct places_taken {
+    int n, capacity;
+    place_taken *at;
+    long line; /* of the tile whose files are added */
+    bool failed;
+} places_taken;
+
+static void take(places_taken *taken, const char *name, bool written)
+{
+    if (taken->n == taken->capacity) {
+        const int capacity = taken->capacity > 0 ? 2 * taken->capacity : 64;
+        place_taken *at = rx_regrow(taken->at, (size_t)capacity, sizeof *at);
+        if (at == NULL) {
+            taken->failed = true;
+            return;
+        }
+        taken->at = at;
+        taken->capacity = capacity;
+    }
+    taken->at[taken->n] = (place_taken){.name = rx_strdup(name), .line = taken->line, .written = written};
+    if (taken->at[taken->n].name == NULL)
+        taken->failed = true;
+    else
+        taken->n++;
+}
+
+static void take_output(void *user, const char *key, const char *name)
+{
+    (void)key;
+    take(user, name, true);
+}
+
+static int by_name(const void *a, const void *b)
+{
+    const place_taken *x = a, *y = b;
+    const int order = strcmp(x->name, y->name);
+    return order != 0                 ? order
+           : x->written != y->written ? x->written - y->written
+                                      : (x->line > y->line) - (x->line < y->line);
+}
+
+/* Sorted, what is read stands before what is written under the same name. */
+static rx_status find_conflict(const rx_tiles *tiles, places_taken *taken, rx_error *err)
+{
+    if (taken->n > 0)
+        qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
+    for (int i = 1; i < taken->n; i++) {
+        const place_taken *before = &taken->at[i - 1], *at = &taken->at[i];
+        if (!at->written || before->line == at->line || strcmp(before->name, at->name) != 0)
+            continue;
+        return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
+                           "would write %.200s, %s line %ld; put {tile} into the names of outputs, and name "
+                           "tiles differently",
+                           at->name, before->written ? "as would" : "the tile of", before->line);
+    }
+    return RX_OK;
+}
+
+rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_log *log, rx_error *err)
+{
+    places_taken taken = {0};
+    rx_status status = RX_OK;
+    for (int i = 0; i < tiles->n && status == RX_OK; i++) {
+        rx_settings *settings = NULL;
+        status = rx_tiles_settings(tiles, i, common, log, &settings, err);
+        taken.line = tiles->tile[i].line;
+        if (status == RX_OK) {
+            take(&taken, rx_tiles_image(tiles, i), false);
+            rx_overwrite_visit((const rx_config *)settings, take_output, &taken);
+        }
+        if (taken.failed)
+            status = rx_error_memory(err, 0);
+        rx_settings_free(settings);
+    }
+    if (status == RX_OK)
+        status = find_conflict(tiles, &taken, err);
+    for (int i = 0; i < taken.n; i++)
+        free(taken.at[i].name);
+    free(taken.at);
+    return status;
+}

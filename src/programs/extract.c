@@ -1,0 +1,45 @@
+/* Words of the program that extracts. */
+#include "programs/extract.h"
+
+#include "catalog/catalog.h"
+
+static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract -d | -dd | -dp | -v | -h\n";
+
+static const char help[] =
+    "\n"
+    "Restore the image, detect and measure its sources, write their catalogue, and\n"
+    "with a reference catalogue (REFERENCE_NAME) a quality report.\n"
+    "\n"
+    "  @LIST            a file with an image per line, and keywords of its own behind it\n"
+    "  -c FILE          configuration file (default.sex where there is one)\n"
+    "  -KEYWORD VALUE   overrides the file, any number of times\n"
+    "  -d               print a default configuration file\n"
+    "  -dd              the same with all keywords\n"
+    "  -dp              print the columns a catalogue can have\n"
+    "  -v, --version    print the version\n"
+    "  -h, --help       print this\n"
+    "\n"
+    "Exit status: 0 fine, 2 usage or configuration, 3 input data, 4 system or\n"
+    "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate,\n"
+    "7 interrupted, 8 some tiles of a list failed.\n"
+    "More in rextract(1), the keywords in rextract.conf(5).\n";
+
+int rx_program_extract(const char *name,
+                       rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
+                                        rx_error *err),
+                       void (*end)(rx_status status), int argc, char **argv)
+{
+    const rx_program program = {
+        .name = name,
+        .usage = usage,
+        .help = help,
+        .table = rx_keytable_rextract(),
+        .columns = rx_columns_dump,
+        .run = run,
+        .end = end,
+    };
+    return rx_program_main(&program, argc, argv);
+}

@@ -1,0 +1,13 @@
+/* What rextract and rextract-mpi have in common: all but how a list of tiles is gone through. */
+#ifndef RX_PROGRAMS_EXTRACT_H
+#define RX_PROGRAMS_EXTRACT_H
+
+#include "programs/program.h"
+
+/* The main function of a program called `name`; `run` and `end` as in rx_program. */
+int rx_program_extract(const char *name,
+                       rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
+                                        rx_error *err),
+                       void (*end)(rx_status status), int argc, char **argv);
+
+#endif

@@ -1,0 +1,142 @@
+/* Tiles to whoever is ready. */
+#include "survey/survey_ranks.h"
+
+#include <stdlib.h>
+
+#include "base/interrupt.h"
+#include "config/config_fields.h"
+#include "config/tiles.h"
+#include "par/ranks.h"
+#include "survey/outcome.h"
+#include "survey/tile_run.h"
+
+enum { READY = 0, TILE = 1, NO_TILE = -1 };
+
+/* What a process sends when it is ready for a tile: how the one before has ended. */
+typedef struct ready {
+    int tile; /* NO_TILE the first time */
+    rx_status status;
+    double seconds;
+    rx_error why;
+} ready;
+
+typedef struct account {
+    const rx_tiles *tiles;
+    rx_outcomes *outcomes;
+    rx_log *log;
+} account;
+
+static rx_status take_ready(const account *a, rx_message *message, int *interrupted, rx_error *err)
+{
+    const ready *report = message->data;
+    rx_status status = RX_OK;
+    if (report->tile != NO_TILE && report->status == RX_INTERRUPTED)
+        *interrupted = 1;
+    else if (report->tile != NO_TILE)
+        status = rx_outcomes_add(a->outcomes, a->tiles, report->tile, report->status, report->seconds,
+                                 &report->why, a->log, err);
+    free(message->data);
+    return status;
+}
+
+/* Rank 0: answers each that is ready with a tile; who gets none waits until all are told to end, as a rank
+ * that is gone means trouble to those who still work. */
+static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
+{
+    const int workers = rx_ranks_count(ranks) - 1, none = NO_TILE;
+    int next = 0, waiting = 0, interrupted = 0;
+    rx_status status = RX_OK;
+    while (waiting < workers && status == RX_OK) {
+        rx_message message;
+        status = rx_ranks_receive(ranks, 1, &message, err);
+        if (status != RX_OK)
+            break;
+        const int from = message.from;
+        status = take_ready(a, &message, &interrupted, err);
+        interrupted |= rx_interrupt_pending();
+        if (interrupted || next == a->tiles->n) {
+            waiting++;
+            continue;
+        }
+        rx_log_info(a->log, "tile %d of %d: %s, by process %d", next + 1, a->tiles->n,
+                    rx_tiles_image(a->tiles, next), from);
+        if (status == RX_OK)
+            status = rx_ranks_send(ranks, from, TILE, &next, sizeof next, err);
+        next++;
+    }
+    for (int rank = 1; rank <= workers && status == RX_OK; rank++)
+        status = rx_ranks_send(ranks, rank, TILE, &none, sizeof none, err);
+    return status == RX_OK && interrupted ? rx_error_set(err, RX_INTERRUPTED, "interrupted") : status;
+}
+
+/* The other ranks. */
+static rx_status work(const rx_tiles *tiles, const rx_settings *common, rx_ranks *ranks, rx_log *log,
+                      rx_error *err)
+{
+    ready report = {.tile = NO_TILE, .why = RX_ERROR_NONE};
+    for (;;) {
+        rx_message message;
+        rx_status status = rx_ranks_send(ranks, 0, READY, &report, sizeof report, err);
+        if (status == RX_OK)
+            status = rx_ranks_receive(ranks, 1, &message, err);
+        if (status != RX_OK)
+            return status;
+        report = (ready){.tile = *(const int *)message.data, .why = RX_ERROR_NONE};
+        free(message.data);
+        if (report.tile == NO_TILE)
+            return RX_OK;
+        const double begun = rx_seconds();
+        report.status = rx_tile_run(tiles, report.tile, common, NULL, log, &report.why);
+        report.seconds = rx_seconds() - begun;
+    }
+}
+
+static rx_status one_thread(const rx_settings *common, rx_settings **dst, rx_log *log, rx_error *err)
+{
+    rx_status status = rx_settings_copy(common, dst, err);
+    if (status == RX_OK && ((const rx_config *)common)->nthreads == 0)
+        status = rx_settings_set(*dst, "NTHREADS", "1", log, err);
+    return status;
+}
+
+rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_log *log, rx_error *err)
+{
+    const double begun = rx_seconds();
+    rx_tiles *tiles = NULL;
+    rx_settings *own = NULL;
+    rx_ranks *ranks = NULL;
+    account a = {.log = log};
+    const int first = rx_par_rank() == 0;
+    rx_status status = rx_tiles_read(path, &tiles, err);
+    if (status == RX_OK)
+        status = rx_tiles_check(tiles, common, log, err);
+    if (status != RX_OK && !first) {
+        if (err != NULL)
+            *err = RX_ERROR_NONE; /* rank 0 finds the same, and says it once for all */
+        rx_tiles_free(tiles);
+        return RX_OK;
+    }
+    if (status == RX_OK)
+        status = one_thread(common, &own, log, err);
+    if (status == RX_OK && first)
+        status = rx_outcomes_new(tiles->n, &a.outcomes, err);
+    if (status == RX_OK)
+        status = rx_ranks_start(1, 0, NULL, NULL, &ranks, err);
+    if (status != RX_OK)
+        goto exit;
+    a.tiles = tiles;
+    status = first ? hand_out(&a, ranks, err) : work(tiles, own, ranks, log, err);
+    if (status != RX_OK && status != RX_INTERRUPTED)
+        rx_ranks_fail(ranks, err);
+    if (first) {
+        const rx_status whole =
+            rx_outcomes_summary(a.outcomes, tiles, rx_seconds() - begun, log, status == RX_OK ? err : NULL);
+        status = status == RX_OK ? whole : status;
+    }
+exit:
+    rx_ranks_stop(ranks);
+    rx_outcomes_free(a.outcomes);
+    rx_settings_free(own);
+    rx_tiles_free(tiles);
+    return status;
+}

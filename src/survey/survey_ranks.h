@@ -1,0 +1,15 @@
+/* A list of tiles among the processes of mpiexec. */
+#ifndef RX_SURVEY_SURVEY_RANKS_H
+#define RX_SURVEY_SURVEY_RANKS_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "config/settings.h"
+
+/* As rx_survey_run(), by all processes: that of rank 0 hands out tiles, the next one to whoever is ready,
+ * keeps the account and returns what the whole ends with; the others run tiles, and return RX_OK unless MPI
+ * itself fails. With NTHREADS 0 each of them takes one thread, as there are many. Call it after
+ * rx_par_begin(). */
+rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_log *log, rx_error *err);
+
+#endif
