@@ -1,7 +1,8 @@
 #!/bin/sh
-# Ranks as processes: mpiexec runs tests/unit/par/mpi_ranks (messages, sums, ends of all kinds) and a small
+# Ranks as processes: mpiexec runs tests/unit/par/mpi_ranks (messages, sums, ends of all kinds), lists of tiles,
+# whose catalogues must not depend on how many processes there are, and a small
 # training, whose model must have the same bytes as that of threads, and the same numbers to rounding with two
-# training ranks. MPI stays out of everything but rextract-train. Nothing may hang: every run has its limit.
+# training ranks. MPI stays out of everything but rextract-train and rextract-mpi. Nothing may hang: every run has its limit.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
@@ -51,9 +52,9 @@ if command -v ldd >/dev/null; then
         ldd "$program" 2>&1 | grep -i mpi | sed "s,^,$(basename "$program"): ," >>links.log
     done
     [ ! -s links.log ]
-    result "MPI is in rextract-train alone" $? links.log
+    result "MPI is in no program that can do without it" $? links.log
 else
-    skip "MPI is in rextract-train alone" "no ldd"
+    skip "MPI is in no program that can do without it" "no ldd"
 fi
 
 if ! command -v mpiexec >/dev/null; then
@@ -109,6 +110,44 @@ code=$?
 echo "exit code $code" >>case.log
 [ "$code" != 0 ] && [ "$code" != 124 ]
 result "a process that is killed takes the others with it" $? case.log
+
+# --- a list of tiles ---
+
+rextract=$folder/rextract
+for i in 1 2 3 4 5; do
+    "$folder"/rextract-simulate -IMAGE_SIZE 64 -SEED $i -IMAGE_NAME t$i.fits -TRUTH_NAME t$i.truth -VERBOSE_TYPE QUIET
+done
+printf 't1.fits\nt2.fits\nmissing.fits\nt3.fits\nt4.fits -DETECT_THRESH 3\nt5.fits\n' >tiles.list
+printf 'NUMBER\nX_IMAGE\nY_IMAGE\nFLUX_AUTO\n' >columns.param
+extract="-PSF_TYPE MOFFAT -PSF_FWHM 3 -VERBOSE_TYPE QUIET -PARAMETERS_NAME columns.param -FILTER N"
+
+# tiles TITLE COUNT FOLDER: five of six tiles are done, the sixth is told of once.
+tiles() {
+    mkdir "$3"
+    # shellcheck disable=SC2086 # words
+    processes "$2" "$rextract" @tiles.list $extract -CATALOG_NAME "$3/{tile}.cat" >tiles.log 2>&1
+    code=$?
+    echo "exit code $code" >>tiles.log
+    [ "$code" = 8 ] && grep -q 'tiles.list: 1 of 6 tiles failed' tiles.log && [ "$(ls "$3" | wc -l)" = 5 ]
+    result "$1" $? tiles.log
+}
+
+tiles "a list of tiles, one process" 1 tiles1
+tiles "a list of tiles, one that works" 2 tiles2
+tiles "a list of tiles, three that work" 4 tiles4
+tiles "more processes than tiles" 9 tiles9
+for other in tiles2 tiles4 tiles9; do
+    diff -r tiles1 "$other" >tiles.log 2>&1
+    result "the same catalogues in $other" $? tiles.log
+done
+
+printf 't1.fits\nt2.fits -NO_SUCH_KEY 1\n' >bad.list
+processes 3 "$rextract" @bad.list >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c NO_SUCH_KEY tiles.log)" = 1 ]
+result "a list that is wrong is told of once" $? tiles.log
+processes 3 "$rextract" t1.fits >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c 'give a list of tiles' tiles.log)" = 1 ]
+result "one tile is not for several processes" $? tiles.log
 
 # --- a training ---
 

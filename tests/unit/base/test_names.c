@@ -50,11 +50,33 @@ static void commas_in_brackets_do_not_split(void **state)
     check_split("a.fits[SCI,1],b.fits[SCI,2]", "a.fits[SCI,1]", "b.fits[SCI,2]");
 }
 
+static void check_stem(const char *image, const char *stem)
+{
+    char *found = rx_name_stem(image);
+    assert_string_equal(found, stem);
+    free(found);
+}
+
+static void a_tile_has_a_name(void **state)
+{
+    (void)state;
+    check_stem("night/a.fits", "a");
+    check_stem("a.fits.fz[1]", "a");
+    check_stem("A.FIT.GZ", "A");
+    check_stem("/data/m31.r.fts.bz2", "m31.r");
+    check_stem("a.fits[SCI,1][1:5,2:6],b.fits", "a");
+    check_stem("frame", "frame");
+    check_stem(".fits", ".fits");
+    check_stem("n/..fits", ".");
+    check_stem("night/", "");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tags_go_before_the_extension),
         cmocka_unit_test(commas_in_brackets_do_not_split),
+        cmocka_unit_test(a_tile_has_a_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

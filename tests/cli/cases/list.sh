@@ -1,0 +1,75 @@
+# Lists of tiles: what is done, what is told, and what no tile may do to another.
+# shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
+
+none='-RESTORE_TYPE NONE'
+
+begin 'a list of tiles'
+make_fits tile a.fits
+make_fits small b.fits
+printf 'a.fits\n# not this one\nb.fits -CATALOG_TYPE FITS_LDAC\n' >tiles.list
+leaves a.cat b.cat
+expect 0 '' @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
+begin 'a tile that fails does not stop the others'
+make_fits tile a.fits
+make_fits tile c.fits
+echo nonsense >b.fits
+printf 'a.fits\nb.fits\nnot-there.fits\nc.fits\n' >tiles.list
+leaves a.cat c.cat
+expect 8 '^rextract: tiles\.list: 2 of 4 tiles failed; the others are done$' @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
+begin 'the summary names the tiles that fail'
+make_fits tile a.fits
+printf 'a.fits\nnot-there.fits\n' >tiles.list
+leaves a.cat
+says 12
+expect 8 'rextract: line 2, exit status 3 after [0-9.]* s: failed: not-there\.fits: cannot be opened' @tiles.list \
+    $none -CATALOG_NAME '{tile}.cat' -VERBOSE_TYPE NORMAL
+
+begin 'a list is checked before any tile begins'
+make_fits tile a.fits
+make_fits tile b.fits
+printf 'a.fits\nb.fits -DETECT_TRESH 3\n' >tiles.list
+expect 2 '^rextract: tiles\.list:2: unknown keyword .-DETECT_TRESH.; did you mean -DETECT_THRESH\?$' @tiles.list $none \
+    -CATALOG_NAME '{tile}.cat'
+
+begin 'two tiles of a list with one catalogue'
+make_fits tile a.fits
+make_fits tile b.fits
+printf 'a.fits\nb.fits\n' >tiles.list
+expect 2 '^rextract: tiles\.list:2: would write test\.cat, as would line 1; put \{tile\} into' @tiles.list $none
+
+begin 'gates of a list'
+make_fits tile a.fits
+make_fits tile b.fits
+make_fits table ref.fits
+echo 'bias_mag all >= 3' >my.qa
+printf 'a.fits\nb.fits\n' >tiles.list
+leaves a.cat b.cat a_qa b_qa
+expect 5 '^rextract: tiles\.list: a quality gate FAILED for 2 of 2 tiles$' @tiles.list $none -CATALOG_NAME '{tile}.cat' \
+    -REFERENCE_NAME ref.fits -QA_NAME '{tile}_qa' -QA_GATES my.qa -QA_FIGURES N
+
+begin 'a list and an image'
+make_fits tile a.fits
+echo a.fits >tiles.list
+expect 2 'one image too many' @tiles.list a.fits $none
+
+begin 'a list without a name'
+expect 2 'the name of the list is empty; give @FILE' @ $none
+
+begin 'a list that is not there'
+expect 3 '^rextract: tiles\.list: ' @tiles.list $none
+
+begin 'a list without tiles'
+echo '# none' >tiles.list
+expect 3 '^rextract: tiles\.list: lists no tile; give an image per line$' @tiles.list $none
+
+begin 'the name of the tile in the names of outputs'
+mkdir night
+make_fits tile night/m31.fits
+leaves m31.cat m31-sky.fits
+expect 0 '' night/m31.fits $none -CATALOG_NAME '{tile}.cat' -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME '{tile}-sky.fits'
+
+begin 'control characters in the names of a list'
+printf 'a\033[31m.fits\n' >tiles.list
+expect 8 '^rextract: tiles\.list: 1 of 1 tiles failed' @tiles.list $none -CATALOG_NAME '{tile}.cat'
