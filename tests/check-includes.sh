@@ -28,7 +28,7 @@ catalog   io num psf
 validate  io num psf
 train     nn stage simulate par validate config io num psf
 stage     io num nn psf restore detect measure template catalog validate simulate config
-survey    stage par config
+survey    stage par validate io config
 campaign  stage simulate validate restore catalog config io nn num psf
 programs  stage survey campaign train par validate simulate config catalog
 END

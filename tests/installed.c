@@ -11,7 +11,7 @@ int main(void)
     rx_config *config = NULL;
     rx_status status = rx_config_new(&config, &err);
     if (status == RX_OK)
-        status = rx_stage_run(config, "there-is-no-such.fits", stdout, NULL, &err);
+        status = rx_stage_run(config, "there-is-no-such.fits", stdout, NULL, NULL, &err);
     rx_config_free(config);
     printf("installed library: status %d, %s\n", (int)status, err.text);
     return status == RX_INPUT ? 0 : 1;

@@ -157,6 +157,8 @@ static void visit_files(const rx_config *config, rx_output_visitor visit, void *
             visit(user, "CHECKIMAGE_NAME", config->checkimage_name.v[i]);
     if (config->template_covar_name[0] != '\0')
         visit(user, "TEMPLATE_COVAR_NAME", config->template_covar_name);
+    if (config->record_name[0] != '\0')
+        visit(user, "RECORD_NAME", config->record_name);
 }
 
 void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user)

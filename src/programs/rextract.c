@@ -4,16 +4,15 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "config/config.h"
 #include "programs/extract.h"
-#include "stage/stage.h"
 #include "survey/survey.h"
+#include "survey/tile_run.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
     if (image[0] == '@')
         return rx_survey_run(settings, image + 1, stdout, log, err);
-    return rx_stage_run((const rx_config *)settings, image, stdout, log, err);
+    return rx_tile_run(settings, image, stdout, log, err);
 }
 
 /* Started by mpiexec as one of several? Each launcher says so in its own words. */

@@ -328,6 +328,7 @@ void rx_run_forget(rx_run *run)
     rx_check_results_free(&run->checks);
     run->restored = NULL;
     run->sources = NULL;
+    run->tally = NULL;
 }
 
 /* The covariances' table has the format of the catalogue, where that makes sense. */

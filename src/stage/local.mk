@@ -20,6 +20,7 @@ librextract_la_SOURCES += \
 	src/stage/template_extra.c src/stage/template_extra.h \
 	src/stage/template_fit.c src/stage/template_fit.h \
 	src/stage/template_table.c src/stage/template_table.h \
+	src/stage/tile_facts.c src/stage/tile_facts.h \
 	src/stage/coordinates.c src/stage/coordinates.h \
 	src/stage/stage.c
 

@@ -28,6 +28,7 @@ static rx_status collect_runs(const rx_options *options, const rx_field *measure
                              .settings = runs[i].account,
                              .psf = restored->blur != NULL ? restored->blur->description : "",
                              .promise = rx_domain_promise(&runs[i].domain, &promises[i]),
+                             .tally = runs[i].tally,
                              .tested = runs[i].tested,
                              .made_up_per_mpixel = runs[i].invented_per_mpixel,
                              .law_scale = runs[i].sources->law_scale,

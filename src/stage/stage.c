@@ -22,6 +22,7 @@
 #include "stage/field.h"
 #include "stage/record.h"
 #include "stage/report.h"
+#include "stage/tile_facts.h"
 
 typedef struct job {
     const rx_options *options;
@@ -34,6 +35,7 @@ typedef struct job {
     rx_table *reference;
     rx_verdict verdict;
     rx_text brief;
+    rx_tile_facts *facts; /* or NULL */
 } job;
 
 static int any_needs_psf(const rx_options *options)
@@ -65,6 +67,29 @@ static rx_status same_shape(const rx_field *detect, const rx_field *measure, rx_
                        b->width, b->height, a->width, a->height);
 }
 
+/* The report, whose counts go to the facts. */
+static rx_status report(job *job, const rx_field *detect, const rx_field *measure, int extension,
+                        rx_error *err)
+{
+    const rx_options *options = job->options;
+    rx_extension_facts *facts = NULL;
+    rx_verdict verdict = RX_VERDICT_NONE;
+    rx_status status = RX_OK;
+    if (job->facts != NULL)
+        status = rx_tile_facts_add(job->facts, detect, job->runs, options->nrestorers, job->reference != NULL,
+                                   &facts, err);
+    if (status != RX_OK || job->reference == NULL)
+        return status;
+    for (int i = 0; i < options->nrestorers && facts != NULL; i++)
+        job->runs[i].tally = facts->run[i].tally;
+    status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference, job->runs,
+                             extension, &job->record, job->outputs, job->log, &verdict, &job->brief, err);
+    job->verdict = rx_verdict_worse(job->verdict, verdict);
+    if (facts != NULL)
+        facts->verdict = verdict;
+    return status;
+}
+
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
                                rx_error *err)
 {
@@ -89,10 +114,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
-    if (status == RX_OK && job->reference != NULL)
-        status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference,
-                                 job->runs, nextensions > 1 ? extension : 0, &job->record, job->outputs,
-                                 job->log, &job->verdict, &job->brief, err);
+    if (status == RX_OK)
+        status = report(job, detect, measure, nextensions > 1 ? extension : 0, err);
     if (status == RX_OK)
         status = rx_report_checks(options, checks, job->runs, nextensions > 1 ? extension : 0, &job->record,
                                   job->outputs, job->log, err);
@@ -152,10 +175,10 @@ static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error
 }
 
 rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standard_out, rx_log *log,
-                       rx_error *err)
+                       rx_tile_facts *facts, rx_error *err)
 {
     rx_options *options = NULL;
-    job job = {.log = log, .standard_out = standard_out};
+    job job = {.log = log, .standard_out = standard_out, .facts = facts};
     rx_status status = rx_options_from_config(config, log, &options, err);
     if (status != RX_OK)
         return status;

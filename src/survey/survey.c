@@ -21,7 +21,7 @@ rx_status rx_survey_run(const rx_settings *common, const char *path, FILE *stand
         rx_error why = RX_ERROR_NONE;
         const double start = rx_seconds();
         rx_log_info(log, "tile %d of %d: %s", i + 1, tiles->n, rx_tiles_image(tiles, i));
-        const rx_status ended = rx_tile_run(tiles, i, common, standard_out, log, &why);
+        const rx_status ended = rx_tile_run_listed(tiles, i, common, standard_out, log, &why);
         if (ended == RX_INTERRUPTED)
             status = rx_interrupt_check(err);
         else

@@ -86,7 +86,7 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, rx_ranks
         if (report.tile == NO_TILE)
             return RX_OK;
         const double begun = rx_seconds();
-        report.status = rx_tile_run(tiles, report.tile, common, NULL, log, &report.why);
+        report.status = rx_tile_run_listed(tiles, report.tile, common, NULL, log, &report.why);
         report.seconds = rx_seconds() - begun;
     }
 }

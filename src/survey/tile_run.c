@@ -1,17 +1,78 @@
-/* A tile with its own settings through the stage. */
+/* Tiles through the stage. */
 #include "survey/tile_run.h"
 
-#include "config/config_fields.h"
-#include "stage/stage.h"
+#include <stdlib.h>
 
-rx_status rx_tile_run(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
-                      rx_log *log, rx_error *why)
+#include "base/names.h"
+#include "config/config_fields.h"
+#include "io/output.h"
+#include "stage/stage.h"
+#include "survey/tile_record.h"
+
+static rx_status write_file(const char *path, const rx_text *text, rx_error *err)
+{
+    rx_outputs *outputs = NULL;
+    const char *temporary = NULL;
+    rx_status status = rx_outputs_new(&outputs, err);
+    if (status == RX_OK)
+        status = rx_outputs_file(outputs, path, &temporary, err);
+    if (status == RX_OK) {
+        FILE *file = fopen(temporary, "w");
+        int failed = file == NULL || fwrite(text->data, 1, text->length, file) != text->length;
+        failed |= file != NULL && fclose(file) != 0;
+        if (failed)
+            status = rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written; is the disk full?");
+    }
+    if (status == RX_OK)
+        status = rx_outputs_commit(outputs, err);
+    rx_outputs_free(outputs);
+    return status;
+}
+
+static rx_status write_record(const char *path, const char *image, rx_status ended, const rx_error *why,
+                              const rx_tile_facts *facts, rx_error *err)
+{
+    rx_text text = {0};
+    char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128] = "";
+    char *name = rx_name_stem(image);
+    if (ended != RX_OK)
+        rx_error_format(why, "rextract", line, sizeof line);
+    if (name != NULL)
+        rx_tile_record_print(&text, image, name, ended, line, facts);
+    rx_status status = name == NULL || text.failed ? rx_error_memory(err, 0) : write_file(path, &text, err);
+    free(name);
+    rx_text_free(&text);
+    return status;
+}
+
+rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *standard_out, rx_log *log,
+                      rx_error *err)
+{
+    const rx_config *config = (const rx_config *)settings;
+    rx_tile_facts facts = {0};
+    rx_error why = RX_ERROR_NONE, trouble = RX_ERROR_NONE;
+    rx_status status = rx_stage_run(config, image, standard_out, log, &facts, &why);
+    rx_log_progress_end(log);
+    if (config->record_name[0] != '\0' && status != RX_INTERRUPTED) {
+        const rx_status written = write_record(config->record_name, image, status, &why, &facts, &trouble);
+        if (status == RX_OK && written != RX_OK) {
+            status = written;
+            why = trouble;
+        }
+    }
+    if (err != NULL)
+        *err = why;
+    rx_tile_facts_free(&facts);
+    return status;
+}
+
+rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
+                             rx_log *log, rx_error *err)
 {
     rx_settings *settings = NULL;
-    rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, why);
+    rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
     if (status == RX_OK)
-        status = rx_stage_run((const rx_config *)settings, rx_tiles_image(tiles, i), standard_out, log, why);
+        status = rx_tile_run(settings, rx_tiles_image(tiles, i), standard_out, log, err);
     rx_settings_free(settings);
-    rx_log_progress_end(log);
     return status;
 }

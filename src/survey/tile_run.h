@@ -1,15 +1,20 @@
-/* One tile of a list. */
+/* One tile with all that a survey wants of it: the run, and its record. */
 #ifndef RX_SURVEY_TILE_RUN_H
 #define RX_SURVEY_TILE_RUN_H
 
 #include <stdio.h>
 
 #include "base/log.h"
+#include "config/settings.h"
 #include "config/tiles.h"
 
-/* The run of tile i; *why is RX_ERROR_NONE before, and says afterwards what is wrong. Status and errors as of
- * rx_stage_run(). */
-rx_status rx_tile_run(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
-                      rx_log *log, rx_error *why);
+/* rx_stage_run() with settings of rextract, then the record (RECORD_NAME), whether the run went well or not;
+ * an interrupt leaves none. Status and errors of the run; where that is fine, those of writing the record. */
+rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *standard_out, rx_log *log,
+                      rx_error *err);
+
+/* The same of tile i of a list. */
+rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
+                             rx_log *log, rx_error *err);
 
 #endif

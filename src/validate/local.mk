@@ -24,4 +24,5 @@ librextract_la_SOURCES += \
 	src/validate/qa_tables.c \
 	src/validate/report_file.c src/validate/report_file.h \
 	src/validate/sample.c src/validate/sample.h \
+	src/validate/tally.c src/validate/tally.h \
 	src/validate/wilcoxon.c

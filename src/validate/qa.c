@@ -12,6 +12,7 @@
 #include "base/memory.h"
 #include "validate/escape.h"
 #include "validate/report_file.h"
+#include "validate/tally.h"
 
 static const double LEVEL = 0.95;
 
@@ -54,6 +55,8 @@ static rx_status measure_run(rx_report *r, int run, rx_error *err)
     const rx_resampling by = r->par->by;
     rx_evaluation *e = &r->evaluation[run];
     rx_status status = rx_evaluate(r->par, r->input, run, &r->bins, r->level, e, err);
+    if (status == RX_OK && r->input->runs[run].tally != NULL)
+        status = rx_tally_evaluation(r->input->runs[run].tally, e, err);
     if (status == RX_OK)
         status = rx_metrics_measure(e, 1, 0, 0, r->level, by, RX_METRIC_COUNT,
                                     &r->whole[(size_t)run * RX_METRIC_COUNT], err);

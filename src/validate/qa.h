@@ -40,6 +40,8 @@ typedef struct rx_qa_promise {
     double bias, scatter;             /* %, fluxes of test stars of S/N above 12 */
 } rx_qa_promise;
 
+struct rx_tally; /* validate/tally.h */
+
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
@@ -48,6 +50,7 @@ typedef struct rx_qa_run { /* one restorer */
     const rx_qa_promise *promise; /* NULL: no model is behind this run */
     int tested;                   /* list.made_up says something */
     double made_up_per_mpixel;    /* marked ones, those included that were dropped from the list */
+    struct rx_tally *tally;       /* filled with what is counted, unless NULL */
     double law_scale, law_power;  /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
 

@@ -495,7 +495,7 @@ static rx_status run_stage(const char *image, const setting *settings, rx_error 
         assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s->name != NULL; s++)
         assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
-    rx_status status = rx_stage_run(config, image, stdout, NULL, err);
+    rx_status status = rx_stage_run(config, image, stdout, NULL, NULL, err);
     rx_config_free(config);
     return status;
 }

@@ -1,0 +1,39 @@
+/* What a run found out about its tile, in numbers: for the account of a survey (survey/tile_record.h). */
+#ifndef RX_STAGE_TILE_FACTS_H
+#define RX_STAGE_TILE_FACTS_H
+
+#include "base/error.h"
+#include "stage/extract.h"
+#include "stage/field.h"
+#include "validate/qa.h"
+#include "validate/tally.h"
+
+/* One restorer. */
+typedef struct rx_run_facts {
+    char name[16]; /* "NONE", "RL", ... */
+    long sources;
+    rx_tally *tally; /* against the reference catalogue; NULL without one */
+} rx_run_facts;
+
+/* One image of the file. */
+typedef struct rx_extension_facts {
+    int hdu, width, height;
+    double alpha, delta; /* of the centre, deg J2000; NAN without WCS */
+    double fwhm;         /* of the PSF at the centre, pixels; NAN where no PSF was needed */
+    double sky, noise;   /* ADU */
+    rx_verdict verdict;  /* over all gates */
+    int nruns;
+    rx_run_facts run[RX_MAX_RUNS];
+} rx_extension_facts;
+
+typedef struct rx_tile_facts {
+    int n;
+    rx_extension_facts *extension;
+} rx_tile_facts;
+
+/* A further extension, its sources counted; with_reference: with empty tallies. */
+rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
+                            int with_reference, rx_extension_facts **dst, rx_error *err);
+void rx_tile_facts_free(rx_tile_facts *facts); /* content only */
+
+#endif

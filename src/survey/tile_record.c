@@ -1,0 +1,350 @@
+/* Records of tiles as text, and back. */
+#include "survey/tile_record.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "config/tokens.h"
+
+enum { MAX_RECORD_BYTES = 1 << 30 };
+
+/* In quotes; what would end them or the line is written as %XX. */
+static void add_string(rx_text *dst, const char *string)
+{
+    rx_text_add(dst, " \"");
+    for (const unsigned char *c = (const unsigned char *)string; *c != '\0'; c++)
+        if (*c < 0x20 || *c == 0x7f || *c == '"' || *c == '%')
+            rx_text_printf(dst, "%%%02X", *c);
+        else
+            rx_text_add_bytes(dst, (const char *)c, 1);
+    rx_text_add(dst, "\"");
+}
+
+static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
+{
+    if (bin->references == 0 && bin->detections == 0 && bin->dmag == NULL)
+        return;
+    rx_text_printf(dst, "BIN %d %ld %ld %ld %ld", k, bin->references, bin->found, bin->detections,
+                   bin->right);
+    for (int s = 0; bin->dmag != NULL && s < RX_TALLY_STEPS; s++)
+        if (bin->dmag[s] > 0)
+            rx_text_printf(dst, " %d:%ld", s, bin->dmag[s]);
+    rx_text_add(dst, "\n");
+}
+
+static void add_extension(rx_text *dst, const rx_extension_facts *e)
+{
+    rx_text_printf(dst, "EXTENSION %d %d %d %.9g %.9g %.9g %.9g %.9g %d\n", e->hdu, e->width, e->height,
+                   e->alpha, e->delta, e->fwhm, e->sky, e->noise, (int)e->verdict);
+    for (int i = 0; i < e->nruns; i++) {
+        const rx_run_facts *run = &e->run[i];
+        rx_text_add(dst, "RUN");
+        add_string(dst, run->name);
+        rx_text_printf(dst, " %ld %d\n", run->sources, run->tally != NULL);
+        for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
+            add_bin(dst, b, &run->tally->bin[b]);
+    }
+}
+
+void rx_tile_record_print(rx_text *dst, const char *image, const char *name, rx_status status,
+                          const char *what, const rx_tile_facts *facts)
+{
+    rx_text_add(dst, "TILE");
+    add_string(dst, image);
+    add_string(dst, name);
+    rx_text_add(dst, "\nVERSION");
+    add_string(dst, RX_VERSION);
+    rx_text_printf(dst, "\nSTATUS %d", (int)status);
+    add_string(dst, what != NULL ? what : "");
+    rx_text_add(dst, "\n");
+    for (int i = 0; i < facts->n; i++)
+        add_extension(dst, &facts->extension[i]);
+    rx_text_add(dst, "END\n");
+}
+
+/* A line that is read, and where. */
+typedef struct reader {
+    const char *path;
+    long line;
+    rx_tokens words;
+    rx_tile_record *record; /* that is open, or NULL */
+    rx_extension_facts *extension;
+    rx_run_facts *run;
+    rx_error *err;
+} reader;
+
+static rx_status refuse(const reader *r, const char *why)
+{
+    return rx_error_at(r->err, RX_INPUT, r->path, -1, r->line, "%s; is it the record of a tile, whole?", why);
+}
+
+static int hex(char c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+/* A string's own copy, %XX resolved. */
+static rx_status take_string(const reader *r, int word, char **dst)
+{
+    if (word >= r->words.n)
+        return refuse(r, "a word is missing");
+    char *to = *dst = rx_strdup(r->words.v[word]);
+    if (to == NULL)
+        return rx_error_memory(r->err, 0);
+    for (const char *from = to; *from != '\0';)
+        if (*from == '%' && hex(from[1]) >= 0 && hex(from[2]) >= 0) {
+            *to++ = (char)(16 * hex(from[1]) + hex(from[2]));
+            from += 3;
+        } else {
+            *to++ = *from++;
+        }
+    *to = '\0';
+    return RX_OK;
+}
+
+static rx_status take_real(const reader *r, int word, double *dst)
+{
+    char *end = NULL;
+    *dst = word < r->words.n ? strtod(r->words.v[word], &end) : NAN;
+    return end != NULL && *end == '\0' && end != r->words.v[word] ? RX_OK : refuse(r, "a number is missing");
+}
+
+static rx_status whole(const reader *r, const char *text, char **end, long low, long high, long *dst)
+{
+    errno = 0;
+    *dst = strtol(text, end, 10);
+    return *end != text && errno == 0 && *dst >= low && *dst <= high ? RX_OK
+                                                                     : refuse(r, "a number is out of place");
+}
+
+static rx_status take_whole(const reader *r, int word, long low, long high, long *dst)
+{
+    char *end = NULL;
+    if (word >= r->words.n)
+        return refuse(r, "a number is missing");
+    rx_status status = whole(r, r->words.v[word], &end, low, high, dst);
+    return status == RX_OK && *end != '\0' ? refuse(r, "a number is out of place") : status;
+}
+
+static rx_status read_extension(reader *r)
+{
+    long v[4] = {0};
+    double x[5] = {0};
+    rx_status status = RX_OK;
+    for (int i = 0; i < 3 && status == RX_OK; i++)
+        status = take_whole(r, 1 + i, 0, 1L << 30, &v[i]);
+    for (int i = 0; i < 5 && status == RX_OK; i++)
+        status = take_real(r, 4 + i, &x[i]);
+    if (status == RX_OK)
+        status = take_whole(r, 9, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT, &v[3]);
+    if (status != RX_OK)
+        return status;
+    rx_tile_facts *facts = &r->record->facts;
+    rx_extension_facts *grown = rx_regrow(facts->extension, (size_t)facts->n + 1, sizeof *grown);
+    if (grown == NULL)
+        return rx_error_memory(r->err, ((size_t)facts->n + 1) * sizeof *grown);
+    facts->extension = grown;
+    r->extension = &grown[facts->n++];
+    r->run = NULL;
+    *r->extension = (rx_extension_facts){.hdu = (int)v[0],
+                                         .width = (int)v[1],
+                                         .height = (int)v[2],
+                                         .alpha = x[0],
+                                         .delta = x[1],
+                                         .fwhm = x[2],
+                                         .sky = x[3],
+                                         .noise = x[4],
+                                         .verdict = (rx_verdict)v[3]};
+    return RX_OK;
+}
+
+static rx_status read_run(reader *r)
+{
+    long sources, reference;
+    if (r->extension == NULL || r->extension->nruns == RX_MAX_RUNS)
+        return refuse(r, "a run is out of place");
+    rx_status status = take_whole(r, 2, 0, 1L << 40, &sources);
+    if (status == RX_OK)
+        status = take_whole(r, 3, 0, 1, &reference);
+    if (status != RX_OK)
+        return status;
+    r->run = &r->extension->run[r->extension->nruns++];
+    *r->run = (rx_run_facts){.sources = sources};
+    snprintf(r->run->name, sizeof r->run->name, "%s", r->words.v[1]);
+    if (reference && (r->run->tally = RX_NEW(rx_tally, 1)) == NULL)
+        return rx_error_memory(r->err, sizeof(rx_tally));
+    return RX_OK;
+}
+
+static rx_status read_bin(reader *r)
+{
+    const long most = 1L << 40;
+    long k, step;
+    if (r->run == NULL || r->run->tally == NULL)
+        return refuse(r, "a bin is out of place");
+    rx_status status = take_whole(r, 1, 0, RX_TALLY_BINS - 1, &k);
+    if (status != RX_OK)
+        return status;
+    rx_tally_bin *bin = &r->run->tally->bin[k];
+    long *const counts[] = {&bin->references, &bin->found, &bin->detections, &bin->right};
+    for (int i = 0; i < 4 && status == RX_OK; i++)
+        status = take_whole(r, 2 + i, 0, most, counts[i]);
+    if (status == RX_OK && r->words.n > 6 && bin->dmag == NULL &&
+        (bin->dmag = RX_NEW(long, RX_TALLY_STEPS)) == NULL)
+        return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(long));
+    for (int w = 6; w < r->words.n && status == RX_OK; w++) {
+        char *end = NULL;
+        status = whole(r, r->words.v[w], &end, 0, RX_TALLY_STEPS - 1, &step);
+        if (status == RX_OK && *end != ':')
+            status = refuse(r, "a count is out of place");
+        if (status == RX_OK)
+            status = whole(r, end + 1, &end, 1, most, &bin->dmag[step]);
+    }
+    return status;
+}
+
+static rx_status begin_record(reader *r, rx_tile_records *dst)
+{
+    if (r->record != NULL)
+        return refuse(r, "the record before has no END");
+    rx_tile_record *grown = rx_regrow(dst->record, (size_t)dst->n + 1, sizeof *grown);
+    if (grown == NULL)
+        return rx_error_memory(r->err, ((size_t)dst->n + 1) * sizeof *grown);
+    dst->record = grown;
+    r->record = &grown[dst->n++];
+    r->extension = NULL;
+    r->run = NULL;
+    *r->record = (rx_tile_record){.status = -1};
+    rx_status status = take_string(r, 1, &r->record->image);
+    return status == RX_OK ? take_string(r, 2, &r->record->name) : status;
+}
+
+static rx_status end_record(reader *r)
+{
+    const rx_tile_record *record = r->record;
+    r->record = NULL;
+    if (record->version == NULL || record->what == NULL)
+        return refuse(r, "VERSION or STATUS is missing");
+    return RX_OK;
+}
+
+static rx_status read_words(reader *r, rx_tile_records *dst)
+{
+    const char *kind = r->words.v[0];
+    if (strcmp(kind, "TILE") == 0)
+        return begin_record(r, dst);
+    if (r->record == NULL)
+        return refuse(r, "TILE does not come first");
+    if (strcmp(kind, "VERSION") == 0 && r->record->version == NULL)
+        return take_string(r, 1, &r->record->version);
+    if (strcmp(kind, "STATUS") == 0 && r->record->what == NULL) {
+        long code;
+        rx_status status = take_whole(r, 1, 0, 255, &code);
+        r->record->status = (int)code;
+        return status == RX_OK ? take_string(r, 2, &r->record->what) : status;
+    }
+    if (strcmp(kind, "EXTENSION") == 0)
+        return read_extension(r);
+    if (strcmp(kind, "RUN") == 0)
+        return read_run(r);
+    if (strcmp(kind, "BIN") == 0)
+        return read_bin(r);
+    if (strcmp(kind, "END") == 0)
+        return end_record(r);
+    return refuse(r, "this is no line of a record");
+}
+
+static rx_status read_line(reader *r, rx_tile_records *dst, const char *line)
+{
+    rx_status status = rx_tokens_words(line, &r->words, r->err);
+    if (status == RX_USAGE)
+        status = refuse(r, "a quote is not closed");
+    if (status == RX_OK && r->words.n > 0)
+        status = read_words(r, dst);
+    rx_tokens_free(&r->words);
+    return status;
+}
+
+rx_status rx_tile_records_read(rx_tile_records *dst, const char *path, rx_error *err)
+{
+    char *text = NULL;
+    reader r = {.path = path, .err = err};
+    rx_status status = rx_text_read_file(path, MAX_RECORD_BYTES, &text, NULL, err);
+    for (char *line = text; status == RX_OK && line != NULL && *line != '\0';) {
+        char *end = strchr(line, '\n');
+        if (end != NULL)
+            *end = '\0';
+        r.line++;
+        status = read_line(&r, dst, line);
+        line = end != NULL ? end + 1 : NULL;
+    }
+    if (status == RX_OK && r.record != NULL)
+        status = refuse(&r, "the last record has no END");
+    free(text);
+    return status;
+}
+
+static int by_tile(const void *a, const void *b)
+{
+    const rx_tile_record *x = a, *y = b;
+    const int order = strcmp(x->name, y->name);
+    return order != 0 ? order : strcmp(x->image, y->image);
+}
+
+static void clear(rx_tile_record *record)
+{
+    free(record->image);
+    free(record->name);
+    free(record->version);
+    free(record->what);
+    rx_tile_facts_free(&record->facts);
+}
+
+/* Do they say the same? */
+static rx_status compare(const rx_tile_record *a, const rx_tile_record *b, int *same, rx_error *err)
+{
+    rx_text x = {0}, y = {0};
+    rx_tile_record_print(&x, a->image, a->name, (rx_status)a->status, a->what, &a->facts);
+    rx_tile_record_print(&y, b->image, b->name, (rx_status)b->status, b->what, &b->facts);
+    const int failed = x.failed || y.failed;
+    *same = !failed && strcmp(x.data, y.data) == 0 && strcmp(a->version, b->version) == 0;
+    rx_text_free(&x);
+    rx_text_free(&y);
+    return failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
+rx_status rx_tile_records_settle(rx_tile_records *records, rx_error *err)
+{
+    rx_tile_record *list = records->record;
+    rx_status status = RX_OK;
+    int kept = 0;
+    if (records->n > 1)
+        qsort(list, (size_t)records->n, sizeof *list, by_tile);
+    for (int i = 0; i < records->n; i++) {
+        int same = 0;
+        if (status == RX_OK && kept > 0 && by_tile(&list[kept - 1], &list[i]) == 0) {
+            status = compare(&list[kept - 1], &list[i], &same, err);
+            if (status == RX_OK && !same)
+                status = rx_error_at(err, RX_INPUT, list[i].image, -1, 0,
+                                     "has two records that differ; leave out the older one");
+        }
+        if (same)
+            clear(&list[i]);
+        else
+            list[kept++] = list[i];
+    }
+    records->n = kept;
+    return status;
+}
+
+void rx_tile_records_free(rx_tile_records *records)
+{
+    for (int i = 0; i < records->n; i++)
+        clear(&records->record[i]);
+    free(records->record);
+    *records = (rx_tile_records){0};
+}

@@ -1,0 +1,140 @@
+/* Counts that add up. */
+#include "validate/tally.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+static const double STEP = 0.005; /* mag, of the histogram */
+
+static rx_tally_bin *bin_of(rx_tally *tally, double magnitude)
+{
+    int k = (int)floor(2 * fmax(-1e6, fmin(1e6, magnitude))) - RX_TALLY_LOW;
+    k = k < 0 ? 0 : k >= RX_TALLY_BINS ? RX_TALLY_BINS - 1 : k;
+    return &tally->bin[k];
+}
+
+static int step_of(double dmag)
+{
+    const double k = floor((dmag + 1) / STEP);
+    return k < 0 ? 0 : k >= RX_TALLY_STEPS - 2 ? RX_TALLY_STEPS - 1 : (int)k + 1;
+}
+
+static rx_status make_room(rx_tally_bin *bin, rx_error *err)
+{
+    if (bin->dmag == NULL)
+        bin->dmag = RX_NEW(long, RX_TALLY_STEPS);
+    return bin->dmag != NULL ? RX_OK : rx_error_memory(err, RX_TALLY_STEPS * sizeof(long));
+}
+
+rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (long i = 0; i < e->input->truth.n; i++) {
+        if (e->truth_role[i] == RX_ROLE_IGNORED || !isfinite(e->truth_mag[i]))
+            continue;
+        rx_tally_bin *bin = bin_of(dst, e->truth_mag[i]);
+        bin->references++;
+        bin->found += e->truth_role[i] == RX_ROLE_MATCHED;
+    }
+    for (long j = 0; j < e->run->list.n && status == RX_OK; j++) {
+        if (e->run_role[j] == RX_ROLE_IGNORED || !isfinite(e->run_mag[j]))
+            continue;
+        rx_tally_bin *bin = bin_of(dst, e->run_mag[j]);
+        bin->detections++;
+        bin->right += e->run_role[j] == RX_ROLE_MATCHED;
+        if (e->run_role[j] != RX_ROLE_MATCHED || !isfinite(e->dmag[j]))
+            continue;
+        bin = bin_of(dst, e->truth_mag[e->origin[j]]);
+        status = make_room(bin, err);
+        if (status == RX_OK)
+            bin->dmag[step_of(e->dmag[j])]++;
+    }
+    return status;
+}
+
+static rx_status add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error *err)
+{
+    dst->references += src->references;
+    dst->found += src->found;
+    dst->detections += src->detections;
+    dst->right += src->right;
+    if (src->dmag == NULL)
+        return RX_OK;
+    rx_status status = make_room(dst, err);
+    for (int k = 0; status == RX_OK && k < RX_TALLY_STEPS; k++)
+        dst->dmag[k] += src->dmag[k];
+    return status;
+}
+
+rx_status rx_tally_add(rx_tally *dst, const rx_tally *src, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int b = 0; b < RX_TALLY_BINS && status == RX_OK; b++)
+        status = add_bin(&dst->bin[b], &src->bin[b], err);
+    return status;
+}
+
+void rx_tally_free(rx_tally *tally)
+{
+    for (int b = 0; b < RX_TALLY_BINS; b++) {
+        free(tally->bin[b].dmag);
+        tally->bin[b].dmag = NULL;
+    }
+}
+
+rx_status rx_tally_whole(const rx_tally *tally, rx_tally_bin *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    *dst = (rx_tally_bin){0};
+    for (int b = 0; b < RX_TALLY_BINS && status == RX_OK; b++)
+        status = add_bin(dst, &tally->bin[b], err);
+    return status;
+}
+
+/* Count of pairs with an error below `at`, the pairs of a step spread evenly over it. */
+static double below(const long *steps, double at)
+{
+    double n = 0, u = (at + 1) / STEP;
+    if (u <= 0)
+        return 0;
+    for (int k = 0; k < RX_TALLY_STEPS - 1; k++) {
+        const double share = k == 0 ? 1 : fmax(0, fmin(1, u - (k - 1)));
+        n += share * (double)steps[k];
+    }
+    return n;
+}
+
+/* By bisection: the error that `wanted` pairs lie below or, folded, the distance from `centre` that they lie
+ * within. */
+static double middle(const long *steps, double centre, int folded, double wanted)
+{
+    double low = folded ? 0 : -1, high = folded ? 2 : 1;
+    for (int i = 0; i < 60; i++) {
+        const double x = 0.5 * (low + high);
+        const double n = folded ? below(steps, centre + x) - below(steps, centre - x) : below(steps, x);
+        if (n < wanted)
+            low = x;
+        else
+            high = x;
+    }
+    return 0.5 * (low + high);
+}
+
+void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *sigma)
+{
+    *n = 0;
+    *median = *sigma = NAN;
+    for (int k = 0; bin->dmag != NULL && k < RX_TALLY_STEPS; k++)
+        *n += bin->dmag[k];
+    if (*n == 0)
+        return;
+    const double half = 0.5 * (double)*n;
+    if ((double)bin->dmag[0] >= half || (double)bin->dmag[RX_TALLY_STEPS - 1] >= half)
+        return;
+    *median = middle(bin->dmag, 0, 0, half);
+    const double spread = middle(bin->dmag, *median, 1, half);
+    if (fabs(*median) + spread < 1)
+        *sigma = 1.4826 * spread;
+}
