@@ -74,6 +74,21 @@ static rx_status take_file(const char *word, found *words, rx_error *err)
     return RX_OK;
 }
 
+static rx_status take_records(const char *word, found *words, rx_error *err)
+{
+    if (word[word[0] == '@'] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the records is empty; give FILE or @LIST");
+    if (words->image[0] != NULL)
+        return rx_error_set(
+            err, RX_USAGE,
+            "'%.200s' is one file too many, after '%.200s'; put records together with cat, or give "
+            "@LIST, a file that lists them",
+            word, words->image[0]);
+    words->image[0] = word;
+    words->nimages = 1;
+    return RX_OK;
+}
+
 static rx_status take_plain(const rx_keytable *table, const char *word, found *words, rx_error *err)
 {
     switch (table->plain) {
@@ -81,6 +96,8 @@ static rx_status take_plain(const rx_keytable *table, const char *word, found *w
         return take_image(word, words, err);
     case RX_PLAIN_FILE:
         return take_file(word, words, err);
+    case RX_PLAIN_RECORDS:
+        return take_records(word, words, err);
     case RX_PLAIN_NONE:
         break;
     }
@@ -117,8 +134,10 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
         status = take_file(words->file, words, err);
     if (words->plain != NULL)
         words->file = words->plain;
-    if (status == RX_OK && table->plain == RX_PLAIN_IMAGES && words->nimages == 0)
-        return rx_error_set(err, RX_USAGE, "no image is named; see %s -h", table->program);
+    const bool needed = table->plain == RX_PLAIN_IMAGES || table->plain == RX_PLAIN_RECORDS;
+    if (status == RX_OK && needed && words->nimages == 0)
+        return rx_error_set(err, RX_USAGE, "no %s named; see %s -h",
+                            table->plain == RX_PLAIN_IMAGES ? "image is" : "records are", table->program);
     return status;
 }
 
@@ -200,7 +219,7 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     status = rx_settings_new(table, &dst->settings, err);
     if (status == RX_OK)
         status = configure(argc, argv, &words, dst->settings, log, err);
-    if (status == RX_OK && (dst->image == NULL || dst->image[0] != '@'))
+    if (status == RX_OK && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@'))
         status = settle(dst->settings, dst->image, err);
     return status;
 }

@@ -2,6 +2,7 @@
 #include "config/campaign_config.h"
 #include "config/keyword.h"
 #include "config/overwrite.h"
+#include "config/survey_config.h"
 #include "config/train_config.h"
 
 /* clang-format off */
@@ -34,6 +35,12 @@ static const rx_keyword campaign_rows[] = {
 #define struct_of_table rx_train_config
 static const rx_keyword train_rows[] = {
 #include "config/train.def"
+};
+#undef struct_of_table
+
+#define struct_of_table rx_survey_config
+static const rx_keyword survey_rows[] = {
+#include "config/survey.def"
 };
 #undef struct_of_table
 #undef KEY
@@ -103,6 +110,20 @@ const rx_keytable *rx_keytable_train(void)
         .idle = rx_train_idle,
         .check = rx_train_relations,
         .check_outputs = rx_overwrite_check_train,
+    };
+    return &table;
+}
+
+const rx_keytable *rx_keytable_survey(void)
+{
+    static const rx_keytable table = {
+        .program = "rextract-survey",
+        .title = "rextract-survey",
+        ROWS(survey_rows),
+        .size = sizeof(rx_survey_config),
+        .plain = RX_PLAIN_RECORDS,
+        .check = rx_survey_relations,
+        .check_outputs = rx_overwrite_check_survey,
     };
     return &table;
 }

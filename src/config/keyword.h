@@ -44,7 +44,7 @@ typedef struct rx_keyword {
 } rx_keyword;
 
 /* Words of the command line that are no option. */
-typedef enum rx_plain { RX_PLAIN_NONE, RX_PLAIN_IMAGES, RX_PLAIN_FILE } rx_plain;
+typedef enum rx_plain { RX_PLAIN_NONE, RX_PLAIN_IMAGES, RX_PLAIN_FILE, RX_PLAIN_RECORDS } rx_plain;
 
 struct rx_keytable {
     const char *program, *title; /* as it is called, and in the head of its configuration files */
@@ -118,5 +118,6 @@ rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_train_relations(const rx_settings *settings, rx_error *err);
+rx_status rx_survey_relations(const rx_settings *settings, rx_error *err);
 
 #endif

@@ -12,6 +12,7 @@ librextract_la_SOURCES += \
 	src/config/settings_check.c \
 	src/config/settings_dump.c \
 	src/config/simulate_check.c \
+	src/config/survey_check.c \
 	src/config/tiles.c src/config/tiles.h \
 	src/config/tokens.c src/config/tokens.h \
 	src/config/train_check.c
@@ -19,4 +20,4 @@ librextract_la_SOURCES += \
 rx_configdir = $(pkgincludedir)/config
 rx_config_HEADERS = src/config/arguments.h src/config/campaign_config.h src/config/config.h \
 	src/config/config_fields.h src/config/kernel.h src/config/settings.h src/config/simulate_config.h src/config/train_config.h \
-	src/config/campaign.def src/config/keys.def src/config/simulate.def src/config/train.def
+	src/config/survey_config.h src/config/survey.def src/config/campaign.def src/config/keys.def src/config/simulate.def src/config/train.def

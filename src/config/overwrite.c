@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "config/campaign_config.h"
+#include "config/survey_config.h"
 #include "config/train_config.h"
 
 enum { MAX_INPUTS = 8 * RX_LIST };
@@ -282,6 +283,21 @@ rx_status rx_overwrite_check_train(const rx_settings *settings, const char *imag
         status = check_file(&list, "CHECKPOINT_NAME", config->checkpoint_name, err);
     add(&list, config->model_name);
     add(&list, config->checkpoint_name);
+    if (status == RX_OK)
+        status = check_folder(&list, first_output, "OUTPUT_NAME", config->output_name, err);
+    return status;
+}
+
+rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *image, rx_error *err)
+{
+    const rx_survey_config *config = (const rx_survey_config *)settings;
+    inputs list = {0};
+    add(&list, image + (image[0] == '@'));
+    add(&list, config->settings.file);
+    add(&list, config->tiles_name);
+    const int first_output = list.n;
+    rx_status status = check_file(&list, "MERGED_NAME", config->merged_name, err);
+    add(&list, config->merged_name);
     if (status == RX_OK)
         status = check_folder(&list, first_output, "OUTPUT_NAME", config->output_name, err);
     return status;

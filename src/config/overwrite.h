@@ -12,9 +12,11 @@
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);
+rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err);
 
-/* Every file and folder that a run of rextract writes, by keyword; restorers that share a name give it once. */
+/* Every file and folder that a run of rextract writes, by keyword; restorers that share a name give it once.
+ */
 typedef void (*rx_output_visitor)(void *user, const char *key, const char *name);
 void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user);
 

@@ -61,6 +61,7 @@ const rx_keytable *rx_keytable_rextract(void); /* rx_config */
 const rx_keytable *rx_keytable_simulate(void); /* rx_simulate_config */
 const rx_keytable *rx_keytable_validate(void); /* rx_campaign_config */
 const rx_keytable *rx_keytable_train(void);    /* rx_train_config */
+const rx_keytable *rx_keytable_survey(void);   /* rx_survey_config */
 
 /* What all programs' settings begin with. */
 typedef struct rx_settings rx_settings;

@@ -2,6 +2,7 @@
 #include "survey/tile_record.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,7 +33,7 @@ static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
                    bin->right);
     for (int s = 0; bin->dmag != NULL && s < RX_TALLY_STEPS; s++)
         if (bin->dmag[s] > 0)
-            rx_text_printf(dst, " %d:%ld", s, bin->dmag[s]);
+            rx_text_printf(dst, " %d:%" PRIu32, s, bin->dmag[s]);
     rx_text_add(dst, "\n");
 }
 
@@ -50,19 +51,18 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
     }
 }
 
-void rx_tile_record_print(rx_text *dst, const char *image, const char *name, rx_status status,
-                          const char *what, const rx_tile_facts *facts)
+void rx_tile_record_print(rx_text *dst, const rx_tile_record *record)
 {
     rx_text_add(dst, "TILE");
-    add_string(dst, image);
-    add_string(dst, name);
+    add_string(dst, record->image);
+    add_string(dst, record->name);
     rx_text_add(dst, "\nVERSION");
-    add_string(dst, RX_VERSION);
-    rx_text_printf(dst, "\nSTATUS %d", (int)status);
-    add_string(dst, what != NULL ? what : "");
+    add_string(dst, record->version);
+    rx_text_printf(dst, "\nSTATUS %d", record->status);
+    add_string(dst, record->what);
     rx_text_add(dst, "\n");
-    for (int i = 0; i < facts->n; i++)
-        add_extension(dst, &facts->extension[i]);
+    for (int i = 0; i < record->facts.n; i++)
+        add_extension(dst, &record->facts.extension[i]);
     rx_text_add(dst, "END\n");
 }
 
@@ -183,7 +183,7 @@ static rx_status read_run(reader *r)
 static rx_status read_bin(reader *r)
 {
     const long most = 1L << 40;
-    long k, step;
+    long k, step, count;
     if (r->run == NULL || r->run->tally == NULL)
         return refuse(r, "a bin is out of place");
     rx_status status = take_whole(r, 1, 0, RX_TALLY_BINS - 1, &k);
@@ -194,15 +194,17 @@ static rx_status read_bin(reader *r)
     for (int i = 0; i < 4 && status == RX_OK; i++)
         status = take_whole(r, 2 + i, 0, most, counts[i]);
     if (status == RX_OK && r->words.n > 6 && bin->dmag == NULL &&
-        (bin->dmag = RX_NEW(long, RX_TALLY_STEPS)) == NULL)
-        return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(long));
+        (bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS)) == NULL)
+        return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(uint32_t));
     for (int w = 6; w < r->words.n && status == RX_OK; w++) {
         char *end = NULL;
         status = whole(r, r->words.v[w], &end, 0, RX_TALLY_STEPS - 1, &step);
         if (status == RX_OK && *end != ':')
             status = refuse(r, "a count is out of place");
         if (status == RX_OK)
-            status = whole(r, end + 1, &end, 1, most, &bin->dmag[step]);
+            status = whole(r, end + 1, &end, 1, UINT32_MAX, &count);
+        if (status == RX_OK)
+            bin->dmag[step] = (uint32_t)count;
     }
     return status;
 }
@@ -308,10 +310,10 @@ static void clear(rx_tile_record *record)
 static rx_status compare(const rx_tile_record *a, const rx_tile_record *b, int *same, rx_error *err)
 {
     rx_text x = {0}, y = {0};
-    rx_tile_record_print(&x, a->image, a->name, (rx_status)a->status, a->what, &a->facts);
-    rx_tile_record_print(&y, b->image, b->name, (rx_status)b->status, b->what, &b->facts);
+    rx_tile_record_print(&x, a);
+    rx_tile_record_print(&y, b);
     const int failed = x.failed || y.failed;
-    *same = !failed && strcmp(x.data, y.data) == 0 && strcmp(a->version, b->version) == 0;
+    *same = !failed && strcmp(x.data, y.data) == 0;
     rx_text_free(&x);
     rx_text_free(&y);
     return failed ? rx_error_memory(err, 0) : RX_OK;

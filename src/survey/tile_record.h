@@ -31,9 +31,8 @@ typedef struct rx_tile_records {
     rx_tile_record *record;
 } rx_tile_records;
 
-/* As text, TILE to END. what: NULL when it is fine. Memory trouble shows in dst->failed. */
-void rx_tile_record_print(rx_text *dst, const char *image, const char *name, rx_status status,
-                          const char *what, const rx_tile_facts *facts);
+/* As text, TILE to END. Memory trouble shows in dst->failed. */
+void rx_tile_record_print(rx_text *dst, const rx_tile_record *record);
 
 /* Append the records of a file. Errors: RX_INPUT with file and line (a record that is cut short, a line that
  * is none of ours), RX_SYSTEM. */

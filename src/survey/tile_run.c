@@ -34,13 +34,19 @@ static rx_status write_record(const char *path, const char *image, rx_status end
 {
     rx_text text = {0};
     char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128] = "";
-    char *name = rx_name_stem(image);
+    rx_tile_record record = {.image = (char *)image, /* lent, as all of it */
+                             .name = rx_name_stem(image),
+                             .version = RX_VERSION,
+                             .status = (int)ended,
+                             .what = line,
+                             .facts = *facts};
     if (ended != RX_OK)
         rx_error_format(why, "rextract", line, sizeof line);
-    if (name != NULL)
-        rx_tile_record_print(&text, image, name, ended, line, facts);
-    rx_status status = name == NULL || text.failed ? rx_error_memory(err, 0) : write_file(path, &text, err);
-    free(name);
+    if (record.name != NULL)
+        rx_tile_record_print(&text, &record);
+    rx_status status =
+        record.name == NULL || text.failed ? rx_error_memory(err, 0) : write_file(path, &text, err);
+    free(record.name);
     rx_text_free(&text);
     return status;
 }

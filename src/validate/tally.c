@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-static const double STEP = 0.005; /* mag, of the histogram */
+static const double STEP = 0.005, HALF = 0.5; /* mag, of the histogram */
 
 static rx_tally_bin *bin_of(rx_tally *tally, double magnitude)
 {
@@ -17,15 +17,15 @@ static rx_tally_bin *bin_of(rx_tally *tally, double magnitude)
 
 static int step_of(double dmag)
 {
-    const double k = floor((dmag + 1) / STEP);
+    const double k = floor((dmag + HALF) / STEP);
     return k < 0 ? 0 : k >= RX_TALLY_STEPS - 2 ? RX_TALLY_STEPS - 1 : (int)k + 1;
 }
 
 static rx_status make_room(rx_tally_bin *bin, rx_error *err)
 {
     if (bin->dmag == NULL)
-        bin->dmag = RX_NEW(long, RX_TALLY_STEPS);
-    return bin->dmag != NULL ? RX_OK : rx_error_memory(err, RX_TALLY_STEPS * sizeof(long));
+        bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS);
+    return bin->dmag != NULL ? RX_OK : rx_error_memory(err, RX_TALLY_STEPS * sizeof(uint32_t));
 }
 
 rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *err)
@@ -54,7 +54,7 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *e
     return status;
 }
 
-static rx_status add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error *err)
+rx_status rx_tally_add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error *err)
 {
     dst->references += src->references;
     dst->found += src->found;
@@ -72,7 +72,7 @@ rx_status rx_tally_add(rx_tally *dst, const rx_tally *src, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int b = 0; b < RX_TALLY_BINS && status == RX_OK; b++)
-        status = add_bin(&dst->bin[b], &src->bin[b], err);
+        status = rx_tally_add_bin(&dst->bin[b], &src->bin[b], err);
     return status;
 }
 
@@ -84,19 +84,10 @@ void rx_tally_free(rx_tally *tally)
     }
 }
 
-rx_status rx_tally_whole(const rx_tally *tally, rx_tally_bin *dst, rx_error *err)
-{
-    rx_status status = RX_OK;
-    *dst = (rx_tally_bin){0};
-    for (int b = 0; b < RX_TALLY_BINS && status == RX_OK; b++)
-        status = add_bin(dst, &tally->bin[b], err);
-    return status;
-}
-
 /* Count of pairs with an error below `at`, the pairs of a step spread evenly over it. */
-static double below(const long *steps, double at)
+static double below(const uint32_t *steps, double at)
 {
-    double n = 0, u = (at + 1) / STEP;
+    double n = 0, u = (at + HALF) / STEP;
     if (u <= 0)
         return 0;
     for (int k = 0; k < RX_TALLY_STEPS - 1; k++) {
@@ -108,9 +99,9 @@ static double below(const long *steps, double at)
 
 /* By bisection: the error that `wanted` pairs lie below or, folded, the distance from `centre` that they lie
  * within. */
-static double middle(const long *steps, double centre, int folded, double wanted)
+static double middle(const uint32_t *steps, double centre, int folded, double wanted)
 {
-    double low = folded ? 0 : -1, high = folded ? 2 : 1;
+    double low = folded ? 0 : -HALF, high = folded ? 2 * HALF : HALF;
     for (int i = 0; i < 60; i++) {
         const double x = 0.5 * (low + high);
         const double n = folded ? below(steps, centre + x) - below(steps, centre - x) : below(steps, x);
@@ -135,6 +126,6 @@ void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *s
         return;
     *median = middle(bin->dmag, 0, 0, half);
     const double spread = middle(bin->dmag, *median, 1, half);
-    if (fabs(*median) + spread < 1)
+    if (fabs(*median) + spread < HALF)
         *sigma = 1.4826 * spread;
 }

@@ -8,6 +8,8 @@
 #ifndef RX_VALIDATE_TALLY_H
 #define RX_VALIDATE_TALLY_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "validate/evaluate.h"
 
@@ -15,13 +17,13 @@ enum {
     RX_TALLY_LOW =
         -60, /* first bin: magnitude -30; what lies outside of the grid counts in the bin at its end */
     RX_TALLY_BINS = 140,
-    RX_TALLY_STEPS = 402 /* of a histogram: below, 400 steps of 0.005 mag from -1 to 1, above */
+    RX_TALLY_STEPS = 202 /* of a histogram: below, 200 steps of 0.005 mag from -0.5 to 0.5, above */
 };
 
 typedef struct rx_tally_bin {
     long references, found; /* by magnitude of the reference */
     long detections, right; /* by measured magnitude */
-    long *dmag;             /* [RX_TALLY_STEPS] of m - m0, by magnitude of the reference; NULL: no pair */
+    uint32_t *dmag;         /* [RX_TALLY_STEPS] of m - m0, by magnitude of the reference; NULL: no pair */
 } rx_tally_bin;
 
 typedef struct rx_tally {
@@ -34,8 +36,8 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *evaluation, rx
 rx_status rx_tally_add(rx_tally *dst, const rx_tally *src, rx_error *err);
 void rx_tally_free(rx_tally *tally); /* content only */
 
-/* Sum over all bins; dst is empty before. */
-rx_status rx_tally_whole(const rx_tally *tally, rx_tally_bin *dst, rx_error *err);
+/* The same of one bin; dst begins as {0}, and its dmag is the caller's to free. */
+rx_status rx_tally_add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error *err);
 
 /* Median of m - m0 and its sigma_MAD, mag; NAN without a pair, or where they lie outside of the histogram. */
 void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *sigma);

@@ -1,0 +1,317 @@
+/* The page of a survey, and its figures. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "survey/rollup_report.h"
+#include "validate/escape.h"
+#include "validate/page.h"
+
+enum { ROWS_SHOWN = 200, FEW = 5 };
+
+static int color_of(const char *run)
+{
+    return strcmp(run, "NONE") == 0 ? 0 : strncmp(run, "RL", 2) == 0 ? 1 : strcmp(run, "NET") == 0 ? 2 : 6;
+}
+
+/* --- figures --- */
+
+/* Of a bin what is drawn: 0 recall, 1 precision, 2 bias. */
+static rx_estimate drawn(const rx_rollup_cell *cell, int what)
+{
+    if (what == 2) {
+        const double error = cell->pairs > 0 ? 1.2533 * cell->scatter / sqrt((double)cell->pairs) : NAN;
+        return (rx_estimate){cell->bias, cell->bias - error, cell->bias + error, cell->pairs};
+    }
+    return what == 0 ? cell->recall : cell->precision;
+}
+
+static void by_magnitude(rx_figures *dst, const rx_rollup *r, int what, const rx_axes *axes)
+{
+    double *data = RX_NEW(double, 4 * (size_t)RX_TALLY_BINS * (size_t)r->nruns);
+    rx_curve *curves = RX_NEW(rx_curve, (size_t)r->nruns);
+    for (int i = 0; i < r->nruns && data != NULL && curves != NULL; i++) {
+        double *x = data + 4 * (size_t)RX_TALLY_BINS * (size_t)i, *y = x + RX_TALLY_BINS,
+               *low = y + RX_TALLY_BINS, *high = low + RX_TALLY_BINS;
+        long n = 0;
+        for (int b = r->run[i].first; b <= r->run[i].last; b++) {
+            const rx_estimate e = drawn(&r->run[i].bin[b], what);
+            if (e.n < FEW)
+                continue;
+            x[n] = 0.5 * (b + RX_TALLY_LOW) + 0.25 + 0.03 * (i - 0.5 * (r->nruns - 1));
+            y[n] = e.value;
+            low[n] = e.low;
+            high[n++] = e.high;
+        }
+        curves[i] = (rx_curve){.name = r->run[i].name,
+                               .kind = RX_CURVE_BARS,
+                               .color = color_of(r->run[i].name),
+                               .n = n,
+                               .x = x,
+                               .y = y,
+                               .low = low,
+                               .high = high};
+    }
+    if (data == NULL || curves == NULL)
+        dst->script.failed = true;
+    else
+        rx_plot_curves(dst, axes, r->nruns, curves);
+    free(curves);
+    free(data);
+}
+
+/* A point per image, coloured by its value; where is what: 0 completeness, 1 bias. */
+static void over_the_sky(rx_figures *dst, const rx_rollup *r, int run, int bias)
+{
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    for (int i = 0; i < r->nrows; i++) {
+        const double at[] = {r->row[i].extension->alpha, r->row[i].extension->delta};
+        for (int k = 0; k < 2 && isfinite(at[0]) && isfinite(at[1]); k++) {
+            low[k] = fmin(low[k], at[k]);
+            high[k] = fmax(high[k], at[k]);
+        }
+    }
+    const double margin = low[0] <= high[0] ? 0.05 * fmax(high[0] - low[0], high[1] - low[1]) + 0.02 : 1;
+    /* east is left */
+    const rx_axes axes = {.xlabel = "ALPHA_J2000 [deg]",
+                          .ylabel = "DELTA_J2000 [deg]",
+                          .x0 = low[0] - margin,
+                          .x1 = high[0] + margin,
+                          .y0 = low[1] - margin,
+                          .y1 = high[1] + margin};
+    rx_plot_begin(dst, &axes);
+    rx_text *script = &dst->script;
+    rx_text_add(script, "$sky << EOD\n");
+    for (int i = 0; i < r->nrows; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const double value = bias ? row->cell.bias : row->cell.recall.value;
+        if (strcmp(row->run->name, r->run[run].name) != 0 || row->run->tally == NULL || !isfinite(value) ||
+            !isfinite(row->extension->alpha))
+            continue;
+        rx_plot_value(script, row->extension->alpha);
+        rx_plot_value(script, row->extension->delta);
+        rx_plot_value(script, value);
+        rx_text_add(script, "\n");
+    }
+    rx_text_printf(
+        script,
+        "nan nan nan\nEOD\nset xrange [*:*] reverse\nset xrange [%.6g:%.6g]\nset palette defined (0 "
+        "'#2166ac', 1 '#f7f7f7', 2 '#b2182b')\nset cblabel '%s'\nplot $sky using 1:2:3 with points pt 5 ps "
+        "0.9 palette notitle\nset xrange [*:*] noreverse\nunset cblabel\n",
+        high[0] + margin, low[0] - margin, bias ? "median of m - m0 [mag]" : "recall");
+}
+
+void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
+{
+    double first = HUGE_VAL, last = -HUGE_VAL, widest = 0.02;
+    int placed = 0;
+    for (int i = 0; i < r->nruns; i++)
+        for (int b = r->run[i].first; b <= r->run[i].last; b++) {
+            const rx_rollup_cell *cell = &r->run[i].bin[b];
+            if (cell->recall.n < FEW && cell->precision.n < FEW)
+                continue;
+            first = fmin(first, 0.5 * (b + RX_TALLY_LOW));
+            last = fmax(last, 0.5 * (b + 1 + RX_TALLY_LOW));
+            if (isfinite(cell->bias) && cell->pairs >= FEW)
+                widest = fmax(widest, 1.2 * fabs(cell->bias));
+        }
+    for (int i = 0; i < r->nrows; i++)
+        placed |= isfinite(r->row[i].extension->alpha) && r->row[i].run->tally != NULL;
+    rx_figures_begin(dst);
+    if (!(last > first))
+        return;
+    rx_axes axes = {.xlabel = "magnitude of the reference",
+                    .ylabel = "recall",
+                    .x0 = first,
+                    .x1 = last,
+                    .y0 = 0,
+                    .y1 = 1.02};
+    rx_figure_add(dst, "recall", "Completeness", "All tiles together; bars are 95 % intervals.",
+                  RX_FIGURE_CHART);
+    by_magnitude(dst, r, 0, &axes);
+    axes.xlabel = "measured magnitude";
+    axes.ylabel = "precision";
+    rx_figure_add(dst, "precision", "Purity", "All tiles together; bars are 95 % intervals.",
+                  RX_FIGURE_CHART);
+    by_magnitude(dst, r, 1, &axes);
+    axes.xlabel = "magnitude of the reference";
+    axes.ylabel = "median of m - m0 [mag]";
+    axes.y0 = -widest;
+    axes.y1 = widest;
+    rx_figure_add(dst, "bias", "Magnitude errors", "Medians over all tiles with their errors.",
+                  RX_FIGURE_CHART);
+    by_magnitude(dst, r, 2, &axes);
+    for (int i = 0; i < r->nruns && placed; i++)
+        for (int bias = 0; bias < 2; bias++) {
+            char id[RX_FIGURE_ID], title[64];
+            snprintf(id, sizeof id, "sky-%d-%d", i, bias);
+            snprintf(title, sizeof title, "%s: %s over the sky", r->run[i].name,
+                     bias ? "bias" : "completeness");
+            rx_figure_add(dst, id, title, "A square per image.", RX_FIGURE_CHART);
+            over_the_sky(dst, r, i, bias);
+        }
+}
+
+/* --- the page --- */
+
+static void cell_heads(rx_text *dst)
+{
+    rx_page_head(dst, RX_RIGHT, "recall");
+    rx_page_head(dst, RX_RIGHT, "precision");
+    rx_page_head(dst, RX_RIGHT, "bias [mag]");
+    rx_page_head(dst, RX_RIGHT, "scatter [mag]");
+    rx_page_head(dst, RX_RIGHT, "pairs");
+}
+
+static void cells(rx_text *dst, const rx_rollup_cell *cell)
+{
+    rx_page_cell_estimate(dst, &cell->recall, 3);
+    rx_page_cell_estimate(dst, &cell->precision, 3);
+    rx_page_cell_number(dst, cell->pairs > 0 ? cell->bias : NAN, 4);
+    rx_page_cell_number(dst, cell->pairs > 0 ? cell->scatter : NAN, 4);
+    rx_page_cell_count(dst, cell->pairs);
+}
+
+static void overview(rx_text *dst, const rx_rollup *r)
+{
+    rx_page_section(dst, "overview", "Overview");
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_RIGHT, "tiles");
+    rx_page_head(dst, RX_RIGHT, "fine");
+    rx_page_head(dst, RX_RIGHT, "failed");
+    rx_page_head(dst, RX_RIGHT, "without a record");
+    rx_page_head(dst, RX_RIGHT, "a gate failed");
+    rx_page_head(dst, RX_RIGHT, "a gate undecided");
+    rx_page_row_end(dst);
+    rx_page_row(dst, NULL);
+    rx_page_cell_count(dst, r->records->n + r->nmissing);
+    rx_page_cell_count(dst, r->fine);
+    rx_page_cell_count(dst, r->failed);
+    rx_page_cell_count(dst, r->nmissing);
+    rx_page_cell_count(dst, r->gates);
+    rx_page_cell_count(dst, r->undecided);
+    rx_page_row_end(dst);
+    rx_page_table_end(dst);
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "restorer");
+    rx_page_head(dst, RX_RIGHT, "images");
+    rx_page_head(dst, RX_RIGHT, "sources");
+    cell_heads(dst);
+    rx_page_row_end(dst);
+    for (int i = 0; i < r->nruns; i++) {
+        rx_page_row(dst, NULL);
+        rx_page_cell_text(dst, r->run[i].name);
+        rx_page_cell_count(dst, r->run[i].tiles);
+        rx_page_cell_count(dst, r->run[i].sources);
+        cells(dst, &r->run[i].whole);
+        rx_page_row_end(dst);
+    }
+    rx_page_table_end(dst);
+    if (r->mag_low < r->mag_high) {
+        rx_text note = {0};
+        rx_text_printf(&note, "Recall, precision and errors of magnitudes %g to %g (MAG_RANGE).", r->mag_low,
+                       r->mag_high);
+        dst->failed |= note.failed;
+        rx_page_note(dst, note.data);
+        rx_text_free(&note);
+    }
+}
+
+static void failures(rx_text *dst, const rx_rollup *r)
+{
+    rx_page_section(dst, "failures", "Tiles that are not fine");
+    if (r->fine == r->records->n && r->nmissing == 0) {
+        rx_page_paragraph(dst, "None.");
+        return;
+    }
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "image");
+    rx_page_head(dst, RX_RIGHT, "exit status");
+    rx_page_head(dst, RX_LEFT, "why");
+    rx_page_row_end(dst);
+    for (int i = 0; i < r->records->n; i++) {
+        const rx_tile_record *record = &r->records->record[i];
+        if (record->status == RX_OK)
+            continue;
+        rx_page_row(dst, NULL);
+        rx_page_cell_text(dst, record->image);
+        rx_page_cell_count(dst, record->status);
+        rx_page_cell_text(dst, record->what);
+        rx_page_row_end(dst);
+    }
+    for (int i = 0; i < r->nmissing; i++) {
+        rx_page_row(dst, NULL);
+        rx_page_cell_text(dst, rx_tiles_image(r->tiles, r->missing[i]));
+        rx_page_cell_text(dst, "");
+        rx_page_cell_text(dst, "no record: it was not run, or was killed");
+        rx_page_row_end(dst);
+    }
+    rx_page_table_end(dst);
+}
+
+static void worst_first(rx_text *dst, const rx_rollup *r)
+{
+    rx_page_section(dst, "tiles", "Tiles, worst first");
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "tile");
+    rx_page_head(dst, RX_RIGHT, "HDU");
+    rx_page_head(dst, RX_LEFT, "restorer");
+    rx_page_head(dst, RX_LEFT, "gates");
+    rx_page_head(dst, RX_RIGHT, "off");
+    rx_page_head(dst, RX_LEFT, "in");
+    cell_heads(dst);
+    rx_page_head(dst, RX_RIGHT, "FWHM [pix]");
+    rx_page_head(dst, RX_RIGHT, "noise [ADU]");
+    rx_page_head(dst, RX_RIGHT, "sources");
+    rx_page_row_end(dst);
+    for (int i = 0; i < r->nrows && i < ROWS_SHOWN; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const char *verdict = rx_verdict_name(row->extension->verdict);
+        rx_page_row(dst, NULL);
+        rx_page_cell_text(dst, row->record->name);
+        rx_page_cell_count(dst, row->extension->hdu);
+        rx_page_cell_text(dst, row->run->name);
+        if (row->extension->verdict == RX_VERDICT_NONE)
+            rx_page_cell_text(dst, "");
+        else
+            rx_page_cell_verdict(dst, verdict, verdict);
+        rx_page_cell_number(dst, row->off, 1);
+        rx_page_cell_text(dst, row->what);
+        cells(dst, &row->cell);
+        rx_page_cell_number(dst, row->extension->fwhm, 2);
+        rx_page_cell_number(dst, row->extension->noise, 3);
+        rx_page_cell_count(dst, row->run->sources);
+        rx_page_row_end(dst);
+    }
+    rx_page_table_end(dst);
+    rx_page_note(
+        dst, "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
+             "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
+             "and depth count as well. All rows are in tiles.ecsv.");
+}
+
+void rx_rollup_html(rx_text *dst, const rx_rollup *r, const rx_figures *figures)
+{
+    rx_page_begin(dst, "Survey: ", "all tiles");
+    rx_page_links_begin(dst);
+    rx_page_link(dst, 1, "overview", "Overview");
+    rx_page_link(dst, 1, "failures", "Not fine");
+    rx_page_link(dst, 1, "figures", "Figures");
+    rx_page_link(dst, 1, "tiles", "Tiles");
+    rx_page_links_end(dst);
+    overview(dst, r);
+    failures(dst, r);
+    rx_page_section(dst, "figures", "Figures");
+    if (figures->n == 0 && figures->note[0] == '\0')
+        rx_page_paragraph(dst, "No tile was compared with a reference catalogue.");
+    else
+        rx_page_figures(dst, figures, "");
+    worst_first(dst, r);
+    rx_page_end(dst);
+}

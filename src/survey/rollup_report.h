@@ -1,0 +1,28 @@
+/* The report of a survey: a page, tables, and files for other programs. */
+#ifndef RX_SURVEY_ROLLUP_REPORT_H
+#define RX_SURVEY_ROLLUP_REPORT_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "base/text.h"
+#include "survey/rollup.h"
+#include "validate/figure.h"
+
+/* Into the existing folder (`shown` in errors): report.html, summary.json, tiles.ecsv, bins.ecsv and
+ * junit.xml. No dates, no paths but those of the records. figures 0: no gnuplot. */
+rx_status rx_rollup_report(const rx_rollup *rollup, int figures, const char *folder, const char *shown,
+                           rx_log *log, rx_error *err);
+
+/* The parts, each one file. */
+void rx_rollup_html(rx_text *dst, const rx_rollup *rollup, const rx_figures *figures);
+void rx_rollup_json(rx_text *dst, const rx_rollup *rollup);
+void rx_rollup_tiles(rx_text *dst, const rx_rollup *rollup);
+void rx_rollup_bins(rx_text *dst, const rx_rollup *rollup);
+/* JUnit's XML: a test case per tile; failure: a gate that fails, error: a tile that failed or has no record,
+ * skipped: a gate that cannot be decided. */
+void rx_rollup_junit(rx_text *dst, const rx_rollup *rollup);
+
+/* Completeness and bias by magnitude, both over the sky. */
+void rx_rollup_figures(rx_figures *dst, const rx_rollup *rollup);
+
+#endif

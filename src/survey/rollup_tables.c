@@ -1,0 +1,215 @@
+/* The roll-up for programs: JSON, ECSV, JUnit. */
+#include <math.h>
+#include <stdio.h>
+
+#include "survey/rollup_report.h"
+#include "validate/ecsv.h"
+#include "validate/escape.h"
+#include "validate/json.h"
+
+static const char *verdict_name(const rx_rollup_row *row)
+{
+    return rx_verdict_name(row->extension->verdict);
+}
+
+static void json_cell(rx_json *j, const rx_rollup_cell *cell)
+{
+    rx_json_estimate(j, "recall", &cell->recall);
+    rx_json_estimate(j, "precision", &cell->precision);
+    rx_json_count(j, "pairs", (uint64_t)cell->pairs);
+    rx_json_number(j, "bias_mag", cell->bias);
+    rx_json_number(j, "scatter_mag", cell->scatter);
+}
+
+static void json_run(rx_json *j, const rx_rollup_run *run)
+{
+    rx_json_object(j, NULL, false);
+    rx_json_string(j, "name", run->name);
+    rx_json_count(j, "images", (uint64_t)run->tiles);
+    rx_json_count(j, "sources", (uint64_t)run->sources);
+    json_cell(j, &run->whole);
+    rx_json_array(j, "bins", false);
+    for (int b = run->first; b <= run->last; b++) {
+        rx_json_object(j, NULL, true);
+        rx_json_number(j, "mag_low", 0.5 * (b + RX_TALLY_LOW));
+        rx_json_number(j, "mag_high", 0.5 * (b + 1 + RX_TALLY_LOW));
+        json_cell(j, &run->bin[b]);
+        rx_json_end(j);
+    }
+    rx_json_end(j);
+    rx_json_end(j);
+}
+
+static void json_row(rx_json *j, const rx_rollup_row *row)
+{
+    const rx_extension_facts *e = row->extension;
+    rx_json_object(j, NULL, true);
+    rx_json_string(j, "tile", row->record->name);
+    rx_json_string(j, "image", row->record->image);
+    rx_json_number(j, "hdu", e->hdu);
+    rx_json_string(j, "run", row->run->name);
+    rx_json_number(j, "off", row->off);
+    rx_json_string(j, "worst_in", row->what);
+    rx_json_string(j, "verdict", verdict_name(row));
+    rx_json_number(j, "alpha_j2000", e->alpha);
+    rx_json_number(j, "delta_j2000", e->delta);
+    rx_json_number(j, "fwhm", e->fwhm);
+    rx_json_number(j, "sky", e->sky);
+    rx_json_number(j, "noise", e->noise);
+    rx_json_count(j, "sources", (uint64_t)row->run->sources);
+    if (row->run->tally != NULL)
+        json_cell(j, &row->cell);
+    rx_json_end(j);
+}
+
+void rx_rollup_json(rx_text *dst, const rx_rollup *r)
+{
+    rx_json j = rx_json_on(dst);
+    rx_json_object(&j, NULL, false);
+    rx_json_string(&j, "format", "rextract survey 1");
+    rx_json_number(&j, "mag_low", r->mag_low < r->mag_high ? r->mag_low : NAN);
+    rx_json_number(&j, "mag_high", r->mag_low < r->mag_high ? r->mag_high : NAN);
+    rx_json_count(&j, "tiles", (uint64_t)(r->records->n + r->nmissing));
+    rx_json_count(&j, "fine", (uint64_t)r->fine);
+    rx_json_count(&j, "failed", (uint64_t)r->failed);
+    rx_json_count(&j, "without_record", (uint64_t)r->nmissing);
+    rx_json_count(&j, "gate_failed", (uint64_t)r->gates);
+    rx_json_count(&j, "gate_undecided", (uint64_t)r->undecided);
+    rx_json_array(&j, "runs", false);
+    for (int i = 0; i < r->nruns; i++)
+        json_run(&j, &r->run[i]);
+    rx_json_end(&j);
+    rx_json_array(&j, "not_fine", false);
+    for (int i = 0; i < r->records->n; i++) {
+        const rx_tile_record *record = &r->records->record[i];
+        if (record->status == RX_OK)
+            continue;
+        rx_json_object(&j, NULL, true);
+        rx_json_string(&j, "tile", record->name);
+        rx_json_string(&j, "image", record->image);
+        rx_json_number(&j, "exit_status", record->status);
+        rx_json_string(&j, "error", record->what);
+        rx_json_end(&j);
+    }
+    rx_json_end(&j);
+    rx_json_array(&j, "missing", false);
+    for (int i = 0; i < r->nmissing; i++)
+        rx_json_string(&j, NULL, rx_tiles_image(r->tiles, r->missing[i]));
+    rx_json_end(&j);
+    rx_json_array(&j, "images", false);
+    for (int i = 0; i < r->nrows; i++)
+        json_row(&j, &r->row[i]);
+    rx_json_end(&j);
+    rx_json_end(&j);
+}
+
+static void cell_columns(rx_ecsv *t)
+{
+    rx_ecsv_estimate_columns(t, "recall", "", "share of references found");
+    rx_ecsv_estimate_columns(t, "precision", "", "share of detections that are references");
+    rx_ecsv_column(t, "pairs", RX_ECSV_LONG, "", "matches with both magnitudes");
+    rx_ecsv_column(t, "bias_mag", RX_ECSV_FLOAT, "mag", "median of m - m0");
+    rx_ecsv_column(t, "scatter_mag", RX_ECSV_FLOAT, "mag", "sigma_MAD of m - m0");
+}
+
+static void cell_values(rx_ecsv *t, const rx_rollup_cell *cell)
+{
+    rx_ecsv_estimate(t, &cell->recall);
+    rx_ecsv_estimate(t, &cell->precision);
+    rx_ecsv_count(t, cell->pairs);
+    rx_ecsv_number(t, cell->bias);
+    rx_ecsv_number(t, cell->scatter);
+}
+
+void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
+{
+    rx_ecsv t = rx_ecsv_on(dst);
+    rx_ecsv_column(&t, "tile", RX_ECSV_TEXT, "", "name");
+    rx_ecsv_column(&t, "image", RX_ECSV_TEXT, "", "file");
+    rx_ecsv_column(&t, "hdu", RX_ECSV_INT, "", "its HDU");
+    rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
+    rx_ecsv_column(&t, "off", RX_ECSV_FLOAT, "", "errors that it lies off the survey in what is worst");
+    rx_ecsv_column(&t, "worst_in", RX_ECSV_TEXT, "", "what that is");
+    rx_ecsv_column(&t, "verdict", RX_ECSV_TEXT, "", "of the gates");
+    rx_ecsv_column(&t, "alpha_j2000", RX_ECSV_FLOAT, "deg", "of the centre");
+    rx_ecsv_column(&t, "delta_j2000", RX_ECSV_FLOAT, "deg", "of the centre");
+    rx_ecsv_column(&t, "fwhm", RX_ECSV_FLOAT, "pix", "of the PSF");
+    rx_ecsv_column(&t, "sky", RX_ECSV_FLOAT, "adu", "level");
+    rx_ecsv_column(&t, "noise", RX_ECSV_FLOAT, "adu", "of a pixel");
+    rx_ecsv_column(&t, "sources", RX_ECSV_LONG, "", "in the catalogue");
+    cell_columns(&t);
+    rx_ecsv_columns_end(&t);
+    for (int i = 0; i < r->nrows; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const rx_extension_facts *e = row->extension;
+        rx_ecsv_text(&t, row->record->name);
+        rx_ecsv_text(&t, row->record->image);
+        rx_ecsv_count(&t, e->hdu);
+        rx_ecsv_text(&t, row->run->name);
+        rx_ecsv_number(&t, row->off);
+        rx_ecsv_text(&t, row->what);
+        rx_ecsv_text(&t, verdict_name(row));
+        rx_ecsv_number(&t, e->alpha);
+        rx_ecsv_number(&t, e->delta);
+        rx_ecsv_number(&t, e->fwhm);
+        rx_ecsv_number(&t, e->sky);
+        rx_ecsv_number(&t, e->noise);
+        rx_ecsv_count(&t, row->run->sources);
+        cell_values(&t, &row->cell);
+        rx_ecsv_row_end(&t);
+    }
+}
+
+void rx_rollup_bins(rx_text *dst, const rx_rollup *r)
+{
+    rx_ecsv t = rx_ecsv_on(dst);
+    rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
+    rx_ecsv_column(&t, "mag_low", RX_ECSV_FLOAT, "mag", "from");
+    rx_ecsv_column(&t, "mag_high", RX_ECSV_FLOAT, "mag", "below");
+    cell_columns(&t);
+    rx_ecsv_columns_end(&t);
+    for (int i = 0; i < r->nruns; i++)
+        for (int b = r->run[i].first; b <= r->run[i].last; b++) {
+            rx_ecsv_text(&t, r->run[i].name);
+            rx_ecsv_number(&t, 0.5 * (b + RX_TALLY_LOW));
+            rx_ecsv_number(&t, 0.5 * (b + 1 + RX_TALLY_LOW));
+            cell_values(&t, &r->run[i].bin[b]);
+            rx_ecsv_row_end(&t);
+        }
+}
+
+/* kind: element of what is wrong, or NULL. */
+static void junit_case(rx_text *dst, const char *image, const char *kind, const char *what)
+{
+    rx_text_add(dst, "  <testcase classname=\"rextract\" name=\"");
+    rx_escape_html(dst, image);
+    if (kind == NULL) {
+        rx_text_add(dst, "\"/>\n");
+        return;
+    }
+    rx_text_printf(dst, "\"><%s message=\"", kind);
+    rx_escape_html(dst, what);
+    rx_text_add(dst, "\"/></testcase>\n");
+}
+
+void rx_rollup_junit(rx_text *dst, const rx_rollup *r)
+{
+    rx_text_printf(
+        dst,
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"rextract survey\" tests=\"%d\" "
+        "failures=\"%d\" errors=\"%d\" skipped=\"%d\">\n",
+        r->records->n + r->nmissing, r->gates, r->failed + r->nmissing, r->undecided);
+    for (int i = 0; i < r->records->n; i++) {
+        const rx_tile_record *record = &r->records->record[i];
+        junit_case(dst, record->image,
+                   record->status == RX_OK                  ? NULL
+                   : record->status == RX_GATE_FAIL         ? "failure"
+                   : record->status == RX_GATE_INSUFFICIENT ? "skipped"
+                                                            : "error",
+                   record->what);
+    }
+    for (int i = 0; i < r->nmissing; i++)
+        junit_case(dst, rx_tiles_image(r->tiles, r->missing[i]), "error",
+                   "no record: it was not run, or was killed");
+    rx_text_add(dst, "</testsuite>\n");
+}
