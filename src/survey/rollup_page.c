@@ -81,6 +81,8 @@ static void over_the_sky(rx_figures *dst, const rx_rollup *r, int run, int bias)
                           .x1 = high[0] + margin,
                           .y0 = low[1] - margin,
                           .y1 = high[1] + margin};
+    char range[48] = "[*:*]";
+    double widest = 0.01;
     rx_plot_begin(dst, &axes);
     rx_text *script = &dst->script;
     rx_text_add(script, "$sky << EOD\n");
@@ -90,17 +92,24 @@ static void over_the_sky(rx_figures *dst, const rx_rollup *r, int run, int bias)
         if (strcmp(row->run->name, r->run[run].name) != 0 || row->run->tally == NULL || !isfinite(value) ||
             !isfinite(row->extension->alpha))
             continue;
+        widest = fmax(widest, fabs(value));
         rx_plot_value(script, row->extension->alpha);
         rx_plot_value(script, row->extension->delta);
         rx_plot_value(script, value);
         rx_text_add(script, "\n");
     }
+    if (bias)
+        snprintf(range, sizeof range, "[%.4g:%.4g]", -widest, widest);
+    /* completeness from dark to bright; bias from blue to red with grey, which shows on white, for none */
     rx_text_printf(
         script,
-        "nan nan nan\nEOD\nset xrange [*:*] reverse\nset xrange [%.6g:%.6g]\nset palette defined (0 "
-        "'#2166ac', 1 '#f7f7f7', 2 '#b2182b')\nset cblabel '%s'\nplot $sky using 1:2:3 with points pt 5 ps "
-        "0.9 palette notitle\nset xrange [*:*] noreverse\nunset cblabel\n",
-        high[0] + margin, low[0] - margin, bias ? "median of m - m0 [mag]" : "recall");
+        "nan nan nan\nEOD\nset xrange [%.6g:%.6g]\nset palette defined (%s)\nset cbrange %s\n"
+        "set cblabel '%s'\n"
+        "plot $sky using 1:2:3 with points pt 5 ps 0.9 palette notitle\nunset cblabel\nset cbrange [*:*]\n",
+        high[0] + margin, low[0] - margin,
+        bias ? "-1 '#2166ac', 0 '#bbbbbb', 1 '#b2182b'"
+             : "0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725'",
+        range, bias ? "median of m - m0 [mag]" : "recall");
 }
 
 void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
