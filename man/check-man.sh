@@ -9,7 +9,7 @@ scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-for list in keywords columns simulate validate train; do
+for list in keywords columns simulate validate train survey; do
     if ! "$make_man" "$list" >"$scratch/$list"; then
         echo "$make_man cannot be run"
         exit 2
@@ -28,7 +28,7 @@ fill() {
         }' "$1"
 }
 
-for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1; do
+for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1; do
     page=$top/man/$name
     fill "$page" >"$scratch/page"
     if [ "${1-}" = --write ]; then
@@ -41,7 +41,7 @@ for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-tra
     fi
 done
 [ "${1-}" != --write ] || exit 0
-for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1; do
+for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1; do
     if ! command -v mandoc >/dev/null; then
         skipped=$((skipped + 1))
         continue

@@ -1,6 +1,6 @@
 /* Prints the generated sections of the manual pages: `make_man keywords`, `make_man simulate`, `make_man
- * validate`, `make_man train` (keywords of these programs) or `make_man columns`. Run by man/check-man.sh,
- * never installed. */
+ * validate`, `make_man train`, `make_man survey` (keywords of these programs) or `make_man columns`. Run by
+ * man/check-man.sh, never installed. */
 #include <stdio.h>
 #include <string.h>
 
@@ -18,6 +18,8 @@ int main(int argc, char **argv)
         rx_settings_man(&text, rx_keytable_validate());
     else if (argc == 2 && strcmp(argv[1], "train") == 0)
         rx_settings_man(&text, rx_keytable_train());
+    else if (argc == 2 && strcmp(argv[1], "survey") == 0)
+        rx_settings_man(&text, rx_keytable_survey());
     else if (argc == 2 && strcmp(argv[1], "columns") == 0)
         rx_columns_man(&text);
     if (text.data == NULL || text.failed || fputs(text.data, stdout) == EOF)

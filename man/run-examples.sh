@@ -32,12 +32,12 @@ read_page() {
         file != "" { print > file; next }
         examples' "$1"
 }
-for page in rextract.1 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract.conf.5; do
+for page in rextract.1 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1 rextract.conf.5; do
     read_page "$top/man/$page"
 done >../commands
 
 ln -s "$program" ../bin/rextract
-ln -s "$folder/rextract-simulate" "$folder/rextract-validate" "$folder/rextract-train" ../bin
+ln -s "$folder/rextract-simulate" "$folder/rextract-validate" "$folder/rextract-train" "$folder/rextract-survey" ../bin
 PATH=$scratch/bin:$PATH
 HOME=$scratch/home
 export PATH HOME

@@ -1,0 +1,3 @@
+check_PROGRAMS += tests/unit/survey/test_tile_record tests/unit/survey/test_rollup
+tests_unit_survey_test_tile_record_SOURCES = tests/unit/survey/test_tile_record.c
+tests_unit_survey_test_rollup_SOURCES = tests/unit/survey/test_rollup.c
