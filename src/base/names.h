@@ -12,9 +12,9 @@ char *rx_name_with_tag(const char *path, const char *tag);
  * single image. Both to be freed. false without memory. */
 bool rx_name_split_images(const char *images, char **detect, char **measure);
 
-/* What a tile is called: the file's name without folder, without what stands in [brackets], and without .fits,
- * .fit, .fts or .fz, .gz, .bz2, .Z behind it: "night/a.fits.fz[1]" -> "a". Of "detect,measure" the first.
- * NULL without memory; the caller frees. */
+/* What a tile is called: the file's name without folder, without what stands in [brackets], and without
+ * .fits, .fit, .fts or .fz, .gz, .bz2, .Z behind it: "night/a.fits.fz[1]" -> "a". Of "detect,measure" the
+ * first. NULL without memory; the caller frees. */
 char *rx_name_stem(const char *image);
 
 #endif

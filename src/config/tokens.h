@@ -18,8 +18,8 @@ rx_status rx_tokens_read(const char *line, rx_tokens *dst, rx_error *err);
 /* The same replacement of $NAME alone: `text` as one item. */
 rx_status rx_tokens_expand(const char *text, rx_tokens *dst, rx_error *err);
 
-/* Words as a shell parts them: by blanks alone; "quotes" keep blanks, '#' at the start of a word ends the line.
- * Dollars stay: the values are read once more. */
+/* Words as a shell parts them: by blanks alone; "quotes" keep blanks, '#' at the start of a word ends the
+ * line. Dollars stay: the values are read once more. */
 rx_status rx_tokens_words(const char *line, rx_tokens *dst, rx_error *err);
 
 void rx_tokens_free(rx_tokens *tokens);
