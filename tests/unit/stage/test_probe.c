@@ -163,6 +163,7 @@ static void check_noise(const char *detect_noise, const rx_restorer *kind, int b
     scene_make(&s, SIDE, SIDE, 12, 5);
     rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
     const rx_restorer *rl = rx_restorer_find("RL");
+    b.options->keep_filtered = 1;
     assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &probe, NULL), RX_OK);
     const rx_map noise = rx_background_noise(field->restored);
     const float *own = probe.restored->sigma;
@@ -233,6 +234,7 @@ static void test_filter_of_restored(void **state)
         bench_open(&b, settings);
         scene_make(&s, SIDE, SIDE, 12, 5);
         rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
+        b.options->keep_filtered = 1;
         assert_int_equal(
             rx_probe_run(b.options, rx_restorer_find(cases[i].kind), field, NULL, NULL, &probe, NULL), RX_OK);
         assert_int_equal(

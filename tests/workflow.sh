@@ -1,0 +1,109 @@
+#!/bin/sh
+# The Snakemake workflow on one machine: the same roll-up as of rextract @LIST, tiles that fail told and not tried again,
+# tiles of a machine that fails tried again, a run that was stopped goes on, and names that a shell would obey.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+folder=$(cd "$(dirname "${RX_PROGRAM:-$top/rextract}")" && pwd)
+for need in rextract rextract-survey rextract-simulate; do
+    [ -x "$folder/$need" ] || {
+        echo "workflow.sh: $folder/$need is missing; build first (make check)"
+        exit 2
+    }
+done
+if ! command -v snakemake >/dev/null; then
+    echo 'skipped: snakemake is missing'
+    echo '0 passed, 0 failed, 1 skipped'
+    exit 0
+fi
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-workflow-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+export HOME="$scratch" PYTHONDONTWRITEBYTECODE=1
+passed=0 failed=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+# shellcheck disable=SC2016 # such a name it is
+strange='b $(touch obeyed); `touch obeyed`'\''s.fits'
+n=0
+for name in a.fits "$strange" c.fits d.fits; do
+    n=$((n + 1))
+    "$folder/rextract-simulate" -IMAGE_SIZE 96 -SEED $n -STAR_COUNT 3000 -GALAXY_COUNT 0 -IMAGE_NAME "$name" \
+        -TRUTH_NAME "${name%.fits}.truth" -VERBOSE_TYPE QUIET || exit 2
+done
+cat >tiles.list <<END
+a.fits
+"$strange"          # a name that a shell would obey
+missing.fits
+c.fits -DETECT_THRESH 3
+
+d.fits
+END
+printf 'RESTORE_TYPE NONE\nFILTER N\nPARAMETERS_NAME my.param\nREFERENCE_NAME {tile}.truth\nQA_FIGURES N\n' >my.sex
+printf 'NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\n' >my.param
+cat >my.yaml <<END
+settings: my.sex
+rextract: "$folder/rextract"
+survey: "$folder/rextract-survey"
+survey_options: ["-QA_FIGURES", "N", "-VERBOSE_TYPE", "QUIET"]
+END
+
+workflow() {
+    snakemake --snakefile "$top/workflow/Snakefile" --configfile my.yaml --cores 1 --quiet >log 2>&1 </dev/null
+}
+
+workflow
+result 'all tiles, one of them missing' $? log
+[ "$(find ./done -type f ! -name '.*' | wc -l)" = 5 ] && [ -f survey/report.html ] && [ ! -e obeyed ]
+result 'every tile is done, and no name was obeyed' $? log
+grep -q '"fine": 4' survey/summary.json && grep -q 'missing.fits: cannot be opened' survey/junit.xml
+result 'the tile that failed is told' $? survey/junit.xml
+
+mkdir other && cp ./*.fits ./*.truth my.sex my.param tiles.list other && (
+    cd other && mkdir catalogs records reports &&
+        "$folder/rextract" @tiles.list -c my.sex -VERBOSE_TYPE QUIET -CATALOG_NAME 'catalogs/{tile}.cat' \
+            -RECORD_NAME 'records/{tile}.record' -QA_NAME 'reports/{tile}'
+    [ $? = 8 ] && cat records/*.record >all.records &&
+        "$folder/rextract-survey" all.records -TILES_NAME tiles.list -QA_FIGURES N -VERBOSE_TYPE QUIET
+) >log 2>&1
+diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1 && diff -r catalogs other/catalogs >>log 2>&1
+result 'the same catalogues and roll-up as of rextract @LIST' $? log
+
+touch -r survey/report.html before
+workflow && ! grep -q 'rule tile' log && [ -z "$(find survey/report.html -newer before)" ]
+result 'nothing is done twice' $? log
+rm -rf done/c survey
+workflow && [ -f survey/report.html ] && [ -f done/c ] && [ "$(find catalogs -newer before -name '*.cat' | wc -l)" = 1 ]
+result 'a run that was stopped goes on with what is left' $? log
+
+# a machine that fails: twice out of memory, then fine
+cat >flaky <<END
+#!/bin/sh
+case \$1 in a.fits) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
+exec "$folder/rextract" "\$@"
+END
+chmod +x flaky
+sed -i "s,^rextract:.*,rextract: \"$scratch/flaky\"," my.yaml
+rm -rf ./done survey records
+workflow && [ "$(wc -l <tries)" = 3 ] && diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1
+result 'a tile that failed for want of memory is tried again' $? log
+rm -rf ./done survey records tries
+sed -i 's,-gt 2,-gt 99,' flaky
+workflow && [ "$(wc -l <tries)" = 3 ] && grep -q 'name="a.fits"><error message="no record' survey/junit.xml
+result 'and told when it never succeeds' $? log
+
+echo '"a.fits' >tiles.list
+! workflow && grep -q 'tiles.list:1: a quote is not closed' log
+result 'a list that is wrong' $? log
+
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" = 0 ]
