@@ -54,10 +54,15 @@ static void tell(const rx_rollup *r, rx_log *log)
         "one that is undecided",
         r->records->n + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided);
     for (int i = 0; i < r->nruns; i++) {
-        const rx_rollup_cell *cell = &r->run[i].whole;
-        rx_log_info(log, "%-8s %ld sources on %ld images; recall %.3f, precision %.3f, bias %+.4f mag",
-                    r->run[i].name, r->run[i].sources, r->run[i].tiles, cell->recall.value,
-                    cell->precision.value, cell->bias);
+        const rx_rollup_run *run = &r->run[i];
+        const rx_rollup_cell *cell = &run->whole;
+        if (cell->recall.n > 0)
+            rx_log_info(log, "%-8s %ld sources on %ld images; recall %.3f, precision %.3f, bias %+.4f mag",
+                        run->name, run->sources, run->tiles, cell->recall.value, cell->precision.value,
+                        cell->bias);
+        else
+            rx_log_info(log, "%-8s %ld sources on %ld images, without a reference catalogue", run->name,
+                        run->sources, run->tiles);
     }
 }
 
