@@ -170,3 +170,20 @@ const char *rx_text_nearest(const char *word, const char *const *words, size_t n
     }
     return best;
 }
+
+rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err)
+{
+    if (text->failed || text->data == NULL)
+        return rx_error_memory(err, 0);
+    FILE *file = fopen(path, "wb");
+    if (file == NULL)
+        return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be made: %s", strerror(errno));
+    int bad = fwrite(text->data, 1, text->length, file) != text->length, reason = errno;
+    if (fclose(file) != 0 && !bad) {
+        bad = 1;
+        reason = errno;
+    }
+    if (bad)
+        return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written: %s", strerror(reason));
+    return RX_OK;
+}

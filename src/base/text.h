@@ -22,6 +22,9 @@ void rx_text_free(rx_text *text);
  * the caller. Errors: RX_INPUT (missing, a folder, too large, holds NUL bytes). */
 rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length, rx_error *err);
 
+/* The text into the file at `path`, which errors call `shown`. Errors: RX_SYSTEM (memory, disk). */
+rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err);
+
 /* The word of `words` (n of them) nearest to `word` by edit distance, case
  * ignored, or NULL when nothing is near: for "did you mean". */
 const char *rx_text_nearest(const char *word, const char *const *words, size_t n);

@@ -2,23 +2,9 @@
 #include "campaign/report_parts.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "validate/escape.h"
 #include "validate/page.h"
-
-int rx_method_color(const char *name)
-{
-    static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT", "SMOOTHED"};
-    const size_t n = strcspn(name, " "); /* "NONE TEMPLATE" has the colour of NONE */
-    if (n == 4 && strncmp(name, "NONE", n) == 0)
-        return 0;
-    int color = 0;
-    while (color < (int)(sizeof known / sizeof *known) &&
-           (strlen(known[color]) != n || strncmp(name, known[color], n) != 0))
-        color++;
-    return color;
-}
 
 void rx_page_said(rx_text *dst, const rx_text *said)
 {

@@ -9,10 +9,6 @@
 #include "validate/hypothesis.h"
 #include "validate/json.h"
 
-/* The paper's colours where it has one: blurred and NONE blue, RL red, NET green, by the first word. A name
- * that is not known has the last colour of the palette. */
-int rx_method_color(const char *name);
-
 /* Text that is escaped, as one paragraph; empty text: nothing. */
 void rx_page_said(rx_text *dst, const rx_text *said);
 

@@ -47,6 +47,14 @@ static void occupy_streams(void)
         close(file);
 }
 
+int rx_program_fail(const char *name, const rx_error *err)
+{
+    char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
+    rx_error_format(err, name, line, sizeof line);
+    fprintf(stderr, "%s\n", line);
+    return (int)err->status;
+}
+
 int rx_program_main(const rx_program *program, int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
@@ -69,11 +77,8 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         status = print(program, arguments.action, arguments.image, &err);
     }
     rx_log_progress_end(&log);
-    if (err.status != RX_OK) {
-        char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
-        rx_error_format(&err, program->name, line, sizeof line);
-        fprintf(stderr, "%s\n", line);
-    }
+    if (err.status != RX_OK)
+        rx_program_fail(program->name, &err);
     rx_arguments_free(&arguments);
     if (program->end != NULL)
         program->end(status);

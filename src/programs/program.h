@@ -18,6 +18,9 @@ typedef struct rx_program {
     void (*end)(rx_status status);
 } rx_program;
 
+/* The error line on standard error; returns the exit code. */
+int rx_program_fail(const char *name, const rx_error *err);
+
 /* The exit code of main(). */
 int rx_program_main(const rx_program *program, int argc, char **argv);
 

@@ -1,5 +1,4 @@
 /* rextract-mpi: what rextract becomes under mpiexec, a list of tiles shared out among the processes. */
-#include <stdio.h>
 
 #include "par/ranks.h"
 #include "programs/extract.h"
@@ -20,11 +19,7 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
 int main(int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
-    if (rx_par_begin(&argc, &argv, &err) != RX_OK) {
-        char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
-        rx_error_format(&err, "rextract", line, sizeof line);
-        fprintf(stderr, "%s\n", line);
-        return (int)err.status;
-    }
+    if (rx_par_begin(&argc, &argv, &err) != RX_OK)
+        return rx_program_fail("rextract", &err);
     return rx_program_extract("rextract", run, rx_par_end, argc, argv);
 }

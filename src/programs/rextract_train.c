@@ -48,12 +48,8 @@ int main(int argc, char **argv)
         .run = run,
         .end = rx_par_end,
     };
-    if (rx_par_begin(&argc, &argv, &err) != RX_OK) {
-        char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128];
-        rx_error_format(&err, program.name, line, sizeof line);
-        fprintf(stderr, "%s\n", line);
-        return (int)err.status;
-    }
+    if (rx_par_begin(&argc, &argv, &err) != RX_OK)
+        return rx_program_fail(program.name, &err);
     /* one process speaks for all */
     if (rx_par_rank() > 0 &&
         (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL))

@@ -11,11 +11,6 @@
 
 enum { ROWS_SHOWN = 200, FEW = 5 };
 
-static int color_of(const char *run)
-{
-    return strcmp(run, "NONE") == 0 ? 0 : strncmp(run, "RL", 2) == 0 ? 1 : strcmp(run, "NET") == 0 ? 2 : 6;
-}
-
 /* --- figures --- */
 
 /* Of a bin what is drawn: 0 recall, 1 precision, 2 bias. */
@@ -47,7 +42,7 @@ static void by_magnitude(rx_figures *dst, const rx_rollup *r, int what, const rx
         }
         curves[i] = (rx_curve){.name = r->run[i].name,
                                .kind = RX_CURVE_BARS,
-                               .color = color_of(r->run[i].name),
+                               .color = rx_method_color(r->run[i].name),
                                .n = n,
                                .x = x,
                                .y = y,

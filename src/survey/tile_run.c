@@ -16,13 +16,8 @@ static rx_status write_file(const char *path, const rx_text *text, rx_error *err
     rx_status status = rx_outputs_new(&outputs, err);
     if (status == RX_OK)
         status = rx_outputs_file(outputs, path, &temporary, err);
-    if (status == RX_OK) {
-        FILE *file = fopen(temporary, "w");
-        int failed = file == NULL || fwrite(text->data, 1, text->length, file) != text->length;
-        failed |= file != NULL && fclose(file) != 0;
-        if (failed)
-            status = rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written; is the disk full?");
-    }
+    if (status == RX_OK)
+        status = rx_text_write_file(text, temporary, path, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     rx_outputs_free(outputs);

@@ -46,6 +46,19 @@ static void write_kind(rx_text *dst, rx_figure_kind kind)
                      "horizontal\nset margins -1,-1,-1,-1\n");
 }
 
+int rx_method_color(const char *name)
+{
+    static const char *const known[] = {"BLURRED", "RL", "NET", "RL_BLIND", "RL_FLAT", "SMOOTHED"};
+    const size_t n = strcspn(name, " "); /* "NONE TEMPLATE" has the colour of NONE */
+    if (n == 4 && strncmp(name, "NONE", n) == 0)
+        return 0;
+    int color = 0;
+    while (color < (int)(sizeof known / sizeof *known) &&
+           (strlen(known[color]) != n || strncmp(name, known[color], n) != 0))
+        color++;
+    return color;
+}
+
 void rx_figures_begin(rx_figures *dst)
 {
     *dst = (rx_figures){0};

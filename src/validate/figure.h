@@ -43,6 +43,10 @@ typedef struct rx_figures {
 void rx_figures_begin(rx_figures *dst);
 void rx_figures_free(rx_figures *figures); /* content only; waits for a gnuplot that was started */
 
+/* Colour of a method, the same in all figures. The paper's where it has one: blurred and NONE blue, RL red,
+ * NET green, by the first word. A name that is not known has the last colour of the palette. */
+int rx_method_color(const char *name);
+
 /* Announce the figure that the next rx_plot_... call draws; id is made fit for a file name. Beyond
  * RX_FIGURES_MAX, or without memory, script.failed is set and rx_figures_draw fails. */
 void rx_figure_add(rx_figures *dst, const char *id, const char *title, const char *reading,
