@@ -42,6 +42,7 @@ cat >"$scratch/libraries" <<'END'
 ^sep\.h      sep       detect measure
 ^mpi\.h      MPI       par
 ^expat       expat     catalog
+^xxhash      xxHash    base
 dnnl         oneDNN    nn
 END
 
@@ -115,6 +116,14 @@ match(code, /(^|[^A-Za-z0-9_.>])(rand|srand|random|drand48|time|localtime|gmtime
 END
 # shellcheck disable=SC2046 # names of our own files hold no blanks
 LC_ALL=C awk -f "$scratch/source.awk" "$scratch/may" "$scratch/libraries" $(cat "$scratch/files") >"$scratch/found"
+
+# A header that is installed includes none that is not, or a stranger's program does not compile.
+cat src/*/local.mk | sed -e ':more' -e '/\\$/{N;s/\\\n//;b more' -e '}' | sed -n 's/^rx_[a-z]*_HEADERS *= *//p' |
+    tr -s ' \t' '\n\n' | sed 's,^src/,,' | LC_ALL=C sort >"$scratch/installed"
+while read -r header; do
+    sed -n 's/^#include "\(.*\)"/\1/p' "src/$header" | grep -vxFf "$scratch/installed" |
+        sed "s;.*;src/$header:1: is installed, & is not;"
+done <"$scratch/installed" >>"$scratch/found"
 
 # Variables that can change: symbols in .data, .bss and their thread-local forms. Constant tables
 # of pointers live in .data.rel.ro and are fine. Sanitizers add symbols of their own, so their

@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/text.h"
+
 static rx_status fill(rx_error *err, rx_status status, const char *file, int hdu, long line,
                       const char *format, va_list args)
 {
@@ -58,7 +60,5 @@ void rx_error_format(const rx_error *err, const char *program, char *dst, size_t
         snprintf(dst, size, "%s: %s%s%s: %s", program, err->where, hdu, line, err->text);
     else
         snprintf(dst, size, "%s: %s", program, err->text);
-    for (char *c = dst; *c != '\0'; c++)
-        if ((unsigned char)*c < 0x20 || (unsigned char)*c == 0x7f)
-            *c = '?';
+    rx_text_tame(dst);
 }

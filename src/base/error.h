@@ -18,7 +18,8 @@ typedef enum rx_status {
     RX_GATE_FAIL = 5,         /* a quality gate is violated */
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
     RX_INTERRUPTED = 7,       /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
-    RX_SOME_FAILED = 8        /* of a list of tiles, not all are done */
+    RX_SOME_FAILED = 8,       /* of a list of tiles, not all are done */
+    RX_DIFFERENT = 9          /* a run that was repeated gave something else */
 } rx_status;
 
 enum { RX_ERROR_WHERE = 1024, RX_ERROR_TEXT = 768 };
@@ -48,8 +49,8 @@ rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu
 /* Out of memory while asking for `bytes` (0 when unknown); returns RX_SYSTEM. */
 rx_status rx_error_memory(rx_error *err, size_t bytes);
 
-/* "program: file[hdu]:line: text" in one line into dst; control characters are
- * shown as '?', so that names from outside cannot drive a terminal. */
+/* "program: file[hdu]:line: text" in one line into dst, made harmless by
+ * rx_text_tame(). */
 void rx_error_format(const rx_error *err, const char *program, char *dst, size_t size);
 
 #endif

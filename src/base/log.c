@@ -5,6 +5,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/text.h"
+
 enum { SHOW_AFTER_SECONDS = 2 };
 
 double rx_seconds(void)
@@ -20,14 +22,11 @@ void rx_log_init(rx_log *log, const char *program, FILE *stream, rx_verbosity le
     log->terminal = isatty(fileno(stream)) == 1;
 }
 
-/* Names from outside may hold control characters: they are shown as '?'. */
 static void say(rx_log *log, const char *kind, const char *format, va_list args)
 {
     char line[2048];
     vsnprintf(line, sizeof line, format, args);
-    for (char *c = line; *c != '\0'; c++)
-        if (((unsigned char)*c < 0x20 && *c != '\t') || (unsigned char)*c == 0x7f)
-            *c = '?';
+    rx_text_tame(line);
     if (log->line_open) {
         fputs("\r\033[K", log->stream);
         log->line_open = false;

@@ -25,6 +25,14 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
 /* The text into the file at `path`, which errors call `shown`. Errors: RX_SYSTEM (memory, disk). */
 rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err);
 
+/* Bytes of the UTF-8 character at s; 0 when none stands there (overlong, a surrogate, cut off, the end) or a
+ * control character does: C0, DEL and C1, which terminals obey in their two-byte form as well. */
+int rx_text_utf8(const char *s);
+
+/* What rx_text_utf8() does not know becomes '?', byte by byte and in place: names and header values from
+ * outside must not drive a terminal, nor make two lines of one. */
+void rx_text_tame(char *line);
+
 /* The word of `words` (n of them) nearest to `word` by edit distance, case
  * ignored, or NULL when nothing is near: for "did you mean". */
 const char *rx_text_nearest(const char *word, const char *const *words, size_t n);

@@ -36,6 +36,19 @@ void rx_background_flatten(rx_background *background, double level, double sigma
 
 rx_restored *rx_restored_new(const char *name, int width, int height)
 {
+    rx_restored *restored = rx_restored_bare(name, width, height);
+    if (restored == NULL)
+        return NULL;
+    restored->pixels = rx_alloc_filled((size_t)width * (size_t)height, sizeof *restored->pixels, 1);
+    if (restored->pixels == NULL) {
+        rx_restored_free(restored);
+        return NULL;
+    }
+    return restored;
+}
+
+rx_restored *rx_restored_bare(const char *name, int width, int height)
+{
     const size_t n = (size_t)width * (size_t)height;
     rx_restored *restored = RX_NEW(rx_restored, 1);
     if (restored == NULL)
@@ -44,9 +57,8 @@ rx_restored *rx_restored_new(const char *name, int width, int height)
     restored->width = width;
     restored->height = height;
     restored->chi2 = restored->seam = NAN;
-    restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, 1);
     restored->mask = RX_NEW(uint8_t, n);
-    if (restored->pixels == NULL || restored->mask == NULL) {
+    if (restored->mask == NULL) {
         rx_restored_free(restored);
         return NULL;
     }
@@ -61,7 +73,7 @@ void rx_restored_free(rx_restored *restored)
     free(restored->mask);
     free(restored->support);
     free(restored->reblurred);
-    free(restored->sigma);
+    free(restored->noise);
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);
     free(restored);

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/printable.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 
@@ -209,25 +210,23 @@ void rx_card_text(rx_text *dst, const char *key, const char *value, const char *
 
 void rx_card_history(rx_text *dst, const char *line)
 {
+    enum { ROOM = CARD - KEY };
     size_t left = strlen(line);
-    do {
-        size_t n = left < CARD - KEY ? left : CARD - KEY;
-        if (n < left)
-            for (size_t i = n; i > n / 2; i--)
-                if (line[i] == ' ') {
-                    n = i;
-                    break;
-                }
-        char text[CARD + 1];
-        snprintf(text, sizeof text, "HISTORY %.*s", (int)n, line);
+    char text[CARD + 1];
+    while (left > ROOM) {
+        size_t n = ROOM - 1;
+        for (size_t i = n; i > n / 2; i--)
+            if (line[i - 1] == ' ' || line[i - 1] == ',') {
+                n = i;
+                break;
+            }
+        snprintf(text, sizeof text, "HISTORY %.*s&", (int)n, line);
         add_card(dst, text);
         line += n;
         left -= n;
-        while (left > 0 && *line == ' ') {
-            line++;
-            left--;
-        }
-    } while (left > 0);
+    }
+    snprintf(text, sizeof text, "HISTORY %s", line);
+    add_card(dst, text);
 }
 
 /* --- changing and choosing --- */
@@ -367,10 +366,44 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
         return;
     }
     rx_text line = {0};
-    rx_text_printf(&line, "%s = %s", name, value);
+    rx_text_printf(&line, "%s = ", name);
+    rx_printable_add(&line, value);
     if (line.failed)
         dst->failed = true;
     else
         rx_card_history(dst, line.data);
     rx_text_free(&line);
+}
+
+/* One line out of HISTORY cards from *card on, which is left behind the last of them; 0: there is no HISTORY
+ * left. */
+static int next_history(const char *cards, long ncards, long *card, rx_text *line)
+{
+    int more = 1;
+    line->length = 0;
+    while (*card < ncards && strncmp(cards + *card * CARD, "HISTORY ", KEY) != 0)
+        ++*card;
+    if (*card == ncards)
+        return 0;
+    for (; more && *card < ncards && strncmp(cards + *card * CARD, "HISTORY ", KEY) == 0; ++*card) {
+        const char *text = cards + *card * CARD + KEY;
+        size_t n = CARD - KEY;
+        while (n > 0 && text[n - 1] == ' ')
+            n--;
+        more = n > 0 && text[n - 1] == '&';
+        rx_text_add_bytes(line, text, n - (size_t)more);
+    }
+    rx_text_add(line, "");
+    return 1;
+}
+
+rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor visit, void *user,
+                           rx_error *err)
+{
+    rx_text line = {0};
+    rx_status status = RX_OK;
+    for (long card = 0; status == RX_OK && next_history(cards, ncards, &card, &line);)
+        status = line.failed ? rx_error_memory(err, line.capacity) : visit(user, line.data, err);
+    rx_text_free(&line);
+    return status;
 }

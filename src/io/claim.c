@@ -1,13 +1,11 @@
-/* Temporary folders of killed processes. */
+/* Temporary outputs of killed processes. */
 #include "io/claim.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
-#include <signal.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -15,61 +13,37 @@
 
 #include "io/output.h"
 
-static const char TEMP[] = ".tmp", ASIDE[] = ".tmp.old", PROCESS[] = ".rx-";
+static const char LOCK[] = ".lock", TEMP[] = ".tmp", ASIDE[] = ".tmp.old";
 
-int rx_claim_make(const char *folder, const char *marker, const char *text)
+/* Is the open file still the one of this name, and ours? */
+static int is_named(int file, const char *name)
 {
-    char draft[PATH_MAX], name[PATH_MAX];
-    const size_t length = strlen(text);
-    if (snprintf(draft, sizeof draft, "%s/%s.new", folder, marker) >= (int)sizeof draft) {
-        errno = ENAMETOOLONG;
-        return -1;
+    struct stat held, found;
+    return fstat(file, &held) == 0 && lstat(name, &found) == 0 && S_ISREG(held.st_mode) &&
+           held.st_dev == found.st_dev && held.st_ino == found.st_ino && held.st_uid == geteuid();
+}
+
+/* Between open() and flock() another process may take the new file for an abandoned one and remove it; then
+ * once more. */
+int rx_claim_take(const char *lock)
+{
+    for (int tries = 0; tries < 100; tries++) {
+        const int file = open(lock, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (file < 0)
+            return -1;
+        const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+        if (locked ? is_named(file, lock) : errno != EWOULDBLOCK)
+            return file;
+        close(file);
     }
-    snprintf(name, sizeof name, "%.*s", (int)(strlen(draft) - strlen(".new")), draft);
-    int file = open(draft, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (file < 0)
-        return -1;
-    (void)flock(file, LOCK_EX | LOCK_NB);
-    errno = ENOSPC; /* of a short write */
-    if (write(file, text, length) == (ssize_t)length && rename(draft, name) == 0)
-        return file;
-    const int reason = errno;
-    close(file);
-    errno = reason;
+    errno = EBUSY;
     return -1;
 }
 
-/* A folder without a marker, whose maker was killed before it had one: it holds a draft of it at most. The
- * number in its name says who that was. */
-static int remove_unmarked(const char *folder, const char *marker)
+void rx_claim_drop(int claim, const char *lock)
 {
-    char draft[PATH_MAX];
-    const char *number = NULL;
-    for (const char *c = folder; (c = strstr(c, PROCESS)) != NULL; c++)
-        number = c + strlen(PROCESS);
-    const long process = number != NULL ? strtol(number, NULL, 10) : 0;
-    if (process <= 0 || process > INT_MAX || kill((pid_t)process, 0) == 0 || errno != ESRCH)
-        return 0;
-    if (snprintf(draft, sizeof draft, "%s/%s.new", folder, marker) >= (int)sizeof draft)
-        return 0;
-    (void)unlink(draft);
-    return rmdir(folder) == 0;
-}
-
-/* Remove a folder whose maker has died; 0 when it lives, or nobody can tell. */
-static int remove_abandoned(const char *folder, const char *marker)
-{
-    char name[PATH_MAX];
-    if (snprintf(name, sizeof name, "%s/%s", folder, marker) >= (int)sizeof name)
-        return 0;
-    int file = open(name, O_RDWR | O_CLOEXEC);
-    if (file < 0)
-        return errno == ENOENT ? remove_unmarked(folder, marker) : 0;
-    const int abandoned = flock(file, LOCK_EX | LOCK_NB) == 0;
-    if (abandoned)
-        rx_output_remove(folder);
-    close(file);
-    return abandoned;
+    unlink(lock); /* while it is held: nobody else can have made another of this name */
+    close(claim);
 }
 
 static int exists(const char *path)
@@ -78,52 +52,60 @@ static int exists(const char *path)
     return lstat(path, &info) == 0;
 }
 
-/* Does `name` read PREFIX digits SUFFIX? */
-static int is_named(const char *name, const char *prefix, size_t n, const char *suffix)
+/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it.
+ */
+static int remove_left(const char *path, const char *stem)
 {
-    if (strncmp(name, prefix, n) != 0)
+    char aside[PATH_MAX + sizeof ASIDE], temporary[PATH_MAX + sizeof TEMP];
+    snprintf(aside, sizeof aside, "%s%s", stem, ASIDE);
+    snprintf(temporary, sizeof temporary, "%s%s", stem, TEMP);
+    if (exists(aside)) {
+        if (exists(path))
+            rx_output_remove(aside);
+        else
+            (void)rename(aside, path);
+    }
+    rx_output_remove(temporary);
+    return !exists(aside) && !exists(temporary);
+}
+
+static void sweep_one(const char *path, const char *lock)
+{
+    char stem[PATH_MAX];
+    const int file = open(lock, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (file < 0)
+        return;
+    if (flock(file, LOCK_EX | LOCK_NB) == 0 && is_named(file, lock)) {
+        snprintf(stem, sizeof stem, "%.*s", (int)(strlen(lock) - strlen(LOCK)), lock);
+        if (remove_left(path, stem))
+            unlink(lock);
+    }
+    close(file);
+}
+
+/* Does `name` read STEM.rx-digits.lock? */
+static int is_lock(const char *name, const char *stem)
+{
+    static const char process[] = ".rx-";
+    const size_t n = strlen(stem);
+    if (strncmp(name, stem, n) != 0 || strncmp(name + n, process, strlen(process)) != 0)
         return 0;
-    const size_t digits = strspn(name + n, "0123456789");
-    return digits > 0 && strcmp(name + n + digits, suffix) == 0;
+    const char *number = name + n + strlen(process);
+    const size_t digits = strspn(number, "0123456789");
+    return digits > 0 && strcmp(number + digits, LOCK) == 0;
 }
 
-/* A folder that stepped aside: in the way when `path` is there, else what belongs there, but not while its
- * process is between the two renames. */
-static void settle_aside(char *full, const char *path, const char *marker)
+void rx_claim_sweep(const char *path, const char *stem)
 {
-    if (exists(path)) {
-        rx_output_remove(full);
+    char folder[PATH_MAX], lock[PATH_MAX];
+    const char *slash = strrchr(stem, '/'), *name = slash != NULL ? slash + 1 : stem;
+    if (snprintf(folder, sizeof folder, "%.*s", (int)(name - stem), stem) >= (int)sizeof folder)
         return;
-    }
-    char *end = full + strlen(full) - (strlen(ASIDE) - strlen(TEMP));
-    *end = '\0';
-    const int dead = remove_abandoned(full, marker) || !exists(full);
-    *end = ASIDE[strlen(TEMP)];
-    if (dead)
-        (void)rename(full, path);
-}
-
-void rx_claim_sweep(const char *path, const char *temporary, const char *marker)
-{
-    char folder[PATH_MAX], full[PATH_MAX];
-    const char *slash = strrchr(temporary, '/'), *name = slash != NULL ? slash + 1 : temporary;
-    const size_t room = (size_t)(name - temporary);
-    size_t common = 0; /* of all their names: up to the number of the process */
-    for (const char *c = name; (c = strstr(c, PROCESS)) != NULL; c++)
-        common = (size_t)(c - name) + strlen(PROCESS);
-    if (common == 0 || room >= sizeof folder)
-        return;
-    memcpy(folder, temporary, room);
-    folder[room] = '\0';
-    DIR *dir = opendir(room > 0 ? folder : ".");
-    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;) {
-        if (snprintf(full, sizeof full, "%s%s", folder, entry->d_name) >= (int)sizeof full)
-            continue;
-        if (is_named(entry->d_name, name, common, ASIDE))
-            settle_aside(full, path, marker);
-        else if (is_named(entry->d_name, name, common, TEMP))
-            remove_abandoned(full, marker);
-    }
+    DIR *dir = opendir(folder[0] != '\0' ? folder : ".");
+    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
+        if (is_lock(entry->d_name, name) &&
+            snprintf(lock, sizeof lock, "%s%s", folder, entry->d_name) < (int)sizeof lock)
+            sweep_one(path, lock);
     if (dir != NULL)
         closedir(dir);
 }

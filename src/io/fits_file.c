@@ -61,7 +61,7 @@ static const char *not_fits(const unsigned char *head, size_t n)
 static rx_status check_file(const char *path, size_t *size, size_t *pad, rx_error *err)
 {
     struct stat info;
-    unsigned char head[160];
+    unsigned char head[160] = {0}; /* a file may be shorter than what is compared */
     if (stat(path, &info) != 0) {
         const char *hint = path[0] == '!' || strpbrk(path, "|") != NULL || strstr(path, "://") != NULL
                                ? "; only names of local files are read"
@@ -104,6 +104,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 {
     int failed = 0;
     size_t size = 0, pad = 0;
+    char literal[FLEN_FILENAME + 2];
     *dst = (rx_fits_source){0};
     rx_status status = check_file(path, &size, &pad, err);
     if (status == RX_OK)
@@ -113,18 +114,41 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     if (status != RX_OK)
         goto exit;
     fits_clear_errmsg();
-    if (pad > 0)
+    if (pad > 0) {
         fits_open_memfile(&dst->file, PADDED, READONLY, &dst->memory, &dst->size, 0, NULL, &failed);
-    else
-        fits_open_diskfile(&dst->file, path, READONLY, &failed);
+    } else {
+        /* cfitsio would make the home folder of a '~', and open another file than was looked at */
+        snprintf(literal, sizeof literal, "%s%s", path[0] == '~' ? "./" : "", path);
+        fits_open_diskfile(&dst->file, literal, READONLY, &failed);
+    }
     if (failed) {
         dst->file = NULL;
         status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    } else {
+        status = rx_fits_walk_open(dst->file, path, err);
     }
 exit:
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
+}
+
+size_t rx_fits_held(const rx_fits_source *source)
+{
+    char kind[FLEN_FILENAME] = "";
+    LONGLONG header = 0, data = 0, end = 0;
+    int failed = 0, last = 0, now = 1, type;
+    fits_url_type(source->file, kind, &failed);
+    if (failed || strncmp(kind, "compress", 8) != 0)
+        return source->size;
+    fits_get_hdu_num(source->file, &now);
+    fits_get_num_hdus(source->file, &last, &failed);
+    fits_movabs_hdu(source->file, last, &type, &failed);
+    fits_get_hduaddrll(source->file, &header, &data, &end, &failed);
+    failed = 0;
+    fits_movabs_hdu(source->file, now, &type, &failed);
+    fits_clear_errmsg();
+    return (size_t)end;
 }
 
 void rx_fits_done(rx_fits_source *source)
@@ -335,7 +359,7 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
         int absent = 0;
         snprintf(key, sizeof key, "ZTILE%d", i + 1);
         fits_read_key(file, TLONGLONG, key, &length, NULL, &absent);
-        if (length < 1)
+        if (length < 1 || length > INT_MAX)
             return rx_error_at(err, RX_INPUT, path, hdu, 0, "compressed image with a bad %s", key);
         LONGLONG n = (shape->axes[i] + length - 1) / length;
         tiles = n > 0 && tiles > LLONG_MAX / n ? LLONG_MAX : tiles * n;
@@ -350,6 +374,26 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
             "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
             "file is damaged, fetch it again",
             shape->axes[0], shape->axes[1], rows, bytes);
+    return RX_OK;
+}
+
+/* cfitsio takes a scale that it cannot read as none: fluxes would be wrong and nobody told. */
+static rx_status check_scale(fitsfile *file, const char *path, int hdu, rx_error *err)
+{
+    static const char *const keys[] = {"BSCALE", "BZERO"};
+    for (int i = 0; i < 2; i++) {
+        char text[FLEN_VALUE] = "";
+        double value = 0;
+        int absent = 0, failed = 0;
+        fits_read_keyword(file, keys[i], text, NULL, &absent);
+        if (absent == 0 && text[0] != '\0')
+            fits_read_key(file, TDOUBLE, keys[i], &value, NULL, &failed);
+        fits_clear_errmsg();
+        if (failed || !isfinite(value))
+            return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                               "%s = %.40s is no number; the header is damaged, fetch the file again",
+                               keys[i], text);
+    }
     return RX_OK;
 }
 
@@ -385,9 +429,10 @@ rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx
             err, RX_INPUT, path, hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    if (!shape->is_compressed)
-        return RX_OK;
-    rx_status status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
+    rx_status status = shape->is_image ? check_scale(file, path, hdu, err) : RX_OK;
+    if (!shape->is_compressed || status != RX_OK)
+        return status;
+    status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
     return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, shape, err) : status;
 }
 

@@ -44,6 +44,8 @@ typedef struct rx_fits_source {
 
 /* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err);
+/* Bytes of the file that are in memory as long as it is open: padded, or unpacked by cfitsio; else 0. */
+size_t rx_fits_held(const rx_fits_source *source);
 void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of zeros is fine */
 
 /* Go to HDU number hdu (from 0), or to the one the name selects (*hdu given back). */
@@ -59,8 +61,8 @@ int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst);
 /* 1 when the shape is an image of two axes (further axes of length 1 do not count). */
 int rx_fits_is_plane(const rx_fits_shape *shape);
 
-/* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much.
- */
+/* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much;
+ * or when an image's BSCALE or BZERO is no number. */
 rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
                              rx_error *err);
 

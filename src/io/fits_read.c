@@ -500,3 +500,8 @@ rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *nca
     rx_fits_done(&source);
     return status;
 }
+
+void rx_fits_library(char *dst, size_t size)
+{
+    snprintf(dst, size, "%d.%d.%d", CFITSIO_MAJOR, CFITSIO_MINOR, CFITSIO_MICRO);
+}

@@ -2,6 +2,8 @@
 #ifndef RX_IO_FITS_READ_H
 #define RX_IO_FITS_READ_H
 
+#include <stddef.h>
+
 #include "base/error.h"
 #include "data/table.h"
 
@@ -23,8 +25,17 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
  * file name. */
 rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *ncards, rx_error *err);
 
+/* The HISTORY of a block of cards as lines of rx_card_record(), in their order, to `visit`, whose status goes
+ * on to the caller. */
+typedef rx_status (*rx_history_visitor)(void *user, const char *line, rx_error *err);
+rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor visit, void *user,
+                           rx_error *err);
+
 /* Value of a key in a block of cards as text (quotes stripped, trimmed) or number; 0 when absent. */
 int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
 int rx_cards_number(const char *cards, long ncards, const char *key, double *value);
+
+/* Version of the library (cfitsio). */
+void rx_fits_library(char *dst, size_t size);
 
 #endif

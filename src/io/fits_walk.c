@@ -1,11 +1,20 @@
 /* From header to header through a FITS file. */
 #include "io/fits_walk.h"
 
+#include <fitsio2.h> /* ffgbyt() */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
+enum {
+    CARD = 80,
+    BLOCK = 2880,
+    MAX_BLOCKS = 4096,
+    TABLE_CARDS = 8,
+    LONGEST = 24,
+    LONGEST_TEXT = 68,
+    MOST_DIGITS = 18
+};
 
 static bool is_key(const char *card, const char *key)
 {
@@ -20,6 +29,54 @@ static int64_t number(const char *card)
     return strtoll(text, NULL, 10);
 }
 
+/* A number of 64 bits that is not negative, and nothing but a comment behind it. */
+static bool is_count(const char *card)
+{
+    const char *c = card + 10, *end = card + CARD;
+    while (c < end && *c == ' ')
+        c++;
+    const char *digits = c;
+    while (c < end && *c >= '0' && *c <= '9')
+        c++;
+    return c > digits && c - digits <= MOST_DIGITS && (c == end || *c == ' ' || *c == '/');
+}
+
+/* Has a keyword that stands for a whole number more than LONGEST characters for a value, or another one of a
+ * table more than a text can have? */
+static bool is_too_long(const char *card, bool is_table)
+{
+    static const char *const keys[] = {"BITPIX",   "NAXIS",   "PCOUNT", "GCOUNT",  "TFIELDS",
+                                       "THEAP",    "TNULL",   "TBCOL",  "BLANK",   "EXTVER",
+                                       "EXTLEVEL", "ZBITPIX", "ZNAXIS", "ZTILE",   "ZVAL",
+                                       "ZPCOUNT",  "ZGCOUNT", "ZBLANK", "ZDITHER0"};
+    const char *c = card + 10, *end = card + CARD;
+    bool found = false;
+    for (size_t i = 0; i < sizeof keys / sizeof *keys && !found; i++)
+        found = strncmp(card, keys[i], strlen(keys[i])) == 0;
+    while (c < end && *c == ' ')
+        c++;
+    const char *stop = memchr(c, '/', (size_t)(end - c));
+    end = stop != NULL ? stop : end;
+    while (end > c && end[-1] == ' ')
+        end--;
+    return card[8] == '=' &&
+           ((found && end - c > LONGEST) || (is_table && end - c > LONGEST_TEXT && *c != '\''));
+}
+
+/* How a table begins. */
+static void take_table_card(rx_fits_layout *dst, const char *card)
+{
+    static const char *const order[] = {"XTENSION", "BITPIX  ", "NAXIS   ", "NAXIS1  ",
+                                        "NAXIS2  ", "PCOUNT  ", "GCOUNT  ", "TFIELDS "};
+    if (dst->cards == 0 && is_key(card, "XTENSION"))
+        dst->is_table = strncmp(card + 10, "'BINTABLE'", 10) == 0 || strncmp(card + 10, "'TABLE ", 7) == 0 ||
+                        strncmp(card + 10, "'A3DTABLE'", 10) == 0;
+    else if (dst->is_table && dst->cards < TABLE_CARDS &&
+             (!is_key(card, order[dst->cards]) || !is_count(card)))
+        dst->no_table = true;
+    dst->cards++;
+}
+
 rx_fits_layout rx_fits_layout_begin(void)
 {
     return (rx_fits_layout){.product = 1, .gcount = 1};
@@ -27,6 +84,8 @@ rx_fits_layout rx_fits_layout_begin(void)
 
 void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
 {
+    take_table_card(dst, card);
+    dst->too_long |= is_too_long(card, dst->is_table);
     if (is_key(card, "BITPIX  "))
         dst->bitpix = number(card);
     else if (is_key(card, "NAXIS   "))
@@ -35,23 +94,47 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
         dst->pcount = number(card);
     else if (is_key(card, "GCOUNT  "))
         dst->gcount = number(card);
-    else if (is_key(card, "ZTILE") && card[5] >= '1' && card[5] <= '9' && number(card) < 1)
+    else if (is_key(card, "ZTILE") && card[5] >= '1' && card[5] <= '9' &&
+             (!is_count(card) || number(card) < 1))
         dst->no_tile = true;
+    else if (is_key(card, "ZCMPTYPE"))
+        dst->rice = strncmp(card + 11, "RICE", 4) == 0;
+    else if (is_key(card, "ZVAL1   "))
+        dst->no_block = number(card) < 1;
     else if (is_key(card, "NAXIS") && __builtin_mul_overflow(dst->product, number(card), &dst->product))
         dst->product = -1;
 }
 
-/* Reads one header, the file then stands behind it. false: no END, or the end of the file. */
-static bool read_header(FILE *file, rx_fits_layout *dst)
+/* Where blocks are read: one of the two. */
+typedef struct source {
+    FILE *plain;
+    fitsfile *open;
+} source;
+
+static bool read_block(const source *s, LONGLONG place, char *block)
+{
+    int failed = 0;
+    if (s->plain != NULL)
+        return fseeko(s->plain, (off_t)place, SEEK_SET) == 0 && fread(block, BLOCK, 1, s->plain) == 1;
+    ffmbyt(s->open, place, REPORT_EOF, &failed);
+    ffgbyt(s->open, BLOCK, block, &failed);
+    return failed == 0;
+}
+
+/* Reads the header at *place and moves that behind it. false: no END, or the end of the file. */
+static bool read_header(const source *s, LONGLONG *place, rx_fits_layout *dst)
 {
     char block[BLOCK];
     *dst = rx_fits_layout_begin();
-    for (int b = 0; b < MAX_BLOCKS && fread(block, 1, BLOCK, file) == BLOCK; b++) {
-        if (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0)
+    for (int b = 0; b < MAX_BLOCKS; b++, *place += BLOCK) {
+        if (!read_block(s, *place, block) ||
+            (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0))
             return false;
         for (int i = 0; i < BLOCK; i += CARD) {
-            if (strncmp(block + i, "END     ", 8) == 0)
+            if (strncmp(block + i, "END     ", 8) == 0) {
+                *place += BLOCK;
                 return true;
+            }
             rx_fits_layout_card(dst, block + i);
         }
     }
@@ -71,22 +154,62 @@ int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
     return (bytes + BLOCK - 1) / BLOCK * BLOCK;
 }
 
+const char *rx_fits_layout_fault(const rx_fits_layout *l)
+{
+    if (l->no_tile)
+        return "ZTILEn of the compressed image is no size of a tile; the header is damaged";
+    if (l->rice && l->no_block)
+        return "ZVAL1 of the compressed image is no size of a block; the header is damaged";
+    if (l->too_long)
+        return "a value is longer than any of its kind; the header is damaged";
+    if (l->no_table || (l->is_table && l->cards < TABLE_CARDS))
+        return "the table does not begin with XTENSION, BITPIX, NAXIS, NAXIS1, NAXIS2, PCOUNT, GCOUNT, "
+               "TFIELDS; "
+               "the header is damaged";
+    return NULL;
+}
+
+static rx_status judge(const rx_fits_layout *header, const char *path, int hdu, rx_error *err)
+{
+    const char *fault = rx_fits_layout_fault(header);
+    return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
+}
+
 rx_status rx_fits_walk(const char *path, rx_error *err)
 {
+    const source s = {.plain = fopen(path, "rb")};
     rx_fits_layout header;
     rx_status status = RX_OK;
-    FILE *file = fopen(path, "rb");
-    if (file == NULL)
+    LONGLONG place = 0;
+    if (s.plain == NULL)
         return RX_OK; /* cfitsio tells why */
-    for (int hdu = 0; status == RX_OK && read_header(file, &header); hdu++) {
-        int64_t bytes = rx_fits_layout_bytes(&header);
-        if (header.no_tile)
-            status =
-                rx_error_at(err, RX_INPUT, path, hdu, 0,
-                            "ZTILEn of the compressed image is no size of a tile; the header is damaged");
-        else if (bytes < 0 || fseeko(file, bytes, SEEK_CUR) != 0)
+    for (int hdu = 0; status == RX_OK; hdu++) {
+        const bool whole = read_header(&s, &place, &header);
+        const int64_t bytes = rx_fits_layout_bytes(&header);
+        status = judge(&header, path, hdu, err);
+        if (!whole || bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
-    fclose(file);
+    fclose(s.plain);
+    return status;
+}
+
+rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
+{
+    const source s = {.open = file};
+    rx_fits_layout header;
+    rx_status status = RX_OK;
+    int failed = 0;
+    for (int hdu = 1; status == RX_OK; hdu++) {
+        LONGLONG place = file->Fptr->headstart[hdu]; /* known as soon as cfitsio has read the HDU before */
+        const bool whole = place > 0 && read_header(&s, &place, &header);
+        if (place > 0)
+            status = judge(&header, path, hdu, err);
+        if (!whole || status != RX_OK || fits_movabs_hdu(file, hdu + 1, NULL, &failed))
+            break;
+    }
+    failed = 0;
+    fits_movabs_hdu(file, 1, NULL, &failed);
+    fits_clear_errmsg();
     return status;
 }

@@ -12,6 +12,8 @@
 #include "base/memory.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
+#include "io/fits_sum.h"
+#include "io/fits_verify.h"
 
 enum { CARD = 80, BLOCK_BYTES = 1 << 22 };
 
@@ -21,13 +23,20 @@ struct rx_fits_writer {
     int hdus; /* made so far */
 };
 
+/* Creating, writing, reading back, closing, seeking: the disk's own faults. */
+static int is_disk_fault(int failed)
+{
+    return failed >= FILE_NOT_OPENED && failed <= SEEK_ERROR;
+}
+
 static rx_status broken(const rx_fits_writer *writer, int failed, rx_error *err)
 {
-    if (failed == WRITE_ERROR || failed == FILE_NOT_CREATED)
+    if (is_disk_fault(failed))
         fits_clear_errmsg(); /* its lines name the temporary file, and elements of cfitsio's buffers */
     return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed,
-                          failed == WRITE_ERROR ? "cannot be written, perhaps the disk is full"
-                                                : "cannot be written");
+                          is_disk_fault(failed) && failed != FILE_NOT_CREATED
+                              ? "cannot be written, perhaps the disk is full"
+                              : "cannot be written");
 }
 
 rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err)
@@ -80,16 +89,28 @@ void rx_fits_abort(rx_fits_writer *writer)
     forget(writer);
 }
 
+/* The last headers are written while closing, where cfitsio does not look at every result. */
+static rx_status check_file(const rx_fits_writer *writer, rx_error *err)
+{
+    rx_error trouble = RX_ERROR_NONE;
+    if (rx_fits_verify(writer->path, writer->hdus, &trouble) == RX_OK)
+        return RX_OK;
+    return rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
+                       "cannot be written, perhaps the disk is full: read back, the file %s", trouble.text);
+}
+
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
 {
     int failed = 0;
     rx_status status = RX_OK;
     if (writer == NULL)
         return RX_OK;
-    if (fits_close_file(writer->file, &failed)) {
+    if (fits_close_file(writer->file, &failed))
         status = broken(writer, failed, err);
+    else
+        status = check_file(writer, err);
+    if (status != RX_OK)
         unlink(writer->path);
-    }
     forget(writer);
     return status;
 }
@@ -113,18 +134,18 @@ static void write_cards(fitsfile *file, const char *cards, size_t n, int filter,
 }
 
 /* DATASUM and CHECKSUM (FITS 4.0, appendix J) by hand: cfitsio's own way puts the time of day
- * into the comments, and the same input must give the same bytes. */
-static void write_checksum(fitsfile *file, int *failed)
+ * into the comments, and the same input must give the same bytes. datasum: of what should be there. */
+static void write_checksum(fitsfile *file, uint32_t datasum, int *failed)
 {
-    unsigned long datasum = 0, hdusum = 0;
+    unsigned long found = 0, hdusum = 0;
     char text[32];
-    fits_update_key_str(file, "DATASUM", "0", "data unit checksum", failed);
+    snprintf(text, sizeof text, "%lu", (unsigned long)datasum);
+    fits_update_key_str(file, "DATASUM", text, "data unit checksum", failed);
     fits_update_key_str(file, "CHECKSUM", "0000000000000000", "HDU checksum", failed);
     fits_set_hdustruc(file, failed);
-    fits_get_chksum(file, &datasum, &hdusum, failed);
-    snprintf(text, sizeof text, "%lu", datasum);
-    fits_modify_key_str(file, "DATASUM", text, "&", failed);
-    fits_get_chksum(file, &datasum, &hdusum, failed);
+    fits_get_chksum(file, &found, &hdusum, failed);
+    if (*failed == 0 && found != datasum)
+        *failed = WRITE_ERROR; /* cfitsio overlooks some */
     fits_encode_chksum(hdusum, 1, text);
     fits_modify_key_str(file, "CHECKSUM", text, "&", failed);
 }
@@ -153,7 +174,7 @@ static rx_status write_image(rx_fits_writer *writer, int bitpix, int type, const
     write_cards(writer->file, cards, ncards, 1, &failed);
     write_cards(writer->file, extra, nextra, 0, &failed);
     fits_write_img(writer->file, type, 1, (LONGLONG)width * height, data.taken, &failed);
-    write_checksum(writer->file, &failed);
+    write_checksum(writer->file, rx_fits_sum_pixels(pixels, (size_t)width * (size_t)height), &failed);
     writer->hdus++;
     return failed ? broken(writer, failed, err) : RX_OK;
 }
@@ -180,7 +201,7 @@ static void write_primary(rx_fits_writer *writer, const char *extra, size_t next
 {
     fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
     write_cards(writer->file, extra, nextra, 0, failed);
-    write_checksum(writer->file, failed);
+    write_checksum(writer->file, 0, failed);
     writer->hdus++;
 }
 
@@ -218,18 +239,12 @@ static int cell_type(rx_cell_type type)
     return TSTRING;
 }
 
-/* Characters of a text cell: the terminating zero does not go into the file. */
-static long text_length(const rx_column *column)
-{
-    return column->text_width > 1 ? column->text_width - 1 : 1;
-}
-
 static void column_form(const rx_column *column, char *dst, size_t size)
 {
     static const char letter[] = "IJKED";
     long n = rx_column_elements(column);
     if (column->type == RX_CELL_TEXT)
-        snprintf(dst, size, "%ldA%ld", n * text_length(column), text_length(column));
+        snprintf(dst, size, "%ldA%ld", n * rx_fits_text_length(column), rx_fits_text_length(column));
     else
         snprintf(dst, size, "%ld%c", n, letter[column->type]);
 }
@@ -269,7 +284,7 @@ static void write_column_keys(fitsfile *file, int number, const rx_column *colum
         LONGLONG axes[3];
         int n = 0;
         if (column->type == RX_CELL_TEXT)
-            axes[n++] = text_length(column);
+            axes[n++] = rx_fits_text_length(column);
         for (int i = 0; i < column->ndim; i++)
             axes[n++] = column->dim[i];
         fits_write_tdimll(file, number, n, axes, failed);
@@ -355,7 +370,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     status = write_rows(writer, table, &failed, err);
     if (status != RX_OK)
         goto exit;
-    write_checksum(writer->file, &failed);
+    write_checksum(writer->file, rx_fits_sum_table(table), &failed);
     writer->hdus++;
     if (failed)
         status = broken(writer, failed, err);
@@ -401,7 +416,7 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);
     fits_set_hdustruc(writer->file, &failed);
     fits_write_tblbytes(writer->file, 1, 1, (LONGLONG)text.length, (unsigned char *)text.data, &failed);
-    write_checksum(writer->file, &failed);
+    write_checksum(writer->file, rx_fits_sum_bytes(text.data, text.length), &failed);
     writer->hdus++;
     rx_text_free(&text);
     return failed ? broken(writer, failed, err) : RX_OK;

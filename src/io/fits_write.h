@@ -41,14 +41,17 @@ rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err);
 void rx_fits_abort(rx_fits_writer *writer);
 
-/* Cards: build an 80-character card ("KEY = value / comment", HISTORY wraps into several)
+/* Cards: build an 80-character card ("KEY = value / comment")
  * and append it to a growing block. Values are sanitised to printable ASCII. */
 void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment);
 void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
 void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);
+/* `line` is printable and ends in neither a blank nor '&'; a card that goes on in the next one ends in '&'.
+ */
 void rx_card_history(rx_text *dst, const char *line);
 /* A line of provenance: a keyword (a number where the value is one) when the name begins with RX and FITS can
- * hold it, else HISTORY. */
+ * hold it, else HISTORY, "NAME = value" with the value as
+ * base/printable.h has it. */
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
 
 #endif

@@ -1,8 +1,10 @@
 librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
 	src/io/claim.c src/io/claim.h \
+	src/io/fits_digest.c src/io/fits_digest.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
+	src/io/fits_sum.c src/io/fits_sum.h \
 	src/io/fits_tiles.c src/io/fits_tiles.h \
 	src/io/fits_verify.c src/io/fits_verify.h \
 	src/io/fits_walk.c src/io/fits_walk.h \

@@ -23,10 +23,12 @@ typedef struct output {
     output_kind kind;
     char *path;      /* where it goes, symbolic links followed */
     char *shown;     /* as the user wrote it */
+    char *stem;      /* of the names of temporary and lock: beside the path, hidden */
     char *temporary; /* where it is written */
+    char *lock;      /* what says that it is ours */
     dev_t device;    /* with folder and name: a.fits and ./a.fits are one file */
     ino_t folder;
-    int claim; /* descriptor that holds a folder's claim, -1 none */
+    int claim; /* descriptor that holds the lock, -1 none */
     int done;  /* renamed */
 } output;
 
@@ -64,15 +66,8 @@ static char *folder_of(const char *path, const char **name)
     return folder;
 }
 
-void rx_output_remove(const char *path)
+static void remove_inside(const char *path)
 {
-    struct stat info;
-    if (lstat(path, &info) != 0)
-        return;
-    if (!S_ISDIR(info.st_mode)) {
-        unlink(path);
-        return;
-    }
     DIR *dir = opendir(path);
     for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;) {
         if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
@@ -84,7 +79,22 @@ void rx_output_remove(const char *path)
     }
     if (dir != NULL)
         closedir(dir);
-    rmdir(path);
+}
+
+void rx_output_remove(const char *path)
+{
+    struct stat info;
+    if (lstat(path, &info) != 0)
+        return;
+    if (!S_ISDIR(info.st_mode)) {
+        unlink(path);
+        return;
+    }
+    /* more than once where the gnuplot of a killed process still writes in there */
+    for (int tries = 0, left = 1; left && tries < 5; tries++) {
+        remove_inside(path);
+        left = rmdir(path) != 0 && errno == ENOTEMPTY;
+    }
 }
 
 static int is_replaceable_folder(const char *path)
@@ -129,7 +139,7 @@ static rx_status inspect(output *out, int want_folder, rx_error *err)
     return RX_OK;
 }
 
-/* Fill path (links followed, so that a link stays a link) and the temporary name beside it. */
+/* Fill path (links followed, so that a link stays a link) and the stem of the temporary's name beside it. */
 static rx_status place(output *out, rx_error *err)
 {
     char *real = realpath(out->shown, NULL);
@@ -149,15 +159,12 @@ static rx_status place(output *out, rx_error *err)
         if (folder == NULL)
             return rx_error_memory(err, length);
     }
-    size_t size = strlen(folder) + strlen(name) + 64;
-    out->temporary = malloc(size);
-    if (out->temporary != NULL)
-        snprintf(out->temporary, size, "%s.%s.rx-%ld.tmp", folder, name, (long)getpid());
+    out->stem = format(folder, ".", name);
     const char *shown = folder[0] != '\0' ? folder : ".";
     struct stat info;
     rx_status status = RX_OK;
-    if (out->temporary == NULL)
-        status = rx_error_memory(err, size);
+    if (out->stem == NULL)
+        status = rx_error_memory(err, length);
     else if (strlen(name) + 24 > NAME_MAX)
         status = rx_error_at(err, RX_USAGE, out->shown, -1, 0, "the name is too long; give a shorter one");
     else if (stat(shown, &info) != 0)
@@ -174,47 +181,78 @@ static rx_status place(output *out, rx_error *err)
     return status;
 }
 
+/* A lock stays, without its holder, while something is left to be swept. */
 static void forget(output *out)
 {
+    struct stat info;
+    if (out->claim >= 0 && lstat(out->temporary, &info) == 0)
+        close(out->claim);
+    else if (out->claim >= 0)
+        rx_claim_drop(out->claim, out->lock);
     free(out->path);
     free(out->shown);
+    free(out->stem);
     free(out->temporary);
-    if (out->claim >= 0)
-        close(out->claim);
+    free(out->lock);
 }
 
-/* Making the temporary now is the only sure test of whether it can be made. */
+/* Take the first free number; another machine, or another run in a container, may have ours. */
+static rx_status claim(output *out, rx_error *err)
+{
+    const long first = (long)getpid(), tries = 1000;
+    const size_t size = strlen(out->stem) + 64;
+    out->temporary = malloc(size);
+    out->lock = malloc(size);
+    if (out->temporary == NULL || out->lock == NULL)
+        return rx_error_memory(err, size);
+    rx_claim_sweep(out->path, out->stem);
+    for (long number = first; out->claim < 0 && number < first + tries; number++) {
+        snprintf(out->temporary, size, "%s.rx-%ld.tmp", out->stem, number);
+        snprintf(out->lock, size, "%s.rx-%ld.lock", out->stem, number);
+        out->claim = rx_claim_take(out->lock);
+        if (out->claim < 0 && errno != EEXIST)
+            break;
+    }
+    return out->claim >= 0 ? RX_OK
+                           : rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
+                                         out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
+}
+
+static int mark(const char *folder)
+{
+    static const char text[] = "Made by rextract: the next run replaces this folder.\n";
+    char *name = format(folder, "/", MARKER);
+    FILE *file = name != NULL ? fopen(name, "wb") : NULL;
+    int failed = file == NULL || fputs(text, file) == EOF;
+    if (file != NULL)
+        failed |= fclose(file) != 0;
+    free(name);
+    return failed ? -1 : 0;
+}
+
+/* Claiming it now is the only sure test of whether it can be made. Files are made by their writers. */
 static rx_status make_temporary(output *out, rx_error *err)
 {
-    rx_output_remove(out->temporary); /* left by a killed process of the same number */
-    if (out->kind != OUTPUT_FOLDER) {
-        int file = open(out->temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
-        if (file < 0)
-            return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
-        close(file);
-        unlink(out->temporary);
-        return RX_OK;
-    }
-    rx_claim_sweep(out->path, out->temporary, MARKER);
+    rx_status status = claim(out, err);
+    if (status == RX_OK)
+        rx_output_remove(out->temporary); /* whose lock somebody has removed */
+    if (status != RX_OK || out->kind != OUTPUT_FOLDER)
+        return status;
     if (mkdir(out->temporary, 0777) != 0)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
-    out->claim =
-        rx_claim_make(out->temporary, MARKER, "Made by rextract: the next run replaces this folder.\n");
-    if (out->claim < 0) {
-        rx_status status =
-            rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
+    if (mark(out->temporary) != 0) {
+        status = rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
         rx_output_remove(out->temporary);
-        return status;
     }
-    return RX_OK;
+    return status;
 }
 
+/* The stem's folder may be another than the path's (devices), its name is that of the output. */
 static int is_same(const output *a, const output *b)
 {
-    const char *slash_a = strrchr(a->temporary, '/'), *slash_b = strrchr(b->temporary, '/');
+    const char *slash_a = strrchr(a->stem, '/'), *slash_b = strrchr(b->stem, '/');
     return a->device == b->device && a->folder == b->folder &&
-           strcmp(slash_a != NULL ? slash_a + 1 : a->temporary,
-                  slash_b != NULL ? slash_b + 1 : b->temporary) == 0;
+           strcmp(slash_a != NULL ? slash_a + 1 : a->stem, slash_b != NULL ? slash_b + 1 : b->stem) == 0;
 }
 
 static rx_status reserve(rx_outputs *outputs, const char *path, int folder, const char **temporary,
@@ -323,17 +361,9 @@ static int copy_to_device(const output *out)
 }
 
 /* An older folder steps aside, and comes back when the new one cannot take its place. */
-static int rename_folder(const output *out)
+static int step_aside(const output *out)
 {
-    struct stat info;
-    if (lstat(out->path, &info) != 0)
-        return rename(out->temporary, out->path);
     char *old = format(out->temporary, ".old", "");
-    if (old != NULL && !is_replaceable_folder(out->path)) { /* filled by somebody since it was inspected */
-        errno = ENOTEMPTY;
-        free(old);
-        return -1;
-    }
     if (old == NULL || rename(out->path, old) != 0) {
         free(old);
         return -1;
@@ -345,6 +375,23 @@ static int rename_folder(const output *out)
         rx_output_remove(old);
     free(old);
     return failed;
+}
+
+/* Old and new change places at once where the file system can do that (not on NFS). */
+static int rename_folder(const output *out)
+{
+    if (rename(out->temporary, out->path) == 0) /* where there is none, or an empty one */
+        return 0;
+    if (errno != ENOTEMPTY && errno != EEXIST)
+        return -1;
+    if (!is_replaceable_folder(out->path)) { /* filled by somebody since it was inspected */
+        errno = ENOTEMPTY;
+        return -1;
+    }
+    if (renameat2(AT_FDCWD, out->temporary, AT_FDCWD, out->path, RENAME_EXCHANGE) != 0)
+        return step_aside(out);
+    rx_output_remove(out->temporary);
+    return 0;
 }
 
 static int put_in_place(const output *out)

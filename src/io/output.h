@@ -1,5 +1,6 @@
 /* Outputs appear whole or not at all: every file is written under a temporary name in
- * its own folder; commit renames them all once the whole run has succeeded. */
+ * its own folder; commit renames them all once the whole run has succeeded. What a killed
+ * process has left of an output goes when the next one reserves it (io/claim.h). */
 #ifndef RX_IO_OUTPUT_H
 #define RX_IO_OUTPUT_H
 
@@ -17,8 +18,7 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
 
 /* The same for a folder (report): the temporary folder is made, and takes the place of
  * an older one at commit. Only an empty folder or one of ours (it holds `.rextract`) is
- * replaced; any other, or a plain file, is an RX_USAGE error. What a killed process has left of a folder of
- * the same name is removed. */
+ * replaced; any other, or a plain file, is an RX_USAGE error. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The name that the user gave for what is written as `temporary`, for error messages: a temporary name

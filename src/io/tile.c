@@ -106,6 +106,10 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
         *n = 1;
     } else {
         status = list_all(source.file, parsed.path, log, list, count, n, err);
+        if (status == RX_INPUT && broken)
+            status = rx_error_at(err, RX_INPUT, parsed.path, count, 0,
+                                 "this HDU cannot be read, and none before it holds a 2-D image; the file is "
+                                 "damaged, fetch it again");
         if (status == RX_OK && broken)
             rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
                            parsed.path, count - 1);
@@ -396,6 +400,63 @@ exit:
     rx_text_free(&cards);
     rx_text_free(&parent);
     rx_tile_free(tile);
+    return status;
+}
+
+/* --- headers alone --- */
+
+/* Of the current place. */
+static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name, int hdu, rx_tile_shape *dst,
+                          rx_error *err)
+{
+    rx_fits_shape shape;
+    rx_text cards = {0}, parent = {0};
+    rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
+    rx_status status = find_place(source->file, &place, err);
+    if (status == RX_OK)
+        status = read_header(source->file, &place, &cards, &parent, err);
+    int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;
+    if (failed)
+        status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");
+    if (status == RX_OK)
+        *dst = (rx_tile_shape){.hdu = hdu,
+                               .width = (int)(place.last[0] - place.first[0] + 1),
+                               .height = (int)(place.last[1] - place.first[1] + 1),
+                               .compressed = shape.is_compressed,
+                               .ncards = cards.length / 80,
+                               .held = rx_fits_held(source)};
+    rx_text_free(&cards);
+    rx_text_free(&parent);
+    return status;
+}
+
+rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int *n, rx_error *err)
+{
+    rx_fits_name parsed;
+    rx_fits_source source = {0};
+    rx_tile_shape *shapes = NULL;
+    int *hdus = NULL;
+    *dst = NULL;
+    rx_status status = rx_tile_list(name, log, &hdus, n, err);
+    if (status == RX_OK)
+        status = rx_fits_name_parse(name, &parsed, err);
+    if (status == RX_OK)
+        status = rx_fits_open(parsed.path, &source, err);
+    if (status != RX_OK)
+        goto exit;
+    shapes = RX_NEW(rx_tile_shape, (size_t)*n);
+    if (shapes == NULL)
+        status = rx_error_memory(err, (size_t)*n * sizeof *shapes);
+    for (int i = 0; i < *n && status == RX_OK; i++)
+        status = shape_of(&source, &parsed, hdus[i], &shapes[i], err);
+    if (status == RX_OK) {
+        *dst = shapes;
+        shapes = NULL;
+    }
+exit:
+    rx_fits_done(&source);
+    free(hdus);
+    free(shapes);
     return status;
 }
 

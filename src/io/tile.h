@@ -28,6 +28,19 @@ typedef struct rx_tile_params {
  * (3-D, 1-D, tables) are told through log. */
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err);
 
+/* What the header says of an image that rx_tile_read() would read. */
+typedef struct rx_tile_shape {
+    int hdu;
+    int width, height; /* of the section, where the name has one */
+    int compressed;    /* a tile-compressed image */
+    size_t ncards;     /* of its header */
+    size_t held;       /* bytes of the file that are in memory while it is read: gzip and the like */
+} rx_tile_shape;
+
+/* Shapes of the images that `name` selects, from headers alone; *dst to be freed. Errors as rx_tile_list()
+ * and rx_tile_read() have them as far as headers tell. */
+rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int *n, rx_error *err);
+
 /* Read one of them. `extension` counts from 1 among those processed. Values of header keys come from
  * the HDU, else from the primary header; with INHERIT = T the primary's other cards join tile->cards.
  * A section `[x1:x2,y1:y2]` has its own CRPIX in cards and wcs.

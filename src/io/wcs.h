@@ -33,4 +33,7 @@ double rx_wcs_pixel_scale(rx_wcs *wcs, double x, double y); /* arcsec, sqrt of t
  * x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y 0-based. 0 when there are none. */
 int rx_wcs_linear(const char *cards, size_t ncards, double linear[6]);
 
+/* Version of the library (wcslib). */
+const char *rx_wcs_library(void);
+
 #endif

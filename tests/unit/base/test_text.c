@@ -125,6 +125,17 @@ static void endless_words_are_near_to_nothing(void **state)
     assert_null(rx_text_nearest(endless, words, 1));
 }
 
+static void lines_from_outside_are_tamed(void **state)
+{
+    (void)state;
+    char line[] = "a\tb\n\033[2J\x7f \x9b"
+                  "31m \xc2\x9b"
+                  "31m \xc3\xa9 \xe2\x82\xac \xf0\x9f\x94\xad \xc0\xaf \xed\xa0\x80 \xe2\x82";
+    rx_text_tame(line);
+    assert_string_equal(line, "a?b??[2J? ?31m ??31m \xc3\xa9 \xe2\x82\xac \xf0\x9f\x94\xad ?? ??? ??");
+    assert_int_equal(rx_text_utf8(""), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -133,6 +144,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(bad_files_are_refused, make_folder, remove_folder),
         cmocka_unit_test(the_nearest_word_is_found),
         cmocka_unit_test(endless_words_are_near_to_nothing),
+        cmocka_unit_test(lines_from_outside_are_tamed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
