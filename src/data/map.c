@@ -1,14 +1,22 @@
-/* Planes as they are, the sky of a background from its meshes. */
+/* Planes as they are, the sky of a background from its meshes, the rest by its maker. */
 #include "data/map.h"
 
 #include <float.h>
 #include <string.h>
 
+#include "base/wide.h"
+
 enum { PIECE = 64 }; /* pixels of a row whose noise is held beside their level */
+enum { ROWS = 16 };  /* made at a time */
 
 rx_map rx_map_plane(const float *plane, int width)
 {
     return (rx_map){.width = width, .plane = plane};
+}
+
+rx_map rx_map_made(const rx_map_maker *maker, int width)
+{
+    return (rx_map){.width = width, .maker = maker};
 }
 
 rx_map rx_background_level(const rx_background *sky)
@@ -23,15 +31,19 @@ rx_map rx_background_noise(const rx_background *sky)
 }
 
 /* No noise where there is no pixel, some noise where there is one. */
-static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
+RX_WIDE static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
 {
     const float usual = sky->usual_sigma;
 #pragma omp simd
     for (int i = 0; i < n; i++)
         sigma[i] = (sigma[i] > 0.0f) & (sigma[i] <= FLT_MAX) ? sigma[i] : usual;
     const uint8_t *mask = sky->mask != NULL ? sky->mask + at : NULL;
-    for (int i = 0; mask != NULL && i < n; i++)
-        sigma[i] = (mask[i] & sky->mask_bits) != 0 ? 0.0f : sigma[i];
+    const int bits = sky->mask_bits;
+    if (mask == NULL)
+        return;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        sigma[i] = (mask[i] & bits) != 0 ? 0.0f : sigma[i];
 }
 
 /* Before any error. */
@@ -72,7 +84,9 @@ const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room)
 {
     if (map->plane != NULL)
         return map->plane + (size_t)y * (size_t)map->width + (size_t)x;
-    if (map->noise)
+    if (map->maker != NULL)
+        map->maker->make(map->maker, x, y, n, 1, room);
+    else if (map->noise)
         noise_row(map->sky, y, x, n, room);
     else
         level_row(map->sky, y, x, n, room);
@@ -85,14 +99,27 @@ float rx_map_at(const rx_map *map, int x, int y)
     return *rx_map_row(map, y, x, 1, &value);
 }
 
+const float *rx_map_rows(const rx_map *map, int y, int rows, float *dst)
+{
+    const size_t width = (size_t)map->width;
+    if (map->plane != NULL)
+        return map->plane + (size_t)y * width;
+    if (map->maker != NULL)
+        map->maker->make(map->maker, 0, y, map->width, rows, dst);
+    for (int i = 0; i < rows && map->maker == NULL; i++)
+        (void)rx_map_row(map, y + i, 0, map->width, dst + (size_t)i * width);
+    return dst;
+}
+
 void rx_map_fill(const rx_map *map, int height, int nthreads, float *dst)
 {
     const size_t width = (size_t)map->width;
 #pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
-    for (int y = 0; y < height; y++) {
+    for (int y = 0; y < height; y += ROWS) {
         float *own = dst + (size_t)y * width;
-        const float *row = rx_map_row(map, y, 0, map->width, own);
-        if (row != own)
-            memcpy(own, row, width * sizeof *own);
+        const int rows = height - y < ROWS ? height - y : ROWS;
+        const float *values = rx_map_rows(map, y, rows, own);
+        if (values != own)
+            memcpy(own, values, (size_t)rows * width * sizeof *own);
     }
 }

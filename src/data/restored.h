@@ -4,6 +4,7 @@
 
 #include <stdint.h>
 
+#include "data/map.h"
 #include "data/psf.h"
 #include "data/tile.h"
 
@@ -16,7 +17,8 @@ typedef struct rx_restored {
                          beyond the border; NULL unless asked for (keep_support) and for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
-    float *sigma;     /* noise for detection, ADU, [height][width]; NULL: that of `sky` */
+    rx_map_maker *noise;      /* for detection, ADU (rx_map_made(), free()); reads the tile, its sky and
+                                 `mask`, which live as long; NULL: that of `sky` */
     const rx_background *sky; /* whose noise is that of these pixels, and which lives as long; NULL: measure
                                  it on pixels */
     rx_psf *psf;              /* of the restored image */
@@ -30,6 +32,9 @@ typedef struct rx_restored {
 
 /* Zeroed planes of pixels and mask, the rest empty, chi2 NAN; NULL without memory. */
 rx_restored *rx_restored_new(const char *name, int width, int height);
+
+/* The same without pixels, for who makes them when other planes are gone. */
+rx_restored *rx_restored_bare(const char *name, int width, int height);
 
 void rx_restored_free(rx_restored *restored);
 

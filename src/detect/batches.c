@@ -13,8 +13,8 @@ enum { PLAIN_AREA = 1 << 17, BLEND_AREA = 1 << 15 }; /* pixels of a packed image
 enum { LEAST_PART = 3 }; /* pixels: sep deblends into parts of less than min_area, too */
 
 /* What kind each group is. */
-static rx_status sort_out(const rx_threshold *image, const rx_groups *groups, int min_area, int deblend,
-                          double contrast, int nthreads, unsigned char *kind, rx_error *err)
+static rx_status sort_out(const rx_groups *groups, int min_area, int deblend, double contrast, int nthreads,
+                          unsigned char *kind, rx_error *err)
 {
     rx_status status = RX_OK;
     const int part = min_area < LEAST_PART ? min_area : LEAST_PART;
@@ -30,7 +30,7 @@ static rx_status sort_out(const rx_threshold *image, const rx_groups *groups, in
             if (groups->list[i].size < min_area || own != RX_OK)
                 continue;
             if (deblend)
-                own = rx_summits_split(image, groups, i, part, contrast, &work, &splits, &trouble);
+                own = rx_summits_split(groups, i, part, contrast, &work, &splits, &trouble);
             kind[i] = splits ? BLEND : PLAIN;
         }
         rx_summits_free(&work);
@@ -89,7 +89,7 @@ rx_status rx_batches_make(const rx_threshold *image, const rx_groups *groups, in
         status = rx_error_memory(err, n * sizeof(rx_batch));
         goto exit;
     }
-    status = sort_out(image, groups, min_area, deblend, contrast, nthreads, kind, err);
+    status = sort_out(groups, min_area, deblend, contrast, nthreads, kind, err);
     if (status != RX_OK)
         goto exit;
     collect(image, groups, kind, BLEND, BLEND_AREA, dst, &used);

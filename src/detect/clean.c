@@ -35,12 +35,15 @@ static float weakest_pixel(const rx_detection *list, int i, const rx_clean_image
                            float *heights)
 {
     int n = 0;
+    const rx_span *last = NULL;
     if (list[i].npix < min_area || min_area < 1)
         return 0.0f;
     for (int k = 0; k < list[i].npix; k++) {
-        int at = list[i].pixels[k];
-        float limit = image->sigma != NULL ? (float)image->threshold * image->sigma[at] : list[i].threshold;
-        float height = image->filtered[at] - limit;
+        float filtered = 0, sigma = 0;
+        if (!rx_levels_at(image->levels, list[i].group, list[i].pixels[k], &last, &filtered, &sigma))
+            continue;
+        float limit = image->relative ? (float)image->threshold * sigma : list[i].threshold;
+        float height = filtered - limit;
         if (list[i].npix == min_area)
             return height;
         if (k == min_area || (n == min_area && height <= heights[n - 1]))
@@ -50,7 +53,7 @@ static float weakest_pixel(const rx_detection *list, int i, const rx_clean_image
             heights[place] = heights[place - 1];
         heights[place] = height;
     }
-    return heights[min_area - 1];
+    return n == min_area ? heights[min_area - 1] : 0.0f;
 }
 
 static double axis_correction(const rx_detection *list, int i, const rx_clean_image *image)
@@ -58,7 +61,7 @@ static double axis_correction(const rx_detection *list, int i, const rx_clean_im
     double half = (list[i].threshold + (double)list[i].peak) / 2.0;
     double ratio = list[i].threshold / half;
     int above_half = 0;
-    if (image->sigma != NULL || !(ratio > 0.0))
+    if (image->relative || !(ratio > 0.0))
         return 1.0;
     for (int k = 0; k < list[i].npix; k++)
         above_half += image->pixels[list[i].pixels[k]] > half;

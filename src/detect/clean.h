@@ -4,13 +4,14 @@
 
 #include "base/error.h"
 #include "detect/detections.h"
+#include "detect/groups.h"
 
-/* What cleaning looks at besides the detections; planes are [height][width]. */
+/* What cleaning looks at besides the detections. */
 typedef struct rx_clean_image {
-    const float *pixels;   /* masked ones 0 */
-    const float *filtered; /* the filtered image */
-    const float *sigma;    /* threshold noise of a pixel, NULL: one threshold, that of the detections */
-    double threshold;      /* in sigmas; used with sigma */
+    const float *pixels; /* [height][width], masked ones 0 */
+    const rx_levels *levels;
+    int relative;     /* 0: one threshold, that of the detections */
+    double threshold; /* in sigmas; used with relative */
 } rx_clean_image;
 
 /* eater[i] = index of the source that ate i, or -1 (to be freed).

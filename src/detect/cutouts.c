@@ -89,24 +89,22 @@ static void index_shelves(const rx_groups *groups, rx_cutouts *dst)
     }
 }
 
-static void fill(const rx_threshold *image, const float *sigma, const rx_groups *groups, const rx_cutout *cut,
-                 rx_cutouts *dst)
+static void fill(const rx_threshold *image, const rx_groups *groups, const rx_cutout *cut, rx_cutouts *dst)
 {
     const rx_group *g = &groups->list[cut->group];
     const size_t row = (size_t)dst->width;
     /* where thresholds are relative */
-    const float around = image->sigma != NULL ? g->lowest / image->limit * ROUNDING : NOTHING;
-    for (int v = cut->y - 1; v <= cut->y + g->ymax - g->ymin + 1 && sigma != NULL; v++)
+    const float around = image->relative ? g->lowest / image->limit * ROUNDING : NOTHING;
+    for (int v = cut->y - 1; v <= cut->y + g->ymax - g->ymin + 1 && image->noise != NULL; v++)
         for (int u = cut->x - 1; u <= cut->x + g->xmax - g->xmin + 1; u++)
             if (u >= 0 && v >= 0 && u < dst->width && v < dst->height)
                 dst->noise[(size_t)v * row + (size_t)u] = around;
     for (const rx_span *s = groups->spans + g->first; s < groups->spans + g->first + g->nspans; s++) {
-        const size_t from = (size_t)s->y * (size_t)image->width + (size_t)s->x0;
         const size_t to = (size_t)(cut->y + s->y - g->ymin) * row + (size_t)(cut->x + s->x0 - g->xmin);
-        const size_t bytes = (size_t)(s->x1 - s->x0) * sizeof(float);
-        memcpy(dst->pixels + to, image->filtered + from, bytes);
-        if (sigma != NULL)
-            memcpy(dst->noise + to, sigma + from, bytes);
+        const size_t n = (size_t)(s->x1 - s->x0);
+        memcpy(dst->pixels + to, s->values, n * sizeof(float));
+        if (image->noise != NULL)
+            memcpy(dst->noise + to, s->values + n, n * sizeof(float));
     }
 }
 
@@ -121,7 +119,7 @@ static int least(int a, int b)
 }
 
 /* The pixels of a group's box before the filter, and the noise of its own. */
-static void fill_unfiltered(const rx_threshold *image, const float *sigma, const rx_groups *groups,
+static void fill_unfiltered(const rx_threshold *image, const rx_groups *groups,
                             const rx_unfiltered *unfiltered, const rx_cutout *cut, rx_cutouts *dst)
 {
     const rx_group *g = &groups->list[cut->group];
@@ -139,8 +137,7 @@ static void fill_unfiltered(const rx_threshold *image, const float *sigma, const
     for (const rx_span *s = groups->spans + g->first; s < groups->spans + g->first + g->nspans; s++) {
         float *noise = dst->noise + (size_t)(s->y - dy) * row;
         for (int x = s->x0; x < s->x1; x++)
-            noise[x - dx] = sigma != NULL ? sigma[(size_t)s->y * (size_t)image->width + (size_t)x]
-                                          : unfiltered->noise_value;
+            noise[x - dx] = image->noise != NULL ? rx_span_sigma(s, x) : unfiltered->noise_value;
     }
 }
 
@@ -159,7 +156,7 @@ static void fence(const rx_groups *groups, const rx_unfiltered *unfiltered, cons
             }
 }
 
-static rx_status fill_all_unfiltered(const rx_threshold *image, const float *sigma, const rx_groups *groups,
+static rx_status fill_all_unfiltered(const rx_threshold *image, const rx_groups *groups,
                                      const rx_unfiltered *unfiltered, rx_cutouts *dst, rx_error *err)
 {
     const size_t area = (size_t)dst->width * (size_t)dst->height;
@@ -167,7 +164,7 @@ static rx_status fill_all_unfiltered(const rx_threshold *image, const float *sig
     if (filtered == NULL)
         return rx_error_memory(err, area * sizeof *filtered);
     for (int i = 0; i < dst->n; i++)
-        fill_unfiltered(image, sigma, groups, unfiltered, &dst->list[i], dst);
+        fill_unfiltered(image, groups, unfiltered, &dst->list[i], dst);
     rx_filter_plane(unfiltered->kernel, dst->pixels, dst->width, dst->height, 1, filtered);
     for (int i = 0; i < dst->n; i++)
         fence(groups, unfiltered, &dst->list[i], filtered, dst);
@@ -175,12 +172,11 @@ static rx_status fill_all_unfiltered(const rx_threshold *image, const float *sig
     return RX_OK;
 }
 
-rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const rx_groups *groups,
-                          const rx_unfiltered *unfiltered, const int *wanted, int n, rx_cutouts *dst,
-                          rx_error *err)
+rx_status rx_cutouts_make(const rx_threshold *image, const rx_groups *groups, const rx_unfiltered *unfiltered,
+                          const int *wanted, int n, rx_cutouts *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    const bool noisy = sigma != NULL || unfiltered != NULL;
+    const bool noisy = image->noise != NULL || unfiltered != NULL;
     *dst = (rx_cutouts){.n = n, .ring = 1};
     if (unfiltered != NULL)
         dst->ring += most(unfiltered->kernel->width, unfiltered->kernel->height) / 2;
@@ -195,7 +191,7 @@ rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const r
     qsort(items, (size_t)n, sizeof *items, by_height);
     if (n == 1)
         place_alone(image, &groups->list[items[0].group], items[0].group,
-                    unfiltered != NULL || image->sigma != NULL, dst);
+                    unfiltered != NULL || image->relative, dst);
     else
         lay_out(groups, items, dst);
     const size_t area = (size_t)dst->width * (size_t)dst->height;
@@ -211,9 +207,9 @@ rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const r
         dst->noise[k] = NOTHING;
     index_shelves(groups, dst);
     if (unfiltered != NULL)
-        status = fill_all_unfiltered(image, sigma, groups, unfiltered, dst, err);
+        status = fill_all_unfiltered(image, groups, unfiltered, dst, err);
     for (int i = 0; i < n && unfiltered == NULL; i++)
-        fill(image, sigma, groups, &dst->list[i], dst);
+        fill(image, groups, &dst->list[i], dst);
 exit:
     free(items);
     return status;

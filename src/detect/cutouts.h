@@ -33,14 +33,12 @@ typedef struct rx_unfiltered {
     float noise_value; /* of a pixel where no plane says it */
 } rx_unfiltered;
 
-/* Pack n groups; each has a pixel of sky around it, but one alone that touches the tile's border. relative:
- * thresholds are limit * sigma of a pixel; else sigma is only handed on. With `unfiltered` (else NULL) the
- * pixels are those, and all that lies around that the filter asks for; noise then keeps everything but the
- * groups below the threshold. Free with rx_cutouts_free(), also
- * after an error. Errors: RX_SYSTEM. */
-rx_status rx_cutouts_make(const rx_threshold *image, const float *sigma, const rx_groups *groups,
-                          const rx_unfiltered *unfiltered, const int *wanted, int n, rx_cutouts *dst,
-                          rx_error *err);
+/* Pack n groups; each has a pixel of sky around it, but one alone that touches the tile's border. With
+ * `unfiltered` (else NULL) the pixels are those, and all that lies around that the filter asks for; noise
+ * then keeps everything but the groups below the threshold. Free with rx_cutouts_free(), also after an error.
+ * Errors: RX_SYSTEM. */
+rx_status rx_cutouts_make(const rx_threshold *image, const rx_groups *groups, const rx_unfiltered *unfiltered,
+                          const int *wanted, int n, rx_cutouts *dst, rx_error *err);
 void rx_cutouts_free(rx_cutouts *cutouts);
 
 /* The cutout that pixel (x, y) of the packed image is in. */

@@ -11,6 +11,7 @@
 #include "detect/filter.h"
 #include "detect/groups.h"
 #include "detect/sep_extract.h"
+#include "detect/threshold_noise.h"
 
 enum { USUAL_PIXELS = 300000 }; /* above the threshold: SExtractor's first limit */
 
@@ -20,8 +21,12 @@ typedef struct workspace {
     rx_filter kernel;
     const float *pixels, *filtered; /* masked ones 0; before and after the filter */
     float *own_pixels, *own_filtered;
-    float *sigma; /* threshold noise, NULL = one value */
+    rx_threshold_noise varying;
+    float *sigma; /* plane of the noise for a matched filter, else NULL */
+    rx_map noise; /* the same */
+    rx_filter none;
     rx_groups groups;
+    rx_levels levels;
     int *eater; /* of each detection, -1 none; NULL without CLEAN */
     rx_detections found;
 } workspace;
@@ -66,33 +71,57 @@ static rx_status filter_pixels(const rx_detect_params *par, const rx_detect_imag
     return RX_OK;
 }
 
-/* The noise that thresholds refer to, where it is not the same everywhere. */
-static rx_status filter_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
-                              rx_error *err)
+/* sep's matched filter asks for a plane of the noise. */
+static rx_status matched_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                               rx_error *err)
 {
-    if (!image->variable_noise && !par->matched)
-        return RX_OK;
-    rx_status status = RX_OK;
-    uint8_t *hidden = RX_NEW(uint8_t, work->n);
     work->sigma = RX_NEW(float, work->n);
-    if (work->sigma == NULL || hidden == NULL) {
-        status = rx_error_memory(err, work->n * sizeof(float));
-        goto exit;
-    }
+    if (work->sigma == NULL)
+        return rx_error_memory(err, work->n * sizeof(float));
+    if (image->variable_noise)
+        rx_map_fill(&image->noise, image->height, par->nthreads, work->sigma);
     for (size_t i = 0; i < work->n; i++)
-        hidden[i] = is_hidden(image, i);
-    if (par->matched) { /* sep filters the noise itself */
-        for (size_t i = 0; i < work->n; i++)
-            work->sigma[i] = hidden[i]               ? 1e30f
-                             : image->variable_noise ? image->sigma[i]
-                                                     : (float)image->global_sigma;
-    } else {
-        status = rx_filter_sigma(&work->kernel, image->sigma, hidden, image->width, image->height,
-                                 par->nthreads, work->sigma, err);
+        work->sigma[i] = is_hidden(image, i)     ? 1e30f
+                         : image->variable_noise ? work->sigma[i]
+                                                 : (float)image->global_sigma;
+    work->noise = rx_map_plane(work->sigma, image->width);
+    work->varying.noise = &work->noise;
+    work->varying.kernel = &work->none; /* sep filters the noise itself */
+    return RX_OK;
+}
+
+/* The noise that thresholds refer to, where it is not the same everywhere. */
+static rx_status set_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                           rx_error *err)
+{
+    work->varying = (rx_threshold_noise){.width = image->width,
+                                         .height = image->height,
+                                         .noise = &image->noise,
+                                         .pixels = image->pixels,
+                                         .mask = image->mask,
+                                         .mask_bits = image->mask_bits,
+                                         .kernel = &work->kernel};
+    return par->matched ? matched_noise(par, image, work, err) : RX_OK;
+}
+
+/* Where the values of pixels are from now on; the filtered image is done with, but for sep's own filter. */
+static void set_levels(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                       rx_extraction *job)
+{
+    work->levels = (rx_levels){.width = image->width, .varies = job->image.noise != NULL};
+    if (par->matched) {
+        work->levels.filtered = work->filtered;
+        work->levels.sigma = work->sigma;
+        return;
     }
-exit:
-    free(hidden);
-    return status;
+    work->levels.groups = &work->groups;
+    job->image.filtered = work->filtered = NULL;
+    free(work->own_filtered);
+    work->own_filtered = NULL;
+    if (image->done_with != NULL) {
+        free(*image->done_with);
+        *image->done_with = NULL;
+    }
 }
 
 /* Groups above the threshold; while there are more pixels in them than may be, the threshold rises, which is
@@ -107,7 +136,7 @@ static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_ex
     for (;;) {
         job->threshold = wanted * raised;
         job->image.limit = (float)job->threshold;
-        if (!par->absolute && job->image.sigma == NULL)
+        if (!par->absolute && !job->image.relative)
             job->image.limit *= (float)job->noise_value;
         rx_status status = rx_groups_find(&job->image, par->nthreads, &work->groups, err);
         if (status != RX_OK)
@@ -129,9 +158,10 @@ static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_ex
 
 static rx_status clean_catalog(const rx_detect_params *par, workspace *work, double threshold, rx_error *err)
 {
-    rx_clean_image image = {.pixels = work->pixels, .filtered = work->filtered, .threshold = threshold};
-    if (!par->absolute)
-        image.sigma = work->sigma;
+    rx_clean_image image = {.pixels = work->pixels,
+                            .levels = &work->levels,
+                            .relative = !par->absolute && work->levels.varies,
+                            .threshold = threshold};
     return rx_clean(&work->found, &image, par->min_area, par->max_area, par->clean_param, par->nthreads,
                     &work->eater, err);
 }
@@ -154,8 +184,20 @@ static void cure_ellipse(rx_source *s)
     s->flags_measure |= RX_FLAGM_SINGULAR;
 }
 
+/* Noise of the pixel at the peak. */
+static double peak_noise(const rx_detect_image *image, const workspace *work, const rx_detection *d)
+{
+    const rx_span *span = NULL;
+    if (!image->variable_noise)
+        return image->global_sigma;
+    if (work->levels.groups != NULL)
+        span = rx_groups_span(&work->groups, d->group, NULL, d->xpeak, d->ypeak);
+    return (double)(span != NULL ? rx_span_noise(span, d->xpeak)
+                                 : rx_map_at(&image->noise, d->xpeak, d->ypeak));
+}
+
 static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const rx_detection *d,
-                           const rx_filter *kernel, rx_source *s)
+                           const workspace *work, rx_source *s)
 {
     *s = (rx_source){.xmin = d->xmin,
                      .xmax = d->xmax,
@@ -182,14 +224,10 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
                      .peak = d->peak,
                      .flux_iso = d->flux,
                      .flags = d->flags};
-    s->threshold = d->threshold * (par->filter_normalise ? 1.0 : kernel->sum);
+    s->threshold = d->threshold * (par->filter_normalise ? 1.0 : work->kernel.sum);
     s->analysis_threshold = par->analysis_threshold;
-    if (!par->analysis_absolute) {
-        double sigma = image->global_sigma;
-        if (image->variable_noise)
-            sigma = image->sigma[(size_t)s->ypeak * (size_t)image->width + (size_t)s->xpeak];
-        s->analysis_threshold *= sigma;
-    }
+    if (!par->analysis_absolute)
+        s->analysis_threshold *= peak_noise(image, work, d);
     if (d->singular)
         s->flags_measure |= RX_FLAGM_SINGULAR;
     if (!isfinite(s->x) || !isfinite(s->y)) {
@@ -201,19 +239,26 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
 }
 
 /* Highest S/N of the filtered pixels of a detection, whose places come in runs along rows. */
-static double highest_snr(const rx_detect_image *image, const float *filtered, double norm,
+static double highest_snr(const rx_detect_image *image, const workspace *work, double norm,
                           const rx_detection *d)
 {
+    const bool grouped = work->levels.groups != NULL;
+    const rx_span *span = NULL;
     double highest = 0.0;
     for (int k = 0, n; k < d->npix; k += n) {
-        const int at = d->pixels[k], x = at % image->width;
+        const int at = d->pixels[k], x = at % image->width, y = at / image->width;
         float room[RX_MAP_PIECE];
-        for (n = 1;
-             k + n < d->npix && d->pixels[k + n] == at + n && x + n < image->width && n < RX_MAP_PIECE;)
+        n = 1;
+        if (grouped && (span = rx_groups_span(&work->groups, d->group, span, x, y)) == NULL)
+            continue;
+        const int end = grouped ? span->x1 : image->width;
+        while (k + n < d->npix && d->pixels[k + n] == at + n && x + n < end && n < RX_MAP_PIECE)
             n++;
-        const float *noise = rx_map_row(&image->noise, at / image->width, x, n, room);
+        const float *filtered = grouped ? span->values + (x - span->x0) : work->filtered + at;
+        const float *noise = grouped && work->levels.varies ? filtered + (ptrdiff_t)2 * (span->x1 - span->x0)
+                                                            : rx_map_row(&image->noise, y, x, n, room);
         for (int i = 0; i < n; i++) {
-            const double snr = (double)filtered[at + i] / (norm * (double)noise[i]);
+            const double snr = (double)filtered[i] / (norm * (double)noise[i]);
             highest = snr > highest ? snr : highest;
         }
     }
@@ -254,7 +299,7 @@ static void merge_source(const rx_detection *d, double snr, rx_source *s, rx_sou
     paint_segment(d, s->segment, RX_FRAGMENT_EATEN, dst);
 }
 
-/* snr[n] of all that was found; after this the filtered image is not needed any more. */
+/* snr[n] of all that was found. */
 static double *rank_all(const rx_detect_params *par, const rx_detect_image *image, const workspace *work)
 {
     const int n = work->found.n;
@@ -264,7 +309,7 @@ static double *rank_all(const rx_detect_params *par, const rx_detect_image *imag
         return snr;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int i = 0; i < n; i++)
-        snr[i] = highest_snr(image, work->filtered, norm, &work->found.list[i]);
+        snr[i] = highest_snr(image, work, norm, &work->found.list[i]);
     return snr;
 }
 
@@ -277,10 +322,6 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
     rx_status status = RX_OK;
     int *row_of = RX_NEW(int, (size_t)n); /* index in dst->list, -1 left out */
     double *snr = rank_all(par, image, work);
-    if (image->done_with != NULL) {
-        free(*image->done_with);
-        *image->done_with = NULL;
-    }
     dst->width = image->width;
     dst->height = image->height;
     dst->grown = job->grown;
@@ -304,7 +345,7 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
         if (row_of[i] < 0)
             continue;
         rx_source *s = &dst->list[row_of[i]];
-        convert_source(par, image, &list[i], &work->kernel, s);
+        convert_source(par, image, &list[i], work, s);
         s->number = s->segment = row_of[i] + 1;
         s->flags |= job->flags;
         s->detection_snr = snr[i];
@@ -335,23 +376,28 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
     work.n = (size_t)image->width * (size_t)image->height;
     status = filter_pixels(par, image, &work, err);
     if (status == RX_OK)
-        status = filter_noise(par, image, &work, err);
+        status = set_noise(par, image, &work, err);
     if (status != RX_OK)
         goto exit;
+    const bool varies = image->variable_noise || par->matched;
     rx_extraction job = {.image = {.width = image->width,
                                    .height = image->height,
                                    .filtered = work.filtered,
-                                   .sigma = par->absolute ? NULL : work.sigma},
+                                   .noise = varies ? &work.varying : NULL,
+                                   .relative = varies && !par->absolute},
                          .pixels = work.pixels,
                          .noise = work.sigma,
                          .noise_value = image->global_sigma,
                          .gain = image->gain,
                          .kernel = &work.kernel,
                          .groups = &work.groups,
+                         .levels = &work.levels,
                          .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
     status = find_groups(par, &work, &job, log, err);
-    if (status == RX_OK)
+    if (status == RX_OK) {
+        set_levels(par, image, &work, &job);
         status = rx_extract_run(par, &job, log, &work.found, err);
+    }
     if (status == RX_OK && par->clean)
         status = clean_catalog(par, &work, job.threshold * job.raised, err);
     if (status != RX_OK)

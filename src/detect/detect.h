@@ -34,16 +34,15 @@ typedef struct rx_detect_image {
     int width, height;
     const float *pixels;   /* background subtracted */
     const float *filtered; /* pixels after the filter, finite and hidden ones 0; NULL: made here */
-    const float *sigma;    /* noise of a pixel */
     const uint8_t *mask;   /* NULL: nothing hidden */
     int mask_bits;         /* which bits hide a pixel */
-    int variable_noise; /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: sigma map */
+    int variable_noise;    /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: `noise` */
     double global_sigma;
     double gain;  /* e-/ADU for the position errors, 0 = infinite */
-    rx_map noise; /* of the pixels of `filtered` before the filter, for rx_source.detection_snr; width 0: not
-                     wanted */
-    float **done_with; /* where `filtered` lies in memory that is no longer wanted once sources are found: it
-                          is freed, and set to NULL, before their map is made; NULL: it stays */
+    rx_map noise; /* of a pixel: for thresholds with variable_noise, and for rx_source.detection_snr, which is
+                     not wanted where none is given */
+    float **done_with; /* where `filtered` lies in memory that is no longer wanted once the pixels above the
+                          threshold are known: it is freed then, and set to NULL; NULL: it stays */
 } rx_detect_image;
 
 /* Source list: detection columns, segmentation map and fragments. No source: n = 0.

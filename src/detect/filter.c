@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <omp.h>
-
 #include "base/memory.h"
 
 rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err)
@@ -110,29 +108,29 @@ void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int h
         filter_row(kernel, src, width, height, y, dst + row * (size_t)y);
 }
 
-static double filtered_variance(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
-                                int height, int x, int y)
+static double filtered_variance(const rx_filter *kernel, const rx_noise_rows *rows, int x, int y)
 {
+    const int width = rows->width, height = rows->height;
     double sum = 0.0, norm = 0.0;
     for (int j = 0; j < kernel->height; j++)
         for (int i = 0; i < kernel->width; i++) {
             int u = x + i - kernel->width / 2, v = y + j - kernel->height / 2;
             double weight = fabs(kernel->values[j * kernel->width + i]);
             bool inside = u >= 0 && u < width && v >= 0 && v < height;
-            size_t k = inside ? (size_t)v * (size_t)width + (size_t)u : 0;
-            if (inside && hidden[k])
+            size_t k = inside ? (size_t)(v - rows->first) * (size_t)width + (size_t)u : 0;
+            if (inside && rows->hidden[k])
                 continue;
             norm += weight;
             if (inside)
-                sum += weight * sigma[k] * sigma[k];
+                sum += weight * rows->sigma[k] * rows->sigma[k];
         }
     return norm > 0.0 ? sum / norm : 0.0;
 }
 
 /* One row where no pixel that reaches it is hidden: the weights' sum is the same everywhere. */
-static void open_row(const rx_filter *kernel, const float *sigma, int width, int height, int y, double *sums,
-                     float *line)
+static void open_row(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums, float *line)
 {
+    const int width = rows->width;
     double norm = 0.0;
     for (int x = 0; x < width; x++)
         sums[x] = 0.0;
@@ -141,10 +139,10 @@ static void open_row(const rx_filter *kernel, const float *sigma, int width, int
             const int dx = i - kernel->width / 2, v = y + j - kernel->height / 2;
             const double weight = fabs(kernel->values[j * kernel->width + i]);
             const int first = dx < 0 ? -dx : 0, last = dx > 0 ? width - dx : width;
-            const float *from = sigma + (size_t)width * (size_t)v;
             norm += weight;
-            if (v < 0 || v >= height)
+            if (v < 0 || v >= rows->height)
                 continue;
+            const float *from = rows->sigma + (size_t)width * (size_t)(v - rows->first);
 #pragma omp simd
             for (int x = first; x < last; x++)
                 sums[x] += weight * from[x + dx] * from[x + dx];
@@ -153,36 +151,24 @@ static void open_row(const rx_filter *kernel, const float *sigma, int width, int
         line[x] = (float)sqrt(norm > 0.0 ? sums[x] / norm : 0.0);
 }
 
-static bool any_hidden(const rx_filter *kernel, const uint8_t *hidden, int width, int height, int y)
+static bool any_hidden(const rx_filter *kernel, const rx_noise_rows *rows, int y)
 {
     int first = y - kernel->height / 2, last = first + kernel->height;
     first = first > 0 ? first : 0;
-    last = last < height ? last : height;
-    return memchr(hidden + (size_t)first * (size_t)width, 1, (size_t)(last - first) * (size_t)width) != NULL;
+    last = last < rows->height ? last : rows->height;
+    return memchr(rows->hidden + (size_t)(first - rows->first) * (size_t)rows->width, 1,
+                  (size_t)(last - first) * (size_t)rows->width) != NULL;
 }
 
-rx_status rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
-                          int height, int nthreads, float *dst, rx_error *err)
+void rx_filter_sigma(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums, float *line)
 {
-    const int n = nthreads > 0 ? nthreads : 1;
-    double *sums = RX_NEW(double, (size_t)n *(size_t)width);
-    if (sums == NULL)
-        return rx_error_memory(err, (size_t)n * (size_t)width * sizeof *sums);
-#pragma omp parallel for schedule(static) num_threads(n)
-    for (int y = 0; y < height; y++) {
-        const size_t row = (size_t)y * (size_t)width;
-        if (kernel->values != NULL && !any_hidden(kernel, hidden, width, height, y)) {
-            open_row(kernel, sigma, width, height, y, sums + (size_t)omp_get_thread_num() * (size_t)width,
-                     dst + row);
-            continue;
-        }
-        for (int x = 0; x < width; x++)
-            dst[row + (size_t)x] =
-                hidden[row + (size_t)x] ? 1e30f
-                : kernel->values == NULL
-                    ? sigma[row + (size_t)x]
-                    : (float)sqrt(filtered_variance(kernel, sigma, hidden, width, height, x, y));
+    const size_t row = (size_t)(y - rows->first) * (size_t)rows->width;
+    if (kernel->values != NULL && !any_hidden(kernel, rows, y)) {
+        open_row(kernel, rows, y, sums, line);
+        return;
     }
-    free(sums);
-    return RX_OK;
+    for (int x = 0; x < rows->width; x++)
+        line[x] = rows->hidden[row + (size_t)x] ? 1e30f
+                  : kernel->values == NULL      ? rows->sigma[row + (size_t)x]
+                                                : (float)sqrt(filtered_variance(kernel, rows, x, y));
 }

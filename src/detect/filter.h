@@ -26,10 +26,16 @@ double rx_filter_norm(const float *values, int n);
 void rx_filter_plane(const rx_filter *kernel, const float *src, int width, int height, int nthreads,
                      float *dst);
 
-/* dst = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get 1e30; beyond the
- * border is sigma 0, as in SExtractor, where the filtered image is lower too. hidden: 0 or 1. Errors:
- * RX_SYSTEM without memory. */
-rx_status rx_filter_sigma(const rx_filter *kernel, const float *sigma, const uint8_t *hidden, int width,
-                          int height, int nthreads, float *dst, rx_error *err);
+/* Rows of the noise of pixels from `first` on, as many as are asked for, of a tile of so many. */
+typedef struct rx_noise_rows {
+    int width, height, first;
+    const float *sigma;
+    const uint8_t *hidden; /* 0 or 1 */
+} rx_noise_rows;
+
+/* Row y: line = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get 1e30; beyond the
+ * border is sigma 0, as in SExtractor, where the filtered image is lower too. Rows: those of the tile that
+ * the kernel reaches from y. sums[width]: scratch. */
+void rx_filter_sigma(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums, float *line);
 
 #endif

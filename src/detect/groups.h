@@ -2,22 +2,25 @@
 #ifndef RX_DETECT_GROUPS_H
 #define RX_DETECT_GROUPS_H
 
-#include <stdint.h>
+#include <stdbool.h>
 
 #include "base/error.h"
 
 /* The filtered image and what its pixels are held against. */
 typedef struct rx_threshold {
     int width, height;
-    const float *filtered; /* [height][width] */
-    const float *sigma;    /* [height][width]: the threshold of a pixel is limit * sigma of it; NULL: limit */
+    const float *filtered; /* [height][width]; of no use once there are groups, which have their own values */
     float limit;
+    const struct rx_threshold_noise *noise; /* NULL: everywhere the same */
+    int relative; /* the threshold of a pixel is limit * the filtered noise; 0: limit, noise is handed on */
 } rx_threshold;
 
 /* Neighbouring pixels of one row, x0 <= x < x1. */
 typedef struct rx_span {
     int y, x0, x1;
-    int group; /* index in the list */
+    int group;           /* index in the list */
+    const float *values; /* [x1 - x0] of the filtered image; where noise varies as many of the filtered noise
+                            behind them, and behind these of the noise of pixels */
 } rx_span;
 
 typedef struct rx_group {
@@ -35,6 +38,8 @@ typedef struct rx_groups {
     rx_group *list; /* [n] in the order in which a scan completes them: by the end of their last span */
     long nspans;
     rx_span *spans; /* [nspans] */
+    int nblocks;
+    float **blocks; /* owners of the spans' values */
 } rx_groups;
 
 /* 8-connected groups of the pixels above their threshold. Spans are found in strips of rows by `nthreads` and
@@ -42,5 +47,38 @@ typedef struct rx_groups {
  */
 rx_status rx_groups_find(const rx_threshold *threshold, int nthreads, rx_groups *dst, rx_error *err);
 void rx_groups_free(rx_groups *groups);
+
+/* The span of a group that pixel (x, y) is in, NULL if it is in none. `last` is tried first: that of the
+ * pixel before, or NULL. */
+const rx_span *rx_groups_span(const rx_groups *groups, int group, const rx_span *last, int x, int y);
+
+/* Of pixel x of a span. Noise only where it varies. */
+static inline float rx_span_filtered(const rx_span *span, int x)
+{
+    return span->values[x - span->x0];
+}
+
+static inline float rx_span_sigma(const rx_span *span, int x)
+{
+    return span->values[span->x1 - span->x0 + x - span->x0];
+}
+
+static inline float rx_span_noise(const rx_span *span, int x)
+{
+    return span->values[2 * (span->x1 - span->x0) + x - span->x0];
+}
+
+/* Where the values of detections' pixels are. */
+typedef struct rx_levels {
+    int width;
+    const rx_groups *groups;       /* NULL: the planes */
+    const float *filtered, *sigma; /* [height][width] */
+    int varies;                    /* there is a sigma in the groups */
+} rx_levels;
+
+/* Filtered image and threshold noise (0 where it does not vary) of a group's pixel `at`, y * width + x; false
+ * where rounding has put the pixel into a detection, but not into the group. *last: NULL to begin with. */
+bool rx_levels_at(const rx_levels *levels, int group, int at, const rx_span **last, float *filtered,
+                  float *sigma);
 
 #endif

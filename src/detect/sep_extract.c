@@ -119,25 +119,31 @@ static void move(rx_detection *d, int dx, int dy)
 static void look_at_pixels(const rx_extraction *job, bool matched, bool fenced, rx_detection *d)
 {
     const rx_threshold *image = &job->image;
+    const rx_span *last = NULL;
     double flux = 0.0;
     float peak = -HUGE_VALF, lowest = HUGE_VALF;
     for (int k = 0; k < d->npix; k++) {
         const int at = d->pixels[k];
         const float value = job->pixels[at];
-        const float own = image->sigma != NULL ? image->limit * image->sigma[at] : image->limit;
+        float filtered, sigma = 1, own = image->limit;
         flux += value;
         peak = value > peak ? value : peak;
+        if (image->relative) {
+            if (!rx_levels_at(job->levels, d->group, at, &last, &filtered, &sigma))
+                continue;
+            own *= sigma;
+        }
         lowest = own < lowest ? own : lowest;
         d->npix_raw += value > own;
     }
     d->flux = (float)flux;
     d->peak = peak;
-    if ((image->sigma != NULL || fenced) && !matched)
+    if ((image->relative || fenced) && !matched)
         d->threshold = lowest;
     const bool high = d->xmax == image->width - 1 || d->ymax == image->height - 1;
     const bool whole =
         (d->flags & RX_FLAG_MERGED) == 0; /* of blends sep flags what is cut at its own level */
-    if ((whole && (high || d->xmin == 0 || d->ymin == 0)) || (high && image->sigma != NULL && !matched))
+    if ((whole && (high || d->xmin == 0 || d->ymin == 0)) || (high && image->relative && !matched))
         d->flags |= RX_FLAG_TRUNCATED;
 }
 
@@ -208,8 +214,7 @@ static bool asks_for_filter(const rx_detect_params *par, const rx_extraction *jo
 {
     const rx_group *g = &job->groups->list[group];
     const bool high = g->xmax == job->image.width - 1 || g->ymax == job->image.height - 1;
-    return !par->absolute && job->kernel->width * job->kernel->height > 1 &&
-           (job->image.sigma != NULL || !high);
+    return !par->absolute && job->kernel->width * job->kernel->height > 1 && (job->image.relative || !high);
 }
 
 static void extract_batch(const rx_detect_params *par, const rx_extraction *job, const rx_batches *batches,
@@ -220,7 +225,7 @@ static void extract_batch(const rx_detect_params *par, const rx_extraction *job,
     const rx_unfiltered unfiltered = {job->pixels, job->kernel, job->threshold, (float)job->noise_value};
     const bool filters = batch->blended && asks_for_filter(par, job, batches->members[batch->first]);
     *dst = (part){0};
-    if (rx_cutouts_make(&job->image, job->noise, job->groups, filters ? &unfiltered : NULL,
+    if (rx_cutouts_make(&job->image, job->groups, filters ? &unfiltered : NULL,
                         batches->members + batch->first, batch->n, &cutouts, NULL) == RX_OK)
         extract(par, job, &cutouts, batch->blended ? levels : 1, dst);
     else
@@ -386,4 +391,9 @@ void rx_detections_free(rx_detections *detections)
     free(detections->blocks);
     free(detections->list);
     *detections = (rx_detections){0};
+}
+
+const char *rx_sep_library(void)
+{
+    return sep_version_string;
 }

@@ -17,11 +17,12 @@
 typedef struct rx_extraction {
     rx_threshold image;
     const float *pixels; /* before the filter, masked ones 0 */
-    const float *noise;  /* noise of a pixel or NULL: noise_value everywhere */
-    double noise_value;
+    const float *noise;  /* [height][width] of pixels for sep's matched filter, else NULL */
+    double noise_value;  /* where noise does not vary */
     double gain;
     const rx_filter *kernel;
     const rx_groups *groups; /* of the pixels above the threshold */
+    const rx_levels *levels; /* of detections' pixels */
     double threshold;        /* of which the groups are: sigmas, or ADU when absolute */
     int grown;               /* out: times a limit was raised */
     double raised;           /* out: factor by which the threshold had to be raised (1) */
@@ -34,5 +35,8 @@ typedef struct rx_extraction {
  * Gives up only without memory. Free with rx_detections_free(). */
 rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, rx_detections *dst,
                          rx_error *err);
+
+/* Version of the library (sep). */
+const char *rx_sep_library(void);
 
 #endif

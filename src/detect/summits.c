@@ -32,13 +32,13 @@ static rx_status make_room(rx_summits *work, size_t n, rx_error *err)
 }
 
 /* The group in its box; returns the sum of its values. */
-static double cut(const rx_threshold *image, const rx_groups *groups, int group, int width, rx_summits *work)
+static double cut(const rx_groups *groups, int group, int width, rx_summits *work)
 {
     const rx_group *g = &groups->list[group];
     double sum = 0.0;
     memset(work->values, 0, (size_t)width * (size_t)(g->ymax - g->ymin + 3) * sizeof(float));
     for (const rx_span *s = groups->spans + g->first; s < groups->spans + g->first + g->nspans; s++) {
-        const float *from = image->filtered + (size_t)s->y * (size_t)image->width + s->x0;
+        const float *from = s->values;
         float *to = work->values + (size_t)(s->y - g->ymin + 1) * (size_t)width + (s->x0 - g->xmin + 1);
         memcpy(to, from, (size_t)(s->x1 - s->x0) * sizeof *to);
         for (int i = 0; i < s->x1 - s->x0; i++)
@@ -139,8 +139,8 @@ static bool flood(rx_summits *work, int n, int width, int min_area, double flux)
     return false;
 }
 
-rx_status rx_summits_split(const rx_threshold *image, const rx_groups *groups, int group, int min_area,
-                           double contrast, rx_summits *work, int *splits, rx_error *err)
+rx_status rx_summits_split(const rx_groups *groups, int group, int min_area, double contrast,
+                           rx_summits *work, int *splits, rx_error *err)
 {
     const rx_group *g = &groups->list[group];
     const int width = g->xmax - g->xmin + 3, height = g->ymax - g->ymin + 3;
@@ -149,7 +149,7 @@ rx_status rx_summits_split(const rx_threshold *image, const rx_groups *groups, i
     *splits = 0;
     if (status != RX_OK)
         return status;
-    const double sum = cut(image, groups, group, width, work);
+    const double sum = cut(groups, group, width, work);
     if (!list_pixels(groups, g, width, work, &n))
         return RX_OK;
     sort(work, n);

@@ -2,6 +2,8 @@
 #ifndef RX_DETECT_SUMMITS_H
 #define RX_DETECT_SUMMITS_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "detect/groups.h"
 
@@ -21,8 +23,8 @@ typedef struct rx_summits {
  * zero); 0 means that multi-threshold deblending (Bertin & Arnouts 1996, section 6) at any levels leaves the
  * group as it is. Parts grow as the threshold falls, in pixels and in flux above it, so it is enough to look
  * at them where they merge. Errors: RX_SYSTEM without memory. */
-rx_status rx_summits_split(const rx_threshold *image, const rx_groups *groups, int group, int min_area,
-                           double contrast, rx_summits *work, int *splits, rx_error *err);
+rx_status rx_summits_split(const rx_groups *groups, int group, int min_area, double contrast,
+                           rx_summits *work, int *splits, rx_error *err);
 void rx_summits_free(rx_summits *work);
 
 #endif

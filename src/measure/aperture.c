@@ -128,7 +128,7 @@ static double kron_moment(const rx_view *view, const rx_ellipse *e, rx_sum *seen
                 seen->hidden++;
                 continue;
             }
-            double value = view->image->pixels[(size_t)v * (size_t)view->image->width + (size_t)u];
+            double value = rx_view_value(view->image, (size_t)v * (size_t)view->image->width + (size_t)u);
             moment += sqrt(r2) * value;
             total += value;
         }
@@ -193,7 +193,7 @@ static petro_ring measure_ring(const rx_view *view, const rx_ellipse *e, const r
                 ring.hidden++;
                 continue;
             }
-            double value = view->image->pixels[(size_t)v * (size_t)view->image->width + (size_t)u];
+            double value = rx_view_value(view->image, (size_t)v * (size_t)view->image->width + (size_t)u);
             if (r2 >= rmin * rmin) {
                 ring.annulus += value;
                 ring.nannulus++;

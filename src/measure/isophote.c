@@ -41,7 +41,7 @@ static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_s
         for (int x = s->xmin; x <= s->xmax; x++) {
             if (!in_segment(view, x, y))
                 continue;
-            double value = image->pixels[at(view, x, y)];
+            double value = rx_view_value(image, at(view, x, y));
             double sigma = image->variable_noise ? image->sigma[at(view, x, y)] : image->global_sigma;
             double threshold = own_threshold && !par->analysis_absolute ? base * sigma : base;
             npix++;
@@ -98,7 +98,7 @@ static void measure_levels(const rx_view *view, rx_source *s)
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++)
             if (own(view, x, y))
-                for (int i = 0; i < RX_NISO && view->image->pixels[at(view, x, y)] > level[i]; i++)
+                for (int i = 0; i < RX_NISO && rx_view_value(view->image, at(view, x, y)) > level[i]; i++)
                     s->iso[i]++;
 }
 
@@ -119,7 +119,7 @@ static void measure_fwhm(const rx_view *view, rx_source *s)
         for (int x = s->xmin; x <= s->xmax; x++) {
             if (!own(view, x, y) || saturated(view, x, y))
                 continue;
-            double value = view->image->pixels[at(view, x, y)] - view->sky;
+            double value = rx_view_value(view->image, at(view, x, y)) - view->sky;
             if ((float)value <= (float)lowest)
                 continue;
             double r2 = (x - s->x) * (x - s->x) + (y - s->y) * (y - s->y);

@@ -36,7 +36,7 @@ rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, d
     for (int y = outer.y0; y < outer.y1; y++)
         for (int x = outer.x0; x < outer.x1; x++)
             if (!inside(&inner, x, y) && rx_view_state(view, x, y) == RX_SEEN_GOOD)
-                values[n++] = image->pixels[(size_t)y * (size_t)image->width + (size_t)x];
+                values[n++] = rx_view_value(image, (size_t)y * (size_t)image->width + (size_t)x);
     if (n > 0) {
         sep_bkg *mesh = NULL;
         sep_image list = {.data = values, .dtype = SEP_TFLOAT, .w = n, .h = 1, .noise_type = SEP_NOISE_NONE};

@@ -60,7 +60,7 @@ static void cut_vignet(const rx_view *view, const rx_measure_params *par, const 
             bool seen = x >= 0 && y >= 0 && x < image->width && y < image->height &&
                         rx_view_state(view, x, y) == RX_SEEN_GOOD;
             dst[j * par->vignet_width + i] =
-                seen ? image->pixels[(size_t)y * (size_t)image->width + (size_t)x] : OUTSIDE;
+                seen ? rx_view_value(image, (size_t)y * (size_t)image->width + (size_t)x) : OUTSIDE;
         }
 }
 

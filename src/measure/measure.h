@@ -44,7 +44,8 @@ typedef struct rx_measure_params {
 
 typedef struct rx_measure_image {
     int width, height;
-    const float *pixels;           /* background subtracted */
+    const float *pixels;           /* background subtracted, unless with_sky */
+    int with_sky;                  /* pixels are as in the tile: `level` is taken off when one is read */
     const float *sigma;            /* noise of a pixel; read with variable_noise only */
     rx_map level;                  /* background, for BACKGROUND; may be none */
     const uint8_t *mask;           /* may be NULL */

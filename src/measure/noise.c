@@ -1,4 +1,4 @@
-/* Empty apertures: places from a summed-area table of obstacles, widths by MAD, a line in log-log. */
+/* Empty apertures: places from a map of obstacles, widths by MAD, a line in log-log. */
 #include "measure/noise.h"
 
 #include <math.h>
@@ -18,39 +18,57 @@ enum {
     MIN_APERTURES = 40 /* per radius; a MAD of fewer says little */
 };
 
-/* table[(y + 1)(width + 1) + x + 1]: obstacles in the rectangle from (0, 0) to (x, y). */
-static int64_t *count_obstacles(const rx_view *view)
+/* A bit for every pixel, rows[height][words]: is there an obstacle? */
+typedef struct obstacles {
+    size_t words; /* of a row */
+    uint64_t *rows;
+} obstacles;
+
+enum { BITS = 64 };
+
+static rx_status mark_obstacles(const rx_view *view, obstacles *dst, rx_error *err)
 {
-    int width = view->image->width, height = view->image->height;
-    size_t row = (size_t)width + 1;
-    int64_t *table = RX_NEW(int64_t, row * ((size_t)height + 1));
-    if (table == NULL)
-        return NULL;
+    const int width = view->image->width, height = view->image->height;
+    dst->words = ((size_t)width + BITS - 1) / BITS;
+    dst->rows = RX_NEW(uint64_t, dst->words * (size_t)height);
+    if (dst->rows == NULL)
+        return rx_error_memory(err, dst->words * (size_t)height * sizeof *dst->rows);
     for (int y = 0; y < height; y++) {
-        int64_t line = 0;
-        for (int x = 0; x < width; x++) {
-            line += rx_view_state(view, x, y) != RX_SEEN_GOOD;
-            table[((size_t)y + 1) * row + (size_t)x + 1] = table[(size_t)y * row + (size_t)x + 1] + line;
-        }
+        uint64_t *row = dst->rows + (size_t)y * dst->words;
+        for (int x = 0; x < width; x++)
+            row[x / BITS] |= (uint64_t)(rx_view_state(view, x, y) != RX_SEEN_GOOD) << (x % BITS);
     }
-    return table;
+    return RX_OK;
 }
 
-static bool is_free(const rx_view *view, const int64_t *table, double x, double y, double radius)
+/* Is there one in the pixels x0 <= x < x1 of a row? */
+static bool any_between(const uint64_t *row, int x0, int x1)
+{
+    for (int x = x0; x < x1;) {
+        const int first = x % BITS, n = x1 - x < BITS - first ? x1 - x : BITS - first;
+        const uint64_t bits = n < BITS ? ((uint64_t)1 << n) - 1 : UINT64_MAX;
+        if ((row[x / BITS] >> first & bits) != 0)
+            return true;
+        x += n;
+    }
+    return false;
+}
+
+static bool is_free(const rx_view *view, const obstacles *sky, double x, double y, double radius)
 {
     int reach = (int)ceil(radius) + MARGIN;
     int x0 = (int)floor(x) - reach, x1 = (int)floor(x) + reach + 2;
     int y0 = (int)floor(y) - reach, y1 = (int)floor(y) + reach + 2;
-    size_t row = (size_t)view->image->width + 1;
     if (x0 < 0 || y0 < 0 || x1 > view->image->width || y1 > view->image->height)
         return false;
-    return table[(size_t)y1 * row + (size_t)x1] - table[(size_t)y0 * row + (size_t)x1] -
-               table[(size_t)y1 * row + (size_t)x0] + table[(size_t)y0 * row + (size_t)x0] ==
-           0;
+    for (int v = y0; v < y1; v++)
+        if (any_between(sky->rows + (size_t)v * sky->words, x0, x1))
+            return false;
+    return true;
 }
 
 /* Sums of free apertures in units of the pixels' mean sigma; returns how many. */
-static int throw_apertures(const rx_view *view, const int64_t *table, int which, int count, uint64_t seed,
+static int throw_apertures(const rx_view *view, const obstacles *sky, int which, int count, uint64_t seed,
                            double *sums, double *area)
 {
     const rx_measure_image *image = view->image;
@@ -59,7 +77,7 @@ static int throw_apertures(const rx_view *view, const int64_t *table, int which,
     for (int i = 0; i < count * TRIES && n < count; i++) {
         double x = rx_random_uniform(seed, (uint64_t)which, 2 * (uint64_t)i) * image->width - 0.5;
         double y = rx_random_uniform(seed, (uint64_t)which, 2 * (uint64_t)i + 1) * image->height - 0.5;
-        if (!is_free(view, table, x, y, RADII[which]))
+        if (!is_free(view, sky, x, y, RADII[which]))
             continue;
         rx_sum sum;
         rx_sum_circle(view, x, y, RADII[which], &sum);
@@ -136,15 +154,14 @@ rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_source
     rx_view view = {.image = &plain, .sources = sources, .neighbours = RX_NEIGHBOURS_BLANK, .segment = -1};
     rx_status status = RX_OK;
     *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
-    int64_t *table = count_obstacles(&view);
+    obstacles sky = {0};
     double *sums = RX_NEW(double, count > 0 ? (size_t)count : 1);
-    if (table == NULL || sums == NULL) {
-        status = rx_error_memory(err, 0);
+    status = sums == NULL ? rx_error_memory(err, 0) : mark_obstacles(&view, &sky, err);
+    if (status != RX_OK)
         goto exit;
-    }
     for (int i = 0; i < NRADII; i++) {
         double area;
-        int n = throw_apertures(&view, table, i, count, seed, sums, &area);
+        int n = throw_apertures(&view, &sky, i, count, seed, sums, &area);
         if (n < MIN_APERTURES)
             continue;
         double width = rx_sigma_mad(sums, (size_t)n, NULL);
@@ -161,7 +178,7 @@ rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_source
         rx_log_detail(log, "too little free sky for empty apertures: errors are not calibrated");
     }
 exit:
-    free(table);
+    free(sky.rows);
     free(sums);
     return status;
 }

@@ -3,6 +3,14 @@
 
 #include <math.h>
 
+float rx_view_above_sky(const rx_measure_image *image, size_t k)
+{
+    const size_t width = (size_t)image->width;
+    if (image->mask != NULL && (image->mask[k] & image->mask_bits) != 0)
+        return 0;
+    return image->pixels[k] - rx_map_at(&image->level, (int)(k % width), (int)(k / width));
+}
+
 double rx_view_noise_factor(const rx_view *view, double area)
 {
     const rx_measure_image *image = view->image;

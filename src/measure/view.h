@@ -36,6 +36,15 @@ static inline rx_seen rx_view_state(const rx_view *view, int x, int y)
     return other || fragment == RX_FRAGMENT_SMALL ? RX_SEEN_NEIGHBOUR : RX_SEEN_GOOD;
 }
 
+/* rx_view_value() of pixels with sky: 0 where one is hidden. */
+float rx_view_above_sky(const rx_measure_image *image, size_t k);
+
+/* Pixel k, ADU above the sky. */
+static inline float rx_view_value(const rx_measure_image *image, size_t k)
+{
+    return image->with_sky ? rx_view_above_sky(image, k) : image->pixels[k];
+}
+
 static inline double rx_view_variance(const rx_measure_image *image, size_t k)
 {
     double sigma = image->variable_noise ? image->sigma[k] : image->global_sigma;
@@ -63,7 +72,7 @@ static inline rx_seen rx_view_pixel(const rx_view *view, int x, int y, double cx
         y = my;
     }
     size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-    *value = image->pixels[k];
+    *value = rx_view_value(image, k);
     *variance = rx_view_variance(image, k);
     return state;
 }

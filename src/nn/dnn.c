@@ -1,6 +1,7 @@
 /* Convolutions of a fixed shape on oneDNN (C API, versions 2 and 3). */
 #include "nn/dnn.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -605,4 +606,11 @@ rx_status rx_conv_weights(rx_conv *conv, const void *x, const void *dy, const fl
     *dweights = conv->plain_data;
     *dbias = conv->dbias_data;
     return refuse(err, bad, "differentiate", &conv->shape);
+}
+
+void rx_dnn_library(char *dst, size_t size)
+{
+    const dnnl_version_t *version = dnnl_version();
+    snprintf(dst, size, "%d.%d.%d isa %#x", version->major, version->minor, version->patch,
+             (unsigned)dnnl_get_effective_cpu_isa());
 }

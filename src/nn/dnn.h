@@ -57,4 +57,7 @@ rx_status rx_conv_data(rx_conv *conv, const void *dy, void *dx, rx_error *err);
 rx_status rx_conv_weights(rx_conv *conv, const void *x, const void *dy, const float **dweights,
                           const float **dbias, rx_error *err);
 
+/* Version of the library, and the instruction sets that it takes (bits of dnnl_cpu_isa_t). */
+void rx_dnn_library(char *dst, size_t size);
+
 #endif

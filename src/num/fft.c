@@ -348,3 +348,8 @@ void rx_fft_filter_rows(const rx_fft *fft, rx_fft_read read, const float *kernel
 {
     filter(fft, &(rows){.read = read, .write = write, .user = user}, kernel, conjugate, half, first, last);
 }
+
+const char *rx_fft_library(void)
+{
+    return fftwf_version;
+}

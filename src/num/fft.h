@@ -64,4 +64,7 @@ void rx_fft_inverse_rows(const rx_fft *fft, float *complex_in, int first, int la
 void rx_fft_filter_rows(const rx_fft *fft, rx_fft_read read, const float *kernel, bool conjugate, float *half,
                         int first, int last, rx_fft_write write, void *user);
 
+/* Name, version and instruction sets of the library. */
+const char *rx_fft_library(void);
+
 #endif

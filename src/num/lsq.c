@@ -7,6 +7,7 @@
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_multifit.h>
 #include <gsl/gsl_multifit_nlinear.h>
+#include <gsl/gsl_version.h>
 
 #include "base/memory.h"
 
@@ -174,4 +175,9 @@ exit:
     free(b.jacobian);
     gsl_multifit_nlinear_free(work);
     return status;
+}
+
+const char *rx_lsq_library(void)
+{
+    return gsl_version;
 }

@@ -46,4 +46,7 @@ typedef struct rx_lsq_result {
 rx_status rx_lsq_fit(const rx_lsq_problem *problem, double *parameters, double *errors, rx_lsq_result *result,
                      rx_error *err);
 
+/* Version of the library (GSL). */
+const char *rx_lsq_library(void);
+
 #endif

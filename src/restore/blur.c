@@ -348,10 +348,10 @@ static void adjoin_block(block *b)
 
 static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx_blur_axis *from_x,
                        const rx_blur_axis *from_y, const rx_blur_axis *to_x, const rx_blur_axis *to_y,
-                       void (*run)(block *))
+                       int first, int last, void (*run)(block *))
 {
 #pragma omp parallel for schedule(dynamic, 1) num_threads(blur->nwork) if (blur->nwork > 1)
-    for (int k = 0; k < to_x->n * to_y->n; k++) {
+    for (int k = first * to_x->n; k < last * to_x->n; k++) {
         block b = {.blur = blur, .lines = lines, .from_x = from_x, .from_y = from_y};
         b.work = &blur->work[blur->nwork > 1 ? omp_get_thread_num() : 0];
         b.x = to_x->begin + k % to_x->n * to_x->step;
@@ -362,14 +362,26 @@ static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx
     }
 }
 
+void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
+{
+    run_blocks(blur, lines, &blur->sky_x, &blur->sky_y, &blur->tile_x, &blur->tile_y, first, last,
+               apply_block);
+}
+
+void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
+{
+    run_blocks(blur, lines, &blur->tile_x, &blur->tile_y, &blur->sky_x, &blur->sky_y, first, last,
+               adjoin_block);
+}
+
 void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines)
 {
-    run_blocks(blur, lines, &blur->sky_x, &blur->sky_y, &blur->tile_x, &blur->tile_y, apply_block);
+    rx_blur_apply_rows(blur, lines, 0, blur->tile_y.n);
 }
 
 void rx_blur_adjoint(const rx_blur *blur, const rx_blur_lines *lines)
 {
-    run_blocks(blur, lines, &blur->tile_x, &blur->tile_y, &blur->sky_x, &blur->sky_y, adjoin_block);
+    rx_blur_adjoint_rows(blur, lines, 0, blur->sky_y.n);
 }
 
 /* ---- planes ---- */

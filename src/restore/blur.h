@@ -72,6 +72,10 @@ void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines);
 /* K^T: reads rows of the tile, writes rows of the sky. */
 void rx_blur_adjoint(const rx_blur *blur, const rx_blur_lines *lines);
 
+/* The same of the rows of blocks first .. last - 1 of what is made, tile_y or sky_y. */
+void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last);
+void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last);
+
 /* The same with planes: sky [height + 2 margin][width + 2 margin], tile [height][width]. */
 void rx_blur_plane(const rx_blur *blur, const float *sky, float *tile);
 void rx_blur_adjoint_plane(const rx_blur *blur, const float *tile, float *sky);

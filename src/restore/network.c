@@ -45,10 +45,10 @@ typedef struct network {
     rx_blocks domains; /* of the FFTs */
     int nthreads;
     rx_coarse scale;
-    rx_network_optics *optics; /* NULL without a PSF */
-    float *x;                  /* data: restored->support until that is made, or its own */
-    float *v;     /* what the network, later the step makes: restored->pixels, or restored->sigma */
-    float *spare; /* the other of the two: Tikhonov copy, then target of the step */
+    rx_network_optics *optics;  /* NULL without a PSF */
+    float *x;                   /* data: restored->support until that is made, or its own */
+    float *v;                   /* what the network, later the step makes; it becomes restored->pixels */
+    float *spare;               /* Tikhonov copy, then target of the step; the two change places */
     rx_network_forward forward; /* its planes are set when it runs */
     double clock;               /* seconds: when the last part of the work ended */
     rx_network_times times;
@@ -157,16 +157,8 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     free(units);
     restored->pixels = n->v;
     free(n->spare);
-    restored->sigma = n->spare = NULL;
-    rx_status status =
-        rx_noise_map(n->tile, n->background, restored->mask, n->nthreads, &restored->sigma, err);
-    const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
-    if (status != RX_OK)
-        return status;
-#pragma omp parallel for simd schedule(static) num_threads(n->nthreads)
-    for (size_t k = 0; k < area; k++)
-        restored->sigma[k] *= DETECTABLE;
-    return RX_OK;
+    n->spare = NULL;
+    return rx_noise_map(n->tile, n->background, restored->mask, DETECTABLE, &restored->noise, err);
 }
 
 /* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. The data go. */
@@ -228,7 +220,7 @@ static rx_status restore_planes(network *n, int extras, rx_error *err)
     return status;
 }
 
-/* The planes; support and sigma serve as scratch first. */
+/* The planes; support serves as scratch first. */
 static rx_status new_restored(const network *n, int extras, rx_restored **dst, rx_error *err)
 {
     const int reblurred = extras && n->par->keep_reblurred && n->psf != NULL;
@@ -237,12 +229,11 @@ static rx_status new_restored(const network *n, int extras, rx_restored **dst, r
     if (restored == NULL)
         return rx_error_memory(err, area * sizeof(float));
     restored->support = RX_NEW(float, area);
-    restored->sigma = RX_NEW(float, area);
     restored->reblurred = reblurred ? RX_NEW(float, area) : NULL;
     restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
     restored->blur = n->psf != NULL ? rx_psf_copy(n->psf) : NULL;
-    if (restored->support == NULL || restored->sigma == NULL || restored->psf == NULL ||
-        (reblurred && restored->reblurred == NULL) || (n->psf != NULL && restored->blur == NULL))
+    if (restored->support == NULL || restored->psf == NULL || (reblurred && restored->reblurred == NULL) ||
+        (n->psf != NULL && restored->blur == NULL))
         return rx_error_memory(err, 3 * area * sizeof(float));
     return RX_OK;
 }
@@ -282,12 +273,19 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     if (status == RX_OK) {
         n.x = n.restored->support;
         n.v = n.restored->pixels;
-        n.spare = n.restored->sigma;
+        n.spare = RX_NEW(float, (size_t)width *(size_t)height);
+        if (n.spare == NULL)
+            status = rx_error_memory(err, (size_t)width * (size_t)height * sizeof *n.spare);
+    }
+    if (status == RX_OK) {
         if (rx_prepared_mask(n.par, n.tile, n.background, n.restored->mask) == 0)
             rx_log_warning(n.log, "NET: every pixel is masked, nothing to restore");
         status = restore_planes(&n, extras, err);
     }
     if (status != RX_OK) {
+        if (n.v != NULL) /* the planes may have changed places */
+            n.restored->pixels = n.v;
+        free(n.spare);
         rx_restored_free(n.restored);
         return status;
     }

@@ -2,7 +2,6 @@
 #include "restore/noise_map.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,21 +11,23 @@
 #include "num/convolve.h"
 
 /* A block is done at a time, its sums stay in the cache; TOGETHER of a row grow in registers. */
-enum { ROWS = 64, COLUMNS = 512, TOGETHER = 64, RADIUS_MOST = 16 };
+enum { ROWS = 96, COLUMNS = 256, TOGETHER = 64, RADIUS_MOST = 8 };
 enum { LINE = COLUMNS + 2 * RADIUS_MOST, LINES = ROWS + 2 * RADIUS_MOST };
 static const double SMOOTH_FWHM = 1.5 * 2.3548200450309493; /* pixels */
 static const float SHARE = 0.1f;                            /* of the brightness around, in sigmas */
 
-typedef struct job {
-    const rx_tile *tile;
+typedef struct noise_maker {
+    rx_map_maker maker;
+    int width, height;
+    const float *pixels;
     rx_map level, noise;
     const uint8_t *mask; /* NULL: nothing is hidden */
+    float factor;
     int radius;
     float weights[2 * RADIUS_MOST + 1];
-    float *map;
-} job;
+} noise_maker;
 
-/* Of one thread: sums along x of a block's rows, of brightness and of weights. */
+/* Sums along x of a block's rows, of brightness and of weights. */
 typedef struct sums {
     float num[LINES][COLUMNS], den[LINES][COLUMNS];
     float all[COLUMNS]; /* sums of weights over a whole neighbourhood that nothing hides */
@@ -82,14 +83,14 @@ RX_WIDE static int brightness(int n, const float *restrict pixels, const float *
 }
 
 /* Row y of the tile, columns x0 - radius .. x0 + n + radius - 1 of it, into the sums' row j. */
-static void sum_row(const job *j, int x0, int y, int n, int row, sums *s)
+static void sum_row(const noise_maker *j, int x0, int y, int n, int row, sums *s)
 {
     float line[LINE + TOGETHER] = {0}, good[LINE + TOGETHER] = {0}, level[LINE], sigma[LINE];
-    const int width = j->tile->width, r = j->radius;
+    const int width = j->width, r = j->radius;
     const int from = x0 > r ? x0 - r : 0, to = x0 + n + r < width ? x0 + n + r : width, count = to - from;
     const size_t k = (size_t)y * (size_t)width + (size_t)from;
     const int at = from - (x0 - r);
-    const int hidden = brightness(count, j->tile->pixels + k, rx_map_row(&j->level, y, from, count, level),
+    const int hidden = brightness(count, j->pixels + k, rx_map_row(&j->level, y, from, count, level),
                                   rx_map_row(&j->noise, y, from, count, sigma),
                                   j->mask != NULL ? j->mask + k : NULL, line + at, good + at);
     s->clean[row] = hidden == 0;
@@ -101,7 +102,8 @@ static void sum_row(const job *j, int x0, int y, int n, int row, sums *s)
 }
 
 RX_WIDE static void make_noise(int n, const float *restrict num, const float *restrict den,
-                               const uint8_t *restrict mask, const float *restrict sigma, float *restrict map)
+                               const uint8_t *restrict mask, const float *restrict sigma, float factor,
+                               float *restrict map)
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -111,13 +113,18 @@ RX_WIDE static void make_noise(int n, const float *restrict num, const float *re
     for (int i = 0; mask != NULL && i < n; i++)
         if (mask[i] != 0)
             map[i] = sigma[i];
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        map[i] *= factor;
 }
 
-/* Pixels x0 .. x0 + n - 1 of the rows y0 .. y1 - 1. */
-static void run_block(const job *j, int x0, int y0, int n, int y1, sums *s)
+/* Pixels x0 .. x0 + n - 1 of the rows y0 .. y1 - 1, at most COLUMNS and ROWS, into map, rows `stride` apart.
+ */
+static void make_block(const noise_maker *j, int x0, int y0, int n, int y1, size_t stride, float *map)
 {
+    sums block, *s = &block; /* what is not set is not read */
     float num[COLUMNS], den[COLUMNS], room[COLUMNS];
-    const int width = j->tile->width, height = j->tile->height, r = j->radius;
+    const int width = j->width, height = j->height, r = j->radius;
     const int top = y0 > r ? y0 - r : 0, end = y1 + r < height ? y1 + r : height;
     int known = 0; /* whether `all` is */
     for (int y = top; y < end; y++)
@@ -134,40 +141,36 @@ static void run_block(const job *j, int x0, int y0, int n, int y1, sums *s)
             across(s->den[row], j->weights + r, first, last, n, whole ? s->all : den);
         known |= whole;
         make_noise(n, num, whole ? s->all : den, j->mask != NULL ? j->mask + k : NULL,
-                   rx_map_row(&j->noise, y, x0, n, room), j->map + k);
+                   rx_map_row(&j->noise, y, x0, n, room), j->factor, map + (size_t)(y - y0) * stride);
     }
 }
 
-rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                       int nthreads, float **dst, rx_error *err)
+static void make(const rx_map_maker *maker, int x, int y, int n, int rows, float *dst)
 {
-    const int threads = nthreads < 1 ? 1 : nthreads;
-    const int across_x = (tile->width + COLUMNS - 1) / COLUMNS, down = (tile->height + ROWS - 1) / ROWS;
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    job j = {.tile = tile,
-             .level = rx_background_level(background),
-             .noise = rx_background_noise(background),
-             .mask = mask,
-             .radius = rx_gauss_radius(SMOOTH_FWHM),
-             .map = RX_NEW(float, n)};
-    sums *all = RX_NEW(sums, (size_t)threads);
-    rx_status status = RX_OK;
+    for (int top = 0; top < rows; top += ROWS)
+        for (int left = 0; left < n; left += COLUMNS)
+            make_block((const noise_maker *)maker, x + left, y + top, n - left < COLUMNS ? n - left : COLUMNS,
+                       y + (rows - top < ROWS ? rows : top + ROWS), (size_t)n,
+                       dst + (size_t)top * (size_t)n + left);
+}
+
+rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
+                       float factor, rx_map_maker **dst, rx_error *err)
+{
+    noise_maker *j = RX_NEW(noise_maker, 1);
     *dst = NULL;
-    if (j.map == NULL || all == NULL) {
-        status = rx_error_memory(err, n * sizeof *j.map);
-        goto exit;
-    }
-    rx_gauss_weights(SMOOTH_FWHM, j.radius, j.weights);
-#pragma omp parallel for schedule(static) num_threads(threads)
-    for (int b = 0; b < across_x * down; b++) {
-        const int x = b % across_x * COLUMNS, y = b / across_x * ROWS;
-        run_block(&j, x, y, tile->width - x < COLUMNS ? tile->width - x : COLUMNS,
-                  tile->height - y < ROWS ? tile->height : y + ROWS, &all[omp_get_thread_num()]);
-    }
-    *dst = j.map;
-    j.map = NULL;
-exit:
-    free(all);
-    free(j.map);
-    return status;
+    if (j == NULL)
+        return rx_error_memory(err, sizeof *j);
+    *j = (noise_maker){.maker.make = make,
+                       .width = tile->width,
+                       .height = tile->height,
+                       .pixels = tile->pixels,
+                       .level = rx_background_level(background),
+                       .noise = rx_background_noise(background),
+                       .mask = mask,
+                       .factor = factor,
+                       .radius = rx_gauss_radius(SMOOTH_FWHM)};
+    rx_gauss_weights(SMOOTH_FWHM, j->radius, j->weights);
+    *dst = &j->maker;
+    return RX_OK;
 }

@@ -10,7 +10,7 @@
 #include "data/map.h"
 #include "num/stats.h"
 
-static const size_t KEPT = (size_t)1 << 25; /* pixels of a tile whose planes are kept, at most */
+static const size_t KEPT = (size_t)1 << 26; /* pixels of a tile whose planes are kept, at most */
 enum { SAMPLE = 65536, PIECE = 1024 /* pixels of a row at a time */ };
 static const float LARGEST =
     1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */

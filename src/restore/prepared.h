@@ -12,7 +12,7 @@
  * relative weights W = min(1, (median sigma / sigma)^2), which decide between neighbours only, as the
  * update is normalised by K^T W.
  *
- * Data and weights of a tile of up to 2^25 pixels are kept; those of a larger one, whose planes weigh more
+ * Data and weights of a tile of up to 2^26 pixels are kept; those of a larger one, whose planes weigh more
  * than the time to make them again, are made from the tile whenever they are asked for: the same bits.
  *
  * Working unit: the pedestal. The sky is 1, sources are above it, whatever the unit of the

@@ -13,7 +13,8 @@
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
-enum { PIECE = 512 }; /* pixels of a row at a time */
+enum { PIECE = 512 };                        /* pixels of a row at a time */
+static const size_t WHOLE = (size_t)1 << 25; /* pixels of a tile whose model is kept as a plane, at most */
 
 /* In units of the pedestal, the sky being 1. */
 static const float MODEL_FLOOR = 0.05f;   /* a model below it (negative PSF wings) is no divisor */
@@ -24,7 +25,24 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
  * star with a masked core may be brighter. */
 static const double BOUND = 1e4;
 
-rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, rx_rl **dst,
+static int least(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+/* How many rows of blocks of the sky are updated at a time, and how many rows of the model that takes: what
+ * they see of it, and up to a block more. Threads share the blocks of a few rows out well enough. */
+static void plan_strips(const rx_blur *blur, int whole, rx_rl *rl)
+{
+    enum { BLOCKS_OF_A_THREAD = 4 };
+    const int wanted = BLOCKS_OF_A_THREAD * blur->nwork, across = blur->sky_x.n;
+    rl->strip = whole ? blur->sky_y.n : least((wanted + across - 1) / across, blur->sky_y.n);
+    const size_t rows =
+        (size_t)rl->strip * (size_t)blur->sky_y.step + 2 * (size_t)blur->margin + (size_t)blur->tile_y.step;
+    rl->kept = whole || rows > (size_t)blur->height ? blur->height : (int)rows;
+}
+
+rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, int whole, rx_rl **dst,
                     rx_error *err)
 {
     *dst = NULL;
@@ -35,9 +53,10 @@ rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double dam
     rl->blur = blur;
     rl->damping = damping;
     rl->bound = (float)fmin(BOUND * fmax(prepared->peak, 1), 1e12);
+    plan_strips(blur, whole, rl);
     rl->object = rx_blur_sky(blur);
     rl->norm = rx_blur_sky(blur);
-    rl->model = RX_NEW(float, (size_t)prepared->width *(size_t)prepared->height);
+    rl->model = RX_NEW(float, (size_t)prepared->width *(size_t)rl->kept);
     rl->rows = RX_NEW(double, (size_t)prepared->height);
     if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->rows == NULL) {
         rx_rl_free(rl);
@@ -65,6 +84,7 @@ void rx_rl_reset(rx_rl *rl)
     const size_t n = rx_blur_sky_size(rl->blur);
     for (size_t k = 0; k < n; k++)
         rl->object[k] = 1;
+    rl->made = 0;
 }
 
 static void read_weight(void *user, int y, int x, int n, float *line)
@@ -90,9 +110,38 @@ void rx_rl_normalise(rx_rl *rl)
     rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_weight, write_norm, rl});
 }
 
+/* Where pixel (x, y) of the model is. */
+static float *model_at(const rx_rl *rl, int y, int x)
+{
+    return rl->model + (size_t)(y % rl->kept) * (size_t)rl->prepared->width + (size_t)x;
+}
+
+static void read_object(void *user, int y, int x, int n, float *line)
+{
+    const rx_rl *rl = user;
+    memcpy(line, rl->object + sky_at(rl->blur, y, x), (size_t)n * sizeof *line);
+}
+
+static void write_model(void *user, int y, int x, int n, const float *line)
+{
+    memcpy(model_at(user, y, x), line, (size_t)n * sizeof *line);
+}
+
+/* The model's rows up to `end`, in whole rows of blocks. */
+static void make_model(rx_rl *rl, int end)
+{
+    const int step = rl->blur->tile_y.step, first = (rl->made + step - 1) / step,
+              last = (end + step - 1) / step;
+    if (end <= rl->made)
+        return;
+    rx_blur_apply_rows(rl->blur, &(rx_blur_lines){read_object, write_model, rl}, first, last);
+    rl->made = least(last * step, rl->prepared->height);
+}
+
 void rx_rl_model(rx_rl *rl)
 {
-    rx_blur_plane(rl->blur, rl->object, rl->model);
+    rl->made = 0;
+    make_model(rl, rl->prepared->height);
 }
 
 /* Sum over good pixels of n from (x, y) on, added to `sum` in their order. */
@@ -101,7 +150,7 @@ static double add_chi2(const rx_rl *rl, int y, int x, int n, double sum)
     const rx_prepared *prepared = rl->prepared;
     float room[PIECE], variance[PIECE];
     const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
-    const float *data = rx_prepared_data(prepared, y, x, n, room), *model = rl->model + k;
+    const float *data = rx_prepared_data(prepared, y, x, n, room), *model = model_at(rl, y, x);
     const float photon = (float)prepared->photon;
     rx_prepared_variance(prepared, y, x, n, variance);
     for (int i = 0; i < n; i++) {
@@ -113,19 +162,27 @@ static double add_chi2(const rx_rl *rl, int y, int x, int n, double sum)
     return sum;
 }
 
-double rx_rl_chi2(const rx_rl *rl)
+double rx_rl_chi2(rx_rl *rl)
 {
     const rx_prepared *prepared = rl->prepared;
-    const int width = prepared->width;
+    const int width = prepared->width, height = prepared->height, whole = rl->kept == height;
+    if (!whole)
+        rl->made = 0;
+    for (int from = 0, to; from < height; from = to) {
+        make_model(rl, whole ? height : from + 1);
+        to = rl->made;
 #pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
-    for (int y = 0; y < prepared->height; y++) {
-        double sum = 0;
-        for (int x = 0; x < width; x += PIECE)
-            sum = add_chi2(rl, y, x, width - x < PIECE ? width - x : PIECE, sum);
-        rl->rows[y] = sum;
+        for (int y = from; y < to; y++) {
+            double sum = 0;
+            for (int x = 0; x < width; x += PIECE)
+                sum = add_chi2(rl, y, x, width - x < PIECE ? width - x : PIECE, sum);
+            rl->rows[y] = sum;
+        }
     }
+    if (!whole)
+        rl->made = 0;
     double sum = 0;
-    for (int y = 0; y < prepared->height; y++)
+    for (int y = 0; y < height; y++)
         sum += rl->rows[y];
     return sum / (double)prepared->good;
 }
@@ -170,7 +227,7 @@ void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
         const int count = end - x < PIECE ? end - x : PIECE;
         const float *data = rx_prepared_data(prepared, y, x, count, data_room),
                     *weight = rx_prepared_weight(prepared, y, x, count, weight_room),
-                    *model = rl->model + (size_t)y * (size_t)prepared->width + (size_t)x;
+                    *model = model_at(rl, y, x);
         if (!(rl->damping > 0)) {
             plain_residual(data, weight, model, count, dst);
             continue;
@@ -207,7 +264,15 @@ static void move_object(void *user, int y, int x, int n, const float *change)
 
 void rx_rl_update(rx_rl *rl)
 {
-    rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_residual, move_object, rl});
+    const rx_blur_axis *sky = &rl->blur->sky_y;
+    /* What is not made of the model yet reads only rows of the object that have not moved. */
+    for (int first = 0; first < sky->n; first += rl->strip) {
+        const int last = least(first + rl->strip, sky->n);
+        make_model(rl, least(least(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
+                             rl->prepared->height));
+        rx_blur_adjoint_rows(rl->blur, &(rx_blur_lines){read_residual, move_object, rl}, first, last);
+    }
+    rl->made = 0;
 }
 
 /* Good pixels in, what is left of the sky's light on them out. */
@@ -259,7 +324,7 @@ static void take(const rx_rl *rl, const float *plane, size_t stride, const uint8
     }
 }
 
-/* Iterate to the end asked for; leaves K f in rl->model. */
+/* Iterate to the end asked for; leaves K f in rl->model, where that is kept. */
 static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *name, rx_log *log,
                          rx_restored *restored, rx_error *err)
 {
@@ -268,7 +333,6 @@ static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *na
     for (int i = 0;; i++) {
         if ((status = rx_interrupt_check(err)) != RX_OK)
             break;
-        rx_rl_model(rl);
         const int last = i >= par->rl_niter;
         if (last || (par->rl_stop_discrepancy && i > 0))
             restored->chi2 = rx_rl_chi2(rl);
@@ -296,7 +360,7 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
                               const char *name, rx_restored **dst, rx_error *err)
 {
     const size_t n = (size_t)prepared->width * (size_t)prepared->height;
-    rx_restored *restored = *dst = rx_restored_new(name, prepared->width, prepared->height);
+    rx_restored *restored = *dst = rx_restored_bare(name, prepared->width, prepared->height);
     if (restored == NULL)
         return rx_error_memory(err, n * sizeof(float));
     restored->support = par->keep_support ? RX_NEW(float, n) : NULL;
@@ -313,11 +377,13 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
 static rx_status restore_planes(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
                                 rx_log *log, rx_restored *restored, rx_error *err)
 {
+    const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_blur *blur = NULL;
     rx_rl *rl = NULL;
     rx_status status = rx_blur_new(psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(prepared, blur, par->rl_damping, &rl, err);
+        status = rx_rl_new(prepared, blur, par->rl_damping,
+                           n <= WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl, err);
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
     if (status == RX_OK) {
@@ -329,9 +395,13 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
         rl->model = rl->norm = NULL;
         if (restored->support != NULL)
             set_support(rl, restored->support);
+        restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, prepared->nthreads);
+        if (restored->pixels == NULL)
+            status = rx_error_memory(err, n * sizeof *restored->pixels);
+    }
+    if (status == RX_OK)
         take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
              prepared->mask, restored->pixels);
-    }
     rx_rl_free(rl);
     rx_blur_free(blur);
     return status;
@@ -341,6 +411,7 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
                         const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
 {
     const double begun = rx_seconds();
+    const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_restored *restored = NULL;
     rx_restore_params used = *wanted;
     const rx_restore_params *par = &used;
@@ -356,14 +427,16 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         goto exit;
     if (prepared->good == 0) {
         rx_log_warning(log, "%s: every pixel is masked, nothing to restore", name);
-        for (size_t k = 0;
-             restored->support != NULL && k < (size_t)prepared->width * (size_t)prepared->height; k++)
+        for (size_t k = 0; restored->support != NULL && k < n; k++)
             restored->support[k] = 1;
+        restored->pixels = RX_NEW(float, n);
+        if (restored->pixels == NULL)
+            status = rx_error_memory(err, n * sizeof *restored->pixels);
     } else if ((status = restore_planes(par, prepared, psf, log, restored, err)) == RX_OK) {
         status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
                                  prepared->nthreads, restored->pixels, err);
     }
-    memcpy(restored->mask, prepared->mask, (size_t)prepared->width * (size_t)prepared->height);
+    memcpy(restored->mask, prepared->mask, n);
     describe(par, prepared, settings, restored);
     restored->seconds = rx_seconds() - begun;
 exit:

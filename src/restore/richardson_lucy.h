@@ -23,8 +23,10 @@
  * down by 0.1 sigma (T = 3).
  *
  * Memory: besides tile and sky a mask, f and K^T W on the sky and K f on the tile, 13 bytes a pixel, and two
- * planes more of a tile of up to 2^25 pixels (restore/prepared.h); pixels and the planes that are asked for
- * (support, reblurred) take the place of K f and K^T W. RL_BLIND adds the rest of the image, the points and
+ * planes more of a tile of up to 2^26 pixels (restore/prepared.h); pixels and the planes that are asked for
+ * (support, reblurred) take the place of K f and K^T W. Of a tile of more than 2^25 pixels K f is made by
+ * strips, each before the part of f is updated that it tells about, unless all of it is asked for (reblurred,
+ * RL_STOP DISCREPANCY): 9 bytes a pixel. RL_BLIND adds the rest of the image, the points and
  * three planes of a transform of the sky while it seeks the PSF.
  *
  * Sums go row by row and are added in the order of rows: the same bytes for any nthreads. */
@@ -53,20 +55,24 @@ typedef struct rx_rl {
     float bound;    /* f never exceeds it */
     float *object;  /* f on the sky (restore/blur.h), units of the pedestal; 1 at the start */
     float *norm;    /* K^T W, likewise */
-    float *model;   /* K f, [height][width] */
+    float *model;   /* K f, [kept][width]: row y of the tile is row y % kept */
+    int kept;       /* rows of the model: all, or those that a strip of the object needs */
+    int made;       /* rows of the tile that the model has been made of, for the present object */
+    int strip;      /* rows of blocks of the object that are updated at a time */
     double *rows;   /* sums of tile rows */
 } rx_rl;
 
-rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, rx_rl **dst,
+/* whole: the model is kept as a plane. The same bytes. */
+rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, int whole, rx_rl **dst,
                     rx_error *err);
 void rx_rl_free(rx_rl *rl);
-void rx_rl_reset(rx_rl *rl);        /* object = 1 */
-void rx_rl_normalise(rx_rl *rl);    /* norm = K^T W; again after the blur has changed */
-void rx_rl_model(rx_rl *rl);        /* model = K object */
-double rx_rl_chi2(const rx_rl *rl); /* mean over good pixels of (d - model)^2 / var(model) */
-void rx_rl_update(rx_rl *rl);       /* one update of object from model */
+void rx_rl_reset(rx_rl *rl);     /* object = 1 */
+void rx_rl_normalise(rx_rl *rl); /* norm = K^T W; again after the blur has changed */
+void rx_rl_model(rx_rl *rl);     /* model = K object, where it is kept */
+double rx_rl_chi2(rx_rl *rl);    /* mean over good pixels of (d - K f)^2 / var(K f) */
+void rx_rl_update(rx_rl *rl);    /* one update of object; makes what is missing of the model */
 
-/* dst = W D (d - model) / model at n tile pixels from (x, y) on. */
+/* dst = W D (d - model) / model at n tile pixels from (x, y) on, which the model has been made of. */
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst);
 
 #endif

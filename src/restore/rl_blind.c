@@ -110,7 +110,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     status =
         rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(prepared, seeker->blur, par->rl_damping, &seeker->rl, err);
+        status = rx_rl_new(prepared, seeker->blur, par->rl_damping, 1, &seeker->rl, err);
     if (status != RX_OK)
         return status;
     return open_planes(seeker, err);

@@ -1,6 +1,7 @@
-/* Data, variance and model of the tile to be fitted. */
+/* Data, variance and model of what is looked at. */
 #include "template/canvas.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,60 +9,152 @@
 #include "base/memory.h"
 #include "base/wide.h"
 
-enum { BAND = 64 }; /* rows that one thread draws */
+/* A block, and how many neighbours of a line are made at once, by one thread. */
+enum { SIDE = 16, TOGETHER = 16, MOST = SIDE * TOGETHER };
 
-/* n pixels of row y from x on. */
-static void fill_piece(const rx_tphot_input *input, int y, int x, int n, rx_canvas *canvas)
-{
-    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
-    const float *sigmas = canvas->sigma + at, *pixels = input->pixels + at;
-    float room[RX_MAP_PIECE];
-    const float *level = rx_map_given(&input->level) ? rx_map_row(&input->level, y, x, n, room) : NULL;
-    for (int i = 0; i < n; i++) {
-        if (input->mask != NULL && (input->mask[at + (size_t)i] & input->mask_bits) != 0)
-            continue;
-        const float value = pixels[i] - (level != NULL ? level[i] : 0.0f);
-        const float sigma = sigmas[i], variance = sigma * sigma;
-        if (!(sigma > 0.0f) || !(variance > 0.0f) || !isfinite(variance) || !isfinite(value))
-            continue;
-        canvas->data[at + (size_t)i] = value;
-        canvas->weight[at + (size_t)i] = 1.0f / variance;
-    }
-}
+enum { KEPT = 4 }; /* times what is usual: images up to that size have their data kept */
 
-rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err)
+/* What a block holds: nothing, pixels and noise, the model, too. */
+enum { BARE, FILLED, DRAWN };
+
+/* Neighbouring blocks of a line that hold the same. */
+typedef struct run {
+    int first, count;
+} run;
+
+/* What is to be made. */
+typedef struct plan {
+    int n;
+    run *runs;     /* [n] */
+    int *slot;     /* [lines * columns] of a block: its run, -1 */
+    size_t *start; /* [n + 1] into list */
+    int *list;     /* layers of the runs */
+} plan;
+
+void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)
 {
-    const size_t n = (size_t)input->width * (size_t)input->height;
-    const int known = input->sigma.plane != NULL;
     *canvas = (rx_canvas){.width = input->width,
                           .height = input->height,
-                          .data = RX_NEW(float, n),
-                          .own_sigma = known ? NULL : RX_NEW(float, n),
-                          .model = RX_NEW(float, n),
-                          .weight = RX_NEW(float, n),
-                          .gain = input->gain};
-    if (canvas->data == NULL || canvas->model == NULL || canvas->weight == NULL ||
-        (!known && canvas->own_sigma == NULL)) {
-        rx_canvas_clear(canvas);
-        return rx_error_memory(err, 4 * n * sizeof(float));
-    }
-    if (!known)
-        rx_map_fill(&input->sigma, input->height, nthreads, canvas->own_sigma);
-    canvas->sigma = known ? input->sigma.plane : canvas->own_sigma;
-#pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (int y = 0; y < input->height; y++)
-        for (int x = 0; x < input->width; x += RX_MAP_PIECE)
-            fill_piece(input, y, x, rx_map_piece(x, input->width), canvas);
-    return RX_OK;
+                          .gain = input->gain,
+                          .nthreads = nthreads,
+                          .input = input,
+                          .usual = usual};
 }
 
 void rx_canvas_clear(rx_canvas *canvas)
 {
-    free(canvas->data);
-    free(canvas->own_sigma);
-    free(canvas->model);
-    free(canvas->weight);
+    free(canvas->planes);
+    free(canvas->kept);
+    free(canvas->state);
+    free(canvas->layers);
+    for (int i = 0; i < canvas->nsheets; i++)
+        rx_sheet_clear(&canvas->sheets[i]);
+    free(canvas->sheets);
     *canvas = (rx_canvas){0};
+}
+
+int rx_canvas_rows(const rx_canvas *canvas)
+{
+    const size_t rows = canvas->usual / (size_t)canvas->width;
+    return rows < 1 ? 1 : rows < (size_t)canvas->height ? (int)rows : canvas->height;
+}
+
+rx_window rx_footprint_window(const rx_footprint *f)
+{
+    return (rx_window){f->x0, f->y0, f->x0 + f->width, f->y0 + f->height};
+}
+
+/* Whether a pixel takes part. */
+static inline int is_open(int hidden, float value, float sigma)
+{
+    const float variance = sigma * sigma;
+    return (hidden == 0) & (sigma > 0.0f) & (variance > 0.0f) & (variance <= FLT_MAX) &
+           (fabsf(value) <= FLT_MAX);
+}
+
+/* n pixels less their level. */
+RX_WIDE static void open_pixels(const float *pixels, const float *level, const uint8_t *mask, int bits,
+                                const float *sigmas, int n, float *restrict data, float *restrict noise,
+                                float *restrict weight)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float value = pixels[i] - level[i], sigma = sigmas[i];
+        const int open = is_open(mask[i] & bits, value, sigma);
+        data[i] = open ? value : 0.0f;
+        noise[i] = open ? sigma : 0.0f;
+        weight[i] = open ? 1.0f / (sigma * sigma) : 0.0f;
+    }
+}
+
+float rx_canvas_variance(const rx_canvas *canvas, int x, int y)
+{
+    const rx_tphot_input *input = canvas->input;
+    const size_t k = (size_t)y * (size_t)input->width + (size_t)x;
+    const float level = rx_map_given(&input->level) ? rx_map_at(&input->level, x, y) : 0.0f;
+    const float sigma = rx_map_at(&input->sigma, x, y);
+    const int hidden = input->mask != NULL ? input->mask[k] & input->mask_bits : 0;
+    return is_open(hidden, input->pixels[k] - level, sigma) ? sigma * sigma : 0.0f;
+}
+
+static const uint8_t unmasked[MOST] = {0};
+static const float none[MOST] = {0};
+
+/* n pixels of row y from x on, before any sheet. */
+static void read_pixels(const rx_tphot_input *input, int y, int x, int n, const float *sigmas, float *data,
+                        float *noise, float *weight)
+{
+    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
+    float room[MOST];
+    const float *level = rx_map_given(&input->level) ? rx_map_row(&input->level, y, x, n, room) : none;
+    const uint8_t *mask = input->mask != NULL ? input->mask + at : unmasked;
+    open_pixels(input->pixels + at, level, mask, input->mask_bits, sigmas, n, data, noise, weight);
+}
+
+/* n pixels of row y from x on. */
+static void fill_piece(rx_canvas *canvas, int y, int x, int n)
+{
+    const rx_tphot_input *input = canvas->input;
+    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
+    const size_t to = rx_canvas_row(canvas, y) + (size_t)x;
+    float noise[MOST];
+    const float *sigmas = rx_map_row(&input->sigma, y, x, n, noise);
+    if (canvas->kept != NULL) {
+        open_pixels(canvas->kept + at, none, unmasked, 0, sigmas, n, canvas->data + to, canvas->sigma + to,
+                    canvas->weight + to);
+        return;
+    }
+    read_pixels(input, y, x, n, sigmas, canvas->data + to, canvas->sigma + to, canvas->weight + to);
+    for (int i = 0; i < canvas->nsheets; i++)
+        rx_sheet_take_off(&canvas->sheets[i], y, x, n, canvas->weight + to, canvas->data + to);
+}
+
+static void keep_piece(rx_canvas *canvas, int y, int x, int n)
+{
+    float room[MOST], noise[MOST], weight[MOST];
+    float *data = canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x;
+    const float *sigmas = rx_map_row(&canvas->input->sigma, y, x, n, room);
+    read_pixels(canvas->input, y, x, n, sigmas, data, noise, weight);
+    for (int i = 0; i < canvas->nsheets; i++)
+        rx_sheet_take_off(&canvas->sheets[i], y, x, n, weight, data);
+    for (int i = 0; i < n; i++)
+        data[i] = weight[i] > 0 ? data[i] : NAN;
+}
+
+/* The data of an image that is too large to be shown as a whole, but not much. */
+static rx_status keep_data(rx_canvas *canvas, rx_error *err)
+{
+    const size_t pixels = (size_t)canvas->width * (size_t)canvas->height;
+    if (canvas->kept != NULL || pixels <= canvas->usual || pixels / KEPT > canvas->usual)
+        return RX_OK;
+    canvas->kept = rx_alloc_filled(pixels, sizeof(float), canvas->nthreads);
+    if (canvas->kept == NULL)
+        return rx_error_memory(err, pixels * sizeof(float));
+#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
+    for (int y = 0; y < canvas->height; y++)
+        for (int x = 0; x < canvas->width; x += MOST)
+            keep_piece(canvas, y, x, x + MOST < canvas->width ? MOST : canvas->width - x);
+    return RX_OK;
 }
 
 RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
@@ -78,70 +171,254 @@ RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
     }
 }
 
-static void draw_rows(rx_canvas *canvas, const rx_layer *layer, int from, int to)
+/* The part of a layer that lies in the window, which is in memory. */
+static void draw_layer(rx_canvas *canvas, const rx_layer *layer, const rx_window *w)
 {
-    const rx_footprint *f = layer->footprint;
+    const rx_footprint *f = &layer->footprint;
     const float flux = (float)layer->flux;
-    const int first = f->y0 > from ? f->y0 : from;
-    const int last = f->y0 + f->height < to ? f->y0 + f->height : to;
-    for (int y = first; y < last; y++) {
-        float *restrict dst = canvas->model + (size_t)y * (size_t)canvas->width + f->x0;
-        const float *restrict src = f->values + (size_t)(y - f->y0) * (size_t)f->width;
+    const int x0 = f->x0 > w->x0 ? f->x0 : w->x0, y0 = f->y0 > w->y0 ? f->y0 : w->y0;
+    const int x1 = f->x0 + f->width < w->x1 ? f->x0 + f->width : w->x1;
+    const int y1 = f->y0 + f->height < w->y1 ? f->y0 + f->height : w->y1;
+    for (int y = y0; y < y1; y++) {
+        float *restrict dst = canvas->model + rx_canvas_row(canvas, y) + x0;
+        const float *restrict src = f->values + (size_t)(y - f->y0) * (size_t)f->width + (x0 - f->x0);
 #pragma omp simd
-        for (int x = 0; x < f->width; x++)
+        for (int x = 0; x < x1 - x0; x++)
             dst[x] += flux * src[x];
     }
 }
 
-void rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux)
+static rx_window window_of(const rx_canvas *canvas, const run *blocks)
 {
-    draw_rows(canvas, &(rx_layer){footprint, flux}, 0, canvas->height);
+    const int x = blocks->first % canvas->columns * SIDE, right = x + SIDE * blocks->count;
+    const int y = canvas->top + blocks->first / canvas->columns * SIDE, end = canvas->top + canvas->rows;
+    return (rx_window){x, y, right < canvas->width ? right : canvas->width, y + SIDE < end ? y + SIDE : end};
 }
 
-rx_status rx_canvas_draw(rx_canvas *canvas, const rx_layer *layers, int n, int nthreads, rx_error *err)
+/* First and last lines and columns of blocks that a window in memory lies in, last ones exclusive; no line
+ * where it is empty or elsewhere. */
+static rx_window blocks_of(const rx_canvas *canvas, const rx_window *w)
 {
-    const int bands = (canvas->height + BAND - 1) / BAND;
-    /* which layers reach into a band: counted, then listed in order */
-    size_t *start = RX_NEW(size_t, bands + 1), *at = RX_NEW(size_t, bands + 1);
-    int *list = NULL;
-    rx_status status = RX_OK;
-    if (start == NULL || at == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
+    const int end = canvas->top + canvas->rows;
+    const int y0 = w->y0 > canvas->top ? w->y0 : canvas->top, y1 = w->y1 < end ? w->y1 : end;
+    if (y1 <= y0 || w->x1 <= w->x0)
+        return (rx_window){0, 0, 0, 0};
+    return (rx_window){w->x0 / SIDE, (y0 - canvas->top) / SIDE, (w->x1 - 1) / SIDE + 1,
+                       (y1 - 1 - canvas->top) / SIDE + 1};
+}
+
+static void make_run(rx_canvas *canvas, const plan *p, int i)
+{
+    const rx_window w = window_of(canvas, &p->runs[i]);
+    const size_t n = (size_t)(w.x1 - w.x0);
+    uint8_t *state = canvas->state + p->runs[i].first;
+    for (int y = w.y0; y < w.y1; y++) {
+        if (*state == BARE)
+            fill_piece(canvas, y, w.x0, w.x1 - w.x0);
+        memset(canvas->model + rx_canvas_row(canvas, y) + w.x0, 0, n * sizeof(float));
+    }
+    size_t k = p->start[i];
+    for (; k < p->start[i + 1] && p->list[k] < canvas->nlayers; k++)
+        draw_layer(canvas, &canvas->layers[p->list[k]], &w);
+    for (int y = w.y0; y < w.y1; y++)
+        weigh(canvas, rx_canvas_row(canvas, y) + (size_t)w.x0, rx_canvas_row(canvas, y) + (size_t)w.x1);
+    for (; k < p->start[i + 1]; k++) /* what came later has no say in the weights */
+        draw_layer(canvas, &canvas->layers[p->list[k]], &w);
+    memset(state, DRAWN, (size_t)p->runs[i].count);
+}
+
+/* Rows in memory, those asked for first; nothing of them is known any more. */
+static rx_status move_to(rx_canvas *canvas, int from, int to, rx_error *err)
+{
+    const int usual = rx_canvas_rows(canvas), rows = to - from > usual ? to - from : usual;
+    const size_t width = (size_t)canvas->width, need = (size_t)rows * width;
+    if (need > canvas->room) {
+        free(canvas->planes);
+        canvas->room = 0;
+        canvas->planes = rx_alloc_filled(4 * need, sizeof(float), canvas->nthreads);
+        if (canvas->planes == NULL)
+            return rx_error_memory(err, 4 * need * sizeof(float));
+        canvas->room = need;
+    }
+    canvas->data = canvas->planes;
+    canvas->sigma = canvas->planes + need;
+    canvas->model = canvas->planes + 2 * need;
+    canvas->weight = canvas->planes + 3 * need;
+    canvas->top = from < canvas->height - rows ? from : canvas->height - rows;
+    canvas->columns = (canvas->width + SIDE - 1) / SIDE;
+    canvas->lines = (rows + SIDE - 1) / SIDE;
+    canvas->rows = 0; /* until it is certain */
+    const rx_status status = keep_data(canvas, err);
+    if (status != RX_OK)
+        return status;
+    const size_t blocks = (size_t)canvas->columns * (size_t)canvas->lines;
+    free(canvas->state);
+    canvas->state = RX_NEW(uint8_t, blocks);
+    if (canvas->state == NULL)
+        return rx_error_memory(err, blocks);
+    canvas->rows = rows;
+    return RX_OK;
+}
+
+/* The blocks of the windows that are not drawn yet: wanted, then in runs. */
+static void list_runs(rx_canvas *canvas, const rx_window *windows, const int *which, int n, plan *p)
+{
+    const int blocks = canvas->columns * canvas->lines;
+    for (int i = 0; i < blocks; i++)
+        p->slot[i] = -1;
+    for (int i = 0; i < n; i++) {
+        const rx_window at = blocks_of(canvas, &windows[which != NULL ? which[i] : i]);
+        for (int b = at.y0 * canvas->columns; b < at.y1 * canvas->columns; b += canvas->columns)
+            for (int x = at.x0; x < at.x1; x++)
+                p->slot[b + x] = canvas->state[b + x] != DRAWN ? 0 : -1;
+    }
+    for (int b = 0; b < blocks; b++) {
+        if (p->slot[b] < 0)
+            continue;
+        run *last = p->n > 0 ? &p->runs[p->n - 1] : NULL;
+        if (last != NULL && last->first + last->count == b && last->count < TOGETHER &&
+            b % canvas->columns != 0 && canvas->state[b] == canvas->state[last->first])
+            last->count++;
+        else
+            p->runs[p->n++] = (run){b, 1};
+        p->slot[b] = p->n - 1;
+    }
+}
+
+/* The layers of each of these runs, counted, then listed in their order. */
+static rx_status list_layers(const rx_canvas *canvas, plan *p, rx_error *err)
+{
+    size_t *at = RX_NEW(size_t, (size_t)p->n + 1);
+    p->start = RX_NEW(size_t, (size_t)p->n + 1);
+    if (at == NULL || p->start == NULL) {
+        free(at);
+        return rx_error_memory(err, 2 * ((size_t)p->n + 1) * sizeof *at);
     }
     for (int pass = 0; pass < 2; pass++) {
-        for (int i = 0; i < n; i++) {
-            const rx_footprint *f = layers[i].footprint;
-            for (int b = f->y0 / BAND; f->width > 0 && b <= (f->y0 + f->height - 1) / BAND; b++) {
-                if (pass == 0)
-                    start[b + 1]++;
-                else
-                    list[at[b]++] = i;
-            }
+        for (int i = 0; i < canvas->nlayers + canvas->nadded; i++) {
+            const rx_window w = rx_footprint_window(&canvas->layers[i].footprint);
+            const rx_window in = blocks_of(canvas, &w);
+            for (int b = in.y0 * canvas->columns; b < in.y1 * canvas->columns; b += canvas->columns)
+                for (int x = in.x0, before = -1; x < in.x1; x++) {
+                    const int slot = p->slot[b + x];
+                    if (slot >= 0 && slot != before && pass == 0)
+                        p->start[slot + 1]++;
+                    else if (slot >= 0 && slot != before)
+                        p->list[at[slot]++] = i;
+                    before = slot;
+                }
         }
         if (pass == 1)
             break;
-        for (int b = 0; b < bands; b++)
-            start[b + 1] += start[b];
-        memcpy(at, start, (size_t)(bands + 1) * sizeof *at);
-        list = RX_NEW(int, start[bands]);
-        if (list == NULL) {
-            status = rx_error_memory(err, start[bands] * sizeof *list);
-            goto exit;
-        }
+        for (int i = 0; i < p->n; i++)
+            p->start[i + 1] += p->start[i];
+        memcpy(at, p->start, ((size_t)p->n + 1) * sizeof *at);
+        p->list = RX_NEW(int, p->start[p->n]);
+        if (p->list == NULL)
+            break;
     }
-#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
-    for (int b = 0; b < bands; b++) {
-        const int from = b * BAND, to = from + BAND < canvas->height ? from + BAND : canvas->height;
-        memset(canvas->model + (size_t)from * (size_t)canvas->width, 0,
-               (size_t)(to - from) * (size_t)canvas->width * sizeof(float));
-        for (size_t i = start[b]; i < start[b + 1]; i++)
-            draw_rows(canvas, &layers[list[i]], from, to);
-        weigh(canvas, (size_t)from * (size_t)canvas->width, (size_t)to * (size_t)canvas->width);
-    }
-exit:
-    free(start);
     free(at);
-    free(list);
+    return p->list != NULL ? RX_OK : rx_error_memory(err, p->start[p->n] * sizeof *p->list);
+}
+
+rx_status rx_canvas_show(rx_canvas *canvas, const rx_window *windows, const int *which, int n, rx_error *err)
+{
+    int from = canvas->height, to = 0;
+    for (int i = 0; i < n; i++) {
+        const rx_window *w = &windows[which != NULL ? which[i] : i];
+        if (w->y1 <= w->y0 || w->x1 <= w->x0)
+            continue;
+        from = w->y0 < from ? w->y0 : from;
+        to = w->y1 > to ? w->y1 : to;
+    }
+    plan p = {0};
+    rx_status status = RX_OK;
+    if (to <= from)
+        return RX_OK;
+    if (from < canvas->top || to > canvas->top + canvas->rows)
+        status = move_to(canvas, from, to, err);
+    if (status != RX_OK)
+        return status;
+    const size_t blocks = (size_t)canvas->columns * (size_t)canvas->lines;
+    p.runs = RX_NEW(run, blocks);
+    p.slot = RX_NEW(int, blocks);
+    if (p.runs == NULL || p.slot == NULL) {
+        status = rx_error_memory(err, blocks * (sizeof(run) + sizeof(int)));
+        goto exit;
+    }
+    list_runs(canvas, windows, which, n, &p);
+    if (p.n > 0)
+        status = list_layers(canvas, &p, err);
+    if (status != RX_OK)
+        goto exit;
+#pragma omp parallel for schedule(dynamic, 8) num_threads(canvas->nthreads)
+    for (int i = 0; i < p.n; i++)
+        make_run(canvas, &p, i);
+exit:
+    free(p.runs);
+    free(p.slot);
+    free(p.start);
+    free(p.list);
     return status;
+}
+
+rx_status rx_canvas_show_rows(rx_canvas *canvas, int from, int to, rx_error *err)
+{
+    return rx_canvas_show(canvas, &(rx_window){0, from, canvas->width, to}, NULL, 1, err);
+}
+
+void rx_canvas_set(rx_canvas *canvas, rx_layer *layers, int n)
+{
+    free(canvas->layers);
+    canvas->layers = layers;
+    canvas->nlayers = canvas->nroom = n;
+    canvas->nadded = 0;
+    for (int i = 0; i < canvas->columns * canvas->lines; i++)
+        canvas->state[i] = canvas->state[i] == BARE ? BARE : FILLED;
+}
+
+rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux, rx_error *err)
+{
+    const int n = canvas->nlayers + canvas->nadded;
+    const rx_window all = {0, canvas->top, canvas->width, canvas->top + canvas->rows};
+    if (n >= canvas->nroom) {
+        const size_t room = 2 * (size_t)n + 64;
+        rx_layer *more = rx_regrow(canvas->layers, room, sizeof *more);
+        if (more == NULL)
+            return rx_error_memory(err, room * sizeof *more);
+        canvas->layers = more;
+        canvas->nroom = (int)room;
+    }
+    canvas->layers[n] = (rx_layer){*footprint, flux};
+    canvas->nadded++;
+    draw_layer(canvas, &canvas->layers[n], &all);
+    return RX_OK;
+}
+
+rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err)
+{
+    rx_sheet *more = rx_regrow(canvas->sheets, (size_t)canvas->nsheets + 1, sizeof *more);
+    if (more == NULL) {
+        rx_sheet_clear(sheet);
+        return rx_error_memory(err, ((size_t)canvas->nsheets + 1) * sizeof *more);
+    }
+    canvas->sheets = more;
+    canvas->sheets[canvas->nsheets++] = *sheet;
+#pragma omp parallel for schedule(dynamic) num_threads(canvas->nthreads)
+    for (int line = 0; line < canvas->lines; line++)
+        for (int b = line * canvas->columns; b < (line + 1) * canvas->columns; b++) {
+            const rx_window w = window_of(canvas, &(run){b, 1});
+            for (int y = w.y0; y < w.y1 && canvas->state[b] != BARE; y++) {
+                const size_t at = rx_canvas_row(canvas, y) + (size_t)w.x0;
+                rx_sheet_take_off(sheet, y, w.x0, w.x1 - w.x0, canvas->weight + at, canvas->data + at);
+            }
+        }
+#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
+    for (int y = 0; y < canvas->height; y++)
+        for (int x = 0; x < canvas->width && canvas->kept != NULL; x += MOST) {
+            const int n = x + MOST < canvas->width ? MOST : canvas->width - x;
+            rx_sheet_take_off(sheet, y, x, n, NULL,
+                              canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x);
+        }
+    return RX_OK;
 }

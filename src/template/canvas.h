@@ -1,8 +1,14 @@
-/* The pixels that are fitted, with what is known of them and what is modelled so far. */
+/* The pixels that are fitted, with what is known of them and what is modelled so far.
+ *
+ * Only some rows of the tile are in memory at a time, and of these only the blocks that were asked for with
+ * rx_canvas_show() hold what they should: pixels and noise are read from the input again, and the model is
+ * drawn again, where rows come back. A pixel has the same bits whenever and with whatever others it is shown.
+ */
 #ifndef RX_TEMPLATE_CANVAS_H
 #define RX_TEMPLATE_CANVAS_H
 
 #include "base/error.h"
+#include "template/sheet.h"
 #include "template/template.h"
 
 /* Part of a template on the image: values[height][width], its first pixel at (x0, y0), inside the image;
@@ -13,40 +19,78 @@ typedef struct rx_footprint {
     double inside; /* share of the template inside the image, cropped wings included */
 } rx_footprint;
 
-/* A template with its flux, as it is drawn into the model. */
+/* A template with its flux, as it is drawn into the model; the values are somebody else's. */
 typedef struct rx_layer {
-    const rx_footprint *footprint;
+    rx_footprint footprint;
     double flux;
 } rx_layer;
 
-typedef struct rx_canvas {
-    int width, height;
-    float *data;        /* [height][width] pixels - level; 0 where hidden */
-    const float *sigma; /* [height][width] noise of the sky, ADU, own or the input's; anything where hidden */
-    float *own_sigma;   /* NULL where the input has it as a plane */
-    float *model;       /* [height][width] sum_i F_i T_i */
-    float *weight;      /* [height][width] 1 / (variance + photons and errors of the model); 0 where hidden */
-    double gain;        /* e-/ADU, 0: none */
-    double psf_error;   /* of a template, relative */
-} rx_canvas;
+typedef struct rx_canvas rx_canvas;
 
-/* From the input, whose sigma goes on being read where it is a plane, psf_error 0; the model is 0. Free the
- * contents with rx_canvas_clear(). Errors: RX_SYSTEM.
- */
-rx_status rx_canvas_fill(const rx_tphot_input *input, int nthreads, rx_canvas *canvas, rx_error *err);
+/* Pixels x0 <= x < x1, y0 <= y < y1 inside the image; none where an end is not above its start. */
+typedef struct rx_window {
+    int x0, y0, x1, y1;
+} rx_window;
+
+struct rx_canvas {
+    int width, height; /* of the image */
+    int top, rows;     /* in memory: rows top .. top + rows - 1 */
+    float *data;       /* [rows][width] pixels - level - sheets; 0 where hidden */
+    float *sigma;      /* noise of the sky, ADU; 0 where hidden */
+    float *model;      /* sum_i F_i T_i */
+    float *weight;     /* 1 / (variance + photons and errors of the model); 0 where hidden */
+    double gain;       /* e-/ADU, 0: none */
+    double psf_error;  /* of a template, relative */
+    int nthreads;
+    /* its own */
+    const rx_tphot_input *input;
+    size_t usual, room; /* pixels in memory: as many as that, if nobody needs more; as many as there are */
+    float *planes;      /* [4][room] */
+    float *kept;        /* [height][width] data, NAN where hidden; NULL: made anew whenever they are shown */
+    uint8_t *state;     /* [lines][columns] of blocks */
+    int columns, lines;
+    rx_layer *layers; /* [nlayers + nadded] of room for nroom */
+    int nlayers, nadded, nroom;
+    rx_sheet *sheets;
+    int nsheets;
+};
+
+/* Of the input, which must live as long; psf_error 0, no model, nothing shown. usual: pixels to be held in
+ * memory; of images of up to four times as many the data are kept besides, which saves time. Free the
+ * contents with rx_canvas_clear(). */
+void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas);
 void rx_canvas_clear(rx_canvas *canvas);
 
-/* Variance of the sky in pixel k, ADU^2; 0 where hidden. */
-static inline float rx_canvas_variance(const rx_canvas *canvas, size_t k)
+/* So many rows fit in memory, at least one; all of the image where they do. */
+int rx_canvas_rows(const rx_canvas *canvas);
+
+/* The windows which[0 .. n - 1] (NULL: the first n) can be read until the next call; more memory than usual
+ * is taken where they need it. Errors: RX_SYSTEM. */
+rx_status rx_canvas_show(rx_canvas *canvas, const rx_window *windows, const int *which, int n, rx_error *err);
+
+/* All of the rows from <= y < to. */
+rx_status rx_canvas_show_rows(rx_canvas *canvas, int from, int to, rx_error *err);
+
+/* Where row y begins in the planes. */
+static inline size_t rx_canvas_row(const rx_canvas *canvas, int y)
 {
-    return canvas->weight[k] > 0.0f ? canvas->sigma[k] * canvas->sigma[k] : 0.0f;
+    return (size_t)(y - canvas->top) * (size_t)canvas->width;
 }
 
-/* model = sum of n layers, added in their order in every pixel, and the weights that follow from it. Errors:
- * RX_SYSTEM. */
-rx_status rx_canvas_draw(rx_canvas *canvas, const rx_layer *layers, int n, int nthreads, rx_error *err);
+/* Variance of the sky in any pixel of the image, ADU^2; 0 where hidden. */
+float rx_canvas_variance(const rx_canvas *canvas, int x, int y);
 
-/* model += flux * footprint; the weights stay as they are. */
-void rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux);
+rx_window rx_footprint_window(const rx_footprint *footprint);
+
+/* From now on model = sum of n layers, added in their order in every pixel, and the weights that follow from
+ * it. The list, from rx_alloc(), is the canvas's from now on; values of footprints must live as long as
+ * anything is shown. */
+void rx_canvas_set(rx_canvas *canvas, rx_layer *layers, int n);
+
+/* model += flux * footprint, with the same lifetime; the weights stay as they are. Errors: RX_SYSTEM. */
+rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux, rx_error *err);
+
+/* data -= sheet, which is the canvas's from now on. Errors: RX_SYSTEM; the sheet is cleared then. */
+rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err);
 
 #endif

@@ -37,24 +37,37 @@ static double lumpiness(const rx_subject *s, double fwhm)
     return s->kind == RX_TPHOT_POINT ? 0 : LUMPS * (1 - s->point) * r2 / (r2 + fwhm * fwhm);
 }
 
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                         const rx_subject *subjects, const rx_joint_member *members, const int *member, int n,
-                         int i, double *evidence, rx_error *err)
+static double alone(const rx_subject *subject, const rx_joint_member *member)
 {
-    const rx_subject *one = &subjects[member[i]];
-    const double variance = members[member[i]].variance;
-    double light = 0, rise = 0;
-    *evidence = one->flux > 0 && variance > 0 ? one->flux * one->flux / variance : 0;
-    if (!(*evidence > 0))
+    return subject->flux > 0 && member->variance > 0 ? subject->flux * subject->flux / member->variance : 0;
+}
+
+rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *members, const int *member,
+                           int n, int i)
+{
+    rx_rival rival = {.other = -1};
+    if (!(alone(&subjects[member[i]], &members[member[i]]) > 0))
+        return rival;
+    const int j = brightest_over(subjects, member, n, i, &rival.light);
+    if (j >= 0 && (rival.light >= OVERLAP || members[member[i]].blend >= BLEND))
+        rival.other = member[j];
+    return rival;
+}
+
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
+                         const rx_subject *subjects, const rx_joint_member *members, int i,
+                         const rx_rival *rival, double *evidence, rx_error *err)
+{
+    const rx_subject *one = &subjects[i];
+    double rise = 0;
+    *evidence = alone(one, &members[i]);
+    if (rival->other < 0)
         return RX_OK;
-    const int j = brightest_over(subjects, member, n, i, &light);
-    if (j < 0 || (light < OVERLAP && members[member[i]].blend < BLEND))
-        return RX_OK;
-    const rx_subject *other = &subjects[member[j]];
+    const rx_subject *other = &subjects[rival->other];
     rx_status status = rx_refine_alone(par, view, lens, other, one, &rise, err);
     if (status != RX_OK || !isfinite(rise))
         return status;
-    const double lumps = lumpiness(other, view->fwhm) * light;
+    const double lumps = lumpiness(other, view->fwhm) * rival->light;
     *evidence = 1 / (1 / fmin(*evidence, fmax(rise, 1e-3)) + lumps * lumps);
     return RX_OK;
 }

@@ -77,7 +77,7 @@ RX_WIDE static void project(const rx_footprint *f, const rx_canvas *canvas, doub
 {
     double sum_w = 0, sum_v = 0;
     for (int j = 0; j < f->height; j++) {
-        const size_t row = (size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)f->x0;
+        const size_t row = rx_canvas_row(canvas, f->y0 + j) + (size_t)f->x0;
         const float *t = f->values + (size_t)j * (size_t)f->width;
         const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
 #pragma omp simd reduction(+ : sum_w, sum_v)
@@ -95,7 +95,7 @@ RX_WIDE static void sum_box(const rx_footprint *f, const rx_canvas *canvas, doub
 {
     double sum = 0, value = 0, count = 0;
     for (int y = f->y0; y < f->y0 + f->height; y++) {
-        const size_t row = (size_t)y * (size_t)canvas->width + (size_t)f->x0;
+        const size_t row = rx_canvas_row(canvas, y) + (size_t)f->x0;
         const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
 #pragma omp simd reduction(+ : sum, value, count)
         for (int i = 0; i < f->width; i++) {
@@ -137,7 +137,7 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *can
         for (int y = f->y0; y < f->y0 + f->height; y++)
             for (int x = f->x0; x < f->x0 + f->width; x++) {
                 uint8_t *s = &seen[(size_t)(y - y0) * side + (size_t)(x - x0)];
-                const size_t k = (size_t)y * (size_t)canvas->width + (size_t)x;
+                const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
                 const double w = *s ? 0 : canvas->weight[k];
                 *s = 1;
                 if (!(w > 0))

@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "base/wide.h"
 #include "num/largest.h"
+#include "template/turns.h"
 
 enum { STRIP = 64, TOGETHER = 64 }; /* rows of a strip; pixels of a row whose sums grow together */
 
@@ -23,15 +24,22 @@ typedef struct strip {
     bool hidden;        /* any pixel is */
 } strip;
 
+/* What many threads look at. */
+typedef struct looker {
+    const rx_leftover *of;
+    rx_leftover_spot *spots;
+} looker;
+
 /* light[n] of the models in the pixels from (x, y) on. */
 static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
 {
-    const rx_tphot_state *s = of->state;
-    const size_t at = (size_t)y * (size_t)s->width + (size_t)x;
+    const rx_canvas *s = of->canvas;
+    const size_t at = rx_canvas_row(s, y) + (size_t)x;
+    const float *pixels = of->pixels + (size_t)y * (size_t)s->width + (size_t)x;
     const float *level = rx_map_row(&of->level, y, x, n, light);
     for (int i = 0; i < n; i++) {
         const size_t k = at + (size_t)i;
-        const float value = of->pixels[k] - level[i] - (s->data[k] - s->model[k]);
+        const float value = pixels[i] - level[i] - (s->data[k] - s->model[k]);
         light[i] = s->weight[k] > 0 && value > 0 ? value : 0;
     }
 }
@@ -39,12 +47,13 @@ static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
 static float variance_of(const rx_leftover *of, size_t k, float light)
 {
     const float error = (float)of->model_error * light;
-    return 1 / of->state->weight[k] + error * error;
+    return 1 / of->canvas->weight[k] + error * error;
 }
 
-double rx_leftover_light(const rx_leftover *of, int x, int y)
+/* L of the pixel (x, y), around which the canvas is shown. */
+static double light_around(const rx_leftover *of, int x, int y)
 {
-    const int width = of->state->width, height = of->state->height;
+    const int width = of->canvas->width, height = of->canvas->height;
     const int end = x + of->reach < width ? x + of->reach + 1 : width;
     float most = 0;
     for (int v = y > of->reach ? y - of->reach : 0; v <= y + of->reach && v < height; v++)
@@ -58,15 +67,40 @@ double rx_leftover_light(const rx_leftover *of, int x, int y)
     return most;
 }
 
-double rx_leftover_sigma(const rx_leftover *of, int x, int y)
+static rx_status look_at(void *user, int i, int thread, rx_error *err)
 {
-    const size_t k = (size_t)y * (size_t)of->state->width + (size_t)x;
-    return sqrt(variance_of(of, k, (float)rx_leftover_light(of, x, y)));
+    const looker *l = user;
+    rx_leftover_spot *spot = &l->spots[i];
+    const size_t k = rx_canvas_row(l->of->canvas, spot->y) + (size_t)spot->x;
+    (void)thread;
+    (void)err;
+    spot->light = light_around(l->of, spot->x, spot->y);
+    spot->sigma = sqrt(variance_of(l->of, k, (float)spot->light));
+    spot->weight = l->of->canvas->weight[k];
+    return RX_OK;
+}
+
+rx_status rx_leftover_look(const rx_leftover *of, rx_leftover_spot *spots, int n, rx_error *err)
+{
+    const int width = of->canvas->width, height = of->canvas->height, reach = of->reach;
+    looker user = {of, spots};
+    rx_window *windows = RX_NEW(rx_window, (size_t)n);
+    if (windows == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *windows);
+    for (int i = 0; i < n; i++) {
+        const int x = spots[i].x, y = spots[i].y;
+        windows[i] = (rx_window){x > reach ? x - reach : 0, y > reach ? y - reach : 0,
+                                 x + reach < width ? x + reach + 1 : width,
+                                 y + reach < height ? y + reach + 1 : height};
+    }
+    const rx_status status = rx_turns_take(of->canvas, windows, n, 0, look_at, &user, err);
+    free(windows);
+    return status;
 }
 
 static rx_status open_strip(const rx_leftover *of, strip *s, rx_error *err)
 {
-    const size_t width = (size_t)of->state->width, rows = STRIP + (size_t)of->side;
+    const size_t width = (size_t)of->canvas->width, rows = STRIP + (size_t)of->side;
     const size_t lit = (rows + 2 * (size_t)of->reach) * width;
     *s = (strip){.of = of, .stride = width + 2 * (size_t)(of->side / 2)};
     s->residual = RX_NEW(float, rows * s->stride);
@@ -90,8 +124,8 @@ static void close_strip(strip *s)
 
 static void fill_row(strip *s, int y, const float *most, size_t at)
 {
-    const rx_tphot_state *state = s->of->state;
-    const size_t width = (size_t)state->width, row = (size_t)y * width;
+    const rx_canvas *state = s->of->canvas;
+    const size_t width = (size_t)state->width, row = rx_canvas_row(state, y);
     for (size_t x = 0; x < width; x++) {
         const bool open = state->weight[row + x] > 0;
         s->residual[at + x] = open ? state->data[row + x] - state->model[row + x] : 0;
@@ -105,7 +139,7 @@ static void fill_row(strip *s, int y, const float *most, size_t at)
 static void fill_strip(strip *s, int from, int to)
 {
     const rx_leftover *of = s->of;
-    const int width = of->state->width, height = of->state->height, half = of->side / 2;
+    const int width = of->canvas->width, height = of->canvas->height, half = of->side / 2;
     const int low = from - half > 0 ? from - half : 0, high = to + half < height ? to + half : height;
     const int dark = low - of->reach > 0 ? low - of->reach : 0;
     const int bright = high + of->reach < height ? high + of->reach : height;
@@ -133,8 +167,8 @@ static inline void add_row(const float *restrict row, int count, float k, float 
         sums[x] += k * row[x];
 }
 
-/* Pixels x .. x + count - 1 of row y, which is the strip's row r. */
-RX_WIDE static void filter_piece(const strip *s, int y, int r, int x, int count, float *filtered,
+/* count pixels from x on of row y, which is the strip's row r; dst: of the first of them. */
+RX_WIDE static void filter_piece(const strip *s, int y, int r, int x, int count, size_t dst, float *filtered,
                                  float *noise, uint8_t *mask)
 {
     const rx_leftover *of = s->of;
@@ -149,17 +183,19 @@ RX_WIDE static void filter_piece(const strip *s, int y, int r, int x, int count,
                 add_row(s->open + at, count, fabsf(k), norm);
         }
     for (int m = 0; m < count; m++) {
-        const size_t k = (size_t)y * (size_t)of->state->width + (size_t)(x + m);
-        mask[k] = !(of->state->weight[k] > 0);
+        const size_t k = dst + (size_t)m;
+        mask[k] = !(of->canvas->weight[rx_canvas_row(of->canvas, y) + (size_t)(x + m)] > 0);
         filtered[k] = mask[k] ? 0 : sum[m];
         noise[k] = mask[k] ? 0 : sqrtf(square[m] / (s->hidden ? norm[m] : 1));
     }
 }
 
-rx_status rx_leftover_filter(const rx_leftover *of, float *filtered, float *noise, uint8_t *mask,
-                             rx_error *err)
+/* Rows from .. to - 1, a multiple of a strip from `first`, which are shown with what reaches them; row
+ * `first` is the first of the planes. */
+static rx_status filter_rows(const rx_leftover *of, int first, int from, int to, float *filtered,
+                             float *noise, uint8_t *mask, rx_error *err)
 {
-    const int width = of->state->width, height = of->state->height, strips = (height + STRIP - 1) / STRIP;
+    const int width = of->canvas->width, strips = (to - from + STRIP - 1) / STRIP;
     rx_status failed = RX_OK;
 #pragma omp parallel num_threads(of->nthreads < 1 ? 1 : of->nthreads)
     {
@@ -176,16 +212,33 @@ rx_status rx_leftover_filter(const rx_leftover *of, float *filtered, float *nois
         }
 #pragma omp for schedule(dynamic)
         for (int i = 0; i < strips; i++) {
-            const int from = i * STRIP, to = from + STRIP < height ? from + STRIP : height;
+            const int top = from + i * STRIP, end = top + STRIP < to ? top + STRIP : to;
             if (status != RX_OK)
                 continue;
-            fill_strip(&s, from, to);
-            for (int y = from; y < to; y++)
+            fill_strip(&s, top, end);
+            for (int y = top; y < end; y++)
                 for (int x = 0; x < width; x += TOGETHER)
-                    filter_piece(&s, y, y - from, x, x + TOGETHER < width ? TOGETHER : width - x, filtered,
-                                 noise, mask);
+                    filter_piece(&s, y, y - top, x, x + TOGETHER < width ? TOGETHER : width - x,
+                                 (size_t)(y - first) * (size_t)width + (size_t)x, filtered, noise, mask);
         }
         close_strip(&s);
     }
     return failed;
+}
+
+rx_status rx_leftover_filter(const rx_leftover *of, int from, int to, float *filtered, float *noise,
+                             uint8_t *mask, rx_error *err)
+{
+    const int height = of->canvas->height, around = of->side / 2 + of->reach;
+    const int room = rx_canvas_rows(of->canvas) - 2 * around;
+    const int rows = room > STRIP ? room / STRIP * STRIP : STRIP;
+    rx_status status = RX_OK;
+    for (int y = from, end; y < to && status == RX_OK; y = end) {
+        end = y + rows < to && rx_canvas_rows(of->canvas) < height ? y + rows : to;
+        status = rx_canvas_show_rows(of->canvas, y > around ? y - around : 0,
+                                     end + around < height ? end + around : height, err);
+        if (status == RX_OK)
+            status = filter_rows(of, from, y, end, filtered, noise, mask, err);
+    }
+    return status;
 }

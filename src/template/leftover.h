@@ -5,13 +5,13 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "template/template.h"
+#include "template/canvas.h"
 
 /* r = data - model at visible pixels (weight > 0), 0 elsewhere
  * sigma^2 = 1 / weight + (model_error L)^2, L the largest light of the models, pixels - level - r and at
  * least 0, in the square of 2 reach + 1 pixels around, hidden pixels left out */
 typedef struct rx_leftover {
-    const rx_tphot_state *state;
+    rx_canvas *canvas;
     const float *pixels; /* [height][width] ADU, of the tile */
     rx_map level;        /* ADU */
     int reach;           /* pixels */
@@ -23,12 +23,18 @@ typedef struct rx_leftover {
 
 /* At visible pixels filtered = sum k r, row by row of the filter, and noise = sqrt(sum |k| sigma^2 / sum
  * |k|), the sums over visible pixels; beyond the border all is 0. mask = 1 at the others, with filtered and
- * noise 0. All [height][width]. Errors: RX_SYSTEM. */
-rx_status rx_leftover_filter(const rx_leftover *of, float *filtered, float *noise, uint8_t *mask,
-                             rx_error *err);
+ * noise 0. All [to - from][width], of the rows from <= y < to. Errors: RX_SYSTEM. */
+rx_status rx_leftover_filter(const rx_leftover *of, int from, int to, float *filtered, float *noise,
+                             uint8_t *mask, rx_error *err);
 
-/* L and sigma of a visible pixel. */
-double rx_leftover_light(const rx_leftover *of, int x, int y);
-double rx_leftover_sigma(const rx_leftover *of, int x, int y);
+/* A visible pixel before the filter. */
+typedef struct rx_leftover_spot {
+    int x, y;            /* given */
+    double light, sigma; /* found: L and sigma */
+    float weight;        /* of the canvas */
+} rx_leftover_spot;
+
+/* Errors: RX_SYSTEM, RX_INTERRUPTED. */
+rx_status rx_leftover_look(const rx_leftover *of, rx_leftover_spot *spots, int n, rx_error *err);
 
 #endif

@@ -36,7 +36,7 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
         const int y = patch->y0 + j;
         if (y < 0 || y >= canvas->height)
             continue;
-        const ptrdiff_t k = (ptrdiff_t)y * canvas->width + patch->x0;
+        const ptrdiff_t k = (ptrdiff_t)rx_canvas_row(canvas, y) + patch->x0;
         cut_row(canvas, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
                 patch->weight + (size_t)j * side + (size_t)first);
     }
@@ -134,7 +134,7 @@ RX_WIDE double rx_footprint_product(const rx_footprint *a, const rx_footprint *b
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x];
         } else {
-            const float *w = canvas->weight + (size_t)y * (size_t)canvas->width;
+            const float *w = canvas->weight + rx_canvas_row(canvas, y);
 #pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x] * w[x];

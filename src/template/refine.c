@@ -282,8 +282,7 @@ static double crop_level(const job *j, const rx_subject *after, const float *pla
     const double peak = highest;
     const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
     const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
-    const double variance = rx_canvas_variance(canvas, (size_t)y * (size_t)canvas->width + (size_t)x);
-    const double noise = FAINT * sqrt(variance);
+    const double noise = FAINT * sqrt(rx_canvas_variance(canvas, x, y));
     const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
 }
@@ -357,6 +356,56 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
                              j->view->canvas->height, &after->footprint, err);
 }
 
+/* Whether the pixels are looked at, or only a footprint is made. */
+static int looks(const rx_refine_params *par)
+{
+    return !par->frozen || par->substructure;
+}
+
+/* Half-light radius that room is made for. */
+static double radius_of(const rx_refine_params *par, const rx_subject *subject)
+{
+    return !par->extended && subject->profile.radius <= 0 ? 0 : fmax(subject->guess, subject->profile.radius);
+}
+
+/* Half the side of the patch around a source of that radius. */
+static int half_of(const rx_refine_view *view, double radius)
+{
+    return (int)ceil(2.0 * view->fwhm + 3.0 * radius) + 2;
+}
+
+static int half_alone(const rx_refine_view *view, const rx_subject *subject, const rx_subject *other)
+{
+    const double radius = fmax(subject->guess, subject->profile.radius);
+    const double away = hypot(other->x - subject->x, other->y - subject->y);
+    return (int)ceil(fmax(2.0 * view->fwhm + 3.0 * radius, away + 1.5 * view->fwhm)) + 2;
+}
+
+/* So many pixels to all sides of the one that the source is on, where there are any. */
+static rx_window window_around(const rx_canvas *canvas, const rx_subject *subject, int half)
+{
+    const int x = (int)lround(subject->x), y = (int)lround(subject->y);
+    return (rx_window){x > half ? x - half : 0, y > half ? y - half : 0,
+                       x + half < canvas->width ? x + half + 1 : canvas->width,
+                       y + half < canvas->height ? y + half + 1 : canvas->height};
+}
+
+rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view, const rx_lens *lens,
+                           const rx_subject *subject)
+{
+    const double radius = radius_of(par, subject);
+    const int half = half_of(view, radius), domain = rx_lens_side(lens, FAR * radius) / 2;
+    if (!looks(par))
+        return (rx_window){0, 0, 0, 0};
+    return window_around(view->canvas, subject, par->substructure && domain > half ? domain : half);
+}
+
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *subject,
+                                 const rx_subject *other)
+{
+    return window_around(view->canvas, subject, half_alone(view, subject, other));
+}
+
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                     const rx_subject *subject, rx_subject *after, rx_error *err)
 {
@@ -366,15 +415,12 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     *after = *subject;
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
-    double radius = fmax(subject->guess, subject->profile.radius);
-    if (!par->extended && subject->profile.radius <= 0)
-        radius = 0;
-    const int half = (int)ceil(2.0 * view->fwhm + 3.0 * radius) + 2;
+    const double radius = radius_of(par, subject);
     rx_status status = rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y,
                                   par->substructure && radius > 0, &j.size, err);
-    if (status == RX_OK)
-        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy, half, j.size->n,
-                              &j.patch, err);
+    if (status == RX_OK && looks(par))
+        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy,
+                              half_of(view, radius), j.size->n, &j.patch, err);
     if (status == RX_OK && !par->frozen)
         choose(&j, after);
     if (status == RX_OK)
@@ -402,8 +448,7 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     j.cx = (int)lround(subject->x);
     j.cy = (int)lround(subject->y);
     const double radius = fmax(subject->guess, subject->profile.radius);
-    const double away = hypot(other->x - subject->x, other->y - subject->y);
-    const int half = (int)ceil(fmax(2.0 * view->fwhm + 3.0 * radius, away + 1.5 * view->fwhm)) + 2;
+    const int half = half_alone(view, subject, other);
     *rise = 0;
     rx_status status = rx_lens_at(lens, rx_lens_side(lens, fmax(FAR * radius, half - view->fwhm)), subject->x,
                                   subject->y, 0, &j.size, err);

@@ -61,12 +61,18 @@ typedef struct rx_refine_params {
 typedef struct rx_refine_view {
     const rx_canvas *canvas;
     const rx_restored *restored;
+    const uint8_t *shape_mask; /* as rx_tphot_input has them; NULL: none */
+    int shape_bits;
     const int32_t *segments; /* [height][width] */
     double fwhm;
 } rx_refine_view;
 
 /* Width of the prior of a position, pixels. */
 double rx_refine_reach(double fwhm);
+
+/* What of the canvas rx_refine() reads. */
+rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view, const rx_lens *lens,
+                           const rx_subject *subject);
 
 /* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
@@ -75,6 +81,8 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
 /* How much better the pixels are described with `other` than by `subject` alone: chi2 (priors included) of
  * the subject's best point or profile with the other's light put back into the data, less that with it taken
  * out. Errors: RX_SYSTEM. */
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *subject,
+                                 const rx_subject *other); /* what of the canvas it reads */
 rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                           const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err);
 

@@ -24,11 +24,13 @@ static void guess_shape(const rx_source *s, double restored_fwhm, rx_subject *su
 
 static double segment_flux(const rx_tphot_input *input, const rx_source *s)
 {
+    const uint8_t *hidden = input->shape_mask;
     double sum = 0;
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++) {
             const size_t k = (size_t)y * (size_t)input->width + (size_t)x;
-            if (input->sources->segments[k] == s->segment && input->restored->mask[k] == 0)
+            if (input->sources->segments[k] == s->segment && input->restored->mask[k] == 0 &&
+                (hidden == NULL || (hidden[k] & input->shape_bits) == 0))
                 sum += input->restored->pixels[k];
         }
     return isfinite(sum) && sum > 0 ? sum : 0;
@@ -109,13 +111,14 @@ static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const
         peak = fmax(peak, f->values[k]);
     for (int j = 0; j < f->height; j++)
         for (int i = 0; i < f->width; i++) {
-            const size_t k = (size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)(f->x0 + i);
+            const size_t k = rx_canvas_row(canvas, f->y0 + j) + (size_t)(f->x0 + i);
+            const int32_t owner = segments[(size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)(f->x0 + i)];
             const double t = f->values[(size_t)j * (size_t)f->width + (size_t)i], w = canvas->weight[k];
             if (!(w > 0)) {
                 dst->masked += t;
                 continue;
             }
-            if ((segments[k] != 0 || t < bright * peak) && (s->segment == 0 || segments[k] != s->segment))
+            if ((owner != 0 || t < bright * peak) && (s->segment == 0 || owner != s->segment))
                 continue;
             const double r = (double)canvas->data[k] - canvas->model[k] - background;
             chi2 += w * r * r;

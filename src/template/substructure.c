@@ -15,7 +15,8 @@ static double share_of(const rx_refine_view *view, const rx_subject *s, size_t k
         return 1;
     if (segment != 0 || !(own > 0))
         return 0;
-    const double all = view->canvas->model[k];
+    const size_t above = (size_t)view->canvas->top * (size_t)view->canvas->width;
+    const double all = view->canvas->model[k - above];
     return all > own ? own / all : 1;
 }
 
@@ -56,15 +57,17 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
     const int x0 = cx - n / 2 > 0 ? cx - n / 2 : 0, y0 = cy - n / 2 > 0 ? cy - n / 2 : 0;
     const int x1 = cx - n / 2 + n < canvas->width ? cx - n / 2 + n : canvas->width;
     const int y1 = cy - n / 2 + n < canvas->height ? cy - n / 2 + n : canvas->height;
+    const int bits = view->shape_mask != NULL ? view->shape_bits : 0;
     int count = 0;
     for (int y = y0; y < y1; y++) {
         const size_t row = (size_t)y * (size_t)canvas->width;
         const int32_t *segments = view->segments + row;
         const uint8_t *mask = view->restored->mask + row;
+        const uint8_t *more = view->shape_mask != NULL ? view->shape_mask + row : mask;
         const float *pixels = view->restored->pixels + row;
         for (int x = x0; x < x1; x++) { /* signs of noise cannot be foreseen: no branches */
             work[count] = -pixels[x];
-            count += (segments[x] == 0) & (mask[x] == 0) & (pixels[x] < 0);
+            count += (segments[x] == 0) & (mask[x] == 0) & ((more[x] & bits) == 0) & (pixels[x] < 0);
         }
     }
     if (count < 30)
@@ -76,12 +79,11 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
 static double noise_of(const rx_refine_view *view, size_t k)
 {
     const rx_restored *restored = view->restored;
-    if (restored->sigma != NULL)
-        return (double)restored->sigma[k];
-    if (restored->sky == NULL)
-        return sqrt(rx_canvas_variance(view->canvas, k));
-    const rx_map map = rx_background_noise(restored->sky);
     const size_t width = (size_t)restored->width;
+    if (restored->noise == NULL && restored->sky == NULL)
+        return sqrt(rx_canvas_variance(view->canvas, (int)(k % width), (int)(k / width)));
+    const rx_map map = restored->noise != NULL ? rx_map_made(restored->noise, restored->width)
+                                               : rx_background_noise(restored->sky);
     return (double)rx_map_at(&map, (int)(k % width), (int)(k / width));
 }
 
@@ -91,7 +93,9 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
                          double least_noise, float *d)
 {
     const rx_restored *restored = view->restored;
-    const double share = restored->mask[k] == 0 ? share_of(view, s, k, own) : 0;
+    const int hidden =
+        restored->mask[k] != 0 || (view->shape_mask != NULL && (view->shape_mask[k] & view->shape_bits) != 0);
+    const double share = hidden ? 0 : share_of(view, s, k, own);
     if (!(share > 0))
         return 0;
     const double v = restored->pixels[k] - own / share;

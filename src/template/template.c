@@ -3,19 +3,20 @@
 #include "template/template.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/interrupt.h"
 #include "base/memory.h"
 #include "template/blends.h"
 #include "template/canvas.h"
 #include "template/evidence.h"
 #include "template/joint.h"
+#include "template/judge.h"
 #include "template/lens.h"
 #include "template/refine.h"
 #include "template/subjects.h"
+#include "template/tphot.h"
+#include "template/turns.h"
 #include "template/undersky.h"
 #include "template/usual.h"
 
@@ -41,48 +42,6 @@ typedef struct work {
     double sky;          /* taken off the level so far, mean */
 } work;
 
-rx_tphot_params rx_tphot_defaults(void)
-{
-    return (rx_tphot_params){.link = 0.01,
-                             .group_limit = 40,
-                             .background_sigma = 0.02,
-                             .sky_cell = 128,
-                             .psf_error = 0.01,
-                             .non_negative = 0,
-                             .rounds = 2,
-                             .extended = 1,
-                             .substructure = 1,
-                             .star_penalty = 0,
-                             .learn_odds = 1,
-                             .nthreads = 1};
-}
-
-static rx_status check_input(const rx_tphot_input *input, rx_error *err)
-{
-    const rx_restored *restored = input->restored;
-    const rx_sources *sources = input->sources;
-    if (restored->width != input->width || restored->height != input->height ||
-        sources->width != input->width || sources->height != input->height || sources->segments == NULL)
-        return rx_error_set(err, RX_INPUT,
-                            "the fitted image has %d x %d pixels and the restored one %d x %d; "
-                            "templates need the same grid",
-                            input->width, input->height, restored->width, restored->height);
-    if (input->psf == NULL)
-        return rx_error_set(err, RX_INPUT, "templates need the PSF of the image; give PSF_TYPE");
-    if (input->shapes != NULL && input->shapes->nlisted != sources->n)
-        return rx_error_set(err, RX_INPUT, "shapes of %d sources were given for a list of %d",
-                            input->shapes->nlisted, sources->n);
-    const rx_psf *psfs[2] = {input->psf, restored->psf};
-    for (int i = 0; i < 2; i++)
-        for (size_t k = 0;
-             psfs[i] != NULL && k < (size_t)psfs[i]->nbasis * (size_t)psfs[i]->size * (size_t)psfs[i]->size;
-             k++)
-            if (!isfinite(psfs[i]->basis[k]))
-                return rx_error_set(err, RX_INPUT,
-                                    "the PSF has a pixel that is not a number; give another one");
-    return RX_OK;
-}
-
 static rx_status open_work(work *w, rx_error *err)
 {
     w->n = w->input->sources->n;
@@ -90,7 +49,8 @@ static rx_status open_work(work *w, rx_error *err)
     w->lenses = RX_NEW(rx_lens, w->nthreads);
     if (w->subjects == NULL || w->lenses == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
-    rx_status status = rx_canvas_fill(w->input, w->nthreads, &w->canvas, err);
+    rx_status status = RX_OK;
+    rx_canvas_open(w->input, w->par->shown, w->nthreads, &w->canvas);
     w->canvas.psf_error = w->par->psf_error;
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
         status = rx_lens_open(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
@@ -114,16 +74,16 @@ static void close_work(work *w)
     rx_canvas_clear(&w->canvas);
 }
 
+/* The model is that of the subjects as they are now. */
 static rx_status draw(work *w, rx_error *err)
 {
     rx_layer *layers = RX_NEW(rx_layer, w->n);
     if (layers == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *layers);
     for (int i = 0; i < w->n; i++)
-        layers[i] = (rx_layer){&w->subjects[i].footprint, w->subjects[i].flux};
-    rx_status status = rx_canvas_draw(&w->canvas, layers, w->n, w->nthreads, err);
-    free(layers);
-    return status;
+        layers[i] = (rx_layer){w->subjects[i].footprint, w->subjects[i].flux};
+    rx_canvas_set(&w->canvas, layers, w->n);
+    return RX_OK;
 }
 
 static rx_refine_params refine_params(const work *w, int frozen, int substructure)
@@ -139,47 +99,65 @@ static rx_refine_view refine_view(const work *w)
 {
     return (rx_refine_view){.canvas = &w->canvas,
                             .restored = w->input->restored,
+                            .shape_mask = w->input->shape_mask,
+                            .shape_bits = w->input->shape_bits,
                             .segments = w->input->sources->segments,
                             .fwhm = fmax(w->input->psf->fwhm, 1.0)};
+}
+
+/* What all refinements of one round share. */
+typedef struct refinement {
+    work *w;
+    rx_refine_params par;
+    rx_refine_view view;
+    int first, moved_only;
+    rx_subject *after; /* [n] */
+} refinement;
+
+static int takes_part(const refinement *r, int i)
+{
+    return i >= r->first && (!r->moved_only || r->w->subjects[i].moved);
+}
+
+static rx_status refine_one(void *user, int i, int thread, rx_error *err)
+{
+    const refinement *r = user;
+    if (!takes_part(r, i))
+        return RX_OK;
+    return rx_refine(&r->par, &r->view, &r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
 }
 
 /* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
  * at once, so that no order matters. moved_only: those that shift() has moved. */
 static rx_status refine(work *w, int first, int frozen, int moved_only, int substructure, rx_error *err)
 {
-    const rx_refine_params par = refine_params(w, frozen, substructure);
-    const rx_refine_view view = refine_view(w);
-    rx_subject *after = RX_NEW(rx_subject, w->n);
-    rx_status failed = RX_OK;
-    if (after == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *after);
-#pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
-    for (int i = first; i < w->n; i++) {
-        rx_error own = RX_ERROR_NONE;
-        if (moved_only && !w->subjects[i].moved)
+    refinement r = {w,
+                    refine_params(w, frozen, substructure),
+                    refine_view(w),
+                    first,
+                    moved_only,
+                    RX_NEW(rx_subject, w->n)};
+    rx_window *windows = RX_NEW(rx_window, w->n);
+    rx_status status = RX_OK;
+    if (r.after == NULL || windows == NULL) {
+        status = rx_error_memory(err, (size_t)w->n * sizeof *r.after);
+        goto exit;
+    }
+    for (int i = 0; i < w->n; i++)
+        if (takes_part(&r, i))
+            windows[i] = rx_refine_window(&r.par, &r.view, &w->lenses[0], &w->subjects[i]);
+    status = rx_turns_take(&w->canvas, windows, w->n, 0, refine_one, &r, err);
+    for (int i = 0; i < w->n; i++) {
+        if (!takes_part(&r, i))
             continue;
-        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
+        free(status == RX_OK ? w->subjects[i].footprint.values : r.after[i].footprint.values);
         if (status == RX_OK)
-            status =
-                rx_refine(&par, &view, &w->lenses[omp_get_thread_num()], &w->subjects[i], &after[i], &own);
-        if (status != RX_OK) {
-#pragma omp critical(rx_tphot_failure)
-            {
-                failed = status;
-                if (err != NULL)
-                    *err = own;
-            }
-        }
+            w->subjects[i] = r.after[i];
     }
-    for (int i = first; i < w->n; i++) {
-        if (moved_only && !w->subjects[i].moved)
-            continue;
-        free(failed == RX_OK ? w->subjects[i].footprint.values : after[i].footprint.values);
-        if (failed == RX_OK)
-            w->subjects[i] = after[i];
-    }
-    free(after);
-    return failed == RX_OK ? draw(w, err) : failed;
+exit:
+    free(r.after);
+    free(windows);
+    return status == RX_OK ? draw(w, err) : status;
 }
 
 /* Room for the covariances of the present groups. */
@@ -252,54 +230,72 @@ static double found_flux(const rx_joint_member *member)
     return isfinite(member->flux) ? member->flux : 0;
 }
 
+static rx_status fit_whole_group(void *user, int g, int thread, rx_error *err)
+{
+    work *w = user;
+    (void)thread;
+    return w->blends.torn[g] ? RX_OK : fit_group(w, g, 1, err);
+}
+
+/* By all threads; what it finds is there for the next. */
+static rx_status fit_torn_group(void *user, int g, int thread, rx_error *err)
+{
+    work *w = user;
+    (void)thread;
+    rx_status status = w->blends.torn[g] ? fit_group(w, g, w->nthreads, err) : RX_OK;
+    for (int k = w->blends.start[g]; w->blends.torn[g] && k < w->blends.start[g + 1] && status == RX_OK;
+         k++) {
+        rx_subject *s = &w->subjects[w->blends.member[k]];
+        const double flux = found_flux(&w->members[w->blends.member[k]]);
+        status = rx_canvas_add(&w->canvas, &s->footprint, flux - s->flux, err);
+        s->flux = flux;
+    }
+    return status;
+}
+
+/* The footprints of the groups with cut links (torn = 1) or without. */
+static void group_windows(const work *w, int torn, rx_window *windows)
+{
+    for (int g = 0; g < w->blends.ngroups; g++) {
+        rx_window *all = &windows[g];
+        *all = (rx_window){w->canvas.width, w->canvas.height, 0, 0};
+        for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && w->blends.torn[g] == torn; k++) {
+            const rx_window one = rx_footprint_window(&w->subjects[w->blends.member[k]].footprint);
+            if (one.x1 <= one.x0)
+                continue;
+            *all = (rx_window){one.x0 < all->x0 ? one.x0 : all->x0, one.y0 < all->y0 ? one.y0 : all->y0,
+                               one.x1 > all->x1 ? one.x1 : all->x1, one.y1 > all->y1 ? one.y1 : all->y1};
+        }
+    }
+}
+
 /* Groups that links were cut from, one after the other, each against what the ones before have found (block
  * Gauss-Seidel). All at once against the model of before, as the others are fitted, would run away where
  * neighbours across many cuts take the same light. */
-static rx_status fit_torn_groups(work *w, rx_error *err)
+static rx_status fit_torn_groups(work *w, rx_window *windows, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int g = 0; g < w->blends.ngroups && status == RX_OK; g++) {
-        if (!w->blends.torn[g])
-            continue;
-        status = rx_interrupt_pending() ? rx_interrupt_check(err) : fit_group(w, g, w->nthreads, err);
-        for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
-            rx_subject *s = &w->subjects[w->blends.member[k]];
-            const double flux = found_flux(&w->members[w->blends.member[k]]);
-            rx_canvas_add(&w->canvas, &s->footprint, flux - s->flux);
-            s->flux = flux;
-        }
-    }
+    rx_status status = draw(w, err);
+    group_windows(w, 1, windows);
+    if (status == RX_OK)
+        status = rx_turns_take(&w->canvas, windows, w->blends.ngroups, 1, fit_torn_group, w, err);
     return status;
 }
 
 /* Whole groups against the model of all others, then those with cut links, then the model anew. */
 static rx_status fit_groups(work *w, rx_error *err)
 {
-    rx_status failed = RX_OK;
-#pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
-    for (int g = 0; g < w->blends.ngroups; g++) {
-        rx_error own = RX_ERROR_NONE;
-        if (w->blends.torn[g])
-            continue;
-        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : fit_group(w, g, 1, &own);
-        if (status != RX_OK) {
-#pragma omp critical(rx_tphot_failure)
-            {
-                failed = status;
-                if (err != NULL)
-                    *err = own;
-            }
-        }
-    }
-    for (int i = 0; i < w->n && failed == RX_OK; i++)
+    rx_window *windows = RX_NEW(rx_window, w->blends.ngroups);
+    if (windows == NULL)
+        return rx_error_memory(err, (size_t)w->blends.ngroups * sizeof *windows);
+    group_windows(w, 0, windows);
+    rx_status status = rx_turns_take(&w->canvas, windows, w->blends.ngroups, 0, fit_whole_group, w, err);
+    for (int i = 0; i < w->n && status == RX_OK; i++)
         if (!w->blends.torn[w->blends.group[i]])
             w->subjects[i].flux = found_flux(&w->members[i]);
-    if (failed == RX_OK && w->blends.ntorn > 0) {
-        failed = draw(w, err);
-        if (failed == RX_OK)
-            failed = fit_torn_groups(w, err);
-    }
-    return failed == RX_OK ? draw(w, err) : failed;
+    if (status == RX_OK && w->blends.ntorn > 0)
+        status = fit_torn_groups(w, windows, err);
+    free(windows);
+    return status == RX_OK ? draw(w, err) : status;
 }
 
 /* Positions in groups move to where the last joint fit wants them, at most half a PSF's width at once, and
@@ -347,8 +343,7 @@ static rx_status fit_on_sky(work *w, rx_error *err)
     rx_status status = fit_all(w, err);
     if (status != RX_OK || w->par->sky_cell <= 0)
         return status;
-    status = rx_undersky_subtract(&w->canvas, w->input->sources->segments, w->par->sky_cell, w->nthreads,
-                                  &mean, err);
+    status = rx_undersky_subtract(&w->canvas, w->input->sources->segments, w->par->sky_cell, &mean, err);
     w->sky += mean;
     return status == RX_OK ? fit_groups(w, err) : status;
 }
@@ -370,11 +365,9 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
 /* Asks for what shows in the residual, and fits everything again with it. */
 static rx_status second_pass(work *w, rx_error *err)
 {
-    const rx_canvas *c = &w->canvas;
-    const rx_tphot_state state = {c->width, c->height, c->data, c->model, c->weight};
     double(*found)[2] = NULL;
     int count = 0;
-    rx_status status = w->input->more(w->input->user, &state, &found, &count, err);
+    rx_status status = w->input->more(w->input->user, &w->canvas, &found, &count, err);
     if (status == RX_OK && count > 0) {
         status = add_points(w, (const double(*)[2])found, count, err);
         if (status == RX_OK)
@@ -432,32 +425,45 @@ static rx_status fit_everything(work *w, rx_error *err)
     return status;
 }
 
+/* What all sources are weighed with. */
+typedef struct weighing {
+    work *w;
+    rx_refine_params par;
+    rx_refine_view view;
+    rx_rival *rivals; /* [n] */
+} weighing;
+
+static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
+{
+    const weighing *g = user;
+    work *w = g->w;
+    return rx_evidence_of(&g->par, &g->view, &w->lenses[thread], w->subjects, w->members, i, &g->rivals[i],
+                          &w->subjects[i].presence, err);
+}
+
 /* Evidence of every source; long groups are no one thread's. */
 static rx_status weigh_evidence(work *w, rx_error *err)
 {
-    const rx_refine_params par = refine_params(w, 0, 0);
-    const rx_refine_view view = refine_view(w);
-    rx_status failed = RX_OK;
+    weighing g = {w, refine_params(w, 0, 0), refine_view(w), RX_NEW(rx_rival, w->n)};
+    rx_window *windows = RX_NEW(rx_window, w->n);
+    rx_status status = RX_OK;
+    if (g.rivals == NULL || windows == NULL) {
+        status = rx_error_memory(err, (size_t)w->n * (sizeof *g.rivals + sizeof *windows));
+        goto exit;
+    }
 #pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
     for (int k = 0; k < w->n; k++) {
-        const int group = w->blends.group[w->blends.member[k]];
+        const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
-        const int *member = w->blends.member + first;
-        rx_error own = RX_ERROR_NONE;
-        rx_status status = rx_interrupt_pending() ? rx_interrupt_check(&own) : RX_OK;
-        if (status == RX_OK)
-            status = rx_evidence_of(&par, &view, &w->lenses[omp_get_thread_num()], w->subjects, w->members,
-                                    member, m, k - first, &w->subjects[member[k - first]].presence, &own);
-        if (status != RX_OK) {
-#pragma omp critical(rx_tphot_failure)
-            {
-                failed = status;
-                if (err != NULL)
-                    *err = own;
-            }
-        }
+        g.rivals[i] = rx_evidence_rival(w->subjects, w->members, w->blends.member + first, m, k - first);
+        if (g.rivals[i].other >= 0)
+            windows[i] = rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);
     }
-    return failed;
+    status = rx_turns_take(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
+exit:
+    free(g.rivals);
+    free(windows);
+    return status;
 }
 
 static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
@@ -484,41 +490,26 @@ static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
     return RX_OK;
 }
 
-/* The pixels against all models; rows are added up in their order. */
-static rx_status judge_tile(const work *w, rx_tphot *dst, rx_error *err)
-{
-    const rx_canvas *c = &w->canvas;
-    double(*rows)[2] = rx_alloc((size_t)c->height, sizeof *rows);
-    if (rows == NULL)
-        return rx_error_memory(err, (size_t)c->height * sizeof *rows);
-#pragma omp parallel for schedule(static) num_threads(w->nthreads)
-    for (int y = 0; y < c->height; y++)
-        for (size_t k = (size_t)y * (size_t)c->width; k < ((size_t)y + 1) * (size_t)c->width; k++) {
-            if (!(c->weight[k] > 0))
-                continue;
-            const double sigma = (double)c->sigma[k], r = c->data[k] - c->model[k];
-            const double photons = c->gain > 0.0 && c->model[k] > 0 ? (double)c->model[k] / c->gain : 0.0;
-            rows[y][0] += r * r / (sigma * sigma + photons);
-            rows[y][1]++;
-        }
-    for (int y = 0; y < c->height; y++) {
-        dst->chi2 += rows[y][0];
-        dst->visible += rows[y][1];
-    }
-    free(rows);
-    return RX_OK;
-}
+typedef struct telling {
+    work *w;
+    rx_tphot *dst;
+} telling;
 
-/* Data become the residual in their place. */
-static void keep_model(work *w, rx_tphot *dst)
+static rx_status tell_one(void *user, int i, int thread, rx_error *err)
 {
-    const size_t pixels = (size_t)w->canvas.width * (size_t)w->canvas.height;
-#pragma omp parallel for schedule(static) num_threads(w->nthreads)
-    for (size_t k = 0; k < pixels; k++)
-        w->canvas.data[k] = w->canvas.weight[k] > 0 ? w->canvas.data[k] - w->canvas.model[k] : 0;
-    dst->residual = w->canvas.data;
-    dst->model = w->canvas.model;
-    w->canvas.data = w->canvas.model = NULL;
+    const telling *t = user;
+    const work *w = t->w;
+    rx_tphot_source *s = &t->dst->list[i];
+    (void)thread;
+    (void)err;
+    s->group = w->blends.group[i];
+    s->blend = w->members[i].blend;
+    s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
+    rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
+                    w->backgrounds[s->group], s);
+    if ((s->flags & RX_TPHOT_NO_DATA) != 0)
+        s->flux = s->fluxerr = s->snr = NAN;
+    return RX_OK;
 }
 
 static rx_status store(work *w, rx_tphot *dst, rx_error *err)
@@ -534,23 +525,16 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->height = w->canvas.height;
     dst->sky = w->sky;
     dst->star_odds = w->usual.star_odds;
-#pragma omp parallel for schedule(dynamic, 64) num_threads(w->nthreads)
-    for (int i = 0; i < w->n; i++) {
-        rx_tphot_source *s = &dst->list[i];
-        s->group = w->blends.group[i];
-        s->blend = w->members[i].blend;
-        s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
-        rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
-                        w->backgrounds[s->group], s);
-        if ((s->flags & RX_TPHOT_NO_DATA) != 0)
-            s->flux = s->fluxerr = s->snr = NAN;
-    }
-    rx_status status = w->par->covariance ? store_pairs(w, dst, err) : RX_OK;
-    if (status == RX_OK)
-        status = judge_tile(w, dst, err);
-    if (status == RX_OK && w->par->keep_model)
-        keep_model(w, dst);
-    return status;
+    rx_window *windows = RX_NEW(rx_window, w->n);
+    if (windows == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *windows);
+    for (int i = 0; i < w->n; i++)
+        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
+    rx_status status = rx_turns_take(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
+    free(windows);
+    if (status == RX_OK && w->par->covariance)
+        status = store_pairs(w, dst, err);
+    return status == RX_OK ? rx_judge(&w->canvas, w->par->keep_model, dst, err) : status;
 }
 
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)
@@ -560,7 +544,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
               .input = input,
               .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     *dst = NULL;
-    rx_status status = check_input(input, err);
+    rx_status status = rx_tphot_check(input, err);
     if (status != RX_OK)
         return status;
     rx_tphot *tphot = RX_NEW(rx_tphot, 1);
@@ -581,15 +565,4 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     }
     *dst = tphot;
     return RX_OK;
-}
-
-void rx_tphot_free(rx_tphot *tphot)
-{
-    if (tphot == NULL)
-        return;
-    free(tphot->list);
-    free(tphot->pairs);
-    free(tphot->model);
-    free(tphot->residual);
-    free(tphot);
 }

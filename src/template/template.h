@@ -24,6 +24,7 @@
 #ifndef RX_TEMPLATE_TEMPLATE_H
 #define RX_TEMPLATE_TEMPLATE_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "base/error.h"
@@ -65,6 +66,8 @@ typedef struct rx_tphot_params {
                        the priors of radius and index are what is usual among them (usual.h) */
     int covariance; /* fill rx_tphot.pairs */
     int keep_model; /* fill rx_tphot.model and .residual */
+    size_t shown;   /* pixels of the image that are worked on at a time, more where a group reaches farther:
+                       32 bytes each; the result does not depend on it */
     int nthreads;   /* < 1 counts as 1; the result does not depend on it */
 } rx_tphot_params;
 
@@ -121,22 +124,19 @@ typedef struct rx_tphot {
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
 } rx_tphot;
 
-/* What has been fitted so far, [height][width]. */
-typedef struct rx_tphot_state {
-    int width, height;
-    const float *data;   /* ADU above the sky; 0 where hidden */
-    const float *model;  /* M */
-    const float *weight; /* 1 / variance of a pixel, photons of the model included; 0 where hidden */
-} rx_tphot_state;
+struct rx_canvas;
 
-/* Sources that only show in the residual, data - model: called once, after the first fit. The callee gives
+/* Sources that only show in the residual, data - model of the canvas (canvas.h), which the callee shows where
+ * it looks: called once, after the first fit. The callee gives
  * *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the caller frees; NULL and 0 for none.
  * They are added as points and everything is fitted again. */
-typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_state *state, double (**dst)[2], int *n,
+typedef rx_status (*rx_tphot_more)(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
                                    rx_error *err);
 
 typedef struct rx_tphot_input {
     const rx_restored *restored; /* where shapes come from; its psf NULL: that of the tile */
+    const uint8_t *shape_mask;   /* [height][width]: more of its pixels that tell no shape; NULL: none */
+    int shape_bits;              /* that hide them there */
     const rx_sources *sources;   /* detected on it, with segments */
     /* the tile to be fitted, same grid; another one than the restored for forced photometry */
     int width, height;

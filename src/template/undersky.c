@@ -10,21 +10,19 @@ static const double CLIP = 3.0;
 static const double ENOUGH = 0.05; /* share of a cell's pixels that must be free */
 enum { CLIPPINGS = 10 };
 
-typedef struct mesh {
-    int nx, ny;
-    double *value; /* [ny][nx], NAN where not known */
-} mesh;
-
 /* data - model of the free pixels of [x0, x1) x [y0, y1); returns how many. */
 static long gather(const rx_canvas *c, const int32_t *segments, int x0, int x1, int y0, int y1, double *dst)
 {
     long n = 0;
-    for (int y = y0; y < y1; y++)
+    for (int y = y0; y < y1; y++) {
+        const int32_t *segment = segments + (size_t)y * (size_t)c->width;
+        const size_t row = rx_canvas_row(c, y);
         for (int x = x0; x < x1; x++) {
-            const size_t k = (size_t)y * (size_t)c->width + (size_t)x;
+            const size_t k = row + (size_t)x;
             dst[n] = (double)c->data[k] - c->model[k];
-            n += segments[k] == 0 && c->weight[k] > 0;
+            n += segment[x] == 0 && c->weight[k] > 0;
         }
+    }
     return n;
 }
 
@@ -60,14 +58,15 @@ static int edge(int i, int n, int size)
     return (int)((long)i * size / n);
 }
 
-static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int nthreads, mesh *m,
+/* The cells of lines first .. end - 1, whose pixels are shown. */
+static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int first, int end, rx_sheet *m,
                                rx_error *err)
 {
     /* the widest cell has one pixel more than the narrowest; one more is written to before it is known not to
      * count */
     const size_t room = ((size_t)(c->width / m->nx) + 1) * ((size_t)(c->height / m->ny) + 1) + 1;
     rx_status failed = RX_OK;
-#pragma omp parallel num_threads(nthreads)
+#pragma omp parallel num_threads(c->nthreads)
     {
         double *values = rx_alloc(room, sizeof(double));
         if (values == NULL) {
@@ -75,7 +74,7 @@ static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int 
             failed = rx_error_memory(err, room * sizeof(double));
         }
 #pragma omp for schedule(dynamic)
-        for (int i = 0; i < m->nx * m->ny; i++) {
+        for (int i = m->nx * first; i < m->nx * end; i++) {
             const int x = i % m->nx, y = i / m->nx;
             const int x0 = edge(x, m->nx, c->width), x1 = edge(x + 1, m->nx, c->width);
             const int y0 = edge(y, m->ny, c->height), y1 = edge(y + 1, m->ny, c->height);
@@ -88,8 +87,24 @@ static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int 
     return failed;
 }
 
+/* As many lines of cells at a time as fit in memory. */
+static rx_status measure_all(rx_canvas *c, const int32_t *segments, rx_sheet *m, rx_error *err)
+{
+    const int rows = rx_canvas_rows(c);
+    rx_status status = RX_OK;
+    for (int first = 0, end; first < m->ny && status == RX_OK; first = end) {
+        const int from = edge(first, m->ny, c->height);
+        for (end = first + 1; end < m->ny && edge(end + 1, m->ny, c->height) - from <= rows;)
+            end++;
+        status = rx_canvas_show_rows(c, from, edge(end, m->ny, c->height), err);
+        if (status == RX_OK)
+            status = measure_cells(c, segments, first, end, m, err);
+    }
+    return status;
+}
+
 /* Cells that are not known take the mean of known neighbours, in rounds; 0 when there is none at all. */
-static void fill_holes(mesh *m, double *next)
+static void fill_holes(rx_sheet *m, double *next)
 {
     const size_t cells = (size_t)m->nx * (size_t)m->ny;
     for (int round = 0; round < m->nx + m->ny; round++) {
@@ -120,70 +135,26 @@ static void fill_holes(mesh *m, double *next)
         m->value[k] = isfinite(m->value[k]) ? m->value[k] : 0;
 }
 
-/* Between which of n cells the pixel x of `size` lies, and how far from the first of the two centres. */
-typedef struct place {
-    int first, second;
-    double off;
-} place;
-
-static place place_of(int x, int n, int size)
+rx_status rx_undersky_subtract(rx_canvas *canvas, const int32_t *segments, int cell, double *mean,
+                               rx_error *err)
 {
-    const double u = fmin(fmax((x + 0.5) * n / size - 0.5, 0), n - 1);
-    const int first = (int)u < n - 1 ? (int)u : n - 1;
-    return (place){first, first + 1 < n ? first + 1 : first, u - first};
-}
-
-/* Bilinear between cell centres, constant beyond the outermost. */
-static rx_status subtract(rx_canvas *c, const mesh *m, int nthreads, rx_error *err)
-{
-    place *columns = RX_NEW(place, (size_t)c->width);
-    if (columns == NULL)
-        return rx_error_memory(err, (size_t)c->width * sizeof *columns);
-    for (int x = 0; x < c->width; x++)
-        columns[x] = place_of(x, m->nx, c->width);
-#pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (int y = 0; y < c->height; y++) {
-        const place row = place_of(y, m->ny, c->height);
-        const double *low = m->value + (size_t)row.first * (size_t)m->nx;
-        const double *high = m->value + (size_t)row.second * (size_t)m->nx;
-        float *data = c->data + (size_t)y * (size_t)c->width;
-        const float *weight = c->weight + (size_t)y * (size_t)c->width;
-        for (int x = 0; x < c->width; x++) {
-            const int i = columns[x].first, j = columns[x].second;
-            const double a = low[i] + columns[x].off * (low[j] - low[i]);
-            const double b = high[i] + columns[x].off * (high[j] - high[i]);
-            if (weight[x] > 0)
-                data[x] -= (float)(a + row.off * (b - a));
-        }
-    }
-    free(columns);
-    return RX_OK;
-}
-
-rx_status rx_undersky_subtract(rx_canvas *canvas, const int32_t *segments, int cell, int nthreads,
-                               double *mean, rx_error *err)
-{
-    mesh m = {.nx = (canvas->width + cell / 2) / cell, .ny = (canvas->height + cell / 2) / cell};
-    m.nx = m.nx > 1 ? m.nx : 1;
-    m.ny = m.ny > 1 ? m.ny : 1;
-    const int cells = m.nx * m.ny;
-    m.value = RX_NEW(double, cells);
-    double *next = RX_NEW(double, cells), sum = 0;
-    if (m.value == NULL || next == NULL) {
-        free(m.value);
-        free(next);
-        return rx_error_memory(err, 2 * (size_t)cells * sizeof(double));
-    }
-    rx_status status = measure_cells(canvas, segments, nthreads, &m, err);
+    rx_sheet sheet;
+    rx_status status = rx_sheet_open(canvas->width, canvas->height, cell, &sheet, err);
     if (status != RX_OK)
-        goto exit;
-    fill_holes(&m, next);
-    for (int i = 0; i < cells; i++)
-        sum += m.value[i];
-    *mean = sum / cells;
-    status = subtract(canvas, &m, nthreads, err);
-exit:
-    free(m.value);
+        return status;
+    const int cells = sheet.nx * sheet.ny;
+    double *next = RX_NEW(double, (size_t)cells), sum = 0;
+    status =
+        next != NULL ? measure_all(canvas, segments, &sheet, err) : rx_error_memory(err, (size_t)cells * 8);
+    if (status == RX_OK) {
+        fill_holes(&sheet, next);
+        for (int i = 0; i < cells; i++)
+            sum += sheet.value[i];
+        *mean = sum / cells;
+        status = rx_canvas_take_off(canvas, &sheet, err);
+    } else {
+        rx_sheet_clear(&sheet);
+    }
     free(next);
     return status;
 }

@@ -10,7 +10,7 @@
  * no segment, clipped at 3 of their sigmas until nothing more goes; cells with too few of them take the mean
  * of their neighbours; bilinear between the cells' centres. *mean: what was taken off on average. The same
  * for any nthreads. Errors: RX_SYSTEM. */
-rx_status rx_undersky_subtract(rx_canvas *canvas, const int32_t *segments, int cell, int nthreads,
-                               double *mean, rx_error *err);
+rx_status rx_undersky_subtract(rx_canvas *canvas, const int32_t *segments, int cell, double *mean,
+                               rx_error *err);
 
 #endif

@@ -1,0 +1,71 @@
+/* Bilinear skies. */
+#include "template/sheet.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/wide.h"
+
+/* The cell before pixel x of `size` among n, and how far behind its centre the pixel is. */
+static int place_of(int x, int n, int size, double *off)
+{
+    const double u = fmin(fmax((x + 0.5) * n / size - 0.5, 0), n - 1);
+    const int first = (int)u < n - 1 ? (int)u : n - 1;
+    *off = u - first;
+    return first;
+}
+
+rx_status rx_sheet_open(int width, int height, int cell, rx_sheet *sheet, rx_error *err)
+{
+    const int nx = (width + cell / 2) / cell, ny = (height + cell / 2) / cell;
+    *sheet = (rx_sheet){.width = width, .height = height, .nx = nx > 1 ? nx : 1, .ny = ny > 1 ? ny : 1};
+    const size_t cells = (size_t)sheet->nx * (size_t)sheet->ny;
+    sheet->value = RX_NEW(double, cells);
+    sheet->first = RX_NEW(int, (size_t)width);
+    sheet->off = RX_NEW(double, (size_t)width);
+    if (sheet->value == NULL || sheet->first == NULL || sheet->off == NULL) {
+        rx_sheet_clear(sheet);
+        return rx_error_memory(err, cells * sizeof(double) + 2 * (size_t)width * sizeof(double));
+    }
+    for (int x = 0; x < width; x++)
+        sheet->first[x] = place_of(x, sheet->nx, width, &sheet->off[x]);
+    return RX_OK;
+}
+
+void rx_sheet_clear(rx_sheet *sheet)
+{
+    free(sheet->value);
+    free(sheet->first);
+    free(sheet->off);
+    *sheet = (rx_sheet){0};
+}
+
+/* Between four centres, left and right ones below and above the row; `up` from the ones to the others. */
+RX_WIDE static void take_off_between(const double below[2], const double above[2], double up,
+                                     const double *off, int n, const float *weight, float *data)
+{
+    const double low = below[0], low_step = below[1] - below[0];
+    const double high = above[0], high_step = above[1] - above[0];
+#pragma omp simd
+    for (int k = 0; k < n; k++) {
+        const double a = low + off[k] * low_step, b = high + off[k] * high_step;
+        data[k] -= weight == NULL || weight[k] > 0 ? (float)(a + up * (b - a)) : 0.0f;
+    }
+}
+
+void rx_sheet_take_off(const rx_sheet *sheet, int y, int x, int n, const float *weight, float *data)
+{
+    double up;
+    const int line = place_of(y, sheet->ny, sheet->height, &up),
+              next = line + 1 < sheet->ny ? line + 1 : line;
+    const double *low = sheet->value + (size_t)line * (size_t)sheet->nx;
+    const double *high = sheet->value + (size_t)next * (size_t)sheet->nx;
+    for (int k = 0, end; k < n; k = end) {
+        const int i = sheet->first[x + k], j = i + 1 < sheet->nx ? i + 1 : i;
+        for (end = k + 1; end < n && sheet->first[x + end] == i;)
+            end++;
+        take_off_between((double[2]){low[i], low[j]}, (double[2]){high[i], high[j]}, up, sheet->off + x + k,
+                         end - k, weight != NULL ? weight + k : NULL, data + k);
+    }
+}

@@ -1,0 +1,61 @@
+/* What template photometry is given, and what it gives. */
+#include "template/tphot.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum { SHOWN = 1 << 24 }; /* pixels */
+
+rx_tphot_params rx_tphot_defaults(void)
+{
+    return (rx_tphot_params){.link = 0.01,
+                             .group_limit = 40,
+                             .background_sigma = 0.02,
+                             .sky_cell = 128,
+                             .psf_error = 0.01,
+                             .non_negative = 0,
+                             .rounds = 2,
+                             .extended = 1,
+                             .substructure = 1,
+                             .star_penalty = 0,
+                             .learn_odds = 1,
+                             .shown = SHOWN,
+                             .nthreads = 1};
+}
+
+rx_status rx_tphot_check(const rx_tphot_input *input, rx_error *err)
+{
+    const rx_restored *restored = input->restored;
+    const rx_sources *sources = input->sources;
+    if (restored->width != input->width || restored->height != input->height ||
+        sources->width != input->width || sources->height != input->height || sources->segments == NULL)
+        return rx_error_set(err, RX_INPUT,
+                            "the fitted image has %d x %d pixels and the restored one %d x %d; "
+                            "templates need the same grid",
+                            input->width, input->height, restored->width, restored->height);
+    if (input->psf == NULL)
+        return rx_error_set(err, RX_INPUT, "templates need the PSF of the image; give PSF_TYPE");
+    if (input->shapes != NULL && input->shapes->nlisted != sources->n)
+        return rx_error_set(err, RX_INPUT, "shapes of %d sources were given for a list of %d",
+                            input->shapes->nlisted, sources->n);
+    const rx_psf *psfs[2] = {input->psf, restored->psf};
+    for (int i = 0; i < 2; i++)
+        for (size_t k = 0;
+             psfs[i] != NULL && k < (size_t)psfs[i]->nbasis * (size_t)psfs[i]->size * (size_t)psfs[i]->size;
+             k++)
+            if (!isfinite(psfs[i]->basis[k]))
+                return rx_error_set(err, RX_INPUT,
+                                    "the PSF has a pixel that is not a number; give another one");
+    return RX_OK;
+}
+
+void rx_tphot_free(rx_tphot *tphot)
+{
+    if (tphot == NULL)
+        return;
+    free(tphot->list);
+    free(tphot->pairs);
+    free(tphot->model);
+    free(tphot->residual);
+    free(tphot);
+}

@@ -1,0 +1,115 @@
+/* Batches of windows. */
+#include "template/turns.h"
+
+#include <omp.h>
+#include <stdlib.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
+
+enum { TOGETHER = 8 }; /* pieces that a thread takes at once */
+
+typedef struct start {
+    int y, i;
+} start;
+
+static int by_row(const void *one, const void *other)
+{
+    const start *a = one, *b = other;
+    return a->y != b->y ? (a->y > b->y) - (a->y < b->y) : (a->i > b->i) - (a->i < b->i);
+}
+
+/* Their order: by first row, so that what lies together is taken together. */
+static rx_status sort_windows(const rx_window *windows, int n, int in_order, int *order, rx_error *err)
+{
+    start *starts = RX_NEW(start, (size_t)n);
+    if (starts == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *starts);
+    for (int i = 0; i < n; i++)
+        starts[i] = (start){windows[i].y0, i};
+    if (!in_order)
+        qsort(starts, (size_t)n, sizeof *starts, by_row);
+    for (int i = 0; i < n; i++)
+        order[i] = starts[i].i;
+    free(starts);
+    return RX_OK;
+}
+
+/* End of the batch that begins at `first`: all that lies within so many rows, at least one. */
+static int end_of_batch(const rx_window *windows, const int *order, int n, int first, int rows)
+{
+    int from = 0, to = 0;
+    for (int k = first; k < n; k++) {
+        const rx_window *w = &windows[order[k]];
+        if (w->y1 <= w->y0 || w->x1 <= w->x0)
+            continue;
+        const int y0 = to > from && from < w->y0 ? from : w->y0, y1 = to > w->y1 ? to : w->y1;
+        if (to > from && y1 - y0 > rows)
+            return k;
+        from = y0;
+        to = y1;
+    }
+    return n;
+}
+
+static rx_status take_one(rx_turn turn, void *user, int i, int thread, rx_error *err)
+{
+    const rx_status status = rx_interrupt_pending() ? rx_interrupt_check(err) : RX_OK;
+    return status == RX_OK ? turn(user, i, thread, err) : status;
+}
+
+static rx_status take_batch(int nthreads, const int *order, int n, rx_turn turn, void *user, rx_error *err)
+{
+    rx_status failed = RX_OK;
+#pragma omp parallel for schedule(dynamic, TOGETHER) num_threads(nthreads)
+    for (int k = 0; k < n; k++) {
+        rx_error own = RX_ERROR_NONE;
+        const rx_status status = take_one(turn, user, order[k], omp_get_thread_num(), &own);
+        if (status != RX_OK) {
+#pragma omp critical(rx_turns_failure)
+            {
+                failed = status;
+                if (err != NULL)
+                    *err = own;
+            }
+        }
+    }
+    return failed;
+}
+
+static rx_status show_and_take(rx_canvas *canvas, const rx_window *windows, const int *order, int n,
+                               int in_order, rx_turn turn, void *user, rx_error *err)
+{
+    rx_status status = rx_canvas_show(canvas, windows, order, n, err);
+    if (status == RX_OK && !in_order)
+        return take_batch(canvas->nthreads, order, n, turn, user, err);
+    for (int k = 0; k < n && status == RX_OK; k++)
+        status = take_one(turn, user, order[k], 0, err);
+    return status;
+}
+
+rx_status rx_turns_take(rx_canvas *canvas, const rx_window *windows, int n, int in_order, rx_turn turn,
+                        void *user, rx_error *err)
+{
+    const int rows = rx_canvas_rows(canvas);
+    int *order = RX_NEW(int, (size_t)n), *batch = RX_NEW(int, (size_t)n + 1), batches = 0;
+    rx_status status = order == NULL || batch == NULL ? rx_error_memory(err, 2 * (size_t)n * sizeof *order)
+                                                      : sort_windows(windows, n, in_order, order, err);
+    if (status != RX_OK)
+        goto exit;
+    while (batch[batches] < n) {
+        batch[batches + 1] = end_of_batch(windows, order, n, batch[batches], rows);
+        batches++;
+    }
+    /* from the end that is in memory */
+    const int upwards = !in_order && canvas->top > 0;
+    for (int k = 0; k < batches && status == RX_OK; k++) {
+        const int b = upwards ? batches - 1 - k : k;
+        status = show_and_take(canvas, windows, order + batch[b], batch[b + 1] - batch[b], in_order, turn,
+                               user, err);
+    }
+exit:
+    free(order);
+    free(batch);
+    return status;
+}
