@@ -39,6 +39,7 @@ typedef struct ascii {
     head_line *head;
     int nhead;
     const char *names; /* the line that may name the values, or NULL */
+    bool named;        /* it is no comment, and no comment counts any more */
     int nvalues;       /* in each line of data; 0 before the first */
     bool commas;       /* they part the values, as told by the first line */
     long nrows;
@@ -167,7 +168,7 @@ static bool parse_head_line(const char *line, long before, head_line *out)
 static void take_comment(ascii *in, const char *line)
 {
     head_line found;
-    if (in->nrows > 0)
+    if (in->nrows > 0 || in->named)
         return;
     if (in->nhead < RX_READ_COLUMNS &&
         parse_head_line(line, in->nhead > 0 ? in->head[in->nhead - 1].number : 0, &found))
@@ -211,7 +212,6 @@ static const char *next_line(const ascii *in, const char *line)
 static rx_status first_pass(ascii *in, rx_error *err)
 {
     long number = 0;
-    bool named = false;
     for (const char *line = in->data; line != NULL; line = next_line(in, line)) {
         number++;
         const char *text = skip_blanks(line);
@@ -227,9 +227,9 @@ static rx_status first_pass(ascii *in, rx_error *err)
         if (n > RX_READ_COLUMNS)
             return rx_error_at(err, RX_INPUT, in->path, -1, number, "holds more than %d values in a line",
                                RX_READ_COLUMNS);
-        if (in->nvalues == 0 && !named && in->nhead == 0 && is_name_line(in, n)) {
+        if (in->nvalues == 0 && !in->named && in->nhead == 0 && is_name_line(in, n)) {
             in->names = text;
-            named = true;
+            in->named = true;
             continue;
         }
         if (in->nvalues == 0)

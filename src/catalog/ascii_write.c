@@ -1,4 +1,5 @@
 /* ASCII, ASCII_HEAD and ASCII_SKYCAT catalogues, laid out as SExtractor does. */
+#include "base/printable.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
 
@@ -17,21 +18,54 @@ static void add_head(rx_text *dst, const rx_table *table)
     }
 }
 
-/* Rows with `separator` between numbers; text is reused as the line's buffer. */
+/* What made the file, a line each. */
+static void add_record(rx_text *dst, const rx_record_pair *record, int npairs)
+{
+    for (int i = 0; i < npairs; i++) {
+        rx_text_printf(dst, "# %s = ", record[i].name);
+        rx_printable_add(dst, record[i].value != NULL ? record[i].value : "");
+        rx_text_add(dst, "\n");
+    }
+}
+
+/* One row into the text that was there, `separator` between numbers. */
+static void format_row(const rx_table *table, long row, const char *separator, rx_text *text)
+{
+    text->length = 0;
+    for (int i = 0; i < table->ncolumns; i++) {
+        long elements = rx_column_elements(&table->columns[i]);
+        for (long e = 0; e < elements; e++) {
+            if (i > 0 || e > 0)
+                rx_text_add(text, separator);
+            rx_cell_format(text, &table->columns[i], row, e);
+        }
+    }
+    rx_text_add(text, "\n");
+}
+
+rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator, char dst[RX_HASH_TEXT],
+                          rx_error *err)
+{
+    rx_text text = {0};
+    rx_hash sum;
+    rx_hash_begin(&sum);
+    for (int i = 0; i < n; i++)
+        for (long row = 0; row < tables[i]->nrows && !text.failed; row++) {
+            format_row(tables[i], row, separator, &text);
+            rx_hash_add(&sum, text.data, text.length);
+        }
+    rx_status status = text.failed ? rx_error_memory(err, text.capacity) : RX_OK;
+    rx_hash_text(&sum, dst);
+    rx_text_free(&text);
+    return status;
+}
+
+/* text is reused as the line's buffer. */
 static rx_status write_rows(FILE *file, const rx_table *table, const char *separator, rx_text *text,
                             rx_error *err)
 {
     for (long row = 0; row < table->nrows; row++) {
-        text->length = 0;
-        for (int i = 0; i < table->ncolumns; i++) {
-            long elements = rx_column_elements(&table->columns[i]);
-            for (long e = 0; e < elements; e++) {
-                if (i > 0 || e > 0)
-                    rx_text_add(text, separator);
-                rx_cell_format(text, &table->columns[i], row, e);
-            }
-        }
-        rx_text_add(text, "\n");
+        format_row(table, row, separator, text);
         if (text->failed)
             return rx_error_memory(err, text->capacity);
         fwrite(text->data, 1, text->length, file);
@@ -39,12 +73,15 @@ static rx_status write_rows(FILE *file, const rx_table *table, const char *separ
     return RX_OK;
 }
 
-rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, rx_error *err)
+rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, const rx_record_pair *record,
+                         int npairs, rx_error *err)
 {
     rx_status status = RX_OK;
     rx_text text = {0};
-    if (head && n > 0)
+    if (head && n > 0) {
         add_head(&text, tables[0]);
+        add_record(&text, record, npairs);
+    }
     if (text.failed) {
         status = rx_error_memory(err, text.capacity);
         goto exit;

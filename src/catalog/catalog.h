@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "base/error.h"
+#include "base/hash.h"
 #include "base/log.h"
 #include "base/text.h"
 #include "data/sources.h"
@@ -74,6 +75,16 @@ typedef struct rx_record_pair {
 rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
                            const rx_record_pair *record, int npairs, const char *temporary,
                            FILE *standard_out, rx_error *err);
+
+/* Can the record go into a catalogue of that type? Into how many parts do n tables go there, each with a
+ * digest? */
+int rx_catalog_has_record(rx_catalog_type type);
+int rx_catalog_parts(rx_catalog_type type, int n);
+
+/* The digest of the rows of a part as the file will hold them: the data unit of its table in FITS
+ * (io/fits_digest.h), lines of text elsewhere. Errors: RX_SYSTEM. */
+rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
+                            char dst[RX_HASH_TEXT], rx_error *err);
 
 /* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, told by content; index-th table. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);

@@ -6,6 +6,7 @@
 #include "catalog/catalog.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
+#include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 
@@ -26,7 +27,7 @@ static rx_status write_text(FILE *file, rx_catalog_type type, rx_table *const *t
     else if (type == RX_CATALOG_ASCII_SKYCAT)
         status = rx_skycat_write(file, tables, n, err);
     else
-        status = rx_ascii_write(file, tables, n, type == RX_CATALOG_ASCII_HEAD, err);
+        status = rx_ascii_write(file, tables, n, type == RX_CATALOG_ASCII_HEAD, record, npairs, err);
     rx_point_locale_end(&locale);
     return status;
 }
@@ -100,6 +101,34 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
     }
     rx_fits_abort(writer);
     rx_text_free(&cards);
+    rx_point_locale_end(&locale);
+    return status;
+}
+
+int rx_catalog_has_record(rx_catalog_type type)
+{
+    return type == RX_CATALOG_ASCII_HEAD || type == RX_CATALOG_VOTABLE || is_fits(type);
+}
+
+int rx_catalog_parts(rx_catalog_type type, int n)
+{
+    return is_fits(type) || type == RX_CATALOG_VOTABLE ? n : 1;
+}
+
+rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
+                            char dst[RX_HASH_TEXT], rx_error *err)
+{
+    rx_point_locale locale;
+    if (is_fits(type)) {
+        rx_fits_digest_table(tables[part], dst);
+        return RX_OK;
+    }
+    rx_status status = rx_point_locale_begin(&locale, err);
+    if (status != RX_OK)
+        return status;
+    status = type == RX_CATALOG_VOTABLE
+                 ? rx_votable_digest(tables[part], dst, err)
+                 : rx_ascii_digest(tables, n, type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ", dst, err);
     rx_point_locale_end(&locale);
     return status;
 }

@@ -1,6 +1,7 @@
 /* VOTable 1.4 (IVOA Recommendation 2019-10-21), TABLEDATA: one RESOURCE, one TABLE an extension. */
 #include <string.h>
 
+#include "base/printable.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
 #include "io/fits_read.h"
@@ -171,6 +172,33 @@ static rx_status write_table(FILE *file, const rx_table *table, int number, rx_t
     return status;
 }
 
+rx_status rx_votable_digest(const rx_table *table, char dst[RX_HASH_TEXT], rx_error *err)
+{
+    rx_text text = {0}, cell = {0};
+    rx_hash sum;
+    rx_hash_begin(&sum);
+    for (long row = 0; row < table->nrows && !text.failed; row++) {
+        text.length = 0;
+        add_row(&text, table, row, &cell);
+        rx_hash_add(&sum, text.data, text.length);
+    }
+    rx_status status = text.failed ? rx_error_memory(err, text.capacity) : RX_OK;
+    rx_hash_text(&sum, dst);
+    rx_text_free(&text);
+    rx_text_free(&cell);
+    return status;
+}
+
+/* A line of the record: text that XML could not hold is escaped as it is in other formats. */
+static void add_record(rx_text *dst, const rx_record_pair *pair, rx_text *value)
+{
+    value->length = 0;
+    rx_printable_add(value, pair->value != NULL ? pair->value : "");
+    dst->failed |= value->failed;
+    if (!value->failed)
+        add_param(dst, pair->name, value->data, pair->comment);
+}
+
 rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
                            int npairs, rx_error *err)
 {
@@ -180,7 +208,7 @@ rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_
                        "<RESOURCE type=\"results\">\n"
                        " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
     for (int i = 0; i < npairs; i++)
-        add_param(&text, record[i].name, record[i].value, record[i].comment);
+        add_record(&text, &record[i], &cell);
     rx_status status = RX_OK;
     for (int i = 0; i < n && status == RX_OK; i++)
         status = write_table(file, tables[i], i + 1, &text, &cell, err);

@@ -5,13 +5,21 @@
 #include <stdbool.h>
 #include <stdio.h>
 
+#include "base/hash.h"
 #include "catalog/catalog.h"
 
 /* All write n tables to an open stream; a full disk shows when the caller closes it. They fail
  * (RX_SYSTEM) only without memory. The caller has set the locale (cell.h). */
-rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, rx_error *err);
+rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, const rx_record_pair *record,
+                         int npairs, rx_error *err);
 rx_status rx_skycat_write(FILE *file, rx_table *const *tables, int n, rx_error *err);
 rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
                            int npairs, rx_error *err);
+
+/* Digests of the rows as those functions write them: lines with their ends; of a VOTable's table the lines
+ * from <TR> to </TR>. The locale as above. */
+rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator, char dst[RX_HASH_TEXT],
+                          rx_error *err);
+rx_status rx_votable_digest(const rx_table *table, char dst[RX_HASH_TEXT], rx_error *err);
 
 #endif

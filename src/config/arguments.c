@@ -16,6 +16,7 @@ typedef struct found {
     const char *plain; /* as a word of its own, for programs that take it so */
     const char *image[2];
     int nimages;
+    const char *replay; /* of -REPLAY */
 } found;
 
 /* Action of a plain option, RX_ACTION_RUN when the word is none. */
@@ -105,6 +106,24 @@ static rx_status take_plain(const rx_keytable *table, const char *word, found *w
                         word, table->program);
 }
 
+static bool is_replay(const rx_keytable *table, const char *option)
+{
+    return table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-REPLAY") == 0;
+}
+
+/* The image and the configuration are those of the run that is repeated. */
+static rx_status check_replay(found *words, rx_error *err)
+{
+    if (words->replay[0] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the output to repeat is empty; give -REPLAY FILE");
+    if (words->image[0] != NULL || words->file != NULL)
+        return rx_error_set(err, RX_USAGE,
+                            "-REPLAY takes image and configuration from %.200s; leave out '%.200s'",
+                            words->replay, words->image[0] != NULL ? words->image[0] : words->file);
+    words->image[0] = words->replay;
+    return RX_OK;
+}
+
 /* Sort the words; keywords are only known to be followed by something. */
 static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_action *action, found *words,
                       rx_error *err)
@@ -127,8 +146,14 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
             words->image[0] = argv[a];
             return RX_OK;
         }
+        if (is_replay(table, option))
+            words->replay = argv[a];
         if (strcmp(option, "-c") == 0)
             words->file = argv[a];
+    }
+    if (status == RX_OK && words->replay != NULL) {
+        *action = RX_ACTION_REPLAY;
+        return check_replay(words, err);
     }
     if (status == RX_OK && words->plain != NULL && words->file != NULL)
         status = take_file(words->file, words, err);
@@ -156,7 +181,7 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
                            rx_log *log, rx_error *err)
 {
     rx_status status = RX_OK;
-    const char *usual = settings->table->default_file;
+    const char *usual = words->replay == NULL ? settings->table->default_file : NULL;
     bool missing = words->file == NULL && usual != NULL && access(usual, F_OK) != 0;
     const char *file = words->file != NULL || missing ? words->file : usual;
     if (file != NULL)
@@ -164,7 +189,7 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     for (int a = 1; a < argc && status == RX_OK; a++)
         if (argv[a][0] == '-') {
             const char *option = argv[a++];
-            if (strcmp(option, "-c") != 0)
+            if (strcmp(option, "-c") != 0 && !is_replay(settings->table, option))
                 status = rx_settings_set(settings, option + 1, argv[a], log, err);
         }
     if (status != RX_OK)
@@ -206,20 +231,20 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     if (dst->action == RX_ACTION_NONE)
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
-    const bool runs = dst->action == RX_ACTION_RUN;
-    if (status != RX_OK || (!runs && dst->action != RX_ACTION_INFO))
+    const bool runs = dst->action == RX_ACTION_RUN, replays = dst->action == RX_ACTION_REPLAY;
+    if (status != RX_OK || (!runs && !replays && dst->action != RX_ACTION_INFO))
         return status;
     if (words.image[0] != NULL) {
         dst->image = join_images(&words);
         if (dst->image == NULL)
             return rx_error_memory(err, 0);
     }
-    if (!runs)
+    if (!runs && !replays)
         return RX_OK;
     status = rx_settings_new(table, &dst->settings, err);
     if (status == RX_OK)
         status = configure(argc, argv, &words, dst->settings, log, err);
-    if (status == RX_OK && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@'))
+    if (status == RX_OK && runs && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@'))
         status = settle(dst->settings, dst->image, err);
     return status;
 }

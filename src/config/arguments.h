@@ -14,19 +14,21 @@ typedef enum rx_action {
     RX_ACTION_DUMP,         /* -d */
     RX_ACTION_DUMP_ALL,     /* -dd */
     RX_ACTION_DUMP_COLUMNS, /* -dp */
-    RX_ACTION_INFO          /* -INFO FILE */
+    RX_ACTION_INFO,         /* -INFO FILE */
+    RX_ACTION_REPLAY        /* -REPLAY FILE */
 } rx_action;
 
 typedef struct rx_arguments {
     rx_action action;
-    char *image; /* rextract, RUN: "tile.fits", "detect.fits,measure.fits" or "@list"; INFO: the file; else
-                    NULL */
-    rx_settings *settings; /* of the table; RUN only, else NULL */
+    char *image; /* rextract, RUN: "tile.fits", "detect.fits,measure.fits" or "@list"; INFO, REPLAY: the file;
+                    else NULL */
+    rx_settings *settings; /* of the table; RUN and REPLAY only, else NULL */
 } rx_arguments;
 
 /* Read argv. A word that begins with '-' is an option: -c FILE, -d, -dd, -dp (rextract), -v, -h (also --help,
- * --version), -INFO FILE (rextract-train), anything else -KEYWORD VALUE. Other words are rextract's images,
- * two at most, or the campaign or training file of rextract-validate and rextract-train, in place of -c;
+ * --version), -INFO FILE (rextract-train), -REPLAY FILE (rextract, without image and -c: the settings are
+ * then the defaults and the keywords), anything else -KEYWORD VALUE. Other words are rextract's images, two
+ * at most, or the campaign or training file of rextract-validate and rextract-train, in place of -c;
  * rextract-simulate takes none. Then the settings are made: defaults, the file of -c (rextract without -c:
  * default.sex where it exists, else a warning), the keywords in their order, the checks between them;
  * log->level follows VERBOSE_TYPE. "{tile}" in names becomes the image's own name, and no output may be an

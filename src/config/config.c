@@ -50,7 +50,7 @@ rx_origin rx_config_was_set(const rx_config *config, const char *name)
 
 bool rx_config_visit(const rx_config *config, rx_settings_visitor visit, void *user)
 {
-    return rx_settings_visit(&config->settings, visit, user);
+    return rx_settings_visit_exact(&config->settings, visit, user);
 }
 
 rx_status rx_simulate_config_new(rx_simulate_config **dst, rx_error *err)

@@ -341,7 +341,7 @@ static void print_real(rx_text *dst, double value)
 /* Quotes where the reader would cut or drop something; '$' and '"' doubled. */
 static void print_string(rx_text *dst, const char *value, bool quoted)
 {
-    bool marks = quoted && (value[0] == '\0' || strpbrk(value, " \t=,;\"#[]") != NULL);
+    bool marks = quoted && (value[0] == '\0' || strpbrk(value, " \t\r\n\v\f=,;\"#[]") != NULL);
     if (marks)
         rx_text_add(dst, "\"");
     for (const char *c = value; *c != '\0'; c++) {

@@ -230,7 +230,7 @@ rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
     return row < 0 ? RX_FROM_DEFAULT : owner->origin[row];
 }
 
-bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user)
+static bool visit_rows(const rx_settings *settings, bool quoted, rx_settings_visitor visit, void *user)
 {
     const rx_keytable *table = settings->table;
     bool complete = true;
@@ -239,7 +239,7 @@ bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, v
         if (table->rows[row].kind == RX_KIND_SECTION)
             continue;
         rx_text_printf(&name, "%s%s", settings->prefix, table->rows[row].name);
-        rx_keyword_print(&value, settings, row, false);
+        rx_keyword_print(&value, settings, row, quoted);
         complete = !name.failed && !value.failed;
         if (complete)
             visit(user, name.data, value.data, table->rows[row].help);
@@ -247,6 +247,48 @@ bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, v
         rx_text_free(&value);
     }
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && complete; i++)
-        complete = rx_settings_visit(settings->part[i], visit, user);
+        complete = visit_rows(settings->part[i], quoted, visit, user);
     return complete;
+}
+
+bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user)
+{
+    return visit_rows(settings, false, visit, user);
+}
+
+bool rx_settings_visit_exact(const rx_settings *settings, rx_settings_visitor visit, void *user)
+{
+    return visit_rows(settings, true, visit, user);
+}
+
+rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
+                           rx_error *err)
+{
+    rx_tokens items = {0};
+    rx_settings *owner = NULL;
+    int row = 0;
+    rx_status status = find(settings, name, (rx_place){0}, &owner, &row, err);
+    if (status == RX_OK)
+        status = rx_tokens_read(value, &items, err);
+    if (status == RX_OK)
+        status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, NULL, err);
+    if (status == RX_OK)
+        owner->origin[row] = origin;
+    rx_tokens_free(&items);
+    return status;
+}
+
+rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const char *const *allowed,
+                              const char *why_not, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int row = 0; row < src->table->nrows && status == RX_OK; row++) {
+        if (src->table->rows[row].kind == RX_KIND_SECTION || src->origin[row] == RX_FROM_DEFAULT)
+            continue;
+        if (!rx_keyword_among(allowed, src->table->rows[row].name))
+            return rx_error_set(err, RX_USAGE, "-%s %s", src->table->rows[row].name, why_not);
+        status = rx_keyword_copy(dst, src, row, err);
+        dst->origin[row] = src->origin[row];
+    }
+    return status;
 }

@@ -104,6 +104,17 @@ rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
 typedef void (*rx_settings_visitor)(void *user, const char *name, const char *value, const char *help);
 bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user);
 
+/* The same with values as a file would have them, and the way back: the value as it was given to the visitor,
+ * to the bit. Errors: RX_USAGE (no such keyword, not its value), RX_SYSTEM. */
+bool rx_settings_visit_exact(const rx_settings *settings, rx_settings_visitor visit, void *user);
+rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
+                           rx_error *err);
+
+/* What was set in src is set in dst, too, both of one table. Errors: RX_USAGE, "-KEYWORD why_not", for one
+ * that is not in the list `allowed`, which ends with NULL. */
+rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const char *const *allowed,
+                              const char *why_not, rx_error *err);
+
 /* A commented configuration file: the usual keywords, or all, those of parts included. NULL settings =
  * defaults. */
 void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings *settings, bool all);

@@ -76,9 +76,9 @@ static rx_status read_item(const char **line, rx_text *item, rx_error *err)
             c++;
             continue;
         }
-        if (*c == '[' && (depth > 0 || strchr(c, ']') != NULL))
+        if (*c == '[' && !quoted && (depth > 0 || strchr(c, ']') != NULL))
             depth++;
-        else if (*c == ']' && depth > 0)
+        else if (*c == ']' && !quoted && depth > 0)
             depth--;
         rx_text_add_bytes(item, c++, 1);
     }

@@ -10,9 +10,9 @@ typedef struct rx_tokens {
 } rx_tokens;
 
 /* Items of `line`: apart by blanks, commas, '=' and ';'; '#' at the start of an item ends the line; "..."
- * keeps everything ("" inside stands for one quote); [...] keeps blanks and commas, as in file names with
- * sections; $NAME, ${NAME} come from the environment, $$ is a dollar. Errors: RX_USAGE (variable not set,
- * quote not closed), RX_SYSTEM. rx_tokens_free() after success and failure. */
+ * keeps everything ("" inside stands for one quote); outside of quotes [...] keeps blanks and commas, as in
+ * file names with sections; $NAME, ${NAME} come from the environment, $$ is a dollar. Errors: RX_USAGE
+ * (variable not set, quote not closed), RX_SYSTEM. rx_tokens_free() after success and failure. */
 rx_status rx_tokens_read(const char *line, rx_tokens *dst, rx_error *err);
 
 /* The same replacement of $NAME alone: `text` as one item. */

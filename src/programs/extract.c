@@ -6,6 +6,8 @@
 static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract -REPLAY OUTPUT [-NTHREADS N]\n"
+                            "       rextract -PLAN Y IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -d | -dd | -dp | -v | -h\n";
 
 static const char help[] =
@@ -16,6 +18,8 @@ static const char help[] =
     "  @LIST            a file with an image per line, and keywords of its own behind it\n"
     "  -c FILE          configuration file (default.sex where there is one)\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
+    "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
+    "  -PLAN Y          only print what the run will take: memory, seconds, sizes\n"
     "  -d               print a default configuration file\n"
     "  -dd              the same with all keywords\n"
     "  -dp              print the columns a catalogue can have\n"
@@ -24,12 +28,14 @@ static const char help[] =
     "\n"
     "Exit status: 0 fine, 2 usage or configuration, 3 input data, 4 system or\n"
     "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate,\n"
-    "7 interrupted, 8 some tiles of a list failed.\n"
+    "7 interrupted, 8 some tiles of a list failed, 9 a repeated run gave something else.\n"
     "More in rextract(1), the keywords in rextract.conf(5).\n";
 
 int rx_program_extract(const char *name,
                        rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
                                         rx_error *err),
+                       rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log,
+                                           rx_error *err),
                        void (*end)(rx_status status), int argc, char **argv)
 {
     const rx_program program = {
@@ -39,6 +45,7 @@ int rx_program_extract(const char *name,
         .table = rx_keytable_rextract(),
         .columns = rx_columns_dump,
         .run = run,
+        .replay = replay,
         .end = end,
     };
     return rx_program_main(&program, argc, argv);

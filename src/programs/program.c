@@ -72,6 +72,8 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         status = RX_USAGE;
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
         status = program->run(arguments.settings, arguments.image, &log, &err);
+    } else if (status == RX_OK && arguments.action == RX_ACTION_REPLAY) {
+        status = program->replay(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {
         signal(SIGPIPE, at_broken_pipe); /* rextract -dd | head: nothing to clean up, nothing to say */
         status = print(program, arguments.action, arguments.image, &err);

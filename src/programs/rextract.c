@@ -4,12 +4,17 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "config/config_fields.h"
 #include "programs/extract.h"
+#include "survey/plan_run.h"
+#include "survey/replay.h"
 #include "survey/survey.h"
 #include "survey/tile_run.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
+    if (((const rx_config *)settings)->plan)
+        return rx_plan_run(settings, image, stdout, log, err);
     if (image[0] == '@')
         return rx_survey_run(settings, image + 1, stdout, log, err);
     return rx_tile_run(settings, image, stdout, log, err);
@@ -46,5 +51,6 @@ static int hand_over(char **argv)
 
 int main(int argc, char **argv)
 {
-    return one_of_several() ? hand_over(argv) : rx_program_extract("rextract", run, NULL, argc, argv);
+    return one_of_several() ? hand_over(argv)
+                            : rx_program_extract("rextract", run, rx_replay_run, NULL, argc, argv);
 }

@@ -1,11 +1,15 @@
 /* rextract-mpi: what rextract becomes under mpiexec, a list of tiles shared out among the processes. */
 
+#include "config/config_fields.h"
 #include "par/ranks.h"
 #include "programs/extract.h"
+#include "survey/plan_run.h"
 #include "survey/survey_ranks.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
+    if (((const rx_config *)settings)->plan)
+        return rx_par_rank() > 0 ? RX_OK : rx_plan_run(settings, image, stdout, log, err);
     if (image[0] != '@')
         return rx_par_rank() > 0
                    ? RX_OK
@@ -16,10 +20,19 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
     return rx_survey_run_ranks(settings, image + 1, log, err);
 }
 
+static rx_status replay(const rx_settings *settings, const char *path, rx_log *log, rx_error *err)
+{
+    (void)settings;
+    (void)log;
+    return rx_par_rank() > 0
+               ? RX_OK
+               : rx_error_at(err, RX_USAGE, path, -1, 0, "is repeated by one process; leave out mpiexec");
+}
+
 int main(int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
     if (rx_par_begin(&argc, &argv, &err) != RX_OK)
         return rx_program_fail("rextract", &err);
-    return rx_program_extract("rextract", run, rx_par_end, argc, argv);
+    return rx_program_extract("rextract", run, replay, rx_par_end, argc, argv);
 }

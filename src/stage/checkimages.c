@@ -8,11 +8,14 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "data/map.h"
+#include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "stage/field.h"
 
 typedef struct checkimage {
     const char *type;
+    char *name; /* of the file */
+    int parts;  /* HDUs written */
     rx_fits_writer *writer;
 } checkimage;
 
@@ -258,7 +261,6 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
                               rx_outputs *outputs, rx_checkimages **dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    char *name = NULL;
     rx_checkimages *images = RX_NEW(rx_checkimages, 1);
     if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL) {
         status = rx_error_memory(err, 0);
@@ -268,46 +270,90 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
         const char *temporary;
         if (strcmp(types[i], "NONE") == 0)
             continue;
-        free(name);
-        name = rx_name_with_tag(names[i], tag);
-        if (name == NULL) {
+        checkimage *image = &images->list[images->n];
+        image->type = types[i];
+        image->name = rx_name_with_tag(names[i], tag);
+        if (image->name == NULL) {
             status = rx_error_memory(err, 0);
             goto exit;
         }
-        images->list[images->n].type = types[i];
-        status = rx_outputs_file(outputs, name, &temporary, err);
+        images->n++;
+        status = rx_outputs_file(outputs, image->name, &temporary, err);
         if (status == RX_OK)
-            status = rx_fits_create(temporary, name, &images->list[images->n].writer, err);
-        if (status == RX_OK)
-            images->n++;
+            status = rx_fits_create(temporary, image->name, &image->writer, err);
     }
     if (status == RX_OK) {
         *dst = images;
         images = NULL;
     }
 exit:
-    free(name);
     rx_checkimages_free(images);
     return status;
 }
 
-static rx_status write_one(const checkimage *image, const rx_checkimage_data *data, float *pixels,
-                           rx_error *err)
+/* The header of an image whose pixels have that digest: facts, digest, record. */
+static rx_status make_cards(checkimage *image, const rx_checkimage_data *data, const char *digest,
+                            rx_text *cards, rx_error *err)
+{
+    rx_record own = {0}, whole = {0};
+    image->parts++;
+    rx_record_product(&own, digest, image->parts, image->name);
+    rx_record_product(data->products, digest, image->parts, image->name);
+    rx_status status = rx_record_of(data->record, &own, image->name, &whole, err);
+    if (status == RX_OK) {
+        rx_record_cards(data->facts, cards);
+        rx_card_text(cards, "RXDIGEST", digest, "");
+        rx_record_cards(&whole, cards);
+        if (cards->failed || data->products->failed)
+            status = rx_error_memory(err, 0);
+    }
+    rx_record_free(&own);
+    rx_record_free(&whole);
+    return status;
+}
+
+static rx_status write_segments(checkimage *image, const rx_checkimage_data *data, rx_error *err)
 {
     const rx_tile *tile = data->tile;
-    const char *cards = data->cards->data;
-    size_t ncards = data->cards->length / 80;
+    const int32_t *segments = data->sources->segments;
+    char digest[RX_HASH_TEXT];
+    rx_text cards = {0};
+    rx_fits_digest_ints(segments, (size_t)tile->width * (size_t)tile->height, digest);
+    rx_status status = make_cards(image, data, digest, &cards, err);
+    if (status == RX_OK)
+        status = rx_fits_image_int(image->writer, segments, tile->width, tile->height, tile->extname,
+                                   tile->cards, tile->ncards, cards.data, cards.length / 80, err);
+    rx_text_free(&cards);
+    return status;
+}
+
+static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const canvas *src,
+                              rx_error *err)
+{
+    const rx_tile *tile = data->tile;
+    char digest[RX_HASH_TEXT];
+    rx_text cards = {0};
+    /* a mesh map has other pixels: the tile's coordinates do not hold for it */
+    const int same = src->width == tile->width && src->height == tile->height;
+    rx_fits_digest_floats(src->pixels, npixels(src), digest);
+    rx_status status = make_cards(image, data, digest, &cards, err);
+    if (status == RX_OK)
+        status = rx_fits_image(image->writer, src->pixels, src->width, src->height, tile->extname,
+                               same ? tile->cards : NULL, same ? tile->ncards : 0, cards.data,
+                               cards.length / 80, err);
+    rx_text_free(&cards);
+    return status;
+}
+
+static rx_status write_one(checkimage *image, const rx_checkimage_data *data, float *pixels, rx_error *err)
+{
     if (strcmp(image->type, "SEGMENTATION") == 0)
-        return rx_fits_image_int(image->writer, data->sources->segments, tile->width, tile->height,
-                                 tile->extname, tile->cards, tile->ncards, cards, ncards, err);
-    canvas dst = {.pixels = pixels, .width = tile->width, .height = tile->height};
+        return write_segments(image, data, err);
+    canvas dst = {.pixels = pixels, .width = data->tile->width, .height = data->tile->height};
     for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
         if (strcmp(painters[k].type, image->type) == 0) {
             painters[k].paint(data, &dst);
-            /* a mesh map has other pixels: the tile's coordinates do not hold for it */
-            int same = dst.width == tile->width && dst.height == tile->height;
-            return rx_fits_image(image->writer, pixels, dst.width, dst.height, tile->extname,
-                                 same ? tile->cards : NULL, same ? tile->ncards : 0, cards, ncards, err);
+            return write_canvas(image, data, &dst, err);
         }
     }
     return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out",
@@ -347,8 +393,10 @@ void rx_checkimages_free(rx_checkimages *images)
 {
     if (images == NULL)
         return;
-    for (int i = 0; images->list != NULL && i < images->n; i++)
+    for (int i = 0; images->list != NULL && i < images->n; i++) {
         rx_fits_abort(images->list[i].writer);
+        free(images->list[i].name);
+    }
     free(images->list);
     free(images);
 }

@@ -8,6 +8,7 @@
 #include "data/sources.h"
 #include "data/tile.h"
 #include "io/output.h"
+#include "stage/record.h"
 #include "template/template.h"
 
 typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer */
@@ -23,7 +24,9 @@ typedef struct rx_checkimage_data {
     const rx_background *fitted_sky; /* with its noise */
     const float *filtered;           /* detection image after FILTER, or NULL */
     int mesh_width, mesh_height;     /* BACK_SIZE, for the MINIBACK types */
-    const rx_text *cards;            /* record, ready cards */
+    const rx_record *facts;          /* of this extension */
+    const rx_record *record;         /* of the run */
+    rx_record *products;             /* of the run: the images are added */
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is

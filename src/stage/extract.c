@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "catalog/assoc.h"
+#include "io/fits_write.h"
 #include "io/tile.h"
 #include "stage/coordinates.h"
 #include "stage/probe.h"
@@ -157,18 +158,10 @@ static void describe(const work *w, rx_record *facts)
 }
 
 static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
-                              const rx_record *facts, rx_error *err)
+                              const rx_record *facts, rx_record *products, rx_error *err)
 {
     if (run->images == NULL)
         return RX_OK;
-    rx_status status = RX_OK;
-    rx_text cards = {0};
-    rx_record_cards(facts, &cards);
-    rx_record_cards(record, &cards);
-    if (cards.failed) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
     rx_checkimage_data data = {.tile = w->detect->tile,
                                .background = w->probe.plain ? w->detect->plain : w->detect->restored,
                                .restored = w->probe.restored,
@@ -179,11 +172,10 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
                                .filtered = w->probe.filtered,
                                .mesh_width = w->options->background[0].mesh_width,
                                .mesh_height = w->options->background[0].mesh_height,
-                               .cards = &cards};
-    status = rx_checkimages_write(run->images, &data, err);
-exit:
-    rx_text_free(&cards);
-    return status;
+                               .facts = facts,
+                               .record = record,
+                               .products = products};
+    return rx_checkimages_write(run->images, &data, err);
 }
 
 /* Room for one more table of each kind. */
@@ -276,7 +268,7 @@ static int has_headers(const rx_options *options, const rx_run *run)
 
 rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
                          const rx_field *measure, const rx_checks *checks, const rx_record *record,
-                         rx_log *log, rx_error *err)
+                         rx_record *products, rx_log *log, rx_error *err)
 {
     work w = {.options = options,
               .detect = detect,
@@ -308,7 +300,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     rx_checks_facts(checks, &run->checks, &facts);
     status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);
     if (status == RX_OK)
-        status = write_images(run, &w, record, &facts, err);
+        status = write_images(run, &w, record, &facts, products, err);
     if (status != RX_OK)
         goto exit;
     run->restored = w.probe.restored; /* the report wants them */
@@ -339,26 +331,87 @@ static rx_catalog_type covariance_type(rx_catalog_type type)
     return type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0 : type;
 }
 
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,
-                       rx_error *err)
+/* One more card in the header of the table. */
+static rx_status add_digest_card(rx_table *table, const char *digest, rx_error *err)
 {
+    rx_text cards = {0};
+    if (table->facts != NULL)
+        rx_text_add_bytes(&cards, table->facts, (size_t)table->nfacts * 80);
+    rx_card_text(&cards, "RXDIGEST", digest, "");
+    if (cards.failed) {
+        rx_text_free(&cards);
+        return rx_error_memory(err, 0);
+    }
+    free(table->facts);
+    table->facts = cards.data;
+    table->nfacts = (long)(cards.length / 80);
+    return RX_OK;
+}
+
+static rx_status digest_tables(rx_catalog_type type, rx_table **tables, int n, const char *name,
+                               rx_record *products, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int part = 0; part < rx_catalog_parts(type, n) && n > 0 && status == RX_OK; part++) {
+        char digest[RX_HASH_TEXT];
+        status = rx_catalog_digest(type, tables, n, part, digest, err);
+        if (status != RX_OK)
+            return status;
+        rx_record_product(products, digest, part + 1, name);
+        status = add_digest_card(tables[part], digest, err);
+    }
+    return status == RX_OK && products->failed ? rx_error_memory(err, 0) : status;
+}
+
+rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *products, rx_error *err)
+{
+    const rx_catalog_type type = options->catalog_type;
+    rx_status status = RX_OK;
+    if (type != RX_CATALOG_NONE)
+        status = digest_tables(type, run->tables, run->ntables, run->catalog_name, products, err);
+    if (status == RX_OK && run->covariance_name != NULL)
+        status = digest_tables(covariance_type(type), run->covariances, run->ntables, run->covariance_name,
+                               products, err);
+    return status;
+}
+
+/* One file with the record of what made it. */
+static rx_status write_tables(rx_catalog_type type, const char *name, rx_table **tables, int n,
+                              const rx_record *record, const rx_record *products, const char *temporary,
+                              FILE *standard_out, rx_error *err)
+{
+    rx_record whole = {0};
+    rx_record_pair *pairs = NULL;
+    rx_status status = rx_record_of(record, products, name, &whole, err);
+    if (status != RX_OK)
+        goto exit;
+    pairs = RX_NEW(rx_record_pair, (size_t)whole.n);
+    if (pairs == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < whole.n; i++)
+        pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
+    status = rx_catalog_write(type, name, tables, n, pairs, whole.n, temporary, standard_out, err);
+exit:
+    free(pairs);
+    rx_record_free(&whole);
+    return status;
+}
+
+rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record,
+                       const rx_record *products, FILE *standard_out, rx_error *err)
+{
+    const rx_catalog_type type = options->catalog_type;
     rx_checkimages *images = run->images;
     run->images = NULL;
     rx_status status = rx_checkimages_close(images, err);
-    if (status != RX_OK)
-        return status;
-    rx_record_pair *pairs = RX_NEW(rx_record_pair, (size_t)record->n);
-    if (pairs == NULL)
-        return rx_error_memory(err, 0);
-    for (int i = 0; i < record->n; i++)
-        pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
-    status = rx_catalog_write(options->catalog_type, run->catalog_name, run->tables, run->ntables, pairs,
-                              record->n, run->catalog_temporary, standard_out, err);
+    if (status == RX_OK)
+        status = write_tables(type, run->catalog_name, run->tables, run->ntables, record, products,
+                              run->catalog_temporary, standard_out, err);
     if (status == RX_OK && run->covariance_name != NULL)
-        status =
-            rx_catalog_write(covariance_type(options->catalog_type), run->covariance_name, run->covariances,
-                             run->ntables, pairs, record->n, run->covariance_temporary, NULL, err);
-    free(pairs);
+        status = write_tables(covariance_type(type), run->covariance_name, run->covariances, run->ntables,
+                              record, products, run->covariance_temporary, NULL, err);
     return status;
 }
 

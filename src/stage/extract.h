@@ -44,16 +44,18 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
                       rx_outputs *outputs, rx_error *err);
 
 /* Restore `detect`, find sources on it, measure them on it, on the original or on `measure` (dual-image mode,
- * else NULL), run the checks (NULL: none), and append to tables and check-images. restored, sources and
- * checks stay until rx_run_forget(). */
+ * else NULL), run the checks (NULL: none), and append to tables and check-images, the digests of the latter
+ * to `products`. restored, sources and checks stay until rx_run_forget(). */
 rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
                          const rx_field *measure, const rx_checks *checks, const rx_record *record,
-                         rx_log *log, rx_error *err);
+                         rx_record *products, rx_log *log, rx_error *err);
 void rx_run_forget(rx_run *run);
 
-/* Write the catalogue and finish the check-images (still under temporary names). */
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record, FILE *standard_out,
-                       rx_error *err);
+/* The digests of the rows of its catalogues, to `products` and into the tables' headers. Then, with those of
+ * all restorers: write the catalogues and finish the check-images (still under temporary names). */
+rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *products, rx_error *err);
+rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record,
+                       const rx_record *products, FILE *standard_out, rx_error *err);
 void rx_run_free(rx_run *run);
 
 #endif

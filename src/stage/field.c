@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "data/map.h"
+#include "detect/filter.h"
 #include "io/tile.h"
 #include "io/wcs.h"
 
@@ -53,6 +54,25 @@ void rx_field_above_sky(const rx_tile *tile, const rx_background *sky, int hide,
         }
 }
 
+/* The detection image after the filter; NULL without one. */
+static rx_status filter_pixels(const rx_options *options, const rx_tile *tile, const float *pixels,
+                               float **filtered, rx_error *err)
+{
+    const rx_detect_params *par = &options->detect;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_filter filter;
+    rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &filter, err);
+    if (status != RX_OK || filter.values == NULL)
+        return status;
+    *filtered = rx_alloc_filled(n, sizeof **filtered, options->nthreads);
+    if (*filtered == NULL)
+        status = rx_error_memory(err, n * sizeof **filtered);
+    else
+        rx_filter_plane(&filter, pixels, tile->width, tile->height, options->nthreads, *filtered);
+    rx_filter_free(&filter);
+    return status;
+}
+
 /* Candidate stars for PSF_TYPE AUTO: a plain extraction that never looks at saturated values. */
 static rx_status find_stars(const rx_options *options, const rx_field *field, rx_log *log, rx_sources **dst,
                             rx_error *err)
@@ -62,7 +82,7 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
     const rx_map noise = rx_background_noise(field->restored);
     rx_sources *sources = NULL;
     rx_status status = RX_OK;
-    float *pixels = RX_NEW(float, n), *sigma = RX_NEW(float, n);
+    float *pixels = RX_NEW(float, n), *sigma = RX_NEW(float, n), *filtered = NULL;
     if (pixels == NULL || sigma == NULL) {
         status = rx_error_memory(err, 2 * n * sizeof(float));
         goto exit;
@@ -72,7 +92,7 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
     rx_detect_image detect = {.width = tile->width,
                               .height = tile->height,
                               .pixels = pixels,
-                              .sigma = sigma,
+                              .noise = rx_map_plane(sigma, tile->width),
                               .mask = tile->mask,
                               .mask_bits = RX_HIDE_RESTORED,
                               .variable_noise = 1,
@@ -99,7 +119,12 @@ static rx_status find_stars(const rx_options *options, const rx_field *field, rx
     measure_params.vignet_width = measure_params.vignet_height = 0;
     measure_params.nradii = 1;
     measure_params.flux_fraction[0] = 0.5;
-    status = rx_detect_run(&detect_params, &detect, log, &sources, err);
+    /* hidden pixels are 0 already: detection needs no copy of them, and no filtered ones after it */
+    status = filter_pixels(options, tile, pixels, &filtered, err);
+    detect.filtered = filtered != NULL ? filtered : pixels;
+    detect.done_with = filtered != NULL ? &filtered : NULL;
+    if (status == RX_OK)
+        status = rx_detect_run(&detect_params, &detect, log, &sources, err);
     if (status == RX_OK)
         status = rx_measure_run(&measure_params, &measure, log, sources, err);
     if (status == RX_OK) {
@@ -110,6 +135,7 @@ exit:
     rx_sources_free(sources);
     free(pixels);
     free(sigma);
+    free(filtered);
     return status;
 }
 

@@ -6,8 +6,12 @@ librextract_la_SOURCES += \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/field.c src/stage/field.h \
 	src/stage/fluxcheck.c src/stage/fluxcheck.h \
+	src/stage/inputs.c src/stage/inputs.h \
+	src/stage/machine.c src/stage/machine.h \
 	src/stage/options.c src/stage/options.h \
 	src/stage/photometry.c src/stage/photometry.h \
+	src/stage/plan.c src/stage/plan.h src/stage/plan_costs.def src/stage/plan_costs.h \
+	src/stage/plan_memory.c src/stage/plan_outputs.c src/stage/plan_parts.h \
 	src/stage/probe.c src/stage/probe.h \
 	src/stage/quality.c src/stage/quality.h \
 	src/stage/record.c src/stage/record.h \

@@ -11,6 +11,7 @@
 #include "config/config_fields.h"
 #include "config/kernel.h"
 #include "stage/checkimages.h"
+#include "stage/inputs.h"
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
@@ -146,25 +147,18 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
 
 rx_status rx_options_need_model(rx_options *options, rx_error *err)
 {
-    const char *name = options->model_name;
-    rx_text installed = {0};
-    rx_status status = RX_OK;
+    rx_text path = {0};
     if (options->model != NULL)
         return RX_OK;
-    if (strchr(name, '/') == NULL && access(name, F_OK) != 0) {
-        rx_text_printf(&installed, "%s/%s", RX_DATA_FOLDER, name);
-        if (installed.failed)
-            return rx_error_memory(err, 0);
-        if (access(installed.data, F_OK) == 0)
-            name = installed.data;
-        else
-            status = rx_error_at(err, RX_INPUT, name, -1, 0,
-                                 "is neither here nor in %s; name the network's model by NET_MODEL",
-                                 RX_DATA_FOLDER);
-    }
+    rx_input_model(options->model_name, &path);
+    rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK && strcmp(path.data, options->model_name) != 0 && access(path.data, F_OK) != 0)
+        status =
+            rx_error_at(err, RX_INPUT, options->model_name, -1, 0,
+                        "is neither here nor in %s; name the network's model by NET_MODEL", RX_DATA_FOLDER);
     if (status == RX_OK)
-        status = rx_model_read(name, &options->model, err);
-    rx_text_free(&installed);
+        status = rx_model_read(path.data, &options->model, err);
+    rx_text_free(&path);
     options->restore.model = options->model;
     return status;
 }
@@ -440,6 +434,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     if (options == NULL)
         return rx_error_memory(err, sizeof *options);
     options->nthreads = thread_option(cfg->nthreads);
+    options->plan_density = cfg->plan_density;
     options->catalog_name = cfg->catalog_name;
     options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
     for (int role = 0; role < 2; role++)

@@ -85,8 +85,9 @@ typedef struct rx_options {
     const char *qa_name;
     double match_radius;
     int match_arcsec;
-    int quality_flux;  /* which flux is QA_MAG: see rx_quality_flux */
-    rx_kernel *kernel; /* owned */
+    int quality_flux;    /* which flux is QA_MAG: see rx_quality_flux */
+    rx_kernel *kernel;   /* owned */
+    double plan_density; /* PLAN_DENSITY, sources per Mpixel */
     int nthreads;
 } rx_options;
 

@@ -36,9 +36,13 @@ static rx_measure_image restored_image(const rx_options *options, const rx_field
     return image;
 }
 
-/* *pixels is the plane the image points at, the caller's; NULL where that of NONE serves. */
+/* Of a larger tile a plane weighs more than the time to make its pixels one by one, where few are wanted. */
+static const size_t WHOLE = (size_t)1 << 25;
+
+/* *pixels is the plane the image points at, the caller's; NULL where that of NONE serves, or that of the tile
+ * when few pixels of a large one are wanted. */
 static rx_status untouched_image(const rx_options *options, const rx_field *detect, const rx_field *field,
-                                 const rx_restored *none, float **pixels, rx_measure_image *dst,
+                                 const rx_restored *none, int few, float **pixels, rx_measure_image *dst,
                                  rx_error *err)
 {
     const rx_tile *tile = field->tile;
@@ -50,13 +54,17 @@ static rx_status untouched_image(const rx_options *options, const rx_field *dete
         dst->mask = none->mask;
         return RX_OK;
     }
+    dst->mask_bits = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    dst->mask = tile->mask;
+    dst->pixels = tile->pixels;
+    dst->with_sky = few && n > WHOLE;
+    if (dst->with_sky)
+        return RX_OK;
     *pixels = RX_NEW(float, n);
     if (*pixels == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    dst->mask_bits = options->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
     rx_field_above_sky(tile, field->plain, dst->mask_bits, options->nthreads, *pixels);
     dst->pixels = *pixels;
-    dst->mask = tile->mask;
     return RX_OK;
 }
 
@@ -97,7 +105,7 @@ static rx_status restored_law(const rx_options *options, const rx_restored *rest
                               const rx_measure_image *image, const rx_measure_image *untouched,
                               const rx_sources *sources, rx_log *log, rx_noise_law *law, rx_error *err)
 {
-    const int hides = restored->sigma != NULL;
+    const int hides = restored->noise != NULL;
     double area = 0;
     rx_status status = rx_noise_law_fit(hides ? untouched : image, sources, options->error_apertures,
                                         options->seed, law, log, err);
@@ -130,13 +138,15 @@ rx_status rx_photometry_run(const rx_options *options, const rx_field *detect, c
     rx_measure_image untouched, image, detection;
     float *pixels = NULL, *detection_pixels = NULL;
     *dst = (rx_photometry){.law = {.scale = 1.0, .power = 0.5}};
-    rx_status status = untouched_image(options, detect, field, none, &pixels, &untouched, err);
+    /* beside a restored image only for checks and empty apertures */
+    rx_status status =
+        untouched_image(options, detect, field, none, restored != NULL, &pixels, &untouched, err);
     if (status != RX_OK)
         return status;
     if (field != detect && detected != NULL)
         detection = restored_image(options, detect, detect, detected);
     else if (field != detect)
-        status = untouched_image(options, detect, detect, NULL, &detection_pixels, &detection, err);
+        status = untouched_image(options, detect, detect, NULL, 0, &detection_pixels, &detection, err);
     if (status != RX_OK)
         goto exit;
     if (field != detect)

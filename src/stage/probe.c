@@ -43,18 +43,43 @@ static double filter_norm(const rx_filter *filter)
     return rx_filter_norm(filter->values, filter->width * filter->height);
 }
 
-/* noise = factor times what was measured, and with a law times what it holds of it. */
-static void scale_noise(const rx_background *measured, int law, float factor, float *noise)
+/* factor times the noise that was measured, and with a law times what that says. */
+struct rx_probe_noise {
+    rx_map_maker maker;
+    rx_background *measured;
+    rx_map sigma, law; /* law: or none */
+    float factor;
+};
+
+static void make_noise(const rx_map_maker *maker, int x, int y, int n, int rows, float *dst)
 {
-    const rx_map map = rx_background_noise(measured);
-    const int width = measured->width;
-    for (int y = 0; y < measured->height; y++)
+    const rx_probe_noise *own = (const rx_probe_noise *)maker;
+    const float factor = own->factor;
+    for (int row = 0; row < rows; row++, dst += n)
+        for (int from = 0; from < n; from += RX_MAP_PIECE) {
+            const int count = rx_map_piece(from, n);
+            float room[RX_MAP_PIECE], law_room[RX_MAP_PIECE];
+            const float *sigma = rx_map_row(&own->sigma, y + row, x + from, count, room), *law = NULL;
+            if (rx_map_given(&own->law))
+                law = rx_map_row(&own->law, y + row, x + from, count, law_room);
+            for (int i = 0; i < count; i++)
+                dst[from + i] = sigma[i] * (law != NULL ? factor * law[i] : factor);
+        }
+}
+
+/* dst = the filtered image over what the law says of its noise. */
+static void divide(const rx_map *law, const float *filtered, int height, int nthreads, float *dst)
+{
+    const int width = law->width;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            float room[RX_MAP_PIECE];
             const int n = rx_map_piece(x, width);
-            float room[RX_MAP_PIECE], *dst = noise + (size_t)y * (size_t)width + x;
-            const float *sigma = rx_map_row(&map, y, x, n, room);
+            const float *noise = rx_map_row(law, y, x, n, room);
+            const size_t k = (size_t)y * (size_t)width + (size_t)x;
             for (int i = 0; i < n; i++)
-                dst[i] = sigma[i] * (law ? factor * dst[i] : factor);
+                dst[k + (size_t)i] = noise[i] > 0.0f ? filtered[k + (size_t)i] / noise[i] : 0.0f;
         }
 }
 
@@ -66,36 +91,33 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
 {
     const rx_tile *tile = w->detect->tile;
     rx_probe *probe = w->probe;
-    rx_background *measured = NULL;
     const size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_background_params par = w->options->background[0];
     rx_status status = RX_OK;
     par.manual = 0;
-    float *noise = RX_NEW(float, n), *relative = law != NULL ? RX_NEW(float, n) : NULL;
+    rx_probe_noise *noise = probe->own_noise = RX_NEW(rx_probe_noise, 1);
+    float *relative = law != NULL ? RX_NEW(float, n) : NULL;
     if (noise == NULL || (law != NULL && relative == NULL)) {
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
+    noise->maker.make = make_noise;
     if (law != NULL) {
-        const rx_map input = rx_background_noise(law);
-        rx_map_fill(&input, tile->height, par.nthreads, noise);
+        noise->law = rx_background_noise(law);
+        divide(&noise->law, probe->filtered, tile->height, par.nthreads, relative);
     }
-    for (size_t i = 0; i < n && law != NULL; i++)
-        relative[i] = noise[i] > 0.0f ? probe->filtered[i] / noise[i] : 0.0f;
-    status = rx_background_measure(&par, tile->width, tile->height, law != NULL ? relative : probe->filtered,
-                                   probe->restored->mask, w->hide, NULL, RX_WEIGHT_NONE, &measured, err);
+    status =
+        rx_background_measure(&par, tile->width, tile->height, law != NULL ? relative : probe->filtered,
+                              probe->restored->mask, w->hide, NULL, RX_WEIGHT_NONE, &noise->measured, err);
     if (status != RX_OK)
         goto exit;
-    const float factor = (float)(1.0 / filter_norm(&w->filter));
-    scale_noise(measured, law != NULL, factor, noise);
-    probe->own_noise = noise;
-    noise = NULL;
-    probe->noise = rx_map_plane(probe->own_noise, tile->width);
-    probe->global_noise = measured->global_sigma * factor * (law != NULL ? law->global_sigma : 1.0);
+    noise->factor = (float)(1.0 / filter_norm(&w->filter));
+    noise->sigma = rx_background_noise(noise->measured);
+    probe->noise = rx_map_made(&noise->maker, tile->width);
+    probe->global_noise =
+        noise->measured->global_sigma * noise->factor * (law != NULL ? law->global_sigma : 1.0);
 exit:
-    rx_background_free(measured);
     free(relative);
-    free(noise);
     return status;
 }
 
@@ -106,7 +128,7 @@ static int by_input_noise(const work *w)
     if (w->probe->plain)
         return 0;
     return wanted == RX_DETECT_NOISE_INPUT ||
-           (wanted == RX_DETECT_NOISE_AUTO && w->probe->restored->sigma != NULL);
+           (wanted == RX_DETECT_NOISE_AUTO && w->probe->restored->noise != NULL);
 }
 
 static void choose_filter(work *w)
@@ -124,11 +146,13 @@ static rx_status input_noise(work *w, const rx_background *background, rx_error 
 {
     rx_probe *probe = w->probe;
     rx_status status = RX_OK;
-    if (probe->restored->sigma == NULL)
-        status = rx_noise_map(w->detect->tile, background, probe->restored->mask, w->options->nthreads,
-                              &probe->own_noise, err);
-    probe->noise = rx_map_plane(probe->restored->sigma != NULL ? probe->restored->sigma : probe->own_noise,
-                                w->detect->tile->width);
+    if (probe->restored->noise == NULL)
+        status =
+            rx_noise_map(w->detect->tile, background, probe->restored->mask, 1, &probe->input_noise, err);
+    if (status == RX_OK)
+        probe->noise =
+            rx_map_made(probe->restored->noise != NULL ? probe->restored->noise : probe->input_noise,
+                        w->detect->tile->width);
     return status;
 }
 
@@ -152,8 +176,8 @@ static rx_status prepare_detection(work *w, rx_error *err)
         probe->filtered = filtered;
     }
     const rx_background *background = probe->plain ? w->detect->plain : w->detect->restored;
-    probe->noise = restored->sigma != NULL ? rx_map_plane(restored->sigma, tile->width)
-                                           : rx_background_noise(background);
+    probe->noise =
+        restored->noise != NULL ? rx_map_made(restored->noise, tile->width) : rx_background_noise(background);
     probe->global_noise = background->global_sigma;
     if (by_input_noise(w))
         return input_noise(w, background, err);
@@ -170,32 +194,56 @@ static rx_status detect_sources(const work *w, rx_error *err)
                              .height = tile->height,
                              .pixels = probe->restored->pixels,
                              .filtered = probe->filtered,
-                             .sigma = probe->noise.plane,
                              .mask = probe->restored->mask,
                              .mask_bits = w->hide,
                              .variable_noise = !probe->plain || tile->weight_type != RX_WEIGHT_NONE,
                              .global_sigma = probe->global_noise,
                              .gain = tile->gain,
                              .noise = probe->noise};
-    if (!w->options->templates.wanted && !w->options->keep_filtered && probe->own_filtered != NULL) {
+    if (!w->options->keep_filtered && probe->own_filtered != NULL) {
         image.done_with = &probe->own_filtered;
         probe->filtered = NULL;
     }
     return rx_detect_run(&w->par, &image, w->log, &probe->sources, err);
 }
 
+/* One pixel of the filtered restored image. src, dst: room for the filter's area each. */
+static double filtered_at(const work *w, int x, int y, float *src, float *dst)
+{
+    const rx_restored *restored = w->probe->restored;
+    const rx_filter *filter = &w->filter;
+    const int x0 = x - filter->width / 2, y0 = y - filter->height / 2;
+    if (filter->values == NULL)
+        return restored->pixels[(size_t)y * (size_t)restored->width + (size_t)x];
+    for (int k = 0; k < filter->width * filter->height; k++) {
+        const int u = x0 + k % filter->width, v = y0 + k / filter->width;
+        const int inside = u >= 0 && u < restored->width && v >= 0 && v < restored->height;
+        src[k] = inside ? restored->pixels[(size_t)v * (size_t)restored->width + (size_t)u] : 0.0f;
+    }
+    rx_filter_plane(filter, src, filter->width, filter->height, 1, dst);
+    return dst[(filter->height / 2) * filter->width + filter->width / 2];
+}
+
 /* Added sources rank by the same quantity at their peak. */
-static void rank_added(const work *w)
+static rx_status rank_added(const work *w, rx_error *err)
 {
     const rx_probe *probe = w->probe;
     const double norm = filter_norm(&w->filter);
+    const size_t room = (size_t)w->filter.width * (size_t)w->filter.height;
+    float *patch = RX_NEW(float, 2 * room);
+    if (patch == NULL)
+        return rx_error_memory(err, 2 * room * sizeof *patch);
     for (int i = 0; i < probe->sources->n; i++) {
         rx_source *s = &probe->sources->list[i];
-        const size_t p = (size_t)s->ypeak * (size_t)probe->sources->width + (size_t)s->xpeak;
+        if ((s->fit.restore & RX_RESTORE_ADDED) == 0)
+            continue;
         const double noise = (double)rx_map_at(&probe->noise, s->xpeak, s->ypeak);
-        if ((s->fit.restore & RX_RESTORE_ADDED) != 0 && noise > 0)
-            s->detection_snr = fmax(0.0, (double)probe->filtered[p] / (norm * noise));
+        if (noise > 0)
+            s->detection_snr =
+                fmax(0.0, filtered_at(w, s->xpeak, s->ypeak, patch, patch + room) / (norm * noise));
     }
+    free(patch);
+    return RX_OK;
 }
 
 static rx_status fit_templates(const work *w, rx_error *err)
@@ -205,9 +253,7 @@ static rx_status fit_templates(const work *w, rx_error *err)
         return RX_OK;
     rx_status status = rx_template_fit_run(w->options, w->detect, w->measure, probe->restored, probe->sources,
                                            w->log, &probe->templates, err);
-    if (status == RX_OK)
-        rank_added(w);
-    return status;
+    return status == RX_OK ? rank_added(w, err) : status;
 }
 
 /* Fluxes come from the restored image (of the measurement tile in dual-image mode) or from untouched pixels.
@@ -287,6 +333,9 @@ void rx_probe_free(rx_probe *probe)
     rx_sources_free(probe->sources);
     rx_template_fit_free(&probe->templates);
     free(probe->own_filtered);
+    if (probe->own_noise != NULL)
+        rx_background_free(probe->own_noise->measured);
     free(probe->own_noise);
+    free(probe->input_noise);
     *probe = (rx_probe){0};
 }

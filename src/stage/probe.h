@@ -14,16 +14,19 @@
 #include "stage/photometry.h"
 #include "stage/template_fit.h"
 
+typedef struct rx_probe_noise rx_probe_noise; /* measured on the restored image */
+
 typedef struct rx_probe {
     rx_restored *restored;
     rx_sources *sources;       /* detected and measured; detection_snr ranks them */
     rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
     const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once nobody
-                              wants it any more (rx_options.keep_filtered, templates) */
+                              wants it any more (rx_options.keep_filtered) */
     float *own_filtered;   /* NULL without one */
-    rx_map noise; /* noise that thresholds refer to, ADU: of own_noise, what was restored or the field */
-    float *own_noise;
+    rx_map noise; /* noise that thresholds refer to, ADU: of one of these, what was restored or the field */
+    rx_probe_noise *own_noise;
+    rx_map_maker *input_noise;
     double global_noise;
     int plain;           /* nothing was restored */
     rx_domain domain;    /* of the detection image, where a network was asked for */

@@ -25,12 +25,15 @@
 #include "stage/tile_facts.h"
 
 typedef struct job {
+    const rx_config *config;
     const rx_options *options;
     rx_log *log;
     FILE *standard_out; /* of a catalogue named STDOUT */
     rx_outputs *outputs;
     char *detect, *measure; /* image names; measure NULL without dual-image mode */
     rx_record record;       /* of the whole run */
+    int inputs_recorded;
+    rx_record products; /* and what it made */
     rx_run runs[RX_MAX_RUNS];
     rx_table *reference;
     rx_verdict verdict;
@@ -90,6 +93,23 @@ static rx_status report(job *job, const rx_field *detect, const rx_field *measur
     return status;
 }
 
+/* Is there an output that tells what was read? */
+static int is_recorded(const rx_options *options)
+{
+    return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
+           options->templates.covariances[0] != '\0' || options->reference.name != NULL ||
+           options->self_check;
+}
+
+/* After the first image was read, which finds what is wrong with a file sooner than its digest. */
+static rx_status record_inputs(job *job, rx_error *err)
+{
+    if (job->inputs_recorded || !is_recorded(job->options))
+        return RX_OK;
+    job->inputs_recorded = 1;
+    return rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err);
+}
+
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
                                rx_error *err)
 {
@@ -109,8 +129,11 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     }
     if (status == RX_OK)
         status = rx_checks_new(options, detect, job->log, &checks, err);
+    if (status == RX_OK)
+        status = record_inputs(job, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
-        status = rx_run_extract(&job->runs[i], options, detect, measure, checks, &job->record, job->log, err);
+        status = rx_run_extract(&job->runs[i], options, detect, measure, checks, &job->record, &job->products,
+                                job->log, err);
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
@@ -144,7 +167,9 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < n && status == RX_OK; i++)
         status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_close(&job->runs[i], options, &job->record, job->standard_out, err);
+        status = rx_run_digest(&job->runs[i], options, &job->products, err);
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        status = rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err);
     if (status == RX_OK)
         status = rx_interrupt_check(err);
     if (status == RX_OK)
@@ -178,7 +203,7 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
                        rx_tile_facts *facts, rx_error *err)
 {
     rx_options *options = NULL;
-    job job = {.log = log, .standard_out = standard_out, .facts = facts};
+    job job = {.config = config, .log = log, .standard_out = standard_out, .facts = facts};
     rx_status status = rx_options_from_config(config, log, &options, err);
     if (status != RX_OK)
         return status;
@@ -207,6 +232,7 @@ exit:
     rx_outputs_free(job.outputs);
     rx_table_free(job.reference);
     rx_record_free(&job.record);
+    rx_record_free(&job.products);
     rx_text_free(&job.brief);
     free(job.detect);
     free(job.measure);

@@ -15,8 +15,7 @@ static const double OWED = 0.5;
 typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure;
-    rx_restored restored; /* the caller's, with `mask` */
-    uint8_t *mask;        /* of the restored image, saturated pixels included also where it uses them */
+    const rx_restored *restored;
     rx_log *log;
     rx_template_extra extra;
     rx_template_fit *dst;
@@ -25,13 +24,15 @@ typedef struct work {
 /* The PSF that the restorer has found or was given is the one of its image. */
 static const rx_psf *psf_of(const work *w, const rx_field *field)
 {
-    return field == w->detect && w->restored.blur != NULL ? w->restored.blur : field->psf;
+    return field == w->detect && w->restored->blur != NULL ? w->restored->blur : field->psf;
 }
 
 static rx_tphot_input input_of(const work *w, const rx_field *field, const rx_sources *sources)
 {
     const rx_tile *tile = field->tile;
-    return (rx_tphot_input){.restored = &w->restored,
+    return (rx_tphot_input){.restored = w->restored,
+                            .shape_mask = w->detect->tile->mask,
+                            .shape_bits = RX_MASK_SATURATED,
                             .sources = sources,
                             .width = tile->width,
                             .height = tile->height,
@@ -187,19 +188,6 @@ static void leave_empty(rx_sources *sources)
                                                     .restore = RX_RESTORE_UNTESTED};
 }
 
-static rx_status hide_saturated(work *w, rx_error *err)
-{
-    const rx_tile *tile = w->detect->tile;
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    w->mask = RX_NEW(uint8_t, n);
-    if (w->mask == NULL)
-        return rx_error_memory(err, n);
-    for (size_t i = 0; i < n; i++)
-        w->mask[i] = w->restored.mask[i] | (tile->mask[i] & RX_MASK_SATURATED);
-    w->restored.mask = w->mask;
-    return RX_OK;
-}
-
 rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect, const rx_field *measure,
                               const rx_restored *restored, rx_sources *sources, rx_log *log,
                               rx_template_fit *dst, rx_error *err)
@@ -207,7 +195,7 @@ rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect,
     work w = {.options = options,
               .detect = detect,
               .measure = measure,
-              .restored = *restored,
+              .restored = restored,
               .log = log,
               .dst = dst};
     *dst = (rx_template_fit){0};
@@ -228,9 +216,7 @@ rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect,
                                   .sources = sources,
                                   .nthreads = options->nthreads,
                                   .log = log};
-    rx_status status = hide_saturated(&w, err);
-    if (status == RX_OK)
-        status = fit(&w, sources, err);
+    rx_status status = fit(&w, sources, err);
     if (status == RX_OK)
         status = rx_template_extra_append(&w.extra, sources, err);
     if (status == RX_OK) {
@@ -239,8 +225,7 @@ rx_status rx_template_fit_run(const rx_options *options, const rx_field *detect,
     }
     if (status == RX_OK && options->templates.drop)
         status = drop(&w, sources, err);
-    rx_sources_free(w.extra.found);
-    free(w.mask);
+    rx_template_extra_clear(&w.extra);
     if (status != RX_OK)
         rx_template_fit_free(dst);
     return status;

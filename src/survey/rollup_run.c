@@ -36,10 +36,13 @@ static rx_status write_merged(const char *path, const rx_tile_records *records, 
     rx_status status = rx_outputs_file(outputs, path, &temporary, err);
     FILE *file = status == RX_OK ? fopen(temporary, "w") : NULL;
     int failed = status == RX_OK && file == NULL;
-    for (int i = 0; file != NULL && i < records->n && !failed; i++) {
+    for (int i = 0; file != NULL && i < records->n && !failed && status == RX_OK; i++) {
         rx_text text = {0};
         rx_tile_record_print(&text, &records->record[i]);
-        failed = text.failed || fwrite(text.data, 1, text.length, file) != text.length;
+        if (text.failed)
+            status = rx_error_memory(err, text.length);
+        else
+            failed = fwrite(text.data, 1, text.length, file) != text.length;
         rx_text_free(&text);
     }
     failed |= file != NULL && fclose(file) != 0;

@@ -162,6 +162,13 @@ static rx_status read_extension(reader *r)
     return RX_OK;
 }
 
+/* Of a restorer: into reports and names of files, so nothing but letters, digits and '_'. */
+static int is_run_name(const char *name)
+{
+    const size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_");
+    return n > 0 && name[n] == '\0' && n < sizeof((rx_run_facts *)NULL)->name;
+}
+
 static rx_status read_run(reader *r)
 {
     long sources, reference;
@@ -170,6 +177,8 @@ static rx_status read_run(reader *r)
     rx_status status = take_whole(r, 2, 0, 1L << 40, &sources);
     if (status == RX_OK)
         status = take_whole(r, 3, 0, 1, &reference);
+    if (status == RX_OK && !is_run_name(r->words.v[1]))
+        status = refuse(r, "a run has no name of a restorer");
     if (status != RX_OK)
         return status;
     r->run = &r->extension->run[r->extension->nruns++];

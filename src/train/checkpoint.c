@@ -5,17 +5,19 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/memory.h"
 
 static const char MAGIC[] = "rextract-train checkpoint 1\n";
-enum { MOST_SETTINGS = 1 << 20, MOST_EPOCHS = 1 << 24 };
+enum { MOST_SETTINGS = 1 << 20 };
 
 /* One way through the file for both directions, so that what is read is what was written. */
 typedef struct stream {
     FILE *file;
     int writing;
     int failed; /* cannot be written, or ends early, or a size that cannot be */
+    long left;  /* bytes of the file that are not read yet */
     uint64_t digest;
 } stream;
 
@@ -26,6 +28,7 @@ static void item(stream *s, void *data, size_t size)
         return;
     const size_t done = s->writing ? fwrite(data, 1, size, s->file) : fread(data, 1, size, s->file);
     s->failed = done != size;
+    s->left -= (long)done;
     for (size_t i = 0; i < done; i++)
         s->digest = (s->digest ^ byte[i]) * 0x100000001b3u;
 }
@@ -58,7 +61,8 @@ static rx_status history_items(stream *s, rx_history *x, rx_error *err)
     ITEM(s, n);
     if (!s->writing) {
         rx_epoch_bin *bins = RX_NEW(rx_epoch_bin, (size_t)x->nbins);
-        s->failed |= n < 0 || n > MOST_EPOCHS;
+        const size_t bytes = sizeof *x->epoch + (size_t)x->nbins * sizeof *x->bin; /* of an epoch */
+        s->failed |= n < 0 || n > s->left / (long)bytes;
         x->n = 0;
         if (bins == NULL)
             status = rx_error_memory(err, (size_t)x->nbins * sizeof *bins);
@@ -184,12 +188,15 @@ rx_status rx_checkpoint_read(const char *path, const char *settings, rx_train_st
 {
     stream s = {.file = fopen(path, "rb"), .digest = 0xcbf29ce484222325u};
     int follows = 0;
+    struct stat about;
     *found = s.file != NULL;
     *within = 0;
     if (s.file == NULL && errno == ENOENT)
         return RX_OK;
     if (s.file == NULL)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be read: %s", strerror(errno));
+    if (fstat(fileno(s.file), &about) == 0)
+        s.left = (long)about.st_size;
     rx_status status = read_head(&s, path, settings, err);
     if (status == RX_OK)
         status = state_items(&s, kept, err);

@@ -7,30 +7,11 @@
 
 static const char REPLACEMENT[] = "\xEF\xBF\xBD";
 
-/* Bytes of the UTF-8 character at s, 0 when it is none (overlong, surrogate, cut off, a control character).
- */
-static int utf8_length(const unsigned char *s)
-{
-    if (s[0] < 0x80)
-        return s[0] >= 0x20 && s[0] != 0x7f;
-    int n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
-            : s[0] >= 0xe0 && s[0] <= 0xef ? 3
-            : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
-                                           : 0;
-    for (int i = 1; i < n; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    bool overlong = (s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xf0 && s[1] < 0x90);
-    bool outside = (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf4 && s[1] > 0x8f);
-    bool control = s[0] == 0xc2 && s[1] < 0xa0;
-    return overlong || outside || control ? 0 : n;
-}
-
 /* `special` characters are given by `escaped`, at the same place of the list. */
 static void escape(rx_text *dst, const char *text, const char *special, const char *const *escaped)
 {
     for (const char *c = text != NULL ? text : ""; *c != '\0';) {
-        int n = utf8_length((const unsigned char *)c);
+        int n = rx_text_utf8(c);
         const char *found = n == 1 ? strchr(special, *c) : NULL;
         if (found != NULL)
             rx_text_add(dst, escaped[found - special]);

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "io/output.h"
@@ -214,25 +215,36 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
     }
 }
 
-/* *dst NULL when the file is not there or cannot be an SVG. */
+/* *dst NULL when the file is not there or cannot be an SVG; one that is there and cannot be read is an error.
+ */
 static rx_status read_svg(const char *folder, const char *id, const char *title, char **dst, rx_error *err)
 {
     rx_text path = {0}, svg = {0};
     char *content = NULL;
-    rx_status status = RX_SYSTEM;
+    rx_error trouble = RX_ERROR_NONE;
+    rx_status status = RX_OK;
     rx_text_printf(&path, "%s/%s.svg", folder, id);
-    if (!path.failed)
-        status = rx_text_read_file(path.data, MAX_SVG, &content, NULL, NULL);
-    if (status == RX_OK && strstr(content, "</svg>") != NULL)
+    if (path.failed) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    if (access(path.data, F_OK) != 0)
+        goto exit;
+    if (rx_text_read_file(path.data, MAX_SVG, &content, NULL, &trouble) != RX_OK) {
+        status = rx_error_at(err, RX_SYSTEM, id, -1, 0, "the figure that gnuplot made %s", trouble.text);
+        goto exit;
+    }
+    if (strstr(content, "</svg>") != NULL)
         add_svg(&svg, id, title, content);
-    free(content);
-    rx_text_free(&path);
-    if (status == RX_SYSTEM || svg.failed) {
+    if (svg.failed) {
         rx_text_free(&svg);
-        return rx_error_memory(err, 0);
+        status = rx_error_memory(err, 0);
     }
     *dst = svg.data;
-    return RX_OK;
+exit:
+    free(content);
+    rx_text_free(&path);
+    return status;
 }
 
 static rx_status cannot_be_written(rx_error *err, const char *shown)
@@ -290,6 +302,12 @@ rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err)
             rx_figure *f = &dst->figure[i];
             status = read_svg(dst->work, f->id, f->title, &f->svg, err);
         }
+    if (dst->work != NULL)
+        rx_output_remove(dst->work);
+    if (status == RX_OK && dst->work != NULL &&
+        access(dst->work, F_OK) == 0) /* it would stay in the report */
+        status = rx_error_at(err, RX_SYSTEM, "figures", -1, 0, "what gnuplot left cannot be removed: %s",
+                             strerror(errno));
     remove_work(dst);
     return status;
 }

@@ -9,12 +9,15 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/text.h"
 
-enum { MOST_WORDS = 1 << 20 };
+/* PATIENCE: seconds for the figures of a report, which take about one. */
+enum { MOST_WORDS = 1 << 20, PATIENCE = 600 };
 
 extern char **environ;
 
@@ -117,14 +120,42 @@ pid_t rx_gnuplot_start(const char *program, const char *folder, const char *scri
     return 0;
 }
 
+/* Wait for its end, but no longer than until a signal asks us to end, or PATIENCE. 0, or what waitpid said.
+ * The pauses grow from 1 to 20 ms: short against a figure, nothing against the processor. */
+static int await(pid_t child, int *state, int *impatient)
+{
+    struct timespec pause = {.tv_nsec = 1000000}, begin, now;
+    *impatient = 0;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    for (;;) {
+        const pid_t ended = waitpid(child, state, *impatient ? 0 : WNOHANG);
+        if (ended == child)
+            return 0;
+        if (ended < 0 && errno != EINTR)
+            return errno;
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        if (!*impatient && (now.tv_sec - begin.tv_sec > PATIENCE || rx_interrupt_pending())) {
+            *impatient = 1;
+            kill(child, SIGKILL);
+        }
+        nanosleep(&pause, NULL);
+        pause.tv_nsec = pause.tv_nsec < 20000000 ? pause.tv_nsec + 1000000 : pause.tv_nsec;
+    }
+}
+
 int rx_gnuplot_wait(pid_t child, const char *program, const char *folder, char *note, size_t size)
 {
-    int state = 0;
-    while (waitpid(child, &state, 0) < 0)
-        if (errno != EINTR) {
-            snprintf(note, size, "%s got lost: %s", program, strerror(errno));
-            return 0;
-        }
+    int state = 0, impatient;
+    const int lost = await(child, &state, &impatient);
+    if (lost != 0) {
+        snprintf(note, size, "%s got lost: %s", program, strerror(lost));
+        return 0;
+    }
+    if (impatient && WIFSIGNALED(state)) {
+        snprintf(note, size, "%s was ended: it had not finished after %d seconds, or the run was interrupted",
+                 program, PATIENCE);
+        return 0;
+    }
     if (WIFEXITED(state) && WEXITSTATUS(state) == 0)
         return 1;
     if (WIFSIGNALED(state))

@@ -10,7 +10,8 @@
  * note. */
 pid_t rx_gnuplot_start(const char *program, const char *folder, const char *script, char *note, size_t size);
 
-/* Wait for its end. Returns 1 when it ended well, else 0 and the reason. */
+/* Wait for its end. Returns 1 when it ended well, else 0 and the reason. One that hangs is killed after 10
+ * minutes, or when a signal asks this process to end. */
 int rx_gnuplot_wait(pid_t child, const char *program, const char *folder, char *note, size_t size);
 
 #endif

@@ -1,0 +1,391 @@
+/* A run once more. */
+#include "survey/replay.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/names.h"
+#include "config/config_fields.h"
+#include "io/output.h"
+#include "stage/inputs.h"
+#include "stage/machine.h"
+#include "stage/stage.h"
+#include "survey/replay_compare.h"
+#include "survey/replay_record.h"
+
+/* A name of an output, and where it goes instead. */
+typedef struct detour {
+    char *name, *path; /* owned */
+} detour;
+
+typedef struct replay {
+    const char *path;
+    rx_log *log;
+    rx_replay_record *record, *again; /* of the file, and of the same file made once more */
+    rx_config *config;
+    char *folder; /* of the outputs, NULL: not made yet */
+    int ndetours;
+    detour detours[RX_LIST + 2];
+    char *repeated; /* path of the file made once more */
+    int compared, different;
+    rx_text first; /* what differs first, for the error */
+} replay;
+
+/* Keywords that change no result. */
+static const char *const harmless[] = {"NTHREADS", "VERBOSE_TYPE", "NET_BLOCK", "MEMORY_PIXSTACK", NULL};
+
+/* --- the record against this program and these files --- */
+
+static rx_status check_machine(replay *r, rx_error *err)
+{
+    rx_text here = {0};
+    const char *version = rx_replay_record_value(r->record, "VERSION"),
+               *machine = rx_replay_record_value(r->record, "MACHINE");
+    if (strcmp(version, RX_VERSION) != 0)
+        rx_log_warning(r->log, "%s was made by rextract %s, this is %s: results may differ", r->path, version,
+                       RX_VERSION);
+    rx_machine_describe(&here);
+    if (!here.failed && strcmp(here.data, machine) != 0)
+        rx_log_warning(r->log,
+                       "%s was made on another class of machines, the last digits may differ: %s; here: %s",
+                       r->path, machine, here.data);
+    rx_status status = here.failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_text_free(&here);
+    return status;
+}
+
+static rx_status check_input(const replay *r, const char *value, rx_error *err)
+{
+    rx_replay_item item;
+    char digest[RX_HASH_TEXT];
+    int there = 0;
+    rx_replay_item_read(value, &item);
+    rx_status status = rx_input_digest(item.key, item.name, digest, &there, err);
+    if (status != RX_OK)
+        return status;
+    if (!there)
+        return rx_error_at(
+            err, RX_INPUT, item.name, -1, 0,
+            "is not there (%s of the run that wrote %.200s); repeat it in the folder where it ran", item.key,
+            r->path);
+    if (strcmp(item.digest, "-") == 0)
+        return rx_error_at(err, RX_INPUT, item.name, -1, 0,
+                           "was no regular file (%s of the run that wrote %.200s); it cannot be repeated",
+                           item.key, r->path);
+    if (strcmp(digest, item.digest) != 0)
+        return rx_error_at(
+            err, RX_INPUT, item.name, -1, 0,
+            "has changed since it was read (%s of the run that wrote %.200s); give it as it was", item.key,
+            r->path);
+    return RX_OK;
+}
+
+static rx_status check_inputs(const replay *r, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < r->record->n && status == RX_OK; i++)
+        if (strcmp(r->record->lines[i].name, "READ") == 0)
+            status = check_input(r, r->record->lines[i].value, err);
+    return status;
+}
+
+/* --- the configuration --- */
+
+/* Is the keyword among the blank-separated names? */
+static int is_among(const char *names, const char *name)
+{
+    const size_t n = strlen(name);
+    for (const char *at = names; (at = strstr(at, name)) != NULL; at += n)
+        if ((at == names || at[-1] == ' ') && (at[n] == ' ' || at[n] == '\0'))
+            return 1;
+    return 0;
+}
+
+static rx_status restore_config(replay *r, const rx_settings *extra, rx_error *err)
+{
+    static const char *const others[] = {"RECORD", "VERSION", "MACHINE", "IMAGE", "SET",
+                                         "READ",   "MADE",    "OUTPUT",  "END"};
+    const char *set = rx_replay_record_value(r->record, "SET");
+    rx_error why = RX_ERROR_NONE;
+    rx_status status = rx_config_new(&r->config, err);
+    for (int i = 0; i < r->record->n && status == RX_OK; i++) {
+        const rx_replay_line *line = &r->record->lines[i];
+        int other = 0;
+        for (size_t k = 0; k < sizeof others / sizeof others[0]; k++)
+            other |= strcmp(line->name, others[k]) == 0;
+        if (!other)
+            status = rx_settings_take(&r->config->settings, line->name, line->value,
+                                      is_among(set, line->name) ? RX_FROM_COMMAND : RX_FROM_DEFAULT, &why);
+    }
+    if (why.status == RX_USAGE) /* a header is data */
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "its record cannot be used: %.300s", why.text);
+    if (why.status != RX_OK && err != NULL)
+        *err = why;
+    if (status == RX_OK)
+        status = rx_settings_overlay(&r->config->settings, extra, harmless,
+                                     "would change what is compared; leave it out", err);
+    if (status == RX_OK)
+        status = rx_settings_check(&r->config->settings, NULL, err);
+    return status;
+}
+
+/* --- outputs elsewhere --- */
+
+static rx_status make_folder(replay *r, rx_error *err)
+{
+    const char *scratch = getenv("TMPDIR");
+    rx_text text = {0};
+    rx_text_printf(&text, "%s/rextract-replay-XXXXXX",
+                   scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp");
+    if (text.failed)
+        return rx_error_memory(err, 0);
+    if (mkdtemp(text.data) == NULL) {
+        rx_status status = rx_error_at(err, RX_SYSTEM, text.data, -1, 0,
+                                       "cannot be made: %s; name a folder by TMPDIR", strerror(errno));
+        rx_text_free(&text);
+        return status;
+    }
+    r->folder = text.data;
+    return RX_OK;
+}
+
+/* *name, a field of the configuration, becomes a name in the folder. */
+static rx_status divert(replay *r, char **name, rx_error *err)
+{
+    rx_text path = {0};
+    detour *way = &r->detours[r->ndetours];
+    rx_text_printf(&path, "%s/%d", r->folder, r->ndetours);
+    char *copy = rx_strdup(path.data);
+    if (path.failed || copy == NULL) {
+        rx_text_free(&path);
+        free(copy);
+        return rx_error_memory(err, 0);
+    }
+    *way = (detour){.name = *name, .path = path.data};
+    r->ndetours++;
+    *name = copy;
+    return RX_OK;
+}
+
+static rx_status divert_outputs(replay *r, rx_error *err)
+{
+    rx_config *config = r->config;
+    rx_text report = {0};
+    rx_status status = divert(r, &config->catalog_name, err);
+    for (int i = 0; i < config->checkimage_name.n && status == RX_OK; i++)
+        status = divert(r, &config->checkimage_name.v[i], err);
+    if (config->template_covar_name[0] != '\0' && status == RX_OK)
+        status = divert(r, &config->template_covar_name, err);
+    /* reports are written, as they may decide what is measured, but not compared: no pictures */
+    config->qa_figures = false;
+    rx_text_printf(&report, "%s/report", r->folder);
+    if (status == RX_OK && report.failed)
+        status = rx_error_memory(err, 0);
+    if (status != RX_OK) {
+        rx_text_free(&report);
+        return status;
+    }
+    free(config->qa_name);
+    config->qa_name = report.data;
+    config->self_check_name[0] = '\0';
+    config->record_name[0] = '\0';
+    return RX_OK;
+}
+
+/* Is `name` that output with that tag? Then *dst is where it went. */
+static rx_status try_tag(const detour *way, const char *name, const char *tag, char **dst, rx_error *err)
+{
+    char *tagged = rx_name_with_tag(way->name, tag);
+    if (tagged == NULL)
+        return rx_error_memory(err, 0);
+    const int fits = strcmp(tagged, name) == 0;
+    free(tagged);
+    if (fits && (*dst = rx_name_with_tag(way->path, tag)) == NULL)
+        return rx_error_memory(err, 0);
+    return RX_OK;
+}
+
+/* *dst, to be freed: where the output of that name went, NULL: nowhere. */
+static rx_status find_repeated(const replay *r, const char *name, char **dst, rx_error *err)
+{
+    const rx_words *kinds = &r->config->restore_type;
+    rx_status status = RX_OK;
+    *dst = NULL;
+    for (int i = 0; i < r->ndetours && *dst == NULL && status == RX_OK; i++)
+        for (int k = 0; k < kinds->n && *dst == NULL && status == RX_OK; k++)
+            status = try_tag(&r->detours[i], name, kinds->n > 1 ? kinds->v[k] : NULL, dst, err);
+    return status;
+}
+
+/* --- the run --- */
+
+static rx_status run(replay *r, rx_error *err)
+{
+    rx_error why = RX_ERROR_NONE;
+    const char *image = rx_replay_record_value(r->record, "IMAGE");
+    rx_status status = rx_stage_run(r->config, image, NULL, r->log, NULL, &why);
+    rx_log_progress_end(r->log);
+    if (status == RX_GATE_FAIL || status == RX_GATE_INSUFFICIENT)
+        return RX_OK; /* all outputs are written */
+    if (err != NULL)
+        *err = why;
+    return status;
+}
+
+/* --- comparing --- */
+
+RX_PRINTF(2, 3)
+static void differs(replay *r, const char *format, ...)
+{
+    char text[RX_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    if (r->different++ == 0)
+        rx_text_add(&r->first, text);
+    rx_log_warning(r->log, "%s: %s", r->path, text);
+}
+
+/* The file against its own record. */
+static void check_itself(replay *r)
+{
+    const char *name = rx_replay_record_value(r->record, "OUTPUT");
+    const char *what = r->record->format == RX_REPLAY_FITS ? "rows or pixels" : "rows";
+    if (!r->record->intact)
+        differs(r, "its record was changed after it was written");
+    for (int part = 1; part <= r->record->nparts; part++) {
+        const char *made = rx_replay_record_made(r->record, name, part);
+        if (made == NULL)
+            differs(r, "part %d is not in its record", part);
+        else if (strncmp(made, r->record->digests[part - 1], RX_HASH_TEXT - 1) != 0)
+            differs(r, "%s of part %d were changed after they were written", what, part);
+    }
+}
+
+static int has_line(const rx_replay_record *record, const char *name, const char *value)
+{
+    for (int i = 0; i < record->n; i++)
+        if (strcmp(record->lines[i].name, name) == 0 && strcmp(record->lines[i].value, value) == 0)
+            return 1;
+    return 0;
+}
+
+/* A file that is read now and was not then, or the other way round. */
+static void compare_inputs(replay *r)
+{
+    rx_replay_item item;
+    for (int i = 0; i < r->again->n; i++)
+        if (strcmp(r->again->lines[i].name, "READ") == 0 &&
+            !has_line(r->record, "READ", r->again->lines[i].value) &&
+            rx_replay_item_read(r->again->lines[i].value, &item))
+            differs(r, "%.200s (%s) is read now, and was not then", item.name, item.key);
+    for (int i = 0; i < r->record->n; i++)
+        if (strcmp(r->record->lines[i].name, "READ") == 0 &&
+            !has_line(r->again, "READ", r->record->lines[i].value) &&
+            rx_replay_item_read(r->record->lines[i].value, &item))
+            differs(r, "%.200s (%s) was read then, and is not now", item.name, item.key);
+}
+
+static rx_status compare_made(replay *r, const rx_replay_item *item, rx_error *err)
+{
+    char *path = NULL;
+    const char *output = rx_replay_record_value(r->record, "OUTPUT");
+    const int part = atoi(item->key);
+    rx_status status = find_repeated(r, item->name, &path, err);
+    if (status != RX_OK)
+        return status;
+    const char *made = path != NULL ? rx_replay_record_made(r->again, path, part) : NULL;
+    r->compared++;
+    if (made == NULL) {
+        differs(r, "%.200s, part %d, was not made again", item->name, part);
+    } else if (strncmp(made, item->digest, RX_HASH_TEXT - 1) != 0) {
+        rx_text where = {0};
+        rx_text_add(&where, "");
+        if (strcmp(item->name, output) == 0)
+            rx_replay_difference(r->path, r->record, path, r->again, part, &where);
+        differs(r, "%.200s, part %d%s", item->name, part, where.failed ? "" : where.data);
+        rx_text_free(&where);
+    }
+    free(path);
+    return RX_OK;
+}
+
+static rx_status compare(replay *r, rx_error *err)
+{
+    const char *output = rx_replay_record_value(r->record, "OUTPUT");
+    rx_replay_item item;
+    rx_status status = find_repeated(r, output, &r->repeated, err);
+    if (status == RX_OK && r->repeated == NULL)
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                           "its record cannot be used: no keyword of it names the output '%.200s'", output);
+    if (status == RX_OK)
+        status = rx_replay_record_read(r->repeated, &r->again, err);
+    if (status != RX_OK)
+        return status;
+    compare_inputs(r);
+    for (int i = 0; i < r->record->n && status == RX_OK; i++)
+        if (strcmp(r->record->lines[i].name, "MADE") == 0 &&
+            rx_replay_item_read(r->record->lines[i].value, &item))
+            status = compare_made(r, &item, err);
+    return status;
+}
+
+static rx_status judge(const replay *r, rx_error *err)
+{
+    if (r->different == 0) {
+        rx_log_info(r->log, "%s: repeated; %d of %d digests are the same", r->path, r->compared, r->compared);
+        return RX_OK;
+    }
+    if (r->different == 1)
+        return rx_error_at(err, RX_DIFFERENT, r->path, -1, 0, "is not repeated: %s",
+                           r->first.failed ? "it differs" : r->first.data);
+    return rx_error_at(err, RX_DIFFERENT, r->path, -1, 0, "is not repeated, %d differences; first: %s",
+                       r->different, r->first.failed ? "it differs" : r->first.data);
+}
+
+static void forget(replay *r)
+{
+    if (r->folder != NULL)
+        rx_output_remove(r->folder);
+    for (int i = 0; i < r->ndetours; i++) {
+        free(r->detours[i].name);
+        free(r->detours[i].path);
+    }
+    free(r->folder);
+    free(r->repeated);
+    rx_replay_record_free(r->record);
+    rx_replay_record_free(r->again);
+    rx_config_free(r->config);
+    rx_text_free(&r->first);
+}
+
+rx_status rx_replay_run(const rx_settings *extra, const char *path, rx_log *log, rx_error *err)
+{
+    replay r = {.path = path, .log = log};
+    rx_status status = rx_replay_record_read(path, &r.record, err);
+    if (status == RX_OK)
+        status = check_machine(&r, err);
+    if (status == RX_OK)
+        status = check_inputs(&r, err);
+    if (status == RX_OK)
+        status = restore_config(&r, extra, err);
+    if (status == RX_OK)
+        status = make_folder(&r, err);
+    if (status == RX_OK)
+        status = divert_outputs(&r, err);
+    if (status == RX_OK) {
+        check_itself(&r);
+        status = run(&r, err);
+    }
+    if (status == RX_OK)
+        status = compare(&r, err);
+    if (status == RX_OK)
+        status = judge(&r, err);
+    forget(&r);
+    return status;
+}
