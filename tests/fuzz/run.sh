@@ -1,0 +1,25 @@
+#!/bin/sh
+# Every fuzz target on its seeds and on damaged copies of them, with the compiler at hand; a process each, so
+# that one that crashes does not hide the others. RX_FUZZ_COPIES: damaged copies of each seed.
+set -u
+build=${RX_BUILD_DIR:?} source=${srcdir:?}
+passed=0 failed=0
+folder=$(mktemp -d) || exit 2
+trap 'rm -rf "$folder"' EXIT
+LSAN_OPTIONS="suppressions=$source/tests/fuzz/lsan.supp:print_suppressions=0"
+ASAN_OPTIONS="allocator_may_return_null=1:${ASAN_OPTIONS:-}"
+export LSAN_OPTIONS ASAN_OPTIONS
+
+"$build/tests/fuzz/seeds" "$folder" || { echo "FAIL: the seeds cannot be made"; failed=1; }
+cd "$folder" || exit 2
+for target in $(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/targets.def"); do
+    if "$build/tests/fuzz/replay" -m "${RX_FUZZ_COPIES:-10}" "$folder" "$target" 2>"$folder/errors"; then
+        passed=$((passed + 1))
+    else
+        echo "FAIL: $target"
+        tail -n 40 "$folder/errors"
+        failed=$((failed + 1))
+    fi
+done
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" -eq 0 ]

@@ -1,0 +1,624 @@
+/* seeds FOLDER: for every target a folder FOLDER/<target> of small inputs to start from, and a dictionary
+ * FOLDER/<target>.dict. Everything is made here, by the project's own writers where there is one. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fitsio.h>
+
+#include "catalog/catalog.h"
+#include "catalog/columns.h"
+#include "config/keyword.h"
+#include "fuzz.h"
+#include "io/fits_write.h"
+#include "nn/psfnet.h"
+#include "train/checkpoint.h"
+#include "validate/metrics.h"
+
+enum { SIDE = 12 };
+
+static void put(const char *folder, const char *target, const char *name, const void *data, size_t size)
+{
+    char path[600];
+    snprintf(path, sizeof path, "%s/%s/%s", folder, target, name);
+    FILE *file = fopen(path, "wb");
+    fuzz_require(file != NULL && fwrite(data, 1, size, file) == size && fclose(file) == 0,
+                 "a seed can be written");
+}
+
+static void put_text(const char *folder, const char *target, const char *name, const char *text)
+{
+    put(folder, target, name, text, strlen(text));
+}
+
+/* A file as it is and as lines, for those targets. */
+static void put_fits(const char *folder, const char *const *targets, const char *name, const char *path)
+{
+    rx_text lines = {0};
+    struct stat about;
+    FILE *file = fopen(path, "rb");
+    fuzz_require(file != NULL && stat(path, &about) == 0, "a FITS file was written");
+    char *data = malloc((size_t)about.st_size);
+    fuzz_require(data != NULL && fread(data, 1, (size_t)about.st_size, file) == (size_t)about.st_size,
+                 "a FITS file can be read");
+    fclose(file);
+    const int condensed = fuzz_condense((uint8_t *)data, (size_t)about.st_size, &lines);
+    for (; *targets != NULL; targets++) {
+        char other[100];
+        snprintf(other, sizeof other, "%s-lines", name);
+        put(folder, *targets, name, data, (size_t)about.st_size);
+        if (condensed)
+            put(folder, *targets, other, lines.data, lines.length);
+    }
+    free(data);
+    rx_text_free(&lines);
+    unlink(path);
+}
+
+/* --- text --- */
+
+static void text_seeds(const char *folder)
+{
+    const rx_keytable *const tables[] = {rx_keytable_rextract(), rx_keytable_simulate(),
+                                         rx_keytable_validate(), rx_keytable_train(), rx_keytable_survey()};
+    for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
+        rx_text dump = {0}, line = {0};
+        rx_settings *settings = NULL;
+        fuzz_require(rx_settings_new(tables[i], &settings, NULL) == RX_OK, "settings can be made");
+        for (int r = 0; r < tables[i]->nrows; r++)
+            if (tables[i]->rows[r].kind != RX_KIND_SECTION) {
+                rx_text_printf(&dump, "%s ", tables[i]->rows[r].name);
+                rx_keyword_print(&dump, settings, r, true);
+                rx_text_add(&dump, r % 7 == 0 ? " # comment\n" : "\n");
+                if (r % 9 == 1) {
+                    rx_text_printf(&line, "-%s\n", tables[i]->rows[r].name);
+                    rx_keyword_print(&line, settings, r, false);
+                    rx_text_add(&line, "\n");
+                }
+            }
+        put(folder, "config", tables[i]->program, dump.data, dump.length);
+        put(folder, "arguments", tables[i]->program, line.data, line.length);
+        rx_settings_free(settings);
+        rx_text_free(&dump);
+        rx_text_free(&line);
+    }
+    put_text(folder, "config", "short",
+             "CATALOG_NAME \"a b.cat\" ; quoted\nPHOT_APERTURES 3, 5;7=9\nWEIGHT_IMAGE w.fits[1][2:3,*]\n"
+             "CHECKIMAGE_TYPE RESTORED,SEGMENTATION\nCHECKIMAGE_NAME $HOME/a.fits,${HOME}/b_{tile}.fits\n"
+             "CATALOG_NAME \"\"\"$$\"\n");
+    put_text(folder, "config", "campaign", "SIM.WIDTH 64\nSTAGE.RESTORE_TYPE NONE,RL\n");
+    put_text(folder, "arguments", "tile",
+             "tile.fits[1][1:512,*],other.fits\n-DETECT_THRESH\n2.5\n-CATALOG_NAME\n{tile}.cat\n");
+    put_text(folder, "arguments", "actions", "-dd\n-c\nnothing.sex\n--help\n-INFO\nmodel.fits\n");
+    put_text(folder, "tiles", "two",
+             "# tiles\na.fits -CATALOG_NAME {tile}.cat\nb/c.fits[1],d.fits \"-GAIN\" 2 -WEIGHT_IMAGE w,v\n");
+    put_text(folder, "tiles", "many",
+             "\"a b.fits.fz\" -SEED 3\na.fits -QA_NAME {tile} -RESTORE_TYPE NONE,RL\n"
+             "x.fits -RECORD_NAME r\ny.fits -RECORD_NAME r\n");
+    rx_text dump = {0};
+    rx_columns_dump(&dump);
+    for (char *c = dump.data; *c != '\0'; c++)
+        if (*c == '#')
+            *c = ' ';
+    put(folder, "param", "all", dump.data, dump.length < 8000 ? dump.length : 8000);
+    rx_text_free(&dump);
+    put_text(folder, "param", "vectors",
+             "NUMBER\nFLUX_APER(5) # comment\nVIGNET(35,35)\nFLUX_RADIUS(2)\nMAG_AUTO\nVECTOR_ASSOC(3)\n");
+    put_text(folder, "conv", "pyramid", "CONV NORM\n# 3 x 3\n1 2 1\n2 4 2\n1 2 1\n");
+    put_text(folder, "conv", "plain", "CONV NONORM\n-1e-3 0.5\n0x1p3 7\n");
+    put_text(folder, "qa", "gates",
+             "# gates\nprecision all >= 0.5\nrecall 18:20 >= 0.95 0.9\npull_width all in 0.9:1.1 0.99 RL\n"
+             "mag50 all > 21.5\nbias_percent 17:20 in -10:10\nmagerr all < 0.1\ndx_arcsec 17:18 <= 0.1\n");
+    rx_text net = {0};
+    rx_text_add(&net, "NNW\n# a network\n3\n10 2 1\n");
+    for (int i = 0; i < 20 + 2 * 11 + 3 + 2; i++)
+        rx_text_printf(&net, "%g%s", 0.25 * i - 3, i % 8 == 7 ? "\n" : " ");
+    put(folder, "nnw", "small", net.data, net.length);
+    rx_text_free(&net);
+}
+
+static void record_seeds(const char *folder)
+{
+    put_text(folder, "records", "one",
+             "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\nVERSION \"0.1.0\"\n"
+             "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
+             "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\nRUN \"NONE\" 812 1\n"
+             "BIN 96 10 9 11 9 0:1 100:7 201:1\nBIN 100 5 0 0 0\nRUN \"RL_BLIND\" 900 0\n"
+             "EXTENSION 2 10 10 nan nan 3 0 1 0\nEND\n");
+    put_text(folder, "records", "two",
+             "TILE b.fits b\nVERSION 0.1.0\nSTATUS 3 \"<b>&amp;\"\nEND\nTILE c.fits c\nVERSION 0.1.0\n"
+             "STATUS 0 \"\"\nEXTENSION 0 64 64 10 20 3 5 1 1\nRUN NONE 9 1\nBIN 90 4 4 4 4 101:4\nEND\n");
+    put_text(folder, "journal", "units", "0 3 1.5 0.100000001f nan\n5 1 -1e-300\n2 0\n0 3 1.5 0.1f nan\n");
+    put_text(folder, "journal", "torn", "1 2 1 2\n3 2 1 0123456789abcdef!\n4 1 inf\n");
+}
+
+static void catalog_seeds(const char *folder)
+{
+    put_text(folder, "catalog", "head",
+             "#   1 NUMBER      Running object number\n#   2 FLUX_APER   Flux vector of sorts   [count]\n"
+             "#   5 X_IMAGE   Position   [pixel]\n1 1.5 2.5 -3e2 99.0\r\n\n2 1 2 3 nan\n");
+    put_text(folder, "catalog", "csv", "id,name,x,y,mag\n1,\"M 31, the nebula\",3.4,1,20\n2,,--,7,null\n");
+    put_text(folder, "catalog", "comment", "# made by hand\n# ra dec mag\n10.5 -20 20.5\n3 4 21\n");
+    put_text(folder, "catalog", "plain", "1 2\n3 4\n");
+    put_text(folder, "catalog", "ecsv",
+             "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: x, datatype: float64, unit: pix}\n"
+             "# - {name: y, datatype: float64}\n# - {name: \"mag r\", datatype: string}\n"
+             "# schema: astropy-2.0\nx y \"mag r\"\n1.5 2 \"a b\"\n2 3 \"\"\n");
+    put_text(
+        folder, "catalog", "votable",
+        "<?xml version='1.0'?>\n<v:VOTABLE xmlns:v='http://www.ivoa.net/xml/VOTable/v1.3'>"
+        "<v:RESOURCE><v:TABLE name='t'><v:FIELD name='id' datatype='long'><v:VALUES null='-1'/></v:FIELD>"
+        "<v:FIELD name='ra' datatype='double' unit='deg' ucd='pos.eq.ra'><v:DESCRIPTION>a &amp; b"
+        "</v:DESCRIPTION></v:FIELD><v:FIELD name='s' datatype='char' arraysize='*'/>"
+        "<v:FIELD name='m' datatype='float' arraysize='2x2'/><v:FIELD name='b' datatype='boolean'/>"
+        "<v:DATA><v:TABLEDATA><v:TR><v:TD>-1</v:TD><v:TD> 1.5 </v:TD><v:TD>x&lt;<![CDATA[&y]]></v:TD>"
+        "<v:TD>1 2 3 4</v:TD><v:TD>T</v:TD></v:TR><v:TR><v:TD>2</v:TD><v:TD/><v:TD/><v:TD>1 2</v:TD>"
+        "<v:TD>?</v:TD></v:TR></v:TABLEDATA></v:DATA></v:TABLE></v:RESOURCE></v:VOTABLE>\n");
+    put_text(folder, "wcs", "tan",
+             "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  =  150.1\nCRVAL2  = -2.25\nCRPIX1  = 32.5\n"
+             "CRPIX2  = 24.5\nCD1_1   = -1E-4\nCD1_2   = 0.0\nCD2_1   = 0.0\nCD2_2   = 1E-4\n"
+             "RADESYS = 'FK5'\nEQUINOX = 2000.0\nCUNIT1  = 'deg'\nCUNIT2  = 'deg'\n");
+    put_text(folder, "wcs", "sip",
+             "CTYPE1  = 'RA---TAN-SIP'\nCTYPE2  = 'DEC--TAN-SIP'\nCRVAL1  =  150.1\nCRVAL2  = 2\n"
+             "CRPIX1  = 32\nCRPIX2  = 24\nCDELT1  = -1E-4\nCDELT2  = 1E-4\nCROTA2  = 30\nA_ORDER = 2\n"
+             "B_ORDER = 2\nA_0_2   = 1E-5\nA_2_0   = 2E-5\nB_1_1   = 1E-5\nAP_ORDER= 1\nBP_ORDER= 1\n"
+             "AP_1_0  = 1E-5\nBP_0_1  = 1E-6\n");
+    put_text(
+        folder, "wcs", "tpv",
+        "CTYPE1  = 'RA---TPV'\nCTYPE2  = 'DEC--TPV'\nCRVAL1  = 10\nCRVAL2  = 80\nCRPIX1  = 1\nCRPIX2  = 2\n"
+        "CD1_1   = -1E-4\nCD2_2   = 1E-4\nPV1_0   = 0\nPV1_1   = 1.0\nPV1_4   = 1E-3\nPV2_1   = 1.0\n"
+        "PV2_10  = 1E-5\nLONPOLE = 180\nLATPOLE = 0\n");
+    put_text(
+        folder, "wcs", "tnx",
+        "CTYPE1  = 'RA---TNX'\nCTYPE2  = 'DEC--TNX'\nCRVAL1  = 10\nCRVAL2  = 8\nCRPIX1  = 1\nCRPIX2  = 2\n"
+        "CD1_1   = -1E-4\nCD2_2   = 1E-4\n"
+        "WAT1_001= 'wtype=tnx axtype=ra lngcor = \"3. 4. 4. 2. -0.1 0.1 -0.1 0.1 1E-3 2E-3'\n"
+        "WAT1_002= ' 1E-4 0. 1E-5 0. 0. 0. 1E-6 0. \"'\nWAT2_001= 'wtype=tnx axtype=dec'\n");
+    put_text(
+        folder, "wcs", "galactic",
+        "CTYPE1  = 'GLON-CAR'\nCTYPE2  = 'GLAT-CAR'\nCRVAL1  = 0\nCRVAL2  = 0\nCRPIX1  = 1\nCRPIX2  = 2\n"
+        "CDELT1  = -1\nCDELT2  = 1\nPC1_2   = 0.1\nMJD-OBS = 51544.0\nDATE-OBS= '2000-01-01'\n");
+    put_text(folder, "wcs", "linear",
+             "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 5\nCRPIX1  = 1\nCDELT1  = 2\nCDELT2  = 3\n");
+    put_text(folder, "wcs", "fk4",
+             "CTYPE1  = 'DEC--ZEA'\nCTYPE2  = 'RA---ZEA'\nCRVAL2  = 10\nCRVAL1  = 89.9\nCRPIX1  = 1\n"
+             "CRPIX2  = 2\nCDELT1  = -1E-3\nCDELT2  = 1E-3\nEQUINOX = 1950.0\nWCSAXES = 2\n"
+             "CPDIS1  = 'LOOKUP'\nDP1     = 'NAXES: 2'\nCTYPE1A = 'PIXEL'\n");
+}
+
+/* --- FITS --- */
+
+static const char *const IMAGES[] = {"tile", "maps", "psf", "templates", NULL};
+static const char *const TILES[] = {"tile", "maps", NULL};
+static const char *const TABLES[] = {"table", "templates", NULL};
+static const char *const PSFS[] = {"psf", "table", NULL};
+static const char *const MODELS[] = {"model", NULL};
+
+static void blob(float *pixels, int side)
+{
+    for (int y = 0; y < side; y++)
+        for (int x = 0; x < side; x++) {
+            const double dx = x - side / 2, dy = y - side / 2;
+            pixels[y * side + x] = (float)(100 * exp(-(dx * dx + dy * dy) / 4) + (x * 7 + y * 3) % 5);
+        }
+}
+
+static void image_seeds(const char *folder, const char *scratch)
+{
+    static const int types[] = {BYTE_IMG, SHORT_IMG, LONG_IMG, LONGLONG_IMG, FLOAT_IMG, DOUBLE_IMG};
+    static const int packings[] = {RICE_1, GZIP_1, GZIP_2, PLIO_1, HCOMPRESS_1};
+    float pixels[SIDE * SIDE];
+    short integers[SIDE * SIDE];
+    long axes[2] = {SIDE, SIDE};
+    char name[40];
+    fitsfile *file = NULL;
+    int failed = 0;
+    blob(pixels, SIDE);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        integers[i] = (short)pixels[i];
+    for (int i = 0; i < 6; i++) {
+        remove(scratch);
+        fits_create_diskfile(&file, scratch, &failed);
+        fits_create_img(file, types[i], 2, axes, &failed);
+        fits_write_key_dbl(file, "GAIN", 2.5, 3, "", &failed);
+        fits_write_key_dbl(file, "MAGZERO", 25, 3, "", &failed);
+        fits_write_img(file, TFLOAT, 1, SIDE * SIDE, pixels, &failed);
+        if (i == 1)
+            fits_write_key_lng(file, "BLANK", 3, "", &failed);
+        if (i == 4) { /* further images, one that takes the primary header over */
+            fits_create_img(file, SHORT_IMG, 2, axes, &failed);
+            fits_write_key_log(file, "INHERIT", 1, "", &failed);
+            fits_write_key_str(file, "EXTNAME", "SCI", "", &failed);
+            fits_write_img(file, TFLOAT, 1, SIDE * SIDE, pixels, &failed);
+            fits_create_img(file, BYTE_IMG, 1, axes, &failed);
+        }
+        fits_close_file(file, &failed);
+        fuzz_require(failed == 0, "cfitsio writes an image");
+        snprintf(name, sizeof name, "image%d", i);
+        put_fits(folder, i == 4 ? IMAGES : TILES, name, scratch);
+    }
+    for (int i = 0; i < 5; i++)
+        for (int real = 0; real < 2; real++) {
+            if (packings[i] == PLIO_1 && real)
+                continue;
+            remove(scratch);
+            fits_create_diskfile(&file, scratch, &failed);
+            fits_set_compression_type(file, packings[i], &failed);
+            fits_create_img(file, real ? FLOAT_IMG : SHORT_IMG, 2, axes, &failed);
+            fits_write_img(file, real ? TFLOAT : TSHORT, 1, SIDE * SIDE, real ? (void *)pixels : integers,
+                           &failed);
+            fits_close_file(file, &failed);
+            fuzz_require(failed == 0, "cfitsio writes a compressed image");
+            snprintf(name, sizeof name, "packed%d%s", i, real ? "-real" : "");
+            put_fits(folder, TILES, name, scratch);
+        }
+}
+
+/* A PSFEx model of degree 1, its two polynomials of the position. */
+static void psfex_seed(const char *folder, const char *scratch)
+{
+    enum { N = 7 };
+    static const struct {
+        const char *name;
+        double value;
+    } numbers[] = {{"POLZERO1", 30}, {"POLSCAL1", 60}, {"POLZERO2", 30}, {"POLSCAL2", 60}, {"PSF_SAMP", 0.8}};
+    static const struct {
+        const char *name;
+        long value;
+    } counts[] = {{"POLNAXIS", 2}, {"POLNGRP", 1},  {"POLDEG1", 1},  {"POLGRP1", 1}, {"POLGRP2", 1},
+                  {"PSFNAXIS", 3}, {"PSFAXIS1", N}, {"PSFAXIS2", N}, {"PSFAXIS3", 3}};
+    static const char *const types[] = {"PSF_MASK"};
+    char form[16], *forms[] = {form};
+    float mask[3 * N * N] = {0};
+    long dims[3] = {N, N, 3};
+    fitsfile *file = NULL;
+    int failed = 0;
+    blob(mask, N);
+    for (int i = 0; i < N * N; i++)
+        mask[N * N + i] = mask[i] / 100 * (float)(i % N - N / 2);
+    snprintf(form, sizeof form, "%dE", 3 * N * N);
+    fits_create_diskfile(&file, scratch, &failed);
+    fits_create_img(file, BYTE_IMG, 0, NULL, &failed);
+    fits_create_tbl(file, BINARY_TBL, 1, 1, (char **)(void *)types, forms, NULL, "PSF_DATA", &failed);
+    fits_write_tdim(file, 1, 3, dims, &failed);
+    fits_write_key_str(file, "POLNAME1", "X_IMAGE", "", &failed);
+    fits_write_key_str(file, "POLNAME2", "Y_IMAGE", "", &failed);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        fits_write_key_dbl(file, numbers[i].name, numbers[i].value, 6, "", &failed);
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
+        fits_write_key_lng(file, counts[i].name, counts[i].value, "", &failed);
+    fits_write_col(file, TFLOAT, 1, 1, 1, 3 * N * N, mask, &failed);
+    fits_close_file(file, &failed);
+    fuzz_require(failed == 0, "cfitsio writes a PSFEx model");
+    put_fits(folder, PSFS, "psfex", scratch);
+}
+
+/* Every type of column, scaled ones, one with a TNULL; and the same as an ASCII table. */
+static void table_seeds(const char *folder, const char *scratch)
+{
+    static const char *const names[] = {"X_IMAGE", "Y_IMAGE", "MAG_AUTO", "FLAGS", "NAME",
+                                        "BITS",    "PAIR",    "BIG",      "LIST",  "GAL_HDU"};
+    static const char *const forms[] = {"1D", "1E", "2E", "1I", "8A", "3X", "1C", "1K", "1PJ", "1J"};
+    static const char *const galaxies[] = {"GAL_FILENAME", "GAL_HDU", "PSF_FILENAME", "PSF_HDU"};
+    static const char *const galaxy_forms[] = {"12A", "1J", "12A", "1J"};
+    static const char *const words[] = {"0", "0"};
+    double values[] = {1.5, 2.5, 30};
+    for (int kind = 0; kind < 3; kind++) {
+        fitsfile *file = NULL;
+        int failed = 0;
+        remove(scratch);
+        fits_create_diskfile(&file, scratch, &failed);
+        fits_create_img(file, BYTE_IMG, 0, NULL, &failed);
+        if (kind == 0)
+            fits_create_tbl(file, BINARY_TBL, 3, 10, (char **)(void *)names, (char **)(void *)forms, NULL,
+                            "OBJECTS", &failed);
+        else if (kind == 1)
+            fits_create_tbl(file, ASCII_TBL, 3, 2, (char **)(void *)names,
+                            (char *[]){(char[]){"F10.3"}, (char[]){"I6"}}, NULL, "", &failed);
+        else
+            fits_create_tbl(file, BINARY_TBL, 1, 4, (char **)(void *)galaxies, (char **)(void *)galaxy_forms,
+                            NULL, "", &failed);
+        for (int c = 1; kind < 2 && c <= (kind == 0 ? 3 : 2); c++)
+            fits_write_col(file, TDOUBLE, c, 1, 1, 3, values, &failed);
+        if (kind == 0) {
+            fits_write_key_dbl(file, "TSCAL4", 0.5, 3, "", &failed);
+            fits_write_key_lng(file, "TNULL8", 0, "", &failed);
+        }
+        if (kind == 2)
+            fits_write_col(file, TSTRING, 1, 1, 1, 1, (char **)(void *)words, &failed);
+        fits_close_file(file, &failed);
+        fuzz_require(failed == 0, "cfitsio writes a table");
+        char name[20];
+        snprintf(name, sizeof name, "table%d", kind);
+        put_fits(folder, TABLES, name, scratch);
+    }
+}
+
+/* Catalogues as rextract writes them: FITS, LDAC and the text types. */
+static void own_catalogues(const char *folder, const char *scratch)
+{
+    static const struct {
+        rx_catalog_type type;
+        const char *name;
+    } types[] = {{RX_CATALOG_FITS_1_0, "own-fits"},
+                 {RX_CATALOG_FITS_LDAC, "own-ldac"},
+                 {RX_CATALOG_ASCII_HEAD, "own-head"},
+                 {RX_CATALOG_VOTABLE, "own-votable"}};
+    rx_source list[2] = {{.number = 1, .x = 10, .y = 20, .flux_auto = 100, .alpha_j2000 = 150},
+                         {.number = 2, .x = 30, .y = 5, .flux_auto = -1, .alpha_j2000 = 151}};
+    const rx_sources sources = {.n = 2, .list = list, .naper = 1};
+    char cards[3 * 80 + 1];
+    snprintf(cards, sizeof cards, "%-80s%-80s%-80s", "EXPTIME =                  100", "FILTER  = 'r'",
+             "CRVAL1  =                150.0");
+    const rx_tile tile = {.name = "t.fits",
+                          .extname = "",
+                          .width = 64,
+                          .height = 48,
+                          .zeropoint = 25,
+                          .cards = cards,
+                          .ncards = 3};
+    static const char columns_wanted[] = "NUMBER\nX_IMAGE\nY_IMAGE\nALPHA_J2000\nMAG_AUTO\nFLUX_APER(2)\n";
+    rx_column_list *columns = NULL;
+    rx_table *table = NULL;
+    fuzz_require(rx_columns_read(fuzz_file(0, columns_wanted, sizeof columns_wanted - 1), NULL, &columns,
+                                 NULL) == RX_OK,
+                 "columns can be chosen");
+    fuzz_require(rx_catalog_table(columns, &tile, &sources, &table, NULL) == RX_OK, "a table can be made");
+    const rx_record_pair record = {"RXVERS", "0.1.0", "program"};
+    for (int i = 0; i < 4; i++) {
+        remove(scratch);
+        fuzz_require(rx_catalog_write(types[i].type, scratch, &table, 1, &record, 1, scratch, NULL, NULL) ==
+                         RX_OK,
+                     "a catalogue can be written");
+        static const char *const texts[] = {"catalog", NULL};
+        put_fits(folder, i < 2 ? TABLES : texts, types[i].name, scratch);
+    }
+    rx_table_free(table);
+    rx_columns_free(columns);
+}
+
+static rx_model *new_model(rx_mode mode, int width)
+{
+    const rx_psfnet_shape shape = {.width = width, .blocks = 1, .stem_kernel = width, .kernel = width};
+    rx_model *model = rx_model_new();
+    fuzz_require(model != NULL, "there is memory");
+    model->front.mode = mode;
+    model->front.rl_steps = mode == RX_MODE_INFORMED;
+    snprintf(model->name, sizeof model->name, "seed");
+    fuzz_require(rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, NULL) == RX_OK,
+                 "a network can be made");
+    rx_net_initialise(model->restore, 7, 0, 0.3, 0.05);
+    return model;
+}
+
+static void model_seeds(const char *folder, const char *scratch)
+{
+    for (int i = 0; i < 2; i++) {
+        rx_model *model = new_model(i == 0 ? RX_MODE_BLIND : RX_MODE_INFORMED, 1);
+        const rx_psfnet_shape shape = {.width = 1, .blocks = 1, .stem_kernel = 1, .kernel = 1};
+        if (i == 1) {
+            fuzz_require(rx_psfnet_new(&shape, RX_PSF_CHANNELS, &model->psf, NULL) == RX_OK, "so can two");
+            model->bins = calloc(2, sizeof *model->bins);
+            fuzz_require(model->bins != NULL, "there is memory");
+            model->nfwhm = 2, model->nsigma = 1;
+            for (int b = 0; b < 2; b++)
+                model->bins[b] = (rx_model_bin){.fwhm = {2 + b, 3 + b},
+                                                .sigma = {1, 15},
+                                                .loss = 1,
+                                                .list = 0.5,
+                                                .recall = 0.5,
+                                                .images = 10};
+            model->provenance = strdup("SEED 1\nWIDTH 4\n");
+        }
+        remove(scratch);
+        fuzz_require(rx_model_write(model, scratch, scratch, NULL) == RX_OK, "a model can be written");
+        put_fits(folder, MODELS, i == 0 ? "blind" : "informed", scratch);
+        rx_model_free(model);
+    }
+}
+
+static void checkpoint_seed(const char *folder, const char *scratch)
+{
+    static const char *const targets[] = {"checkpoint", NULL};
+    const double fwhm[2] = {2, 8}, sigma[2] = {1, 15};
+    rx_selection selection;
+    rx_train_state *state = NULL;
+    rx_model *model = new_model(RX_MODE_INFORMED, 1);
+    fuzz_require(rx_selection_begin(2, 1, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK, "a grid");
+    fuzz_require(rx_train_state_new(model, &selection, &state, NULL) == RX_OK, "a state");
+    const rx_epoch epoch = {.steps = 1};
+    const rx_epoch_bin bins[2] = {{.loss = 1}, {.loss = 2}};
+    fuzz_require(rx_history_add(&state->history, &epoch, bins, NULL) == RX_OK, "a history");
+    remove(scratch);
+    fuzz_require(rx_checkpoint_write(scratch, scratch, "SEED 1\nWIDTH 1\n", state, state, NULL) == RX_OK,
+                 "a checkpoint can be written");
+    put_fits(folder, targets, "within", scratch);
+    rx_train_state_free(state);
+    rx_model_free(model);
+}
+
+/* --- dictionaries --- */
+
+static void word(FILE *file, const char *text)
+{
+    fputc('"', file);
+    for (const char *c = text; *c != '\0'; c++)
+        fprintf(file, *c == '"' || *c == '\\' ? "\\%c" : *c < ' ' ? "\\x%02x" : "%c", *c);
+    fputs("\"\n", file);
+}
+
+static void dictionary(const char *folder, const char *target)
+{
+    static const char *const fits[] = {"SIMPLE  =",
+                                       "XTENSION= 'BINTABLE'",
+                                       "XTENSION= 'IMAGE   '",
+                                       "XTENSION= 'TABLE   '",
+                                       "BITPIX  =",
+                                       "NAXIS   =",
+                                       "NAXIS1  =",
+                                       "NAXIS2  =",
+                                       "PCOUNT  =",
+                                       "GCOUNT  =",
+                                       "TFIELDS =",
+                                       "TFORM1  =",
+                                       "TTYPE1  =",
+                                       "TDIM1   =",
+                                       "TSCAL1  =",
+                                       "TZERO1  =",
+                                       "TNULL1  =",
+                                       "THEAP   =",
+                                       "EXTNAME =",
+                                       "EXTVER  =",
+                                       "BSCALE  =",
+                                       "BZERO   =",
+                                       "BLANK   =",
+                                       "INHERIT =",
+                                       "EXTEND  =",
+                                       "ZIMAGE  =",
+                                       "ZCMPTYPE=",
+                                       "ZBITPIX =",
+                                       "ZNAXIS  =",
+                                       "ZNAXIS1 =",
+                                       "ZTILE1  =",
+                                       "ZNAME1  =",
+                                       "ZVAL1   =",
+                                       "ZQUANTIZ=",
+                                       "ZDITHER0=",
+                                       "ZBLANK  =",
+                                       "ZSCALE  =",
+                                       "ZZERO   =",
+                                       "ZSIMPLE =",
+                                       "'RICE_1  '",
+                                       "'GZIP_1  '",
+                                       "'GZIP_2  '",
+                                       "'PLIO_1  '",
+                                       "'HCOMPRESS_1'",
+                                       "'NOCOMPRESS'",
+                                       "'1PB(99)'",
+                                       "'1QB'",
+                                       "'LDAC_OBJECTS'",
+                                       "LONGSTRN=",
+                                       "CONTINUE  '",
+                                       "HIERARCH ",
+                                       "END\n",
+                                       "\nNEXT\n",
+                                       "2147483647",
+                                       "-2147483648",
+                                       "9223372036854775807",
+                                       "1E308",
+                                       "NaN",
+                                       "CTYPE1  =",
+                                       "CRVAL1  =",
+                                       "CRPIX1  =",
+                                       "CD1_1   =",
+                                       "CDELT1  =",
+                                       "PC1_1   =",
+                                       "PV1_1   =",
+                                       "PV2_39  =",
+                                       "A_ORDER =",
+                                       "A_0_2   =",
+                                       "AP_ORDER=",
+                                       "WAT1_001=",
+                                       "RADESYS =",
+                                       "EQUINOX =",
+                                       "LONPOLE =",
+                                       "LATPOLE =",
+                                       "'RA---TAN'",
+                                       "'DEC--TAN'",
+                                       "'RA---ZPN'",
+                                       "'RA---TNX'",
+                                       "'RA---ZPX'",
+                                       "'GLON-AIT'",
+                                       "'RA---TAB'",
+                                       "WCSAXES =",
+                                       "CPDIS1  =",
+                                       "CQDIS1  =",
+                                       "DP1     =",
+                                       "MJD-OBS =",
+                                       "RXMODEL =",
+                                       "NEXTEND =",
+                                       "RXDIGEST=",
+                                       "RXMODE  =",
+                                       "POLNAXIS=",
+                                       "POLDEG1 =",
+                                       "PSFAXIS1=",
+                                       "PSF_SAMP=",
+                                       "POLNGRP =",
+                                       "POLGRP1 =",
+                                       "GAL_FILENAME",
+                                       "GAL_HDU",
+                                       "CHECKSUM= '",
+                                       "DATASUM = '"};
+    static const char *const text[] = {
+        "nan",           "inf",         "-1",           "1e308",  "0x1p-3",     "2147483648",   "\"\"",
+        "$HOME",         "${HOME}",     "$$",           "{tile}", "[1:2,*]",    "[SCI,1]",      "@",
+        "%0A",           "%22",         "<![CDATA[",    "]]>",    "&amp;",      "<!DOCTYPE",    "<TABLE>",
+        "<FIELD name='", " datatype='", " arraysize='", "<TR>",   "<TD>",       "</TABLEDATA>", "# %ECSV 1.0",
+        "# - {name: ",   "CONV NORM",   "NNW",          "TILE ",  "EXTENSION ", "RUN ",         "BIN ",
+        "END\n",         "STATUS ",     "VERSION "};
+    char path[600];
+    snprintf(path, sizeof path, "%s/%s.dict", folder, target);
+    FILE *file = fopen(path, "w");
+    fuzz_require(file != NULL, "a dictionary can be written");
+    if (strcmp(target, "config") == 0 || strcmp(target, "arguments") == 0 || strcmp(target, "tiles") == 0) {
+        const rx_keytable *const tables[] = {rx_keytable_rextract(), rx_keytable_simulate(),
+                                             rx_keytable_validate(), rx_keytable_train(),
+                                             rx_keytable_survey()};
+        for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
+            for (int r = 0; r < tables[i]->nrows; r++)
+                if (tables[i]->rows[r].kind != RX_KIND_SECTION) {
+                    const char *const *words = tables[i]->rows[r].words;
+                    word(file, tables[i]->rows[r].name);
+                    for (; words != NULL && *words != NULL; words++)
+                        word(file, *words);
+                }
+    }
+    int ncolumns;
+    const rx_column_def *columns = rx_column_defs(&ncolumns);
+    for (int i = 0; strcmp(target, "param") == 0 && i < ncolumns; i++)
+        word(file, columns[i].name);
+#define METRIC(id, name, unit, whole, help) word(file, name);
+    if (strcmp(target, "qa") == 0) {
+        RX_METRICS(METRIC)
+    }
+#undef METRIC
+    const char *const binary = " table psf model tile maps wcs templates ";
+    char spaced[40];
+    snprintf(spaced, sizeof spaced, " %s ", target);
+    if (strstr(binary, spaced) != NULL)
+        for (size_t i = 0; i < sizeof fits / sizeof *fits; i++)
+            word(file, fits[i]);
+    else
+        for (size_t i = 0; i < sizeof text / sizeof *text; i++)
+            word(file, text[i]);
+    fuzz_require(fclose(file) == 0, "a dictionary can be written");
+}
+
+int main(int argc, char **argv)
+{
+    char scratch[600];
+    if (argc != 2) {
+        fputs("usage: seeds FOLDER\n", stderr);
+        return 2;
+    }
+#define TARGET(name, most, what)                                                                             \
+    snprintf(scratch, sizeof scratch, "%s/%s", argv[1], #name);                                              \
+    mkdir(scratch, 0777);                                                                                    \
+    dictionary(argv[1], #name);
+#include "targets.def"
+#undef TARGET
+    snprintf(scratch, sizeof scratch, "%s/scratch.fits", argv[1]);
+    text_seeds(argv[1]);
+    record_seeds(argv[1]);
+    catalog_seeds(argv[1]);
+    image_seeds(argv[1], scratch);
+    psfex_seed(argv[1], scratch);
+    table_seeds(argv[1], scratch);
+    own_catalogues(argv[1], scratch);
+    model_seeds(argv[1], scratch);
+    checkpoint_seed(argv[1], scratch);
+    return 0;
+}

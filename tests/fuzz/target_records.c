@@ -1,0 +1,125 @@
+/* Targets: what our programs have written and read again. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "campaign/journal.h"
+#include "fuzz.h"
+#include "nn/psfnet.h"
+#include "survey/rollup_report.h"
+#include "train/checkpoint.h"
+
+static void print_and_read(const rx_tile_records *records)
+{
+    rx_text first = {0}, second = {0};
+    rx_tile_records again = {0};
+    for (int i = 0; i < records->n; i++)
+        rx_tile_record_print(&first, &records->record[i]);
+    fuzz_require(rx_tile_records_read(&again, fuzz_file(1, first.data, first.length), NULL) == RX_OK,
+                 "records as they are printed can be read");
+    for (int i = 0; i < again.n; i++)
+        rx_tile_record_print(&second, &again.record[i]);
+    fuzz_require(first.length == second.length && memcmp(first.data, second.data, first.length) == 0,
+                 "records read back the same");
+    rx_tile_records_free(&again);
+    rx_text_free(&first);
+    rx_text_free(&second);
+}
+
+static void report(const rx_tile_records *records)
+{
+    rx_settings *settings = NULL;
+    rx_rollup rollup = {0};
+    rx_text page = {0}, json = {0}, tables = {0};
+    rx_figures figures = {0};
+    fuzz_require(rx_settings_new(rx_keytable_survey(), &settings, NULL) == RX_OK, "settings can be made");
+    if (rx_rollup_make((rx_survey_config *)settings, records, NULL, &rollup, NULL) == RX_OK) {
+        rx_rollup_figures(&figures, &rollup);
+        rx_rollup_html(&page, &rollup, &figures);
+        rx_rollup_json(&json, &rollup);
+        rx_rollup_tiles(&tables, &rollup);
+        rx_rollup_bins(&tables, &rollup);
+        rx_rollup_junit(&tables, &rollup);
+        fuzz_require(strstr(page.data, "<script") == NULL, "no script comes into the page");
+        for (const char *c = json.data; *c != '\0'; c++)
+            fuzz_require((unsigned char)*c >= ' ' || *c == '\n', "JSON holds no control characters");
+    }
+    rx_figures_free(&figures);
+    rx_rollup_free(&rollup);
+    rx_settings_free(settings);
+    rx_text_free(&page);
+    rx_text_free(&json);
+    rx_text_free(&tables);
+}
+
+void fuzz_records(const uint8_t *data, size_t size)
+{
+    rx_tile_records records = {0};
+    if (rx_tile_records_read(&records, fuzz_file(0, data, size), NULL) == RX_OK && records.n > 0) {
+        print_and_read(&records);
+        if (rx_tile_records_settle(&records, NULL) == RX_OK)
+            report(&records);
+    }
+    rx_tile_records_free(&records);
+}
+
+/* Each line gets the digest that it needs to be taken for one of ours; one that ends in '!' keeps what it
+ * has. */
+void fuzz_journal(const uint8_t *data, size_t size)
+{
+    enum { UNITS = 6 };
+    rx_journal_facts facts = {0};
+    rx_text file = {0};
+    int found = 0;
+    rx_unit_values *values = calloc(UNITS, sizeof *values);
+    fuzz_require(values != NULL, "there is memory");
+    rx_journal_fact(&facts, "SEED", "1");
+    rx_text_printf(&file, "rextract-validate journal 1\n%s", facts.lines.data);
+    const unsigned long long header = rx_digest(RX_DIGEST_START, file.data, file.length);
+    rx_text_printf(&file, "* %016llx\n", header);
+    for (const uint8_t *at = data, *end = data + size; at < end;) {
+        const uint8_t *stop = memchr(at, '\n', (size_t)(end - at));
+        const size_t n = (size_t)((stop != NULL ? stop : end) - at);
+        rx_text_add_bytes(&file, (const char *)at, n);
+        if (n == 0 || at[n - 1] != '!')
+            rx_text_printf(&file, " %016llx", rx_digest(header, at, n));
+        rx_text_add(&file, stop != NULL ? "\n" : "");
+        at += n + (stop != NULL);
+    }
+    rx_journal_read(fuzz_file(0, file.data, file.length), &facts, UNITS, values, &found, NULL);
+    rx_journal_read(fuzz_file(0, data, size), &facts, UNITS, values, &found, NULL);
+    rx_unit_values_free(UNITS, values);
+    rx_journal_facts_free(&facts);
+    rx_text_free(&file);
+}
+
+static rx_train_state *new_state(void)
+{
+    const rx_psfnet_shape shape = {.width = 1, .blocks = 1, .stem_kernel = 1, .kernel = 1};
+    const double fwhm[2] = {2, 8}, sigma[2] = {1, 15};
+    rx_selection selection;
+    rx_train_state *state = NULL;
+    rx_model *model = rx_model_new();
+    fuzz_require(model != NULL, "there is memory");
+    fuzz_require(rx_psfnet_new(&shape, 3, &model->restore, NULL) == RX_OK, "a network can be made");
+    fuzz_require(rx_selection_begin(2, 1, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK, "so can a grid");
+    fuzz_require(rx_train_state_new(model, &selection, &state, NULL) == RX_OK, "and a state");
+    rx_model_free(model);
+    return state;
+}
+
+void fuzz_checkpoint(const uint8_t *data, size_t size)
+{
+    rx_train_state *kept = new_state(), *now = new_state();
+    rx_text file = {0};
+    int found = 0, within = 0;
+    rx_text_add_bytes(&file, (const char *)data, size);
+    if (size > 8) {
+        const unsigned long long digest = rx_digest(RX_DIGEST_START, data, size - 8);
+        memcpy(file.data + size - 8, &digest, 8);
+    }
+    rx_checkpoint_read(fuzz_file(0, file.data, file.length), "SEED 1\nWIDTH 1\n", kept, now, &found, &within,
+                       NULL);
+    rx_text_free(&file);
+    rx_train_state_free(kept);
+    rx_train_state_free(now);
+}
