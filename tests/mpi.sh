@@ -123,12 +123,12 @@ extract="-PSF_TYPE MOFFAT -PSF_FWHM 3 -VERBOSE_TYPE QUIET -PARAMETERS_NAME colum
 
 # tiles TITLE COUNT FOLDER: five of six tiles are done, the sixth is told of once.
 tiles() {
-    mkdir "$3"
+    rm -rf cats && mkdir cats # catalogues hold their names
     # shellcheck disable=SC2086 # words
-    processes "$2" "$rextract" @tiles.list $extract -CATALOG_NAME "$3/{tile}.cat" >tiles.log 2>&1
+    processes "$2" "$rextract" @tiles.list $extract -CATALOG_NAME "cats/{tile}.cat" >tiles.log 2>&1
     code=$?
     echo "exit code $code" >>tiles.log
-    [ "$code" = 8 ] && grep -q 'tiles.list: 1 of 6 tiles failed' tiles.log && [ "$(ls "$3" | wc -l)" = 5 ]
+    [ "$code" = 8 ] && grep -q 'tiles.list: 1 of 6 tiles failed' tiles.log && [ "$(ls cats | wc -l)" = 5 ] && mv cats "$3"
     result "$1" $? tiles.log
 }
 
@@ -140,6 +140,16 @@ for other in tiles2 tiles4 tiles9; do
     diff -r tiles1 "$other" >tiles.log 2>&1
     result "the same catalogues in $other" $? tiles.log
 done
+
+: >tiles.log
+for catalogue in tiles4/*.cat; do
+    "$rextract" -REPLAY "$catalogue" -VERBOSE_TYPE QUIET >>tiles.log 2>&1 || echo "$catalogue: exit code $?" >>tiles.log
+done
+[ ! -s tiles.log ]
+result "what several processes made is repeated by one" $? tiles.log
+processes 3 "$rextract" -REPLAY tiles4/t1.cat >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c 'is repeated by one process' tiles.log)" = 1 ]
+result "repeating is not for several processes" $? tiles.log
 
 printf 't1.fits\nt2.fits -NO_SUCH_KEY 1\n' >bad.list
 processes 3 "$rextract" @bad.list >tiles.log 2>&1

@@ -78,6 +78,20 @@ mkdir other && cp ./*.fits ./*.truth my.sex my.param tiles.list other && (
 diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1 && diff -r catalogs other/catalogs >>log 2>&1
 result 'the same catalogues and roll-up as of rextract @LIST' $? log
 
+PYTHONPATH=$top/workflow/scripts /usr/bin/python3 - "$folder/rextract" >log 2>&1 <<'END'
+import json, subprocess, sys, tiles
+found = tiles.read("tiles.list")
+def plan(name, density):
+    return tiles.plan(found[name], sys.argv[1], "my.sex", ("-RESTORE_TYPE", "RL"), 2, density, 777)
+words = [sys.argv[1], "-PLAN", "Y", "a.fits", "-c", "my.sex", "-RESTORE_TYPE", "RL", "-NTHREADS", "2"]
+told = json.loads(subprocess.run(words + ["-PLAN_DENSITY", "2000"], check=True, stdout=subprocess.PIPE).stdout)["all"]
+print(plan("a", 2000), plan("a", 500000), plan("missing", 2000), told)
+assert 0 <= plan("a", 2000)[0] - tiles.WORKFLOW_MB - told["memory_bytes"] / 1e6 < 1.1
+assert plan("a", 500000)[0] > plan("a", 2000)[0] and plan("a", 2000)[1] >= tiles.LEAST_MINUTES
+assert plan("missing", 2000) == (777, 60)
+END
+result 'a job asks for what rextract -PLAN says' $? log
+
 touch -r survey/report.html before
 workflow && ! grep -q 'rule tile' log && [ -z "$(find survey/report.html -newer before)" ]
 result 'nothing is done twice' $? log

@@ -1,5 +1,6 @@
-/* make_fits KIND FILE: small FITS files, good and broken ones, for the command line tests. Written byte by
- * byte without cfitsio, which would refuse to make most of them. */
+/* make_fits KIND FILE [CARD...]: small FITS files, good and broken ones, for the command line tests. Written
+ * byte by byte without cfitsio, which would refuse to make most of them. A CARD ("NAXIS1  = 7") takes the
+ * place of the one of that key in the last header, or comes at its end. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -261,12 +262,51 @@ static int whole(FILE *file, const char *kind)
     return 0;
 }
 
+/* Where the last header of the file begins. */
+static size_t last_header(const char *text, size_t length)
+{
+    size_t last = 0;
+    for (size_t at = 0; at + BLOCK <= length; at += BLOCK)
+        if (memcmp(text + at, "XTENSION= ", 10) == 0)
+            last = at;
+    return last;
+}
+
+/* The header with the cards in it; what follows it stays. */
+static int amend(const char *name, int ncards, char **cards)
+{
+    static char text[1 << 22];
+    header h = {.length = 0};
+    FILE *file = fopen(name, "rb");
+    const size_t length = file != NULL ? fread(text, 1, sizeof text, file) : 0,
+                 start = last_header(text, length);
+    if (file == NULL || fclose(file) != 0 || (file = fopen(name, "wb")) == NULL)
+        return 0;
+    size_t at = start;
+    for (; at + CARD <= length && memcmp(text + at, "END     ", 8) != 0; at += CARD, h.length += CARD)
+        memcpy(h.text + h.length, text + at, CARD);
+    for (int i = 0; i < ncards; i++) {
+        size_t place = 0, n = strlen(cards[i]);
+        while (place < h.length && strncmp(h.text + place, cards[i], 8) != 0)
+            place += CARD;
+        if (place == h.length)
+            h.length += CARD;
+        memset(h.text + place, ' ', CARD);
+        memcpy(h.text + place, cards[i], n < CARD ? n : CARD);
+    }
+    at = (at + CARD + BLOCK - 1) / BLOCK * BLOCK;
+    fwrite(text, 1, start, file);
+    put_header(file, &h, 1);
+    fwrite(text + at, 1, length > at ? length - at : 0, file);
+    return (ferror(file) | fclose(file)) == 0;
+}
+
 int main(int argc, char **argv)
 {
-    FILE *file = argc == 3 ? fopen(argv[2], "wb") : NULL;
+    FILE *file = argc >= 3 ? fopen(argv[2], "wb") : NULL;
     int known = file != NULL;
     if (!known)
-        fprintf(stderr, "usage: make_fits KIND FILE\n");
+        fprintf(stderr, "usage: make_fits KIND FILE [CARD...]\n");
     else if (strcmp(argv[1], "extensions") == 0)
         put_extensions(file);
     else if (strcmp(argv[1], "table") == 0)
@@ -277,5 +317,7 @@ int main(int argc, char **argv)
         known = whole(file, argv[1]) || broken(file, argv[1]);
     if (file != NULL && (ferror(file) | fclose(file)) != 0)
         known = 0;
+    if (known && argc > 3)
+        known = amend(argv[2], argc - 3, argv + 3);
     return known ? 0 : 1;
 }

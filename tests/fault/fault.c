@@ -1,11 +1,13 @@
-/* fault FIRST LAST ARGUMENT...: the program that is linked in, again and again, with its n-th request for
- * memory refused, n = FIRST to LAST and, beyond, every seventh one, up to the run that asks less than n
- * times. Each run must end with status 4 and one line, and leave nothing in its folder; or, where it can do
- * without that memory, do all its work.
+/* fault LAST PLACES ARGUMENT...: the program that is linked in, again and again, with its n-th request for
+ * memory refused: each of the first LAST requests, and of those beyond the first one from every place, by
+ * which the five functions or so that called each other last are meant. The file PLACES holds those of
+ * earlier cases, which are left out, and takes the new ones. Each run must end with status 4 and one line,
+ * and leave nothing in its folder; or, where it can do without that memory, do all its work.
  *
  * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. */
 #include <dirent.h>
 #include <errno.h>
+#include <execinfo.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <stdatomic.h>
@@ -38,17 +40,42 @@ void *__wrap_fftwf_malloc(size_t bytes);
 
 static atomic_long left = -1; /* requests to grant before one is refused; below 0: all are granted */
 
+enum { MOST_REQUESTS = 1 << 20, DEPTH = 8 };
+
 /* Every run works in here; the files it reads lie above. */
 #define FOLDER "run"
 
 /* What a run tells the process that watches it. */
 typedef struct report {
     atomic_int refused;
+    atomic_int recording; /* the places are kept */
+    atomic_long requests;
+    unsigned long place[MOST_REQUESTS]; /* a digest of the stack at each request */
 } report;
 static report *shared;
 
+/* The linker's: begin and end of the program's own code. */
+extern const char __executable_start[], etext[];
+
+static void keep_place(void)
+{
+    void *stack[DEPTH];
+    const long k = atomic_fetch_add(&shared->requests, 1);
+    const int n = backtrace(stack, DEPTH);
+    unsigned long digest = 5381;
+    for (int i = 0; i < n; i++) {
+        const char *address = stack[i];
+        if (address >= __executable_start && address < etext) /* libraries lie elsewhere in every process */
+            digest = digest * 1000003 + (unsigned long)(address - __executable_start);
+    }
+    if (k < MOST_REQUESTS)
+        shared->place[k] = digest;
+}
+
 static int refuse(void)
 {
+    if (atomic_load(&shared->recording))
+        keep_place();
     if (left < 0 || atomic_fetch_sub(&left, 1) != 0)
         return 0;
     atomic_store(&shared->refused, 1);
@@ -138,7 +165,7 @@ static int run(long n, const char *log, int argc, char **argv)
 {
     int status = -1;
     atomic_store(&shared->refused, 0);
-    if (system("rm -rf " FOLDER) != 0 || mkdir(FOLDER, 0777) != 0)
+    if ((rmdir(FOLDER) != 0 && system("rm -rf " FOLDER) != 0) || mkdir(FOLDER, 0777) != 0)
         return -1;
     pid_t child = fork();
     if (child == 0) {
@@ -156,31 +183,76 @@ static int run(long n, const char *log, int argc, char **argv)
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
+/* Has no earlier request come from the place of request n, and none of an earlier case? */
+static int is_first(long n, const unsigned long *known, long nknown)
+{
+    if (n > MOST_REQUESTS)
+        return 0;
+    for (long i = 0; i < n - 1; i++)
+        if (shared->place[i] == shared->place[n - 1])
+            return 0;
+    for (long i = 0; i < nknown; i++)
+        if (known[i] == shared->place[n - 1])
+            return 0;
+    return 1;
+}
+
+/* Number of places in the file of that name. */
+static long read_places(const char *path, unsigned long *places)
+{
+    long n = 0;
+    FILE *file = fopen(path, "r");
+    while (file != NULL && n < MOST_REQUESTS && fscanf(file, "%lx", &places[n]) == 1)
+        n++;
+    if (file != NULL)
+        fclose(file);
+    return n;
+}
+
+static int add_places(const char *path, const unsigned long *known, long nknown, long requests)
+{
+    FILE *file = fopen(path, "a");
+    for (long n = 1; file != NULL && n <= requests; n++)
+        if (is_first(n, known, nknown))
+            fprintf(file, "%lx\n", shared->place[n - 1]);
+    return file != NULL && fclose(file) == 0;
+}
+
 int main(int argc, char **argv)
 {
+    static unsigned long known[MOST_REQUESTS];
     char text[4096], log[] = "/tmp/rextract-fault-XXXXXX";
     int file = argc > 3 ? mkstemp(log) : -1;
     shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (file < 0 || shared == MAP_FAILED) {
-        fprintf(stderr, "usage: fault FIRST LAST ARGUMENT...\n");
+        fprintf(stderr, "usage: fault LAST PLACES ARGUMENT...\n");
         return 2;
     }
     close(file);
-    long first = atol(argv[1]), last = atol(argv[2]), runs = 0, wrong = 0, done_without = 0;
+    const char *places = argv[2];
+    long last = atol(argv[1]), runs = 0, wrong = 0, done_without = 0, requests;
+    const long nknown = read_places(places, known);
     argv[2] = argv[0];
+    atomic_store(&shared->recording, 1);
     if (run(0, log, argc - 2, argv + 2) != 0) {
         read_log(log, text, sizeof text);
         printf("fails without any refused request: %s", text);
         return 1;
     }
+    atomic_store(&shared->recording, 0);
+    requests = atomic_load(&shared->requests);
     const unsigned long expected = digest();
-    for (long n = first; wrong < 10; n += n < last ? 1 : 7) {
+    for (long n = 1; wrong < 10 && n <= requests; n++) {
+        if (n > last && !is_first(n, known, nknown))
+            continue;
         int code = run(n, log, argc - 2, argv + 2), lines = read_log(log, text, sizeof text),
             left_there = names();
         if (!atomic_load(&shared->refused))
             break;
         runs++;
-        int gone = code == 4 && lines == 1 && left_there == 0 && strstr(text, "memory") != NULL;
+        int of_list = code == 8 && strstr(text, "tiles failed") != NULL;
+        int gone =
+            lines == 1 && left_there == 0 && (of_list || (code == 4 && strstr(text, "memory") != NULL));
         int whole = code == 0 && lines == 0 && digest() == expected;
         done_without += whole;
         if (!gone && !whole) {
@@ -192,7 +264,8 @@ int main(int argc, char **argv)
     unlink(log);
     if (system("rm -rf " FOLDER) != 0)
         wrong++;
-    printf("%ld runs with a request refused, %ld did without it, %ld went wrong\n", runs, done_without,
-           wrong);
-    return wrong > 0 || runs == 0;
+    printf("%ld of %ld requests refused, %ld runs did without, %ld went wrong\n", runs, requests,
+           done_without, wrong);
+    wrong += !add_places(places, known, nknown, requests);
+    return wrong > 0 || requests == 0;
 }

@@ -1,6 +1,7 @@
 #!/bin/sh
-# Memory that runs out, anywhere: fault.c refuses one request after another. RX_FAULT_LAST: up to which number every
-# single one is tried; beyond it, every seventh.
+# Memory that runs out, anywhere: fault.c refuses one request after another, the first from each place in the program.
+# RX_FAULT_LAST: up to which number every single one is tried (RX_FAULT_LAST=1000: minutes, with a case more).
+# RX_FAULT_ONLY: a regular expression of the cases.
 set -u
 LC_ALL=C
 export LC_ALL
@@ -8,8 +9,8 @@ top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
 make_fits=$build/tests/cli/make_fits
 make_model=$build/tests/cli/make_model
-last=${RX_FAULT_LAST:-40}
-for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$make_fits" "$make_model"; do
+last=${RX_FAULT_LAST:-0}
+for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$build/tests/fault/fault_survey" "$make_fits" "$make_model"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -33,21 +34,23 @@ printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
 printf 'NUMBER\nX_IMAGE\nMAG_AUTO\nVECTOR_ASSOC(2)\nVIGNET(5,5)\nALPHA_J2000\n' >my.param
 printf 'NUMBER\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\nALPHATEMPLATE_J2000\nFLAGS_RESTORE\n' >template.param
 printf '13.1 12.2 3.0\n37.0 12.0 4.0\n' >my.list
+printf '../tile.fits\n' >tiles.list
 
 # refuse NAME ARGUMENT... and refuse_simulate NAME ARGUMENT...: rextract and rextract-simulate
 refuse() {
-    refuse_of fault "$@"
+    refuse_of fault "$@" -NTHREADS 1
 }
 
 refuse_simulate() {
-    refuse_of fault_simulate "$@" -SHARP_NAME s.fits -FLAG_NAME f.fits
+    refuse_of fault_simulate "$@" -SHARP_NAME s.fits -FLAG_NAME f.fits -NTHREADS 1
 }
 
 refuse_of() {
     program=$1
     name=$2
     shift 2
-    if "$build/tests/fault/$program" 1 "$last" "$@" -VERBOSE_TYPE QUIET -NTHREADS 1 >log 2>&1; then
+    printf '%s\n' "$name" | grep -Eq -- "${RX_FAULT_ONLY:-.}" || return 0
+    if "$build/tests/fault/$program" "$last" "$scratch/$program.places" "$@" -VERBOSE_TYPE QUIET >log 2>&1; then
         passed=$((passed + 1))
     else
         failed=$((failed + 1))
@@ -74,6 +77,16 @@ refuse 'templates, their images and covariances' ../tile.fits -RESTORE_TYPE NONE
     -INVENTED_SNR 300 -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,x.fits
 refuse 'templates of two images' ../tile.fits,../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
     -CATALOG_TYPE ASCII -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.txt
+
+refuse 'a list of tiles' @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE ASCII -CATALOG_NAME '{tile}.cat'
+[ "$last" -eq 0 ] || refuse 'injected sources and their report' ../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3 \
+    -CATALOG_TYPE NONE -REFERENCE_NAME ../ref.fits -QA_NAME qa -SELF_CHECK Y -SELF_CHECK_COUNT 20 -SELF_CHECK_NAME check -QA_FIGURES N
+"$build/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
+    -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
+refuse_of fault_survey 'the roll-up of a survey' ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N
+mkdir made && (cd made && "$build/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat \
+    -CHECKIMAGE_TYPE SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET)
+refuse 'a run repeated' -REPLAY ../made/x.cat
 
 refuse_simulate 'a simulated field' -IMAGE_SIZE 64,48 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -PSF_FWHM 3 \
     -TRUTH_TYPE ASCII_HEAD

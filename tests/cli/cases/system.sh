@@ -204,3 +204,57 @@ if [ "$active" = 1 ]; then
     : >../out
     judge 141 ''
 fi
+
+# --- a gnuplot that does not do its work: the report comes without figures
+
+# gnuplot_is LINE: a script of that name, found before any other.
+gnuplot_is() {
+    mkdir bin && printf '#!/bin/sh\n%s\n' "$1" >bin/gnuplot && chmod 755 bin/gnuplot
+}
+
+for line in 'kill -KILL $$' 'exit 1' 'echo "<svg" >completeness.svg'; do
+    begin "report where gnuplot says: $line"
+    make_fits tile tile.fits && make_fits table ref.fits && gnuplot_is "$line"
+    leaves qa
+    path=$PATH PATH=$folder/work/bin:$PATH
+    expect 0 '' tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME qa
+    PATH=$path
+done
+
+begin 'gnuplot that hangs, and a signal'
+make_fits tile tile.fits && make_fits table ref.fits && gnuplot_is 'exec sleep 300'
+if [ "$active" = 1 ]; then
+    list_files >../before
+    PATH=$folder/work/bin:$PATH timeout --foreground --preserve-status -s TERM 2 "$program" tile.fits $none \
+        -REFERENCE_NAME ref.fits -QA_NAME qa -VERBOSE_TYPE QUIET >../out 2>../err </dev/null
+    echo $? >../code
+    judge 143 '^rextract: interrupted by a signal; nothing was written$'
+fi
+
+# --- a file system that is really full, where this user may mount one in a name space of his own
+
+begin 'file systems of 16 to 128 KB'
+make_fits tile tile.fits && make_fits table ref.fits
+if ! unshare -m mount -t tmpfs none . 2>/dev/null; then
+    skip 'no tmpfs can be mounted'
+elif [ "$active" = 1 ]; then
+    mkdir small
+    list_files >../before
+    for size in 16 48 80 96 128; do
+        # shellcheck disable=SC2016 # of the inner shell
+        unshare -m sh -c 'mount -t tmpfs -o size="$1"k none small && echo old >small/test.cat || exit 99
+            "$2" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_LDAC -CATALOG_NAME small/test.cat -CHECKIMAGE_TYPE RESTORED \
+                -CHECKIMAGE_NAME small/r.fits -REFERENCE_NAME ref.fits -QA_NAME small/qa -QA_FIGURES N -VERBOSE_TYPE QUIET
+            echo "$1 KB: $? $(ls -A small | tr "\n" " ")$(cat small/test.cat)"' sh $size "$program" 2>&1 </dev/null
+    done >../said
+    grep -v '^rextract: small/.*: cannot be .*' ../said | grep -v '^[0-9]* KB: 4 test.cat old$' >../err
+    grep -c '^rextract: small/' ../said | grep -q '^5$' || cat ../said >>../err
+    : >../out
+    echo 0 >../code
+    judge 0 ''
+fi
+
+begin 'catalogue where a link to nothing is'
+make_fits tile tile.fits && ln -s nothing test.cat
+leaves test.cat
+expect 0 '' tile.fits $none

@@ -68,6 +68,18 @@ static void names_from_a_comment_or_a_first_line(void **state)
     rx_table_free(t);
 }
 
+/* A comment behind the line of names does not make a row of it, which had no room. */
+static void a_comment_behind_the_names_changes_nothing(void **state)
+{
+    (void)state;
+    rx_table *t = good("name,a rather long name of a column\n# 1 NUMBER or not\nb c,1\n");
+    assert_int_equal(t->nrows, 1);
+    assert_int_equal(t->ncolumns, 2);
+    assert_string_equal(t->columns[0].name, "name");
+    assert_string_equal((char *)t->columns[0].data, "b c");
+    rx_table_free(t);
+}
+
 static void cells_of_text_and_nothing(void **state)
 {
     (void)state;
@@ -215,6 +227,7 @@ int main(void)
         cmocka_unit_test(head_of_sextractor),
         cmocka_unit_test(last_vector_reaches_to_the_end_of_the_line),
         cmocka_unit_test(names_from_a_comment_or_a_first_line),
+        cmocka_unit_test(a_comment_behind_the_names_changes_nothing),
         cmocka_unit_test(cells_of_text_and_nothing),
         cmocka_unit_test(large_identifiers_keep_their_digits),
         cmocka_unit_test(votables_of_others),

@@ -77,6 +77,9 @@ static void ascii_head_is_laid_out_as_sextractors(void **state)
         "#   8 MAG_AUTO               Magnitude in the elliptical Kron aperture                  [mag]\n"
         "#   9 FLAGS                  Extraction flags (sum of 1 to 128)                        \n"
         "#  10 VIGNET                 Pixels around the source, -1e30 where masked               [count]\n"
+        "# RXVERS = Rextract <&> \"test\"\n"
+        "# DETECT_MINAREA = 5\n"
+        "# FILTER = Y\n"
         "         1     11.2500 150.1250000  -2.2500000          100          200          300  17.5000   0"
         "       -1e+30       -1e+30       -1e+30       -1e+30       -1e+30       -1e+30\n";
     assert_memory_equal(text, expected, strlen(expected));

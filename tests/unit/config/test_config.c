@@ -39,6 +39,7 @@ static void syntax_follows_sextractor(void **state)
                                  "CHECKIMAGE_TYPE -background objects\n"
                                  "CHECKIMAGE_NAME a.fits,b#1.fits #c.fits\n"
                                  "FILTER n\n"
+                                 "ASSOC_NAME \"a[1][2\" # a ] behind a quoted [\n"
                                  "SATUR_LEVEL 6.5e4\n"
                                  "BACK_SIZE 128.0,64\n"
                                  "FLAG_IMAGE\n"
@@ -58,6 +59,7 @@ static void syntax_follows_sextractor(void **state)
     assert_int_equal(c->checkimage_name.n, 2);
     assert_string_equal(c->checkimage_name.v[1], "b#1.fits");
     assert_false(c->filter);
+    assert_string_equal(c->assoc_name, "a[1][2");
     assert_true(c->satur_level == 65000.0);
     assert_int_equal(c->back_size.v[0], 128);
     assert_int_equal(c->flag_image.n, 0);
@@ -335,7 +337,7 @@ static void count_keywords(void *user, const char *name, const char *value, cons
     if (strcmp(name, "PHOT_AUTOPARAMS") == 0)
         assert_string_equal(value, "2.5,3.5");
     if (strcmp(name, "REFERENCE_NAME") == 0)
-        assert_string_equal(value, "");
+        assert_string_equal(value, "\"\"");
     ++*n;
 }
 

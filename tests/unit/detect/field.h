@@ -93,7 +93,7 @@ static inline rx_detect_image field_image(const field *f)
     return (rx_detect_image){.width = f->width,
                              .height = f->height,
                              .pixels = f->pixels,
-                             .sigma = f->sigma,
+                             .noise = rx_map_plane(f->sigma, f->width),
                              .mask = f->mask,
                              .mask_bits = 1,
                              .global_sigma = 1.0};

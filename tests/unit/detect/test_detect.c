@@ -242,7 +242,7 @@ static void only_real_summits_split(void **state)
         int splits = -1;
         assert_int_equal(rx_groups_find(&image, 2, &groups, NULL), RX_OK);
         assert_int_equal(groups.n, 1);
-        assert_int_equal(rx_summits_split(&image, &groups, 0, 3, 0.005, &work, &splits, NULL), RX_OK);
+        assert_int_equal(rx_summits_split(&groups, 0, 3, 0.005, &work, &splits, NULL), RX_OK);
         assert_int_equal(splits, apart);
         rx_summits_free(&work);
         rx_groups_free(&groups);

@@ -94,20 +94,25 @@ static void test_folders(void **state)
     check_content(in(state, "mine/letter"), "dear");
 }
 
-/* A process that reserves a folder, says so, and waits to be killed. */
-static pid_t reserve_and_wait(void **state, const char *name)
+/* A process that reserves a file and a folder, begins them, says so, and waits to be killed. */
+static pid_t reserve_and_wait(void **state, const char *file, const char *folder)
 {
     int told[2];
-    char byte;
-    const char *path = in(state, name);
+    char byte, path[2][400], inner[1000];
+    snprintf(path[0], sizeof path[0], "%s", in(state, file));
+    snprintf(path[1], sizeof path[1], "%s", in(state, folder));
     assert_int_equal(pipe(told), 0);
     const pid_t child = fork();
     if (child == 0) {
         rx_outputs *outputs = NULL;
-        const char *folder = NULL;
+        const char *temporary[2];
         if (rx_outputs_new(&outputs, NULL) != RX_OK ||
-            rx_outputs_folder(outputs, path, &folder, NULL) != RX_OK)
+            rx_outputs_file(outputs, path[0], &temporary[0], NULL) != RX_OK ||
+            rx_outputs_folder(outputs, path[1], &temporary[1], NULL) != RX_OK)
             _exit(1);
+        put(temporary[0], "half");
+        snprintf(inner, sizeof inner, "%s/sub", temporary[1]);
+        mkdir(inner, 0777);
         (void)!write(told[1], "x", 1);
         for (;;)
             pause();
@@ -119,75 +124,96 @@ static pid_t reserve_and_wait(void **state, const char *name)
     return child;
 }
 
-/* What a killed process leaves of a folder goes with the next one of that name; what a living one is at work
- * on stays, and so does what only looks like it. */
+/* What a killed process leaves goes with the next run of these outputs; what a living one is at work on
+ * stays, and so does what only looks like it. */
 static void test_leftovers(void **state)
 {
     rx_outputs *outputs = NULL;
-    const char *folder = NULL;
-    char left[64];
+    const char *temporary = NULL;
+    char left[4][64];
     const int before = count_entries(in(state, ""));
-    const pid_t child = reserve_and_wait(state, "later");
-    snprintf(left, sizeof left, ".later.rx-%ld.tmp", (long)child);
-    assert_int_equal(mkdir(in(state, ".later.rx-12x.tmp"), 0777), 0);
+    const pid_t child = reserve_and_wait(state, "later.fits", "later");
+    for (int i = 0; i < 4; i++)
+        snprintf(left[i], sizeof left[i], ".later%s.rx-%ld.%s", i < 2 ? ".fits" : "", (long)child,
+                 i % 2 == 0 ? "tmp" : "lock");
+    static const char *const alike[] = {".later.rx-12x.lock", ".later.rx-.lock", ".later.fits.x.rx-1.lock",
+                                        "later.rx-1.lock", ".later.rx-1.lock.old"};
+    for (int i = 0; i < 5; i++)
+        put(in(state, alike[i]), "mine");
     for (int alive = 1; alive >= 0; alive--) {
         assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-        assert_int_equal(rx_outputs_folder(outputs, in(state, "later"), &folder, NULL), RX_OK);
+        assert_int_equal(rx_outputs_file(outputs, in(state, "later.fits"), &temporary, NULL), RX_OK);
+        assert_int_equal(rx_outputs_folder(outputs, in(state, "later"), &temporary, NULL), RX_OK);
         rx_outputs_free(outputs);
-        assert_int_equal(access(in(state, left), F_OK), alive ? 0 : -1);
+        for (int i = 0; i < 4; i++)
+            assert_int_equal(access(in(state, left[i]), F_OK), alive ? 0 : -1);
         if (alive) {
             assert_int_equal(kill(child, SIGKILL), 0);
             assert_int_equal(waitpid(child, NULL, 0), child);
         }
     }
-    assert_int_equal(rmdir(in(state, ".later.rx-12x.tmp")), 0);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(unlink(in(state, alike[i])), 0);
     assert_int_equal(count_entries(in(state, "")), before);
 }
 
-/* Killed before its folder had a marker, or with a draft of one: gone with the next run; with anything else
- * inside it is not ours to remove. A folder of a process that lives stays. */
-static void test_unmarked(void **state)
+/* Two processes write the same output again and again: neither takes the other's temporary away, whatever the
+ * moment, and nothing is left. */
+static void test_two_at_once(void **state)
 {
-    rx_outputs *outputs = NULL;
-    const char *folder = NULL;
-    char name[4][64];
-    const pid_t gone = fork();
-    if (gone == 0)
-        _exit(0);
-    assert_int_equal(waitpid(gone, NULL, 0), gone);
-    for (int i = 0; i < 4; i++) {
-        snprintf(name[i], sizeof name[i], ".%s.rx-%ld.tmp",
-                 i == 0   ? "bare"
-                 : i == 1 ? "draft"
-                 : i == 2 ? "full"
-                          : "live",
-                 (long)(i < 3 ? gone : getppid()));
-        assert_int_equal(mkdir(in(state, name[i]), 0777), 0);
-    }
-    char inside[100];
-    snprintf(inside, sizeof inside, "%s/.rextract.new", name[1]);
-    put(in(state, inside), "Made");
-    snprintf(inside, sizeof inside, "%s/precious", name[2]);
-    put(in(state, inside), "mine");
-    const char *wanted[] = {"bare", "draft", "full", "live"};
-    for (int i = 0; i < 4; i++) {
-        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-        assert_int_equal(rx_outputs_folder(outputs, in(state, wanted[i]), &folder, NULL), RX_OK);
+    const int before = count_entries(in(state, ""));
+    char path[400];
+    int status = -1;
+    snprintf(path, sizeof path, "%s", in(state, "shared"));
+    const pid_t child = fork();
+    assert_true(child >= 0);
+    for (int i = 0; i < 300; i++) {
+        rx_outputs *outputs = NULL;
+        const char *temporary = NULL;
+        const int good = rx_outputs_new(&outputs, NULL) == RX_OK &&
+                         rx_outputs_file(outputs, path, &temporary, NULL) == RX_OK &&
+                         (put(temporary, "whole"), rx_outputs_commit(outputs, NULL) == RX_OK);
         rx_outputs_free(outputs);
-        assert_int_equal(access(in(state, name[i]), F_OK), i < 2 ? -1 : 0);
+        if (!good && child == 0)
+            _exit(1);
+        assert_true(good);
     }
-    assert_int_equal(unlink(in(state, inside)), 0);
-    assert_int_equal(rmdir(in(state, name[2])), 0);
-    assert_int_equal(rmdir(in(state, name[3])), 0);
+    if (child == 0)
+        _exit(0);
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_int_equal(status, 0);
+    check_content(path, "whole");
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(count_entries(in(state, "")), before);
 }
 
-/* Killed between the renames of an old folder and the new one: the old one comes back. Killed after them: it
- * goes. */
+/* Where another has our number, the next one is taken. */
+static void test_taken_number(void **state)
+{
+    rx_outputs *outputs[2] = {NULL, NULL};
+    const char *temporary[2];
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(rx_outputs_new(&outputs[i], NULL), RX_OK);
+        assert_int_equal(rx_outputs_file(outputs[i], in(state, "numbered"), &temporary[i], NULL), RX_OK);
+        put(temporary[i], i == 0 ? "first" : "second");
+    }
+    assert_string_not_equal(temporary[0], temporary[1]);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(rx_outputs_commit(outputs[i], NULL), RX_OK);
+        rx_outputs_free(outputs[i]);
+        check_content(in(state, "numbered"), i == 0 ? "first" : "second");
+    }
+    assert_int_equal(unlink(in(state, "numbered")), 0);
+}
+
+/* Killed between the renames of an old folder and the new one, where they cannot change places at once: the
+ * old one comes back. Killed after them: it goes. */
 static void test_aside(void **state)
 {
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
     for (int whole = 0; whole < 2; whole++) {
+        put(in(state, ".twice.rx-1.lock"), "");
         assert_int_equal(mkdir(in(state, ".twice.rx-1.tmp.old"), 0777), 0);
         put(in(state, ".twice.rx-1.tmp.old/.rextract"), "ours");
         put(in(state, ".twice.rx-1.tmp.old/page"), whole ? "second" : "first");
@@ -196,6 +222,7 @@ static void test_aside(void **state)
         rx_outputs_free(outputs);
         check_content(in(state, "twice/page"), "first");
         assert_int_equal(access(in(state, ".twice.rx-1.tmp.old"), F_OK), -1);
+        assert_int_equal(access(in(state, ".twice.rx-1.lock"), F_OK), -1);
     }
 }
 
@@ -288,11 +315,12 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),   cmocka_unit_test(test_abort),
-        cmocka_unit_test(test_folders),  cmocka_unit_test(test_leftovers),
-        cmocka_unit_test(test_unmarked), cmocka_unit_test(test_aside),
-        cmocka_unit_test(test_refused),  cmocka_unit_test(test_links),
-        cmocka_unit_test(test_devices),  cmocka_unit_test(test_failing_commit),
+        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort),
+        cmocka_unit_test(test_folders),        cmocka_unit_test(test_leftovers),
+        cmocka_unit_test(test_two_at_once),    cmocka_unit_test(test_taken_number),
+        cmocka_unit_test(test_aside),          cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_links),          cmocka_unit_test(test_devices),
+        cmocka_unit_test(test_failing_commit),
     };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, drop_scratch);
 }

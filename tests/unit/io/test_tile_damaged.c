@@ -2,7 +2,8 @@
 #include "tile_test.h"
 
 /* cfitsio would divide by a tile of no size as soon as it reaches the HDU. */
-static void test_no_tile_size(void **state)
+/* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
+static void check_header_refused(void **state, size_t replaced, const char *card, const char *word)
 {
     static const char *const primary[] = {"SIMPLE  =                    T", "BITPIX  =                    8",
                                           "NAXIS   =                    0", "END"};
@@ -22,7 +23,7 @@ static void test_no_tile_size(void **state)
                                         "ZNAXIS1 =                   10",
                                         "ZNAXIS2 =                   10",
                                         "ZTILE1  =                   10",
-                                        "ZTILE2  =                0   1",
+                                        "ZTILE2  =                    1",
                                         "ZCMPTYPE= 'RICE_1'",
                                         "END"};
     const char *path = in(state, "z.fits.fz");
@@ -31,15 +32,30 @@ static void test_no_tile_size(void **state)
     for (size_t i = 0; i < 36; i++)
         fprintf(file, "%-80s", i < sizeof primary / sizeof *primary ? primary[i] : "");
     for (size_t i = 0; i < 36; i++)
-        fprintf(file, "%-80s", i < sizeof table / sizeof *table ? table[i] : "");
+        fprintf(file, "%-80s", i == replaced ? card : i < sizeof table / sizeof *table ? table[i] : "");
     for (int i = 0; i < 2880; i++)
         fputc(0, file);
     assert_int_equal(fclose(file), 0);
     int *hdus = NULL, n = 0;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "ZTILE"));
+    assert_non_null(strstr(err.text, word));
     assert_int_equal(err.hdu, 1);
+}
+
+static void test_headers_that_cfitsio_does_not_survive(void **state)
+{
+    check_header_refused(state, 16, "ZTILE2  =                0   1", "ZTILE");
+    check_header_refused(state, 16, "ZTILE2  =                 1E-5", "ZTILE");
+    check_header_refused(state, 4, "NAXIT2  =                   10", "NAXIS2");
+    check_header_refused(state, 7, "TFIELDS =                  'a'", "TFIELDS");
+    check_header_refused(state, 3, "NAXIS1  =                  5889223372036854775807", "NAXIS1");
+    check_header_refused(state, 7, "END", "TFIELDS");
+    check_header_refused(state, 11, "ZBITPIX =      LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL / type",
+                         "longer than any");
+    check_header_refused(state, 8,
+                         "TTYPE1  = LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL",
+                         "longer than any");
 }
 
 static void test_broken_files(void **state)
@@ -153,8 +169,10 @@ static void test_missing_padding(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_no_tile_size),    cmocka_unit_test(test_broken_files),
-        cmocka_unit_test(test_lying_headers),   cmocka_unit_test(test_broken_compressed),
+        cmocka_unit_test(test_headers_that_cfitsio_does_not_survive),
+        cmocka_unit_test(test_broken_files),
+        cmocka_unit_test(test_lying_headers),
+        cmocka_unit_test(test_broken_compressed),
         cmocka_unit_test(test_missing_padding),
     };
     return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, drop_scratch);

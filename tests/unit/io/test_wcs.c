@@ -295,6 +295,8 @@ static void test_unusable(void **state)
     static const char *const headers[] = {
         "NAXIS   = 2\nEXPTIME = 3.0",
         "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 1.0\nCRVAL2  = 1.0",
+        "AP_1_0  = 1E-5",
+        "CTYPE1  = 'RA---TAN'\nBP_0_1  = 1E-6",
         "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10.0\nCRVAL2  = 10.0\nCD1_1   = 0.0\nCD1_2   "
         "= 0.0\n"
         "CD2_1   = 1.0\nCD2_2   = 1.0",
@@ -312,6 +314,46 @@ static void test_unusable(void **state)
     rx_wcs *wcs = NULL;
     assert_int_equal(rx_wcs_from_cards(NULL, 0, 10, 10, &wcs, NULL, 0, NULL), RX_OK);
     assert_null(wcs);
+}
+
+/* Cards that wcslib does not survive; without them the header is as good as it was. */
+static void test_hostile_cards(void **state)
+{
+    (void)state;
+    static const char *const cards[] = {
+        "WAT1_001= 'wtype=tan lngcor = and no quote at the end of the card",
+        "WAT1_000= 'wtype=tnx axtype=ra lngcor = \"3. 4. 4. 2. -0.1 0.1\"'",
+        "WCSAXES \xff\xff\xff\xff\xff\xff= 2",
+        "A_2_0   =E1LINEAR'",
+        "WAT1_001= 'wtype=tnxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx axtype=ra'",
+        "WAT1_001= 'axtype=ra wtype = tnxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx q'",
+        "WAT1_001= 'wtype= t'\nWAT1_002= 'nxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx'",
+        "A_2_0   = .",
+        "AP_1_1  = 'text'",
+        "B_0_2   = 1.5.2",
+        "CPDIS1  = 'LOOKUP'\nDP1     = 'NAXES: 2'\nDP1     = 'NAXES'",
+        "EQUINOX = 2000.0 and then something that is no comment",
+        "PV1_1   = 'it''s",
+    };
+    for (size_t i = 0; i < sizeof cards / sizeof cards[0]; i++) {
+        char lines[600], note[256];
+        double ra, dec, x = 49, y = 49;
+        snprintf(lines, sizeof lines,
+                 "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 1.0D1\nCRVAL2  = +20. / north\n"
+                 "CRPIX1  = 50\nCRPIX2  = 50\nCD1_1   = -1e-4\nCD2_2   = .0001\n%s\nCOMMENT \xb5",
+                 cards[i]);
+        rx_wcs *wcs = from_lines(lines, 100, 100, note);
+        assert_non_null(wcs);
+        rx_wcs_to_sky(wcs, 1, &x, &y, &ra, &dec, NULL, NULL);
+        assert_float_equal(ra, 10, 1e-9);
+        assert_float_equal(dec, 20, 1e-9);
+        rx_wcs_free(wcs);
+    }
+    char note[256];
+    assert_null(from_lines("CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10\nCRVAL2  = 20\n"
+                           "CRPIX1  = 50\nCRPIX2  = 50\nCD1_1   = -1e-4\nCD2_2   = 1e-4\nCQDIS1  = 'TPD'",
+                           100, 100, note));
+    assert_non_null(strstr(note, "CQDIS"));
 }
 
 static void test_linear(void **state)
@@ -334,7 +376,8 @@ int main(void)
         cmocka_unit_test(test_tan),          cmocka_unit_test(test_tpv_and_scamp),
         cmocka_unit_test(test_sip),          cmocka_unit_test(test_far_away),
         cmocka_unit_test(test_frames),       cmocka_unit_test(test_frames_loosely),
-        cmocka_unit_test(test_unusable),     cmocka_unit_test(test_linear),
+        cmocka_unit_test(test_unusable),     cmocka_unit_test(test_hostile_cards),
+        cmocka_unit_test(test_linear),
     };
     return cmocka_run_group_tests_name("world coordinates", tests, NULL, NULL);
 }

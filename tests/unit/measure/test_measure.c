@@ -110,6 +110,46 @@ static void counts_photons_and_follows_the_law(void **state)
     field_free(&f);
 }
 
+/* Pixels with their sky give what those above it give, to the bit, and hidden ones nothing. */
+static void takes_the_sky_off(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 3);
+    field_add(&f, 80.0, 60.0, 3.0, 3.0, 100000.0);
+    field_add(&f, 95.0, 60.0, 3.0, 3.0, 30000.0);
+    float *with_sky = calloc(f.n, sizeof *with_sky), *level = calloc(f.n, sizeof *level);
+    assert_true(with_sky != NULL && level != NULL);
+    f.mask[60 * W + 81] = 1;
+    for (size_t k = 0; k < f.n; k++) {
+        level[k] = 300.0f + 0.1f * (float)(k % W);
+        with_sky[k] = f.pixels[k] + level[k];
+        f.pixels[k] = f.mask[k] != 0 ? 0.0f : with_sky[k] - level[k];
+    }
+    rx_detect_params detect = field_params();
+    rx_sources *a = field_detect(&f, &detect), *b = field_detect(&f, &detect);
+    rx_measure_params par = params();
+    par.local_background = 1;
+    par.local_thickness = 24;
+    rx_measure_image image = image_of(&f);
+    image.level = rx_map_plane(level, W);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, a, NULL), RX_OK);
+    image.pixels = with_sky;
+    image.with_sky = 1;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, b, NULL), RX_OK);
+    assert_true(a->n >= 2 && a->n == b->n);
+    for (int i = 0; i < a->n; i++) {
+        assert_true(a->list[i].flux_auto > 0 && a->list[i].flux_auto == b->list[i].flux_auto);
+        assert_true(a->list[i].flux_aper[0] == b->list[i].flux_aper[0]);
+        assert_true(a->list[i].fwhm == b->list[i].fwhm && a->list[i].background == b->list[i].background);
+        assert_memory_equal(a->list[i].iso, b->list[i].iso, sizeof a->list[i].iso);
+    }
+    rx_sources_free(a);
+    rx_sources_free(b);
+    free(with_sky);
+    free(level);
+    field_free(&f);
+}
+
 static void hides_neighbours(void **state)
 {
     (void)state;
@@ -301,15 +341,12 @@ static void no_source_is_fine(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(measures_a_gaussian),
-                                       cmocka_unit_test(counts_photons_and_follows_the_law),
-                                       cmocka_unit_test(hides_neighbours),
-                                       cmocka_unit_test(mirrors_masked_pixels),
-                                       cmocka_unit_test(same_for_any_threads_and_masked_values),
-                                       cmocka_unit_test(flags_what_is_wrong),
-                                       cmocka_unit_test(takes_radii_from_the_detection_image),
-                                       cmocka_unit_test(combines_flag_maps),
-                                       cmocka_unit_test(subtracts_the_local_sky),
-                                       cmocka_unit_test(no_source_is_fine)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(measures_a_gaussian),   cmocka_unit_test(counts_photons_and_follows_the_law),
+        cmocka_unit_test(takes_the_sky_off),     cmocka_unit_test(hides_neighbours),
+        cmocka_unit_test(mirrors_masked_pixels), cmocka_unit_test(same_for_any_threads_and_masked_values),
+        cmocka_unit_test(flags_what_is_wrong),   cmocka_unit_test(takes_radii_from_the_detection_image),
+        cmocka_unit_test(combines_flag_maps),    cmocka_unit_test(subtracts_the_local_sky),
+        cmocka_unit_test(no_source_is_fine)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

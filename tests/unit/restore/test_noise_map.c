@@ -21,9 +21,14 @@ static float *map_of(void)
     const rx_tile tile = {.width = SIDE, .height = SIDE, .pixels = pixels, .mask = mask};
     const rx_background sky = {.width = SIDE, .height = SIDE, .level = level, .sigma = sigma};
     rx_error err = RX_ERROR_NONE;
-    float *map = NULL;
-    if (rx_noise_map(&tile, &sky, mask, 1, &map, &err) != RX_OK)
+    rx_map_maker *maker = NULL;
+    if (rx_noise_map(&tile, &sky, mask, 1, &maker, &err) != RX_OK)
         fail_msg("%s", err.text);
+    const rx_map made = rx_map_made(maker, SIDE);
+    float *map = calloc(SIDE * SIDE, sizeof *map);
+    assert_non_null(map);
+    rx_map_fill(&made, SIDE, 1, map);
+    free(maker);
     return map;
 }
 
@@ -79,12 +84,46 @@ static void test_mask(void **unused)
     free(map);
 }
 
+/* A piece is the same to the bit wherever it begins and ends, masked pixels in it or not. */
+static void test_pieces(void **unused)
+{
+    (void)unused;
+    enum { LONG = 700, HIGH = 130 };
+    static float data[LONG * HIGH], piece[60 * 40];
+    static uint8_t hidden[LONG * HIGH];
+    float usual = 3;
+    for (int k = 0; k < LONG * HIGH; k++) {
+        data[k] = (float)(k * 37 % 101);
+        hidden[k] = k % 211 == 0 || (k % LONG > 300 && k % LONG < 340 && k / LONG == 64);
+    }
+    const rx_tile tile = {.width = LONG, .height = HIGH, .pixels = data, .mask = hidden};
+    const rx_background sky = {.width = LONG, .height = HIGH, .levels.value = 20, .sigmas.value = usual};
+    rx_map_maker *maker = NULL;
+    assert_int_equal(rx_noise_map(&tile, &sky, hidden, 0.5f, &maker, NULL), RX_OK);
+    const rx_map map = rx_map_made(maker, LONG);
+    float *whole = calloc(LONG * HIGH, sizeof *whole);
+    assert_non_null(whole);
+    assert_ptr_equal(rx_map_rows(&map, 0, HIGH, whole), whole);
+    assert_true(whole[211 * 10] == 0.5f * usual); /* hidden */
+    for (int y = 0; y + 40 <= HIGH; y += 45)
+        for (int x = 0; x + 60 <= LONG; x += 127) {
+            maker->make(maker, x, y, 60, 40, piece);
+            for (int i = 0; i < 40; i++) {
+                assert_memory_equal(piece + 60 * i, whole + (y + i) * LONG + x, 60 * sizeof(float));
+                assert_true(rx_map_at(&map, x, y + i) == whole[(y + i) * LONG + x]);
+            }
+        }
+    free(whole);
+    free(maker);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_sky_and_plateau, make_sky),
         cmocka_unit_test_setup(test_point, make_sky),
         cmocka_unit_test_setup(test_mask, make_sky),
+        cmocka_unit_test(test_pieces),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "restore/richardson_lucy.h"
 #include "sky.h"
 
 static rx_restored *run(const char *kind, const sky *s, const rx_psf *psf)
@@ -66,7 +67,7 @@ static void none(void **state)
     assert_int_equal(r->mask[34], RX_MASK_WEIGHT);
     assert_float_equal(r->pixels[34], 0, 0);
     assert_float_equal(r->pixels[0], 0, 0);
-    assert_null(r->sigma);
+    assert_null(r->noise);
     assert_ptr_equal(r->sky, &s.background);
     assert_null(r->psf);
     assert_true(isnan(r->chi2));
@@ -490,22 +491,53 @@ static void any_unit(void **state)
     sky_free(&b);
 }
 
+/* A model that is made by strips, as that of a large tile is, against one that is kept: the same bytes. */
+static void strips(void **state)
+{
+    (void)state;
+    enum { WIDE = 100, HIGH = 6000, STEPS = 3 };
+    sky s;
+    sky_new(&s, WIDE, HIGH);
+    for (int i = 0; i < 60; i++)
+        sky_star(&s, 3 + i * 41 % 95, 4 + i * 99, 3, 2000);
+    sky_noise(&s, 1, 3);
+    for (int k = 0; k < 40; k++)
+        s.tile.mask[k * 14653] = RX_MASK_BAD;
+    rx_psf *psf = rx_stamp_gauss(3);
+    rx_prepared *prepared = NULL;
+    rx_blur *blur = NULL;
+    rx_rl *whole = NULL, *parts = NULL;
+    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
+    for (int threads = 1; threads <= 2; threads++) {
+        assert_int_equal(rx_blur_new(psf, WIDE, HIGH, threads, &blur, NULL), RX_OK);
+        assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &whole, NULL), RX_OK);
+        assert_int_equal(rx_rl_new(prepared, blur, 0, 0, &parts, NULL), RX_OK);
+        assert_true(parts->kept < HIGH && parts->strip < blur->sky_y.n);
+        for (int i = 0; i < STEPS; i++) {
+            assert_true(rx_rl_chi2(whole) == rx_rl_chi2(parts));
+            rx_rl_update(whole);
+            rx_rl_update(parts);
+            assert_memory_equal(whole->object, parts->object, rx_blur_sky_size(blur) * sizeof(float));
+        }
+        rx_rl_free(whole);
+        rx_rl_free(parts);
+        rx_blur_free(blur);
+    }
+    rx_prepared_free(prepared);
+    rx_psf_free(psf);
+    sky_free(&s);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(table),
-                                       cmocka_unit_test(none),
-                                       cmocka_unit_test(keeps_flux),
-                                       cmocka_unit_test(keeps_sky),
-                                       cmocka_unit_test(no_ringing),
-                                       cmocka_unit_test(mask_is_blind),
-                                       cmocka_unit_test(threads),
-                                       cmocka_unit_test(saturated_core),
-                                       cmocka_unit_test(varying_psf),
-                                       cmocka_unit_test(sharpens),
-                                       cmocka_unit_test(stops_at_discrepancy),
-                                       cmocka_unit_test(damping_calms),
-                                       cmocka_unit_test(hopeless_tiles),
-                                       cmocka_unit_test(never_runs_away),
-                                       cmocka_unit_test(any_unit)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(table),           cmocka_unit_test(none),
+        cmocka_unit_test(keeps_flux),      cmocka_unit_test(keeps_sky),
+        cmocka_unit_test(no_ringing),      cmocka_unit_test(mask_is_blind),
+        cmocka_unit_test(threads),         cmocka_unit_test(strips),
+        cmocka_unit_test(saturated_core),  cmocka_unit_test(varying_psf),
+        cmocka_unit_test(sharpens),        cmocka_unit_test(stops_at_discrepancy),
+        cmocka_unit_test(damping_calms),   cmocka_unit_test(hopeless_tiles),
+        cmocka_unit_test(never_runs_away), cmocka_unit_test(any_unit)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

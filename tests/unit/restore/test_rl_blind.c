@@ -145,7 +145,7 @@ static void chooses_stars(void **state)
     int n = 0, radius = 0;
     assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(prepared, blur, 0, &rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &rl, NULL), RX_OK);
     for (int i = 0; i < 10; i++) {
         rx_rl_model(rl);
         rx_rl_update(rl);

@@ -66,8 +66,7 @@ static void setup(bench *b, int nstars, float factor)
                                .pixstack_max = 1000000,
                                .subobjects = 1024,
                                .subobjects_max = 4096};
-    rx_detect_image image = {
-        .width = SIDE, .height = SIDE, .pixels = b->scaled, .sigma = b->sigma, .global_sigma = 5.0};
+    rx_detect_image image = {.width = SIDE, .height = SIDE, .pixels = b->scaled, .global_sigma = 5.0};
     assert_int_equal(rx_detect_run(&detect, &image, NULL, &b->sources, NULL), RX_OK);
     assert_int_equal(rx_measure_run(&b->par, &b->restored, NULL, b->sources, NULL), RX_OK);
 }

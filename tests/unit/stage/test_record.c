@@ -5,8 +5,11 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <stdio.h>
 #include <string.h>
 
+#include "base/printable.h"
+#include "io/fits_read.h"
 #include "stage/record.h"
 
 static const char *find(const rx_record *record, const char *name)
@@ -35,6 +38,51 @@ static void the_run_is_recorded_without_threads(void **state)
     rx_config_free(config);
 }
 
+/* Lines of HISTORY against what went in; user: the record, its entry that comes next. */
+typedef struct reading {
+    const rx_record *record;
+    int next;
+} reading;
+
+static rx_status compare_line(void *user, const char *line, rx_error *err)
+{
+    reading *r = user;
+    char **pair = r->record->pairs[r->next++];
+    (void)err;
+    const size_t n = strlen(pair[0]);
+    char value[2000];
+    assert_memory_equal(line, pair[0], n);
+    assert_memory_equal(line + n, " =", 2);
+    snprintf(value, sizeof value, "%s", line[n + 2] != '\0' ? line + n + 3 : "");
+    assert_int_equal(rx_printable_read(value), 1);
+    assert_string_equal(value, pair[1]);
+    return RX_OK;
+}
+
+/* Whatever stands in a value: headers give it back to the byte. */
+static void history_is_lossless(void **state)
+{
+    (void)state;
+    rx_record record = {0};
+    rx_text cards = {0};
+    char value[400];
+    for (int i = 0; i < 300; i++) { /* every length around the ends of cards, blanks and '&' at all places */
+        for (int k = 0; k < i; k++)
+            value[k] = " &,%\xc3'x \"y"[(k * 7 + i) % 11];
+        value[i] = '\0';
+        rx_record_add(&record, "CATALOG_NAME", "output", "%s", value);
+    }
+    rx_record_cards(&record, &cards);
+    assert_false(cards.failed);
+    for (size_t i = 0; i < cards.length; i++)
+        assert_true(cards.data[i] >= ' ' && cards.data[i] <= '~');
+    reading r = {.record = &record};
+    assert_int_equal(rx_cards_history(cards.data, (long)cards.length / 80, compare_line, &r, NULL), RX_OK);
+    assert_int_equal(r.next, record.n);
+    rx_text_free(&cards);
+    rx_record_free(&record);
+}
+
 static void cards_are_whole(void **state)
 {
     (void)state;
@@ -46,10 +94,11 @@ static void cards_are_whole(void **state)
                   "characters of text");
     rx_record_cards(&record, &cards);
     assert_int_equal(cards.length % 80, 0);
-    assert_true(cards.length / 80 >= 3);
+    assert_int_equal(cards.length / 80, 4);
     assert_memory_equal(cards.data, "RXPSF   = 'a Moffat'", 20);
     assert_memory_equal(cards.data + 80, "HISTORY CATALOG_NAME = a rather", 31);
     assert_memory_equal(cards.data + 160, "HISTORY ", 8);
+    assert_memory_equal(cards.data + 240, "HISTORY ", 8);
     rx_text_free(&cards);
     rx_record_free(&record);
 }
@@ -59,6 +108,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_run_is_recorded_without_threads),
         cmocka_unit_test(cards_are_whole),
+        cmocka_unit_test(history_is_lossless),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

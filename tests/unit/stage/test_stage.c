@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/hash.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "catalog/catalog.h"
@@ -146,6 +147,34 @@ static void assert_same_file(const char *a, const char *b)
     free(second);
 }
 
+/* What stands for the bytes of the input: its digest, the digests and checksums of what tells it. */
+static void blank_digests(char *bytes, size_t n)
+{
+    static const char checksum[] = "CHECKSUM= '";
+    for (size_t i = 0; i < n; i++) {
+        size_t run = 0;
+        while (i + run < n && strchr("0123456789abcdef", bytes[i + run]) != NULL && bytes[i + run] != '\0')
+            run++;
+        if (run == RX_HASH_TEXT - 1)
+            memset(bytes + i, '0', run);
+        i += run;
+        if (i + sizeof checksum + 16 < n && memcmp(bytes + i, checksum, sizeof checksum - 1) == 0)
+            memset(bytes + i + sizeof checksum - 1, '0', 16);
+    }
+}
+
+static void assert_same_but_digests(const char *a, const char *b)
+{
+    size_t na, nb;
+    char *first = content(a, &na), *second = content(b, &nb);
+    blank_digests(first, na);
+    blank_digests(second, nb);
+    if (na != nb || memcmp(first, second, na) != 0)
+        fail_msg("%s and %s differ", a, b);
+    free(first);
+    free(second);
+}
+
 static const char *const products[] = {
     "out_NONE.cat",    "out_RL.cat",      "restored_NONE.fits", "restored_RL.fits", "segment_NONE.fits",
     "segment_RL.fits", "support_RL.fits", "residual_RL.fits",   "qa/bins.ecsv",     "qa/summary.json",
@@ -179,7 +208,7 @@ static void keep(void)
     }
 }
 
-static void compare_with_kept(void)
+static void compare_with_kept(void (*compare)(const char *, const char *))
 {
     for (size_t i = 0; i < sizeof products / sizeof products[0]; i++) {
         char kept[256];
@@ -187,7 +216,7 @@ static void compare_with_kept(void)
         for (char *c = kept; *c != '\0'; c++)
             if (*c == '/')
                 *c = '+';
-        assert_same_file(products[i], kept);
+        compare(products[i], kept);
     }
 }
 
@@ -222,7 +251,7 @@ static void values_under_the_mask_reach_nothing(void **state)
         if (turn == 0)
             keep();
     }
-    compare_with_kept();
+    compare_with_kept(assert_same_but_digests);
 }
 
 static void threads_change_no_byte(void **state)
@@ -242,7 +271,7 @@ static void threads_change_no_byte(void **state)
     keep();
     settings[0].value = "3";
     expect_run("tile.fits", settings);
-    compare_with_kept();
+    compare_with_kept(assert_same_file);
 }
 
 static long rows_of(const char *path)

@@ -111,6 +111,10 @@ static void nonsense_is_refused(void **state)
     check_refused(state, "TILE a.fits a\nTILE b.fits b\n", "has no END");
     check_refused(state, "TILE a.fits a\nEND\n", "VERSION or STATUS is missing");
     check_refused(state, "TILE a.fits a\nRUN NONE 1 0\n", "a run is out of place");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN \"%4C<b>\" 1 0\n",
+                  "no name of a restorer");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN A_NAME_OF_16_BYTES 1 0\n",
+                  "no name of a restorer");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nBIN 1 1 1 1 1\n",
                   "a bin is out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 9\n", "out of place");

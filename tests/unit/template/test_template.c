@@ -15,6 +15,7 @@
 #include "base/random.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
+#include "template/canvas.h"
 
 /* Nothing that blurs comparisons with closed forms: no background, no sky, a perfect PSF. */
 static rx_tphot_params plain_params(void)
@@ -252,22 +253,44 @@ static void test_forced(void **state)
 }
 
 /* The brightest pixel of the residual, once. */
-static rx_status look(void *user, const rx_tphot_state *state, double (**dst)[2], int *n, rx_error *err)
+static rx_status look(void *user, rx_canvas *canvas, double (**dst)[2], int *n, rx_error *err)
 {
+    double most = -HUGE_VAL, sigma = 0;
     size_t best = 0;
-    const size_t width = (size_t)state->width;
-    (void)err;
     (*(int *)user)++;
-    for (size_t k = 0; k < width * (size_t)state->height; k++)
-        if (state->data[k] - state->model[k] > state->data[best] - state->model[best])
-            best = k;
-    assert_true(state->weight[best] > 0 &&
-                state->data[best] - state->model[best] > 10 / sqrt(state->weight[best]));
+    for (int y = 0; y < canvas->height; y++) {
+        assert_int_equal(rx_canvas_show_rows(canvas, y, y + 1, err), RX_OK);
+        for (int x = 0; x < canvas->width; x++) {
+            const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
+            if (!((double)canvas->data[k] - (double)canvas->model[k] > most))
+                continue;
+            most = (double)canvas->data[k] - (double)canvas->model[k];
+            sigma = 1 / sqrt((double)canvas->weight[k]);
+            best = (size_t)y * (size_t)canvas->width + (size_t)x;
+        }
+    }
+    assert_true(most > 10 * sigma);
     *dst = rx_alloc(1, sizeof **dst);
     assert_non_null(*dst);
-    (*dst)[0][0] = (double)(best % width);
-    (*dst)[0][1] = (double)(best / width);
+    (*dst)[0][0] = (double)(best % (size_t)canvas->width);
+    (*dst)[0][1] = (double)(best / (size_t)canvas->width);
     *n = 1;
+    return RX_OK;
+}
+
+/* Two places, whatever is there. */
+static rx_status look_twice(void *user, rx_canvas *canvas, double (**dst)[2], int *n, rx_error *err)
+{
+    (*(int *)user)++;
+    (void)canvas;
+    (void)err;
+    *dst = rx_alloc(2, sizeof **dst);
+    assert_non_null(*dst);
+    (*dst)[0][0] = 90;
+    (*dst)[0][1] = 250;
+    (*dst)[1][0] = 24;
+    (*dst)[1][1] = 92;
+    *n = 2;
     return RX_OK;
 }
 
@@ -300,6 +323,57 @@ static void test_second_pass(void **state)
     assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
     assert_true(near(t->list[0].flux, 1e5, 1e-3) && near(t->list[1].flux, 5e3, 1e-2));
     rx_tphot_free(t);
+    field_close(&f);
+}
+
+/* Stars in rows that touch, and disks, on a tile that is much higher than what is shown of it at a time: the
+ * same bytes, with groups that are cut and with the restored pixels' structure, too. */
+static void test_shown(void **state)
+{
+    (void)state;
+    field f;
+    rx_tphot *t[3] = {NULL, NULL, NULL};
+    int cut = 0;
+    field_open(&f, 110, 330, 4, 1, 45);
+    for (int i = 0; i < 45; i++)
+        if (i % 9 == 4)
+            field_disk(&f, 20 + 7.5 * (i % 9), 20 + 70 * (i / 9), 3e4, 4, 0.6, 0.4);
+        else
+            field_star(&f, 20 + 7.5 * (i % 9), 20 + 70 * (i / 9), 1e4 + 300 * i);
+    field_noise(&f, 4);
+    for (int i = 0; i < 45; i++)
+        list_star(&f, 20 + 7.5 * (i % 9), 20 + 70 * (i / 9));
+    for (int k = 0; k < 110 * 330; k += 97)
+        f.mask[k] = 1;
+    field_restore_none(&f);
+    rx_tphot_params par = rx_tphot_defaults();
+    par.group_limit = 6;
+    par.covariance = par.keep_model = 1;
+    par.sky_cell = 60;
+    rx_tphot_input input = field_input(&f);
+    input.gain = 2;
+    for (int i = 0; i < 3; i++) {
+        int calls = 0;
+        input.more = look_twice;
+        input.user = &calls;
+        par.shown = (size_t)110 * (size_t)(int[3]){330, 40, 100}[i]; /* all; data made anew; data kept */
+        par.nthreads = 1 + i;
+        assert_int_equal(rx_tphot_run(&par, &input, &t[i], NULL), RX_OK);
+    }
+    assert_true(t[0]->n == 47 && t[0]->npairs > 0);
+    for (int i = 0; i < t[0]->n; i++)
+        cut += (t[0]->list[i].flags & RX_TPHOT_GROUP_CUT) != 0;
+    assert_true(cut > 0);
+    for (int i = 1; i < 3; i++) {
+        assert_true(t[i]->n == t[0]->n && t[i]->npairs == t[0]->npairs);
+        assert_memory_equal(t[0]->list, t[i]->list, (size_t)t[0]->n * sizeof *t[0]->list);
+        assert_memory_equal(t[0]->pairs, t[i]->pairs, (size_t)t[0]->npairs * sizeof *t[0]->pairs);
+        assert_memory_equal(t[0]->model, t[i]->model, sizeof(float) * 110 * 330);
+        assert_memory_equal(t[0]->residual, t[i]->residual, sizeof(float) * 110 * 330);
+        assert_true(t[0]->chi2 == t[i]->chi2 && t[0]->visible == t[i]->visible && t[0]->sky == t[i]->sky);
+    }
+    for (int i = 0; i < 3; i++)
+        rx_tphot_free(t[i]);
     field_close(&f);
 }
 
@@ -497,6 +571,7 @@ int main(void)
                                        cmocka_unit_test(test_threads_and_masks),
                                        cmocka_unit_test(test_forced),
                                        cmocka_unit_test(test_second_pass),
+                                       cmocka_unit_test(test_shown),
                                        cmocka_unit_test(test_limit),
                                        cmocka_unit_test(test_bound),
                                        cmocka_unit_test(test_border_and_mask),

@@ -130,10 +130,14 @@ static void test_joint(void **state)
         f.mask[k] = k % 11 == 0;
     }
     const rx_tphot_input input = field_input(&f);
-    assert_int_equal(rx_canvas_fill(&input, 1, &canvas, NULL), RX_OK);
+    rx_canvas_open(&input, (size_t)W * H, 1, &canvas);
     rx_footprint t[3] = {boxed(2, 2, 10, 9, 1), boxed(8, 5, 12, 10, 2), boxed(0, 0, W, H, 3)};
-    const rx_layer layers[3] = {{&t[0], 3}, {&t[1], -2}, {&t[2], 1}};
-    assert_int_equal(rx_canvas_draw(&canvas, layers, 3, 1, NULL), RX_OK);
+    rx_layer *layers = RX_NEW(rx_layer, 3);
+    assert_non_null(layers);
+    for (int i = 0; i < 3; i++)
+        layers[i] = (rx_layer){t[i], (double[3]){3, -2, 1}[i]};
+    rx_canvas_set(&canvas, layers, 3);
+    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
     rx_joint_member m[3];
     for (int i = 0; i < 3; i++)
         m[i] = (rx_joint_member){.footprint = &t[i], .before = layers[i].flux};
@@ -230,6 +234,74 @@ static void test_blends(void **state)
         free(f[i].values);
 }
 
+/* Rows that come and go, against a canvas that shows all at once: pixels, sky, models and what was added to
+ * them later. */
+static void test_canvas(void **state)
+{
+    (void)state;
+    enum { W = 90, H = 200, ROWS = 30, N = 12 };
+    field f;
+    rx_canvas all, some;
+    rx_canvas *both[2] = {&all, &some};
+    rx_footprint t[N];
+    field_open(&f, W, H, 3, 1, 0);
+    for (int k = 0; k < W * H; k++) {
+        f.pixels[k] = (float)rx_random_normal(4, 1, (uint64_t)k);
+        f.sigma[k] = k % 19 == 0 ? 0 : (float)(0.5 + rx_random_uniform(4, 2, (uint64_t)k));
+        f.mask[k] = k % 13 == 0;
+    }
+    f.pixels[40] = NAN;
+    for (int i = 0; i < N; i++)
+        t[i] = boxed(5 * i, 15 * i, 20 + i, 18, (uint64_t)i);
+    rx_tphot_input input = field_input(&f);
+    input.gain = 3;
+    for (int i = 0; i < 2; i++) {
+        rx_layer *layers = RX_NEW(rx_layer, N - 2);
+        assert_non_null(layers);
+        for (int k = 0; k < N - 2; k++)
+            layers[k] = (rx_layer){t[k], 2 + k};
+        rx_canvas_open(&input, (size_t)(i == 0 ? H : ROWS) * W, 1 + i, both[i]);
+        both[i]->psf_error = 0.1;
+        assert_int_equal(rx_canvas_rows(both[i]), i == 0 ? H : ROWS);
+        rx_canvas_set(both[i], layers, N - 2);
+        assert_int_equal(rx_canvas_show_rows(both[i], 0, ROWS, NULL), RX_OK);
+        for (int turn = 0; turn < 2; turn++) {
+            rx_sheet sheet;
+            assert_int_equal(rx_sheet_open(W, H, 40, &sheet, NULL), RX_OK);
+            assert_true(sheet.nx == 2 && sheet.ny == 5);
+            for (int k = 0; k < 10; k++)
+                sheet.value[k] = rx_random_normal(5, (uint64_t)turn, (uint64_t)k);
+            assert_int_equal(rx_canvas_take_off(both[i], &sheet, NULL), RX_OK);
+            assert_int_equal(rx_canvas_add(both[i], &t[N - 2 + turn], -0.7, NULL), RX_OK);
+        }
+    }
+    assert_int_equal(rx_canvas_show_rows(&all, 0, H, NULL), RX_OK);
+    for (int from = H - ROWS; from >= 0; from -= 17) {
+        const rx_window windows[2] = {{0, from, 40, from + 20}, {35, from + 3, W, from + ROWS}};
+        assert_int_equal(rx_canvas_show(&some, windows, NULL, 2, NULL), RX_OK);
+        assert_true(some.room == (size_t)ROWS * W);
+        for (int y = from; y < from + ROWS; y++)
+            for (int x = 0; x < W; x++) {
+                const size_t k = rx_canvas_row(&some, y) + (size_t)x, m = rx_canvas_row(&all, y) + (size_t)x;
+                if ((x >= 40 || y >= from + 20) && (x < 35 || y < from + 3))
+                    continue;
+                assert_true(some.data[k] == all.data[m] && some.model[k] == all.model[m] &&
+                            some.weight[k] == all.weight[m] && some.sigma[k] == all.sigma[m]);
+            }
+    }
+    assert_true(all.weight[0] == 0 && all.weight[40] == 0 && all.weight[19] == 0);
+    assert_true(rx_canvas_variance(&some, 40, 0) == 0 && rx_canvas_variance(&some, 13, 0) == 0);
+    assert_true(rx_canvas_variance(&some, 1, 0) == f.sigma[1] * f.sigma[1]);
+    assert_int_equal(rx_canvas_show_rows(&some, 10, 10 + 3 * ROWS, NULL), RX_OK); /* more than usual */
+    assert_memory_equal(some.model + rx_canvas_row(&some, 10), all.model + 10 * W,
+                        sizeof(float) * 3 * ROWS * W);
+    for (int i = 0; i < 2; i++)
+        rx_canvas_clear(both[i]);
+    for (int i = 0; i < N; i++)
+        free(t[i].values);
+    field_close(&f);
+}
+
 /* A tilted sky comes off, sources in segments and masked pixels have no say. */
 static void test_undersky(void **state)
 {
@@ -249,8 +321,9 @@ static void test_undersky(void **state)
         f.pixels[k] = f.mask[k] ? NAN : f.pixels[k];
     }
     const rx_tphot_input input = field_input(&f);
-    assert_int_equal(rx_canvas_fill(&input, 1, &canvas, NULL), RX_OK);
-    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, 2, &mean, NULL), RX_OK);
+    rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
+    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, &mean, NULL), RX_OK);
+    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
     assert_true(fabs(mean - 0.3) < 0.02);
     double sum[2] = {0}, n[2] = {0};
     for (int k = 0; k < W * H; k++)
@@ -265,10 +338,16 @@ static void test_undersky(void **state)
 
 enum { LW = 90, LH = 150, LSIDE = 5 };
 
+/* What test_leftover() filters: data, model and weight as the canvas should show them. */
+typedef struct scene {
+    float data[LW * LH], model[LW * LH], weight[LW * LH], sigma[LW * LH], pixels[LW * LH];
+    float level[LW * LH], sky[LW * LH];
+    uint8_t mask[LW * LH];
+} scene;
+
 /* L of one pixel by its definition. */
-static double largest_light(const rx_leftover *of, int x, int y)
+static double largest_light(const rx_leftover *of, const scene *s, int x, int y)
 {
-    const rx_tphot_state *s = of->state;
     double most = 0;
     for (int k = 0; k < LW * LH; k++)
         if (abs(k % LW - x) <= of->reach && abs(k / LW - y) <= of->reach && s->weight[k] > 0)
@@ -277,9 +356,8 @@ static double largest_light(const rx_leftover *of, int x, int y)
 }
 
 /* Filtered residual and noise of one pixel, by their definitions. */
-static void filter_plainly(const rx_leftover *of, int x, int y, double *value, double *noise)
+static void filter_plainly(const rx_leftover *of, const scene *s, int x, int y, double *value, double *noise)
 {
-    const rx_tphot_state *s = of->state;
     double square = 0, norm = 0;
     *value = 0;
     for (int j = 0; j < LSIDE; j++)
@@ -293,57 +371,96 @@ static void filter_plainly(const rx_leftover *of, int x, int y, double *value, d
             if (!inside)
                 continue;
             *value += f * (s->data[k] - s->model[k]);
-            square += fabs(f) * (1 / s->weight[k] + pow(of->model_error * largest_light(of, u, v), 2));
+            square += fabs(f) * (1 / s->weight[k] + pow(of->model_error * largest_light(of, s, u, v), 2));
         }
     *noise = sqrt(square / norm);
 }
 
-/* Strips, borders and hidden pixels against the definition; the same bytes for any number of threads. */
+static void set_scene(scene *s)
+{
+    for (int k = 0; k < LW * LH; k++) {
+        s->model[k] = (float)fmax(0, rx_random_uniform(1, 0, (uint64_t)k) * 8 - 6);
+        s->level[k] = 3;
+        s->sky[k] = 3.5f;
+        s->pixels[k] = s->model[k] + (float)rx_random_uniform(1, 1, (uint64_t)k) + s->sky[k];
+        s->data[k] = s->pixels[k] - s->sky[k];
+        s->sigma[k] = (float)(0.8 + 0.5 * rx_random_uniform(1, 2, (uint64_t)k));
+        s->mask[k] = k / LW > 100 && k % 37 == 0;
+        s->weight[k] = s->mask[k] ? 0 : 1 / (s->sigma[k] * s->sigma[k]);
+    }
+}
+
+/* The scene on a canvas with room for so many rows. */
+static void show_scene(const rx_tphot_input *input, scene *s, int rows, int nthreads, rx_canvas *canvas)
+{
+    rx_layer *layer = RX_NEW(rx_layer, 1);
+    assert_non_null(layer);
+    *layer = (rx_layer){{.width = LW, .height = LH, .values = s->model, .inside = 1}, 1};
+    rx_canvas_open(input, (size_t)rows * LW, nthreads, canvas);
+    rx_canvas_set(canvas, layer, 1);
+}
+
+/* Strips, borders and hidden pixels against the definition; the same bytes for any number of threads and of
+ * rows in memory, and for the rows below a strip alone. */
 static void test_leftover(void **state)
 {
     (void)state;
-    static float data[LW * LH], model[LW * LH], weight[LW * LH], pixels[LW * LH], level[LW * LH];
+    static scene s;
     static float filtered[2][LW * LH], noise[2][LW * LH];
     static uint8_t mask[LW * LH];
+    static rx_leftover_spot spots[2][LW * LH];
     float filter[LSIDE * LSIDE];
-    for (int k = 0; k < LW * LH; k++) {
-        model[k] = (float)fmax(0, rx_random_uniform(1, 0, (uint64_t)k) * 8 - 6);
-        data[k] = model[k] + (float)rx_random_uniform(1, 1, (uint64_t)k);
-        level[k] = 3;
-        pixels[k] = data[k] + 3.5f;
-        weight[k] = k / LW > 100 && k % 37 == 0 ? 0 : (float)(0.5 + rx_random_uniform(1, 2, (uint64_t)k));
-    }
+    rx_canvas canvas[2];
+    set_scene(&s);
     for (int i = 0; i < LSIDE * LSIDE; i++)
         filter[i] = (i % 3 == 0 ? -1.0f : 1.0f) / (LSIDE * LSIDE);
-    const rx_tphot_state fitted = {LW, LH, data, model, weight};
-    rx_leftover of = {.state = &fitted,
-                      .pixels = pixels,
-                      .level = rx_map_plane(level, LW),
+    const rx_tphot_input input = {.width = LW,
+                                  .height = LH,
+                                  .pixels = s.pixels,
+                                  .level = rx_map_plane(s.sky, LW),
+                                  .sigma = rx_map_plane(s.sigma, LW),
+                                  .mask = s.mask,
+                                  .mask_bits = 1};
+    rx_leftover of = {.pixels = s.pixels,
+                      .level = rx_map_plane(s.level, LW),
                       .reach = 2,
                       .model_error = 0.3,
                       .filter = filter,
-                      .side = LSIDE,
-                      .nthreads = 1};
-    assert_int_equal(rx_leftover_filter(&of, filtered[0], noise[0], mask, NULL), RX_OK);
-    of.nthreads = 3;
-    assert_int_equal(rx_leftover_filter(&of, filtered[1], noise[1], mask, NULL), RX_OK);
+                      .side = LSIDE};
+    for (int i = 0; i < 2; i++) {
+        show_scene(&input, &s, i == 0 ? LH : 20, i == 0 ? 1 : 3, &canvas[i]);
+        of.canvas = &canvas[i];
+        of.nthreads = canvas[i].nthreads;
+        assert_int_equal(rx_leftover_filter(&of, 0, LH, filtered[i], noise[i], mask, NULL), RX_OK);
+        for (int k = 0; k < LW * LH; k++)
+            spots[i][k] = (rx_leftover_spot){.x = k % LW, .y = k / LW};
+        assert_int_equal(rx_leftover_look(&of, spots[i], LW * LH, NULL), RX_OK);
+    }
     assert_memory_equal(filtered[0], filtered[1], sizeof filtered[0]);
     assert_memory_equal(noise[0], noise[1], sizeof noise[0]);
     for (int k = 0; k < LW * LH; k += 3) {
         double value, error;
-        assert_int_equal(mask[k], !(weight[k] > 0));
+        assert_int_equal(mask[k], !(s.weight[k] > 0));
         if (mask[k])
             continue;
-        filter_plainly(&of, k % LW, k / LW, &value, &error);
+        filter_plainly(&of, &s, k % LW, k / LW, &value, &error);
         assert_true(fabs(filtered[0][k] - value) < 1e-5 && fabs(noise[0][k] / error - 1) < 1e-5);
-        assert_true(fabs(rx_leftover_light(&of, k % LW, k / LW) - largest_light(&of, k % LW, k / LW)) < 1e-5);
+        const double light = largest_light(&of, &s, k % LW, k / LW);
+        assert_true(fabs(spots[0][k].light - light) < 1e-5 && spots[1][k].light == spots[0][k].light);
+        assert_true(fabs(spots[0][k].sigma - hypot(s.sigma[k], of.model_error * light)) < 1e-5 &&
+                    spots[1][k].sigma == spots[0][k].sigma);
     }
+    assert_int_equal(rx_leftover_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
+    assert_memory_equal(filtered[0] + 64 * LW, filtered[1], (size_t)(LH - 64) * LW * sizeof(float));
+    for (int i = 0; i < 2; i++)
+        rx_canvas_clear(&canvas[i]);
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spergel),  cmocka_unit_test(test_kernel),
-                                       cmocka_unit_test(test_joint),    cmocka_unit_test(test_blends),
-                                       cmocka_unit_test(test_undersky), cmocka_unit_test(test_leftover)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spergel), cmocka_unit_test(test_kernel),
+                                       cmocka_unit_test(test_joint),   cmocka_unit_test(test_blends),
+                                       cmocka_unit_test(test_canvas),  cmocka_unit_test(test_undersky),
+                                       cmocka_unit_test(test_leftover)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

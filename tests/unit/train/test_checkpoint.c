@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -236,6 +237,23 @@ static void damage_is_seen(void **state)
     free(bytes);
 }
 
+/* A history that claims more epochs than the file holds is refused before there is memory for them. */
+static void a_claim_takes_no_memory(void **state)
+{
+    size_t size;
+    rx_error err;
+    struct rusage before, after;
+    const long claim = 1L << 24;
+    unsigned char *bytes = whole(state, &size);
+    const size_t history = EPOCHS * (sizeof(rx_epoch) + NBINS * sizeof(rx_epoch_bin));
+    memcpy(bytes + size - sizeof(uint64_t) - history - sizeof claim, &claim, sizeof claim);
+    getrusage(RUSAGE_SELF, &before);
+    assert_int_equal(read_bytes(state, bytes, size, SETTINGS, &err), RX_INPUT);
+    getrusage(RUSAGE_SELF, &after);
+    assert_true(after.ru_maxrss - before.ru_maxrss < 100 * 1024); /* KiB */
+    free(bytes);
+}
+
 static void other_settings_are_named(void **state)
 {
     size_t size;
@@ -285,9 +303,13 @@ static void tables_have_a_row_for_everything(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(states_come_back),       cmocka_unit_test(no_file_is_no_error),
-        cmocka_unit_test(damage_is_seen),         cmocka_unit_test(other_settings_are_named),
-        cmocka_unit_test(copies_are_independent), cmocka_unit_test(tables_have_a_row_for_everything),
+        cmocka_unit_test(states_come_back),
+        cmocka_unit_test(no_file_is_no_error),
+        cmocka_unit_test(damage_is_seen),
+        cmocka_unit_test(a_claim_takes_no_memory),
+        cmocka_unit_test(other_settings_are_named),
+        cmocka_unit_test(copies_are_independent),
+        cmocka_unit_test(tables_have_a_row_for_everything),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

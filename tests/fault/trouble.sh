@@ -1,0 +1,94 @@
+#!/bin/sh
+# Calls of the system that fail, and kills, at every moment: trouble.c strikes one call after another of whole runs.
+# RX_TROUBLE_STEP: the distance of the calls that are struck (1: every one, minutes). RX_TROUBLE_ONLY: a regular
+# expression of the cases.
+set -u
+LC_ALL=C
+export LC_ALL
+top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
+build=$(cd "${RX_BUILD_DIR:-$top}" && pwd)
+make_fits=$build/tests/cli/make_fits
+trouble=$build/tests/fault/trouble
+for needed in "$build/rextract" "$build/rextract-simulate" "$build/rextract-survey" "$trouble" "$make_fits"; do
+    [ -x "$needed" ] || {
+        echo "trouble.sh: $needed is missing; build first (make check)"
+        exit 2
+    }
+done
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-trouble-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+trap 'exit 2' INT TERM HUP
+cd "$scratch" || exit 2
+ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
+export ASAN_OPTIONS
+passed=0 failed=0 skipped=0 strikes=0
+
+"$make_fits" small tile.fits && "$make_fits" table ref.fits || exit 2
+printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
+printf 'NUMBER\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\n' >template.param
+printf '../tile.fits\n' >tiles.list
+"$build/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
+    -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
+
+# struck NAME STEP PROGRAM ARGUMENT...: with every STEP-th call, or $RX_TROUBLE_STEP, of each kind of trouble. The older
+# outputs come from another threshold or seed, as the variable older says.
+struck() {
+    name=$1 step=${RX_TROUBLE_STEP:-$2} program=$build/$3
+    shift 3
+    printf '%s\n' "$name" | grep -Eq -- "${RX_TROUBLE_ONLY:-.}" || return 0
+    rm -rf old new
+    mkdir old new
+    # shellcheck disable=SC2086 # a list of arguments
+    (cd old && "$program" "$@" $older) >log 2>&1 && (cd new && "$program" "$@") >>log 2>&1 || {
+        echo "FAILED: $name: an undisturbed run"
+        cat log
+        failed=$((failed + 1))
+        return 0
+    }
+    for kind in ENOSPC FULL EIO EINTR SHORT KILL; do
+        strikes=$((strikes + 3))
+        first=$((1 + strikes % (step < 8 ? step : 8)))
+        "$trouble" $kind $first "$step" "$program" "$@" >said 2>&1
+        code=$?
+        if [ $code -eq 77 ]; then
+            skipped=$((skipped + 1))
+            echo "skipped: $name, $kind: the kernel hands no calls over (seccomp)"
+        elif [ $code -eq 0 ]; then
+            passed=$((passed + 1))
+        else
+            failed=$((failed + 1))
+            echo "FAILED: $name, $kind, first $first, step $step"
+        fi
+        [ -z "${RX_TROUBLE_STEP-}" ] && [ $code -eq 0 ] || sed 's/^/    | /' said
+    done
+}
+
+older='-DETECT_THRESH 5'
+quiet='-VERBOSE_TYPE QUIET -NTHREADS 1'
+# shellcheck disable=SC2086 # lists of arguments
+{
+    struck 'FITS_LDAC, check-images, report, record' 29 rextract ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_LDAC \
+        -CHECKIMAGE_TYPE RESTORED,SEGMENTATION -CHECKIMAGE_NAME r.fits,s.fits -REFERENCE_NAME ../ref.fits -QA_NAME qa \
+        -QA_FIGURES N -QA_GATES ../my.qa -RECORD_NAME record.txt $quiet
+    struck 'VOTable, templates and their covariances' 41 rextract ../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT \
+        -PSF_FWHM 2.5 -CATALOG_TYPE ASCII_VOTABLE -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.xml $quiet
+    struck 'ASCII_HEAD, two restorers' 37 rextract ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 -PSF_TYPE MOFFAT \
+        -PSF_FWHM 3 -CATALOG_TYPE ASCII_HEAD $quiet
+    struck 'a list of tiles' 37 rextract @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME %.cat $quiet
+    if command -v gnuplot >/dev/null; then
+        struck 'report with figures' 97 rextract ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -REFERENCE_NAME \
+            ../ref.fits -QA_NAME qa $quiet
+    else
+        skipped=$((skipped + 1))
+        echo 'skipped: report with figures: no gnuplot'
+    fi
+    older='-MAG_RANGE 10,20'
+    struck 'the roll-up of a survey' 23 rextract-survey ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N \
+        -VERBOSE_TYPE QUIET
+    older='-SEED 7'
+    struck 'a simulated field' 37 rextract-simulate -IMAGE_SIZE 48 -STAR_COUNT 3000 -GALAXY_COUNT 0 -PSF_FWHM 3 -IMAGE_NAME \
+        i.fits -SHARP_NAME s.fits -FLAG_NAME f.fits -TRUTH_NAME t.fits $quiet
+}
+
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]

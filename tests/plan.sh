@@ -1,0 +1,94 @@
+#!/bin/sh
+# rextract -PLAN Y: what it prints, that it does nothing else, and that runs stay below it; what surveys cost.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+program=$(realpath "${RX_PROGRAM:-$top/rextract}")
+folder=$(dirname "$program")
+python=/usr/bin/python3
+for need in rextract rextract-simulate; do
+    [ -x "$folder/$need" ] || {
+        echo "plan.sh: $folder/$need is missing; build first (make check)"
+        exit 2
+    }
+done
+if [ ! -x $python ]; then
+    echo "skipped: $python is missing"
+    echo '0 passed, 0 failed, 1 skipped'
+    exit 0
+fi
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-plan-XXXXXX") || exit 2
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 2
+passed=0 failed=0
+
+# result TITLE STATUS LOG
+result() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' "$3"
+    fi
+}
+
+# says EXPRESSION: true of the JSON in `out`, whose tiles are `t` and whose sums are `a`
+says() {
+    $python -c "import json, sys; d = json.load(open('out')); t = d['tiles']; a = d['all']; sys.exit(not ($1))" 2>>err
+}
+
+plan() { "$program" -PLAN Y "$@" >out 2>err; }
+
+for name in a b; do
+    "$folder/rextract-simulate" -IMAGE_SIZE 96,64 -SEED 3 -IMAGE_NAME $name.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET || exit 2
+done
+mkdir work && mv a.fits b.fits work && cd work || exit 2
+find . -type f -exec cksum {} + >../before
+plan a.fits -RESTORE_TYPE NONE,RL -CATALOG_NAME a.cat -CHECKIMAGE_TYPE RESTORED -CHECKIMAGE_NAME r.fits -RECORD_NAME a.record
+code=$?
+[ $code = 0 ] && says 'len(t) == 1 and t[0]["pixels"] == 96 * 64 and t[0]["images"] == 1 and t[0]["memory_bytes"] > 1e7
+    and t[0]["cpu_seconds"] > 0 and [o["name"] for o in t[0]["outputs"]] == ["a_NONE.cat", "r_NONE.fits", "a_RL.cat",
+    "r_RL.fits", "a.record"] and a["output_bytes"] == sum(o["bytes"] for o in t[0]["outputs"])'
+result 'a tile' $? err
+rm -f out err
+find . -type f -exec cksum {} + | diff ../before - >../log
+result 'no file is written' $? ../log
+
+plan a.fits -PLAN_DENSITY 100 -NTHREADS 1 && cp out less && plan a.fits -PLAN_DENSITY 20000 -NTHREADS 8 && says 't[0]["threads"] == 8
+    and t[0]["memory_bytes"] > json.load(open("less"))["all"]["memory_bytes"] and a["cpu_seconds"] > json.load(open("less"))["all"]["cpu_seconds"]'
+result 'more sources and threads take more' $? err
+
+printf 'a.fits\nb.fits -RESTORE_TYPE RL_BLIND\n' >tiles.list
+plan @tiles.list -RESTORE_TYPE NONE -CATALOG_NAME '{tile}.cat' && says 'len(t) == 2 and a["failed"] == 0
+    and a["memory_bytes"] == t[1]["memory_bytes"] > t[0]["memory_bytes"]
+    and abs(a["cpu_seconds"] - t[0]["cpu_seconds"] - t[1]["cpu_seconds"]) < 1e-6
+    and a["output_bytes"] == t[0]["output_bytes"] + t[1]["output_bytes"] and t[1]["outputs"][0]["name"] == "b.cat"'
+result 'a list' $? err
+
+echo missing.fits >>tiles.list
+plan @tiles.list -RESTORE_TYPE NONE -CATALOG_NAME '{tile}.cat'
+[ $? = 8 ] && grep -q '1 of 3 tiles cannot be planned' err && says 'a["failed"] == 1 and a["tiles"] == 3 and "cannot be opened" in t[2]["error"]
+    and "memory_bytes" not in t[2]'
+result 'a tile of a list that is not there' $? err
+plan missing.fits
+[ $? = 3 ] && [ ! -s out ] && grep -q 'missing.fits: cannot be opened' err
+result 'a tile that is not there' $? err
+head -c 20000 a.fits >cut.fits
+plan cut.fits
+[ $? = 3 ] && [ ! -s out ]
+result 'a tile that is cut off' $? err
+plan a.fits -DETECT_TRESH 3
+[ $? = 2 ] && [ ! -s out ]
+result 'a keyword that is wrong' $? err
+
+# under the address sanitizer memory is another matter, and time, too
+sky=
+grep -q __asan_init "$program" && sky=o128
+RX_BUILD_DIR=$folder $python "$top/validation/bench/plan.py" small $sky >log 2>&1 && ! grep -q '^0 runs' log
+result 'runs stay below their plans' $? log
+
+$python "$top/validation/cost/cost.py" >cost.md 2>err && diff "$top/validation/results/cost/cost.md" cost.md >>err
+result 'what surveys cost is that of the committed benchmark' $? err
+
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" = 0 ]

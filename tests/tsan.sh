@@ -1,0 +1,89 @@
+#!/bin/sh
+# The unit tests, and tiles through the program, under the thread sanitizer. Not part of `make check`, for it takes a build of
+# its own and half an hour: `make check-tsan`, or
+#
+#   tests/tsan.sh [TEST...]    in an empty folder, where it builds; unit tests as base/test_text; par/, a folder; tiles
+#
+# gcc's OpenMP library hides its barriers from the sanitizer, which then sees races that are none. So clang builds,
+# with LLVM's library, whose tool Archer tells the sanitizer of them (Debian: clang, libomp-dev). That both work is tried
+# first, with a race and without one. What is found is in report.* of the folder.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+clang=${CLANG:-clang}
+command -v "$clang" >/dev/null || { echo 'tsan.sh: install clang and libomp-dev'; exit 77; }
+here=$PWD
+passed=0 failed=0
+export TSAN_OPTIONS="ignore_noninstrumented_modules=1 exitcode=66 log_path=$here/report" OMP_WAIT_POLICY=passive
+export srcdir="$top" RX_BUILD_DIR="$here" RX_SHARED_DATA="${RX_SHARED_DATA-}"
+
+# A sum with and without a race, between two loops that a barrier parts.
+cat >try.c <<'try'
+#include <stdio.h>
+int main(void)
+{
+    static int a[1000];
+    int sum = 0;
+#pragma omp parallel num_threads(2)
+    {
+#pragma omp for
+        for (int i = 0; i < 1000; i++)
+            a[i] = i;
+#ifdef RACE
+#pragma omp for
+#else
+#pragma omp for reduction(+ : sum)
+#endif
+        for (int i = 0; i < 1000; i++)
+            sum += a[999 - i];
+    }
+    return printf("%d\n", sum) < 0;
+}
+try
+"$clang" -g -O1 -fopenmp -fsanitize=thread -o try try.c && "$clang" -g -O1 -fopenmp -fsanitize=thread -DRACE -o race try.c ||
+    { echo 'tsan.sh: install libomp-dev'; exit 77; }
+./try >/dev/null || { echo 'tsan.sh: Archer is not there: races are seen that are none'; exit 2; }
+./race >/dev/null && { echo 'tsan.sh: a race is not seen'; exit 2; }
+rm -f report.*
+
+[ -f Makefile ] || "$top/configure" CC="$clang" CFLAGS='-O1 -g -fsanitize=thread' LDFLAGS=-fsanitize=thread --disable-shared \
+    --without-mpi >configure.log 2>&1 || { tail configure.log; exit 2; }
+make check TESTS= >make.log 2>&1 || { tail make.log; exit 2; }
+
+# check TITLE COMMAND...
+check() {
+    title=$1
+    shift
+    if "$@" >out 2>&1 && [ -z "$(find . -maxdepth 1 -name 'report.*')" ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $title"
+        grep -h 'SUMMARY' report.* | sort | uniq -c
+        mkdir -p found
+        mv report.* found/
+    fi
+}
+
+tiles() {
+    set -- ./rextract -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" -FILTER_NAME "$top/config/default.conv" \
+        -CATALOG_TYPE FITS_LDAC -CATALOG_NAME out.cat -PSF_TYPE MOFFAT -PSF_FWHM 3 -NTHREADS 4 -RL_NITER 5 \
+        "$top/tests/data/sim.fits.fz"
+    check 'Richardson-Lucy' "$@" -RESTORE_TYPE NONE,RL -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -REFERENCE_NAME \
+        "$top/tests/data/sim_truth.fits" -QA_NAME qa
+    check 'blind Richardson-Lucy' "$@" -RESTORE_TYPE RL_BLIND
+    check 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"
+    check 'the network, INFORMED' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet.fits"
+    check 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
+    check 'self check' "$@" -RESTORE_TYPE NONE -SELF_CHECK Y -SELF_CHECK_NAME check
+}
+
+[ $# -gt 0 ] || set -- / tiles
+for wanted; do
+    [ "$wanted" != tiles ] || { tiles; continue; }
+    find tests/unit -type f -name 'test_*' -perm -100 | sort | grep -- "/${wanted#/}" >list
+    while read -r test <&3; do
+        check "$test" "./$test"
+    done 3<list
+done
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" -eq 0 ]
