@@ -10,11 +10,8 @@ OWN_REASONS = (0, 2, 3, 5, 6)  # exit codes that another try would not change: f
 params = snakemake.params
 for folder in ("catalogs", "records", "reports", "logs"):
     os.makedirs(folder, exist_ok=True)
-image, *own = listed.words(params.one.line)
-command = [params.program, image, "-c", params.settings, "-CATALOG_NAME", "catalogs/{tile}.cat", "-QA_NAME",
-           "reports/{tile}", "-NTHREADS", str(snakemake.threads), *params.options, *own, "-RECORD_NAME",
-           "records/{tile}.record"]
+command = [params.program, *listed.arguments(params.one, params.settings, params.options, snakemake.threads)]
 with open(os.path.join("logs", params.one.id + ".log"), "w", encoding="utf-8") as log:
     code = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=log, check=False).returncode
 if code not in OWN_REASONS and snakemake.resources.attempt <= params.retries:
-    sys.exit(f"{image}: rextract ended with {code}; see logs/{params.one.id}.log")
+    sys.exit(f"{command[1]}: rextract ended with {code}; see logs/{params.one.id}.log")

@@ -1,6 +1,10 @@
 """The list of tiles, read as rextract reads it (config/tiles.h)."""
+import functools
+import json
+import math
 import os
 import re
+import subprocess
 import urllib.parse
 
 
@@ -65,3 +69,29 @@ def read(path):
     if not tiles:
         raise SystemExit(f"{path}: lists no tile; give an image per line")
     return tiles
+
+
+def arguments(tile, settings, options, threads):
+    """What rextract is called with for a tile."""
+    image, *own = words(tile.line)
+    return [image, "-c", settings, "-CATALOG_NAME", "catalogs/{tile}.cat", "-QA_NAME", "reports/{tile}", "-NTHREADS",
+            str(threads), *options, *own, "-RECORD_NAME", "records/{tile}.record"]
+
+
+WORKFLOW_MB = 300  # of the workflow's own process in a job, beside rextract
+PATIENCE = 5  # times the CPU seconds that rextract reckons with, for slower machines
+LEAST_MINUTES = 10
+
+
+@functools.lru_cache(maxsize=None)
+def plan(tile, program, settings, options, threads, density, otherwise):
+    """(MB, minutes) that a tile takes by rextract -PLAN Y; of one that cannot be planned `otherwise` and an hour."""
+    command = [program, "-PLAN", "Y", *arguments(tile, settings, options, threads), "-PLAN_DENSITY", str(density)]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                              check=True)
+        found = json.loads(done.stdout)["all"]
+    except (OSError, subprocess.CalledProcessError, ValueError, KeyError):
+        return otherwise, 60
+    return (math.ceil(found["memory_bytes"] / 1e6) + WORKFLOW_MB,
+            max(LEAST_MINUTES, math.ceil(PATIENCE * found["cpu_seconds"] / threads / 60)))
