@@ -1,6 +1,7 @@
 /* Records in, report out. */
 #include "survey/rollup_run.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -59,10 +60,13 @@ static void tell(const rx_rollup *r, rx_log *log)
     for (int i = 0; i < r->nruns; i++) {
         const rx_rollup_run *run = &r->run[i];
         const rx_rollup_cell *cell = &run->whole;
+        char bias[40] = ", no bias within 50 mag";
+        if (isfinite(cell->bias))
+            snprintf(bias, sizeof bias, ", bias %+.4f mag", cell->bias);
         if (cell->recall.n > 0)
-            rx_log_info(log, "%-8s %ld sources on %ld images; recall %.3f, precision %.3f, bias %+.4f mag",
-                        run->name, run->sources, run->tiles, cell->recall.value, cell->precision.value,
-                        cell->bias);
+            rx_log_info(log, "%-8s %ld sources on %ld images; recall %.3f, precision %.3f%s", run->name,
+                        run->sources, run->tiles, cell->recall.value, cell->precision.value,
+                        cell->pairs > 0 ? bias : ", nothing matched");
         else
             rx_log_info(log, "%-8s %ld sources on %ld images, without a reference catalogue", run->name,
                         run->sources, run->tiles);

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-static const double STEP = 0.005, HALF = 0.5; /* mag, of the histogram */
+static const double END = 50; /* mag, of the histogram on each side */
 
 static rx_tally_bin *bin_of(rx_tally *tally, double magnitude)
 {
@@ -15,10 +15,24 @@ static rx_tally_bin *bin_of(rx_tally *tally, double magnitude)
     return &tally->bin[k];
 }
 
-static int step_of(double dmag)
+/* How many steps of the histogram an error of so many mag is away from 0. */
+static double steps_of(double dmag)
 {
-    const double k = floor((dmag + HALF) / STEP);
-    return k < 0 ? 0 : k >= RX_TALLY_STEPS - 2 ? RX_TALLY_STEPS - 1 : (int)k + 1;
+    static const struct {
+        double from, step;
+    } zones[] = {{0, 0.005}, {0.5, 0.05}, {3, 0.5}, {50, 1}};
+    const double size = fmin(fabs(dmag), END);
+    double n = 0;
+    for (int z = 0; z < 3 && size > zones[z].from; z++)
+        n += (fmin(size, zones[z + 1].from) - zones[z].from) / zones[z].step;
+    return copysign(n, dmag);
+}
+
+static int bin_of_error(double dmag)
+{
+    if (dmag < -END)
+        return 0;
+    return dmag >= END ? RX_TALLY_STEPS - 1 : 1 + RX_TALLY_SIDE + (int)floor(steps_of(dmag));
 }
 
 static rx_status make_room(rx_tally_bin *bin, rx_error *err)
@@ -49,7 +63,7 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *e
         bin = bin_of(dst, e->truth_mag[e->origin[j]]);
         status = make_room(bin, err);
         if (status == RX_OK)
-            bin->dmag[step_of(e->dmag[j])]++;
+            bin->dmag[bin_of_error(e->dmag[j])]++;
     }
     return status;
 }
@@ -87,9 +101,10 @@ void rx_tally_free(rx_tally *tally)
 /* Count of pairs with an error below `at`, the pairs of a step spread evenly over it. */
 static double below(const uint32_t *steps, double at)
 {
-    double n = 0, u = (at + HALF) / STEP;
-    if (u <= 0)
+    double n = 0;
+    if (at <= -END)
         return 0;
+    const double u = steps_of(at) + RX_TALLY_SIDE;
     for (int k = 0; k < RX_TALLY_STEPS - 1; k++) {
         const double share = k == 0 ? 1 : fmax(0, fmin(1, u - (k - 1)));
         n += share * (double)steps[k];
@@ -101,7 +116,7 @@ static double below(const uint32_t *steps, double at)
  * within. */
 static double middle(const uint32_t *steps, double centre, int folded, double wanted)
 {
-    double low = folded ? 0 : -HALF, high = folded ? 2 * HALF : HALF;
+    double low = folded ? 0 : -END, high = folded ? 2 * END : END;
     for (int i = 0; i < 60; i++) {
         const double x = 0.5 * (low + high);
         const double n = folded ? below(steps, centre + x) - below(steps, centre - x) : below(steps, x);
@@ -126,6 +141,6 @@ void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *s
         return;
     *median = middle(bin->dmag, 0, 0, half);
     const double spread = middle(bin->dmag, *median, 1, half);
-    if (fabs(*median) + spread < HALF)
+    if (fabs(*median) + spread < END)
         *sigma = 1.4826 * spread;
 }

@@ -2,8 +2,9 @@
  * bits however the tiles were shared out and in whatever order they are added.
  *
  * Magnitude bins are those of a fixed grid, half a magnitude wide: bin k holds k/2 <= magnitude < (k + 1)/2.
- * Errors go into a histogram each: the median and sigma_MAD of all tiles come from it to about a tenth of its
- * step, which medians of medians would not give.
+ * Errors go into a histogram each: the median and sigma_MAD of all tiles come from it to a fraction of its
+ * step, which medians of medians would not give. Its steps are 0.005 mag wide up to 0.5 mag from 0, then 0.05
+ * up to 3, then 0.5 up to 50: a zero point that is wrong is told as well.
  */
 #ifndef RX_VALIDATE_TALLY_H
 #define RX_VALIDATE_TALLY_H
@@ -17,7 +18,8 @@ enum {
     RX_TALLY_LOW =
         -60, /* first bin: magnitude -30; what lies outside of the grid counts in the bin at its end */
     RX_TALLY_BINS = 140,
-    RX_TALLY_STEPS = 202 /* of a histogram: below, 200 steps of 0.005 mag from -0.5 to 0.5, above */
+    RX_TALLY_SIDE = 100 + 50 + 94,         /* steps on each side of 0 */
+    RX_TALLY_STEPS = 2 * RX_TALLY_SIDE + 2 /* of a histogram: below, from -50 to 50 mag, above */
 };
 
 typedef struct rx_tally_bin {

@@ -126,11 +126,11 @@ static void record_seeds(const char *folder)
              "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\nVERSION \"0.1.0\"\n"
              "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
              "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\nRUN \"NONE\" 812 1\n"
-             "BIN 96 10 9 11 9 0:1 100:7 201:1\nBIN 100 5 0 0 0\nRUN \"RL_BLIND\" 900 0\n"
+             "BIN 96 10 9 11 9 0:1 244:7 489:1\nBIN 100 5 0 0 0\nRUN \"RL_BLIND\" 900 0\n"
              "EXTENSION 2 10 10 nan nan 3 0 1 0\nEND\n");
     put_text(folder, "records", "two",
              "TILE b.fits b\nVERSION 0.1.0\nSTATUS 3 \"<b>&amp;\"\nEND\nTILE c.fits c\nVERSION 0.1.0\n"
-             "STATUS 0 \"\"\nEXTENSION 0 64 64 10 20 3 5 1 1\nRUN NONE 9 1\nBIN 90 4 4 4 4 101:4\nEND\n");
+             "STATUS 0 \"\"\nEXTENSION 0 64 64 10 20 3 5 1 1\nRUN NONE 9 1\nBIN 90 4 4 4 4 245:4\nEND\n");
     put_text(folder, "journal", "units", "0 3 1.5 0.100000001f nan\n5 1 -1e-300\n2 0\n0 3 1.5 0.1f nan\n");
     put_text(folder, "journal", "torn", "1 2 1 2\n3 2 1 0123456789abcdef!\n4 1 inf\n");
 }

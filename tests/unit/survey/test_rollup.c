@@ -17,14 +17,14 @@
 static const char records_text[] =
     /* good: 90 of 100 found, half of the errors in the step of 0 to 0.005, half in the one below */
     "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 1\nRUN NONE 95 1\n"
-    "BIN 96 100 90 95 90 100:45 101:45\nEND\n"
+    "BIN 96 100 90 95 90 244:45 245:45\nEND\n"
     /* worse: 50 of 100 found */
     "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 11 20 3 0 1 1\nRUN NONE 50 1\n"
-    "BIN 96 100 50 50 50 100:25 101:25\nBIN 98 10 0 0 0\nEND\n"
+    "BIN 96 100 50 50 50 244:25 245:25\nBIN 98 10 0 0 0\nEND\n"
     /* its gate failed, though it is good */
     "TILE c.fits c\nVERSION 1\nSTATUS 5 \"a <gate> & FAILED\"\nEXTENSION 0 9 9 nan nan 3 0 1 2\nRUN NONE 95 "
     "1\n"
-    "BIN 96 100 90 95 90 100:45 101:45\nRUN RL 7 0\nEND\n"
+    "BIN 96 100 90 95 90 244:45 245:45\nRUN RL 7 0\nEND\n"
     "TILE d.fits d\nVERSION 1\nSTATUS 3 \"cannot be opened\"\nEND\n";
 
 typedef struct survey {

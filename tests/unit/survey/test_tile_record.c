@@ -18,7 +18,7 @@ static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
                             "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
                             "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\n"
                             "RUN \"NONE\" 812 1\n"
-                            "BIN 96 10 9 11 9 0:1 100:7 201:1\n"
+                            "BIN 96 10 9 11 9 0:1 244:7 489:1\n"
                             "BIN 100 5 0 0 0\n"
                             "RUN \"RL_BLIND\" 900 0\n"
                             "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
@@ -63,7 +63,7 @@ static void what_is_written_is_read(void **state)
     assert_float_equal(e->delta, -2.25, 0);
     assert_int_equal(e->verdict, RX_VERDICT_FAIL);
     assert_int_equal(e->nruns, 2);
-    assert_int_equal(e->run[0].tally->bin[96].dmag[100], 7);
+    assert_int_equal(e->run[0].tally->bin[96].dmag[244], 7);
     assert_null(e->run[0].tally->bin[100].dmag);
     assert_null(e->run[1].tally);
     rx_text text = {0};
@@ -120,7 +120,7 @@ static void nonsense_is_refused(void **state)
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 9\n", "out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 1\nBIN 140 1 1 1 1\n",
                   "out of place");
-    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 1\nBIN 1 1 1 1 1 202:1\n",
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 1\nBIN 1 1 1 1 1 490:1\n",
                   "out of place");
     check_refused(state,
                   "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 1\nBIN 1 1 1 1 1 2:99999999999\n",

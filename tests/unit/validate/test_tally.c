@@ -85,6 +85,26 @@ static void medians_are_those_of_a_sort(void **state)
     }
 }
 
+/* Errors that no survey should have, to the width of a step there. */
+static void large_errors_are_told(void **state)
+{
+    static const double cases[][3] = {
+        {-0.8, 0.1, 0.02}, {2.2, 0.02, 0.05}, {-24.97, 0.03, 0.5}, {49, 0.1, 0.5}};
+    (void)state;
+    for (int c = 0; c < 4; c++) {
+        made *m = make(20.2, cases[c][0], cases[c][1], (uint64_t)(20 + c));
+        rx_tally tally = {0};
+        assert_int_equal(rx_tally_evaluation(&tally, &m->e, NULL), RX_OK);
+        long pairs;
+        double median, sigma;
+        rx_tally_errors(&tally.bin[40 - RX_TALLY_LOW], &pairs, &median, &sigma);
+        assert_float_equal(median, cases[c][0], cases[c][2]);
+        assert_float_equal(sigma, cases[c][1], cases[c][2]);
+        rx_tally_free(&tally);
+        free(m);
+    }
+}
+
 static void sums_do_not_depend_on_order(void **state)
 {
     (void)state;
@@ -119,7 +139,7 @@ static void sums_do_not_depend_on_order(void **state)
 static void ends_of_the_grid_and_the_histogram(void **state)
 {
     (void)state;
-    made *m = make(-99, 3, 0.01, 3);
+    made *m = make(-99, 60, 0.01, 3);
     rx_tally tally = {0};
     long n;
     double median, sigma;
@@ -142,6 +162,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(medians_are_those_of_a_sort),
+        cmocka_unit_test(large_errors_are_told),
         cmocka_unit_test(sums_do_not_depend_on_order),
         cmocka_unit_test(ends_of_the_grid_and_the_histogram),
     };
