@@ -151,6 +151,17 @@ processes 3 "$rextract" -REPLAY tiles4/t1.cat >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c 'is repeated by one process' tiles.log)" = 1 ]
 result "repeating is not for several processes" $? tiles.log
 
+# shellcheck disable=SC2086 # words
+processes 3 "$rextract" -PLAN Y @tiles.list $extract -CATALOG_NAME '{tile}.cat' >plan.json 2>tiles.log
+code=$?
+"$rextract" -PLAN Y @tiles.list $extract -CATALOG_NAME '{tile}.cat' -NTHREADS 1 >plan1.json 2>>tiles.log
+[ $? = 8 ] && [ $code = 8 ] && [ "$(ls ./*.cat 2>/dev/null)" = '' ] && diff plan.json plan1.json >>tiles.log
+result "the plan of a list, made once and of one thread a tile" $? tiles.log
+printf 't1.fits\nt2.fits -PLAN Y\n' >bad.list
+processes 3 "$rextract" @bad.list >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c 'bad.list:2: -PLAN is of the whole list' tiles.log)" = 1 ]
+result "a plan within a line of a list is told of once" $? tiles.log
+
 printf 't1.fits\nt2.fits -NO_SUCH_KEY 1\n' >bad.list
 processes 3 "$rextract" @bad.list >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c NO_SUCH_KEY tiles.log)" = 1 ]

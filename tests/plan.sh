@@ -64,6 +64,17 @@ plan @tiles.list -RESTORE_TYPE NONE -CATALOG_NAME '{tile}.cat' && says 'len(t) =
     and abs(a["cpu_seconds"] - t[0]["cpu_seconds"] - t[1]["cpu_seconds"]) < 1e-6
     and a["output_bytes"] == t[0]["output_bytes"] + t[1]["output_bytes"] and t[1]["outputs"][0]["name"] == "b.cat"'
 result 'a list' $? err
+rm -f out err
+find . -type f ! -name tiles.list ! -name less -exec cksum {} + | diff ../before - >../log
+result 'no tile of a list is run' $? ../log
+
+printf 'a.fits -PLAN_DENSITY 100\na.fits -PLAN_DENSITY 20000 -CATALOG_NAME dense.cat\n' >density.list
+plan @density.list -CATALOG_NAME '{tile}.cat' && says 't[0]["sources"] < t[1]["sources"] and t[1]["outputs"][0]["name"] == "dense.cat"'
+result 'tiles of a list with their own density' $? err
+printf 'a.fits\nb.fits -NO_SUCH_KEY 1\n' >bad.list
+plan @bad.list -CATALOG_NAME '{tile}.cat'
+[ $? = 2 ] && [ ! -s out ] && grep -q 'bad.list:2: unknown keyword' err
+result 'a list that is wrong is not planned' $? err
 
 echo missing.fits >>tiles.list
 plan @tiles.list -RESTORE_TYPE NONE -CATALOG_NAME '{tile}.cat'

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
 #include "base/names.h"
@@ -40,6 +41,10 @@ static rx_status check_words(const rx_tiles *tiles, const rx_listed_tile *tile, 
         if (words->v[i][0] != '-' || words->v[i][1] == '\0')
             return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
                                "'%.200s' is no option; give IMAGE [-KEYWORD VALUE]... in each line",
+                               words->v[i]);
+        else if (strcasecmp(words->v[i], "-PLAN") == 0)
+            return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
+                               "%.80s is of the whole list, not of one tile; give it on the command line",
                                words->v[i]);
     if (words->n % 2 == 0)
         return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,

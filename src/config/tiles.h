@@ -2,7 +2,8 @@
  *
  * A line is what would stand on the command line for that tile: `IMAGE [-KEYWORD VALUE]...`, IMAGE as
  * "tile.fits" or "detect.fits,measure.fits". Words stand apart by blanks, "quotes" keep them, '#' at the
- * start of a word ends the line. "{tile}" in a name stands for the tile's own (rx_name_stem()).
+ * start of a word ends the line. "{tile}" in a name stands for the tile's own (rx_name_stem()). PLAN is the
+ * one keyword that no line can have: a list is planned or run as a whole.
  */
 #ifndef RX_CONFIG_TILES_H
 #define RX_CONFIG_TILES_H

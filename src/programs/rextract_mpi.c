@@ -1,15 +1,15 @@
 /* rextract-mpi: what rextract becomes under mpiexec, a list of tiles shared out among the processes. */
+#include <stdio.h>
 
 #include "config/config_fields.h"
 #include "par/ranks.h"
 #include "programs/extract.h"
-#include "survey/plan_run.h"
 #include "survey/survey_ranks.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
     if (((const rx_config *)settings)->plan)
-        return rx_par_rank() > 0 ? RX_OK : rx_plan_run(settings, image, stdout, log, err);
+        return rx_survey_plan_ranks(settings, image, stdout, log, err);
     if (image[0] != '@')
         return rx_par_rank() > 0
                    ? RX_OK

@@ -8,6 +8,7 @@
 #include "config/tiles.h"
 #include "par/ranks.h"
 #include "survey/outcome.h"
+#include "survey/plan_run.h"
 #include "survey/tile_run.h"
 
 enum { READY = 0, TILE = 1, NO_TILE = -1 };
@@ -138,5 +139,18 @@ exit:
     rx_outcomes_free(a.outcomes);
     rx_settings_free(own);
     rx_tiles_free(tiles);
+    return status;
+}
+
+rx_status rx_survey_plan_ranks(const rx_settings *common, const char *image, FILE *standard_out, rx_log *log,
+                               rx_error *err)
+{
+    rx_settings *own = NULL;
+    if (rx_par_rank() > 0)
+        return RX_OK;
+    rx_status status = one_thread(common, &own, log, err);
+    if (status == RX_OK)
+        status = rx_plan_run(own, image, standard_out, log, err);
+    rx_settings_free(own);
     return status;
 }

@@ -2,6 +2,8 @@
 #ifndef RX_SURVEY_SURVEY_RANKS_H
 #define RX_SURVEY_SURVEY_RANKS_H
 
+#include <stdio.h>
+
 #include "base/error.h"
 #include "base/log.h"
 #include "config/settings.h"
@@ -11,5 +13,9 @@
  * itself fails. With NTHREADS 0 each of them takes one thread, as there are many. Call it after
  * rx_par_begin(). */
 rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_log *log, rx_error *err);
+
+/* The plan (survey/plan_run.h) of such a run, by rank 0; the others do nothing. */
+rx_status rx_survey_plan_ranks(const rx_settings *common, const char *image, FILE *standard_out, rx_log *log,
+                               rx_error *err);
 
 #endif

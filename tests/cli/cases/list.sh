@@ -33,6 +33,18 @@ printf 'a.fits\nb.fits -DETECT_TRESH 3\n' >tiles.list
 expect 2 '^rextract: tiles\.list:2: unknown keyword .-DETECT_TRESH.; did you mean -DETECT_THRESH\?$' @tiles.list $none \
     -CATALOG_NAME '{tile}.cat'
 
+begin 'a plan within a line of a list'
+make_fits tile a.fits
+make_fits tile b.fits
+printf 'a.fits\n\nb.fits -Plan Y\n' >tiles.list
+expect 2 '^rextract: tiles\.list:3: -Plan is of the whole list, not of one tile; give it on the command line$' @tiles.list $none \
+    -CATALOG_NAME '{tile}.cat'
+
+begin 'a plan within a line of a list that is planned'
+make_fits tile a.fits
+echo 'a.fits -PLAN N' >tiles.list
+expect 2 '^rextract: tiles\.list:1: -PLAN is of the whole list' -PLAN Y @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
 begin 'two tiles of a list with one catalogue'
 make_fits tile a.fits
 make_fits tile b.fits
