@@ -2,6 +2,7 @@ librextract_la_SOURCES += \
 	src/base/error.c \
 	src/base/hash.c \
 	src/base/interrupt.c \
+	src/base/lines.c \
 	src/base/log.c \
 	src/base/memory.c \
 	src/base/names.c \
@@ -10,5 +11,5 @@ librextract_la_SOURCES += \
 	src/base/text.c
 
 rx_basedir = $(pkgincludedir)/base
-rx_base_HEADERS = src/base/error.h src/base/hash.h src/base/interrupt.h src/base/log.h src/base/memory.h \
+rx_base_HEADERS = src/base/error.h src/base/hash.h src/base/interrupt.h src/base/lines.h src/base/log.h src/base/memory.h \
 	src/base/wide.h src/base/names.h src/base/random.h src/base/text.h

@@ -171,21 +171,39 @@ const char *rx_text_nearest(const char *word, const char *const *words, size_t n
     return best;
 }
 
-rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err)
+rx_status rx_text_file_open(rx_text_file *file, const char *path, const char *shown, rx_error *err)
+{
+    *file = (rx_text_file){.shown = shown, .file = fopen(path, "wb")};
+    return file->file != NULL
+               ? RX_OK
+               : rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be made: %s", strerror(errno));
+}
+
+rx_status rx_text_file_add(rx_text_file *file, const rx_text *text, rx_error *err)
 {
     if (text->failed || text->data == NULL)
         return rx_error_memory(err, 0);
-    FILE *file = fopen(path, "wb");
-    if (file == NULL)
-        return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be made: %s", strerror(errno));
-    int bad = fwrite(text->data, 1, text->length, file) != text->length, reason = errno;
-    if (fclose(file) != 0 && !bad) {
-        bad = 1;
-        reason = errno;
-    }
-    if (bad)
-        return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written: %s", strerror(reason));
-    return RX_OK;
+    return fwrite(text->data, 1, text->length, file->file) == text->length
+               ? RX_OK
+               : rx_error_at(err, RX_SYSTEM, file->shown, -1, 0, "cannot be written: %s", strerror(errno));
+}
+
+rx_status rx_text_file_close(rx_text_file *file, rx_status status, rx_error *err)
+{
+    if (file->file != NULL && fclose(file->file) != 0 && status == RX_OK)
+        status = rx_error_at(err, RX_SYSTEM, file->shown, -1, 0, "cannot be written: %s", strerror(errno));
+    file->file = NULL;
+    return status;
+}
+
+rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err)
+{
+    rx_text_file file = {0};
+    rx_status status = text->failed || text->data == NULL ? rx_error_memory(err, 0)
+                                                          : rx_text_file_open(&file, path, shown, err);
+    if (status == RX_OK)
+        status = rx_text_file_add(&file, text, err);
+    return rx_text_file_close(&file, status, err);
 }
 
 int rx_text_utf8(const char *text)

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include "base/error.h"
 
@@ -24,6 +25,16 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
 
 /* The text into the file at `path`, which errors call `shown`. Errors: RX_SYSTEM (memory, disk). */
 rx_status rx_text_write_file(const rx_text *text, const char *path, const char *shown, rx_error *err);
+
+/* The same piece by piece, for what is larger than memory should be. Close it in any case; `status` is what
+ * the pieces have come to, and comes back when it is an error. */
+typedef struct rx_text_file {
+    const char *shown; /* lent */
+    FILE *file;
+} rx_text_file;
+rx_status rx_text_file_open(rx_text_file *file, const char *path, const char *shown, rx_error *err);
+rx_status rx_text_file_add(rx_text_file *file, const rx_text *text, rx_error *err);
+rx_status rx_text_file_close(rx_text_file *file, rx_status status, rx_error *err);
 
 /* Bytes of the UTF-8 character at s; 0 when none stands there (overlong, a surrogate, cut off, the end) or a
  * control character does: C0, DEL and C1, which terminals obey in their two-byte form as well. */

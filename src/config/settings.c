@@ -6,11 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "config/keyword.h"
 #include "config/tokens.h"
-
-enum { MAX_FILE_BYTES = 1 << 20 };
 
 /* Hand the finished settings over, or free them. */
 static void hand_over(rx_status status, rx_settings *settings, rx_settings **dst)
@@ -170,26 +169,19 @@ static rx_status keep_name(rx_settings *settings, const char *path, rx_error *er
 
 rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
 {
-    char *text = NULL;
+    rx_lines lines = {0};
+    char *line = NULL;
     rx_status status = keep_name(settings, path, err);
     if (status == RX_OK)
-        status = rx_text_read_file(path, MAX_FILE_BYTES, &text, NULL, err);
+        status = rx_lines_open(&lines, path, 0, err);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
+        status = read_line(settings, line, (rx_place){.file = path, .line = lines.number}, log, err);
+    rx_lines_close(&lines);
     if (status == RX_INPUT) { /* a configuration file is usage, not data */
         if (err != NULL)
             err->status = RX_USAGE;
         return RX_USAGE;
     }
-    rx_place place = {.file = path, .line = 0};
-    char *line = text;
-    while (status == RX_OK && line != NULL && *line != '\0') {
-        char *end = strchr(line, '\n');
-        if (end != NULL)
-            *end = '\0';
-        place.line++;
-        status = read_line(settings, line, place, log, err);
-        line = end != NULL ? end + 1 : NULL;
-    }
-    free(text);
     return status;
 }
 

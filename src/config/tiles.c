@@ -7,12 +7,11 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "base/names.h"
 #include "config/keyword.h"
 #include "config/overwrite.h"
-
-enum { MAX_LIST_BYTES = 1 << 28 };
 
 /* Errors of a line's words say where it stands. */
 static rx_status at_line(const rx_tiles *tiles, long line, rx_status status, rx_error *err)
@@ -79,25 +78,20 @@ exit:
 
 rx_status rx_tiles_read(const char *path, rx_tiles **dst, rx_error *err)
 {
-    char *text = NULL;
     *dst = NULL;
     rx_tiles *tiles = RX_NEW(rx_tiles, 1);
     if (tiles == NULL || (tiles->path = rx_strdup(path)) == NULL) {
         rx_tiles_free(tiles);
         return rx_error_memory(err, sizeof *tiles);
     }
-    rx_status status = rx_text_read_file(path, MAX_LIST_BYTES, &text, NULL, err);
-    long number = 0;
-    for (char *line = text; status == RX_OK && line != NULL && *line != '\0';) {
-        char *end = strchr(line, '\n');
-        if (end != NULL)
-            *end = '\0';
-        status = read_line(tiles, ++number, line, err);
-        line = end != NULL ? end + 1 : NULL;
-    }
+    rx_lines lines;
+    char *line = NULL;
+    rx_status status = rx_lines_open(&lines, path, 0, err);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
+        status = read_line(tiles, lines.number, line, err);
+    rx_lines_close(&lines);
     if (status == RX_OK && tiles->n == 0)
         status = rx_error_at(err, RX_INPUT, path, -1, 0, "lists no tile; give an image per line");
-    free(text);
     if (status != RX_OK)
         rx_tiles_free(tiles);
     else

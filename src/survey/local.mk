@@ -8,6 +8,7 @@ librextract_la_SOURCES += \
 	src/survey/rollup_page.c \
 	src/survey/rollup_report.c src/survey/rollup_report.h \
 	src/survey/rollup_run.c src/survey/rollup_run.h \
+	src/survey/rollup_sky.c \
 	src/survey/rollup_tables.c \
 	src/survey/survey.c src/survey/survey.h \
 	src/survey/tile_record.c src/survey/tile_record.h \

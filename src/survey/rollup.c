@@ -2,6 +2,7 @@
 #include "survey/rollup.h"
 
 #include <math.h>
+#include <search.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,9 +39,79 @@ static rx_status judge_range(const rx_rollup *r, const rx_tally *tally, rx_rollu
     return status;
 }
 
-static int same_name(const rx_tile_record *record, const rx_listed_tile *tile)
+/* --- tiles --- */
+
+static int by_name(const char *name, const char *image, const rx_rollup_tile *tile)
 {
-    return strcmp(record->name, tile->name) == 0 && strcmp(record->image, tile->words.v[0]) == 0;
+    const int order = strcmp(name, tile->name);
+    return order != 0 ? order : strcmp(image, tile->image);
+}
+
+static int by_tile(const void *a, const void *b)
+{
+    const rx_rollup_tile *x = a;
+    return by_name(x->name, x->image, b);
+}
+
+static int by_place(const void *a, const void *b)
+{
+    return by_tile(*(rx_rollup_tile *const *)a, *(rx_rollup_tile *const *)b);
+}
+
+static void free_tile(rx_rollup_tile *tile)
+{
+    if (tile == NULL)
+        return;
+    free(tile->image);
+    free(tile->name);
+    free(tile->what);
+    free(tile);
+}
+
+static rx_status new_tile(const rx_tile_record *record, rx_rollup_tile **dst, rx_error *err)
+{
+    rx_text text = {0};
+    rx_hash sum;
+    rx_rollup_tile *tile = RX_NEW(rx_rollup_tile, 1);
+    *dst = NULL;
+    rx_tile_record_print(&text, record);
+    if (tile != NULL) {
+        tile->image = rx_strdup(record->image);
+        tile->name = rx_strdup(record->name);
+        tile->what = rx_strdup(record->what);
+        tile->status = record->status;
+    }
+    if (tile == NULL || tile->image == NULL || tile->name == NULL || tile->what == NULL || text.failed) {
+        free_tile(tile);
+        rx_text_free(&text);
+        return rx_error_memory(err, sizeof *tile);
+    }
+    rx_hash_begin(&sum);
+    rx_hash_add(&sum, text.data, text.length);
+    rx_hash_text(&sum, tile->digest);
+    rx_text_free(&text);
+    *dst = tile;
+    return RX_OK;
+}
+
+/* Into the tree and the list, which owns it; *known: what stands there already under its name, or itself. */
+static rx_status keep_tile(rx_rollup *r, rx_rollup_tile *tile, const rx_rollup_tile **known, rx_error *err)
+{
+    if (r->ntiles == r->tiles_capacity) {
+        const int capacity = 2 * r->tiles_capacity + 64;
+        rx_rollup_tile **grown = rx_regrow(r->tile, (size_t)capacity, sizeof(rx_rollup_tile *));
+        if (grown == NULL)
+            return rx_error_memory(err, (size_t)capacity * sizeof(rx_rollup_tile *));
+        r->tile = grown;
+        r->tiles_capacity = capacity;
+    }
+    rx_rollup_tile **node = tsearch(tile, &r->known, by_tile);
+    if (node == NULL)
+        return rx_error_memory(err, 0);
+    *known = *node;
+    if (*known == tile)
+        r->tile[r->ntiles++] = tile;
+    return RX_OK;
 }
 
 static rx_status find_missing(rx_rollup *r, rx_error *err)
@@ -50,97 +121,144 @@ static rx_status find_missing(rx_rollup *r, rx_error *err)
     if (r->missing == NULL)
         return rx_error_memory(err, (size_t)n * sizeof(int));
     for (int i = 0; i < n; i++) {
-        int low = 0, high = r->records->n;
-        while (low < high) { /* by name, then by image: the order of the records */
-            const int middle = (low + high) / 2;
-            const rx_tile_record *record = &r->records->record[middle];
-            int order = strcmp(record->name, r->tiles->tile[i].name);
-            if (order == 0)
-                order = strcmp(record->image, rx_tiles_image(r->tiles, i));
-            if (order < 0)
-                low = middle + 1;
-            else
-                high = middle;
-        }
-        if (low == r->records->n || !same_name(&r->records->record[low], &r->tiles->tile[i]))
+        const rx_rollup_tile wanted = {.name = r->tiles->tile[i].name, .image = r->tiles->tile[i].words.v[0]};
+        if (tfind(&wanted, &r->known, by_tile) == NULL)
             r->missing[r->nmissing++] = i;
     }
     return RX_OK;
 }
 
-static rx_status run_of(rx_rollup *r, const char *name, rx_rollup_run **dst, rx_error *err)
+/* --- sums --- */
+
+static rx_status run_of(rx_rollup *r, const char *name, int *dst, rx_error *err)
 {
-    for (int i = 0; i < r->nruns; i++)
-        if (strcmp(r->run[i].name, name) == 0) {
-            *dst = &r->run[i];
+    for (*dst = 0; *dst < r->nruns; ++*dst)
+        if (strcmp(r->run[*dst].name, name) == 0)
             return RX_OK;
-        }
     rx_rollup_run *grown = rx_regrow(r->run, (size_t)r->nruns + 1, sizeof *grown);
     if (grown == NULL)
         return rx_error_memory(err, ((size_t)r->nruns + 1) * sizeof *grown);
     r->run = grown;
-    *dst = &grown[r->nruns++];
-    memset(*dst, 0, sizeof **dst);
-    snprintf((*dst)->name, sizeof(*dst)->name, "%s", name);
+    rx_rollup_run *run = &grown[r->nruns++];
+    memset(run, 0, sizeof *run);
+    snprintf(run->name, sizeof run->name, "%s", name);
     return RX_OK;
 }
 
-static rx_status add_extension(rx_rollup *r, const rx_tile_record *record, const rx_extension_facts *e,
-                               rx_error *err)
+static rx_status new_row(rx_rollup *r, rx_rollup_tile *tile, rx_rollup_row **dst, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 0; i < e->nruns && status == RX_OK; i++) {
-        const rx_run_facts *facts = &e->run[i];
-        rx_rollup_run *run = NULL;
-        rx_rollup_row *grown = NULL;
-        status = run_of(r, facts->name, &run, err);
-        if (status != RX_OK)
-            break;
-        run->tiles++;
-        run->sources += facts->sources;
-        if (facts->tally != NULL)
-            status = rx_tally_add(&run->tally, facts->tally, err);
-        if (status == RX_OK && (grown = rx_regrow(r->row, (size_t)r->nrows + 1, sizeof *grown)) == NULL)
-            status = rx_error_memory(err, ((size_t)r->nrows + 1) * sizeof *grown);
-        if (status != RX_OK)
-            break;
+    if (r->nrows == r->rows_capacity) {
+        const int capacity = 2 * r->rows_capacity + 64;
+        rx_rollup_row *grown = rx_regrow(r->row, (size_t)capacity, sizeof *grown);
+        if (grown == NULL)
+            return rx_error_memory(err, (size_t)capacity * sizeof *grown);
         r->row = grown;
-        rx_rollup_row *row = &grown[r->nrows++];
-        *row = (rx_rollup_row){.record = record, .extension = e, .run = facts, .off = NAN, .what = ""};
-        if (facts->tally != NULL)
-            status = judge_range(r, facts->tally, &row->cell, err);
+        r->rows_capacity = capacity;
     }
+    *dst = &r->row[r->nrows++];
+    **dst = (rx_rollup_row){.tile = tile, .place = tile->nrows++, .off = NAN, .what = ""};
+    return RX_OK;
+}
+
+static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_facts *e,
+                         const rx_run_facts *facts, rx_error *err)
+{
+    rx_rollup_row *row = NULL;
+    rx_status status = new_row(r, tile, &row, err);
+    if (status != RX_OK)
+        return status;
+    row->hdu = e->hdu;
+    row->alpha = e->alpha;
+    row->delta = e->delta;
+    row->fwhm = e->fwhm;
+    row->sky = e->sky;
+    row->noise = e->noise;
+    row->verdict = e->verdict;
+    row->sources = facts->sources;
+    row->compared = facts->tally != NULL;
+    status = run_of(r, facts->name, &row->run, err);
+    if (status != RX_OK)
+        return status;
+    rx_rollup_run *run = &r->run[row->run];
+    run->tiles++;
+    run->sources += facts->sources;
+    if (facts->tally != NULL)
+        status = rx_tally_add(&run->tally, facts->tally, err);
+    if (status == RX_OK && facts->tally != NULL)
+        status = judge_range(r, facts->tally, &row->cell, err);
     return status;
 }
 
-static rx_status sum_up(rx_rollup *r, rx_error *err)
+rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *path, int64_t at,
+                        rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 0; i < r->records->n && status == RX_OK; i++) {
-        const rx_tile_record *record = &r->records->record[i];
-        r->fine += record->status == RX_OK;
-        r->gates += record->status == RX_GATE_FAIL;
-        r->undecided += record->status == RX_GATE_INSUFFICIENT;
-        for (int k = 0; k < record->facts.n && status == RX_OK; k++)
-            status = add_extension(r, record, &record->facts.extension[k], err);
+    rx_rollup_tile *tile = NULL;
+    const rx_rollup_tile *known = NULL;
+    rx_status status = new_tile(record, &tile, err);
+    if (status == RX_OK)
+        status = keep_tile(r, tile, &known, err);
+    if (status == RX_OK && known != tile && strcmp(known->digest, tile->digest) != 0)
+        status = rx_error_at(err, RX_INPUT, record->image, -1, 0,
+                             "has two records that differ; leave out the older one");
+    if (known != tile) {
+        free_tile(tile);
+        return status;
     }
-    r->failed = r->records->n - r->fine - r->gates - r->undecided;
-    for (int i = 0; i < r->nruns && status == RX_OK; i++) {
-        rx_rollup_run *run = &r->run[i];
-        status = judge_range(r, &run->tally, &run->whole, err);
-        run->first = RX_TALLY_BINS;
-        run->last = -1;
-        for (int b = 0; b < RX_TALLY_BINS; b++) {
-            const rx_tally_bin *bin = &run->tally.bin[b];
-            run->bin[b] = judge(bin);
-            if (bin->references == 0 && bin->detections == 0)
-                continue;
-            run->first = b < run->first ? b : run->first;
-            run->last = b;
-        }
-    }
+    tile->path = path;
+    tile->at = at;
+    tile->first = r->nrows;
+    r->fine += record->status == RX_OK;
+    r->gates += record->status == RX_GATE_FAIL;
+    r->undecided += record->status == RX_GATE_INSUFFICIENT;
+    for (int k = 0; k < record->facts.n; k++)
+        for (int i = 0; i < record->facts.extension[k].nruns && status == RX_OK; i++)
+            status = add_run(r, tile, &record->facts.extension[k], &record->facts.extension[k].run[i], err);
     return status;
 }
+
+/* By the tile that each comes in first, and there by its row: whatever was added first. */
+static rx_status sort_runs(rx_rollup *r, rx_error *err)
+{
+    rx_rollup_run *sorted = RX_NEW(rx_rollup_run, (size_t)r->nruns);
+    int *place = RX_NEW(int, (size_t)r->nruns);
+    int n = 0;
+    for (int i = 0; sorted != NULL && place != NULL && i < r->ntiles && n < r->nruns; i++)
+        for (int k = r->tile[i]->first; k < r->tile[i]->first + r->tile[i]->nrows; k++) {
+            const int run = r->row[k].run;
+            if (place[run] == 0) {
+                sorted[n++] = r->run[run];
+                place[run] = n;
+            }
+        }
+    if (sorted == NULL || place == NULL) {
+        free(sorted);
+        free(place);
+        return rx_error_memory(err, (size_t)r->nruns * sizeof *sorted);
+    }
+    for (int k = 0; k < r->nrows; k++)
+        r->row[k].run = place[r->row[k].run] - 1;
+    free(r->run);
+    r->run = sorted;
+    free(place);
+    return RX_OK;
+}
+
+static rx_status judge_run(const rx_rollup *r, rx_rollup_run *run, rx_error *err)
+{
+    run->first = RX_TALLY_BINS;
+    run->last = -1;
+    for (int b = 0; b < RX_TALLY_BINS; b++) {
+        const rx_tally_bin *bin = &run->tally.bin[b];
+        run->bin[b] = judge(bin);
+        if (bin->references == 0 && bin->detections == 0)
+            continue;
+        run->first = b < run->first ? b : run->first;
+        run->last = b;
+    }
+    return judge_range(r, &run->tally, &run->whole, err);
+}
+
+/* --- comparison --- */
 
 /* How many of its own errors k of n lies below the share p of all. */
 static double below(const rx_estimate *own, const rx_estimate *all)
@@ -158,13 +276,10 @@ static double beside(const rx_rollup_cell *own, const rx_rollup_cell *all)
                : 0;
 }
 
-static void compare(rx_rollup *r, rx_rollup_row *row)
+static void compare(const rx_rollup *r, rx_rollup_row *row)
 {
-    const rx_rollup_run *all = NULL;
-    for (int i = 0; i < r->nruns; i++)
-        if (strcmp(r->run[i].name, row->run->name) == 0)
-            all = &r->run[i];
-    if (row->run->tally == NULL || all == NULL)
+    const rx_rollup_run *all = &r->run[row->run];
+    if (!row->compared)
         return;
     const struct {
         const char *what;
@@ -182,11 +297,10 @@ static void compare(rx_rollup *r, rx_rollup_row *row)
 
 static int is_bad(const rx_rollup_row *row)
 {
-    return row->extension->verdict == RX_VERDICT_FAIL ? 2
-                                                      : row->extension->verdict == RX_VERDICT_INSUFFICIENT;
+    return row->verdict == RX_VERDICT_FAIL ? 2 : row->verdict == RX_VERDICT_INSUFFICIENT;
 }
 
-/* Worst first: gates that fail, then by distance; equal ones stay in the order of the records. */
+/* Worst first: gates that fail, then by distance; equal ones stay in the order of the tiles. */
 static int by_badness(const void *a, const void *b)
 {
     const rx_rollup_row *x = a, *y = b;
@@ -195,34 +309,51 @@ static int by_badness(const void *a, const void *b)
         return is_bad(y) - is_bad(x);
     if (p != q)
         return p < q ? 1 : -1;
-    if (x->record != y->record)
-        return x->record < y->record ? -1 : 1;
-    if (x->extension != y->extension)
-        return x->extension < y->extension ? -1 : 1;
-    return (x->run > y->run) - (x->run < y->run);
+    if (x->tile != y->tile)
+        return x->tile->place - y->tile->place;
+    return x->place - y->place;
 }
 
-rx_status rx_rollup_make(const rx_survey_config *config, const rx_tile_records *records,
-                         const rx_tiles *tiles, rx_rollup *dst, rx_error *err)
+void rx_rollup_begin(const rx_survey_config *config, rx_rollup *dst)
 {
-    *dst = (rx_rollup){.records = records,
-                       .tiles = tiles,
-                       .mag_low = config->mag_range.v[0],
-                       .mag_high = config->mag_range.v[1]};
-    rx_status status = find_missing(dst, err);
+    *dst = (rx_rollup){.mag_low = config->mag_range.v[0], .mag_high = config->mag_range.v[1]};
+}
+
+rx_status rx_rollup_end(rx_rollup *r, const rx_tiles *tiles, rx_error *err)
+{
+    r->tiles = tiles;
+    r->failed = r->ntiles - r->fine - r->gates - r->undecided;
+    if (r->ntiles > 1)
+        qsort(r->tile, (size_t)r->ntiles, sizeof(rx_rollup_tile *), by_place);
+    for (int i = 0; i < r->ntiles; i++)
+        r->tile[i]->place = i;
+    rx_status status = find_missing(r, err);
     if (status == RX_OK)
-        status = sum_up(dst, err);
-    for (int i = 0; i < dst->nrows && status == RX_OK; i++)
-        compare(dst, &dst->row[i]);
-    if (dst->nrows > 1)
-        qsort(dst->row, (size_t)dst->nrows, sizeof *dst->row, by_badness);
-    return status;
+        status = sort_runs(r, err);
+    for (int i = 0; i < r->nruns && status == RX_OK; i++)
+        status = judge_run(r, &r->run[i], err);
+    if (status != RX_OK)
+        return status;
+    for (int i = 0; i < r->nrows; i++)
+        compare(r, &r->row[i]);
+    if (r->nrows > 1)
+        qsort(r->row, (size_t)r->nrows, sizeof *r->row, by_badness);
+    return RX_OK;
+}
+
+static void keep_content(void *tile)
+{
+    (void)tile;
 }
 
 void rx_rollup_free(rx_rollup *rollup)
 {
+    tdestroy(rollup->known, keep_content);
+    for (int i = 0; i < rollup->ntiles; i++)
+        free_tile(rollup->tile[i]);
     for (int i = 0; i < rollup->nruns; i++)
         rx_tally_free(&rollup->run[i].tally);
+    free(rollup->tile);
     free(rollup->run);
     free(rollup->row);
     free(rollup->missing);

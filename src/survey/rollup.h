@@ -1,9 +1,13 @@
 /* The numbers of a survey from the records of its tiles.
  *
- * All sums are of whole numbers, over tiles in the order of their names: the same bits for any sharding. */
+ * All sums are of whole numbers: the same bits for any sharding and order. A tile takes the room of a few
+ * rows of a table, whatever its record holds, so that 1e5 of them are little. */
 #ifndef RX_SURVEY_ROLLUP_H
 #define RX_SURVEY_ROLLUP_H
 
+#include <stdint.h>
+
+#include "base/hash.h"
 #include "config/survey_config.h"
 #include "config/tiles.h"
 #include "survey/tile_record.h"
@@ -17,11 +21,27 @@ typedef struct rx_rollup_cell {
     double bias, scatter; /* median and sigma_MAD of m - m0, mag */
 } rx_rollup_cell;
 
+/* One tile: its record without the tallies, which are in the sums and need too much room to be kept. */
+typedef struct rx_rollup_tile {
+    char *image, *name, *what; /* as of rx_tile_record; what "" when it is fine */
+    int status;
+    char digest[RX_HASH_TEXT]; /* of the record as it is printed */
+    const char *path;          /* of its file, where it begins at byte `at`; lent */
+    int64_t at;
+    int place;        /* in the order of the tiles */
+    int first, nrows; /* its rows, until they are sorted */
+} rx_rollup_tile;
+
 /* One image of one tile by one restorer. */
 typedef struct rx_rollup_row {
-    const rx_tile_record *record;
-    const rx_extension_facts *extension;
-    const rx_run_facts *run;
+    const rx_rollup_tile *tile;
+    int place; /* among the rows of the tile */
+    int run;   /* of the roll-up's */
+    int hdu;   /* these as of rx_extension_facts */
+    double alpha, delta, fwhm, sky, noise;
+    rx_verdict verdict;
+    long sources;
+    int compared;        /* with a reference */
     rx_rollup_cell cell; /* MAG_RANGE */
     double off; /* how far it lies from the survey as a whole in what is worst of it: errors of its own, 0 =
                    not worse; NAN without a reference */
@@ -39,19 +59,28 @@ typedef struct rx_rollup_run {
 } rx_rollup_run;
 
 typedef struct rx_rollup {
-    const rx_tile_records *records;
-    const rx_tiles *tiles; /* all that should have a record, or NULL */
-    int nruns, nrows, nmissing;
+    int ntiles, nruns, nrows, nmissing;
+    rx_rollup_tile **tile;              /* [ntiles] by name and image */
     rx_rollup_run *run;                 /* [nruns] in the order they come first */
     rx_rollup_row *row;                 /* [nrows] worst first */
+    const rx_tiles *tiles;              /* all that should have a record, or NULL; lent */
     int *missing;                       /* [nmissing] of tiles: without a record */
     int fine, failed, gates, undecided; /* tiles by exit status */
     double mag_low, mag_high;           /* equal: all */
+    void *known;                        /* search tree of tile */
+    int tiles_capacity, rows_capacity;
 } rx_rollup;
 
-/* records are settled (survey/tile_record.h), lent like tiles. Errors: RX_SYSTEM without memory. */
-rx_status rx_rollup_make(const rx_survey_config *config, const rx_tile_records *records,
-                         const rx_tiles *tiles, rx_rollup *dst, rx_error *err);
+void rx_rollup_begin(const rx_survey_config *config, rx_rollup *dst);
+
+/* Add a record, which begins at byte `at` of the file `path` (lent); one that is there already does not count
+ * again. Errors: RX_INPUT for another one of the same tile that differs; RX_SYSTEM without memory. */
+rx_status rx_rollup_add(rx_rollup *rollup, const rx_tile_record *record, const char *path, int64_t at,
+                        rx_error *err);
+
+/* All are added: sort and compare. tiles: NULL where there is no list. Errors: RX_SYSTEM without memory. */
+rx_status rx_rollup_end(rx_rollup *rollup, const rx_tiles *tiles, rx_error *err);
+
 void rx_rollup_free(rx_rollup *rollup); /* content only */
 
 #endif

@@ -57,60 +57,9 @@ static void by_magnitude(rx_figures *dst, const rx_rollup *r, int what, const rx
     free(data);
 }
 
-/* A point per image, coloured by its value; where is what: 0 completeness, 1 bias. */
-static void over_the_sky(rx_figures *dst, const rx_rollup *r, int run, int bias)
-{
-    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    for (int i = 0; i < r->nrows; i++) {
-        const double at[] = {r->row[i].extension->alpha, r->row[i].extension->delta};
-        for (int k = 0; k < 2 && isfinite(at[0]) && isfinite(at[1]); k++) {
-            low[k] = fmin(low[k], at[k]);
-            high[k] = fmax(high[k], at[k]);
-        }
-    }
-    const double margin = low[0] <= high[0] ? 0.05 * fmax(high[0] - low[0], high[1] - low[1]) + 0.02 : 1;
-    /* east is left */
-    const rx_axes axes = {.xlabel = "ALPHA_J2000 [deg]",
-                          .ylabel = "DELTA_J2000 [deg]",
-                          .x0 = low[0] - margin,
-                          .x1 = high[0] + margin,
-                          .y0 = low[1] - margin,
-                          .y1 = high[1] + margin};
-    char range[48] = "[*:*]";
-    double widest = 0.01;
-    rx_plot_begin(dst, &axes);
-    rx_text *script = &dst->script;
-    rx_text_add(script, "$sky << EOD\n");
-    for (int i = 0; i < r->nrows; i++) {
-        const rx_rollup_row *row = &r->row[i];
-        const double value = bias ? row->cell.bias : row->cell.recall.value;
-        if (strcmp(row->run->name, r->run[run].name) != 0 || row->run->tally == NULL || !isfinite(value) ||
-            !isfinite(row->extension->alpha))
-            continue;
-        widest = fmax(widest, fabs(value));
-        rx_plot_value(script, row->extension->alpha);
-        rx_plot_value(script, row->extension->delta);
-        rx_plot_value(script, value);
-        rx_text_add(script, "\n");
-    }
-    if (bias)
-        snprintf(range, sizeof range, "[%.4g:%.4g]", -widest, widest);
-    /* completeness from dark to bright; bias from blue to red with grey, which shows on white, for none */
-    rx_text_printf(
-        script,
-        "nan nan nan\nEOD\nset xrange [%.6g:%.6g]\nset palette defined (%s)\nset cbrange %s\n"
-        "set cblabel '%s'\n"
-        "plot $sky using 1:2:3 with points pt 5 ps 0.9 palette notitle\nunset cblabel\nset cbrange [*:*]\n",
-        high[0] + margin, low[0] - margin,
-        bias ? "-1 '#2166ac', 0 '#bbbbbb', 1 '#b2182b'"
-             : "0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725'",
-        range, bias ? "median of m - m0 [mag]" : "recall");
-}
-
 void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
 {
     double first = HUGE_VAL, last = -HUGE_VAL, widest = 0.02;
-    int placed = 0;
     for (int i = 0; i < r->nruns; i++)
         for (int b = r->run[i].first; b <= r->run[i].last; b++) {
             const rx_rollup_cell *cell = &r->run[i].bin[b];
@@ -121,8 +70,6 @@ void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
             if (isfinite(cell->bias) && cell->pairs >= FEW)
                 widest = fmax(widest, 1.2 * fabs(cell->bias));
         }
-    for (int i = 0; i < r->nrows; i++)
-        placed |= isfinite(r->row[i].extension->alpha) && r->row[i].run->tally != NULL;
     rx_figures_begin(dst);
     if (!(last > first))
         return;
@@ -147,15 +94,7 @@ void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
     rx_figure_add(dst, "bias", "Magnitude errors", "Medians over all tiles with their errors.",
                   RX_FIGURE_CHART);
     by_magnitude(dst, r, 2, &axes);
-    for (int i = 0; i < r->nruns && placed; i++)
-        for (int bias = 0; bias < 2; bias++) {
-            char id[RX_FIGURE_ID], title[64];
-            snprintf(id, sizeof id, "sky-%d-%d", i, bias);
-            snprintf(title, sizeof title, "%s: %s over the sky", r->run[i].name,
-                     bias ? "bias" : "completeness");
-            rx_figure_add(dst, id, title, "A square per image.", RX_FIGURE_CHART);
-            over_the_sky(dst, r, i, bias);
-        }
+    rx_rollup_sky(dst, r);
 }
 
 /* --- the page --- */
@@ -191,7 +130,7 @@ static void overview(rx_text *dst, const rx_rollup *r)
     rx_page_head(dst, RX_RIGHT, "a gate undecided");
     rx_page_row_end(dst);
     rx_page_row(dst, NULL);
-    rx_page_cell_count(dst, r->records->n + r->nmissing);
+    rx_page_cell_count(dst, r->ntiles + r->nmissing);
     rx_page_cell_count(dst, r->fine);
     rx_page_cell_count(dst, r->failed);
     rx_page_cell_count(dst, r->nmissing);
@@ -225,30 +164,46 @@ static void overview(rx_text *dst, const rx_rollup *r)
     }
 }
 
+/* What a table of the page leaves out, and where it is. */
+static void say_rest(rx_text *dst, int shown, int all, const char *where)
+{
+    rx_text note = {0};
+    if (shown == all)
+        return;
+    rx_text_printf(&note, "%d of %d rows. %s", shown, all, where);
+    dst->failed |= note.failed;
+    if (!note.failed)
+        rx_page_note(dst, note.data);
+    rx_text_free(&note);
+}
+
 static void failures(rx_text *dst, const rx_rollup *r)
 {
     rx_page_section(dst, "failures", "Tiles that are not fine");
-    if (r->fine == r->records->n && r->nmissing == 0) {
+    if (r->fine == r->ntiles && r->nmissing == 0) {
         rx_page_paragraph(dst, "None.");
         return;
     }
+    const int all = r->ntiles - r->fine + r->nmissing;
+    int shown = 0;
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
     rx_page_head(dst, RX_LEFT, "image");
     rx_page_head(dst, RX_RIGHT, "exit status");
     rx_page_head(dst, RX_LEFT, "why");
     rx_page_row_end(dst);
-    for (int i = 0; i < r->records->n; i++) {
-        const rx_tile_record *record = &r->records->record[i];
-        if (record->status == RX_OK)
+    for (int i = 0; i < r->ntiles && shown < ROWS_SHOWN; i++) {
+        const rx_rollup_tile *tile = r->tile[i];
+        if (tile->status == RX_OK)
             continue;
         rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, record->image);
-        rx_page_cell_count(dst, record->status);
-        rx_page_cell_text(dst, record->what);
+        rx_page_cell_text(dst, tile->image);
+        rx_page_cell_count(dst, tile->status);
+        rx_page_cell_text(dst, tile->what);
         rx_page_row_end(dst);
+        shown++;
     }
-    for (int i = 0; i < r->nmissing; i++) {
+    for (int i = 0; i < r->nmissing && shown < ROWS_SHOWN; i++, shown++) {
         rx_page_row(dst, NULL);
         rx_page_cell_text(dst, rx_tiles_image(r->tiles, r->missing[i]));
         rx_page_cell_text(dst, "");
@@ -256,6 +211,7 @@ static void failures(rx_text *dst, const rx_rollup *r)
         rx_page_row_end(dst);
     }
     rx_page_table_end(dst);
+    say_rest(dst, shown, all, "All are in junit.xml, and in summary.json as not_fine and missing.");
 }
 
 static void worst_first(rx_text *dst, const rx_rollup *r)
@@ -276,28 +232,29 @@ static void worst_first(rx_text *dst, const rx_rollup *r)
     rx_page_row_end(dst);
     for (int i = 0; i < r->nrows && i < ROWS_SHOWN; i++) {
         const rx_rollup_row *row = &r->row[i];
-        const char *verdict = rx_verdict_name(row->extension->verdict);
+        const char *verdict = rx_verdict_name(row->verdict);
         rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, row->record->name);
-        rx_page_cell_count(dst, row->extension->hdu);
-        rx_page_cell_text(dst, row->run->name);
-        if (row->extension->verdict == RX_VERDICT_NONE)
+        rx_page_cell_text(dst, row->tile->name);
+        rx_page_cell_count(dst, row->hdu);
+        rx_page_cell_text(dst, r->run[row->run].name);
+        if (row->verdict == RX_VERDICT_NONE)
             rx_page_cell_text(dst, "");
         else
             rx_page_cell_verdict(dst, verdict, verdict);
         rx_page_cell_number(dst, row->off, 1);
         rx_page_cell_text(dst, row->what);
         cells(dst, &row->cell);
-        rx_page_cell_number(dst, row->extension->fwhm, 2);
-        rx_page_cell_number(dst, row->extension->noise, 3);
-        rx_page_cell_count(dst, row->run->sources);
+        rx_page_cell_number(dst, row->fwhm, 2);
+        rx_page_cell_number(dst, row->noise, 3);
+        rx_page_cell_count(dst, row->sources);
         rx_page_row_end(dst);
     }
     rx_page_table_end(dst);
     rx_page_note(
         dst, "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
              "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
-             "and depth count as well. All rows are in tiles.ecsv.");
+             "and depth count as well.");
+    say_rest(dst, r->nrows < ROWS_SHOWN ? r->nrows : ROWS_SHOWN, r->nrows, "All are in tiles.ecsv.");
 }
 
 void rx_rollup_html(rx_text *dst, const rx_rollup *r, const rx_figures *figures)

@@ -22,7 +22,10 @@ void rx_rollup_bins(rx_text *dst, const rx_rollup *rollup);
  * skipped: a gate that cannot be decided. */
 void rx_rollup_junit(rx_text *dst, const rx_rollup *rollup);
 
-/* Completeness and bias by magnitude, both over the sky. */
+/* Completeness, purity and bias by magnitude, and what rx_rollup_sky() adds. */
 void rx_rollup_figures(rx_figures *dst, const rx_rollup *rollup);
+
+/* Completeness and bias over the sky, by images or, where they are many, by cells. */
+void rx_rollup_sky(rx_figures *dst, const rx_rollup *rollup);
 
 #endif

@@ -5,49 +5,110 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/interrupt.h"
+#include "base/lines.h"
+#include "base/memory.h"
 #include "io/output.h"
 #include "survey/rollup.h"
 #include "survey/rollup_report.h"
 
-enum { MAX_LIST_BYTES = 1 << 28 };
-
-/* A file name per line; blank lines and those that begin with '#' do not count. */
-static rx_status read_listed(const char *path, rx_tile_records *dst, rx_error *err)
+static rx_status read_records(rx_rollup *rollup, const char *path, rx_error *err)
 {
-    char *text = NULL;
-    rx_status status = rx_text_read_file(path, MAX_LIST_BYTES, &text, NULL, err);
-    char *rest = NULL;
-    for (char *line = status == RX_OK ? strtok_r(text, "\r\n", &rest) : NULL; line != NULL && status == RX_OK;
-         line = strtok_r(NULL, "\r\n", &rest))
-        if (line[0] != '#' && line[strspn(line, " \t")] != '\0') {
-            status = rx_tile_records_read(dst, line, err);
-            if (status == RX_OK)
-                status = rx_interrupt_check(err);
-        }
-    free(text);
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *record = NULL;
+    int64_t at = 0;
+    rx_status status = rx_record_reader_open(path, 0, &reader, err);
+    while (status == RX_OK && (status = rx_record_reader_next(reader, &record, &at, err)) == RX_OK &&
+           record != NULL) {
+        status = rx_rollup_add(rollup, record, path, at, err);
+        if (status == RX_OK)
+            status = rx_interrupt_check(err);
+    }
+    rx_record_reader_close(reader);
     return status;
 }
 
-static rx_status write_merged(const char *path, const rx_tile_records *records, rx_outputs *outputs,
-                              rx_error *err)
+/* Files of records. */
+typedef struct names {
+    int n;
+    char **of;
+} names;
+
+static rx_status add_name(names *files, const char *name, rx_error *err)
+{
+    char **grown = rx_regrow(files->of, (size_t)files->n + 1, sizeof *grown), *own = rx_strdup(name);
+    if (grown != NULL)
+        files->of = grown;
+    if (grown == NULL || own == NULL) {
+        free(own);
+        return rx_error_memory(err, 0);
+    }
+    files->of[files->n++] = own;
+    return RX_OK;
+}
+
+/* A file name per line; blank lines and those that begin with '#' do not count. */
+static rx_status read_names(names *files, const char *path, rx_error *err)
+{
+    rx_lines lines;
+    char *line = NULL;
+    rx_status status = rx_lines_open(&lines, path, 0, err);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL) {
+        line[strcspn(line, "\r")] = '\0';
+        if (line[0] != '#' && line[strspn(line, " \t")] != '\0')
+            status = add_name(files, line, err);
+    }
+    rx_lines_close(&lines);
+    return status;
+}
+
+/* The record of a tile once more, from its file. */
+static rx_status print_again(rx_text *dst, const rx_rollup_tile *tile, rx_error *err)
+{
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *record = NULL;
+    int64_t at = 0;
+    rx_status status = rx_record_reader_open(tile->path, tile->at, &reader, err);
+    if (status == RX_OK)
+        status = rx_record_reader_next(reader, &record, &at, err);
+    if (status == RX_OK && record != NULL) {
+        rx_hash sum;
+        char digest[RX_HASH_TEXT];
+        rx_tile_record_print(dst, record);
+        rx_hash_begin(&sum);
+        rx_hash_add(&sum, dst->data, dst->failed ? 0 : dst->length);
+        rx_hash_text(&sum, digest);
+        if (dst->failed)
+            status = rx_error_memory(err, dst->length);
+        else if (strcmp(digest, tile->digest) != 0)
+            record = NULL;
+    }
+    if (status == RX_OK && record == NULL)
+        status = rx_error_at(err, RX_INPUT, tile->path, -1, 0,
+                             "has changed while it was read; give a file that nothing writes to");
+    rx_record_reader_close(reader);
+    return status;
+}
+
+static rx_status write_merged(const char *path, const rx_rollup *rollup, rx_outputs *outputs, rx_error *err)
 {
     const char *temporary = NULL;
+    rx_text_file file = {0};
     rx_status status = rx_outputs_file(outputs, path, &temporary, err);
-    FILE *file = status == RX_OK ? fopen(temporary, "w") : NULL;
-    int failed = status == RX_OK && file == NULL;
-    for (int i = 0; file != NULL && i < records->n && !failed && status == RX_OK; i++) {
+    if (status == RX_OK)
+        status = rx_text_file_open(&file, temporary, path, err);
+    for (int i = 0; i < rollup->ntiles && status == RX_OK; i++) {
         rx_text text = {0};
-        rx_tile_record_print(&text, &records->record[i]);
-        if (text.failed)
-            status = rx_error_memory(err, text.length);
-        else
-            failed = fwrite(text.data, 1, text.length, file) != text.length;
+        status = print_again(&text, rollup->tile[i], err);
+        if (status == RX_OK)
+            status = rx_text_file_add(&file, &text, err);
+        if (status == RX_OK)
+            status = rx_interrupt_check(err);
         rx_text_free(&text);
     }
-    failed |= file != NULL && fclose(file) != 0;
-    return failed ? rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written; is the disk full?") : status;
+    return rx_text_file_close(&file, status, err);
 }
 
 static void tell(const rx_rollup *r, rx_log *log)
@@ -56,7 +117,7 @@ static void tell(const rx_rollup *r, rx_log *log)
         log,
         "%d tiles: %d fine, %d failed, %d without a record, %d with a quality gate that failed, %d with "
         "one that is undecided",
-        r->records->n + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided);
+        r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided);
     for (int i = 0; i < r->nruns; i++) {
         const rx_rollup_run *run = &r->run[i];
         const rx_rollup_cell *cell = &run->whole;
@@ -73,39 +134,63 @@ static void tell(const rx_rollup *r, rx_log *log)
     }
 }
 
-rx_status rx_rollup_files(const rx_survey_config *config, const char *name, rx_log *log, rx_error *err)
+static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, const names *files,
+                          rx_error *err)
 {
-    rx_tile_records records = {0};
-    rx_tiles *tiles = NULL;
-    rx_rollup rollup = {0};
+    rx_status status = RX_OK;
+    for (int i = 0; i < files->n && status == RX_OK; i++) {
+        struct stat info;
+        if (config->merged_name[0] != '\0' && stat(files->of[i], &info) == 0 &&
+            (S_ISFIFO(info.st_mode) || S_ISCHR(info.st_mode)))
+            return rx_error_at(err, RX_INPUT, files->of[i], -1, 0,
+                               "is no file, and MERGED_NAME has to read it twice; give a file");
+        status = read_records(rollup, files->of[i], err);
+    }
+    return status;
+}
+
+static rx_status write_all(const rx_rollup *rollup, const rx_survey_config *config, rx_log *log,
+                           rx_error *err)
+{
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
-    rx_status status =
-        name[0] == '@' ? read_listed(name + 1, &records, err) : rx_tile_records_read(&records, name, err);
-    if (status == RX_OK)
-        status = rx_tile_records_settle(&records, err);
-    if (status == RX_OK && config->tiles_name[0] != '\0')
-        status = rx_tiles_read(config->tiles_name, &tiles, err);
-    if (status == RX_OK && records.n == 0 && tiles == NULL)
-        status = rx_error_at(err, RX_INPUT, name + (name[0] == '@'), -1, 0,
-                             "holds no record of a tile; give what RECORD_NAME of rextract has written");
-    if (status == RX_OK)
-        status = rx_rollup_make(config, &records, tiles, &rollup, err);
-    if (status == RX_OK)
-        status = rx_outputs_new(&outputs, err);
+    rx_status status = rx_outputs_new(&outputs, err);
     if (status == RX_OK && config->merged_name[0] != '\0')
-        status = write_merged(config->merged_name, &records, outputs, err);
+        status = write_merged(config->merged_name, rollup, outputs, err);
     if (status == RX_OK)
         status = rx_outputs_folder(outputs, config->output_name, &folder, err);
     if (status == RX_OK)
-        status = rx_rollup_report(&rollup, config->qa_figures, folder, config->output_name, log, err);
+        status = rx_rollup_report(rollup, config->qa_figures, folder, config->output_name, log, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
+    rx_outputs_free(outputs);
+    return status;
+}
+
+rx_status rx_rollup_files(const rx_survey_config *config, const char *name, rx_log *log, rx_error *err)
+{
+    rx_tiles *tiles = NULL;
+    rx_rollup rollup;
+    names files = {0};
+    rx_rollup_begin(config, &rollup);
+    rx_status status = name[0] == '@' ? read_names(&files, name + 1, err) : add_name(&files, name, err);
+    if (status == RX_OK)
+        status = read_all(&rollup, config, &files, err);
+    if (status == RX_OK && config->tiles_name[0] != '\0')
+        status = rx_tiles_read(config->tiles_name, &tiles, err);
+    if (status == RX_OK && rollup.ntiles == 0 && tiles == NULL)
+        status = rx_error_at(err, RX_INPUT, name + (name[0] == '@'), -1, 0,
+                             "holds no record of a tile; give what RECORD_NAME of rextract has written");
+    if (status == RX_OK)
+        status = rx_rollup_end(&rollup, tiles, err);
+    if (status == RX_OK)
+        status = write_all(&rollup, config, log, err);
     if (status == RX_OK)
         tell(&rollup, log);
-    rx_outputs_free(outputs);
     rx_rollup_free(&rollup);
     rx_tiles_free(tiles);
-    rx_tile_records_free(&records);
+    for (int i = 0; i < files.n; i++)
+        free(files.of[i]);
+    free(files.of);
     return status;
 }

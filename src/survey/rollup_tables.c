@@ -9,7 +9,7 @@
 
 static const char *verdict_name(const rx_rollup_row *row)
 {
-    return rx_verdict_name(row->extension->verdict);
+    return rx_verdict_name(row->verdict);
 }
 
 static void json_cell(rx_json *j, const rx_rollup_cell *cell)
@@ -40,24 +40,23 @@ static void json_run(rx_json *j, const rx_rollup_run *run)
     rx_json_end(j);
 }
 
-static void json_row(rx_json *j, const rx_rollup_row *row)
+static void json_row(rx_json *j, const rx_rollup *r, const rx_rollup_row *row)
 {
-    const rx_extension_facts *e = row->extension;
     rx_json_object(j, NULL, true);
-    rx_json_string(j, "tile", row->record->name);
-    rx_json_string(j, "image", row->record->image);
-    rx_json_number(j, "hdu", e->hdu);
-    rx_json_string(j, "run", row->run->name);
+    rx_json_string(j, "tile", row->tile->name);
+    rx_json_string(j, "image", row->tile->image);
+    rx_json_number(j, "hdu", row->hdu);
+    rx_json_string(j, "run", r->run[row->run].name);
     rx_json_number(j, "off", row->off);
     rx_json_string(j, "worst_in", row->what);
     rx_json_string(j, "verdict", verdict_name(row));
-    rx_json_number(j, "alpha_j2000", e->alpha);
-    rx_json_number(j, "delta_j2000", e->delta);
-    rx_json_number(j, "fwhm", e->fwhm);
-    rx_json_number(j, "sky", e->sky);
-    rx_json_number(j, "noise", e->noise);
-    rx_json_count(j, "sources", (uint64_t)row->run->sources);
-    if (row->run->tally != NULL)
+    rx_json_number(j, "alpha_j2000", row->alpha);
+    rx_json_number(j, "delta_j2000", row->delta);
+    rx_json_number(j, "fwhm", row->fwhm);
+    rx_json_number(j, "sky", row->sky);
+    rx_json_number(j, "noise", row->noise);
+    rx_json_count(j, "sources", (uint64_t)row->sources);
+    if (row->compared)
         json_cell(j, &row->cell);
     rx_json_end(j);
 }
@@ -69,7 +68,7 @@ void rx_rollup_json(rx_text *dst, const rx_rollup *r)
     rx_json_string(&j, "format", "rextract survey 1");
     rx_json_number(&j, "mag_low", r->mag_low < r->mag_high ? r->mag_low : NAN);
     rx_json_number(&j, "mag_high", r->mag_low < r->mag_high ? r->mag_high : NAN);
-    rx_json_count(&j, "tiles", (uint64_t)(r->records->n + r->nmissing));
+    rx_json_count(&j, "tiles", (uint64_t)(r->ntiles + r->nmissing));
     rx_json_count(&j, "fine", (uint64_t)r->fine);
     rx_json_count(&j, "failed", (uint64_t)r->failed);
     rx_json_count(&j, "without_record", (uint64_t)r->nmissing);
@@ -80,15 +79,15 @@ void rx_rollup_json(rx_text *dst, const rx_rollup *r)
         json_run(&j, &r->run[i]);
     rx_json_end(&j);
     rx_json_array(&j, "not_fine", false);
-    for (int i = 0; i < r->records->n; i++) {
-        const rx_tile_record *record = &r->records->record[i];
-        if (record->status == RX_OK)
+    for (int i = 0; i < r->ntiles; i++) {
+        const rx_rollup_tile *tile = r->tile[i];
+        if (tile->status == RX_OK)
             continue;
         rx_json_object(&j, NULL, true);
-        rx_json_string(&j, "tile", record->name);
-        rx_json_string(&j, "image", record->image);
-        rx_json_number(&j, "exit_status", record->status);
-        rx_json_string(&j, "error", record->what);
+        rx_json_string(&j, "tile", tile->name);
+        rx_json_string(&j, "image", tile->image);
+        rx_json_number(&j, "exit_status", tile->status);
+        rx_json_string(&j, "error", tile->what);
         rx_json_end(&j);
     }
     rx_json_end(&j);
@@ -98,7 +97,7 @@ void rx_rollup_json(rx_text *dst, const rx_rollup *r)
     rx_json_end(&j);
     rx_json_array(&j, "images", false);
     for (int i = 0; i < r->nrows; i++)
-        json_row(&j, &r->row[i]);
+        json_row(&j, r, &r->row[i]);
     rx_json_end(&j);
     rx_json_end(&j);
 }
@@ -141,20 +140,19 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
     rx_ecsv_columns_end(&t);
     for (int i = 0; i < r->nrows; i++) {
         const rx_rollup_row *row = &r->row[i];
-        const rx_extension_facts *e = row->extension;
-        rx_ecsv_text(&t, row->record->name);
-        rx_ecsv_text(&t, row->record->image);
-        rx_ecsv_count(&t, e->hdu);
-        rx_ecsv_text(&t, row->run->name);
+        rx_ecsv_text(&t, row->tile->name);
+        rx_ecsv_text(&t, row->tile->image);
+        rx_ecsv_count(&t, row->hdu);
+        rx_ecsv_text(&t, r->run[row->run].name);
         rx_ecsv_number(&t, row->off);
         rx_ecsv_text(&t, row->what);
         rx_ecsv_text(&t, verdict_name(row));
-        rx_ecsv_number(&t, e->alpha);
-        rx_ecsv_number(&t, e->delta);
-        rx_ecsv_number(&t, e->fwhm);
-        rx_ecsv_number(&t, e->sky);
-        rx_ecsv_number(&t, e->noise);
-        rx_ecsv_count(&t, row->run->sources);
+        rx_ecsv_number(&t, row->alpha);
+        rx_ecsv_number(&t, row->delta);
+        rx_ecsv_number(&t, row->fwhm);
+        rx_ecsv_number(&t, row->sky);
+        rx_ecsv_number(&t, row->noise);
+        rx_ecsv_count(&t, row->sources);
         cell_values(&t, &row->cell);
         rx_ecsv_row_end(&t);
     }
@@ -198,15 +196,15 @@ void rx_rollup_junit(rx_text *dst, const rx_rollup *r)
         dst,
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"rextract survey\" tests=\"%d\" "
         "failures=\"%d\" errors=\"%d\" skipped=\"%d\">\n",
-        r->records->n + r->nmissing, r->gates, r->failed + r->nmissing, r->undecided);
-    for (int i = 0; i < r->records->n; i++) {
-        const rx_tile_record *record = &r->records->record[i];
-        junit_case(dst, record->image,
-                   record->status == RX_OK                  ? NULL
-                   : record->status == RX_GATE_FAIL         ? "failure"
-                   : record->status == RX_GATE_INSUFFICIENT ? "skipped"
-                                                            : "error",
-                   record->what);
+        r->ntiles + r->nmissing, r->gates, r->failed + r->nmissing, r->undecided);
+    for (int i = 0; i < r->ntiles; i++) {
+        const rx_rollup_tile *tile = r->tile[i];
+        junit_case(dst, tile->image,
+                   tile->status == RX_OK                  ? NULL
+                   : tile->status == RX_GATE_FAIL         ? "failure"
+                   : tile->status == RX_GATE_INSUFFICIENT ? "skipped"
+                                                          : "error",
+                   tile->what);
     }
     for (int i = 0; i < r->nmissing; i++)
         junit_case(dst, rx_tiles_image(r->tiles, r->missing[i]), "error",

@@ -4,14 +4,16 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "config/tokens.h"
 
-enum { MAX_RECORD_BYTES = 1 << 30 };
+static const char blanks[] = " \t\r\v\f";
 
 /* In quotes; what would end them or the line is written as %XX. */
 static void add_string(rx_text *dst, const char *string)
@@ -66,20 +68,22 @@ void rx_tile_record_print(rx_text *dst, const rx_tile_record *record)
     rx_text_add(dst, "END\n");
 }
 
-/* A line that is read, and where. */
-typedef struct reader {
-    const char *path;
-    long line;
-    rx_tokens words;
-    rx_tile_record *record; /* that is open, or NULL */
+struct rx_record_reader {
+    rx_lines lines;
+    rx_tokens words; /* of the line */
+    rx_tile_record record;
+    int64_t at; /* where it begins */
+    bool open;  /* TILE was read, END was not */
     rx_extension_facts *extension;
     rx_run_facts *run;
     rx_error *err;
-} reader;
+};
+typedef struct rx_record_reader reader;
 
 static rx_status refuse(const reader *r, const char *why)
 {
-    return rx_error_at(r->err, RX_INPUT, r->path, -1, r->line, "%s; is it the record of a tile, whole?", why);
+    return rx_error_at(r->err, RX_INPUT, r->lines.path, -1, r->lines.number,
+                       "%s; is it the record of a tile, whole?", why);
 }
 
 static int hex(char c)
@@ -143,7 +147,7 @@ static rx_status read_extension(reader *r)
         status = take_whole(r, 9, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT, &v[3]);
     if (status != RX_OK)
         return status;
-    rx_tile_facts *facts = &r->record->facts;
+    rx_tile_facts *facts = &r->record.facts;
     rx_extension_facts *grown = rx_regrow(facts->extension, (size_t)facts->n + 1, sizeof *grown);
     if (grown == NULL)
         return rx_error_memory(r->err, ((size_t)facts->n + 1) * sizeof *grown);
@@ -189,173 +193,146 @@ static rx_status read_run(reader *r)
     return RX_OK;
 }
 
-static rx_status read_bin(reader *r)
+/* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
+static rx_status read_bin(reader *r, char *text)
 {
     const long most = 1L << 40;
     long k, step, count;
     if (r->run == NULL || r->run->tally == NULL)
         return refuse(r, "a bin is out of place");
-    rx_status status = take_whole(r, 1, 0, RX_TALLY_BINS - 1, &k);
+    rx_status status = whole(r, text, &text, 0, RX_TALLY_BINS - 1, &k);
     if (status != RX_OK)
         return status;
     rx_tally_bin *bin = &r->run->tally->bin[k];
     long *const counts[] = {&bin->references, &bin->found, &bin->detections, &bin->right};
     for (int i = 0; i < 4 && status == RX_OK; i++)
-        status = take_whole(r, 2 + i, 0, most, counts[i]);
-    if (status == RX_OK && r->words.n > 6 && bin->dmag == NULL &&
-        (bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS)) == NULL)
-        return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(uint32_t));
-    for (int w = 6; w < r->words.n && status == RX_OK; w++) {
-        char *end = NULL;
-        status = whole(r, r->words.v[w], &end, 0, RX_TALLY_STEPS - 1, &step);
-        if (status == RX_OK && *end != ':')
+        status = whole(r, text, &text, 0, most, counts[i]);
+    for (text += strspn(text, blanks); status == RX_OK && *text != '\0'; text += strspn(text, blanks)) {
+        if (bin->dmag == NULL && (bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS)) == NULL)
+            return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(uint32_t));
+        status = whole(r, text, &text, 0, RX_TALLY_STEPS - 1, &step);
+        if (status == RX_OK && *text != ':')
             status = refuse(r, "a count is out of place");
         if (status == RX_OK)
-            status = whole(r, end + 1, &end, 1, UINT32_MAX, &count);
+            status = whole(r, text + 1, &text, 1, UINT32_MAX, &count);
         if (status == RX_OK)
             bin->dmag[step] = (uint32_t)count;
     }
     return status;
 }
 
-static rx_status begin_record(reader *r, rx_tile_records *dst)
+static rx_status begin_record(reader *r)
 {
-    if (r->record != NULL)
+    if (r->open)
         return refuse(r, "the record before has no END");
-    rx_tile_record *grown = rx_regrow(dst->record, (size_t)dst->n + 1, sizeof *grown);
-    if (grown == NULL)
-        return rx_error_memory(r->err, ((size_t)dst->n + 1) * sizeof *grown);
-    dst->record = grown;
-    r->record = &grown[dst->n++];
+    rx_tile_record_free(&r->record);
+    r->open = true;
+    r->at = r->lines.at;
     r->extension = NULL;
     r->run = NULL;
-    *r->record = (rx_tile_record){.status = -1};
-    rx_status status = take_string(r, 1, &r->record->image);
-    return status == RX_OK ? take_string(r, 2, &r->record->name) : status;
+    r->record.status = -1;
+    rx_status status = take_string(r, 1, &r->record.image);
+    return status == RX_OK ? take_string(r, 2, &r->record.name) : status;
 }
 
 static rx_status end_record(reader *r)
 {
-    const rx_tile_record *record = r->record;
-    r->record = NULL;
-    if (record->version == NULL || record->what == NULL)
+    r->open = false;
+    if (r->record.version == NULL || r->record.what == NULL)
         return refuse(r, "VERSION or STATUS is missing");
     return RX_OK;
 }
 
-static rx_status read_words(reader *r, rx_tile_records *dst)
+static rx_status read_words(reader *r)
 {
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
-        return begin_record(r, dst);
-    if (r->record == NULL)
+        return begin_record(r);
+    if (!r->open)
         return refuse(r, "TILE does not come first");
-    if (strcmp(kind, "VERSION") == 0 && r->record->version == NULL)
-        return take_string(r, 1, &r->record->version);
-    if (strcmp(kind, "STATUS") == 0 && r->record->what == NULL) {
+    if (strcmp(kind, "VERSION") == 0 && r->record.version == NULL)
+        return take_string(r, 1, &r->record.version);
+    if (strcmp(kind, "STATUS") == 0 && r->record.what == NULL) {
         long code;
         rx_status status = take_whole(r, 1, 0, 255, &code);
-        r->record->status = (int)code;
-        return status == RX_OK ? take_string(r, 2, &r->record->what) : status;
+        r->record.status = (int)code;
+        return status == RX_OK ? take_string(r, 2, &r->record.what) : status;
     }
     if (strcmp(kind, "EXTENSION") == 0)
         return read_extension(r);
     if (strcmp(kind, "RUN") == 0)
         return read_run(r);
-    if (strcmp(kind, "BIN") == 0)
-        return read_bin(r);
     if (strcmp(kind, "END") == 0)
         return end_record(r);
     return refuse(r, "this is no line of a record");
 }
 
-static rx_status read_line(reader *r, rx_tile_records *dst, const char *line)
+static rx_status read_line(reader *r, char *line)
 {
+    line += strspn(line, blanks);
+    if (r->open && strncmp(line, "BIN", 3) == 0 && (line[3] == ' ' || line[3] == '\t'))
+        return read_bin(r, line + 4);
     rx_status status = rx_tokens_words(line, &r->words, r->err);
     if (status == RX_USAGE)
         status = refuse(r, "a quote is not closed");
     if (status == RX_OK && r->words.n > 0)
-        status = read_words(r, dst);
+        status = read_words(r);
     rx_tokens_free(&r->words);
     return status;
 }
 
-rx_status rx_tile_records_read(rx_tile_records *dst, const char *path, rx_error *err)
+rx_status rx_record_reader_open(const char *path, int64_t from, rx_record_reader **dst, rx_error *err)
 {
-    char *text = NULL;
-    reader r = {.path = path, .err = err};
-    rx_status status = rx_text_read_file(path, MAX_RECORD_BYTES, &text, NULL, err);
-    for (char *line = text; status == RX_OK && line != NULL && *line != '\0';) {
-        char *end = strchr(line, '\n');
-        if (end != NULL)
-            *end = '\0';
-        r.line++;
-        status = read_line(&r, dst, line);
-        line = end != NULL ? end + 1 : NULL;
+    *dst = RX_NEW(rx_record_reader, 1);
+    if (*dst == NULL)
+        return rx_error_memory(err, sizeof **dst);
+    rx_status status = rx_lines_open(&(*dst)->lines, path, from, err);
+    if (status != RX_OK) {
+        rx_record_reader_close(*dst);
+        *dst = NULL;
     }
-    if (status == RX_OK && r.record != NULL)
-        status = refuse(&r, "the last record has no END");
-    free(text);
     return status;
 }
 
-static int by_tile(const void *a, const void *b)
+void rx_record_reader_close(rx_record_reader *r)
 {
-    const rx_tile_record *x = a, *y = b;
-    const int order = strcmp(x->name, y->name);
-    return order != 0 ? order : strcmp(x->image, y->image);
+    if (r == NULL)
+        return;
+    rx_lines_close(&r->lines);
+    rx_tile_record_free(&r->record);
+    free(r);
 }
 
-static void clear(rx_tile_record *record)
+rx_status rx_record_reader_next(rx_record_reader *r, const rx_tile_record **record, int64_t *at,
+                                rx_error *err)
+{
+    char *line = NULL;
+    bool begun = false; /* a record, and with END it is whole */
+    r->err = err;
+    *record = NULL;
+    do {
+        rx_status status = rx_lines_next(&r->lines, &line, err);
+        if (status == RX_OK && line != NULL)
+            status = read_line(r, line);
+        if (status != RX_OK)
+            return status;
+        begun |= r->open;
+    } while (line != NULL && (r->open || !begun));
+    if (r->open)
+        return refuse(r, "the last record has no END");
+    if (begun) {
+        *record = &r->record;
+        *at = r->at;
+    }
+    return RX_OK;
+}
+
+void rx_tile_record_free(rx_tile_record *record)
 {
     free(record->image);
     free(record->name);
     free(record->version);
     free(record->what);
     rx_tile_facts_free(&record->facts);
-}
-
-/* Do they say the same? */
-static rx_status compare(const rx_tile_record *a, const rx_tile_record *b, int *same, rx_error *err)
-{
-    rx_text x = {0}, y = {0};
-    rx_tile_record_print(&x, a);
-    rx_tile_record_print(&y, b);
-    const int failed = x.failed || y.failed;
-    *same = !failed && strcmp(x.data, y.data) == 0;
-    rx_text_free(&x);
-    rx_text_free(&y);
-    return failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
-rx_status rx_tile_records_settle(rx_tile_records *records, rx_error *err)
-{
-    rx_tile_record *list = records->record;
-    rx_status status = RX_OK;
-    int kept = 0;
-    if (records->n > 1)
-        qsort(list, (size_t)records->n, sizeof *list, by_tile);
-    for (int i = 0; i < records->n; i++) {
-        int same = 0;
-        if (status == RX_OK && kept > 0 && by_tile(&list[kept - 1], &list[i]) == 0) {
-            status = compare(&list[kept - 1], &list[i], &same, err);
-            if (status == RX_OK && !same)
-                status = rx_error_at(err, RX_INPUT, list[i].image, -1, 0,
-                                     "has two records that differ; leave out the older one");
-        }
-        if (same)
-            clear(&list[i]);
-        else
-            list[kept++] = list[i];
-    }
-    records->n = kept;
-    return status;
-}
-
-void rx_tile_records_free(rx_tile_records *records)
-{
-    for (int i = 0; i < records->n; i++)
-        clear(&records->record[i]);
-    free(records->record);
-    *records = (rx_tile_records){0};
+    *record = (rx_tile_record){0};
 }

@@ -10,10 +10,12 @@
  *   EXTENSION hdu width height alpha delta fwhm sky noise verdict      alpha, delta: deg J2000; nan = unknown
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue
  *   BIN k references found detections right step:count ...             validate/tally.h; bins that count
- * nothing END                                                                are left out
+ *   END                                                                nothing are left out
  */
 #ifndef RX_SURVEY_TILE_RECORD_H
 #define RX_SURVEY_TILE_RECORD_H
+
+#include <stdint.h>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -26,22 +28,20 @@ typedef struct rx_tile_record {
     rx_tile_facts facts;
 } rx_tile_record;
 
-typedef struct rx_tile_records {
-    int n;
-    rx_tile_record *record;
-} rx_tile_records;
-
 /* As text, TILE to END. Memory trouble shows in dst->failed. */
 void rx_tile_record_print(rx_text *dst, const rx_tile_record *record);
+void rx_tile_record_free(rx_tile_record *record); /* content only */
 
-/* Append the records of a file. Errors: RX_INPUT with file and line (a record that is cut short, a line that
- * is none of ours), RX_SYSTEM. */
-rx_status rx_tile_records_read(rx_tile_records *dst, const char *path, rx_error *err);
+/* Records of a file, one at a time: there can be more than fit into memory. */
+typedef struct rx_record_reader rx_record_reader;
 
-/* Sort by name and image, drop what stands there twice. Errors: RX_INPUT for two records of one tile that
- * differ. */
-rx_status rx_tile_records_settle(rx_tile_records *records, rx_error *err);
+/* From byte `from` on, where a record begins. Errors: RX_INPUT, RX_SYSTEM. */
+rx_status rx_record_reader_open(const char *path, int64_t from, rx_record_reader **dst, rx_error *err);
+void rx_record_reader_close(rx_record_reader *reader); /* NULL is fine */
 
-void rx_tile_records_free(rx_tile_records *records); /* content only */
+/* *record, there until the next one is asked for, begins at byte *at; NULL after the last. Errors: RX_INPUT
+ * with file and line (a record that is cut short, a line that is none of ours), RX_SYSTEM. */
+rx_status rx_record_reader_next(rx_record_reader *reader, const rx_tile_record **record, int64_t *at,
+                                rx_error *err);
 
 #endif

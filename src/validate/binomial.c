@@ -61,6 +61,8 @@ static double inverse_beta(double a, double b, double q)
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
         double middle = 0.5 * (low + high);
+        if (middle <= low || middle >= high) /* no number lies between */
+            break;
         if (rx_incomplete_beta(a, b, middle) < q)
             low = middle;
         else

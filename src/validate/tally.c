@@ -98,28 +98,28 @@ void rx_tally_free(rx_tally *tally)
     }
 }
 
-/* Count of pairs with an error below `at`, the pairs of a step spread evenly over it. */
-static double below(const uint32_t *steps, double at)
+/* Count of pairs with an error below `at`, the pairs of a step spread evenly over it; sum[k]: those of the
+ * steps before k. */
+static double below(const uint32_t *steps, const double *sum, double at)
 {
-    double n = 0;
     if (at <= -END)
         return 0;
+    if (at >= END)
+        return sum[RX_TALLY_STEPS - 1];
     const double u = steps_of(at) + RX_TALLY_SIDE;
-    for (int k = 0; k < RX_TALLY_STEPS - 1; k++) {
-        const double share = k == 0 ? 1 : fmax(0, fmin(1, u - (k - 1)));
-        n += share * (double)steps[k];
-    }
-    return n;
+    const int k = (int)u + 1;
+    return sum[k] + (u - (k - 1)) * (double)steps[k];
 }
 
 /* By bisection: the error that `wanted` pairs lie below or, folded, the distance from `centre` that they lie
  * within. */
-static double middle(const uint32_t *steps, double centre, int folded, double wanted)
+static double middle(const uint32_t *steps, const double *sum, double centre, int folded, double wanted)
 {
     double low = folded ? 0 : -END, high = folded ? 2 * END : END;
     for (int i = 0; i < 60; i++) {
         const double x = 0.5 * (low + high);
-        const double n = folded ? below(steps, centre + x) - below(steps, centre - x) : below(steps, x);
+        const double n =
+            folded ? below(steps, sum, centre + x) - below(steps, sum, centre - x) : below(steps, sum, x);
         if (n < wanted)
             low = x;
         else
@@ -130,17 +130,20 @@ static double middle(const uint32_t *steps, double centre, int folded, double wa
 
 void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *sigma)
 {
+    double sum[RX_TALLY_STEPS];
     *n = 0;
     *median = *sigma = NAN;
-    for (int k = 0; bin->dmag != NULL && k < RX_TALLY_STEPS; k++)
+    for (int k = 0; bin->dmag != NULL && k < RX_TALLY_STEPS; k++) {
+        sum[k] = (double)*n;
         *n += bin->dmag[k];
+    }
     if (*n == 0)
         return;
     const double half = 0.5 * (double)*n;
     if ((double)bin->dmag[0] >= half || (double)bin->dmag[RX_TALLY_STEPS - 1] >= half)
         return;
-    *median = middle(bin->dmag, 0, 0, half);
-    const double spread = middle(bin->dmag, *median, 1, half);
+    *median = middle(bin->dmag, sum, 0, 0, half);
+    const double spread = middle(bin->dmag, sum, *median, 1, half);
     if (fabs(*median) + spread < END)
         *sigma = 1.4826 * spread;
 }

@@ -28,7 +28,6 @@ static const char records_text[] =
     "TILE d.fits d\nVERSION 1\nSTATUS 3 \"cannot be opened\"\nEND\n";
 
 typedef struct survey {
-    rx_tile_records records;
     rx_tiles *tiles;
     rx_settings *settings;
     rx_rollup rollup;
@@ -42,6 +41,19 @@ static void write_file(const char *path, const char *text)
     assert_int_equal(fclose(file), 0);
 }
 
+static rx_status add_file(rx_rollup *rollup, const char *path, rx_error *err)
+{
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *record = NULL;
+    int64_t at;
+    rx_status status = rx_record_reader_open(path, 0, &reader, err);
+    while (status == RX_OK && (status = rx_record_reader_next(reader, &record, &at, err)) == RX_OK &&
+           record != NULL)
+        status = rx_rollup_add(rollup, record, path, at, err);
+    rx_record_reader_close(reader);
+    return status;
+}
+
 static void make(survey *s, const char *range)
 {
     char path[] = "/tmp/rextract-rollup-XXXXXX";
@@ -50,14 +62,13 @@ static void make(survey *s, const char *range)
     close(file);
     *s = (survey){0};
     write_file(path, records_text);
-    assert_int_equal(rx_tile_records_read(&s->records, path, NULL), RX_OK);
-    assert_int_equal(rx_tile_records_settle(&s->records, NULL), RX_OK);
-    write_file(path, "e.fits\na.fits\nx/b.fits\nd.fits\n");
-    assert_int_equal(rx_tiles_read(path, &s->tiles, NULL), RX_OK);
     assert_int_equal(rx_settings_new(rx_keytable_survey(), &s->settings, NULL), RX_OK);
     assert_int_equal(rx_settings_set(s->settings, "MAG_RANGE", range, NULL, NULL), RX_OK);
-    assert_int_equal(rx_rollup_make((rx_survey_config *)s->settings, &s->records, s->tiles, &s->rollup, NULL),
-                     RX_OK);
+    rx_rollup_begin((rx_survey_config *)s->settings, &s->rollup);
+    assert_int_equal(add_file(&s->rollup, path, NULL), RX_OK);
+    write_file(path, "e.fits\na.fits\nx/b.fits\nd.fits\n");
+    assert_int_equal(rx_tiles_read(path, &s->tiles, NULL), RX_OK);
+    assert_int_equal(rx_rollup_end(&s->rollup, s->tiles, NULL), RX_OK);
     unlink(path);
 }
 
@@ -66,7 +77,6 @@ static void drop(survey *s)
     rx_rollup_free(&s->rollup);
     rx_settings_free(s->settings);
     rx_tiles_free(s->tiles);
-    rx_tile_records_free(&s->records);
 }
 
 static void sums(void **state)
@@ -104,15 +114,15 @@ static void worst_come_first(void **state)
     (void)state;
     make(&s, "0,0");
     assert_int_equal(s.rollup.nrows, 4);
-    assert_string_equal(s.rollup.row[0].record->name, "c");
-    assert_string_equal(s.rollup.row[1].record->name, "c");
-    assert_string_equal(s.rollup.row[1].run->name, "RL");
+    assert_string_equal(s.rollup.row[0].tile->name, "c");
+    assert_string_equal(s.rollup.row[1].tile->name, "c");
+    assert_string_equal(s.rollup.run[s.rollup.row[1].run].name, "RL");
     assert_true(isnan(s.rollup.row[1].off));
-    assert_string_equal(s.rollup.row[2].record->name, "b");
+    assert_string_equal(s.rollup.row[2].tile->name, "b");
     assert_string_equal(s.rollup.row[2].what, "recall");
     const double p = 230.0 / 310;
     assert_float_equal(s.rollup.row[2].off, (p - 50.0 / 110) / sqrt(p * (1 - p) / 110), 1e-9);
-    assert_string_equal(s.rollup.row[3].record->name, "a");
+    assert_string_equal(s.rollup.row[3].tile->name, "a");
     drop(&s);
 }
 
@@ -154,6 +164,96 @@ static void files_for_programs(void **state)
     drop(&s);
 }
 
+static rx_status add_one(rx_rollup *rollup, const char *image, const char *name, int code, const char *run,
+                         rx_error *err)
+{
+    const rx_tile_record record = {
+        .image = (char *)image,
+        .name = (char *)name,
+        .version = (char *)"1",
+        .status = code,
+        .what = (char *)"",
+        .facts = {.n = 1, .extension = &(rx_extension_facts){.nruns = 1, .run = {{.sources = 5}}}}};
+    snprintf(record.facts.extension->run[0].name, sizeof record.facts.extension->run[0].name, "%s", run);
+    return rx_rollup_add(rollup, &record, "all.records", 0, err);
+}
+
+static void records_are_sorted_and_merged(void **state)
+{
+    rx_rollup r = {0};
+    rx_error err = RX_ERROR_NONE;
+    (void)state;
+    assert_int_equal(add_one(&r, "n/b.fits", "b", 0, "NONE", NULL), RX_OK);
+    assert_int_equal(add_one(&r, "n/a.fits", "a", 3, "RL", NULL), RX_OK);
+    assert_int_equal(add_one(&r, "m/b.fits", "b", 0, "NET", NULL), RX_OK);
+    assert_int_equal(add_one(&r, "n/a.fits", "a", 3, "RL", NULL), RX_OK);
+    assert_int_equal(add_one(&r, "m/b.fits", "b", 4, "NET", &err), RX_INPUT);
+    assert_string_equal(err.where, "m/b.fits");
+    assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
+    assert_int_equal(r.ntiles, 3);
+    assert_int_equal(r.nrows, 3);
+    assert_string_equal(r.tile[0]->image, "n/a.fits");
+    assert_string_equal(r.tile[1]->image, "m/b.fits");
+    assert_string_equal(r.tile[2]->image, "n/b.fits");
+    /* restorers in the order of the tiles, whatever came first */
+    assert_string_equal(r.run[0].name, "RL");
+    assert_string_equal(r.run[1].name, "NET");
+    assert_string_equal(r.run[2].name, "NONE");
+    assert_int_equal(r.run[0].sources, 5);
+    for (int i = 0; i < 3; i++)
+        assert_ptr_equal(r.row[i].tile, r.tile[i]);
+    rx_rollup_free(&r);
+}
+
+/* A page that one can look at, which says what it leaves out; the tables have everything. */
+static void many_tiles(void **state)
+{
+    enum { MANY = 9000 };
+    rx_rollup r = {0};
+    rx_text html = {0}, table = {0};
+    rx_figures *figures = calloc(1, sizeof *figures);
+    rx_tally *tally = calloc(1, sizeof *tally);
+    (void)state;
+    assert_non_null(figures);
+    assert_non_null(tally);
+    tally->bin[96] = (rx_tally_bin){.references = 10, .found = 9, .detections = 9, .right = 9};
+    for (int i = 0; i < MANY; i++) {
+        char name[20];
+        snprintf(name, sizeof name, "t%d", i);
+        const rx_tile_record record = {
+            .image = name,
+            .name = name,
+            .version = (char *)"1",
+            .status = i % 3 == 0 ? 3 : 0,
+            .what = (char *)"",
+            .facts = {.n = 1,
+                      .extension = &(rx_extension_facts){.alpha = i % 100,
+                                                         .delta = i / 100,
+                                                         .nruns = 1,
+                                                         .run = {{.name = "RL", .tally = tally}}}}};
+        assert_int_equal(rx_rollup_add(&r, &record, "all.records", 0, NULL), RX_OK);
+    }
+    assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
+    rx_rollup_figures(figures, &r);
+    rx_rollup_html(&html, &r, figures);
+    rx_rollup_tiles(&table, &r);
+    assert_false(html.failed || table.failed || figures->script.failed);
+    assert_non_null(strstr(html.data, "200 of 3000 rows. All are in junit.xml"));
+    assert_non_null(strstr(html.data, "200 of 9000 rows. All are in tiles.ecsv"));
+    assert_non_null(strstr(html.data, "mean of the images in a cell"));
+    assert_true(html.length < 500000 && figures->script.length < 500000);
+    long lines = 0;
+    for (const char *c = table.data; *c != '\0'; c++)
+        lines += *c == '\n';
+    assert_true(lines > MANY);
+    rx_text_free(&html);
+    rx_text_free(&table);
+    rx_figures_free(figures);
+    free(figures);
+    free(tally);
+    rx_rollup_free(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -161,6 +261,8 @@ int main(void)
         cmocka_unit_test(worst_come_first),
         cmocka_unit_test(a_range_of_magnitudes),
         cmocka_unit_test(files_for_programs),
+        cmocka_unit_test(records_are_sorted_and_merged),
+        cmocka_unit_test(many_tiles),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

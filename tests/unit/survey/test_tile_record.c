@@ -1,4 +1,4 @@
-/* Records: written, read back, refused, merged. */
+/* Records: written, read back, refused. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -47,13 +47,31 @@ static int leave(void **state)
     return 0;
 }
 
+/* Reads all of the file; what the last call of rx_record_reader_next() says. */
+static rx_status read_all(const char *path, int *n, rx_error *err)
+{
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *record = NULL;
+    int64_t at;
+    rx_status status = rx_record_reader_open(path, 0, &reader, err);
+    *n = 0;
+    while (status == RX_OK && (status = rx_record_reader_next(reader, &record, &at, err)) == RX_OK &&
+           record != NULL)
+        ++*n;
+    rx_record_reader_close(reader);
+    return status;
+}
+
 static void what_is_written_is_read(void **state)
 {
-    rx_tile_records records = {0};
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *r = NULL;
+    int64_t at = -1;
     put(*state, whole);
-    assert_int_equal(rx_tile_records_read(&records, *state, NULL), RX_OK);
-    assert_int_equal(records.n, 1);
-    const rx_tile_record *r = records.record;
+    assert_int_equal(rx_record_reader_open(*state, 0, &reader, NULL), RX_OK);
+    assert_int_equal(rx_record_reader_next(reader, &r, &at, NULL), RX_OK);
+    assert_non_null(r);
+    assert_int_equal(at, 0);
     assert_string_equal(r->image, "night 1/a \"b%.fits");
     assert_string_equal(r->what, "rextract: a quality gate FAILED\nand more");
     assert_int_equal(r->status, 5);
@@ -70,7 +88,34 @@ static void what_is_written_is_read(void **state)
     rx_tile_record_print(&text, r);
     assert_string_equal(text.data, whole);
     rx_text_free(&text);
-    rx_tile_records_free(&records);
+    assert_int_equal(rx_record_reader_next(reader, &r, &at, NULL), RX_OK);
+    assert_null(r);
+    rx_record_reader_close(reader);
+}
+
+/* Blank lines between, and each of them from where it begins. */
+static void one_of_many_is_read(void **state)
+{
+    char text[2 * sizeof whole + 200];
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *r = NULL;
+    int64_t at[3] = {0}, again;
+    int n = 0;
+    snprintf(text, sizeof text, "\n%s\n\nTILE b b\nVERSION 1\nSTATUS 0 \"\"\nEND\n%s", whole, whole);
+    put(*state, text);
+    assert_int_equal(rx_record_reader_open(*state, 0, &reader, NULL), RX_OK);
+    while (rx_record_reader_next(reader, &r, &again, NULL) == RX_OK && r != NULL && n < 3)
+        at[n++] = again;
+    rx_record_reader_close(reader);
+    assert_int_equal(n, 3);
+    assert_int_equal(rx_record_reader_open(*state, at[1], &reader, NULL), RX_OK);
+    assert_int_equal(rx_record_reader_next(reader, &r, &again, NULL), RX_OK);
+    assert_string_equal(r->name, "b");
+    assert_int_equal(again, at[1]);
+    assert_int_equal(rx_record_reader_next(reader, &r, &again, NULL), RX_OK);
+    assert_int_equal(r->status, 5);
+    assert_int_equal(again, at[2]);
+    rx_record_reader_close(reader);
 }
 
 /* Every line of `whole` cut away, and every word of it: either refused with a place, or a record all the
@@ -79,29 +124,27 @@ static void damage_is_found(void **state)
 {
     for (size_t cut = 1; cut + 1 < sizeof whole; cut++) {
         char text[sizeof whole];
-        rx_tile_records records = {0};
         rx_error err = RX_ERROR_NONE;
+        int n;
         memcpy(text, whole, cut);
         text[cut] = '\0';
         put(*state, text);
-        rx_status status = rx_tile_records_read(&records, *state, &err);
+        rx_status status = read_all(*state, &n, &err);
         if (cut < sizeof whole - 2) { /* without END and its line break */
             assert_int_equal(status, RX_INPUT);
             assert_true(err.line > 0);
             assert_string_equal(err.where, *state);
         }
-        rx_tile_records_free(&records);
     }
 }
 
 static void check_refused(void **state, const char *text, const char *words)
 {
-    rx_tile_records records = {0};
     rx_error err = RX_ERROR_NONE;
+    int n;
     put(*state, text);
-    assert_int_equal(rx_tile_records_read(&records, *state, &err), RX_INPUT);
+    assert_int_equal(read_all(*state, &n, &err), RX_INPUT);
     assert_non_null(strstr(err.text, words));
-    rx_tile_records_free(&records);
 }
 
 static void nonsense_is_refused(void **state)
@@ -130,41 +173,13 @@ static void nonsense_is_refused(void **state)
     check_refused(state, "TILE \"a.fits\n", "a quote is not closed");
 }
 
-static void add(rx_tile_records *records, void **state, const char *image, const char *name, int code)
-{
-    char text[200];
-    snprintf(text, sizeof text, "TILE \"%s\" \"%s\"\nVERSION \"1\"\nSTATUS %d \"\"\nEND\n", image, name,
-             code);
-    put(*state, text);
-    assert_int_equal(rx_tile_records_read(records, *state, NULL), RX_OK);
-}
-
-static void records_are_sorted_and_merged(void **state)
-{
-    rx_tile_records records = {0};
-    rx_error err = RX_ERROR_NONE;
-    add(&records, state, "n/b.fits", "b", 0);
-    add(&records, state, "n/a.fits", "a", 3);
-    add(&records, state, "m/b.fits", "b", 0);
-    add(&records, state, "n/a.fits", "a", 3);
-    assert_int_equal(rx_tile_records_settle(&records, NULL), RX_OK);
-    assert_int_equal(records.n, 3);
-    assert_string_equal(records.record[0].image, "n/a.fits");
-    assert_string_equal(records.record[1].image, "m/b.fits");
-    assert_string_equal(records.record[2].image, "n/b.fits");
-    add(&records, state, "m/b.fits", "b", 4);
-    assert_int_equal(rx_tile_records_settle(&records, &err), RX_INPUT);
-    assert_string_equal(err.where, "m/b.fits");
-    rx_tile_records_free(&records);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(what_is_written_is_read, enter, leave),
+        cmocka_unit_test_setup_teardown(one_of_many_is_read, enter, leave),
         cmocka_unit_test_setup_teardown(damage_is_found, enter, leave),
         cmocka_unit_test_setup_teardown(nonsense_is_refused, enter, leave),
-        cmocka_unit_test_setup_teardown(records_are_sorted_and_merged, enter, leave),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
