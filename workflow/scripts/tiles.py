@@ -1,10 +1,11 @@
 """The list of tiles, read as rextract reads it (config/tiles.h)."""
-import functools
+import itertools
 import json
 import math
 import os
 import re
 import subprocess
+import tempfile
 import urllib.parse
 
 
@@ -71,11 +72,16 @@ def read(path):
     return tiles
 
 
+def common(settings, options, threads):
+    """Keywords of all tiles, as rextract is called with them."""
+    return ["-c", settings, "-CATALOG_NAME", "catalogs/{tile}.cat", "-QA_NAME", "reports/{tile}", "-NTHREADS", str(threads),
+            *options]
+
+
 def arguments(tile, settings, options, threads):
     """What rextract is called with for a tile."""
     image, *own = words(tile.line)
-    return [image, "-c", settings, "-CATALOG_NAME", "catalogs/{tile}.cat", "-QA_NAME", "reports/{tile}", "-NTHREADS",
-            str(threads), *options, *own, "-RECORD_NAME", "records/{tile}.record"]
+    return [image, *common(settings, options, threads), *own, "-RECORD_NAME", "records/{tile}.record"]
 
 
 WORKFLOW_MB = 300  # of the workflow's own process in a job, beside rextract
@@ -83,15 +89,48 @@ PATIENCE = 5  # times the CPU seconds that rextract reckons with, for slower mac
 LEAST_MINUTES = 10
 
 
-@functools.lru_cache(maxsize=None)
-def plan(tile, program, settings, options, threads, density, otherwise):
-    """(MB, minutes) that a tile takes by rextract -PLAN Y; of one that cannot be planned `otherwise` and an hour."""
-    command = [program, "-PLAN", "Y", *arguments(tile, settings, options, threads), "-PLAN_DENSITY", str(density)]
-    try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                              check=True)
-        found = json.loads(done.stdout)["all"]
-    except (OSError, subprocess.CalledProcessError, ValueError, KeyError):
-        return otherwise, 60
-    return (math.ceil(found["memory_bytes"] / 1e6) + WORKFLOW_MB,
-            max(LEAST_MINUTES, math.ceil(PATIENCE * found["cpu_seconds"] / threads / 60)))
+class Plans:
+    """What tiles take by rextract -PLAN Y.
+
+    To start rextract takes longer than to plan a tile, so that each call plans twice as many as the one before, the ones
+    that follow in the list: a job asks for its own tile alone, and 1e4 tiles take 14 calls."""
+
+    def __init__(self, tiles, program, settings, options, threads, otherwise):
+        self.tiles, self.threads, self.otherwise = tiles, threads, otherwise
+        self.command = [program, *common(settings, options, threads), "-RECORD_NAME", "records/{tile}.record", "-PLAN", "Y"]
+        self.known, self.left, self.size = {}, {}, {}
+
+    def of(self, name, density):
+        """(MB, minutes) of a tile; of one that cannot be planned `otherwise` and an hour."""
+        if (name, density) not in self.known:
+            left = self.left.setdefault(density, dict.fromkeys(self.tiles))
+            size = self.size.get(density, 1)
+            del left[name]
+            batch = [name, *itertools.islice(left, size - 1)]
+            for each in batch[1:]:
+                del left[each]
+            self._plan(batch, density)
+            self.size[density] = 2 * size
+        return self.known[name, density]
+
+    def _plan(self, batch, density):
+        with tempfile.NamedTemporaryFile("w", suffix=".list", encoding="utf-8", errors="surrogateescape") as file:
+            file.writelines(self.tiles[name].line + "\n" for name in batch)
+            file.flush()
+            done = subprocess.run([*self.command, "-PLAN_DENSITY", str(density), "@" + file.name], stdin=subprocess.DEVNULL,
+                                  stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False)
+        if done.returncode in (0, 8):  # 8: some cannot be planned
+            for name, found in zip(batch, json.loads(done.stdout)["tiles"]):
+                self.known[name, density] = self._ask(found)
+        elif len(batch) == 1:
+            self.known[batch[0], density] = self.otherwise, 60
+        else:  # a line of the list is wrong, and no other shall suffer
+            half = len(batch) // 2
+            self._plan(batch[:half], density)
+            self._plan(batch[half:], density)
+
+    def _ask(self, found):
+        if "error" in found:
+            return self.otherwise, 60
+        return (math.ceil(found["memory_bytes"] / 1e6) + WORKFLOW_MB,
+                max(LEAST_MINUTES, math.ceil(PATIENCE * found["cpu_seconds"] / self.threads / 60)))
