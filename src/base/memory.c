@@ -73,6 +73,16 @@ void *rx_regrow(void *ptr, size_t count, size_t size)
     return realloc(ptr, count * size > 0 ? count * size : 1);
 }
 
+void rx_memory_spend(void *ptr, size_t from, size_t to)
+{
+    char *block = ptr;
+    const size_t begin = from + (size_t)(-(uintptr_t)(block + from) & (PAGE - 1));
+    const size_t past = (size_t)((uintptr_t)(block + to) & (PAGE - 1));
+    if (past < to && begin < to - past)
+        (void)madvise(block + begin, to - past - begin,
+                      MADV_DONTNEED); /* else it stays, which does no harm */
+}
+
 char *rx_strdup(const char *text)
 {
     if (text == NULL)

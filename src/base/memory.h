@@ -19,6 +19,10 @@ void *rx_alloc_filled(size_t count, size_t size, int nthreads);
  * not cleared. NULL on failure, ptr then still belongs to the caller. */
 void *rx_regrow(void *ptr, size_t count, size_t size);
 
+/* Bytes from .. to - 1 of a block from above are not read again before they are written: as far as they fill
+ * whole pages, their memory is the system's until then. */
+void rx_memory_spend(void *ptr, size_t from, size_t to);
+
 /* Copy of a string; NULL when memory is out or text is NULL. */
 char *rx_strdup(const char *text);
 

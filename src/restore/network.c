@@ -83,7 +83,10 @@ static rx_status run_network(network *n, double begin, double end, rx_error *err
     rx_network_forward forward = n->forward;
     forward.optics = n->optics;
     forward.x = n->x;
-    forward.base = n->model->front.mode == RX_MODE_INFORMED ? n->spare : n->x;
+    if (n->model->front.mode == RX_MODE_INFORMED)
+        forward.base = forward.spent = n->spare;
+    else
+        forward.base = n->x;
     forward.v = n->v;
     return rx_network_forward_run(&forward, &n->blocks, n->log, begin, end, err);
 }

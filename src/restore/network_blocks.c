@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/interrupt.h"
+#include "base/memory.h"
 
 static int up_to(int n, int unit)
 {
@@ -64,19 +65,40 @@ static rx_status run_some(const rx_blocks *blocks, int first, int last, int nthr
     return worst.error.status;
 }
 
-rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
-                        double begin, double end, rx_error *err)
+/* Rows from `given` on that no block from `next` on reads. Returns up to where there are none left. */
+static int give_back(const rx_blocks *blocks, int next, const rx_blocks_spent *spent, int given)
+{
+    const int end = blocks->y + next / blocks->nx * blocks->height - spent->halo;
+    const size_t row = (size_t)spent->width * sizeof *spent->plane;
+    if (end <= given)
+        return given;
+    rx_memory_spend(spent->plane, (size_t)given * row, (size_t)end * row);
+    return end;
+}
+
+rx_status rx_blocks_run_spending(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
+                                 const rx_blocks_spent *spent, rx_log *log, double begin, double end,
+                                 rx_error *err)
 {
     const int n = blocks->nx * blocks->ny, step = 4 * nthreads;
+    int given = 0;
     rx_status status = RX_OK;
     for (int first = 0; first < n && status == RX_OK; first += step) {
         const int last = n - first < step ? n : first + step;
+        if (spent != NULL)
+            given = give_back(blocks, first, spent, given);
         status = run_some(blocks, first, last, nthreads, task, user, err);
         if (status == RX_OK)
             status = rx_interrupt_check(err);
         rx_log_progress(log, "NET", begin + (end - begin) * last / n);
     }
     return status;
+}
+
+rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
+                        double begin, double end, rx_error *err)
+{
+    return rx_blocks_run_spending(blocks, nthreads, task, user, NULL, log, begin, end, err);
 }
 
 /* Row `row` of the plane and columns x .. x + width - 1: how many of these lie before it, and in it. */

@@ -31,6 +31,19 @@ typedef rx_status (*rx_blocks_task)(void *user, int thread, int x, int y, rx_err
 rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
                         double begin, double end, rx_error *err);
 
+/* A plane of the tile that blocks read up to `halo` pixels around themselves, and nobody after them before it
+ * is written again. */
+typedef struct rx_blocks_spent {
+    float *plane; /* from rx_alloc(), [height][width] of the tile */
+    int width, halo;
+} rx_blocks_spent;
+
+/* The same; the memory of rows of that plane that only the blocks done have read is given back meanwhile, for
+ * what is made in its stead. */
+rx_status rx_blocks_run_spending(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
+                                 const rx_blocks_spent *spent, rx_log *log, double begin, double end,
+                                 rx_error *err);
+
 /* dst[height][stride] = the part of plane [plane_height][plane_width] that begins at (x, y), 0 beyond it.
  * rx_blocks_good(): 1 where mask[][] is 0, 0 elsewhere and beyond; returns how many are 0. */
 void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x, int y, int width,

@@ -177,8 +177,10 @@ rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *b
         if (status == RX_OK && costs != NULL)
             rx_stream_measure(j.streams[i], costs + (size_t)(i * nodes));
     }
+    const rx_blocks_spent spent = {f->spent, f->width, rx_net_halo(f->model->restore)};
     if (status == RX_OK)
-        status = rx_blocks_run(blocks, count, forward_block, &j, log, begin, end, err);
+        status = rx_blocks_run_spending(blocks, count, forward_block, &j, f->spent != NULL ? &spent : NULL,
+                                        log, begin, end, err);
     if (costs != NULL)
         add_costs(nodes, count, costs, f->cost);
 exit:

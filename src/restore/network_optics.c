@@ -416,12 +416,14 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
     return RX_OK;
 }
 
-rx_status rx_network_optics_step(const rx_network_optics *optics, const float *f, const float *x,
+rx_status rx_network_optics_step(const rx_network_optics *optics, float *f, const float *x,
                                  const uint8_t *mask, double pedestal, float *next, rx_log *log, double begin,
                                  double end, rx_error *err)
 {
     job j = {.optics = optics, .f = f, .x = x, .mask = mask, .pedestal = pedestal, .dst = next};
-    return rx_blocks_run(optics->blocks, optics->nthreads, step_block, &j, log, begin, end, err);
+    const rx_blocks_spent spent = {f, optics->width, optics->halo};
+    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &j, &spent, log, begin, end,
+                                  err);
 }
 
 /* ADU from n pixels of the model m (noise units). */

@@ -58,8 +58,8 @@ void rx_network_optics_fwhm_row(const rx_network_optics *optics, int y, int x, i
 rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w, rx_log *log,
                                      double begin, double end, rx_error *err);
 
-/* next = the step from f. */
-rx_status rx_network_optics_step(const rx_network_optics *optics, const float *f, const float *x,
+/* next = the step from f, whose values are lost: its memory goes as `next` comes. */
+rx_status rx_network_optics_step(const rx_network_optics *optics, float *f, const float *x,
                                  const uint8_t *mask, double pedestal, float *next, rx_log *log, double begin,
                                  double end, rx_error *err);
 

@@ -407,6 +407,17 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     return status;
 }
 
+/* Into a mask of zeros: where nothing is masked it stays untouched and takes no memory. */
+static void copy_mask(const uint8_t *src, size_t n, uint8_t *dst)
+{
+    static const uint8_t clear[PIECE];
+    for (size_t k = 0; k < n; k += PIECE) {
+        const size_t count = n - k < PIECE ? n - k : PIECE;
+        if (memcmp(src + k, clear, count) != 0)
+            memcpy(dst + k, src + k, count);
+    }
+}
+
 rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prepared, const rx_psf *psf,
                         const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
 {
@@ -436,7 +447,7 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
                                  prepared->nthreads, restored->pixels, err);
     }
-    memcpy(restored->mask, prepared->mask, n);
+    copy_mask(prepared->mask, n, restored->mask);
     describe(par, prepared, settings, restored);
     restored->seconds = rx_seconds() - begun;
 exit:

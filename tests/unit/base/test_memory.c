@@ -72,6 +72,44 @@ static void strdup_copies(void **state)
     assert_null(rx_strdup(NULL));
 }
 
+static int count_of(const unsigned char *p, size_t from, size_t to, int value)
+{
+    int n = 0;
+    for (size_t i = from; i < to; i++)
+        n += p[i] == value;
+    return n;
+}
+
+/* Linux gives zeros for pages that were given back; what lies around them stays. */
+static void what_is_spent_is_given_back(void **state)
+{
+    (void)state;
+    enum { SIZE = 1 << 20, FROM = 1000, TO = SIZE - 3000, PAGE = 1 << 16 };
+    unsigned char *p = rx_alloc(SIZE, 1);
+    assert_non_null(p);
+    memset(p, 0xa5, SIZE);
+    rx_memory_spend(p, FROM, TO);
+    assert_int_equal(count_of(p, 0, FROM, 0xa5), FROM);
+    assert_int_equal(count_of(p, TO, SIZE, 0xa5), SIZE - TO);
+    assert_true(count_of(p, FROM, TO, 0) > TO - FROM - 2 * PAGE);
+    free(p);
+}
+
+static void less_than_a_page_stays(void **state)
+{
+    (void)state;
+    enum { SIZE = 1 << 20, PAGE = 1 << 16 };
+    unsigned char *p = rx_alloc(SIZE, 1);
+    assert_non_null(p);
+    memset(p, 0xa5, SIZE);
+    for (size_t from = 0; from < SIZE - PAGE; from += 4099)
+        rx_memory_spend(p, from, from + PAGE - 1);
+    rx_memory_spend(p, 5, 5);
+    rx_memory_spend(p, 0, 0);
+    assert_int_equal(count_of(p, 0, SIZE, 0xa5), SIZE);
+    free(p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -80,6 +118,8 @@ int main(void)
         cmocka_unit_test(nothing_is_still_a_pointer),
         cmocka_unit_test(regrow_keeps_the_content),
         cmocka_unit_test(strdup_copies),
+        cmocka_unit_test(what_is_spent_is_given_back),
+        cmocka_unit_test(less_than_a_page_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
