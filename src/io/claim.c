@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -14,13 +15,15 @@
 #include "io/output.h"
 
 static const char LOCK[] = ".lock", TEMP[] = ".tmp", ASIDE[] = ".tmp.old";
+enum { RANDOM = 6 }; /* letters that mkdtemp() chooses */
 
-/* Is the open file still the one of this name, and ours? */
+/* Is the open file or folder still the one of this name, and ours? */
 static int is_named(int file, const char *name)
 {
     struct stat held, found;
-    return fstat(file, &held) == 0 && lstat(name, &found) == 0 && S_ISREG(held.st_mode) &&
-           held.st_dev == found.st_dev && held.st_ino == found.st_ino && held.st_uid == geteuid();
+    return fstat(file, &held) == 0 && lstat(name, &found) == 0 &&
+           (S_ISREG(held.st_mode) || S_ISDIR(held.st_mode)) && held.st_dev == found.st_dev &&
+           held.st_ino == found.st_ino && held.st_uid == geteuid();
 }
 
 /* Between open() and flock() another process may take the new file for an abandoned one and remove it; then
@@ -69,7 +72,7 @@ static int remove_left(const char *path, const char *stem)
     return !exists(aside) && !exists(temporary);
 }
 
-static void sweep_one(const char *path, const char *lock)
+static void sweep_lock(const char *path, const char *lock)
 {
     char stem[PATH_MAX];
     const int file = open(lock, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
@@ -95,17 +98,76 @@ static int is_lock(const char *name, const char *stem)
     return digits > 0 && strcmp(number + digits, LOCK) == 0;
 }
 
-void rx_claim_sweep(const char *path, const char *stem)
+/* A folder that rx_claim_folder() has made; the lock is held while it goes. */
+static void sweep_folder(const char *path, const char *name)
 {
-    char folder[PATH_MAX], lock[PATH_MAX];
+    (void)path;
+    const int file = open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+    if (file < 0)
+        return;
+    if (flock(file, LOCK_EX | LOCK_NB) == 0 && is_named(file, name))
+        rx_output_remove(name);
+    close(file);
+}
+
+/* Does `name` read STEM and the six letters of mkdtemp()? */
+static int is_claimed_folder(const char *name, const char *stem)
+{
+    const size_t n = strlen(stem);
+    return strncmp(name, stem, n) == 0 && strlen(name + n) == RANDOM;
+}
+
+/* sweep_one(path, ...) for everything beside the stem whose name belongs to it. */
+static void sweep(const char *path, const char *stem, int (*belongs)(const char *name, const char *stem),
+                  void (*sweep_one)(const char *path, const char *found))
+{
+    char folder[PATH_MAX], found[PATH_MAX];
     const char *slash = strrchr(stem, '/'), *name = slash != NULL ? slash + 1 : stem;
     if (snprintf(folder, sizeof folder, "%.*s", (int)(name - stem), stem) >= (int)sizeof folder)
         return;
     DIR *dir = opendir(folder[0] != '\0' ? folder : ".");
     for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
-        if (is_lock(entry->d_name, name) &&
-            snprintf(lock, sizeof lock, "%s%s", folder, entry->d_name) < (int)sizeof lock)
-            sweep_one(path, lock);
+        if (belongs(entry->d_name, name) &&
+            snprintf(found, sizeof found, "%s%s", folder, entry->d_name) < (int)sizeof found)
+            sweep_one(path, found);
     if (dir != NULL)
         closedir(dir);
+}
+
+void rx_claim_sweep(const char *path, const char *stem)
+{
+    sweep(path, stem, is_lock, sweep_lock);
+}
+
+/* As rx_claim_take(): between mkdtemp() and flock() another process may remove it. */
+int rx_claim_folder(char *name)
+{
+    char *random = name + strlen(name) - RANDOM;
+    *random = '\0';
+    sweep(NULL, name, is_claimed_folder, sweep_folder);
+    for (int tries = 0; tries < 100; tries++) {
+        memcpy(random, "XXXXXX", RANDOM);
+        if (mkdtemp(name) == NULL)
+            return -1;
+        const int file = open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (file >= 0) {
+            const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+            if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
+                return file;
+            close(file);
+        } else if (errno != ENOENT) {
+            const int reason = errno;
+            rmdir(name);
+            errno = reason;
+            return -1;
+        }
+    }
+    errno = EBUSY;
+    return -1;
+}
+
+void rx_claim_remove(int claim, const char *name)
+{
+    rx_output_remove(name);
+    close(claim);
 }

@@ -66,35 +66,30 @@ static char *folder_of(const char *path, const char **name)
     return folder;
 }
 
-static void remove_inside(const char *path)
+/* Asks for no memory of its own, which may be what is missing, and follows no link, even one that is put
+ * there now. */
+static void remove_at(int folder, const char *name)
 {
-    DIR *dir = opendir(path);
-    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;) {
-        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
-            continue;
-        char *inner = format(path, "/", entry->d_name);
-        if (inner != NULL)
-            rx_output_remove(inner);
-        free(inner);
+    if (unlinkat(folder, name, 0) == 0 || (errno != EISDIR && errno != EPERM))
+        return;
+    /* more than once where the gnuplot of a killed process still writes in there */
+    for (int tries = 0, left = 1; left && tries < 5; tries++) {
+        const int inner = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        DIR *dir = inner >= 0 ? fdopendir(inner) : NULL;
+        if (dir == NULL && inner >= 0)
+            close(inner);
+        for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
+            if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+                remove_at(inner, entry->d_name);
+        if (dir != NULL)
+            closedir(dir);
+        left = unlinkat(folder, name, AT_REMOVEDIR) != 0 && errno == ENOTEMPTY;
     }
-    if (dir != NULL)
-        closedir(dir);
 }
 
 void rx_output_remove(const char *path)
 {
-    struct stat info;
-    if (lstat(path, &info) != 0)
-        return;
-    if (!S_ISDIR(info.st_mode)) {
-        unlink(path);
-        return;
-    }
-    /* more than once where the gnuplot of a killed process still writes in there */
-    for (int tries = 0, left = 1; left && tries < 5; tries++) {
-        remove_inside(path);
-        left = rmdir(path) != 0 && errno == ENOTEMPTY;
-    }
+    remove_at(AT_FDCWD, path);
 }
 
 static int is_replaceable_folder(const char *path)

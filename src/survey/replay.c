@@ -10,7 +10,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "config/config_fields.h"
-#include "io/output.h"
+#include "io/claim.h"
 #include "stage/inputs.h"
 #include "stage/machine.h"
 #include "stage/stage.h"
@@ -28,6 +28,7 @@ typedef struct replay {
     rx_replay_record *record, *again; /* of the file, and of the same file made once more */
     rx_config *config;
     char *folder; /* of the outputs, NULL: not made yet */
+    int claim;    /* on it */
     int ndetours;
     detour detours[RX_LIST + 2];
     char *repeated; /* path of the file made once more */
@@ -139,11 +140,12 @@ static rx_status make_folder(replay *r, rx_error *err)
 {
     const char *scratch = getenv("TMPDIR");
     rx_text text = {0};
-    rx_text_printf(&text, "%s/rextract-replay-XXXXXX",
+    rx_text_printf(&text, "%s/rextract-replay.tmp-XXXXXX",
                    scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp");
     if (text.failed)
         return rx_error_memory(err, 0);
-    if (mkdtemp(text.data) == NULL) {
+    r->claim = rx_claim_folder(text.data);
+    if (r->claim < 0) {
         rx_status status = rx_error_at(err, RX_SYSTEM, text.data, -1, 0,
                                        "cannot be made: %s; name a folder by TMPDIR", strerror(errno));
         rx_text_free(&text);
@@ -351,7 +353,7 @@ static rx_status judge(const replay *r, rx_error *err)
 static void forget(replay *r)
 {
     if (r->folder != NULL)
-        rx_output_remove(r->folder);
+        rx_claim_remove(r->claim, r->folder);
     for (int i = 0; i < r->ndetours; i++) {
         free(r->detours[i].name);
         free(r->detours[i].path);

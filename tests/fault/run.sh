@@ -22,7 +22,8 @@ trap 'exit 2' INT TERM HUP
 cd "$scratch" || exit 2
 # What a run that is about to end still holds goes with it.
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
-export ASAN_OPTIONS
+TMPDIR=. # -REPLAY must leave nothing there
+export ASAN_OPTIONS TMPDIR
 passed=0 failed=0
 
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
