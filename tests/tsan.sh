@@ -1,9 +1,11 @@
 #!/bin/sh
-# The unit tests, and tiles through the program, under the thread sanitizer. Not part of `make check`, for it takes a build of
-# its own and half an hour: `make check-tsan`, or
+# The unit tests, tiles through the program, and the tests of whole programs under the thread sanitizer. Not part of
+# `make check`, for it takes a build of its own and hours: `make check-tsan`, or
 #
-#   tests/tsan.sh [TEST...]    in an empty folder, where it builds; unit tests as base/test_text; par/, a folder; tiles
+#   tests/tsan.sh [TEST...]    in an empty folder, where it builds; unit tests as base/test_text; par/, a folder; tiles;
+#                              scripts as train.sh or cli/run.sh
 #
+# RX_TIMEOUT is the limit of a unit test or tile in seconds (1800); one that needs longer is skipped.
 # gcc's OpenMP library hides its barriers from the sanitizer, which then sees races that are none. So clang builds,
 # with LLVM's library, whose tool Archer tells the sanitizer of them (Debian: clang, libomp-dev). That both work is tried
 # first, with a race and without one. What is found is in report.* of the folder.
@@ -12,9 +14,9 @@ top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 clang=${CLANG:-clang}
 command -v "$clang" >/dev/null || { echo 'tsan.sh: install clang and libomp-dev'; exit 77; }
 here=$PWD
-passed=0 failed=0
+passed=0 failed=0 skipped=0
 export TSAN_OPTIONS="ignore_noninstrumented_modules=1 exitcode=66 log_path=$here/report" OMP_WAIT_POLICY=passive
-export srcdir="$top" RX_BUILD_DIR="$here" RX_SHARED_DATA="${RX_SHARED_DATA-}"
+export srcdir="$top" RX_BUILD_DIR="$here" RX_PROGRAM="$here/rextract" RX_SHARED_DATA="${RX_SHARED_DATA-}"
 
 # A sum with and without a race, between two loops that a barrier parts.
 cat >try.c <<'try'
@@ -53,37 +55,54 @@ make check TESTS= >make.log 2>&1 || { tail make.log; exit 2; }
 check() {
     title=$1
     shift
-    if "$@" >out 2>&1 && [ -z "$(find . -maxdepth 1 -name 'report.*')" ]; then
+    "$@" >out 2>&1
+    code=$?
+    if [ -n "$(find . -maxdepth 1 -name 'report.*')" ] || { [ $code != 0 ] && [ $code != 77 ] && [ $code != 124 ]; }; then
+        failed=$((failed + 1))
+        echo "FAILED: $title, exit code $code"
+        grep -h 'SUMMARY' report.* 2>/dev/null | sort | uniq -c
+        grep -A 5 -e '^FAILED' -e 'FAILED  ' out
+        mkdir -p found
+        find . -maxdepth 1 -name 'report.*' -exec mv {} found ';'
+    elif [ $code = 0 ]; then
         passed=$((passed + 1))
     else
-        failed=$((failed + 1))
-        echo "FAILED: $title"
-        grep -h 'SUMMARY' report.* | sort | uniq -c
-        mkdir -p found
-        mv report.* found/
+        skipped=$((skipped + 1))
+        echo "skipped: $title$([ $code != 124 ] || echo ' takes too long')"
     fi
+}
+
+limited() {
+    name=$1
+    shift
+    check "$name" timeout "${RX_TIMEOUT:-1800}" "$@"
 }
 
 tiles() {
     set -- ./rextract -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" -FILTER_NAME "$top/config/default.conv" \
         -CATALOG_TYPE FITS_LDAC -CATALOG_NAME out.cat -PSF_TYPE MOFFAT -PSF_FWHM 3 -NTHREADS 4 -RL_NITER 5 \
         "$top/tests/data/sim.fits.fz"
-    check 'Richardson-Lucy' "$@" -RESTORE_TYPE NONE,RL -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -REFERENCE_NAME \
+    limited 'Richardson-Lucy' "$@" -RESTORE_TYPE NONE,RL -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -REFERENCE_NAME \
         "$top/tests/data/sim_truth.fits" -QA_NAME qa
-    check 'blind Richardson-Lucy' "$@" -RESTORE_TYPE RL_BLIND
-    check 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"
-    check 'the network, INFORMED' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet.fits"
-    check 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
-    check 'self check' "$@" -RESTORE_TYPE NONE -SELF_CHECK Y -SELF_CHECK_NAME check
+    limited 'blind Richardson-Lucy' "$@" -RESTORE_TYPE RL_BLIND
+    limited 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"
+    limited 'the network, INFORMED' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet.fits"
+    limited 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
+    limited 'self check' "$@" -RESTORE_TYPE NONE -SELF_CHECK Y -SELF_CHECK_NAME check
 }
 
-[ $# -gt 0 ] || set -- / tiles
+[ $# -gt 0 ] || set -- / tiles cli/run.sh sim.sh simulate.sh templates.sh campaign.sh train.sh
 for wanted; do
-    [ "$wanted" != tiles ] || { tiles; continue; }
-    find tests/unit -type f -name 'test_*' -perm -100 | sort | grep -- "/${wanted#/}" >list
-    while read -r test <&3; do
-        check "$test" "./$test"
-    done 3<list
+    case $wanted in
+    tiles) tiles ;;
+    *.sh) check "$wanted" sh "$top/tests/$wanted" ;;
+    *)
+        find tests/unit -type f -name 'test_*' -perm -100 | sort | grep -- "/${wanted#/}" >list
+        while read -r test <&3; do
+            limited "$test" "./$test"
+        done 3<list
+        ;;
+    esac
 done
-echo "$passed passed, $failed failed, 0 skipped"
+echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ]

@@ -4,8 +4,8 @@
 #
 #   RX_BUILD_DIR=BUILD tests/valgrind.sh [TEST...]    unit tests as base/test_text; io/, a folder of them; tiles
 #
-# RX_TIMEOUT is the limit
-# of a test in seconds (600); one that needs longer is skipped. What it finds is in valgrind.log of the build.
+# RX_TIMEOUT is the limit of a test in seconds (600); one that needs longer is skipped. What it finds is in valgrind.log of
+# the build.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 build=$(cd "${RX_BUILD_DIR:-.}" && pwd)
@@ -50,16 +50,19 @@ check() {
 }
 
 tiles() {
-    (cd "$scratch" && "$build/tests/cli/make_fits" tile tile.fits && "$build/tests/cli/make_fits" table ref.fits) || exit 2
+    (cd "$scratch" && "$build/tests/cli/make_fits" tile tile.fits && "$build/tests/cli/make_fits" small small.fits &&
+        "$build/tests/cli/make_fits" table ref.fits) || exit 2
     cd "$scratch" || exit 2
     set -- "$build/rextract" tile.fits -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" -FILTER N \
         -CATALOG_TYPE FITS_LDAC -PSF_TYPE MOFFAT -PSF_FWHM 3 -REFERENCE_NAME ref.fits -QA_FIGURES N -RL_NITER 5
     check 'a tile as it is' "$@" -RESTORE_TYPE NONE -CATALOG_TYPE ASCII_VOTABLE
     check 'Richardson-Lucy' "$@" -RESTORE_TYPE RL -CHECKIMAGE_TYPE RESTORED -CHECKIMAGE_NAME r.fits
     check 'blind Richardson-Lucy' "$@" -RESTORE_TYPE RL_BLIND
+    check 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
+    shift 2
+    set -- "$build/rextract" small.fits "$@" # 64 x 48 pixels
     check 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"
     check 'the network, INFORMED' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet.fits"
-    check 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
     check 'a compressed tile' "$build/rextract" "$top/tests/data/sim.fits.fz[1:100,1:100]" -RESTORE_TYPE NONE
     cd "$build" || exit 2
 }

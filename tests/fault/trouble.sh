@@ -9,7 +9,8 @@ top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
 build=$(cd "${RX_BUILD_DIR:-$top}" && pwd)
 make_fits=$build/tests/cli/make_fits
 trouble=$build/tests/fault/trouble
-for needed in "$build/rextract" "$build/rextract-simulate" "$build/rextract-survey" "$trouble" "$make_fits"; do
+for needed in "$build/rextract" "$build/rextract-simulate" "$build/rextract-survey" "$build/rextract-validate" "$build/rextract-train" \
+    "$trouble" "$make_fits"; do
     [ -x "$needed" ] || {
         echo "trouble.sh: $needed is missing; build first (make check)"
         exit 2
@@ -20,7 +21,8 @@ trap 'rm -rf "$scratch"' EXIT
 trap 'exit 2' INT TERM HUP
 cd "$scratch" || exit 2
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
-export ASAN_OPTIONS
+TMPDIR=. # -REPLAY must leave nothing there
+export ASAN_OPTIONS TMPDIR
 passed=0 failed=0 skipped=0 strikes=0
 
 "$make_fits" small tile.fits && "$make_fits" table ref.fits || exit 2
@@ -30,16 +32,47 @@ printf '../tile.fits\n' >tiles.list
 "$build/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
     -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
 
+mkdir made
+(cd made && "$build/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat -CHECKIMAGE_TYPE \
+    SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET) || exit 2
+cat >campaign.conf <<'END'
+CAMPAIGN_TYPE RESTORATION
+RESTORE_TYPE  NONE
+SCENES_FWHM   2
+SCENES_SIGMA  2
+SCENE_SIDE    64
+FWHM_RANGE    2,4
+EXAMPLES      1
+QA_FIGURES    N
+JOURNAL_NAME  journal
+OUTPUT_NAME   report
+END
+cat >train.conf <<'END'
+EPOCHS          2
+WIDTH           4
+BLOCKS          1
+PATCH           32
+PATCH_MARGIN    7
+FIELD_PATCHES   1
+GRID            1,1
+BIN_IMAGES      12
+BATCH           2
+QA_FIGURES      N
+MODEL_NAME      model.fits
+CHECKPOINT_NAME checkpoint
+OUTPUT_NAME     training
+END
+
 # struck NAME STEP PROGRAM ARGUMENT...: with every STEP-th call, or $RX_TROUBLE_STEP, of each kind of trouble. The older
-# outputs come from another threshold or seed, as the variable older says.
+# outputs come from another threshold or seed, as the variable older says; none where it is -.
 struck() {
     name=$1 step=${RX_TROUBLE_STEP:-$2} program=$build/$3
     shift 3
     printf '%s\n' "$name" | grep -Eq -- "${RX_TROUBLE_ONLY:-.}" || return 0
     rm -rf old new
-    mkdir old new
+    mkdir old
     # shellcheck disable=SC2086 # a list of arguments
-    (cd old && "$program" "$@" $older) >log 2>&1 && (cd new && "$program" "$@") >>log 2>&1 || {
+    { [ "$older" = - ] || (cd old && "$program" "$@" $older); } >log 2>&1 && cp -a old new && (cd new && "$program" "$@") >>log 2>&1 || {
         echo "FAILED: $name: an undisturbed run"
         cat log
         failed=$((failed + 1))
@@ -88,6 +121,12 @@ quiet='-VERBOSE_TYPE QUIET -NTHREADS 1'
     older='-SEED 7'
     struck 'a simulated field' 37 rextract-simulate -IMAGE_SIZE 48 -STAR_COUNT 3000 -GALAXY_COUNT 0 -PSF_FWHM 3 -IMAGE_NAME \
         i.fits -SHARP_NAME s.fits -FLAG_NAME f.fits -TRUTH_NAME t.fits $quiet
+    older='-SEED 7 -JOURNAL_NAME ../older.journal'
+    struck 'a campaign' 61 rextract-validate ../campaign.conf $quiet
+    older='-EPOCHS 1'
+    struck 'a training that goes on' 61 rextract-train ../train.conf $quiet
+    older=-
+    struck 'a run repeated' 61 rextract -REPLAY ../made/x.cat $quiet
 }
 
 echo "$passed passed, $failed failed, $skipped skipped"
