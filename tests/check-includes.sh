@@ -36,6 +36,7 @@ END
 # Header (as a pattern), what it belongs to, and the folders that may include it.
 cat >"$scratch/libraries" <<'END'
 ^fitsio      cfitsio   io
+^zlib        zlib      io
 ^(wcslib/|wcs|wcshdr|wcsfix) wcslib io
 ^fftw        FFTW      num
 ^gsl/        GSL       num validate base

@@ -6,6 +6,7 @@
 #include <float.h>
 #include <limits.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,13 +14,15 @@
 
 #include "base/memory.h"
 #include "io/fits_tiles.h"
+#include "io/fits_unpack.h"
 #include "io/fits_walk.h"
 
-/* Name that cfitsio is given for a file held in memory, padded. */
-static const char PADDED[] = "padded copy";
+/* Name that cfitsio is given for a file held in memory, with the bytes it has without padding. */
+static const char HELD[] = "copy of %zu bytes";
 
-/* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at. */
-enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, BLOCK = 2880 };
+/* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
+ * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */
+enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, BLOCK = 2880, MOST_OF_TILE = 1 << 28 };
 
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what)
@@ -57,8 +60,13 @@ static const char *not_fits(const unsigned char *head, size_t n)
     return "is not a FITS file: it does not begin with SIMPLE";
 }
 
-/* *pad: bytes missing to a whole block, 0 for a compressed file. */
-static rx_status check_file(const char *path, size_t *size, size_t *pad, rx_error *err)
+/* What check_file() found. */
+typedef struct kind {
+    size_t size;
+    bool packed, unpadded; /* by gzip; plain, its last block is none */
+} kind;
+
+static rx_status check_file(const char *path, kind *dst, rx_error *err)
 {
     struct stat info;
     unsigned char head[160] = {0}; /* a file may be shorter than what is compared */
@@ -80,19 +88,19 @@ static rx_status check_file(const char *path, size_t *size, size_t *pad, rx_erro
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
-    *size = (size_t)info.st_size;
-    *pad = memcmp(head, "SIMPLE", 6) == 0 ? (BLOCK - *size % BLOCK) % BLOCK : 0;
+    dst->size = (size_t)info.st_size;
+    dst->packed = memcmp(head, "\x1f\x8b", 2) == 0;
+    dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && dst->size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-/* Whole file into memory, followed by `pad` zeros. */
-static rx_status load(const char *path, size_t size, size_t pad, rx_fits_source *dst, rx_error *err)
+static rx_status load(const char *path, size_t size, size_t extra, rx_fits_source *dst, rx_error *err)
 {
-    dst->size = size + pad;
-    dst->memory = rx_alloc(dst->size, 1);
+    dst->size = size;
+    dst->memory = rx_alloc(size + extra, 1);
     if (dst->memory == NULL)
-        return rx_error_memory(err, dst->size);
+        return rx_error_memory(err, size + extra);
     FILE *file = fopen(path, "rb");
     size_t n = file != NULL ? fread(dst->memory, 1, size, file) : 0;
     if (file != NULL)
@@ -100,34 +108,55 @@ static rx_status load(const char *path, size_t size, size_t pad, rx_fits_source 
     return n == size ? RX_OK : rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
 }
 
+/* The file comes into memory, its last block filled up with zeros. */
+static rx_status open_held(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
+{
+    char name[80];
+    int failed = 0;
+    rx_status status = about->packed ? rx_fits_unpack(path, BLOCK, &dst->memory, &dst->size, err)
+                                     : load(path, about->size, BLOCK, dst, err);
+    if (status == RX_OK)
+        status = rx_fits_walk_memory(dst->memory, dst->size, path, err);
+    if (status != RX_OK)
+        return status;
+    const size_t pad = (BLOCK - dst->size % BLOCK) % BLOCK;
+    snprintf(name, sizeof name, HELD, dst->size);
+    memset((char *)dst->memory + dst->size, 0, pad);
+    dst->size += pad;
+    if (fits_open_memfile(&dst->file, name, READONLY, &dst->memory, &dst->size, 0, NULL, &failed)) {
+        dst->file = NULL;
+        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    }
+    return RX_OK;
+}
+
+static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err)
+{
+    char literal[FLEN_FILENAME + 2];
+    int failed = 0;
+    rx_status status = rx_fits_walk(path, err);
+    if (status != RX_OK)
+        return status;
+    /* cfitsio would make the home folder of a '~', and open another file than was looked at */
+    snprintf(literal, sizeof literal, "%s%s", path[0] == '~' ? "./" : "", path);
+    if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
+        dst->file = NULL;
+        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    }
+    return RX_OK;
+}
+
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 {
-    int failed = 0;
-    size_t size = 0, pad = 0;
-    char literal[FLEN_FILENAME + 2];
+    kind about = {0};
     *dst = (rx_fits_source){0};
-    rx_status status = check_file(path, &size, &pad, err);
-    if (status == RX_OK)
-        status = rx_fits_walk(path, err);
-    if (status == RX_OK && pad > 0)
-        status = load(path, size, pad, dst, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status = check_file(path, &about, err);
     fits_clear_errmsg();
-    if (pad > 0) {
-        fits_open_memfile(&dst->file, PADDED, READONLY, &dst->memory, &dst->size, 0, NULL, &failed);
-    } else {
-        /* cfitsio would make the home folder of a '~', and open another file than was looked at */
-        snprintf(literal, sizeof literal, "%s%s", path[0] == '~' ? "./" : "", path);
-        fits_open_diskfile(&dst->file, literal, READONLY, &failed);
-    }
-    if (failed) {
-        dst->file = NULL;
-        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
-    } else {
+    if (status == RX_OK)
+        status =
+            about.packed || about.unpadded ? open_held(path, &about, dst, err) : open_plain(path, dst, err);
+    if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, err);
-    }
-exit:
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
@@ -351,7 +380,7 @@ int rx_fits_is_plane(const rx_fits_shape *shape)
 static rx_status check_compressed(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
                                   LONGLONG bytes, rx_error *err)
 {
-    LONGLONG tiles = 1, rows = 0;
+    LONGLONG tiles = 1, rows = 0, tile = 1;
     int failed = 0;
     for (int i = 0; i < shape->naxis && i < 9; i++) {
         char key[FLEN_KEYWORD];
@@ -359,16 +388,19 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
         int absent = 0;
         snprintf(key, sizeof key, "ZTILE%d", i + 1);
         fits_read_key(file, TLONGLONG, key, &length, NULL, &absent);
-        if (length < 1 || length > INT_MAX)
-            return rx_error_at(err, RX_INPUT, path, hdu, 0, "compressed image with a bad %s", key);
+        if (length < 1 || length > MOST_OF_TILE / tile)
+            return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                               "compressed image with a bad %s; the file is damaged, fetch it again", key);
+        tile *= length;
         LONGLONG n = (shape->axes[i] + length - 1) / length;
         tiles = n > 0 && tiles > LLONG_MAX / n ? LLONG_MAX : tiles * n;
     }
     fits_clear_errmsg();
     fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     double pixels = (double)shape->axes[0] * (double)shape->axes[1];
-    /* no compressor of the FITS standard makes 10^5 pixels of one byte, PLIO masks come nearest */
-    if (failed || tiles != rows || pixels > 1e5 * (double)(bytes + 2880))
+    /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value
+     */
+    if (failed || tiles != rows || pixels > 1e4 * (double)(bytes + 2880))
         return rx_error_at(
             err, RX_INPUT, path, hdu, 0,
             "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
@@ -417,11 +449,9 @@ rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx
         fits_clear_errmsg();
         bytes = (double)axes[0] * (double)axes[1] + (double)heap;
     }
-    struct stat info;
-    LONGLONG size = file->Fptr->filesize;
-    if (strcmp(file->Fptr->filename, PADDED) == 0 && stat(path, &info) == 0)
-        size = (LONGLONG)info.st_size;
-    double there = (double)(size - start);
+    size_t held = 0;
+    const bool is_held = sscanf(file->Fptr->filename, HELD, &held) == 1;
+    double there = (double)((is_held ? (LONGLONG)held : file->Fptr->filesize) - start);
     if (there < 0)
         there = 0;
     if (failed || bytes > there)

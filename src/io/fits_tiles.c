@@ -1,10 +1,13 @@
 /* Damaged compressed images. */
 #include "io/fits_tiles.h"
 
+#include <limits.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 #include "base/memory.h"
 
@@ -78,38 +81,104 @@ static int holds_hcompress(const unsigned char *data, size_t length, LONGLONG n)
     return axis[0] * axis[1] == (uint64_t)n;
 }
 
+/* A line list: where its codes begin and end, in its own header of either kind, and a code 1 takes the word
+ * behind it. */
+static bool holds_plio(const short *words, size_t length)
+{
+    if (length < 3 || (words[2] <= 0 && length < 5))
+        return false;
+    const long first = words[2] > 0 ? 3 : words[1];
+    const long end = words[2] > 0 ? words[2] : (long)words[4] * 32768 + words[3];
+    return first >= 0 && end > 0 && end <= (long)length && (words[end - 1] / 4096 != 1 || end < (long)length);
+}
+
+/* Bytes that a gzip stream unpacks to, up to `most`; -1: damaged, cut off, or more than that. */
+static LONGLONG gzip_size(const unsigned char *data, size_t length, LONGLONG most)
+{
+    unsigned char room[1 << 14];
+    int state = Z_OK;
+    z_stream stream = {.next_in = (unsigned char *)(uintptr_t)data, .avail_in = (uInt)length};
+    if (length > INT_MAX || inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK)
+        return -1;
+    while (state == Z_OK && (LONGLONG)stream.total_out <= most) {
+        stream.next_out = room;
+        stream.avail_out = sizeof room;
+        state = inflate(&stream, Z_NO_FLUSH);
+    }
+    const LONGLONG size = (LONGLONG)stream.total_out;
+    inflateEnd(&stream);
+    return state == Z_STREAM_END && size <= most ? size : -1;
+}
+
+/* What the header says of the tiles, read as cfitsio reads it. */
 typedef struct method {
-    int rice, hcompress;
-    int bytes, block; /* Rice: ZNAMEi BYTEPIX and BLOCKSIZE */
-    LONGLONG tile[2]; /* its nominal shape */
+    bool rice, hcompress, plio, gzip;
+    int bytes, block; /* Rice's ZVAL1 and ZVAL2, whatever their names are */
+    int bitpix, dither;
+    bool unquantised; /* floating point as it is: pixels of fewer than 4 bytes would be taken for more */
+    LONGLONG tile[2]; /* nominal shape */
 } method;
+
+static int int_key(fitsfile *file, const char *key, int otherwise)
+{
+    int failed = 0, value = otherwise;
+    fits_read_key(file, TINT, key, &value, NULL, &failed);
+    return failed ? otherwise : value;
+}
+
+static bool text_key_is(fitsfile *file, const char *key, const char *value)
+{
+    int absent = 0;
+    char text[FLEN_VALUE] = "";
+    fits_read_key(file, TSTRING, key, text, NULL, &absent);
+    return absent == 0 && strcmp(text, value) == 0;
+}
+
+static bool has_column(fitsfile *file, const char *name, int *number)
+{
+    char text[32];
+    int failed = 0;
+    snprintf(text, sizeof text, "%s", name);
+    fits_get_colnum(file, CASEINSEN, text, number, &failed);
+    return failed == 0 || failed == COL_NOT_UNIQUE; /* then the first of that name */
+}
 
 static method method_of(fitsfile *file, const rx_fits_shape *shape)
 {
-    method m = {.bytes = 4, .block = 32, .tile = {shape->axes[0], 1}};
-    char text[FLEN_VALUE] = "", key[FLEN_KEYWORD];
-    int absent = 0;
-    fits_read_key(file, TSTRING, "ZCMPTYPE", text, NULL, &absent);
-    m.rice = strncmp(text, "RICE_", 5) == 0;
-    m.hcompress = strncmp(text, "HCOMPRESS_1", 11) == 0;
-    for (int i = 1; i <= 4; i++) {
-        int value = 0, failed = 0;
-        snprintf(key, sizeof key, "ZNAME%d", i);
-        fits_read_key(file, TSTRING, key, text, NULL, &failed);
-        snprintf(key, sizeof key, "ZVAL%d", i);
-        fits_read_key(file, TINT, key, &value, NULL, &failed);
-        if (!failed && strcmp(text, "BYTEPIX") == 0)
-            m.bytes = value;
-        else if (!failed && strcmp(text, "BLOCKSIZE") == 0)
-            m.block = value;
+    int ignored;
+    method m = {.rice = text_key_is(file, "ZCMPTYPE", "RICE_1") || text_key_is(file, "ZCMPTYPE", "RICE_ONE"),
+                .hcompress = text_key_is(file, "ZCMPTYPE", "HCOMPRESS_1"),
+                .plio = text_key_is(file, "ZCMPTYPE", "PLIO_1"),
+                .gzip = text_key_is(file, "ZCMPTYPE", "GZIP_1") || text_key_is(file, "ZCMPTYPE", "GZIP_2"),
+                .bitpix = int_key(file, "ZBITPIX", 0),
+                .dither = int_key(file, "ZDITHER0", 1),
+                .block = int_key(file, "ZVAL1", 0),
+                .bytes = text_key_is(file, "ZNAME2", "NOISEBIT") ? 4 : int_key(file, "ZVAL2", 4),
+                .tile = {shape->axes[0], 1}};
+    if (m.block < 16 && m.bytes > 8) {
+        const int block = m.bytes;
+        m.bytes = m.block;
+        m.block = block;
     }
+    m.unquantised =
+        text_key_is(file, "ZQUANTIZ", "NONE") ||
+        (m.bitpix < 0 && !has_column(file, "ZSCALE", &ignored) && !has_column(file, "ZZERO", &ignored));
     for (int i = 0; i < 2; i++) {
-        absent = 0;
+        char key[FLEN_KEYWORD];
+        int absent = 0;
         snprintf(key, sizeof key, "ZTILE%d", i + 1);
         fits_read_key(file, TLONGLONG, key, &m.tile[i], NULL, &absent);
     }
     fits_clear_errmsg();
     return m;
+}
+
+/* ZDITHER0 is where in a table of 10000 numbers cfitsio begins. */
+static bool is_possible(const method *m)
+{
+    return m->tile[0] > 0 && m->tile[1] > 0 && m->dither >= 1 && m->dither <= 10000 &&
+           (!m->rice ||
+            (m->block > 0 && (m->bytes == 4 || (!m->unquantised && (m->bytes == 1 || m->bytes == 2)))));
 }
 
 /* Pixels of the tile in that row (from 0) of the table; those at the far edges are smaller. */
@@ -122,62 +191,108 @@ static LONGLONG tile_pixels(const method *m, const rx_fits_shape *shape, LONGLON
     return width * height;
 }
 
-/* One cell: inside the heap, and a stream of the right length. 0 when not, or when
- * memory is out (*no_memory). */
-static int check_cell(fitsfile *file, int column, int size, LONGLONG row, LONGLONG heap, LONGLONG pixels,
-                      const method *m, int *no_memory)
+/* A column whose cells lie in the heap. */
+typedef struct cells {
+    fitsfile *file;
+    int column; /* 0: there is none */
+    int type, size;
+    LONGLONG heap;
+} cells;
+
+static cells cells_of(fitsfile *file, const char *name, LONGLONG heap)
+{
+    cells dst = {.file = file, .heap = heap};
+    int failed = 0;
+    if (!has_column(file, name, &dst.column))
+        return (cells){0};
+    fits_get_coltype(file, dst.column, &dst.type, NULL, NULL, &failed);
+    const int type = -dst.type; /* negative: in the heap */
+    dst.size = type == TBYTE                                          ? 1
+               : type == TSHORT                                       ? 2
+               : type == TLONG || type == TINT32BIT || type == TFLOAT ? 4
+               : type == TLONGLONG || type == TDOUBLE                 ? 8
+                                                                      : 0;
+    return dst;
+}
+
+/* Elements of the cell; -1: it does not lie in the heap. */
+static LONGLONG cell_length(const cells *c, LONGLONG row)
 {
     LONGLONG length = 0, offset = 0;
-    int failed = 0, anynul = 0, ok = 1;
-    fits_read_descriptll(file, column, row + 1, &length, &offset, &failed);
-    if (failed || length < 0 || offset < 0 || length > heap / size || offset > heap - length * size)
-        return 0;
-    if (length == 0 || m == NULL || (!m->rice && !m->hcompress))
-        return 1;
-    unsigned char *data = RX_NEW(unsigned char, (size_t)length);
-    if (data == NULL) {
-        *no_memory = 1;
-        return 0;
-    }
-    fits_read_col(file, TBYTE, column, row + 1, 1, length, NULL, data, &anynul, &failed);
-    if (failed)
-        ok = 0;
-    else if (m->rice)
-        ok = holds_rice(data, (size_t)length, pixels, m->bytes, m->block);
-    else
-        ok = holds_hcompress(data, (size_t)length, pixels);
+    int failed = 0;
+    fits_read_descriptll(c->file, c->column, row + 1, &length, &offset, &failed);
+    if (failed || c->size == 0 || length < 0 || offset < 0 || length > c->heap / c->size ||
+        offset > c->heap - length * c->size)
+        return -1;
+    return length;
+}
+
+/* A gzip stream unpacks to one size of pixels that cfitsio reads rightly from it. */
+static bool holds_gzip(const method *m, const unsigned char *data, size_t length, LONGLONG pixels,
+                       bool is_normal)
+{
+    const LONGLONG size = gzip_size(data, length, 8 * pixels), bytes = size / pixels;
+    if (size < 0 || size % pixels != 0)
+        return false;
+    if (!is_normal) /* the cell of a tile that was not made whole numbers */
+        return m->bitpix < 0 && bytes == -m->bitpix / 8;
+    return m->unquantised ? bytes == 4 || bytes == 8 : bytes == 1 || bytes == 2 || bytes == 4;
+}
+
+static bool holds_tile(const method *m, const void *data, size_t length, LONGLONG pixels, bool is_normal)
+{
+    if (!is_normal || m->gzip)
+        return holds_gzip(m, data, length, pixels, is_normal);
+    if (m->rice)
+        return holds_rice(data, length, pixels, m->bytes, m->block);
+    return m->plio ? holds_plio(data, length) : !m->hcompress || holds_hcompress(data, length, pixels);
+}
+
+/* The bytes of the cell, words of a line list. RX_INPUT without a text: they are no such tile. */
+static rx_status check_cell(const cells *c, const method *m, LONGLONG row, LONGLONG length, LONGLONG pixels,
+                            bool is_normal, rx_error *err)
+{
+    int failed = 0, anynul = 0;
+    const bool words = is_normal && m->plio;
+    void *data = rx_alloc((size_t)length, sizeof(short));
+    if (data == NULL)
+        return rx_error_memory(err, (size_t)length * sizeof(short));
+    fits_read_col(c->file, words ? TSHORT : TBYTE, c->column, row + 1, 1, length, NULL, data, &anynul,
+                  &failed);
+    const bool ok = !failed && holds_tile(m, data, (size_t)length, pixels, is_normal);
     free(data);
-    return ok;
+    return ok ? RX_OK : RX_INPUT;
+}
+
+/* cfitsio takes a tile from the first of these columns that has it. */
+static rx_status check_tile(const cells *normal, const cells *plain, const cells *gzip, const method *m,
+                            LONGLONG row, LONGLONG pixels, rx_error *err)
+{
+    LONGLONG length = cell_length(normal, row);
+    if (length > 0)
+        return check_cell(normal, m, row, length, pixels, true, err);
+    if (length == 0 && plain->column > 0)
+        return cell_length(plain, row) == pixels ? RX_OK : RX_INPUT;
+    length = length == 0 && gzip->column > 0 ? cell_length(gzip, row) : -1;
+    return length > 0 ? check_cell(gzip, m, row, length, pixels, false, err) : RX_INPUT;
 }
 
 rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
                               rx_error *err)
 {
-    static const char *const names[] = {"COMPRESSED_DATA", "GZIP_COMPRESSED_DATA", "UNCOMPRESSED_DATA"};
     LONGLONG rows = 0, heap = 0;
-    int failed = 0, no_memory = 0, ok = 1;
-    method m = method_of(file, shape);
+    int failed = 0;
+    const method m = method_of(file, shape);
     fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     fits_read_key(file, TLONGLONG, "PCOUNT", &heap, NULL, &failed);
-    ok = !failed && m.tile[0] > 0 && m.tile[1] > 0 && m.block > 0 &&
-         (m.bytes == 1 || m.bytes == 2 || m.bytes == 4);
-    for (int k = 0; k < 3 && ok; k++) {
-        char name[32];
-        int column = 0, type = 0, absent = 0;
-        long width = 1;
-        snprintf(name, sizeof name, "%s", names[k]);
-        if (fits_get_colnum(file, CASEINSEN, name, &column, &absent) ||
-            fits_get_coltype(file, column, &type, NULL, &width, &absent))
-            continue;
-        int size = type == -TSHORT ? 2 : type == -TBYTE ? 1 : type == -TDOUBLE ? 8 : 4;
-        for (LONGLONG row = 0; row < rows && ok; row++)
-            ok = check_cell(file, column, size, row, heap, tile_pixels(&m, shape, row), k == 0 ? &m : NULL,
-                            &no_memory);
-    }
+    const cells normal = cells_of(file, "COMPRESSED_DATA", heap),
+                plain = cells_of(file, "UNCOMPRESSED_DATA", heap),
+                gzip = cells_of(file, "GZIP_COMPRESSED_DATA", heap);
+    rx_status status = !failed && normal.column > 0 && is_possible(&m) ? RX_OK : RX_INPUT;
+    for (LONGLONG row = 0; row < rows && status == RX_OK; row++)
+        status = check_tile(&normal, &plain, &gzip, &m, row, tile_pixels(&m, shape, row), err);
     fits_clear_errmsg();
-    if (no_memory)
-        return rx_error_memory(err, 0);
-    return ok ? RX_OK
-              : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                            "the compressed image is damaged; fetch the file again");
+    return status != RX_INPUT ? status
+                              : rx_error_at(err, RX_INPUT, path, hdu, 0,
+                                            "the compressed image is damaged; fetch the file again");
 }

@@ -105,15 +105,23 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
         dst->product = -1;
 }
 
-/* Where blocks are read: one of the two. */
+/* Where blocks are read: one of the three. */
 typedef struct source {
     FILE *plain;
     fitsfile *open;
+    const char *bytes;
+    size_t size;
 } source;
 
 static bool read_block(const source *s, LONGLONG place, char *block)
 {
     int failed = 0;
+    if (s->bytes != NULL) {
+        if (place < 0 || place > (LONGLONG)s->size || s->size - (size_t)place < BLOCK)
+            return false;
+        memcpy(block, s->bytes + place, BLOCK);
+        return true;
+    }
     if (s->plain != NULL)
         return fseeko(s->plain, (off_t)place, SEEK_SET) == 0 && fread(block, BLOCK, 1, s->plain) == 1;
     ffmbyt(s->open, place, REPORT_EOF, &failed);
@@ -175,23 +183,53 @@ static rx_status judge(const rx_fits_layout *header, const char *path, int hdu, 
     return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
 }
 
-rx_status rx_fits_walk(const char *path, rx_error *err)
+static rx_status walk(const source *s, const char *path, rx_error *err)
 {
-    const source s = {.plain = fopen(path, "rb")};
     rx_fits_layout header;
     rx_status status = RX_OK;
     LONGLONG place = 0;
-    if (s.plain == NULL)
-        return RX_OK; /* cfitsio tells why */
     for (int hdu = 0; status == RX_OK; hdu++) {
-        const bool whole = read_header(&s, &place, &header);
+        const bool whole = read_header(s, &place, &header);
         const int64_t bytes = rx_fits_layout_bytes(&header);
         status = judge(&header, path, hdu, err);
         if (!whole || bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
+    return status;
+}
+
+rx_status rx_fits_walk(const char *path, rx_error *err)
+{
+    const source s = {.plain = fopen(path, "rb")};
+    if (s.plain == NULL)
+        return RX_OK; /* cfitsio tells why */
+    rx_status status = walk(&s, path, err);
     fclose(s.plain);
     return status;
+}
+
+rx_status rx_fits_walk_memory(const void *bytes, size_t size, const char *path, rx_error *err)
+{
+    const source s = {.bytes = bytes, .size = size};
+    return walk(&s, path, err);
+}
+
+int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place)
+{
+    const source s = {.bytes = bytes != NULL ? bytes : "", .size = size};
+    rx_fits_layout header;
+    for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
+        if (at + BLOCK > (LONGLONG)size)
+            return at + BLOCK;
+        const bool whole = read_header(&s, &at, &header);
+        if (!whole && at + BLOCK > (LONGLONG)size)
+            return at + BLOCK;
+        const int64_t bytes_of_data = rx_fits_layout_bytes(&header);
+        if (!whole || bytes_of_data < 0 || __builtin_add_overflow(at, bytes_of_data, &at))
+            break;
+        *place = at;
+    }
+    return 0;
 }
 
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)

@@ -6,6 +6,7 @@ librextract_la_SOURCES += \
 	src/io/fits_read.c \
 	src/io/fits_sum.c src/io/fits_sum.h \
 	src/io/fits_tiles.c src/io/fits_tiles.h \
+	src/io/fits_unpack.c src/io/fits_unpack.h \
 	src/io/fits_verify.c src/io/fits_verify.h \
 	src/io/fits_walk.c src/io/fits_walk.h \
 	src/io/fits_write.c \

@@ -214,7 +214,8 @@ static rx_status take_votable(reading *r, char *line, rx_hash *rows, int *in_tab
         rx_hash_add(rows, "\n", 1);
         return RX_OK;
     }
-    char *value = strncmp(line, param, sizeof param - 1) == 0 ? strstr(line, middle) : NULL;
+    char *value =
+        strncmp(line, param, sizeof param - 1) == 0 ? strstr(line + sizeof param - 1, middle) : NULL;
     if (value == NULL)
         return RX_OK;
     rx_text text = {0};

@@ -1,7 +1,8 @@
 /* Tiles that are not what they claim: cut, lying, damaged files are refused with a clear word. */
 #include "tile_test.h"
 
-/* cfitsio would divide by a tile of no size as soon as it reaches the HDU. */
+#include <zlib.h>
+
 /* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
 static void check_header_refused(void **state, size_t replaced, const char *card, const char *word)
 {
@@ -166,6 +167,180 @@ static void test_missing_padding(void **state)
     rx_tile_free(tile);
 }
 
+/* --- packed by gzip --- */
+
+static void pack(const char *path, const void *data, size_t size, size_t zeros)
+{
+    static const char nothing[1 << 16];
+    gzFile file = gzopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(gzwrite(file, data, (unsigned)size), size);
+    for (size_t i = 0; i < zeros; i += sizeof nothing)
+        assert_int_equal(gzwrite(file, nothing, sizeof nothing), sizeof nothing);
+    assert_int_equal(gzclose(file), Z_OK);
+}
+
+/* The primary header is looked at before cfitsio reads it, and what it does not tell of is not unpacked. */
+static void test_packed_files(void **state)
+{
+    const char *path = in(state, "a.fits"), *packed = in(state, "p.fits.gz");
+    size_t size = 0;
+    int n = 0;
+    rx_tile_shape *shapes = NULL;
+    make_ramp(path, -32, "");
+    char *data = slurp(path, &size);
+    pack(packed, data, 2880 + W * H * 4, 0); /* without padding */
+    rx_tile *tile = read_tile(&PLAIN, packed, 0, 1);
+    assert_true(tile->pixels[W * H - 1] == W * H - 1);
+    rx_tile_free(tile);
+    pack(packed, data, 2880 + W * H * 4 - 1, 0);
+    check_refused(&PLAIN, packed, "cut off");
+    pack(packed, data, size, 1 << 28);
+    assert_int_equal(rx_tile_shapes(packed, NULL, &shapes, &n, NULL), RX_OK);
+    assert_int_equal(n, 1);
+    assert_true(shapes[0].held >= size && shapes[0].held < 1 << 22);
+    free(shapes);
+    memcpy(data + 80, "BITPIX  =      LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL", 70);
+    pack(packed, data, size, 0);
+    check_refused(&PLAIN, packed, "longer than any");
+    pack(packed, data, 0, 0);
+    check_refused(&PLAIN, packed, "");
+    free(data);
+}
+
+/* --- tiles of a compressed image --- */
+
+/* A file of one tile of 10 x 10 pixels; the table has two columns, cells {length, offset} in elements and
+ * bytes of the heap. */
+static void put_tile(const char *path, const char *cards, const char *second, const uint32_t cells[4],
+                     const void *heap, size_t size)
+{
+    rx_text file = {0}, header = {0}, body = {0};
+    add_hdu(
+        &file,
+        "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0\n",
+        "", 0);
+    rx_text_printf(
+        &header,
+        "XTENSION= 'BINTABLE'\nBITPIX  =                    8\nNAXIS   =                    2\n"
+        "NAXIS1  =                   16\nNAXIS2  =                    1\nPCOUNT  = %20zu\n"
+        "GCOUNT  =                    1\nTFIELDS =                    2\n%sTTYPE1  = 'COMPRESSED_DATA'\n"
+        "ZIMAGE  =                    T\nZNAXIS  =                    2\nZNAXIS1 =                   10\n"
+        "ZNAXIS2 =                   10\nZTILE1  =                   10\nZTILE2  =                   10\n%s",
+        size, second, cards);
+    for (int i = 0; i < 4; i++)
+        for (int shift = 24; shift >= 0; shift -= 8) {
+            const char byte = (char)(cells[i] >> shift);
+            rx_text_add_bytes(&body, &byte, 1);
+        }
+    rx_text_add_bytes(&body, heap, size);
+    add_hdu(&file, header.data, body.data, body.length);
+    dump(path, file.data, file.length);
+    rx_text_free(&file);
+    rx_text_free(&header);
+    rx_text_free(&body);
+}
+
+#define BYTES "TFORM1  = '1PB'\n"
+#define SECOND "TTYPE2  = 'UNCOMPRESSED_DATA'\nTFORM2  = '1PI'\n"
+#define SECOND_GZIP "TTYPE2  = 'GZIP_COMPRESSED_DATA'\nTFORM2  = '1PB'\n"
+#define RICE "ZCMPTYPE= 'RICE_1'\nZVAL1   = 32\nZVAL2   = 2\nZBITPIX = 16\n"
+#define GZIP "ZCMPTYPE= 'GZIP_1'\nZBITPIX = "
+
+/* Zeros of a heap, packed or not; cfitsio would read or write beyond its memory, fill it all, or go on for
+ * ever. The first of each kind is in order. */
+static void test_tiles_that_cfitsio_does_not_survive(void **state)
+{
+    static const struct {
+        const char *cards, *second;
+        uint32_t cells[2]; /* lengths; 0 of the first: all of a stream */
+        unsigned packed;   /* zeros in the stream, 0: the heap is zeros as they are */
+        int cut;           /* bytes of the stream that are missing */
+        const char *word;
+    } cases[] = {
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 200, 0, NULL},
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 200, 1, "damaged"},
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 201, 0, "damaged"},
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 900, 0, "damaged"},
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 1 << 28, 0, "damaged"},
+        {GZIP "-32\nZQUANTIZ= 'NONE'\n", BYTES SECOND, {0, 0}, 400, 0, NULL},
+        {GZIP "-32\nZQUANTIZ= 'NONE'\n", BYTES SECOND, {0, 0}, 200, 0, "damaged"},
+        {GZIP "-32\nZDITHER0= 10000\n", BYTES SECOND, {0, 0}, 400, 0, NULL},
+        {GZIP "-32\nZDITHER0= 0\n", BYTES SECOND, {0, 0}, 400, 0, "damaged"},
+        {GZIP "-64\nZSCALE  = 1.\n", BYTES SECOND_GZIP, {1, 0}, 800, 0, NULL},
+        {GZIP "-64\nZSCALE  = 1.\n", BYTES SECOND_GZIP, {1, 0}, 400, 0, "damaged"},
+        {RICE, BYTES SECOND, {6, 0}, 0, 0, NULL},
+        {RICE, BYTES SECOND, {3, 0}, 0, 0, "damaged"},
+        {RICE "ZQUANTIZ= 'NONE'\n", BYTES SECOND, {6, 0}, 0, 0, "damaged"},
+        {RICE "ZNAME1  = 'BYTEPIX'\nZNAME2  = 'BLOCKSIZE'\n", BYTES SECOND, {6, 0}, 0, 0, NULL},
+        {GZIP "16\n", BYTES SECOND, {0, 100}, 0, 0, NULL},
+        {GZIP "16\n", BYTES SECOND, {0, 101}, 0, 0, "damaged"},
+        {GZIP "16\n", BYTES SECOND, {0, 0}, 0, 0, "damaged"},
+    };
+    static char zeros[400];
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const char *path = in(state, "t.fits.fz"), *packed = in(state, "heap.gz");
+        uint32_t cells[4] = {cases[i].cells[0], 0, cases[i].cells[1], 0};
+        if (cases[i].packed > 0) {
+            size_t size = 0;
+            pack(packed, zeros, cases[i].packed % (1 << 16), cases[i].packed / (1 << 16) * (1 << 16));
+            char *stream = slurp(packed, &size);
+            cells[cases[i].cells[0] > 0 ? 2 : 0] = (uint32_t)size - (uint32_t)cases[i].cut;
+            cells[0] = cases[i].cells[0] > 0 ? 0 : cells[0];
+            put_tile(path, cases[i].cards, cases[i].second, cells, stream, size);
+            free(stream);
+        } else {
+            put_tile(path, cases[i].cards, cases[i].second, cells, zeros, sizeof zeros);
+        }
+        if (cases[i].word != NULL)
+            check_refused(&PLAIN, path, cases[i].word);
+        else
+            rx_tile_free(read_tile(&PLAIN, path, 1, 1));
+    }
+}
+
+static void test_line_lists(void **state)
+{
+    static const struct {
+        short words[8];
+        int is_good;
+    } cases[] = {
+        {{0, 7, -100, 8, 0, 0, 0, 100}, 1},    {{0, 7, -100, 9, 0, 0, 0, 100}, 0},
+        {{0, 7, -100, 8, 0, 0, 0, 0x1001}, 0}, {{0, 7, -100, 0, 1, 0, 0, 100}, 0},
+        {{0, -7, -100, 8, 0, 0, 0, 100}, 0},   {{0, 7, -100, 0, 0, 0, 0, 100}, 0},
+        {{0, 0, 9, 100, 0, 0, 0, 100}, 0},     {{0, 0, 4, 100, 0, 0, 0, 0}, 1},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const uint32_t cells[4] = {8, 0, 0, 0};
+        short words[8];
+        memcpy(words, cases[i].words, sizeof words);
+        swap(words, 8, 2);
+        put_tile(in(state, "p.fits.fz"), "ZCMPTYPE= 'PLIO_1'\nZBITPIX = 16\n", "TFORM1  = '1PI'\n" SECOND,
+                 cells, words, sizeof words);
+        if (cases[i].is_good)
+            rx_tile_free(read_tile(&PLAIN, in(state, "p.fits.fz"), 1, 1));
+        else
+            check_refused(&PLAIN, in(state, "p.fits.fz"), "damaged");
+    }
+}
+
+/* The memory of a tile would be asked for by a product that overflows. */
+static void test_huge_tiles(void **state)
+{
+    static const char zeros[400];
+    const uint32_t cells[4] = {0, 0, 100, 0};
+    put_tile(in(state, "h.fits.fz"), GZIP "16\n", BYTES SECOND, cells, zeros, sizeof zeros);
+    size_t size = 0;
+    char *data = slurp(in(state, "h.fits.fz"), &size), *card = data + 2880;
+    while (strncmp(card, "ZTILE1  ", 8) != 0)
+        card += 80;
+    memcpy(card + 10, "          2147483647", 20);
+    memcpy(card + 90, "          2147483647", 20);
+    dump(in(state, "h.fits.fz"), data, size);
+    free(data);
+    check_refused(&PLAIN, in(state, "h.fits.fz"), "bad ZTILE1");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -174,6 +349,10 @@ int main(void)
         cmocka_unit_test(test_lying_headers),
         cmocka_unit_test(test_broken_compressed),
         cmocka_unit_test(test_missing_padding),
+        cmocka_unit_test(test_packed_files),
+        cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
+        cmocka_unit_test(test_line_lists),
+        cmocka_unit_test(test_huge_tiles),
     };
     return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, drop_scratch);
 }
