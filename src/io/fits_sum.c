@@ -1,4 +1,4 @@
-/* One's complement sums of data in memory. */
+/* One's complement sums. */
 #include "io/fits_sum.h"
 
 #include <string.h>
@@ -30,12 +30,17 @@ uint32_t rx_fits_sum_pixels(const void *pixels, size_t n)
     return (uint32_t)fold(sum);
 }
 
-uint32_t rx_fits_sum_bytes(const char *bytes, size_t n)
+uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n)
 {
-    uint64_t sum = 0;
-    for (size_t i = 0; i < n; i++)
-        sum += at((uint32_t)(unsigned char)bytes[i] << 24, i);
-    return (uint32_t)fold(sum);
+    const unsigned char *byte = bytes;
+    uint64_t total = sum;
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        total +=
+            (uint32_t)byte[i] << 24 | (uint32_t)byte[i + 1] << 16 | (uint32_t)byte[i + 2] << 8 | byte[i + 3];
+    for (; i < n; i++)
+        total += at((uint32_t)byte[i] << 24, i);
+    return (uint32_t)fold(total);
 }
 
 long rx_fits_text_length(const rx_column *column)

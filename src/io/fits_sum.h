@@ -13,7 +13,8 @@
 uint32_t rx_fits_sum_pixels(const void *pixels, size_t n);
 /* The rows of a binary table; texts are filled up with blanks. */
 uint32_t rx_fits_sum_table(const rx_table *table);
-uint32_t rx_fits_sum_bytes(const char *bytes, size_t n);
+/* `sum` of what came before, whole words of it, goes on over these bytes as they stand in the file. */
+uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n);
 
 /* Characters of a text cell in the file: the terminating zero does not go there. */
 long rx_fits_text_length(const rx_column *column);

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "io/fits_read.h"
+#include "io/fits_sum.h"
 #include "io/fits_walk.h"
 
 enum { CARD = 80, BLOCK = 2880 };
@@ -18,18 +19,6 @@ typedef struct verifier {
     int hdu;
     unsigned char block[BLOCK];
 } verifier;
-
-/* One 32-bit one's complement sum goes on over a block. */
-static uint32_t add_block(uint32_t sum, const unsigned char *block)
-{
-    uint64_t total = sum;
-    for (int i = 0; i < BLOCK; i += 4)
-        total += (uint32_t)block[i] << 24 | (uint32_t)block[i + 1] << 16 | (uint32_t)block[i + 2] << 8 |
-                 block[i + 3];
-    while (total >> 32 != 0)
-        total = (total & 0xffffffff) + (total >> 32);
-    return (uint32_t)total;
-}
 
 /* *n: 0 at the end of the file, else a whole block. */
 static rx_status next_block(verifier *v, size_t *n, rx_error *err)
@@ -88,7 +77,7 @@ static rx_status read_header(verifier *v, header *dst, int *more, rx_error *err)
                                    : "no HDU begins where this one should",
                        err);
     for (;;) {
-        dst->sum = add_block(dst->sum, v->block);
+        dst->sum = rx_fits_sum_bytes(dst->sum, v->block, BLOCK);
         if (take_block(v->block, dst))
             return RX_OK;
         status = next_block(v, &n, err);
@@ -118,8 +107,8 @@ static rx_status verify_hdu(verifier *v, int *more, rx_error *err)
                                  "is cut off: %" PRId64 " bytes are missing; fetch it again", bytes);
         if (status != RX_OK)
             return status;
-        data = add_block(data, v->block);
-        sum = add_block(sum, v->block);
+        data = rx_fits_sum_bytes(data, v->block, BLOCK);
+        sum = rx_fits_sum_bytes(sum, v->block, BLOCK);
     }
     if (!head.has_checksum || !head.has_datasum)
         return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,

@@ -416,7 +416,7 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);
     fits_set_hdustruc(writer->file, &failed);
     fits_write_tblbytes(writer->file, 1, 1, (LONGLONG)text.length, (unsigned char *)text.data, &failed);
-    write_checksum(writer->file, rx_fits_sum_bytes(text.data, text.length), &failed);
+    write_checksum(writer->file, rx_fits_sum_bytes(0, text.data, text.length), &failed);
     writer->hdus++;
     rx_text_free(&text);
     return failed ? broken(writer, failed, err) : RX_OK;
