@@ -2,6 +2,7 @@ librextract_la_SOURCES += \
 	src/base/error.c \
 	src/base/hash.c \
 	src/base/interrupt.c \
+	src/base/least.h \
 	src/base/lines.c \
 	src/base/log.c \
 	src/base/memory.c \

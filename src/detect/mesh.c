@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 #include "base/wide.h"
 
@@ -292,18 +293,13 @@ static float median_of(float *values, int n)
     return n % 2 != 0 ? values[n / 2] : n > 0 ? (float)((values[n / 2 - 1] + values[n / 2]) / 2.0) : 0.0f;
 }
 
-static int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* Median of the box around a mesh, which shrinks towards the borders so that the mesh stays its middle. */
 static float box_median(const sep_bkg *mesh, const float *values, int half_width, int half_height, int m,
                         float *box)
 {
     const int x = m % mesh->nx, y = m / mesh->nx;
-    const int rx = least(half_width, least(x, mesh->nx - 1 - x));
-    const int ry = least(half_height, least(y, mesh->ny - 1 - y));
+    const int rx = rx_least(half_width, rx_least(x, mesh->nx - 1 - x));
+    const int ry = rx_least(half_height, rx_least(y, mesh->ny - 1 - y));
     int n = 0;
     for (int v = y - ry; v <= y + ry; v++)
         for (int u = x - rx; u <= x + rx; u++)
@@ -314,8 +310,8 @@ static float box_median(const sep_bkg *mesh, const float *values, int half_width
 /* Running medians where they are at least the filter's threshold away, and the medians of all. */
 static rx_status smooth(const rx_background_params *par, sep_bkg *mesh, rx_error *err)
 {
-    const size_t n = (size_t)mesh->n, half_width = (size_t)(least(par->filter_width, mesh->nx * 2) / 2),
-                 half_height = (size_t)(least(par->filter_height, mesh->ny * 2) / 2);
+    const size_t n = (size_t)mesh->n, half_width = (size_t)(rx_least(par->filter_width, mesh->nx * 2) / 2),
+                 half_height = (size_t)(rx_least(par->filter_height, mesh->ny * 2) / 2);
     const size_t room = (2 * half_width + 1) * (2 * half_height + 1);
     rx_status status = RX_OK;
     float *level = RX_NEW(float, n), *sigma = RX_NEW(float, n), *box = RX_NEW(float, room);
@@ -382,8 +378,8 @@ rx_status rx_mesh_measure(const rx_background_params *par, int width, int height
         return rx_error_memory(err, sizeof *mesh);
     mesh->w = width;
     mesh->h = height;
-    mesh->bw = least(par->mesh_width, width);
-    mesh->bh = least(par->mesh_height, height);
+    mesh->bw = rx_least(par->mesh_width, width);
+    mesh->bh = rx_least(par->mesh_height, height);
     mesh->nx = (width - 1) / mesh->bw + 1;
     mesh->ny = (height - 1) / mesh->bh + 1;
     mesh->n = mesh->nx * mesh->ny;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 #include "num/convolve.h"
 
@@ -244,23 +245,13 @@ typedef struct block {
     int last; /* term: the sum is complete */
 } block;
 
-static int most(int a, int b)
-{
-    return a > b ? a : b;
-}
-
-static int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* Row j of the domain, that is row y - margin + j. */
 static int read_line(void *user, int j, float *line)
 {
     const block *b = user;
     const int margin = b->blur->margin, side = rx_fft_width(b->work->fft), left = b->x - margin;
-    const int y = b->y - margin + j, first = most(left, b->from_x->begin),
-              last = least(b->x + b->width + margin, b->from_x->end);
+    const int y = b->y - margin + j, first = rx_most(left, b->from_x->begin),
+              last = rx_least(b->x + b->width + margin, b->from_x->end);
     if (j >= b->height + 2 * margin || y < b->from_y->begin || y >= b->from_y->end)
         return 0;
     memset(line, 0, (size_t)(first - left) * sizeof *line);
@@ -283,8 +274,8 @@ static int read_weighted(void *user, int j, float *line)
     const rx_blur *blur = b->blur;
     if (!read_line(user, j, line))
         return 0;
-    const int left = b->x - blur->margin, first = most(left, b->from_x->begin),
-              last = least(b->x + b->width + blur->margin, b->from_x->end);
+    const int left = b->x - blur->margin, first = rx_most(left, b->from_x->begin),
+              last = rx_least(b->x + b->width + blur->margin, b->from_x->end);
     const float c = blur->cy[b->term][b->y + j], *cx = blur->cx[b->term] + (first + blur->margin);
     float *sky = line + (first - left);
 #pragma omp simd
@@ -356,8 +347,8 @@ static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx
         b.work = &blur->work[blur->nwork > 1 ? omp_get_thread_num() : 0];
         b.x = to_x->begin + k % to_x->n * to_x->step;
         b.y = to_y->begin + k / to_x->n * to_y->step;
-        b.width = least(to_x->step, to_x->end - b.x);
-        b.height = least(to_y->step, to_y->end - b.y);
+        b.width = rx_least(to_x->step, to_x->end - b.x);
+        b.height = rx_least(to_y->step, to_y->end - b.y);
         run(&b);
     }
 }

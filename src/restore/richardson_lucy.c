@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/interrupt.h"
+#include "base/least.h"
 #include "base/memory.h"
 #include "base/wide.h"
 #include "num/convolve.h"
@@ -25,18 +26,13 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
  * star with a masked core may be brighter. */
 static const double BOUND = 1e4;
 
-static int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* How many rows of blocks of the sky are updated at a time, and how many rows of the model that takes: what
  * they see of it, and up to a block more. Threads share the blocks of a few rows out well enough. */
 static void plan_strips(const rx_blur *blur, int whole, rx_rl *rl)
 {
     enum { BLOCKS_OF_A_THREAD = 4 };
     const int wanted = BLOCKS_OF_A_THREAD * blur->nwork, across = blur->sky_x.n;
-    rl->strip = whole ? blur->sky_y.n : least((wanted + across - 1) / across, blur->sky_y.n);
+    rl->strip = whole ? blur->sky_y.n : rx_least((wanted + across - 1) / across, blur->sky_y.n);
     const size_t rows =
         (size_t)rl->strip * (size_t)blur->sky_y.step + 2 * (size_t)blur->margin + (size_t)blur->tile_y.step;
     rl->kept = whole || rows > (size_t)blur->height ? blur->height : (int)rows;
@@ -135,7 +131,7 @@ static void make_model(rx_rl *rl, int end)
     if (end <= rl->made)
         return;
     rx_blur_apply_rows(rl->blur, &(rx_blur_lines){read_object, write_model, rl}, first, last);
-    rl->made = least(last * step, rl->prepared->height);
+    rl->made = rx_least(last * step, rl->prepared->height);
 }
 
 void rx_rl_model(rx_rl *rl)
@@ -267,9 +263,9 @@ void rx_rl_update(rx_rl *rl)
     const rx_blur_axis *sky = &rl->blur->sky_y;
     /* What is not made of the model yet reads only rows of the object that have not moved. */
     for (int first = 0; first < sky->n; first += rl->strip) {
-        const int last = least(first + rl->strip, sky->n);
-        make_model(rl, least(least(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
-                             rl->prepared->height));
+        const int last = rx_least(first + rl->strip, sky->n);
+        make_model(rl, rx_least(rx_least(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
+                                rl->prepared->height));
         rx_blur_adjoint_rows(rl->blur, &(rx_blur_lines){read_residual, move_object, rl}, first, last);
     }
     rl->made = 0;
