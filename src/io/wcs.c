@@ -5,19 +5,15 @@
 #include <wcslib/wcsfix.h>
 #include <wcslib/wcshdr.h>
 
-#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/memory.h"
-#include "base/text.h"
-#include "io/cards.h"
 #include "io/fits_read.h"
-#include "io/fits_write.h"
 #include "io/sky.h"
+#include "io/wcs_guard.h"
 
 enum { CHUNK = 256, CARD = 80 };
 
@@ -25,258 +21,6 @@ struct rx_wcs {
     struct wcsprm prm; /* two axes, set up */
     rx_sky_frame frame;
 };
-
-/* --- headers that do not say what they mean --- */
-
-static void say(char *note, size_t size, const char *text)
-{
-    size_t used = note != NULL ? strlen(note) : 0;
-    if (note != NULL && used < size)
-        snprintf(note + used, size - used, "%s%s", used > 0 ? "; " : "", text);
-}
-
-/* "PVi_m" of axis 1 or 2: m, else -1. */
-static int pv_number(const char *card, int *axis)
-{
-    if (strncmp(card, "PV", 2) != 0 || (card[2] != '1' && card[2] != '2') || card[3] != '_' || card[8] != '=')
-        return -1;
-    *axis = card[2] - '0';
-    char digits[5] = "";
-    memcpy(digits, card + 4, 4);
-    char *end;
-    long m = strtol(digits, &end, 10);
-    return end != digits && (*end == '\0' || *end == ' ') && m >= 0 ? (int)m : -1;
-}
-
-static void set_ctype(char *cards, size_t ncards, int axis, const char *value)
-{
-    const char *key = axis == 1 ? "CTYPE1" : "CTYPE2";
-    long i = rx_cards_find(cards, ncards, key);
-    rx_text text = {0};
-    rx_card_text(&text, key, value, "");
-    if (i >= 0 && !text.failed)
-        memcpy(cards + i * CARD, text.data, CARD);
-    rx_text_free(&text);
-}
-
-/* wcslib 7.12 stops reading a number at the D of a Fortran exponent (1.0D-6 becomes 1.0). */
-static void repair_exponents(char *cards, size_t ncards)
-{
-    for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD;
-        if (strncmp(card + 8, "= ", 2) != 0)
-            continue;
-        for (int j = 11; j < CARD && card[j] != '\'' && card[j] != '/'; j++)
-            if ((card[j] == 'D' || card[j] == 'd') &&
-                (isdigit((unsigned char)card[j - 1]) || card[j - 1] == '.'))
-                card[j] = 'E';
-    }
-}
-
-/* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, whatever it says, and multiplies as int. Indices of
- * FITS keywords have at most two digits (FITS 4.0, section 8.2). */
-static void drop_absurd_axes(char *cards, size_t ncards, char *note, size_t note_size)
-{
-    enum { MOST = 99 };
-    for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[9];
-        double value = 0;
-        if (strncmp(card, "WCSAXES", 7) != 0 || card[8] != '=')
-            continue;
-        snprintf(key, sizeof key, "%.8s", card);
-        key[strcspn(key, " ")] = '\0';
-        if (rx_cards_number(card, 1, key, &value) && value >= 0 && value <= MOST)
-            continue;
-        memset(card, ' ', CARD);
-        say(note, note_size, "WCSAXES is no number of axes and is ignored");
-    }
-}
-
-/* End of the number that begins at `c`; NULL where there is none. */
-static const char *end_of_number(const char *c, const char *end)
-{
-    int digits = 0, points = 0;
-    c += *c == '+' || *c == '-';
-    for (; c < end && (isdigit((unsigned char)*c) || (*c == '.' && points == 0)); c++) {
-        points += *c == '.';
-        digits += *c != '.';
-    }
-    if (digits > 0 && c < end && (*c == 'E' || *c == 'e')) {
-        c += 1 + (c + 1 < end && (c[1] == '+' || c[1] == '-'));
-        for (digits = 0; c < end && isdigit((unsigned char)*c); c++)
-            digits++;
-    }
-    return digits > 0 ? c : NULL;
-}
-
-/* The same of the text whose first quote is at `c`. */
-static const char *end_of_text(const char *c, const char *end)
-{
-    for (c++; c < end; c++) {
-        if (*c != '\'')
-            continue;
-        if (c + 1 == end || c[1] != '\'')
-            return c + 1;
-        c++; /* two of them stand for one */
-    }
-    return NULL;
-}
-
-/* Order or coefficient of SIP. */
-static int is_sip(const char *card)
-{
-    return (card[0] == 'A' || card[0] == 'B') && (card[1] == '_' || (card[1] == 'P' && card[2] == '_'));
-}
-
-/* A WATi_nnn whose type (wtype=tnx) is longer than any, or may go on in the next card: wcslib 7.12 puts the
- * cards together and copies the type over its stack. */
-static int is_long_type(const char *card)
-{
-    enum { LONGEST = 8 };
-    static const char word[] = "type";
-    const char *c = memchr(card, '\'', CARD), *end = c != NULL ? memrchr(card, '\'', CARD) : NULL;
-    if (strncmp(card, "WAT", 3) != 0 || c == end)
-        return 0;
-    for (c++; c < end;) {
-        size_t same = 0;
-        while (same < 4 && c + same < end && c[same] == word[same])
-            same++;
-        if (c + same == end && same > 0)
-            return 1;
-        if (same < 4) {
-            c++;
-            continue;
-        }
-        c += same;
-        c += strspn(c, " ");
-        c += c < end && *c == '=';
-        c += strspn(c, " ");
-        const size_t length = strcspn(c, " '");
-        if (c >= end || c + length >= end || length > LONGEST)
-            return 1;
-    }
-    return 0;
-}
-
-/* `KEYWORD = value / comment`, a number where SIP wants one. */
-static int is_whole_card(const char *card)
-{
-    static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
-    const char *c = card, *end = card + CARD;
-    const int sip = is_sip(card);
-    c += strspn(card, allowed);
-    while (c > card && c < card + 8 && *c == ' ')
-        c++;
-    if (c != card + 8 || c[0] != '=' || c[1] != ' ' || strncmp(card + 4, "_000", 4) == 0 ||
-        is_long_type(card))
-        return 0;
-    for (c += 2; c < end && *c == ' '; c++)
-        continue;
-    if (c < end && !sip && (*c == 'T' || *c == 'F'))
-        c++;
-    else if (c < end && !sip && *c == '\'')
-        c = end_of_text(c, end);
-    else
-        c = c < end ? end_of_number(c, end) : NULL;
-    while (c != NULL && c < end && *c == ' ')
-        c++;
-    return c != NULL && (c == end || *c == '/');
-}
-
-/* wcslib 7.12 shall see no cards but whole ones, in printable ASCII (FITS standard 4.0, sections 4.1
- * and 4.2): its lexer runs through null pointers on some others, and takes a text without a closing quote to
- * go on in the next cards, which it then writes into 80 bytes on its stack, and WATi_000 (they count from 1)
- * before its memory. SIP beside fewer than two axes makes it write
- * behind it. All these become blank. */
-static void keep_whole_cards(char *cards, size_t ncards)
-{
-    for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD;
-        for (int j = 0; j < CARD; j++)
-            if (card[j] < ' ' || card[j] > '~')
-                card[j] = '?';
-        if (!is_whole_card(card))
-            memset(card, ' ', CARD);
-    }
-    if (rx_cards_find(cards, ncards, "CTYPE1") >= 0 && rx_cards_find(cards, ncards, "CTYPE2") >= 0)
-        return;
-    for (size_t i = 0; i < ncards; i++)
-        if (is_sip(cards + i * CARD))
-            memset(cards + i * CARD, ' ', CARD);
-}
-
-/* Keywords of general distortions (Calabretta et al. 2004, draft IV of the FITS papers): CPDISj, CQDISi and
- * their records DPj, DQi, of any alternate. */
-static int is_distortion(const char *card)
-{
-    const size_t n = strncmp(card, "CPDIS", 5) == 0 || strncmp(card, "CQDIS", 5) == 0 ? 5
-                     : strncmp(card, "DP", 2) == 0 || strncmp(card, "DQ", 2) == 0     ? 2
-                                                                                      : 0;
-    return n > 0 && isdigit((unsigned char)card[n]);
-}
-
-/* wcslib 7.12 reads beyond its memory where their records are not what it expects. Tables of small
- * corrections (LOOKUP, as Hubble's images have them beside SIP) it cannot apply anyway: left out. Others
- * would move positions by more: 0, and there are no world coordinates. */
-static int drop_distortions(char *cards, size_t ncards, char *note, size_t note_size)
-{
-    int dropped = 0;
-    for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[9], kind[32];
-        if (!is_distortion(card))
-            continue;
-        snprintf(key, sizeof key, "%.*s", (int)strcspn(card, " ="), card);
-        if (card[0] == 'C' &&
-            (!rx_cards_text(card, 1, key, kind, sizeof kind) || strcasecmp(kind, "LOOKUP") != 0))
-            return 0;
-        memset(card, ' ', CARD);
-        dropped = 1;
-    }
-    if (dropped)
-        say(note, note_size, "tables of distortions (CPDIS, CQDIS) are ignored");
-    return 1;
-}
-
-/* SCAMP and others write polynomial coefficients PVi_m with plain TAN; as SExtractor does, they are
- * read as TPV (a native TAN knows PVi_0..4 of the longitude axis only, and hardly anyone gives them).
- * Where SIP is there too, SIP counts. SIP coefficients without "-SIP" in CTYPE are SIP as well. */
-static void repair_distortion(char *cards, size_t ncards, char *note, size_t note_size)
-{
-    char ctype[2][32];
-    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0;
-    double order;
-    for (int i = 0; i < 2; i++) {
-        rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", ctype[i], sizeof ctype[i]);
-        tan = tan && strlen(ctype[i]) >= 8 && strncmp(ctype[i] + 5, "TAN", 3) == 0;
-        suffix += strlen(ctype[i]) >= 12 && strncmp(ctype[i] + 8, "-SIP", 4) == 0;
-    }
-    for (size_t i = 0; i < ncards; i++) {
-        int m = pv_number(cards + i * CARD, &axis);
-        high += m > 4;
-        pv2 += m >= 0 && axis == 2;
-    }
-    int sip = rx_cards_number(cards, (long)ncards, "A_ORDER", &order) &&
-              rx_cards_number(cards, (long)ncards, "B_ORDER", &order);
-    if (!tan || (!sip && high == 0 && pv2 == 0))
-        return;
-    for (int i = 0; i < 2; i++) {
-        char value[32];
-        snprintf(value, sizeof value, "%.5s%s", ctype[i], sip ? "TAN-SIP" : "TPV");
-        if (!sip || suffix < 2)
-            set_ctype(cards, ncards, i + 1, value);
-    }
-    if (!sip) {
-        say(note, note_size, "TAN with PV coefficients is read as TPV");
-        return;
-    }
-    if (suffix < 2)
-        say(note, note_size, "SIP coefficients are used although CTYPE lacks -SIP");
-    for (size_t i = 0; i < ncards && (high > 0 || pv2 > 0); i++)
-        if (pv_number(cards + i * CARD, &axis) >= 0)
-            memset(cards + i * CARD, ' ', CARD);
-    if (high > 0 || pv2 > 0)
-        say(note, note_size, "PV coefficients beside SIP are ignored");
-}
 
 /* --- making --- */
 
@@ -325,9 +69,10 @@ static void take_frame(rx_wcs *wcs, char *note, size_t note_size)
     double equinox = isfinite(prm->equinox) && prm->equinox > 1000 ? prm->equinox : 0;
     wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, equinox);
     if (!wcs->frame.known)
-        say(note, note_size, "longitudes of this type cannot be taken to J2000");
+        rx_wcs_note(note, note_size, "longitudes of this type cannot be taken to J2000");
     else if (wcs->frame.eterms)
-        say(note, note_size, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
+        rx_wcs_note(note, note_size,
+                    "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
 }
 
 /* Parse, repair and set up; *why says what is missing when there is nothing to be used. */
@@ -391,18 +136,14 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     if (copy == NULL)
         return rx_error_memory(err, ncards * CARD);
     memcpy(copy, cards, ncards * CARD);
-    repair_exponents(copy, ncards);
-    keep_whole_cards(copy, ncards);
-    drop_absurd_axes(copy, ncards, note, note_size);
-    repair_distortion(copy, ncards, note, note_size);
     rx_status status = RX_OK;
-    if (drop_distortions(copy, ncards, note, note_size))
+    if (rx_wcs_guard(copy, ncards, note, note_size))
         status = set_up(copy, ncards, width, height, dst, note, note_size, &why, err);
     else
         why = "distortions by CPDIS or CQDIS other than LOOKUP are not known here";
     if (status == RX_OK && *dst == NULL) {
         snprintf(text, sizeof text, "no world coordinates: %s", why);
-        say(note, note_size, text);
+        rx_wcs_note(note, note_size, text);
     }
     free(copy);
     return status;
