@@ -3,25 +3,10 @@
 # base, the table says what the campaigns measured, and a second run changes nothing.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-programs=$(dirname "${RX_PROGRAM:-$top/rextract}")
-programs=$(cd "$programs" && pwd)
+. "$top/tests/lib.sh"
 RX_TRAIN=$programs/rextract-train RX_VALIDATE=$programs/rextract-validate
 export RX_TRAIN RX_VALIDATE
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-ablation-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0 skipped=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
+enter
 
 for name in psfnet psfnet-blind; do
     "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -GRID 1,1 -BIN_IMAGES 16 \
@@ -76,8 +61,6 @@ if python3 -c 'import astropy, numpy, scipy' 2>/dev/null || /usr/bin/python3 -c 
     [ $? -eq 2 ] && [ ! -e other ]
     result 'an unknown size is refused' $? log
 else
-    skipped=1
-    echo 'skipped: no python3 with astropy and scipy'
+    skip 'the table' 'no python3 with astropy and scipy'
 fi
-echo "$passed passed, $failed failed, $skipped skipped"
-[ "$failed" -eq 0 ]
+finish

@@ -3,26 +3,10 @@
 # and in three shards that are merged: every byte of the report is the same.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-program=$(dirname "${RX_PROGRAM:-$top/rextract}")/rextract-validate
-[ -x "$program" ] || {
-    echo "campaign.sh: $program is missing; build first (make check)"
-    exit 2
-}
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-campaign-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
+. "$top/tests/lib.sh"
+program=$programs/rextract-validate
+need rextract-validate
+enter
 
 cat >restoration.conf <<'END'
 CAMPAIGN_TYPE   RESTORATION
@@ -192,5 +176,4 @@ result "which then goes on" $? polite.log
 diff -r photometry-whole polite >difference 2>&1
 result "to the same bytes" $? difference
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" -eq 0 ]
+finish

@@ -5,48 +5,22 @@
 # training ranks. MPI stays out of everything but rextract-train and rextract-mpi. Nothing may hang: every run has its limit.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-build=${RX_BUILD_DIR:-$top}
+. "$top/tests/lib.sh"
+build=${RX_BUILD_DIR:-$programs}
 ranks=$build/tests/unit/par/mpi_ranks
-folder=$(dirname "${RX_PROGRAM:-$top/rextract}")
-train=$folder/rextract-train
-for need in "$ranks" "$train"; do
-    [ -x "$need" ] || {
-        echo "mpi.sh: $need is missing; build first (make check)"
-        exit 2
-    }
-done
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-mpi-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0 skipped=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
+train=$programs/rextract-train
+need rextract-train
+[ -x "$ranks" ] || {
+    echo "mpi.sh: $ranks is missing; build first (make check)"
+    exit 2
 }
-
-skip() {
-    skipped=$((skipped + 1))
-    echo "skipped: $1 ($2)"
-}
-
-finish() {
-    echo "$passed passed, $failed failed, $skipped skipped"
-    [ "$failed" = 0 ]
-    exit
-}
+enter
 
 # --- who is linked with MPI ---
 
 if command -v ldd >/dev/null; then
     : >links.log
-    for program in "$folder"/rextract "$folder"/rextract-simulate "$folder"/rextract-validate \
+    for program in "$programs"/rextract "$programs"/rextract-simulate "$programs"/rextract-validate \
         "$build"/.libs/librextract.so; do
         [ -f "$program" ] || continue
         ldd "$program" 2>&1 | grep -i mpi | sed "s,^,$(basename "$program"): ," >>links.log
@@ -113,9 +87,9 @@ result "a process that is killed takes the others with it" $? case.log
 
 # --- a list of tiles ---
 
-rextract=$folder/rextract
+rextract=$programs/rextract
 for i in 1 2 3 4 5; do
-    "$folder"/rextract-simulate -IMAGE_SIZE 64 -SEED $i -IMAGE_NAME t$i.fits -TRUTH_NAME t$i.truth -VERBOSE_TYPE QUIET
+    "$programs"/rextract-simulate -IMAGE_SIZE 64 -SEED $i -IMAGE_NAME t$i.fits -TRUTH_NAME t$i.truth -VERBOSE_TYPE QUIET
 done
 printf 't1.fits\nt2.fits\nmissing.fits\nt3.fits\nt4.fits -DETECT_THRESH 3\nt5.fits\n' >tiles.list
 printf 'NUMBER\nX_IMAGE\nY_IMAGE\nFLUX_AUTO\n' >columns.param

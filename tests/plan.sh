@@ -2,35 +2,15 @@
 # rextract -PLAN Y: what it prints, that it does nothing else, and that runs stay below it; what surveys cost.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-program=$(realpath "${RX_PROGRAM:-$top/rextract}")
-folder=$(dirname "$program")
+. "$top/tests/lib.sh"
+program=$programs/rextract
 python=/usr/bin/python3
-for need in rextract rextract-simulate; do
-    [ -x "$folder/$need" ] || {
-        echo "plan.sh: $folder/$need is missing; build first (make check)"
-        exit 2
-    }
-done
+need rextract rextract-simulate
 if [ ! -x $python ]; then
-    echo "skipped: $python is missing"
-    echo '0 passed, 0 failed, 1 skipped'
-    exit 0
+    skip plans "$python is missing"
+    finish
 fi
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-plan-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
+enter
 
 # says EXPRESSION: true of the JSON in `out`, whose tiles are `t` and whose sums are `a`
 says() {
@@ -40,7 +20,7 @@ says() {
 plan() { "$program" -PLAN Y "$@" >out 2>err; }
 
 for name in a b; do
-    "$folder/rextract-simulate" -IMAGE_SIZE 96,64 -SEED 3 -IMAGE_NAME $name.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET || exit 2
+    "$programs/rextract-simulate" -IMAGE_SIZE 96,64 -SEED 3 -IMAGE_NAME $name.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET || exit 2
 done
 mkdir work && mv a.fits b.fits work && cd work || exit 2
 find . -type f -exec cksum {} + >../before
@@ -95,11 +75,10 @@ result 'a keyword that is wrong' $? err
 # under the address sanitizer memory is another matter, and time, too
 sky=
 grep -q __asan_init "$program" && sky=o128
-RX_BUILD_DIR=$folder $python "$top/validation/bench/plan.py" small $sky >log 2>&1 && ! grep -q '^0 runs' log
+RX_BUILD_DIR=$programs $python "$top/validation/bench/plan.py" small $sky >log 2>&1 && ! grep -q '^0 runs' log
 result 'runs stay below their plans' $? log
 
 $python "$top/validation/cost/cost.py" >cost.md 2>err && diff "$top/validation/results/cost/cost.md" cost.md >>err
 result 'what surveys cost is that of the committed benchmark' $? err
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" = 0 ]
+finish

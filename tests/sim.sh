@@ -3,26 +3,10 @@
 # of any output depends on the number of threads.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-program=${RX_PROGRAM:-$top/rextract}
-[ -x "$program" ] || {
-    echo "sim.sh: $program is missing; build first (make check)"
-    exit 2
-}
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-sim-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
+. "$top/tests/lib.sh"
+program=$programs/rextract
+need rextract
+enter
 
 # run FOLDER THREADS ARGUMENT...: the job with all its outputs in FOLDER, what it says in FOLDER.log.
 run() {
@@ -64,5 +48,4 @@ run few 2 -QA_GATES ../few.qa
 [ $? -eq 6 ]
 result "a gate with too few sources ends with 6" $? few.log
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" -eq 0 ]
+finish

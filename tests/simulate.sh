@@ -3,35 +3,11 @@
 # what rextract measures on it; the same bytes for any number of threads; injection into tiles, real ones too.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-rextract=${RX_PROGRAM:-$top/rextract}
-simulate=$(dirname "$rextract")/rextract-simulate
+. "$top/tests/lib.sh"
+rextract=$programs/rextract simulate=$programs/rextract-simulate
 data=${RX_SHARED_DATA:-}
-for need in "$rextract" "$simulate"; do
-    [ -x "$need" ] || {
-        echo "simulate.sh: $need is missing; build first (make check)"
-        exit 2
-    }
-done
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-simulate-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0 skipped=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
-
-skip() {
-    skipped=$((skipped + 1))
-    echo "skipped: $1 ($2)"
-}
+need rextract rextract-simulate
+enter
 
 python=/usr/bin/python3
 $python -c 'import astropy, numpy' 2>/dev/null || python=
@@ -320,5 +296,4 @@ refused "a folder that is not there" 4 nowhere -TRUTH_NAME nowhere/truth.fits
 refused "templates that are not there" 3 nowhere -TEMPLATE_NAME nowhere -TEMPLATE_COUNT 10
 refused "magnitudes the wrong way round" 2 STAR_MAG -STAR_MAG 22,14
 
-echo "$passed passed, $failed failed, $skipped skipped"
-[ "$failed" -eq 0 ]
+finish

@@ -4,26 +4,10 @@
 # foreign files are refused; what is written can be read.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-program=$(dirname "${RX_PROGRAM:-$top/rextract}")/rextract-train
-[ -x "$program" ] || {
-    echo "train.sh: $program is missing; build first (make check)"
-    exit 2
-}
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-train-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
+. "$top/tests/lib.sh"
+program=$programs/rextract-train
+need rextract-train
+enter
 
 cat >tiny.conf <<'END'
 EPOCHS          3
@@ -186,5 +170,4 @@ training blunt -TARGET_FWHM 5 -FWHM_RANGE 2,4
 [ $? -eq 2 ] && grep -q 'TARGET_FWHM 5: no PSF of FWHM_RANGE 2,4 is wider' blunt.log
 result 'a target PSF wider than all is refused' $? blunt.log
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" -eq 0 ]
+finish

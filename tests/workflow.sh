@@ -3,41 +3,21 @@
 # tiles of a machine that fails tried again, a run that was stopped goes on, and names that a shell would obey.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-folder=$(cd "$(dirname "${RX_PROGRAM:-$top/rextract}")" && pwd)
-for need in rextract rextract-survey rextract-simulate; do
-    [ -x "$folder/$need" ] || {
-        echo "workflow.sh: $folder/$need is missing; build first (make check)"
-        exit 2
-    }
-done
+. "$top/tests/lib.sh"
+need rextract rextract-survey rextract-simulate
 if ! command -v snakemake >/dev/null; then
-    echo 'skipped: snakemake is missing'
-    echo '0 passed, 0 failed, 1 skipped'
-    exit 0
+    skip 'the workflow' 'no snakemake'
+    finish
 fi
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-workflow-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
+enter
 export HOME="$scratch" PYTHONDONTWRITEBYTECODE=1
-passed=0 failed=0
-
-# result TITLE STATUS LOG
-result() {
-    if [ "$2" = 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' "$3"
-    fi
-}
 
 # shellcheck disable=SC2016 # such a name it is
 strange='b $(touch obeyed); `touch obeyed`'\''s.fits'
 n=0
 for name in a.fits "$strange" c.fits d.fits; do
     n=$((n + 1))
-    "$folder/rextract-simulate" -IMAGE_SIZE 96 -SEED $n -STAR_COUNT 3000 -GALAXY_COUNT 0 -IMAGE_NAME "$name" \
+    "$programs/rextract-simulate" -IMAGE_SIZE 96 -SEED $n -STAR_COUNT 3000 -GALAXY_COUNT 0 -IMAGE_NAME "$name" \
         -TRUTH_NAME "${name%.fits}.truth" -VERBOSE_TYPE QUIET || exit 2
 done
 cat >tiles.list <<END
@@ -52,8 +32,8 @@ printf 'RESTORE_TYPE NONE\nFILTER N\nPARAMETERS_NAME my.param\nREFERENCE_NAME {t
 printf 'NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\n' >my.param
 cat >my.yaml <<END
 settings: my.sex
-rextract: "$folder/rextract"
-survey: "$folder/rextract-survey"
+rextract: "$programs/rextract"
+survey: "$programs/rextract-survey"
 survey_options: ["-QA_FIGURES", "N", "-VERBOSE_TYPE", "QUIET"]
 END
 
@@ -70,15 +50,15 @@ result 'the tile that failed is told' $? survey/junit.xml
 
 mkdir other && cp ./*.fits ./*.truth my.sex my.param tiles.list other && (
     cd other && mkdir catalogs records reports &&
-        "$folder/rextract" @tiles.list -c my.sex -VERBOSE_TYPE QUIET -CATALOG_NAME 'catalogs/{tile}.cat' \
+        "$programs/rextract" @tiles.list -c my.sex -VERBOSE_TYPE QUIET -CATALOG_NAME 'catalogs/{tile}.cat' \
             -RECORD_NAME 'records/{tile}.record' -QA_NAME 'reports/{tile}'
     [ $? = 8 ] && cat records/*.record >all.records &&
-        "$folder/rextract-survey" all.records -TILES_NAME tiles.list -QA_FIGURES N -VERBOSE_TYPE QUIET
+        "$programs/rextract-survey" all.records -TILES_NAME tiles.list -QA_FIGURES N -VERBOSE_TYPE QUIET
 ) >log 2>&1
 diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1 && diff -r catalogs other/catalogs >>log 2>&1
 result 'the same catalogues and roll-up as of rextract @LIST' $? log
 
-PYTHONPATH=$top/workflow/scripts /usr/bin/python3 - "$folder/rextract" >log 2>&1 <<'END'
+PYTHONPATH=$top/workflow/scripts /usr/bin/python3 - "$programs/rextract" >log 2>&1 <<'END'
 import json, os, subprocess, sys, tiles
 calls = []
 run = subprocess.run
@@ -124,7 +104,7 @@ result 'a run that was stopped goes on with what is left' $? log
 cat >flaky <<END
 #!/bin/sh
 case \$1 in a.fits) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
-exec "$folder/rextract" "\$@"
+exec "$programs/rextract" "\$@"
 END
 chmod +x flaky
 sed -i "s,^rextract:.*,rextract: \"$scratch/flaky\"," my.yaml
@@ -140,5 +120,4 @@ echo '"a.fits' >tiles.list
 ! workflow && grep -q 'tiles.list:1: a quote is not closed' log
 result 'a list that is wrong' $? log
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" = 0 ]
+finish
