@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/memory.h"
 
@@ -49,24 +48,6 @@ static int names_file(const char *name)
     return 0;
 }
 
-/* Digest of a file; 0 when there is no such plain file. */
-static int digest_file(const char *path, unsigned long long *digest)
-{
-    struct stat info;
-    if (stat(path, &info) != 0 || !S_ISREG(info.st_mode))
-        return 0;
-    FILE *file = fopen(path, "rb");
-    if (file == NULL)
-        return 0;
-    char buffer[65536];
-    *digest = RX_DIGEST_START;
-    for (size_t n; (n = fread(buffer, 1, sizeof buffer, file)) > 0;)
-        *digest = rx_digest(*digest, buffer, n);
-    const int fine = !ferror(file);
-    fclose(file);
-    return fine;
-}
-
 /* A fact for each file in a list of names apart by commas; [hdu] after a name belongs to the fact. */
 static void add_files(rx_journal_facts *facts, const char *name, const char *value)
 {
@@ -76,15 +57,15 @@ static void add_files(rx_journal_facts *facts, const char *name, const char *val
         return;
     }
     for (char *rest, *item = strtok_r(copy, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
-        char text[160];
-        unsigned long long digest;
+        char text[160], digest[RX_HASH_TEXT];
+        int there = 0;
         char *bracket = strchr(item, '[');
         if (bracket != NULL)
             *bracket = '\0';
-        if (digest_file(item, &digest)) {
+        if (rx_hash_file(item, digest, &there, NULL) == RX_OK && there) {
             const char *part = bracket != NULL ? value + (bracket + 1 - copy) : "";
             const int length = bracket != NULL ? (int)strcspn(part, "]") : 0;
-            snprintf(text, sizeof text, "%016llx%s%.*s", digest, length > 0 ? " " : "", length, part);
+            snprintf(text, sizeof text, "%s%s%.*s", digest, length > 0 ? " " : "", length, part);
             rx_journal_fact(facts, name, text);
         }
     }
@@ -114,19 +95,20 @@ rx_status rx_facts_collect(const rx_campaign_config *config, rx_journal_facts *d
 
 rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *dst, rx_error *err)
 {
-    char text[32];
-    unsigned long long digest = RX_DIGEST_START;
+    char digest[RX_HASH_TEXT];
+    rx_hash sum;
+    rx_hash_begin(&sum);
     if (templates == NULL)
         return RX_OK;
     for (int i = 0; i < templates->n; i++) {
         const rx_template *one = &templates->list[i];
         const size_t n = (size_t)one->width * (size_t)one->height;
         const double numbers[] = {one->width, one->pixel_scale, one->fwhm};
-        digest = rx_digest(digest, numbers, sizeof numbers);
-        digest = rx_digest(digest, one->pixels, n * sizeof *one->pixels);
+        rx_hash_add(&sum, numbers, sizeof numbers);
+        rx_hash_add(&sum, one->pixels, n * sizeof *one->pixels);
     }
-    snprintf(text, sizeof text, "%016llx", digest);
-    rx_journal_fact(dst, "templates", text);
+    rx_hash_text(&sum, digest);
+    rx_journal_fact(dst, "templates", digest);
     return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
 }
 

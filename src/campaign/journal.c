@@ -15,21 +15,22 @@
 
 #include "base/memory.h"
 
-static const char MAGIC[] = "rextract-validate journal 1\n";
+static const char MAGIC[] = "rextract-validate journal 2\n";
 
 struct rx_journal {
     int file;
     char *path;
     off_t size;                /* of what is whole */
-    unsigned long long digest; /* of the header */
+    char digest[RX_HASH_TEXT]; /* of the header */
 };
 
-unsigned long long rx_digest(unsigned long long digest, const void *bytes, size_t n)
+void rx_journal_digest(const char *header, const char *bytes, size_t n, char dst[RX_HASH_TEXT])
 {
-    const unsigned char *byte = bytes;
-    for (size_t i = 0; i < n; i++)
-        digest = (digest ^ byte[i]) * 1099511628211ULL;
-    return digest;
+    rx_hash sum;
+    rx_hash_begin(&sum);
+    rx_hash_add(&sum, header, strlen(header));
+    rx_hash_add(&sum, bytes, n);
+    rx_hash_text(&sum, dst);
 }
 
 void rx_unit_values_free(long nunits, rx_unit_values *values)
@@ -54,7 +55,7 @@ void rx_journal_facts_free(rx_journal_facts *facts)
     rx_text_free(&facts->lines);
 }
 
-static rx_status make_header(const rx_journal_facts *facts, rx_text *dst, unsigned long long *digest,
+static rx_status make_header(const rx_journal_facts *facts, rx_text *dst, char digest[RX_HASH_TEXT],
                              rx_error *err)
 {
     rx_text_add(dst, MAGIC);
@@ -62,8 +63,8 @@ static rx_status make_header(const rx_journal_facts *facts, rx_text *dst, unsign
         rx_text_add(dst, facts->lines.data);
     if (facts->lines.failed || dst->failed)
         return rx_error_memory(err, dst->length);
-    *digest = rx_digest(RX_DIGEST_START, dst->data, dst->length);
-    rx_text_printf(dst, "* %016llx\n", *digest);
+    rx_journal_digest("", dst->data, dst->length, digest);
+    rx_text_printf(dst, "* %s\n", digest);
     return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
 }
 
@@ -132,7 +133,8 @@ static rx_status check_header(const char *path, const char *text, size_t length,
     const size_t magic = sizeof MAGIC - 1;
     if (length < magic || memcmp(text, MAGIC, magic) != 0)
         return rx_error_at(err, RX_USAGE, path, -1, 0,
-                           "is no journal of rextract-validate and is left alone; give another JOURNAL_NAME");
+                           "is no journal of this version of rextract-validate and is left alone; give "
+                           "another JOURNAL_NAME");
     return other_settings(path, text + magic, header->data + magic, err);
 }
 
@@ -154,27 +156,31 @@ static void add_number(rx_text *dst, double value)
     rx_text_printf(dst, " %s", text);
 }
 
-static void make_line(unsigned long long header, long unit, const rx_unit_values *values, rx_text *dst)
+static void make_line(const char *header, long unit, const rx_unit_values *values, rx_text *dst)
 {
     rx_text_printf(dst, "%ld %ld", unit, values->n);
     for (long i = 0; i < values->n; i++)
         add_number(dst, values->v[i]);
-    if (!dst->failed)
-        rx_text_printf(dst, " %016llx\n", rx_digest(header, dst->data, dst->length));
+    if (dst->failed)
+        return;
+    char digest[RX_HASH_TEXT];
+    rx_journal_digest(header, dst->data, dst->length, digest);
+    rx_text_printf(dst, " %s\n", digest);
 }
 
 /* One line without its end: RX_OK with the values, RX_INPUT when it is not whole (err untouched), RX_SYSTEM.
  */
-static rx_status parse_line(unsigned long long header, char *line, size_t length, long nunits, long *unit,
+static rx_status parse_line(const char *header, char *line, size_t length, long nunits, long *unit,
                             rx_unit_values *dst, rx_error *err)
 {
-    if (length < 18 || line[length - 17] != ' ' || strlen(line) != length)
+    if (length <= RX_HASH_TEXT || line[length - RX_HASH_TEXT] != ' ' || strlen(line) != length)
         return RX_INPUT;
-    char *end, digest[17];
-    snprintf(digest, sizeof digest, "%016llx", rx_digest(header, line, length - 17));
-    if (strcmp(digest, line + length - 16) != 0)
+    const size_t content = length - RX_HASH_TEXT; /* before the blank and the digits */
+    char *end, digest[RX_HASH_TEXT];
+    rx_journal_digest(header, line, content, digest);
+    if (strcmp(digest, line + content + 1) != 0)
         return RX_INPUT;
-    line[length - 17] = '\0';
+    line[content] = '\0';
     *unit = strtol(line, &end, 10);
     const long n = strtol(end, &end, 10);
     if (*unit < 0 || *unit >= nunits || n < 0 || (size_t)n > length)
@@ -226,8 +232,8 @@ static rx_status keep(const char *path, long number, long unit, rx_unit_values *
 }
 
 /* All lines from `text` on, line `number` of the file; *whole = bytes up to the end of the last good line. */
-static rx_status parse_lines(const char *path, unsigned long long header, char *text, long number,
-                             long nunits, rx_unit_values *values, size_t *whole, rx_error *err)
+static rx_status parse_lines(const char *path, const char *header, char *text, long number, long nunits,
+                             rx_unit_values *values, size_t *whole, rx_error *err)
 {
     const char *begin = text;
     long bad = 0;
@@ -299,8 +305,8 @@ static long count_lines(const char *text, size_t length)
 }
 
 /* Read an open journal: *whole = bytes that are good, 0 when even the header is to be written. */
-static rx_status load(int file, const char *path, const rx_text *header, unsigned long long digest,
-                      long nunits, rx_unit_values *values, size_t *whole, rx_error *err)
+static rx_status load(int file, const char *path, const rx_text *header, const char *digest, long nunits,
+                      rx_unit_values *values, size_t *whole, rx_error *err)
 {
     char *text = NULL;
     size_t length = 0, lines = 0;
@@ -360,7 +366,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     journal->file = -1;
     journal->path = rx_strdup(path);
     rx_status status = journal->path == NULL ? rx_error_memory(err, strlen(path))
-                                             : make_header(facts, &header, &journal->digest, err);
+                                             : make_header(facts, &header, journal->digest, err);
     if (status != RX_OK)
         goto exit;
     journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
@@ -407,14 +413,14 @@ rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long 
                           rx_unit_values *values, int *found, rx_error *err)
 {
     rx_text header = {0};
-    unsigned long long digest = 0;
+    char digest[RX_HASH_TEXT];
     size_t whole = 0;
     *found = 0;
     int file = open(path, O_RDONLY | O_CLOEXEC);
     if (file < 0)
         return errno == ENOENT ? RX_OK : cannot(path, "opened", err);
     *found = 1;
-    rx_status status = make_header(facts, &header, &digest, err);
+    rx_status status = make_header(facts, &header, digest, err);
     if (status == RX_OK)
         status = load(file, path, &header, digest, nunits, values, &whole, err);
     rx_text_free(&header);

@@ -1,8 +1,8 @@
 /* The journal of a campaign: what was done, a line per unit of work, written as the units finish.
  *
- *   rextract-validate journal 1
+ *   rextract-validate journal 2
  *   = NAME value                            everything that decides the results, a line each
- *   * digest                                16 hex digits over the lines above: the header is complete
+ *   * digest                                base/hash.h, over the lines above: the header is complete
  *   unit n v1 v2 ... vn digest              numbers as text that reads back exactly; 0.1f is a float
  *
  * The digest of a unit's line covers the header's too, so that lines of another campaign are no lines of
@@ -12,6 +12,7 @@
 #define RX_CAMPAIGN_JOURNAL_H
 
 #include "base/error.h"
+#include "base/hash.h"
 #include "base/text.h"
 
 /* What one unit of work has measured; v NULL = not done. */
@@ -47,8 +48,7 @@ rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long 
 
 void rx_unit_values_free(long nunits, rx_unit_values *values); /* with the array */
 
-/* FNV-1a, 64 bits: start with RX_DIGEST_START, go on with what the last call gave. */
-#define RX_DIGEST_START 14695981039346656037ULL
-unsigned long long rx_digest(unsigned long long digest, const void *bytes, size_t n);
+/* Of a line, without the blank and the digest behind it; header: the digest of the header, "" for its own. */
+void rx_journal_digest(const char *header, const char *bytes, size_t n, char dst[RX_HASH_TEXT]);
 
 #endif

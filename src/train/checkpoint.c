@@ -7,9 +7,10 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "base/hash.h"
 #include "base/memory.h"
 
-static const char MAGIC[] = "rextract-train checkpoint 1\n";
+static const char MAGIC[] = "rextract-train checkpoint 2\n";
 enum { MOST_SETTINGS = 1 << 20 };
 
 /* One way through the file for both directions, so that what is read is what was written. */
@@ -18,19 +19,17 @@ typedef struct stream {
     int writing;
     int failed; /* cannot be written, or ends early, or a size that cannot be */
     long left;  /* bytes of the file that are not read yet */
-    uint64_t digest;
+    rx_hash sum;
 } stream;
 
 static void item(stream *s, void *data, size_t size)
 {
-    const unsigned char *byte = data;
     if (s->failed || size == 0)
         return;
     const size_t done = s->writing ? fwrite(data, 1, size, s->file) : fread(data, 1, size, s->file);
     s->failed = done != size;
     s->left -= (long)done;
-    for (size_t i = 0; i < done; i++)
-        s->digest = (s->digest ^ byte[i]) * 0x100000001b3u;
+    rx_hash_add(&s->sum, data, done);
 }
 
 #define ITEM(s, field) item(s, &(field), sizeof(field))
@@ -109,8 +108,8 @@ static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
 rx_status rx_checkpoint_write(const char *path, const char *shown, const char *settings,
                               const rx_train_state *kept, const rx_train_state *now, rx_error *err)
 {
-    stream s = {.file = fopen(path, "wb"), .writing = 1, .digest = 0xcbf29ce484222325u};
-    char magic[sizeof MAGIC];
+    stream s = {.file = fopen(path, "wb"), .writing = 1};
+    char magic[sizeof MAGIC], digest[RX_HASH_TEXT];
     long length = (long)strlen(settings);
     int follows = now != NULL;
     char *text = rx_strdup(settings);
@@ -120,6 +119,7 @@ rx_status rx_checkpoint_write(const char *path, const char *shown, const char *s
         return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written: %s", strerror(errno));
     }
     memcpy(magic, MAGIC, sizeof MAGIC);
+    rx_hash_begin(&s.sum);
     item(&s, magic, sizeof MAGIC - 1);
     ITEM(&s, length);
     if (status == RX_OK) {
@@ -130,8 +130,8 @@ rx_status rx_checkpoint_write(const char *path, const char *shown, const char *s
     ITEM(&s, follows);
     if (status == RX_OK && follows)
         status = state_items(&s, (rx_train_state *)now, err);
-    uint64_t digest = s.digest;
-    ITEM(&s, digest);
+    rx_hash_text(&s.sum, digest);
+    item(&s, digest, RX_HASH_TEXT - 1);
     if (fclose(s.file) != 0)
         s.failed = 1;
     free(text);
@@ -186,15 +186,17 @@ static rx_status read_head(stream *s, const char *path, const char *settings, rx
 rx_status rx_checkpoint_read(const char *path, const char *settings, rx_train_state *kept,
                              rx_train_state *now, int *found, int *within, rx_error *err)
 {
-    stream s = {.file = fopen(path, "rb"), .digest = 0xcbf29ce484222325u};
+    stream s = {.file = fopen(path, "rb")};
     int follows = 0;
     struct stat about;
+    char digest[RX_HASH_TEXT], written[RX_HASH_TEXT] = "";
     *found = s.file != NULL;
     *within = 0;
     if (s.file == NULL && errno == ENOENT)
         return RX_OK;
     if (s.file == NULL)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be read: %s", strerror(errno));
+    rx_hash_begin(&s.sum);
     if (fstat(fileno(s.file), &about) == 0)
         s.left = (long)about.st_size;
     rx_status status = read_head(&s, path, settings, err);
@@ -203,10 +205,9 @@ rx_status rx_checkpoint_read(const char *path, const char *settings, rx_train_st
     ITEM(&s, follows);
     if (status == RX_OK)
         status = follows ? state_items(&s, now, err) : rx_train_state_copy(kept, now, err);
-    const uint64_t digest = s.digest;
-    uint64_t written = 0;
-    ITEM(&s, written);
-    if (status == RX_OK && (s.failed || written != digest || fgetc(s.file) != EOF))
+    rx_hash_text(&s.sum, digest);
+    item(&s, written, RX_HASH_TEXT - 1);
+    if (status == RX_OK && (s.failed || strcmp(written, digest) != 0 || fgetc(s.file) != EOF))
         status = rx_error_at(err, RX_INPUT, path, -1, 0,
                              "is damaged; restore it from a copy, or remove it and train from the beginning");
     *within = follows;

@@ -73,15 +73,18 @@ void fuzz_journal(const uint8_t *data, size_t size)
     rx_unit_values *values = calloc(UNITS, sizeof *values);
     fuzz_require(values != NULL, "there is memory");
     rx_journal_fact(&facts, "SEED", "1");
-    rx_text_printf(&file, "rextract-validate journal 1\n%s", facts.lines.data);
-    const unsigned long long header = rx_digest(RX_DIGEST_START, file.data, file.length);
-    rx_text_printf(&file, "* %016llx\n", header);
+    rx_text_printf(&file, "rextract-validate journal 2\n%s", facts.lines.data);
+    char header[RX_HASH_TEXT], digest[RX_HASH_TEXT];
+    rx_journal_digest("", file.data, file.length, header);
+    rx_text_printf(&file, "* %s\n", header);
     for (const uint8_t *at = data, *end = data + size; at < end;) {
         const uint8_t *stop = memchr(at, '\n', (size_t)(end - at));
         const size_t n = (size_t)((stop != NULL ? stop : end) - at);
         rx_text_add_bytes(&file, (const char *)at, n);
-        if (n == 0 || at[n - 1] != '!')
-            rx_text_printf(&file, " %016llx", rx_digest(header, at, n));
+        if (n == 0 || at[n - 1] != '!') {
+            rx_journal_digest(header, (const char *)at, n, digest);
+            rx_text_printf(&file, " %s", digest);
+        }
         rx_text_add(&file, stop != NULL ? "\n" : "");
         at += n + (stop != NULL);
     }
@@ -113,9 +116,11 @@ void fuzz_checkpoint(const uint8_t *data, size_t size)
     rx_text file = {0};
     int found = 0, within = 0;
     rx_text_add_bytes(&file, (const char *)data, size);
-    if (size > 8) {
-        const unsigned long long digest = rx_digest(RX_DIGEST_START, data, size - 8);
-        memcpy(file.data + size - 8, &digest, 8);
+    const size_t digits = RX_HASH_TEXT - 1;
+    if (size > digits) {
+        char digest[RX_HASH_TEXT];
+        rx_journal_digest("", (const char *)data, size - digits, digest);
+        memcpy(file.data + size - digits, digest, digits);
     }
     rx_checkpoint_read(fuzz_file(0, file.data, file.length), "SEED 1\nWIDTH 1\n", kept, now, &found, &within,
                        NULL);
