@@ -114,6 +114,32 @@ static int is_sip(const char *card)
     return (card[0] == 'A' || card[0] == 'B') && (card[1] == '_' || (card[1] == 'P' && card[2] == '_'));
 }
 
+/* Of the solution of a digitized plate (DSS), which does without CTYPE. */
+static int is_plate(const char *card)
+{
+    static const char *const keys[] = {"CNPIX",    "PPO",      "AMDX",  "AMDY",
+                                       "XPIXELSZ", "YPIXELSZ", "PLTRA", "PLTDEC"};
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (strncmp(card, keys[i], strlen(keys[i])) == 0)
+            return 1;
+    return 0;
+}
+
+/* NAXIS, wherever it stands, says two axes or more. */
+static int is_plane(const char *cards, size_t ncards)
+{
+    int plane = 0;
+    for (size_t i = 0; i < ncards; i++) {
+        double value = 0;
+        if (strncmp(cards + i * CARD, "NAXIS   =", 9) != 0)
+            continue;
+        if (!rx_cards_number(cards + i * CARD, 1, "NAXIS", &value) || value < 2)
+            return 0;
+        plane = 1;
+    }
+    return plane;
+}
+
 /* A WATi_nnn whose type (wtype=tnx) is longer than any, or may go on in the next card: wcslib 7.12 puts the
  * cards together and copies the type over its stack. */
 static int is_long_type(const char *card)
@@ -172,8 +198,8 @@ static int is_whole_card(const char *card)
 /* wcslib 7.12 shall see no cards but whole ones, in printable ASCII (FITS standard 4.0, sections 4.1
  * and 4.2): its lexer runs through null pointers on some others, and takes a text without a closing quote to
  * go on in the next cards, which it then writes into 80 bytes on its stack, and WATi_000 (they count from 1)
- * before its memory. SIP beside fewer than two axes makes it write
- * behind it. All these become blank. */
+ * before its memory. SIP and the solution of a plate beside fewer than two axes make it write behind it. All
+ * these become blank. */
 static void keep_whole_cards(char *cards, size_t ncards)
 {
     for (size_t i = 0; i < ncards; i++) {
@@ -186,8 +212,9 @@ static void keep_whole_cards(char *cards, size_t ncards)
     }
     if (rx_cards_find(cards, ncards, "CTYPE1") >= 0 && rx_cards_find(cards, ncards, "CTYPE2") >= 0)
         return;
+    const int plane = is_plane(cards, ncards);
     for (size_t i = 0; i < ncards; i++)
-        if (is_sip(cards + i * CARD))
+        if (is_sip(cards + i * CARD) || (!plane && is_plate(cards + i * CARD)))
             memset(cards + i * CARD, ' ', CARD);
 }
 

@@ -354,6 +354,11 @@ static void test_hostile_cards(void **state)
                            "CRPIX1  = 50\nCRPIX2  = 50\nCD1_1   = -1e-4\nCD2_2   = 1e-4\nCQDIS1  = 'TPD'",
                            100, 100, note));
     assert_non_null(strstr(note, "CQDIS"));
+    /* the solution of a plate beside one axis, in whatever order */
+    assert_null(from_lines("CTYPE1  = 'RA---TAN'\nCRVAL1  = 10\nCRPIX1  = 5\nCNPIX2  = 24\nAMDX1   = 67", 100,
+                           100, note));
+    assert_null(
+        from_lines("NAXIS   = 2\nNAXIS   = 1\nCNPIX2  = 24\nAMDX1   = 67\nCRPIX1  = 5", 100, 100, note));
 }
 
 static void test_linear(void **state)
