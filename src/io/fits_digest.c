@@ -2,6 +2,7 @@
 #include "io/fits_digest.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -80,6 +81,7 @@ static rx_status find_data(const char *path, int hdu, LONGLONG *from, LONGLONG *
 {
     rx_fits_source source = {0};
     int failed = 0, type = 0, bitpix = 0, naxis = 0;
+    bool absurd = false;
     LONGLONG axes[9] = {0}, header, end, rows = 0;
     rx_status status = rx_fits_open(path, &source, err);
     if (status == RX_OK)
@@ -92,15 +94,15 @@ static rx_status find_data(const char *path, int hdu, LONGLONG *from, LONGLONG *
         fits_get_img_paramll(source.file, 9, &bitpix, &naxis, axes, &failed);
         *bytes = naxis > 0 ? (bitpix < 0 ? -bitpix : bitpix) / 8 : 0;
         for (int i = 0; i < naxis && i < 9; i++)
-            *bytes *= axes[i];
+            absurd |= axes[i] < 0 || __builtin_mul_overflow(*bytes, axes[i], bytes);
     } else {
         fits_read_key(source.file, TLONGLONG, "NAXIS1", &axes[0], NULL, &failed);
         fits_get_num_rowsll(source.file, &rows, &failed);
-        *bytes = axes[0] * rows;
+        absurd = axes[0] < 0 || __builtin_mul_overflow(axes[0], rows, bytes);
     }
     if (failed)
         status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "cannot be read");
-    else if (*bytes < 0 || *bytes > end - *from)
+    else if (absurd || *bytes < 0 || *bytes > end - *from)
         status = rx_error_at(err, RX_INPUT, path, hdu, 0, "is cut off or its header claims too much");
 exit:
     rx_fits_done(&source);

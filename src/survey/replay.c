@@ -96,36 +96,9 @@ static rx_status check_inputs(const replay *r, rx_error *err)
 
 /* --- the configuration --- */
 
-/* Is the keyword among the blank-separated names? */
-static int is_among(const char *names, const char *name)
-{
-    const size_t n = strlen(name);
-    for (const char *at = names; (at = strstr(at, name)) != NULL; at += n)
-        if ((at == names || at[-1] == ' ') && (at[n] == ' ' || at[n] == '\0'))
-            return 1;
-    return 0;
-}
-
 static rx_status restore_config(replay *r, const rx_settings *extra, rx_error *err)
 {
-    static const char *const others[] = {"RECORD", "VERSION", "MACHINE", "IMAGE", "SET",
-                                         "READ",   "MADE",    "OUTPUT",  "END"};
-    const char *set = rx_replay_record_value(r->record, "SET");
-    rx_error why = RX_ERROR_NONE;
-    rx_status status = rx_config_new(&r->config, err);
-    for (int i = 0; i < r->record->n && status == RX_OK; i++) {
-        const rx_replay_line *line = &r->record->lines[i];
-        int other = 0;
-        for (size_t k = 0; k < sizeof others / sizeof others[0]; k++)
-            other |= strcmp(line->name, others[k]) == 0;
-        if (!other)
-            status = rx_settings_take(&r->config->settings, line->name, line->value,
-                                      is_among(set, line->name) ? RX_FROM_COMMAND : RX_FROM_DEFAULT, &why);
-    }
-    if (why.status == RX_USAGE) /* a header is data */
-        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "its record cannot be used: %.300s", why.text);
-    if (why.status != RX_OK && err != NULL)
-        *err = why;
+    rx_status status = rx_replay_record_config(r->record, r->path, &r->config, err);
     if (status == RX_OK)
         status = rx_settings_overlay(&r->config->settings, extra, harmless,
                                      "would change what is compared; leave it out", err);

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/printable.h"
 #include "base/text.h"
+#include "config/config_fields.h"
 #include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "stage/record.h"
@@ -62,7 +63,7 @@ static rx_status take_line(void *user, const char *line, rx_error *err)
     reading *r = user;
     char digest[RX_HASH_TEXT];
     const size_t length = strcspn(line, " ");
-    if (strncmp(line + length, " =", 2) != 0)
+    if (length == 0 || strncmp(line + length, " =", 2) != 0)
         return RX_OK;
     const char *value = line + length + 2;
     value += *value == ' ';
@@ -350,4 +351,52 @@ const char *rx_replay_record_made(const rx_replay_record *record, const char *na
             return record->lines[i].value;
     }
     return NULL;
+}
+
+/* --- the configuration --- */
+
+/* Is the keyword among the blank-separated names? */
+static int is_among(const char *names, const char *name)
+{
+    const size_t n = strlen(name);
+    for (const char *at = names; (at = strstr(at, name)) != NULL; at += n)
+        if ((at == names || at[-1] == ' ') && (at[n] == ' ' || at[n] == '\0'))
+            return 1;
+    return 0;
+}
+
+static int is_keyword(const char *name)
+{
+    static const char *const others[] = {"RECORD", "VERSION", "MACHINE", "IMAGE", "SET",
+                                         "READ",   "MADE",    "OUTPUT",  "END"};
+    for (size_t k = 0; k < sizeof others / sizeof others[0]; k++)
+        if (strcmp(name, others[k]) == 0)
+            return 0;
+    return 1;
+}
+
+rx_status rx_replay_record_config(const rx_replay_record *record, const char *path, rx_config **dst,
+                                  rx_error *err)
+{
+    const char *set = rx_replay_record_value(record, "SET");
+    rx_error why = RX_ERROR_NONE;
+    rx_config *config = NULL;
+    rx_status status = rx_config_new(&config, &why);
+    *dst = NULL;
+    for (int i = 0; i < record->n && status == RX_OK; i++) {
+        const rx_replay_line *line = &record->lines[i];
+        if (is_keyword(line->name))
+            status = rx_settings_take(&config->settings, line->name, line->value,
+                                      is_among(set, line->name) ? RX_FROM_COMMAND : RX_FROM_DEFAULT, &why);
+    }
+    if (status == RX_OK) {
+        *dst = config;
+        return RX_OK;
+    }
+    rx_config_free(config);
+    if (status == RX_USAGE) /* a header is data */
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "its record cannot be used: %.300s", why.text);
+    if (err != NULL)
+        *err = why;
+    return status;
 }

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/hash.h"
+#include "config/config.h"
 
 /* One line, the value as it was before it went into a header. */
 typedef struct rx_replay_line {
@@ -29,6 +30,11 @@ void rx_replay_record_free(rx_replay_record *record); /* NULL is fine */
 
 /* Value of the only line of that name, NULL when there is none. */
 const char *rx_replay_record_value(const rx_replay_record *record, const char *name);
+
+/* The configuration of the run. Errors: RX_INPUT (keywords or values that this version does not know),
+ * RX_SYSTEM. */
+rx_status rx_replay_record_config(const rx_replay_record *record, const char *path, rx_config **dst,
+                                  rx_error *err);
 
 /* The digest that the record has for a part (from 1) of the output `name`, NULL when there is none. It is
  * followed by a blank, not by a 0. */

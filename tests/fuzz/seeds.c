@@ -13,8 +13,10 @@
 #include "catalog/columns.h"
 #include "config/keyword.h"
 #include "fuzz.h"
+#include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "nn/psfnet.h"
+#include "stage/record.h"
 #include "train/checkpoint.h"
 #include "validate/metrics.h"
 
@@ -52,6 +54,14 @@ static void put_fits(const char *folder, const char *const *targets, const char 
         put(folder, *targets, name, data, (size_t)about.st_size);
         if (condensed)
             put(folder, *targets, other, lines.data, lines.length);
+        if (condensed && strcmp(*targets, "tile") == 0) {
+            rx_text gzip = {0};
+            rx_text_add(&gzip, "GZIP\n");
+            rx_text_add_bytes(&gzip, lines.data, lines.length);
+            snprintf(other, sizeof other, "%s-gzip", name);
+            put(folder, *targets, other, gzip.data, gzip.length);
+            rx_text_free(&gzip);
+        }
     }
     free(data);
     rx_text_free(&lines);
@@ -181,6 +191,11 @@ static void catalog_seeds(const char *folder)
         folder, "wcs", "galactic",
         "CTYPE1  = 'GLON-CAR'\nCTYPE2  = 'GLAT-CAR'\nCRVAL1  = 0\nCRVAL2  = 0\nCRPIX1  = 1\nCRPIX2  = 2\n"
         "CDELT1  = -1\nCDELT2  = 1\nPC1_2   = 0.1\nMJD-OBS = 51544.0\nDATE-OBS= '2000-01-01'\n");
+    put_text(folder, "wcs", "plate",
+             "NAXIS   = 2\nCNPIX1  = 1000\nCNPIX2  = 2000\nPPO3    = 177500.0\nPPO6    = 177500.0\n"
+             "XPIXELSZ= 15.0\nYPIXELSZ= 15.0\nPLTRAH  = 10\nPLTRAM  = 20\nPLTRAS  = 3.5\nPLTDECSN= '-'\n"
+             "PLTDECD = 30\nPLTDECM = 1\nPLTDECS = 2.0\nAMDX1   = 67.2\nAMDX2   = 0.1\nAMDX3   = -120.5\n"
+             "AMDY1   = 67.2\nAMDY2   = -0.1\nAMDY3   = 90.5\n");
     put_text(folder, "wcs", "linear",
              "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 5\nCRPIX1  = 1\nCDELT1  = 2\nCDELT2  = 3\n");
     put_text(folder, "wcs", "fk4",
@@ -337,6 +352,31 @@ static void table_seeds(const char *folder, const char *scratch)
     }
 }
 
+/* What an output says of its run: few of the keywords, values that need to be escaped and to be continued. */
+static void make_record(rx_record *dst, const rx_table *table)
+{
+    static const char *const keywords[][2] = {
+        {"RECORD", RX_RECORD_VERSION},
+        {"VERSION", "0.1.0"},
+        {"MACHINE", "x86-64 avx2"},
+        {"IMAGE", "night 1/a %.fits"},
+        {"CATALOG_NAME", "\"a & b\\n.cat\""},
+        {"DETECT_THRESH", "2.5"},
+        {"PHOT_APERTURES", "3,5,7,9,11,13,15,17,19,21,23,25,27,29,31,33,35,37,39,41"},
+        {"RESTORE_TYPE", "NONE,RL"},
+        {"SET", "CATALOG_NAME DETECT_THRESH"},
+        {"READ", "0123456789abcdef0123456789abcdef IMAGE night 1/a %.fits"}};
+    rx_record run = {0}, products = {0};
+    char digest[RX_HASH_TEXT];
+    for (size_t i = 0; i < sizeof keywords / sizeof *keywords; i++)
+        rx_record_add(&run, keywords[i][0], "", "%s", keywords[i][1]);
+    rx_fits_digest_table(table, digest);
+    rx_record_product(&products, digest, 1, "a.cat");
+    fuzz_require(rx_record_of(&run, &products, "a.cat", dst, NULL) == RX_OK, "a record can be made");
+    rx_record_free(&run);
+    rx_record_free(&products);
+}
+
 /* Catalogues as rextract writes them: FITS, LDAC and the text types. */
 static void own_catalogues(const char *folder, const char *scratch)
 {
@@ -367,15 +407,24 @@ static void own_catalogues(const char *folder, const char *scratch)
                                  NULL) == RX_OK,
                  "columns can be chosen");
     fuzz_require(rx_catalog_table(columns, &tile, &sources, &table, NULL) == RX_OK, "a table can be made");
-    const rx_record_pair record = {"RXVERS", "0.1.0", "program"};
-    for (int i = 0; i < 4; i++) {
+    const rx_record_pair version = {"RXVERS", "0.1.0", "program"};
+    rx_record record = {0};
+    make_record(&record, table);
+    rx_record_pair *pairs = calloc((size_t)record.n, sizeof *pairs);
+    fuzz_require(pairs != NULL, "there is memory");
+    for (int i = 0; i < record.n; i++)
+        pairs[i] = (rx_record_pair){record.pairs[i][0], record.pairs[i][1], record.pairs[i][2]};
+    for (int i = 0; i < 8; i++) {
+        static const char *const texts[] = {"catalog", NULL}, *const replays[] = {"replay", NULL};
+        const int k = i % 4;
         remove(scratch);
-        fuzz_require(rx_catalog_write(types[i].type, scratch, &table, 1, &record, 1, scratch, NULL, NULL) ==
-                         RX_OK,
+        fuzz_require(rx_catalog_write(types[k].type, scratch, &table, 1, i < 4 ? &version : pairs,
+                                      i < 4 ? 1 : record.n, scratch, NULL, NULL) == RX_OK,
                      "a catalogue can be written");
-        static const char *const texts[] = {"catalog", NULL};
-        put_fits(folder, i < 2 ? TABLES : texts, types[i].name, scratch);
+        put_fits(folder, i >= 4 ? replays : k < 2 ? TABLES : texts, types[k].name, scratch);
     }
+    free(pairs);
+    rx_record_free(&record);
     rx_table_free(table);
     rx_columns_free(columns);
 }
@@ -551,7 +600,16 @@ static void dictionary(const char *folder, const char *target)
                                        "GAL_FILENAME",
                                        "GAL_HDU",
                                        "CHECKSUM= '",
-                                       "DATASUM = '"};
+                                       "DATASUM = '",
+                                       "HISTORY RECORD = 1, ",
+                                       "HISTORY SET = ",
+                                       "HISTORY READ = ",
+                                       "HISTORY MADE = ",
+                                       "HISTORY END = ",
+                                       "# SET = ",
+                                       "  <PARAM name=\"",
+                                       "\" datatype=\"char\" arraysize=\"*\" value=\"",
+                                       "  <DATA><TABLEDATA>\n"};
     static const char *const text[] = {
         "nan",           "inf",         "-1",           "1e308",  "0x1p-3",     "2147483648",   "\"\"",
         "$HOME",         "${HOME}",     "$$",           "{tile}", "[1:2,*]",    "[SCI,1]",      "@",
@@ -585,7 +643,7 @@ static void dictionary(const char *folder, const char *target)
         RX_METRICS(METRIC)
     }
 #undef METRIC
-    const char *const binary = " table psf model tile maps wcs templates ";
+    const char *const binary = " table psf model tile maps wcs templates replay ";
     char spaced[40];
     snprintf(spaced, sizeof spaced, " %s ", target);
     if (strstr(binary, spaced) != NULL)

@@ -4,8 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <zlib.h>
+
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
+#include "config/config_fields.h"
 #include "fuzz.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
@@ -15,6 +18,7 @@
 #include "psf/psf.h"
 #include "simulate/templates.h"
 #include "stage/reference.h"
+#include "survey/replay_record.h"
 
 enum { CARD = 80 };
 
@@ -23,6 +27,25 @@ static const char *file_of(const uint8_t *data, size_t size)
     rx_text file = {0};
     fuzz_expand(data, size, &file);
     const char *path = fuzz_file(0, file.data != NULL ? file.data : "", file.length);
+    rx_text_free(&file);
+    return path;
+}
+
+/* The same; what begins with "GZIP\n" is packed, for a mutation of a packed file hardly ever has the right
+ * sum at its end. */
+static const char *packed_file_of(const uint8_t *data, size_t size)
+{
+    static const char magic[] = "GZIP\n";
+    const size_t n = sizeof magic - 1;
+    if (size < n || memcmp(data, magic, n) != 0)
+        return file_of(data, size);
+    rx_text file = {0};
+    fuzz_expand(data + n, size - n, &file);
+    const char *path = fuzz_file(0, "", 0);
+    gzFile packed = gzopen(path, "wb1");
+    fuzz_require(packed != NULL && gzwrite(packed, file.data, (unsigned)file.length) == (int)file.length &&
+                     gzclose(packed) == Z_OK,
+                 "a file can be packed");
     rx_text_free(&file);
     return path;
 }
@@ -64,6 +87,65 @@ void fuzz_table(const uint8_t *data, size_t size)
     snprintf(name, sizeof name, "%s[1]", path);
     if (rx_catalog_read(name, 0, &table, NULL) == RX_OK)
         fuzz_look(table);
+}
+
+/* --- records of runs --- */
+
+/* Keywords as a record has them, and the configuration that comes of them. */
+typedef struct copy {
+    rx_text text;
+    rx_config *config;
+} copy;
+
+static void take_keyword(void *user, const char *name, const char *value, const char *help)
+{
+    copy *c = user;
+    (void)help;
+    rx_text_printf(&c->text, "%s = %s\n", name, value);
+    if (c->config != NULL)
+        fuzz_require(rx_settings_take(&c->config->settings, name, value, RX_FROM_COMMAND, NULL) == RX_OK,
+                     "a keyword as it goes into a record is taken");
+}
+
+static void record_again(const rx_config *config)
+{
+    copy first = {0}, second = {0};
+    fuzz_require(rx_config_new(&first.config, NULL) == RX_OK, "settings can be made");
+    fuzz_require(rx_config_visit(config, take_keyword, &first), "there is memory");
+    fuzz_require(rx_config_visit(first.config, take_keyword, &second), "there is memory");
+    fuzz_require(first.text.length == second.text.length &&
+                     memcmp(first.text.data, second.text.data, first.text.length) == 0,
+                 "a configuration comes back from its record the same");
+    rx_config_free(first.config);
+    rx_text_free(&first.text);
+    rx_text_free(&second.text);
+}
+
+void fuzz_replay(const uint8_t *data, size_t size)
+{
+    const char *path = file_of(data, size);
+    rx_replay_record *record = NULL;
+    rx_replay_item item;
+    rx_config *config = NULL;
+    rx_error err = RX_ERROR_NONE;
+    char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 100] = "";
+    rx_status status = rx_replay_record_read(path, &record, &err);
+    if (status == RX_OK) {
+        for (int i = 0; i < record->n; i++) {
+            fuzz_require(record->lines[i].name[0] != '\0', "a line of a record has a name");
+            if (rx_replay_item_read(record->lines[i].value, &item))
+                rx_replay_record_made(record, item.name, 1);
+        }
+        status = rx_replay_record_config(record, path, &config, &err);
+    }
+    if (status == RX_OK)
+        record_again(config);
+    else
+        rx_error_format(&err, "rextract", line, sizeof line);
+    for (const char *c = line; *c != '\0'; c++)
+        fuzz_require((unsigned char)*c >= ' ' && *c != 127, "an error is one line without controls");
+    rx_config_free(config);
+    rx_replay_record_free(record);
 }
 
 /* --- PSFs and models --- */
@@ -137,7 +219,7 @@ static void look_at_tile(rx_tile *tile)
 
 void fuzz_tile(const uint8_t *data, size_t size)
 {
-    const char *path = file_of(data, size);
+    const char *path = packed_file_of(data, size);
     const rx_tile_params par = {.weight_threshold = NAN,
                                 .gain_key = "GAIN",
                                 .saturation = 50000,
