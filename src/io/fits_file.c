@@ -511,6 +511,7 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const l
     int failed = 0, anynul = 0;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     size_t rows = CHUNK_PIXELS / width + 1;
+    rows = rows < height ? rows : height;
     if (holds_floats(file))
         return read_floats(file, path, hdu, first, last, dst, err);
     double *buffer = RX_NEW(double, rows *width);

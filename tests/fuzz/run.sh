@@ -10,16 +10,22 @@ LSAN_OPTIONS="suppressions=$source/tests/fuzz/lsan.supp:print_suppressions=0"
 ASAN_OPTIONS="allocator_may_return_null=1:${ASAN_OPTIONS:-}"
 export LSAN_OPTIONS ASAN_OPTIONS
 
-"$build/tests/fuzz/seeds" "$folder" || { echo "FAIL: the seeds cannot be made"; failed=1; }
-cd "$folder" || exit 2
-for target in $(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/targets.def"); do
-    if "$build/tests/fuzz/replay" -m "${RX_FUZZ_COPIES:-10}" "$folder" "$target" 2>"$folder/errors"; then
+result() { # TITLE STATUS
+    if [ "$2" -eq 0 ]; then
         passed=$((passed + 1))
     else
-        echo "FAIL: $target"
-        tail -n 40 "$folder/errors"
         failed=$((failed + 1))
+        echo "FAIL: $1"
+        tail -n 40 "$folder/errors"
     fi
+}
+
+"$build/tests/fuzz/seeds" "$folder" 2>"$folder/errors"
+result "every target has seeds" $?
+cd "$folder" || exit 2
+for target in $(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/targets.def"); do
+    "$build/tests/fuzz/replay" -m "${RX_FUZZ_COPIES:-10}" "$folder" "$target" 2>"$folder/errors"
+    result "damaged bytes are refused, or read as what they are: $target" $?
 done
 echo "$passed passed, $failed failed, 0 skipped"
 [ "$failed" -eq 0 ]
