@@ -144,7 +144,7 @@ rx_status rx_fits_hdus(const char *path, int *n, rx_error *err)
     *n = 0;
     rx_status status = rx_fits_open(path, &source, err);
     if (status == RX_OK)
-        *n = rx_fits_count(source.file, NULL);
+        status = rx_fits_count(source.file, path, n, NULL, err);
     rx_fits_done(&source);
     return status;
 }

@@ -306,13 +306,14 @@ int rx_fits_name_selects(const rx_fits_name *name)
 
 rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err)
 {
-    int failed = 0;
+    int failed = 0, count = 0;
     fits_clear_errmsg();
     if (fits_movabs_hdu(file, hdu + 1, NULL, &failed) == END_OF_FILE) {
         fits_clear_errmsg();
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                           "there is no such HDU; the file has %d, counted from 0",
-                           rx_fits_count(file, NULL));
+        rx_status status = rx_fits_count(file, path, &count, NULL, err);
+        return status != RX_OK ? status
+                               : rx_error_at(err, RX_INPUT, path, hdu, 0,
+                                             "there is no such HDU; the file has %d, counted from 0", count);
     }
     if (failed)
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
@@ -339,15 +340,17 @@ rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, 
     return RX_OK;
 }
 
-int rx_fits_count(fitsfile *file, int *broken)
+rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, rx_error *err)
 {
-    int n = 0, failed = 0;
-    while (fits_movabs_hdu(file, n + 1, NULL, &failed) == 0)
-        n++;
+    int failed = 0;
+    for (*n = 0; fits_movabs_hdu(file, *n + 1, NULL, &failed) == 0;)
+        ++*n;
     if (broken != NULL)
         *broken = failed != END_OF_FILE;
+    if (rx_fits_is_unreadable(failed))
+        return rx_fits_failed(err, RX_INPUT, path, *n, failed, "this HDU cannot be read");
     fits_clear_errmsg();
-    return n;
+    return RX_OK;
 }
 
 int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst)

@@ -53,8 +53,9 @@ void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of
 rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err);
 rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, rx_error *err);
 
-/* Number of HDUs that can be reached; a broken one ends the count and sets *broken (may be NULL). */
-int rx_fits_count(fitsfile *file, int *broken);
+/* *n: the HDUs that can be reached; a broken one ends the count and sets *broken (may be NULL). RX_INPUT: the
+ * disk fails. */
+rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, rx_error *err);
 
 /* Shape of the current HDU; returns cfitsio's status. */
 int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst);

@@ -26,9 +26,15 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, 
         return failed ? rx_fits_failed(err, RX_INPUT, name->path, *hdu, failed, "this HDU cannot be read")
                       : status;
     }
-    int count = rx_fits_count(file, NULL);
+    int count = 0;
+    rx_status status = rx_fits_count(file, name->path, &count, NULL, err);
+    if (status != RX_OK)
+        return status;
     for (int i = 0; i < count; i++) {
-        if (rx_fits_goto(file, name->path, i, NULL) != RX_OK || rx_fits_shape_of(file, shape) != 0)
+        status = rx_fits_goto(file, name->path, i, err);
+        if (status != RX_OK)
+            return status;
+        if (rx_fits_shape_of(file, shape) != 0)
             continue;
         if (rx_fits_is_plane(shape)) {
             *hdu = i;
@@ -40,7 +46,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, 
     if (first < 0)
         return rx_error_at(err, RX_INPUT, name->path, -1, 0, "holds no image in its %d HDUs", count);
     *hdu = first;
-    rx_status status = rx_fits_goto(file, name->path, first, err);
+    status = rx_fits_goto(file, name->path, first, err);
     int failed = status == RX_OK ? rx_fits_shape_of(file, shape) : 0;
     return failed ? rx_fits_failed(err, RX_INPUT, name->path, first, failed, "this HDU cannot be read")
                   : status;
@@ -107,9 +113,14 @@ exit:
 /* HDU numbers of the tables that count; LDAC_OBJECTS alone where there are any. */
 static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdus, int *n, rx_error *err)
 {
-    int count = rx_fits_name_selects(name) ? 1 : rx_fits_count(file, NULL), ldac = 0, filled = 0;
-    int *list = RX_NEW(int, (size_t)count);
+    int count = 1, ldac = 0, filled = 0;
+    rx_status status =
+        rx_fits_name_selects(name) ? RX_OK : rx_fits_count(file, name->path, &count, NULL, err);
     *n = 0;
+    *hdus = NULL;
+    if (status != RX_OK)
+        return status;
+    int *list = RX_NEW(int, (size_t)count);
     *hdus = list;
     if (list == NULL)
         return rx_error_memory(err, 0);
@@ -123,8 +134,10 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
             char extname[FLEN_VALUE] = "";
             int absent = 0, failed = 0, columns = 0;
             long rows = 0;
-            if (rx_fits_goto(file, name->path, i, NULL) != RX_OK || rx_fits_shape_of(file, &shape) != 0 ||
-                shape.is_image)
+            status = rx_fits_goto(file, name->path, i, err);
+            if (status != RX_OK)
+                return status;
+            if (rx_fits_shape_of(file, &shape) != 0 || shape.is_image)
                 continue;
             fits_read_key(file, TSTRING, "EXTNAME", extname, NULL, &absent);
             fits_get_num_rows(file, &rows, &failed);

@@ -1,10 +1,13 @@
 /* From header to header through a FITS file. */
 #include "io/fits_walk.h"
 
+#include <errno.h>
 #include <fitsio2.h> /* ffgbyt() */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "io/fits_file.h"
 
 enum {
     CARD = 80,
@@ -105,15 +108,26 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
         dst->product = -1;
 }
 
-/* Where blocks are read: one of the three. */
+/* Where blocks are read: one of the first three. */
 typedef struct source {
     FILE *plain;
     fitsfile *open;
     const char *bytes;
     size_t size;
+    bool unreadable; /* not the end of the file: the disk */
 } source;
 
-static bool read_block(const source *s, LONGLONG place, char *block)
+/* EINVAL: no file has such a place. */
+static bool read_plain(source *s, LONGLONG place, char *block)
+{
+    const bool there = fseeko(s->plain, (off_t)place, SEEK_SET) == 0;
+    s->unreadable = !there && errno != EINVAL && errno != EOVERFLOW;
+    const bool whole = there && fread(block, BLOCK, 1, s->plain) == 1;
+    s->unreadable |= ferror(s->plain) != 0;
+    return whole;
+}
+
+static bool read_block(source *s, LONGLONG place, char *block)
 {
     int failed = 0;
     if (s->bytes != NULL) {
@@ -123,14 +137,15 @@ static bool read_block(const source *s, LONGLONG place, char *block)
         return true;
     }
     if (s->plain != NULL)
-        return fseeko(s->plain, (off_t)place, SEEK_SET) == 0 && fread(block, BLOCK, 1, s->plain) == 1;
+        return read_plain(s, place, block);
     ffmbyt(s->open, place, REPORT_EOF, &failed);
     ffgbyt(s->open, BLOCK, block, &failed);
+    s->unreadable = rx_fits_is_unreadable(failed);
     return failed == 0;
 }
 
 /* Reads the header at *place and moves that behind it. false: no END, or the end of the file. */
-static bool read_header(const source *s, LONGLONG *place, rx_fits_layout *dst)
+static bool read_header(source *s, LONGLONG *place, rx_fits_layout *dst)
 {
     char block[BLOCK];
     *dst = rx_fits_layout_begin();
@@ -177,13 +192,21 @@ const char *rx_fits_layout_fault(const rx_fits_layout *l)
     return NULL;
 }
 
-static rx_status judge(const rx_fits_layout *header, const char *path, int hdu, rx_error *err)
+bool rx_fits_is_unreadable(int failed)
 {
+    return failed == READ_ERROR || failed == SEEK_ERROR;
+}
+
+static rx_status judge(const source *s, const rx_fits_layout *header, const char *path, int hdu,
+                       rx_error *err)
+{
+    if (s->unreadable)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0, "its header cannot be read from the disk");
     const char *fault = rx_fits_layout_fault(header);
     return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
 }
 
-static rx_status walk(const source *s, const char *path, rx_error *err)
+static rx_status walk(source *s, const char *path, rx_error *err)
 {
     rx_fits_layout header;
     rx_status status = RX_OK;
@@ -191,7 +214,7 @@ static rx_status walk(const source *s, const char *path, rx_error *err)
     for (int hdu = 0; status == RX_OK; hdu++) {
         const bool whole = read_header(s, &place, &header);
         const int64_t bytes = rx_fits_layout_bytes(&header);
-        status = judge(&header, path, hdu, err);
+        status = judge(s, &header, path, hdu, err);
         if (!whole || bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
@@ -200,7 +223,7 @@ static rx_status walk(const source *s, const char *path, rx_error *err)
 
 rx_status rx_fits_walk(const char *path, rx_error *err)
 {
-    const source s = {.plain = fopen(path, "rb")};
+    source s = {.plain = fopen(path, "rb")};
     if (s.plain == NULL)
         return RX_OK; /* cfitsio tells why */
     rx_status status = walk(&s, path, err);
@@ -210,13 +233,13 @@ rx_status rx_fits_walk(const char *path, rx_error *err)
 
 rx_status rx_fits_walk_memory(const void *bytes, size_t size, const char *path, rx_error *err)
 {
-    const source s = {.bytes = bytes, .size = size};
+    source s = {.bytes = bytes, .size = size};
     return walk(&s, path, err);
 }
 
 int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place)
 {
-    const source s = {.bytes = bytes != NULL ? bytes : "", .size = size};
+    source s = {.bytes = bytes != NULL ? bytes : "", .size = size};
     rx_fits_layout header;
     for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
         if (at + BLOCK > (LONGLONG)size)
@@ -234,7 +257,7 @@ int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place)
 
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
 {
-    const source s = {.open = file};
+    source s = {.open = file};
     rx_fits_layout header;
     rx_status status = RX_OK;
     int failed = 0;
@@ -242,10 +265,12 @@ rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
         LONGLONG place = file->Fptr->headstart[hdu]; /* known as soon as cfitsio has read the HDU before */
         const bool whole = place > 0 && read_header(&s, &place, &header);
         if (place > 0)
-            status = judge(&header, path, hdu, err);
+            status = judge(&s, &header, path, hdu, err);
         if (!whole || status != RX_OK || fits_movabs_hdu(file, hdu + 1, NULL, &failed))
             break;
     }
+    if (status == RX_OK && rx_fits_is_unreadable(failed))
+        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
     failed = 0;
     fits_movabs_hdu(file, 1, NULL, &failed);
     fits_clear_errmsg();

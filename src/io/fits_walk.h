@@ -48,4 +48,8 @@ rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err);
  * with more bytes. */
 int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place);
 
+/* Is it the disk that makes cfitsio fail with that status? Then nothing more may be read: cfitsio keeps the
+ * block that it could not read as if it had. */
+bool rx_fits_is_unreadable(int failed);
+
 #endif

@@ -50,8 +50,10 @@ static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hd
     *n = 0;
     for (int hdu = 0; hdu < count; hdu++) {
         rx_fits_shape shape;
-        rx_status status = rx_fits_goto(file, path, hdu, &reason);
-        int failed = status == RX_OK ? rx_fits_shape_of(file, &shape) : 0;
+        rx_status status = rx_fits_goto(file, path, hdu, err); /* it was reached before: the disk fails */
+        if (status != RX_OK)
+            return status;
+        const int failed = rx_fits_shape_of(file, &shape);
         if (failed)
             status = rx_fits_failed(&reason, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
         if (status == RX_OK)
@@ -83,15 +85,16 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     rx_fits_name parsed;
     rx_fits_shape shape;
     rx_fits_source source = {0};
-    int *list = NULL, failed = 0, broken = 0;
+    int *list = NULL, count = 1, failed = 0, broken = 0;
     *n = 0;
     *hdus = NULL;
     rx_status status = rx_fits_name_parse(name, &parsed, err);
     if (status == RX_OK)
         status = rx_fits_open(parsed.path, &source, err);
+    if (status == RX_OK && !rx_fits_name_selects(&parsed))
+        status = rx_fits_count(source.file, parsed.path, &count, &broken, err);
     if (status != RX_OK)
         goto exit;
-    int count = rx_fits_name_selects(&parsed) ? 1 : rx_fits_count(source.file, &broken);
     list = RX_NEW(int, (size_t)count);
     if (list == NULL) {
         status = rx_error_memory(err, 0);

@@ -258,3 +258,28 @@ begin 'catalogue where a link to nothing is'
 make_fits tile tile.fits && ln -s nothing test.cat
 leaves test.cat
 expect 0 '' tile.fits $none
+
+# --- a disk that fails: a read of the reference has an error, one after the other; it is told, or nothing is lost
+
+begin 'reads that fail in a table'
+make_fits tile tile.fits && make_fits table ref.fits
+if grep -q __asan_init "$rextract" || ! strace -e inject=read:error=EIO:when=60000 -o ../trace true 2>/dev/null; then
+    skip 'no strace'
+elif [ "$active" = 1 ]; then
+    list_files >../before
+    set -- tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_FIGURES N -VERBOSE_TYPE QUIET -QA_NAME qa
+    "$program" "$@" >../out 2>../err </dev/null
+    mv qa whole
+    n=0
+    while n=$((n + 1)) && [ $n -le 12 ]; do
+        strace -f -o ../trace -P ref.fits -e trace=read -e inject=read:error=EIO:when=$n "$program" "$@" 2>&1 </dev/null |
+            sed '/^strace: Requested path/d' >../said
+        if [ -d qa ]; then diff -r qa whole; else grep -c '' ../said | grep -v '^1$'; fi
+        sed '/^rextract: ref\.fits.* cannot be read/d' ../said
+        grep -q INJECTED ../trace || echo "read $n is none"
+        rm -rf qa
+    done >>../err
+    rm -r whole
+    echo 0 >../code
+    judge 0 ''
+fi
