@@ -1,7 +1,8 @@
 #!/bin/sh
 # Many small tiles through one process: neither its memory nor its open files may grow.
 #
-#   RX_SOAK=N    tiles of each list (60; 24 under the address sanitizer); 2000 is a week's worth in an hour
+#   RX_SOAK=N            tiles of each list (60; 24 under the address sanitizer)
+#   RX_SOAK_ONLY=REGEX   the matching lists alone
 #
 # rextract @LIST, with what restores and measures in different ways; the list is a small tile, 96 x 96 pixels, N
 # times. While it runs, VmRSS and the number of open descriptors are read about once a tile. Growth is what the
@@ -57,6 +58,7 @@ watch() {
 soak() {
     title=$1
     shift
+    printf '%s\n' "$title" | grep -Eq -- "${RX_SOAK_ONLY:-.}" || return 0
     mkdir out
     : >log
     "$program" @list -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" -FILTER N -NTHREADS 1 \

@@ -15,7 +15,7 @@
 #
 # Standard output must be empty unless `prints PATTERN` said otherwise; `says N` is for another number of
 # lines on standard error; expect_exactly passes the arguments as they are. RX_TEST_ONLY=REGEX runs the matching
-# cases alone; their scratch folders are kept with RX_TEST_KEEP=1.
+# cases alone, RX_TEST_NOT=REGEX leaves them out; the scratch folders are kept with RX_TEST_KEEP=1.
 set -u
 LC_ALL=C
 export LC_ALL
@@ -55,6 +55,7 @@ begin() {
     cases=$((cases + 1))
     active=1
     [ -z "${RX_TEST_ONLY-}" ] || printf '%s\n' "$name" | grep -Eq -- "$RX_TEST_ONLY" || active=0
+    [ -z "${RX_TEST_NOT-}" ] || ! printf '%s\n' "$name" | grep -Eq -- "$RX_TEST_NOT" || active=0
     folder=$scratch/$cases
     mkdir "$folder" "$folder/work" && cd "$folder/work" || exit 2
 }
