@@ -6,7 +6,7 @@
  *   sizes of networks and grid
  *   state at the last end of an epoch   weights, moments, steps, dictionary, history, patience, running mean
  *   whether one follows, and the state within the next epoch, of an interrupted training
- *   digest                              FNV-1a, 64 bits, of all bytes before it
+ *   digest                              base/hash.h, of all bytes before it
  *
  * Numbers are as this machine has them in memory; random numbers have no state (base/random.h). */
 #ifndef RX_TRAIN_CHECKPOINT_H
