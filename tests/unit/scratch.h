@@ -1,6 +1,6 @@
 /* A folder of its own for a test (state is its name), and whole files in it. */
-#ifndef TESTS_UNIT_CAMPAIGN_SCRATCH_H
-#define TESTS_UNIT_CAMPAIGN_SCRATCH_H
+#ifndef TESTS_UNIT_SCRATCH_H
+#define TESTS_UNIT_SCRATCH_H
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,7 @@ static int make_scratch(void **state)
     char *folder = malloc(512);
     if (folder == NULL)
         return -1;
-    snprintf(folder, 512, "%s/rextract-campaign-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+    snprintf(folder, 512, "%s/rextract-test-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
     *state = folder;
     return mkdtemp(folder) != NULL ? 0 : -1;
 }

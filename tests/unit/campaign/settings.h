@@ -2,7 +2,7 @@
 #ifndef TESTS_UNIT_CAMPAIGN_SETTINGS_H
 #define TESTS_UNIT_CAMPAIGN_SETTINGS_H
 
-#include "scratch.h"
+#include "../scratch.h"
 
 #include "campaign/kind.h"
 #include "campaign/units.h"

@@ -1,5 +1,5 @@
 /* The journal: exact numbers, torn and damaged lines, journals of other campaigns, locks. */
-#include "scratch.h"
+#include "../scratch.h"
 
 #include <math.h>
 

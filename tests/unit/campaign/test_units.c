@@ -1,5 +1,5 @@
 /* Units of work: any number of threads, shards and interruptions give the same values. */
-#include "scratch.h"
+#include "../scratch.h"
 
 #include <math.h>
 

@@ -7,7 +7,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +21,7 @@
 #include "io/tile.h"
 #include "nn/psfnet.h"
 #include "num/stats.h"
+#include "place.h"
 #include "scene.h"
 #include "stage/blankcheck.h"
 #include "stage/domain.h"
@@ -429,46 +429,6 @@ static void test_copies(void **state)
 }
 
 /* --- the whole stage --- */
-
-static void remove_tree(const char *path)
-{
-    DIR *dir = opendir(path);
-    if (dir == NULL) {
-        unlink(path);
-        return;
-    }
-    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
-        char name[1024];
-        snprintf(name, sizeof name, "%.700s/%.255s", path, entry->d_name);
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            remove_tree(name);
-    }
-    closedir(dir);
-    rmdir(path);
-}
-
-typedef struct place {
-    char root[64], old[4096];
-} place;
-
-static int enter(void **state)
-{
-    place *p = calloc(1, sizeof *p);
-    if (p == NULL)
-        return -1;
-    *state = p;
-    strcpy(p->root, "/tmp/rextract-domain-XXXXXX");
-    return mkdtemp(p->root) != NULL && getcwd(p->old, sizeof p->old) != NULL && chdir(p->root) == 0 ? 0 : -1;
-}
-
-static int leave(void **state)
-{
-    place *p = *state;
-    int failed = chdir(p->old);
-    remove_tree(p->root);
-    free(p);
-    return failed;
-}
 
 static rx_status run_stage(const char *fwhm, const char *out_of_domain, rx_error *err)
 {

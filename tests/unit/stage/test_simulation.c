@@ -18,28 +18,12 @@
 #include "io/fits_write.h"
 #include "io/tile.h"
 #include "io/wcs.h"
+#include "place.h"
 #include "restore/restore.h"
 #include "simulate/inject.h"
 #include "simulate/sky_noise.h"
 #include "stage/probe.h"
 #include "stage/simulation.h"
-
-typedef struct place {
-    char root[64];
-    char old[4096];
-} place;
-
-static int enter(void **state)
-{
-    place *p = calloc(1, sizeof *p);
-    assert_non_null(p);
-    strcpy(p->root, "/tmp/rextract-simulation-XXXXXX");
-    assert_non_null(mkdtemp(p->root));
-    assert_non_null(getcwd(p->old, sizeof p->old));
-    assert_int_equal(chdir(p->root), 0);
-    *state = p;
-    return 0;
-}
 
 /* Files in the current folder, which are removed when `remove` says so. */
 static int files_here(int remove)
@@ -56,16 +40,6 @@ static int files_here(int remove)
     }
     closedir(dir);
     return n;
-}
-
-static int leave(void **state)
-{
-    place *p = *state;
-    files_here(1);
-    assert_int_equal(chdir(p->old), 0);
-    assert_int_equal(rmdir(p->root), 0);
-    free(p);
-    return 0;
 }
 
 /* --- shorthand --- */

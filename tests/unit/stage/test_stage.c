@@ -20,54 +20,9 @@
 #include "config/config.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
+#include "place.h"
 #include "scene.h"
 #include "stage/stage.h"
-
-/* Every test works in a folder of its own, removed afterwards; outputs of one run go to a sub-folder of it.
- */
-typedef struct place {
-    char root[64];
-    char old[4096];
-} place;
-
-static int enter(void **state)
-{
-    place *p = calloc(1, sizeof *p);
-    assert_non_null(p);
-    strcpy(p->root, "/tmp/rextract-stage-XXXXXX");
-    assert_non_null(mkdtemp(p->root));
-    assert_non_null(getcwd(p->old, sizeof p->old));
-    assert_int_equal(chdir(p->root), 0);
-    *state = p;
-    return 0;
-}
-
-static void remove_tree(const char *path)
-{
-    DIR *dir = opendir(path);
-    if (dir == NULL) {
-        unlink(path);
-        return;
-    }
-    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
-        char name[4096];
-        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
-            continue;
-        snprintf(name, sizeof name, "%s/%s", path, entry->d_name);
-        remove_tree(name);
-    }
-    closedir(dir);
-    rmdir(path);
-}
-
-static int leave(void **state)
-{
-    place *p = *state;
-    assert_int_equal(chdir(p->old), 0);
-    remove_tree(p->root);
-    free(p);
-    return 0;
-}
 
 typedef struct setting {
     const char *name, *value;

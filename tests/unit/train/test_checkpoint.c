@@ -12,34 +12,12 @@
 
 #include <cmocka.h>
 
-#include "io/output.h"
+#include "../scratch.h"
 #include "nn/psfnet.h"
 #include "train/checkpoint.h"
 
 static const char SETTINGS[] = "SEED 1\nWIDTH 4\n";
 enum { NBINS = 2, EPOCHS = 3 };
-
-static int make_folder(void **state)
-{
-    char *folder = malloc(64);
-    if (folder == NULL)
-        return -1;
-    strcpy(folder, "/tmp/rextract-train-XXXXXX");
-    *state = folder;
-    return mkdtemp(folder) != NULL ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    rx_output_remove(*state);
-    free(*state);
-    return 0;
-}
-
-static void path_in(void **state, const char *name, char dst[128])
-{
-    snprintf(dst, 128, "%s/%s", (char *)*state, name);
-}
 
 static rx_model *make_model(int nets)
 {
@@ -135,7 +113,7 @@ static void assert_same(const rx_train_state *a, const rx_train_state *b)
 
 static void states_come_back(void **state)
 {
-    char path[128];
+    char path[1024];
     path_in(state, "back", path);
     for (int nets = 1; nets <= 2; nets++)
         for (int within = 0; within < 2; within++) {
@@ -160,7 +138,7 @@ static void states_come_back(void **state)
 
 static void no_file_is_no_error(void **state)
 {
-    char path[128];
+    char path[1024];
     int found = 1, within = 1;
     rx_train_state *kept = make_state(1), *now = make_state(1), *fresh = make_state(1);
     path_in(state, "none", path);
@@ -176,7 +154,7 @@ static void no_file_is_no_error(void **state)
 static rx_status read_bytes(void **state, const unsigned char *bytes, size_t size, const char *settings,
                             rx_error *err)
 {
-    char path[128];
+    char path[1024];
     int found, within;
     rx_train_state *kept = make_state(1), *now = make_state(1);
     path_in(state, "bytes", path);
@@ -193,7 +171,7 @@ static rx_status read_bytes(void **state, const unsigned char *bytes, size_t siz
 
 static unsigned char *whole(void **state, size_t *size)
 {
-    char path[128];
+    char path[1024];
     rx_train_state *kept = make_state(1), *now = make_state(1);
     path_in(state, "whole", path);
     fill(kept, 1);
@@ -311,5 +289,5 @@ int main(void)
         cmocka_unit_test(copies_are_independent),
         cmocka_unit_test(tables_have_a_row_for_everything),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }

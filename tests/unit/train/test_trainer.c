@@ -14,9 +14,9 @@
 
 #include <cmocka.h>
 
+#include "../scratch.h"
 #include "base/interrupt.h"
 #include "base/random.h"
-#include "io/output.h"
 #include "train/epoch_test.h"
 #include "train/setup.h"
 #include "train/trainer.h"
@@ -275,23 +275,6 @@ static void piece_by_piece(void **state)
     rx_train_config_free(config);
 }
 
-static int make_folder(void **state)
-{
-    char *folder = malloc(64);
-    if (folder == NULL)
-        return -1;
-    strcpy(folder, "/tmp/rextract-train-XXXXXX");
-    *state = folder;
-    return mkdtemp(folder) != NULL ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    rx_output_remove(*state);
-    free(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -300,5 +283,5 @@ int main(void)
         cmocka_unit_test(piece_by_piece),
     };
     rx_interrupt_block(); /* before there are other threads, as programs do */
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }
