@@ -72,7 +72,7 @@ static rx_status open_kind(job *j, rx_error *err)
     if (status == RX_OK)
         status = j->kind->facts(j->state, &j->facts, err);
     if (status == RX_OK)
-        status = j->kind->plan(j->state, &j->nunits, &j->places, err);
+        status = rx_units_places(j->kind, j->state, &j->nunits, &j->places, err);
     if (status != RX_OK)
         return status;
     j->values = RX_NEW(rx_unit_values, (size_t)j->nunits + 1);
@@ -94,7 +94,8 @@ static rx_status work(job *j, rx_error *err)
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
     if (missing == 0)
         return RX_OK;
-    status = j->kind->prepare(j->state, j->log, err);
+    if (j->kind->prepare != NULL)
+        status = j->kind->prepare(j->state, j->log, err);
     if (status != RX_OK)
         return status;
     return rx_units_run(j->kind, j->state, j->nunits, j->places, j->k, j->n, j->nthreads, j->journal,

@@ -223,21 +223,9 @@ static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err
     return status == RX_OK ? rx_facts_templates(state->sky[0].simulation->templates, dst, err) : status;
 }
 
-static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
+static long units(const void *state)
 {
-    *n = rx_detection_units(pointer);
-    *places = RX_NEW(rx_unit_place, (size_t)*n);
-    if (*places == NULL)
-        return rx_error_memory(err, (size_t)*n * sizeof **places);
-    for (long u = 0; u < *n; u++)
-        (*places)[u] = (rx_unit_place){(int)u, 0};
-    return RX_OK;
-}
-
-static rx_status prepare(void *pointer, rx_log *log, rx_error *err)
-{
-    (void)pointer, (void)log, (void)err;
-    return RX_OK;
+    return rx_detection_units(state);
 }
 
 static rx_status do_unit(const void *state, long unit, const rx_unit_values *done, rx_unit_values *dst,
@@ -383,7 +371,6 @@ const rx_campaign_kind rx_kind_detection = {.name = "DETECTION",
                                             .open = open_state,
                                             .close = close_state,
                                             .facts = facts,
-                                            .plan = plan,
-                                            .prepare = prepare,
+                                            .units = units,
                                             .unit = do_unit,
                                             .report = report};

@@ -215,15 +215,6 @@ static rx_estimate recall_of(const rx_detection_set *set, int method, double sco
     return rx_binomial_interval(found, n, LEVEL);
 }
 
-static rx_estimate per_mpixel(long count, double mpixels)
-{
-    rx_estimate e = rx_poisson_interval(count, LEVEL);
-    e.value /= mpixels;
-    e.low /= mpixels;
-    e.high /= mpixels;
-    return e;
-}
-
 static rx_status measure_list(const rx_detection_results *r, int condition, int scene, int method,
                               uint64_t seed, rx_estimate *dst, rx_error *err)
 {
@@ -243,7 +234,7 @@ static rx_status measure_list(const rx_detection_results *r, int condition, int 
         *dst = recall_of(set, method, -HUGE_VAL, 0, HUGE_VAL);
         const long found = (long)floor(dst->value * (double)dst->n + 0.5), nfalse = set->run[method].nfalse;
         *++dst = rx_binomial_interval(found, found + nfalse, LEVEL);
-        *++dst = per_mpixel(nfalse, set->mpixels);
+        *++dst = rx_poisson_rate(nfalse, set->mpixels, LEVEL);
         for (int b = 0; b < SNR_BINS; b++)
             *++dst = recall_of(set, method, first, SNR_EDGE[b], SNR_EDGE[b + 1]);
     }
@@ -278,10 +269,11 @@ static void measure_rings(const rx_detection_set *set, int method, double cut, r
 {
     const double unit = 1e-6 * M_PI * set->fwhm * set->fwhm * (double)set->n;
     for (int b = 0; b < RING_BINS; b++)
-        *dst++ = per_mpixel(false_in(&set->run[method], cut, RING_EDGE[b], RING_EDGE[b + 1]),
-                            unit * (RING_EDGE[b + 1] * RING_EDGE[b + 1] - RING_EDGE[b] * RING_EDGE[b]));
-    *dst++ = per_mpixel(false_in(&set->run[method], -HUGE_VAL, 0, RING_EDGE[RING_BINS]),
-                        unit * RING_EDGE[RING_BINS] * RING_EDGE[RING_BINS]);
+        *dst++ = rx_poisson_rate(false_in(&set->run[method], cut, RING_EDGE[b], RING_EDGE[b + 1]),
+                                 unit * (RING_EDGE[b + 1] * RING_EDGE[b + 1] - RING_EDGE[b] * RING_EDGE[b]),
+                                 LEVEL);
+    *dst++ = rx_poisson_rate(false_in(&set->run[method], -HUGE_VAL, 0, RING_EDGE[RING_BINS]),
+                             unit * RING_EDGE[RING_BINS] * RING_EDGE[RING_BINS], LEVEL);
     *dst = recall_of(set, method, -HUGE_VAL, 0, HUGE_VAL);
 }
 
@@ -366,8 +358,8 @@ static rx_status measure_cell(rx_detection_numbers *m, int condition, int scene,
         dst[2] = resolved(set, method, first, CLOSE, HUGE_VAL);
         dst[3] = resolved(set, method, -HUGE_VAL, 0, HUGE_VAL);
     } else if (set->scene == RX_SCENE_BLANK) {
-        dst[0] = per_mpixel(false_in(&set->run[method], last, -HUGE_VAL, HUGE_VAL), set->mpixels);
-        dst[1] = per_mpixel(set->run[method].nfalse, set->mpixels);
+        dst[0] = rx_poisson_rate(false_in(&set->run[method], last, -HUGE_VAL, HUGE_VAL), set->mpixels, LEVEL);
+        dst[1] = rx_poisson_rate(set->run[method].nfalse, set->mpixels, LEVEL);
     } else if (set->scene == RX_SCENE_RINGS) {
         measure_rings(set, method, last, dst);
     } else {

@@ -122,15 +122,9 @@ static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err
     return status == RX_OK ? rx_facts_templates(simulation->templates, dst, err) : status;
 }
 
-static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
+static long units(const void *state)
 {
-    *n = rx_fluxes_units(pointer);
-    *places = RX_NEW(rx_unit_place, (size_t)*n);
-    if (*places == NULL)
-        return rx_error_memory(err, (size_t)*n * sizeof **places);
-    for (long u = 0; u < *n; u++)
-        (*places)[u] = (rx_unit_place){(int)u, 0};
-    return RX_OK;
+    return rx_fluxes_units(state);
 }
 
 static rx_status prepare(void *pointer, rx_log *log, rx_error *err)
@@ -264,7 +258,7 @@ const rx_campaign_kind rx_kind_fluxes = {.name = "FLUXES",
                                          .open = open_state,
                                          .close = close_state,
                                          .facts = facts,
-                                         .plan = plan,
+                                         .units = units,
                                          .prepare = prepare,
                                          .unit = do_unit,
                                          .report = report};

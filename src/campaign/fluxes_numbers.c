@@ -298,15 +298,6 @@ static void fill_pairs(const rx_fluxes_numbers *m, const rx_pair_place *p, lists
 
 /* --- invented sources --- */
 
-static rx_estimate per_mpixel(long count, double mpixels)
-{
-    rx_estimate e = rx_poisson_interval(count, LEVEL);
-    e.value /= mpixels;
-    e.low /= mpixels;
-    e.high /= mpixels;
-    return e;
-}
-
 /* Mean number of detections on the galaxies that were found. */
 static rx_estimate pieces_of(const rx_fluxes_set *set, int run, int kept, lists *l)
 {
@@ -329,7 +320,7 @@ static void fill_invented(const rx_fluxes_set *set, int run, lists *l, rx_invent
     dst->wrong[1] = (long)t[RX_TALLY_FALSE_KEPT];
     dst->added = (long)t[RX_TALLY_ADDED];
     for (int k = 0; k < 2; k++) {
-        dst->per_mpixel[k] = per_mpixel(dst->wrong[k], set->mpixels);
+        dst->per_mpixel[k] = rx_poisson_rate(dst->wrong[k], set->mpixels, LEVEL);
         dst->precision[k] = rx_binomial_interval(dst->right[k], dst->right[k] + dst->wrong[k], LEVEL);
         dst->pieces[k] = pieces_of(set, run, k, l);
     }

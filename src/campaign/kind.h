@@ -29,9 +29,11 @@ typedef struct rx_campaign_kind {
     void (*close)(void *state); /* NULL is fine */
     /* What open() has read, digested, for the journal's header. */
     rx_status (*facts)(const void *state, rx_journal_facts *facts, rx_error *err);
-    /* The number of units, and where they belong, places[*n], to be freed. */
-    rx_status (*plan)(const void *state, long *n, rx_unit_place **places, rx_error *err);
-    /* Before the first unit: what a report alone does not need. */
+    /* The number of units, and where one belongs; place NULL: each a group of its own, so that any number of
+     * shards has work. */
+    long (*units)(const void *state);
+    rx_unit_place (*place)(const void *state, long unit);
+    /* Before the first unit: what a report alone does not need; may be NULL. */
     rx_status (*prepare)(void *state, rx_log *log, rx_error *err);
     /* The values of one unit, on one thread; several at the same time. */
     rx_status (*unit)(const void *state, long unit, const rx_unit_values *done, rx_unit_values *dst,

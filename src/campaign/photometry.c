@@ -131,16 +131,9 @@ static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err
     return status;
 }
 
-static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
+static long units(const void *state)
 {
-    const rx_photometry_state *state = pointer;
-    *n = rx_photometry_units(state);
-    *places = RX_NEW(rx_unit_place, (size_t)*n);
-    if (*places == NULL)
-        return rx_error_memory(err, (size_t)*n * sizeof **places);
-    for (long u = 0; u < *n; u++)
-        (*places)[u] = (rx_unit_place){(int)u, 0}; /* tiles are on their own: any number of shards has work */
-    return RX_OK;
+    return rx_photometry_units(state);
 }
 
 static rx_status prepare(void *state, rx_log *log, rx_error *err)
@@ -365,7 +358,7 @@ const rx_campaign_kind rx_kind_photometry = {.name = "PHOTOMETRY",
                                              .open = open_state,
                                              .close = close_state,
                                              .facts = facts,
-                                             .plan = plan,
+                                             .units = units,
                                              .prepare = prepare,
                                              .unit = do_unit,
                                              .report = report};

@@ -205,11 +205,7 @@ static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, uint64_
     }
     dst->recall = rx_binomial_interval(nfound, nstars, LEVEL);
     dst->precision = rx_binomial_interval(nfound, nfound + nfalse, LEVEL);
-    dst->false_per_mpixel = rx_poisson_interval(nfalse, LEVEL);
-    dst->false_per_mpixel.value /= mpixels;
-    dst->false_per_mpixel.low /= mpixels;
-    dst->false_per_mpixel.high /= mpixels;
-    dst->false_per_mpixel.n = nfalse;
+    dst->false_per_mpixel = rx_poisson_rate(nfalse, mpixels, LEVEL);
     rx_status status = depth(field, run, -INFINITY, seed, s, &dst->mag50, &dst->mag90, err);
     if (status == RX_OK)
         status =

@@ -212,22 +212,15 @@ static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err
     return status == RX_OK ? rx_facts_templates(state->simulation->templates, dst, err) : status;
 }
 
-static rx_status plan(const void *pointer, long *n, rx_unit_place **places, rx_error *err)
+static long units(const void *state)
 {
-    const rx_restoration *state = pointer;
-    *n = state->nunits;
-    *places = RX_NEW(rx_unit_place, (size_t)*n);
-    if (*places == NULL)
-        return rx_error_memory(err, (size_t)*n * sizeof **places);
-    for (long u = 0; u < *n; u++)
-        (*places)[u] = (rx_unit_place){state->units[u].bin, !state->units[u].tune};
-    return RX_OK;
+    return ((const rx_restoration *)state)->nunits;
 }
 
-static rx_status prepare(void *pointer, rx_log *log, rx_error *err)
+static rx_unit_place place(const void *state, long number)
 {
-    (void)pointer, (void)log, (void)err;
-    return RX_OK;
+    const rx_restoration_unit *unit = &((const rx_restoration *)state)->units[number];
+    return (rx_unit_place){unit->bin, !unit->tune};
 }
 
 static rx_status do_unit(const void *pointer, long number, const rx_unit_values *done, rx_unit_values *dst,
@@ -412,7 +405,7 @@ const rx_campaign_kind rx_kind_restoration = {.name = "RESTORATION",
                                               .open = open_state,
                                               .close = close_state,
                                               .facts = facts,
-                                              .plan = plan,
-                                              .prepare = prepare,
+                                              .units = units,
+                                              .place = place,
                                               .unit = do_unit,
                                               .report = report};

@@ -8,6 +8,18 @@
 
 enum { TELL_EVERY = 10 }; /* per cent, where no progress line can be shown */
 
+rx_status rx_units_places(const rx_campaign_kind *kind, const void *state, long *n, rx_unit_place **places,
+                          rx_error *err)
+{
+    *n = kind->units(state);
+    *places = RX_NEW(rx_unit_place, (size_t)*n);
+    if (*places == NULL)
+        return rx_error_memory(err, (size_t)*n * sizeof **places);
+    for (long u = 0; u < *n; u++)
+        (*places)[u] = kind->place != NULL ? kind->place(state, u) : (rx_unit_place){.group = (int)u};
+    return RX_OK;
+}
+
 int rx_unit_is_mine(const rx_unit_place *place, int k, int n)
 {
     return place->group % n == k - 1;

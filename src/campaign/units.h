@@ -5,6 +5,10 @@
 #include "campaign/journal.h"
 #include "campaign/kind.h"
 
+/* How many units there are, and where they belong, places[*n], to be freed. */
+rx_status rx_units_places(const rx_campaign_kind *kind, const void *state, long *n, rx_unit_place **places,
+                          rx_error *err);
+
 /* Is the unit of that place done by shard k of n (k from 1): the groups go to the shards in turn. */
 int rx_unit_is_mine(const rx_unit_place *place, int k, int n);
 

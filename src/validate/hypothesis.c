@@ -233,6 +233,15 @@ rx_estimate rx_poisson_interval(long count, double level)
     return e;
 }
 
+rx_estimate rx_poisson_rate(long count, double extent, double level)
+{
+    rx_estimate e = rx_poisson_interval(count, level);
+    e.value /= extent;
+    e.low /= extent;
+    e.high /= extent;
+    return e;
+}
+
 double rx_poisson_upper(long count, double level)
 {
     return count >= 0 && level > 0 && level < 1 ? poisson_mean(count, 1 - level, true) : NAN;

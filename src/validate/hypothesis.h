@@ -49,6 +49,8 @@ rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err);
  * `level`; and the one-sided upper limit at `level`. Accuracy 1e-12 relative for counts up to 1e6. n of the
  * estimate is the count. */
 rx_estimate rx_poisson_interval(long count, double level);
+/* The same of a rate, count events in `extent` of whatever it is. */
+rx_estimate rx_poisson_rate(long count, double extent, double level);
 double rx_poisson_upper(long count, double level);
 
 /* p of Student's t, two-sided, and its logarithm (may be NULL): for the numbers that papers print. NAN when t
