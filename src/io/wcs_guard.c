@@ -130,10 +130,9 @@ static int is_plane(const char *cards, size_t ncards)
 {
     int plane = 0;
     for (size_t i = 0; i < ncards; i++) {
-        double value = 0;
         if (strncmp(cards + i * CARD, "NAXIS   =", 9) != 0)
             continue;
-        if (!rx_cards_number(cards + i * CARD, 1, "NAXIS", &value) || value < 2)
+        if (axes_of(cards + i * CARD) < 2)
             return 0;
         plane = 1;
     }

@@ -334,6 +334,9 @@ static void test_hostile_cards(void **state)
         "CPDIS1  = 'LOOKUP'\nDP1     = 'NAXES: 2'\nDP1     = 'NAXES'",
         "EQUINOX = 2000.0 and then something that is no comment",
         "PV1_1   = 'it''s",
+        "NAXIS   = 177500.0",
+        "NAXIS   = 100000",
+        "WCSAXES = 2E5",
     };
     for (size_t i = 0; i < sizeof cards / sizeof cards[0]; i++) {
         char lines[600], note[256];
