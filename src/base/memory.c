@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <sys/mman.h>
 
 enum { ALIGNMENT = 64 };
@@ -81,6 +84,13 @@ void rx_memory_spend(void *ptr, size_t from, size_t to)
     if (past < to && begin < to - past)
         (void)madvise(block + begin, to - past - begin,
                       MADV_DONTNEED); /* else it stays, which does no harm */
+}
+
+void rx_memory_trim(void)
+{
+#ifdef __GLIBC__
+    (void)malloc_trim(0);
+#endif
 }
 
 char *rx_strdup(const char *text)

@@ -13,7 +13,8 @@
 #include "detect/sep_extract.h"
 #include "detect/threshold_noise.h"
 
-enum { USUAL_PIXELS = 300000 }; /* above the threshold: SExtractor's first limit */
+enum { USUAL_PIXELS = 300000 };  /* above the threshold: SExtractor's first limit */
+enum { LARGE_PLANE = 32 << 20 }; /* bytes, from which on what is freed is worth giving back */
 
 /* Everything one run needs, freed together. */
 typedef struct workspace {
@@ -196,8 +197,8 @@ static double peak_noise(const rx_detect_image *image, const workspace *work, co
                                  : rx_map_at(&image->noise, d->xpeak, d->ypeak));
 }
 
-static void convert_source(const rx_detect_params *par, const rx_detect_image *image, const rx_detection *d,
-                           const workspace *work, rx_source *s)
+static void convert_source(const rx_detect_params *par, const rx_detection *d, const rx_filter *kernel,
+                           double noise, rx_source *s)
 {
     *s = (rx_source){.xmin = d->xmin,
                      .xmax = d->xmax,
@@ -224,10 +225,10 @@ static void convert_source(const rx_detect_params *par, const rx_detect_image *i
                      .peak = d->peak,
                      .flux_iso = d->flux,
                      .flags = d->flags};
-    s->threshold = d->threshold * (par->filter_normalise ? 1.0 : work->kernel.sum);
+    s->threshold = d->threshold * (par->filter_normalise ? 1.0 : kernel->sum);
     s->analysis_threshold = par->analysis_threshold;
     if (!par->analysis_absolute)
-        s->analysis_threshold *= peak_noise(image, work, d);
+        s->analysis_threshold *= noise;
     if (d->singular)
         s->flags_measure |= RX_FLAGM_SINGULAR;
     if (!isfinite(s->x) || !isfinite(s->y)) {
@@ -285,8 +286,23 @@ static void paint_segment(const rx_detection *d, int32_t segment, int fragment, 
     }
 }
 
+/* The maps. row_of: as of build_sources(). */
+static void paint_all(const rx_detect_params *par, const workspace *work, const int *row_of, rx_sources *dst)
+{
+    const rx_detection *list = work->found.list;
+    const int n = work->found.n;
+#pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
+    for (int i = 0; i < n; i++)
+        if (row_of[i] >= 0)
+            paint_segment(&list[i], row_of[i] + 1, 0, dst);
+    for (int i = 0; work->eater != NULL && i < n; i++)
+        if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
+            paint_segment(&list[i], row_of[work->eater[i]] + 1, RX_FRAGMENT_EATEN, dst);
+    mark_fragments(&work->groups, par->min_area, dst);
+}
+
 /* Add a detection, eaten by `s`, to it. */
-static void merge_source(const rx_detection *d, double snr, rx_source *s, rx_sources *dst)
+static void merge_source(const rx_detection *d, double snr, rx_source *s)
 {
     s->npix += d->npix;
     s->flux_iso += d->flux;
@@ -296,42 +312,56 @@ static void merge_source(const rx_detection *d, double snr, rx_source *s, rx_sou
     s->xmax = d->xmax > s->xmax ? d->xmax : s->xmax;
     s->ymin = d->ymin < s->ymin ? d->ymin : s->ymin;
     s->ymax = d->ymax > s->ymax ? d->ymax : s->ymax;
-    paint_segment(d, s->segment, RX_FRAGMENT_EATEN, dst);
 }
 
-/* snr[n] of all that was found. */
-static double *rank_all(const rx_detect_params *par, const rx_detect_image *image, const workspace *work)
+/* What the pixels of a detection say of it. */
+typedef struct rank {
+    double snr, noise; /* noise: at its peak */
+} rank;
+
+/* [n] of all that was found. */
+static rank *rank_all(const rx_detect_params *par, const rx_detect_image *image, const workspace *work)
 {
     const int n = work->found.n;
     const double norm = rx_filter_norm(work->kernel.values, work->kernel.width * work->kernel.height);
-    double *snr = RX_NEW(double, (size_t)n);
-    if (snr == NULL || !rx_map_given(&image->noise))
-        return snr;
+    rank *ranks = RX_NEW(rank, (size_t)n);
+    if (ranks == NULL)
+        return NULL;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
-    for (int i = 0; i < n; i++)
-        snr[i] = highest_snr(image, work, norm, &work->found.list[i]);
-    return snr;
+    for (int i = 0; i < n; i++) {
+        const rx_detection *d = &work->found.list[i];
+        ranks[i].noise = peak_noise(image, work, d);
+        if (rx_map_given(&image->noise))
+            ranks[i].snr = highest_snr(image, work, norm, d);
+    }
+    return ranks;
 }
 
-static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image,
-                               const workspace *work, const rx_extraction *job, rx_sources *dst,
-                               rx_error *err)
+/* Pixels of groups and detections have been looked at: before there are as many bytes of sources. */
+static void drop_pixels(workspace *work)
+{
+    rx_groups_free(&work->groups);
+    rx_detections_drop_pixels(&work->found);
+    if (work->n * sizeof(float) >= LARGE_PLANE)
+        rx_memory_trim();
+}
+
+static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+                               const rx_extraction *job, rx_sources *dst, rx_error *err)
 {
     const rx_detection *list = work->found.list;
     const int n = work->found.n;
     rx_status status = RX_OK;
     int *row_of = RX_NEW(int, (size_t)n); /* index in dst->list, -1 left out */
-    double *snr = rank_all(par, image, work);
+    rank *ranks = rank_all(par, image, work);
     dst->width = image->width;
     dst->height = image->height;
     dst->grown = job->grown;
     dst->law_scale = 1.0;
     dst->law_power = 0.5;
-    dst->list = RX_NEW(rx_source, (size_t)n);
     dst->segments = RX_NEW(int32_t, work->n);
     dst->fragments = RX_NEW(uint8_t, work->n);
-    if (row_of == NULL || snr == NULL || dst->list == NULL || dst->segments == NULL ||
-        dst->fragments == NULL) {
+    if (row_of == NULL || ranks == NULL || dst->segments == NULL || dst->fragments == NULL) {
         status = rx_error_memory(err, work->n * sizeof(int32_t));
         goto exit;
     }
@@ -340,24 +370,29 @@ static rx_status build_sources(const rx_detect_params *par, const rx_detect_imag
         const bool large = par->max_area > 0 && list[i].npix > par->max_area;
         row_of[i] = eaten || large ? -1 : dst->n++;
     }
+    paint_all(par, work, row_of, dst);
+    drop_pixels(work);
+    dst->list = RX_NEW(rx_source, (size_t)dst->n);
+    if (dst->list == NULL) {
+        status = rx_error_memory(err, (size_t)dst->n * sizeof *dst->list);
+        goto exit;
+    }
 #pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int i = 0; i < n; i++) {
         if (row_of[i] < 0)
             continue;
         rx_source *s = &dst->list[row_of[i]];
-        convert_source(par, image, &list[i], work, s);
+        convert_source(par, &list[i], &work->kernel, ranks[i].noise, s);
         s->number = s->segment = row_of[i] + 1;
         s->flags |= job->flags;
-        s->detection_snr = snr[i];
-        paint_segment(&list[i], s->segment, 0, dst);
+        s->detection_snr = ranks[i].snr;
     }
     for (int i = 0; work->eater != NULL && i < n; i++)
         if (work->eater[i] >= 0 && row_of[work->eater[i]] >= 0)
-            merge_source(&list[i], snr[i], &dst->list[row_of[work->eater[i]]], dst);
-    mark_fragments(&work->groups, par->min_area, dst);
+            merge_source(&list[i], ranks[i].snr, &dst->list[row_of[work->eater[i]]]);
 exit:
     free(row_of);
-    free(snr);
+    free(ranks);
     return status;
 }
 

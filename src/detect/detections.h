@@ -23,6 +23,8 @@ typedef struct rx_detections {
     int **blocks; /* owners of the pixels */
 } rx_detections;
 
+/* The places of pixels alone. */
+void rx_detections_drop_pixels(rx_detections *detections);
 void rx_detections_free(rx_detections *detections);
 
 #endif

@@ -384,11 +384,20 @@ exit:
     return status;
 }
 
-void rx_detections_free(rx_detections *detections)
+void rx_detections_drop_pixels(rx_detections *detections)
 {
     for (int i = 0; i < detections->nblocks; i++)
         free(detections->blocks[i]);
     free(detections->blocks);
+    detections->blocks = NULL;
+    detections->nblocks = 0;
+    for (int i = 0; i < detections->n; i++)
+        detections->list[i].pixels = NULL;
+}
+
+void rx_detections_free(rx_detections *detections)
+{
+    rx_detections_drop_pixels(detections);
     free(detections->list);
     *detections = (rx_detections){0};
 }

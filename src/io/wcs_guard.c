@@ -59,22 +59,32 @@ static void repair_exponents(char *cards, size_t ncards)
     }
 }
 
-/* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, whatever it says, and multiplies as int. Indices of
- * FITS keywords have at most two digits (FITS 4.0, section 8.2). */
+/* A number of axes behind the key of 8 characters and '=': indices of FITS keywords have at most two digits
+ * (FITS 4.0, section 8.2). -1: it is none. */
+static int axes_of(const char *card)
+{
+    const char *c = card + 9, *end = card + CARD;
+    int axes = 0, digits = 0;
+    while (c < end && *c == ' ')
+        c++;
+    for (; c < end && isdigit((unsigned char)*c) && digits < 3; c++, digits++)
+        axes = 10 * axes + (*c - '0');
+    return digits >= 1 && digits <= 2 && (c == end || *c == ' ' || *c == '/') ? axes : -1;
+}
+
+/* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and
+ * multiplies as int. */
 static void drop_absurd_axes(char *cards, size_t ncards, char *note, size_t note_size)
 {
-    enum { MOST = 99 };
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[9];
-        double value = 0;
-        if (strncmp(card, "WCSAXES", 7) != 0 || card[8] != '=')
-            continue;
-        snprintf(key, sizeof key, "%.8s", card);
-        key[strcspn(key, " ")] = '\0';
-        if (rx_cards_number(card, 1, key, &value) && value >= 0 && value <= MOST)
+        char *card = cards + i * CARD;
+        const int wcsaxes = strncmp(card, "WCSAXES", 7) == 0;
+        if (card[8] != '=' || (!wcsaxes && strncmp(card, "NAXIS   ", 8) != 0) || axes_of(card) >= 0)
             continue;
         memset(card, ' ', CARD);
-        rx_wcs_note(note, note_size, "WCSAXES is no number of axes and is ignored");
+        rx_wcs_note(note, note_size,
+                    wcsaxes ? "WCSAXES is no number of axes and is ignored"
+                            : "NAXIS is no number of axes and is ignored");
     }
 }
 

@@ -228,15 +228,16 @@ static rx_status new_restored(const network *n, int extras, rx_restored **dst, r
 {
     const int reblurred = extras && n->par->keep_reblurred && n->psf != NULL;
     const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
-    rx_restored *restored = *dst = rx_restored_new("NET", n->tile->width, n->tile->height);
+    rx_restored *restored = *dst = rx_restored_bare("NET", n->tile->width, n->tile->height);
     if (restored == NULL)
         return rx_error_memory(err, area * sizeof(float));
+    restored->pixels = RX_NEW(float, area); /* taken from the system as the network writes them */
     restored->support = RX_NEW(float, area);
     restored->reblurred = reblurred ? RX_NEW(float, area) : NULL;
     restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
     restored->blur = n->psf != NULL ? rx_psf_copy(n->psf) : NULL;
-    if (restored->support == NULL || restored->psf == NULL || (reblurred && restored->reblurred == NULL) ||
-        (n->psf != NULL && restored->blur == NULL))
+    if (restored->pixels == NULL || restored->support == NULL || restored->psf == NULL ||
+        (reblurred && restored->reblurred == NULL) || (n->psf != NULL && restored->blur == NULL))
         return rx_error_memory(err, 3 * area * sizeof(float));
     return RX_OK;
 }
