@@ -141,13 +141,17 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
 
 /* A file that a tile reads or writes. */
 typedef struct place_taken {
-    char *name;
+    size_t at; /* where its name is among the names */
+    const char *name;
     long line;
     bool written;
 } place_taken;
 
+/* All names in one piece: small ones between the settings that come and go would leave holes, 8 kB for each
+ * tile. */
 typedef struct places_taken {
     int n, capacity;
+    rx_text names;
     place_taken *at;
     long line; /* of the tile whose files are added */
     bool failed;
@@ -165,11 +169,9 @@ static void take(places_taken *taken, const char *name, bool written)
         taken->at = at;
         taken->capacity = capacity;
     }
-    taken->at[taken->n] = (place_taken){.name = rx_strdup(name), .line = taken->line, .written = written};
-    if (taken->at[taken->n].name == NULL)
-        taken->failed = true;
-    else
-        taken->n++;
+    taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .written = written};
+    rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
+    taken->failed |= taken->names.failed;
 }
 
 static void take_output(void *user, const char *key, const char *name)
@@ -190,6 +192,8 @@ static int by_name(const void *a, const void *b)
 /* Sorted, what is read stands before what is written under the same name. */
 static rx_status find_conflict(const rx_tiles *tiles, places_taken *taken, rx_error *err)
 {
+    for (int i = 0; i < taken->n; i++)
+        taken->at[i].name = taken->names.data + taken->at[i].at;
     if (taken->n > 0)
         qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
     for (int i = 1; i < taken->n; i++) {
@@ -222,8 +226,7 @@ rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_lo
     }
     if (status == RX_OK)
         status = find_conflict(tiles, &taken, err);
-    for (int i = 0; i < taken.n; i++)
-        free(taken.at[i].name);
+    rx_text_free(&taken.names);
     free(taken.at);
     return status;
 }
