@@ -58,6 +58,22 @@ mkdir other && cp ./*.fits ./*.truth my.sex my.param tiles.list other && (
 diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1 && diff -r catalogs other/catalogs >>log 2>&1
 result 'the same catalogues and roll-up as of rextract @LIST' $? log
 
+# rollup NAME RECORDS ARGUMENT...: into the folder NAME
+rollup() {
+    name=$1 records=$2
+    shift 2
+    "$programs/rextract-survey" "$records" -TILES_NAME tiles.list -QA_FIGURES N -VERBOSE_TYPE QUIET -OUTPUT_NAME "$name" "$@" >>log 2>&1
+}
+: >log
+cat records/d.record records/a.record >some.records
+printf '%s\n' some.records records/c.record '# twice' records/a.record records/missing.record >records.names
+printf '%s\n' "records/${strange%.fits}.record" >>records.names
+rollup shards @records.names -MERGED_NAME all.records && diff -r -x .snakemake_timestamp survey shards >>log &&
+    cat records/*.record >unsorted.records && rollup sorted unsorted.records -MERGED_NAME sorted.records &&
+    cmp all.records sorted.records >>log && rollup again all.records && diff -r shards again >>log &&
+    rollup piped /dev/stdin <all.records && diff -r shards piped >>log
+result 'the same roll-up of records in any files and order, and of the merged ones' $? log
+
 PYTHONPATH=$top/workflow/scripts /usr/bin/python3 - "$programs/rextract" >log 2>&1 <<'END'
 import json, os, subprocess, sys, tiles
 calls = []

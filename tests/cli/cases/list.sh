@@ -85,3 +85,8 @@ expect 0 '' night/m31.fits $none -CATALOG_NAME '{tile}.cat' -CHECKIMAGE_TYPE BAC
 begin 'control characters in the names of a list'
 printf 'a\033[31m.fits\n' >tiles.list
 expect 8 '^rextract: tiles\.list: 1 of 1 tiles failed' @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
+begin 'records from a pipe that are to be merged'
+of rextract-survey
+mkfifo records
+expect 3 '^rextract-survey: records: is no file, and MERGED_NAME has to read it twice; give a file$' records -MERGED_NAME all.records
