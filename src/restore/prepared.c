@@ -10,7 +10,6 @@
 #include "data/map.h"
 #include "num/stats.h"
 
-static const size_t KEPT = (size_t)1 << 26; /* pixels of a tile whose planes are kept, at most */
 enum { SAMPLE = 65536, PIECE = 1024 /* pixels of a row at a time */ };
 static const float LARGEST =
     1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */
@@ -212,9 +211,10 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, con
     prepared->level = rx_background_level(background);
     prepared->noise = rx_background_noise(background);
     prepared->mask = RX_NEW(uint8_t, n);
-    float *data = n <= KEPT ? RX_NEW(float, n) : NULL, *weight = n <= KEPT ? RX_NEW(float, n) : NULL;
+    float *data = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL,
+          *weight = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL;
     rx_status status = RX_OK;
-    if (prepared->mask == NULL || (n <= KEPT && (data == NULL || weight == NULL))) {
+    if (prepared->mask == NULL || (n <= RX_PREPARED_KEPT && (data == NULL || weight == NULL))) {
         status = rx_error_memory(err, 2 * n * sizeof(float));
         goto exit;
     }

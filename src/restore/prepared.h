@@ -25,6 +25,8 @@
 #include "data/tile.h"
 #include "restore/restore.h"
 
+#define RX_PREPARED_KEPT ((size_t)1 << 26)
+
 typedef struct rx_prepared {
     int width, height, nthreads;
     const rx_tile *tile; /* not owned, like what the maps were made from */

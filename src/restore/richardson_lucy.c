@@ -14,8 +14,7 @@
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
-enum { PIECE = 512 };                        /* pixels of a row at a time */
-static const size_t WHOLE = (size_t)1 << 25; /* pixels of a tile whose model is kept as a plane, at most */
+enum { PIECE = 512 }; /* pixels of a row at a time */
 
 /* In units of the pedestal, the sky being 1. */
 static const float MODEL_FLOOR = 0.05f;   /* a model below it (negative PSF wings) is no divisor */
@@ -378,8 +377,9 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     rx_rl *rl = NULL;
     rx_status status = rx_blur_new(psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(prepared, blur, par->rl_damping,
-                           n <= WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl, err);
+        status =
+            rx_rl_new(prepared, blur, par->rl_damping,
+                      n <= RX_RL_WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl, err);
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
     if (status == RX_OK) {

@@ -37,6 +37,9 @@
 #include "restore/prepared.h"
 #include "restore/restore.h"
 
+/* Pixels of a tile whose model is kept as a plane, at most. */
+#define RX_RL_WHOLE ((size_t)1 << 25)
+
 /* The restorer RL, a row of the table in restore.c. */
 rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "nn/stream.h"
+#include "restore/richardson_lucy.h"
 #include "stage/plan_costs.h"
 #include "stage/plan_parts.h"
 
@@ -66,15 +67,37 @@ static double network_scratch(const load *l)
            fmin(1 + l->threads, domains) * area * rx_cost_of(RX_COST_NET_DOMAIN)->pixel;
 }
 
+/* Of a large tile data, weights and model are made again instead of being kept. */
+static double richardson_lucy(const load *l)
+{
+    const rx_restore_params *par = &l->job->options->restore;
+    const int whole = par->keep_reblurred || par->rl_stop_discrepancy;
+    double bytes = take(l, RX_COST_RL);
+    if (l->pixels <= (double)RX_PREPARED_KEPT)
+        bytes += take(l, RX_COST_RL_DATA);
+    if (l->pixels <= (double)RX_RL_WHOLE || whole)
+        bytes += take(l, RX_COST_RL_MODEL);
+    return bytes;
+}
+
+/* As far down as the network is, what it has read of one plane is gone: all but a row of blocks
+ * (restore/network_forward.c). */
+static double network_planes(const load *l)
+{
+    enum { HIGHEST = 4096 };
+    const double rows = ceil((double)l->shape->height / HIGHEST);
+    return take(l, RX_COST_NET) - sizeof(float) * l->pixels * (1 - 1 / fmax(rows, 1));
+}
+
 /* NET may hand a tile over to RL (OUT_OF_DOMAIN). */
 static double restoration(const load *l, const rx_restorer *kind)
 {
     const rx_cost_name name = cost_of_kind(kind);
-    double bytes = take(l, name);
-    if (name == RX_COST_NET)
-        bytes += network_scratch(l);
+    double bytes = name == RX_COST_RL    ? richardson_lucy(l)
+                   : name == RX_COST_NET ? network_planes(l) + network_scratch(l)
+                                         : take(l, name);
     if (name == RX_COST_NET && l->job->options->restore.out_of_domain == RX_DOMAIN_RL)
-        bytes = fmax(bytes, take(l, RX_COST_RL));
+        bytes = fmax(bytes, richardson_lucy(l));
     if (name == RX_COST_NET && l->job->options->restore.verify_seams)
         bytes += take(l, RX_COST_SEAMS);
     return bytes;
@@ -85,6 +108,17 @@ static double limited(const load *l, rx_cost_name name)
 {
     const rx_cost *cost = rx_cost_of(name);
     return fmin(cost->fixed, cost->source * l->sources);
+}
+
+/* So much of a large tile is on the canvas at a time (template/tphot.c); the data of up to four times as many
+ * pixels are kept beside it. */
+static double template_fit(const load *l)
+{
+    const double shown = 1 << 24;
+    double bytes = take(l, RX_COST_TEMPLATES) + rx_cost_of(RX_COST_CANVAS)->pixel * fmin(l->pixels, shown);
+    if (l->pixels > shown && l->pixels <= 4 * shown)
+        bytes += sizeof(float) * l->pixels;
+    return bytes;
 }
 
 static double extraction(const load *l, const rx_restorer *kind, int templates)
@@ -99,7 +133,7 @@ static double extraction(const load *l, const rx_restorer *kind, int templates)
     if (options->detect.matched && (plain(kind) || options->filter_restored))
         bytes += take(l, RX_COST_MATCHED);
     if (templates)
-        bytes += take(l, RX_COST_TEMPLATES);
+        bytes += template_fit(l);
     bytes += 2 * sizeof(float) * l->sources * options->measure.vignet_width * options->measure.vignet_height;
     return bytes;
 }
