@@ -3,6 +3,7 @@
 
 #include <ctype.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <float.h>
 #include <limits.h>
 #include <math.h>
@@ -10,15 +11,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "io/fits_tiles.h"
 #include "io/fits_unpack.h"
 #include "io/fits_walk.h"
-
-/* Name that cfitsio is given for a file held in memory, with the bytes it has without padding. */
-static const char HELD[] = "copy of %zu bytes";
 
 /* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
  * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */
@@ -48,8 +48,10 @@ static const char *not_fits(const unsigned char *head, size_t n)
         return "is a Git LFS pointer, not the data; run 'git lfs pull'";
     if (n >= 2 && head[0] == 0x1f && (head[1] == 0x8b || head[1] == 0x9d))
         return NULL; /* gzip, compress */
-    if (n >= 4 && (memcmp(head, "BZh", 3) == 0 || memcmp(head, "PK\3\4", 4) == 0))
+    if (n >= 4 && memcmp(head, "BZh", 3) == 0)
         return NULL;
+    if (n >= 4 && memcmp(head, "PK\3\4", 4) == 0)
+        return "is a zip archive; unpack it";
     if (n >= 9 && memcmp(head, "SIMPLE  =", 9) == 0)
         return n < 80 ? "is cut off in its header; fetch it again" : NULL;
     size_t i = 0;
@@ -62,7 +64,6 @@ static const char *not_fits(const unsigned char *head, size_t n)
 
 /* What check_file() found. */
 typedef struct kind {
-    size_t size;
     bool packed, unpadded; /* by gzip; plain, its last block is none */
 } kind;
 
@@ -88,53 +89,75 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
-    dst->size = (size_t)info.st_size;
     dst->packed = memcmp(head, "\x1f\x8b", 2) == 0;
-    dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && dst->size % BLOCK != 0;
+    dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && info.st_size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-static rx_status load(const char *path, size_t size, size_t extra, rx_fits_source *dst, rx_error *err)
+static rx_status load(const char *path, int to, int64_t *size, rx_error *err)
 {
-    dst->size = size;
-    dst->memory = rx_alloc(size + extra, 1);
-    if (dst->memory == NULL)
-        return rx_error_memory(err, size + extra);
-    FILE *file = fopen(path, "rb");
-    size_t n = file != NULL ? fread(dst->memory, 1, size, file) : 0;
-    if (file != NULL)
-        fclose(file);
-    return n == size ? RX_OK : rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
+    char piece[1 << 16];
+    FILE *from = fopen(path, "rb");
+    if (from == NULL)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+    rx_status status = RX_OK;
+    *size = 0;
+    for (size_t n; status == RX_OK && (n = fread(piece, 1, sizeof piece, from)) > 0; *size += (int64_t)n)
+        if (write(to, piece, n) != (ssize_t)n)
+            status =
+                rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
+    if (status == RX_OK && ferror(from))
+        status = rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
+    fclose(from);
+    return status;
 }
 
-/* The file comes into memory, its last block filled up with zeros. */
-static rx_status open_held(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
+/* The file comes into one in memory, its last block filled up with zeros. cfitsio has memory of its own kind,
+ * but forgets there that it could not read a header, and takes the last HDU to be as long as its header says.
+ */
+static rx_status hold(const char *path, const kind *about, int to, rx_fits_source *dst, rx_error *err)
 {
-    char name[80];
+    char begin[9] = "", literal[40];
     int failed = 0;
-    rx_status status = about->packed ? rx_fits_unpack(path, BLOCK, &dst->memory, &dst->size, err)
-                                     : load(path, about->size, BLOCK, dst, err);
-    if (status == RX_OK)
-        status = rx_fits_walk_memory(dst->memory, dst->size, path, err);
+    rx_status status =
+        about->packed ? rx_fits_unpack(path, to, &dst->bytes, err) : load(path, to, &dst->bytes, err);
     if (status != RX_OK)
         return status;
-    const size_t pad = (BLOCK - dst->size % BLOCK) % BLOCK;
-    snprintf(name, sizeof name, HELD, dst->size);
-    memset((char *)dst->memory + dst->size, 0, pad);
-    dst->size += pad;
-    if (fits_open_memfile(&dst->file, name, READONLY, &dst->memory, &dst->size, 0, NULL, &failed)) {
+    if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
+        return rx_error_at(err, RX_INPUT, path, -1, 0,
+                           "is not a packed FITS file: what is in it does not begin with SIMPLE");
+    if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
+        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
+    status = rx_fits_walk(to, path, err);
+    if (status != RX_OK)
+        return status;
+    snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
+    if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
         return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
     }
     return RX_OK;
 }
 
+static rx_status open_held(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
+{
+    const int memory = memfd_create("rextract", MFD_CLOEXEC);
+    if (memory < 0)
+        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
+    rx_status status = hold(path, about, memory, dst, err);
+    close(memory); /* cfitsio has it open */
+    return status;
+}
+
 static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err)
 {
     char literal[FLEN_FILENAME + 2];
     int failed = 0;
-    rx_status status = rx_fits_walk(path, err);
+    const int file = open(path, O_RDONLY | O_CLOEXEC);
+    rx_status status = file >= 0 ? rx_fits_walk(file, path, err) : RX_OK; /* cfitsio tells why */
+    if (file >= 0)
+        close(file);
     if (status != RX_OK)
         return status;
     /* cfitsio would make the home folder of a '~', and open another file than was looked at */
@@ -167,9 +190,11 @@ size_t rx_fits_held(const rx_fits_source *source)
     char kind[FLEN_FILENAME] = "";
     LONGLONG header = 0, data = 0, end = 0;
     int failed = 0, last = 0, now = 1, type;
+    if (source->bytes > 0)
+        return ((size_t)source->bytes + BLOCK - 1) / BLOCK * BLOCK;
     fits_url_type(source->file, kind, &failed);
     if (failed || strncmp(kind, "compress", 8) != 0)
-        return source->size;
+        return 0;
     fits_get_hdu_num(source->file, &now);
     fits_get_num_hdus(source->file, &last, &failed);
     fits_movabs_hdu(source->file, last, &type, &failed);
@@ -186,7 +211,6 @@ void rx_fits_done(rx_fits_source *source)
     if (source->file != NULL)
         fits_close_file(source->file, &ignored);
     fits_clear_errmsg();
-    free(source->memory);
     *source = (rx_fits_source){0};
 }
 
@@ -432,9 +456,10 @@ static rx_status check_scale(fitsfile *file, const char *path, int hdu, rx_error
     return RX_OK;
 }
 
-rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
-                             rx_error *err)
+rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
+                             const rx_fits_shape *shape, rx_error *err)
 {
+    fitsfile *file = source->file;
     LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
     int failed = 0, absent = 0;
     fits_get_hduaddrll(file, NULL, &start, &end, &failed);
@@ -452,9 +477,7 @@ rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx
         fits_clear_errmsg();
         bytes = (double)axes[0] * (double)axes[1] + (double)heap;
     }
-    size_t held = 0;
-    const bool is_held = sscanf(file->Fptr->filename, HELD, &held) == 1;
-    double there = (double)((is_held ? (LONGLONG)held : file->Fptr->filesize) - start);
+    double there = (double)((source->bytes > 0 ? source->bytes : file->Fptr->filesize) - start);
     if (there < 0)
         there = 0;
     if (failed || bytes > there)

@@ -10,6 +10,8 @@
 
 #include <fitsio.h>
 
+#include <stdint.h>
+
 #include "base/error.h"
 
 typedef struct rx_fits_name {
@@ -35,12 +37,11 @@ rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
 int rx_fits_name_selects(const rx_fits_name *name);
 
 /* An open file. cfitsio cannot read a last block without its padding, which many programs leave out, and
- * unpacks a file of gzip whatever its size before anyone can look at it: such files are held in memory, padded,
- * and must stay at their place as cfitsio points into the struct. */
+ * unpacks a file of gzip whatever its size before anyone can look at it: such files are held in memory,
+ * padded. */
 typedef struct rx_fits_source {
     fitsfile *file;
-    void *memory;
-    size_t size;
+    int64_t bytes; /* of a file held in memory, without padding; else 0 */
 } rx_fits_source;
 
 /* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
@@ -65,8 +66,8 @@ int rx_fits_is_plane(const rx_fits_shape *shape);
 
 /* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much;
  * or when an image's BSCALE or BZERO is no number. */
-rx_status rx_fits_check_size(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
-                             rx_error *err);
+rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
+                             const rx_fits_shape *shape, rx_error *err);
 
 /* Pixels of a rectangle of the current image HDU, rows first..last: BLANK, NaN, infinity and
  * what no float can hold become NAN. dst is [height][width] of the rectangle. */

@@ -52,13 +52,13 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, 
                   : status;
 }
 
-static rx_status check_image(fitsfile *file, const rx_fits_name *name, int hdu, const rx_fits_shape *shape,
-                             long first[2], long last[2], rx_error *err)
+static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int hdu,
+                             const rx_fits_shape *shape, long first[2], long last[2], rx_error *err)
 {
     int is_line = shape->is_image && shape->naxis == 1;
     if (!is_line && !rx_fits_is_plane(shape))
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
-    rx_status status = rx_fits_check_size(file, name->path, hdu, shape, err);
+    rx_status status = rx_fits_check_size(source, name->path, hdu, shape, err);
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
         first[i] = name->has_section ? name->first[i] : 1;
@@ -87,7 +87,7 @@ rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *
     if (status == RX_OK)
         status = find_image(source.file, &parsed, &hdu, &shape, err);
     if (status == RX_OK)
-        status = check_image(source.file, &parsed, hdu, &shape, first, last, err);
+        status = check_image(&source, &parsed, hdu, &shape, first, last, err);
     if (status != RX_OK)
         goto exit;
     *width = (int)(last[0] - first[0] + 1);
@@ -406,8 +406,10 @@ static rx_status take_header(fitsfile *file, const char *path, int hdu, rx_table
     return table->name != NULL ? RX_OK : rx_error_memory(err, sizeof extname);
 }
 
-static rx_status read_table(fitsfile *file, const char *path, int hdu, rx_table **dst, rx_error *err)
+static rx_status read_table(const rx_fits_source *source, const char *path, int hdu, rx_table **dst,
+                            rx_error *err)
 {
+    fitsfile *file = source->file;
     rx_fits_shape shape;
     int failed = 0, ncolumns = 0, kept = 0;
     long rows = 0;
@@ -423,7 +425,7 @@ static rx_status read_table(fitsfile *file, const char *path, int hdu, rx_table 
     fits_get_num_rows(file, &rows, &failed);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-    status = rx_fits_check_size(file, path, hdu, &shape, err);
+    status = rx_fits_check_size(source, path, hdu, &shape, err);
     if (status != RX_OK)
         return status;
     table = rx_table_new(ncolumns);
@@ -471,7 +473,7 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
                         : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
                                       n, index + 1);
     if (status == RX_OK)
-        status = read_table(source.file, parsed.path, hdus[index], dst, err);
+        status = read_table(&source, parsed.path, hdus[index], dst, err);
     rx_fits_done(&source);
     free(hdus);
     return status;
@@ -493,7 +495,7 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
     if (!failed) {
         fits_get_hdu_num(source.file, &number);
         *hdu = number - 1;
-        status = read_table(source.file, path, *hdu, dst, err);
+        status = read_table(&source, path, *hdu, dst, err);
     }
     rx_fits_done(&source);
     return status;

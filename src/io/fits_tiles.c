@@ -110,74 +110,33 @@ static LONGLONG gzip_size(const unsigned char *data, size_t length, LONGLONG mos
     return state == Z_STREAM_END && size <= most ? size : -1;
 }
 
-/* What the header says of the tiles, read as cfitsio reads it. */
+/* What cfitsio takes of the header, whatever else it says. */
 typedef struct method {
-    bool rice, hcompress, plio, gzip;
-    int bytes, block; /* Rice's ZVAL1 and ZVAL2, whatever their names are */
+    int type;         /* RICE_1 ... */
+    int bytes, block; /* Rice's */
     int bitpix, dither;
     bool unquantised; /* floating point as it is: pixels of fewer than 4 bytes would be taken for more */
     LONGLONG tile[2]; /* nominal shape */
 } method;
 
-static int int_key(fitsfile *file, const char *key, int otherwise)
+static method method_of(const fitsfile *file)
 {
-    int failed = 0, value = otherwise;
-    fits_read_key(file, TINT, key, &value, NULL, &failed);
-    return failed ? otherwise : value;
-}
-
-static bool text_key_is(fitsfile *file, const char *key, const char *value)
-{
-    int absent = 0;
-    char text[FLEN_VALUE] = "";
-    fits_read_key(file, TSTRING, key, text, NULL, &absent);
-    return absent == 0 && strcmp(text, value) == 0;
-}
-
-static bool has_column(fitsfile *file, const char *name, int *number)
-{
-    char text[32];
-    int failed = 0;
-    snprintf(text, sizeof text, "%s", name);
-    fits_get_colnum(file, CASEINSEN, text, number, &failed);
-    return failed == 0 || failed == COL_NOT_UNIQUE; /* then the first of that name */
-}
-
-static method method_of(fitsfile *file, const rx_fits_shape *shape)
-{
-    int ignored;
-    method m = {.rice = text_key_is(file, "ZCMPTYPE", "RICE_1") || text_key_is(file, "ZCMPTYPE", "RICE_ONE"),
-                .hcompress = text_key_is(file, "ZCMPTYPE", "HCOMPRESS_1"),
-                .plio = text_key_is(file, "ZCMPTYPE", "PLIO_1"),
-                .gzip = text_key_is(file, "ZCMPTYPE", "GZIP_1") || text_key_is(file, "ZCMPTYPE", "GZIP_2"),
-                .bitpix = int_key(file, "ZBITPIX", 0),
-                .dither = int_key(file, "ZDITHER0", 1),
-                .block = int_key(file, "ZVAL1", 0),
-                .bytes = text_key_is(file, "ZNAME2", "NOISEBIT") ? 4 : int_key(file, "ZVAL2", 4),
-                .tile = {shape->axes[0], 1}};
-    if (m.block < 16 && m.bytes > 8) {
-        const int block = m.bytes;
-        m.bytes = m.block;
-        m.block = block;
-    }
-    m.unquantised =
-        text_key_is(file, "ZQUANTIZ", "NONE") ||
-        (m.bitpix < 0 && !has_column(file, "ZSCALE", &ignored) && !has_column(file, "ZZERO", &ignored));
-    for (int i = 0; i < 2; i++) {
-        char key[FLEN_KEYWORD];
-        int absent = 0;
-        snprintf(key, sizeof key, "ZTILE%d", i + 1);
-        fits_read_key(file, TLONGLONG, key, &m.tile[i], NULL, &absent);
-    }
-    fits_clear_errmsg();
-    return m;
+    enum { NO_QUANTIZE = 9999 };
+    const FITSfile *all = file->Fptr;
+    return (method){.type = all->compress_type,
+                    .bytes = all->rice_bytepix,
+                    .block = all->rice_blocksize,
+                    .bitpix = all->zbitpix,
+                    .dither = all->dither_seed,
+                    .unquantised = (int)all->quantize_level == NO_QUANTIZE,
+                    .tile = {all->tilesize[0], all->zndim > 1 ? all->tilesize[1] : 1}};
 }
 
 /* ZDITHER0 is where in a table of 10000 numbers cfitsio begins. */
 static bool is_possible(const method *m)
 {
     return m->tile[0] > 0 && m->tile[1] > 0 && m->dither >= 1 && m->dither <= 10000 &&
-           (!m->rice ||
+           (m->type != RICE_1 ||
             (m->block > 0 && (m->bytes == 4 || (!m->unquantised && (m->bytes == 1 || m->bytes == 2)))));
 }
 
@@ -199,19 +158,19 @@ typedef struct cells {
     LONGLONG heap;
 } cells;
 
-static cells cells_of(fitsfile *file, const char *name, LONGLONG heap)
+static cells cells_of(fitsfile *file, int column, LONGLONG heap)
 {
-    cells dst = {.file = file, .heap = heap};
+    cells dst = {.file = file, .heap = heap, .column = column};
     int failed = 0;
-    if (!has_column(file, name, &dst.column))
+    if (column < 1)
         return (cells){0};
-    fits_get_coltype(file, dst.column, &dst.type, NULL, NULL, &failed);
+    fits_get_coltype(file, column, &dst.type, NULL, NULL, &failed);
     const int type = -dst.type; /* negative: in the heap */
-    dst.size = type == TBYTE                                          ? 1
-               : type == TSHORT                                       ? 2
-               : type == TLONG || type == TINT32BIT || type == TFLOAT ? 4
-               : type == TLONGLONG || type == TDOUBLE                 ? 8
-                                                                      : 0;
+    dst.size = type == TBYTE                          ? 1
+               : type == TSHORT                       ? 2
+               : type == TLONG || type == TFLOAT      ? 4
+               : type == TLONGLONG || type == TDOUBLE ? 8
+                                                      : 0;
     return dst;
 }
 
@@ -241,11 +200,13 @@ static bool holds_gzip(const method *m, const unsigned char *data, size_t length
 
 static bool holds_tile(const method *m, const void *data, size_t length, LONGLONG pixels, bool is_normal)
 {
-    if (!is_normal || m->gzip)
+    if (!is_normal || m->type == GZIP_1 || m->type == GZIP_2)
         return holds_gzip(m, data, length, pixels, is_normal);
-    if (m->rice)
+    if (m->type == RICE_1)
         return holds_rice(data, length, pixels, m->bytes, m->block);
-    return m->plio ? holds_plio(data, length) : !m->hcompress || holds_hcompress(data, length, pixels);
+    if (m->type == PLIO_1)
+        return holds_plio(data, length);
+    return m->type == HCOMPRESS_1 && holds_hcompress(data, length, pixels);
 }
 
 /* The bytes of the cell, words of a line list. RX_INPUT without a text: they are no such tile. */
@@ -253,7 +214,7 @@ static rx_status check_cell(const cells *c, const method *m, LONGLONG row, LONGL
                             bool is_normal, rx_error *err)
 {
     int failed = 0, anynul = 0;
-    const bool words = is_normal && m->plio;
+    const bool words = is_normal && m->type == PLIO_1;
     void *data = rx_alloc((size_t)length, sizeof(short));
     if (data == NULL)
         return rx_error_memory(err, (size_t)length * sizeof(short));
@@ -282,12 +243,12 @@ rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const r
 {
     LONGLONG rows = 0, heap = 0;
     int failed = 0;
-    const method m = method_of(file, shape);
+    const method m = method_of(file);
     fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     fits_read_key(file, TLONGLONG, "PCOUNT", &heap, NULL, &failed);
-    const cells normal = cells_of(file, "COMPRESSED_DATA", heap),
-                plain = cells_of(file, "UNCOMPRESSED_DATA", heap),
-                gzip = cells_of(file, "GZIP_COMPRESSED_DATA", heap);
+    const cells normal = cells_of(file, file->Fptr->cn_compressed, heap),
+                plain = cells_of(file, file->Fptr->cn_uncompressed, heap),
+                gzip = cells_of(file, file->Fptr->cn_gzip_data, heap);
     rx_status status = !failed && normal.column > 0 && is_possible(&m) ? RX_OK : RX_INPUT;
     for (LONGLONG row = 0; row < rows && status == RX_OK; row++)
         status = check_tile(&normal, &plain, &gzip, &m, row, tile_pixels(&m, shape, row), err);

@@ -3,9 +3,9 @@
 
 #include <errno.h>
 #include <fitsio2.h> /* ffgbyt() */
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "io/fits_file.h"
 
@@ -108,35 +108,33 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
         dst->product = -1;
 }
 
-/* Where blocks are read: one of the first three. */
+/* Where blocks are read: a descriptor, or a file that cfitsio has open. */
 typedef struct source {
-    FILE *plain;
+    int plain;
     fitsfile *open;
-    const char *bytes;
-    size_t size;
     bool unreadable; /* not the end of the file: the disk */
 } source;
 
 /* EINVAL: no file has such a place. */
 static bool read_plain(source *s, LONGLONG place, char *block)
 {
-    const bool there = fseeko(s->plain, (off_t)place, SEEK_SET) == 0;
-    s->unreadable = !there && errno != EINVAL && errno != EOVERFLOW;
-    const bool whole = there && fread(block, BLOCK, 1, s->plain) == 1;
-    s->unreadable |= ferror(s->plain) != 0;
-    return whole;
+    size_t have = 0;
+    while (have < BLOCK) {
+        const ssize_t n = pread(s->plain, block + have, BLOCK - have, (off_t)(place + (LONGLONG)have));
+        if (n > 0)
+            have += (size_t)n;
+        else if (n == 0 || errno != EINTR) {
+            s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
+            return false;
+        }
+    }
+    return true;
 }
 
 static bool read_block(source *s, LONGLONG place, char *block)
 {
     int failed = 0;
-    if (s->bytes != NULL) {
-        if (place < 0 || place > (LONGLONG)s->size || s->size - (size_t)place < BLOCK)
-            return false;
-        memcpy(block, s->bytes + place, BLOCK);
-        return true;
-    }
-    if (s->plain != NULL)
+    if (s->open == NULL)
         return read_plain(s, place, block);
     ffmbyt(s->open, place, REPORT_EOF, &failed);
     ffgbyt(s->open, BLOCK, block, &failed);
@@ -206,49 +204,34 @@ static rx_status judge(const source *s, const rx_fits_layout *header, const char
     return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
 }
 
-static rx_status walk(source *s, const char *path, rx_error *err)
+rx_status rx_fits_walk(int file, const char *path, rx_error *err)
 {
+    source s = {.plain = file};
     rx_fits_layout header;
     rx_status status = RX_OK;
     LONGLONG place = 0;
     for (int hdu = 0; status == RX_OK; hdu++) {
-        const bool whole = read_header(s, &place, &header);
+        const bool whole = read_header(&s, &place, &header);
         const int64_t bytes = rx_fits_layout_bytes(&header);
-        status = judge(s, &header, path, hdu, err);
+        status = judge(&s, &header, path, hdu, err);
         if (!whole || bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
     return status;
 }
 
-rx_status rx_fits_walk(const char *path, rx_error *err)
+int64_t rx_fits_walk_wanted(int file, int64_t size, int64_t *place)
 {
-    source s = {.plain = fopen(path, "rb")};
-    if (s.plain == NULL)
-        return RX_OK; /* cfitsio tells why */
-    rx_status status = walk(&s, path, err);
-    fclose(s.plain);
-    return status;
-}
-
-rx_status rx_fits_walk_memory(const void *bytes, size_t size, const char *path, rx_error *err)
-{
-    source s = {.bytes = bytes, .size = size};
-    return walk(&s, path, err);
-}
-
-int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place)
-{
-    source s = {.bytes = bytes != NULL ? bytes : "", .size = size};
+    source s = {.plain = file};
     rx_fits_layout header;
     for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
-        if (at + BLOCK > (LONGLONG)size)
+        if (at + BLOCK > size)
             return at + BLOCK;
         const bool whole = read_header(&s, &at, &header);
-        if (!whole && at + BLOCK > (LONGLONG)size)
+        if (!whole && at + BLOCK > size)
             return at + BLOCK;
-        const int64_t bytes_of_data = rx_fits_layout_bytes(&header);
-        if (!whole || bytes_of_data < 0 || __builtin_add_overflow(at, bytes_of_data, &at))
+        const int64_t bytes = rx_fits_layout_bytes(&header);
+        if (!whole || bytes < 0 || __builtin_add_overflow(at, bytes, &at))
             break;
         *place = at;
     }

@@ -35,18 +35,16 @@ const char *rx_fits_layout_fault(const rx_fits_layout *layout);
  * or when a value is too long for cfitsio's memory or its message. They look at each header before cfitsio
  * does; where one makes no sense the walk ends, and cfitsio says what is wrong.
  *
- * rx_fits_walk() and rx_fits_walk_memory() are for before a file, or one held in memory, is opened. They find
- * nothing in a file that is packed as a whole, whose primary header cfitsio reads on opening.
- * rx_fits_walk_open() goes through the other headers of a file just opened, to where cfitsio takes them to
- * be, and back to the first HDU. */
-rx_status rx_fits_walk(const char *path, rx_error *err);
-rx_status rx_fits_walk_memory(const void *bytes, size_t size, const char *path, rx_error *err);
+ * rx_fits_walk() is for before a file is opened; it finds nothing in one that is packed as a whole, whose
+ * primary header cfitsio reads on opening. rx_fits_walk_open() goes through the other headers of a file just
+ * opened, to where cfitsio takes them to be, and back to the first HDU. */
+rx_status rx_fits_walk(int file, const char *path, rx_error *err);
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err);
 
 /* How many bytes from its beginning a file must have so that the walk through its headers can go on, when
  * `size` of them are there; no more than `size` where it has ended. *place, 0 at first, is where it goes on
  * with more bytes. */
-int64_t rx_fits_walk_wanted(const void *bytes, size_t size, int64_t *place);
+int64_t rx_fits_walk_wanted(int file, int64_t size, int64_t *place);
 
 /* Is it the disk that makes cfitsio fail with that status? Then nothing more may be read: cfitsio keeps the
  * block that it could not read as if it had. */

@@ -320,8 +320,9 @@ static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile,
 /* --- all of it --- */
 
 /* Go to the HDU, check it and say which part of it is wanted. */
-static rx_status find_place(fitsfile *file, rx_tile_place *place, rx_error *err)
+static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, rx_error *err)
 {
+    fitsfile *file = source->file;
     rx_fits_shape shape;
     const rx_fits_name *name = place->name;
     rx_status status = rx_fits_goto(file, name->path, place->hdu, err);
@@ -332,7 +333,7 @@ static rx_status find_place(fitsfile *file, rx_tile_place *place, rx_error *err)
         return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
     status = check_plane(name->path, place->hdu, &shape, err);
     if (status == RX_OK)
-        status = rx_fits_check_size(file, name->path, place->hdu, &shape, err);
+        status = rx_fits_check_size(source, name->path, place->hdu, &shape, err);
     if (status != RX_OK)
         return status;
     for (int i = 0; i < 2; i++) {
@@ -376,7 +377,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     if (status == RX_OK)
         status = rx_fits_open(parsed.path, &source, err);
     if (status == RX_OK)
-        status = find_place(source.file, &place, err);
+        status = find_place(&source, &place, err);
     if (status == RX_OK)
         status = read_header(source.file, &place, &cards, &parent, err);
     if (status == RX_OK)
@@ -415,7 +416,7 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
     rx_fits_shape shape;
     rx_text cards = {0}, parent = {0};
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
-    rx_status status = find_place(source->file, &place, err);
+    rx_status status = find_place(source, &place, err);
     if (status == RX_OK)
         status = read_header(source->file, &place, &cards, &parent, err);
     int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;

@@ -57,7 +57,7 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     int failed = rx_fits_shape_of(source->file, shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name.path, *hdu, failed, "this HDU cannot be read");
-    status = rx_fits_check_size(source->file, name.path, *hdu, shape, err);
+    status = rx_fits_check_size(source, name.path, *hdu, shape, err);
     if (status != RX_OK)
         return status;
     int same = 1, part = 1;

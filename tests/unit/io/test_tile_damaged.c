@@ -205,7 +205,14 @@ static void test_packed_files(void **state)
     check_refused(&PLAIN, packed, "longer than any");
     pack(packed, data, 0, 0);
     check_refused(&PLAIN, packed, "");
+    memcpy(data + 80, "BITPIX  =                  -32                                                    ",
+           80);
+    pack(packed, data, size, 0);
     free(data);
+    data = slurp(packed, &size);
+    pack(packed, data, size, 0);
+    free(data);
+    check_refused(&PLAIN, packed, "does not begin with SIMPLE");
 }
 
 /* --- tiles of a compressed image --- */
@@ -299,6 +306,21 @@ static void test_tiles_that_cfitsio_does_not_survive(void **state)
     }
 }
 
+/* A header that cfitsio could not read is remembered where the file is held in memory, too. */
+static void test_missing_settings(void **state)
+{
+    static const char zeros[400];
+    const uint32_t cells[4] = {6, 0, 0, 0};
+    size_t size = 0;
+    put_tile(in(state, "t.fits.fz"), "ZCMPTYPE= 'RICE_1'\nZBITPIX = 16\n", BYTES SECOND, cells, zeros,
+             sizeof zeros);
+    char *data = slurp(in(state, "t.fits.fz"), &size);
+    pack(in(state, "t.fits.gz"), data, size, 0);
+    free(data);
+    check_refused(&PLAIN, in(state, "t.fits.fz"), "cannot be read");
+    check_refused(&PLAIN, in(state, "t.fits.gz"), "cannot be read");
+}
+
 static void test_line_lists(void **state)
 {
     static const struct {
@@ -351,6 +373,7 @@ int main(void)
         cmocka_unit_test(test_missing_padding),
         cmocka_unit_test(test_packed_files),
         cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
+        cmocka_unit_test(test_missing_settings),
         cmocka_unit_test(test_line_lists),
         cmocka_unit_test(test_huge_tiles),
     };
