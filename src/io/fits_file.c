@@ -64,6 +64,7 @@ static const char *not_fits(const unsigned char *head, size_t n)
 
 /* What check_file() found. */
 typedef struct kind {
+    int64_t bytes;
     bool packed, unpadded; /* by gzip; plain, its last block is none */
 } kind;
 
@@ -89,21 +90,25 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
+    dst->bytes = (int64_t)info.st_size;
     dst->packed = memcmp(head, "\x1f\x8b", 2) == 0;
     dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && info.st_size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-static rx_status load(const char *path, int to, int64_t *size, rx_error *err)
+static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx_error *err)
 {
     char piece[1 << 16];
+    rx_status status = rx_fits_ask_memory(bytes, err);
+    if (status != RX_OK)
+        return status;
     FILE *from = fopen(path, "rb");
     if (from == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
-    rx_status status = RX_OK;
     *size = 0;
-    for (size_t n; status == RX_OK && (n = fread(piece, 1, sizeof piece, from)) > 0; *size += (int64_t)n)
+    for (size_t n; status == RX_OK && *size < bytes && (n = fread(piece, 1, sizeof piece, from)) > 0;
+         *size += (int64_t)n)
         if (write(to, piece, n) != (ssize_t)n)
             status =
                 rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
@@ -120,8 +125,8 @@ static rx_status hold(const char *path, const kind *about, int to, rx_fits_sourc
 {
     char begin[9] = "", literal[40];
     int failed = 0;
-    rx_status status =
-        about->packed ? rx_fits_unpack(path, to, &dst->bytes, err) : load(path, to, &dst->bytes, err);
+    rx_status status = about->packed ? rx_fits_unpack(path, to, &dst->bytes, err)
+                                     : load(path, about->bytes, to, &dst->bytes, err);
     if (status != RX_OK)
         return status;
     if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)

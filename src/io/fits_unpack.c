@@ -12,11 +12,24 @@
 
 enum { PIECE = 1 << 20 };
 
+rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err)
+{
+    void *memory = rx_alloc((size_t)bytes, 1);
+    free(memory);
+    return memory != NULL ? RX_OK : rx_error_memory(err, (size_t)bytes);
+}
+
 static rx_status unpack(gzFile from, const char *path, int to, char *piece, int64_t *size, rx_error *err)
 {
-    int64_t place = 0;
+    int64_t place = 0, most = 64 * (int64_t)PIECE; /* asked for as it grows, for a header may lie */
     while (rx_fits_walk_wanted(to, *size, &place) > *size) {
         int failed = Z_OK;
+        if (*size + PIECE > most) {
+            most *= 2;
+            rx_status status = rx_fits_ask_memory(most, err);
+            if (status != RX_OK)
+                return status;
+        }
         const int n = gzread(from, piece, PIECE);
         gzerror(from, &failed);
         if (failed != Z_OK)

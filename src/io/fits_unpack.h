@@ -11,4 +11,8 @@
  * RX_INPUT (cannot be opened, cut off, damaged), RX_SYSTEM. */
 rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err);
 
+/* Could so much memory be had? Files in memory grow past every limit of a process, until the system kills
+ * one. RX_SYSTEM: no. */
+rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err);
+
 #endif
