@@ -16,8 +16,9 @@ command -v "$clang" >/dev/null || { echo 'tsan.sh: install clang and libomp-dev'
 here=$PWD
 passed=0 failed=0 skipped=0
 export TSAN_OPTIONS="ignore_noninstrumented_modules=1 exitcode=66 allocator_may_return_null=1 log_path=$here/report"
-# The sanitizer's own memory is a file, so that it does not bear the limit on files that stands for a full disk.
-export RX_TEST_NOT='disk full' OMP_WAIT_POLICY=passive
+# The sanitizer's own memory is a file, so that it does not bear the limit on files that stands for a full disk. LLVM's
+# library (14), watched by Archer, looks at the first thread that it has known, in the other case a generator that has ended.
+export RX_TEST_NOT='disk full|templates that are not there' OMP_WAIT_POLICY=passive
 export srcdir="$top" RX_BUILD_DIR="$here" RX_PROGRAM="$here/rextract" RX_SHARED_DATA="${RX_SHARED_DATA-}"
 
 # A sum with and without a race, between two loops that a barrier parts.

@@ -163,7 +163,7 @@ static void test_leftovers(void **state)
 static void test_claimed_folder(void **state)
 {
     int told[2];
-    char name[400], theirs[400], inner[1000];
+    char name[400] = "", theirs[400], inner[1000];
     const int before = count_entries(in(state, ""));
     snprintf(name, sizeof name, "%s", in(state, "work.tmp-XXXXXX"));
     put(in(state, "work.tmp-mine"), "mine");
