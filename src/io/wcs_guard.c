@@ -204,6 +204,39 @@ static int is_whole_card(const char *card)
     return c != NULL && (c == end || *c == '/');
 }
 
+/* nnn of a card WATi_nnn, 0 for any other. */
+static int wat_number(const char *card, char i)
+{
+    int number = 0;
+    if (strncmp(card, "WAT", 3) != 0 || card[3] != i || card[4] != '_')
+        return 0;
+    for (int k = 5; k < 8; k++) {
+        if (!isdigit((unsigned char)card[k]))
+            return 0;
+        number = 10 * number + card[k] - '0';
+    }
+    return number;
+}
+
+/* wcslib 7.12 puts WATi_001, WATi_002 ... together, and what is on its stack in the place of one that is
+ * missing: all or none. */
+static void keep_whole_wats(char *cards, size_t ncards)
+{
+    for (char i = '1'; i <= '9'; i++) {
+        char seen[1000] = {0};
+        int highest = 0, n = 0;
+        for (size_t k = 0; k < ncards; k++) {
+            const int number = wat_number(cards + k * CARD, i);
+            n += number > 0 && !seen[number];
+            seen[number] = 1;
+            highest = number > highest ? number : highest;
+        }
+        for (size_t k = 0; k < ncards && n < highest; k++)
+            if (wat_number(cards + k * CARD, i) > 0)
+                memset(cards + k * CARD, ' ', CARD);
+    }
+}
+
 /* wcslib 7.12 shall see no cards but whole ones, in printable ASCII (FITS standard 4.0, sections 4.1
  * and 4.2): its lexer runs through null pointers on some others, and takes a text without a closing quote to
  * go on in the next cards, which it then writes into 80 bytes on its stack, and WATi_000 (they count from 1)
@@ -219,6 +252,7 @@ static void keep_whole_cards(char *cards, size_t ncards)
         if (!is_whole_card(card))
             memset(card, ' ', CARD);
     }
+    keep_whole_wats(cards, ncards);
     if (rx_cards_find(cards, ncards, "CTYPE1") >= 0 && rx_cards_find(cards, ncards, "CTYPE2") >= 0)
         return;
     const int plane = is_plane(cards, ncards);

@@ -328,6 +328,7 @@ static void test_hostile_cards(void **state)
         "WAT1_001= 'wtype=tnxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx axtype=ra'",
         "WAT1_001= 'axtype=ra wtype = tnxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx q'",
         "WAT1_001= 'wtype= t'\nWAT1_002= 'nxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx'",
+        "WAT1_002= 'wtype=tnx axtype=ra'",
         "A_2_0   = .",
         "AP_1_1  = 'text'",
         "B_0_2   = 1.5.2",
