@@ -391,7 +391,7 @@ void rx_detections_drop_pixels(rx_detections *detections)
     free(detections->blocks);
     detections->blocks = NULL;
     detections->nblocks = 0;
-    for (int i = 0; i < detections->n; i++)
+    for (int i = 0; detections->list != NULL && i < detections->n; i++)
         detections->list[i].pixels = NULL;
 }
 
