@@ -66,17 +66,34 @@ static bool is_too_long(const char *card, bool is_table)
            ((found && end - c > LONGEST) || (is_table && end - c > LONGEST_TEXT && *c != '\''));
 }
 
+/* What cfitsio takes for a table, which it is less strict about than the standard. */
+static bool says_table(const char *card)
+{
+    static const char *const types[] = {"BINTABLE", "TABLE", "A3DTABLE", "3DTABLE"};
+    const char *c = card + 10, *end = card + CARD - 8;
+    while (c < end && *c == ' ')
+        c++;
+    c += *c == '\'';
+    while (c < end && *c == ' ')
+        c++;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (strncmp(c, types[i], strlen(types[i])) == 0)
+            return true;
+    return false;
+}
+
 /* How a table begins. */
 static void take_table_card(rx_fits_layout *dst, const char *card)
 {
     static const char *const order[] = {"XTENSION", "BITPIX  ", "NAXIS   ", "NAXIS1  ",
                                         "NAXIS2  ", "PCOUNT  ", "GCOUNT  ", "TFIELDS "};
-    if (dst->cards == 0 && is_key(card, "XTENSION"))
-        dst->is_table = strncmp(card + 10, "'BINTABLE'", 10) == 0 || strncmp(card + 10, "'TABLE ", 7) == 0 ||
-                        strncmp(card + 10, "'A3DTABLE'", 10) == 0;
-    else if (dst->is_table && dst->cards < TABLE_CARDS &&
-             (!is_key(card, order[dst->cards]) || !is_count(card)))
+    if (dst->cards == 0 && strncmp(card, "XTENSION", 8) == 0) {
+        dst->is_table = is_key(card, "XTENSION") && says_table(card);
+        dst->no_table = !is_key(card, "XTENSION");
+    } else if (dst->is_table && dst->cards < TABLE_CARDS &&
+               (!is_key(card, order[dst->cards]) || !is_count(card))) {
         dst->no_table = true;
+    }
     dst->cards++;
 }
 
