@@ -102,8 +102,13 @@ rx_fits_layout rx_fits_layout_begin(void)
     return (rx_fits_layout){.product = 1, .gcount = 1};
 }
 
-void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
+/* cfitsio finds keywords of small letters, too. */
+void rx_fits_layout_card(rx_fits_layout *dst, const char *as_it_is)
 {
+    char card[CARD];
+    memcpy(card, as_it_is, CARD);
+    for (int i = 0; i < 8; i++)
+        card[i] = card[i] >= 'a' && card[i] <= 'z' ? (char)(card[i] - 'a' + 'A') : card[i];
     take_table_card(dst, card);
     dst->too_long |= is_too_long(card, dst->is_table);
     if (is_key(card, "BITPIX  "))

@@ -48,6 +48,7 @@ static void test_headers_that_cfitsio_does_not_survive(void **state)
 {
     check_header_refused(state, 16, "ZTILE2  =                0   1", "ZTILE");
     check_header_refused(state, 16, "ZTILE2  =                 1E-5", "ZTILE");
+    check_header_refused(state, 16, "ztile2  =                    0", "ZTILE");
     check_header_refused(state, 4, "NAXIT2  =                   10", "NAXIS2");
     check_header_refused(state, 7, "TFIELDS =                  'a'", "TFIELDS");
     check_header_refused(state, 3, "NAXIS1  =                  5889223372036854775807", "NAXIS1");
