@@ -159,6 +159,7 @@ static void add_seam(workshop *w)
 
 /* --- the template --- */
 
+/* No pixels: their light has no sum that they could be parts of, be it too much for a float or none. */
 static rx_status crop(const workshop *w, rx_template *dst, rx_error *err)
 {
     int left = w->width, right = -1, bottom = w->height, top = -1;
@@ -190,6 +191,11 @@ static rx_status crop(const workshop *w, rx_template *dst, rx_error *err)
             light += (double)w->raw[i];
             count += 1.0;
         }
+    if (!(sum > 0.0 && isfinite(sum))) {
+        free(dst->pixels);
+        dst->pixels = NULL;
+        return RX_OK;
+    }
     for (size_t i = 0; i < n; i++)
         dst->pixels[i] = (float)((double)dst->pixels[i] / sum);
     dst->snr = w->sigma > 0.0 ? light / (w->sigma * sqrt(count)) : HUGE_VAL;
@@ -255,10 +261,10 @@ rx_status rx_template_isolate(const float *pixels, const unsigned char *mask, in
     for (int i = 0; i < SEAM; i++)
         add_seam(&w);
     status = crop(&w, dst, err);
-    if (status == RX_OK)
+    if (status == RX_OK && dst->pixels != NULL) {
         measure_shape(dst);
-    if (status == RX_OK)
         status = measure_radius(dst, err);
+    }
 exit:
     if (status != RX_OK) {
         free(dst->pixels);

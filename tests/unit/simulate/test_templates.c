@@ -144,6 +144,30 @@ static void test_file(void **state)
 }
 
 /* Position: what is in the middle of the crop is where the object was. */
+/* What is above the noise may have no light in the end: that is no template, and has no radius. */
+static void test_isolate_no_light(void **state)
+{
+    static const char image[] = ".......-...."
+                                "............"
+                                "...---...--."
+                                "...........-"
+                                "-.-........."
+                                "--.......-.."
+                                "............"
+                                ".........---"
+                                "...-------.."
+                                ".........-.."
+                                "............"
+                                ".......-1.-.";
+    float pixels[144];
+    rx_template t = {0};
+    (void)state;
+    for (int i = 0; i < 144; i++)
+        pixels[i] = image[i] == '-' ? NAN : image[i] == '1' ? 1.0f : 0.0f;
+    assert_int_equal(rx_template_isolate(pixels, NULL, 12, 12, NAN, &t, NULL), RX_OK);
+    assert_null(t.pixels);
+}
+/* Position: what is in the middle of the crop is where the object was. */
 static void test_isolate(void **state)
 {
     (void)state;
@@ -353,6 +377,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_file, make_scratch, drop_scratch),
         cmocka_unit_test(test_isolate),
+        cmocka_unit_test(test_isolate_no_light),
         cmocka_unit_test_setup_teardown(test_folder_and_list, make_scratch, drop_scratch),
         cmocka_unit_test_setup_teardown(test_catalogue, make_scratch, drop_scratch),
         cmocka_unit_test(test_cosmos),
