@@ -58,8 +58,10 @@ static bool is_too_long(const char *card, bool is_table)
         found = strncmp(card, keys[i], strlen(keys[i])) == 0;
     while (c < end && *c == ' ')
         c++;
-    const char *stop = memchr(c, '/', (size_t)(end - c));
-    end = stop != NULL ? stop : end;
+    /* a text ends at its quote, a complex number at its parenthesis, whatever stands before it */
+    const char close = c == end ? '/' : *c == '\'' ? '\'' : *c == '(' ? ')' : '/';
+    const char *from = close == '/' ? c : c + 1, *stop = memchr(from, close, (size_t)(end - from));
+    end = stop != NULL ? stop + (close != '/') : end;
     while (end > c && end[-1] == ' ')
         end--;
     return card[8] == '=' &&

@@ -56,6 +56,8 @@ static void test_headers_that_cfitsio_does_not_survive(void **state)
     check_header_refused(state, 0, "XTENSIONXTENSION= 'BINTABLE'", "TFIELDS");
     check_header_refused(state, 11, "ZBITPIX =      LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL / type",
                          "longer than any");
+    check_header_refused(state, 13, "ZNAXIS1 =   ( 10 / length of the original image's axis (1)",
+                         "longer than any");
     check_header_refused(state, 8,
                          "TTYPE1  = LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL",
                          "longer than any");
