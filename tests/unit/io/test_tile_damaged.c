@@ -217,6 +217,8 @@ static void test_packed_files(void **state)
     pack(packed, data, size, 0);
     free(data);
     check_refused(&PLAIN, packed, "does not begin with SIMPLE");
+    dump(packed, "PK\3\4 and so on", 15);
+    check_refused(&PLAIN, packed, "zip archive");
 }
 
 /* --- tiles of a compressed image --- */
