@@ -46,6 +46,18 @@ long rx_cards_find(const char *cards, size_t ncards, const char *key)
     return -1;
 }
 
+const char *rx_card_text_end(const char *c, const char *end)
+{
+    for (c++; c < end; c++) {
+        if (*c != '\'')
+            continue;
+        if (c + 1 == end || c[1] != '\'')
+            return c + 1;
+        c++;
+    }
+    return NULL;
+}
+
 /* Append the text between quotes that begins at `c` (before `end`) to dst[*used]; 1 when it ends in '&'. */
 static int add_quoted(const char *c, const char *end, char *dst, size_t size, size_t *used)
 {

@@ -11,6 +11,10 @@
  * blanks are ESO's HIERARCH ones), -1 when absent. */
 long rx_cards_find(const char *cards, size_t ncards, const char *key);
 
+/* Behind the closing quote of the text whose first quote is at `c`, in which two of them stand for one; NULL
+ * when there is none before `end`. */
+const char *rx_card_text_end(const char *c, const char *end);
+
 /* Header of an image after a section of it was cut out: CRPIXj (all versions) and LTVj move
  * by the section's first pixel (from 1), NAXISj become its size. In place. */
 void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2]);

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "io/cards.h"
 #include "io/fits_file.h"
 
 enum {
@@ -14,6 +15,7 @@ enum {
     BLOCK = 2880,
     MAX_BLOCKS = 4096,
     TABLE_CARDS = 8,
+    MOST_FIELDS = 999,
     LONGEST = 24,
     LONGEST_TEXT = 68,
     MOST_DIGITS = 18
@@ -59,9 +61,10 @@ static bool is_too_long(const char *card, bool is_table)
     while (c < end && *c == ' ')
         c++;
     /* a text ends at its quote, a complex number at its parenthesis, whatever stands before it */
-    const char close = c == end ? '/' : *c == '\'' ? '\'' : *c == '(' ? ')' : '/';
-    const char *from = close == '/' ? c : c + 1, *stop = memchr(from, close, (size_t)(end - from));
-    end = stop != NULL ? stop + (close != '/') : end;
+    const char close = c < end && *c == '(' ? ')' : '/';
+    const char *stop = c < end && *c == '\'' ? rx_card_text_end(c, end) : memchr(c, close, (size_t)(end - c));
+    if (stop != NULL)
+        end = stop + (*stop == ')' && close == ')');
     while (end > c && end[-1] == ' ')
         end--;
     return card[8] == '=' &&
@@ -93,7 +96,8 @@ static void take_table_card(rx_fits_layout *dst, const char *card)
         dst->is_table = is_key(card, "XTENSION") && says_table(card);
         dst->no_table = !is_key(card, "XTENSION");
     } else if (dst->is_table && dst->cards < TABLE_CARDS &&
-               (!is_key(card, order[dst->cards]) || !is_count(card))) {
+               (!is_key(card, order[dst->cards]) || !is_count(card) ||
+                (dst->cards == TABLE_CARDS - 1 && number(card) > MOST_FIELDS))) {
         dst->no_table = true;
     }
     dst->cards++;
@@ -121,8 +125,8 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *as_it_is)
         dst->pcount = number(card);
     else if (is_key(card, "GCOUNT  "))
         dst->gcount = number(card);
-    else if (is_key(card, "ZTILE") && card[5] >= '1' && card[5] <= '9' &&
-             (!is_count(card) || number(card) < 1))
+    else if (strncmp(card, "ZTILE", 5) == 0 && card[5] >= '1' && card[5] <= '9' && card[8] == '=' &&
+             (card[9] != ' ' || !is_count(card) || number(card) < 1))
         dst->no_tile = true;
     else if (is_key(card, "ZCMPTYPE"))
         dst->rice = strncmp(card + 11, "RICE", 4) == 0;

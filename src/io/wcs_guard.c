@@ -105,19 +105,6 @@ static const char *end_of_number(const char *c, const char *end)
     return digits > 0 ? c : NULL;
 }
 
-/* The same of the text whose first quote is at `c`. */
-static const char *end_of_text(const char *c, const char *end)
-{
-    for (c++; c < end; c++) {
-        if (*c != '\'')
-            continue;
-        if (c + 1 == end || c[1] != '\'')
-            return c + 1;
-        c++; /* two of them stand for one */
-    }
-    return NULL;
-}
-
 /* Order or coefficient of SIP. */
 static int is_sip(const char *card)
 {
@@ -179,12 +166,18 @@ static int is_long_type(const char *card)
     return 0;
 }
 
-/* `KEYWORD = value / comment`, a number where SIP wants one. */
+/* wcslib takes them for numbers, whatever they are. */
+static int wants_number(const char *card)
+{
+    return is_sip(card) || (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0);
+}
+
+/* `KEYWORD = value / comment`. */
 static int is_whole_card(const char *card)
 {
     static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
     const char *c = card, *end = card + CARD;
-    const int sip = is_sip(card);
+    const int number = wants_number(card);
     c += strspn(card, allowed);
     while (c > card && c < card + 8 && *c == ' ')
         c++;
@@ -193,10 +186,10 @@ static int is_whole_card(const char *card)
         return 0;
     for (c += 2; c < end && *c == ' '; c++)
         continue;
-    if (c < end && !sip && (*c == 'T' || *c == 'F'))
+    if (c < end && !number && (*c == 'T' || *c == 'F'))
         c++;
-    else if (c < end && !sip && *c == '\'')
-        c = end_of_text(c, end);
+    else if (c < end && !number && *c == '\'')
+        c = rx_card_text_end(c, end);
     else
         c = c < end ? end_of_number(c, end) : NULL;
     while (c != NULL && c < end && *c == ' ')

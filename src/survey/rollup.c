@@ -195,8 +195,9 @@ rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *
     rx_rollup_tile *tile = NULL;
     const rx_rollup_tile *known = NULL;
     rx_status status = new_tile(record, &tile, err);
-    if (status == RX_OK)
-        status = keep_tile(r, tile, &known, err);
+    if (status != RX_OK)
+        return status;
+    status = keep_tile(r, tile, &known, err);
     if (status == RX_OK && known != tile && strcmp(known->digest, tile->digest) != 0)
         status = rx_error_at(err, RX_INPUT, record->image, -1, 0,
                              "has two records that differ; leave out the older one");

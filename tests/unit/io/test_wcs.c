@@ -363,6 +363,8 @@ static void test_hostile_cards(void **state)
                            100, note));
     assert_null(
         from_lines("NAXIS   = 2\nNAXIS   = 1\nCNPIX2  = 24\nAMDX1   = 67\nCRPIX1  = 5", 100, 100, note));
+    /* and one that is no number */
+    assert_null(from_lines("NAXIS   = 2\nCNPIX1  = 'wt'", 100, 100, note));
 }
 
 static void test_linear(void **state)
