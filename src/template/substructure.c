@@ -2,6 +2,7 @@
 #include "template/substructure.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Pixels outside the segment count from so many sigmas on. */
 static const double CLEAR = 3.0;
@@ -75,22 +76,32 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
     return 1.4826 * (double)select_value(work, count, count - 1 - count / 2);
 }
 
-/* Of the restored pixel k. */
-static double noise_of(const rx_refine_view *view, size_t k)
+/* Of the restored pixels from (x0, y0) to (x1, y1), in rows: read at once, as a restorer that makes them has
+ * to look around each piece. NULL: it is the tile's. */
+static const float *read_noise(const rx_refine_view *view, int x0, int y0, int x1, int y1, float *room)
 {
     const rx_restored *restored = view->restored;
-    const size_t width = (size_t)restored->width;
-    if (restored->noise == NULL && restored->sky == NULL)
-        return sqrt(rx_canvas_variance(view->canvas, (int)(k % width), (int)(k / width)));
-    const rx_map map = restored->noise != NULL ? rx_map_made(restored->noise, restored->width)
-                                               : rx_background_noise(restored->sky);
-    return (double)rx_map_at(&map, (int)(k % width), (int)(k / width));
+    const int n = x1 - x0 + 1, rows = y1 - y0 + 1;
+    if ((restored->noise == NULL && restored->sky == NULL) || n <= 0 || rows <= 0)
+        return NULL;
+    if (restored->noise != NULL) {
+        restored->noise->make(restored->noise, x0, y0, n, rows, room);
+        return room;
+    }
+    const rx_map map = rx_background_noise(restored->sky);
+    for (int j = 0; j < rows; j++) {
+        float *own = room + (size_t)j * (size_t)n;
+        const float *values = rx_map_row(&map, y0 + j, x0, n, own);
+        if (values != own)
+            memcpy(own, values, (size_t)n * sizeof *own);
+    }
+    return room;
 }
 
-/* What of the pixel k is free in D, *d; own: the profile's light there. Outside the segment only what
- * neighbours' models leave. */
+/* What of the pixel k is free in D, *d; own: the profile's light there; at: its noise, NULL: the tile's.
+ * Outside the segment only what neighbours' models leave. */
 static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t k, double own,
-                         double least_noise, float *d)
+                         const float *at, double least_noise, float *d)
 {
     const rx_restored *restored = view->restored;
     const int hidden =
@@ -99,7 +110,9 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
     if (!(share > 0))
         return 0;
     const double v = restored->pixels[k] - own / share;
-    const double known = noise_of(view, k);
+    const size_t width = (size_t)restored->width;
+    const double known =
+        at != NULL ? (double)*at : sqrt(rx_canvas_variance(view->canvas, (int)(k % width), (int)(k / width)));
     const double noise = known > least_noise ? known : least_noise;
     if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
         return 0;
@@ -110,27 +123,39 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
     return share * sure;
 }
 
+static int clip(int v, int least, int most)
+{
+    return v < least ? least : v > most ? most : v;
+}
+
 /* Plane 0 = D, the profile behind the restored PSF in it before. Returns what is free in it: near the
- * segment's box only. */
+ * segment's box only. room [n][n]. */
 static double difference(const rx_refine_view *view, const rx_subject *s, int cx, int cy, double least_noise,
-                         rx_lens_size *size)
+                         float *room, rx_lens_size *size)
 {
     const rx_canvas *canvas = view->canvas;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     const int reach = (int)ceil(view->fwhm), left = cx - size->n / 2, low = cy - size->n / 2;
-    const int x0 = s->xmin - reach > 0 ? s->xmin - reach : 0, y0 = s->ymin - reach > 0 ? s->ymin - reach : 0;
-    const int x1 = s->xmax + reach < canvas->width ? s->xmax + reach : canvas->width - 1;
-    const int y1 = s->ymax + reach < canvas->height ? s->ymax + reach : canvas->height - 1;
+    const int right = left + size->n - 1, high = low + size->n - 1;
+    /* the box lies in the plane and in the tile; it may be empty */
+    const int x0 = clip(s->xmin - reach, left > 0 ? left : 0, right + 1);
+    const int y0 = clip(s->ymin - reach, low > 0 ? low : 0, high + 1);
+    const int x1 = clip(s->xmax + reach, left - 1, right < canvas->width ? right : canvas->width - 1);
+    const int y1 = clip(s->ymax + reach, low - 1, high < canvas->height ? high : canvas->height - 1);
+    const float *noise = read_noise(view, x0, y0, x1, y1, room);
     double used = 0;
-    for (int y = low; y < low + size->n; y++) {
+    for (int y = low; y <= high; y++) {
         float *row = size->plane[0] + (size_t)(y - low) * stride;
-        for (int x = left; x < left + size->n; x++) {
+        for (int x = left; x <= right; x++) {
             float *p = row + (x - left);
             const double own = s->flux * *p;
             *p = 0;
-            if (x >= x0 && x <= x1 && y >= y0 && y <= y1)
-                used +=
-                    free_pixel(view, s, (size_t)y * (size_t)canvas->width + (size_t)x, own, least_noise, p);
+            if (x < x0 || x > x1 || y < y0 || y > y1)
+                continue;
+            const float *at =
+                noise != NULL ? noise + (size_t)(y - y0) * (size_t)(x1 - x0 + 1) + (x - x0) : NULL;
+            used +=
+                free_pixel(view, s, (size_t)y * (size_t)canvas->width + (size_t)x, own, at, least_noise, p);
         }
     }
     return used;
@@ -179,7 +204,7 @@ void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, 
     size->plane[0] = size->plane[KEPT];
     size->plane[KEPT] = own;
     rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, 1, 1);
-    const double cost = 2 * difference(view, subject, cx, cy, noise, size) + 4;
+    const double cost = 2 * difference(view, subject, cx, cy, noise, size->half[0], size) + 4;
     rx_lens_blur(size, lens->same);
     double both = 0, amount = 0, sum = 0;
     const double gain = fit_both(patch, own, size->plane[0], stride, &both, &amount);
