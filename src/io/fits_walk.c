@@ -274,9 +274,13 @@ rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
     int failed = 0;
     for (int hdu = 1; status == RX_OK; hdu++) {
         LONGLONG place = file->Fptr->headstart[hdu]; /* known as soon as cfitsio has read the HDU before */
-        const bool whole = place > 0 && read_header(&s, &place, &header);
-        if (place > 0)
-            status = judge(&s, &header, path, hdu, err);
+        if (place <= file->Fptr->headstart[hdu - 1]) {
+            status = rx_error_at(err, RX_INPUT, path, hdu - 1, 0,
+                                 "ends before it begins, by its size; the header is damaged");
+            break; /* cfitsio would go round for ever */
+        }
+        const bool whole = read_header(&s, &place, &header);
+        status = judge(&s, &header, path, hdu, err);
         if (!whole || status != RX_OK || fits_movabs_hdu(file, hdu + 1, NULL, &failed))
             break;
     }

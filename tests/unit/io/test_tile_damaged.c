@@ -67,6 +67,32 @@ static void test_headers_that_cfitsio_does_not_survive(void **state)
                          "longer than any");
 }
 
+/* cfitsio would go from such an HDU to itself, or one before it, for ever. */
+static void test_extension_that_ends_before_it_begins(void **state)
+{
+    static const char *const cards[] = {"SIMPLE  =                    T", "BITPIX  =                    8",
+                                        "NAXIS   =                    0", "EXTEND  =                    T",
+                                        "END"};
+    static const char *const extension[] = {
+        "XTENSION= 'IMAGE   '",           "BITPIX  =                   16",
+        "NAXIS   =                    2", "NAXIS1  =                   12",
+        "NAXIS2  =                   12", "PCOUNT  =                    0",
+        "GCOUNT  =                  -32", "END"};
+    const char *path = in(state, "g.fits");
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    for (size_t i = 0; i < 36; i++)
+        fprintf(file, "%-80s", i < sizeof cards / sizeof *cards ? cards[i] : "");
+    for (size_t i = 0; i < 36; i++)
+        fprintf(file, "%-80s", i < sizeof extension / sizeof *extension ? extension[i] : "");
+    assert_int_equal(fclose(file), 0);
+    int *hdus = NULL, n = 0;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "ends before it begins"));
+    assert_int_equal(err.hdu, 1);
+}
+
 static void test_broken_files(void **state)
 {
     static const struct {
@@ -377,6 +403,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_headers_that_cfitsio_does_not_survive),
+        cmocka_unit_test(test_extension_that_ends_before_it_begins),
         cmocka_unit_test(test_broken_files),
         cmocka_unit_test(test_lying_headers),
         cmocka_unit_test(test_broken_compressed),
