@@ -64,7 +64,7 @@ static bool is_too_long(const char *card, bool is_table)
     const char close = c < end && *c == '(' ? ')' : '/';
     const char *stop = c < end && *c == '\'' ? rx_card_text_end(c, end) : memchr(c, close, (size_t)(end - c));
     if (stop != NULL)
-        end = stop + (*stop == ')' && close == ')');
+        end = stop + (close == ')');
     while (end > c && end[-1] == ' ')
         end--;
     return card[8] == '=' &&
