@@ -320,7 +320,8 @@ static void test_tiles_that_cfitsio_does_not_survive(void **state)
         {GZIP "16\n", BYTES SECOND, {0, 101}, 0, 0, "damaged"},
         {GZIP "16\n", BYTES SECOND, {0, 0}, 0, 0, "damaged"},
     };
-    static char zeros[400];
+    enum { HEAP = 400 };
+    static char zeros[1 << 16];
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const char *path = in(state, "t.fits.fz"), *packed = in(state, "heap.gz");
         uint32_t cells[4] = {cases[i].cells[0], 0, cases[i].cells[1], 0};
@@ -333,7 +334,7 @@ static void test_tiles_that_cfitsio_does_not_survive(void **state)
             put_tile(path, cases[i].cards, cases[i].second, cells, stream, size);
             free(stream);
         } else {
-            put_tile(path, cases[i].cards, cases[i].second, cells, zeros, sizeof zeros);
+            put_tile(path, cases[i].cards, cases[i].second, cells, zeros, HEAP);
         }
         if (cases[i].word != NULL)
             check_refused(&PLAIN, path, cases[i].word);
