@@ -87,21 +87,20 @@ void rx_coarse_free(rx_coarse *coarse)
     coarse->value = NULL;
 }
 
-/* Cell below position v (pixels), and the fraction beyond its centre. */
+/* Cell below position v (pixels), and the fraction beyond its centre; whole numbers, as floor() would be a
+ * call. */
 static int place(int v, int n, float *fraction)
 {
-    const float u = ((float)v + 0.5f) / CELL - 0.5f;
-    int i = (int)floorf(u);
-    *fraction = u - (float)i;
-    if (i < 0 || n < 2) {
-        *fraction = 0;
+    const int beyond = v - CELL / 2; /* and half a pixel more, of the first cell's centre */
+    *fraction = 0;
+    if (beyond < 0 || n < 2)
         return 0;
-    }
-    if (i > n - 2) {
+    if (beyond / CELL > n - 2) {
         *fraction = 1;
         return n - 2;
     }
-    return i;
+    *fraction = ((float)(beyond % CELL) + 0.5f) / CELL;
+    return beyond / CELL;
 }
 
 /* dst[n]: pixels x .. x + n - 1 of a row, between cells i and `next` of the rows low and high, the fraction

@@ -26,10 +26,14 @@ typedef struct counts {
     double mag[FINE], found[FINE], total[FINE]; /* sums */
 } counts;
 
-static void count(counts *c, double mag, int found, double times)
+static unsigned char fine_bin(const counts *c, double mag)
 {
-    int i = (int)((mag - c->low) / c->width);
-    i = i < 0 ? 0 : i >= FINE ? FINE - 1 : i;
+    const int i = (int)((mag - c->low) / c->width);
+    return (unsigned char)(i < 0 ? 0 : i >= FINE ? FINE - 1 : i);
+}
+
+static void count(counts *c, int i, double mag, int found, double times)
+{
     c->mag[i] += times * mag;
     c->total[i] += times;
     c->found[i] += found ? times : 0.0;
@@ -108,7 +112,7 @@ typedef struct reference_data {
     double low, width;
     long n;
     const double *mag;
-    const unsigned char *found;
+    const unsigned char *bin, *found; /* bin: the fine one, which a thousand replicates ask for */
     double share;
 } reference_data;
 
@@ -119,7 +123,7 @@ static double resampled_mag(const void *data, const uint32_t *drawn)
     int beyond;
     for (long i = 0; i < in->n; i++)
         if (drawn[i] > 0)
-            count(&c, in->mag[i], in->found[i], drawn[i]);
+            count(&c, in->bin[i], in->mag[i], in->found[i], drawn[i]);
     double value = crossing(&c, in->share, &beyond);
     return isnan(value) ? in->low - LIMIT : value + beyond * LIMIT;
 }
@@ -132,8 +136,8 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
     int beyond;
     *dst = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     double *inside = RX_NEW(double, (size_t)n);
-    unsigned char *hit = RX_NEW(unsigned char, (size_t)n);
-    if (inside == NULL || hit == NULL) {
+    unsigned char *hit = RX_NEW(unsigned char, (size_t)n), *bin = RX_NEW(unsigned char, (size_t)n);
+    if (inside == NULL || hit == NULL || bin == NULL) {
         status = rx_error_memory(err, (size_t)n * sizeof *inside);
         goto exit;
     }
@@ -141,19 +145,22 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
         if (rx_bins_index(bins, mag[i]) < 0)
             continue;
         inside[dst->n] = mag[i];
-        hit[dst->n++] = found[i] != 0;
-        count(&c, mag[i], found[i] != 0, 1.0);
+        hit[dst->n] = found[i] != 0;
+        bin[dst->n] = fine_bin(&c, mag[i]);
+        count(&c, bin[dst->n], mag[i], hit[dst->n], 1.0);
+        dst->n++;
     }
     dst->value = crossing(&c, share, &beyond);
     if (isnan(dst->value) || dst->n < RX_BOOTSTRAP_FEWEST)
         goto exit;
     reference_data data = {
-        .low = c.low, .width = c.width, .n = dst->n, .mag = inside, .found = hit, .share = share};
+        .low = c.low, .width = c.width, .n = dst->n, .mag = inside, .bin = bin, .found = hit, .share = share};
     status = rx_bootstrap_interval(by, 2, dst->n, resampled_mag, &data, level, dst, err);
     if (status == RX_OK)
         open_ends(dst);
 exit:
     free(inside);
     free(hit);
+    free(bin);
     return status;
 }
