@@ -8,12 +8,12 @@ RX_TRAIN=$programs/rextract-train RX_VALIDATE=$programs/rextract-validate
 export RX_TRAIN RX_VALIDATE
 enter
 
-for name in psfnet psfnet-blind; do
+for name in psfnet psfnet-fast psfnet-blind; do
     "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -GRID 1,1 -BIN_IMAGES 16 \
         -BLOCKS 1 -QA_FIGURES N >$name.log 2>&1 && [ -e $name/$name/training.html ]
     result "$name is trained" $? $name.log
     "$RX_TRAIN" -INFO $name/$name.fits >$name.info 2>&1
-    grep -q "^Mode  *$([ $name = psfnet ] && echo INFORMED || echo BLIND)" $name.info
+    grep -q "^Mode  *$([ $name = psfnet-blind ] && echo BLIND || echo INFORMED)" $name.info
     result "$name has its mode" $? $name.info
 done
 "$top/validation/training/run.sh" nothing >log 2>&1
@@ -26,10 +26,10 @@ column() {
         ++n == row { print $at }' "$1"
 }
 
-# psnr VARIANT: mean over its scenes, by another way than the script's
+# psnr FOLDER: mean over its scenes, by another way than the script's
 psnr() {
     awk -F, '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == "psnr") at = i; next }
-        { sum += $at; n++ } END { printf "%.6f\n", sum / n }' "small/$1/restoration/scenes.ecsv"
+        { sum += $at; n++ } END { printf "%.6f\n", sum / n }' "$1/restoration/scenes.ecsv"
 }
 
 ablation() {
@@ -47,9 +47,9 @@ if python3 -c 'import astropy, numpy, scipy' 2>/dev/null || /usr/bin/python3 -c 
         result "variant $row: $n training images, the base $base" $? first.ecsv
     done
     said=$(column first.ecsv psnr_diff 3)
-    awk -v said="$said" -v half="$(psnr half)" -v base="$(psnr base)" \
+    awk -v said="$said" -v half="$(psnr small/half)" -v base="$(psnr small/base)" \
         'BEGIN { d = said - (half - base); exit !(said != 0 && d < 1e-4 && d > -1e-4) }'
-    result "difference of PSNR: $said, $(psnr half) - $(psnr base)" $? first.ecsv
+    result "difference of PSNR: $said, $(psnr small/half) - $(psnr small/base)" $? first.ecsv
     [ "$(column first.ecsv parameters 3)" -lt "$(column first.ecsv parameters 1)" ]
     result 'half the width has fewer parameters' $? first.ecsv
     grep -q '^| half the width | ' table && grep -q '^- \*\*no active learning\*\*' table
@@ -60,6 +60,15 @@ if python3 -c 'import astropy, numpy, scipy' 2>/dev/null || /usr/bin/python3 -c 
     "$top/validation/training/ablation.sh" huge other >log 2>&1
     [ $? -eq 2 ] && [ ! -e other ]
     result 'an unknown size is refused' $? log
+    SIZE=tiny "$top/validation/training/models.sh" models psfnet/psfnet.fits psfnet-fast/psfnet-fast.fits >table 2>log
+    result 'models are compared' $? log
+    said=$(sed -n 's/^| psfnet-fast | [0-9.-]* (\([-+0-9.]*\)[\\*]*) | .*/\1/p' models/models.md | head -n 1)
+    awk -v said="$said" -v fast="$(psnr models/psfnet-fast)" -v base="$(psnr models/psfnet)" \
+        'BEGIN { d = said - (fast - base); exit !(said != "" && d < 0.006 && d > -0.006) }'
+    result "difference of their PSNR: $said, $(psnr models/psfnet-fast) - $(psnr models/psfnet)" $? models/models.md
+    "$top/validation/training/models.sh" models psfnet/psfnet.fits absent.fits >log 2>&1
+    [ $? -eq 2 ] && grep -q 'absent.fits is missing' log
+    result 'a model that is missing is named' $? log
 else
     skip 'the table' 'no python3 with astropy and scipy'
 fi

@@ -130,12 +130,15 @@ class Machine:
         text = self.run([os.path.join(self.build, "validation/bench/limits"), "-values", *words], threads).text
         return {line.split()[0]: float(line.split()[1]) for line in text.splitlines()}
 
+    def model(self, name):
+        """One of the networks in the box."""
+        return os.path.join(self.top, "config", name)
+
     def rextract(self, tile, kind, threads, *words, columns="plain.param"):
         """The build on a tile, with the configuration that source-extractor gets, too."""
         command = [os.path.join(self.build, "rextract"), tile, "-c", "plain.sex", "-PARAMETERS_NAME", columns,
                    "-RESTORE_TYPE", kind, "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "4", "-NET_MODEL",
-                   os.path.join(self.top, "config/psfnet.fits"), "-NTHREADS", str(threads), "-CATALOG_NAME",
-                   "ours.cat"]
+                   self.model("psfnet.fits"), "-NTHREADS", str(threads), "-CATALOG_NAME", "ours.cat"]
         if "-VERBOSE_TYPE" not in words:
             command += ["-VERBOSE_TYPE", "QUIET"]
         return self.run(command + list(words), threads)

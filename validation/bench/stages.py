@@ -13,6 +13,7 @@ DENSITY = {"sparse": 50, "crowded": 700}  # stars, and as many galaxies, per Mpi
 FWHM = 4
 SIGMA = FWHM / 2.3548
 NAME = {1024: "1k", 2048: "2k", 4096: "4k", 8192: "8k", 16384: "16k"}
+MODELS = {"NET": "psfnet.fits", "fast NET": "psfnet-fast.fits"}
 # Per size of the benchmark: sides of the comparison with others and of the growth, repeats, side of the whole stage.
 SIZES = {"quick": ((1024, 4096), (1024, 4096), 3, 2048),
          "full": ((1024, 4096, 8192), (1024, 4096, 8192, 16384), 5, 4096)}
@@ -38,7 +39,7 @@ class Bench:
         if repeats:
             self.repeats = repeats
         self.rows, self.extras, self.missing, self.skipped, self.limits = [], {}, [], [], {}
-        self.group, self.macs, self.simulated = "", 0.0, []
+        self.group, self.macs, self.simulated = "", {}, []
 
     # --- what is there ---
 
@@ -52,9 +53,9 @@ class Bench:
         self.write("plain.param", "\n".join(COLUMNS) + "\n")
         self.write("template.param", "\n".join(COLUMNS + TEMPLATE_COLUMNS) + "\n")
         shutil.copy(os.path.join(box.top, "config/default.conv"), box.work)
-        info = box.run([os.path.join(box.build, "rextract-train"), "-INFO",
-                        os.path.join(box.top, "config/psfnet.fits")], 1)
-        self.macs = 1e3 * info.need(r"([0-9.]+) thousand multiplications per pixel")[0]
+        for name, file in MODELS.items():
+            info = box.run([os.path.join(box.build, "rextract-train"), "-INFO", box.model(file)], 1)
+            self.macs[name] = 1e3 * info.need(r"([0-9.]+) thousand multiplications per pixel")[0]
         self.siril = shutil.which("siril-cli")
         self.python = {name: self.has_module(name) for name in ("skimage", "sep")}
         for name, there in (("source-extractor", peer), ("siril", self.siril),
@@ -194,11 +195,12 @@ def limits(bench):
 # --- restoration ---
 
 def network_jobs(bench, tile, log):
-    """Jobs of NET in each precision and on each number of cores, and, in turn with them, of the convolutions'
-    peak: what was reached once in the run is the limit."""
-    def net(precision, threads):
-        run = bench.box.restore(tile, "NET", threads, "-NET_PRECISION", precision)
-        log[precision, threads] = run
+    """Jobs of both networks in each precision and on each number of cores, and, in turn with them, of the
+    convolutions' peak: what was reached once in the run is the limit."""
+    def net(name, precision, threads):
+        run = bench.box.restore(tile, "NET", threads, "-NET_PRECISION", precision, "-NET_MODEL",
+                                bench.box.model(MODELS[name]))
+        log[name, precision, threads] = run
         part = run.find(r"NET: network ([0-9.]+) s")
         return restored(run, "NET"), part[0] if part else None
 
@@ -213,31 +215,42 @@ def network_jobs(bench, tile, log):
     for threads in bench.box.threads:
         for precision in ("F32", "BF16"):
             if f"conv_{precision.lower()}_{threads}" in bench.limits:
-                jobs[f"NET {precision} {threads}"] = lambda p=precision, t=threads: net(p, t)
+                for name in MODELS:
+                    jobs[f"{name} {precision} {threads}"] = lambda n=name, p=precision, t=threads: net(n, p, t)
                 jobs[f"peak {precision} {threads}"] = lambda p=precision, t=threads: peak(p, t)
     return jobs
 
 
+def key_of(name):
+    return name.lower().replace(" ", "-")
+
+
 def network_rows(bench, samples, side, log):
-    for precision in ("F32", "BF16"):
-        for threads in bench.box.threads:
-            both = samples.get(f"NET {precision} {threads}")
-            if not both:
-                continue
-            name = f"{precision.lower()}, {label(threads)}"
-            least = 2e-9 * bench.macs * side * side / bench.limits[f"conv_{precision.lower()}_{threads}"]
-            parts, whole = [part for _, part in both if part], [one for one, _ in both]
-            if parts:
-                bench.add(f"net-conv-{precision}-{threads}", f"network alone, {name}, of the convolution peak",
-                          [least / one for one in parts], 0.8, "percent", ours=parts, other=[least])
-            else:
-                bench.skip(f"the network's own share of NET, {name}: the log does not tell it")
-            bench.add(f"net-whole-{precision}-{threads}", f"NET, all its steps, {name}, of the convolution peak",
-                      [least / one for one in whole], None, "percent", ours=whole, other=[least])
-    for (precision, threads), run in log.items():
+    for name in MODELS:
+        for precision in ("F32", "BF16"):
+            for threads in bench.box.threads:
+                both = samples.get(f"{name} {precision} {threads}")
+                if both:
+                    share_rows(bench, both, side, name, precision, threads)
+    for (name, precision, threads), run in log.items():
         lines = re.findall(r"NET: (layer .*)", run.text)
         if bench.layers and lines:
-            bench.tell(f"Layers, {precision.lower()}, {label(threads)}:", "", "```", *lines, "```", "")
+            bench.tell(f"Layers of {name}, {precision.lower()}, {label(threads)}:", "", "```", *lines, "```", "")
+
+
+def share_rows(bench, both, side, name, precision, threads):
+    """both: seconds of all its steps and of the network alone, one pair of each repeat."""
+    key, end = key_of(name), f"{precision}-{threads}"
+    what = f"{precision.lower()}, {label(threads)}"
+    least = 2e-9 * bench.macs[name] * side * side / bench.limits[f"conv_{precision.lower()}_{threads}"]
+    parts, whole = [part for _, part in both if part], [one for one, _ in both]
+    if parts:
+        bench.add(f"{key}-conv-{end}", f"{name}'s network alone, {what}, of the convolution peak",
+                  [least / one for one in parts], 0.8, "percent", ours=parts, other=[least])
+    else:
+        bench.skip(f"the network's own share of {name}, {what}: the log does not tell it")
+    bench.add(f"{key}-whole-{end}", f"{name}, all its steps, {what}, of the convolution peak",
+              [least / one for one in whole], None, "percent", ours=whole, other=[least])
 
 
 def restoration(bench):
@@ -275,24 +288,29 @@ def restoration(bench):
 
 
 def net_against_others(bench, samples):
-    for threads in bench.box.threads:
-        ours = f"NET F32 {threads}"
-        if not samples.get(ours):
-            continue
-        samples["NET"] = [one for one, _ in samples[ours]]
-        for iterations in (20, 30, 50, 100):
-            bench.versus(f"net-rl{iterations}-{threads}",
-                         f"NET against our RL of {iterations} iterations, {label(threads)}", samples,
-                         f"RL {iterations} {threads}", "NET", 5)
-        bench.versus(f"net-skimage-{threads}", f"NET against scikit-image's RL of 30 iterations, {label(threads)}",
-                     samples, f"skimage {threads}", "NET", 10)
-        if threads == 1:
-            samples["NET one"] = samples["NET"]
-            bench.add("net-learned", "NET against learned restorers (22 CPU seconds: quoted, not measured), 1 core",
-                      [LEARNED_PEERS / one for one in samples["NET"]], 100, ours=samples["NET"],
-                      other=[LEARNED_PEERS], compared=False)
-        else:
-            bench.versus("net-scaling", f"NET on {threads} cores against 1", samples, "NET one", "NET", 1.8)
+    for name in MODELS:
+        key = key_of(name)
+        for threads in bench.box.threads:
+            ours = samples.get(f"{name} F32 {threads}")
+            if not ours:
+                continue
+            samples[name] = [one for one, _ in ours]
+            for iterations in (20, 30, 50, 100):
+                bench.versus(f"{key}-rl{iterations}-{threads}",
+                             f"{name} against our RL of {iterations} iterations, {label(threads)}", samples,
+                             f"RL {iterations} {threads}", name, 5)
+            bench.versus(f"{key}-skimage-{threads}",
+                         f"{name} against scikit-image's RL of 30 iterations, {label(threads)}", samples,
+                         f"skimage {threads}", name, 10)
+            if threads == 1:
+                samples[name + " one"] = samples[name]
+                bench.add(f"{key}-learned",
+                          f"{name} against learned restorers (22 CPU seconds: quoted, not measured), 1 core",
+                          [LEARNED_PEERS / one for one in samples[name]], 100, ours=samples[name],
+                          other=[LEARNED_PEERS], compared=False)
+            else:
+                bench.versus(f"{key}-scaling", f"{name} on {threads} cores against 1", samples, name + " one", name,
+                             1.8)
 
 
 def rl_rows(bench, samples):

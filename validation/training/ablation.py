@@ -126,8 +126,8 @@ def holm(ps):
     return adjusted
 
 
-def gather(variants):
-    rows = {name: {"variant": name, "title": title, **cost(name)} for name, title in variants}
+def gather(variants, cost_of=cost):
+    rows = {name: {"variant": name, "title": title, **cost_of(name)} for name, title in variants}
     measured = {name: samples(name) for name in rows}
     base = variants[0][0]
     for metric in METRICS:
@@ -175,11 +175,32 @@ def lines(heads, body):
     yield ""
 
 
-def verdicts(rows, base):
+def quality(rows, what="variant"):
+    """The tables of what the models do, a row each."""
+    heads = [what, *(METRICS[m][0] for m in list(METRICS)[:6])]
+    yield from lines(heads, ([r["title"], *(cell(r, m) for m in list(METRICS)[:6])] for r in rows.values()))
+    yield ("PSNR and SSIM: restoration.conf, means over the scenes inside the training range. AP: average precision, and "
+           "recall at precision 0.95: detection.conf, means over the seeings.")
+    yield ""
+    heads, body = [what], [[r["title"]] for r in rows.values()]
+    for limits in CLASSES:
+        name = class_name(*limits)
+        words = f"S/N {limits[0]} to {limits[1]}" if limits[1] < math.inf else f"S/N above {limits[0]}"
+        heads += [f"bias (%), {words}", f"abs. bias, {words}", f"scatter (%), {words}"]
+        for line, r in zip(body, rows.values()):
+            bias = r[f"bias_{name}"]
+            line += ["-" if math.isnan(bias) else f"{bias:+.2f}", cell(r, f"absbias_{name}"), cell(r, f"scatter_{name}")]
+    yield from lines(heads, body)
+    yield (f"Fluxes of stars on restored pixels: fluxes.conf, means over sets (one magnitude, one seeing) of which every "
+           f"{what} found {LEAST_STARS} stars or more; bias of a set: median of (F - F0) / F0.")
+    yield ""
+
+
+def verdicts(rows, base, parts=PARTS):
     """One sentence for each variant, by the rule in the text."""
     luck = rows.get("seed")
     for name, row in rows.items():
-        if name not in PARTS:
+        if name not in parts:
             continue
         better, worse = [], []
         for metric, (heading, digits, sign) in METRICS.items():
@@ -206,23 +227,7 @@ def report(size, keywords, rows, base):
            "base, paired over the same scenes, seeings or sets of stars; \\* \\*\\* \\*\\*\\*: p < 0.05, 0.01, 0.001, "
            "adjusted by Holm for the variants.")
     yield ""
-    heads = ["variant", *(METRICS[m][0] for m in list(METRICS)[:6])]
-    yield from lines(heads, ([r["title"], *(cell(r, m) for m in list(METRICS)[:6])] for r in rows.values()))
-    yield ("PSNR and SSIM: restoration.conf, means over the scenes inside the training range. AP: average precision, and "
-           "recall at precision 0.95: detection.conf, means over the seeings.")
-    yield ""
-    heads, body = ["variant"], [[r["title"]] for r in rows.values()]
-    for limits in CLASSES:
-        name = class_name(*limits)
-        words = f"S/N {limits[0]} to {limits[1]}" if limits[1] < math.inf else f"S/N above {limits[0]}"
-        heads += [f"bias (%), {words}", f"abs. bias, {words}", f"scatter (%), {words}"]
-        for line, r in zip(body, rows.values()):
-            bias = r[f"bias_{name}"]
-            line += ["-" if math.isnan(bias) else f"{bias:+.2f}", cell(r, f"absbias_{name}"), cell(r, f"scatter_{name}")]
-    yield from lines(heads, body)
-    yield (f"Fluxes of stars on restored pixels: fluxes.conf, means over sets (one magnitude, one seeing) of which every "
-           f"variant found {LEAST_STARS} stars or more; bias of a set: median of (F - F0) / F0.")
-    yield ""
+    yield from quality(rows)
     yield from lines(
         ["variant", "training images", "epochs", "thousand MAC per pixel", "parameters", "training, s per Mpixel",
          "checkerboard (sigma)"],

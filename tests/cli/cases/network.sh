@@ -42,6 +42,13 @@ make_model model.fits
 leaves test.cat
 expect 0 '' tile.fits $net -VERIFY_SEAMS Y -NET_BLOCK 4096
 
+for boxed in "$top"/config/psfnet*.fits; do
+    begin "network: ${boxed##*/}, verified"
+    make_fits tile tile.fits
+    leaves test.cat
+    expect 0 '' tile.fits $net -NET_MODEL "$boxed" -OUT_OF_DOMAIN WARN -VERBOSE_TYPE QUIET -VERIFY_SEAMS Y -NET_BLOCK 32
+done
+
 unknown='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE AUTO -PSF_MINSTARS 1000 -CATALOG_TYPE FITS_1.0'
 
 begin 'network: blind and without a PSF'
