@@ -144,6 +144,27 @@ processes 3 "$rextract" t1.fits >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c 'give a list of tiles' tiles.log)" = 1 ]
 result "one tile is not for several processes" $? tiles.log
 
+printf 't1.fits -CATALOG_NAME t1.cat\nt2.fits -CATALOG_NAME STDOUT\n' >stdout.list
+# shellcheck disable=SC2086 # words
+processes 3 "$rextract" @stdout.list $extract >stdout.cat 2>tiles.log
+code=$?
+# shellcheck disable=SC2086 # words
+"$rextract" t2.fits $extract -CATALOG_NAME STDOUT >alone.cat 2>>tiles.log
+[ $code = 0 ] && [ -s t1.cat ] && [ -s alone.cat ] && cmp stdout.cat alone.cat >>tiles.log 2>&1
+result "a catalogue of a list on standard output" $? tiles.log
+rm -f t1.cat
+
+# The program itself, without rextract before it: in one process it is rextract.
+for launch in "" "processes 1"; do
+    # shellcheck disable=SC2086 # words
+    $launch "$rextract-mpi" @stdout.list $extract >stdout.cat 2>tiles.log
+    code=$?
+    [ $code = 0 ] && [ -s t1.cat ] && cmp stdout.cat alone.cat >>tiles.log 2>&1 &&
+        $launch "$rextract-mpi" -REPLAY t1.cat -VERBOSE_TYPE QUIET >>tiles.log 2>&1
+    result "rextract-mpi ${launch:-without mpiexec}: one process" $? tiles.log
+    rm -f t1.cat
+done
+
 # --- a training ---
 
 cat >small.conf <<'END'

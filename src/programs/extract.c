@@ -1,7 +1,13 @@
 /* Words of the program that extracts. */
 #include "programs/extract.h"
 
+#include <stdio.h>
+
 #include "catalog/catalog.h"
+#include "config/config_fields.h"
+#include "survey/plan_run.h"
+#include "survey/survey.h"
+#include "survey/tile_run.h"
 
 static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
@@ -30,6 +36,15 @@ static const char help[] =
     "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate,\n"
     "7 interrupted, 8 some tiles of a list failed, 9 a repeated run gave something else.\n"
     "More in rextract(1), the keywords in rextract.conf(5).\n";
+
+rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
+{
+    if (((const rx_config *)settings)->plan)
+        return rx_plan_run(settings, image, stdout, log, err);
+    if (image[0] == '@')
+        return rx_survey_run(settings, image + 1, stdout, log, err);
+    return rx_tile_run(settings, image, stdout, log, err);
+}
 
 int rx_program_extract(const char *name,
                        rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,

@@ -4,6 +4,10 @@
 
 #include "programs/program.h"
 
+/* A tile, a list or a plan, by one process. */
+rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log,
+                                   rx_error *err);
+
 /* The main function of a program called `name`; `run`, `replay` and `end` as in rx_program. */
 int rx_program_extract(const char *name,
                        rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,

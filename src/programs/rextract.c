@@ -4,21 +4,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "config/config_fields.h"
 #include "programs/extract.h"
-#include "survey/plan_run.h"
 #include "survey/replay.h"
-#include "survey/survey.h"
-#include "survey/tile_run.h"
-
-static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
-{
-    if (((const rx_config *)settings)->plan)
-        return rx_plan_run(settings, image, stdout, log, err);
-    if (image[0] == '@')
-        return rx_survey_run(settings, image + 1, stdout, log, err);
-    return rx_tile_run(settings, image, stdout, log, err);
-}
 
 /* Started by mpiexec as one of several? Each launcher says so in its own words. */
 static int one_of_several(void)
@@ -51,6 +38,7 @@ static int hand_over(char **argv)
 
 int main(int argc, char **argv)
 {
-    return one_of_several() ? hand_over(argv)
-                            : rx_program_extract("rextract", run, rx_replay_run, NULL, argc, argv);
+    return one_of_several()
+               ? hand_over(argv)
+               : rx_program_extract("rextract", rx_program_extract_alone, rx_replay_run, NULL, argc, argv);
 }

@@ -4,10 +4,13 @@
 #include "config/config_fields.h"
 #include "par/ranks.h"
 #include "programs/extract.h"
+#include "survey/replay.h"
 #include "survey/survey_ranks.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
+    if (rx_par_processes() == 1)
+        return rx_program_extract_alone(settings, image, log, err);
     if (((const rx_config *)settings)->plan)
         return rx_survey_plan_ranks(settings, image, stdout, log, err);
     if (image[0] != '@')
@@ -17,13 +20,13 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
                                   "'%.200s' is one tile, and mpiexec started several processes; "
                                   "give a list of tiles, @FILE",
                                   image);
-    return rx_survey_run_ranks(settings, image + 1, log, err);
+    return rx_survey_run_ranks(settings, image + 1, stdout, log, err);
 }
 
 static rx_status replay(const rx_settings *settings, const char *path, rx_log *log, rx_error *err)
 {
-    (void)settings;
-    (void)log;
+    if (rx_par_processes() == 1)
+        return rx_replay_run(settings, path, log, err);
     return rx_par_rank() > 0
                ? RX_OK
                : rx_error_at(err, RX_USAGE, path, -1, 0, "is repeated by one process; leave out mpiexec");

@@ -71,8 +71,8 @@ static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
 }
 
 /* The other ranks. */
-static rx_status work(const rx_tiles *tiles, const rx_settings *common, rx_ranks *ranks, rx_log *log,
-                      rx_error *err)
+static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *standard_out, rx_ranks *ranks,
+                      rx_log *log, rx_error *err)
 {
     ready report = {.tile = NO_TILE, .why = RX_ERROR_NONE};
     for (;;) {
@@ -87,7 +87,7 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, rx_ranks
         if (report.tile == NO_TILE)
             return RX_OK;
         const double begun = rx_seconds();
-        report.status = rx_tile_run_listed(tiles, report.tile, common, NULL, log, &report.why);
+        report.status = rx_tile_run_listed(tiles, report.tile, common, standard_out, log, &report.why);
         report.seconds = rx_seconds() - begun;
     }
 }
@@ -100,7 +100,8 @@ static rx_status one_thread(const rx_settings *common, rx_settings **dst, rx_log
     return status;
 }
 
-rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_log *log, rx_error *err)
+rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,
+                              rx_error *err)
 {
     const double begun = rx_seconds();
     rx_tiles *tiles = NULL;
@@ -126,7 +127,7 @@ rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_lo
     if (status != RX_OK)
         goto exit;
     a.tiles = tiles;
-    status = first ? hand_out(&a, ranks, err) : work(tiles, own, ranks, log, err);
+    status = first ? hand_out(&a, ranks, err) : work(tiles, own, standard_out, ranks, log, err);
     if (status != RX_OK && status != RX_INTERRUPTED)
         rx_ranks_fail(ranks, err);
     if (first) {

@@ -11,8 +11,9 @@
 /* As rx_survey_run(), by all processes: that of rank 0 hands out tiles, the next one to whoever is ready,
  * keeps the account and returns what the whole ends with; the others run tiles, and return RX_OK unless MPI
  * itself fails. With NTHREADS 0 each of them takes one thread, as there are many. Call it after
- * rx_par_begin(). */
-rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, rx_log *log, rx_error *err);
+ * rx_par_begin(), and with several processes. */
+rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,
+                              rx_error *err);
 
 /* The plan (survey/plan_run.h) of such a run, by rank 0; the others do nothing. */
 rx_status rx_survey_plan_ranks(const rx_settings *common, const char *image, FILE *standard_out, rx_log *log,
