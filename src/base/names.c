@@ -76,3 +76,33 @@ char *rx_name_stem(const char *image)
         cut_ending(detect, plain[i]);
     return detect;
 }
+
+char *rx_name_real(const char *path)
+{
+    char *real = realpath(path, NULL);
+    char *plain = real == NULL ? rx_strdup(path) : NULL;
+    if (plain == NULL)
+        return real;
+    size_t length = strlen(plain);
+    while (length > 1 && plain[length - 1] == '/')
+        plain[--length] = '\0';
+    char *slash = strrchr(plain, '/');
+    const char *name = slash != NULL ? slash + 1 : plain;
+    char *folder = slash == NULL    ? rx_strdup(".")
+                   : slash == plain ? rx_strdup("/")
+                                    : strndup(plain, (size_t)(slash - plain));
+    char *place = folder != NULL ? realpath(folder, NULL) : NULL;
+    if (place != NULL) {
+        const size_t bytes = strlen(place) + strlen(name) + 2;
+        real = malloc(bytes);
+        if (real != NULL)
+            snprintf(real, bytes, "%s/%s", strcmp(place, "/") == 0 ? "" : place, name);
+    }
+    const bool no_memory = folder == NULL || (place != NULL && real == NULL);
+    free(folder);
+    free(place);
+    if (real == NULL && !no_memory)
+        return plain;
+    free(plain);
+    return real;
+}

@@ -30,19 +30,22 @@ static void add_all(inputs *list, const rx_strings *names)
         add(list, names->v[i]);
 }
 
-/* The file of a cfitsio name, if there is one. */
+/* A copy of a cfitsio name without what stands in brackets, unless a file is called just so. */
+static char *file_of(const char *name)
+{
+    struct stat info;
+    char *path = rx_strdup(name);
+    if (path != NULL && stat(path, &info) != 0)
+        path[strcspn(path, "[")] = '\0';
+    return path;
+}
+
 static bool find_file(const char *name, struct stat *dst, rx_error *err, rx_status *status)
 {
-    char *path = rx_strdup(name);
-    if (path == NULL) {
+    char *path = file_of(name);
+    if (path == NULL)
         *status = rx_error_memory(err, strlen(name));
-        return false;
-    }
-    bool found = stat(path, dst) == 0;
-    if (!found) {
-        path[strcspn(path, "[")] = '\0';
-        found = stat(path, dst) == 0;
-    }
+    const bool found = path != NULL && stat(path, dst) == 0;
     free(path);
     return found && S_ISREG(dst->st_mode);
 }
@@ -62,19 +65,6 @@ static rx_status check_file(const inputs *list, const char *key, const char *nam
     return status;
 }
 
-/* An output under the name it will have: with several restorers there is one of each. */
-static rx_status check_output(const inputs *list, const rx_config *config, const char *key, const char *name,
-                              rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int i = 0; i < config->restore_type.n && status == RX_OK; i++) {
-        char *tagged = rx_name_with_tag(name, config->restore_type.n > 1 ? config->restore_type.v[i] : NULL);
-        status = tagged != NULL ? check_file(list, key, tagged, err) : rx_error_memory(err, strlen(name));
-        free(tagged);
-    }
-    return status;
-}
-
 static bool is_folder(const char *path, const struct stat *folder)
 {
     struct stat info;
@@ -85,14 +75,11 @@ static bool is_folder(const char *path, const struct stat *folder)
 static bool lies_in(const char *name, const struct stat *folder, bool to_be_made, rx_error *err,
                     rx_status *status)
 {
-    struct stat info;
-    char *path = rx_strdup(name), *slash;
+    char *path = file_of(name), *slash;
     if (path == NULL) {
         *status = rx_error_memory(err, strlen(name));
         return false;
     }
-    if (stat(path, &info) != 0)
-        path[strcspn(path, "[")] = '\0';
     char *real = realpath(path, NULL);
     bool found = false;
     if (real == NULL && to_be_made) {
@@ -138,6 +125,9 @@ static void add_stage(inputs *list, const rx_config *config)
         add_all(list, &config->weight_image);
     if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
         add_all(list, &config->psf_name);
+    for (int i = 0; i < config->restore_type.n; i++)
+        if (strcmp(config->restore_type.v[i], "NET") == 0)
+            add(list, config->net_model);
     add_all(list, &config->flag_image);
     add(list, config->settings.file);
     add(list, config->parameters_name);
@@ -149,7 +139,7 @@ static void add_stage(inputs *list, const rx_config *config)
 }
 
 /* Files that a run writes, a name for all restorers. */
-static void visit_files(const rx_config *config, rx_output_visitor visit, void *user)
+static void visit_files(const rx_config *config, rx_file_visitor visit, void *user)
 {
     if (strcmp(config->catalog_type, "NONE") != 0)
         visit(user, "CATALOG_NAME", config->catalog_name);
@@ -162,57 +152,129 @@ static void visit_files(const rx_config *config, rx_output_visitor visit, void *
         visit(user, "RECORD_NAME", config->record_name);
 }
 
-void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user)
+/* What visits a file under each name it will have: with several restorers there is one of each, but of the
+ * record. */
+typedef struct tagging {
+    const rx_words *restorers;
+    rx_file_visitor visit;
+    void *user;
+    rx_status status;
+    rx_error *err;
+} tagging;
+
+static void visit_tagged(void *user, const char *key, const char *name)
 {
-    visit_files(config, visit, user);
+    tagging *t = user;
+    if (t->restorers->n < 2 || strcmp(key, "RECORD_NAME") == 0) {
+        t->visit(t->user, key, name);
+        return;
+    }
+    for (int i = 0; i < t->restorers->n && t->status == RX_OK; i++) {
+        char *tagged = rx_name_with_tag(name, t->restorers->v[i]);
+        if (tagged != NULL)
+            t->visit(t->user, key, tagged);
+        else
+            t->status = rx_error_memory(t->err, strlen(name));
+        free(tagged);
+    }
+}
+
+rx_status rx_overwrite_visit(const rx_config *config, rx_file_visitor visit, void *user, rx_error *err)
+{
+    tagging t = {.restorers = &config->restore_type, .visit = visit, .user = user, .err = err};
+    visit_files(config, visit_tagged, &t);
     if (config->reference_name[0] != '\0')
         visit(user, "QA_NAME", config->qa_name);
     if (config->self_check)
         visit(user, "SELF_CHECK_NAME", config->self_check_name);
+    return t.status;
 }
 
-/* What visit_files() is used for. */
+rx_status rx_overwrite_visit_inputs(const rx_config *config, const char *image, rx_file_visitor visit,
+                                    void *user, rx_error *err)
+{
+    inputs list = {0};
+    char *detect = NULL, *measure = NULL;
+    rx_status status = RX_OK;
+    if (!rx_name_split_images(image, &detect, &measure))
+        return rx_error_memory(err, strlen(image));
+    add(&list, detect);
+    add(&list, measure);
+    const int images = list.n;
+    add_stage(&list, config);
+    for (int i = 0; i < list.n && status == RX_OK; i++) {
+        char *path = file_of(list.name[i]);
+        if (path != NULL)
+            visit(user, i < images ? "IMAGE" : "", path);
+        else
+            status = rx_error_memory(err, strlen(list.name[i]));
+        free(path);
+    }
+    free(detect);
+    free(measure);
+    return status;
+}
+
 typedef struct file_check {
     inputs *list;
-    const rx_config *config;
+    const char *record; /* real name of the record; NULL: none */
     rx_status status;
     rx_error *err;
 } file_check;
 
+/* The record is written apart from the other outputs, which io/output.h keeps from each other. */
+static rx_status check_against_record(const file_check *check, const char *key, const char *name)
+{
+    char *real = check->record != NULL && strcmp(key, "RECORD_NAME") != 0 ? rx_name_real(name) : NULL;
+    rx_status status = RX_OK;
+    if (real != NULL && strcmp(real, check->record) == 0)
+        status = rx_error_set(check->err, RX_USAGE,
+                              "RECORD_NAME %s is also %s; give each output its own name", name, key);
+    free(real);
+    return status;
+}
+
 static void check_visited(void *user, const char *key, const char *name)
 {
     file_check *check = user;
-    if (check->status == RX_OK && strcmp(name, "STDOUT") != 0)
-        check->status = check_output(check->list, check->config, key, name, check->err);
+    if (check->status != RX_OK || strcmp(name, "STDOUT") == 0)
+        return;
+    if (strcmp(key, "QA_NAME") != 0 && strcmp(key, "SELF_CHECK_NAME") != 0)
+        check->status = check_file(check->list, key, name, check->err);
+    if (check->status == RX_OK)
+        check->status = check_against_record(check, key, name);
 }
 
 static void add_visited(void *user, const char *key, const char *name)
 {
-    file_check *check = user;
     (void)key;
     if (strcmp(name, "STDOUT") != 0)
-        add(check->list, name);
+        add(user, name);
 }
 
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
     inputs list = {0};
-    file_check check = {.list = &list, .config = config, .err = err};
-    char *detect = NULL, *measure = NULL;
+    file_check check = {.list = &list, .err = err};
+    char *detect = NULL, *measure = NULL, *record = NULL;
     if (!rx_name_split_images(image, &detect, &measure))
         return rx_error_memory(err, strlen(image));
     add(&list, detect);
     add(&list, measure);
     add_stage(&list, config);
-    visit_files(config, check_visited, &check);
-    rx_status status = check.status;
+    if (config->record_name[0] != '\0')
+        check.record = record = rx_name_real(config->record_name);
+    rx_status status = rx_overwrite_visit(config, check_visited, &check, err);
+    if (status == RX_OK)
+        status = check.status;
     const int first_output = list.n;
-    visit_files(config, add_visited, &check);
+    visit_files(config, add_visited, &list);
     if (status == RX_OK && config->reference_name[0] != '\0')
         status = check_folder(&list, first_output, "QA_NAME", config->qa_name, err);
     if (status == RX_OK && config->self_check)
         status = check_folder(&list, first_output, "SELF_CHECK_NAME", config->self_check_name, err);
+    free(record);
     free(detect);
     free(measure);
     return status;

@@ -15,9 +15,12 @@ rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *i
 rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *image, rx_error *err);
 rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err);
 
-/* Every file and folder that a run of rextract writes, by keyword; restorers that share a name give it once.
- */
-typedef void (*rx_output_visitor)(void *user, const char *key, const char *name);
-void rx_overwrite_visit(const rx_config *config, rx_output_visitor visit, void *user);
+/* Every file and folder that a run of rextract writes, by keyword and under the name it will have: of a name
+ * that several restorers share, the one of each. And every file that it reads, the images with the keyword
+ * IMAGE, without what stands in brackets. The names are only lent. RX_SYSTEM without memory. */
+typedef void (*rx_file_visitor)(void *user, const char *key, const char *name);
+rx_status rx_overwrite_visit(const rx_config *config, rx_file_visitor visit, void *user, rx_error *err);
+rx_status rx_overwrite_visit_inputs(const rx_config *config, const char *image, rx_file_visitor visit,
+                                    void *user, rx_error *err);
 
 #endif

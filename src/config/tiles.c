@@ -139,25 +139,27 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
     return at_line(tiles, tile->line, status, err);
 }
 
-/* A file that a tile reads or writes. */
+/* What a file is to a tile, in the order in which a conflict names it. */
+typedef enum role { THE_LIST, IMAGE, INPUT, OUTPUT } role;
+
 typedef struct place_taken {
-    size_t at; /* where its name is among the names */
-    const char *name;
+    size_t at; /* where its name is among the names, then where its real one is among those */
+    const char *name, *real;
     long line;
-    bool written;
+    role role;
 } place_taken;
 
 /* All names in one piece: small ones between the settings that come and go would leave holes, 8 kB for each
  * tile. */
 typedef struct places_taken {
     int n, capacity;
-    rx_text names;
+    rx_text names, reals;
     place_taken *at;
     long line; /* of the tile whose files are added */
     bool failed;
 } places_taken;
 
-static void take(places_taken *taken, const char *name, bool written)
+static void take(places_taken *taken, const char *name, role role)
 {
     if (taken->n == taken->capacity) {
         const int capacity = taken->capacity > 0 ? 2 * taken->capacity : 64;
@@ -169,7 +171,7 @@ static void take(places_taken *taken, const char *name, bool written)
         taken->at = at;
         taken->capacity = capacity;
     }
-    taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .written = written};
+    taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .role = role};
     rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
     taken->failed |= taken->names.failed;
 }
@@ -177,56 +179,116 @@ static void take(places_taken *taken, const char *name, bool written)
 static void take_output(void *user, const char *key, const char *name)
 {
     (void)key;
-    take(user, name, true);
+    take(user, name, OUTPUT);
+}
+
+static void take_input(void *user, const char *key, const char *name)
+{
+    take(user, name, strcmp(key, "IMAGE") == 0 ? IMAGE : INPUT);
 }
 
 static int by_name(const void *a, const void *b)
 {
     const place_taken *x = a, *y = b;
-    const int order = strcmp(x->name, y->name);
-    return order != 0                 ? order
-           : x->written != y->written ? x->written - y->written
-                                      : (x->line > y->line) - (x->line < y->line);
+    return strcmp(x->name, y->name);
 }
 
-/* Sorted, what is read stands before what is written under the same name. */
-static rx_status find_conflict(const rx_tiles *tiles, places_taken *taken, rx_error *err)
+static int by_real_name(const void *a, const void *b)
+{
+    const place_taken *x = a, *y = b;
+    const int order = strcmp(x->real, y->real);
+    return order != 0           ? order
+           : x->role != y->role ? (int)x->role - (int)y->role
+                                : (x->line > y->line) - (x->line < y->line);
+}
+
+/* The same file may be named in many ways. What all tiles read is looked up once. */
+static void resolve(places_taken *taken)
 {
     for (int i = 0; i < taken->n; i++)
         taken->at[i].name = taken->names.data + taken->at[i].at;
-    if (taken->n > 0)
-        qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
-    for (int i = 1; i < taken->n; i++) {
-        const place_taken *before = &taken->at[i - 1], *at = &taken->at[i];
-        if (!at->written || before->line == at->line || strcmp(before->name, at->name) != 0)
+    qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
+    for (int i = 0; i < taken->n; i++) {
+        place_taken *at = &taken->at[i];
+        if (i > 0 && strcmp(at->name, at[-1].name) == 0) {
+            at->at = at[-1].at;
             continue;
+        }
+        char *real = rx_name_real(at->name);
+        at->at = taken->reals.length;
+        if (real != NULL)
+            rx_text_add_bytes(&taken->reals, real, strlen(real) + 1);
+        taken->failed |= real == NULL || taken->reals.failed;
+        free(real);
+        if (taken->failed)
+            return;
+    }
+    for (int i = 0; i < taken->n; i++)
+        taken->at[i].real = taken->reals.data + taken->at[i].at;
+    qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_real_name);
+}
+
+static rx_status tell(const rx_tiles *tiles, const place_taken *at, const place_taken *other, rx_error *err)
+{
+    if (other->role == THE_LIST)
         return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
-                           "would write %.200s, %s line %ld; put {tile} into the names of outputs, and name "
-                           "tiles differently",
-                           at->name, before->written ? "as would" : "the tile of", before->line);
+                           "would write %.200s, this list itself; give the output another name", at->name);
+    return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
+                       "would write %.200s, %s line %ld; put {tile} into the names of outputs, and name "
+                       "tiles differently",
+                       at->name,
+                       other->role == OUTPUT  ? "as would"
+                       : other->role == IMAGE ? "the tile of"
+                                              : "which is read by",
+                       other->line);
+}
+
+/* Sorted, what is read stands before what is written under the same name. */
+static rx_status find_conflict(const rx_tiles *tiles, const places_taken *taken, rx_error *err)
+{
+    int first = 0; /* of those with the same name */
+    for (int i = 0; i < taken->n; i++) {
+        const place_taken *at = &taken->at[i];
+        if (strcmp(taken->at[first].real, at->real) != 0)
+            first = i;
+        if (at->role != OUTPUT)
+            continue;
+        for (int k = first; k < i; k++)
+            if (taken->at[k].line != at->line)
+                return tell(tiles, at, &taken->at[k], err);
     }
     return RX_OK;
+}
+
+/* Files of tile i, with its settings checked. */
+static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *common, places_taken *taken,
+                           rx_log *log, rx_error *err)
+{
+    rx_settings *settings = NULL;
+    rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
+    const rx_config *config = (const rx_config *)settings;
+    taken->line = tiles->tile[i].line;
+    if (status == RX_OK)
+        status = rx_overwrite_visit_inputs(config, rx_tiles_image(tiles, i), take_input, taken, err);
+    if (status == RX_OK)
+        status = rx_overwrite_visit(config, take_output, taken, err);
+    rx_settings_free(settings);
+    return status == RX_OK && taken->failed ? rx_error_memory(err, 0) : status;
 }
 
 rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_log *log, rx_error *err)
 {
     places_taken taken = {0};
     rx_status status = RX_OK;
-    for (int i = 0; i < tiles->n && status == RX_OK; i++) {
-        rx_settings *settings = NULL;
-        status = rx_tiles_settings(tiles, i, common, log, &settings, err);
-        taken.line = tiles->tile[i].line;
-        if (status == RX_OK) {
-            take(&taken, rx_tiles_image(tiles, i), false);
-            rx_overwrite_visit((const rx_config *)settings, take_output, &taken);
-        }
-        if (taken.failed)
-            status = rx_error_memory(err, 0);
-        rx_settings_free(settings);
+    take(&taken, tiles->path, THE_LIST);
+    for (int i = 0; i < tiles->n && status == RX_OK; i++)
+        status = take_tile(tiles, i, common, &taken, log, err);
+    if (status == RX_OK) {
+        resolve(&taken);
+        status = taken.failed ? rx_error_memory(err, 0) : find_conflict(tiles, &taken, err);
     }
-    if (status == RX_OK)
-        status = find_conflict(tiles, &taken, err);
     rx_text_free(&taken.names);
+    rx_text_free(&taken.reals);
     free(taken.at);
     return status;
 }

@@ -35,8 +35,9 @@ const char *rx_tiles_image(const rx_tiles *tiles, int i);
 rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *common, rx_log *log,
                             rx_settings **dst, rx_error *err);
 
-/* No two tiles may write to the same file or folder. Names are compared, as the files need not exist. Checks
- * the settings of every tile on the way, so that nothing begins before the whole list is sound. */
+/* No two tiles may write to the same file or folder, none what another one reads, nor the list. Files need
+ * not exist: names are compared, without links and dots (rx_name_real()). Checks the settings of every tile
+ * on the way, so that nothing begins before the whole list is sound. */
 rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_log *log, rx_error *err);
 
 #endif

@@ -51,6 +51,31 @@ make_fits tile b.fits
 printf 'a.fits\nb.fits\n' >tiles.list
 expect 2 '^rextract: tiles\.list:2: would write test\.cat, as would line 1; put \{tile\} into' @tiles.list $none
 
+begin 'two tiles of a list with one catalogue, by other names'
+make_fits tile a.fits
+make_fits tile b.fits
+mkdir in && ln -s ../both.cat in/link.cat && echo old >both.cat
+printf 'a.fits -CATALOG_NAME ./both.cat\nb.fits -CATALOG_NAME in/link.cat\n' >tiles.list
+expect 2 '^rextract: tiles\.list:2: would write in/link\.cat, as would line 1; put \{tile\} into' @tiles.list $none
+
+begin 'a tile of a list that would replace what another one reads'
+make_fits tile a.fits
+make_fits tile b.fits
+make_fits tile w.fits
+printf 'a.fits -WEIGHT_TYPE MAP_RMS -WEIGHT_IMAGE w.fits[0]\nb.fits -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME ./w.fits\n' >tiles.list
+expect 2 '^rextract: tiles\.list:2: would write \./w\.fits, which is read by line 1; put' @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
+begin 'a tile of a list that would replace the second image of another one'
+make_fits tile a.fits
+make_fits tile b.fits
+printf 'a.fits,b.fits -CATALOG_NAME a.cat\na.fits -CATALOG_NAME b.fits\n' >tiles.list
+expect 2 '^rextract: tiles\.list:2: would write b\.fits, the tile of line 1; put' @tiles.list $none
+
+begin 'a tile of a list that would replace the list'
+make_fits tile a.fits
+echo 'a.fits -RECORD_NAME ./tiles.list' >tiles.list
+expect 2 '^rextract: tiles\.list:1: would write \./tiles\.list, this list itself; give the output another name$' @tiles.list $none
+
 begin 'gates of a list'
 make_fits tile a.fits
 make_fits tile b.fits

@@ -131,6 +131,19 @@ begin 'catalogue that would replace the reference'
 make_fits tile tile.fits && make_fits table ref.fits
 expect 2 'CATALOG_NAME ref\.fits is also read' tile.fits $none -REFERENCE_NAME ref.fits -CATALOG_NAME ref.fits
 
+begin 'catalogue that would replace the model'
+make_fits tile tile.fits && make_model model.fits
+expect 2 'CATALOG_NAME model\.fits is also read, as \./model\.fits' tile.fits -RESTORE_TYPE NET -NET_MODEL ./model.fits \
+    -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_NAME model.fits
+
+begin 'record that would replace the image, of several restorers'
+make_fits tile tile.fits
+expect 2 'RECORD_NAME tile\.fits is also read, as tile\.fits' tile.fits -RESTORE_TYPE NONE,RL -RECORD_NAME tile.fits
+
+begin 'record of the name of a catalogue'
+make_fits tile tile.fits
+expect 2 'RECORD_NAME c_RL\.cat is also CATALOG_NAME; give each' tile.fits -RESTORE_TYPE NONE,RL -CATALOG_NAME c.cat -RECORD_NAME ./c_RL.cat
+
 begin 'files in a folder that a report replaces'
 make_fits tile tile.fits && make_fits table ref.fits && mkdir -p qa/deep && touch qa/.rextract && cp ref.fits qa/deep/
 expect 2 'qa/deep/ref\.fits lies in the folder qa, .*QA_NAME' tile.fits $none -REFERENCE_NAME qa/deep/ref.fits -QA_NAME qa

@@ -5,7 +5,10 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "base/names.h"
 
@@ -71,12 +74,49 @@ static void a_tile_has_a_name(void **state)
     check_stem("night/", "");
 }
 
+static void check_real(const char *path, const char *folder, const char *name)
+{
+    char expected[4096], *real = rx_name_real(path);
+    assert_non_null(real);
+    snprintf(expected, sizeof expected, "%s%s", folder, name);
+    assert_string_equal(real, expected);
+    free(real);
+}
+
+static void names_of_one_file_are_one(void **state)
+{
+    (void)state;
+    char here[] = "/tmp/rextract-names-XXXXXX", link[128], path[128];
+    assert_non_null(mkdtemp(here));
+    char *folder = realpath(here, NULL); /* /tmp may be a link */
+    assert_non_null(folder);
+    snprintf(link, sizeof link, "%s/link", here);
+    assert_int_equal(symlink(".", link), 0);
+    snprintf(path, sizeof path, "%s/../%s/./link/new.cat", here, here + strlen("/tmp/"));
+    check_real(path, folder, "/new.cat");
+    snprintf(path, sizeof path, "%s/link/new.cat/", here);
+    check_real(path, folder, "/new.cat");
+    check_real(link, folder, "");
+    check_real("/new.cat", "", "/new.cat");
+    check_real("/", "", "/");
+    snprintf(path, sizeof path, "%s/absent/../new.cat", here);
+    check_real(path, "", path);
+    char *cwd = realpath(".", NULL);
+    assert_non_null(cwd);
+    check_real("absent.cat", cwd, "/absent.cat");
+    free(cwd);
+    free(folder);
+    unlink(link);
+    rmdir(here);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tags_go_before_the_extension),
         cmocka_unit_test(commas_in_brackets_do_not_split),
         cmocka_unit_test(a_tile_has_a_name),
+        cmocka_unit_test(names_of_one_file_are_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -92,6 +92,15 @@ static void files_of_tiles_are_kept_apart(void **state)
     check_refused(
         state, "a.fits -CATALOG_TYPE NONE -REFERENCE_NAME r\nb.fits -CATALOG_TYPE NONE -REFERENCE_NAME r\n",
         "would write rextract_qa", 2);
+    check_refused(state, "a.fits -CATALOG_NAME c.cat\nb.fits -CATALOG_NAME ./c.cat\n",
+                  "would write ./c.cat, as would line 1", 2);
+    check_refused(state, "a.fits -RESTORE_TYPE NONE,RL -CATALOG_NAME c.cat\nb.fits -CATALOG_NAME c_RL.cat\n",
+                  "would write c_RL.cat, as would line 1", 2);
+    check_refused(state,
+                  "a.fits -CATALOG_NAME 1\nb.fits[1],c.fits[2] -CATALOG_NAME 2\nd.fits -CATALOG_NAME c.fits",
+                  "would write c.fits, the tile of line 2", 3);
+    check_refused(state, "a.fits -CATALOG_NAME 1 -FLAG_IMAGE f.fits\nb.fits -CATALOG_NAME f.fits",
+                  "would write f.fits, which is read by line 1", 2);
 }
 
 static void the_same_tile_may_be_read_twice(void **state)
