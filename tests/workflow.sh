@@ -48,6 +48,19 @@ result 'every tile is done, and no name was obeyed' $? log
 grep -q '"fine": 4' survey/summary.json && grep -q 'missing.fits: cannot be opened' survey/junit.xml
 result 'the tile that failed is told' $? survey/junit.xml
 
+python=/usr/bin/python3
+if $python -c 'import astropy, yaml' 2>/dev/null; then
+    $python - >log 2>&1 <<'END'
+from astropy.table import Table
+tiles = Table.read('survey/tiles.ecsv', format='ascii.ecsv')
+bins = Table.read('survey/bins.ecsv', format='ascii.ecsv')
+assert len(tiles) == 4 and 'off' in tiles.colnames and len(bins) > 0, (tiles, bins)
+END
+    result 'astropy reads the tables of the roll-up' $? log
+else
+    skip 'astropy reads the tables of the roll-up' 'python3 with astropy is absent'
+fi
+
 mkdir other && cp ./*.fits ./*.truth my.sex my.param tiles.list other && (
     cd other && mkdir catalogs records reports &&
         "$programs/rextract" @tiles.list -c my.sex -VERBOSE_TYPE QUIET -CATALOG_NAME 'catalogs/{tile}.cat' \

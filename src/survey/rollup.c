@@ -176,6 +176,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->verdict = e->verdict;
     row->sources = facts->sources;
     row->compared = facts->tally != NULL;
+    const rx_estimate unknown = {.value = NAN, .low = 0, .high = 1};
+    row->cell = (rx_rollup_cell){.recall = unknown, .precision = unknown, .bias = NAN, .scatter = NAN};
     status = run_of(r, facts->name, &row->run, err);
     if (status != RX_OK)
         return status;

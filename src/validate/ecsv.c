@@ -2,6 +2,7 @@
 #include "validate/ecsv.h"
 
 #include <stdio.h>
+#include <strings.h>
 
 #include "validate/escape.h"
 
@@ -33,12 +34,23 @@ void rx_ecsv_meta_number(rx_ecsv *table, const char *name, double value)
     rx_text_printf(table->text, "#   %s: %.9g\n", name, value);
 }
 
+/* YAML, the language of the header, takes these words for true and false. */
+static int is_truth(const char *name)
+{
+    static const char *const words[] = {"true", "false", "yes", "no", "on", "off"};
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++)
+        if (strcasecmp(name, words[i]) == 0)
+            return 1;
+    return 0;
+}
+
 void rx_ecsv_column(rx_ecsv *table, const char *name, rx_ecsv_type type, const char *unit,
                     const char *description)
 {
     static const char *const types[] = {"float64", "int64", "int32", "string"};
     part_begin(table, &table->in_columns, "# datatype:\n");
-    rx_text_printf(table->text, "# - {name: %s, datatype: %s", name, types[type]);
+    const char *quote = is_truth(name) ? "'" : "";
+    rx_text_printf(table->text, "# - {name: %s%s%s, datatype: %s", quote, name, quote, types[type]);
     if (unit[0] != '\0')
         rx_text_printf(table->text, ", unit: '%s'", unit);
     rx_text_printf(table->text, ", description: \"%s\"}\n", description);

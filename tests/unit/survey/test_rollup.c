@@ -118,6 +118,9 @@ static void worst_come_first(void **state)
     assert_string_equal(s.rollup.row[1].tile->name, "c");
     assert_string_equal(s.rollup.run[s.rollup.row[1].run].name, "RL");
     assert_true(isnan(s.rollup.row[1].off));
+    assert_false(s.rollup.row[1].compared);
+    assert_true(isnan(s.rollup.row[1].cell.recall.value));
+    assert_true(isnan(s.rollup.row[1].cell.bias));
     assert_string_equal(s.rollup.row[2].tile->name, "b");
     assert_string_equal(s.rollup.row[2].what, "recall");
     const double p = 230.0 / 310;
@@ -143,7 +146,7 @@ static void a_range_of_magnitudes(void **state)
 static void files_for_programs(void **state)
 {
     survey s;
-    rx_text junit = {0}, json = {0}, html = {0};
+    rx_text junit = {0}, json = {0}, html = {0}, tiles = {0};
     rx_figures *figures = calloc(1, sizeof *figures);
     (void)state;
     assert_non_null(figures);
@@ -156,7 +159,11 @@ static void files_for_programs(void **state)
     rx_rollup_html(&html, &s.rollup, figures);
     assert_non_null(strstr(html.data, "a &lt;gate&gt; &amp; FAILED"));
     assert_null(strstr(html.data, "<gate>"));
-    assert_false(junit.failed || json.failed || html.failed);
+    rx_rollup_tiles(&tiles, &s.rollup);
+    assert_non_null(strstr(tiles.data, "{name: 'off', ")); /* else YAML takes it for false */
+    assert_non_null(strstr(tiles.data, ",nan,0,1,0,nan,0,1,0,0,nan,nan\n"));
+    assert_false(junit.failed || json.failed || html.failed || tiles.failed);
+    rx_text_free(&tiles);
     rx_text_free(&junit);
     rx_text_free(&json);
     rx_text_free(&html);

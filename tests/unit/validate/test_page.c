@@ -366,11 +366,13 @@ static void ecsv_to_the_byte(void **state)
     rx_ecsv_column(&table, "name", RX_ECSV_TEXT, "", "of the method");
     rx_ecsv_column(&table, "kind", RX_ECSV_TEXT, "", "a word");
     rx_ecsv_column(&table, "n", RX_ECSV_INT, "", "number");
+    rx_ecsv_column(&table, "off", RX_ECSV_INT, "", "no switch");
     rx_ecsv_estimate_columns(&table, "psnr", "dB", "mean");
     rx_ecsv_columns_end(&table);
     rx_ecsv_text(&table, "R\"L, 1");
     rx_ecsv_word(&table, "tuned");
     rx_ecsv_count(&table, 3);
+    rx_ecsv_count(&table, 0);
     rx_ecsv_estimate(&table, &(rx_estimate){0.5, NAN, INFINITY, 7});
     rx_ecsv_row_end(&table);
     assert_text(&text,
@@ -379,14 +381,15 @@ static void ecsv_to_the_byte(void **state)
                 "# - {name: name, datatype: string, description: \"of the method\"}\n"
                 "# - {name: kind, datatype: string, description: \"a word\"}\n"
                 "# - {name: n, datatype: int32, description: \"number\"}\n"
+                "# - {name: 'off', datatype: int32, description: \"no switch\"}\n"
                 "# - {name: psnr, datatype: float64, unit: 'dB', description: \"mean\"}\n"
                 "# - {name: psnr_low, datatype: float64, unit: 'dB', description: \"lower end of the "
                 "interval\"}\n"
                 "# - {name: psnr_high, datatype: float64, unit: 'dB', description: \"upper end of the "
                 "interval\"}\n"
                 "# - {name: psnr_n, datatype: int64, description: \"sources behind psnr\"}\n"
-                "# schema: astropy-2.0\nname,kind,n,psnr,psnr_low,psnr_high,psnr_n\n"
-                "\"R\"\"L, 1\",tuned,3,0.5,nan,inf,7\n");
+                "# schema: astropy-2.0\nname,kind,n,off,psnr,psnr_low,psnr_high,psnr_n\n"
+                "\"R\"\"L, 1\",tuned,3,0,0.5,nan,inf,7\n");
 }
 
 int main(void)
