@@ -66,6 +66,7 @@ static const char *not_fits(const unsigned char *head, size_t n)
 typedef struct kind {
     int64_t bytes;
     bool packed, unpadded; /* by gzip; plain, its last block is none */
+    bool bzip2;
 } kind;
 
 static rx_status check_file(const char *path, kind *dst, rx_error *err)
@@ -92,6 +93,7 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
     dst->bytes = (int64_t)info.st_size;
     dst->packed = memcmp(head, "\x1f\x8b", 2) == 0;
+    dst->bzip2 = memcmp(head, "BZh", 3) == 0;
     dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && info.st_size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
@@ -155,7 +157,22 @@ static rx_status open_held(const char *path, const kind *about, rx_fits_source *
     return status;
 }
 
-static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err)
+/* cfitsio calls it a lack of memory, too, when what bzip2 packed is cut off or damaged. Where there is memory
+ * it is that: a fault of the file, which another try on a larger machine does not mend. */
+static rx_status bzip2_failed(const char *path, const kind *about, rx_error *err)
+{
+    const int64_t some = 64 << 20;
+    const rx_status status = rx_fits_ask_memory(8 * about->bytes + some, err);
+    fits_clear_errmsg();
+    if (status != RX_OK)
+        return status;
+    return rx_error_at(
+        err, RX_INPUT, path, -1, 0,
+        "cannot be unpacked: it is cut off or damaged, or unpacks to more than memory holds; fetch it "
+        "again");
+}
+
+static rx_status open_plain(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
 {
     char literal[FLEN_FILENAME + 2];
     int failed = 0;
@@ -169,6 +186,8 @@ static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err
     snprintf(literal, sizeof literal, "%s%s", path[0] == '~' ? "./" : "", path);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
+        if (about->bzip2 && failed == MEMORY_ALLOCATION)
+            return bzip2_failed(path, about, err);
         return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
     }
     return RX_OK;
@@ -181,8 +200,8 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     rx_status status = check_file(path, &about, err);
     fits_clear_errmsg();
     if (status == RX_OK)
-        status =
-            about.packed || about.unpadded ? open_held(path, &about, dst, err) : open_plain(path, dst, err);
+        status = about.packed || about.unpadded ? open_held(path, &about, dst, err)
+                                                : open_plain(path, &about, dst, err);
     if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, err);
     if (status != RX_OK)

@@ -109,6 +109,14 @@ begin 'all pixels infinite'
 make_fits infinite tile.fits
 expect 3 '^rextract: tile\.fits' tile.fits $none
 
+if command -v bzip2 >/dev/null; then
+    for bytes in 100 3000; do
+        begin "bzip2 file cut short after $bytes bytes"
+        make_fits tile tile.fits && bzip2 tile.fits && head -c "$bytes" tile.fits.bz2 >t.fits.bz2 && rm tile.fits.bz2
+        expect 3 '^rextract: t\.fits\.bz2: cannot be (unpacked: it is cut off or damaged|read as FITS)' t.fits.bz2 $none
+    done
+fi
+
 begin 'gzip file cut short'
 make_fits tile tile.fits && gzip -n tile.fits && head -c 9000 tile.fits.gz >t.fits.gz && rm tile.fits.gz
 expect 3 '^rextract: t\.fits\.gz' t.fits.gz $none
