@@ -1,20 +1,23 @@
 # What scripts of tests have in common; sourced by them, which have set `top` to the source folder before:
 #
-#   need NAME...             programs of the build that must be there; $programs is their folder
-#   enter                    into a scratch folder, $scratch, that is removed at the end
-#   result TITLE STATUS LOG  counts a case; of one that failed the log is shown, where one is given
+#   need NAME...             programs that must be there, their folder is $programs; or tests/..., helpers of the build,
+#                            which is $build
+#   enter                    into a scratch folder, $scratch, that is removed at the end, by a signal too
+#   result TITLE STATUS LOG  counts a case; of one that failed the end of the log is shown, where one is given
 #   skip TITLE WHY
 #   finish                   says how many, and ends
 # shellcheck shell=sh disable=SC2154 # variables of who sources it
 
-programs=$(cd "$(dirname "${RX_PROGRAM:-$top/rextract}")" && pwd)
+programs=$(cd "$(dirname "${RX_PROGRAM:-${RX_BUILD_DIR:-$top}/rextract}")" && pwd)
+build=$(cd "${RX_BUILD_DIR:-$programs}" && pwd)
 passed=0 failed=0 skipped=0
 script=$(basename "$0")
 
 need() {
     for needed in "$@"; do
-        [ -x "$programs/$needed" ] || {
-            echo "$script: $programs/$needed is missing; build first (make check)"
+        case $needed in tests/*) needed=$build/$needed ;; *) needed=$programs/$needed ;; esac
+        [ -x "$needed" ] || {
+            echo "$script: $needed is missing; build first (make check)"
             exit 2
         }
     done
@@ -23,6 +26,7 @@ need() {
 enter() {
     scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-${script%.sh}-XXXXXX") || exit 2
     trap 'rm -rf "$scratch"' EXIT
+    trap 'exit 2' INT TERM HUP
     cd "$scratch" || exit 2
 }
 
@@ -32,7 +36,7 @@ result() {
     else
         failed=$((failed + 1))
         echo "FAILED: $1"
-        [ $# -lt 3 ] || sed 's/^/    | /' "$3"
+        [ $# -lt 3 ] || tail -n 60 "$3" | sed 's/^/    | /'
     fi
 }
 

@@ -6,14 +6,9 @@
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
-build=${RX_BUILD_DIR:-$programs}
 ranks=$build/tests/unit/par/mpi_ranks
 train=$programs/rextract-train
-need rextract-train
-[ -x "$ranks" ] || {
-    echo "mpi.sh: $ranks is missing; build first (make check)"
-    exit 2
-}
+need rextract-train tests/unit/par/mpi_ranks
 enter
 
 # --- who is linked with MPI ---

@@ -6,25 +6,16 @@ set -u
 LC_ALL=C
 export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
-build=${RX_BUILD_DIR:-$top}
+. "$top/tests/lib.sh"
+need rextract tests/fault/fault tests/fault/fault_simulate tests/fault/fault_survey tests/cli/make_fits tests/cli/make_model
 make_fits=$build/tests/cli/make_fits
 make_model=$build/tests/cli/make_model
 last=${RX_FAULT_LAST:-0}
-for needed in "$build/tests/fault/fault" "$build/tests/fault/fault_simulate" "$build/tests/fault/fault_survey" "$make_fits" "$make_model"; do
-    [ -x "$needed" ] || {
-        echo "run.sh: $needed is missing; build first (make check)"
-        exit 2
-    }
-done
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-fault-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-trap 'exit 2' INT TERM HUP
-cd "$scratch" || exit 2
+enter
 # What a run that is about to end still holds goes with it.
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
 TMPDIR=. # -REPLAY must leave nothing there
 export ASAN_OPTIONS TMPDIR
-passed=0 failed=0
 
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
     "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
@@ -51,12 +42,8 @@ refuse_of() {
     name=$2
     shift 2
     printf '%s\n' "$name" | grep -Eq -- "${RX_FAULT_ONLY:-.}" || return 0
-    if "$build/tests/fault/$program" "$last" "$scratch/$program.places" "$@" -VERBOSE_TYPE QUIET >log 2>&1; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $name"
-    fi
+    "$build/tests/fault/$program" "$last" "$scratch/$program.places" "$@" -VERBOSE_TYPE QUIET >log 2>&1
+    result "$name" $?
     sed 's/^/    | /' log
 }
 
@@ -82,10 +69,10 @@ refuse 'templates of two images' ../tile.fits,../tile.fits -RESTORE_TYPE NONE -P
 refuse 'a list of tiles' @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE ASCII -CATALOG_NAME '{tile}.cat'
 [ "$last" -eq 0 ] || refuse 'injected sources and their report' ../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3 \
     -CATALOG_TYPE NONE -REFERENCE_NAME ../ref.fits -QA_NAME qa -SELF_CHECK Y -SELF_CHECK_COUNT 20 -SELF_CHECK_NAME check -QA_FIGURES N
-"$build/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
+"$programs/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
     -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
 refuse_of fault_survey 'the roll-up of a survey' ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N
-mkdir made && (cd made && "$build/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat \
+mkdir made && (cd made && "$programs/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET)
 refuse 'a run repeated' -REPLAY ../made/x.cat
 
@@ -100,5 +87,4 @@ refuse_simulate 'injection away from the sources' -INJECT_IMAGE ../big.fits -PSF
     -INJECT_PLACE AWAY -INJECT_DISTANCE 1 -TRUTH_TYPE FITS_LDAC
 refuse_simulate 'injection with a configuration' -INJECT_IMAGE ../big.fits -PSF_FWHM 3 -INJECT_CONFIG ../my.sex
 
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" -eq 0 ]
+finish

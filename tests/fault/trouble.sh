@@ -6,34 +6,25 @@ set -u
 LC_ALL=C
 export LC_ALL
 top=$(cd "${srcdir:-$(dirname "$0")/../..}" && pwd)
-build=$(cd "${RX_BUILD_DIR:-$top}" && pwd)
+. "$top/tests/lib.sh"
+need rextract rextract-simulate rextract-survey rextract-validate rextract-train tests/fault/trouble tests/cli/make_fits
 make_fits=$build/tests/cli/make_fits
 trouble=$build/tests/fault/trouble
-for needed in "$build/rextract" "$build/rextract-simulate" "$build/rextract-survey" "$build/rextract-validate" "$build/rextract-train" \
-    "$trouble" "$make_fits"; do
-    [ -x "$needed" ] || {
-        echo "trouble.sh: $needed is missing; build first (make check)"
-        exit 2
-    }
-done
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-trouble-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-trap 'exit 2' INT TERM HUP
-cd "$scratch" || exit 2
+enter
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
 TMPDIR=. # -REPLAY must leave nothing there
 export ASAN_OPTIONS TMPDIR
-passed=0 failed=0 skipped=0 strikes=0
+strikes=0
 
 "$make_fits" small tile.fits && "$make_fits" table ref.fits || exit 2
 printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'NUMBER\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\n' >template.param
 printf '../tile.fits\n' >tiles.list
-"$build/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
+"$programs/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
     -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
 
 mkdir made
-(cd made && "$build/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat -CHECKIMAGE_TYPE \
+(cd made && "$programs/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat -CHECKIMAGE_TYPE \
     SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET) || exit 2
 cat >campaign.conf <<'END'
 CAMPAIGN_TYPE RESTORATION
@@ -66,16 +57,14 @@ END
 # struck NAME STEP PROGRAM ARGUMENT...: with every STEP-th call, or $RX_TROUBLE_STEP, of each kind of trouble. The older
 # outputs come from another threshold or seed, as the variable older says; none where it is -.
 struck() {
-    name=$1 step=${RX_TROUBLE_STEP:-$2} program=$build/$3
+    name=$1 step=${RX_TROUBLE_STEP:-$2} program=$programs/$3
     shift 3
     printf '%s\n' "$name" | grep -Eq -- "${RX_TROUBLE_ONLY:-.}" || return 0
     rm -rf old new
     mkdir old
     # shellcheck disable=SC2086 # a list of arguments
     { [ "$older" = - ] || (cd old && "$program" "$@" $older); } >log 2>&1 && cp -a old new && (cd new && "$program" "$@") >>log 2>&1 || {
-        echo "FAILED: $name: an undisturbed run"
-        cat log
-        failed=$((failed + 1))
+        result "$name: an undisturbed run" 1 log
         return 0
     }
     for kind in ENOSPC FULL EIO EINTR SHORT KILL; do
@@ -84,13 +73,9 @@ struck() {
         "$trouble" $kind $first "$step" "$program" "$@" >said 2>&1
         code=$?
         if [ $code -eq 77 ]; then
-            skipped=$((skipped + 1))
-            echo "skipped: $name, $kind: the kernel hands no calls over (seccomp)"
-        elif [ $code -eq 0 ]; then
-            passed=$((passed + 1))
+            skip "$name, $kind" 'the kernel hands no calls over (seccomp)'
         else
-            failed=$((failed + 1))
-            echo "FAILED: $name, $kind, first $first, step $step"
+            result "$name, $kind, first $first, step $step" $code
         fi
         [ -z "${RX_TROUBLE_STEP-}" ] && [ $code -eq 0 ] || sed 's/^/    | /' said
     done
@@ -112,8 +97,7 @@ quiet='-VERBOSE_TYPE QUIET -NTHREADS 1'
         struck 'report with figures' 97 rextract ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -REFERENCE_NAME \
             ../ref.fits -QA_NAME qa $quiet
     else
-        skipped=$((skipped + 1))
-        echo 'skipped: report with figures: no gnuplot'
+        skip 'report with figures' 'no gnuplot'
     fi
     older='-MAG_RANGE 10,20'
     struck 'the roll-up of a survey' 23 rextract-survey ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N \
@@ -129,5 +113,4 @@ quiet='-VERBOSE_TYPE QUIET -NTHREADS 1'
     struck 'a run repeated' 61 rextract -REPLAY ../made/x.cat $quiet
 }
 
-echo "$passed passed, $failed failed, $skipped skipped"
-[ "$failed" -eq 0 ]
+finish
