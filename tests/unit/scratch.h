@@ -1,4 +1,4 @@
-/* A folder of its own for a test (state is its name), and whole files in it. */
+/* A folder of its own for a test (state is its name). */
 #ifndef TESTS_UNIT_SCRATCH_H
 #define TESTS_UNIT_SCRATCH_H
 
@@ -14,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "files.h"
 #include "io/output.h"
 
 static int make_scratch(void **state)
@@ -38,29 +39,6 @@ static int remove_scratch(void **state)
 static inline void path_in(void **state, const char *name, char dst[1024])
 {
     snprintf(dst, 1024, "%s/%s", (char *)*state, name);
-}
-
-/* The file's bytes with a 0 behind them, to be freed. */
-static inline char *file_bytes(const char *path, size_t *size)
-{
-    struct stat info;
-    assert_int_equal(stat(path, &info), 0);
-    char *data = calloc((size_t)info.st_size + 1, 1);
-    FILE *file = fopen(path, "rb");
-    assert_non_null(data);
-    assert_non_null(file);
-    *size = fread(data, 1, (size_t)info.st_size, file);
-    assert_int_equal(*size, info.st_size);
-    fclose(file);
-    return data;
-}
-
-static inline void write_bytes(const char *path, const char *data, size_t size)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, size, file), size);
-    assert_int_equal(fclose(file), 0);
 }
 
 #endif

@@ -9,30 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "base/lines.h"
-
-static int enter(void **state)
-{
-    char *path = strdup("/tmp/rextract-lines-XXXXXX");
-    *state = path;
-    int file = path != NULL ? mkstemp(path) : -1;
-    return file >= 0 ? close(file) : -1;
-}
-
-static int leave(void **state)
-{
-    unlink(*state);
-    free(*state);
-    return 0;
-}
-
-static void put(const char *path, const void *bytes, size_t n)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, n, file), n);
-    assert_int_equal(fclose(file), 0);
-}
 
 static void check_next(rx_lines *lines, const char *wanted, long number, int64_t at)
 {
@@ -51,7 +29,7 @@ static void check_next(rx_lines *lines, const char *wanted, long number, int64_t
 static void lines_and_where_they_begin(void **state)
 {
     rx_lines lines;
-    put(*state, "one\n\nthree\r\nfour", 16);
+    write_bytes(*state, "one\n\nthree\r\nfour", 16);
     assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
     check_next(&lines, "one", 1, 0);
     check_next(&lines, "", 2, 4);
@@ -64,7 +42,7 @@ static void lines_and_where_they_begin(void **state)
     check_next(&lines, "three\r", 1, 5);
     check_next(&lines, "four", 2, 12);
     rx_lines_close(&lines);
-    put(*state, "", 0);
+    write_bytes(*state, "", 0);
     assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
     check_next(&lines, NULL, 0, 0);
     rx_lines_close(&lines);
@@ -99,7 +77,7 @@ static void what_is_no_text(void **state)
     rx_lines lines;
     rx_error err = RX_ERROR_NONE;
     char *line = NULL;
-    put(*state, "one\ntw\0o\n", 9);
+    write_bytes(*state, "one\ntw\0o\n", 9);
     assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
     assert_int_equal(rx_lines_next(&lines, &line, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "binary"));
@@ -114,7 +92,7 @@ static void what_is_no_text(void **state)
     char *endless = malloc(long_one);
     assert_non_null(endless);
     memset(endless, 'x', long_one);
-    put(*state, endless, long_one);
+    write_bytes(*state, endless, long_one);
     free(endless);
     assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
     assert_int_equal(rx_lines_next(&lines, &line, &err), RX_INPUT);
@@ -126,9 +104,9 @@ static void what_is_no_text(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(lines_and_where_they_begin, enter, leave),
-        cmocka_unit_test_setup_teardown(lines_longer_than_a_block, enter, leave),
-        cmocka_unit_test_setup_teardown(what_is_no_text, enter, leave),
+        cmocka_unit_test_setup_teardown(lines_and_where_they_begin, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(lines_longer_than_a_block, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(what_is_no_text, make_file, remove_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "../files.h"
 #include "base/text.h"
 
 static void text_grows(void **state)
@@ -55,10 +56,7 @@ static rx_status read_back(const char *folder, const char *content, size_t size,
 {
     char path[600];
     snprintf(path, sizeof path, "%s/x.txt", folder);
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(content, 1, size, file), size);
-    assert_int_equal(fclose(file), 0);
+    write_bytes(path, content, size);
     rx_status status = rx_text_read_file(path, max, data, length, err);
     assert_int_equal(unlink(path), 0);
     return status;

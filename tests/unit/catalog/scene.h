@@ -15,6 +15,7 @@
 
 #include <cmocka.h>
 
+#include "../files.h"
 #include "base/memory.h"
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
@@ -42,10 +43,7 @@ static inline void scene_file(char dst[SCENE_PATH], const char *folder, const ch
     snprintf(dst, SCENE_PATH, "%s/%s", folder, name);
     if (content == NULL)
         return;
-    FILE *file = fopen(dst, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(content, 1, strlen(content), file), strlen(content));
-    assert_int_equal(fclose(file), 0);
+    write_text(dst, content);
 }
 
 /* n sources whose numbers differ from row to row. */

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
+
 static int make_folder(void **state)
 {
     const char *base = getenv("TMPDIR");
@@ -39,10 +41,7 @@ static int remove_folder(void **state)
 static void put(void **state, const char *name, const char *text, char dst[1024])
 {
     snprintf(dst, 1024, "%s/%s", (char *)*state, name);
-    FILE *file = fopen(dst, "w");
-    assert_non_null(file);
-    assert_int_equal(fwrite(text, 1, strlen(text), file), strlen(text));
-    assert_int_equal(fclose(file), 0);
+    write_text(dst, text);
 }
 
 #endif

@@ -17,7 +17,7 @@
 static int sum_hdus(const char *path)
 {
     size_t size = 0;
-    char *data = slurp(path, &size);
+    char *data = file_bytes(path, &size);
     int failed = 0, hdus = 0, ok = 0;
     LONGLONG start = 0, end = 0;
     fitsfile *file = NULL;
@@ -132,7 +132,7 @@ static void test_read_image(void **state)
             "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    1\n"
             "NAXIS1  =                    3",
             data, 3);
-    dump(in(state, "line.fits"), file.data, file.length);
+    write_bytes(in(state, "line.fits"), file.data, file.length);
     assert_int_equal(rx_fits_read_image(in(state, "line.fits"), &pixels, &width, &height, &err), RX_OK);
     assert_true(width == 3 && height == 1 && pixels[2] == 7);
     free(pixels);
@@ -140,7 +140,7 @@ static void test_read_image(void **state)
             "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    2\n"
             "NAXIS1  =                    2\nNAXIS2  =                    2\nPCOUNT  = 0\nGCOUNT  = 1",
             data, 4);
-    dump(in(state, "two.fits"), file.data, file.length);
+    write_bytes(in(state, "two.fits"), file.data, file.length);
     assert_int_equal(rx_fits_read_image(in(state, "two.fits"), &pixels, &width, &height, &err), RX_OK);
     assert_true(width == 2 && height == 2 && pixels[1] == 8);
     free(pixels);
@@ -231,7 +231,7 @@ static void test_table(void **state)
     }
     assert_int_equal(sum_hdus(in(state, "t.fits")), 2);
     size_t n = 0, m = 0;
-    char *a = slurp(in(state, "t.fits"), &n), *b = slurp(in(state, "u.fits"), &m);
+    char *a = file_bytes(in(state, "t.fits"), &n), *b = file_bytes(in(state, "u.fits"), &m);
     assert_int_equal(n, m);
     assert_memory_equal(a, b, n);
     free(a);
@@ -322,31 +322,31 @@ static void test_whole_file(void **state)
     check_verify(state, "w.fits", 4, -1, "has 3 HDUs, 4 were written");
     check_verify(state, "absent", 0, -1, "cannot be opened");
     size_t n = 0;
-    char *data = slurp(in(state, "w.fits"), &n);
+    char *data = file_bytes(in(state, "w.fits"), &n);
     assert_int_equal(n % 2880, 0);
-    dump(in(state, "d.fits"), data, n - 2880);
+    write_bytes(in(state, "d.fits"), data, n - 2880);
     check_verify(state, "d.fits", 0, 2, "cut off: 2880 bytes are missing");
-    dump(in(state, "d.fits"), data, n - 1);
+    write_bytes(in(state, "d.fits"), data, n - 1);
     check_verify(state, "d.fits", 0, 2, "no multiple of 2880");
-    dump(in(state, "d.fits"), data, 2880 * 2);
+    write_bytes(in(state, "d.fits"), data, 2880 * 2);
     check_verify(state, "d.fits", 0, 1, "cut off: 2880 bytes are missing");
     for (size_t i = n - 2 * 2880; i < n - 2880; i += 80)
         if (memcmp(data + i, "END     ", 8) == 0) {
             memcpy(data + i, "COMMENT ", 8);
-            dump(in(state, "d.fits"), data, n);
+            write_bytes(in(state, "d.fits"), data, n);
             memcpy(data + i, "END     ", 8);
         }
     check_verify(state, "d.fits", 0, 2, "the header has no END");
     data[n - 2880] ^= 1;
-    dump(in(state, "d.fits"), data, n);
+    write_bytes(in(state, "d.fits"), data, n);
     check_verify(state, "d.fits", 0, 2, "DATASUM does not fit");
     data[n - 2880] ^= 1;
     data[79] ^= 1; /* a comment */
-    dump(in(state, "d.fits"), data, n);
+    write_bytes(in(state, "d.fits"), data, n);
     check_verify(state, "d.fits", 0, 0, "CHECKSUM does not fit");
     data[79] ^= 1;
     memcpy(data + 2880, "NOTHING!", 8);
-    dump(in(state, "d.fits"), data, n);
+    write_bytes(in(state, "d.fits"), data, n);
     check_verify(state, "d.fits", 0, 1, "no HDU begins");
     free(data);
     rx_table_free(table);
@@ -407,7 +407,7 @@ static void test_ldac(void **state)
     assert_non_null(strstr(header, "TFORM1  = '400A"));
     free(header);
     size_t size = 0;
-    char *data = slurp(in(state, "l.fits"), &size);
+    char *data = file_bytes(in(state, "l.fits"), &size);
     const char *first = data + 2880 * 2; /* after primary and header */
     assert_memory_equal(first, cards.data, 240);
     assert_memory_equal(first + 240, extra.data, 80);
@@ -484,11 +484,11 @@ static void test_cut_table(void **state)
     rx_table *back = NULL;
     rx_error err = RX_ERROR_NONE;
     size_t size = 0;
-    char *data = slurp(in(state, "t.fits"), &size); /* of test_table */
+    char *data = file_bytes(in(state, "t.fits"), &size); /* of test_table */
     for (size_t i = 0; i + 80 < size; i += 80)
         if (memcmp(data + i, "NAXIS2  =", 9) == 0)
             memcpy(data + i + 10, "           900000000", 20);
-    dump(in(state, "cut.fits"), data, size);
+    write_bytes(in(state, "cut.fits"), data, size);
     free(data);
     assert_int_equal(rx_fits_read_table(in(state, "cut.fits"), 0, &back, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "cut off"));

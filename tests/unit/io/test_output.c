@@ -7,15 +7,10 @@
 #include "io/claim.h"
 #include "io/output.h"
 
-static void put(const char *path, const char *text)
-{
-    dump(path, text, strlen(text));
-}
-
 static void check_content(const char *path, const char *text)
 {
     size_t size = 0;
-    char *data = slurp(path, &size);
+    char *data = file_bytes(path, &size);
     assert_int_equal(size, strlen(text));
     assert_memory_equal(data, text, size);
     free(data);
@@ -26,7 +21,7 @@ static void test_commit(void **state)
     rx_outputs *outputs = NULL;
     const char *a = NULL, *b = NULL, *folder = NULL;
     char inner[1000];
-    put(in(state, "a"), "old");
+    write_text(in(state, "a"), "old");
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "b"), &b, NULL), RX_OK);
@@ -35,10 +30,10 @@ static void test_commit(void **state)
     assert_string_equal(rx_outputs_shown(outputs, folder), in(state, "report/"));
     assert_string_equal(rx_outputs_shown(outputs, "none of ours"), "none of ours");
     assert_int_equal(access(a, F_OK), -1); /* the writer makes it */
-    put(a, "new");
-    put(b, "other");
+    write_text(a, "new");
+    write_text(b, "other");
     snprintf(inner, sizeof inner, "%s/page", folder);
-    put(inner, "page");
+    write_text(inner, "page");
     check_content(in(state, "a"), "old");
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
@@ -57,7 +52,7 @@ static void test_abort(void **state)
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
     assert_int_equal(rx_outputs_folder(outputs, in(state, "fresh"), &folder, NULL), RX_OK);
-    put(a, "half");
+    write_text(a, "half");
     snprintf(inner, sizeof inner, "%s/sub", folder);
     assert_int_equal(mkdir(inner, 0777), 0);
     rx_outputs_free(outputs);
@@ -76,13 +71,13 @@ static void test_folders(void **state)
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_folder(outputs, in(state, "report"), &folder, NULL), RX_OK);
     snprintf(inner, sizeof inner, "%s/second", folder);
-    put(inner, "2");
+    write_text(inner, "2");
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
     assert_int_equal(access(in(state, "report/page"), F_OK), -1);
     check_content(in(state, "report/second"), "2");
     assert_int_equal(mkdir(in(state, "mine"), 0777), 0);
-    put(in(state, "mine/letter"), "dear");
+    write_text(in(state, "mine/letter"), "dear");
     assert_int_equal(mkdir(in(state, "empty"), 0777), 0);
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
@@ -111,7 +106,7 @@ static pid_t reserve_and_wait(void **state, const char *file, const char *folder
             rx_outputs_file(outputs, path[0], &temporary[0], NULL) != RX_OK ||
             rx_outputs_folder(outputs, path[1], &temporary[1], NULL) != RX_OK)
             _exit(1);
-        put(temporary[0], "half");
+        write_text(temporary[0], "half");
         snprintf(inner, sizeof inner, "%s/sub", temporary[1]);
         mkdir(inner, 0777);
         (void)!write(told[1], "x", 1);
@@ -140,7 +135,7 @@ static void test_leftovers(void **state)
     static const char *const alike[] = {".later.rx-12x.lock", ".later.rx-.lock", ".later.fits.x.rx-1.lock",
                                         "later.rx-1.lock", ".later.rx-1.lock.old"};
     for (int i = 0; i < 5; i++)
-        put(in(state, alike[i]), "mine");
+        write_text(in(state, alike[i]), "mine");
     for (int alive = 1; alive >= 0; alive--) {
         assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
         assert_int_equal(rx_outputs_file(outputs, in(state, "later.fits"), &temporary, NULL), RX_OK);
@@ -166,9 +161,9 @@ static void test_claimed_folder(void **state)
     char name[400] = "", theirs[400], inner[1000];
     const int before = count_entries(in(state, ""));
     snprintf(name, sizeof name, "%s", in(state, "work.tmp-XXXXXX"));
-    put(in(state, "work.tmp-mine"), "mine");
+    write_text(in(state, "work.tmp-mine"), "mine");
     assert_int_equal(mkdir(in(state, "kept"), 0777), 0);
-    put(in(state, "kept/file"), "kept");
+    write_text(in(state, "kept/file"), "kept");
     assert_int_equal(pipe(told), 0);
     const pid_t child = fork();
     if (child == 0) {
@@ -177,7 +172,7 @@ static void test_claimed_folder(void **state)
         snprintf(inner, sizeof inner, "%s/sub", name);
         if (mkdir(inner, 0777) != 0 || chdir(inner) != 0 || symlink("../../kept", "link") != 0)
             _exit(1);
-        put("file", "half");
+        write_text("file", "half");
         (void)!write(told[1], name, sizeof name);
         for (;;)
             pause();
@@ -223,7 +218,7 @@ static void test_two_at_once(void **state)
         const char *temporary = NULL;
         const int good = rx_outputs_new(&outputs, NULL) == RX_OK &&
                          rx_outputs_file(outputs, path, &temporary, NULL) == RX_OK &&
-                         (put(temporary, "whole"), rx_outputs_commit(outputs, NULL) == RX_OK);
+                         (write_text(temporary, "whole"), rx_outputs_commit(outputs, NULL) == RX_OK);
         rx_outputs_free(outputs);
         if (!good && child == 0)
             _exit(1);
@@ -246,7 +241,7 @@ static void test_taken_number(void **state)
     for (int i = 0; i < 2; i++) {
         assert_int_equal(rx_outputs_new(&outputs[i], NULL), RX_OK);
         assert_int_equal(rx_outputs_file(outputs[i], in(state, "numbered"), &temporary[i], NULL), RX_OK);
-        put(temporary[i], i == 0 ? "first" : "second");
+        write_text(temporary[i], i == 0 ? "first" : "second");
     }
     assert_string_not_equal(temporary[0], temporary[1]);
     for (int i = 0; i < 2; i++) {
@@ -264,10 +259,10 @@ static void test_aside(void **state)
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
     for (int whole = 0; whole < 2; whole++) {
-        put(in(state, ".twice.rx-1.lock"), "");
+        write_text(in(state, ".twice.rx-1.lock"), "");
         assert_int_equal(mkdir(in(state, ".twice.rx-1.tmp.old"), 0777), 0);
-        put(in(state, ".twice.rx-1.tmp.old/.rextract"), "ours");
-        put(in(state, ".twice.rx-1.tmp.old/page"), whole ? "second" : "first");
+        write_text(in(state, ".twice.rx-1.tmp.old/.rextract"), "ours");
+        write_text(in(state, ".twice.rx-1.tmp.old/page"), whole ? "second" : "first");
         assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
         assert_int_equal(rx_outputs_folder(outputs, in(state, "twice"), &folder, NULL), RX_OK);
         rx_outputs_free(outputs);
@@ -310,7 +305,7 @@ static void test_links(void **state)
     assert_int_equal(symlink("b", in(state, "link")), 0);
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "link"), &a, NULL), RX_OK);
-    put(a, "through");
+    write_text(a, "through");
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
     check_content(in(state, "b"), "through");
@@ -332,7 +327,7 @@ static void test_devices(void **state)
         assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
         assert_int_equal(rx_outputs_file(outputs, names[i], &a, NULL), RX_OK);
         snprintf(kept, sizeof kept, "%s", a);
-        put(a, "content");
+        write_text(a, "content");
         assert_int_equal(rx_outputs_commit(outputs, &err), i == 0 ? RX_OK : RX_SYSTEM);
         if (i == 1)
             assert_non_null(strstr(err.text, "No space"));
@@ -352,9 +347,9 @@ static void test_failing_commit(void **state)
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "p"), &a, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "q"), &b, NULL), RX_OK);
-    put(a, "p");
+    write_text(a, "p");
     assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM); /* q was never written */
-    put(b, "q");
+    write_text(b, "q");
     assert_int_equal(mkdir(in(state, "p"), 0777), 0); /* in the way since */
     assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM);
     assert_non_null(strstr(err.where, "p"));

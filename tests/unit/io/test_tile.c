@@ -136,7 +136,7 @@ static void test_inherit(void **state)
             "", 0);
     data[0] = 1;
     add_hdu(&file, ext, data, sizeof data);
-    dump(in(state, "a.fits"), file.data, file.length);
+    write_bytes(in(state, "a.fits"), file.data, file.length);
     rx_tile_params par = PLAIN;
     par.gain_key = "GAIN";
     rx_tile *tile = read_tile(&par, in(state, "a.fits"), 1, 1);
@@ -194,9 +194,9 @@ static void test_gzip(void **state)
     assert_memory_equal(tile->pixels, ramp, sizeof ramp);
     rx_tile_free(tile);
     size_t size = 0;
-    char *data = slurp(in(state, "a.fits.gz"), &size);
+    char *data = file_bytes(in(state, "a.fits.gz"), &size);
     assert_int_equal(data[0], 0x1f);
-    dump(in(state, "cut.fits.gz"), data, size / 2);
+    write_bytes(in(state, "cut.fits.gz"), data, size / 2);
     free(data);
     check_refused(&PLAIN, in(state, "cut.fits.gz"), "cannot be read");
 }
@@ -233,7 +233,7 @@ static void make_many(const char *path)
             "NAXIS1  =                    5\nNAXIS2  =                    4\nNAXIS3  =                    1\n"
             "PCOUNT  =                    0\nGCOUNT  =                    1",
             data, W * H);
-    dump(path, file.data, file.length);
+    write_bytes(path, file.data, file.length);
     rx_text_free(&file);
 }
 
@@ -377,7 +377,7 @@ static void test_bad_companions(void **state)
             "SIMPLE  =                    T\nBITPIX  =                  -32\nNAXIS   =                    2\n"
             "NAXIS1  =                    4\nNAXIS2  =                    3",
             map, sizeof map);
-    dump(in(state, "w.fits"), file.data, file.length);
+    write_bytes(in(state, "w.fits"), file.data, file.length);
     rx_text_free(&file);
     rx_tile_params par = PLAIN;
     par.weight_type = RX_WEIGHT_MAP_WEIGHT;
@@ -443,8 +443,8 @@ static void test_real_files(void **state)
     snprintf(name, sizeof name, "%s/odd/field_extents_275bytes.fits", folder);
     check_refused(&PLAIN, name, "web page");
     snprintf(name, sizeof name, "%s/%s", folder, cases[0].name);
-    char *data = slurp(name, &size);
-    dump(in(state, "cut.fits.fz"), data, size / 2);
+    char *data = file_bytes(name, &size);
+    write_bytes(in(state, "cut.fits.fz"), data, size / 2);
     free(data);
     check_refused(&PLAIN, in(state, "cut.fits.fz"), "cut off");
 }

@@ -103,13 +103,13 @@ static void test_broken_files(void **state)
                  {"hello world", "not a FITS file"},
                  {"SIMPLE  =                    T", "cut off"}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        dump(in(state, "x.fits"), cases[i].text, strlen(cases[i].text));
+        write_bytes(in(state, "x.fits"), cases[i].text, strlen(cases[i].text));
         check_refused(&PLAIN, in(state, "x.fits"), cases[i].word);
     }
     char block[5760];
     memset(block, ' ', sizeof block);
     memcpy(block, "SIMPLE  =                    T", 30); /* a header without END */
-    dump(in(state, "x.fits"), block, sizeof block);
+    write_bytes(in(state, "x.fits"), block, sizeof block);
     check_refused(&PLAIN, in(state, "x.fits"), "cannot be read");
 }
 
@@ -119,7 +119,7 @@ static void make_header_only(const char *path, int bitpix, const char *axes, siz
     rx_text file = {0};
     snprintf(lines, sizeof lines, "SIMPLE  =                    T\nBITPIX  = %20d\n%s", bitpix, axes);
     add_hdu(&file, lines, data, bytes);
-    dump(path, file.data, file.length);
+    write_bytes(path, file.data, file.length);
     rx_text_free(&file);
 }
 
@@ -158,9 +158,9 @@ static void test_broken_compressed(void **state)
     for (int i = 0; i < 40000; i++)
         noise[i] = (float)((i * 7919) % 30011);
     compress_to(in(state, "a.fits.fz"), RICE_1, noise, 200, 200, 0);
-    char *data = slurp(in(state, "a.fits.fz"), &size);
+    char *data = file_bytes(in(state, "a.fits.fz"), &size);
     for (int part = 1; part < 8; part++) {
-        dump(in(state, "cut.fits.fz"), data, size * (size_t)part / 8);
+        write_bytes(in(state, "cut.fits.fz"), data, size * (size_t)part / 8);
         check_refused(&PLAIN, in(state, "cut.fits.fz"), "");
     }
     char *axis = NULL;
@@ -169,7 +169,7 @@ static void test_broken_compressed(void **state)
             axis = data + i;
     assert_non_null(axis);
     memcpy(axis + 10, "           100000000", 20);
-    dump(in(state, "huge.fits.fz"), data, size);
+    write_bytes(in(state, "huge.fits.fz"), data, size);
     check_refused(&PLAIN, in(state, "huge.fits.fz"), "");
     memcpy(axis + 10, "                 200", 20);
     for (int seed = 1; seed < 40; seed++) { /* a few wrong bytes, up to a hail of them */
@@ -178,7 +178,7 @@ static void test_broken_compressed(void **state)
         memcpy(hurt, data, size);
         for (size_t i = 5760 + (size_t)seed; i < size; i += (size_t)(40000 / (seed * seed)) + 1)
             hurt[i] = seed % 3 == 0 ? 0 : (char)(i * (size_t)(131 + seed));
-        dump(in(state, "bad.fits.fz"), hurt, size);
+        write_bytes(in(state, "bad.fits.fz"), hurt, size);
         free(hurt);
         rx_tile *tile = NULL;
         rx_status status = rx_tile_read(&PLAIN, in(state, "bad.fits.fz"), 1, 1, NULL, &tile, NULL);
@@ -193,8 +193,8 @@ static void test_missing_padding(void **state)
 {
     size_t size = 0;
     make_ramp(in(state, "a.fits"), -32, "");
-    char *data = slurp(in(state, "a.fits"), &size);
-    dump(in(state, "b.fits"), data, 2880 + W * H * 4);
+    char *data = file_bytes(in(state, "a.fits"), &size);
+    write_bytes(in(state, "b.fits"), data, 2880 + W * H * 4);
     free(data);
     rx_tile *tile = read_tile(&PLAIN, in(state, "b.fits"), 0, 1);
     assert_true(tile->pixels[W * H - 1] == W * H - 1);
@@ -222,7 +222,7 @@ static void test_packed_files(void **state)
     int n = 0;
     rx_tile_shape *shapes = NULL;
     make_ramp(path, -32, "");
-    char *data = slurp(path, &size);
+    char *data = file_bytes(path, &size);
     pack(packed, data, 2880 + W * H * 4, 0); /* without padding */
     rx_tile *tile = read_tile(&PLAIN, packed, 0, 1);
     assert_true(tile->pixels[W * H - 1] == W * H - 1);
@@ -243,11 +243,11 @@ static void test_packed_files(void **state)
            80);
     pack(packed, data, size, 0);
     free(data);
-    data = slurp(packed, &size);
+    data = file_bytes(packed, &size);
     pack(packed, data, size, 0);
     free(data);
     check_refused(&PLAIN, packed, "does not begin with SIMPLE");
-    dump(packed, "PK\3\4 and so on", 15);
+    write_bytes(packed, "PK\3\4 and so on", 15);
     check_refused(&PLAIN, packed, "zip archive");
 }
 
@@ -278,7 +278,7 @@ static void put_tile(const char *path, const char *cards, const char *second, co
         }
     rx_text_add_bytes(&body, heap, size);
     add_hdu(&file, header.data, body.data, body.length);
-    dump(path, file.data, file.length);
+    write_bytes(path, file.data, file.length);
     rx_text_free(&file);
     rx_text_free(&header);
     rx_text_free(&body);
@@ -328,7 +328,7 @@ static void test_tiles_that_cfitsio_does_not_survive(void **state)
         if (cases[i].packed > 0) {
             size_t size = 0;
             pack(packed, zeros, cases[i].packed % (1 << 16), cases[i].packed / (1 << 16) * (1 << 16));
-            char *stream = slurp(packed, &size);
+            char *stream = file_bytes(packed, &size);
             cells[cases[i].cells[0] > 0 ? 2 : 0] = (uint32_t)size - (uint32_t)cases[i].cut;
             cells[0] = cases[i].cells[0] > 0 ? 0 : cells[0];
             put_tile(path, cases[i].cards, cases[i].second, cells, stream, size);
@@ -351,7 +351,7 @@ static void test_missing_settings(void **state)
     size_t size = 0;
     put_tile(in(state, "t.fits.fz"), "ZCMPTYPE= 'RICE_1'\nZBITPIX = 16\n", BYTES SECOND, cells, zeros,
              sizeof zeros);
-    char *data = slurp(in(state, "t.fits.fz"), &size);
+    char *data = file_bytes(in(state, "t.fits.fz"), &size);
     pack(in(state, "t.fits.gz"), data, size, 0);
     free(data);
     check_refused(&PLAIN, in(state, "t.fits.fz"), "cannot be read");
@@ -390,12 +390,12 @@ static void test_huge_tiles(void **state)
     const uint32_t cells[4] = {0, 0, 100, 0};
     put_tile(in(state, "h.fits.fz"), GZIP "16\n", BYTES SECOND, cells, zeros, sizeof zeros);
     size_t size = 0;
-    char *data = slurp(in(state, "h.fits.fz"), &size), *card = data + 2880;
+    char *data = file_bytes(in(state, "h.fits.fz"), &size), *card = data + 2880;
     while (strncmp(card, "ZTILE1  ", 8) != 0)
         card += 80;
     memcpy(card + 10, "          2147483647", 20);
     memcpy(card + 90, "          2147483647", 20);
-    dump(in(state, "h.fits.fz"), data, size);
+    write_bytes(in(state, "h.fits.fz"), data, size);
     free(data);
     check_refused(&PLAIN, in(state, "h.fits.fz"), "bad ZTILE1");
 }

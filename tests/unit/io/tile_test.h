@@ -54,7 +54,7 @@ static inline void make_image(const char *path, int bitpix, const char *more, co
              "NAXIS1  =                    5\nNAXIS2  =                    4\n%s",
              bitpix, more);
     add_hdu(&file, lines, big_endian, (size_t)W * H * (size_t)abs(bitpix) / 8);
-    dump(path, file.data, file.length);
+    write_bytes(path, file.data, file.length);
     rx_text_free(&file);
 }
 

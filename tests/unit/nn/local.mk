@@ -1,5 +1,5 @@
 check_PROGRAMS += tests/unit/nn/test_model
-tests_unit_nn_test_model_SOURCES = tests/unit/nn/test_model.c
+tests_unit_nn_test_model_SOURCES = tests/unit/nn/test_model.c tests/unit/files.h
 check_PROGRAMS += tests/unit/nn/test_deblur
 tests_unit_nn_test_deblur_SOURCES = tests/unit/nn/test_deblur.c
 check_PROGRAMS += tests/unit/nn/test_net

@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "io/fits_read.h"
@@ -50,28 +51,6 @@ static int drop_scratch(void **state)
     rmdir(s->folder);
     free(s);
     return 0;
-}
-
-static char *slurp(const char *path, size_t *size)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    fseek(file, 0, SEEK_END);
-    *size = (size_t)ftell(file);
-    rewind(file);
-    char *data = malloc(*size + 1);
-    assert_non_null(data);
-    assert_int_equal(fread(data, 1, *size, file), *size);
-    fclose(file);
-    return data;
-}
-
-static void dump(const char *path, const void *data, size_t size)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, size, file), size);
-    assert_int_equal(fclose(file), 0);
 }
 
 /* Two bins of FWHM and three of noise, the paper's ranges. */
@@ -148,7 +127,7 @@ static void test_round_trip(void **state)
         char digest[RX_MODEL_DIGEST];
         size_t n = 0, m = 0;
         write_to(state, model);
-        char *first = slurp(s->path, &n);
+        char *first = file_bytes(s->path, &n);
         assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
         same_net(model->restore, back->restore);
         assert_int_equal(back->psf != NULL, with_psf);
@@ -177,7 +156,7 @@ static void test_round_trip(void **state)
         rx_model_digest(model, digest);
         assert_string_equal(back->digest, digest);
         write_to(state, back); /* same model, same bytes */
-        char *second = slurp(s->path, &m);
+        char *second = file_bytes(s->path, &m);
         assert_int_equal(n, m);
         assert_memory_equal(first, second, n);
         model->restore->params[3] = nextafterf(model->restore->params[3], 9);
@@ -247,9 +226,9 @@ static void test_foreign(void **state)
     rx_fits_writer *writer = NULL;
     unlink(s->path);
     refused(state, "cannot be opened");
-    dump(s->path, "", 0);
+    write_bytes(s->path, "", 0);
     refused(state, "empty");
-    dump(s->path, "#!/bin/sh\necho no model\n", 24);
+    write_bytes(s->path, "#!/bin/sh\necho no model\n", 24);
     refused(state, "not a FITS file");
     unlink(s->path);
     assert_int_equal(rx_fits_create(s->path, "tile", &writer, NULL), RX_OK);
@@ -485,7 +464,7 @@ static void test_damage(void **state)
     size_t n = 0;
     write_to(state, model);
     rx_model_free(model);
-    char *data = slurp(s->path, &n);
+    char *data = file_bytes(s->path, &n);
     for (uint64_t i = 0; i < FLIPS; i++) {
         uint32_t words[4];
         rx_random_block(11, 1, i, words);
@@ -493,7 +472,7 @@ static void test_damage(void **state)
         size_t at = i % 2 == 0 ? words[0] % n : words[0] % (2880 * 2);
         char keep = data[at];
         data[at] = (char)(keep ^ (char)(1 + words[1] % 255));
-        dump(s->path, data, n);
+        write_bytes(s->path, data, n);
         refused(state, "");
         data[at] = keep;
     }
@@ -501,13 +480,13 @@ static void test_damage(void **state)
         uint32_t words[4];
         rx_random_block(11, 2, i, words);
         size_t length = i < n / 2880 ? 2880 * i : words[0] % n;
-        dump(s->path, data, length);
+        write_bytes(s->path, data, length);
         refused(state, "");
     }
     char *longer = calloc(1, n + 2880);
     assert_non_null(longer);
     memcpy(longer, data, n);
-    dump(s->path, longer, n + 2880);
+    write_bytes(s->path, longer, n + 2880);
     refused(state, "no HDU begins where this one should");
     free(longer);
     free(data);
@@ -521,11 +500,11 @@ static void test_no_checksum(void **state)
     size_t n = 0;
     write_to(state, model);
     rx_model_free(model);
-    char *data = slurp(s->path, &n);
+    char *data = file_bytes(s->path, &n);
     for (size_t i = 0; i < 2880; i += 80)
         if (strncmp(data + i, "CHECKSUM", 8) == 0)
             memcpy(data + i, "NOTHING ", 8);
-    dump(s->path, data, n);
+    write_bytes(s->path, data, n);
     refused(state, "has no CHECKSUM");
     free(data);
 }

@@ -224,7 +224,7 @@ static void test_folder_and_list(void **state)
     append(writer, nothing, SIDE, SIDE, "");
     append(writer, pixels, SIDE, SIDE, scale_cards);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
-    dump(in(state, "notes.txt"), "no FITS", 7);
+    write_bytes(in(state, "notes.txt"), "no FITS", 7);
     rx_templates *all = read_all(in(state, "."), 0.05, 20.0);
     assert_int_equal(all->n, 3); /* by name, the empty image left out, the PSF no template */
     assert_string_equal(all->list[0].name, "m.fits[0]");
@@ -235,7 +235,7 @@ static void test_folder_and_list(void **state)
     rx_templates_free(all);
     snprintf(list, sizeof list, "# comment\n\n  %s  # the second\r\n%s\n", in(state, "z.fits"),
              in(state, "m.fits"));
-    dump(in(state, "names.txt"), list, strlen(list));
+    write_bytes(in(state, "names.txt"), list, strlen(list));
     snprintf(list, sizeof list, "@%s", in(state, "names.txt"));
     all = read_all(list, 0.05, 20.0);
     assert_int_equal(all->n, 3);
@@ -244,7 +244,7 @@ static void test_folder_and_list(void **state)
     /* all too faint */
     check_refused(in(state, "."), 1e6, "", "S/N");
     /* a damaged file is named */
-    dump(in(state, "q.fits"), "SIMPLE  = nonsense", 18);
+    write_bytes(in(state, "q.fits"), "SIMPLE  = nonsense", 18);
     check_refused(in(state, "."), 20.0, "q.fits", "");
     check_refused(in(state, "absent.fits"), 20.0, "absent.fits", "");
     snprintf(list, sizeof list, "@%s", in(state, "absent.txt"));

@@ -10,17 +10,10 @@
 
 #include <cmocka.h>
 
+#include "../files.h"
 #include "survey/replay_record.h"
 
 static const char PATH[] = "test_replay_record.txt";
-
-static void put(const char *text)
-{
-    FILE *file = fopen(PATH, "w");
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
 
 #define BEGIN "# RECORD = 1, digests XXH3-128\n# VERSION = 0.1.0\n# MACHINE = m\n# IMAGE = a%20b.fits\n"
 #define END "# SET = DETECT_THRESH\n# OUTPUT = a.cat\n# END = 0\n"
@@ -28,7 +21,7 @@ static void put(const char *text)
 static rx_status read_config(const char *text, rx_config **config, rx_error *err)
 {
     rx_replay_record *record = NULL;
-    put(text);
+    write_text(PATH, text);
     rx_status status = rx_replay_record_read(PATH, &record, err);
     if (status == RX_OK)
         status = rx_replay_record_config(record, PATH, config, err);
@@ -74,7 +67,8 @@ static void test_votable_without_name(void **state)
 {
     (void)state;
     rx_replay_record *record = NULL;
-    put("<?xml version=\"1.0\"?>\n  <PARAM name=\" datatype=\"char\" arraysize=\"*\" value=\"x\"/>\n");
+    write_text(PATH,
+               "<?xml version=\"1.0\"?>\n  <PARAM name=\" datatype=\"char\" arraysize=\"*\" value=\"x\"/>\n");
     assert_int_equal(rx_replay_record_read(PATH, &record, NULL), RX_INPUT);
     unlink(PATH);
 }

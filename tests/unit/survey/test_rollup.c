@@ -11,6 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "survey/rollup.h"
 #include "survey/rollup_report.h"
 
@@ -33,14 +34,6 @@ typedef struct survey {
     rx_rollup rollup;
 } survey;
 
-static void write_file(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
-
 static rx_status add_file(rx_rollup *rollup, const char *path, rx_error *err)
 {
     rx_record_reader *reader = NULL;
@@ -61,12 +54,12 @@ static void make(survey *s, const char *range)
     assert_true(file >= 0);
     close(file);
     *s = (survey){0};
-    write_file(path, records_text);
+    write_text(path, records_text);
     assert_int_equal(rx_settings_new(rx_keytable_survey(), &s->settings, NULL), RX_OK);
     assert_int_equal(rx_settings_set(s->settings, "MAG_RANGE", range, NULL, NULL), RX_OK);
     rx_rollup_begin((rx_survey_config *)s->settings, &s->rollup);
     assert_int_equal(add_file(&s->rollup, path, NULL), RX_OK);
-    write_file(path, "e.fits\na.fits\nx/b.fits\nd.fits\n");
+    write_text(path, "e.fits\na.fits\nx/b.fits\nd.fits\n");
     assert_int_equal(rx_tiles_read(path, &s->tiles, NULL), RX_OK);
     assert_int_equal(rx_rollup_end(&s->rollup, s->tiles, NULL), RX_OK);
     unlink(path);

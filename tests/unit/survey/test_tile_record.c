@@ -11,6 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "survey/tile_record.h"
 
 static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
@@ -23,29 +24,6 @@ static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
                             "RUN \"RL_BLIND\" 900 0\n"
                             "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
                             "END\n";
-
-static void put(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
-
-static int enter(void **state)
-{
-    char *path = strdup("/tmp/rextract-record-XXXXXX");
-    *state = path;
-    int file = path != NULL ? mkstemp(path) : -1;
-    return file >= 0 ? close(file) : -1;
-}
-
-static int leave(void **state)
-{
-    unlink(*state);
-    free(*state);
-    return 0;
-}
 
 /* Reads all of the file; what the last call of rx_record_reader_next() says. */
 static rx_status read_all(const char *path, int *n, rx_error *err)
@@ -67,7 +45,7 @@ static void what_is_written_is_read(void **state)
     rx_record_reader *reader = NULL;
     const rx_tile_record *r = NULL;
     int64_t at = -1;
-    put(*state, whole);
+    write_text(*state, whole);
     assert_int_equal(rx_record_reader_open(*state, 0, &reader, NULL), RX_OK);
     assert_int_equal(rx_record_reader_next(reader, &r, &at, NULL), RX_OK);
     assert_non_null(r);
@@ -102,7 +80,7 @@ static void one_of_many_is_read(void **state)
     int64_t at[3] = {0}, again;
     int n = 0;
     snprintf(text, sizeof text, "\n%s\n\nTILE b b\nVERSION 1\nSTATUS 0 \"\"\nEND\n%s", whole, whole);
-    put(*state, text);
+    write_text(*state, text);
     assert_int_equal(rx_record_reader_open(*state, 0, &reader, NULL), RX_OK);
     while (rx_record_reader_next(reader, &r, &again, NULL) == RX_OK && r != NULL && n < 3)
         at[n++] = again;
@@ -128,7 +106,7 @@ static void damage_is_found(void **state)
         int n;
         memcpy(text, whole, cut);
         text[cut] = '\0';
-        put(*state, text);
+        write_text(*state, text);
         rx_status status = read_all(*state, &n, &err);
         if (cut < sizeof whole - 2) { /* without END and its line break */
             assert_int_equal(status, RX_INPUT);
@@ -142,7 +120,7 @@ static void check_refused(void **state, const char *text, const char *words)
 {
     rx_error err = RX_ERROR_NONE;
     int n;
-    put(*state, text);
+    write_text(*state, text);
     assert_int_equal(read_all(*state, &n, &err), RX_INPUT);
     assert_non_null(strstr(err.text, words));
 }
@@ -176,10 +154,10 @@ static void nonsense_is_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(what_is_written_is_read, enter, leave),
-        cmocka_unit_test_setup_teardown(one_of_many_is_read, enter, leave),
-        cmocka_unit_test_setup_teardown(damage_is_found, enter, leave),
-        cmocka_unit_test_setup_teardown(nonsense_is_refused, enter, leave),
+        cmocka_unit_test_setup_teardown(what_is_written_is_read, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(one_of_many_is_read, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(damage_is_found, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(nonsense_is_refused, make_file, remove_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -158,10 +158,7 @@ static rx_status read_bytes(void **state, const unsigned char *bytes, size_t siz
     int found, within;
     rx_train_state *kept = make_state(1), *now = make_state(1);
     path_in(state, "bytes", path);
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, size, file), size);
-    fclose(file);
+    write_bytes(path, bytes, size);
     *err = RX_ERROR_NONE;
     const rx_status status = rx_checkpoint_read(path, settings, kept, now, &found, &within, err);
     rx_train_state_free(kept);
@@ -179,12 +176,8 @@ static unsigned char *whole(void **state, size_t *size)
     assert_int_equal(rx_checkpoint_write(path, path, SETTINGS, kept, now, NULL), RX_OK);
     rx_train_state_free(kept);
     rx_train_state_free(now);
-    FILE *file = fopen(path, "rb");
-    unsigned char *bytes = malloc(1 << 22);
-    assert_true(file != NULL && bytes != NULL);
-    *size = fread(bytes, 1, 1 << 22, file);
-    fclose(file);
-    assert_in_range(*size, 1000, (1 << 22) - 1);
+    unsigned char *bytes = (unsigned char *)file_bytes(path, size);
+    assert_true(*size >= 1000);
     return bytes;
 }
 

@@ -1,0 +1,64 @@
+/* Whole files: read, written, and one of its own for a test (state is its name). */
+#ifndef TESTS_UNIT_FILES_H
+#define TESTS_UNIT_FILES_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+/* The file's bytes with a 0 behind them, to be freed. */
+static inline char *file_bytes(const char *path, size_t *size)
+{
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    char *data = calloc((size_t)info.st_size + 1, 1);
+    FILE *file = fopen(path, "rb");
+    assert_non_null(data);
+    assert_non_null(file);
+    *size = fread(data, 1, (size_t)info.st_size, file);
+    assert_int_equal(*size, info.st_size);
+    fclose(file);
+    return data;
+}
+
+static inline void write_bytes(const char *path, const void *data, size_t size)
+{
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+static inline void write_text(const char *path, const char *text)
+{
+    write_bytes(path, text, strlen(text));
+}
+
+static inline int make_file(void **state)
+{
+    const char *base = getenv("TMPDIR");
+    char *path = malloc(512);
+    if (path == NULL)
+        return -1;
+    snprintf(path, 512, "%s/rextract-test-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+    *state = path;
+    const int file = mkstemp(path);
+    return file >= 0 ? close(file) : -1;
+}
+
+static inline int remove_file(void **state)
+{
+    const int code = unlink(*state);
+    free(*state);
+    return code;
+}
+
+#endif
