@@ -7,42 +7,25 @@
 # Real tiles need RX_SHARED_DATA. RX_TILES: how many simulated ones, 50 without.
 set -uo pipefail
 top=$(cd "$(dirname "$0")/../.." && pwd)
-build=$(cd "${RX_BUILD_DIR:-$top}" && pwd)
+. "$top/tests/lib.sh"
+need rextract rextract-survey rextract-simulate
 data=${RX_SHARED_DATA:-$(cd "$top/../shared/data" 2>/dev/null && pwd)}
-for need in rextract rextract-survey rextract-simulate; do
-    [[ -x $build/$need ]] || { echo "survey.sh: $build/$need is missing; build first"; exit 2; }
-done
 PATH=$PATH:/usr/sbin:/sbin
-for need in snakemake munged slurmctld slurmd sbatch; do
-    command -v "$need" >/dev/null || {
-        echo "skipped: $need is missing (Debian: snakemake, munge, slurm-wlm)"
-        echo '0 passed, 0 failed, 1 skipped'
-        exit 0
+for other in snakemake munged slurmctld slurmd sbatch; do
+    command -v "$other" >/dev/null || {
+        skip 'a survey on Slurm' "$other is missing (Debian: snakemake, munge, slurm-wlm)"
+        finish
     }
 done
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rx-slurm-XXXXXX") || exit 2
+enter
 slurm=$top/tests/slurm/slurm.sh
 trap 'pkill -f "$scratch/"; bash "$slurm" stop "$scratch/slurm"; rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
 export HOME=$scratch PYTHONDONTWRITEBYTECODE=1 SLURM_CONF=$scratch/slurm/slurm.conf
-passed=0 failed=0 skipped=0
-
-# result TITLE STATUS LOG
-result() {
-    if [[ $2 = 0 ]]; then
-        passed=$((passed + 1))
-        echo "ok - $1"
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        tail -n 60 "$3" | sed 's/^/    | /'
-    fi
-}
 
 # The survey: the same files seen from two folders, one for each way to run it.
 mkdir images calm faults
 for n in $(seq "${RX_TILES:-50}"); do
-    "$build/rextract-simulate" -IMAGE_SIZE 128 -SEED "$n" -STAR_COUNT 3000 -GALAXY_COUNT 1000 -IMAGE_NAME "images/sim$n.fits" \
+    "$programs/rextract-simulate" -IMAGE_SIZE 128 -SEED "$n" -STAR_COUNT 3000 -GALAXY_COUNT 1000 -IMAGE_NAME "images/sim$n.fits" \
         -TRUTH_NAME "images/sim$n.truth" -VERBOSE_TYPE QUIET || exit 2
     echo "$scratch/images/sim$n.fits -REFERENCE_NAME $scratch/images/{tile}.truth" >>tiles.list
 done
@@ -53,8 +36,7 @@ if [[ -n $data && -d $data ]]; then
         echo "$data/$tile" >>tiles.list
     done
 else
-    skipped=1
-    echo 'skipped: RX_SHARED_DATA names no folder of real tiles'
+    skip 'real tiles' 'RX_SHARED_DATA names no folder of them'
 fi
 tiles=$(wc -l <tiles.list)
 printf 'RESTORE_TYPE NONE\nFILTER N\nPARAMETERS_NAME my.param\nQA_FIGURES N\n' >my.sex
@@ -63,20 +45,20 @@ printf 'NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\nMAGERR_AUTO\nFLAGS\n' >my.param
 # rextract with a diary of its begins and ends, and a victim of each kind: it waits, the first time, to be killed.
 cat >diary <<END
 #!/bin/bash
-case \$1 in -*) exec "$build/rextract" "\$@" ;; esac # only a plan
+case \$1 in -*) exec "$programs/rextract" "\$@" ;; esac # only a plan
 tile=\$(basename "\$1" .fits)
 echo "begin \$tile" >>diary.log
 if [[ \$PWD = */faults && " sim3 sim17 sim31 " = *" \$tile "* && ! -e victim.\$tile ]]; then
     touch "victim.\$tile"
     case \$tile in
     sim3) # the program, in the middle of its work
-        timeout -s KILL 0.02 "$build/rextract" "\$@"
+        timeout -s KILL 0.02 "$programs/rextract" "\$@"
         echo "killed \$tile" >>diary.log
         exit 137 ;;
     *) sleep 600 ;;
     esac
 fi
-"$build/rextract" "\$@"
+"$programs/rextract" "\$@"
 code=\$?
 echo "end \$tile \$code" >>diary.log
 exit \$code
@@ -87,7 +69,7 @@ for folder in calm faults; do
     cat >"$folder/my.yaml" <<END
 settings: my.sex
 rextract: "$scratch/diary"
-survey: "$build/rextract-survey"
+survey: "$programs/rextract-survey"
 survey_options: ["-QA_FIGURES", "N", "-VERBOSE_TYPE", "QUIET"]
 memory_mb: 400
 END
@@ -155,5 +137,4 @@ result 'no tile is done twice' $? log
 grep -q '"fine"' faults/survey/summary.json && grep -q 'missing.fits: cannot be opened' faults/survey/junit.xml
 result 'the tiles that failed are told' $? faults/survey/summary.json
 
-echo "$passed passed, $failed failed, $skipped skipped"
-[[ $failed = 0 ]]
+finish
