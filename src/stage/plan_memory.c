@@ -110,6 +110,13 @@ static double limited(const load *l, rx_cost_name name)
     return fmin(cost->fixed, cost->source * l->sources);
 }
 
+/* Objects are drawn in blocks (simulate/render.h). */
+static double injection(const load *l)
+{
+    const rx_cost *cost = rx_cost_of(RX_COST_INJECT);
+    return fmin(cost->fixed, cost->pixel * l->pixels);
+}
+
 /* So much of a large tile is on the canvas at a time (template/tphot.c); the data of up to four times as many
  * pixels are kept beside it. */
 static double template_fit(const load *l)
@@ -176,6 +183,8 @@ static double one_restorer(const load *l, const rx_restorer *kind)
     bytes += more * take(l, RX_COST_CHECKIMAGE);
     if (l->job->measure != NULL)
         bytes += take(l, plain(kind) ? RX_COST_SECOND : RX_COST_SECOND_RESTORED);
+    if (options->self_check)
+        bytes += injection(l);
     if (options->self_check || options->blank_check > 0)
         bytes +=
             fmax(restored, extraction(l, kind, options->templates.wanted_by_lists)) + take(l, RX_COST_CHECKS);

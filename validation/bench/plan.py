@@ -3,7 +3,7 @@
 
     validation/bench/plan.py [small|full] [CASE...]
 
-small: tiles of 128 and 256 pixels, some seconds; full: up to 4096 pixels and 16 threads, ordinary and crowded tiles,
+small: tiles of 128, 256 and 700 pixels, some seconds; full: up to 4096 pixels and 16 threads, ordinary and crowded tiles,
 up to half an hour on two cores. CASE: only those whose line has one of these words.
 
 A line per run: peak resident memory, the plan at the default PLAN_DENSITY and at 1000 sources per Mpixel, each over what was
@@ -39,6 +39,7 @@ KINDS = {
     "NET templates": ["NET", "TEMPLATES"],
     "NONE,RL report": ["NONE,RL", "REPORT"],
     "all four, templates, report": ["NONE,RL,RL_BLIND,NET", "TEMPLATES", "REPORT"],
+    "NONE self check": ["NONE", "-SELF_CHECK", "Y", "-SELF_CHECK_DENSITY", "1000", "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "3"],
     "RL self check": ["RL", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "200", "-SELF_CHECK_DENSITY", "1000", "-SELF_CHECK_NAME", "check"],
     "NET self check": ["NET", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "200", "-SELF_CHECK_DENSITY", "1000"],
     "RL template self check": ["RL", "TEMPLATES", "-INVENTED_TYPE", "DROP", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "20"],
@@ -245,7 +246,8 @@ def matrix(size):
     some = ["NONE", "RL", "RL_BLIND", "NET", "NET templates", "RL self check"]
     if size == "small":
         return [("o", 128, 2, ["NONE", "RL", "NET", "RL check-images", "NONE two images", "RL VOTable"], ["gzip"]),
-                ("c", 256, 1, ["NONE", "NET", "NONE templates", "NONE,RL report", "RL self check"], ["three images"])]
+                ("c", 256, 1, ["NONE", "NET", "NONE templates", "NONE,RL report", "RL self check"], ["three images"]),
+                ("o", 700, 1, ["NONE self check"], ())]
     return [("o", 128, 1, everything, FORMS), ("c", 128, 16, everything, ()), ("o", 1024, 1, everything, FORMS),
             ("c", 512, 1, everything, ()), ("c", 1024, 2, everything, ()), ("n", 1024, 1, some, ()),
             ("o", 2048, 2, everything, FORMS), ("o", 2048, 16, some, ()), ("c", 2048, 1, some[:4], ()),
