@@ -139,6 +139,16 @@ processes 3 "$rextract" t1.fits >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c 'give a list of tiles' tiles.log)" = 1 ]
 result "one tile is not for several processes" $? tiles.log
 
+"$programs"/rextract-simulate -IMAGE_SIZE 512 -SEED 6 -IMAGE_NAME long.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET
+printf 'long.fits -CATALOG_NAME 1.cat\nlong.fits -CATALOG_NAME 2.cat\n' >long.list
+# shellcheck disable=SC2086 # words
+timeout --foreground --preserve-status -s TERM 3 mpiexec -launcher fork -n 3 "$rextract" @long.list $extract -RL_NITER 100000 >tiles.log 2>&1
+code=$?
+echo "exit code $code" >>tiles.log
+[ $code != 0 ] && [ "$(grep -c '^rextract: ' tiles.log)" = 1 ] && grep -q 'interrupted by a signal; 0 of 2 tiles had ended' tiles.log &&
+    [ "$(ls -A ./*.cat ./.*.cat* 2>/dev/null)" = '' ]
+result "a list of tiles that a signal ends is told of once" $? tiles.log
+
 printf 't1.fits -CATALOG_NAME t1.cat\nt2.fits -CATALOG_NAME STDOUT\n' >stdout.list
 # shellcheck disable=SC2086 # words
 processes 3 "$rextract" @stdout.list $extract >stdout.cat 2>tiles.log

@@ -92,3 +92,12 @@ rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles
                            outcomes->n);
     return RX_OK;
 }
+
+rx_status rx_outcomes_interrupted(const rx_outcomes *outcomes, const rx_tiles *tiles, rx_error *err)
+{
+    int ended = 0;
+    for (int i = 0; i < outcomes->n; i++)
+        ended += outcomes->of[i].done;
+    return rx_error_at(err, RX_INTERRUPTED, tiles->path, -1, 0,
+                       "interrupted by a signal; %d of %d tiles had ended before", ended, outcomes->n);
+}

@@ -31,4 +31,7 @@ rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, r
 rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles, double seconds, rx_log *log,
                               rx_error *err);
 
+/* RX_INTERRUPTED, with how far the list was gone through: a tile that is done stays. */
+rx_status rx_outcomes_interrupted(const rx_outcomes *outcomes, const rx_tiles *tiles, rx_error *err);
+
 #endif

@@ -29,6 +29,8 @@ rx_status rx_survey_run(const rx_settings *common, const char *path, FILE *stand
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
+    if (status == RX_INTERRUPTED)
+        status = rx_outcomes_interrupted(outcomes, tiles, err);
     if (outcomes != NULL) {
         const rx_status whole =
             rx_outcomes_summary(outcomes, tiles, rx_seconds() - begun, log, status == RX_OK ? err : NULL);

@@ -67,7 +67,9 @@ static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
     }
     for (int rank = 1; rank <= workers && status == RX_OK; rank++)
         status = rx_ranks_send(ranks, rank, TILE, &none, sizeof none, err);
-    return status == RX_OK && interrupted ? rx_error_set(err, RX_INTERRUPTED, "interrupted") : status;
+    return status == RX_INTERRUPTED || (status == RX_OK && interrupted)
+               ? rx_outcomes_interrupted(a->outcomes, a->tiles, err)
+               : status;
 }
 
 /* The other ranks. */
@@ -80,6 +82,11 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *st
         rx_status status = rx_ranks_send(ranks, 0, READY, &report, sizeof report, err);
         if (status == RX_OK)
             status = rx_ranks_receive(ranks, 1, &message, err);
+        if (status != RX_OK && rx_interrupt_pending()) {
+            if (err != NULL)
+                *err = RX_ERROR_NONE; /* rank 0 has heard the same signal, and says so once for all */
+            return RX_OK;
+        }
         if (status != RX_OK)
             return status;
         report = (ready){.tile = *(const int *)message.data, .why = RX_ERROR_NONE};

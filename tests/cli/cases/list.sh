@@ -111,6 +111,19 @@ begin 'control characters in the names of a list'
 printf 'a\033[31m.fits\n' >tiles.list
 expect 8 '^rextract: tiles\.list: 1 of 1 tiles failed' @tiles.list $none -CATALOG_NAME '{tile}.cat'
 
+begin 'a signal in the second tile of a list'
+make_fits tile a.fits
+make_fits large b.fits
+printf 'a.fits -RESTORE_TYPE NONE\nb.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 100000\n' >tiles.list
+leaves a.cat
+if [ "$active" = 1 ]; then
+    list_files >../before
+    timeout --foreground --preserve-status -s TERM 2 "$program" @tiles.list -CATALOG_NAME '{tile}.cat' -VERBOSE_TYPE QUIET \
+        >../out 2>../err </dev/null
+    echo $? >../code
+    judge 143 '^rextract: tiles\.list: interrupted by a signal; 1 of 2 tiles had ended before$'
+fi
+
 begin 'records from a pipe that are to be merged'
 of rextract-survey
 mkfifo records
