@@ -18,7 +18,7 @@ trap 'exit 2' INT TERM HUP
 log=$build/valgrind.log
 passed=0 failed=0 skipped=0
 export srcdir="$top" RX_BUILD_DIR="$build" RX_SHARED_DATA="${RX_SHARED_DATA-}" CMOCKA_MESSAGE_OUTPUT=TAP OMP_WAIT_POLICY=passive OMP_NUM_THREADS=2
-# Of code that oneDNN makes as it runs valgrind's translator bears short pieces only, and SSE three times faster than AVX.
+# Of code that oneDNN makes as it runs valgrind's translator bears short pieces only, and SSE over twice as fast as AVX.
 export DNNL_MAX_CPU_ISA=SSE41 ONEDNN_MAX_CPU_ISA=SSE41
 : >"$log"
 
