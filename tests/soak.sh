@@ -7,8 +7,9 @@
 # rextract @LIST, with what restores and measures in different ways; the list is a small tile, 96 x 96 pixels, N
 # times. While it runs, VmRSS and the number of open descriptors are read about once a tile. Growth is what the
 # last fifth of the samples has more than the second fifth, of the smallest of each: what a tile takes while it is
-# at work goes up and down. Allowed are 2 descriptors, 2 MiB, and 1 KiB a tile: sep_extract() 1.2.1 loses
-# two arrays of 4 bytes a source (tests/lsan.supp), which also keep what is freed around them from being used well.
+# at work goes up and down. Allowed are 6 descriptors (a tile at work has 3 more, and few samples may all have met
+# one at work; a leak in each tile makes 14 or more), 2 MiB, and 1 KiB a tile: sep_extract() 1.2.1 loses two arrays
+# of 4 bytes a source (tests/lsan.supp), which also keep what is freed around them from being used well.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 build=${RX_BUILD_DIR:-$top}
@@ -94,7 +95,7 @@ soak() {
             few = smallest(f + 1, 2 * f, 2); many = smallest(n - f + 1, n, 2)
             printf "%s: %d tiles, %d samples: memory %d -> %d KiB (%+d), descriptors %d -> %d\n", title, tiles, n,
                 early, late, late - early, few, many
-            exit late - early > slack + tiles || many - few > 2
+            exit late - early > slack + tiles || many - few > 6
         }' samples
     case $? in
     0) passed=$((passed + 1)) ;;
