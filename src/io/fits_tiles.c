@@ -10,6 +10,7 @@
 #include <zlib.h>
 
 #include "base/memory.h"
+#include "io/fits_hcompress.h"
 
 typedef struct bits {
     const unsigned char *data;
@@ -68,17 +69,6 @@ static int holds_rice(const unsigned char *data, size_t length, LONGLONG n, int 
         }
     }
     return 1;
-}
-
-/* Magic DD99, then the two axes as big-endian 32-bit numbers. */
-static int holds_hcompress(const unsigned char *data, size_t length, LONGLONG n)
-{
-    uint64_t axis[2] = {0, 0};
-    if (length < 14 || data[0] != 0xdd || data[1] != 0x99)
-        return 0;
-    for (int i = 0; i < 8; i++)
-        axis[i / 4] = axis[i / 4] << 8 | data[2 + i];
-    return axis[0] * axis[1] == (uint64_t)n;
 }
 
 /* A line list: where its codes begin and end, in its own header of either kind, and a code 1 takes the word
@@ -204,9 +194,19 @@ static bool holds_tile(const method *m, const void *data, size_t length, LONGLON
         return holds_gzip(m, data, length, pixels, is_normal);
     if (m->type == RICE_1)
         return holds_rice(data, length, pixels, m->bytes, m->block);
-    if (m->type == PLIO_1)
-        return holds_plio(data, length);
-    return m->type == HCOMPRESS_1 && holds_hcompress(data, length, pixels);
+    return m->type == PLIO_1 && holds_plio(data, length);
+}
+
+/* RX_INPUT without a text: it does not. */
+static rx_status check_stream(const method *m, const void *data, size_t length, LONGLONG pixels,
+                              bool is_normal, rx_error *err)
+{
+    size_t used = 0;
+    if (is_normal && m->type == HCOMPRESS_1) {
+        const rx_status status = rx_hcompress_walk(data, length, pixels, &used, err);
+        return status != RX_OK || used > 0 ? status : RX_INPUT;
+    }
+    return holds_tile(m, data, length, pixels, is_normal) ? RX_OK : RX_INPUT;
 }
 
 /* The bytes of the cell, words of a line list. RX_INPUT without a text: they are no such tile. */
@@ -220,9 +220,10 @@ static rx_status check_cell(const cells *c, const method *m, LONGLONG row, LONGL
         return rx_error_memory(err, (size_t)length * sizeof(short));
     fits_read_col(c->file, words ? TSHORT : TBYTE, c->column, row + 1, 1, length, NULL, data, &anynul,
                   &failed);
-    const bool ok = !failed && holds_tile(m, data, (size_t)length, pixels, is_normal);
+    const rx_status status =
+        !failed ? check_stream(m, data, (size_t)length, pixels, is_normal, err) : RX_INPUT;
     free(data);
-    return ok ? RX_OK : RX_INPUT;
+    return status;
 }
 
 /* cfitsio takes a tile from the first of these columns that has it. */

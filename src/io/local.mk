@@ -5,6 +5,7 @@ librextract_la_SOURCES += \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
 	src/io/fits_sum.c src/io/fits_sum.h \
+	src/io/fits_hcompress.c src/io/fits_hcompress.h \
 	src/io/fits_tiles.c src/io/fits_tiles.h \
 	src/io/fits_unpack.c src/io/fits_unpack.h \
 	src/io/fits_verify.c src/io/fits_verify.h \

@@ -1,6 +1,7 @@
 /* Tiles that are not what they claim: cut, lying, damaged files are refused with a clear word. */
 #include "tile_test.h"
 
+#include <fitsio.h>
 #include <zlib.h>
 
 /* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
@@ -383,6 +384,31 @@ static void test_line_lists(void **state)
     }
 }
 
+/* More of them: test_hcompress.c. */
+static void test_hcompress_streams(void **state)
+{
+    static char stream[1 << 14];
+    int pixels[100], failed = 0;
+    long length = sizeof stream;
+    for (int i = 0; i < 100; i++)
+        pixels[i] = 13 * i % 31;
+    fits_hcompress(pixels, 10, 10, 1, stream, &length, &failed); /* leaves other pixels */
+    assert_int_equal(failed, 0);
+    for (uint32_t cut = 0; cut < 2; cut++) {
+        const uint32_t cells[4] = {(uint32_t)length - cut, 0, 0, 0};
+        put_tile(in(state, "h.fits.fz"), "ZCMPTYPE= 'HCOMPRESS_1'\nZVAL1   = 1\nZVAL2   = 0\nZBITPIX = 16\n",
+                 BYTES SECOND, cells, stream, (size_t)length);
+        if (cut > 0) {
+            check_refused(&PLAIN, in(state, "h.fits.fz"), "damaged");
+            continue;
+        }
+        rx_tile *tile = read_tile(&PLAIN, in(state, "h.fits.fz"), 1, 1);
+        for (int i = 0; i < 100; i++)
+            assert_true(tile->pixels[i] == (float)(13 * i % 31));
+        rx_tile_free(tile);
+    }
+}
+
 /* The memory of a tile would be asked for by a product that overflows. */
 static void test_huge_tiles(void **state)
 {
@@ -413,6 +439,7 @@ int main(void)
         cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
         cmocka_unit_test(test_missing_settings),
         cmocka_unit_test(test_line_lists),
+        cmocka_unit_test(test_hcompress_streams),
         cmocka_unit_test(test_huge_tiles),
     };
     return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, drop_scratch);
