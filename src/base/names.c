@@ -1,10 +1,12 @@
 /* Names of outputs, and the two images of the dual-image mode. */
 #include "base/names.h"
 
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 
@@ -77,7 +79,36 @@ char *rx_name_stem(const char *image)
     return detect;
 }
 
-char *rx_name_real(const char *path)
+/* "a/b", with one slash between. */
+static char *joined(const char *a, const char *b)
+{
+    const size_t n = strlen(a), size = n + strlen(b) + 2;
+    char *text = malloc(size);
+    if (text != NULL)
+        snprintf(text, size, "%s%s%s", a, n > 0 && a[n - 1] == '/' ? "" : "/", b);
+    return text;
+}
+
+static char *real_of(const char *path, int links);
+
+/* Where the link leads to, of which nothing is there; NULL with *failed 0: it is no link. */
+static char *behind_link(const char *path, const char *folder, int links, int *failed)
+{
+    char target[PATH_MAX];
+    const ssize_t length = links > 0 ? readlink(path, target, sizeof target - 1) : 0;
+    *failed = 0;
+    if (length <= 0)
+        return NULL;
+    target[length] = '\0';
+    char *whole = target[0] == '/' ? rx_strdup(target) : joined(folder, target);
+    char *real = whole != NULL ? real_of(whole, links - 1) : NULL;
+    *failed = real == NULL;
+    free(whole);
+    return real;
+}
+
+/* `links`: so many are followed that lead to nothing. */
+static char *real_of(const char *path, int links)
 {
     char *real = realpath(path, NULL);
     char *plain = real == NULL ? rx_strdup(path) : NULL;
@@ -92,17 +123,20 @@ char *rx_name_real(const char *path)
                    : slash == plain ? rx_strdup("/")
                                     : strndup(plain, (size_t)(slash - plain));
     char *place = folder != NULL ? realpath(folder, NULL) : NULL;
-    if (place != NULL) {
-        const size_t bytes = strlen(place) + strlen(name) + 2;
-        real = malloc(bytes);
-        if (real != NULL)
-            snprintf(real, bytes, "%s/%s", strcmp(place, "/") == 0 ? "" : place, name);
+    int failed = folder == NULL;
+    if (place != NULL && (real = behind_link(plain, folder, links, &failed)) == NULL && !failed) {
+        real = joined(place, name);
+        failed = real == NULL;
     }
-    const bool no_memory = folder == NULL || (place != NULL && real == NULL);
     free(folder);
     free(place);
-    if (real == NULL && !no_memory)
+    if (real == NULL && !failed)
         return plain;
     free(plain);
     return real;
+}
+
+char *rx_name_real(const char *path)
+{
+    return real_of(path, 20);
 }

@@ -17,9 +17,9 @@ bool rx_name_split_images(const char *images, char **detect, char **measure);
  * first. NULL without memory; the caller frees. */
 char *rx_name_stem(const char *image);
 
-/* The one name of a file that is there, or will be: absolute, without links, "." and ".."; the plain one
- * where its folder is not there. Two names of the same file give the same. NULL without memory; the caller
- * frees. */
+/* The one name of a file that is there, or will be: absolute, without links (of one that leads to nothing,
+ * what it leads to), "." and ".."; the plain one where its folder is not there. Two names of the same file
+ * give the same. NULL without memory; the caller frees. */
 char *rx_name_real(const char *path);
 
 #endif

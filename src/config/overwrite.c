@@ -71,23 +71,14 @@ static bool is_folder(const char *path, const struct stat *folder)
     return stat(path, &info) == 0 && info.st_dev == folder->st_dev && info.st_ino == folder->st_ino;
 }
 
-/* Does the file lie in that folder, or in one below it? to_be_made: it need not exist yet. */
-static bool lies_in(const char *name, const struct stat *folder, bool to_be_made, rx_error *err,
-                    rx_status *status)
+/* Does the file lie in that folder, or in one below it? It need not exist. */
+static bool lies_in(const char *name, const struct stat *folder, rx_error *err, rx_status *status)
 {
     char *path = file_of(name), *slash;
-    if (path == NULL) {
-        *status = rx_error_memory(err, strlen(name));
-        return false;
-    }
-    char *real = realpath(path, NULL);
+    char *real = path != NULL ? rx_name_real(path) : NULL;
     bool found = false;
-    if (real == NULL && to_be_made) {
-        if ((slash = strrchr(path, '/')) != NULL)
-            slash[1] = '\0';
-        real = realpath(slash != NULL ? path : ".", NULL);
-        found = real != NULL && is_folder(real, folder);
-    }
+    if (real == NULL)
+        *status = rx_error_memory(err, strlen(name));
     while (!found && real != NULL && (slash = strrchr(real, '/')) != NULL) {
         *slash = '\0';
         found = is_folder(real[0] != '\0' ? real : "/", folder);
@@ -98,16 +89,15 @@ static bool lies_in(const char *name, const struct stat *folder, bool to_be_made
 }
 
 /* A folder of ours is replaced with all that it holds: no file of the run may lie in it, neither an input nor
- * an output (those of the list from `first_output` on). */
-static rx_status check_folder(const inputs *list, int first_output, const char *key, const char *name,
-                              rx_error *err)
+ * an output. */
+static rx_status check_folder(const inputs *list, const char *key, const char *name, rx_error *err)
 {
     struct stat folder;
     rx_status status = RX_OK;
     if (name[0] == '\0' || stat(name, &folder) != 0 || !S_ISDIR(folder.st_mode))
         return RX_OK;
     for (int i = 0; i < list->n && status == RX_OK; i++)
-        if (lies_in(list->name[i], &folder, i >= first_output, err, &status))
+        if (lies_in(list->name[i], &folder, err, &status))
             return rx_error_set(
                 err, RX_USAGE,
                 "%s lies in the folder %s, which is replaced as a whole (%s); keep it elsewhere",
@@ -268,12 +258,11 @@ rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_
     rx_status status = rx_overwrite_visit(config, check_visited, &check, err);
     if (status == RX_OK)
         status = check.status;
-    const int first_output = list.n;
     visit_files(config, add_visited, &list);
     if (status == RX_OK && config->reference_name[0] != '\0')
-        status = check_folder(&list, first_output, "QA_NAME", config->qa_name, err);
+        status = check_folder(&list, "QA_NAME", config->qa_name, err);
     if (status == RX_OK && config->self_check)
-        status = check_folder(&list, first_output, "SELF_CHECK_NAME", config->self_check_name, err);
+        status = check_folder(&list, "SELF_CHECK_NAME", config->self_check_name, err);
     free(record);
     free(detect);
     free(measure);
@@ -326,7 +315,7 @@ rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *i
                             : check_file(&list, "JOURNAL_NAME", journal.data, err);
     if (status == RX_OK) {
         add(&list, journal.data);
-        status = check_folder(&list, list.n - 1, "OUTPUT_NAME", config->output_name, err);
+        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
     }
     rx_text_free(&journal);
     return status;
@@ -339,14 +328,14 @@ rx_status rx_overwrite_check_train(const rx_settings *settings, const char *imag
     add(&list, image);
     add(&list, config->settings.file);
     add_simulate(&list, config->sim);
-    const int first_output = list.n;
+    add(&list, config->init_model);
     rx_status status = check_file(&list, "MODEL_NAME", config->model_name, err);
     if (status == RX_OK)
         status = check_file(&list, "CHECKPOINT_NAME", config->checkpoint_name, err);
     add(&list, config->model_name);
     add(&list, config->checkpoint_name);
     if (status == RX_OK)
-        status = check_folder(&list, first_output, "OUTPUT_NAME", config->output_name, err);
+        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
     return status;
 }
 
@@ -357,10 +346,9 @@ rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *ima
     add(&list, image + (image[0] == '@'));
     add(&list, config->settings.file);
     add(&list, config->tiles_name);
-    const int first_output = list.n;
     rx_status status = check_file(&list, "MERGED_NAME", config->merged_name, err);
     add(&list, config->merged_name);
     if (status == RX_OK)
-        status = check_folder(&list, first_output, "OUTPUT_NAME", config->output_name, err);
+        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
     return status;
 }

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "io/claim.h"
 
 /* A folder that holds this file was made by us and may be replaced by the next run. */
@@ -137,13 +138,10 @@ static rx_status inspect(output *out, int want_folder, rx_error *err)
 /* Fill path (links followed, so that a link stays a link) and the stem of the temporary's name beside it. */
 static rx_status place(output *out, rx_error *err)
 {
-    char *real = realpath(out->shown, NULL);
-    size_t length = strlen(out->shown);
-    out->path = real != NULL ? real : rx_strdup(out->shown);
+    const size_t length = strlen(out->shown);
+    out->path = rx_name_real(out->shown);
     if (out->path == NULL)
         return rx_error_memory(err, length);
-    for (length = strlen(out->path); length > 1 && out->path[length - 1] == '/'; length--)
-        out->path[length - 1] = '\0';
     const char *name, *scratch = getenv("TMPDIR");
     char *folder = folder_of(out->path, &name);
     if (folder == NULL)

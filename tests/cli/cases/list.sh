@@ -128,3 +128,9 @@ begin 'records from a pipe that are to be merged'
 of rextract-survey
 mkfifo records
 expect 3 '^rextract-survey: records: is no file, and MERGED_NAME has to read it twice; give a file$' records -MERGED_NAME all.records
+
+begin 'records that are to be merged into their own file'
+of rextract-survey
+printf 'a.record\n' >list
+: >a.record
+expect 2 '^rextract-survey: MERGED_NAME \./a\.record is also read, as a\.record; give the output another name$' @list -MERGED_NAME ./a.record

@@ -86,7 +86,7 @@ static void check_real(const char *path, const char *folder, const char *name)
 static void names_of_one_file_are_one(void **state)
 {
     (void)state;
-    char here[] = "/tmp/rextract-names-XXXXXX", link[128], path[128];
+    char here[] = "/tmp/rextract-names-XXXXXX", link[128], path[128], dangling[128];
     assert_non_null(mkdtemp(here));
     char *folder = realpath(here, NULL); /* /tmp may be a link */
     assert_non_null(folder);
@@ -97,6 +97,13 @@ static void names_of_one_file_are_one(void **state)
     snprintf(path, sizeof path, "%s/link/new.cat/", here);
     check_real(path, folder, "/new.cat");
     check_real(link, folder, "");
+    snprintf(dangling, sizeof dangling, "%s/dangling", here);
+    assert_int_equal(symlink("link/new.cat", dangling), 0);
+    check_real(dangling, folder, "/new.cat");
+    unlink(dangling);
+    assert_int_equal(symlink("dangling", dangling), 0); /* to itself */
+    check_real(dangling, folder, "/dangling");
+    unlink(dangling);
     check_real("/new.cat", "", "/new.cat");
     check_real("/", "", "/");
     snprintf(path, sizeof path, "%s/absent/../new.cat", here);

@@ -219,6 +219,7 @@ static void outputs_are_no_inputs(void **state)
         {"rextract-simulate -TEMPLATE_NAME @sim.conf -FLAG_NAME sim.conf", "FLAG_NAME sim.conf is also read"},
         {"rextract-simulate -INJECT_IMAGE tile.fits -INJECT_CONFIG sim.conf -IMAGE_NAME sim.conf",
          "IMAGE_NAME sim.conf is also read"},
+        {"rextract-train -INIT_MODEL tile.fits -MODEL_NAME tile.fits", "MODEL_NAME tile.fits is also read"},
         {"rextract-validate sim.conf -JOURNAL_NAME sim.conf", "JOURNAL_NAME sim.conf is also read"},
         {"rextract-validate -TILE_NAME a.1 -JOURNAL_NAME a -SHARD 1/2", "JOURNAL_NAME a.1 is also read"},
         {"rextract-validate -STAGE.FLAG_IMAGE tile.fits -JOURNAL_NAME tile.fits",

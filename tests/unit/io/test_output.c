@@ -296,21 +296,24 @@ static void test_refused(void **state)
     rx_outputs_free(outputs);
 }
 
-/* Links are followed, so that what they point to is replaced and they stay links. */
+/* Links are followed, so that what they point to is made or replaced and they stay links. */
 static void test_links(void **state)
 {
     rx_outputs *outputs = NULL;
     const char *a = NULL;
     struct stat info;
     assert_int_equal(symlink("b", in(state, "link")), 0);
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "link"), &a, NULL), RX_OK);
-    write_text(a, "through");
-    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
-    rx_outputs_free(outputs);
-    check_content(in(state, "b"), "through");
-    assert_int_equal(lstat(in(state, "link"), &info), 0);
-    assert_true(S_ISLNK(info.st_mode));
+    unlink(in(state, "b"));
+    for (int there = 0; there < 2; there++) {
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_file(outputs, in(state, "link"), &a, NULL), RX_OK);
+        write_text(a, there ? "again" : "through");
+        assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+        rx_outputs_free(outputs);
+        check_content(in(state, "b"), there ? "again" : "through");
+        assert_int_equal(lstat(in(state, "link"), &info), 0);
+        assert_true(S_ISLNK(info.st_mode));
+    }
 }
 
 /* Devices are written to, never replaced; a full one is an error. */
