@@ -1,14 +1,14 @@
-/* Convolutions of a band of rows on AVX-512, for processors that have it with its instructions for bfloat16.
+/* Convolutions of a band of rows on AVX-512, or on AVX2 with fused multiply-add (floats alone); bfloat16
+ * needs the instructions for it.
  *
  * What oneDNN does, by the definition (nn/dnn.h), for shapes of a band whose channels fill vectors: no
  * planes to be padded or rearranged, nothing compiled at run time, and only the pixels that are asked for,
  * with their sum, cut and rounding on the way. The values agree with oneDNN's to rounding and do not depend
  * on which pixels are asked for.
  *
- *   wide   outputs a multiple of 16: registers hold 24 vectors of 16 outputs, of 24 or 12 pixels side by
- *          side, and a word of the input (one float or two bfloat16) is given to all lanes
- *   fine   4 outputs, which are the 2x2 pixels of a plane of one channel at twice the size: lanes are inputs,
- *          summed up at the end
+ *   wide   outputs a multiple of a vector's lanes (16, 8): registers hold the sums of pixels side by side,
+ * and a word of the input (one float or two bfloat16) is given to all lanes fine   4 outputs, which are the
+ * 2x2 pixels of a plane of one channel at twice the size: lanes are inputs, summed up at the end
  */
 #ifndef RX_NN_DIRECT_H
 #define RX_NN_DIRECT_H
@@ -17,7 +17,8 @@
 
 typedef struct rx_direct rx_direct; /* packed weights; only read when it runs */
 
-/* Whether this processor does it, for a shape with `band` and without `backward`; fine: as above. */
+/* Whether this processor does it (as far as oneDNN is let: ONEDNN_MAX_CPU_ISA), for a shape with `band` and
+ * without `backward`; fine: as above. */
 int rx_direct_can(const rx_conv_shape *shape, int fine);
 
 /* weights [out][in][k][k], bias [out]; both are copied. Errors: RX_SYSTEM (memory). */
@@ -37,9 +38,9 @@ void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *a
 size_t rx_direct_scratch(void); /* floats */
 
 /* The same for dst = relu?(bilinear(src) + add?), to twice the size (rx_layer_up2(), and its bits), for
- * channels that are a multiple of 16. src has a row more above and below; the columns of `area`, which is one
- * of dst, keep away from its left and right border. */
-int rx_direct_can_up2(const rx_plane *src);
+ * channels that are a multiple of the lanes. src has a row more above and below; the columns of `area`, which
+ * is one of dst, keep away from its left and right border. */
+int rx_direct_can_up2(const rx_plane *src, const rx_plane *dst);
 void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
                    rx_direct_area area);
 

@@ -277,11 +277,25 @@ void rx_dnn_free(rx_dnn *dnn)
     free(dnn);
 }
 
+static int has(dnnl_cpu_isa_t wanted)
+{
+    const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa(), bits = (unsigned)wanted;
+    return (isa & bits) == bits;
+}
+
 int rx_dnn_has_bf16(void)
 {
-    unsigned isa = (unsigned)dnnl_get_effective_cpu_isa();
-    unsigned bf16 = (unsigned)dnnl_cpu_isa_avx512_core_bf16;
-    return (isa & bf16) == bf16;
+    return has(dnnl_cpu_isa_avx512_core_bf16);
+}
+
+int rx_dnn_has_avx512(void)
+{
+    return has(dnnl_cpu_isa_avx512_core);
+}
+
+int rx_dnn_has_avx2(void)
+{
+    return has(dnnl_cpu_isa_avx2);
 }
 
 /* ---- making a convolution ---- */

@@ -39,7 +39,11 @@ typedef struct rx_conv_shape {
 rx_status rx_dnn_new(rx_dnn **dst, rx_error *err);
 void rx_dnn_free(rx_dnn *dnn); /* NULL is fine */
 
-int rx_dnn_has_bf16(void); /* 1: this processor multiplies bfloat16 itself */
+/* 1: this processor multiplies bfloat16 itself, has AVX-512 (F, BW, VL, DQ), has AVX2, and oneDNN may use it
+ * (ONEDNN_MAX_CPU_ISA). */
+int rx_dnn_has_bf16(void);
+int rx_dnn_has_avx512(void);
+int rx_dnn_has_avx2(void);
 
 rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err);
 void rx_conv_free(rx_conv *conv); /* NULL is fine */

@@ -357,7 +357,7 @@ static rx_status step_node(rx_stream *s, int i, rx_direct_area area, rx_error *e
     rx_status status = RX_OK;
     if (s->direct[i] != NULL)
         rx_direct_run(s->direct[i], &src, n->add >= 0 ? &add : NULL, &value, area, s->scratch);
-    else if (n->op == RX_OP_UP2 && rx_direct_can_up2(&src))
+    else if (n->op == RX_OP_UP2 && rx_direct_can_up2(&src, &value))
         rx_direct_up2(&src, n->add >= 0 ? &add : NULL, n->relu, &value, area);
     else
         status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);

@@ -1,43 +1,6 @@
-/* Convolutions of a band of rows on AVX-512, by Winograd's algorithm. */
-#include "nn/direct_parts.h"
-
-/* ---- weights ---- */
-
-/* G g G' of a kernel. */
-static void transform_weights(const float *kernel, double *points)
-{
-    double half[4][3];
-    for (int u = 0; u < 3; u++) {
-        const double a = kernel[u], b = kernel[3 + u], c = kernel[6 + u];
-        half[0][u] = a;
-        half[1][u] = (a + b + c) / 2;
-        half[2][u] = (a - b + c) / 2;
-        half[3][u] = c;
-    }
-    for (int v = 0; v < 4; v++) {
-        const double a = half[v][0], b = half[v][1], c = half[v][2];
-        points[4 * v] = a;
-        points[4 * v + 1] = (a + b + c) / 2;
-        points[4 * v + 2] = (a - b + c) / 2;
-        points[4 * v + 3] = c;
-    }
-}
-
-void rx_direct_winograd_load(rx_direct *d, const float *weights)
-{
-    const int in = d->shape.in, out = d->shape.out, group = LANES * d->blocks;
-    for (int o = 0; o < out; o++)
-        for (int i = 0; i < in; i++) {
-            double points[POINTS];
-            transform_weights(weights + 9 * ((size_t)o * (size_t)in + (size_t)i), points);
-            float *to =
-                (float *)d->weights + (size_t)(o / group * POINTS * in + i) * (size_t)group + o % group;
-            for (int k = 0; k < POINTS; k++)
-                to[(size_t)k * (size_t)in * (size_t)group] = (float)points[k];
-        }
-}
-
-#ifdef RX_DIRECT_KERNELS
+/* Convolutions of a band of rows by Winograd's algorithm, on the vectors of the file that includes it. */
+#ifndef RX_NN_DIRECT_WINOGRAD_H
+#define RX_NN_DIRECT_WINOGRAD_H
 
 /* ---- strips ---- */
 
@@ -67,12 +30,12 @@ PART void square_at(const strip *s, int k, int *x, int *y)
 }
 
 /* B' of four vectors. */
-PART void transform_in(const __m512 *d, int step, __m512 *t)
+PART void transform_in(const vector *d, int step, vector *t)
 {
-    t[0] = _mm512_sub_ps(d[0], d[2 * step]);
-    t[1] = _mm512_add_ps(d[step], d[2 * step]);
-    t[2] = _mm512_sub_ps(d[2 * step], d[step]);
-    t[3] = _mm512_sub_ps(d[step], d[3 * step]);
+    t[0] = v_sub(d[0], d[2 * step]);
+    t[1] = v_add(d[step], d[2 * step]);
+    t[2] = v_sub(d[2 * step], d[step]);
+    t[3] = v_sub(d[step], d[3 * step]);
 }
 
 PART void points_of(const strip *s, int k, int tiles, int room)
@@ -82,8 +45,7 @@ PART void points_of(const strip *s, int k, int tiles, int room)
     int x, y;
     square_at(s, k, &x, &y);
     for (int c = 0; c < in; c += LANES) {
-        const __mmask16 mask = (__mmask16)(in - c < LANES ? (1 << (in - c)) - 1 : 0xffff);
-        __m512 d[4], t[4][4], p[4];
+        vector d[4], t[4][4], p[4];
 #pragma GCC unroll 4
         for (int u = 0; u < 4; u++) {
             /* the last column may be missing where the second output is not wanted, and is not used then */
@@ -91,7 +53,7 @@ PART void points_of(const strip *s, int k, int tiles, int room)
             const float *from = (const float *)s->x->data + (size_t)y * line + (size_t)(column * in + c);
 #pragma GCC unroll 4
             for (int v = 0; v < 4; v++)
-                d[v] = _mm512_maskz_loadu_ps(mask, from + (size_t)v * line);
+                d[v] = v_load_first(in - c, from + (size_t)v * line);
             transform_in(d, 1, t[u]);
         }
 #pragma GCC unroll 4
@@ -99,7 +61,7 @@ PART void points_of(const strip *s, int k, int tiles, int room)
             transform_in(&t[0][v], 4, p);
 #pragma GCC unroll 4
             for (int u = 0; u < 4; u++)
-                _mm512_storeu_ps(s->points + ((4 * v + u) * tiles + k) * room + c, p[u]);
+                v_store(s->points + ((4 * v + u) * tiles + k) * room + c, p[u]);
         }
     }
 }
@@ -109,30 +71,30 @@ PART void multiply_point(const strip *s, const float *w, int point, int tiles, i
 {
     const float *from = s->points + point * tiles * room;
     float *to = s->products + point * SUMS * LANES;
-    __m512 sum[SUMS];
+    vector sum[SUMS];
 #pragma GCC unroll 24
     for (int k = 0; k < SUMS; k++)
-        sum[k] = _mm512_setzero_ps();
+        sum[k] = v_zero();
     for (int i = 0; i < s->d->shape.in; i++, w += LANES * blocks) {
-        const __m512 w0 = _mm512_loadu_ps(w), w1 = _mm512_loadu_ps(w + LANES * (blocks - 1));
+        const vector w0 = v_load(w), w1 = v_load(w + LANES * (blocks - 1));
 #pragma GCC unroll 24
         for (int k = 0; k < tiles; k++) {
-            const __m512 same = _mm512_set1_ps(from[k * room + i]);
-            sum[k * blocks] = _mm512_fmadd_ps(same, w0, sum[k * blocks]);
+            const vector same = v_same(from[k * room + i]);
+            sum[k * blocks] = v_multiply_add(same, w0, sum[k * blocks]);
             if (blocks == 2)
-                sum[k * blocks + 1] = _mm512_fmadd_ps(same, w1, sum[k * blocks + 1]);
+                sum[k * blocks + 1] = v_multiply_add(same, w1, sum[k * blocks + 1]);
         }
     }
 #pragma GCC unroll 24
     for (int k = 0; k < SUMS; k++)
-        _mm512_storeu_ps(to + LANES * k, sum[k]);
+        v_store(to + LANES * k, sum[k]);
 }
 
 /* A' of four vectors. */
-PART void transform_out(const __m512 *m, int step, __m512 *t)
+PART void transform_out(const vector *m, int step, vector *t)
 {
-    t[0] = _mm512_add_ps(_mm512_add_ps(m[0], m[step]), m[2 * step]);
-    t[1] = _mm512_sub_ps(_mm512_sub_ps(m[step], m[2 * step]), m[3 * step]);
+    t[0] = v_add(v_add(m[0], m[step]), m[2 * step]);
+    t[1] = v_sub(v_sub(m[step], m[2 * step]), m[3 * step]);
 }
 
 /* Outputs of a square from its products; `block` of `blocks` vectors, which begin at channel `from`. */
@@ -141,26 +103,25 @@ PART void outputs_of(const strip *s, int k, int block, int blocks, int from)
     const rx_direct *d = s->d;
     const float *products = s->products + (k * blocks + block) * LANES;
     const int channel = from + LANES * block;
-    const __m512 bias = _mm512_loadu_ps(d->bias + channel);
-    __m512 m[4], t[4][2], out[2];
+    const vector bias = v_load(d->bias + channel);
+    vector m[4], t[4][2], out[2];
     int x, y;
     square_at(s, k, &x, &y);
 #pragma GCC unroll 4
     for (int u = 0; u < 4; u++) {
 #pragma GCC unroll 4
         for (int v = 0; v < 4; v++)
-            m[v] = _mm512_loadu_ps(products + (4 * v + u) * SUMS * LANES);
+            m[v] = v_load(products + (4 * v + u) * SUMS * LANES);
         transform_out(m, 1, t[u]);
     }
 #pragma GCC unroll 2
     for (int v = 0; v < 2; v++) {
         const size_t at = (size_t)(y + v) * (size_t)s->y->width + (size_t)x;
         transform_out(&t[0][v], 2, out);
-        finish(d, s->add, s->y->data, at * (size_t)d->shape.out + (size_t)channel,
-               _mm512_add_ps(out[0], bias));
+        finish(d, s->add, s->y->data, at * (size_t)d->shape.out + (size_t)channel, v_add(out[0], bias));
         if (x + 1 < s->area.right)
             finish(d, s->add, s->y->data, (at + 1) * (size_t)d->shape.out + (size_t)channel,
-                   _mm512_add_ps(out[1], bias));
+                   v_add(out[1], bias));
     }
 }
 
@@ -193,8 +154,8 @@ STRIP(16)
 STRIP(32)
 STRIP(64)
 
-void rx_direct_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
-                        rx_direct_area area, float *scratch)
+static void run_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
+                         rx_direct_area area, float *scratch)
 {
     static void (*const strips[3][2])(const strip *, int) = {
         {strip_1_16, strip_2_16}, {strip_1_32, strip_2_32}, {strip_1_64, strip_2_64}};
@@ -207,14 +168,6 @@ void rx_direct_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *a
     const int all = s.across * ((area.last + 1 - s.area.first) / 2);
     for (s.first = 0; s.first < all; s.first += tiles)
         work(&s, all - s.first < tiles ? all - s.first : tiles);
-}
-
-#else
-
-void rx_direct_winograd(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
-                        rx_direct_area area, float *scratch)
-{
-    (void)direct, (void)x, (void)add, (void)y, (void)area, (void)scratch;
 }
 
 #endif
