@@ -16,3 +16,5 @@ check_PROGRAMS += tests/unit/nn/test_stream
 tests_unit_nn_test_stream_SOURCES = tests/unit/nn/test_stream.c
 check_PROGRAMS += tests/unit/nn/test_direct
 tests_unit_nn_test_direct_SOURCES = tests/unit/nn/test_direct.c
+check_PROGRAMS += tests/unit/nn/test_direct_avx2
+tests_unit_nn_test_direct_avx2_SOURCES = tests/unit/nn/test_direct_avx2.c

@@ -250,7 +250,7 @@ static void piece_by_piece(void **state)
     assert_int_equal(remove(config->model_name) + remove(config->checkpoint_name), 0);
     sigemptyset(&set);
     sigaddset(&set, SIGTERM);
-    for (double delay = 2e4; delay < 2e7 && status == RX_INTERRUPTED; delay *= 1.3) {
+    for (double delay = 2e4; delay < 1e9 && status == RX_INTERRUPTED; delay *= 1.3) {
         rx_error err = RX_ERROR_NONE;
         pthread_t thread;
         alarm_clock clock = {.delay = (unsigned)delay};
