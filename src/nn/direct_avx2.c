@@ -4,7 +4,7 @@
 #if defined(__x86_64__) && defined(__GNUC__)
 #include <immintrin.h>
 
-enum { LANES = 8, ACCUMULATORS = 12 /* sums that stay in registers */ };
+enum { LANES = 8, ACCUMULATORS = 12 /* sums that stay in registers */, FINE_PIXELS = 2 /* at a time */ };
 
 #define WITH_BF16 0
 #define WIDE __attribute__((target("avx2,fma")))
@@ -50,9 +50,6 @@ PART vector multiply_add(int bf16, vector x, vector w, vector sum)
     return v_multiply_add(x, w, sum);
 }
 
-#include "nn/direct_rows.h"
-#include "nn/direct_winograd.h"
-
 /* ---- fine ---- */
 
 /* The sums of the lanes of four vectors. */
@@ -63,8 +60,9 @@ PART __m128 sums_of(const vector *sum)
 }
 
 /* n <= 2 pixels side by side, from x on; `out`: where their finer pixels begin, in a row and in the next. */
-PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, float *const out[2])
+PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, float *const out[2], int bf16)
 {
+    (void)bf16;
     const int vectors = d->shape.kernel * d->words / LANES, second = n > 1 ? d->words : 0;
     const float *w = d->weights;
     const __m128 bias = _mm_loadu_ps(d->bias);
@@ -99,19 +97,8 @@ PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, floa
     }
 }
 
-WIDE static void run_fine(const rx_direct *d, const rx_plane *x, const rx_plane *y, rx_direct_area area)
-{
-    const size_t line = (size_t)x->width * (size_t)d->words;
-    for (int v = area.first; v < area.last; v++) {
-        const word *from = (const word *)x->data + (size_t)v * line;
-        float *to = (float *)y->data + 2 * (size_t)v * (size_t)y->width;
-        for (int u = area.left; u < area.right; u += 2) {
-            float *const out[2] = {to + 2 * u, to + y->width + 2 * u};
-            fine_pixels(d, from + (size_t)(u - d->shape.before) * (size_t)d->words, line,
-                        area.right - u < 2 ? 1 : 2, out);
-        }
-    }
-}
+#include "nn/direct_rows.h"
+#include "nn/direct_winograd.h"
 
 const rx_direct_kernels *rx_direct_avx2(void)
 {

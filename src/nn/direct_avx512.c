@@ -10,7 +10,7 @@
 #ifdef HAS_KERNELS
 #include <immintrin.h>
 
-enum { LANES = 16, ACCUMULATORS = 24 /* sums that stay in registers */ };
+enum { LANES = 16, ACCUMULATORS = 24 /* sums that stay in registers */, FINE_PIXELS = 4 /* at a time */ };
 
 #define WITH_BF16 1
 #define WIDE __attribute__((target("avx512f,avx512bw,avx512vl,avx512bf16")))
@@ -57,9 +57,6 @@ PART vector multiply_add(int bf16, vector x, vector w, vector sum)
         return _mm512_dpbf16_ps(sum, (__m512bh)x, (__m512bh)w);
     return v_multiply_add(x, w, sum);
 }
-
-#include "nn/direct_rows.h"
-#include "nn/direct_winograd.h"
 
 /* ---- fine ---- */
 
@@ -119,23 +116,8 @@ PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, floa
     _mm256_mask_storeu_ps(out[1], here, lower);
 }
 
-WIDE static void run_fine(const rx_direct *d, const rx_plane *x, const rx_plane *y, rx_direct_area area)
-{
-    const size_t line = (size_t)x->width * (size_t)d->words;
-    for (int v = area.first; v < area.last; v++) {
-        const word *from = (const word *)x->data + (size_t)v * line;
-        float *to = (float *)y->data + 2 * (size_t)v * (size_t)y->width;
-        for (int u = area.left; u < area.right; u += 4) {
-            float *const out[2] = {to + 2 * u, to + y->width + 2 * u};
-            const word *begin = from + (size_t)(u - d->shape.before) * (size_t)d->words;
-            const int n = area.right - u < 4 ? area.right - u : 4;
-            if (d->shape.x == RX_REAL_BF16)
-                fine_pixels(d, begin, line, n, out, 1);
-            else
-                fine_pixels(d, begin, line, n, out, 0);
-        }
-    }
-}
+#include "nn/direct_rows.h"
+#include "nn/direct_winograd.h"
 
 const rx_direct_kernels *rx_direct_avx512(void)
 {

@@ -1,4 +1,5 @@
-/* Convolutions of a band of rows by the definition, on the vectors of the file that includes it. */
+/* Convolutions of a band of rows by the definition, on the vectors of the file that includes it, which also
+ * has fine_pixels(). */
 #ifndef RX_NN_DIRECT_ROWS_H
 #define RX_NN_DIRECT_ROWS_H
 
@@ -181,6 +182,26 @@ static void run_wide(const rx_direct *d, const rx_plane *x, const rx_plane *add,
                            .bias = d->bias + b * block};
             row(d, &r, area.left, area.right);
         }
+}
+
+/* ---- fine ---- */
+
+WIDE static void run_fine(const rx_direct *d, const rx_plane *x, const rx_plane *y, rx_direct_area area)
+{
+    const size_t line = (size_t)x->width * (size_t)d->words;
+    for (int v = area.first; v < area.last; v++) {
+        const word *from = (const word *)x->data + (size_t)v * line;
+        float *to = (float *)y->data + 2 * (size_t)v * (size_t)y->width;
+        for (int u = area.left; u < area.right; u += FINE_PIXELS) {
+            float *const out[2] = {to + 2 * u, to + y->width + 2 * u};
+            const word *begin = from + (size_t)(u - d->shape.before) * (size_t)d->words;
+            const int n = area.right - u < FINE_PIXELS ? area.right - u : FINE_PIXELS;
+            if (d->shape.x == RX_REAL_BF16)
+                fine_pixels(d, begin, line, n, out, 1);
+            else
+                fine_pixels(d, begin, line, n, out, 0);
+        }
+    }
 }
 
 /* ---- bilinear ---- */
