@@ -47,11 +47,17 @@ def distinct_cores():
 
 
 def processor_name():
+    """Its name, family and model, for one name may stand for several, and the widest vectors it has for networks."""
+    facts = {}
     with open("/proc/cpuinfo", encoding="ascii", errors="replace") as file:
         for line in file:
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return "unknown"
+            key, _, value = line.partition(":")
+            facts.setdefault(key.strip(), value.strip())
+    flags = facts.get("flags", "").split()
+    vectors = [name for flag, name in (("avx2", "AVX2"), ("avx512bw", "AVX-512"), ("avx512_bf16", "bfloat16")) if flag in flags]
+    kind = [f"family {facts['cpu family']}, model {facts['model']}"] if {"cpu family", "model"} <= facts.keys() else []
+    about = ", ".join(kind + [" and ".join(vectors[-2:]) if "bfloat16" in vectors else "".join(vectors[-1:])]).strip(", ")
+    return facts.get("model name", "unknown") + (f" ({about})" if about else "")
 
 
 def available_memory():
