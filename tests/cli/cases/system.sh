@@ -256,7 +256,7 @@ fi
 
 begin 'catalogue where a link to nothing is'
 make_fits tile tile.fits && ln -s nothing test.cat
-leaves test.cat
+leaves nothing test.cat
 expect 0 '' tile.fits $none
 
 # --- a disk that fails: a read of the reference has an error, one after the other; it is told, or nothing is lost
