@@ -6,9 +6,10 @@
  * with their sum, cut and rounding on the way. The values agree with oneDNN's to rounding and do not depend
  * on which pixels are asked for.
  *
- *   wide   outputs a multiple of a vector's lanes (16, 8): registers hold the sums of pixels side by side,
- * and a word of the input (one float or two bfloat16) is given to all lanes fine   4 outputs, which are the
- * 2x2 pixels of a plane of one channel at twice the size: lanes are inputs, summed up at the end
+ *   - wide: outputs a multiple of a vector's lanes (16, 8). Registers hold the sums of pixels side by
+ *     side, and a word of the input (one float or two bfloat16) is given to all lanes.
+ *   - fine: 4 outputs, which are the 2x2 pixels of a plane of one channel at twice the size. Lanes are
+ *     inputs, summed up at the end.
  */
 #ifndef RX_NN_DIRECT_H
 #define RX_NN_DIRECT_H

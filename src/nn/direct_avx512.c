@@ -121,12 +121,6 @@ PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, floa
 
 const rx_direct_kernels *rx_direct_avx512(void)
 {
-    static const rx_direct_kernels kernels = {.lanes = LANES,
-                                              .has_rows = has_rows,
-                                              .wide = run_wide,
-                                              .fine = run_fine,
-                                              .winograd = run_winograd,
-                                              .up2 = run_up2};
     return &kernels;
 }
 

@@ -54,10 +54,12 @@ def processor_name():
             key, _, value = line.partition(":")
             facts.setdefault(key.strip(), value.strip())
     flags = facts.get("flags", "").split()
-    vectors = [name for flag, name in (("avx2", "AVX2"), ("avx512bw", "AVX-512"), ("avx512_bf16", "bfloat16")) if flag in flags]
-    kind = [f"family {facts['cpu family']}, model {facts['model']}"] if {"cpu family", "model"} <= facts.keys() else []
-    about = ", ".join(kind + [" and ".join(vectors[-2:]) if "bfloat16" in vectors else "".join(vectors[-1:])]).strip(", ")
-    return facts.get("model name", "unknown") + (f" ({about})" if about else "")
+    about = [f"{key.removeprefix('cpu ')} {facts[key]}" for key in ("cpu family", "model") if key in facts]
+    for flag, vectors in (("avx512_bf16", "AVX-512 and bfloat16"), ("avx512bw", "AVX-512"), ("avx2", "AVX2")):
+        if flag in flags:
+            about.append(vectors)
+            break
+    return facts.get("model name", "unknown") + (f" ({', '.join(about)})" if about else "")
 
 
 def available_memory():
