@@ -12,6 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../near.h"
 #include "base/text.h"
 #include "campaign/campaign_report.h"
 #include "campaign/photometry_numbers.h"
@@ -101,14 +102,14 @@ static void four_scenes_by_hand(void **state)
     const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
     assert_int_equal(m.pair[m.chief].first, 2);
     assert_int_equal(m.pair[m.chief].second, 1);
-    assert_float_equal(d->paired.statistic, sqrt(24), 1e-12);
-    assert_float_equal(d->paired.effect, 2 / sqrt(2.0 / 3), 1e-12);
-    assert_float_equal(d->two_sample.dof, 6, 0);
+    assert_near(d->paired.statistic, sqrt(24), 1e-12);
+    assert_near(d->paired.effect, 2 / sqrt(2.0 / 3), 1e-12);
+    assert_near(d->two_sample.dof, 6, 0);
     /* variances 5/3 and 11/3, pooled 8/3: t = 2 / sqrt(8/3 * 2/4) */
-    assert_float_equal(d->two_sample.statistic, 2 / sqrt(8.0 / 6), 1e-12);
-    assert_float_equal(d->holm, d->paired.p, 1e-15); /* one bin: nothing to adjust */
+    assert_near(d->two_sample.statistic, 2 / sqrt(8.0 / 6), 1e-12);
+    assert_near(d->holm, d->paired.p, 1e-15); /* one bin: nothing to adjust */
     assert_int_equal(d->winner, 1);
-    assert_float_equal(rx_quality_mean(&m, 0, RX_PSNR, 2)->value, 23.5, 1e-12);
+    assert_near(rx_quality_mean(&m, 0, RX_PSNR, 2)->value, 23.5, 1e-12);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
 }
@@ -126,7 +127,7 @@ static void the_papers_own_numbers(void **state)
             double p, ln_p;
             int fit = rx_paper_column_fits(table, &table->column[k], &p, &ln_p);
             fits += fit;
-            assert_float_equal(ln_p, log(p), 1e-9);
+            assert_near(ln_p, log(p), 1e-9);
             if (!fit)
                 assert_true(table->number == 3 && (table->column[k].bin == 2 || table->column[k].bin == 25));
         }
@@ -136,7 +137,7 @@ static void the_papers_own_numbers(void **state)
     const rx_paper_column *c = rx_paper_column_at(rx_paper_table_of(1, 1), 2);
     double p, ln_p;
     assert_int_equal(rx_paper_column_fits(rx_paper_table_of(1, 1), c, &p, &ln_p), 0);
-    assert_float_equal(p, 0.09311549953989567, 1e-9);
+    assert_near(p, 0.09311549953989567, 1e-9);
     assert_null(rx_paper_column_at(rx_paper_table_of(1, 1), 3));
 }
 
@@ -362,7 +363,7 @@ static void depth_of_many_magnitudes(void **state)
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     const rx_estimate *mag50 = &rx_photometry_whole_of(&m, 0, 0)->mag50;
     assert_int_equal(mag50->n, SETS * STARS);
-    assert_float_equal(mag50->value, r->fields[0].sets[FOUND].mag, 1.0);
+    assert_near(mag50->value, r->fields[0].sets[FOUND].mag, 1.0);
     rx_photometry_numbers_free(&m);
     rx_photometry_results_free(r);
 }
@@ -390,26 +391,26 @@ static void thresholds_by_hand(void **state)
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     const rx_photometry_whole *w = rx_photometry_whole_of(&m, 0, 0);
     const rx_photometry_cell *c = rx_photometry_cell_of(&m, 0, 0, 0);
-    assert_float_equal(w->cut[0].score, 7, 0);
-    assert_float_equal(c->complete[0].value, 0.75, 1e-12);
-    assert_float_equal(w->cut[0].precision.value, 0.75, 1e-12);
+    assert_near(w->cut[0].score, 7, 0);
+    assert_near(c->complete[0].value, 0.75, 1e-12);
+    assert_near(w->cut[0].precision.value, 0.75, 1e-12);
     assert_int_equal(w->cut[0].whole_list, 0);
-    assert_float_equal(w->cut[1].score, 8, 0);
-    assert_float_equal(c->complete[1].value, 0.5, 1e-12);
-    assert_float_equal(w->cut[2].score, 6, 0);
+    assert_near(w->cut[1].score, 8, 0);
+    assert_near(c->complete[1].value, 0.5, 1e-12);
+    assert_near(w->cut[2].score, 6, 0);
     assert_int_equal(w->cut[2].whole_list, 1);
-    assert_float_equal(c->recall.value, 0.75, 1e-12);
-    assert_float_equal(c->precision.value, 0.6, 1e-12);
-    assert_float_equal(c->ap.value, 0.25 + 0.25 + 0.25 * 0.75, 1e-12);
-    assert_float_equal(c->magerr.value, 100 * 0.5 / 3, 1e-5);
-    assert_float_equal(c->bias_percent.value, 0, 1e-12);
+    assert_near(c->recall.value, 0.75, 1e-12);
+    assert_near(c->precision.value, 0.6, 1e-12);
+    assert_near(c->ap.value, 0.25 + 0.25 + 0.25 * 0.75, 1e-12);
+    assert_near(c->magerr.value, 100 * 0.5 / 3, 1e-5);
+    assert_near(c->bias_percent.value, 0, 1e-12);
     rx_photometry_numbers_free(&m);
     /* surest of all is a false detection: no threshold gives more than 3/4 */
     set->run[0].false_scores[1] = 100;
     r->precision[1] = 0.99;
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     assert_true(isinf(rx_photometry_whole_of(&m, 0, 0)->cut[1].score));
-    assert_float_equal(rx_photometry_cell_of(&m, 0, 0, 0)->complete[1].value, 0, 0);
+    assert_near(rx_photometry_cell_of(&m, 0, 0, 0)->complete[1].value, 0, 0);
     rx_photometry_numbers_free(&m);
     rx_photometry_results_free(r);
 }

@@ -1,4 +1,5 @@
 /* The restoration campaign: scenes, tuning, scores and results. */
+#include "../near.h"
 #include "settings.h"
 
 #include <math.h>
@@ -71,14 +72,14 @@ static void scenes_are_what_bins_say(void **state)
             assert_true(binned >= (bin == 1 ? 4.5 : 1.5) && binned <= (bin == 1 ? 5.5 : 2.5));
             assert_true(other >= (bin == 1 ? 1 : 2) && other <= (bin == 1 ? 15 : 8));
             sum[bin - 1] += binned / SCENES;
-            assert_float_equal(highest(trial.sharp, n), 255.0, 1e-3);
+            assert_near(highest(trial.sharp, n), 255.0, 1e-3);
             if (trial.fwhm > 4) /* 3900 differences, of which every third is independent: 3 % and the scene */
-                assert_float_equal(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.12);
+                assert_near(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.12);
             rx_trial_free(&trial);
         }
     }
-    assert_float_equal(sum[0], 5.0, 4 * 0.2887 / sqrt(SCENES)); /* mean of a uniform one, 4 sigma */
-    assert_float_equal(sum[1], 2.0, 4 * 0.2887 / sqrt(SCENES));
+    assert_near(sum[0], 5.0, 4 * 0.2887 / sqrt(SCENES)); /* mean of a uniform one, 4 sigma */
+    assert_near(sum[1], 2.0, 4 * 0.2887 / sqrt(SCENES));
     rx_kind_restoration.close(campaign);
     rx_campaign_config_free(config);
 }
@@ -177,9 +178,9 @@ static void tuning_takes_the_best(void **state)
         widths[f] = tuning.filter;
         assert_int_equal(tuning.niter, 2);
     }
-    assert_float_equal(widths[0], 0, 0);
-    assert_float_equal(widths[1], 2.5, 1e-12);
-    assert_float_equal(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
+    assert_near(widths[0], 0, 0);
+    assert_near(widths[1], 2.5, 1e-12);
+    assert_near(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
     assert_non_null(strstr(tuning.text, "filter 2 pixels"));
     /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
     assert_true(rx_tuning_at_end(campaign, candidates / 3) && rx_tuning_at_end(campaign, candidates - 1));
@@ -273,7 +274,7 @@ static void results_are_the_scores(void **state)
     assert_string_equal(example->title[1], "SMOOTHED");
     assert_string_equal(example->title[2], "RL");
     assert_string_equal(example->title[4], "SHARP");
-    assert_float_equal(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
+    assert_near(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
     free(plane);
     rx_restoration_results_free(results);
     rx_unit_values_free(n, values);

@@ -1,4 +1,5 @@
 /* ASSOC: reading lists, combining entries, selecting sources. */
+#include "../near.h"
 #include "scene.h"
 
 /* The list: columns x y mag id. Sources of the scene stand at (11.25+i, 21.5+2i) counting from 1. */
@@ -35,11 +36,11 @@ static void first_source(rx_assoc_type type, int number, double id, double mag)
     assert_int_equal(sources->n, 3);
     assert_int_equal(sources->nassoc, 2);
     assert_int_equal(sources->list[0].number_assoc, number);
-    assert_float_equal(sources->list[0].vector_assoc[0], id, 1e-12);
-    assert_float_equal(sources->list[0].vector_assoc[1], mag, 1e-12);
+    assert_near(sources->list[0].vector_assoc[0], id, 1e-12);
+    assert_near(sources->list[0].vector_assoc[1], mag, 1e-12);
     assert_int_equal(sources->list[1].number_assoc, 0);
-    assert_float_equal(sources->list[1].vector_assoc[0], 0, 0);
-    assert_float_equal(sources->list[2].vector_assoc[0], 3.0, 1e-12);
+    assert_near(sources->list[1].vector_assoc[0], 0, 0);
+    assert_near(sources->list[2].vector_assoc[0], 3.0, 1e-12);
     rx_sources_free(sources);
     rx_assoc_free(list);
     scene_remove(folder);
@@ -86,10 +87,10 @@ static void selection_renumbers_everything(void **state)
             assert_int_equal(sources->list[i].number, i + 1);
             assert_int_equal(sources->list[i].segment, i + 1);
         }
-        assert_float_equal(sources->vignets[0], matched ? 1 : 2, 0);
-        assert_float_equal(sources->list[sources->n - 1].x, matched ? 12.25 : 11.25, 0);
+        assert_near(sources->vignets[0], matched ? 1 : 2, 0);
+        assert_near(sources->list[sources->n - 1].x, matched ? 12.25 : 11.25, 0);
         if (matched)
-            assert_float_equal(sources->list[1].vector_assoc[0], 3, 0);
+            assert_near(sources->list[1].vector_assoc[0], 3, 0);
         rx_sources_free(sources);
         rx_assoc_free(list);
     }
@@ -107,11 +108,11 @@ static void all_columns_when_none_is_named(void **state)
     par.ndata = 1, par.data[0] = 0;
     assert_int_equal(rx_assoc_match(&par, list, NULL, NULL, sources, NULL), RX_OK);
     assert_int_equal(sources->nassoc, 4);
-    assert_float_equal(sources->list[0].vector_assoc[3], 2, 0);
+    assert_near(sources->list[0].vector_assoc[3], 2, 0);
     par.ndata = 3, par.data[0] = 9, par.data[1] = 4, par.data[2] = 0;
     assert_int_equal(rx_assoc_match(&par, list, NULL, NULL, sources, NULL), RX_OK);
     assert_int_equal(sources->nassoc, 1);
-    assert_float_equal(sources->list[0].vector_assoc[0], 2, 0);
+    assert_near(sources->list[0].vector_assoc[0], 2, 0);
     rx_sources_free(sources);
     rx_assoc_free(list);
     scene_remove(folder);

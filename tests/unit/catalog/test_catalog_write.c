@@ -1,4 +1,5 @@
 /* Every catalogue type: bytes of the text ones, what readers get back, what astropy and xmllint say. */
+#include "../near.h"
 #include "scene.h"
 
 #include <locale.h>
@@ -129,9 +130,12 @@ static void same_numbers(const rx_table *a, const rx_table *b, double tolerance)
         assert_string_equal(a->columns[i].name, b->columns[i].name);
         assert_int_equal(rx_column_elements(&a->columns[i]), rx_column_elements(&b->columns[i]));
         for (long row = 0; row < a->nrows; row++)
-            for (long e = 0; e < rx_column_elements(&a->columns[i]); e++)
-                assert_float_equal(rx_column_value(&a->columns[i], row, e),
-                                   rx_column_value(&b->columns[i], row, e), tolerance);
+            for (long e = 0; e < rx_column_elements(&a->columns[i]); e++) {
+                /* -1e30 of VIGNET is a float in one and a decimal number in the other. */
+                const double expected = rx_column_value(&b->columns[i], row, e);
+                assert_near(rx_column_value(&a->columns[i], row, e), expected,
+                            tolerance + 1e-7 * fabs(expected));
+            }
     }
 }
 
@@ -254,7 +258,7 @@ static void a_decimal_comma_changes_nothing(void **state)
     char *text = content(s.path);
     assert_non_null(strstr(text, "11.2500"));
     assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
-    assert_float_equal(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);
+    assert_near(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);
     rx_table_free(back);
     free(text);
     setlocale(LC_ALL, "C");

@@ -6,6 +6,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
 #include "folder.h"
@@ -36,12 +37,12 @@ static void each_line_is_a_tile(void **state)
     rx_settings *common = defaults(), *own = NULL;
     assert_int_equal(rx_settings_set(common, "CHECKIMAGE_NAME", "{tile}_r.fits,x", NULL, NULL), RX_OK);
     assert_int_equal(rx_tiles_settings(tiles, 0, common, NULL, &own, NULL), RX_OK);
-    assert_float_equal(((rx_config *)own)->detect_thresh.v[0], 3, 0);
+    assert_near(((rx_config *)own)->detect_thresh.v[0], 3, 0);
     assert_string_equal(((rx_config *)own)->catalog_name, "test.cat");
     assert_string_equal(((rx_config *)own)->checkimage_name.v[0], "a_r.fits");
     rx_settings_free(own);
     assert_int_equal(rx_tiles_settings(tiles, 1, common, NULL, &own, NULL), RX_OK);
-    assert_float_equal(((rx_config *)own)->detect_thresh.v[0], 1.5, 0);
+    assert_near(((rx_config *)own)->detect_thresh.v[0], 1.5, 0);
     assert_string_equal(((rx_config *)own)->catalog_name, "b c of b c.cat");
     assert_int_equal(((rx_config *)own)->phot_apertures.n, 2);
     rx_settings_free(own);

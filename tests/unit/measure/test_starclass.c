@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "measure/starclass.h"
 
 static char path[64];
@@ -44,7 +45,7 @@ static void evaluates_by_hand(void **state)
     double a = 1.0 / (1.0 + exp(-(log10(40.0 / 9.0) + 0.25)));
     double b = 1.0 / (1.0 + exp(-(2.0 * log10(1.2) + 0.5 - 1.0)));
     double c = 1.0 / (1.0 + exp(-(2.0 * a - 3.0 * b + 0.5)));
-    assert_float_equal(rx_starclass_evaluate(net, &s, seeing, scale, 10.0), (c - 0.1) / 0.8, 1e-12);
+    assert_near(rx_starclass_evaluate(net, &s, seeing, scale, 10.0), (c - 0.1) / 0.8, 1e-12);
     rx_starclass_free(net);
     unlink(path);
 }

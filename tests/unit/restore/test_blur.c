@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "restore/blur.h"
 #include "sky.h"
 
@@ -87,10 +88,10 @@ static void check_operator(const rx_psf *psf, int varies)
     rx_blur_plane(blur, f, kf);
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
-            assert_float_equal(kf[y * W + x], direct(blur, psf, f, x, y), 3e-5);
+            assert_near(kf[y * W + x], direct(blur, psf, f, x, y), 3e-5);
     rx_blur_adjoint_plane(blur, r, ktr);
     const double left = dot(W * H, kf, r), right = dot(rx_blur_sky_size(blur), f, ktr);
-    assert_float_equal(left, right, 1e-5 * fabs(left));
+    assert_near(left, right, 1e-5 * fabs(left));
     free(f);
     free(ktr);
     rx_blur_free(blur);
@@ -139,7 +140,7 @@ static void no_seams(void **state)
         rx_psf_at(psf, x, 20, stamp);
         for (int i = 0; i < size; i++)
             if (x + i - r >= 0 && x + i - r < LONG)
-                assert_float_equal(kf[20 * LONG + x + i - r], stamp[r * size + i], 1e-6);
+                assert_near(kf[20 * LONG + x + i - r], stamp[r * size + i], 1e-6);
         const float peak = kf[20 * LONG + x];
         if (x > 1) /* the PSF is linear in x, so is its peak: steps would show in the second difference */
             assert_true(fabsf(peak - 2 * last + before) < 1e-5f * peak);
@@ -172,7 +173,7 @@ static void blocks_are_exact(void **state)
             for (int k = 0; k < 49; k++)
                 sum +=
                     (double)psf->basis[k] * f[rx_blur_row(blur, y - k / 7 + 3) - 3 + (size_t)(x + 6 - k % 7)];
-            assert_float_equal(kf[y * WIDE + x], sum, 3e-5);
+            assert_near(kf[y * WIDE + x], sum, 3e-5);
         }
     free(f);
     free(kf);

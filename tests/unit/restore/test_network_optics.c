@@ -6,6 +6,7 @@
 #include <cmocka.h>
 #include <string.h>
 
+#include "../near.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/blur.h"
@@ -84,7 +85,7 @@ static void tikhonov_is_that_of_the_whole(void **state)
         rx_convolve(fft, spectrum, plane, half, plane);
         assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, 0, 0, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
-            assert_float_equal(b->made[k], at(fft, MARGIN, plane, k), 2e-3);
+            assert_near(b->made[k], at(fft, MARGIN, plane, k), 2e-3);
         free(plane);
         free(work);
         free(spectrum);
@@ -114,13 +115,13 @@ static void tikhonov_of_a_varying_psf(void **state)
                 if (x - u >= 0 && x - u < WIDTH && y - v >= 0 && y - v < HEIGHT)
                     sum += ((1 - share) * first[k] + share * second[k]) * b->x[(y - v) * WIDTH + x - u];
             }
-        assert_float_equal(b->made[x], sum, 1e-3);
+        assert_near(b->made[x], sum, 1e-3);
     }
     float row[WIDTH + 20];
     rx_network_optics_fwhm_row(b->optics, 75, -10, WIDTH + 20, row);
-    assert_float_equal(row[0], row[10], 0);
-    assert_float_equal(row[10], b->optics->fwhm[0], 1e-4);
-    assert_float_equal(row[WIDTH + 9] / row[10], 1.3 / 0.7, 0.07); /* of stamps, with the pixel's own width */
+    assert_near(row[0], row[10], 0);
+    assert_near(row[10], b->optics->fwhm[0], 1e-4);
+    assert_near(row[WIDTH + 9] / row[10], 1.3 / 0.7, 0.07); /* of stamps, with the pixel's own width */
     bench_free(b);
 }
 
@@ -150,7 +151,7 @@ static void step_is_the_trained_one(void **state)
         assert_int_equal(rx_network_optics_step(b->optics, b->f, b->x, b->mask, 1, b->made, NULL, 0, 0, NULL),
                          RX_OK);
         for (int k = 0; k < AREA; k++)
-            assert_float_equal(b->made[k], at(fft, MARGIN, out, k), 1e-3 + 1e-4 * fabsf(b->made[k]));
+            assert_near(b->made[k], at(fft, MARGIN, out, k), 1e-3 + 1e-4 * fabsf(b->made[k]));
         free(f);
         free(x);
         free(weight);
@@ -197,8 +198,8 @@ static void reblurred_by_a_varying_psf(void **state)
                      RX_OK);
     /* K' has forgotten what the target cannot hold: 0.1 % of the brightest pixel */
     for (int k = 0; k < AREA; k++)
-        assert_float_equal(b->made[k], dst[k], 0.25);
-    assert_float_equal(chi2, 9, 0.02);
+        assert_near(b->made[k], dst[k], 0.25);
+    assert_near(chi2, 9, 0.02);
     free(src);
     free(dst);
     free(points);
@@ -222,7 +223,7 @@ static void support_is_that_of_blur(void **state)
         rx_blur_adjoint_plane(blur, src, dst);
         assert_int_equal(rx_network_optics_support(b->optics, b->mask, b->made, NULL, 0, 0, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
-            assert_float_equal(b->made[k], 1 - dst[rx_blur_row(blur, k / WIDTH) + (size_t)(k % WIDTH)], 2e-5);
+            assert_near(b->made[k], 1 - dst[rx_blur_row(blur, k / WIDTH) + (size_t)(k % WIDTH)], 2e-5);
         free(src);
         free(dst);
         rx_blur_free(blur);
@@ -250,7 +251,7 @@ static void step_returns_lost_flux(void **state)
                      RX_OK);
     const double flux = sky_sum(&s, b->made, 90.2, 70.7, 15);
     print_message("0.8 of the flux before the step, %.4f after it\n", flux / 1e5);
-    assert_float_equal(flux / 1e5, 1, 5e-3);
+    assert_near(flux / 1e5, 1, 5e-3);
     sky_free(&s);
     bench_free(b);
 }

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "restore/points.h"
 #include "sky.h"
 
@@ -61,13 +62,13 @@ static void finds_the_psf(void **state)
         rx_psf *psf = rx_stamp_gauss(start[i]);
         rx_restored *r = run(&s, psf);
         assert_string_equal(r->name, "RL_BLIND");
-        assert_float_equal(r->blur->fwhm, seen(TRUE_FWHM), 0.03 * seen(TRUE_FWHM));
+        assert_near(r->blur->fwhm, seen(TRUE_FWHM), 0.03 * seen(TRUE_FWHM));
         double sum = 0, x, y;
         for (int k = 0; k < r->blur->size * r->blur->size; k++) {
             assert_true(r->blur->basis[k] >= 0);
             sum += r->blur->basis[k];
         }
-        assert_float_equal(sum, 1, 1e-5);
+        assert_near(sum, 1, 1e-5);
         rx_stamp_centroid(r->blur->basis, r->blur->size, TRUE_FWHM, &x, &y);
         assert_true(hypot(x, y) < 0.02);
         assert_true(strstr(r->settings, "RL_BLIND_CYCLES 5, RL_BLIND_NITER 10") != NULL);
@@ -119,11 +120,11 @@ static void lets_well_alone(void **state)
     rx_psf *psf = rx_stamp_gauss(3);
     rx_restored *r = run(&s, psf), *plain = NULL;
     for (int k = 0; k < psf->size * psf->size; k++)
-        assert_float_equal(r->blur->basis[k], psf->basis[k], 1e-7);
+        assert_near(r->blur->basis[k], psf->basis[k], 1e-7);
     assert_int_equal(rx_restorer_find("RL")->run(&s.par, &s.tile, &s.background, psf, NULL, &plain, NULL),
                      RX_OK);
     for (int k = 0; k < W * H; k++)
-        assert_float_equal(r->pixels[k], plain->pixels[k], 1e-3);
+        assert_near(r->pixels[k], plain->pixels[k], 1e-3);
     rx_restored_free(r);
     rx_restored_free(plain);
     rx_psf_free(psf);
@@ -158,10 +159,8 @@ static void chooses_stars(void **state)
         const double column = (points[i].cx - 20) / 28, row = (points[i].cy - 22) / 28;
         const int star = (int)lround(row) * 8 + (int)lround(column);
         assert_in_range(star, 1, 55);
-        assert_float_equal(points[i].cx, 20 + star % 8 * 28 + rx_random_uniform(1, 1, (uint64_t)star) - 0.5,
-                           0.15);
-        assert_float_equal(points[i].cy, 22 + star / 8 * 28 + rx_random_uniform(1, 2, (uint64_t)star) - 0.5,
-                           0.15);
+        assert_near(points[i].cx, 20 + star % 8 * 28 + rx_random_uniform(1, 1, (uint64_t)star) - 0.5, 0.15);
+        assert_near(points[i].cy, 22 + star / 8 * 28 + rx_random_uniform(1, 2, (uint64_t)star) - 0.5, 0.15);
         if (i > 0)
             assert_true(points[i].flux <= points[i - 1].flux);
     }
@@ -198,13 +197,13 @@ static void makes_again_what_it_does_not_keep(void **state)
                                 (size_t)n * sizeof *weight);
         }
     rx_prepared_variance(prepared, 0, 0, W, variance);
-    assert_float_equal(small.data[7], 0, 0);
-    assert_float_equal(small.weight[7], 0, 0);
-    assert_float_equal(variance[7], 1, 0);
-    assert_float_equal(variance[5], pow(prepared->sigma, 2), 1e-6); /* no noise known: the median */
-    assert_float_equal(small.weight[5], 1, 0);
-    assert_float_equal(variance[6] / variance[1], pow(6.5 / 1.5, 2), 1e-4);
-    assert_float_equal(small.weight[6], pow(prepared->median / 6.5, 2), 1e-6);
+    assert_near(small.data[7], 0, 0);
+    assert_near(small.weight[7], 0, 0);
+    assert_near(variance[7], 1, 0);
+    assert_near(variance[5], pow(prepared->sigma, 2), 1e-6); /* no noise known: the median */
+    assert_near(small.weight[5], 1, 0);
+    assert_near(variance[6] / variance[1], pow(6.5 / 1.5, 2), 1e-4);
+    assert_near(small.weight[6], pow(prepared->median / 6.5, 2), 1e-6);
     prepared->data = small.data;
     prepared->weight = small.weight;
     rx_prepared_free(prepared);

@@ -11,6 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../near.h"
 #include "nn/psfnet.h"
 #include "stage/options.h"
 
@@ -180,7 +181,7 @@ static void surface_brightness_becomes_adu(void **state)
     (void)state;
     rx_options *options = options_with("DETECT_THRESH", "22.5,25");
     assert_true(options->detect.absolute);
-    assert_float_equal(options->detect.threshold, 10.0, 1e-9);
+    assert_near(options->detect.threshold, 10.0, 1e-9);
     rx_options_free(options);
 }
 
@@ -188,10 +189,10 @@ static void an_unset_pixel_scale_is_unknown(void **state)
 {
     (void)state;
     rx_options *options = options_with(NULL, NULL);
-    assert_float_equal(options->stated_scale, 0.0, 0.0);
+    assert_near(options->stated_scale, 0.0, 0.0);
     rx_options_free(options);
     options = options_with("PIXEL_SCALE", "0.4");
-    assert_float_equal(options->stated_scale, 0.4, 1e-12);
+    assert_near(options->stated_scale, 0.4, 1e-12);
     rx_options_free(options);
 }
 

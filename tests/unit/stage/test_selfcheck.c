@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "bench.h"
@@ -207,7 +208,7 @@ static void check_completeness(const char *kind_name)
     assert_int_equal(rx_selfcheck_plan_new(b.options, field, before.sources->segments, &plan, NULL), RX_OK);
     /* 5 sigma sqrt(N), N = 1 / sum P^2 = 38.193 pixels of the pixel-integrated Moffat (numpy: 9-point
      * Gauss-Legendre in every pixel); sigma 5 */
-    assert_float_equal(plan->limit, 25.0 - 2.5 * log10(5.0 * 5.0 * sqrt(38.193)), 0.03);
+    assert_near(plan->limit, 25.0 - 2.5 * log10(5.0 * 5.0 * sqrt(38.193)), 0.03);
     assert_int_equal(rx_selfcheck_run(plan, kind, &before, NULL, &check, NULL), RX_OK);
     assert_int_equal(check.injected, 800);
     tally truth = {{0}, {0}}, injected = {{0}, {0}};
@@ -304,7 +305,7 @@ static void test_pure_noise(void **state)
     noise_plane(pixels, 5.0, 1);
     run_checks(settings, pixels, "NONE", &results, NULL, 0);
     assert_int_equal(results.blank.realisations, 6);
-    assert_float_equal(results.blank.mpixels, 6.0 * SIDE * SIDE / 1e6, 1e-9);
+    assert_near(results.blank.mpixels, 6.0 * SIDE * SIDE / 1e6, 1e-9);
     bench_open(&b, settings);
     for (uint64_t seed = 10; seed < 16; seed++) {
         rx_probe probe;
@@ -342,7 +343,7 @@ static void test_upper_limit_of_nothing(void **state)
     noise_plane(pixels, 5.0, 2);
     run_checks(settings, pixels, "RL", &results, NULL, 0);
     assert_int_equal(results.blank.false_detections, 0);
-    assert_float_equal(results.blank.upper, -log(0.05) / results.blank.mpixels, 1e-6);
+    assert_near(results.blank.upper, -log(0.05) / results.blank.mpixels, 1e-6);
     assert_int_equal(results.self.injected, 0);
     rx_check_results_free(&results);
     free(pixels);

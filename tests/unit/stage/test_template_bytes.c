@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "desk.h"
@@ -156,7 +157,7 @@ static void check_rows(const rx_table *table, const rx_sources *sources, int com
         const double blend = sources->list[i].fit.blend;
         assert_true(largest[i + 1] <= blend + 1e-6);
         if (complete)
-            assert_float_equal(largest[i + 1], blend, 1e-6);
+            assert_near(largest[i + 1], blend, 1e-6);
     }
     free(largest);
 }

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "desk.h"
 #include "psf/psf.h"
@@ -75,7 +76,7 @@ static void check_fluxes(const char *kind)
             n++;
         }
         assert_true(d.fit.chi2 > 0.9 && d.fit.chi2 < 1.5); /* a pair taken for one leaves something */
-        assert_float_equal(d.fit.fwhm, FWHM, 0.1);
+        assert_near(d.fit.fwhm, FWHM, 0.1);
         scene_free(&s);
         desk_close(&d);
     }
@@ -233,7 +234,7 @@ static void what_is_made_up_is_marked_or_dropped(void **state)
         desk_fit(&d, NULL);
         assert_int_equal(d.fit.invented, 1);
         assert_int_equal(d.fit.dropped, dropped);
-        assert_float_equal(d.fit.per_mpixel, 1e6 / AREA, 1e-9);
+        assert_near(d.fit.per_mpixel, 1e6 / AREA, 1e-9);
         assert_int_equal(list->n, NSTARS + 1 - dropped);
         assert_int_equal(list->segments[150 * SIDE + 150], dropped ? 0 : last.segment);
         for (int i = 0; i < list->n; i++) {
@@ -283,7 +284,7 @@ static void forced_photometry(void **state)
         desk_fit(&d, measure);
         assert_int_equal(d.probe.sources->n, NSTARS);
         assert_int_equal(d.fit.added, 1);
-        assert_float_equal(d.fit.fwhm, 4.5, 0.1);
+        assert_near(d.fit.fwhm, 4.5, 0.1);
         for (int k = 0; k < NSTARS; k++) {
             const rx_source *a = &alone.probe.sources->list[k], *b = &d.probe.sources->list[k];
             const double error = hypot(b->fit.fluxerr, 0.4 * a->fit.fluxerr);
@@ -291,7 +292,7 @@ static void forced_photometry(void **state)
                 fail_msg("%s: source %d has %g and %g +- %g", kinds[turn], k, a->fit.flux, b->fit.flux,
                          error);
             assert_true(a->fit.x == b->fit.x && a->fit.y == b->fit.y && a->fit.radius == b->fit.radius);
-            assert_float_equal(a->fit.ratio, b->fit.ratio, 1e-9);
+            assert_near(a->fit.ratio, b->fit.ratio, 1e-9);
             assert_true(cos(2 * (a->fit.theta - b->fit.theta)) > 1 - 1e-9);
             assert_true(b->fit.fluxerr > 1.1 * a->fit.fluxerr); /* the wider PSF takes in more sky */
         }

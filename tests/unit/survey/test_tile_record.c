@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "../files.h"
+#include "../near.h"
 #include "survey/tile_record.h"
 
 static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
@@ -56,7 +57,7 @@ static void what_is_written_is_read(void **state)
     assert_int_equal(r->facts.n, 2);
     const rx_extension_facts *e = r->facts.extension;
     assert_true(isnan(e->fwhm));
-    assert_float_equal(e->delta, -2.25, 0);
+    assert_near(e->delta, -2.25, 0);
     assert_int_equal(e->verdict, RX_VERDICT_FAIL);
     assert_int_equal(e->nruns, 2);
     assert_int_equal(e->run[0].tally->bin[96].dmag[244], 7);

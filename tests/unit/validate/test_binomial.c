@@ -7,8 +7,8 @@
 #include <cmocka.h>
 #include <math.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "validate/binomial.h"
 
 static void beta_as_scipy(void **state)

@@ -7,8 +7,8 @@
 #include <cmocka.h>
 #include <math.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "validate/completeness.h"
 
 #define BY ((rx_resampling){3, 2})

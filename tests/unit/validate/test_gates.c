@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "near.h"
+#include "../near.h"
 #include "validate/gates.h"
 
 /* Reads `content` as a gates file. */

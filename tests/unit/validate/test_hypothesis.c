@@ -11,8 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "validate/bootstrap.h"
 #include "validate/hypothesis.h"
 

@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "validate/image_metrics.h"
 
 enum { MOST = 64 };

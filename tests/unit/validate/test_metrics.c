@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "validate/metrics.h"
 
 enum { SIDE = 100 };

@@ -8,8 +8,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "../near.h"
 #include "base/random.h"
-#include "near.h"
 #include "num/stats.h"
 #include "validate/hypothesis.h"
 

@@ -1,0 +1,20 @@
+/* Doubles within a tolerance, never NaN; says both when they are not. */
+#ifndef TESTS_UNIT_NEAR_H
+#define TESTS_UNIT_NEAR_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#define assert_near(value, expected, tolerance)                                                              \
+    do {                                                                                                     \
+        const double near_value = (value), near_expected = (expected), near_tolerance = (tolerance);         \
+        if (!(fabs(near_value - near_expected) <= near_tolerance))                                           \
+            fail_msg("%s is %.17g, not %.17g +- %g", #value, near_value, near_expected, near_tolerance);     \
+    } while (0)
+
+#endif
