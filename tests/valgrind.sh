@@ -114,6 +114,9 @@ tiles() {
     check 'blind Richardson-Lucy' "$@" -RESTORE_TYPE RL_BLIND
     check 'templates' "$@" -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param"
     shift 2
+    set -- "$build/rextract" "$top/tests/data/sim.fits.fz[101:164,101:164]" "$@"
+    check 'templates of a restored tile' "$@" -RESTORE_TYPE RL -PARAMETERS_NAME "$top/config/template.param"
+    shift 2
     let_use AVX2
     set -- "$build/rextract" small.fits "$@" # 64 x 48 pixels
     check 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"

@@ -23,7 +23,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
     int ngroups = 0, colors[RX_METHODS_MAX];
     const char *methods[RX_METHODS_MAX];
     char id[RX_FIGURE_ID], title[80];
-    rx_box *box = RX_NEW(rx_box, (size_t)r->nbins * nmethods);
+    rx_five_numbers *box = RX_NEW(rx_five_numbers, (size_t)r->nbins * nmethods);
     char(*label)[16] = rx_alloc((size_t)r->nbins, sizeof *label);
     const char **groups = RX_NEW(const char *, (size_t)r->nbins);
     if (box == NULL || label == NULL || groups == NULL) {

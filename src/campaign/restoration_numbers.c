@@ -25,7 +25,8 @@ const double *rx_quality_values(const rx_restoration_bin *bin, rx_quality qualit
     return quality == RX_PSNR ? bin->method[method].psnr : bin->method[method].ssim;
 }
 
-const rx_box *rx_quality_box(const rx_restoration_numbers *m, int bin, rx_quality quality, int method)
+const rx_five_numbers *rx_quality_box(const rx_restoration_numbers *m, int bin, rx_quality quality,
+                                      int method)
 {
     return &m->box[slot(m, bin, quality, method)];
 }
@@ -141,16 +142,16 @@ static int has_spread(long n, const double *a, const double *b)
     return 0;
 }
 
-static rx_status summarise(const rx_restoration_bin *bin, const double *values, columns *c, rx_box *box,
-                           rx_estimate *mean, rx_error *err)
+static rx_status summarise(const rx_restoration_bin *bin, const double *values, columns *c,
+                           rx_five_numbers *box, rx_estimate *mean, rx_error *err)
 {
     rx_test test;
     long n = finite_values(bin->nscenes, values, c->a);
-    *box = (rx_box){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
+    *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
     *mean = (rx_estimate){NAN, NAN, NAN, n};
     if (n == 0)
         return RX_OK;
-    rx_status status = rx_box_make(n, c->a, box, err);
+    rx_status status = rx_five_numbers_of(n, c->a, box, err);
     mean->value = box->mean;
     if (status == RX_OK && has_spread(n, c->a, c->zero)) {
         status = rx_test_paired(n, c->a, c->zero, &test, err);
@@ -261,7 +262,7 @@ rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uin
     for (int b = 0; b < results->nbins; b++)
         most = results->bins[b].nscenes > most ? results->bins[b].nscenes : most;
     size_t slots = (size_t)results->nbins * RX_QUALITIES;
-    dst->box = RX_NEW(rx_box, slots * (size_t)results->nmethods);
+    dst->box = RX_NEW(rx_five_numbers, slots * (size_t)results->nmethods);
     dst->mean = RX_NEW(rx_estimate, slots * (size_t)results->nmethods);
     dst->duel = RX_NEW(rx_quality_duel, slots * (size_t)dst->npairs);
     dst->inside = RX_NEW(char, (size_t)results->nbins);

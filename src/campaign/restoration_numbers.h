@@ -36,7 +36,7 @@ typedef struct rx_restoration_numbers {
     int blurred, smoothed, rl, flat, net; /* methods of these names (flat: RL_FLAT), -1 none */
     int npairs, chief;                    /* chief: the pair beside the paper's tables, -1 none */
     rx_method_pair pair[RX_PAIRS_MAX];
-    rx_box *box;           /* [nbins][RX_QUALITIES][nmethods] */
+    rx_five_numbers *box;  /* [nbins][RX_QUALITIES][nmethods] */
     rx_estimate *mean;     /* the same, with its 95 % t interval */
     rx_quality_duel *duel; /* [nbins][RX_QUALITIES][npairs] */
     char *inside;          /* [nbins]: centre inside the training range */
@@ -48,7 +48,8 @@ rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uin
 void rx_restoration_numbers_free(rx_restoration_numbers *numbers); /* content only */
 
 const double *rx_quality_values(const rx_restoration_bin *bin, rx_quality quality, int method);
-const rx_box *rx_quality_box(const rx_restoration_numbers *numbers, int bin, rx_quality quality, int method);
+const rx_five_numbers *rx_quality_box(const rx_restoration_numbers *numbers, int bin, rx_quality quality,
+                                      int method);
 const rx_estimate *rx_quality_mean(const rx_restoration_numbers *numbers, int bin, rx_quality quality,
                                    int method);
 const rx_quality_duel *rx_quality_duel_of(const rx_restoration_numbers *numbers, int bin, rx_quality quality,

@@ -8,7 +8,7 @@ static const char *kind_of(const rx_restoration_bin *bin)
     return bin->by_sigma ? "sigma" : "fwhm";
 }
 
-static void json_box(rx_json *j, const rx_box *box)
+static void json_box(rx_json *j, const rx_five_numbers *box)
 {
     rx_json_object(j, "box", true);
     rx_json_number(j, "low", box->low);

@@ -13,5 +13,5 @@ librextract_la_SOURCES += src/restore/network_forward.c src/restore/network_forw
 librextract_la_SOURCES += src/restore/network_report.c src/restore/network_report.h
 librextract_la_SOURCES += src/restore/network_rows.c src/restore/network_rows.h
 librextract_la_SOURCES += src/restore/network_data.c src/restore/network_data.h
-librextract_la_SOURCES += src/restore/network_lens.c src/restore/network_lens.h
+librextract_la_SOURCES += src/restore/network_otf.c src/restore/network_otf.h
 librextract_la_SOURCES += src/restore/network_optics.c src/restore/network_optics.h

@@ -11,7 +11,7 @@
 #include "data/map.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
-#include "restore/network_lens.h"
+#include "restore/network_otf.h"
 #include "restore/network_rows.h"
 
 static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
@@ -71,7 +71,7 @@ void rx_network_optics_free(rx_network_optics *optics)
         return;
     for (int i = 0; i < optics->nthreads && optics->work != NULL; i++)
         work_free(&optics->work[i]);
-    rx_lens_free(&optics->relative);
+    rx_otf_free(&optics->relative);
     free(optics->work);
     free(optics->tikhonov);
     free(optics->filters);
@@ -107,7 +107,7 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     for (int i = 0; i < optics->nthreads; i++) {
         rx_error why = RX_ERROR_NONE;
         const rx_status made =
-            work_new(w, h, blocks->width, rx_lens_varies(optics->psf), &optics->work[i], &why);
+            work_new(w, h, blocks->width, rx_otf_varies(optics->psf), &optics->work[i], &why);
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
@@ -122,7 +122,7 @@ static rx_status make_tikhonov(rx_network_optics *optics, const rx_fft *fft, rx_
     optics->tikhonov = rx_fft_complex(fft);
     if (optics->tikhonov == NULL)
         return rx_error_memory(err, 0);
-    rx_lens_spectrum(fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, optics->tikhonov);
+    rx_otf_spectrum(fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, optics->tikhonov);
     return RX_OK;
 }
 
@@ -134,10 +134,9 @@ static rx_status make_spectra(rx_network_optics *optics, const float *relative, 
 #pragma omp parallel for schedule(static, 1) num_threads(1 + other)
     for (int task = 0; task < 2; task++) {
         rx_error why = RX_ERROR_NONE;
-        const rx_status made = task == 0
-                                   ? make_tikhonov(optics, optics->work[0].fft, &why)
-                                   : rx_lens_new(optics->work[other].fft, optics->psf, relative, size,
-                                                 optics->width, optics->height, &optics->relative, &why);
+        const rx_status made = task == 0 ? make_tikhonov(optics, optics->work[0].fft, &why)
+                                         : rx_otf_new(optics->work[other].fft, optics->psf, relative, size,
+                                                      optics->width, optics->height, &optics->relative, &why);
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
@@ -159,9 +158,9 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
     optics->blocks = blocks;
     optics->psf = psf;
     optics->target_fwhm = target_fwhm;
-    rx_status status = rx_lens_nodes(optics, epsilon, err);
+    rx_status status = rx_network_optics_nodes(optics, epsilon, err);
     if (status == RX_OK)
-        status = rx_lens_relative(psf, target_fwhm, width, height, &relative, &size, err);
+        status = rx_otf_relative(psf, target_fwhm, width, height, &relative, &size, err);
     if (status == RX_OK)
         status = make_work(optics, size / 2, psf->size / 2, err);
     if (status == RX_OK)
@@ -176,51 +175,51 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
 }
 
 /* dst (+)= c_i src, the domain beginning at tile pixel (x0, y0) */
-static void weigh(const rx_network_optics *optics, const rx_lens *lens, int i, const rx_fft *fft, int x0,
+static void weigh(const rx_network_optics *optics, const rx_otf *otf, int i, const rx_fft *fft, int x0,
                   int y0, const float *src, int add, float *dst)
 {
     const size_t stride = (size_t)rx_fft_stride_real(fft);
     const int w = rx_fft_width(fft);
     for (int v = 0; v < rx_fft_height(fft); v++) {
-        const float cy = lens->cy[i][rx_lens_clamp(y0 + v, optics->height)];
+        const float cy = otf->cy[i][rx_otf_clamp(y0 + v, optics->height)];
         const float *s = src + (size_t)v * stride;
         float *d = dst + (size_t)v * stride;
         for (int u = 0; u < w; u++) {
-            const float value = cy * lens->cx[i][rx_lens_clamp(x0 + u, optics->width)] * s[u];
+            const float value = cy * otf->cx[i][rx_otf_clamp(x0 + u, optics->width)] * s[u];
             d[u] = add ? d[u] + value : value;
         }
     }
 }
 
 /* dst = K src; `scratch` is a real plane, src stays. */
-static void apply(const rx_network_optics *optics, const rx_lens *lens, rx_network_optics_work *work, int x0,
+static void apply(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work, int x0,
                   int y0, const float *src, float *scratch, float *dst)
 {
-    if (!lens->varies) {
-        rx_convolve(work->fft, lens->spectrum[0], src, work->half, dst);
+    if (!otf->varies) {
+        rx_convolve(work->fft, otf->spectrum[0], src, work->half, dst);
         return;
     }
-    for (int i = 0; i < lens->n; i++) {
-        weigh(optics, lens, i, work->fft, x0, y0, src, 0, scratch);
+    for (int i = 0; i < otf->n; i++) {
+        weigh(optics, otf, i, work->fft, x0, y0, src, 0, scratch);
         rx_fft_forward(work->fft, scratch, work->half);
-        rx_convolve_multiply(work->fft, lens->spectrum[i], work->half, false, i > 0, work->sum);
+        rx_convolve_multiply(work->fft, otf->spectrum[i], work->half, false, i > 0, work->sum);
     }
     rx_fft_inverse(work->fft, work->sum, dst);
 }
 
 /* dst = K^T src; scratch not dst. */
-static void adjoint(const rx_network_optics *optics, const rx_lens *lens, rx_network_optics_work *work,
-                    int x0, int y0, const float *src, float *scratch, float *dst)
+static void adjoint(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work, int x0,
+                    int y0, const float *src, float *scratch, float *dst)
 {
-    if (!lens->varies) {
-        rx_correlate(work->fft, lens->spectrum[0], src, work->half, dst);
+    if (!otf->varies) {
+        rx_correlate(work->fft, otf->spectrum[0], src, work->half, dst);
         return;
     }
     rx_fft_forward(work->fft, src, work->sum);
-    for (int i = 0; i < lens->n; i++) {
-        rx_convolve_multiply(work->fft, lens->spectrum[i], work->sum, true, false, work->half);
+    for (int i = 0; i < otf->n; i++) {
+        rx_convolve_multiply(work->fft, otf->spectrum[i], work->sum, true, false, work->half);
         rx_fft_inverse(work->fft, work->half, scratch);
-        weigh(optics, lens, i, work->fft, x0, y0, scratch, i > 0, dst);
+        weigh(optics, otf, i, work->fft, x0, y0, scratch, i > 0, dst);
     }
 }
 
@@ -234,7 +233,7 @@ typedef struct job {
     const rx_coarse *scale;
     const rx_tile *tile;
     rx_map noise;
-    const rx_lens *plain;  /* the tile's PSF */
+    const rx_otf *plain;   /* the tile's PSF */
     double *sums, *counts; /* per block */
 } job;
 
@@ -287,7 +286,7 @@ static void add_node(const job *j, rx_network_optics_work *work, int node, const
     const rx_network_optics *optics = j->optics;
     const int side = 2 * RX_TIKHONOV_REACH + 1, nx = node % optics->nx, ny = node / optics->nx;
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
-    rx_lens_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->spectrum);
+    rx_otf_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->spectrum);
     rx_convolve_multiply(work->fft, work->spectrum, work->sum, false, false, work->half);
     rx_fft_inverse(work->fft, work->half, work->b);
     for (int y = p->y0; y < p->y1; y++) {
@@ -381,33 +380,33 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
 {
     const job *j = user;
     const rx_network_optics *optics = j->optics;
-    const rx_lens *lens = &optics->relative;
+    const rx_otf *otf = &optics->relative;
     rx_network_optics_work *work = &optics->work[thread];
     const int x0 = bx - optics->halo, y0 = by - optics->halo;
     const int w = rx_fft_width(work->fft), h = rx_fft_height(work->fft);
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
     const part p = part_of(optics, bx, by);
     (void)err;
-    if (!lens->varies) {
+    if (!otf->varies) {
         const rx_rows rows = rows_of(optics, work, &p, x0, y0);
-        const rx_rows_kernel kernel = {lens->spectrum[0], lens->inside, lens->radius};
+        const rx_rows_kernel kernel = {otf->spectrum[0], otf->inside, otf->radius};
         rx_rows_step(&rows, &kernel, j->f, j->x, j->mask, (float)j->pedestal, j->dst);
         return RX_OK;
     }
     read_domain(j, work, j->f, x0, y0, work->a);
     for (int v = 0; v < h; v++)
         light(w, work->a + (size_t)v * stride);
-    apply(optics, lens, work, x0, y0, work->a, work->c, work->b);
+    apply(optics, otf, work, x0, y0, work->a, work->c, work->b);
     read_domain(j, work, j->x, x0, y0, work->c);
     const long bad = read_good(j, work, x0, y0, work->d);
     for (int v = 0; v < h; v++) {
         const size_t row = (size_t)v * stride;
         ratios(w, work->c + row, bad > 0 ? work->d + row : NULL, (float)j->pedestal, work->b + row);
     }
-    adjoint(optics, lens, work, x0, y0, work->b, work->a, work->c);
+    adjoint(optics, otf, work, x0, y0, work->b, work->a, work->c);
     /* the stamps sum to 1 everywhere: without masks so does K'^T W */
     if (bad > 0)
-        adjoint(optics, lens, work, x0, y0, work->d, work->a, work->b);
+        adjoint(optics, otf, work, x0, y0, work->d, work->a, work->b);
     for (int y = p.y0; y < p.y1; y++) {
         const size_t row = (size_t)(y - y0) * stride + (size_t)(p.x0 - x0);
         const size_t k = (size_t)y * optics->width + (size_t)p.x0;
@@ -559,12 +558,12 @@ rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8
                                     rx_log *log, double begin, double end, rx_error *err)
 {
     const rx_psf *psf = optics->psf;
-    rx_lens plain = {0};
+    rx_otf plain = {0};
     job j = {.optics = optics, .mask = mask, .dst = support, .plain = &plain};
-    rx_status status = rx_lens_new(optics->work->fft, psf, psf->basis, psf->size, optics->width,
-                                   optics->height, &plain, err);
+    rx_status status =
+        rx_otf_new(optics->work->fft, psf, psf->basis, psf->size, optics->width, optics->height, &plain, err);
     if (status == RX_OK)
         status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
-    rx_lens_free(&plain);
+    rx_otf_free(&plain);
     return status;
 }

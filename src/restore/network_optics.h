@@ -18,14 +18,15 @@
 #include "restore/network_blocks.h"
 #include "restore/network_data.h"
 
-/* A blur by basis images B_i, whose polynomials c_i = cx[x] cy[y] are those of the place in the sky. */
-typedef struct rx_lens {
+/* The optical transfer function of a PSF by basis images B_i, whose polynomials c_i = cx[x] cy[y] are those of
+ * the place in the sky. */
+typedef struct rx_otf {
     int n, varies;
     int radius; /* of the stamps */
     float *spectrum[RX_PSF_MAX_BASIS];
     double *inside; /* [2 radius + 2][2 radius + 2], of a PSF that does not vary: network_rows.h */
     float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* [width], [height] of the tile */
-} rx_lens;
+} rx_otf;
 
 typedef struct rx_network_optics_work rx_network_optics_work; /* planes of one thread */
 
@@ -36,7 +37,7 @@ typedef struct rx_network_optics {
     double target_fwhm;
     int halo;
     rx_network_optics_work *work; /* [nthreads] */
-    rx_lens relative;             /* K' */
+    rx_otf relative;              /* K' */
     int nx, ny;                   /* nodes; 1 x 1 for a constant PSF */
     double step_x, step_y;
     float *tikhonov; /* spectrum of the only filter of a constant PSF; NULL: not made */

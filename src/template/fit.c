@@ -19,7 +19,7 @@ static void render(const rx_fit *fit, rx_lens_size *size, int gradient)
 {
     const rx_spergel profile = rx_fit_profile(fit);
     const int extended = fit->n == RX_FIT_ALL;
-    rx_lens_render(size, extended ? &profile : NULL, fit->p[RX_FIT_X], fit->p[RX_FIT_Y], 0,
+    rx_lens_render(size, extended ? &profile : NULL, fit->p[RX_FIT_X], fit->p[RX_FIT_Y], NULL,
                    extended && gradient ? 5 : 1);
 }
 

@@ -23,37 +23,69 @@ static int same_psf(const rx_psf *a, const rx_psf *b)
            memcmp(a->py, b->py, sizeof a->py) == 0 && memcmp(a->basis, b->basis, n * sizeof(float)) == 0;
 }
 
-rx_status rx_lens_open(const rx_psf *tile, const rx_psf *image, rx_lens *lens, rx_error *err)
+struct rx_matching {
+    float *restored, *kernel; /* spectra of the restored image's PSF and of the kernel */
+    int made;                 /* at the domain's place */
+};
+
+typedef struct domain {
+    rx_lens_size size; /* first: rx_lens_matching() is handed this part */
+    const rx_lens *lens;
+    int made; /* size.optics, at (x, y) where PSFs vary */
+    double x, y;
+    rx_matching matching;
+} domain;
+
+struct rx_lens {
+    const rx_psf *tile, *image;
+    int same; /* they are the same PSF: the kernel is a point */
+    int varies;
+    int ndomains;
+    domain *domains;
+    float *stamp;
+};
+
+rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx_error *err)
 {
+    rx_lens *lens = RX_NEW(rx_lens, 1);
+    *dst = lens;
+    if (lens == NULL)
+        return rx_error_memory(err, sizeof *lens);
     *lens = (rx_lens){.tile = tile, .image = image != NULL ? image : tile};
     lens->same = image == NULL || same_psf(tile, image);
     lens->varies = tile->nbasis > 1 || lens->image->nbasis > 1;
     const size_t side = (size_t)(tile->size > lens->image->size ? tile->size : lens->image->size);
     lens->stamp = RX_NEW(float, side *side);
-    return lens->stamp != NULL ? RX_OK : rx_error_memory(err, side * side * sizeof(float));
+    if (lens->stamp != NULL)
+        return RX_OK;
+    free(lens);
+    *dst = NULL;
+    return rx_error_memory(err, side * side * sizeof(float));
 }
 
-static void clear_size(rx_lens_size *size)
+static void clear_domain(domain *d)
 {
-    rx_fft_free(size->fft);
-    free(size->optics);
-    free(size->restored);
-    free(size->kernel);
-    free(size->phase);
-    free(size->column);
+    rx_fft_free(d->size.fft);
+    free(d->size.optics);
+    free(d->matching.restored);
+    free(d->matching.kernel);
+    free(d->size.phase);
+    free(d->size.column);
     for (int i = 0; i < PLANES; i++) {
-        free(size->half[i]);
-        free(size->plane[i]);
+        free(d->size.half[i]);
+        free(d->size.plane[i]);
     }
 }
 
-void rx_lens_clear(rx_lens *lens)
+void rx_lens_free(rx_lens *lens)
 {
-    for (int i = 0; i < lens->nsizes; i++)
-        clear_size(&lens->sizes[i]);
-    free(lens->sizes);
+    if (lens == NULL)
+        return;
+    for (int i = 0; i < lens->ndomains; i++)
+        clear_domain(&lens->domains[i]);
+    free(lens->domains);
     free(lens->stamp);
-    *lens = (rx_lens){0};
+    free(lens);
 }
 
 int rx_lens_side(const rx_lens *lens, double reach)
@@ -70,18 +102,19 @@ int rx_lens_side(const rx_lens *lens, double reach)
     return rx_fft_good_size(need);
 }
 
-static rx_status open_size(int n, rx_lens_size *size, rx_error *err)
+static rx_status open_domain(const rx_lens *lens, int n, domain *d, rx_error *err)
 {
-    *size = (rx_lens_size){.n = n};
+    rx_lens_size *size = &d->size;
+    *d = (domain){.size = {.n = n}, .lens = lens};
     rx_status status = rx_fft_new(n, n, 1, &size->fft, err);
     if (status != RX_OK)
         return status;
     size->optics = rx_fft_complex(size->fft);
-    size->restored = rx_fft_complex(size->fft);
-    size->kernel = rx_fft_complex(size->fft);
+    d->matching.restored = rx_fft_complex(size->fft);
+    d->matching.kernel = rx_fft_complex(size->fft);
     size->phase = RX_NEW(double, 2 * n + 2);
     size->column = RX_NEW(float, (PLANES + 4) * n);
-    int missing = size->optics == NULL || size->restored == NULL || size->kernel == NULL ||
+    int missing = size->optics == NULL || d->matching.restored == NULL || d->matching.kernel == NULL ||
                   size->phase == NULL || size->column == NULL;
     for (int i = 0; i < PLANES; i++) {
         size->half[i] = rx_fft_complex(size->fft);
@@ -89,55 +122,63 @@ static rx_status open_size(int n, rx_lens_size *size, rx_error *err)
         missing = missing || size->half[i] == NULL || size->plane[i] == NULL;
     }
     if (missing) {
-        clear_size(size);
+        clear_domain(d);
         return rx_error_memory(err, (size_t)n * (size_t)n * 13 * sizeof(float));
     }
     return RX_OK;
 }
 
-static rx_status find_size(rx_lens *lens, int n, rx_lens_size **dst, rx_error *err)
+static rx_status find_domain(rx_lens *lens, int n, domain **dst, rx_error *err)
 {
-    for (int i = 0; i < lens->nsizes; i++)
-        if (lens->sizes[i].n == n) {
-            *dst = &lens->sizes[i];
+    for (int i = 0; i < lens->ndomains; i++)
+        if (lens->domains[i].size.n == n) {
+            *dst = &lens->domains[i];
             return RX_OK;
         }
-    rx_lens_size *more = rx_regrow(lens->sizes, (size_t)lens->nsizes + 1, sizeof *more);
+    domain *more = rx_regrow(lens->domains, (size_t)lens->ndomains + 1, sizeof *more);
     if (more == NULL)
         return rx_error_memory(err, sizeof *more);
-    lens->sizes = more;
-    rx_status status = open_size(n, &more[lens->nsizes], err);
+    lens->domains = more;
+    rx_status status = open_domain(lens, n, &more[lens->ndomains], err);
     if (status == RX_OK)
-        *dst = &more[lens->nsizes++];
+        *dst = &more[lens->ndomains++];
     return status;
 }
 
-rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, rx_lens_size **dst,
-                     rx_error *err)
+rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **dst, rx_error *err)
 {
-    rx_lens_size *size = NULL;
-    rx_status status = find_size(lens, n, &size, err);
+    domain *d = NULL;
+    rx_status status = find_domain(lens, n, &d, err);
     if (status != RX_OK)
         return status;
-    if (lens->varies && (x != size->x || y != size->y))
-        size->has_optics = size->has_kernel = 0;
-    size->x = x;
-    size->y = y;
-    if (!size->has_optics) {
+    if (lens->varies && (x != d->x || y != d->y))
+        d->made = d->matching.made = 0;
+    d->x = x;
+    d->y = y;
+    if (!d->made) {
         rx_psf_at(lens->tile, x, y, lens->stamp);
-        rx_convolve_spectrum(size->fft, lens->stamp, lens->tile->size, size->plane[0], size->optics);
+        rx_convolve_spectrum(d->size.fft, lens->stamp, lens->tile->size, d->size.plane[0], d->size.optics);
+        d->made = 1;
     }
-    size->has_optics = 1;
-    if (with_kernel && !size->has_kernel) {
-        rx_psf_at(lens->image, x, y, lens->stamp);
-        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, size->plane[0], size->restored);
-        rx_convolve_divide(size->fft, size->optics, size->restored, DELTA, size->kernel);
-        size->has_kernel = 1;
-    }
-    size->first = 0;
-    size->last = n;
-    *dst = size;
+    d->size.first = 0;
+    d->size.last = n;
+    *dst = &d->size;
     return RX_OK;
+}
+
+const rx_matching *rx_lens_matching(rx_lens_size *size)
+{
+    domain *d = (domain *)size;
+    const rx_lens *lens = d->lens;
+    rx_matching *m = &d->matching;
+    if (!m->made) {
+        rx_psf_at(lens->image, d->x, d->y, lens->stamp);
+        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, size->plane[PLANES - 1], m->restored);
+        if (!lens->same)
+            rx_convolve_divide(size->fft, size->optics, m->restored, DELTA, m->kernel);
+        m->made = 1;
+    }
+    return m;
 }
 
 /* exp(-2 pi i u shift / n) for the first `count`, u signed as the frequency is. */
@@ -177,12 +218,12 @@ RX_WIDE static void put_column(const float *re, const float *im, const float *fa
     }
 }
 
-void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
-                    int count)
+void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy,
+                    const rx_matching *restored, int count)
 {
     const int n = size->n, used = n / 2 + 1;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft);
-    const float *base = restored ? size->restored : size->optics;
+    const float *base = restored != NULL ? restored->restored : size->optics;
     float *py = size->column + (size_t)(PLANES + 2) * (size_t)n, *columns[PLANES + 2], *negative[PLANES];
     double *px = size->phase;
     rx_spergel_form form;
@@ -212,8 +253,8 @@ void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, do
         rx_fft_inverse_part(size->fft, size->half[i], size->first, size->last, size->plane[i]);
 }
 
-void rx_lens_blur(rx_lens_size *size, int same)
+void rx_lens_blur(rx_lens_size *size, const rx_matching *matching)
 {
-    if (!same)
-        rx_convolve(size->fft, size->kernel, size->plane[0], size->half[0], size->plane[0]);
+    if (!((const domain *)size)->lens->same)
+        rx_convolve(size->fft, matching->kernel, size->plane[0], size->half[0], size->plane[0]);
 }

@@ -13,47 +13,45 @@
 #include "num/fft.h"
 #include "template/spergel.h"
 
-/* One size of domain. */
+typedef struct rx_lens rx_lens;
+
+/* A domain with the spectrum of the tile's PSF at a place; only rx_lens_at() hands one out. */
 typedef struct rx_lens_size {
     int n;
     rx_fft *fft;
-    float *optics, *restored, *kernel; /* spectra of the tile's PSF, the restored one, and the kernel */
-    int has_optics, has_kernel;        /* made, at (x, y) where PSFs vary */
-    int first, last;                   /* rows that are rendered, first <= row < last; the caller's choice */
-    double x, y;
+    float *optics;
+    int first, last;           /* rows that are rendered, first <= row < last; the caller's choice */
     float *half[5], *plane[5]; /* work */
     double *phase;             /* [n + 1][2] */
     float *column;             /* [9][n] */
 } rx_lens_size;
 
-typedef struct rx_lens {
-    const rx_psf *tile, *image; /* PSF of the fitted and of the restored image; not owned */
-    int same;                   /* they are the same PSF: the kernel is a point */
-    int varies;
-    int nsizes;
-    rx_lens_size *sizes;
-    float *stamp;
-} rx_lens;
+/* The PSF-matching kernel, which takes the restored image's PSF to the tile's, and the restored PSF itself,
+ * both at the place of a domain; only rx_lens_matching() hands one out. */
+typedef struct rx_matching rx_matching;
 
-/* image NULL: the same as the tile's. Free the contents with rx_lens_clear(). Errors: RX_SYSTEM. */
-rx_status rx_lens_open(const rx_psf *tile, const rx_psf *image, rx_lens *lens, rx_error *err);
-void rx_lens_clear(rx_lens *lens);
+/* tile, image: PSF of the fitted and of the restored image, which must outlive the lens; image NULL: the same
+ * as the tile's. Free with rx_lens_free(). Errors: RX_SYSTEM. */
+rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx_error *err);
+void rx_lens_free(rx_lens *lens); /* NULL is fine */
 
 /* Side of the domain for light that reaches `reach` pixels from the source before it is blurred. */
 int rx_lens_side(const rx_lens *lens, double reach);
 
 /* The domain of side n (from rx_lens_side()) with the PSF at tile position (x, y); valid until
- * the next call; all rows will be rendered. with_kernel: restored and kernel, too. Errors: RX_SYSTEM. */
-rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, int with_kernel, rx_lens_size **dst,
-                     rx_error *err);
+ * the next call; all rows will be rendered. Errors: RX_SYSTEM. */
+rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **dst, rx_error *err);
+
+/* The kernel there, valid as long as the domain is. Planes other than 0 are lost. */
+const rx_matching *rx_lens_matching(rx_lens_size *size);
 
 /* Planes 0 .. count - 1 of the domain (count 1 or 5) = the profile (NULL: a point) (dx, dy) off the middle,
- * and its derivatives by ln radius, g1, g2, ln(1 + nu), through the tile's PSF (restored = 0) or the restored
- * image's. */
-void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy, int restored,
-                    int count);
+ * and its derivatives by ln radius, g1, g2, ln(1 + nu), through the tile's PSF (restored NULL) or the
+ * restored image's. */
+void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy,
+                    const rx_matching *restored, int count);
 
 /* Plane 0 (real, [n][n] in rows of rx_fft_stride_real()) blurred by the kernel. */
-void rx_lens_blur(rx_lens_size *size, int same);
+void rx_lens_blur(rx_lens_size *size, const rx_matching *matching);
 
 #endif

@@ -25,7 +25,6 @@ enum { ITERATIONS = 12 };
 typedef struct job {
     const rx_refine_params *par;
     const rx_refine_view *view;
-    rx_lens *lens;
     const rx_subject *before;
     int cx, cy; /* whole pixel in the middle of the domain */
     rx_lens_size *size;
@@ -224,7 +223,7 @@ static double size_gain(const job *j, const rx_fit *point)
     float *swap = j->size->plane[0];
     j->size->plane[0] = j->size->plane[1];
     j->size->plane[1] = swap;
-    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], 0, 1);
+    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], NULL, 1);
     const double flux = point->p[RX_FIT_FLUX];
     double tt = 0, td = 0, dd = 0, tr = 0, dr = 0;
     for (size_t v = 0; v < side; v++) {
@@ -294,14 +293,14 @@ static void render(const job *j, const rx_subject *after)
     const size_t cells = (size_t)j->size->n * (size_t)rx_fft_stride_real(j->size->fft);
     const float share = (float)after->point;
     if (after->kind == RX_TPHOT_POINT || after->point > 0) {
-        rx_lens_render(j->size, NULL, dx, dy, 0, 1);
+        rx_lens_render(j->size, NULL, dx, dy, NULL, 1);
         if (after->kind == RX_TPHOT_POINT)
             return;
         float *swap = j->size->plane[0];
         j->size->plane[0] = j->size->plane[1];
         j->size->plane[1] = swap;
     }
-    rx_lens_render(j->size, &after->profile, dx, dy, 0, 1);
+    rx_lens_render(j->size, &after->profile, dx, dy, NULL, 1);
     if (after->point > 0)
         for (size_t k = 0; k < cells; k++)
             j->size->plane[0][k] += share * (j->size->plane[1][k] - j->size->plane[0][k]);
@@ -343,7 +342,8 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
     if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
         int used = 0;
         double flux = after->flux;
-        rx_substructure_add(j->view, after, j->cx, j->cy, j->lens, j->size, &j->patch, &used, &flux);
+        rx_substructure_add(j->view, after, j->cx, j->cy, j->size, rx_lens_matching(j->size), &j->patch,
+                            &used, &flux);
         after->kind = used ? RX_TPHOT_PIXELS : RX_TPHOT_PROFILE;
         if (used) { /* its pixels say what its shape is */
             after->lift = 1;
@@ -409,15 +409,15 @@ rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *s
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                     const rx_subject *subject, rx_subject *after, rx_error *err)
 {
-    job j = {.par = par, .view = view, .lens = lens, .before = subject};
+    job j = {.par = par, .view = view, .before = subject};
     j.cx = (int)lround(subject->x);
     j.cy = (int)lround(subject->y);
     *after = *subject;
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
     const double radius = radius_of(par, subject);
-    rx_status status = rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y,
-                                  par->substructure && radius > 0, &j.size, err);
+    rx_status status =
+        rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y, &j.size, err);
     if (status == RX_OK && looks(par))
         status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy,
                               half_of(view, radius), j.size->n, &j.patch, err);
@@ -444,14 +444,14 @@ static double best_chi2(const job *j)
 rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                           const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err)
 {
-    job j = {.par = par, .view = view, .lens = lens, .before = subject};
+    job j = {.par = par, .view = view, .before = subject};
     j.cx = (int)lround(subject->x);
     j.cy = (int)lround(subject->y);
     const double radius = fmax(subject->guess, subject->profile.radius);
     const int half = half_alone(view, subject, other);
     *rise = 0;
     rx_status status = rx_lens_at(lens, rx_lens_side(lens, fmax(FAR * radius, half - view->fwhm)), subject->x,
-                                  subject->y, 0, &j.size, err);
+                                  subject->y, &j.size, err);
     if (status == RX_OK)
         status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy, half, j.size->n,
                               &j.patch, err);

@@ -191,8 +191,9 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
     return both - alone;
 }
 
-void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy, rx_lens *lens,
-                         rx_lens_size *size, const rx_patch *patch, int *used, double *flux)
+void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
+                         rx_lens_size *size, const rx_matching *matching, const rx_patch *patch, int *used,
+                         double *flux)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
     *used = 0;
@@ -203,9 +204,9 @@ void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, 
     float *own = size->plane[0]; /* kept as a plane that only derivatives need */
     size->plane[0] = size->plane[KEPT];
     size->plane[KEPT] = own;
-    rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, 1, 1);
+    rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, matching, 1);
     const double cost = 2 * difference(view, subject, cx, cy, noise, size->half[0], size) + 4;
-    rx_lens_blur(size, lens->same);
+    rx_lens_blur(size, matching);
     double both = 0, amount = 0, sum = 0;
     const double gain = fit_both(patch, own, size->plane[0], stride, &both, &amount);
     for (size_t j = 0; j < rows; j++)

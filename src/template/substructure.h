@@ -12,7 +12,8 @@
  * what is the subject's) the data decide on F', A, 0 <= A <= 1, of F' T + A K*D. Where that gains more than
  * two for each pixel that D makes free use of (Akaike 1974), plane 0 becomes the template of both, sum 1,
  * *used = 1 and *flux its flux. Other planes are lost. */
-void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy, rx_lens *lens,
-                         rx_lens_size *size, const rx_patch *patch, int *used, double *flux);
+void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
+                         rx_lens_size *size, const rx_matching *matching, const rx_patch *patch, int *used,
+                         double *flux);
 
 #endif

@@ -30,7 +30,7 @@ typedef struct work {
     const rx_tphot_input *input;
     int nthreads;
     rx_canvas canvas;
-    rx_lens *lenses; /* [nthreads] */
+    rx_lens **lenses; /* [nthreads] */
     int n;
     rx_subject *subjects;     /* [n] */
     rx_joint_member *members; /* [n] of the last fit */
@@ -46,14 +46,14 @@ static rx_status open_work(work *w, rx_error *err)
 {
     w->n = w->input->sources->n;
     w->subjects = RX_NEW(rx_subject, w->n);
-    w->lenses = RX_NEW(rx_lens, w->nthreads);
+    w->lenses = RX_NEW(rx_lens *, w->nthreads);
     if (w->subjects == NULL || w->lenses == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
     rx_status status = RX_OK;
     rx_canvas_open(w->input, w->par->shown, w->nthreads, &w->canvas);
     w->canvas.psf_error = w->par->psf_error;
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
-        status = rx_lens_open(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
+        status = rx_lens_new(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
     rx_subjects_start(w->par, w->input, w->subjects);
     return status;
 }
@@ -63,7 +63,7 @@ static void close_work(work *w)
     for (int i = 0; i < w->n && w->subjects != NULL; i++)
         free(w->subjects[i].footprint.values);
     for (int i = 0; i < w->nthreads && w->lenses != NULL; i++)
-        rx_lens_clear(&w->lenses[i]);
+        rx_lens_free(w->lenses[i]);
     free(w->subjects);
     free(w->lenses);
     free(w->members);
@@ -124,7 +124,7 @@ static rx_status refine_one(void *user, int i, int thread, rx_error *err)
     const refinement *r = user;
     if (!takes_part(r, i))
         return RX_OK;
-    return rx_refine(&r->par, &r->view, &r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
+    return rx_refine(&r->par, &r->view, r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
 }
 
 /* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
@@ -145,7 +145,7 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
     }
     for (int i = 0; i < w->n; i++)
         if (takes_part(&r, i))
-            windows[i] = rx_refine_window(&r.par, &r.view, &w->lenses[0], &w->subjects[i]);
+            windows[i] = rx_refine_window(&r.par, &r.view, w->lenses[0], &w->subjects[i]);
     status = rx_turns_take(&w->canvas, windows, w->n, 0, refine_one, &r, err);
     for (int i = 0; i < w->n; i++) {
         if (!takes_part(&r, i))
@@ -437,7 +437,7 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 {
     const weighing *g = user;
     work *w = g->w;
-    return rx_evidence_of(&g->par, &g->view, &w->lenses[thread], w->subjects, w->members, i, &g->rivals[i],
+    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, w->members, i, &g->rivals[i],
                           &w->subjects[i].presence, err);
 }
 

@@ -97,7 +97,7 @@ void rx_plot_curves(rx_figures *dst, const rx_axes *axes, int n, const rx_curve 
  * method] (n = 0: left out). Box = quartiles, bar = median, ring = mean, whiskers = box.low, box.high. axes:
  * xlabel, ylabel, y0, y1 (y0 >= y1: from the data), log_y; colors[method], NULL = 0, 1, 2 ... */
 void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char *const *groups, int nmethods,
-                   const char *const *methods, const int *colors, const rx_box *boxes);
+                   const char *const *methods, const int *colors, const rx_five_numbers *boxes);
 
 /* Grey-scale picture of pixels[height][width] (first row at the bottom): black at `low`, white at `high`;
  * soft > 0: grey = asinh(p / soft), 0: linear. Not finite = black. `side` = width on the page in pixels. */

@@ -247,7 +247,7 @@ double rx_poisson_upper(long count, double level)
     return count >= 0 && level > 0 && level < 1 ? poisson_mean(count, 1 - level, true) : NAN;
 }
 
-rx_status rx_box_make(long n, const double *values, rx_box *dst, rx_error *err)
+rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst, rx_error *err)
 {
     rx_status status = rx_sample_check(n, values, 1, "only", err);
     double *sorted = status == RX_OK ? RX_NEW(double, (size_t)n) : NULL;
@@ -255,7 +255,7 @@ rx_status rx_box_make(long n, const double *values, rx_box *dst, rx_error *err)
         return status != RX_OK ? status : rx_error_memory(err, (size_t)n * sizeof *sorted);
     memcpy(sorted, values, (size_t)n * sizeof *sorted);
     rx_sort(sorted, (size_t)n);
-    *dst = (rx_box){.n = n, .mean = moments_of(n, sorted, NULL).mean};
+    *dst = (rx_five_numbers){.n = n, .mean = moments_of(n, sorted, NULL).mean};
     dst->q1 = rx_quantile(sorted, (size_t)n, 0.25); /* sorted input stays sorted */
     dst->median = rx_quantile(sorted, (size_t)n, 0.5);
     dst->q3 = rx_quantile(sorted, (size_t)n, 0.75);

@@ -62,11 +62,11 @@ double rx_student_quantile(double p, double dof);
 
 /* Box plot: quartiles (linear interpolation, as numpy's default), whiskers at the last value within 1.5 IQR
  * of the box (Tukey 1977). Errors: RX_USAGE n < 1, RX_INPUT a value that is not finite, RX_SYSTEM memory. */
-typedef struct rx_box {
+typedef struct rx_five_numbers {
     double low, q1, median, q3, high;
     long n, outliers;
     double mean;
-} rx_box;
-rx_status rx_box_make(long n, const double *values, rx_box *dst, rx_error *err);
+} rx_five_numbers;
+rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst, rx_error *err);
 
 #endif

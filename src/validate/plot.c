@@ -89,11 +89,11 @@ static void group_tics(rx_text *dst, int ngroups, const char *const *groups)
 }
 
 /* $d<method>: x, low, q1, median, q3, high, mean, width. */
-static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const rx_box *boxes)
+static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const rx_five_numbers *boxes)
 {
     rx_text_printf(dst, "$d%d << EOD\n", method);
     for (int g = 0; g < ngroups; g++) {
-        const rx_box *b = &boxes[(size_t)g * (size_t)nmethods + (size_t)method];
+        const rx_five_numbers *b = &boxes[(size_t)g * (size_t)nmethods + (size_t)method];
         if (b->n == 0)
             continue;
         rx_plot_value(dst, g + 0.8 * ((method + 0.5) / nmethods - 0.5));
@@ -110,7 +110,7 @@ static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const
 }
 
 /* Range that holds every whisker, a little more on either side. */
-static void box_range(int n, const rx_box *boxes, rx_axes *axes)
+static void box_range(int n, const rx_five_numbers *boxes, rx_axes *axes)
 {
     double low = INFINITY, high = -INFINITY;
     for (int i = 0; i < n; i++)
@@ -133,7 +133,7 @@ static void box_range(int n, const rx_box *boxes, rx_axes *axes)
 }
 
 void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char *const *groups, int nmethods,
-                   const char *const *methods, const int *colors, const rx_box *boxes)
+                   const char *const *methods, const int *colors, const rx_five_numbers *boxes)
 {
     rx_text *script = &dst->script;
     rx_axes used = *axes;

@@ -70,7 +70,7 @@ static void test_kernel(void **state)
     for (int k = 0; k < 3; k++) {
         static const double fwhm[3] = {2.5, 4, 6};
         rx_psf *tile = NULL, *narrow = rx_psf_new(RX_PSF_GAUSS, 11, 1);
-        rx_lens lens;
+        rx_lens *lens;
         rx_lens_size *size = NULL;
         float weights[11];
         assert_int_equal(rx_psf_moffat(fwhm[k], 3.5, 1, 0, 41, &tile, NULL), RX_OK);
@@ -78,16 +78,16 @@ static void test_kernel(void **state)
         rx_gauss_weights(2, 5, weights);
         for (int i = 0; i < 121; i++)
             narrow->basis[i] = weights[i / 11] * weights[i % 11];
-        assert_int_equal(rx_lens_open(tile, narrow, &lens, NULL), RX_OK);
-        assert_int_equal(lens.same, 0);
-        assert_int_equal(rx_lens_at(&lens, rx_lens_side(&lens, 3), 10, 10, 1, &size, NULL), RX_OK);
-        rx_lens_render(size, NULL, 0.3, -0.2, 1, 1);
-        rx_lens_blur(size, lens.same);
+        assert_int_equal(rx_lens_new(tile, narrow, &lens, NULL), RX_OK);
+        assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 3), 10, 10, &size, NULL), RX_OK);
+        const rx_matching *matching = rx_lens_matching(size);
+        rx_lens_render(size, NULL, 0.3, -0.2, matching, 1);
+        rx_lens_blur(size, matching);
         const size_t stride = (size_t)rx_fft_stride_real(size->fft), n = (size_t)size->n;
         float *blurred = RX_NEW(float, n *stride);
         assert_non_null(blurred);
         memcpy(blurred, size->plane[0], n * stride * sizeof(float));
-        rx_lens_render(size, NULL, 0.3, -0.2, 0, 1);
+        rx_lens_render(size, NULL, 0.3, -0.2, NULL, 1);
         double peak = 0, worst = 0, sum = 0;
         for (size_t y = 0; y < n; y++)
             for (size_t x = 0; x < n; x++) {
@@ -98,7 +98,7 @@ static void test_kernel(void **state)
         assert_true(fabs(sum - 1) < 1e-5);
         assert_true(worst < (k == 0 ? 5e-3 : 1e-3) * peak);
         free(blurred);
-        rx_lens_clear(&lens);
+        rx_lens_free(lens);
         rx_psf_free(tile);
         rx_psf_free(narrow);
     }

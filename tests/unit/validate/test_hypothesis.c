@@ -218,7 +218,7 @@ static void samples_that_do_not_do(void **state)
     double a[3] = {1, 2, 3}, b[3] = {4, NAN, 6};
     rx_test test;
     rx_estimate e;
-    rx_box box;
+    rx_five_numbers box;
     rx_error err = RX_ERROR_NONE;
     (void)state;
     assert_int_equal(rx_test_two_sample(1, a, 3, a, &test, &err), RX_USAGE);
@@ -228,11 +228,11 @@ static void samples_that_do_not_do(void **state)
     assert_int_equal(rx_test_paired(1, a, a, &test, &err), RX_USAGE);
     assert_int_equal(rx_test_wilcoxon(0, a, a, &test, &err), RX_USAGE);
     assert_int_equal(rx_paired_bootstrap(0, a, a, 0.95, 1, &e, &err), RX_USAGE);
-    assert_int_equal(rx_box_make(0, a, &box, &err), RX_USAGE);
+    assert_int_equal(rx_five_numbers_of(0, a, &box, &err), RX_USAGE);
     assert_int_equal(rx_test_paired(3, a, b, &test, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "value 2 of the second sample is not finite"));
     assert_int_equal(rx_test_wilcoxon(3, b, a, &test, &err), RX_INPUT);
-    assert_int_equal(rx_box_make(3, b, &box, &err), RX_INPUT);
+    assert_int_equal(rx_five_numbers_of(3, b, &box, &err), RX_INPUT);
 }
 
 static void bootstrap_as_scipy(void **state)
@@ -381,13 +381,13 @@ static void box_as_matplotlib(void **state)
         {70, 0, 12.265306122449, 49.0204081632653, 111.005102040816, 204.081632653061, 67.4644314868805},
     };
     double a[MOST];
-    rx_box box;
+    rx_five_numbers box;
     (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         fill_a(expected[i].n, 0, a);
         for (long k = 0; k < expected[i].n; k++)
             a[k] *= a[k];
-        assert_int_equal(rx_box_make(expected[i].n, a, &box, NULL), RX_OK);
+        assert_int_equal(rx_five_numbers_of(expected[i].n, a, &box, NULL), RX_OK);
         assert_near(box.low, expected[i].low, 1e-12);
         assert_near(box.q1, expected[i].q1, 1e-12);
         assert_near(box.median, expected[i].median, 1e-12);
@@ -398,7 +398,7 @@ static void box_as_matplotlib(void **state)
         assert_int_equal(box.n, expected[i].n);
     }
     static const double far[] = {1, 2, 2.5, 3, 3.5, 4, 50, -40};
-    assert_int_equal(rx_box_make(8, far, &box, NULL), RX_OK);
+    assert_int_equal(rx_five_numbers_of(8, far, &box, NULL), RX_OK);
     assert_near(box.low, 1, 0);
     assert_near(box.high, 4, 0);
     assert_near(box.q1, 1.75, 1e-15);

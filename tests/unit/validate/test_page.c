@@ -184,10 +184,10 @@ static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_
                                               "a very long name"};
     static const char *const methods[METHODS] = {"BLURRED", "RL", "RL 'filtered'"};
     static const int colors[METHODS] = {5, 0, 9};
-    rx_box box[GROUPS * METHODS] = {0};
+    rx_five_numbers box[GROUPS * METHODS] = {0};
     for (int i = 0; i < groups * METHODS && filled; i++)
         if (i != 4)
-            box[i] = (rx_box){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
+            box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
     rx_figure_add(f, id, "Boxes", "reading", kind);
     rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]", .log_y = log_y}, groups,
                   names, METHODS, methods, colors, box);

@@ -1,5 +1,5 @@
 /* Spectra, coefficients and filters of the PSF around the network. */
-#include "restore/network_lens.h"
+#include "restore/network_otf.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -19,7 +19,7 @@ enum {
 };
 static const double NEGLIGIBLE = 1e-6;
 
-int rx_lens_varies(const rx_psf *psf)
+int rx_otf_varies(const rx_psf *psf)
 {
     return psf->nbasis > 1 || psf->px[0] != 0 || psf->py[0] != 0;
 }
@@ -60,7 +60,7 @@ static int read_stamp(void *user, int y, float *line)
     return 1;
 }
 
-void rx_lens_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum)
+void rx_otf_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum)
 {
     const int w = rx_fft_width(fft), h = rx_fft_height(fft);
     stamp_rows rows = {stamp, size, w, h, 1.0 / ((double)w * h)};
@@ -68,7 +68,7 @@ void rx_lens_spectrum(const rx_fft *fft, const float *stamp, int size, float *sp
 }
 
 static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const float *stamp, int size,
-                          int width, int height, rx_lens *dst, rx_error *err)
+                          int width, int height, rx_otf *dst, rx_error *err)
 {
     const int i = dst->n++;
     float *spectrum = dst->spectrum[i] = rx_fft_complex(fft);
@@ -79,17 +79,17 @@ static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const
         cx[x] = (float)power((x - psf->x0) / psf->xs, psf->px[basis]);
     for (int y = 0; y < height; y++)
         cy[y] = (float)power((y - psf->y0) / psf->ys, psf->py[basis]);
-    rx_lens_spectrum(fft, stamp, size, spectrum);
+    rx_otf_spectrum(fft, stamp, size, spectrum);
     return RX_OK;
 }
 
-rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
-                      int height, rx_lens *dst, rx_error *err)
+rx_status rx_otf_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
+                     int height, rx_otf *dst, rx_error *err)
 {
     const size_t n = (size_t)size * (size_t)size;
     const double peak = largest(stamps, n);
     rx_status status = RX_OK;
-    *dst = (rx_lens){.radius = size / 2, .varies = rx_lens_varies(psf)};
+    *dst = (rx_otf){.radius = size / 2, .varies = rx_otf_varies(psf)};
     if (!dst->varies) {
         dst->inside = RX_NEW(double, (size_t)(size + 1) * (size_t)(size + 1));
         if (dst->inside == NULL)
@@ -107,13 +107,13 @@ rx_status rx_lens_new(const rx_fft *fft, const rx_psf *psf, const float *stamps,
     return status;
 }
 
-void rx_lens_free(rx_lens *lens)
+void rx_otf_free(rx_otf *otf)
 {
-    free(lens->inside);
-    for (int i = 0; i < lens->n; i++) {
-        free(lens->spectrum[i]);
-        free(lens->cx[i]);
-        free(lens->cy[i]);
+    free(otf->inside);
+    for (int i = 0; i < otf->n; i++) {
+        free(otf->spectrum[i]);
+        free(otf->cx[i]);
+        free(otf->cy[i]);
     }
 }
 
@@ -124,7 +124,7 @@ static rx_status relative_size(const rx_psf *psf, double target_fwhm, int width,
     const double places[][2] = {{0.5, 0.5}, {0, 0}, {1, 0}, {0, 1}, {1, 1}};
     rx_status status = RX_OK;
     *size = 1;
-    for (int i = 0; i < (rx_lens_varies(psf) ? 5 : 1) && status == RX_OK; i++) {
+    for (int i = 0; i < (rx_otf_varies(psf) ? 5 : 1) && status == RX_OK; i++) {
         int here = 0;
         rx_psf_at(psf, places[i][0] * (width - 1), places[i][1] * (height - 1), stamp);
         status = rx_deblur_relative_size(stamp, psf->size, target_fwhm, RELATIVE_LARGEST, &here, err);
@@ -154,8 +154,8 @@ static rx_status normalise(float *stamps, int n, size_t area, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_lens_relative(const rx_psf *psf, double target_fwhm, int width, int height, float **stamps,
-                           int *size, rx_error *err)
+rx_status rx_otf_relative(const rx_psf *psf, double target_fwhm, int width, int height, float **stamps,
+                          int *size, rx_error *err)
 {
     const size_t area = (size_t)psf->size * (size_t)psf->size;
     float *stamp = RX_NEW(float, area), *made = NULL;
@@ -229,7 +229,7 @@ static int count_nodes(const rx_psf *psf, int length, double *step)
     int n = (length - 1 + NODE_STEP - 1) / NODE_STEP + 1;
     if (n < NODES_LEAST)
         n = NODES_LEAST;
-    if (!rx_lens_varies(psf) || length < 2)
+    if (!rx_otf_varies(psf) || length < 2)
         n = 1;
     *step = n > 1 ? (length - 1.0) / (n - 1) : length;
     return n;
@@ -243,7 +243,7 @@ static double node_fwhm(const rx_psf *psf, double here, double centre)
     return here > 0 && centre > 0 ? psf->fwhm * here / centre : psf->fwhm;
 }
 
-rx_status rx_lens_nodes(rx_network_optics *optics, double epsilon, rx_error *err)
+rx_status rx_network_optics_nodes(rx_network_optics *optics, double epsilon, rx_error *err)
 {
     const rx_psf *psf = optics->psf;
     const int side = 2 * RX_TIKHONOV_REACH + 1;
@@ -264,7 +264,7 @@ rx_status rx_lens_nodes(rx_network_optics *optics, double epsilon, rx_error *err
     for (size_t k = 0; k < n && status == RX_OK; k++) {
         const double x = (double)(k % (size_t)optics->nx) * optics->step_x,
                      y = (double)(k / (size_t)optics->nx) * optics->step_y;
-        if (rx_lens_varies(psf))
+        if (rx_otf_varies(psf))
             rx_psf_at(psf, optics->nx > 1 ? x : 0.5 * (optics->width - 1),
                       optics->ny > 1 ? y : 0.5 * (optics->height - 1), m.stamp);
         if ((status = rx_stamp_fwhm(m.stamp, psf->size, &here, NULL, err)) != RX_OK)
@@ -283,8 +283,8 @@ exit:
 
 void rx_network_optics_fwhm_row(const rx_network_optics *optics, int y, int x, int n, float *dst)
 {
-    const double v = rx_lens_clamp(y, optics->height) / optics->step_y;
-    const int j = rx_lens_clamp((int)floor(v), optics->ny > 1 ? optics->ny - 1 : 1);
+    const double v = rx_otf_clamp(y, optics->height) / optics->step_y;
+    const int j = rx_otf_clamp((int)floor(v), optics->ny > 1 ? optics->ny - 1 : 1);
     const double fy = optics->ny > 1 ? v - j : 0;
     const float *low = optics->fwhm + (size_t)j * optics->nx, *high = optics->ny > 1 ? low + optics->nx : low;
     if (optics->nx == 1) {
@@ -294,8 +294,8 @@ void rx_network_optics_fwhm_row(const rx_network_optics *optics, int y, int x, i
         return;
     }
     for (int k = 0; k < n; k++) {
-        const double u = rx_lens_clamp(x + k, optics->width) / optics->step_x;
-        const int i = rx_lens_clamp((int)u, optics->nx - 1);
+        const double u = rx_otf_clamp(x + k, optics->width) / optics->step_x;
+        const int i = rx_otf_clamp((int)u, optics->nx - 1);
         const double fx = u - i;
         const double a = low[i] + fx * (low[i + 1] - low[i]), b = high[i] + fx * (high[i + 1] - high[i]);
         dst[k] = (float)(a + fy * (b - a));

@@ -1,0 +1,100 @@
+#!/bin/sh
+# No byte of any output depends on the number of threads or on which of them does what: every restorer, template
+# photometry, all images, constant and varying PSFs; and -REPLAY finds the same bytes each time. Threads that wait
+# passively are woken in another order each time, the more so where they are more than the processors.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+. "$top/tests/lib.sh"
+program=$programs/rextract
+need rextract tests/cli/make_model
+enter
+OMP_WAIT_POLICY=passive
+export OMP_WAIT_POLICY
+blends=$top/tests/data/sim.fits.fz
+
+"$build/tests/cli/make_model" model.fits || exit 2
+python=
+for candidate in python3 /usr/bin/python3; do
+    "$candidate" -c 'import astropy.io.fits, numpy' 2>/dev/null && python=$candidate && break
+done
+# A PSFEx model whose width goes with the place on a tile of 512 pixels.
+[ -z "$python" ] || "$python" - <<'END' || exit 2
+import numpy as np
+from astropy.io import fits
+y, x = np.mgrid[-15:16, -15:16]
+def gauss(fwhm):
+    g = np.exp(-4 * np.log(2) * (x * x + y * y) / fwhm**2)
+    return g / g.sum()
+basis = np.array([gauss(3.0), gauss(3.5) - gauss(3.0), gauss(3.2) - gauss(3.0)], "f4")
+t = fits.BinTableHDU.from_columns([fits.Column("PSF_MASK", f"{basis.size}E", dim="(31,31,3)", array=basis[None])], name="PSF_DATA")
+t.header.update(POLNAXIS=2, POLNAME1="X_IMAGE", POLNAME2="Y_IMAGE", POLZERO1=256.0, POLZERO2=256.0, POLSCAL1=512.0, POLSCAL2=512.0,
+                POLGRP1=1, POLGRP2=1, POLNGRP=1, POLDEG1=1, PSF_FWHM=3.0, PSF_SAMP=1.0, PSFNAXIS=3, PSFAXIS1=31, PSFAXIS2=31, PSFAXIS3=3)
+t.writeto("varying.psf")
+END
+
+# run FOLDER THREADS TILE ARGUMENT...: catalogues with templates in FOLDER
+run() {
+    folder=$1 threads=$2 tile=$3
+    shift 3
+    mkdir "$folder"
+    # glibc fills fresh memory with MALLOC_PERTURB_: what was not set first would show as other bytes
+    (cd "$folder" && OMP_NUM_THREADS=$threads MALLOC_PERTURB_=$((1 + threads * 15)) "$program" "$tile" \
+        -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/template.param" -FILTER N -CATALOG_NAME sim.cat \
+        -CATALOG_TYPE FITS_LDAC -VERBOSE_TYPE QUIET "$@") >"$folder.log" 2>&1
+}
+
+# same TITLE RUNS THREADS TILE ARGUMENT...: as with one thread, with each of the THREADS, RUNS times over
+same() {
+    title=$1 runs=$2 several=$3
+    shift 3
+    rm -rf ./one* ./other*
+    run one 1 "$@"
+    code=$?
+    [ $code -eq 0 ] || cat one.log >>difference
+    for threads in $several; do
+        left=$runs
+        while [ "$left" -gt 0 ] && [ $code -eq 0 ]; do
+            rm -rf other
+            run other "$threads" "$@" && diff -r one other >difference 2>&1
+            code=$?
+            left=$((left - 1))
+        done
+    done
+    result "$title" $code difference
+    : >difference
+}
+: >difference
+
+moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
+images='-TEMPLATE_COVAR_NAME covariances.fits -CHECKIMAGE_TYPE
+    RESTORED,RESIDUAL,SUPPORT,TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI,BACKGROUND,BACKGROUND_RMS,SEGMENTATION,OBJECTS,APERTURES
+    -CHECKIMAGE_NAME 1.fits,2.fits,3.fits,4.fits,5.fits,6.fits,7.fits,8.fits,9.fits,10.fits,11.fits'
+few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
+# shellcheck disable=SC2086 # lists of arguments
+{
+    same 'templates after Richardson-Lucy, 16 threads, eight times' 8 16 "$blends" -RESTORE_TYPE RL $moffat
+    for restorer in NONE RL RL_BLIND NET; do
+        case $restorer in RL_BLIND) several='2 7' ;; *) several='2 7 16' ;; esac
+        same "$restorer, templates and all images" 1 "$several" "$blends[101:260,101:260]" -RESTORE_TYPE $restorer \
+            -NET_MODEL ../model.fits $moffat $few $images -REFERENCE_NAME "$top/tests/data/sim_truth.fits" -QA_FIGURES N
+    done
+    if [ -n "$python" ]; then
+        for restorer in RL NET; do
+            same "$restorer behind a PSF that varies, templates" 2 '3 16' "$blends[101:260,101:260]" -RESTORE_TYPE $restorer \
+                -NET_MODEL ../model.fits -PSF_TYPE PSFEX -PSF_NAME ../varying.psf $few
+        done
+    else
+        skip 'a PSF that varies' 'no python3 with astropy'
+    fi
+
+    rm -rf one
+    run one 16 "$blends[101:260,101:260]" -RESTORE_TYPE RL $moffat
+    code=$?
+    for _ in 1 2 3 4 5 6 7 8 9 10; do
+        [ $code -eq 0 ] && OMP_NUM_THREADS=16 "$program" -REPLAY one/sim.cat -VERBOSE_TYPE QUIET >one.log 2>&1
+        code=$?
+    done
+    result 'a run with templates repeated ten times with 16 threads' $code one.log
+}
+
+finish
