@@ -5,7 +5,8 @@
 #   validation/real/run.sh [FOLDER]      into FOLDER (default: real-out): pairs.md, dwarfs.md, *.png
 #
 # RX_MODEL names the network's model (default: config/psfnet.fits; without one NET does not take part). Needs the data
-# folder (RX_SHARED_DATA, or ../shared/data beside the sources), python3 with astropy, scipy, matplotlib, and bunzip2.
+# folder (RX_SHARED_DATA, or ../shared/data beside the sources), python3 with astropy and scipy, and bunzip2; pictures are
+# drawn where matplotlib is installed.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/../.." && pwd)

@@ -12,14 +12,12 @@ model is above 1 sigma of a pixel, "bright": above 10; "cells": median over cell
 import json
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from astropy.io import fits
 from astropy.table import Table
 from scipy import ndimage
+
+from picture import plt
 
 AWAY, CELL = 8, 32
 
@@ -75,6 +73,8 @@ def window(model, side):
 
 
 def picture(restorers, name, out, side=300):
+    if not plt:
+        return
     image = np.nan_to_num(fits.getdata(f"{name}_image_NONE.fits").astype(float))
     noise = sky_noise(image)
     cut = window(fits.getdata(f"{name}_model_NONE.fits").astype(float) / noise, side)

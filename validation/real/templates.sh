@@ -5,7 +5,8 @@
 #   validation/real/templates.sh [FOLDER]      into FOLDER (default: templates-out): chi2.md, sdss.md, *.png
 #
 # RX_MODEL names the network's model (default: config/psfnet.fits; without one NET does not take part). Needs the data
-# folder (RX_SHARED_DATA, or ../shared/data beside the sources), psfex, python3 with astropy, scipy, matplotlib, bunzip2.
+# folder (RX_SHARED_DATA, or ../shared/data beside the sources), psfex, python3 with astropy and scipy, bunzip2; pictures
+# are drawn where matplotlib is installed.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/../.." && pwd)
