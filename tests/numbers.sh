@@ -12,6 +12,9 @@ texts() { RX_TEXTS_TOP=$scratch/copy PYTHONDONTWRITEBYTECODE=1 python3 "$top/val
 PYTHONDONTWRITEBYTECODE=1 python3 "$top/validation/texts.py" check >log 2>&1
 result "the texts hold the numbers of the committed results (python3 validation/texts.py write)" $? log
 
+python3 "$top/validation/cost/cost.py" >cost.md 2>log && cmp cost.md "$top/validation/results/cost/cost.md" >>log
+result "what a survey costs is calculated from the committed benchmark (python3 validation/cost/cost.py)" $? log
+
 # a copy to be spoilt: links, but for the files that change
 mkdir copy
 cp -RL "$top/README.md" "$top/PROMISES.md" copy

@@ -7,8 +7,8 @@
 # Into FOLDER (default: bench-out, of check bench-check-out): bench.json (each ratio with quartiles), bench.md (tables),
 # bench.svg (figure).
 #
-# quick: tiles of 1 and 4 thousand pixels a side, 3 repeats, about 4 minutes on two cores; full: up to 16 thousand, some
-# 19 minutes, 3.5 GB of disk and 14 GB of memory (where there is less, what does not fit is left out and named). Nothing
+# quick: tiles of 1 and 4 thousand pixels a side, 3 repeats, minutes on two cores; full: up to 16 thousand, some
+# 20 minutes and more, 3.5 GB of disk and 14 GB of memory (where there is less, what does not fit is left out and named). Nothing
 # else should run meanwhile.
 # -VERBOSE_TYPE FULL also shows each layer of the network.
 #

@@ -9,8 +9,8 @@
 # rextract-train go to every variant.
 #
 #   tiny   does it work? networks that have learned nothing, in half a minute
-#   small  about 25 minutes on two cores: 64-pixel images, 16 epochs
-#   long   about 6 hours on two cores: the images of psfnet.train, 60 epochs
+#   small  minutes to an hour on two cores: 64-pixel images, 16 epochs
+#   long   hours on two cores: the images of psfnet.train, 60 epochs
 #
 # EPOCHS=n trains the base for n epochs instead. VARIANTS="base ffl ..." does these only (base is the first). The base's
 # number of training images is the measure: active learning itself decides how many of an epoch's images are for the
