@@ -15,11 +15,13 @@ result "the texts hold the numbers of the committed results (python3 validation/
 python3 "$top/validation/cost/cost.py" >cost.md 2>log && cmp cost.md "$top/validation/results/cost/cost.md" >>log
 result "what a survey costs is calculated from the committed benchmark (python3 validation/cost/cost.py)" $? log
 
-# a copy to be spoilt: links, but for the files that change
+# a copy to be spoilt: links, but for the files that may be written
 mkdir copy
-cp -RL "$top/README.md" "$top/PROMISES.md" copy
+cp "$top/README.md" "$top/PROMISES.md" copy
 cp -Rs "$top/validation" copy
-cp --remove-destination "$top/validation/results/sdss/AUTO.json" copy/validation/results/sdss/AUTO.json
+(cd "$top" && find validation -name README.md -o -path '*/sdss/*.json') | while read -r file; do
+    cp --remove-destination "$top/$file" "copy/$file"
+done
 line=$(grep -n '^| as observed (NONE)' copy/README.md | cut -d: -f1)
 recall=$(sed -n "${line}p" copy/README.md | cut -d'|' -f4 | tr -d ' ')
 
@@ -41,4 +43,20 @@ sed -i "$((line + 6)),\$s/^<!-- end -->\$//" copy/README.md
 texts check
 [ $? -eq 1 ] && grep -q 'without its end' log
 result "a block without its end is found" $? log
+
+# a run's folder: its files agree with the committed ones but for one, in the third digit
+mkdir run
+cp "$top/validation/results/sdss/AUTO.json" copy/validation/results/sdss
+cp "$top/validation/results/sdss/AUTO.json" "$top/validation/results/sdss/PSFEX.json" run
+texts compare sdss run
+result "a new run that gave the same agrees" $? log
+recall=$(sed -n 's/.*"recall": {"value": \(0\.[0-9]*\),.*/\1/p' run/AUTO.json | sed -n 1p)
+sed -i "s/\"recall\": {\"value\": $recall,/\"recall\": {\"value\": $(awk "BEGIN { print $recall * 1.002 }"),/" run/AUTO.json
+texts compare sdss run 4
+[ $? -eq 1 ] && grep -q "/recall/value: $recall, now" log
+result "one that differs in the third digit is found to differ in four" $? log
+texts compare sdss run 2
+result "and to agree in two" $? log
+texts take sdss run && cmp -s run/AUTO.json copy/validation/results/sdss/AUTO.json
+result "a new run's files take the place of the committed ones" $? log
 finish
