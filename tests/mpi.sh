@@ -131,6 +131,9 @@ processes 3 "$rextract" @bad.list >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c 'bad.list:2: -PLAN is of the whole list' tiles.log)" = 1 ]
 result "a plan within a line of a list is told of once" $? tiles.log
 
+processes 3 "$programs"/rextract-simulate -IMAGE_NAME crowd.fits >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c 'one of 3 processes that mpiexec started' tiles.log)" = 1 ] && [ ! -e crowd.fits ]
+result "a program that does not share its work refuses" $? tiles.log
 printf 't1.fits\nt2.fits -NO_SUCH_KEY 1\n' >bad.list
 processes 3 "$rextract" @bad.list >tiles.log 2>&1
 [ $? = 2 ] && [ "$(grep -c NO_SUCH_KEY tiles.log)" = 1 ]

@@ -6,7 +6,7 @@
  * sleeps between looks: MPI's own waiting would take a core from those that compute. */
 #include "par/ranks_parts.h"
 
-#ifdef RX_MPI
+#if RX_MPI
 
 #include <limits.h>
 #include <mpi.h>

@@ -51,7 +51,7 @@ int rx_program_extract(const char *name,
                                         rx_error *err),
                        rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log,
                                            rx_error *err),
-                       void (*end)(rx_status status), int argc, char **argv)
+                       int (*processes)(void), void (*end)(rx_status status), int argc, char **argv)
 {
     const rx_program program = {
         .name = name,
@@ -61,6 +61,7 @@ int rx_program_extract(const char *name,
         .columns = rx_columns_dump,
         .run = run,
         .replay = replay,
+        .processes = processes,
         .end = end,
     };
     return rx_program_main(&program, argc, argv);

@@ -8,12 +8,12 @@
 rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log,
                                    rx_error *err);
 
-/* The main function of a program called `name`; `run`, `replay` and `end` as in rx_program. */
+/* The main function of a program called `name`; the others as in rx_program. */
 int rx_program_extract(const char *name,
                        rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
                                         rx_error *err),
                        rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log,
                                            rx_error *err),
-                       void (*end)(rx_status status), int argc, char **argv);
+                       int (*processes)(void), void (*end)(rx_status status), int argc, char **argv);
 
 #endif

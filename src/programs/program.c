@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 #include "base/interrupt.h"
@@ -55,6 +56,38 @@ int rx_program_fail(const char *name, const rx_error *err)
     return (int)err->status;
 }
 
+int rx_program_launched(int *rank)
+{
+    static const char *const launchers[][2] = {/* how many, which one */
+                                               {"PMI_SIZE", "PMI_RANK"}, /* MPICH, srun --mpi=pmi2 */
+                                               {"MPI_LOCALNRANKS", "MPI_LOCALRANKID"},
+                                               {"OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"},
+                                               {"SLURM_STEP_NUM_TASKS", "PMIX_RANK"}}; /* srun --mpi=pmix */
+    for (size_t i = 0; i < sizeof launchers / sizeof launchers[0]; i++) {
+        const char *count = getenv(launchers[i][0]), *number = getenv(launchers[i][1]);
+        if (count == NULL || number == NULL || atoi(count) < 2)
+            continue;
+        if (rank != NULL)
+            *rank = atoi(number);
+        return atoi(count);
+    }
+    return 1;
+}
+
+/* Processes that know nothing of each other would each do the whole job, and write the same files. */
+static rx_status refuse_crowd(const rx_program *program, rx_error *err)
+{
+    int rank = 0;
+    const int count = rx_program_launched(&rank);
+    if (count == 1 || (program->processes != NULL && program->processes() > 1))
+        return RX_OK;
+    return rank > 0 ? RX_USAGE /* one of them speaks */
+                    : rx_error_set(err, RX_USAGE,
+                                   "is one of %d processes that mpiexec started, each of which would do the "
+                                   "whole job: it has no MPI, or that of another mpiexec; start it without",
+                                   count);
+}
+
 int rx_program_main(const rx_program *program, int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
@@ -67,6 +100,8 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
     signal(SIGXFSZ, SIG_IGN);
     rx_log_init(&log, program->name, stderr, RX_NORMAL);
     rx_status status = rx_arguments_read(program->table, argc, argv, &log, &arguments, &err);
+    if (status == RX_OK && (arguments.action == RX_ACTION_RUN || arguments.action == RX_ACTION_REPLAY))
+        status = refuse_crowd(program, &err);
     if (status == RX_OK && arguments.action == RX_ACTION_NONE) {
         fputs(program->usage, stderr);
         status = RX_USAGE;

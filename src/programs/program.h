@@ -16,9 +16,14 @@ typedef struct rx_program {
     rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log, rx_error *err);
     /* -REPLAY FILE, with the settings that the command line has made; NULL where there is none. */
     rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log, rx_error *err);
+    /* How many processes share the job; NULL: it is done by one alone. */
+    int (*processes)(void);
     /* After all is said, before a signal that is pending takes its effect; NULL: nothing. */
     void (*end)(rx_status status);
 } rx_program;
+
+/* How many processes a launcher (mpiexec, srun) has started this one among; 1 without one. *rank, unless NULL, is this one's. */
+int rx_program_launched(int *rank);
 
 /* The error line on standard error; returns the exit code. */
 int rx_program_fail(const char *name, const rx_error *err);

@@ -37,5 +37,5 @@ int main(int argc, char **argv)
     rx_error err = RX_ERROR_NONE;
     if (rx_par_begin(&argc, &argv, &err) != RX_OK)
         return rx_program_fail("rextract", &err);
-    return rx_program_extract("rextract", run, replay, rx_par_end, argc, argv);
+    return rx_program_extract("rextract", run, replay, rx_par_processes, rx_par_end, argc, argv);
 }

@@ -46,6 +46,7 @@ int main(int argc, char **argv)
         .table = rx_keytable_train(),
         .info = rx_train_describe,
         .run = run,
+        .processes = rx_par_processes,
         .end = rx_par_end,
     };
     if (rx_par_begin(&argc, &argv, &err) != RX_OK)

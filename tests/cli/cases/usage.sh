@@ -88,3 +88,29 @@ expect 2 'QA_GATES: needs a reference catalogue' tile.fits -QA_GATES a.qa
 
 begin 'control characters are not passed on'
 expect 2 "unknown keyword '-A\?\[31mB'" tile.fits "-A$(printf '\033')[31mB" 1
+
+# Each of several processes that know nothing of each other would do the whole job. COUNT RANK PROGRAM
+among_three() {
+    for rank in 0 1; do # one of them speaks
+        begin "$3, number $rank among three processes by $1"
+        of "$3"
+        case $3 in rextract | rextract-survey) set -- "$1" "$2" "$3" tile.fits ;; *) set -- "$1" "$2" "$3" -SEED 1 ;; esac
+        export "$1=3" "$2=$rank"
+        pattern="^$3: is one of 3 processes that mpiexec started"
+        [ $rank = 0 ] || pattern=''
+        expect 2 "$pattern" "$4" ${5-}
+        unset "$1" "$2"
+    done
+}
+for crowd in rextract rextract-simulate rextract-validate rextract-train rextract-survey; do
+    among_three OMPI_COMM_WORLD_SIZE OMPI_COMM_WORLD_RANK $crowd
+done
+among_three PMI_SIZE PMI_RANK rextract-simulate
+among_three SLURM_STEP_NUM_TASKS PMIX_RANK rextract-simulate
+
+begin 'one process of mpiexec is alone'
+of rextract-simulate
+leaves sim.fits sim_truth.fits
+export PMI_SIZE=1 PMI_RANK=0
+expect 0 '' -SEED 1 -IMAGE_SIZE 32
+unset PMI_SIZE PMI_RANK

@@ -204,7 +204,7 @@ static rx_status run_case(const char *name, int trainers, rx_error *err)
 
 static bool has_mpi(void)
 {
-#ifdef RX_MPI
+#if RX_MPI
     return true;
 #else
     return false;
