@@ -58,7 +58,7 @@ int rx_program_fail(const char *name, const rx_error *err)
 
 int rx_program_launched(int *rank)
 {
-    static const char *const launchers[][2] = {/* how many, which one */
+    static const char *const launchers[][2] = {                          /* how many, which one */
                                                {"PMI_SIZE", "PMI_RANK"}, /* MPICH, srun --mpi=pmi2 */
                                                {"MPI_LOCALNRANKS", "MPI_LOCALRANKID"},
                                                {"OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"},
