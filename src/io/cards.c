@@ -329,6 +329,25 @@ int rx_card_is_useful(const char *card)
            strncmp(card, "COMMENT   and Astrophysics', volume 376, page 359", 49) != 0;
 }
 
+void rx_cards_drop_illegal(rx_text *cards, rx_text *names)
+{
+    static const char legal[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
+    size_t kept = 0;
+    bool dropping = false; /* CONTINUE follows what its first card did */
+    for (size_t i = 0; i < cards->length / CARD; i++) {
+        const char *card = cards->data + i * CARD;
+        const size_t n = strspn(card, legal);
+        if (strncmp(card, "CONTINUE", KEY) != 0) {
+            dropping = n < KEY && n + strspn(card + n, " ") < KEY;
+            if (dropping)
+                rx_text_printf(names, "%s'%.*s'", names->length > 0 ? ", " : "", KEY, card);
+        }
+        if (!dropping)
+            memmove(cards->data + CARD * kept++, card, CARD);
+    }
+    cards->length = kept * CARD;
+}
+
 void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
 {
     size_t own = cards->length / CARD;

@@ -23,6 +23,10 @@ void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long si
  * not about scaling, compression, table columns or checksums. */
 int rx_card_is_useful(const char *card);
 
+/* Take out the cards whose keywords the standard does not allow, which no output could hold; their names, in
+ * quotes, are appended to `names`. */
+void rx_cards_drop_illegal(rx_text *cards, rx_text *names);
+
 /* Append those cards of `parent` (a primary header) that `cards` lacks: what INHERIT = T asks for. */
 void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent);
 

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/text.h"
 #include "io/fits_tiles.h"
 #include "io/fits_unpack.h"
 #include "io/fits_walk.h"
@@ -586,30 +587,111 @@ exit:
     return status;
 }
 
+/* Is it the card of that key, or of one of its numbered kin where the key ends in '#'? */
+static bool is_card(const char *card, const char *key)
+{
+    const size_t length = strlen(key) - (key[strlen(key) - 1] == '#');
+    size_t end = length;
+    while (key[length] == '#' && end < 8 && isdigit((unsigned char)card[end]))
+        end++;
+    return strncmp(card, key, length) == 0 && (key[length] == '\0' || end > length) &&
+           strspn(card + end, " ") + end >= 8;
+}
+
+/* How the header of a compressed image calls the keywords of the image, in the order in which that one must
+ * begin; the last of them may stand anywhere. */
+static const char *const image_keys[][2] = {
+    {"ZSIMPLE", "SIMPLE"},   {"ZTENSION", "XTENSION"}, {"ZBITPIX", "BITPIX"},  {"ZNAXIS", "NAXIS"},
+    {"ZNAXIS1", "NAXIS1"},   {"ZNAXIS2", "NAXIS2"},    {"ZNAXIS3", "NAXIS3"},  {"ZNAXIS4", "NAXIS4"},
+    {"ZNAXIS5", "NAXIS5"},   {"ZNAXIS6", "NAXIS6"},    {"ZNAXIS7", "NAXIS7"},  {"ZNAXIS8", "NAXIS8"},
+    {"ZNAXIS9", "NAXIS9"},   {"ZPCOUNT", "PCOUNT"},    {"ZGCOUNT", "GCOUNT"},  {"ZEXTEND", "EXTEND"},
+    {"ZBLOCKED", "BLOCKED"}, {"ZHECKSUM", "CHECKSUM"}, {"ZDATASUM", "DATASUM"}};
+enum { IMAGE_KEYS = sizeof image_keys / sizeof *image_keys, ORDERED = 15 };
+
+static void add_renamed(rx_text *dst, const char *card, const char *key)
+{
+    char name[9];
+    snprintf(name, sizeof name, "%-8s", key);
+    rx_text_add_bytes(dst, name, 8);
+    rx_text_add_bytes(dst, card + 8, 72);
+}
+
+/* The header of the image out of that of the table it is compressed in. BSCALE and others of the image may
+ * stand before ZTENSION, where cfitsio would take them for the begin of the header. */
+static void image_cards(const rx_text *table, rx_text *dst)
+{
+    static const char *const dropped[] = {"XTENSION", "BITPIX",   "NAXIS",    "NAXIS#", "PCOUNT", "GCOUNT",
+                                          "TFIELDS",  "TTYPE#",   "TFORM#",   "THEAP",  "ZIMAGE", "ZQUANTIZ",
+                                          "ZDITHER0", "ZTILE#",   "ZCMPTYPE", "ZBLANK", "ZNAME#", "ZVAL#",
+                                          "ZMASKCMP", "CHECKSUM", "DATASUM"};
+    const char *end = table->data + table->length;
+    for (int k = 0; k < ORDERED; k++) {
+        if (k == 2 && dst->length == 0)
+            rx_text_printf(dst, "%-80s",
+                           "SIMPLE  =                    T / file does conform to FITS standard");
+        for (const char *card = table->data; card < end; card += 80)
+            if (is_card(card, image_keys[k][0]))
+                add_renamed(dst, card, image_keys[k][1]);
+    }
+    for (const char *card = table->data; card < end; card += 80) {
+        bool kept = !is_card(card, "EXTNAME") || strncmp(card + 8, "= 'COMPRESSED_IMAGE'", 20) != 0;
+        int key = 0;
+        for (size_t i = 0; i < sizeof dropped / sizeof *dropped; i++)
+            kept &= !is_card(card, dropped[i]);
+        while (key < IMAGE_KEYS && !is_card(card, image_keys[key][0]))
+            key++;
+        if (kept && key == IMAGE_KEYS)
+            rx_text_add_bytes(dst, card, 80);
+        else if (kept && key >= ORDERED)
+            add_renamed(dst, card, image_keys[key][1]);
+    }
+}
+
+/* Keywords of small letters, which cfitsio finds, become what they stand for; what FITS does not allow '?'. */
+static void add_as_read(rx_text *dst, const char *as_read)
+{
+    char card[FLEN_CARD];
+    snprintf(card, sizeof card, "%-80.80s", as_read);
+    for (int i = 0; i < 80; i++) {
+        if ((unsigned char)card[i] < 0x20 || (unsigned char)card[i] > 0x7e)
+            card[i] = '?';
+        if (i < 8)
+            card[i] = (char)toupper((unsigned char)card[i]);
+    }
+    rx_text_add_bytes(dst, card, 80);
+}
+
 rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,
                              rx_error *err)
 {
-    int failed = 0, n = 0, ignored = 0;
-    char *text = NULL;
+    int failed = 0, n = 0;
+    rx_text text = {0}, image = {0};
+    rx_status status = RX_OK;
     fits_clear_errmsg();
-    if (fits_convert_hdr2str(file, 0, NULL, 0, &text, &n, &failed)) {
-        if (text != NULL)
-            fits_free_memory(text, &ignored);
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read");
+    const int compressed = fits_is_compressed_image(file, &failed);
+    fits_get_hdrspace(file, &n, NULL, &failed);
+    for (int i = 1; i <= n && !failed; i++) {
+        char card[FLEN_CARD] = "";
+        if (fits_read_record(file, i, card, &failed) == 0)
+            add_as_read(&text, card);
     }
-    size_t count = strlen(text) / 80;
-    while (count > 0 && strncmp(text + (count - 1) * 80, "END     ", 8) == 0)
-        count--;
-    *cards = RX_NEW(char, count * 80 + 1);
-    if (*cards == NULL) {
-        fits_free_memory(text, &ignored);
-        return rx_error_memory(err, count * 80);
+    if (failed) {
+        status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read");
+        goto exit;
     }
-    memcpy(*cards, text, count * 80);
-    for (size_t i = 0; i < count * 80; i++)
-        if ((unsigned char)(*cards)[i] < 0x20 || (unsigned char)(*cards)[i] > 0x7e)
-            (*cards)[i] = '?';
-    *ncards = count;
-    fits_free_memory(text, &ignored);
-    return RX_OK;
+    if (compressed)
+        image_cards(&text, &image);
+    rx_text *wanted = compressed ? &image : &text;
+    rx_text_add(wanted, "");
+    if (text.failed || wanted->failed) {
+        status = rx_error_memory(err, text.length);
+        goto exit;
+    }
+    *cards = wanted->data;
+    *ncards = wanted->length / 80;
+    *wanted = (rx_text){0};
+exit:
+    rx_text_free(&text);
+    rx_text_free(&image);
+    return status;
 }

@@ -133,6 +133,22 @@ static void write_cards(fitsfile *file, const char *cards, size_t n, int filter,
     }
 }
 
+/* Readers of before FITS 4.0 know by LONGSTRN that CONTINUE goes on with a string. */
+static void declare_long_strings(fitsfile *file, int *failed)
+{
+    int n = 0;
+    fits_get_hdrspace(file, &n, NULL, failed);
+    for (int i = 1; i <= n && *failed == 0; i++) {
+        char card[FLEN_CARD] = "";
+        fits_read_record(file, i, card, failed);
+        if (strncmp(card, "CONTINUE", 8) == 0) {
+            fits_update_key_str(file, "LONGSTRN", "OGIP 1.0", "CONTINUE cards go on with long strings",
+                                failed);
+            return;
+        }
+    }
+}
+
 /* DATASUM and CHECKSUM (FITS 4.0, appendix J) by hand: cfitsio's own way puts the time of day
  * into the comments, and the same input must give the same bytes. datasum: of what should be there. */
 static void write_checksum(fitsfile *file, uint32_t datasum, int *failed)
@@ -173,6 +189,7 @@ static rx_status write_image(rx_fits_writer *writer, int bitpix, int type, const
     write_extname(writer->file, extname, &failed);
     write_cards(writer->file, cards, ncards, 1, &failed);
     write_cards(writer->file, extra, nextra, 0, &failed);
+    declare_long_strings(writer->file, &failed);
     fits_write_img(writer->file, type, 1, (LONGLONG)width * height, data.taken, &failed);
     write_checksum(writer->file, rx_fits_sum_pixels(pixels, (size_t)width * (size_t)height), &failed);
     writer->hdus++;
@@ -201,6 +218,7 @@ static void write_primary(rx_fits_writer *writer, const char *extra, size_t next
 {
     fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
     write_cards(writer->file, extra, nextra, 0, failed);
+    declare_long_strings(writer->file, failed);
     write_checksum(writer->file, 0, failed);
     writer->hdus++;
 }
@@ -366,6 +384,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     for (int i = 0; i < n; i++)
         write_column_keys(writer->file, i + 1, &table->columns[i], &failed);
     write_cards(writer->file, extra, nextra, 0, &failed);
+    declare_long_strings(writer->file, &failed);
     fits_set_hdustruc(writer->file, &failed);
     status = write_rows(writer, table, &failed, err);
     if (status != RX_OK)

@@ -262,10 +262,12 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nth
 /* --- header --- */
 
 /* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
-static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_text *cards, rx_text *parent,
-                             rx_error *err)
+static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log *log, rx_text *cards,
+                             rx_text *parent, rx_error *err)
 {
+    enum { SHOWN = 60 };
     char *block = NULL, inherit[8] = "";
+    rx_text illegal = {0};
     size_t n = 0;
     rx_status status = rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err);
     if (status != RX_OK)
@@ -288,6 +290,12 @@ static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_text
     rx_cards_text(cards->data, (long)(cards->length / 80), "INHERIT", inherit, sizeof inherit);
     if (inherit[0] == 'T' && parent->data != NULL)
         rx_cards_inherit(cards, parent->data, parent->length / 80);
+    rx_cards_drop_illegal(cards, &illegal);
+    if (illegal.length > 0)
+        rx_log_warning(
+            log, "%s[%d]: header cards with keywords that FITS does not allow are left out: %.*s%s",
+            place->name->path, place->hdu, SHOWN, illegal.data, illegal.length > SHOWN ? "..." : "");
+    rx_text_free(&illegal);
     if (cards->failed || parent->failed)
         return rx_error_memory(err, cards->length + parent->length);
     if (place->name->has_section) {
@@ -379,7 +387,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     if (status == RX_OK)
         status = find_place(&source, &place, err);
     if (status == RX_OK)
-        status = read_header(source.file, &place, &cards, &parent, err);
+        status = read_header(source.file, &place, log, &cards, &parent, err);
     if (status == RX_OK)
         status = name_tile(&place, &cards, tile, err);
     if (status != RX_OK)
@@ -418,7 +426,7 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
     rx_status status = find_place(source, &place, err);
     if (status == RX_OK)
-        status = read_header(source->file, &place, &cards, &parent, err);
+        status = read_header(source->file, &place, NULL, &cards, &parent, err);
     int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;
     if (failed)
         status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");

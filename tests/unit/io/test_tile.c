@@ -1,6 +1,11 @@
 /* Tiles: every kind of pixel, masks, names, companions. Damaged files: test_tile_damaged.c. */
 #include "tile_test.h"
 
+#include "../validate/near.h"
+#include "base/log.h"
+#include "io/fits_write.h"
+
+#include "io/fits_read.h"
 #include "io/wcs.h"
 
 /* --- pixels --- */
@@ -409,6 +414,124 @@ static void test_flag_bits(void **state)
     rx_tile_free(tile);
 }
 
+/* --- headers that cfitsio would not write --- */
+
+/* BSCALE and BZERO before ZTENSION, as astropy 5 writes them. */
+static void put_scale_first(const char *path)
+{
+    fitsfile *file = NULL;
+    int failed = 0;
+    char card[FLEN_CARD];
+    fits_open_diskfile(&file, path, READWRITE, &failed);
+    fits_movabs_hdu(file, 2, NULL, &failed);
+    fits_update_card(file, "ZSIMPLE", "ZTENSION= 'IMAGE   '", &failed);
+    static const char *const keys[] = {"BSCALE", "BZERO"};
+    for (int i = 0; i < 2; i++) {
+        fits_read_card(file, keys[i], card, &failed);
+        fits_delete_key(file, keys[i], &failed);
+        fits_insert_record(file, 9 + i, card, &failed); /* behind TFIELDS */
+    }
+    fits_close_file(file, &failed);
+    assert_int_equal(failed, 0);
+}
+
+static void test_compressed_scale_first(void **state)
+{
+    static const struct {
+        int bitpix, type;
+        double low, high;
+    } types[] = {{USHORT_IMG, TUSHORT, 0, 65535},
+                 {SBYTE_IMG, TSBYTE, -128, 127},
+                 {ULONG_IMG, TUINT, 2147483648.0 - 1e6, 2147483648.0 + 1e6}};
+    static const int methods[] = {RICE_1, GZIP_1, GZIP_2, HCOMPRESS_1};
+    enum { SIDE = 40 };
+    long axes[2] = {SIDE, SIDE};
+    for (size_t t = 0; t < sizeof types / sizeof *types; t++)
+        for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
+            double pixels[SIDE * SIDE];
+            uint16_t shorts[SIDE * SIDE];
+            int8_t bytes[SIDE * SIDE];
+            uint32_t words[SIDE * SIDE];
+            void *const stored[] = {shorts, bytes, words};
+            fitsfile *file = NULL;
+            int failed = 0;
+            for (int i = 0; i < SIDE * SIDE; i++) {
+                pixels[i] = floor(types[t].low + (types[t].high - types[t].low) * ((i * 37) % 1000) / 999);
+                shorts[i] = (uint16_t)(t == 0 ? pixels[i] : 0);
+                bytes[i] = (int8_t)(t == 1 ? pixels[i] : 0);
+                words[i] = (uint32_t)(t == 2 ? pixels[i] : 0);
+            }
+            const char *path = in(state, "scaled.fits.fz");
+            remove(path);
+            fits_create_diskfile(&file, path, &failed);
+            fits_set_compression_type(file, methods[m], &failed);
+            fits_create_img(file, types[t].bitpix, 2, axes, &failed);
+            fits_write_key_str(file, "OBJECT", "field", NULL, &failed);
+            fits_write_img(file, types[t].type, 1, (LONGLONG)SIDE * SIDE, stored[t], &failed);
+            fits_close_file(file, &failed);
+            assert_int_equal(failed, 0);
+            put_scale_first(path);
+            rx_tile *tile = read_tile(&PLAIN, path, 1, 1);
+            for (int i = 0; i < SIDE * SIDE; i++)
+                assert_near(tile->pixels[i], (float)pixels[i], 0);
+            assert_memory_equal(tile->cards, "XTENSION= 'IMAGE   '", 20);
+            assert_memory_equal(tile->cards + 80, "BITPIX  = ", 10);
+            assert_memory_equal(tile->cards + 160, "NAXIS   =                    2", 30);
+            assert_memory_equal(tile->cards + 240, "NAXIS1  =                   40", 30);
+            assert_memory_equal(tile->cards + 320, "NAXIS2  =                   40", 30);
+            char text[80];
+            assert_true(rx_cards_text(tile->cards, (long)tile->ncards, "BZERO", text, sizeof text));
+            assert_true(rx_cards_text(tile->cards, (long)tile->ncards, "OBJECT", text, sizeof text));
+            assert_false(rx_cards_text(tile->cards, (long)tile->ncards, "TTYPE1", text, sizeof text));
+            rx_tile_free(tile);
+        }
+}
+
+/* The tile, copied with its header: what a check-image is. */
+static void test_illegal_keywords(void **state)
+{
+    make_ramp(in(state, "a.fits"), 16,
+              "GAIN    = 2.5\nA.B     = 1\nPV1_0  = 0.1\nCONTINUE  'x'\nKEY A   = 'two&'\nCONTINUE  'x'\n"
+              "naxis1  = 7\nobject  = 'm31'\nbitpix  = 8\nxtension= 'IMAGE'\nbzero   = 0\nOBSERVER= 'I'");
+    FILE *stream = tmpfile();
+    rx_log log;
+    rx_log_init(&log, "test", stream, RX_NORMAL);
+    rx_tile *tile = NULL;
+    assert_int_equal(rx_tile_read(&PLAIN, in(state, "a.fits"), 0, 1, &log, &tile, NULL), RX_OK);
+    char said[400] = "";
+    rewind(stream);
+    assert_non_null(fgets(said, sizeof said, stream));
+    assert_non_null(strstr(said, "a.fits[0]: "));
+    assert_non_null(strstr(said, ": 'A.B     ', 'PV1_0  =', 'KEY A   '\n"));
+    assert_null(fgets(said, sizeof said, stream)); /* once */
+    fclose(stream);
+    rx_fits_writer *writer = NULL;
+    assert_int_equal(rx_fits_create(in(state, "copy.fits"), "copy.fits", &writer, NULL), RX_OK);
+    assert_int_equal(
+        rx_fits_image(writer, tile->pixels, W, H, NULL, tile->cards, tile->ncards, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    rx_tile_free(tile);
+    char *cards = NULL, text[80];
+    long n = 0;
+    assert_int_equal(rx_fits_read_header(in(state, "copy.fits"), 0, &cards, &n, NULL), RX_OK);
+    rx_cards_text(cards, n, "OBJECT", text, sizeof text);
+    assert_string_equal(text, "m31");
+    rx_cards_text(cards, n, "OBSERVER", text, sizeof text);
+    assert_string_equal(text, "I");
+    static const char *const once[] = {"NAXIS1  ", "BITPIX  ", "OBJECT  ", "GAIN    "};
+    for (size_t k = 0; k < sizeof once / sizeof *once; k++) {
+        int found = 0;
+        for (long i = 0; i < n; i++)
+            found += strncasecmp(cards + i * 80, once[k], 8) == 0;
+        assert_int_equal(found, 1);
+    }
+    static const char *const never[] = {"XTENSION", "BZERO   ", "A.B     ", "CONTINUE", "LONGSTRN"};
+    for (size_t k = 0; k < sizeof never / sizeof *never; k++)
+        for (long i = 0; i < n; i++)
+            assert_int_not_equal(strncasecmp(cards + i * 80, never[k], 8), 0);
+    free(cards);
+}
+
 /* --- damaged files --- */
 
 /* --- real files --- */
@@ -452,14 +575,22 @@ static void test_real_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_bitpix),     cmocka_unit_test(test_scaling_and_blank),
-        cmocka_unit_test(test_no_numbers), cmocka_unit_test(test_keys),
-        cmocka_unit_test(test_inherit),    cmocka_unit_test(test_compressed),
-        cmocka_unit_test(test_gzip),       cmocka_unit_test(test_names),
-        cmocka_unit_test(test_bad_names),  cmocka_unit_test(test_weights),
-        cmocka_unit_test(test_companions), cmocka_unit_test(test_bad_companions),
+        cmocka_unit_test(test_bitpix),
+        cmocka_unit_test(test_scaling_and_blank),
+        cmocka_unit_test(test_no_numbers),
+        cmocka_unit_test(test_keys),
+        cmocka_unit_test(test_inherit),
+        cmocka_unit_test(test_compressed),
+        cmocka_unit_test(test_gzip),
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_bad_names),
+        cmocka_unit_test(test_weights),
+        cmocka_unit_test(test_companions),
+        cmocka_unit_test(test_bad_companions),
         cmocka_unit_test(test_flag_bits),
 
+        cmocka_unit_test(test_compressed_scale_first),
+        cmocka_unit_test(test_illegal_keywords),
         cmocka_unit_test(test_real_files),
     };
     return cmocka_run_group_tests_name("tiles", tests, make_scratch, drop_scratch);
