@@ -434,6 +434,11 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
 {
     LONGLONG tiles = 1, rows = 0, tile = 1;
     int failed = 0;
+    const int bits = abs(shape->bitpix);
+    if ((bits != 8 && bits != 16 && bits != 32 && bits != 64) || shape->bitpix == -8 || shape->bitpix == -16)
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "ZBITPIX = %d of the compressed image is no kind of pixels; the header is damaged",
+                           shape->bitpix);
     for (int i = 0; i < shape->naxis && i < 9; i++) {
         char key[FLEN_KEYWORD];
         LONGLONG length = i == 0 ? shape->axes[0] : 1;

@@ -217,6 +217,19 @@ if [ "$active" = 1 ]; then
     judge 4 'report'
 fi
 
+# Structural cards in small letters are not copied, nor what no header may hold.
+begin 'outputs of an odd header are FITS'
+make_fits tile tile.fits 'naxis1  = 96' 'extend  = T' 'bzero   = 0.' 'A.B     = 1' 'PV1_0  = 2.0' "NAME    = '&'" \
+    "CONTINUE  'and an end'" "object  = 'field'"
+if ! command -v fitsverify >/dev/null; then
+    skip 'fitsverify is not installed'
+elif [ "$active" = 1 ]; then
+    leaves test.cat b.fits
+    run tile.fits $moffat -CATALOG_TYPE FITS_1.0 -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -VERBOSE_TYPE QUIET
+    fitsverify -q b.fits test.cat | grep -v '^verification OK' >>../err
+    judge 0 ''
+fi
+
 # SExtractor's own files, as a survey has them: no word about keywords without effect.
 begin 'configuration, columns and filter of SExtractor'
 make_fits tile tile.fits
