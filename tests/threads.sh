@@ -6,7 +6,7 @@ set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 program=$programs/rextract
-need rextract tests/cli/make_model
+need rextract rextract-simulate tests/cli/make_model tests/cli/make_fits
 enter
 OMP_WAIT_POLICY=passive
 export OMP_WAIT_POLICY
@@ -96,5 +96,53 @@ few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
     done
     result 'a run with templates repeated ten times with 16 threads' $code one.log
 }
+
+# Threads that the system does not make: OpenMP's runtime would end the process. The limit is of those that live.
+cat >few.c <<'END'
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+int pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*run)(void *), void *user)
+{
+    int (*real)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+    *(void **)&real = dlsym(RTLD_NEXT, "pthread_create");
+    int n = -2; /* . and .. */
+    DIR *dir = opendir("/proc/self/task");
+    while (dir != NULL && readdir(dir) != NULL)
+        n++;
+    if (dir != NULL)
+        closedir(dir);
+    return n < atoi(getenv("RX_MOST_THREADS")) ? real(thread, how, run, user) : EAGAIN;
+}
+END
+${CC:-cc} -shared -fPIC -o few.so few.c 2>few.log || cat few.log
+
+# limited MOST PROGRAM ARGUMENT...: with so many threads
+limited() {
+    most=$1
+    shift
+    ASAN_OPTIONS="verify_asan_link_order=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}" RX_MOST_THREADS=$most LD_PRELOAD=$scratch/few.so "$@"
+}
+
+"$build/tests/cli/make_fits" tile a.fits && "$build/tests/cli/make_fits" small b.fits && printf '../a.fits\n../b.fits\n' >tiles.list || exit 2
+list="@../tiles.list -c $top/config/default.sex -FILTER N -RESTORE_TYPE RL -RL_NITER 5 $moffat -PARAMETERS_NAME
+    $top/config/template.param -CATALOG_NAME {tile}.cat -CATALOG_TYPE FITS_1.0 -NTHREADS"
+mkdir alone
+# shellcheck disable=SC2086 # a list of arguments
+(cd alone && "$program" $list 1) >alone.log 2>&1
+for most in 1 2 5; do
+    rm -rf limited
+    mkdir limited
+    # shellcheck disable=SC2086
+    (cd limited && limited $most "$program" $list 8) >limited.log 2>&1 &&
+        [ "$(grep -c "8 threads cannot be made here; going on with $(((most + 1) / 2))" limited.log)" = 2 ] && diff -r alone limited >>limited.log
+    result "a list where $most of 8 threads can be made" $? limited.log
+done
+limited 2 "$programs/rextract-simulate" -IMAGE_SIZE 64 -STAR_COUNT 3000 -IMAGE_NAME i.fits -SHARP_NAME s.fits -FLAG_NAME f.fits \
+    -TRUTH_NAME t.fits -NTHREADS 8 >limited.log 2>&1 && grep -q 'going on with 1' limited.log
+result 'rextract-simulate where 2 of 8 threads can be made' $? limited.log
 
 finish

@@ -1,12 +1,12 @@
 /* A campaign from its settings to its report. */
 #include "campaign/campaign.h"
 
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/threads.h"
 #include "campaign/facts.h"
 #include "campaign/journal.h"
 #include "campaign/kind.h"
@@ -29,15 +29,6 @@ typedef struct job {
     rx_unit_values *values;
     rx_journal *journal;
 } job;
-
-/* 0 = all cores (OMP_NUM_THREADS), -n = at most n of them. */
-static int thread_count(int wanted)
-{
-    const int all = omp_get_max_threads();
-    if (wanted > 0)
-        return wanted;
-    return wanted < 0 && -wanted < all ? -wanted : all;
-}
 
 /* Name of the journal of shard k of n, to be freed. */
 static char *journal_name(const job *j, int k)
@@ -189,7 +180,7 @@ static rx_status run(job *j, rx_error *err)
 
 rx_status rx_campaign_run(const rx_campaign_config *config, rx_log *log, rx_error *err)
 {
-    job j = {.config = config, .log = log, .nthreads = thread_count(config->nthreads)};
+    job j = {.config = config, .log = log, .nthreads = rx_threads_had(config->nthreads, log)};
     for (size_t i = 0; i < sizeof KINDS / sizeof KINDS[0]; i++)
         if (strcmp(KINDS[i]->name, config->campaign_type) == 0)
             j.kind = KINDS[i];

@@ -337,20 +337,31 @@ static void adjoin_block(block *b)
     }
 }
 
+static void run_one(block b, rx_blur_work *work, const rx_blur_axis *to_x, const rx_blur_axis *to_y, int k,
+                    void (*run)(block *))
+{
+    b.work = work;
+    b.x = to_x->begin + k % to_x->n * to_x->step;
+    b.y = to_y->begin + k / to_x->n * to_y->step;
+    b.width = rx_least(to_x->step, to_x->end - b.x);
+    b.height = rx_least(to_y->step, to_y->end - b.y);
+    run(&b);
+}
+
 static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx_blur_axis *from_x,
                        const rx_blur_axis *from_y, const rx_blur_axis *to_x, const rx_blur_axis *to_y,
                        int first, int last, void (*run)(block *))
 {
-#pragma omp parallel for schedule(dynamic, 1) num_threads(blur->nwork) if (blur->nwork > 1)
-    for (int k = first * to_x->n; k < last * to_x->n; k++) {
-        block b = {.blur = blur, .lines = lines, .from_x = from_x, .from_y = from_y};
-        b.work = &blur->work[blur->nwork > 1 ? omp_get_thread_num() : 0];
-        b.x = to_x->begin + k % to_x->n * to_x->step;
-        b.y = to_y->begin + k / to_x->n * to_y->step;
-        b.width = rx_least(to_x->step, to_x->end - b.x);
-        b.height = rx_least(to_y->step, to_y->end - b.y);
-        run(&b);
+    const block b = {.blur = blur, .lines = lines, .from_x = from_x, .from_y = from_y};
+    const int begin = first * to_x->n, end = last * to_x->n;
+    if (blur->nwork == 1) { /* within a region, even of one, each transform would be given new threads */
+        for (int k = begin; k < end; k++)
+            run_one(b, blur->work, to_x, to_y, k, run);
+        return;
     }
+#pragma omp parallel for schedule(dynamic, 1) num_threads(blur->nwork)
+    for (int k = begin; k < end; k++)
+        run_one(b, &blur->work[omp_get_thread_num()], to_x, to_y, k, run);
 }
 
 void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)

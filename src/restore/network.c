@@ -271,6 +271,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     const int high = height > LARGE_TILE ? domain : domain / 2, shift_y = shift > 0 ? shift + unit : 0;
     n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
     n.domains = rx_blocks_make(width, height, domain, high, unit, shift, shift_y);
+    n.blocks.team = n.domains.team = n.nthreads;
     const double begun = n.clock = rx_seconds();
     *dst = NULL;
     rx_status status = new_restored(&n, extras, &n.restored, err);

@@ -41,12 +41,21 @@ typedef struct failure {
     rx_error error;
 } failure;
 
+static int take_next(int *next)
+{
+    int taken;
+#pragma omp atomic capture
+    taken = (*next)++;
+    return taken;
+}
+
 static rx_status run_some(const rx_blocks *blocks, int first, int last, int nthreads, rx_blocks_task task,
                           void *user, rx_error *err)
 {
     failure worst = {.block = -1, .error = RX_ERROR_NONE};
-#pragma omp parallel for schedule(dynamic, 1) num_threads(nthreads)
-    for (int b = first; b < last; b++) {
+    int next = first;
+#pragma omp parallel num_threads(blocks->team > nthreads && nthreads > 1 ? blocks->team : nthreads)
+    for (int b; omp_get_thread_num() < nthreads && (b = take_next(&next)) < last;) {
         rx_error why = RX_ERROR_NONE;
         const int x = blocks->x + b % blocks->nx * blocks->width,
                   y = blocks->y + b / blocks->nx * blocks->height;

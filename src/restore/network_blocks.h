@@ -13,6 +13,8 @@ typedef struct rx_blocks {
     int x, y;
     int width, height;
     int nx, ny;
+    int team; /* threads that the run has; the caller's to set. Where fewer have work the others wait: a smaller
+               * team of OpenMP's would end them, and the next would have to be given them anew */
 } rx_blocks;
 
 /* For a tile of width x height: at most `wide` x `high` pixels, multiples of `unit`, as even as that

@@ -90,6 +90,13 @@ static void take_error(rx_status why, const rx_error *error, rx_status *status, 
     }
 }
 
+/* Of the threads those that have work do it, rx_blocks.team says why. */
+static int team_of(const rx_network_optics *optics)
+{
+    const int team = optics->blocks->team;
+    return optics->nthreads > 1 && team > optics->nthreads ? team : optics->nthreads;
+}
+
 /* Threads' planes on a domain that holds a block and the halo that the widest of the tasks needs. */
 static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_radius, rx_error *err)
 {
@@ -103,7 +110,7 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     optics->work = RX_NEW(rx_network_optics_work, (size_t)optics->nthreads);
     if (optics->work == NULL)
         return rx_error_memory(err, 0);
-#pragma omp parallel for schedule(static, 1) num_threads(optics->nthreads)
+#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int i = 0; i < optics->nthreads; i++) {
         rx_error why = RX_ERROR_NONE;
         const rx_status made =
@@ -131,7 +138,7 @@ static rx_status make_spectra(rx_network_optics *optics, const float *relative, 
 {
     const int other = optics->nthreads > 1; /* an rx_fft is used by one thread at a time */
     rx_status status = RX_OK;
-#pragma omp parallel for schedule(static, 1) num_threads(1 + other)
+#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int task = 0; task < 2; task++) {
         rx_error why = RX_ERROR_NONE;
         const rx_status made = task == 0 ? make_tikhonov(optics, optics->work[0].fft, &why)

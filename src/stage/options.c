@@ -2,12 +2,12 @@
 #include "stage/options.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/threads.h"
 #include "config/config_fields.h"
 #include "config/kernel.h"
 #include "stage/checkimages.h"
@@ -66,7 +66,7 @@ static int value_of(const word_value *list, size_t n, const char *word)
 /* Item i of a list, its last one when it is shorter: "64" is "64,64", one weight type serves two images. */
 #define ITEM(list, i) ((list).v[(i) < (list).n ? (i) : (list).n - 1])
 
-static void tile_options(const rx_config *cfg, int role, rx_tile_params *dst)
+static void tile_options(const rx_config *cfg, int role, int nthreads, rx_tile_params *dst)
 {
     *dst = (rx_tile_params){.weight_threshold = NAN,
                             .gain = cfg->gain,
@@ -76,7 +76,7 @@ static void tile_options(const rx_config *cfg, int role, rx_tile_params *dst)
                             .zeropoint = cfg->mag_zeropoint,
                             .zeropoint_key = cfg->mag_zeropoint_key,
                             .pixel_scale = cfg->pixel_scale,
-                            .nthreads = cfg->nthreads};
+                            .nthreads = nthreads};
     if (cfg->weight_type.n > 0)
         dst->weight_type = (rx_weight_type)VALUE(weight_types, ITEM(cfg->weight_type, role));
     if (dst->weight_type > RX_WEIGHT_BACKGROUND && cfg->weight_image.n > 0)
@@ -419,21 +419,13 @@ static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *
     return status;
 }
 
-/* 0 = OMP_NUM_THREADS or every core, -n = at most n of them. */
-static int thread_option(int nthreads)
-{
-    int all = omp_get_max_threads();
-    if (nthreads > 0)
-        return nthreads;
-    return nthreads < 0 && -nthreads < all ? -nthreads : all;
-}
-
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
     rx_options *options = RX_NEW(rx_options, 1);
     if (options == NULL)
         return rx_error_memory(err, sizeof *options);
-    options->nthreads = thread_option(cfg->nthreads);
+    options->nthreads = cfg->plan ? rx_threads_wanted(cfg->nthreads) /* of a run that may be elsewhere */
+                                  : rx_threads_had(cfg->nthreads, log);
     options->plan_density = cfg->plan_density;
     options->catalog_name = cfg->catalog_name;
     options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
@@ -447,8 +439,8 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     if (status == RX_OK)
         status = column_options(cfg, log, options, err);
     if (status == RX_OK) {
-        tile_options(cfg, 0, &options->tile[0]);
-        tile_options(cfg, 1, &options->tile[1]);
+        tile_options(cfg, 0, options->nthreads, &options->tile[0]);
+        tile_options(cfg, 1, options->nthreads, &options->tile[1]);
         flag_options(cfg, options->columns, options);
         measure_options(cfg, log, options);
         status = checkimage_options(cfg, log, options, err);

@@ -1,10 +1,10 @@
 /* From the keywords of rextract-simulate to plain values. */
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/threads.h"
 #include "psf/psf.h"
 #include "stage/simulation_parts.h"
 
@@ -15,14 +15,6 @@ static const double BORDER = 4.0;
 static int is(const char *word, const char *other)
 {
     return strcmp(word, other) == 0;
-}
-
-static int threads(int asked)
-{
-    int all = omp_get_max_threads();
-    if (asked > 0)
-        return asked;
-    return asked < 0 && -asked < all ? -asked : all;
 }
 
 /* --- PSF --- */
@@ -137,7 +129,7 @@ rx_status rx_simulation_build(const rx_simulate_config *config, const rx_simulat
     simulation->sharp_fwhm = config->sharp_fwhm;
     simulation->alpha = config->sky_center.v[0];
     simulation->delta = config->sky_center.v[1];
-    simulation->nthreads = threads(config->nthreads);
+    simulation->nthreads = rx_threads_wanted(config->nthreads);
     simulation->noise = noise_params(config);
     if (ground->with_optics) {
         status = make_optics(config, ground, log, &simulation->optics, err);

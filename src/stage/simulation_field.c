@@ -94,6 +94,7 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
     status = rx_simulation_build(config, &ground, log, &simulation, err);
     if (status != RX_OK)
         return status;
+    simulation->nthreads = options->nthreads;
     simulation->noise.type = RX_NOISE_NONE;
     simulation->noise.sky = simulation->noise.sigma = 0.0;
     simulation->noise.gain = gain_of(config, tile, log);

@@ -7,6 +7,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "base/threads.h"
 #include "catalog/catalog.h"
 #include "config/config_fields.h"
 #include "io/fits_read.h"
@@ -317,6 +318,7 @@ static rx_status run_field(job *job, rx_error *err)
     rx_text facts = {0};
     rx_status status = rx_simulation_from_config(job->config, job->log, &simulation, err);
     if (status == RX_OK) {
+        simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
         simulation->without_sharp = job->sharp.writer == NULL;
         status = rx_simulation_make(simulation, simulation->scene.stream, &simulated, err);
     }

@@ -1,7 +1,6 @@
 /* From keywords to structs. */
 #include "train/setup.h"
 
-#include <omp.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -157,14 +156,6 @@ rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *
         .sim = config->sim,
         .ahead = config->images_ahead,
     };
-}
-
-int rx_setup_threads(int wanted)
-{
-    const int all = omp_get_max_threads();
-    if (wanted > 0)
-        return wanted;
-    return wanted < 0 && -wanted < all ? -wanted : all;
 }
 
 typedef struct lines {

@@ -20,9 +20,6 @@ rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, r
 
 rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid);
 
-/* Threads that train: NTHREADS > 0, or all cores (0), or at most -NTHREADS of them. */
-int rx_setup_threads(int wanted);
-
 /* "KEYWORD value" lines. RECORD: what decides the bytes of the model and is not at its default, for the model
  * file; ALL: every keyword that decides them, for the checkpoint. Names of outputs, threads, generators and
  * what only the page uses are in neither; EPOCHS and PATIENCE, which may change when a training goes on, are

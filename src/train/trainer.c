@@ -8,6 +8,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "base/threads.h"
 #include "par/ranks.h"
 #include "train/checkpoint.h"
 #include "train/epoch_test.h"
@@ -433,7 +434,7 @@ static rx_status find_state(job *j, rx_error *err)
 static rx_status prepare(job *j, rx_error *err)
 {
     const rx_step_params par = rx_setup_step(j->config);
-    const int nthreads = rx_setup_threads(j->config->nthreads);
+    const int nthreads = rx_threads_had(j->config->nthreads, j->log);
     rx_status status = rx_setup_model(j->config, &j->model, err);
     if (status == RX_OK)
         status = rx_train_output_open(j->config, &j->output, err);

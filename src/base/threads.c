@@ -1,0 +1,114 @@
+/* Threads are tried before OpenMP's runtime makes them. */
+#include "base/threads.h"
+
+#include <omp.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "base/memory.h"
+
+int rx_threads_wanted(int wanted)
+{
+    const int all = omp_get_max_threads();
+    if (wanted > 0)
+        return wanted;
+    return wanted < 0 && -wanted < all ? -wanted : all;
+}
+
+/* Stack size of OpenMP's threads in bytes as libgomp reads it, a number of kB or with B, K, M or G behind it;
+ * 0: the system's own. */
+static size_t stack_size(void)
+{
+    const char *text = getenv("OMP_STACKSIZE");
+    if (text == NULL)
+        text = getenv("GOMP_STACKSIZE");
+    if (text == NULL)
+        return 0;
+    char *end = NULL;
+    const unsigned long n = strtoul(text, &end, 10);
+    while (*end == ' ')
+        end++;
+    const int shift = *end == 'B' || *end == 'b'   ? 0
+                      : *end == 'M' || *end == 'm' ? 20
+                      : *end == 'G' || *end == 'g' ? 30
+                                                   : 10;
+    return (size_t)n << shift;
+}
+
+/* A thread that lives until the gate is opened. */
+static void *wait_at(void *gate)
+{
+    pthread_mutex_lock(gate);
+    pthread_mutex_unlock(gate);
+    return NULL;
+}
+
+/* Threads of this process by Linux's count; 0: not known. */
+static long living(void)
+{
+    struct stat task;
+    return stat("/proc/self/task", &task) == 0 ? (long)task.st_nlink - 2 : 0;
+}
+
+/* Threads that have ended still count for a moment: until no more than `before` do, 0.1 s at most. */
+static void wait_for_ends(long before)
+{
+    const struct timespec moment = {.tv_nsec = 100000};
+    for (int i = 0; i < 1000 && living() > before; i++)
+        nanosleep(&moment, NULL);
+}
+
+/* How many of n threads can live at once. */
+static int possible(int n)
+{
+    int made = 0;
+    const long before = living();
+    pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
+    pthread_attr_t how;
+    pthread_t *thread = RX_NEW(pthread_t, (size_t)n);
+    if (thread == NULL || pthread_attr_init(&how) != 0) {
+        free(thread);
+        return 0;
+    }
+    const size_t size = stack_size();
+    if (size > 0)
+        (void)pthread_attr_setstacksize(&how, size); /* refused: neither will libgomp have its way */
+    pthread_mutex_lock(&gate);
+    while (made < n && pthread_create(&thread[made], &how, wait_at, &gate) == 0)
+        made++;
+    pthread_mutex_unlock(&gate);
+    for (int i = 0; i < made; i++)
+        pthread_join(thread[i], NULL);
+    wait_for_ends(before);
+    pthread_mutex_destroy(&gate);
+    pthread_attr_destroy(&how);
+    free(thread);
+    return made;
+}
+
+int rx_threads_had(int wanted, rx_log *log)
+{
+    const int n = rx_threads_wanted(wanted);
+    if (n == 1)
+        return 1;
+    int had = 1 + possible(n - 1);
+    if (had < n && omp_pause_resource_all(omp_pause_soft) == 0) {
+        wait_for_ends(1); /* those of an earlier tile were in the way */
+        had = 1 + possible(n - 1);
+    }
+    if (had < n) { /* something has to be left for planes and for gnuplot */
+        had = 1 + (had - 1) / 2;
+        rx_log_warning(
+            log,
+            "%d threads cannot be made here; going on with %d (ulimit -u and -v, OMP_STACKSIZE and "
+            "NTHREADS say how many there are)",
+            n, had);
+    }
+    /* kept by the runtime, which asks for none from now on */
+#pragma omp parallel num_threads(had)
+    {
+    }
+    return had;
+}
