@@ -217,7 +217,7 @@ training() {
 
 # same_model TITLE FOLDER
 same_model() {
-    cmp threads/psfnet.fits "$2/psfnet.fits" >cmp.log 2>&1
+    cmp threads/trained.fits "$2/trained.fits" >cmp.log 2>&1
     result "$1" $? cmp.log
 }
 
@@ -235,7 +235,7 @@ if $python -c 'import astropy, numpy' 2>/dev/null; then
     $python - >check.log 2>&1 <<'END'
 import numpy as np
 from astropy.io import fits
-one, two = fits.open('threads/psfnet.fits'), fits.open('two/psfnet.fits')
+one, two = fits.open('threads/trained.fits'), fits.open('two/trained.fits')
 checked = 0
 for a, b in zip(one, two):
     if not a.name.endswith('_PARAMS') and a.name != 'DICTIONARY':
@@ -276,7 +276,7 @@ timeout -k 5 100 mpiexec -launcher fork -n 3 "$train" -c ../small.conf -EPOCHS 1
     >run.log 2>&1 &
 started=$!
 waited=0
-until [ -f psfnet.checkpoint ] || [ "$waited" -ge 300 ]; do
+until [ -f trained.checkpoint ] || [ "$waited" -ge 300 ]; do
     sleep 0.2
     waited=$((waited + 1))
 done

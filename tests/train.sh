@@ -53,11 +53,12 @@ result 'tells what steps and images cost, epoch by epoch' $? whole.log
 [ -e whole/training.html ] && [ -e whole/dictionary.ecsv ] && [ -e whole/log.ecsv ]
 result 'leaves a page and tables' $? whole.log
 
-# column NAME of the last line of the log
-column() {
-    awk -F, -v name="$1" '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == name) at = i; next }
-        { value = $at } END { print value }' whole/log.ecsv
+# of_log FOLDER COLUMN: the values of all epochs
+of_log() {
+    awk -F, -v name="$2" '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == name) at = i; next }
+        { print $at }' "$1/log.ecsv"
 }
+column() { of_log whole "$1" | tail -n 1; }
 awk -v test="$(column test_loss)" -v input="$(column input_loss)" 'BEGIN { exit !(test > 0 && test < 0.8 * input) }'
 result "the loss is below that of unrestored images: $(column test_loss) against $(column input_loss)" $? whole/log.ecsv
 [ "$(grep -c '^[0-9]' whole/log.ecsv)" = 3 ] && [ "$(grep -c '^[0-9]' whole/dictionary.ecsv)" = 6 ]
@@ -136,6 +137,19 @@ training full
 [ $? -eq 2 ] && [ "$(cat full/thesis)" = mine ] && [ ! -e full.ck ]
 result 'a folder of somebody else is refused before the work' $? full.log
 
+# while it goes on its model says so
+start going -EPOCHS 100000
+tries=0
+until [ -e going.model/model.fits ] || [ $tries -ge 400 ]; do
+    sleep 0.05
+    tries=$((tries + 1))
+done
+kill -TERM $job
+wait $job
+"$program" -INFO going.model/model.fits 2>&1 | grep -q 'has not ended' &&
+    ! "$program" -INFO whole.model/model.fits 2>&1 | grep -q 'has not ended'
+result 'a model of a training that has not ended says so' $? going.log
+
 # a rate that no network survives
 training wild -RATE 1 -CLIP 0 -WARMUP 0 -EPOCHS 2 -LOSS_TYPE PLAIN
 [ $? -eq 3 ] && grep -q 'lower RATE' wild.log && grep -q 'begins again with half the rate' wild.log
@@ -147,11 +161,32 @@ result 'BLIND' $? blind.log
 "$program" -INFO blind.model/model.fits >info 2>&1 && grep -q BLIND info
 result 'is said by -INFO' $? info
 
+# a training whose last epoch is not its best, on two validation images: of several seeds the first
+short="-EPOCHS 20 -BIN_IMAGES 20 -VALIDATION_IMAGES 1 -SELECTION UNIFORM -RATE 0.03 -FIELD_USES 40 -LOSS_IDT_PSF 0 -LOSS_REC 0
+    -LOSS_REC_PSF 0"
+for seed in 6 2 5 7 8; do
+    rm -rf best best.ck
+    # shellcheck disable=SC2086 # a list
+    training best $short -SEED $seed -PATIENCE 0
+    best=$(of_log best validation | awk 'NR == 1 || $1 < least { least = $1; at = NR } END { print at }')
+    [ "$best" -ge 18 ] || break
+done
+[ "$best" -lt 18 ] && [ "$(of_log best validation | wc -l)" = 20 ] &&
+    "$program" -INFO best.model/model.fits 2>&1 | grep -q "^Training  *20 epochs.* parameters of epoch $best\$"
+result "the model is that of the best epoch, $best" $? best.log
+training judged $short -SEED 1 -INIT_MODEL best.model/model.fits -EPOCHS 1 -RATE 1e-9
+awk -v least="$(of_log best validation | sort -g | head -n 1)" -v found="$(of_log judged validation)" \
+    'BEGIN { exit !(found > 0.9999 * least && found < 1.0001 * least) }'
+result 'and has its loss, on validation images that no SEED changes' $? judged.log
+training patient $short -SEED $seed -PATIENCE 2
+[ "$(of_log patient validation | wc -l)" = 19 ] && grep -q 'no improvement, stopped after 19 epochs' patient.log &&
+    "$program" -INFO patient.model/model.fits 2>&1 | grep -q " epoch $best\$"
+result 'PATIENCE counts where the rate is low: epochs 18 and 19 of 20' $? patient.log
+
 # begun with the networks of another training: better from the first epoch on than fresh ones, other shapes are refused
-loss() { awk -F, '/^#/ { next } !at { for (i = 1; i <= NF; i++) if ($i == "test_loss") at = i; next }
-    $1 == 1 { print $at }' "$1/log.ecsv"; }
-training begun -INIT_MODEL whole.model/model.fits -EPOCHS 1 -RATE 0.0005
-[ $? -eq 0 ] && awk -v a="$(loss begun)" -v b="$(loss whole)" 'BEGIN { exit !(a < 0.8 * b) }'
+# shellcheck disable=SC2086 # a list
+training begun $short -SEED $seed -INIT_MODEL best.model/model.fits -EPOCHS 1 -RATE 0.0005
+[ $? -eq 0 ] && awk -v a="$(of_log begun test_loss)" -v b="$(of_log best test_loss | head -n 1)" 'BEGIN { exit !(a < 0.8 * b) }'
 result 'a training begins where another one ended' $? begun.log
 "$program" -INFO begun.model/model.fits 2>&1 | grep -q 'INIT_MODEL *model.fits'
 result 'and says so in its model, without the folder' $? begun.log

@@ -39,6 +39,9 @@ static rx_status check_images(const rx_train_config *config, rx_error *err)
     if (4 * config->patch_margin >= config->patch)
         return REFUSE(PATCH_MARGIN, "%d leaves less than half of an image's side of %d; give at most %d",
                       config->patch_margin, config->patch, (config->patch - 1) / 4);
+    if (config->validation_images > config->bin_images)
+        return REFUSE(VALIDATION_IMAGES, "%d is above BIN_IMAGES, %d; give at most that",
+                      config->validation_images, config->bin_images);
     const struct {
         const char *name;
         const rx_reals *range;

@@ -13,9 +13,11 @@
 rx_model *rx_model_new(void)
 {
     rx_model *model = RX_NEW(rx_model, 1);
-    if (model != NULL)
-        model->front = (rx_front){
-            .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 2, .pedestal = 1};
+    if (model == NULL)
+        return NULL;
+    model->front = (rx_front){
+        .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 2, .pedestal = 1};
+    model->ended = 1;
     return model;
 }
 

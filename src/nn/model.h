@@ -13,6 +13,9 @@
  *   RXRLSTEP, RXPEDST    Richardson-Lucy steps after the network, their pedestal (nn/rl_step.h)
  *   RXNFWHM, RXNSIGMA    bins of the dictionary, 0 without one
  *   RXEPOCHS, RXPATCHS, RXSEED    training done: epochs, images seen, seed (a string of digits)
+ *   RXBEST    epoch, from 1, that these parameters are of: the best one
+ *   RXENDED   1 when the training has ended, 0 while it goes on. Files from before these two cards have
+ *             neither: they count as ended, of their last epoch
  *
  * Binary tables, in this order, those in brackets where there are any:
  *
@@ -60,11 +63,13 @@ typedef struct rx_model {
     char name[RX_MODEL_NAME];     /* for headers and reports */
     char digest[RX_MODEL_DIGEST]; /* as rx_model_digest(); set by rx_model_read() */
     long epochs, patches;         /* training done */
+    long best;                    /* epoch that the parameters are of */
+    int ended;                    /* has the training ended? */
     uint64_t seed;
     char *provenance; /* KEYWORD value lines of the training, owned, may be NULL; printable ASCII */
 } rx_model;
 
-/* All zero but the default front; NULL without memory. */
+/* All zero but the default front and `ended`; NULL without memory. */
 rx_model *rx_model_new(void);
 void rx_model_free(rx_model *model); /* NULL is fine */
 

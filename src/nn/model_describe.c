@@ -91,8 +91,11 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
     add_net(dst, "RESTORE", model->restore);
     if (model->psf != NULL)
         add_net(dst, "PSF", model->psf);
-    rx_text_printf(dst, "Training    %ld epochs, %ld images, seed %" PRIu64 "\n", model->epochs,
-                   model->patches, model->seed);
+    rx_text_printf(
+        dst, "Training    %ld epochs, %ld images, seed %" PRIu64 "; these are the parameters of epoch %ld\n",
+        model->epochs, model->patches, model->seed, model->best);
+    if (!model->ended)
+        rx_text_add(dst, "            has not ended: start rextract-train again to go on\n");
     add_nodes(dst, model->restore);
     if (model->bins != NULL)
         add_bins(dst, model);

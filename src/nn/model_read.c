@@ -69,7 +69,7 @@ static rx_status take_seed(const reader *r, uint64_t *dst, rx_error *err)
 static rx_status take_header(const reader *r, rx_error *err)
 {
     rx_model *m = r->model;
-    long nfwhm = 0, nsigma = 0, steps = 0;
+    long nfwhm = 0, nsigma = 0, steps = 0, ended = 1;
     rx_cards_text(r->cards, r->ncards, "RXNAME", m->name, sizeof m->name);
     rx_status status = take_mode(r, &m->front.mode, err);
     if (status == RX_OK)
@@ -86,11 +86,18 @@ static rx_status take_header(const reader *r, rx_error *err)
         status = take_integer(r, "RXNSIGMA", 0, MAX_BINS, &nsigma, err);
     if (status == RX_OK)
         status = take_integer(r, "RXEPOCHS", 0, INT_MAX, &m->epochs, err);
+    const int old = !rx_cards_number(r->cards, r->ncards, "RXENDED", &(double){0});
+    m->best = m->epochs;
+    if (status == RX_OK && !old)
+        status = take_integer(r, "RXBEST", 0, m->epochs, &m->best, err);
+    if (status == RX_OK && !old)
+        status = take_integer(r, "RXENDED", 0, 1, &ended, err);
     if (status == RX_OK)
         status = take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err);
     if (status == RX_OK)
         status = take_seed(r, &m->seed, err);
     m->front.rl_steps = (int)steps;
+    m->ended = (int)ended;
     m->nfwhm = (int)nfwhm;
     m->nsigma = (int)nsigma;
     return status;

@@ -154,6 +154,8 @@ static void add_cards(const rx_model *model, rx_text *dst)
     rx_card_integer(dst, "RXNFWHM", model->bins != NULL ? model->nfwhm : 0, "bins of FWHM");
     rx_card_integer(dst, "RXNSIGMA", model->bins != NULL ? model->nsigma : 0, "bins of noise");
     rx_card_integer(dst, "RXEPOCHS", model->epochs, "epochs of training");
+    rx_card_integer(dst, "RXBEST", model->best, "epoch of these parameters, the best one");
+    rx_card_integer(dst, "RXENDED", model->ended, "1: the training has ended");
     rx_card_integer(dst, "RXPATCHS", model->patches, "images seen in training");
     rx_card_text(dst, "RXSEED", seed, "seed of the training");
 }

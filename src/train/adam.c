@@ -70,3 +70,14 @@ double rx_schedule(double progress, double warmup)
         return progress / warmup;
     return 0.5 * (1 + cos(pi * (progress - warmup) / (1 - warmup)));
 }
+
+long rx_schedule_low(long from, long to, int epochs, double warmup)
+{
+    const double low = 0.1;
+    long n = 0;
+    for (long e = from; e < to; e++) {
+        const double progress = (double)e / epochs;
+        n += progress >= warmup && rx_schedule(progress, warmup) < low;
+    }
+    return n;
+}

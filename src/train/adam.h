@@ -25,4 +25,8 @@ double rx_gradient_clip(float *const *gradients, const long *n, int count, doubl
  * cosine down to 0. */
 double rx_schedule(double progress, double warmup);
 
+/* How many of the epochs from .. to - 1, counted from 0, of a training of that many begin on the way down and
+ * below a tenth of the highest rate: where little is left to learn, and no improvement is news. */
+long rx_schedule_low(long from, long to, int epochs, double warmup);
+
 #endif

@@ -10,7 +10,7 @@
 #include "base/hash.h"
 #include "base/memory.h"
 
-static const char MAGIC[] = "rextract-train checkpoint 2\n";
+static const char MAGIC[] = "rextract-train checkpoint 3\n";
 enum { MOST_SETTINGS = 1 << 20 };
 
 /* One way through the file for both directions, so that what is read is what was written. */
@@ -84,6 +84,7 @@ static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
         same(s, x->adam[k]->n);
         ITEM(s, x->adam[k]->steps);
         item(s, x->params[k], bytes);
+        item(s, x->best_params[k], bytes);
         item(s, x->adam[k]->mean, bytes);
         item(s, x->adam[k]->square, bytes);
     }
@@ -92,7 +93,7 @@ static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
     ITEM(s, x->patches);
     selection_items(s, &x->selection);
     ITEM(s, x->best);
-    ITEM(s, x->without);
+    ITEM(s, x->best_epoch);
     ITEM(s, x->slow);
     ITEM(s, x->returns);
     ITEM(s, x->usual);

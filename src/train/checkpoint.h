@@ -1,10 +1,11 @@
 /* The state of a training in a file, from which the same training goes on: what comes out has the bytes that
  * it would have had without the interruption.
  *
- *   rextract-train checkpoint 1\n       magic
+ *   rextract-train checkpoint 3\n       magic
  *   settings                            text, what decides the training (train/setup.h, RX_SETUP_ALL)
  *   sizes of networks and grid
- *   state at the last end of an epoch   weights, moments, steps, dictionary, history, patience, running mean
+ *   state at the last end of an epoch   weights, moments, steps, those of the best epoch, dictionary, history,
+ *                                       running mean
  *   whether one follows, and the state within the next epoch, of an interrupted training
  *   digest                              base/hash.h, of all bytes before it
  *

@@ -10,6 +10,10 @@
  * wait at the trainer and those made for the next epoch together; the trainer tells how far it is. Twice an
  * epoch's images never hold a generator up.
  *
+ * The validation images are asked for once, before the first epoch, as an epoch of its own that has test
+ * images alone: RX_EPOCH_VALIDATION. Their seed is apart from SEED, so that trainings of the same sky and
+ * another SEED are judged by the same images.
+ *
  * Nothing of what the trainer receives depends on timing: image and order follow from ids. The trainer never
  * waits while an image it needs next has come. */
 #ifndef RX_TRAIN_FEED_H

@@ -326,21 +326,26 @@ rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_f
 
 /* --- with the simulator --- */
 
+/* One maker for each set of images; validation images have a seed of their own. */
+enum { VALIDATION = RX_SET_TEST + 1, MAKERS };
+#define VALIDATION_SEED 0x76616c6964617465u
+
 static rx_status make_scene(void *user, rx_sample_id id, rx_sample *dst, rx_error *err)
 {
     rx_scenes *const *scenes = user;
-    return rx_scenes_make(scenes[id.set], id, dst, err);
+    return rx_scenes_make(scenes[id.epoch == RX_EPOCH_VALIDATION ? VALIDATION : id.set], id, dst, err);
 }
 
 rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *log, rx_error *err)
 {
-    rx_scenes *scenes[2] = {NULL, NULL};
+    rx_scenes *scenes[MAKERS] = {NULL};
     rx_error why = RX_ERROR_NONE;
     rx_status status = RX_OK;
-    for (int set = RX_SET_TRAIN; set <= RX_SET_TEST && status == RX_OK; set++) {
+    for (int i = 0; i < MAKERS && status == RX_OK; i++) {
         rx_scenes_params one = par->scenes;
-        one.set = set;
-        status = rx_scenes_new(&one, &par->grid, par->sim, log, &scenes[set], &why);
+        one.set = i == RX_SET_TRAIN ? RX_SET_TRAIN : RX_SET_TEST;
+        one.seed = i == VALIDATION ? VALIDATION_SEED : one.seed;
+        status = rx_scenes_new(&one, &par->grid, par->sim, log, &scenes[i], &why);
     }
     if (status != RX_OK) {
         rx_ranks_fail(ranks, &why);
@@ -348,7 +353,7 @@ rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *l
             *err = why;
     } else
         status = rx_feed_generate_with(par, ranks, make_scene, scenes, err);
-    for (int set = RX_SET_TRAIN; set <= RX_SET_TEST; set++)
-        rx_scenes_free(scenes[set]);
+    for (int i = 0; i < MAKERS; i++)
+        rx_scenes_free(scenes[i]);
     return status;
 }

@@ -93,6 +93,7 @@ void rx_history_log(const rx_history *history, const char *name, rx_text *dst)
         {"recall", "", "of test stars of S/N above 5"},
         {"bias", "", "median relative error of the flux of isolated test stars of S/N above 12"},
         {"scatter", "", "1.4826 MAD of the same"},
+        {"validation", "", "RESTORE(blurred) against sharp, validation images, the same in every epoch"},
     };
     rx_ecsv table = begin(dst, name, "log of a training", columns, sizeof columns / sizeof *columns);
     for (long e = 0; e < history->n; e++) {
@@ -104,7 +105,7 @@ void rx_history_log(const rx_history *history, const char *name, rx_text *dst)
                                  x->losses.rec_psf, x->losses.ffl,
                                  x->test_loss,      x->input_loss,
                                  x->recall,         x->bias,
-                                 x->scatter};
+                                 x->scatter,        x->validation};
         rx_ecsv_count(&table, e + 1);
         for (size_t i = 0; i < sizeof values / sizeof *values; i++)
             rx_ecsv_number(&table, values[i]);

@@ -16,12 +16,13 @@ typedef struct rx_epoch_bin {
 } rx_epoch_bin;
 
 typedef struct rx_epoch {
-    double steps, patches;        /* since the beginning of the training */
-    double rate;                  /* learning rate of the last step */
-    double norm;                  /* mean norm of the gradient before clipping */
-    rx_step_values losses;        /* means over the training images */
-    double test_loss;             /* mean over the bins of their test loss */
-    double input_loss;            /* the same of the images as they are, unrestored: what must be beaten */
+    double steps, patches; /* since the beginning of the training */
+    double rate;           /* learning rate of the last step */
+    double norm;           /* mean norm of the gradient before clipping */
+    rx_step_values losses; /* means over the training images */
+    double test_loss;      /* mean over the bins of their test loss */
+    double input_loss;     /* the same of the images as they are, unrestored: what must be beaten */
+    double validation;     /* mean loss of RESTORE over the validation images, the same in every epoch */
     double recall, bias, scatter; /* of the stars of all bins together */
 } rx_epoch;
 

@@ -31,7 +31,7 @@ rx_status rx_learner_load(rx_learner *learner, rx_error *err);
 rx_status rx_learner_gradients(rx_learner *learner, rx_sample *const *samples, int n,
                                float *const gradient[RX_TRAIN_NETS], rx_step_values *values, rx_error *err);
 
-/* Test n <= most samples. */
+/* Test any number of samples. */
 rx_status rx_learner_test(rx_learner *learner, rx_sample *const *samples, int n, rx_test_image *dst,
                           rx_error *err);
 

@@ -14,6 +14,9 @@ enum { RX_SAMPLE_KERNEL = 63, RX_SAMPLE_STARS = 64 }; /* side of the stamp of K'
 
 typedef enum rx_sample_set { RX_SET_TRAIN, RX_SET_TEST } rx_sample_set;
 
+/* The validation images are test images of this "epoch", which no training reaches (train/feed.h). */
+#define RX_EPOCH_VALIDATION UINT32_MAX
+
 typedef struct rx_sample_id {
     uint32_t epoch, set, bin, index;
 } rx_sample_id;

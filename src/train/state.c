@@ -23,8 +23,10 @@ rx_status rx_train_state_new(const rx_model *model, const rx_selection *selectio
     for (int k = 0; k < state->nnets && status == RX_OK; k++) {
         const size_t n = (size_t)nets[k]->nparams;
         state->params[k] = RX_NEW(float, n);
-        status = state->params[k] != NULL ? rx_adam_new(nets[k]->nparams, &state->adam[k], err)
-                                          : rx_error_memory(err, n * sizeof(float));
+        state->best_params[k] = RX_NEW(float, n);
+        status = state->params[k] != NULL && state->best_params[k] != NULL
+                     ? rx_adam_new(nets[k]->nparams, &state->adam[k], err)
+                     : rx_error_memory(err, n * sizeof(float));
         if (status == RX_OK)
             memcpy(state->params[k], nets[k]->params, n * sizeof(float));
     }
@@ -42,6 +44,7 @@ void rx_train_state_free(rx_train_state *state)
         return;
     for (int k = 0; k < RX_TRAIN_NETS; k++) {
         free(state->params[k]);
+        free(state->best_params[k]);
         rx_adam_free(state->adam[k]);
     }
     rx_history_free(&state->history);
@@ -57,18 +60,40 @@ rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx
     for (int k = 0; k < src->nnets; k++) {
         const size_t bytes = (size_t)src->adam[k]->n * sizeof(float);
         dst->params[k] = own.params[k];
+        dst->best_params[k] = own.best_params[k];
         dst->adam[k] = own.adam[k];
         dst->adam[k]->steps = src->adam[k]->steps;
         memcpy(dst->params[k], src->params[k], bytes);
+        memcpy(dst->best_params[k], src->best_params[k], bytes);
         memcpy(dst->adam[k]->mean, src->adam[k]->mean, bytes);
         memcpy(dst->adam[k]->square, src->adam[k]->square, bytes);
     }
     return status;
 }
 
-void rx_train_state_load(const rx_train_state *state, rx_model *model)
+void rx_train_state_rank(rx_train_state *state, double validation)
+{
+    if (state->best_epoch > 0 && !(validation < state->best))
+        return;
+    state->best = isnan(validation) ? INFINITY : validation;
+    state->best_epoch = state->epoch;
+    for (int k = 0; k < state->nnets; k++)
+        memcpy(state->best_params[k], state->params[k], (size_t)state->adam[k]->n * sizeof(float));
+}
+
+static void load(const rx_train_state *state, float *const *params, rx_model *model)
 {
     rx_net *nets[RX_TRAIN_NETS] = {model->restore, model->psf};
     for (int k = 0; k < state->nnets; k++)
-        memcpy(nets[k]->params, state->params[k], (size_t)state->adam[k]->n * sizeof(float));
+        memcpy(nets[k]->params, params[k], (size_t)state->adam[k]->n * sizeof(float));
+}
+
+void rx_train_state_load(const rx_train_state *state, rx_model *model)
+{
+    load(state, state->params, model);
+}
+
+void rx_train_state_load_best(const rx_train_state *state, rx_model *model)
+{
+    load(state, state->best_params, model);
 }

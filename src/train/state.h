@@ -19,8 +19,9 @@ typedef struct rx_train_state {
     rx_selection selection;
     rx_history history;
 
-    double best;  /* lowest mean test loss */
-    long without; /* epochs since then */
+    double best;                       /* lowest validation loss */
+    long best_epoch;                   /* the epoch, from 1, whose it is; 0: none yet */
+    float *best_params[RX_TRAIN_NETS]; /* [adam[k]->n] its weights, owned */
 
     double slow;  /* the rate is multiplied by this, halved each time the loss diverged */
     long returns; /* how often it did */
@@ -41,7 +42,11 @@ void rx_train_state_free(rx_train_state *state); /* NULL is fine */
 /* Both of the same networks and bins. Errors: RX_SYSTEM, dst is then of no use. */
 rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx_error *err);
 
-/* The weights into the networks of the model. */
+/* The end of an epoch, with its validation loss: are its weights the best so far? Then they are kept. */
+void rx_train_state_rank(rx_train_state *state, double validation);
+
+/* Weights into the networks of the model: those of now, those of the best epoch. */
 void rx_train_state_load(const rx_train_state *state, rx_model *model);
+void rx_train_state_load_best(const rx_train_state *state, rx_model *model);
 
 #endif

@@ -84,7 +84,8 @@ static void curves(rx_figures *dst, const rx_history *h, const char *id, const c
 static void all_curves(rx_figures *dst, const rx_history *h)
 {
     static const number losses[] = {NUMBER("training", losses.total, 1), NUMBER("test", test_loss, 1),
-                                    NUMBER("test unrestored", input_loss, 1)};
+                                    NUMBER("test unrestored", input_loss, 1),
+                                    NUMBER("validation", validation, 1)};
     static const number terms[] = {NUMBER("RESTORE", losses.idt_restore, 1), NUMBER("PSF", losses.idt_psf, 1),
                                    NUMBER("RESTORE of PSF", losses.rec_restore, 1),
                                    NUMBER("PSF of RESTORE", losses.rec_psf, 1), NUMBER("FFL", losses.ffl, 1)};
@@ -95,8 +96,9 @@ static void all_curves(rx_figures *dst, const rx_history *h)
     curves(dst, h, "curve-loss", "Loss",
            "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, "
            "mean over the bins; unrestored: the "
-           "blurred test images themselves against sharp.",
-           (rx_axes){.ylabel = "loss", .log_y = true}, 3, losses);
+           "blurred test images themselves against sharp. Validation: as test, on the same images in every "
+           "epoch; the lowest is the model.",
+           (rx_axes){.ylabel = "loss", .log_y = true}, 4, losses);
     curves(dst, h, "curve-terms", "Terms of the loss", "Without their weights, training images.",
            (rx_axes){.ylabel = "term", .log_y = true}, 5, terms);
     curves(dst, h, "curve-recall", "Stars found",

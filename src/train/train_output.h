@@ -16,7 +16,7 @@ rx_status rx_train_output_open(const rx_train_config *config, rx_train_output *d
 void rx_train_output_close(rx_train_output *output); /* content only */
 
 /* At the end of an epoch: model, checkpoint and folder; a new page when there is none yet, when the training
- * is over, and every PLOT_EPOCHS. The model holds the dictionary of the last epoch. */
+ * is over, and every PLOT_EPOCHS. The model is that of the best epoch, with its dictionary. */
 rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, const rx_train_state *state,
                                 int last, rx_error *err);
 

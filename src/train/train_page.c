@@ -32,8 +32,8 @@ static void write_model(rx_text *dst, const rx_model *model)
 
 static void write_epochs(rx_text *dst, const rx_history *history)
 {
-    static const char *const heads[] = {"epoch",      "images", "loss",     "test loss",
-                                        "unrestored", "recall", "flux [%]", "scatter [%]"};
+    static const char *const heads[] = {"epoch",      "images", "loss",     "test loss",  "unrestored",
+                                        "validation", "recall", "flux [%]", "scatter [%]"};
     rx_page_section(dst, "epochs", "Epochs");
     rx_page_table_begin(dst);
     rx_page_row(dst, NULL);
@@ -49,6 +49,7 @@ static void write_epochs(rx_text *dst, const rx_history *history)
         rx_page_cell_number(dst, x->losses.total, 5);
         rx_page_cell_number(dst, x->test_loss, 5);
         rx_page_cell_number(dst, x->input_loss, 5);
+        rx_page_cell_number(dst, x->validation, 5);
         rx_page_cell_number(dst, x->recall, 3);
         rx_page_cell_number(dst, 100 * x->bias, 2);
         rx_page_cell_number(dst, 100 * x->scatter, 2);

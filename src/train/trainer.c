@@ -30,7 +30,9 @@ typedef struct job {
     rx_train_output output;
     rx_train_state *kept, *now; /* at the last end of an epoch, and now */
     float *gradient[RX_TRAIN_NETS];
-    rx_sample **sample; /* [most]: of this rank's share of a batch */
+    rx_sample **sample;     /* [most]: of this rank's share of a batch */
+    rx_sample **validation; /* [nvalidation]: this rank's share of those images */
+    int nvalidation;
     rx_step_values *values;
     int most, rank, nranks;
     double begun, begun_at; /* seconds; share of the training done then */
@@ -196,13 +198,55 @@ static rx_status run_tests(job *j, long first, long n, rx_test_image *images, rx
     return status;
 }
 
+/* The validation images, before the first epoch. */
+static rx_status draw_validation(job *j, rx_error *err)
+{
+    rx_selection set = j->feed_par.grid;
+    for (int b = 0; b < set.nbins; b++) {
+        set.train[b] = 0;
+        set.test[b] = j->config->validation_images;
+    }
+    const long n = (long)set.nbins * j->config->validation_images;
+    j->validation = RX_NEW(rx_sample *, (size_t)n);
+    if (j->validation == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *j->validation);
+    rx_status status = rx_feed_epoch(j->feed, RX_EPOCH_VALIDATION, &set, NULL, 0, err);
+    for (long at = j->rank; at < n && status == RX_OK; at += j->nranks) {
+        status = rx_feed_next(j->feed, at, &j->validation[j->nvalidation], err);
+        j->nvalidation += status == RX_OK;
+    }
+    return status;
+}
+
+/* Mean loss of RESTORE over the validation images, those of other ranks included, in their order. */
+static rx_status validate(job *j, double *mean, rx_error *err)
+{
+    const long n = (long)j->feed_par.grid.nbins * j->config->validation_images;
+    rx_test_image *mine = RX_NEW(rx_test_image, (size_t)j->nvalidation);
+    double *loss = RX_NEW(double, (size_t)n);
+    rx_status status = mine != NULL && loss != NULL ? RX_OK : rx_error_memory(err, (size_t)n * sizeof *mine);
+    if (status == RX_OK)
+        status = rx_learner_test(j->learner, j->validation, j->nvalidation, mine, err);
+    for (int i = 0; i < j->nvalidation && status == RX_OK; i++)
+        loss[j->rank + (long)i * j->nranks] = mine[i].loss;
+    if (status == RX_OK)
+        status = rx_ranks_sum_double(j->ranks, loss, n, err);
+    *mean = 0;
+    for (long i = 0; i < n && status == RX_OK; i++)
+        *mean += loss[i] / (double)n;
+    free(mine);
+    free(loss);
+    return status;
+}
+
 /* A complete epoch into the history and the model; the state is then at its end. */
-static rx_status conclude(job *j, const rx_test_image *images, rx_error *err)
+static rx_status conclude(job *j, const rx_test_image *images, double validation, rx_error *err)
 {
     rx_train_state *s = j->now;
     rx_epoch epoch = {.steps = (double)s->adam[0]->steps,
                       .patches = (double)s->patches,
                       .rate = s->rate,
+                      .validation = validation,
                       .norm = s->norm / (double)s->batches};
     rx_epoch_bin *bins = RX_NEW(rx_epoch_bin, (size_t)s->selection.nbins);
     if (bins == NULL)
@@ -214,13 +258,8 @@ static rx_status conclude(job *j, const rx_test_image *images, rx_error *err)
     free(bins);
     if (status != RX_OK)
         return status;
-    if (epoch.test_loss < s->best) {
-        s->best = epoch.test_loss;
-        s->without = 0;
-    } else {
-        s->without++;
-    }
     s->epoch++;
+    rx_train_state_rank(s, validation);
     s->at = s->batches = 0;
     s->sum = (rx_step_values){0};
     s->norm = 0;
@@ -230,20 +269,25 @@ static rx_status conclude(job *j, const rx_test_image *images, rx_error *err)
 static int is_over(const job *j)
 {
     const rx_train_state *s = j->kept;
-    return s->epoch >= j->config->epochs || (j->config->patience > 0 && s->without >= j->config->patience);
+    const rx_train_config *c = j->config;
+    return s->epoch >= c->epochs ||
+           (c->patience > 0 && rx_schedule_low(s->best_epoch, s->epoch, c->epochs, c->warmup) >= c->patience);
 }
 
-/* The state at the end of an epoch into the model and onto the disk. */
+/* At the end of an epoch: the best one as the model, and the state, onto the disk. */
 static rx_status save(job *j, rx_error *err)
 {
     const rx_train_state *s = j->kept;
-    const rx_epoch_bin *bins = s->history.bin + (s->history.n - 1) * s->history.nbins;
-    rx_train_state_load(s, j->model);
+    const rx_epoch_bin *bins = s->history.bin + (s->best_epoch - 1) * s->history.nbins;
+    rx_train_state_load_best(s, j->model);
     j->model->epochs = s->epoch;
+    j->model->best = s->best_epoch;
+    j->model->ended = is_over(j);
     j->model->patches = s->patches;
     rx_status status = rx_epoch_dictionary(&s->selection, bins, j->model, err);
     if (status == RX_OK && j->rank == 0)
-        status = rx_train_output_epoch(&j->output, j->model, s, is_over(j), err);
+        status = rx_train_output_epoch(&j->output, j->model, s, j->model->ended, err);
+    rx_train_state_load(s, j->model);
     return status;
 }
 
@@ -266,10 +310,11 @@ static void tell_epoch(const job *j, double seconds, double waited, long images)
     const double done = progress_of(j, 0) - j->begun_at;
     write_span(done > 0 ? (rx_seconds() - j->begun) * (1 - progress_of(j, 0)) / done : 0, left, sizeof left);
     rx_log_info(j->log,
-                "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), recall %.3f, flux bias %+.2f %% "
-                "scatter %.2f %%; %.0f images/s, %.0f %% of the time waiting for images; %s left",
-                h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->recall,
-                100 * e->bias, 100 * e->scatter, (double)images / seconds, 100 * waited / seconds, left);
+                "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, "
+                "flux bias %+.2f %% scatter %.2f %%; %.0f images/s, %.0f %% waiting; %s left",
+                h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
+                j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias, 100 * e->scatter,
+                (double)images / seconds, 100 * waited / seconds, left);
 }
 
 /* What steps and images have cost so far. */
@@ -326,6 +371,7 @@ static rx_status run_epoch(job *j, rx_error *err)
     rx_pick *order = NULL;
     rx_test_image *images = NULL;
     long n = 0, ntest = 0;
+    double validation = 0;
     rx_status status =
         rx_selection_order(&s->selection, (uint64_t)j->config->seed, (uint32_t)s->epoch, &order, &n, err);
     if (status == RX_OK)
@@ -340,7 +386,9 @@ static rx_status run_epoch(job *j, rx_error *err)
     status = images != NULL ? run_tests(j, n, ntest, images, err)
                             : rx_error_memory(err, (size_t)ntest * sizeof *images);
     if (status == RX_OK)
-        status = conclude(j, images, err);
+        status = validate(j, &validation, err);
+    if (status == RX_OK)
+        status = conclude(j, images, validation, err);
     if (status == RX_OK)
         status = save(j, err);
     if (status == RX_OK) {
@@ -375,10 +423,10 @@ static rx_status keep_interrupted(job *j, rx_error *err)
 
 static rx_status train(job *j, rx_error *err)
 {
-    rx_status status = RX_OK;
     j->begun = rx_seconds();
     j->begun_at = progress_of(j, 0);
     rx_log_progress_begin(j->log);
+    rx_status status = is_over(j) ? RX_OK : draw_validation(j, err);
     while (status == RX_OK && !is_over(j)) {
         status = run_epoch(j, err);
         if (status == RX_OK && j->has_diverged)
@@ -389,12 +437,13 @@ static rx_status train(job *j, rx_error *err)
         return keep_interrupted(j, err);
     if (status != RX_OK)
         return status;
-    const rx_epoch *last = &j->kept->history.epoch[j->kept->history.n - 1];
-    rx_log_info(j->log,
-                "%s after %ld epoch%s and %ld training images: test loss %.4g (unrestored %.4g), in %s",
-                j->kept->epoch >= j->config->epochs ? "complete" : "no improvement, stopped", j->kept->epoch,
-                j->kept->epoch == 1 ? "" : "s", j->kept->patches, last->test_loss, last->input_loss,
-                j->config->model_name);
+    rx_log_info(
+        j->log,
+        "%s after %ld epoch%s and %ld training images: epoch %ld is the best, validation loss %.4g, in "
+        "%s",
+        j->kept->epoch >= j->config->epochs ? "complete" : "no improvement, stopped", j->kept->epoch,
+        j->kept->epoch == 1 ? "" : "s", j->kept->patches, j->kept->best_epoch, j->kept->best,
+        j->config->model_name);
     return RX_OK;
 }
 
@@ -464,6 +513,9 @@ static void clean_up(job *j)
     rx_train_output_close(&j->output);
     for (int k = 0; k < RX_TRAIN_NETS; k++)
         free(j->gradient[k]);
+    for (int i = 0; i < j->nvalidation; i++)
+        rx_sample_free(j->validation[i]);
+    free(j->validation);
     free(j->sample);
     free(j->values);
 }

@@ -1,7 +1,14 @@
 /* The trainer: epochs of steps, test, dictionary, checkpoint, until the limit or until nothing improves.
  *
  *   feed -> step (every sample of a batch, OpenMP) -> ordered sum (all ranks) -> clip -> Adam -> ...
- *        -> test images -> dictionary (Eq. 4) -> checkpoint, log, model file -> next epoch
+ *        -> test images -> dictionary (Eq. 4) -> validation images: the best epoch so far?
+ *        -> checkpoint, log, model file -> next epoch
+ *
+ * Test images are others in every epoch, and as many as Eq. 4 says: they steer the dictionary, and no two of
+ * their means can be compared. Which epoch is the best is decided by the validation images, the same in every
+ * epoch; its weights are what the model file holds. The rate follows a cosine over the EPOCHS that are planned,
+ * so a training that ends at a high rate has not learnt what it could. PATIENCE therefore ends none by default,
+ * and counts only the epochs that begin below a tenth of the highest rate, the last fifth of the training.
  *
  * Gradients of a batch are computed per sample and added in sample order, so the bytes of the model do not
  * depend on the number of threads; several training ranks (TRAIN_RANKS) agree with one to rounding. The

@@ -118,11 +118,11 @@ expect_exactly 3 '^rextract-train: tile\.fits.*model' -INFO tile.fits
 
 trains 'outputs'
 make_training
-leaves psfnet.fits psfnet.checkpoint training
+leaves trained.fits trained.checkpoint training
 expect 0 '' tiny.conf
 
 trains 'keywords set in vain'
 make_training
-leaves psfnet.fits psfnet.checkpoint training
+leaves trained.fits trained.checkpoint training
 says 4
 expect_exactly 0 'SIM\.PSF_FWHM 3 has no effect in a training' tiny.conf -SIM.PSF_FWHM 3 -MODE BLIND -TIKHONOV 0.1

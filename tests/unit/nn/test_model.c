@@ -87,6 +87,8 @@ static rx_model *make_model(int with_psf)
                                         .images = 40 + i};
     snprintf(model->name, sizeof model->name, "small 'quoted' net");
     model->epochs = 12;
+    model->best = 9;
+    model->ended = 0;
     model->patches = 480000;
     model->seed = UINT64_C(18446744073709551615);
     model->front.tikhonov = 0.1 + 0.2;
@@ -151,6 +153,8 @@ static void test_round_trip(void **state)
         assert_string_equal(back->name, model->name);
         assert_string_equal(back->provenance, model->provenance);
         assert_int_equal(back->epochs, 12);
+        assert_int_equal(back->best, 9);
+        assert_int_equal(back->ended, 0);
         assert_int_equal(back->patches, 480000);
         assert_true(back->seed == model->seed);
         rx_model_digest(model, digest);
@@ -518,15 +522,17 @@ static void test_describe(void **state)
     rx_text text = {0};
     rx_model_describe(model, &text);
     assert_false(text.failed);
-    static const char *const parts[] = {"small 'quoted' net",
-                                        "(not yet written)",
-                                        "INFORMED",
-                                        "FWHM 2 pixels",
-                                        "12 epochs, 480000 images, seed 18446744073709551615",
-                                        "2.00-5.00    1.00-5.00    0.1         1.000   0.900",
-                                        "5.00-8.00    9.00-13.00   0.105",
-                                        "LOSS_TYPE LINEAR",
-                                        "UNSHUFFLE"};
+    static const char *const parts[] = {
+        "small 'quoted' net",
+        "(not yet written)",
+        "INFORMED",
+        "FWHM 2 pixels",
+        "12 epochs, 480000 images, seed 18446744073709551615; these are the parameters of epoch 9\n"
+        "            has not ended",
+        "2.00-5.00    1.00-5.00    0.1         1.000   0.900",
+        "5.00-8.00    9.00-13.00   0.105",
+        "LOSS_TYPE LINEAR",
+        "UNSHUFFLE"};
     for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++)
         if (strstr(text.data, parts[i]) == NULL)
             fail_msg("'%s' is not in\n%s", parts[i], text.data);

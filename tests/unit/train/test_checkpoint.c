@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "../scratch.h"
 #include "nn/psfnet.h"
 #include "train/checkpoint.h"
@@ -51,11 +52,12 @@ static void fill(rx_train_state *s, double first)
         s->adam[k]->steps = (long)(v += 1);
         for (long i = 0; i < s->adam[k]->n; i++) {
             s->params[k][i] = (float)(v += 0.25);
+            s->best_params[k][i] = (float)(v += 0.25);
             s->adam[k]->mean[i] = (float)(v += 0.25);
             s->adam[k]->square[i] = (float)(v += 0.25);
         }
     }
-    long *const longs[] = {&s->epoch,   &s->at,      &s->patches, &s->without,
+    long *const longs[] = {&s->epoch,   &s->at,      &s->patches, &s->best_epoch,
                            &s->returns, &s->usual_n, &s->high,    &s->batches};
     double *const doubles[] = {&s->best,
                                &s->slow,
@@ -91,11 +93,12 @@ static void assert_same(const rx_train_state *a, const rx_train_state *b)
         const size_t bytes = (size_t)a->adam[k]->n * sizeof(float);
         assert_int_equal(a->adam[k]->steps, b->adam[k]->steps);
         assert_memory_equal(a->params[k], b->params[k], bytes);
+        assert_memory_equal(a->best_params[k], b->best_params[k], bytes);
         assert_memory_equal(a->adam[k]->mean, b->adam[k]->mean, bytes);
         assert_memory_equal(a->adam[k]->square, b->adam[k]->square, bytes);
     }
     assert_true(a->epoch == b->epoch && a->at == b->at && a->patches == b->patches);
-    assert_true(a->without == b->without && a->returns == b->returns && a->usual_n == b->usual_n);
+    assert_true(a->best_epoch == b->best_epoch && a->returns == b->returns && a->usual_n == b->usual_n);
     assert_true(a->high == b->high && a->batches == b->batches && a->best == b->best && a->slow == b->slow);
     assert_true(a->usual == b->usual && a->norm == b->norm && a->rate == b->rate);
     assert_memory_equal(&a->sum, &b->sum, sizeof a->sum);
@@ -134,6 +137,51 @@ static void states_come_back(void **state)
             rx_train_state_free(kept2);
             rx_train_state_free(now2);
         }
+}
+
+/* The end of an epoch: all weights are `weight`, the validation loss is that. */
+static void end_epoch(rx_train_state *s, float weight, double validation)
+{
+    s->epoch++;
+    for (int k = 0; k < s->nnets; k++)
+        for (long i = 0; i < s->adam[k]->n; i++)
+            s->params[k][i] = weight;
+    rx_train_state_rank(s, validation);
+}
+
+static void best_is(const rx_train_state *s, long epoch, double loss, float weight)
+{
+    rx_model *model = make_model(s->nnets);
+    assert_int_equal(s->best_epoch, epoch);
+    assert_true(s->best == loss);
+    rx_train_state_load_best(s, model);
+    const rx_net *nets[] = {model->restore, model->psf};
+    for (int k = 0; k < s->nnets; k++)
+        for (long i = 0; i < nets[k]->nparams; i++)
+            assert_near(nets[k]->params[i], weight, 0);
+    rx_model_free(model);
+}
+
+static void the_best_weights_are_kept(void **state)
+{
+    (void)state;
+    for (int nets = 1; nets <= 2; nets++) {
+        rx_train_state *s = make_state(nets), *copy = make_state(nets);
+        end_epoch(s, 1, NAN);
+        best_is(s, 1, INFINITY, 1); /* better than nothing */
+        end_epoch(s, 2, 5);
+        best_is(s, 2, 5, 2);
+        end_epoch(s, 3, 5);
+        end_epoch(s, 4, 6);
+        end_epoch(s, 5, NAN);
+        best_is(s, 2, 5, 2);
+        assert_int_equal(rx_train_state_copy(s, copy, NULL), RX_OK);
+        end_epoch(s, 6, 4.5);
+        best_is(s, 6, 4.5, 6);
+        best_is(copy, 2, 5, 2);
+        rx_train_state_free(s);
+        rx_train_state_free(copy);
+    }
 }
 
 static void no_file_is_no_error(void **state)
@@ -274,13 +322,10 @@ static void tables_have_a_row_for_everything(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(states_come_back),
-        cmocka_unit_test(no_file_is_no_error),
-        cmocka_unit_test(damage_is_seen),
-        cmocka_unit_test(a_claim_takes_no_memory),
-        cmocka_unit_test(other_settings_are_named),
-        cmocka_unit_test(copies_are_independent),
-        cmocka_unit_test(tables_have_a_row_for_everything),
+        cmocka_unit_test(states_come_back),        cmocka_unit_test(the_best_weights_are_kept),
+        cmocka_unit_test(no_file_is_no_error),     cmocka_unit_test(damage_is_seen),
+        cmocka_unit_test(a_claim_takes_no_memory), cmocka_unit_test(other_settings_are_named),
+        cmocka_unit_test(copies_are_independent),  cmocka_unit_test(tables_have_a_row_for_everything),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }
