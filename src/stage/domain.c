@@ -147,6 +147,8 @@ void rx_domain_facts(const rx_domain *domain, rx_record *facts)
         return;
     rx_record_add(facts, "RXNETMOD", "model of the network", "%s", domain->model->name);
     rx_record_add(facts, "RXNETSUM", "its digest", "%s", domain->model->digest);
+    if (!domain->model->ended)
+        rx_record_add(facts, "RXNETEND", "has its training ended?", "F");
     if (strcmp(domain->ran, "NET") == 0)
         rx_record_add(facts, "RXNETRUN", "restorer that was run", "NET");
     else
@@ -177,7 +179,8 @@ void rx_domain_text(const rx_domain *domain, rx_text *dst)
     const rx_model_bin *bin = domain->bin;
     if (domain->place == RX_DOMAIN_NONE)
         return;
-    rx_text_printf(dst, "model %s (%s)", domain->model->name, domain->model->digest);
+    rx_text_printf(dst, "model %s (%s%s)", domain->model->name, domain->model->digest,
+                   domain->model->ended ? "" : ", training not ended");
     if (bin == NULL) {
         rx_text_printf(dst, " promises nothing here: %s", domain->why);
         return;
@@ -198,6 +201,7 @@ const rx_qa_promise *rx_domain_promise(const rx_domain *domain, rx_qa_promise *d
                            .digest = domain->model->digest,
                            .ran = domain->ran,
                            .why = domain->why,
+                           .unfinished = !domain->model->ended,
                            .fwhm = domain->fwhm,
                            .noise = domain->noise,
                            .inside = bin != NULL,

@@ -7,12 +7,15 @@
 
 #include "config/config_fields.h"
 
-void rx_input_model(const char *name, rx_text *dst)
+void rx_input_model(const char *name, const char *installed, rx_text *dst)
 {
-    if (strchr(name, '/') == NULL && access(name, F_OK) != 0)
-        rx_text_printf(dst, "%s/%s", RX_DATA_FOLDER, name);
-    else
-        rx_text_add(dst, name);
+    if (strchr(name, '/') == NULL) {
+        rx_text_printf(dst, "%s/%s", installed, name);
+        if (dst->failed || access(dst->data, F_OK) == 0)
+            return;
+        rx_text_free(dst);
+    }
+    rx_text_add(dst, name);
 }
 
 rx_status rx_input_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
@@ -22,7 +25,7 @@ rx_status rx_input_digest(const char *key, const char *name, char dst[RX_HASH_TE
     rx_text path = {0};
     int regular = 0;
     if (strcmp(key, "NET_MODEL") == 0)
-        rx_input_model(name, &path);
+        rx_input_model(name, RX_DATA_FOLDER, &path);
     else
         rx_text_add(&path, name);
     if (path.failed)

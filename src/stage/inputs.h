@@ -25,8 +25,9 @@ rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, co
 rx_status rx_input_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
                           rx_error *err);
 
-/* Where the model of that name lies: here, or, a bare name that is not here, in the folder of installed
- * data. */
-void rx_input_model(const char *name, rx_text *dst);
+/* Where the model of that name lies. A name with a slash is a path. One without is that of an installed model
+ * where there is one, else of a file in the current folder, so that what a training leaves there is not taken
+ * for the installed model; ./NAME is the one here. `installed`: the folder of installed data, RX_DATA_FOLDER. */
+void rx_input_model(const char *name, const char *installed, rx_text *dst);
 
 #endif

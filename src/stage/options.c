@@ -139,25 +139,42 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
     dst->psf_files[1] = ITEM(cfg->psf_name, 1);
     dst->seeing_arcsec = cfg->seeing_fwhm;
     dst->model_name = cfg->net_model;
+    dst->model_set = rx_config_was_set(cfg, "NET_MODEL") != RX_FROM_DEFAULT;
     dst->stated_scale = rx_config_was_set(cfg, "PIXEL_SCALE") != RX_FROM_DEFAULT ? cfg->pixel_scale : 0.0;
     dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
     for (int i = 0; i < cfg->restore_type.n; i++)
         dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);
 }
 
-rx_status rx_options_need_model(rx_options *options, rx_error *err)
+rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err)
 {
     rx_text path = {0};
     if (options->model != NULL)
         return RX_OK;
-    rx_input_model(options->model_name, &path);
+    rx_input_model(options->model_name, RX_DATA_FOLDER, &path);
+    const int bare = strchr(options->model_name, '/') == NULL;
     rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK && strcmp(path.data, options->model_name) != 0 && access(path.data, F_OK) != 0)
+    if (status == RX_OK && bare && access(path.data, F_OK) != 0)
         status =
             rx_error_at(err, RX_INPUT, options->model_name, -1, 0,
                         "is neither here nor in %s; name the network's model by NET_MODEL", RX_DATA_FOLDER);
     if (status == RX_OK)
         status = rx_model_read(path.data, &options->model, err);
+    if (status == RX_OK && bare)
+        rx_log_info(log, "NET_MODEL %s is %s", options->model_name,
+                    strcmp(path.data, options->model_name) != 0 ? path.data : "that of the current folder");
+    if (status == RX_OK && !options->model->ended) {
+        const rx_model *model = options->model;
+        if (options->model_set)
+            rx_log_warning(log, "%s: its training has not ended, it is of epoch %ld after %ld", path.data,
+                           model->best, model->epochs);
+        else
+            status = rx_error_at(
+                err, RX_INPUT, path.data, -1, 0,
+                "its training has not ended, it is of epoch %ld after %ld; let it end, or name the "
+                "model by NET_MODEL to take it as it is",
+                model->best, model->epochs);
+    }
     rx_text_free(&path);
     options->restore.model = options->model;
     return status;
@@ -435,7 +452,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     detect_options(cfg, options);
     rx_status status = kernel_options(cfg, options, err);
     if (status == RX_OK && wants_network(options))
-        status = rx_options_need_model(options, err);
+        status = rx_options_need_model(options, log, err);
     if (status == RX_OK)
         status = column_options(cfg, log, options, err);
     if (status == RX_OK) {

@@ -49,6 +49,7 @@ typedef struct rx_options {
     double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
     const char *model_name; /* NET_MODEL as given */
+    int model_set;          /* by a file or the command line */
     rx_model *model;        /* owned, also restore.model; NULL when NET is not among the restorers */
     int nrestorers;
     const rx_restorer *restorers[RX_MAX_RUNS];
@@ -106,8 +107,9 @@ rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_option
 void rx_options_free(rx_options *options);
 
 /* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
- * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. A name without a folder that
- * is not in the current one is looked for in the folder of installed data. Errors: RX_INPUT, RX_SYSTEM. */
-rx_status rx_options_need_model(rx_options *options, rx_error *err);
+ * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. Where it is looked for:
+ * rx_input_model() (stage/inputs.h). A model whose training has not ended is taken with a warning where
+ * NET_MODEL was set. Errors: RX_INPUT (such a model otherwise, too), RX_SYSTEM. */
+rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err);
 
 #endif

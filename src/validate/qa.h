@@ -32,6 +32,7 @@ typedef struct rx_qa_promise {
     const char *model, *digest;
     const char *ran; /* restorer that was run in the end */
     const char *why; /* nothing is promised: what is out of the model's training */
+    int unfinished;  /* the training of the model has not ended */
     int inside;
     double fwhm, noise;               /* of the tile: pixels; on the scale of the model */
     double fwhm_bin[2], noise_bin[2]; /* the model's bin, from and to; inside only */

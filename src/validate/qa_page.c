@@ -356,6 +356,8 @@ static void promise_sentences(rx_text *dst, const rx_report *r)
         rx_escape_html(dst, p->model);
         rx_text_add(dst, ", digest ");
         rx_escape_html(dst, p->digest);
+        if (p->unfinished)
+            rx_text_add(dst, "; its training has not ended");
         if (!p->inside) {
             rx_text_add(dst, ". It promises nothing here: ");
             rx_escape_html(dst, p->why);

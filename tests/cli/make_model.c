@@ -1,5 +1,5 @@
-/* A small model for the command line tests: make_model FILE [BLIND]. Its weights are random and small, it
- * was never trained. */
+/* A small model for the command line tests: make_model FILE [BLIND|UNFINISHED]. Its weights are random and
+ * small, it was never trained; UNFINISHED: of a training that has not ended. */
 #include <stdio.h>
 #include <string.h>
 
@@ -20,6 +20,7 @@ int main(int argc, char **argv)
     if (argc < 2 || model == NULL)
         return 2;
     model->front.mode = mode;
+    model->ended = argc <= 2 || strcmp(argv[2], "UNFINISHED") != 0;
     model->front.rl_steps = mode == RX_MODE_INFORMED;
     snprintf(model->name, sizeof model->name, "toy");
     rx_status status = rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, &err);

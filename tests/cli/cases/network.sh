@@ -67,6 +67,28 @@ if [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+begin 'network: a model whose training has not ended, named'
+make_fits tile tile.fits
+make_model model.fits UNFINISHED
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 >../log 2>&1
+        echo $? >../code
+        tr -d '\000' <test.cat | grep -q "RXNETEND= 'F" || echo 'no RXNETEND in the header'
+        grep -q '^rextract: warning: model.fits: its training has not ended, it is of epoch 0 after 0$' ../log || echo 'no warning'
+        grep -q 'NET_MODEL model.fits is that of the current folder$' ../log || echo 'not said where the model was found'
+        grep -q 'NET: model toy (.*, training not ended)' ../log || echo 'not said of the tile'
+        rm -f model.fits test.cat
+        make_model model.fits && timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET
+        tr -d '\000' <test.cat | grep -o 'RXNETEND= .F'
+        rm -f model.fits test.cat
+        make_model model.fits UNFINISHED
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
 begin 'network: informed and without a PSF'
 make_fits tile tile.fits
 make_model model.fits

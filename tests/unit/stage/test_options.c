@@ -9,10 +9,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "../near.h"
 #include "nn/psfnet.h"
+#include "stage/inputs.h"
 #include "stage/options.h"
 
 static rx_options *options_with(const char *name, const char *value)
@@ -133,7 +135,7 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         assert_ptr_equal(options->restorers[0], &kinds[i]);
         /* the model is read for the network alone, or when a campaign asks for it */
         assert_int_equal(options->restore.model != NULL, strcmp(kinds[i].name, "NET") == 0);
-        assert_int_equal(rx_options_need_model(options, NULL), RX_OK);
+        assert_int_equal(rx_options_need_model(options, NULL, NULL), RX_OK);
         assert_ptr_equal(options->restore.model, options->model);
         assert_string_equal(options->model->name, "toy");
         rx_options_free(options);
@@ -160,6 +162,76 @@ static void a_model_is_looked_for_here_and_among_installed_data(void **state)
     assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_INPUT);
     assert_null(strstr(err.text, RX_DATA_FOLDER));
     rx_config_free(config);
+}
+
+static void put(const char *path)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fclose(file);
+}
+
+static void is_found(const char *name, const char *installed, const char *expected)
+{
+    rx_text path = {0};
+    rx_input_model(name, installed, &path);
+    assert_false(path.failed);
+    assert_string_equal(path.data, expected);
+    rx_text_free(&path);
+}
+
+/* What lies in the current folder never stands in for an installed model. */
+static void an_installed_model_comes_first(void **state)
+{
+    (void)state;
+    char here[4096], folder[] = "/tmp/rextract-options-XXXXXX", path[64];
+    assert_non_null(getcwd(here, sizeof here));
+    assert_non_null(mkdtemp(folder));
+    assert_int_equal(chdir(folder), 0);
+    assert_int_equal(mkdir("data", 0777), 0);
+    put("net.fits");
+    is_found("net.fits", "data", "net.fits"); /* none is installed */
+    put("data/net.fits");
+    is_found("net.fits", "data", "data/net.fits");
+    is_found("./net.fits", "data", "./net.fits");
+    snprintf(path, sizeof path, "%s/net.fits", folder);
+    is_found(path, "data", path);
+    is_found("other.fits", "data", "other.fits"); /* nowhere */
+    assert_int_equal(remove("net.fits") + remove("data/net.fits") + remove("data"), 0);
+    assert_int_equal(chdir(here), 0);
+    assert_int_equal(rmdir(folder), 0);
+}
+
+/* A training that has not ended writes such a model: it is not taken unless NET_MODEL was set. */
+static void an_unfinished_model_must_be_named(void **state)
+{
+    (void)state;
+    char folder[64], path[96];
+    rx_error err = RX_ERROR_NONE;
+    rx_model *model = NULL;
+    make_model(folder, path);
+    assert_int_equal(rx_model_read(path, &model, NULL), RX_OK);
+    model->ended = 0;
+    model->epochs = 7;
+    model->best = 5;
+    unlink(path);
+    assert_int_equal(rx_model_write(model, path, path, NULL), RX_OK);
+    rx_model_free(model);
+    for (int set = 0; set < 2; set++) {
+        rx_options *options = options_with("RESTORE_TYPE", "NONE");
+        assert_int_equal(options->model_set, 0);
+        options->model_name = path;
+        options->model_set = set;
+        assert_int_equal(rx_options_need_model(options, NULL, &err), set ? RX_OK : RX_INPUT);
+        rx_options_free(options);
+    }
+    assert_non_null(
+        strstr(err.text, "its training has not ended, it is of epoch 5 after 7; let it end, or name"));
+    rx_options *options = options_with("NET_MODEL", path);
+    assert_int_equal(options->model_set, 1);
+    rx_options_free(options);
+    unlink(path);
+    rmdir(folder);
 }
 
 static void short_lists_repeat_their_last_item(void **state)
@@ -215,6 +287,8 @@ int main(void)
         cmocka_unit_test(words_have_values),
         cmocka_unit_test(every_restorer_of_the_table_is_a_word),
         cmocka_unit_test(a_model_is_looked_for_here_and_among_installed_data),
+        cmocka_unit_test(an_installed_model_comes_first),
+        cmocka_unit_test(an_unfinished_model_must_be_named),
         cmocka_unit_test(short_lists_repeat_their_last_item),
         cmocka_unit_test(surface_brightness_becomes_adu),
         cmocka_unit_test(an_unset_pixel_scale_is_unknown),
