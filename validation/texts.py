@@ -469,7 +469,7 @@ def campaigns_short():
 
 
 def selfcheck():
-    rows = tables("validation/selfcheck/README.md")[0][1]
+    rows = tables("validation/results/selfcheck/comparison.md")[0][1]
     everything = max((row["r"] for row in rows), key=lambda r: float(r.split("-")[1]) - float(r.split("-")[0]))
 
     def counts(run):
@@ -503,6 +503,14 @@ def selfcheck_result():
             f"{galaxies['NONE'][1]} for NONE, {galaxies['RL'][0]} against {galaxies['RL'][1]} for RL): their sizes have a longer tail. "
             f"Of its stars slightly more are found than of the injected ones: a star blended with something is not called a star. In "
             f'"all" the two meet: {a} of {of} found by NONE, {b} expected; {c} by RL, {d} expected.\n')
+
+
+def selfcheck_table():
+    return tables("validation/results/selfcheck/comparison.md")[0][0]
+
+
+def selfcheck_fluxes():
+    return tables("validation/results/selfcheck/comparison.md")[1][0]
 
 
 def limits():
@@ -568,8 +576,8 @@ def speed():
 
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
-    sdss_frame, sextractor_table, campaigns_short, results, invented_short, templates_short, templates_table, selfcheck_short, selfcheck_result,
-    limits, speed)}
+    sdss_frame, sextractor_table, campaigns_short, results, invented_short, templates_short, templates_table, selfcheck_short,
+    selfcheck_result, selfcheck_table, selfcheck_fluxes, limits, speed)}
 
 
 # --- check and write

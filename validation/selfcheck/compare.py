@@ -5,11 +5,14 @@ Of the catalogue's sources every one on the frame with a magnitude counts; a sta
 weighs the injected stars and galaxies of a bin as the catalogue mixes them there, and 18-22 the bins as the
 catalogue fills them. Intervals are 95 %: of counts Clopper and Pearson's; where shares are weighted, the range in which
 the catalogue's share is then expected (normal approximation). p: Fisher's exact test that both shares are the same, or
-the difference over its error; with as many rows as there are here, Holm's p is what counts.
+the difference over its error; with as many rows as there are here, Holm's p is what counts. A second table has the flux
+scale of the injected stars.
 
 usage: compare.py COADD.fit FOLDER
 """
+import json
 import math
+import re
 import sys
 
 import numpy as np
@@ -140,6 +143,12 @@ def main():
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for line, p, adjusted in zip(lines, tests, holm(tests)):
         print("| %s | %s | %s | %s | %s | %.2g | %.2g |" % (line + (p, adjusted)))
+    print("\n| run | isolated stars in wide apertures (mag) | without the sky's error (mag) |\n| --- | --- | --- |")
+    with open("%s/stars/summary.json" % sys.argv[2], encoding="utf-8") as file:
+        for run in json.load(file)["runs"]:
+            print("| %s | %s | %s |" % ((run["name"],) + re.search(
+                r"isolated ones in wide apertures (\S+ \(\S+\)), of these without the sky's error (\S+ \(\S+\))",
+                run["settings"]).groups()))
 
 
 main()

@@ -6,7 +6,7 @@
 #
 #   validation/selfcheck/run.sh [FOLDER]      reports and comparison.md into FOLDER (default: selfcheck-out)
 #
-# COUNT: objects injected of each kind (default 4000; RL takes about a minute for each 4000 on two cores).
+# COUNT: objects injected of each kind (default 4000).
 # Needs the data folder (RX_SHARED_DATA, or ../shared/data beside the sources), python3-astropy, bunzip2.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
