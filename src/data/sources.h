@@ -30,7 +30,8 @@ enum {
     RX_FLAGM_RADIUS_FAILED = 4, /* FLUX_RADIUS undefined */
     RX_FLAGM_SINGULAR = 8,      /* ellipse was singular, regularised */
     RX_FLAGM_MASKED_CORE = 16,  /* the peak pixel's surroundings are masked */
-    RX_FLAGM_UNCALIBRATED = 32  /* error from the rms alone: no noise law for this restored image */
+    RX_FLAGM_UNCALIBRATED = 32, /* error from the rms alone: no noise law for this restored image */
+    RX_FLAGM_UNTOUCHED = 64     /* saturated: not restored, found and measured on untouched pixels */
 };
 
 /* What became of pixels above the detection threshold that are no source's own. */
@@ -70,7 +71,9 @@ typedef struct rx_source_template {
 enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
 
 typedef struct rx_source {
-    int number; /* from 1 in this extension */
+    int number;    /* from 1 in this extension */
+    int untouched; /* 1 + row of rx_saturated.list (stage/saturated.h): a saturated star that a restorer left
+                      as it was observed; 0: as all others */
     /* --- detection (isophotal, on the detection image) --- */
     int xmin, xmax, ymin, ymax; /* 0-based, inclusive */
     int xpeak, ypeak;

@@ -16,6 +16,8 @@ enum {
     RX_MASK_BAD = 1,       /* NaN, infinite or BLANK in the file */
     RX_MASK_WEIGHT = 2,    /* weight says: no data (WEIGHT_THRESH) */
     RX_MASK_SATURATED = 4, /* at or above the saturation level */
+    RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
+                              left as it was observed */
 };
 
 /* What the WEIGHT_IMAGE holds (SExtractor WEIGHT_TYPE). */

@@ -75,7 +75,7 @@ RX_WIDE static int brightness(int n, const float *restrict pixels, const float *
         good[i] = 1;
     }
     for (int i = 0; mask != NULL && i < n; i++)
-        if (mask[i] != 0) {
+        if ((mask[i] & ~RX_MASK_UNTOUCHED) != 0) {
             line[i] = good[i] = 0;
             hidden++;
         }
@@ -111,7 +111,7 @@ RX_WIDE static void make_noise(int n, const float *restrict num, const float *re
         map[i] = sigma[i] * sqrtf(1.0f + SHARE * SHARE * around * around);
     }
     for (int i = 0; mask != NULL && i < n; i++)
-        if (mask[i] != 0)
+        if ((mask[i] & ~RX_MASK_UNTOUCHED) != 0)
             map[i] = sigma[i];
 #pragma omp simd
     for (int i = 0; i < n; i++)

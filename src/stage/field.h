@@ -13,7 +13,7 @@
  * a restored image (a saturated value is a lower limit and would ring). */
 enum {
     RX_HIDE_PLAIN = RX_MASK_BAD | RX_MASK_WEIGHT,
-    RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED
+    RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED | RX_MASK_UNTOUCHED
 };
 
 typedef struct rx_field {

@@ -13,6 +13,7 @@ librextract_la_SOURCES += \
 	src/stage/plan.c src/stage/plan.h src/stage/plan_costs.def src/stage/plan_costs.h \
 	src/stage/plan_memory.c src/stage/plan_outputs.c src/stage/plan_parts.h \
 	src/stage/probe.c src/stage/probe.h \
+	src/stage/saturated.c src/stage/saturated.h \
 	src/stage/quality.c src/stage/quality.h \
 	src/stage/record.c src/stage/record.h \
 	src/stage/reference.c src/stage/reference.h \

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "detect/filter.h"
 #include "restore/noise_map.h"
+#include "stage/saturated.h"
 
 /* What one call works on. */
 typedef struct work {
@@ -17,16 +18,22 @@ typedef struct work {
     int hide;                         /* mask bits that hide a pixel of the detection image */
     rx_detect_params par;             /* of the detection on this image */
     rx_filter filter;                 /* its filter */
+    rx_saturated saturated;           /* stars that stay as they were observed */
     rx_log *log;
     rx_probe *probe;
 } work;
 
+/* Of that field: without a PSF it stays as it is. */
+static const rx_restorer *kind_for(const work *w, const rx_field *field)
+{
+    const int must = rx_restorer_must_have_psf(w->kind, &w->options->restore);
+    return must && field->unrestorable ? rx_restorer_find("NONE") : w->kind;
+}
+
 static rx_status restore(const work *w, const rx_field *field, int *plain, rx_domain *domain,
                          rx_restored **dst, rx_error *err)
 {
-    const rx_restorer *kind = w->kind;
-    if (rx_restorer_must_have_psf(kind, &w->options->restore) && field->unrestorable)
-        kind = rx_restorer_find("NONE");
+    const rx_restorer *kind = kind_for(w, field);
     rx_status status = rx_domain_obey(&w->options->restore, field, w->log, &kind, domain, err);
     if (status != RX_OK)
         return status;
@@ -271,6 +278,8 @@ static rx_status measure_sources(const work *w, rx_error *err)
         if (status != RX_OK)
             return status;
         restored = plain ? NULL : probe->second;
+        if (restored != NULL)
+            rx_saturated_show(&w->saturated, w->measure->tile, w->measure->restored, probe->second);
     }
     return rx_photometry_run(w->options, w->detect, restored != NULL ? probe->restored : NULL, w->measure,
                              restored, probe->plain && w->measure == w->detect ? probe->restored : NULL,
@@ -290,13 +299,48 @@ static rx_status run_step(work *w, int step, rx_error *err)
         w->hide = probe->plain && !w->options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
         return status;
     case DETECT:
+        rx_saturated_hide(&w->saturated, probe->restored);
         status = prepare_detection(w, err);
-        return status == RX_OK ? detect_sources(w, err) : status;
+        if (status == RX_OK)
+            status = detect_sources(w, err);
+        if (status == RX_OK)
+            status = rx_saturated_absorb(&w->saturated, probe->sources, err);
+        rx_saturated_show(&w->saturated, w->detect->tile, w->detect->restored, probe->restored);
+        return status == RX_OK ? rx_saturated_append(&w->saturated, probe->sources, err) : status;
     case TEMPLATES:
         return fit_templates(w, err);
     default:
-        return measure_sources(w, err);
+        status = measure_sources(w, err);
+        if (status == RX_OK)
+            rx_saturated_restate(&w->saturated, probe->sources);
+        return status;
     }
+}
+
+/* Where a restorer is at work, what RESTORE_TYPE NONE makes of saturated stars; before it runs, for the planes
+ * of both are never needed at once. The two skies of a field are one where nothing is saturated, and where
+ * saturated pixels are to be masked for all kinds. */
+static rx_status find_saturated(work *w, rx_error *err)
+{
+    const rx_restorer *none = rx_restorer_find("NONE");
+    rx_probe probe = {0};
+    work plain = {
+        .options = w->options, .kind = none, .detect = w->detect, .measure = w->measure, .probe = &probe};
+    if (kind_for(w, w->detect) == none ||
+        (w->detect->plain == w->detect->restored && w->measure->plain == w->measure->restored))
+        return RX_OK;
+    rx_status status = run_step(&plain, RESTORE, err);
+    if (status == RX_OK)
+        status = run_step(&plain, DETECT, err);
+    if (status == RX_OK)
+        status = rx_saturated_choose(w->detect->tile, w->measure->tile, probe.sources, &w->saturated, err);
+    if (status == RX_OK)
+        status = run_step(&plain, MEASURE, err);
+    if (status == RX_OK)
+        status = rx_saturated_keep(probe.sources, &w->saturated, err);
+    rx_filter_free(&plain.filter);
+    rx_probe_free(&probe);
+    return status;
 }
 
 rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,
@@ -309,18 +353,21 @@ rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const
               .log = log,
               .probe = dst};
     *dst = (rx_probe){0};
-    rx_status status = RX_OK;
     double seconds[STEPS] = {0};
+    const double started = rx_seconds();
+    rx_status status = find_saturated(&w, err);
+    seconds[DETECT] = rx_seconds() - started;
     for (int step = 0; step < STEPS && status == RX_OK; step++) {
         const double begun = rx_seconds();
         status = run_step(&w, step, err);
-        seconds[step] = rx_seconds() - begun;
+        seconds[step] += rx_seconds() - begun;
     }
     if (status == RX_OK)
         rx_log_detail(log, "%s[%d]: %s: seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
                       detect->tile->name, detect->tile->hdu, kind->name, seconds[RESTORE], seconds[DETECT],
                       seconds[TEMPLATES], seconds[MEASURE]);
     rx_filter_free(&w.filter);
+    rx_saturated_free(&w.saturated);
     if (status != RX_OK)
         rx_probe_free(dst);
     return status;

@@ -46,6 +46,7 @@ typedef struct rx_subject {
     int flags;
     int moved; /* since its footprint was made */
     /* from the source list; segment 0: not listed */
+    int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;
     int xmin, xmax, ymin, ymax;
 } rx_subject;

@@ -8,10 +8,10 @@ static const double HALF_LIGHT = 1.1774100225154747; /* of a Gaussian, in sigmas
 static const double CUT = 1.3; /* what a segment's threshold cuts off an exponential's rms radius, roughly */
 static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
 
-/* Second moments of the segment less those of the restored PSF. */
-static void guess_shape(const rx_source *s, double restored_fwhm, rx_subject *subject)
+/* Second moments of the segment less those of the PSF that it was found behind. */
+static void guess_shape(const rx_source *s, double fwhm, rx_subject *subject)
 {
-    const double blur = restored_fwhm / GAUSS;
+    const double blur = fwhm / GAUSS;
     const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
     subject->guess = CUT * HALF_LIGHT * pow(a2 * b2, 0.25);
     if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))
@@ -68,12 +68,13 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .shape_error = 1,
                                 .lift = 1,
                                 .segment = s->segment,
+                                .untouched = s->untouched,
                                 .xmin = s->xmin,
                                 .xmax = s->xmax,
                                 .ymin = s->ymin,
                                 .ymax = s->ymax};
         if (par->extended)
-            guess_shape(s, psf->fwhm, subject);
+            guess_shape(s, s->untouched ? input->psf->fwhm : psf->fwhm, subject);
         if (input->shapes != NULL)
             keep_shape(&input->shapes->list[i], subject);
         if (!isfinite(subject->guess))

@@ -197,7 +197,7 @@ void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, 
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
     *used = 0;
-    if (subject->segment == 0 || !(subject->flux > 0))
+    if (subject->segment == 0 || subject->untouched || !(subject->flux > 0))
         return;
     /* a spectrum is larger than its plane, and nobody's now */
     const double noise = restored_noise(view, cx, cy, size->n, size->half[0]);
