@@ -131,7 +131,8 @@ int rx_detection_columns(rx_detection_scene scene);
  *   PLATEAU                 one object; rms of the means of the 2 x 2 phases about their mean, of the 4 x 4
  *                           phases, and their range, in sigmas of the noise, in the middle of the plateau
  *   OUTSKIRTS               flux within 1, 2 and 4 r50 of the galaxy, r50 = sqrt(r_e^2 + (FWHM / 2)^2), then
- * the same of the true scene at the resolution of the result, both over the true flux */
+ *                           the same of the true scene at the resolution of the result, both over the true
+ *                           flux */
 rx_status rx_detection_unit(const rx_detection_state *state, long unit, rx_unit_values *dst, rx_error *err);
 
 #endif

@@ -6,9 +6,10 @@
  *   FIELD     its stars and galaxies
  *   PAIRS     pairs, the brighter member of PAIR_SNR, the other one 0 to 2 mag fainter at a separation
  *             uniform in SIM.PAIR_DISTANCE (FWHM); the pairs are 8 FWHM, and 32 pixels, apart. Members are
- * stars in the proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT; galaxies have the shapes and sizes of the
- *             population
- *   BLANK     nothing but noise        RINGS     bright stars of RING_SNR, 20 FWHM apart
+ *             stars in the proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT; galaxies have the shapes and
+ *             sizes of the population
+ *   BLANK     nothing but noise
+ *   RINGS     bright stars of RING_SNR, 20 FWHM apart
  *   SHREDS    galaxies of SHRED_SNR, twice as large as the population's, 60 % of those with disks with arms
  *             and a third of these with bars, 20 FWHM apart
  *   INJECTED  the population added to the real tile TILE_NAME, with the tile's PSF (STAGE. keywords) and the
@@ -19,10 +20,12 @@
  * one, nearest first, then the fainter ones, whose detections do not count; what is left is invented.
  *
  * An object is
- *   isolated  when no other object of more than 1 % of its flux is nearer than (3 + log10(f)) FWHM + 2 (r +
- *             r'), f the flux of the other over its own, at least 1, r half-light radii; INJECTED: nor a
- * source of the untouched tile, of FLUX_AUTO, r = 0 blended   when one of within 2 mag (brighter or fainter)
- * is nearer than 1.5 FWHM and neither or, where objects are extended, both: then it counts as blended. */
+ *   isolated  when no other object of more than 1 % of its flux is nearer than
+ *               (3 + log10(f)) FWHM + 2 (r + r')
+ *             f: flux of the other over its own, at least 1; r, r': half-light radii. INJECTED: nor a source
+ *             of the untouched tile, of FLUX_AUTO and r = 0
+ *   blended   when one of within 2 mag (brighter or fainter) is nearer than 1.5 FWHM
+ * and neither or, where objects are extended, both: then it counts as blended. */
 #ifndef RX_CAMPAIGN_FLUXES_H
 #define RX_CAMPAIGN_FLUXES_H
 

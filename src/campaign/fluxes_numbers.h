@@ -1,13 +1,23 @@
 /* Results of a campaign of fluxes, and everything that its report says, as numbers.
  *
- * A cell holds objects of a kind, in a company, of a bin of true S/N, and one flux of one restorer, with r =
- * F / F0, F0 the true flux: bias     -2.5 log10(median r), mag                 scatter  2.5 / ln 10
- * sigma_MAD(r), mag bound    isolated stars: sigma_MAD((r - 1) / b), b the error of a matched filter over F0
- * pull median of (F - F0) / error, the one that the flux gives itself; width: sigma_MAD of it magerr   mean
- * of 100 |F - F0| / F0 sigma_MAD = 1.4826 median |v - median|. Intervals are at 95 % for normal samples: of a
- * median 1.2533 sigma / sqrt(n), of sigma_MAD 1.1664 sigma / sqrt(n) (Rousseeuw and Croux 1993, J. Am. Stat.
- * Assoc. 88, 1273: efficiencies of 64 and 37 %), of a mean s / sqrt(n), times 1.96. Objects of one tile share
- * its background, which they do not know. */
+ * A cell holds objects of a kind, in a company, of a bin of true S/N, and one flux of one restorer, with
+ * r = F / F0, F0 the true flux:
+ *
+ *   bias     -2.5 log10(median r), mag
+ *   scatter  2.5 / ln 10 sigma_MAD(r), mag
+ *   bound    isolated stars: sigma_MAD((r - 1) / b), b the error of a matched filter over F0
+ *   pull     median of (F - F0) / error, the one that the flux gives itself
+ *   width    sigma_MAD of the pulls
+ *   magerr   mean of 100 |F - F0| / F0
+ *
+ * sigma_MAD = 1.4826 median |v - median|. Intervals are at 95 % for normal samples, 1.96 times
+ *
+ *   median     1.2533 sigma / sqrt(n)
+ *   sigma_MAD  1.1664 sigma / sqrt(n)
+ *   mean       s / sqrt(n)
+ *
+ * (Rousseeuw and Croux 1993, J. Am. Stat. Assoc. 88, 1273: efficiencies of 64 and 37 %). Objects of one tile
+ * share its background, which they do not know. */
 #ifndef RX_CAMPAIGN_FLUXES_NUMBERS_H
 #define RX_CAMPAIGN_FLUXES_NUMBERS_H
 

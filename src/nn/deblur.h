@@ -1,9 +1,10 @@
 /* Linear optics around the network: the tile's PSF O against the target PSF K (Gaussian of target_fwhm,
  * integrated over the pixel; num/convolve.h rx_gauss_weights()).
  *
- *   Tikhonov copy   w = F^-1[ (1 + epsilon) conj(O) K / (|O|^2 + epsilon) F x ]     the input brought near
- * the target relative PSF    K' = F^-1[ (1 + delta) O conj(K) / (|K|^2 + delta) ], cut to a stamp: K' *
- * (target PSF) = O
+ *   Tikhonov copy   w  = F^-1[ (1 + epsilon) conj(O) K / (|O|^2 + epsilon) F x ]
+ *                   the input brought near the target
+ *   relative PSF    K' = F^-1[ (1 + delta) O conj(K) / (|K|^2 + delta) ], cut to a stamp
+ *                   K' * (target PSF) = O
  *
  * The factors before the fractions make both keep the flux of a PSF of sum 1. Stamps are odd, centred in
  * pixel (size/2, size/2). K' is linear in O, so it can be made basis image by basis image of a varying PSF

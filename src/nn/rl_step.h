@@ -1,10 +1,14 @@
 /* One Richardson-Lucy step with the known PSF, after the network and inside its training:
  *
- *   m  = K' max(f, 0),   r = W (x + p) / max(m + p, p/4),   f' = f min(K'^T r / K'^T W, 4)   where f > 0,
- * else f
+ *   m  = K' max(f, 0)
+ *   r  = W (x + p) / max(m + p, p/4)
+ *   f' = f min(K'^T r / K'^T W, 4)   where f > 0, else f
  *
- * f: sharp plane, x: data, both in noise units above the sky, K': relative PSF (nn/deblur.h), W: weights (1,
- * 0 under the mask and beyond the border; NULL: all 1 and K'^T W = the sum of K'), p: pedestal (front.h).
+ *   f   sharp plane, x: data, both in noise units above the sky
+ *   K'  relative PSF (nn/deblur.h)
+ *   W   weights: 1, 0 under the mask and beyond the border; NULL: all 1 and K'^T W = the sum of K'
+ *   p   pedestal (front.h)
+ *
  * Multiplicative on f alone: where the network says sky (0) it stays sky, where it says source the flux
  * returns to what the data have. Where K'^T W < RX_RL_SHARE (hardly any data) f stays. A step at
  * most makes four times as much of a pixel: beside a bright star that the network missed r is in the

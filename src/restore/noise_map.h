@@ -4,8 +4,8 @@
  * of that say nothing. What a threshold has to be held against is the noise of the input, and beside bright
  * objects what the restorer makes of their wings:
  *
- *   sigma(x) sqrt(1 + (0.1 env(x))^2),   env = Gaussian of sigma 1.5 pixels * max((pixels - level) / sigma,
- * 0)
+ *   sigma(x) sqrt(1 + (0.1 env(x))^2)
+ *   env = Gaussian of sigma 1.5 pixels * max((pixels - level) / sigma, 0)
  *
  * (an empirical law from prototypes; what thresholds in its units give is measured by the detection
  * campaign). */

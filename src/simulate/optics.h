@@ -11,8 +11,8 @@
  * (size / 2, size / 2) is r = 0; the sum over the cells is oversampling^2 (1 - missing). It varies as a
  * polynomial:
  *
- *   optics(x, y) = sum_t terms[t].factor X^px Y^py basis[terms[t].image],  X = (x - x0) / xs, Y = (y - y0) /
- * ys
+ *   optics(x, y) = sum_t terms[t].factor X^px Y^py basis[terms[t].image]
+ *   X = (x - x0) / xs,   Y = (y - y0) / ys
  *
  * (x, y: pixels of the tile from 0; positions beyond its borders count as on them). */
 typedef struct rx_optics {

@@ -18,12 +18,20 @@ rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *me
 
 /* Subject i, of which the canvas shows rx_refine_alone_window() of its rival where it has one. Without a
  * brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
- * 0.2) *evidence = flux^2 / variance which is exactly the rise of chi2 when a column is left out of linear
- * least squares; else *evidence = 1 / (1 / rise + lumps^2) rise = the smaller of that and what
- * rx_refine_alone() says of the neighbour with most light there lumps = 0.3 r^2 / (r^2 + FWHM^2) * the
- * neighbour's light under the template in fluxes of the source r: half-light radius of the neighbour; 0 for
- * points. Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is
- * the least contrast of arms in simulate/scene.h. par: never frozen. Errors: RX_SYSTEM. */
+ * 0.2)
+ *
+ *   *evidence = flux^2 / variance
+ *
+ * which is exactly the rise of chi2 when a column is left out of linear least squares; else
+ *
+ *   *evidence = 1 / (1 / rise + lumps^2)
+ *   rise      = the smaller of flux^2 / variance and what rx_refine_alone() says of the neighbour with most
+ *               light there
+ *   lumps     = 0.3 r^2 / (r^2 + FWHM^2) * the neighbour's light under the template in fluxes of the source
+ *   r         = half-light radius of the neighbour; 0 for points
+ *
+ * Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is the least
+ * contrast of arms in simulate/scene.h. par: never frozen. Errors: RX_SYSTEM. */
 rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                          const rx_subject *subjects, const rx_joint_member *members, int i,
                          const rx_rival *rival, double *evidence, rx_error *err);

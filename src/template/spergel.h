@@ -1,13 +1,12 @@
 /* Spergel's (2010, ApJS 191, 58) family of surface brightness profiles, elliptical, as Fourier transforms:
  *
  *   S(k) = (1 + (2 pi c)^2 |A k|^2)^-(1 + nu),   S(0) = 1
- *   A = [[1 + g1, g2], [g2, 1 - g1]] / sqrt(1 - g1^2 - g2^2),   g = (1 - q) / (1 + q) (cos 2 angle, sin 2
- * angle)
+ *   A = [[1 + g1, g2], [g2, 1 - g1]] / sqrt(1 - g1^2 - g2^2)
+ *   g = (1 - q) / (1 + q) (cos 2 angle, sin 2 angle)
  *
- * nu = 0.5 is the exponential disk exactly, nu = -0.6 close to de Vaucouleurs' profile,
- * large nu near a Gaussian. c is the scale,
- * radius = c * c_nu(nu) the half-light radius, geometric mean of both axes (pixels). k in cycles per pixel.
- */
+ * nu = 0.5 is the exponential disk exactly, nu = -0.6 close to de Vaucouleurs' profile, large nu near a
+ * Gaussian. c is the scale, radius = c * c_nu(nu) the half-light radius, geometric mean of both axes
+ * (pixels). k in cycles per pixel. */
 #ifndef RX_TEMPLATE_SPERGEL_H
 #define RX_TEMPLATE_SPERGEL_H
 

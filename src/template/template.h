@@ -4,14 +4,15 @@
  * image.
  *
  *   d(p) = level-subtracted pixel = sum_i F_i T_i(p) + b_group + noise
- *   w(p) = 1 / (sigma(p)^2 + M(p) / gain + (psf_error M(p))^2),   M = sum_i F_i T_i >= 0 of the round before
- *                               (photons of the model, not of the data: those would bias)
+ *   w(p) = 1 / (sigma(p)^2 + M(p) / gain + (psf_error M(p))^2)
+ *   M(p) = sum_i F_i T_i >= 0 of the round before (photons of the model, not of the data: those would bias)
  *   F, b minimise sum_p w (d - M - b)^2 + (b / (background_sigma sigma))^2 group by group
  *
  * A template T_i has the sum 1 over the plane and is one of
  *   POINT    the tile's PSF at the fitted position
  *   PROFILE  an elliptical Spergel (2010, ApJS 191, 58) profile behind the tile's PSF, whose size,
- * ellipticity and index are fitted to the pixels, starting from the source's shape on the restored image
+ *            ellipticity and index are fitted to the pixels, starting from the source's shape on the
+ *            restored image
  *   PIXELS   PROFILE plus what the restored pixels of the source's segment and its surroundings have beyond
  *            the profile, blurred by the kernel restored PSF -> tile's PSF; the profile goes on outside
  * chosen by the pixels (chi2 with penalties); where they cannot tell, PROFILE holds a point, too, in
