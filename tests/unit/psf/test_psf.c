@@ -9,7 +9,9 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "psf/moffat.h"
+#include "psf/moffat_fit.h"
 #include "psf/psf.h"
 
 static double stamp_sum(const float *stamp, int size)
@@ -53,10 +55,8 @@ static void test_moffat_pixels(void **state)
             for (int dx = 0; dx <= 3; dx++) {
                 double got = rx_moffat_pixel(&profile, dx, dy, NULL);
                 double want = brute_force(v[0], v[1], v[2], v[3], dx, dy);
-                if (!(fabs(got - want) < (v[0] < 1.0 ? 3e-5 : 5e-6) * centre))
-                    printf("%zu %d %d %g %g %g\n", c, dx, dy, got, want, (got - want) / centre);
                 /* the midpoint rule itself is good to 2e-6, for the narrowest to 1e-5 */
-                assert_true(fabs(got - want) < (v[0] < 1.0 ? 1e-5 : 3e-6) * centre);
+                assert_near(got, want, (v[0] < 1.0 ? 1e-5 : 3e-6) * centre);
             }
     }
 }
@@ -69,7 +69,8 @@ static void test_moffat_gradient(void **state)
     for (int near_round = 0; near_round < 2; near_round++) {
         rx_moffat_shape(3.3, 3.1, near_round ? 0.9999 : 0.7, 0.8, shape);
         rx_moffat_set(&m, shape);
-        rx_moffat_pixel(&m, position[0], position[1], gradient);
+        assert_near(rx_moffat_pixel(&m, position[0], position[1], gradient),
+                    rx_moffat_pixel(&m, position[0], position[1], NULL), 0);
         for (int i = 0; i < 6; i++) {
             double f[2];
             const double step = 1e-5;
@@ -80,7 +81,7 @@ static void test_moffat_gradient(void **state)
                 rx_moffat_set(&m, s);
                 f[side] = rx_moffat_pixel(&m, p[0], p[1], NULL);
             }
-            assert_true(fabs((f[1] - f[0]) / (2.0 * step) - gradient[i]) < 1e-8);
+            assert_near((f[1] - f[0]) / (2.0 * step), gradient[i], 1e-8);
         }
     }
 }
@@ -104,12 +105,71 @@ static void test_encircled_energy(void **state)
                 inside += hits / 64.0 * (double)psf->basis[(j + 200) * 401 + i + 200];
             }
         double want = 1.0 - pow(1.0 + r * r / (alpha * alpha), 1.0 - beta);
-        assert_true(fabs(inside / want - 1.0) < 1e-3);
+        assert_near(inside / want, 1.0, 1e-3);
     }
     double got, ellipticity, exponent;
     assert_int_equal(rx_psf_shape(psf->basis, 401, &got, &ellipticity, &exponent, NULL), RX_OK);
-    assert_true(fabs(got / fwhm - 1.0) < 1e-3 && ellipticity < 1e-3 && fabs(exponent / beta - 1.0) < 1e-2);
+    assert_near(got / fwhm, 1.0, 1e-3);
+    assert_near(ellipticity, 0.0, 1e-3);
+    assert_near(exponent / beta, 1.0, 1e-2);
     rx_psf_free(psf);
+}
+
+/* (1 + k r^2)^(1 - beta) of the flux is outside, (1 + k r^2)^-beta of the peak is there. */
+static void test_moffat_radii(void **state)
+{
+    (void)state;
+    const double beta[] = {1.5, 2.0, 4.765, 100.0}, part[] = {0.5, 1e-3, 1e-5};
+    for (int b = 0; b < 4; b++)
+        for (int p = 0; p < 3; p++) {
+            const double k = pow(2.0, 1.0 / beta[b]) - 1.0;
+            const double flux = rx_moffat_radius_flux(beta[b], part[p]),
+                         level = rx_moffat_radius_level(beta[b], part[p]);
+            assert_near(pow(1.0 + k * flux * flux, 1.0 - beta[b]) / part[p], 1.0, 1e-9);
+            assert_near(pow(1.0 + k * level * level, -beta[b]) / part[p], 1.0, 1e-9);
+        }
+}
+
+/* A star of known numbers on its sky, from a start far off: all come back, and chi2 is that of the pixel that
+ * was moved. */
+static void test_moffat_fit(void **state)
+{
+    (void)state;
+    enum { HALF = 12, SIDE = 2 * HALF + 1, N = SIDE * SIDE };
+    rx_moffat_pixels pixels;
+    rx_moffat profile;
+    double shape[RX_MOFFAT_SHAPE];
+    rx_moffat_shape(3.7, 3.2, 0.8, 0.4, shape);
+    rx_moffat_set(&profile, shape);
+    assert_int_equal(rx_moffat_pixels_new(N, &pixels, NULL), RX_OK);
+    for (pixels.n = 0; pixels.n < N; pixels.n++) {
+        const double x = pixels.n % SIDE - HALF, y = pixels.n / SIDE - HALF;
+        pixels.x[pixels.n] = x;
+        pixels.y[pixels.n] = y;
+        pixels.value[pixels.n] = 20.0 + 500.0 * rx_moffat_pixel(&profile, x - 0.3, y + 0.45, NULL);
+        pixels.sigma[pixels.n] = 2.0;
+    }
+    rx_moffat_fit fit = {.peak = 400.0, .sky = 10.0};
+    rx_moffat_shape(5.0, 4.0, 1.0, 0.0, fit.shape);
+    assert_int_equal(rx_moffat_fit_run(&pixels, 1, &fit, NULL), RX_OK);
+    assert_int_equal(fit.converged, 1);
+    assert_near(fit.peak, 500.0, 1e-3);
+    assert_near(fit.x, 0.3, 1e-6);
+    assert_near(fit.y, -0.45, 1e-6);
+    assert_near(fit.sky, 20.0, 1e-3);
+    for (int i = 0; i < RX_MOFFAT_SHAPE; i++)
+        assert_near(fit.shape[i], shape[i], 1e-5);
+    assert_near(fit.chi2, 0.0, 1e-6);
+    assert_near(rx_moffat_fit_fwhm(&fit), 3.7, 1e-5);
+    assert_near(rx_moffat_fit_ellipticity(&fit), 0.2, 1e-5);
+    rx_moffat_set(&profile, fit.shape);
+    assert_near(rx_moffat_fit_value(&fit, &profile, 2.0, 1.0), pixels.value[(1 + HALF) * SIDE + 2 + HALF],
+                1e-3);
+    pixels.sigma[0] = 2e3; /* three sigma off, and no weight to speak of */
+    pixels.value[0] += 6e3;
+    assert_int_equal(rx_moffat_fit_run(&pixels, 1, &fit, NULL), RX_OK);
+    assert_near(fit.chi2, 9.0, 1e-2);
+    rx_moffat_pixels_free(&pixels);
 }
 
 static void test_moffat_sizes(void **state)
@@ -121,7 +181,7 @@ static void test_moffat_sizes(void **state)
             rx_psf *psf;
             assert_int_equal(rx_psf_moffat(fwhm[f], beta[b], 0.8, 0.3, 0, &psf, NULL), RX_OK);
             assert_true(psf->size % 2 == 1 && psf->size >= 5 && psf->size <= 255);
-            assert_true(fabs(stamp_sum(psf->basis, psf->size) - 1.0) < 1e-6);
+            assert_near(stamp_sum(psf->basis, psf->size), 1.0, 1e-6);
             int half = psf->size / 2;
             double alpha = 0.5 * fwhm[f] / sqrt(pow(2.0, 1.0 / beta[b]) - 1.0), r = half + 0.5;
             double outside = 1.0 + r * r * 0.8 / (alpha * alpha);
@@ -147,10 +207,11 @@ static void test_moffat_angle(void **state)
                 xy += v * i * j;
             }
         }
-    assert_true(fabs(0.5 * atan2(2.0 * xy, xx - yy) - 0.5) < 0.005);
+    assert_near(0.5 * atan2(2.0 * xy, xx - yy), 0.5, 0.005);
     double fwhm, ellipticity;
     assert_int_equal(rx_psf_shape(psf->basis, 61, &fwhm, &ellipticity, NULL, NULL), RX_OK);
-    assert_true(fabs(fwhm - 5.0) < 0.005 && fabs(ellipticity - 0.4) < 1e-3);
+    assert_near(fwhm, 5.0, 0.005);
+    assert_near(ellipticity, 0.4, 1e-3);
     rx_psf_free(psf);
 }
 
@@ -188,7 +249,7 @@ static void test_polynomial_and_copy(void **state)
     psf.basis = basis;
     psf.stars = stars;
     rx_psf_at(&psf, 15.0, 12.0, &value);
-    assert_true(fabs((double)value - (1.0 + 0.5 * 1.0 - 0.25 * 1.0 * -2.0)) < 1e-6);
+    assert_near(value, 1.0 + 0.5 * 1.0 - 0.25 * 1.0 * -2.0, 1e-6);
     rx_psf *copy = rx_psf_copy(&psf);
     assert_non_null(copy);
     assert_true(copy->basis != psf.basis && copy->stars != psf.stars && copy->stars[1][1] == 4.0);
@@ -202,7 +263,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_moffat_pixels),       cmocka_unit_test(test_moffat_gradient),
         cmocka_unit_test(test_encircled_energy),    cmocka_unit_test(test_moffat_sizes),
-        cmocka_unit_test(test_moffat_angle),        cmocka_unit_test(test_moffat_refused),
+        cmocka_unit_test(test_moffat_angle),        cmocka_unit_test(test_moffat_radii),
+        cmocka_unit_test(test_moffat_fit),          cmocka_unit_test(test_moffat_refused),
         cmocka_unit_test(test_polynomial_and_copy),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
