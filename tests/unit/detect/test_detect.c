@@ -477,7 +477,8 @@ static void survives_tiny_tiles(void **state)
                     assert_int_equal(o->npix, (int)f.n);
                     assert_near(o->x, 0.5 * (f.width - 1), 0.01);
                     assert_near(o->y, 0.5 * (f.height - 1), 0.01);
-                    assert_true(o->a >= o->b && o->b > 0.0);
+                    assert_true(o->a >= o->b);
+                    assert_true(o->b > 0.0);
                     assert_true((o->flags & RX_FLAG_TRUNCATED) != 0);
                 }
                 rx_sources_free(s);

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "psf/moffat.h"
@@ -160,9 +161,9 @@ static void check_field(double fwhm, double beta, double ratio, double angle, in
     if (estimate(&f, &psf, &err) != RX_OK)
         fail_msg("FWHM %g: %s", fwhm, err.text);
     print_message("true FWHM %g, beta %g, ellipticity %g: %s\n", fwhm, beta, 1.0 - ratio, psf->description);
-    assert_true(fabs(psf->fwhm / fwhm - 1.0) < 0.02);
-    assert_true(fabs(psf->ellipticity - (1.0 - ratio)) < 0.02);
-    assert_true(psf->fwhm_error > 0.0 && psf->fwhm_error < 0.02 * fwhm);
+    assert_near(psf->fwhm / fwhm, 1.0, 0.02);
+    assert_near(psf->ellipticity, 1.0 - ratio, 0.02);
+    assert_between(psf->fwhm_error, 0.0, 0.02 * fwhm);
     assert_true(psf->type == RX_PSF_AUTO && psf->nstars >= nstars / 2 && psf->nstars <= nstars);
     for (int i = 0; i < psf->nstars; i++) { /* every one is a star */
         int found = 0;
@@ -214,7 +215,7 @@ static void test_masked_pixels(void **state)
     assert_true(first->nstars == second->nstars && first->size == second->size);
     assert_memory_equal(first->basis, second->basis,
                         sizeof(float) * (size_t)first->size * (size_t)first->size);
-    assert_true(fabs(first->fwhm / 3.0 - 1.0) < 0.02);
+    assert_near(first->fwhm / 3.0, 1.0, 0.02);
     rx_psf_free(first);
     rx_psf_free(second);
     free_field(&f);
@@ -232,7 +233,7 @@ static void test_saturated_stars(void **state)
         if (f.tile.pixels[i] >= 3000.0F)
             f.tile.pixels[i] = 3000.0F;
     assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
-    assert_true(fabs(psf->fwhm / 3.0 - 1.0) < 0.02);
+    assert_near(psf->fwhm / 3.0, 1.0, 0.02);
     for (int i = 0; i < psf->nstars; i++)
         assert_true(f.tile.pixels[(int)lround(psf->stars[i][1]) * SIDE + (int)lround(psf->stars[i][0])] <
                     2800.0F);

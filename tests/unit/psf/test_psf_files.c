@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "data/table.h"
 #include "io/fits_read.h"
 #include "psf/psf.h"
@@ -175,17 +176,19 @@ static void test_image_sizes(void **state)
         write_image(in_folder("psf.fits"), pixels, w, h);
         assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 100, 80, NULL, &psf, NULL), RX_OK);
         assert_true(psf->size % 2 == 1 && psf->size >= (w > h ? w : h));
-        assert_true(fabs(stamp_sum(psf->basis, psf->size) - 1.0) < 1e-6);
+        assert_near(stamp_sum(psf->basis, psf->size), 1.0, 1e-6);
         double x, y, worst = 0.0;
         centroid(psf, &x, &y);
-        assert_true(fabs(x - 0.1) < 0.01 && fabs(y + 0.2) < 0.01);
+        assert_near(x, 0.1, 0.01);
+        assert_near(y, -0.2, 0.01);
         for (int i = 0; i < psf->size * psf->size; i++) {
             double dx = i % psf->size - psf->size / 2 - 0.1, dy = i / psf->size - psf->size / 2 + 0.2;
             double want = exp(-0.5 * (dx * dx + dy * dy) / 2.89) / (2.0 * M_PI * 2.89);
             worst = fmax(worst, fabs(want - (double)psf->basis[i]));
         }
         assert_true(worst < 1e-3 / (2.0 * M_PI * 2.89)); /* of the peak */
-        assert_true(fabs(psf->fwhm - 1.7 * 2.3548) < 0.1 && psf->ellipticity < 0.01);
+        assert_near(psf->fwhm, 1.7 * 2.3548, 0.1);
+        assert_true(psf->ellipticity < 0.01);
         rx_psf_free(psf);
     }
 }
@@ -199,7 +202,7 @@ static void test_image_cut_to_size(void **state)
     write_image(in_folder("psf.fits"), pixels, 60, 60);
     assert_int_equal(rx_psf_image(in_folder("psf.fits"), 15, 50, 50, NULL, &psf, NULL), RX_OK);
     assert_int_equal(psf->size, 15);
-    assert_true(fabs(stamp_sum(psf->basis, 15) - 1.0) < 1e-6);
+    assert_near(stamp_sum(psf->basis, 15), 1.0, 1e-6);
     rx_psf_free(psf);
     /* an even PSF as large as the tile loses half a pixel on each side instead of outgrowing it */
     assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 60, 60, NULL, &psf, NULL), RX_OK);
@@ -303,7 +306,7 @@ static void compare_model(const char *file, int width, int height, double tolera
     for (int k = 0; k < 5; k++) {
         double x = at[k][0] * (width - 1), y = at[k][1] * (height - 1), worst = 0.0, peak = 0.0;
         rx_psf_at(psf, x, y, stamp);
-        assert_true(fabs(stamp_sum(stamp, psf->size) - 1.0) < 1e-5);
+        assert_near(stamp_sum(stamp, psf->size), 1.0, 1e-5);
         reference(file, x + 1.0, y + 1.0, psf->size, want);
         for (int i = 0; i < psf->size * psf->size; i++) {
             peak = fmax(peak, want[i]);
@@ -312,7 +315,7 @@ static void compare_model(const char *file, int width, int height, double tolera
         if (!(worst < tolerance * peak))
             fail_msg("%s at (%g,%g): off by %g of the peak", file, x, y, worst / peak);
     }
-    assert_true(psf->fwhm > 1.0 && psf->fwhm < 10.0);
+    assert_between(psf->fwhm, 1.0, 10.0);
     free(stamp);
     free(want);
     rx_psf_free(psf);
@@ -391,7 +394,7 @@ static void test_psfex_of_each_extension(void **state)
         int n = psf->size;
         float centre = psf->basis[n / 2 * n + n / 2], next = psf->basis[n / 2 * n + n / 2 + 1];
         double found = sqrt(-0.5 / log((double)next / (double)centre));
-        assert_true(fabs(found - sigma[extension - 1]) < 0.02);
+        assert_near(found, sigma[extension - 1], 0.02);
         rx_psf_free(psf);
     }
 }

@@ -1,4 +1,5 @@
 /* What helps faint sources: what is usual on the tile, averages over shapes, evidence against neighbours. */
+#include "../near.h"
 #include "field.h"
 
 #include <setjmp.h>
@@ -36,16 +37,16 @@ static void test_column(void **state)
             for (int v = 0; v < N; v++) {
                 double gradient[4];
                 const double value = rx_spergel_at(&form, u / 128.0, (FIRST + v) / 128.0, gradient);
-                assert_true(fabs(values[0][v] - value) < 1e-6);
+                assert_near(values[0][v], value, 1e-6);
                 for (int k = 0; k < 4; k++)
-                    assert_true(fabs(values[k + 1][v] - gradient[k]) < 3e-6 * (1 + fabs(gradient[k])));
+                    assert_near(values[k + 1][v], gradient[k], 3e-6 * (1 + fabs(gradient[k])));
             }
             float alone[N];
             columns[0] = alone;
             rx_spergel_column(&form, u / 128.0, 1.0 / 128, FIRST, N, 1, columns);
             columns[0] = values[0];
             for (int v = 0; v < N; v++)
-                assert_true(fabsf(alone[v] - values[0][v]) < 1e-6f);
+                assert_near(alone[v], values[0][v], 1e-6f);
         }
 }
 
@@ -74,16 +75,18 @@ static void test_usual(void **state)
     rx_usual_learn(cases, 19, 0, 4, &usual);
     assert_true(usual.star_odds == 1 && usual.radius.mean == log(2.4) && usual.radius.slope == 0);
     rx_usual_learn(cases, N, 0, 4, &usual);
-    assert_true(fabs(usual.star_odds - 0.5) < 0.02);
-    assert_true(fabs(usual.pivot - pivot) < 1e-12);
+    assert_near(usual.star_odds, 0.5, 0.02);
+    assert_near(usual.pivot, pivot, 1e-12);
     /* 600 sources: means known to 0.025, the slope to 0.05 */
-    assert_true(fabs(rx_usual_centre(&usual, &usual.radius, 224) - 0.7) < 0.08);
-    assert_true(fabs(usual.radius.slope - 0.4) < 0.15);
-    assert_true(fabs(usual.radius.width / 1.4 - 0.5) < 0.06); /* used 1.4 times as wide */
-    assert_true(fabs(usual.nu.mean - 0.2) < 0.08 && fabs(usual.nu.width - 0.6) < 0.06);
+    assert_near(rx_usual_centre(&usual, &usual.radius, 224), 0.7, 0.08);
+    assert_near(usual.radius.slope, 0.4, 0.15);
+    assert_near(usual.radius.width / 1.4, 0.5, 0.06); /* used 1.4 times as wide */
+    assert_near(usual.nu.mean, 0.2, 0.08);
+    assert_near(usual.nu.width, 0.6, 0.06);
     /* a prior goes in and comes out */
     const rx_usual_word word = rx_usual_say((4 * 2.0 + 1 * 0.5) / 5, 1 / 5.0, 0.5, 1);
-    assert_true(fabs(word.mean - 2) < 1e-12 && fabs(word.precision - 4) < 1e-12);
+    assert_near(word.mean, 2, 1e-12);
+    assert_near(word.precision, 4, 1e-12);
     assert_true(rx_usual_say(1, 1, 1, 1).precision == 0);
     free(cases);
 }
@@ -188,8 +191,9 @@ static void test_average(void **state)
     rx_fit_run(&fit, p.size, &p.patch);
     const rx_fit_mean mean = rx_fit_average(&fit, p.size, &p.patch);
     const double variance = rx_fit_variance(&fit, 0);
-    assert_true(fabs(mean.flux - fit.p[RX_FIT_FLUX]) < 0.05 * sqrt(variance));
-    assert_true(fabs(mean.variance / variance - 1) < 0.05 && fabs(mean.evidence) < 0.05);
+    assert_near(mean.flux, fit.p[RX_FIT_FLUX], 0.05 * sqrt(variance));
+    assert_near(mean.variance / variance, 1, 0.05);
+    assert_near(mean.evidence, 0, 0.05);
     close_patch(&p);
 }
 

@@ -1,4 +1,5 @@
 /* The parts of template photometry one by one. */
+#include "../near.h"
 #include "field.h"
 
 #include <setjmp.h>
@@ -33,14 +34,14 @@ static void test_spergel(void **state)
     const rx_spergel p = {2.5, 0.2, -0.1, 0.3};
     rx_spergel_form form;
     double slope, gradient[4];
-    assert_true(fabs(rx_spergel_half_light(0.5, &slope) - 1.67834699) < 1e-4);
+    assert_near(rx_spergel_half_light(0.5, &slope), 1.67834699, 1e-4);
     const double numeric =
         (log(rx_spergel_half_light(1.501, NULL)) - log(rx_spergel_half_light(1.499, NULL))) /
         (log(2.501) - log(2.499));
     rx_spergel_half_light(1.5, &slope);
-    assert_true(fabs(slope - numeric) < 1e-6);
+    assert_near(slope, numeric, 1e-6);
     rx_spergel_set(&p, &form);
-    assert_true(fabs(rx_spergel_at(&form, 0, 0, NULL) - 1) < 1e-15);
+    assert_near(rx_spergel_at(&form, 0, 0, NULL), 1, 1e-15);
     rx_spergel_at(&form, 0.11, -0.07, gradient);
     for (int k = 0; k < 4; k++) {
         double at[2];
@@ -54,13 +55,13 @@ static void test_spergel(void **state)
             rx_spergel_set(&q, &form);
             at[side] = rx_spergel_at(&form, 0.11, -0.07, NULL);
         }
-        assert_true(fabs(gradient[k] - (at[1] - at[0]) / 2e-5) < 1e-8);
+        assert_near(gradient[k], (at[1] - at[0]) / 2e-5, 1e-8);
     }
     /* an exponential of scale h has the transform (1 + (2 pi h k)^2)^-3/2 */
     const rx_spergel disk = {1.67834699 * 2, 0, 0, 0.5};
     rx_spergel_set(&disk, &form);
     const double u = 2 * 3.14159265358979323846 * 2 * 0.1;
-    assert_true(fabs(rx_spergel_at(&form, 0.06, 0.08, NULL) - pow(1 + u * u, -1.5)) < 1e-4);
+    assert_near(rx_spergel_at(&form, 0.06, 0.08, NULL), pow(1 + u * u, -1.5), 1e-4);
 }
 
 /* The kernel restored PSF -> tile's PSF, on the restored PSF itself, gives the tile's. */
@@ -95,7 +96,7 @@ static void test_kernel(void **state)
                 worst = fmax(worst, fabs((double)size->plane[0][y * stride + x] - blurred[y * stride + x]));
                 sum += blurred[y * stride + x];
             }
-        assert_true(fabs(sum - 1) < 1e-5);
+        assert_near(sum, 1, 1e-5);
         assert_true(worst < (k == 0 ? 5e-3 : 1e-3) * peak);
         free(blurred);
         rx_lens_free(lens);
@@ -179,14 +180,15 @@ static void test_joint(void **state)
     w[W * H + 2] = sw / n / (0.3 * 0.3);
     assert_int_equal(rx_lsq_linear(a, b, w, ROWS, COLUMNS, x, c, NULL, NULL), RX_OK);
     for (int i = 0; i < 3; i++) {
-        assert_true(fabs(m[i].flux - x[i]) < 1e-4 * (1 + fabs(x[i])));
+        assert_near(m[i].flux, x[i], 1e-4 * (1 + fabs(x[i])));
         for (int j = 0; j < 3; j++)
-            assert_true(fabs(covariance[i * 3 + j] - c[i * COLUMNS + j]) <
+            assert_near(covariance[i * 3 + j], c[i * COLUMNS + j],
                         1e-4 * sqrt(c[i * COLUMNS + i] * c[j * COLUMNS + j]));
-        assert_true(fabs(m[i].variance - c[i * COLUMNS + i]) < 1e-4 * c[i * COLUMNS + i]);
+        assert_near(m[i].variance, c[i * COLUMNS + i], 1e-4 * c[i * COLUMNS + i]);
     }
-    assert_true(fabs(m[0].shift[0] + x[3] / 3) < 1e-4 && fabs(m[0].shift[1] + x[4] / 3) < 1e-4);
-    assert_true(fabs(background - x[5]) < 1e-4);
+    assert_near(m[0].shift[0], -x[3] / 3, 1e-4);
+    assert_near(m[0].shift[1], -x[4] / 3, 1e-4);
+    assert_near(background, x[5], 1e-4);
     for (int i = 0; i < 3; i++)
         free(t[i].values);
     free(a);
@@ -324,14 +326,15 @@ static void test_undersky(void **state)
     rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
     assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, &mean, NULL), RX_OK);
     assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
-    assert_true(fabs(mean - 0.3) < 0.02);
+    assert_near(mean, 0.3, 0.02);
     double sum[2] = {0}, n[2] = {0};
     for (int k = 0; k < W * H; k++)
         if (!f.mask[k] && !f.sources->segments[k]) {
             sum[k % W > 200] += canvas.data[k];
             n[k % W > 200]++;
         }
-    assert_true(fabs(sum[0] / n[0]) < 0.02 && fabs(sum[1] / n[1]) < 0.02);
+    assert_near(sum[0] / n[0], 0, 0.02);
+    assert_near(sum[1] / n[1], 0, 0.02);
     rx_canvas_clear(&canvas);
     field_close(&f);
 }
@@ -444,11 +447,13 @@ static void test_leftover(void **state)
         if (mask[k])
             continue;
         filter_plainly(&of, &s, k % LW, k / LW, &value, &error);
-        assert_true(fabs(filtered[0][k] - value) < 1e-5 && fabs(noise[0][k] / error - 1) < 1e-5);
+        assert_near(filtered[0][k], value, 1e-5);
+        assert_near(noise[0][k] / error, 1, 1e-5);
         const double light = largest_light(&of, &s, k % LW, k / LW);
-        assert_true(fabs(spots[0][k].light - light) < 1e-5 && spots[1][k].light == spots[0][k].light);
-        assert_true(fabs(spots[0][k].sigma - hypot(s.sigma[k], of.model_error * light)) < 1e-5 &&
-                    spots[1][k].sigma == spots[0][k].sigma);
+        assert_near(spots[0][k].light, light, 1e-5);
+        assert_true(spots[1][k].light == spots[0][k].light);
+        assert_near(spots[0][k].sigma, hypot(s.sigma[k], of.model_error * light), 1e-5);
+        assert_true(spots[1][k].sigma == spots[0][k].sigma);
     }
     assert_int_equal(rx_leftover_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
     assert_memory_equal(filtered[0] + 64 * LW, filtered[1], (size_t)(LH - 64) * LW * sizeof(float));

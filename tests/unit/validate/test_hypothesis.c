@@ -18,8 +18,6 @@
 
 enum { MOST = 1000 };
 
-#define assert_close(a, b, relative) assert_near((a), (b), (relative)*fabs(b))
-
 static void fill_a(long n, double shift, double *dst)
 {
     for (long i = 0; i < n; i++)
