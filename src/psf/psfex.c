@@ -121,14 +121,24 @@ static rx_status read_variable(model *m, const rx_table *table, int i, int degre
     return status;
 }
 
+/* Merged tables, as surveys hand them on, leave out what the rest determines: the number of variables where
+ * POLZEROi says it, that of groups where there is one, the axes of the mask where they follow from it. */
 static rx_status read_polynomial(model *m, const rx_table *table, rx_error *err)
 {
-    int naxis, groups, degree;
-    rx_status status = need_integer(m, table, "POLNAXIS", 0, 2, &naxis, err);
+    int naxis = 0, groups = 1, degree;
+    double value;
+    rx_status status = RX_OK;
     m->scale[0] = m->scale[1] = 1.0;
+    if (find_number(table, "POLNAXIS", &value) || !find_number(table, "POLDEG1", &value))
+        status = need_integer(m, table, "POLNAXIS", 0, 2, &naxis, err);
+    else
+        naxis = find_number(table, "POLZERO2", &value) ? 2 : find_number(table, "POLZERO1", &value);
     if (status != RX_OK || naxis == 0)
         return status;
-    status = need_integer(m, table, "POLNGRP", 1, 2, &groups, err);
+    if (find_number(table, "POLNGRP", &value))
+        status = need_integer(m, table, "POLNGRP", 1, 2, &groups, err);
+    else if (naxis == 2 && find_number(table, "POLGRP2", &value) && value > 1)
+        groups = 2;
     if (status != RX_OK)
         return status;
     if (groups != 1)
@@ -161,17 +171,38 @@ static int term_powers(const model *m, int more, int px[RX_PSF_MAX_BASIS], int p
     return n;
 }
 
-static rx_status read_mask(model *m, const rx_table *table, rx_error *err)
+/* PSFNAXIS and PSFAXISi, or what PSF_MASK's own dimensions say with the polynomial's number of terms. */
+static rx_status read_axes(model *m, const rx_table *table, const rx_column *mask, int nterms, rx_error *err)
 {
-    int naxis, px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS], column = rx_table_find(table, "PSF_MASK");
-    rx_status status = need_integer(m, table, "PSFNAXIS", 2, 3, &naxis, err);
-    m->nterms = 1;
+    int naxis = nterms > 1 ? 3 : 2;
+    double value;
+    rx_status status = RX_OK;
+    m->nterms = naxis == 3 ? nterms : 1;
+    if (find_number(table, "PSFNAXIS", &value)) {
+        status = need_integer(m, table, "PSFNAXIS", 2, 3, &naxis, err);
+        m->nterms = 1;
+    }
+    if (status == RX_OK && !find_number(table, "PSFAXIS1", &value) && mask != NULL && mask->ndim == 2 &&
+        mask->dim[0] <= 4096 && mask->dim[1] % nterms == 0 && mask->dim[1] / nterms <= 4096) {
+        m->width = mask->dim[0];
+        m->height = mask->dim[1] / nterms;
+        m->nterms = nterms;
+        return RX_OK;
+    }
     if (status == RX_OK)
         status = need_integer(m, table, "PSFAXIS1", 1, 4096, &m->width, err);
     if (status == RX_OK)
         status = need_integer(m, table, "PSFAXIS2", 1, 4096, &m->height, err);
-    if (status == RX_OK && naxis == 3)
+    if (status == RX_OK && naxis == 3 && (find_number(table, "PSFAXIS3", &value) || m->nterms == 1))
         status = need_integer(m, table, "PSFAXIS3", 1, RX_PSF_MAX_BASIS, &m->nterms, err);
+    return status;
+}
+
+static rx_status read_mask(model *m, const rx_table *table, rx_error *err)
+{
+    int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS], column = rx_table_find(table, "PSF_MASK");
+    rx_status status =
+        read_axes(m, table, column >= 0 ? &table->columns[column] : NULL, term_powers(m, 0, px, py), err);
     if (status != RX_OK)
         return status;
     if (m->nterms != term_powers(m, 0, px, py))

@@ -447,6 +447,67 @@ static void test_model_refused(void **state)
     refuse_model(&good, mask, "sums to");
 }
 
+/* Takes the card of that key out of the file. */
+static void forget_key(const char *path, const char *key)
+{
+    char name[9], card[81] = "";
+    FILE *file = fopen(path, "r+b");
+    assert_non_null(file);
+    snprintf(name, sizeof name, "%-8s", key);
+    while (fread(card, 1, 80, file) == 80)
+        if (memcmp(card, name, 8) == 0) {
+            fseek(file, -80, SEEK_CUR);
+            fputs("COMMENT ", file);
+            assert_int_equal(fclose(file), 0);
+            return;
+        }
+    fail_msg("no %s in %s", key, path);
+}
+
+/* Nothing is missing that the rest of the model does not determine. */
+static void test_model_of_a_merged_table(void **state)
+{
+    (void)state;
+    enum { SIDE = 41 };
+    static float mask[3 * SIDE * SIDE];
+    for (int t = 0; t < 3; t++)
+        gaussian(mask + t * SIDE * SIDE, SIDE, SIDE, 20 + 0.3 * t, 20 - 0.5 * t, t == 0 ? 1.0 : 0.05 * t);
+    const psfex_spec plane = {2, 1, 1, SIDE, 3, "X_IMAGE", "Y_IMAGE", 50.0, 100.0, 0.8},
+                     constant = {2, 1, 0, SIDE, 1, "X_IMAGE", "Y_IMAGE", 50.0, 100.0, 0.8};
+    static const char *const lacking[][7] = {{"POLNAXIS", "PSFNAXIS"},
+                                             {"POLNAXIS", "POLNGRP", "PSFNAXIS", "PSFAXIS3"},
+                                             {"POLNAXIS", "PSFNAXIS", "PSFAXIS1", "PSFAXIS2", "PSFAXIS3"}};
+    for (int k = 0; k < 6; k++) {
+        rx_psf *whole, *psf;
+        write_psfex(in_folder("model.psf"), k < 3 ? &plane : &constant, mask);
+        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &whole, NULL), RX_OK);
+        for (int i = 0; lacking[k % 3][i] != NULL; i++)
+            forget_key(in_folder("model.psf"), lacking[k % 3][i]);
+        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, NULL), RX_OK);
+        assert_int_equal(psf->nbasis, whole->nbasis);
+        assert_int_equal(psf->size, whole->size);
+        assert_memory_equal(psf->basis, whole->basis,
+                            (size_t)psf->nbasis * (size_t)(psf->size * psf->size) * sizeof *psf->basis);
+        rx_psf_free(psf);
+        rx_psf_free(whole);
+    }
+    /* what nothing else tells */
+    static const char *const needed[][2] = {{"POLDEG1", "POLNAXIS"},
+                                            {"POLZERO1", "POLZERO1"},
+                                            {"POLNAME2", "varies with ''"},
+                                            {"PSF_SAMP", "PSF_SAMP"}};
+    for (size_t k = 0; k < sizeof needed / sizeof *needed; k++) {
+        rx_psf *psf;
+        rx_error err = RX_ERROR_NONE;
+        write_psfex(in_folder("model.psf"), &plane, mask);
+        forget_key(in_folder("model.psf"), "POLNAXIS");
+        forget_key(in_folder("model.psf"), needed[k][0]);
+        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, &err), RX_INPUT);
+        if (strstr(err.text, needed[k][1]) == NULL)
+            fail_msg("'%s' does not say '%s'", err.text, needed[k][1]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -456,6 +517,7 @@ int main(void)
         cmocka_unit_test(test_real_models),
         cmocka_unit_test(test_made_model),
         cmocka_unit_test(test_model_refused),
+        cmocka_unit_test(test_model_of_a_merged_table),
         cmocka_unit_test(test_psfex_of_each_extension),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
