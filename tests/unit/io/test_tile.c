@@ -1,11 +1,10 @@
 /* Tiles: every kind of pixel, masks, names, companions. Damaged files: test_tile_damaged.c. */
 #include "tile_test.h"
 
-#include "../validate/near.h"
+#include "../near.h"
 #include "base/log.h"
-#include "io/fits_write.h"
-
 #include "io/fits_read.h"
+#include "io/fits_write.h"
 #include "io/wcs.h"
 
 /* --- pixels --- */
