@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
+#include "base/text.h"
 
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 24 };
 
@@ -77,6 +78,8 @@ rx_status rx_lines_next(rx_lines *lines, char **line, rx_error *err)
     lines->at = lines->following;
     lines->following += (int64_t)length + 1;
     lines->begin += length + (end != NULL);
+    if (lines->at == 0 && strncmp(*line, RX_BYTE_ORDER_MARK, 3) == 0)
+        *line += 3;
     return RX_OK;
 }
 

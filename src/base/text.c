@@ -120,6 +120,10 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
         goto exit;
     }
     content[size] = '\0';
+    if (strncmp(content, RX_BYTE_ORDER_MARK, 3) == 0) {
+        size -= 3;
+        memmove(content, content + 3, size + 1);
+    }
     *data = content;
     if (length != NULL)
         *length = size;

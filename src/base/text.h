@@ -19,7 +19,10 @@ void rx_text_add_bytes(rx_text *dst, const char *bytes, size_t length);
 void rx_text_printf(rx_text *dst, const char *format, ...) RX_PRINTF(2, 3);
 void rx_text_free(rx_text *text);
 
-/* Whole file as a 0-terminated string, at most max_bytes; *data to be freed by
+/* What some editors put before a text in UTF-8. */
+#define RX_BYTE_ORDER_MARK "\xef\xbb\xbf"
+
+/* Whole file as a 0-terminated string, at most max_bytes, without a byte order mark; *data to be freed by
  * the caller. Errors: RX_INPUT (missing, a folder, too large, holds NUL bytes). */
 rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, size_t *length, rx_error *err);
 

@@ -22,6 +22,7 @@ typedef struct token {
 typedef struct guess {
     bool real, text; /* some cell is not an integer, not a number */
     size_t width;    /* longest cell */
+    long row, line;  /* of the first that is not a number */
 } guess;
 
 /* One line of SExtractor's head. */
@@ -187,7 +188,7 @@ static bool is_name_line(const ascii *in, int n)
     return true;
 }
 
-static void look_at(ascii *in)
+static void look_at(ascii *in, long line)
 {
     double real;
     long long integer;
@@ -198,8 +199,11 @@ static void look_at(ascii *in)
             g->width = t.length;
         if (!g->real && !as_integer(t, &integer))
             g->real = true;
-        if (g->real && !g->text && !as_real(t, &real))
+        if (g->real && !g->text && !as_real(t, &real)) {
             g->text = true;
+            g->row = in->nrows;
+            g->line = line;
+        }
     }
 }
 
@@ -237,8 +241,8 @@ static rx_status first_pass(ascii *in, rx_error *err)
         if (n != in->nvalues)
             return rx_error_at(err, RX_INPUT, in->path, -1, number,
                                "holds %d values where the lines before hold %d", n, in->nvalues);
+        look_at(in, number);
         in->nrows++;
-        look_at(in);
     }
     return RX_OK;
 }
@@ -304,6 +308,10 @@ static rx_status allocate(ascii *in, rx_table *table, rx_error *err)
         long elements = rx_column_elements(column);
         for (long e = 0; e < elements; e++, value++) {
             all.real |= in->guesses[value].real || in->nrows == 0;
+            if (in->guesses[value].text && !all.text) {
+                column->word.row = in->guesses[value].row;
+                column->word.line = in->guesses[value].line;
+            }
             all.text |= in->guesses[value].text;
             all.width = all.width > in->guesses[value].width ? all.width : in->guesses[value].width;
         }

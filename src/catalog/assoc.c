@@ -56,6 +56,11 @@ rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err)
         for (int i = 0; i < table->ncolumns; i++)
             for (long e = 0; e < rx_column_elements(&table->columns[i]); e++)
                 *value++ = rx_column_value(&table->columns[i], row, e);
+    for (int i = 0, n = 0; i < table->ncolumns; i++)
+        for (long e = 0; e < rx_column_elements(&table->columns[i]); e++)
+            list->of[n++] = i;
+    list->table = table;
+    table = NULL;
     *dst = list;
     list = NULL;
 exit:
@@ -70,15 +75,25 @@ void rx_assoc_free(rx_assoc *list)
         return;
     free(list->path);
     free(list->values);
+    rx_table_free(list->table);
     free(list);
 }
 
-static rx_status check_column(const rx_assoc *list, int number, rx_error *err)
+rx_status rx_assoc_check(const rx_assoc_params *par, const rx_assoc *list, rx_error *err)
 {
-    if (number >= 1 && number <= list->columns)
+    const int wanted[3] = {par->x, par->y, par->weight};
+    rx_status status = RX_OK;
+    if (list->rows == 0) /* an empty list has no columns to check against */
         return RX_OK;
-    return rx_error_at(err, RX_USAGE, list->path, -1, 0, "has %d columns, ASSOC_PARAMS asks for number %d",
-                       list->columns, number);
+    for (int i = 0; i < 3 && status == RX_OK; i++)
+        if (i == 2 && wanted[i] == 0)
+            continue;
+        else if (wanted[i] < 1 || wanted[i] > list->columns)
+            status = rx_error_at(err, RX_USAGE, list->path, -1, 0,
+                                 "has %d columns, ASSOC_PARAMS asks for number %d", list->columns, wanted[i]);
+        else
+            status = rx_catalog_need_numbers(list->path, list->table, list->of[wanted[i] - 1], err);
+    return status;
 }
 
 /* Columns to copy: those of ASSOC_DATA that the list has, or all when it names none of them. */
@@ -92,10 +107,16 @@ static void choose_data(matcher *m, rx_log *log)
         else if (par->data[i] > 0)
             m->data[m->ndata++] = par->data[i] - 1;
     }
-    if (m->ndata > 0)
-        return;
-    for (int i = 0; i < m->list->columns; i++)
-        m->data[m->ndata++] = i;
+    for (int i = 0; m->ndata == 0 && i < m->list->columns; i++)
+        m->data[i] = i;
+    m->ndata = m->ndata > 0 ? m->ndata : m->list->columns;
+    for (int i = 0; i < m->ndata; i++) {
+        const rx_column *column =
+            m->list->rows > 0 ? &m->list->table->columns[m->list->of[m->data[i]]] : NULL;
+        if (column != NULL && column->type == RX_CELL_TEXT)
+            rx_log_warning(log, "%s: column %d holds words; VECTOR_ASSOC has NaN for it", m->list->path,
+                           m->data[i] + 1);
+    }
 }
 
 static int by_y(const void *a, const void *b)
@@ -107,9 +128,10 @@ static int by_y(const void *a, const void *b)
 }
 
 /* Positions in pixels from 0; entries without one are dropped. */
-static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_error *err)
+static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_error *err)
 {
     const rx_assoc *list = m->list;
+    long without = 0;
     m->entries = RX_NEW(entry, (size_t)list->rows);
     if (m->entries == NULL)
         return rx_error_memory(err, (size_t)list->rows * sizeof(entry));
@@ -122,9 +144,13 @@ static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_error *err)
         }
         if (m->par->weight > 0)
             e.weight = values[m->par->weight - 1];
-        if (isfinite(e.x) && isfinite(e.y))
+        without += !isfinite(values[m->par->x - 1]) || !isfinite(values[m->par->y - 1]);
+        if (isfinite(e.x) && isfinite(e.y)) /* the sky's other side has no pixels */
             m->entries[m->n++] = e;
     }
+    if (without > 0)
+        rx_log_warning(log, "%s: %ld of %ld entries have no position and are left out", list->path, without,
+                       list->rows);
     qsort(m->entries, (size_t)m->n, sizeof(entry), by_y);
     return RX_OK;
 }
@@ -144,14 +170,10 @@ static rx_status prepare(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_error *
         m->type = RX_ASSOC_FIRST;
     }
     choose_data(m, log);
-    if (m->list->rows == 0) /* an empty list has no columns to check against */
+    if (m->list->rows == 0)
         return RX_OK;
-    status = check_column(m->list, par->x, err);
-    if (status == RX_OK)
-        status = check_column(m->list, par->y, err);
-    if (status == RX_OK && par->weight != 0)
-        status = check_column(m->list, par->weight, err);
-    return status != RX_OK ? status : make_entries(m, wcs, err);
+    status = rx_assoc_check(par, m->list, err);
+    return status != RX_OK ? status : make_entries(m, wcs, log, err);
 }
 
 static double flux_of(double mag)

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "data/sources.h"
+#include "data/table.h"
 
 struct rx_wcs; /* io/wcs.h */
 
@@ -42,6 +43,8 @@ typedef struct rx_assoc {
     long rows;
     int columns;
     double *values; /* [rows][columns] */
+    rx_table *table;
+    int of[RX_ASSOC_COLUMNS]; /* the table's column that each comes from */
 } rx_assoc;
 
 /* Any file that rx_catalog_read() reads; vector columns count once an element. No rows is fine.
@@ -49,10 +52,15 @@ typedef struct rx_assoc {
 rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err);
 void rx_assoc_free(rx_assoc *list);
 
+/* Can those columns of the list be used? RX_USAGE: ASSOC_PARAMS asks for one that it does not have; RX_INPUT:
+ * for one with words, the first of which is named. */
+rx_status rx_assoc_check(const rx_assoc_params *par, const rx_assoc *list, rx_error *err);
+
 /* Fill number_assoc and vector_assoc of every source and sources->assoc, nassoc. Sources that
  * `select` drops leave the list, the vignets and the segmentation map; those that stay are numbered
  * anew from 1 without gaps (segment = number), as SExtractor does. wcs is needed for `world` only.
- * RX_USAGE: an ASSOC_PARAMS column the list does not have; WORLD without a wcs is RX_INPUT. */
+ * Errors: those of rx_assoc_check(); RX_INPUT: WORLD without a wcs. Entries without a position are counted in
+ * the log. */
 rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struct rx_wcs *wcs, rx_log *log,
                          rx_sources *sources, rx_error *err);
 

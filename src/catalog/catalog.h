@@ -89,4 +89,7 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
 /* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, told by content; index-th table. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);
 
+/* Refuses a column of that table, from 0, in which words stand: names the first one and its line. */
+rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int number, rx_error *err);
+
 #endif

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "catalog/catalog.h"
 #include "catalog/cell.h"
 #include "catalog/readers.h"
@@ -28,13 +29,25 @@ static rx_status tell_kind(const char *path, kind *dst, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(why));
     if (n == 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "is empty");
-    const char *text = strncmp(begin, "\xef\xbb\xbf", 3) == 0 ? begin + 3 : begin;
+    const char *text = strncmp(begin, RX_BYTE_ORDER_MARK, 3) == 0 ? begin + 3 : begin;
     text += strspn(text, " \t\r\n");
     if (strncmp(begin, "SIMPLE  =", 9) == 0 || strncmp(begin, "\x1f\x8b", 2) == 0)
         *dst = KIND_FITS;
     else
         *dst = *text == '<' ? KIND_XML : KIND_TEXT;
     return RX_OK;
+}
+
+rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int number, rx_error *err)
+{
+    const rx_column *column = &table->columns[number];
+    if (column->type != RX_CELL_TEXT || table->nrows == 0)
+        return RX_OK;
+    const char *cell =
+        (const char *)column->data + column->word.row * rx_column_elements(column) * column->text_width;
+    return rx_error_at(err, RX_INPUT, path, -1, column->word.line,
+                       "'%.40s' in column %s is no number; give numbers, with decimal points", cell,
+                       column->name);
 }
 
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err)

@@ -23,7 +23,10 @@ typedef struct rx_column {
     rx_cell_type type;
     int ndim, dim[2]; /* 0 scalar; 1 vector of dim[0]; 2 image dim[0] x fastest, dim[1] */
     int text_width;   /* RX_CELL_TEXT: bytes per element, 0-terminated inside */
-    void *data;       /* [nrows][elements] of the type; owner is the table */
+    struct {
+        long row, line;
+    } word; /* RX_CELL_TEXT read from a text file: row (from 0) and line of the first cell that is no number */
+    void *data; /* [nrows][elements] of the type; owner is the table */
 } rx_column;
 
 typedef struct rx_table {

@@ -137,10 +137,12 @@ exit:
     return status;
 }
 
-/* Flags are integers of up to 32 bits, which a double holds; compressed images cannot be read as LONGLONG. */
-static rx_status read_flags(fitsfile *file, const char *name, int hdu, const long first[2],
+/* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be
+ * read as LONGLONG. Negative ones keep their bit pattern, where the map has no more bits than that. */
+static rx_status read_flags(fitsfile *file, const char *name, int hdu, int bitpix, const long first[2],
                             const long last[2], uint32_t *dst, rx_error *err)
 {
+    const double least = bitpix > 32 ? 0 : INT32_MIN;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     int failed = 0, anynul = 0;
     double null = 0, *row = RX_NEW(double, width);
@@ -151,8 +153,17 @@ static rx_status read_flags(fitsfile *file, const char *name, int hdu, const lon
         long high[9] = {last[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
         fits_read_subset(file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
-        for (size_t x = 0; x < width; x++)
-            dst[y * width + x] = (uint32_t)(int64_t)row[x]; /* negative ones keep their bit pattern */
+        for (size_t x = 0; x < width && !failed; x++) {
+            if (!(row[x] >= least && row[x] <= UINT32_MAX)) {
+                const double flags = row[x];
+                free(row);
+                return rx_error_at(err, RX_INPUT, name, hdu, 0,
+                                   "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that "
+                                   "IMAFLAGS_ISO holds; give a map of 32 bits",
+                                   flags, first[0] + (long)x, first[1] + (long)y);
+            }
+            dst[y * width + x] = (uint32_t)(int64_t)row[x];
+        }
     }
     free(row);
     return failed ? rx_fits_failed(err, RX_INPUT, name, hdu, failed, "the pixels cannot be read") : RX_OK;
@@ -182,7 +193,8 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
             status = rx_error_memory(err, n * sizeof(uint32_t));
         if (status == RX_OK) {
             tile->nflagmaps = i + 1;
-            status = read_flags(source.file, par->flag_names[i], hdu, first, last, tile->flagmaps[i], err);
+            status = read_flags(source.file, par->flag_names[i], hdu, shape.bitpix, first, last,
+                                tile->flagmaps[i], err);
         }
         rx_fits_done(&source);
     }

@@ -428,6 +428,8 @@ static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *
     for (int i = 0; i < cfg->assoc_data.n; i++)
         par->data[par->ndata++] = cfg->assoc_data.v[i];
     rx_status status = rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
+    if (status == RX_OK)
+        return rx_assoc_check(par, dst->assoc_list, err);
     if (status == RX_INPUT && err != NULL) {
         size_t used = strlen(err->text);
         snprintf(err->text + used, sizeof err->text - used,

@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "catalog/catalog.h"
 #include "io/wcs.h"
 
 /* Names that other programs give to what we look for, tried in this order. */
@@ -105,6 +106,13 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
     dst->flux = strcmp(par->photometry, "FLUX") == 0 ||
                 (strcmp(par->photometry, "AUTO") == 0 &&
                  strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
+    const int numbers[4] = {dst->x, dst->y, dst->value, dst->error};
+    for (int i = 0; i < 4; i++)
+        if (numbers[i] >= 0) {
+            rx_status status = rx_catalog_need_numbers(par->name, table, numbers[i], err);
+            if (status != RX_OK)
+                return status;
+        }
     if (dst->sky && tile->wcs == NULL)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "has no celestial coordinates, so the reference's sky positions cannot be used; "

@@ -175,6 +175,30 @@ begin 'ASSOC list with a ragged row'
 make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '1 2 3\n1 2\n' >my.list
 expect 3 '^rextract: my\.list:2' tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,2
 
+begin 'ASSOC list with decimal commas'
+make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '1.5 2.5\n1,5 2,5\n' >my.list
+expect 3 "^rextract: my\.list:2: '1,5' in column col1 is no number; give numbers, with decimal points$" tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,2
+
+begin 'reference with words for magnitudes'
+make_fits tile tile.fits && printf '# x_image y_image mag\n10 10 20\n20 20 bright\n' >my.list
+expect 3 "^rextract: my\.list:3: 'bright' in column mag is no number" tile.fits $none -REFERENCE_NAME my.list
+
+# Files as an editor with byte order marks writes them.
+begin 'byte order marks'
+make_fits tile tile.fits
+printf '\357\273\277NUMBER\nVECTOR_ASSOC(1)\n' >my.param
+printf '\357\273\277CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
+printf '\357\273\27710 10\n' >my.list
+printf '\357\273\277DETECT_MINAREA 5\nPARAMETERS_NAME my.param\nFILTER_NAME my.conv\nASSOC_NAME my.list\nASSOC_PARAMS 1,2\n' >my.sex
+printf '\357\273\277tile.fits\n' >my.tiles
+leaves test.cat
+expect 0 '' tile.fits $none -c my.sex
+
+begin 'byte order mark of a list'
+make_fits tile tile.fits && printf '\357\273\277tile.fits\n' >my.tiles
+leaves tile.cat
+expect 0 '' @my.tiles $none -CATALOG_NAME tile.cat
+
 begin 'ASSOC list with too few columns'
 make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '1 2\n' >my.list
 expect '[23]' '^rextract: .*ASSOC|^rextract: my\.list' tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,7

@@ -11,6 +11,7 @@
 
 #include "../files.h"
 #include "base/lines.h"
+#include "base/text.h"
 
 static void check_next(rx_lines *lines, const char *wanted, long number, int64_t at)
 {
@@ -46,6 +47,24 @@ static void lines_and_where_they_begin(void **state)
     assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
     check_next(&lines, NULL, 0, 0);
     rx_lines_close(&lines);
+}
+
+/* Some editors put one before a text; a second, or one in the middle, is text. */
+static void byte_order_mark(void **state)
+{
+    static const char text[] = "\xef\xbb\xbfone\n\xef\xbb\xbftwo\n";
+    rx_lines lines;
+    char *data = NULL;
+    size_t length = 0;
+    write_bytes(*state, text, sizeof text - 1);
+    assert_int_equal(rx_lines_open(&lines, *state, 0, NULL), RX_OK);
+    check_next(&lines, "one", 1, 0);
+    check_next(&lines, "\xef\xbb\xbftwo", 2, 7);
+    rx_lines_close(&lines);
+    assert_int_equal(rx_text_read_file(*state, 1000, &data, &length, NULL), RX_OK);
+    assert_string_equal(data, text + 3);
+    assert_int_equal(length, sizeof text - 4);
+    free(data);
 }
 
 /* Line k has k * k letters, so that blocks end at every place of a line. */
@@ -105,6 +124,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(lines_and_where_they_begin, make_file, remove_file),
+        cmocka_unit_test_setup_teardown(byte_order_mark, make_file, remove_file),
         cmocka_unit_test_setup_teardown(lines_longer_than_a_block, make_file, remove_file),
         cmocka_unit_test_setup_teardown(what_is_no_text, make_file, remove_file),
     };

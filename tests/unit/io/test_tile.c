@@ -413,6 +413,31 @@ static void test_flag_bits(void **state)
     rx_tile_free(tile);
 }
 
+/* IMAFLAGS_ISO has 32 bits, as SExtractor's. */
+static void test_flags_of_64_bits(void **state)
+{
+    int64_t bits[W * H] = {0, 1, INT64_C(0x80000000), UINT32_MAX};
+    make_ramp(in(state, "a.fits"), 16, "");
+    swap(bits, W * H, 8);
+    make_image(in(state, "f.fits"), 64, "", bits);
+    rx_tile_params par = PLAIN;
+    par.nflags = 1;
+    par.flag_names[0] = in(state, "f.fits");
+    rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+    assert_int_equal(tile->flagmaps[0][1], 1);
+    assert_int_equal(tile->flagmaps[0][2], UINT32_C(0x80000000));
+    assert_int_equal(tile->flagmaps[0][3], UINT32_MAX);
+    rx_tile_free(tile);
+    static const int64_t beyond[] = {INT64_C(1) << 32, INT64_C(1) << 40, -1};
+    for (size_t i = 0; i < sizeof beyond / sizeof *beyond; i++) {
+        memset(bits, 0, sizeof bits);
+        bits[7] = beyond[i];
+        swap(bits, W * H, 8);
+        make_image(in(state, "f.fits"), 64, "", bits);
+        check_refused(&par, in(state, "a.fits"), "pixel (3,2) have bits beyond the 32");
+    }
+}
+
 /* --- headers that cfitsio would not write --- */
 
 /* BSCALE and BZERO before ZTENSION, as astropy 5 writes them. */
@@ -588,6 +613,7 @@ int main(void)
         cmocka_unit_test(test_bad_companions),
         cmocka_unit_test(test_flag_bits),
 
+        cmocka_unit_test(test_flags_of_64_bits),
         cmocka_unit_test(test_compressed_scale_first),
         cmocka_unit_test(test_illegal_keywords),
         cmocka_unit_test(test_real_files),
