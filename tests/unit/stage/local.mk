@@ -22,3 +22,6 @@ desk = tests/unit/stage/desk.c tests/unit/stage/desk.h tests/unit/stage/scene.c 
 	tests/unit/stage/bench.c tests/unit/stage/bench.h
 tests_unit_stage_test_template_fit_SOURCES = tests/unit/stage/test_template_fit.c $(desk)
 tests_unit_stage_test_template_bytes_SOURCES = tests/unit/stage/test_template_bytes.c $(desk)
+check_PROGRAMS += tests/unit/stage/test_saturated
+tests_unit_stage_test_saturated_SOURCES = tests/unit/stage/test_saturated.c tests/unit/stage/scene.c tests/unit/stage/scene.h \
+	tests/unit/stage/bench.c tests/unit/stage/bench.h
