@@ -37,7 +37,7 @@ tile() {
     fi
 }
 
-eso=$data/fields/aligned_eso085-030-004.fit[1:560,150:682]
+eso="$data/fields/aligned_eso085-030-004.fit[1:560,150:682]"
 tile eso "$eso" 60000 -PSF_TYPE AUTO
 tile eso-not-masked "$eso" 60000 -PSF_TYPE AUTO -MASK_SATURATED N
 tile galaxies "$data/sextractor/galaxies.fits[600:1024,1:500]" 50000 -PSF_TYPE AUTO
