@@ -19,7 +19,8 @@ typedef enum rx_status {
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
     RX_INTERRUPTED = 7,       /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
     RX_SOME_FAILED = 8,       /* of a list of tiles, not all are done */
-    RX_DIFFERENT = 9          /* a run that was repeated gave something else */
+    RX_DIFFERENT = 9,         /* a run that was repeated gave something else */
+    RX_NOT_RESTORED = 10      /* the tile is not for the restorer asked for, and no other may do it */
 } rx_status;
 
 enum { RX_ERROR_WHERE = 1024, RX_ERROR_TEXT = 768 };

@@ -2,6 +2,7 @@
 #include "base/printable.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
+#include "io/fits_read.h"
 
 /* `#   5 FLUX_APER              description          [unit]`; a vector takes as many numbers as
  * it has elements. */
@@ -16,6 +17,24 @@ static void add_head(rx_text *dst, const rx_table *table)
         rx_text_add(dst, "\n");
         number += rx_column_elements(column);
     }
+}
+
+/* Whose work each table is, of its facts. */
+static void add_facts(rx_text *dst, rx_table *const *tables, int n)
+{
+    static const char *const keys[] = {"RXREST",  "RXASKED", "RXWHY",   "RXFLXW",
+                                       "RXFLXWE", "RXFLXA",  "RXFLXAE", "RXFLXOK"};
+    char value[512];
+    for (int i = 0; i < n; i++)
+        for (size_t k = 0; k < sizeof keys / sizeof *keys && tables[i]->facts != NULL; k++)
+            if (rx_cards_text(tables[i]->facts, tables[i]->nfacts, keys[k], value, sizeof value)) {
+                rx_text_add(dst, "# ");
+                if (n > 1)
+                    rx_text_printf(dst, "extension %d: ", i + 1);
+                rx_text_printf(dst, "%s = ", keys[k]);
+                rx_printable_add(dst, value);
+                rx_text_add(dst, "\n");
+            }
 }
 
 /* What made the file, a line each. */
@@ -80,6 +99,7 @@ rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, 
     rx_text text = {0};
     if (head && n > 0) {
         add_head(&text, tables[0]);
+        add_facts(&text, tables, n);
         add_record(&text, record, npairs);
     }
     if (text.failed) {

@@ -26,6 +26,9 @@ static rx_status check_restorers(const rx_config *config, rx_error *err)
         for (int j = 0; j < i; j++)
             if (is(list->v[i], list->v[j]))
                 return REFUSE(RESTORE_TYPE, "%s is named twice; name each restorer once", list->v[i]);
+    if (!config->restore_fallback && is(config->out_of_domain, "RL"))
+        return REFUSE(RESTORE_FALLBACK,
+                      "N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL");
     return RX_OK;
 }
 

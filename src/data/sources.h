@@ -42,13 +42,14 @@ enum {
                              FLUX_ISO, not for its shape, and is not hidden from others */
 };
 
-/* FLAGS_RESTORE: what the untouched pixels say of a source. INVENTED and SHRED mark it as made up by the
- * restorer; see rx_source_made_up(). */
+/* FLAGS_RESTORE: what the untouched pixels say of a source, and whose work it is. INVENTED and SHRED mark it
+ * as made up by the restorer; see rx_source_made_up(). */
 enum {
     RX_RESTORE_INVENTED = 1, /* not significant on them, its neighbours fitted */
     RX_RESTORE_SHRED = 2,    /* a neighbour's own model takes its light */
     RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
-    RX_RESTORE_ADDED = 8     /* not seen on the restored image, found where templates leave light */
+    RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
+    RX_RESTORE_OTHER = 16    /* not by the restorer that was asked for (RESTORE_FALLBACK) */
 };
 
 /* Template photometry (template/template.h) of a source. */

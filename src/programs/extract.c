@@ -34,7 +34,8 @@ static const char help[] =
     "\n"
     "Exit status: 0 fine, 2 usage or configuration, 3 input data, 4 system or\n"
     "resources, 5 a quality gate failed, 6 too few sources to decide a quality gate,\n"
-    "7 interrupted, 8 some tiles of a list failed, 9 a repeated run gave something else.\n"
+    "7 interrupted, 8 some tiles of a list failed, 9 a repeated run gave something else,\n"
+    "10 a tile is not for the restorer that was asked for (RESTORE_FALLBACK N, OUT_OF_DOMAIN FAIL).\n"
     "More in rextract(1), the keywords in rextract.conf(5).\n";
 
 rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)

@@ -33,6 +33,7 @@ typedef struct rx_restore_params {
     rx_precision precision;         /* NET_PRECISION */
     int verify_seams;               /* VERIFY_SEAMS */
     rx_out_of_domain out_of_domain; /* obeyed by the stage (stage/domain.h), not by the restorer */
+    int fallback;                   /* RESTORE_FALLBACK, likewise: another restorer may do the tile */
     int mask_saturated;             /* saturated pixels are masked, in every kind */
     int keep_reblurred;             /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int keep_support;               /* and .support (check-image SUPPORT) */

@@ -250,8 +250,7 @@ int rx_checks_injected(const rx_checks *checks)
     return checks != NULL && checks->plan != NULL;
 }
 
-rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *names,
-                           const char *const *accounts, const rx_qa_promise *const *promises,
+rx_status rx_checks_report(const rx_checks *checks, int n, const rx_qa_run *about,
                            const rx_check_results *const *results, const rx_record *record,
                            const char *folder, const char *shown, rx_log *log, rx_error *err)
 {
@@ -265,9 +264,12 @@ rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *na
     if (status != RX_OK)
         return status;
     for (int i = 0; i < n; i++) {
-        rx_selfcheck_input(checks->plan, &results[i]->self, names[i], &input, &runs[i]);
-        runs[i].settings = accounts[i];
-        runs[i].promise = promises[i];
+        rx_qa_run injected;
+        rx_selfcheck_input(checks->plan, &results[i]->self, about[i].name, &input, &injected);
+        runs[i] = about[i];
+        runs[i].list = injected.list;
+        runs[i].law_scale = injected.law_scale;
+        runs[i].law_power = injected.law_power;
         runs[i].psf = checks->field->psf->description;
         pictures[i] = results[i]->self.picture;
     }

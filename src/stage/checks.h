@@ -34,10 +34,9 @@ void rx_check_results_free(rx_check_results *results);
 /* Header facts RXSC* and RXBLK*; an end of an interval that is not finite is left out. */
 void rx_checks_facts(const rx_checks *checks, const rx_check_results *results, rx_record *facts);
 
-/* The report of the self checks of n restorers into `folder`; promises: of their models, or NULL each.
- * Nothing when none was run. */
-rx_status rx_checks_report(const rx_checks *checks, int n, const char *const *names,
-                           const char *const *accounts, const rx_qa_promise *const *promises,
+/* The report of the self checks of n restorers into `folder`; `about`: who they are, lists and PSF are filled
+ * in here. Nothing when none was run. */
+rx_status rx_checks_report(const rx_checks *checks, int n, const rx_qa_run *about,
                            const rx_check_results *const *results, const rx_record *record,
                            const char *folder, const char *shown, rx_log *log, rx_error *err);
 int rx_checks_injected(const rx_checks *checks); /* is there a self check to report? */

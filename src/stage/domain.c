@@ -62,15 +62,6 @@ static int is_narrow(const rx_domain *domain)
     return domain->fwhm < NARROW * domain->model->front.target_fwhm;
 }
 
-static void take_rl(const rx_tile *tile, const char *grid, rx_log *log, const rx_restorer **kind,
-                    rx_domain *dst)
-{
-    *kind = rx_restorer_find("RL");
-    dst->ran = (*kind)->name;
-    rx_log_warning(log, "%s[%d]: %s, the network was trained for %s; the tile is restored by RL instead",
-                   tile->name, tile->hdu, dst->why, grid);
-}
-
 static rx_status leave(const rx_restore_params *par, const rx_field *field, rx_log *log,
                        const rx_restorer **kind, rx_domain *dst, rx_error *err)
 {
@@ -85,17 +76,17 @@ static rx_status leave(const rx_restore_params *par, const rx_field *field, rx_l
     switch (par->out_of_domain) {
     case RX_DOMAIN_FAIL:
         status =
-            rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+            rx_error_at(err, RX_NOT_RESTORED, tile->name, tile->hdu, 0,
                         "%s, the network was trained for %s; take RESTORE_TYPE RL, another NET_MODEL, or "
                         "OUT_OF_DOMAIN WARN or RL",
                         dst->why, grid.data);
         break;
     case RX_DOMAIN_RL:
-        take_rl(tile, grid.data, log, kind, dst);
+        *kind = rx_restorer_find("RL");
         break;
     case RX_DOMAIN_WARN:
         if (is_narrow(dst)) {
-            take_rl(tile, grid.data, log, kind, dst);
+            *kind = rx_restorer_find("RL");
             break;
         }
         rx_log_warning(log, "%s[%d]: %s, the network was trained for %s; how well it does here is not known",
@@ -113,7 +104,6 @@ rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx
     if (strcmp((*kind)->name, "NET") != 0 || par->model == NULL)
         return RX_OK;
     dst->model = par->model;
-    dst->ran = (*kind)->name;
     dst->place = RX_DOMAIN_UNKNOWN;
     rx_status status = rx_domain_noise(field, &dst->noise, err);
     if (status != RX_OK)
@@ -149,11 +139,6 @@ void rx_domain_facts(const rx_domain *domain, rx_record *facts)
     rx_record_add(facts, "RXNETSUM", "its digest", "%s", domain->model->digest);
     if (!domain->model->ended)
         rx_record_add(facts, "RXNETEND", "has its training ended?", "F");
-    if (strcmp(domain->ran, "NET") == 0)
-        rx_record_add(facts, "RXNETRUN", "restorer that was run", "NET");
-    else
-        rx_record_add(facts, "RXNETRUN", "restorer that was run", "%s (out of domain: %s)", domain->ran,
-                      domain->why);
     add_fact(facts, "RXNETFW", "FWHM of this tile, pixels", "%.4f", domain->fwhm);
     add_fact(facts, "RXNETNOI", "its noise on the scale of the model", "%.4f", domain->noise);
     if (domain->place != RX_DOMAIN_UNKNOWN)
@@ -199,7 +184,6 @@ const rx_qa_promise *rx_domain_promise(const rx_domain *domain, rx_qa_promise *d
         return NULL;
     *dst = (rx_qa_promise){.model = domain->model->name,
                            .digest = domain->model->digest,
-                           .ran = domain->ran,
                            .why = domain->why,
                            .unfinished = !domain->model->ended,
                            .fwhm = domain->fwhm,

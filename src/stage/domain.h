@@ -26,9 +26,7 @@ typedef struct rx_domain {
     double fwhm;             /* of the tile's PSF, pixels; NAN unknown */
     double noise;            /* rx_model_noise() of the tile */
     const rx_model_bin *bin; /* of the model, INSIDE only, else NULL */
-    const char
-        *ran; /* restorer that takes the tile: "NET", or "RL" where OUT_OF_DOMAIN or a narrow PSF says so */
-    char why[200]; /* OUTSIDE: what is out, in words; UNKNOWN: what is not known */
+    char why[200];           /* OUTSIDE: what is out, in words; UNKNOWN: what is not known */
 } rx_domain;
 
 /* rx_model_noise() over the pixels that a restored image may use; that of the tile a copy was made from where
@@ -36,9 +34,9 @@ typedef struct rx_domain {
 rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err);
 
 /* Before `*kind` restores the field: nothing unless it is the network. A tile beyond the grid of
- * par->model gives one warning and, by par->out_of_domain, goes on (WARN, unless its PSF is narrower than 0.9
- * of the network's output: RL), makes *kind RL, or ends in RX_INPUT that says file, value, grid and what to
- * do (FAIL). A tile without a PSF is left alone. Errors: RX_SYSTEM too. */
+ * par->model goes on with a warning (par->out_of_domain WARN), makes *kind RL (RL, and WARN where its PSF is
+ * narrower than 0.9 of the network's output), or ends in RX_NOT_RESTORED that says file, value, grid and what
+ * to do (FAIL). A tile without a PSF is left alone. Errors: RX_SYSTEM too. */
 rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx_log *log,
                          const rx_restorer **kind, rx_domain *dst, rx_error *err);
 

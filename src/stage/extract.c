@@ -50,7 +50,7 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
 static void account(rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
-    const rx_fluxcheck *check = &w->probe.photometry.check;
+    const rx_fluxcheck *check = &run->flux;
     const char *settings = w->probe.restored->settings;
     snprintf(run->account, sizeof run->account, "%s", settings);
     if (check->n == 0)
@@ -58,11 +58,13 @@ static void account(rx_run *run, const work *w, rx_log *log)
     char text[256];
     snprintf(text, sizeof text,
              "fluxes against untouched pixels, %d isolated sources: %.4f +- %.4f in apertures of %.1f "
-             "pixels, FLUX_AUTO "
-             "%.3f +- %.3f of these",
+             "pixels, FLUX_AUTO %.3f +- %.3f of these",
              check->n, check->wide, check->wide_error, check->diameter, check->automatic,
              check->automatic_error);
-    rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text);
+    if (rx_fluxcheck_is_off(check))
+        rx_log_warning(log, "%s[%d]: %s: the flux scale is off: %s", tile->name, tile->hdu, run->label, text);
+    else
+        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
 }
 
@@ -89,7 +91,7 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
         "Mpixel) not wanted by the untouched pixels%s; residual chi2 %.3f",
         fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
         fit->dropped > 0 ? ", dropped" : "", fit->chi2);
-    rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text);
+    rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     add_account(run, text);
 }
 
@@ -110,13 +112,16 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
 }
 
 /* The facts of this extension, for the headers of its table and images. */
-static void describe(const work *w, rx_record *facts)
+static void describe(const rx_run *run, const work *w, rx_record *facts)
 {
     const rx_probe *probe = &w->probe;
     const rx_restored *restored = probe->restored;
     const rx_field *field = w->detect;
     const rx_background *background = probe->plain ? field->plain : field->restored;
-    rx_record_add(facts, "RXREST", "restorer", "%s", restored->name);
+    rx_record_add(facts, "RXREST", "restorer that made this", "%s", restored->name);
+    rx_record_add(facts, "RXASKED", "restorer that was asked for", "%s", run->kind->name);
+    if (run->by != NULL)
+        rx_record_add(facts, "RXWHY", "why another one did it", "%s", run->why);
     rx_record_add(facts, "RXSETT", "its settings", "%s", restored->settings);
     if (restored->iterations > 0)
         rx_record_add(facts, "RXITER", "iterations done", "%d", restored->iterations);
@@ -129,7 +134,7 @@ static void describe(const work *w, rx_record *facts)
         rx_record_add(facts, "RXFWHM", "its FWHM, pixels", "%.4f", restored->blur->fwhm);
     }
     rx_record_add(facts, "RXMEAS", "image that fluxes are measured on", "%s",
-                  w->options->measure_original || probe->plain ? "ORIGINAL" : "RESTORED");
+                  probe->original ? "ORIGINAL" : "RESTORED");
     rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);
     rx_record_add(facts, "RXSIGMA", "noise of an input pixel, ADU", "%.8g", background->global_sigma);
     rx_record_add(facts, "RXDSIG", "noise that thresholds refer to, ADU", "%.8g", probe->global_noise);
@@ -148,6 +153,8 @@ static void describe(const work *w, rx_record *facts)
         rx_record_add(facts, "RXFLXWE", "1 sigma of RXFLXW", "%.5f", check->wide_error);
         rx_record_add(facts, "RXFLXA", "FLUX_AUTO restored / that flux untouched", "%.5f", check->automatic);
         rx_record_add(facts, "RXFLXAE", "1 sigma of RXFLXA", "%.5f", check->automatic_error);
+        rx_record_add(facts, "RXFLXOK", "flux scale right, to 1 % or 5 sigma", "%s",
+                      rx_fluxcheck_is_off(check) ? "F" : "T");
     }
     describe_templates(&probe->templates, facts);
     rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
@@ -231,7 +238,7 @@ static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *
     rx_text text = {0};
     rx_domain_text(&run->domain, &text);
     if (!text.failed && text.length > 0) {
-        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text.data);
+        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
         add_account(run, text.data);
     }
     rx_status status = text.failed ? rx_error_memory(err, 0) : RX_OK;
@@ -250,7 +257,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w,
     if (text.failed)
         status = rx_error_memory(err, 0);
     if (status == RX_OK && text.length > 0) {
-        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->kind->name, text.data);
+        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
         add_account(run, text.data);
     }
     rx_text_free(&text);
@@ -280,6 +287,11 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
         return status;
     rx_sources *sources = w.probe.sources;
     run->domain = w.probe.domain;
+    run->by = w.probe.by;
+    memcpy(run->why, w.probe.why, sizeof run->why);
+    run->flux = w.probe.photometry.check;
+    snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
+             run->by);
     account(run, &w, log);
     account_templates(run, &w, log);
     status = tell_domain(run, &w, log, err);
@@ -290,12 +302,11 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
     if (status != RX_OK)
         goto exit;
-    rx_log_info(log, "%s[%d]: %s: %d sources", detect->tile->name, detect->tile->hdu, run->kind->name,
-                sources->n);
+    rx_log_info(log, "%s[%d]: %s: %d sources", detect->tile->name, detect->tile->hdu, run->label, sources->n);
     status = run_checks(run, checks, &w, log, err);
     if (status != RX_OK)
         goto exit;
-    describe(&w, &facts);
+    describe(run, &w, &facts);
     rx_domain_facts(&w.probe.domain, &facts);
     rx_checks_facts(checks, &run->checks, &facts);
     status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);

@@ -19,7 +19,7 @@
 
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
-    const rx_restorer *kind;
+    const rx_restorer *kind;       /* as asked for */
     char *catalog_name;            /* with the restorer's name when there are several */
     const char *catalog_temporary; /* where it is written; NULL: standard output, or no catalogue */
     char *covariance_name;         /* TEMPLATE_COVAR_NAME, tagged like the catalogue; NULL: not wanted */
@@ -36,6 +36,10 @@ typedef struct rx_run {
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
+    const char *by;             /* as of rx_probe: who did it instead, or NULL */
+    char why[240];
+    char label[48]; /* of log lines: "NET", "NET (done by RL)" */
+    rx_fluxcheck flux;
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

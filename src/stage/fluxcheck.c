@@ -9,6 +9,18 @@
 
 enum { FEWEST = 5 };
 static const double LEAST_SNR = 30.0;
+static const double TOLERANCE = 0.01, SIGMAS = 5.0; /* of a ratio from 1 before it is off */
+
+static int is_off(double excess, double error)
+{
+    return excess > TOLERANCE && excess > SIGMAS * error;
+}
+
+int rx_fluxcheck_is_off(const rx_fluxcheck *check)
+{
+    return check->n > 0 && (is_off(fabs(check->wide - 1.0), check->wide_error) ||
+                            is_off(check->automatic - 1.0, check->automatic_error));
+}
 
 static int is_clean(const rx_source *s)
 {

@@ -1,5 +1,5 @@
-/* Are the fluxes on a restored image those of the tile? Measured on every tile and told in log, header and
- * report: the same isolated sources on restored and on untouched pixels. */
+/* Are the fluxes on a restored image those of the tile? Measured on every tile and written to log, header,
+ * report and record: the same isolated sources on restored and on untouched pixels. */
 #ifndef RX_STAGE_FLUXCHECK_H
 #define RX_STAGE_FLUXCHECK_H
 
@@ -16,6 +16,10 @@ typedef struct rx_fluxcheck {
     double automatic;  /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
     double automatic_error;
 } rx_fluxcheck;
+
+/* Is the flux scale wrong? The wide aperture's ratio is more than 1 % and 5 sigma from 1, or FLUX_AUTO's so much
+ * above it (below it is the light that FLUX_AUTO leaves out). */
+int rx_fluxcheck_is_off(const rx_fluxcheck *check);
 
 /* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile. fwhm of the
  * tile's PSF in pixels. Fewer than 5 sources: n = 0. Errors: RX_SYSTEM, RX_INTERRUPTED. */

@@ -127,6 +127,7 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
                             .precision = (rx_precision)VALUE(precisions, cfg->net_precision),
                             .verify_seams = cfg->verify_seams,
                             .out_of_domain = (rx_out_of_domain)VALUE(out_of_domain, cfg->out_of_domain),
+                            .fallback = cfg->restore_fallback,
                             .mask_saturated = strcmp(cfg->mask_saturated, "N") != 0,
                             .nthreads = dst->nthreads};
     dst->psf = (rx_psf_params){.type = (rx_psf_type)VALUE(psf_types, cfg->psf_type),

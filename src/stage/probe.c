@@ -2,6 +2,7 @@
 #include "stage/probe.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -33,16 +34,30 @@ static const rx_restorer *kind_for(const work *w, const rx_field *field)
 static rx_status restore(const work *w, const rx_field *field, int *plain, rx_domain *domain,
                          rx_restored **dst, rx_error *err)
 {
+    const rx_tile *tile = field->tile;
     const rx_restorer *kind = kind_for(w, field);
-    rx_status status = rx_domain_obey(&w->options->restore, field, w->log, &kind, domain, err);
+    const char *why = kind != w->kind ? "its PSF is not known" : domain->why;
+    rx_restore_params par = w->options->restore;
+    rx_status status = rx_domain_obey(&par, field, w->log, &kind, domain, err);
     if (status != RX_OK)
         return status;
+    if (kind != w->kind && !par.fallback)
+        return rx_error_at(err, RX_NOT_RESTORED, tile->name, tile->hdu, 0,
+                           "cannot be done by %s: %s; RESTORE_FALLBACK Y lets %s do it", w->kind->name, why,
+                           kind->name);
+    if (kind != w->kind) {
+        rx_log_warning(w->log, "%s[%d]: %s instead of %s: %s", tile->name, tile->hdu, kind->name,
+                       w->kind->name, why);
+        if (w->probe->by == NULL) {
+            w->probe->by = kind->name;
+            snprintf(w->probe->why, sizeof w->probe->why, "%s%s",
+                     field == w->detect ? "" : "measurement image: ", why);
+        }
+    }
     *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
-    rx_restore_params par = w->options->restore;
     if (*plain)
         par.mask_saturated = w->options->saturated_in_none;
-    return kind->run(&par, field->tile, *plain ? field->plain : field->restored, field->psf, w->log, dst,
-                     err);
+    return kind->run(&par, tile, *plain ? field->plain : field->restored, field->psf, w->log, dst, err);
 }
 
 static double filter_norm(const rx_filter *filter)
@@ -281,6 +296,7 @@ static rx_status measure_sources(const work *w, rx_error *err)
         if (restored != NULL)
             rx_saturated_show(&w->saturated, w->measure->tile, w->measure->restored, probe->second);
     }
+    probe->original = restored == NULL;
     return rx_photometry_run(w->options, w->detect, restored != NULL ? probe->restored : NULL, w->measure,
                              restored, probe->plain && w->measure == w->detect ? probe->restored : NULL,
                              probe->sources, w->log, &probe->photometry, err);
@@ -362,6 +378,8 @@ rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const
         status = run_step(&w, step, err);
         seconds[step] += rx_seconds() - begun;
     }
+    for (int i = 0; status == RX_OK && dst->by != NULL && i < dst->sources->n; i++)
+        dst->sources->list[i].fit.restore |= RX_RESTORE_OTHER;
     if (status == RX_OK)
         rx_log_detail(log, "%s[%d]: %s: seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
                       detect->tile->name, detect->tile->hdu, kind->name, seconds[RESTORE], seconds[DETECT],

@@ -29,13 +29,17 @@ typedef struct rx_probe {
     rx_map_maker *input_noise;
     double global_noise;
     int plain;           /* nothing was restored */
+    int original;        /* fluxes are of untouched pixels */
     rx_domain domain;    /* of the detection image, where a network was asked for */
     rx_restored *second; /* restored measurement image, dual-image mode only */
+    const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
+    char why[240];  /* why */
 } rx_probe;
 
 /* restore -> detect -> templates where wanted -> measure. `measure` NULL without dual-image mode. A kind that
  * must have a PSF runs as NONE on a field that is `unrestorable`, the network as OUT_OF_DOMAIN says on one
- * that it was not trained for (stage/domain.h). May run in several threads at the same time, on options and
+ * that it was not trained for (stage/domain.h): dst->by then names what ran, every source is marked
+ * RX_RESTORE_OTHER, and the log has a warning; without restore.fallback it is RX_NOT_RESTORED. May run in several threads at the same time, on options and
  * fields that nobody changes meanwhile: log then NULL; the same result as alone. Free with rx_probe_free(),
  * not after an error: nothing is left then. */
 rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,

@@ -17,22 +17,38 @@ static rx_status match_options(const rx_options *options, const rx_tile *tile, r
     return rx_quality_radius(options, tile, &dst->match_radius, err);
 }
 
+/* All of a run but its sources. */
+static rx_qa_run about(const rx_run *run, rx_qa_promise *promise)
+{
+    const rx_fluxcheck *flux = &run->flux;
+    return (rx_qa_run){.name = run->kind->name,
+                       .settings = run->account,
+                       .by = run->by,
+                       .why = run->why,
+                       .flux = {.n = flux->n,
+                                .diameter = flux->diameter,
+                                .wide = flux->wide,
+                                .wide_error = flux->wide_error,
+                                .automatic = flux->automatic,
+                                .automatic_error = flux->automatic_error,
+                                .off = rx_fluxcheck_is_off(flux)},
+                       .promise = rx_domain_promise(&run->domain, promise)};
+}
+
 static rx_status collect_runs(const rx_options *options, const rx_field *measure, const rx_run *runs,
                               rx_qa_promise *promises, rx_qa_run *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
         const rx_restored *restored = runs[i].restored;
-        dst[i] = (rx_qa_run){.name = runs[i].kind->name,
-                             .seconds = restored->seconds,
-                             .settings = runs[i].account,
-                             .psf = restored->blur != NULL ? restored->blur->description : "",
-                             .promise = rx_domain_promise(&runs[i].domain, &promises[i]),
-                             .tally = runs[i].tally,
-                             .tested = runs[i].tested,
-                             .made_up_per_mpixel = runs[i].invented_per_mpixel,
-                             .law_scale = runs[i].sources->law_scale,
-                             .law_power = runs[i].sources->law_power};
+        dst[i] = about(&runs[i], &promises[i]);
+        dst[i].seconds = restored->seconds;
+        dst[i].psf = restored->blur != NULL ? restored->blur->description : "";
+        dst[i].tally = runs[i].tally;
+        dst[i].tested = runs[i].tested;
+        dst[i].made_up_per_mpixel = runs[i].invented_per_mpixel;
+        dst[i].law_scale = runs[i].sources->law_scale;
+        dst[i].law_power = runs[i].sources->law_power;
         status = rx_quality_list(options, measure->tile, runs[i].sources, &dst[i].list, err);
     }
     return status;
@@ -125,21 +141,19 @@ rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, c
                            int extension, const rx_record *record, rx_outputs *outputs, rx_log *log,
                            rx_error *err)
 {
-    const char *names[RX_MAX_RUNS], *accounts[RX_MAX_RUNS], *folder = NULL;
+    const char *folder = NULL;
     const rx_check_results *results[RX_MAX_RUNS];
-    rx_qa_promise promise[RX_MAX_RUNS];
-    const rx_qa_promise *promises[RX_MAX_RUNS];
+    rx_qa_promise promises[RX_MAX_RUNS];
+    rx_qa_run qa_runs[RX_MAX_RUNS];
     if (options->self_check_name[0] == '\0' || !rx_checks_injected(checks))
         return RX_OK;
     for (int i = 0; i < options->nrestorers; i++) {
-        names[i] = runs[i].kind->name;
-        accounts[i] = runs[i].account;
+        qa_runs[i] = about(&runs[i], &promises[i]);
         results[i] = &runs[i].checks;
-        promises[i] = rx_domain_promise(&runs[i].domain, &promise[i]);
     }
     rx_status status = open_folder(options->self_check_name, extension, outputs, &folder, err);
     if (status == RX_OK)
-        status = rx_checks_report(checks, options->nrestorers, names, accounts, promises, results, record,
-                                  folder, rx_outputs_shown(outputs, folder), log, err);
+        status = rx_checks_report(checks, options->nrestorers, qa_runs, results, record, folder,
+                                  rx_outputs_shown(outputs, folder), log, err);
     return status;
 }

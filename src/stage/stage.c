@@ -37,7 +37,8 @@ typedef struct job {
     rx_run runs[RX_MAX_RUNS];
     rx_table *reference;
     rx_verdict verdict;
-    rx_text brief;
+    rx_text brief;        /* of the report */
+    rx_text fallbacks;    /* a line for each run that another restorer did */
     rx_tile_facts *facts; /* or NULL */
 } job;
 
@@ -137,6 +138,10 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        if (job->runs[i].by != NULL)
+            rx_text_printf(&job->fallbacks, "%s[%d]: %s: done by %s, %s\n", detect->tile->name,
+                           detect->tile->hdu, job->runs[i].kind->name, job->runs[i].by, job->runs[i].why);
     if (status == RX_OK)
         status = report(job, detect, measure, nextensions > 1 ? extension : 0, err);
     if (status == RX_OK)
@@ -224,6 +229,7 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
         status = run_all(&job, err);
     if (status == RX_OK) {
         tell(log, &job.brief);
+        tell(log, &job.fallbacks);
         status = verdict_status(job.verdict, options->qa_name, err);
     }
 exit:
@@ -234,6 +240,7 @@ exit:
     rx_record_free(&job.record);
     rx_record_free(&job.products);
     rx_text_free(&job.brief);
+    rx_text_free(&job.fallbacks);
     free(job.detect);
     free(job.measure);
     rx_options_free(options);

@@ -33,8 +33,11 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
                               .nruns = nruns};
     locate(field->tile, e);
     for (int i = 0; i < nruns; i++) {
-        e->run[i] = (rx_run_facts){.sources = (long)runs[i].sources->n};
-        snprintf(e->run[i].name, sizeof e->run[i].name, "%s", runs[i].kind->name);
+        rx_run_facts *run = &e->run[i];
+        *run = (rx_run_facts){.sources = (long)runs[i].sources->n, .flux = runs[i].flux};
+        snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
+        snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
+        snprintf(run->why, sizeof run->why, "%s", runs[i].why);
         if (with_reference && (e->run[i].tally = RX_NEW(rx_tally, 1)) == NULL)
             return rx_error_memory(err, sizeof(rx_tally));
     }

@@ -10,9 +10,11 @@
 
 /* One restorer. */
 typedef struct rx_run_facts {
-    char name[16]; /* "NONE", "RL", ... */
+    char name[16]; /* "NONE", "RL", ... as asked for */
     long sources;
-    rx_tally *tally; /* against the reference catalogue; NULL without one */
+    char by[16], why[240]; /* restorer that did it instead, and why; "" none */
+    rx_fluxcheck flux;     /* n = 0: not measured */
+    rx_tally *tally;       /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
 /* One image of the file. */

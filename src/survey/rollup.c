@@ -175,6 +175,10 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->noise = e->noise;
     row->verdict = e->verdict;
     row->sources = facts->sources;
+    row->flux = facts->flux;
+    memcpy(row->by, facts->by, sizeof row->by);
+    if (row->by[0] != '\0' && (row->why = rx_strdup(facts->why)) == NULL)
+        return rx_error_memory(err, 0);
     row->compared = facts->tally != NULL;
     const rx_estimate unknown = {.value = NAN, .low = 0, .high = 1};
     row->cell = (rx_rollup_cell){.recall = unknown, .precision = unknown, .bias = NAN, .scatter = NAN};
@@ -184,6 +188,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     rx_rollup_run *run = &r->run[row->run];
     run->tiles++;
     run->sources += facts->sources;
+    run->by_others += row->by[0] != '\0';
+    run->flux_off += rx_fluxcheck_is_off(&row->flux);
     if (facts->tally != NULL)
         status = rx_tally_add(&run->tally, facts->tally, err);
     if (status == RX_OK && facts->tally != NULL)
@@ -279,19 +285,29 @@ static double beside(const rx_rollup_cell *own, const rx_rollup_cell *all)
                : 0;
 }
 
+/* Errors that the ratio lies from 1, of a flux scale that is off. */
+static double beside_one(const rx_fluxcheck *flux)
+{
+    return rx_fluxcheck_is_off(flux) ? fmax(fabs(flux->wide - 1) / fmax(flux->wide_error, LEAST_ERROR),
+                                            (flux->automatic - 1) / fmax(flux->automatic_error, LEAST_ERROR))
+                                     : 0;
+}
+
 static void compare(const rx_rollup *r, rx_rollup_row *row)
 {
     const rx_rollup_run *all = &r->run[row->run];
-    if (!row->compared)
+    const double flux = beside_one(&row->flux);
+    if (!row->compared && flux == 0)
         return;
     const struct {
         const char *what;
         double off;
-    } each[] = {{"recall", below(&row->cell.recall, &all->whole.recall)},
+    } each[] = {{"flux scale", flux},
+                {"recall", below(&row->cell.recall, &all->whole.recall)},
                 {"precision", below(&row->cell.precision, &all->whole.precision)},
                 {"bias", beside(&row->cell, &all->whole)}};
     row->off = 0;
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < (row->compared ? 4 : 1); i++)
         if (each[i].off > row->off) {
             row->off = each[i].off;
             row->what = each[i].what;
@@ -356,6 +372,8 @@ void rx_rollup_free(rx_rollup *rollup)
         free_tile(rollup->tile[i]);
     for (int i = 0; i < rollup->nruns; i++)
         rx_tally_free(&rollup->run[i].tally);
+    for (int i = 0; i < rollup->nrows; i++)
+        free(rollup->row[i].why);
     free(rollup->tile);
     free(rollup->run);
     free(rollup->row);

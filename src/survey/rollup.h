@@ -41,17 +41,22 @@ typedef struct rx_rollup_row {
     double alpha, delta, fwhm, sky, noise;
     rx_verdict verdict;
     long sources;
+    char by[16]; /* restorer that did it instead, "" none */
+    char *why;   /* and why; NULL without `by` */
+    rx_fluxcheck flux;
     int compared;        /* with a reference */
     rx_rollup_cell cell; /* MAG_RANGE */
     double off; /* how far it lies from the survey as a whole in what is worst of it: errors of its own, 0 =
-                   not worse; NAN without a reference */
-    const char *what; /* what that is: "recall", "precision", "bias" */
+                   not worse; NAN without a reference. Of a flux scale that is off: from 1 */
+    const char *what; /* what that is: "recall", "precision", "bias", "flux scale" */
 } rx_rollup_row;
 
 /* One restorer over all tiles. */
 typedef struct rx_rollup_run {
     char name[16];
     long tiles, sources; /* images, and what was found on them */
+    long by_others;      /* images that another restorer did */
+    long flux_off;       /* images with a wrong flux scale */
     rx_tally tally;
     rx_rollup_cell whole; /* MAG_RANGE */
     rx_rollup_cell bin[RX_TALLY_BINS];

@@ -142,6 +142,8 @@ static void overview(rx_text *dst, const rx_rollup *r)
     rx_page_row(dst, NULL);
     rx_page_head(dst, RX_LEFT, "restorer");
     rx_page_head(dst, RX_RIGHT, "images");
+    rx_page_head(dst, RX_RIGHT, "by another restorer");
+    rx_page_head(dst, RX_RIGHT, "flux scale off");
     rx_page_head(dst, RX_RIGHT, "sources");
     cell_heads(dst);
     rx_page_row_end(dst);
@@ -149,6 +151,8 @@ static void overview(rx_text *dst, const rx_rollup *r)
         rx_page_row(dst, NULL);
         rx_page_cell_text(dst, r->run[i].name);
         rx_page_cell_count(dst, r->run[i].tiles);
+        rx_page_cell_count(dst, r->run[i].by_others);
+        rx_page_cell_count(dst, r->run[i].flux_off);
         rx_page_cell_count(dst, r->run[i].sources);
         cells(dst, &r->run[i].whole);
         rx_page_row_end(dst);
@@ -214,6 +218,17 @@ static void failures(rx_text *dst, const rx_rollup *r)
     say_rest(dst, shown, all, "All are in junit.xml, and in summary.json as not_fine and missing.");
 }
 
+/* "RL: FWHM 1.50 pixels is below 2", or nothing where the restorer itself did it. */
+static void done_by(rx_text *dst, const rx_rollup_row *row)
+{
+    rx_text cell = {0};
+    if (row->by[0] != '\0')
+        rx_text_printf(&cell, "%s: %s", row->by, row->why);
+    dst->failed |= cell.failed;
+    rx_page_cell_text(dst, cell.data);
+    rx_text_free(&cell);
+}
+
 static void worst_first(rx_text *dst, const rx_rollup *r)
 {
     rx_page_section(dst, "tiles", "Tiles, worst first");
@@ -222,6 +237,7 @@ static void worst_first(rx_text *dst, const rx_rollup *r)
     rx_page_head(dst, RX_LEFT, "tile");
     rx_page_head(dst, RX_RIGHT, "HDU");
     rx_page_head(dst, RX_LEFT, "restorer");
+    rx_page_head(dst, RX_LEFT, "done by");
     rx_page_head(dst, RX_LEFT, "gates");
     rx_page_head(dst, RX_RIGHT, "off");
     rx_page_head(dst, RX_LEFT, "in");
@@ -237,6 +253,7 @@ static void worst_first(rx_text *dst, const rx_rollup *r)
         rx_page_cell_text(dst, row->tile->name);
         rx_page_cell_count(dst, row->hdu);
         rx_page_cell_text(dst, r->run[row->run].name);
+        done_by(dst, row);
         if (row->verdict == RX_VERDICT_NONE)
             rx_page_cell_text(dst, "");
         else
@@ -251,9 +268,11 @@ static void worst_first(rx_text *dst, const rx_rollup *r)
     }
     rx_page_table_end(dst);
     rx_page_note(
-        dst, "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
-             "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
-             "and depth count as well.");
+        dst,
+        "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
+        "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
+        "and depth count as well. A flux scale that is off (restored against untouched pixels, more than "
+        "1 % and 5 errors) counts by its errors from 1, with or without a reference.");
     say_rest(dst, r->nrows < ROWS_SHOWN ? r->nrows : ROWS_SHOWN, r->nrows, "All are in tiles.ecsv.");
 }
 

@@ -1,7 +1,9 @@
 /* The roll-up for programs: JSON, ECSV, JUnit. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
+#include "base/memory.h"
 #include "survey/rollup_report.h"
 #include "validate/ecsv.h"
 #include "validate/escape.h"
@@ -10,6 +12,16 @@
 static const char *verdict_name(const rx_rollup_row *row)
 {
     return rx_verdict_name(row->verdict);
+}
+
+static const char *done_by(const rx_rollup *r, const rx_rollup_row *row)
+{
+    return row->by[0] != '\0' ? row->by : r->run[row->run].name;
+}
+
+static const char *flux_word(const rx_rollup_row *row)
+{
+    return row->flux.n == 0 ? "" : rx_fluxcheck_is_off(&row->flux) ? "off" : "right";
 }
 
 static void json_cell(rx_json *j, const rx_rollup_cell *cell)
@@ -26,6 +38,8 @@ static void json_run(rx_json *j, const rx_rollup_run *run)
     rx_json_object(j, NULL, false);
     rx_json_string(j, "name", run->name);
     rx_json_count(j, "images", (uint64_t)run->tiles);
+    rx_json_count(j, "done_by_another", (uint64_t)run->by_others);
+    rx_json_count(j, "flux_scale_off", (uint64_t)run->flux_off);
     rx_json_count(j, "sources", (uint64_t)run->sources);
     json_cell(j, &run->whole);
     rx_json_array(j, "bins", false);
@@ -47,6 +61,11 @@ static void json_row(rx_json *j, const rx_rollup *r, const rx_rollup_row *row)
     rx_json_string(j, "image", row->tile->image);
     rx_json_number(j, "hdu", row->hdu);
     rx_json_string(j, "run", r->run[row->run].name);
+    rx_json_string(j, "done_by", done_by(r, row));
+    rx_json_string(j, "why", row->why);
+    rx_json_number(j, "flux_scale", row->flux.n > 0 ? row->flux.wide : NAN);
+    rx_json_number(j, "flux_scale_error", row->flux.n > 0 ? row->flux.wide_error : NAN);
+    rx_json_string(j, "flux_scale_is", flux_word(row));
     rx_json_number(j, "off", row->off);
     rx_json_string(j, "worst_in", row->what);
     rx_json_string(j, "verdict", verdict_name(row));
@@ -127,6 +146,11 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
     rx_ecsv_column(&t, "image", RX_ECSV_TEXT, "", "file");
     rx_ecsv_column(&t, "hdu", RX_ECSV_INT, "", "its HDU");
     rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
+    rx_ecsv_column(&t, "done_by", RX_ECSV_TEXT, "", "restorer that did it");
+    rx_ecsv_column(&t, "why", RX_ECSV_TEXT, "", "why another one did it");
+    rx_ecsv_column(&t, "flux_scale", RX_ECSV_FLOAT, "", "restored over untouched flux of isolated sources");
+    rx_ecsv_column(&t, "flux_scale_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_column(&t, "flux_scale_is", RX_ECSV_TEXT, "", "right or off, by that and by FLUX_AUTO");
     rx_ecsv_column(&t, "off", RX_ECSV_FLOAT, "", "errors that it lies off the survey in what is worst");
     rx_ecsv_column(&t, "worst_in", RX_ECSV_TEXT, "", "what that is");
     rx_ecsv_column(&t, "verdict", RX_ECSV_TEXT, "", "of the gates");
@@ -144,6 +168,11 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
         rx_ecsv_text(&t, row->tile->image);
         rx_ecsv_count(&t, row->hdu);
         rx_ecsv_text(&t, r->run[row->run].name);
+        rx_ecsv_text(&t, done_by(r, row));
+        rx_ecsv_text(&t, row->why != NULL ? row->why : "");
+        rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide : NAN);
+        rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide_error : NAN);
+        rx_ecsv_text(&t, flux_word(row));
         rx_ecsv_number(&t, row->off);
         rx_ecsv_text(&t, row->what);
         rx_ecsv_text(&t, verdict_name(row));
@@ -176,22 +205,53 @@ void rx_rollup_bins(rx_text *dst, const rx_rollup *r)
         }
 }
 
-/* kind: element of what is wrong, or NULL. */
-static void junit_case(rx_text *dst, const char *image, const char *kind, const char *what)
+/* kind: element of what is wrong, or NULL; notes: lines to read all the same, or NULL. */
+static void junit_case(rx_text *dst, const char *image, const char *kind, const char *what, const char *notes)
 {
     rx_text_add(dst, "  <testcase classname=\"rextract\" name=\"");
     rx_escape_html(dst, image);
-    if (kind == NULL) {
+    if (kind == NULL && notes == NULL) {
         rx_text_add(dst, "\"/>\n");
         return;
     }
-    rx_text_printf(dst, "\"><%s message=\"", kind);
-    rx_escape_html(dst, what);
-    rx_text_add(dst, "\"/></testcase>\n");
+    rx_text_add(dst, "\">");
+    if (kind != NULL) {
+        rx_text_printf(dst, "<%s message=\"", kind);
+        rx_escape_html(dst, what);
+        rx_text_add(dst, "\"/>");
+    }
+    if (notes != NULL) {
+        rx_text_add(dst, "<system-out>");
+        rx_escape_html(dst, notes);
+        rx_text_add(dst, "</system-out>");
+    }
+    rx_text_add(dst, "</testcase>\n");
+}
+
+/* What the rows of every tile say beside pass and fail: notes[place of the tile], in the order of its rows. */
+static void collect_notes(const rx_rollup *r, rx_text *notes)
+{
+    for (int i = 0; i < r->nrows; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const char *run = r->run[row->run].name;
+        rx_text *dst = &notes[row->tile->place];
+        if (row->by[0] != '\0')
+            rx_text_printf(dst, "HDU %d: %s: done by %s, %s; ", row->hdu, run, row->by, row->why);
+        if (rx_fluxcheck_is_off(&row->flux))
+            rx_text_printf(dst, "HDU %d: %s: the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f; ",
+                           row->hdu, run, row->flux.wide, row->flux.wide_error, row->flux.automatic,
+                           row->flux.automatic_error);
+    }
 }
 
 void rx_rollup_junit(rx_text *dst, const rx_rollup *r)
 {
+    rx_text *notes = RX_NEW(rx_text, (size_t)r->ntiles);
+    if (notes == NULL) {
+        dst->failed = true;
+        return;
+    }
+    collect_notes(r, notes);
     rx_text_printf(
         dst,
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"rextract survey\" tests=\"%d\" "
@@ -204,10 +264,13 @@ void rx_rollup_junit(rx_text *dst, const rx_rollup *r)
                    : tile->status == RX_GATE_FAIL         ? "failure"
                    : tile->status == RX_GATE_INSUFFICIENT ? "skipped"
                                                           : "error",
-                   tile->what);
+                   tile->what, notes[i].data);
+        dst->failed |= notes[i].failed;
+        rx_text_free(&notes[i]);
     }
+    free(notes);
     for (int i = 0; i < r->nmissing; i++)
         junit_case(dst, rx_tiles_image(r->tiles, r->missing[i]), "error",
-                   "no record: it was not run, or was killed");
+                   "no record: it was not run, or was killed", NULL);
     rx_text_add(dst, "</testsuite>\n");
 }

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -48,6 +49,16 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
         rx_text_add(dst, "RUN");
         add_string(dst, run->name);
         rx_text_printf(dst, " %ld %d\n", run->sources, run->tally != NULL);
+        if (run->by[0] != '\0') {
+            rx_text_add(dst, "DONE");
+            add_string(dst, run->by);
+            add_string(dst, run->why);
+            rx_text_add(dst, "\n");
+        }
+        if (run->flux.n > 0)
+            rx_text_printf(dst, "FLUX %d %.9g %.9g %.9g %.9g %.9g\n", run->flux.n, run->flux.diameter,
+                           run->flux.wide, run->flux.wide_error, run->flux.automatic,
+                           run->flux.automatic_error);
         for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
             add_bin(dst, b, &run->tally->bin[b]);
     }
@@ -193,6 +204,35 @@ static rx_status read_run(reader *r)
     return RX_OK;
 }
 
+static rx_status read_done(reader *r)
+{
+    char *why = NULL;
+    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
+        return refuse(r, "DONE is out of place");
+    rx_status status = take_string(r, 2, &why);
+    if (status == RX_OK) {
+        snprintf(r->run->by, sizeof r->run->by, "%s", r->words.v[1]);
+        snprintf(r->run->why, sizeof r->run->why, "%s", why);
+    }
+    free(why);
+    return status;
+}
+
+static rx_status read_flux(reader *r)
+{
+    long n;
+    if (r->run == NULL)
+        return refuse(r, "FLUX is out of place");
+    rx_fluxcheck *flux = &r->run->flux;
+    double *const values[] = {&flux->diameter, &flux->wide, &flux->wide_error, &flux->automatic,
+                              &flux->automatic_error};
+    rx_status status = take_whole(r, 1, 1, INT_MAX, &n);
+    for (int i = 0; i < 5 && status == RX_OK; i++)
+        status = take_real(r, 2 + i, values[i]);
+    flux->n = status == RX_OK ? (int)n : 0;
+    return status;
+}
+
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
 static rx_status read_bin(reader *r, char *text)
 {
@@ -262,6 +302,10 @@ static rx_status read_words(reader *r)
         return read_extension(r);
     if (strcmp(kind, "RUN") == 0)
         return read_run(r);
+    if (strcmp(kind, "DONE") == 0)
+        return read_done(r);
+    if (strcmp(kind, "FLUX") == 0)
+        return read_flux(r);
     if (strcmp(kind, "END") == 0)
         return end_record(r);
     return refuse(r, "this is no line of a record");

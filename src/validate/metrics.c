@@ -1,5 +1,6 @@
 /* Measuring the metrics over a range of magnitudes. */
 #include "validate/metrics.h"
+#include "validate/hypothesis.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -172,6 +173,11 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
         status = measure_depth(r, out, err);
     out[RX_METRIC_AP] = e->pr.ap;
     out[RX_METRIC_ZP_OFFSET] = e->offset;
+    const rx_qa_flux *flux = &e->run->flux;
+    if (flux->n > 1) {
+        const double half = rx_student_quantile(1 - r->level, (double)(flux->n - 1)) * flux->wide_error;
+        out[RX_METRIC_FLUX_SCALE] = (rx_estimate){flux->wide, flux->wide - half, flux->wide + half, flux->n};
+    }
     if (status != RX_OK || r->level == e->level)
         return status;
     for (long j = 0; j < e->run->list.n; j++)

@@ -1,7 +1,8 @@
 /* THE table of metrics, and their measurement over a range of magnitudes.
  *
  * Intervals: shares (recall, precision) Clopper-Pearson; medians and sigma_MAD by order statistics; MagErr,
- * AP and the completeness magnitudes by bootstrap, unbounded below RX_BOOTSTRAP_FEWEST sources.
+ * AP and the completeness magnitudes by bootstrap, unbounded below RX_BOOTSTRAP_FEWEST sources; flux_scale from
+ * its 1 sigma error (rx_qa_flux), as of a normal distribution.
  */
 #ifndef RX_VALIDATE_METRICS_H
 #define RX_VALIDATE_METRICS_H
@@ -33,7 +34,9 @@
     METRIC(SCATTER_X_ARCSEC, "scatter_x_arcsec", "arcsec", 0, "sigma_MAD of x - x0")                         \
     METRIC(SCATTER_Y_ARCSEC, "scatter_y_arcsec", "arcsec", 0, "sigma_MAD of y - y0")                         \
     METRIC(PULL_MEDIAN, "pull_median", "", 0, "median of (F - F0) / error, 0 when unbiased")                 \
-    METRIC(PULL_WIDTH, "pull_width", "", 0, "sigma_MAD of (F - F0) / error, 1 when errors are true")
+    METRIC(PULL_WIDTH, "pull_width", "", 0, "sigma_MAD of (F - F0) / error, 1 when errors are true")         \
+    METRIC(FLUX_SCALE, "flux_scale", "", 1,                                                                  \
+           "restored / untouched flux of isolated sources, no reference needed")
 
 #define RX_METRIC_ID(id, name, unit, whole, help) RX_METRIC_##id,
 typedef enum rx_metric { RX_METRICS(RX_METRIC_ID) RX_METRIC_COUNT } rx_metric;

@@ -30,7 +30,6 @@ typedef struct rx_qa_list {
 /* What a restorer's model promises for this tile, from its tests; NAN where it does not say. */
 typedef struct rx_qa_promise {
     const char *model, *digest;
-    const char *ran; /* restorer that was run in the end */
     const char *why; /* nothing is promised: what is out of the model's training */
     int unfinished;  /* the training of the model has not ended */
     int inside;
@@ -41,13 +40,24 @@ typedef struct rx_qa_promise {
     double bias, scatter;             /* %, fluxes of test stars of S/N above 12 */
 } rx_qa_promise;
 
+/* Restored over untouched flux of the same isolated sources; n = 0: not measured. */
+typedef struct rx_qa_flux {
+    long n;
+    double diameter; /* of the wide aperture, pixels */
+    double wide, wide_error;
+    double automatic, automatic_error; /* FLUX_AUTO restored over the wide aperture untouched; NAN: none */
+    int off;                           /* beyond what errors explain */
+} rx_qa_flux;
+
 struct rx_tally; /* validate/tally.h */
 
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
     double seconds; /* of the restoration; told in `brief` only, files stay the same from run to run */
-    const char *settings, *psf;   /* one line each, for the page; may be NULL */
+    const char *settings, *psf; /* one line each, for the page; may be NULL */
+    const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
+    rx_qa_flux flux;
     const rx_qa_promise *promise; /* NULL: no model is behind this run */
     int tested;                   /* list.made_up says something */
     double made_up_per_mpixel;    /* marked ones, those included that were dropped from the list */

@@ -35,7 +35,6 @@ static void promise(rx_json *json, const rx_qa_promise *p)
     rx_json_object(json, "model", false);
     rx_json_string(json, "name", p->model);
     rx_json_string(json, "digest", p->digest);
-    rx_json_string(json, "restored_by", p->ran);
     rx_json_string(json, "outside", p->why);
     rx_json_number(json, "fwhm", p->fwhm);
     rx_json_number(json, "noise", p->noise);
@@ -53,6 +52,8 @@ static void run_head(rx_json *json, const rx_report *r, int run)
     rx_text_printf(&matches, "matches_%s.ecsv", r->stem[run]);
     rx_text_printf(&curve, "pr_%s.ecsv", r->stem[run]);
     rx_json_string(json, "name", e->run->name);
+    rx_json_string(json, "done_by", e->run->by != NULL ? e->run->by : e->run->name);
+    rx_json_string(json, "why", e->run->by != NULL ? e->run->why : NULL);
     rx_json_string(json, "settings", e->run->settings);
     rx_json_string(json, "psf", e->run->psf);
     rx_json_number(json, "noise_law_scale", e->run->law_scale);
@@ -72,6 +73,18 @@ static void run_head(rx_json *json, const rx_report *r, int run)
         rx_json_number(json, "matched", (double)e->made_up_matched);
         rx_json_number(json, "per_mpixel", e->run->made_up_per_mpixel);
         rx_json_number(json, "precision_without", rx_evaluation_precision_without(e));
+        rx_json_end(json);
+    }
+    if (e->run->flux.n > 0) {
+        const rx_qa_flux *flux = &e->run->flux;
+        rx_json_object(json, "flux_check", true);
+        rx_json_number(json, "sources", (double)flux->n);
+        rx_json_number(json, "aperture_pixels", flux->diameter);
+        rx_json_number(json, "aperture", flux->wide);
+        rx_json_number(json, "aperture_error", flux->wide_error);
+        rx_json_number(json, "flux_auto", flux->automatic);
+        rx_json_number(json, "flux_auto_error", flux->automatic_error);
+        rx_json_string(json, "scale", flux->off ? "off" : "right");
         rx_json_end(json);
     }
     if (e->run->promise != NULL)

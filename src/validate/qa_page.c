@@ -13,6 +13,8 @@
 static int digits_of(rx_metric metric)
 {
     const char *unit = rx_metric_get(metric)->unit;
+    if (metric == RX_METRIC_FLUX_SCALE)
+        return 4;
     if (strcmp(unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN || metric == RX_METRIC_PULL_WIDTH ||
         metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90)
         return 2;
@@ -26,9 +28,93 @@ static void estimate_cell(rx_text *dst, const rx_estimate *e, rx_metric metric)
 
 static void run_headings(rx_text *dst, const rx_report *r)
 {
-    for (int run = 0; run < r->input->nruns; run++)
-        rx_page_head(dst, RX_RIGHT, r->input->runs[run].name);
+    for (int run = 0; run < r->input->nruns; run++) {
+        char name[64];
+        const rx_qa_run *q = &r->input->runs[run];
+        snprintf(name, sizeof name, q->by != NULL ? "%s (by %s)" : "%s", q->name, q->by);
+        rx_page_head(dst, RX_RIGHT, name);
+    }
     rx_page_row_end(dst);
+}
+
+/* Columns that hold another restorer's work. */
+static void write_fallbacks(rx_text *dst, const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_qa_run *q = &r->input->runs[run];
+        if (q->by == NULL)
+            continue;
+        rx_text_add(dst, "<p><b class=\"v " RX_MARK_OPEN "\">");
+        rx_escape_html(dst, q->name);
+        rx_text_add(dst, ": done by ");
+        rx_escape_html(dst, q->by);
+        rx_text_add(dst, "</b>: ");
+        rx_escape_html(dst, q->why);
+        rx_text_add(dst, ". All numbers of this run are those of ");
+        rx_escape_html(dst, q->by);
+        rx_text_add(dst, ".</p>\n");
+    }
+}
+
+static bool has_fluxes(const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].flux.n > 0)
+            return true;
+    return false;
+}
+
+static void ratio_row(rx_text *dst, const rx_report *r, const char *name, size_t value, size_t error)
+{
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, name);
+    for (int run = 0; run < r->input->nruns; run++) {
+        const char *flux = (const char *)&r->input->runs[run].flux;
+        const double ratio = *(const double *)(flux + value), sigma = *(const double *)(flux + error);
+        if (r->input->runs[run].flux.n > 0 && isfinite(ratio))
+            rx_text_printf(dst, "<td>%.4f &plusmn; %.4f</td>", ratio, sigma);
+        else
+            rx_page_cell_text(dst, NULL);
+    }
+    rx_page_row_end(dst);
+}
+
+/* Are the fluxes of restored pixels those of the tile? */
+static void write_fluxes(rx_text *dst, const rx_report *r)
+{
+    if (!has_fluxes(r))
+        return;
+    rx_page_section(dst, "flux-scale", "Flux scale");
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "restored over untouched flux");
+    run_headings(dst, r);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "isolated sources of FLAGS 0 and S/N above 30");
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].flux.n > 0)
+            rx_page_cell_count(dst, r->input->runs[run].flux.n);
+        else
+            rx_page_cell_text(dst, NULL);
+    rx_page_row_end(dst);
+    ratio_row(dst, r, "the same wide aperture", offsetof(rx_qa_flux, wide), offsetof(rx_qa_flux, wide_error));
+    ratio_row(dst, r, "FLUX_AUTO over that aperture untouched", offsetof(rx_qa_flux, automatic),
+              offsetof(rx_qa_flux, automatic_error));
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "flux scale");
+    for (int run = 0; run < r->input->nruns; run++) {
+        const rx_qa_flux *flux = &r->input->runs[run].flux;
+        if (flux->n == 0)
+            rx_page_cell_text(dst, NULL);
+        else
+            rx_page_cell_verdict(dst, flux->off ? RX_MARK_BAD : RX_MARK_GOOD, flux->off ? "off" : "right");
+    }
+    rx_page_row_end(dst);
+    rx_page_table_end(dst);
+    rx_page_note(
+        dst, "Medians with 1 &sigma;. No reference is needed: the tile's own untouched pixels are the "
+             "measure. Off: the aperture's ratio is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much "
+             "above it; FLUX_AUTO below it is the light that it leaves out.");
 }
 
 static void write_summary(rx_text *dst, const rx_report *r)
@@ -42,7 +128,7 @@ static void write_summary(rx_text *dst, const rx_report *r)
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         const rx_metric_row *row = rx_metric_get((rx_metric)m);
         int arcsec = strcmp(row->unit, "arcsec") == 0;
-        if (arcsec && !(r->input->pixel_scale > 0))
+        if ((arcsec && !(r->input->pixel_scale > 0)) || (m == RX_METRIC_FLUX_SCALE && !has_fluxes(r)))
             continue;
         rx_text_printf(dst, "<tr><td class=\"t\"><b>%s</b>", row->name);
         rx_page_unit(dst, row->unit);
@@ -361,8 +447,6 @@ static void promise_sentences(rx_text *dst, const rx_report *r)
         if (!p->inside) {
             rx_text_add(dst, ". It promises nothing here: ");
             rx_escape_html(dst, p->why);
-            rx_text_add(dst, "; restored by ");
-            rx_escape_html(dst, p->ran);
         }
         rx_text_add(dst, ".</p>\n");
     }
@@ -474,6 +558,7 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
 {
     rx_page_links_begin(dst);
     rx_page_link(dst, true, "summary", "Summary");
+    rx_page_link(dst, has_fluxes(r), "flux-scale", "Flux scale");
     rx_page_link(dst, r->nresults > 0, "gates", "Gates");
     rx_page_link(dst, true, "counts", "What was compared");
     rx_page_link(dst, has_pictures(figures), "pictures", "Pictures");
@@ -498,7 +583,9 @@ void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
                        rx_verdict_name(r->verdict));
     rx_text_add(dst, "</p>\n");
     write_contents(dst, r, figures);
+    write_fallbacks(dst, r);
     write_summary(dst, r);
+    write_fluxes(dst, r);
     write_gates(dst, r);
     write_counts(dst, r);
     write_pictures(dst, figures);

@@ -146,3 +146,43 @@ if [ "$active" = 1 ]; then
     : >../out
     judge 0 ''
 fi
+
+begin 'network: every catalogue and check-image says that RL did it'
+make_fits tile tile.fits
+make_model model.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        for type in ASCII_HEAD FITS_1.0 FITS_LDAC ASCII_VOTABLE; do
+            timeout 60 "$program" tile.fits $net -PSF_FWHM 1 -CATALOG_TYPE $type -CHECKIMAGE_TYPE RESTORED \
+                -CHECKIMAGE_NAME a.fits -VERBOSE_TYPE QUIET
+            echo $? >../code
+            for file in test.cat a.fits; do
+                for word in 'RXREST[^A-Z]*RL' 'RXASKED[^A-Z]*NET' 'RXWHY.*the model has no dictionary'; do
+                    tr '\000' '\n' <$file | sed 's/="" *//; s/datatype="char" arraysize="[^"]*"//; s/value=//' |
+                        grep -q "$word" || echo "$type: $file lacks $word"
+                done
+            done
+            rm -f test.cat a.fits
+        done
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
+begin 'network: RL instead, which RESTORE_FALLBACK N forbids'
+make_fits tile tile.fits
+make_model model.fits
+expect 10 '^rextract: tile\.fits\[0\]: cannot be done by NET: the model has no dictionary; RESTORE_FALLBACK Y lets RL do it$' \
+    tile.fits $net -PSF_FWHM 1 -RESTORE_FALLBACK N
+
+begin 'network: no PSF, and RESTORE_FALLBACK N'
+make_fits tile tile.fits
+make_model model.fits
+expect 10 '^rextract: tile\.fits\[0\]: cannot be done by NET: its PSF is not known; RESTORE_FALLBACK Y lets NONE do it$' \
+    tile.fits $unknown -RESTORE_FALLBACK N
+
+begin 'network: RESTORE_FALLBACK N against OUT_OF_DOMAIN RL'
+make_fits tile tile.fits
+expect 2 '^rextract: -RESTORE_FALLBACK: N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL$' \
+    tile.fits -OUT_OF_DOMAIN RL -RESTORE_FALLBACK N

@@ -165,9 +165,8 @@ static void test_inside(void **state)
     assert_string_equal(kind->name, "NET");
     rx_domain_facts(&domain, &facts);
     static const char *const expected[][2] = {
-        {"RXNETMOD", "toy"},    {"RXNETRUN", "NET"},      {"RXNETFW", "3.5000"},
-        {"RXNETNOI", "4.0000"}, {"RXNETIN", "T"},         {"RXNETLOS", "0.25"},
-        {"RXNETREC", "0.9100"}, {"RXNETBIA", "-0.01250"}, {"RXNETSCA", "0.03400"}};
+        {"RXNETMOD", "toy"},  {"RXNETFW", "3.5000"},  {"RXNETNOI", "4.0000"},   {"RXNETIN", "T"},
+        {"RXNETLOS", "0.25"}, {"RXNETREC", "0.9100"}, {"RXNETBIA", "-0.01250"}, {"RXNETSCA", "0.03400"}};
     for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {
         assert_non_null(fact(&facts, expected[i][0]));
         assert_string_equal(fact(&facts, expected[i][0]), expected[i][1]);
@@ -271,7 +270,7 @@ static void test_warn(void **state)
                            "bench[0]: FWHM 12.00 pixels is above 8, the network was trained for FWHM 2 "
                            "to 8 pixels and noise 0.125 to 40; how well it does here is not known"));
     rx_domain_facts(&o.probe.domain, &facts);
-    assert_string_equal(fact(&facts, "RXNETRUN"), "NET");
+    assert_null(o.probe.by);
     assert_string_equal(fact(&facts, "RXNETIN"), "F");
     assert_string_equal(fact(&facts, "RXNETWHY"), "FWHM 12.00 pixels is above 8");
     assert_null(fact(&facts, "RXNETREC"));
@@ -289,14 +288,21 @@ static void test_rl(void **state)
     assert_int_equal(o.status, RX_OK);
     assert_string_equal(o.probe.restored->name, "RL");
     assert_int_equal(count(o.h.text, "warning: "), 1);
-    assert_non_null(strstr(o.h.text, "restored by RL instead"));
+    assert_non_null(strstr(o.h.text, "bench[0]: RL instead of NET: FWHM 12.00 pixels is above 8\n"));
     assert_int_equal(rx_probe_run(o.b.options, rx_restorer_find("RL"), o.field, NULL, NULL, &plain, NULL),
                      RX_OK);
     assert_memory_equal(plain.restored->pixels, o.probe.restored->pixels,
                         (size_t)SIDE * SIDE * sizeof(float));
     assert_int_equal(plain.sources->n, o.probe.sources->n);
     rx_domain_facts(&o.probe.domain, &facts);
-    assert_string_equal(fact(&facts, "RXNETRUN"), "RL (out of domain: FWHM 12.00 pixels is above 8)");
+    assert_string_equal(o.probe.by, "RL");
+    assert_string_equal(o.probe.why, "FWHM 12.00 pixels is above 8");
+    assert_null(plain.by);
+    assert_true(plain.sources->n > 10);
+    for (int i = 0; i < plain.sources->n; i++) {
+        assert_int_equal(plain.sources->list[i].fit.restore & RX_RESTORE_OTHER, 0);
+        assert_int_equal(o.probe.sources->list[i].fit.restore & RX_RESTORE_OTHER, RX_RESTORE_OTHER);
+    }
     rx_record_free(&facts);
     rx_probe_free(&plain);
     end(&o);
@@ -319,8 +325,38 @@ static void test_narrow(void **state)
     }
     outcome o;
     run_at(&o, "1.5", "FAIL", 1);
-    assert_int_equal(o.status, RX_INPUT);
+    assert_int_equal(o.status, RX_NOT_RESTORED);
     end(&o);
+}
+
+/* RESTORE_FALLBACK N: what would be left to RL fails, what the network itself does goes on. */
+static void test_no_fallback(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *fwhm;
+        rx_status status;
+    } cases[] = {{"1.5", RX_NOT_RESTORED}, {"3.5", RX_OK}, {"12", RX_OK}};
+    for (int i = 0; i < 3; i++) {
+        const setting settings[] = {{"PSF_FWHM", cases[i].fwhm}, {"RESTORE_FALLBACK", "N"}, {NULL, NULL}};
+        bench b;
+        rx_probe probe;
+        rx_error err = RX_ERROR_NONE;
+        open_bench(&b, RX_MODE_INFORMED, settings);
+        rx_field *field = make_field(&b);
+        field->model_noise = 4;
+        assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NET"), field, NULL, NULL, &probe, &err),
+                         cases[i].status);
+        if (cases[i].status != RX_OK) {
+            assert_string_equal(err.where, "bench");
+            assert_string_equal(err.text,
+                                "cannot be done by NET: FWHM 1.50 pixels is below 2; RESTORE_FALLBACK "
+                                "Y lets RL do it");
+        }
+        rx_probe_free(&probe);
+        rx_field_free(field);
+        bench_close(&b);
+    }
 }
 
 static void test_fail(void **state)
@@ -329,7 +365,7 @@ static void test_fail(void **state)
     for (int with_log = 0; with_log < 2; with_log++) { /* campaigns run without one */
         outcome o;
         run_wide(&o, "FAIL", with_log);
-        assert_int_equal(o.status, RX_INPUT);
+        assert_int_equal(o.status, RX_NOT_RESTORED);
         assert_string_equal(o.err.where, "bench");
         assert_string_equal(
             o.err.text,
@@ -353,7 +389,7 @@ static void test_no_dictionary(void **state)
     free(b.options->model->bins);
     b.options->model->bins = NULL;
     rx_field *field = make_field(&b);
-    assert_int_equal(rx_domain_obey(&b.options->restore, field, NULL, &kind, &domain, &err), RX_INPUT);
+    assert_int_equal(rx_domain_obey(&b.options->restore, field, NULL, &kind, &domain, &err), RX_NOT_RESTORED);
     assert_non_null(strstr(err.text, "the model has no dictionary"));
     rx_field_free(field);
     bench_close(&b);
@@ -378,21 +414,59 @@ static void test_no_psf(void **state)
         rx_domain_facts(&probe.domain, &facts);
         if (mode == RX_MODE_INFORMED) {
             assert_string_equal(probe.restored->name, "NONE");
+            assert_string_equal(probe.by, "NONE");
+            assert_string_equal(probe.why, "its PSF is not known");
+            assert_true(probe.sources->n > 10);
+            assert_int_equal(probe.sources->list[0].fit.restore & RX_RESTORE_OTHER, RX_RESTORE_OTHER);
             assert_int_equal(probe.domain.place, RX_DOMAIN_NONE);
             assert_int_equal(facts.n, 0);
         } else {
             assert_string_equal(probe.restored->name, "NET");
+            assert_null(probe.by);
             assert_int_equal(probe.domain.place, RX_DOMAIN_UNKNOWN);
-            assert_string_equal(fact(&facts, "RXNETRUN"), "NET");
             assert_string_equal(fact(&facts, "RXNETWHY"), "the FWHM of the tile is not known");
             assert_null(fact(&facts, "RXNETIN"));
             assert_null(fact(&facts, "RXNETFW"));
         }
         rx_record_free(&facts);
         rx_probe_free(&probe);
+        b.options->restore.fallback = 0;
+        assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NET"), field, NULL, NULL, &probe, NULL),
+                         mode == RX_MODE_INFORMED ? RX_NOT_RESTORED : RX_OK);
+        rx_probe_free(&probe);
         rx_field_free(field);
         bench_close(&b);
     }
+}
+
+/* Two images, the second without a PSF: detection is the restorer's, fluxes are of untouched pixels. */
+static void test_second_image(void **state)
+{
+    (void)state;
+    bench b;
+    rx_probe probe;
+    open_bench(&b, RX_MODE_INFORMED, NULL);
+    rx_field *detect = make_field(&b), *measure = make_field(&b);
+    rx_psf_free(measure->psf);
+    measure->psf = NULL;
+    measure->unrestorable = 1;
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("RL"), detect, measure, NULL, &probe, NULL),
+                     RX_OK);
+    assert_string_equal(probe.restored->name, "RL");
+    assert_string_equal(probe.by, "NONE");
+    assert_string_equal(probe.why, "measurement image: its PSF is not known");
+    assert_int_equal(probe.original, 1);
+    assert_true(probe.sources->n > 10);
+    assert_int_equal(probe.sources->list[0].fit.restore & RX_RESTORE_OTHER, RX_RESTORE_OTHER);
+    rx_probe_free(&probe);
+    assert_int_equal(rx_probe_run(b.options, rx_restorer_find("RL"), detect, detect, NULL, &probe, NULL),
+                     RX_OK);
+    assert_null(probe.by);
+    assert_int_equal(probe.original, 0);
+    rx_probe_free(&probe);
+    rx_field_free(measure);
+    rx_field_free(detect);
+    bench_close(&b);
 }
 
 /* A blank copy has no bright pixels, which alone would put it beyond the grid: it is restored as its tile is.
@@ -422,7 +496,7 @@ static void test_copies(void **state)
     assert_true(blank->model_noise == tile);
     blank->model_noise = 0.0;
     assert_int_equal(rx_probe_run(b.options, rx_restorer_find("NET"), blank, NULL, NULL, &probe, NULL),
-                     RX_INPUT);
+                     RX_NOT_RESTORED);
     rx_field_free(blank);
     rx_field_free(field);
     bench_close(&b);
@@ -515,18 +589,20 @@ static void test_outputs_inside(void **state)
     for (int i = 0; i < 2; i++) {
         int hdu = i == 0;
         card_is(outputs[i], hdu, "RXREST", "NET");
-        card_is(outputs[i], hdu, "RXNETRUN", "NET");
+        card_is(outputs[i], hdu, "RXASKED", "NET");
+        card_is(outputs[i], hdu, "RXWHY", NULL);
         card_is(outputs[i], hdu, "RXNETMOD", "toy");
         card_is(outputs[i], hdu, "RXNETIN", "T");
         card_is(outputs[i], hdu, "RXNETREC", "0.91");
         card_is(outputs[i], hdu, "RXNETBIA", "-0.0125");
     }
-    card_is("out_RL.cat", 1, "RXNETRUN", NULL);
+    card_is("out_RL.cat", 1, "RXASKED", "RL");
     static const char *const pages[] = {"qa/report.html", "check/report.html"};
     for (int i = 0; i < 2; i++) {
         holds(pages[i], "What the model promises here", 1);
         holds(pages[i], "NET: model toy, digest", 1);
         holds(pages[i], "It promises nothing here", 0);
+        holds(pages[i], "done by", 0);
         holds(pages[i], "<td>2 &ndash; 5</td>", 1);
     }
     holds("qa/summary.json", "\"bias_percent\": -1.25", 1);
@@ -537,12 +613,23 @@ static void test_outputs_rl(void **state)
     (void)state;
     write_inputs();
     expect_stage("12", "RL");
-    card_is("out_NET.cat", 1, "RXREST", "RL");
-    card_is("out_NET.cat", 1, "RXNETRUN", "RL (out of domain: FWHM 12.00 pixels is above 8)");
-    card_is("restored_NET.fits", 0, "RXNETRUN", "RL (out of domain: FWHM 12.00 pixels is above 8)");
-    holds("qa/report.html", "It promises nothing here: FWHM 12.00 pixels is above 8; restored by RL.", 1);
-    holds("check/report.html", "It promises nothing here: FWHM 12.00 pixels is above 8; restored by RL.", 1);
-    holds("qa/summary.json", "\"restored_by\": \"RL\"", 1);
+    static const char *const outputs[] = {"out_NET.cat", "restored_NET.fits"};
+    for (int i = 0; i < 2; i++) {
+        int hdu = i == 0;
+        card_is(outputs[i], hdu, "RXREST", "RL");
+        card_is(outputs[i], hdu, "RXASKED", "NET");
+        card_is(outputs[i], hdu, "RXWHY", "FWHM 12.00 pixels is above 8");
+    }
+    card_is("out_RL.cat", 1, "RXWHY", NULL);
+    static const char *const pages[] = {"qa/report.html", "check/report.html"};
+    for (int i = 0; i < 2; i++) {
+        holds(pages[i], "NET: done by RL</b>: FWHM 12.00 pixels is above 8. All numbers of this run", 1);
+        holds(pages[i], "NET (by RL)", 1);
+        holds(pages[i], "RL: done by", 0);
+        holds(pages[i], "It promises nothing here: FWHM 12.00 pixels is above 8.", 1);
+    }
+    holds("qa/summary.json", "\"done_by\": \"RL\",\n", 1);
+    holds("qa/summary.json", "\"why\": \"FWHM 12.00 pixels is above 8\"", 1);
 }
 
 static void test_outputs_fail(void **state)
@@ -550,7 +637,7 @@ static void test_outputs_fail(void **state)
     (void)state;
     rx_error err = RX_ERROR_NONE;
     write_inputs();
-    assert_int_equal(run_stage("12", "FAIL", &err), RX_INPUT);
+    assert_int_equal(run_stage("12", "FAIL", &err), RX_NOT_RESTORED);
     assert_string_equal(err.where, "tile.fits");
     assert_non_null(strstr(err.text, "FWHM 12.00 pixels is above 8"));
     assert_int_equal(access("out_NET.cat", F_OK), -1);
@@ -566,9 +653,11 @@ int main(void)
         cmocka_unit_test(test_warn),
         cmocka_unit_test(test_rl),
         cmocka_unit_test(test_narrow),
+        cmocka_unit_test(test_no_fallback),
         cmocka_unit_test(test_fail),
         cmocka_unit_test(test_no_dictionary),
         cmocka_unit_test(test_no_psf),
+        cmocka_unit_test(test_second_image),
         cmocka_unit_test(test_copies),
         cmocka_unit_test_setup_teardown(test_outputs_inside, enter, leave),
         cmocka_unit_test_setup_teardown(test_outputs_rl, enter, leave),

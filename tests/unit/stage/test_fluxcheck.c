@@ -110,11 +110,41 @@ static void few_sources_tell_nothing(void **state)
     teardown(&b);
 }
 
+/* 1 % and 5 sigma, both on each side; FLUX_AUTO only above. */
+static void off_is_beyond_1_percent_and_5_sigma(void **state)
+{
+    (void)state;
+    static const struct {
+        int n;
+        double wide, wide_error, automatic, automatic_error;
+        int off;
+    } cases[] = {
+        {100, 1.0099, 0.0001, 0.95, 0.001, 0}, /* below 1 %, however sure */
+        {100, 1.0101, 0.0001, 0.95, 0.001, 1},   {100, 0.9901, 0.0001, 0.95, 0.001, 0},
+        {100, 0.9899, 0.0001, 0.95, 0.001, 1},   {100, 1.0490, 0.0100, 0.95, 0.001, 0}, /* 4.9 sigma */
+        {100, 1.0510, 0.0100, 0.95, 0.001, 1},   {100, 1.0000, 0.0001, 1.0099, 0.001, 0},
+        {100, 1.0000, 0.0001, 1.0101, 0.001, 1}, {100, 1.0000, 0.0001, 1.0490, 0.010, 0},
+        {100, 1.0000, 0.0001, 1.0510, 0.010, 1}, {100, 1.0000, 0.0001, 0.80, 0.001, 0}, /* light left out */
+        {100, 1.0000, 0.0001, NAN, NAN, 0},      {0, 1.5, 0.0001, 1.5, 0.0001, 0},      /* nothing measured */
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const rx_fluxcheck check = {.n = cases[i].n,
+                                    .wide = cases[i].wide,
+                                    .wide_error = cases[i].wide_error,
+                                    .automatic = cases[i].automatic,
+                                    .automatic_error = cases[i].automatic_error};
+        if (rx_fluxcheck_is_off(&check) != cases[i].off)
+            fail_msg("case %zu: %g +- %g, %g +- %g", i, check.wide, check.wide_error, check.automatic,
+                     check.automatic_error);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_known_factor_is_found),
         cmocka_unit_test(few_sources_tell_nothing),
+        cmocka_unit_test(off_is_beyond_1_percent_and_5_sigma),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

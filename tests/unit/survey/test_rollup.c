@@ -26,7 +26,7 @@ static const char records_text[] =
     /* its gate failed, though it is good */
     "TILE c.fits c\nVERSION 1\nSTATUS 5 \"a <gate> & FAILED\"\nEXTENSION 0 9 9 nan nan 3 0 1 2\nRUN NONE 95 "
     "1\n"
-    "BIN 96 100 90 95 90 244:45 245:45\nRUN RL 7 0\nEND\n"
+    "BIN 96 100 90 95 90 244:45 245:45\nRUN RL 7 0\nFLUX 40 10 1.009 0.0002 0.9 0.01\nEND\n"
     "TILE d.fits d\nVERSION 1\nSTATUS 3 \"cannot be opened\"\nEND\n";
 
 typedef struct survey {
@@ -165,6 +165,61 @@ static void files_for_programs(void **state)
     drop(&s);
 }
 
+/* What another restorer did, and a flux scale that is off, with and without a reference. */
+static void whose_work_and_flux_scale(void **state)
+{
+    static const char text[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
+                               "RUN RL 95 0\nFLUX 50 10 1.009 0.0001 0.95 0.001\n"
+                               "RUN NET 60 0\nDONE RL \"FWHM 1.5 is <2\"\nEND\n"
+                               "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
+                               "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nEND\n";
+    rx_rollup r = {0};
+    rx_text junit = {0}, json = {0}, html = {0}, tiles = {0};
+    rx_figures *figures = calloc(1, sizeof *figures);
+    char path[] = "/tmp/rextract-rollup-XXXXXX";
+    int file = mkstemp(path);
+    (void)state;
+    assert_non_null(figures);
+    assert_true(file >= 0);
+    close(file);
+    write_text(path, text);
+    assert_int_equal(add_file(&r, path, NULL), RX_OK);
+    unlink(path);
+    assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
+    assert_string_equal(r.run[0].name, "RL");
+    assert_int_equal(r.run[0].by_others, 0);
+    assert_int_equal(r.run[0].flux_off, 1);
+    assert_int_equal(r.run[1].by_others, 1);
+    assert_int_equal(r.run[1].flux_off, 0);
+    /* the one that is off comes first, 10 of its errors from 1; nothing else has a reference */
+    assert_string_equal(r.row[0].tile->name, "b");
+    assert_string_equal(r.row[0].what, "flux scale");
+    assert_near(r.row[0].off, 10, 1e-9);
+    for (int i = 1; i < r.nrows; i++)
+        assert_true(isnan(r.row[i].off));
+    rx_rollup_junit(&junit, &r);
+    assert_non_null(strstr(junit.data, "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is "
+                                       "&lt;2; </system-out></testcase>"));
+    assert_non_null(
+        strstr(junit.data, "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950"));
+    rx_rollup_json(&json, &r);
+    assert_non_null(strstr(json.data, "\"done_by_another\": 1"));
+    assert_non_null(strstr(json.data, "\"flux_scale_off\": 1"));
+    assert_non_null(strstr(json.data, "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\""));
+    assert_non_null(strstr(json.data, "\"flux_scale_is\": \"off\""));
+    rx_rollup_html(&html, &r, figures);
+    assert_non_null(strstr(html.data, "RL: FWHM 1.5 is &lt;2"));
+    assert_non_null(strstr(html.data, "flux scale off"));
+    rx_rollup_tiles(&tiles, &r);
+    assert_non_null(strstr(tiles.data, ",1.05,0.005,\"off\","));
+    rx_text_free(&tiles);
+    rx_text_free(&junit);
+    rx_text_free(&json);
+    rx_text_free(&html);
+    free(figures);
+    rx_rollup_free(&r);
+}
+
 static rx_status add_one(rx_rollup *rollup, const char *image, const char *name, int code, const char *run,
                          rx_error *err)
 {
@@ -262,6 +317,7 @@ int main(void)
         cmocka_unit_test(worst_come_first),
         cmocka_unit_test(a_range_of_magnitudes),
         cmocka_unit_test(files_for_programs),
+        cmocka_unit_test(whose_work_and_flux_scale),
         cmocka_unit_test(records_are_sorted_and_merged),
         cmocka_unit_test(many_tiles),
     };

@@ -23,6 +23,9 @@ static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
                             "BIN 96 10 9 11 9 0:1 244:7 489:1\n"
                             "BIN 100 5 0 0 0\n"
                             "RUN \"RL_BLIND\" 900 0\n"
+                            "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
+                            "RUN \"NET\" 700 0\n"
+                            "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
                             "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
                             "END\n";
 
@@ -59,7 +62,15 @@ static void what_is_written_is_read(void **state)
     assert_true(isnan(e->fwhm));
     assert_near(e->delta, -2.25, 0);
     assert_int_equal(e->verdict, RX_VERDICT_FAIL);
-    assert_int_equal(e->nruns, 2);
+    assert_int_equal(e->nruns, 3);
+    assert_string_equal(e->run[1].by, "");
+    assert_int_equal(e->run[1].flux.n, 439);
+    assert_near(e->run[1].flux.wide, 1.03204, 1e-12);
+    assert_true(isnan(e->run[1].flux.automatic_error));
+    assert_true(rx_fluxcheck_is_off(&e->run[1].flux));
+    assert_string_equal(e->run[2].by, "RL");
+    assert_string_equal(e->run[2].why, "FWHM 1.2 is \"narrow\"");
+    assert_int_equal(e->run[2].flux.n, 0);
     assert_int_equal(e->run[0].tally->bin[96].dmag[244], 7);
     assert_null(e->run[0].tally->bin[100].dmag);
     assert_null(e->run[1].tally);
@@ -139,6 +150,13 @@ static void nonsense_is_refused(void **state)
                   "no name of a restorer");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nBIN 1 1 1 1 1\n",
                   "a bin is out of place");
+    check_refused(state, "TILE a.fits a\nDONE RL why\n", "DONE is out of place");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nFLUX 5 1 1 1 1 1\n",
+                  "FLUX is out of place");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 0\nDONE \"<b>\" why\n",
+                  "DONE is out of place");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 0\nFLUX 5 1 1 1 1\n",
+                  "a number is missing");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 9\n", "out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 1\nBIN 140 1 1 1 1\n",
                   "out of place");

@@ -10,6 +10,7 @@
 
 #include "../near.h"
 #include "base/random.h"
+#include "validate/gates.h"
 #include "validate/metrics.h"
 
 enum { SIDE = 100 };
@@ -113,6 +114,45 @@ static void shares_and_differences(void **state)
 }
 
 /* Marked: one that is right, the false one, and one that does not count. */
+/* Without any reference; its interval is Student's, and gates decide by it. */
+static void flux_scale(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate m[RX_METRIC_COUNT];
+    const rx_gate gate = {
+        .metric = RX_METRIC_FLUX_SCALE, .op = RX_GATE_IN, .value = 0.99, .value_high = 1.01};
+    static const struct {
+        double wide, error;
+        rx_verdict verdict;
+    } cases[] = {{1.0080, 0.0005, RX_VERDICT_PASS},
+                 {1.0095, 0.0005, RX_VERDICT_INSUFFICIENT},
+                 {1.0120, 0.0005, RX_VERDICT_FAIL},
+                 {0.9880, 0.0005, RX_VERDICT_FAIL}};
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        run.flux = (rx_qa_flux){.n = 11, .wide = cases[i].wide, .wide_error = cases[i].error};
+        assert_int_equal(
+            rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL),
+            RX_OK);
+        const rx_estimate *scale = &m[RX_METRIC_FLUX_SCALE];
+        assert_int_equal(scale->n, 11);
+        assert_near(scale->value, cases[i].wide, 1e-15);
+        assert_near(scale->high - scale->value, 2.2281388519649385 * 0.0005, 1e-9); /* t of 10 at 0.975 */
+        assert_near(scale->value - scale->low, 2.2281388519649385 * 0.0005, 1e-9);
+        assert_int_equal(rx_gate_judge(&gate, scale), cases[i].verdict);
+    }
+    run.flux = (rx_qa_flux){0};
+    assert_int_equal(
+        rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL), RX_OK);
+    assert_int_equal(rx_gate_judge(&gate, &m[RX_METRIC_FLUX_SCALE]), RX_VERDICT_INSUFFICIENT);
+    rx_evaluation_free(&e);
+}
+
 static void made_up_detections(void **state)
 {
     static const struct {
@@ -314,6 +354,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roles),
         cmocka_unit_test(shares_and_differences),
+        cmocka_unit_test(flux_scale),
         cmocka_unit_test(made_up_detections),
         cmocka_unit_test(one_metric_alone),
         cmocka_unit_test(negative_flux_counts),
