@@ -80,10 +80,10 @@ double rx_population_mag(const rx_population *population, double uniform)
 
 double rx_population_radius(double mag, double deviate)
 {
-    const double slope = -0.11, scatter = 0.45;
+    const double slope = -0.11;
     mag = fmin(fmax(mag, 5.0), 35.0); /* 45 arcsec .. 0.02 arcsec: magnitudes that mean something else */
     deviate = fmin(fmax(deviate, -2.5), 2.5);
-    return pow(10.0, slope * (mag - 20.0)) * exp(scatter * deviate);
+    return pow(10.0, slope * (mag - 20.0)) * exp(RX_POPULATION_SCATTER * deviate);
 }
 
 static void set_flux(const rx_scene_params *par, double mag, rx_object *dst)

@@ -24,6 +24,7 @@ double rx_population_mag(const rx_population *population, double uniform);
 
 /* Half-light radius (arcsec) at that magnitude; deviate: standard normal. */
 double rx_population_radius(double mag, double deviate);
+#define RX_POPULATION_SCATTER 0.45 /* of its natural logarithm */
 
 /* Everything of the object but its position. Templates: of `templates` (not empty); *shrunk counts those
  * that template_blur made smaller. */

@@ -9,7 +9,6 @@
 #include "io/tile.h"
 #include "simulate/inject.h"
 #include "stage/domain.h"
-#include "stage/probe.h"
 #include "stage/replica.h"
 #include "validate/hypothesis.h"
 
@@ -76,23 +75,29 @@ rx_status rx_blankcheck_field(const rx_options *options, const rx_field *field, 
     return status;
 }
 
+/* Mpixel of a probed image that are not hidden and, where `sky`, of no source. */
+static double searched(const rx_options *options, const rx_probe *probe, int sky)
+{
+    const int hide = probe->plain && !options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
+    const size_t n = (size_t)probe->restored->width * (size_t)probe->restored->height;
+    size_t good = 0;
+    for (size_t i = 0; i < n; i++)
+        good += (probe->restored->mask[i] & hide) == 0 && (!sky || probe->sources->segments[i] == 0);
+    return (double)good / 1e6;
+}
+
 static rx_status run_one(const rx_options *options, const rx_restorer *kind, const rx_field *field,
                          const rx_sky_noise *noise, int number, rx_blankcheck *dst, rx_error *err)
 {
     rx_field *blank = NULL;
     rx_probe probe = {0};
-    size_t good = 0;
     rx_status status =
         rx_blankcheck_field(options, field, noise, options->seed, NOISE + (uint64_t)number, &blank, err);
     if (status != RX_OK)
         return status;
-    size_t n = (size_t)blank->tile->width * (size_t)blank->tile->height;
     status = rx_probe_run(options, kind, blank, NULL, NULL, &probe, err);
     if (status == RX_OK) {
-        int hide = probe.plain && !options->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
-        for (size_t i = 0; i < n; i++)
-            good += (probe.restored->mask[i] & hide) == 0;
-        dst->mpixels += (double)good / 1e6;
+        dst->mpixels += searched(options, &probe, 0);
         dst->false_detections += probe.sources->n;
         dst->realisations++;
     }
@@ -132,4 +137,22 @@ rx_status rx_blankcheck_run(const rx_options *options, const rx_restorer *kind, 
                               .n = dst->false_detections};
     dst->upper = rx_poisson_upper(dst->false_detections, LEVEL) / area;
     return RX_OK;
+}
+
+/* 1 - false / n within 0..1. */
+static double share(double rate, double sky, long n)
+{
+    return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
+}
+
+void rx_blankcheck_judge(const rx_options *options, const rx_probe *tile, rx_blankcheck *check)
+{
+    const long n = tile->sources->n;
+    check->sky = searched(options, tile, 1);
+    check->real = (rx_estimate){.value = NAN, .low = NAN, .high = NAN};
+    if (n > 0 && check->realisations > 0)
+        check->real = (rx_estimate){.value = share(check->rate.value, check->sky, n),
+                                    .low = share(check->rate.high, check->sky, n),
+                                    .high = share(check->rate.low, check->sky, n),
+                                    .n = n};
 }

@@ -2,6 +2,7 @@
 #include "stage/checks.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -14,7 +15,8 @@ struct rx_checks {
     rx_sources *sources;     /* of the untouched tile as it is */
     rx_selfcheck_plan *plan; /* NULL: no self check */
     rx_sky_noise noise;
-    int blank; /* noise is known */
+    int blank;                                            /* noise is known */
+    char no_self[RX_ERROR_TEXT], no_blank[RX_ERROR_TEXT]; /* why a check is left out, "" it is not */
 };
 
 /* Where the sources of the untouched tile are. */
@@ -23,7 +25,13 @@ static rx_status find_sources(const rx_options *options, const rx_field *field, 
 {
     rx_probe probe;
     rx_options own = *options;
-    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    own.measure.skip = RX_SKIP_APER | RX_SKIP_PETRO | RX_SKIP_WIN;
+    if (options->self_check) { /* sizes of galaxies */
+        own.measure.nradii = 1;
+        own.measure.flux_fraction[0] = 0.5;
+    } else {
+        own.measure.skip |= RX_SKIP_AUTO | RX_SKIP_RADIUS;
+    }
     own.measure.nnw_file = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = 0;
@@ -43,6 +51,7 @@ static rx_status prepare_selfcheck(rx_checks *checks, rx_log *log, rx_error *err
     const rx_tile *tile = field->tile;
     rx_error why = RX_ERROR_NONE;
     if (field->psf == NULL) {
+        snprintf(checks->no_self, sizeof checks->no_self, "the PSF is not known");
         rx_log_warning(log,
                        "%s[%d]: the PSF is not known, so nothing can be injected: SELF_CHECK is left out; "
                        "give PSF_TYPE and PSF_FWHM or PSF_NAME",
@@ -53,9 +62,9 @@ static rx_status prepare_selfcheck(rx_checks *checks, rx_log *log, rx_error *err
         rx_log_warning(log,
                        "%s[%d]: SELF_CHECK injects objects of the stated seeing, not of the tile's own PSF",
                        tile->name, tile->hdu);
-    rx_status status =
-        rx_selfcheck_plan_new(checks->options, field, checks->sources->segments, &checks->plan, &why);
+    rx_status status = rx_selfcheck_plan_new(checks->options, field, checks->sources, &checks->plan, &why);
     if (status == RX_INPUT) {
+        snprintf(checks->no_self, sizeof checks->no_self, "%s", why.text);
         rx_log_warning(log, "%s[%d]: %s", tile->name, tile->hdu, why.text);
         return RX_OK;
     }
@@ -69,10 +78,12 @@ static rx_status prepare_blankcheck(rx_checks *checks, rx_log *log, rx_error *er
     const rx_tile *tile = checks->field->tile;
     rx_error why = RX_ERROR_NONE;
     rx_status status = rx_blankcheck_noise(checks->field, checks->sources->segments, &checks->noise, &why);
-    if (status == RX_INPUT)
+    if (status == RX_INPUT) {
+        snprintf(checks->no_blank, sizeof checks->no_blank, "%s", why.text);
         rx_log_warning(log, "%s[%d]: BLANK_CHECK is left out: %s", tile->name, tile->hdu, why.text);
-    else if (status != RX_OK && err != NULL)
+    } else if (status != RX_OK && err != NULL) {
         *err = why;
+    }
     checks->blank = status == RX_OK;
     return status == RX_INPUT ? RX_OK : status;
 }
@@ -149,11 +160,13 @@ void rx_checks_text(const rx_checks *checks, const rx_check_results *results, rx
     const rx_selfcheck *self = &results->self;
     const rx_blankcheck *blank = &results->blank;
     if (self->injected > 0) {
-        rx_text_printf(dst, "self check: %ld of %ld injected objects of magnitude %.2f to %.2f found",
-                       self->found, self->injected, checks->plan->mag_low, checks->plan->mag_high);
+        rx_text_printf(
+            dst, "self check: %ld of %ld injected objects (%.0f %% galaxies) of magnitude %.2f to %.2f found",
+            self->found, self->injected, 100.0 * checks->plan->galaxies, checks->plan->mag_low,
+            checks->plan->mag_high);
         add_depth(dst, 50, &self->mag50);
         add_depth(dst, 90, &self->mag90);
-        add_estimate(dst, "purity", 3, &self->purity);
+        add_estimate(dst, "of new detections injected", 3, &self->injected_share);
         add_estimate(dst, "magnitude bias", 3, &self->bias);
         add_estimate(dst, "of isolated ones in wide apertures", 4, &self->wide_bias);
         add_estimate(dst, "of these without the sky's error", 4, &self->aperture_bias);
@@ -166,6 +179,8 @@ void rx_checks_text(const rx_checks *checks, const rx_check_results *results, rx
                        "Mpixel (%.3g..%.3g), below %.3g at 95 %%",
                        blank->false_detections, blank->mpixels, blank->rate.value, blank->rate.low,
                        blank->rate.high, blank->upper);
+    if (blank->real.n > 0)
+        add_estimate(dst, "of this tile's detections no noise peak", 3, &blank->real);
 }
 
 rx_status rx_checks_run(const rx_checks *checks, const rx_restorer *kind, const rx_probe *before, rx_log *log,
@@ -180,6 +195,8 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_restorer *kind, const 
     if (status == RX_OK && checks->blank)
         status =
             rx_blankcheck_run(checks->options, kind, checks->field, &checks->noise, log, &dst->blank, err);
+    if (status == RX_OK && checks->blank)
+        rx_blankcheck_judge(checks->options, before, &dst->blank);
     return status;
 }
 
@@ -208,14 +225,16 @@ static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, r
     const rx_selfcheck_plan *plan = checks->plan;
     rx_record_add(facts, "RXSCN", "objects injected into copies of this tile", "%ld", self->injected);
     rx_record_add(facts, "RXSCFND", "of these found", "%ld", self->found);
-    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", plan->options.self_check_galaxies);
+    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", plan->galaxies);
+    rx_record_add(facts, "RXSCGSZ", "their sizes, in those of the stated law", "%.4g", plan->galaxy_scale);
+    rx_record_add(facts, "RXSCGN", "resolved sources behind both, 0 = too few", "%ld", plan->resolved);
     rx_record_add(facts, "RXSCM1", "their magnitudes, from", "%.4f", plan->mag_low);
     rx_record_add(facts, "RXSCM2", "to", "%.4f", plan->mag_high);
     rx_record_add(facts, "RXSCLIM", "5 sigma limit of a point source, mag", "%.4f", plan->limit);
     rx_record_add(facts, "RXSCPSF", "PSF of the injected objects", "%s", plan->field->psf->description);
     estimate_facts(facts, "RXSC90", "magnitude of 90 % completeness", &self->mag90);
     estimate_facts(facts, "RXSC50", "magnitude of 50 % completeness", &self->mag50);
-    estimate_facts(facts, "RXSCPUR", "share of new detections that was injected", &self->purity);
+    estimate_facts(facts, "RXSCNEW", "of new detections, share that was injected", &self->injected_share);
     estimate_facts(facts, "RXSCBIA", "median of measured - true mag, FLAGS 0", &self->bias);
     estimate_facts(facts, "RXSCSCA", "sigma_MAD of the same", &self->scatter);
     estimate_facts(facts, "RXSCWID", "in wide apertures: isolated, S/N > 20, mag", &self->wide_bias);
@@ -235,10 +254,18 @@ static void blankcheck_facts(const rx_checks *checks, const rx_blankcheck *blank
     rx_record_add(facts, "RXBLKRL", "from, at 95 %", "%.6g", blank->rate.low);
     rx_record_add(facts, "RXBLKRH", "to, at 95 %", "%.6g", blank->rate.high);
     rx_record_add(facts, "RXBLKU", "one-sided 95 % upper limit", "%.6g", blank->upper);
+    rx_record_add(facts, "RXBLKS", "Mpixel of this tile without a source", "%.6g", blank->sky);
+    estimate_facts(facts, "RXBLKP", "share of its detections that is no noise peak", &blank->real);
 }
 
 void rx_checks_facts(const rx_checks *checks, const rx_check_results *results, rx_record *facts)
 {
+    if (checks == NULL)
+        return;
+    if (checks->no_self[0] != '\0')
+        rx_record_add(facts, "RXSCWHY", "why there is no self check", "%s", checks->no_self);
+    if (checks->no_blank[0] != '\0')
+        rx_record_add(facts, "RXBLKWHY", "why there is no blank check", "%s", checks->no_blank);
     if (results->self.injected > 0)
         selfcheck_facts(checks, &results->self, facts);
     if (results->blank.realisations > 0)
@@ -273,6 +300,9 @@ rx_status rx_checks_report(const rx_checks *checks, int n, const rx_qa_run *abou
         runs[i].psf = checks->field->psf->description;
         pictures[i] = results[i]->self.picture;
     }
+    input.precision_is =
+        "share of the new detections that was injected, by measured magnitude; not the purity "
+        "of the tile's catalogue";
     input.nruns = n;
     input.runs = runs;
     input.npictures = n;

@@ -32,6 +32,7 @@ static rx_qa_run about(const rx_run *run, rx_qa_promise *promise)
                                 .automatic = flux->automatic,
                                 .automatic_error = flux->automatic_error,
                                 .off = rx_fluxcheck_is_off(flux)},
+                       .real = run->checks.blank.real,
                        .promise = rx_domain_promise(&run->domain, promise)};
 }
 

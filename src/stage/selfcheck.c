@@ -49,7 +49,7 @@ static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done,
                             rx_error *err)
 {
     const rx_tile *tile = plan->field->tile;
-    const double share = plan->options.self_check_galaxies;
+    const double share = plan->galaxies;
     double galaxies = round_half(share * (double)(done + n)) - round_half(share * (double)done);
     rx_population population = {.mag_low = plan->mag_low, .mag_high = plan->mag_high};
     rx_scene_params par = {.width = tile->width,
@@ -59,7 +59,7 @@ static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done,
                            .stars = population,
                            .galaxies = population,
                            .galaxy_kind = RX_GALAXY_MIXED,
-                           .galaxy_scale = 1.0,
+                           .galaxy_scale = plan->galaxy_scale,
                            .least_distance = plan->distance,
                            .allowed = plan->allowed,
                            .seed = plan->options.seed,
@@ -162,8 +162,13 @@ static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *d
 {
     long first = dst->truth.n;
     rx_status status = rx_selfcheck_grow(&dst->truth, NULL, first + scene->n, err);
+    unsigned char *kinds = rx_regrow(dst->is_galaxy, (size_t)(first + scene->n), 1);
+    if (kinds == NULL)
+        return status == RX_OK ? rx_error_memory(err, (size_t)(first + scene->n)) : status;
+    dst->is_galaxy = kinds;
     for (long i = 0; i < scene->n && status == RX_OK; i++) {
         const rx_object *object = &scene->objects[i];
+        kinds[first + i] = object->type == RX_OBJECT_GALAXY;
         dst->truth.x[first + i] = object->x + shift;
         dst->truth.y[first + i] = object->y;
         dst->truth.mag[first + i] = object->mag;
@@ -354,6 +359,7 @@ void rx_selfcheck_free(rx_selfcheck *check)
     rx_qa_list_free(&check->truth);
     rx_qa_list_free(&check->found_list);
     free(check->aperture);
+    free(check->is_galaxy);
     rx_psf_free(check->psf);
     free((void *)check->picture.pixels);
     *check = (rx_selfcheck){0};

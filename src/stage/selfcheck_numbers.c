@@ -1,4 +1,4 @@
-/* Completeness, purity and bias from injected objects and new detections. */
+/* Completeness and bias from injected objects and new detections. */
 #include "stage/selfcheck_numbers.h"
 
 #include <math.h>
@@ -120,6 +120,8 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
         double light = check->aperture[3 * j + 2];
         if (truth->mag[i] > plan->limit - CLEAR || !(wide > 0.0) || !(wide > empty) || crowded(plan, x, y))
             continue;
+        if (check->psf != NULL && check->is_galaxy[i])
+            continue; /* how much of it the aperture holds is not known */
         if (check->psf != NULL)
             light = truth->flux[i] * rx_selfcheck_enclosed(check->psf, x, y, plan->diameter, stamp);
         if (!(light > 0.0))
@@ -179,7 +181,7 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
     if (status == RX_OK)
         status = measure_one(&e, RX_METRIC_MAG90, par.by, &check->mag90, err);
     if (status == RX_OK)
-        status = measure_one(&e, RX_METRIC_PRECISION, par.by, &check->purity, err);
+        status = measure_one(&e, RX_METRIC_PRECISION, par.by, &check->injected_share, err);
     if (status == RX_OK)
         status = biases(plan, &e, check, err);
     rx_evaluation_free(&e);

@@ -4,8 +4,10 @@
 
 #include "base/memory.h"
 #include "simulate/inject.h"
+#include "simulate/population.h"
 #include "stage/quality.h"
 #include "stage/selfcheck.h"
+#include "stage/selfcheck_numbers.h"
 
 /* 3 mag brighter to 1.5 mag fainter than the limit: from certain to hopeless. */
 static const double BRIGHTER = 3.0, FAINTER = 1.5;
@@ -105,14 +107,105 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
     return status;
 }
 
-rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field, const int32_t *segments,
+/* Half-light radius of the PSF at the middle of the tile, pixels. */
+static rx_status psf_radius(const rx_field *field, double *radius, rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    const double x = 0.5 * (field->tile->width - 1), y = 0.5 * (field->tile->height - 1);
+    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+    if (stamp == NULL)
+        return rx_error_memory(err, 0);
+    double low = 0.0, high = 0.5 * psf->size;
+    for (int i = 0; i < 30; i++) {
+        *radius = 0.5 * (low + high);
+        if (rx_selfcheck_enclosed(psf, x, y, 2.0 * *radius, stamp) < 0.5)
+            low = *radius;
+        else
+            high = *radius;
+    }
+    free(stamp);
+    return RX_OK;
+}
+
+/* P(X > t) of a standard normal X. */
+static double beyond(double t)
+{
+    return 0.5 * erfc(t / sqrt(2.0));
+}
+
+/* Mean excess of a standard normal X beyond t, where X > t: its density over beyond(). */
+static double hazard(double t)
+{
+    return t < 30.0 ? exp(-0.5 * t * t) / sqrt(2.0 * acos(-1.0)) / beyond(t) : t;
+}
+
+/* Share and sizes of galaxies as the tile's resolved sources have them (selfcheck.h). */
+static rx_status choose_galaxies(const rx_sources *sources, rx_selfcheck_plan *plan, rx_error *err)
+{
+    enum { FEWEST = 10 };
+    static const double RESOLVED = 1.2, LEAST_SNR = 10.0;
+    const double faintest = plan->limit - 2.5; /* where large galaxies are measured as well as points */
+    /* half-light radius along the major axis over that of a circle, for the ratios b/a of simulate/ */
+    static const double MAJOR = 1.39;
+    const double zeropoint = plan->field->tile->zeropoint;
+    double point = 0.0, all = 0.0, galaxies = 0.0;
+    rx_status status = psf_radius(plan->field, &point, err);
+    double *size = RX_NEW(double, 2 * (size_t)sources->n), *limit = size != NULL ? size + sources->n : NULL;
+    if (status == RX_OK && size == NULL)
+        status = rx_error_memory(err, 2 * (size_t)sources->n * sizeof(double));
+    for (int i = 0; i < sources->n && status == RX_OK && sources->nradii > 0; i++) {
+        const rx_source *s = &sources->list[i];
+        const double radius = s->flux_radius[0], mag = zeropoint - 2.5 * log10(s->flux_auto);
+        if ((s->flags & ~1) != 0 || !(radius > 0.0) || !(mag < faintest) ||
+            !(s->flux_auto > LEAST_SNR * s->fluxerr_auto))
+            continue;
+        all++;
+        if (radius < RESOLVED * point)
+            continue;
+        const double law = log(rx_population_radius(mag, 0.0) / plan->pixel_scale);
+        size[plan->resolved] = 0.5 * log(radius * radius - point * point) - law;
+        limit[plan->resolved++] = log(point * sqrt(RESOLVED * RESOLVED - 1.0)) - law;
+    }
+    plan->galaxy_scale = 1.0;
+    plan->galaxies = fmax(0.0, plan->options.self_check_galaxies);
+    if (status == RX_OK && plan->resolved < FEWEST)
+        plan->resolved = 0;
+    if (status != RX_OK || plan->resolved == 0)
+        goto exit;
+    double low = size[0], high = size[0], median = 0.0;
+    for (long i = 0; i < plan->resolved; i++) {
+        low = fmin(low, size[i] - 5.0);
+        high = fmax(high, size[i]);
+    }
+    for (int step = 0; step < 50; step++) {
+        double slope = 0.0;
+        median = 0.5 * (low + high);
+        for (long i = 0; i < plan->resolved; i++)
+            slope += (size[i] - median) / RX_POPULATION_SCATTER -
+                     hazard((limit[i] - median) / RX_POPULATION_SCATTER);
+        if (slope > 0.0)
+            low = median;
+        else
+            high = median;
+    }
+    for (long i = 0; i < plan->resolved; i++)
+        galaxies += 1.0 / fmax(beyond((limit[i] - median) / RX_POPULATION_SCATTER), 0.1);
+    plan->galaxy_scale = MAJOR * exp(median);
+    if (plan->options.self_check_galaxies < 0.0)
+        plan->galaxies = fmin(galaxies / all, 1.0);
+exit:
+    free(size);
+    return status;
+}
+
+rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field, const rx_sources *sources,
                                 rx_selfcheck_plan **dst, rx_error *err)
 {
     rx_selfcheck_plan *plan = RX_NEW(rx_selfcheck_plan, 1);
     if (plan == NULL)
         return rx_error_memory(err, sizeof *plan);
     plan->field = field;
-    plan->segments = segments;
+    plan->segments = sources->segments;
     plan->diameter = fmax(10.0, 5.0 * field->psf->fwhm);
     plan->distance = 1.5 * plan->diameter;
     plan->count = options->self_check_count;
@@ -126,6 +219,8 @@ rx_status rx_selfcheck_plan_new(const rx_options *options, const rx_field *field
         status = choose_magnitudes(plan, err);
     if (status == RX_OK)
         status = choose_places(plan, err);
+    if (status == RX_OK)
+        status = choose_galaxies(sources, plan, err);
     if (status == RX_OK)
         status = rx_optics_psf(field->psf, &plan->optics, err);
     if (status == RX_OK)

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "validate/binomial.h"
 #include "validate/bootstrap.h"
 
 /* What is compared: plain arrays, made by the stage from tables and source lists. Positions or magnitudes
@@ -58,6 +59,9 @@ typedef struct rx_qa_run { /* one restorer */
     const char *settings, *psf; /* one line each, for the page; may be NULL */
     const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
     rx_qa_flux flux;
+    rx_estimate
+        real; /* of the tile's own detections the share that is no noise peak (BLANK_CHECK); n = 0: not
+                         known */
     const rx_qa_promise *promise; /* NULL: no model is behind this run */
     int tested;                   /* list.made_up says something */
     double made_up_per_mpixel;    /* marked ones, those included that were dropped from the list */
@@ -93,8 +97,9 @@ typedef struct rx_qa_input {
     int width, height;
     const unsigned char
         *mask; /* [h][w], not 0: nothing can be found there, references there do not count; or NULL */
-    double pixel_scale;     /* arcsec, 0 unknown */
-    const char *score_name; /* what rx_qa_list.score is ("SNR_WIN"); NULL = "score" */
+    double pixel_scale;       /* arcsec, 0 unknown */
+    const char *precision_is; /* what precision is here, where it is something else; or NULL */
+    const char *score_name;   /* what rx_qa_list.score is ("SNR_WIN"); NULL = "score" */
     rx_qa_list truth;
     int nruns;
     rx_qa_run *runs;

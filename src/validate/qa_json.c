@@ -17,14 +17,21 @@ static void metrics(rx_json *json, const char *key, const rx_estimate *list, int
         rx_json_end(json);
 }
 
-static void metric_table(rx_json *json)
+static const char *help_of(const rx_report *r, int metric)
+{
+    return metric == RX_METRIC_PRECISION && r->input->precision_is != NULL
+               ? r->input->precision_is
+               : rx_metric_get((rx_metric)metric)->help;
+}
+
+static void metric_table(rx_json *json, const rx_report *r)
 {
     rx_json_object(json, "metrics", false);
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         const rx_metric_row *row = rx_metric_get((rx_metric)m);
         rx_json_object(json, row->name, true);
         rx_json_string(json, "unit", row->unit);
-        rx_json_string(json, "meaning", row->help);
+        rx_json_string(json, "meaning", help_of(r, m));
         rx_json_end(json);
     }
     rx_json_end(json);
@@ -75,6 +82,8 @@ static void run_head(rx_json *json, const rx_report *r, int run)
         rx_json_number(json, "precision_without", rx_evaluation_precision_without(e));
         rx_json_end(json);
     }
+    if (e->run->real.n > 0)
+        rx_json_estimate(json, "no_noise_peak", &e->run->real);
     if (e->run->flux.n > 0) {
         const rx_qa_flux *flux = &e->run->flux;
         rx_json_object(json, "flux_check", true);
@@ -182,7 +191,7 @@ void rx_report_json(rx_text *dst, const rx_report *r)
     rx_json_string(json, "reference", r->input->reference);
     settings(json, r);
     gates(json, r);
-    metric_table(json);
+    metric_table(json, r);
     rx_json_array(json, "runs", false);
     for (int run = 0; run < r->input->nruns; run++)
         run_object(json, r, run);

@@ -79,6 +79,39 @@ static void ratio_row(rx_text *dst, const rx_report *r, const char *name, size_t
     rx_page_row_end(dst);
 }
 
+static bool has_real(const rx_report *r)
+{
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].real.n > 0)
+            return true;
+    return false;
+}
+
+/* What noise alone would make. */
+static void write_real(rx_text *dst, const rx_report *r)
+{
+    if (!has_real(r))
+        return;
+    rx_page_section(dst, "noise", "Noise or sources");
+    rx_page_table_begin(dst);
+    rx_page_row(dst, NULL);
+    rx_page_head(dst, RX_LEFT, "of the tile's own detections");
+    run_headings(dst, r);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "share that is no noise peak");
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_page_cell_estimate(dst, &r->input->runs[run].real, 3);
+    rx_page_row_end(dst);
+    rx_page_table_end(dst);
+    rx_page_note(
+        dst,
+        "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the "
+        "tile without a mask or a source) / detections, with the interval of the rate. It covers noise on "
+        "blank sky only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count "
+        "as real here. Where large or crowded sources raise the map of the noise, the rate is too high, and "
+        "this share too low: then neither is more than a hint.");
+}
+
 /* Are the fluxes of restored pixels those of the tile? */
 static void write_fluxes(rx_text *dst, const rx_report *r)
 {
@@ -133,7 +166,9 @@ static void write_summary(rx_text *dst, const rx_report *r)
         rx_text_printf(dst, "<tr><td class=\"t\"><b>%s</b>", row->name);
         rx_page_unit(dst, row->unit);
         rx_text_add(dst, "</td>");
-        rx_page_cell_text(dst, row->help);
+        rx_page_cell_text(dst, m == RX_METRIC_PRECISION && r->input->precision_is != NULL
+                                   ? r->input->precision_is
+                                   : row->help);
         for (int run = 0; run < r->input->nruns; run++)
             estimate_cell(dst, rx_report_whole(r, run, (rx_metric)m), (rx_metric)m);
         rx_page_row_end(dst);
@@ -558,6 +593,7 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
 {
     rx_page_links_begin(dst);
     rx_page_link(dst, true, "summary", "Summary");
+    rx_page_link(dst, has_real(r), "noise", "Noise or sources");
     rx_page_link(dst, has_fluxes(r), "flux-scale", "Flux scale");
     rx_page_link(dst, r->nresults > 0, "gates", "Gates");
     rx_page_link(dst, true, "counts", "What was compared");
@@ -585,6 +621,7 @@ void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
     write_contents(dst, r, figures);
     write_fallbacks(dst, r);
     write_summary(dst, r);
+    write_real(dst, r);
     write_fluxes(dst, r);
     write_gates(dst, r);
     write_counts(dst, r);

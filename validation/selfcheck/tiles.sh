@@ -20,7 +20,7 @@ mkdir -p "$out"
 cd "$out"
 bunzip2 -kc "$data/sdss/reprojected_sdss_r.fits.bz2" >reprojected_sdss_r.fits
 decam=$data/decam/c4d_171113_060340
-echo '| tile | run | 50 % | purity | wide, mag | scale, mag | false detections per Mpixel |'
+echo '| tile | run | 50 % | of new ones injected | wide, mag | scale, mag | false detections per Mpixel |'
 echo '| --- | --- | --- | --- | --- | --- | --- |'
 
 # tile TITLE IMAGE OPTION...
@@ -28,7 +28,7 @@ tile() {
     local title=$1 image=$2
     shift 2
     "$program" "$image" -RESTORE_TYPE NONE,RL -CATALOG_NAME tile.cat -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET \
-        -SELF_CHECK Y -SELF_CHECK_COUNT 200 -BLANK_CHECK 2 "$@"
+        -SELF_CHECK Y -SELF_CHECK_GALAXIES 0 -SELF_CHECK_COUNT 200 -BLANK_CHECK 2 "$@"
     "$python" - "$title" <<'END'
 import sys
 from astropy.io import fits
@@ -39,7 +39,7 @@ for run in ("NONE", "RL"):
             return "not known"
         ends = [form % header[key + end] if key + end in header else "" for end in "LH"]
         return (form % header[key]) + " (" + "..".join(ends) + ")"
-    cells = [sys.argv[1], run, told("RXSC50", "%.2f"), told("RXSCPUR", "%.3f"), told("RXSCWID", "%.4f"),
+    cells = [sys.argv[1], run, told("RXSC50", "%.2f"), told("RXSCNEW", "%.3f"), told("RXSCWID", "%.4f"),
              told("RXSCAP", "%.4f"), told("RXBLKR", "%.3g")]
     print("| " + " | ".join(cells) + " |")
 END

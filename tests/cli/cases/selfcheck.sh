@@ -18,7 +18,7 @@ expect 2 '^rextract: -SELF_CHECK_COUNT: 19 is out of range' tile.fits $known $ch
 
 begin 'self check: share above 1'
 make_fits tile tile.fits
-expect 2 '^rextract: -SELF_CHECK_GALAXIES: 50 is out of range, give 0 to 1' tile.fits $known $check -SELF_CHECK_GALAXIES 50
+expect 2 '^rextract: -SELF_CHECK_GALAXIES: 50 is out of range, give -1 to 1' tile.fits $known $check -SELF_CHECK_GALAXIES 50
 
 begin 'self check: with a second image'
 make_fits tile a.fits && make_fits tile b.fits

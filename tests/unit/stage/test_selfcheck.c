@@ -20,6 +20,8 @@
 #include "io/fits_write.h"
 #include "place.h"
 #include "scene.h"
+#include "simulate/render.h"
+#include "simulate/scene.h"
 #include "stage/checks.h"
 #include "stage/probe.h"
 #include "stage/selfcheck.h"
@@ -205,7 +207,7 @@ static void check_completeness(const char *kind_name)
     scene_make(&s, SIDE, SIDE, 20, 7);
     rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 0.0);
     assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &before, NULL), RX_OK);
-    assert_int_equal(rx_selfcheck_plan_new(b.options, field, before.sources->segments, &plan, NULL), RX_OK);
+    assert_int_equal(rx_selfcheck_plan_new(b.options, field, before.sources, &plan, NULL), RX_OK);
     /* 5 sigma sqrt(N), N = 1 / sum P^2 = 38.193 pixels of the pixel-integrated Moffat (numpy: 9-point
      * Gauss-Legendre in every pixel); sigma 5 */
     assert_near(plan->limit, 25.0 - 2.5 * log10(5.0 * 5.0 * sqrt(38.193)), 0.03);
@@ -226,7 +228,7 @@ static void check_completeness(const char *kind_name)
                      q);
     }
     assert_true(truth.found[0] > truth.all[0] / 2 && truth.found[BINS - 1] < truth.all[BINS - 1] / 2);
-    assert_true(check.purity.value > 0.9 && check.purity.high <= 1.0);
+    assert_true(check.injected_share.value > 0.9 && check.injected_share.high <= 1.0);
     assert_true(check.mag90.value < check.mag50.value);
     assert_true(check.aperture_bias.n > 50);
     /* RL of 30 iterations has not gathered every faint star to the last percent */
@@ -253,6 +255,84 @@ static void test_completeness_is_true_rl(void **state)
     check_completeness("RL");
 }
 
+/* --- galaxies as the tile has them --- */
+
+/* Objects of `share` galaxies, `scale` times as large as those of the law, on noise; what a plan makes of them. */
+static void plan_of(double share, double scale, const char *asked, double *galaxies, double *found,
+                    long *resolved)
+{
+    const setting settings[] = {
+        {"SELF_CHECK", "Y"}, {"SELF_CHECK_GALAXIES", asked}, {"PIXEL_SCALE", "0.5"}, {NULL, NULL}};
+    const rx_population population = {.mag_low = 16.0, .mag_high = 18.5};
+    rx_scene_params par = {.width = SIDE,
+                           .height = SIDE,
+                           .zeropoint = 25.0,
+                           .pixel_scale = 0.5,
+                           .stars = population,
+                           .galaxies = population,
+                           .galaxy_kind = RX_GALAXY_MIXED,
+                           .galaxy_scale = scale,
+                           .least_distance = 25.0,
+                           .seed = 3};
+    float *pixels = calloc(SIDE * SIDE, sizeof *pixels);
+    rx_scene *objects = NULL;
+    rx_optics *optics = NULL;
+    rx_selfcheck_plan *plan = NULL;
+    rx_probe before;
+    bench b;
+    assert_non_null(pixels);
+    par.galaxies.count = 120.0 * share;
+    par.stars.count = 120.0 - par.galaxies.count;
+    assert_int_equal(rx_optics_moffat(3.5, 4.765, 1.0, 0.0, 0.0, SIDE, SIDE, &optics, NULL), RX_OK);
+    assert_int_equal(rx_scene_make(&par, NULL, &objects, NULL), RX_OK);
+    assert_int_equal(rx_render(objects, 1, &(const rx_optics *){optics}, &(float *const){pixels}, 2, NULL),
+                     RX_OK);
+    for (uint64_t i = 0; i < SIDE * SIDE; i++)
+        pixels[i] += 100.0f + (float)rx_random_normal(5, 1, i);
+    bench_open(&b, settings);
+    rx_field *field = bench_field(&b, pixels, SIDE, SIDE, 0.0);
+    rx_options own = *b.options;
+    own.measure.skip = RX_SKIP_APER | RX_SKIP_PETRO | RX_SKIP_WIN;
+    own.measure.nradii = 1;
+    own.measure.flux_fraction[0] = 0.5;
+    assert_int_equal(rx_probe_run(&own, rx_restorer_find("NONE"), field, NULL, NULL, &before, NULL), RX_OK);
+    assert_int_equal(rx_selfcheck_plan_new(b.options, field, before.sources, &plan, NULL), RX_OK);
+    *galaxies = plan->galaxies;
+    *found = plan->galaxy_scale;
+    *resolved = plan->resolved;
+    rx_selfcheck_plan_free(plan);
+    rx_probe_free(&before);
+    rx_field_free(field);
+    bench_close(&b);
+    rx_optics_free(optics);
+    rx_scene_free(objects);
+    free(pixels);
+}
+
+static void test_galaxies_are_those_of_the_tile(void **state)
+{
+    (void)state;
+    double galaxies, scale;
+    long resolved;
+    for (int k = 0; k < 3; k++) {
+        const double truth = 1.0 + 0.25 * k;
+        plan_of(0.7, 1.5 * truth, "-1", &galaxies, &scale, &resolved);
+        assert_near(scale, 1.5 * truth, 0.25 * 1.5 * truth);
+        assert_near(galaxies, 0.7, 0.15);
+        assert_in_range(resolved, 25, 84);
+    }
+    plan_of(0.7, 2.0, "0.25", &galaxies, &scale, &resolved); /* a share that is asked for stays */
+    assert_near(galaxies, 0.25, 0);
+    assert_near(scale, 2.0, 0.5);
+    plan_of(0.0, 1.0, "-1", &galaxies, &scale, &resolved); /* stars alone */
+    assert_int_equal(resolved, 0);
+    assert_near(galaxies, 0.0, 0);
+    assert_near(scale, 1.0, 0);
+    plan_of(0.0, 1.0, "1", &galaxies, &scale, &resolved);
+    assert_near(galaxies, 1.0, 0);
+    assert_near(scale, 1.0, 0);
+}
+
 /* --- noise, empty tiles, unknown PSF --- */
 
 static void noise_plane(float *pixels, double sigma, uint64_t seed)
@@ -261,7 +341,7 @@ static void noise_plane(float *pixels, double sigma, uint64_t seed)
         pixels[i] = (float)(1000.0 + sigma * rx_random_normal(seed, 0, i));
 }
 
-/* Checks of a tile of these pixels with restorer `kind_name`; log text into `said` when not NULL. */
+/* Checks of a tile of these pixels with restorer `kind_name`; log text and header facts into `said` when not NULL. */
 static void run_checks(const setting *settings, const float *pixels, const char *kind_name,
                        rx_check_results *dst, char *said, size_t size)
 {
@@ -278,6 +358,11 @@ static void run_checks(const setting *settings, const float *pixels, const char 
     assert_int_equal(rx_checks_new(b.options, field, &log, &checks, NULL), RX_OK);
     assert_int_equal(rx_probe_run(b.options, kind, field, NULL, NULL, &before, NULL), RX_OK);
     assert_int_equal(rx_checks_run(checks, kind, &before, NULL, dst, NULL), RX_OK);
+    rx_record facts = {0};
+    rx_checks_facts(checks, dst, &facts);
+    for (int i = 0; i < facts.n; i++)
+        fprintf(stream, "%s = %s\n", facts.pairs[i][0], facts.pairs[i][1]);
+    rx_record_free(&facts);
     rewind(stream);
     if (said != NULL)
         said[fread(said, 1, size - 1, stream)] = '\0';
@@ -326,10 +411,51 @@ static void test_pure_noise(void **state)
     assert_true(results.blank.rate.value < results.blank.upper);
     assert_true(results.blank.upper < results.blank.rate.high);
     assert_int_equal(results.self.injected, 200);
-    assert_true(results.self.purity.value > 0.9);
+    assert_true(results.self.injected_share.value > 0.9);
+    /* what injection made new is pure; of the tile's own detections none is a source */
+    assert_true(results.blank.real.n > 10);
+    assert_true(results.blank.real.low < 0.15);
+    assert_true(results.blank.real.value < 0.3);
     rx_check_results_free(&results);
     bench_close(&b);
     free(pixels);
+}
+
+/* 1000 x 1000 pixels, a tenth masked, a fifth of sources: 100 false ones per Mpixel are 70 of 280. */
+static void test_share_that_noise_did_not_make(void **state)
+{
+    (void)state;
+    enum { WIDE = 1000 };
+    bench b;
+    uint8_t *mask = calloc(WIDE * WIDE, 1);
+    int32_t *segments = calloc(WIDE * WIDE, sizeof *segments);
+    assert_non_null(mask);
+    assert_non_null(segments);
+    memset(mask, RX_MASK_BAD, WIDE * WIDE / 10);
+    for (int i = WIDE * WIDE / 10; i < 3 * WIDE * WIDE / 10; i++)
+        segments[i] = 1 + i % 280;
+    rx_restored restored = {.width = WIDE, .height = WIDE, .mask = mask};
+    rx_sources sources = {.n = 280, .segments = segments};
+    const rx_probe probe = {.restored = &restored, .sources = &sources};
+    rx_blankcheck check = {.realisations = 1, .rate = {.value = 100, .low = 80, .high = 120, .n = 100}};
+    bench_open(&b, NULL);
+    rx_blankcheck_judge(b.options, &probe, &check);
+    assert_near(check.sky, 0.7, 1e-12);
+    assert_int_equal(check.real.n, 280);
+    assert_near(check.real.value, 0.75, 1e-12);
+    assert_near(check.real.low, 0.7, 1e-12);
+    assert_near(check.real.high, 0.8, 1e-12);
+    check.rate.value = check.rate.high = 1e4; /* more than there are */
+    rx_blankcheck_judge(b.options, &probe, &check);
+    assert_near(check.real.value, 0, 0);
+    assert_near(check.real.low, 0, 0);
+    sources.n = 0; /* of nothing there is no share */
+    rx_blankcheck_judge(b.options, &probe, &check);
+    assert_int_equal(check.real.n, 0);
+    assert_true(isnan(check.real.value));
+    bench_close(&b);
+    free(mask);
+    free(segments);
 }
 
 /* No false detection in A Mpixels: below -ln(0.05) / A at 95 %. */
@@ -422,6 +548,7 @@ static void test_unknown_psf_is_said(void **state)
     run_checks(settings, pixels, "RL", &results, said, sizeof said);
     assert_non_null(strstr(said, "SELF_CHECK is left out"));
     assert_non_null(strstr(said, "PSF_FWHM"));
+    assert_non_null(strstr(said, "\nRXSCWHY = the PSF is not known\n"));
     assert_int_equal(results.self.injected, 0);
     rx_check_results_free(&results);
     free(pixels);
@@ -521,7 +648,7 @@ static void test_extensions_and_threads(void **state)
     if (run_stage("two.fits", one, &err) != RX_OK)
         fail_msg("%s: %s", err.where, err.text);
     static const char *const catalogs[] = {"one_NONE.cat", "one_RL.cat"};
-    static const char *const facts[] = {"RXSCN   =", "RXSC50  =", "RXSCPUR =", "RXSCAP  =", "RXBLKU  ="};
+    static const char *const facts[] = {"RXSCN   =", "RXSC50  =", "RXSCNEW =", "RXSCAP  =", "RXBLKU  ="};
     for (int c = 0; c < 2; c++)
         for (int k = 0; k < 5; k++)
             assert_int_equal(occurrences(catalogs[c], facts[k]), 4); /* in both headers of each extension */
@@ -559,7 +686,9 @@ int main(void)
         cmocka_unit_test(test_what_is_new),
         cmocka_unit_test(test_completeness_is_true_none),
         cmocka_unit_test(test_completeness_is_true_rl),
+        cmocka_unit_test(test_galaxies_are_those_of_the_tile),
         cmocka_unit_test(test_pure_noise),
+        cmocka_unit_test(test_share_that_noise_did_not_make),
         cmocka_unit_test(test_upper_limit_of_nothing),
         cmocka_unit_test(test_blank_below_a_large_galaxy),
         cmocka_unit_test(test_empty_tile),
