@@ -358,8 +358,7 @@ def template_goals():
     return (item("""**Templates** (fluxes-template; fields of 200 stars and 200 galaxies per Mpixel): what this program wants of them, how
         many numbers (of a seeing, a kind, a bin of S/N) hold it, and whether that is a verdict, for shapes from each:""") + "\n" +
             table(["goal", "NONE", "RL", "NET"], body, "  ") + "\n" +
-            paragraph("""Below 0.75 FWHM hardly a pair is told apart; those that are not have both fluxes and are one source, which the
-        tables of `all` objects count as an error. Bias and scatter by seeing stand in [README](../../README.md#template-photometry).""",
+            paragraph("""Below 0.75 FWHM hardly a pair is told apart; one that is not is a single source with both fluxes. Bias and scatter by seeing stand in [README](../../README.md#template-photometry).""",
                       "  "))
 
 
