@@ -38,6 +38,11 @@ texts check
 [ $? -eq 1 ] && grep -q '^README.md:[0-9]*: found "([0-9]*", wanted "(12345"$' log
 result "a number changed in a result is found" $? log
 
+sed -i 's/"detections":/"found":/' copy/validation/results/sdss/AUTO.json
+texts check
+[ $? -eq 1 ] && grep -q "^README.md:[0-9]*: block sdss-frame cannot be made: KeyError('detections')" log
+result "a result that lacks what a text needs is named" $? log
+
 cp "$top/README.md" copy
 sed -i "$((line + 6)),\$s/^<!-- end -->\$//" copy/README.md
 texts check

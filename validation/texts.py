@@ -596,33 +596,34 @@ def differences(path, line, found, wanted):
 
 
 def texts(write):
-    wrong, seen = [], set()
+    """What is wrong: blocks that cannot be made and, unless they are written, those that are not what the results say."""
+    wrong, stale, seen = [], [], set()
     for path in TEXTS:
         text = text_of(path)
 
         def renew(match, path=path, text=text):
             head, name, found, tail = match.groups()
-            if name not in BLOCKS:
-                wrong.append(f"{path}:{text.count(chr(10), 0, match.start()) + 1}: there is no block {name}")
+            line = text.count("\n", 0, match.start()) + 1
+            try:
+                wanted = BLOCKS[name]()
+            except (LookupError, TypeError, ValueError, OSError) as error:
+                wrong.append(f"{path}:{line}: block {name} cannot be made: {error!r}")
                 return match[0]
-            seen.add(name)
-            wanted = BLOCKS[name]()
             if found != wanted:
-                wrong.extend(differences(path, text.count("\n", 0, match.start()) + 2, found, wanted))
+                stale.extend(differences(path, line + 1, found, wanted))
             return head + wanted + tail
 
         new = MARK.sub(renew, text)
-        left = len(re.findall(r"^ *<!-- numbers: [a-z-]+ -->$", text, re.M)) - len(MARK.findall(text))
-        if left:
-            wrong.append(f"{path}: {left} block without its end")
+        marked = re.findall(r"^ *<!-- numbers: ([a-z-]+) -->$", text, re.M)
+        seen.update(marked)
+        if len(marked) != len(MARK.findall(text)):
+            wrong.append(f"{path}: a block without its end")
         if write and new != text:
             with open(os.path.join(TOP, path), "w", encoding="utf-8") as file:
                 file.write(new)
             print(f"{path}: renewed")
     wrong.extend(f"validation/texts.py: no text has the block {name}" for name in sorted(set(BLOCKS) - seen))
-    if write:
-        return [line for line in wrong if "found" not in line and "other lines" not in line]
-    return wrong
+    return wrong if write else wrong + stale
 
 
 # --- committed results and new ones
