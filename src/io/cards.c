@@ -125,6 +125,23 @@ int rx_cards_number(const char *cards, long ncards, const char *key, double *val
     return 1;
 }
 
+int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst, int size)
+{
+    const long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
+    const char *end = cards + (i + 1) * CARD, *c = i >= 0 ? value_of(cards + i * CARD, key) : NULL;
+    dst[0] = '\0';
+    while (c != NULL && c < end && *c != '/')
+        c++;
+    if (c == NULL || c == end)
+        return 0;
+    for (c++; c < end && *c == ' ';)
+        c++;
+    while (end > c && end[-1] == ' ')
+        end--;
+    snprintf(dst, (size_t)size, "%.*s", (int)(end - c), c);
+    return dst[0] != '\0';
+}
+
 /* --- building --- */
 
 /* One card of exactly 80 characters; what is not printable ASCII becomes '?'. */

@@ -35,6 +35,9 @@ rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor vi
 int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
 int rx_cards_number(const char *cards, long ncards, const char *key, double *value);
 
+/* What stands behind the number of a card as its comment; 0 when there is none. */
+int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst, int size);
+
 /* Version of the library (cfitsio). */
 void rx_fits_library(char *dst, size_t size);
 

@@ -253,8 +253,8 @@ static rx_status too_few(const rx_psf_params *par, const rx_tile *tile, int foun
 {
     return rx_error_at(
         err, RX_INPUT, tile->name != NULL ? tile->name : "", tile->hdu, 0,
-        "PSF_TYPE AUTO found %d usable star%s of S/N above %g and needs %d; give PSF_TYPE MOFFAT with "
-        "PSF_FWHM, or a lower PSF_MINSNR",
+        "PSF_TYPE AUTO found %d usable star%s of S/N above %g and needs %d; give PSF_FWHM in pixels, "
+        "SEEING_FWHM in arcsec, or a lower PSF_MINSNR",
         found, found == 1 ? "" : "s", par->min_snr, par->min_stars);
 }
 

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "data/map.h"
 #include "detect/filter.h"
+#include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
 
@@ -139,38 +140,76 @@ exit:
     return status;
 }
 
+/* Arcsec a pixel; 0: not known. */
+static double pixel_scale(const rx_options *options, const rx_tile *tile)
+{
+    return tile->wcs != NULL
+               ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
+               : options->stated_scale;
+}
+
 /* FWHM in pixels that the configuration states: PSF_FWHM, else SEEING_FWHM over the pixel scale. */
 static double stated_fwhm(const rx_options *options, const rx_tile *tile)
 {
-    if (options->psf.fwhm > 0.0)
-        return options->psf.fwhm;
-    double scale = options->stated_scale;
-    if (tile->wcs != NULL)
-        scale = rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));
-    return scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
+    const double scale = pixel_scale(options, tile);
+    return options->psf.fwhm > 0.0 ? options->psf.fwhm : scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
+}
+
+/* FWHM in pixels that the tile's header states, *key says where; 0: nowhere. Surveys write arcsec or pixels
+ * under the same name: a card whose comment does not say which is not taken. */
+static double header_fwhm(const rx_tile *tile, double scale, const char **key)
+{
+    static const char *const keys[] = {"PSF_FWHM", "SEEING", "FWHM", "MEDFWHM", "IQFINAL"};
+    const long n = tile->cards != NULL ? (long)tile->ncards : 0;
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        char comment[80];
+        double value;
+        if (!rx_cards_number(tile->cards, n, keys[i], &value) ||
+            !rx_cards_comment(tile->cards, n, keys[i], comment, sizeof comment))
+            continue;
+        const bool arcsec = strstr(comment, "arcsec") != NULL, pixels = strstr(comment, "pix") != NULL;
+        const double fwhm = arcsec == pixels ? 0.0 : pixels ? value : scale > 0.0 ? value / scale : 0.0;
+        *key = keys[i];
+        if (fwhm >= 0.5 && fwhm <= 50.0)
+            return fwhm;
+    }
+    return 0.0;
 }
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
 
-/* Too few stars never lose the tile: the stated seeing serves, said loudly; without it the tile stays
- * as it is. */
+/* Too few stars never lose the tile: what was stated of its PSF serves, said loudly (PSF_FWHM, the header, a
+ * SEEING_FWHM that was given); where nothing was, the tile stays as it is. */
 static rx_status stated_psf(const rx_options *options, const rx_error *why, rx_field *field, rx_log *log,
                             rx_error *err)
 {
+    const rx_tile *tile = field->tile;
     rx_psf_params par = options->psf;
-    char reason[RX_ERROR_TEXT];
-    snprintf(reason, sizeof reason, "%s", why->text);
+    const char *key = par.fwhm > 0.0 ? "PSF_FWHM" : NULL, *where = "";
     par.type = RX_PSF_MOFFAT;
-    par.fwhm = stated_fwhm(options, field->tile);
+    if (key == NULL) {
+        par.fwhm = header_fwhm(tile, pixel_scale(options, tile), &key);
+        where = " of the header";
+    }
+    if (!(par.fwhm > 0.0) && options->seeing_stated) {
+        par.fwhm = stated_fwhm(options, tile);
+        key = "SEEING_FWHM";
+        where = "";
+    }
     if (!(par.fwhm >= LEAST_FWHM)) { /* a pixel scale of degrees, or none */
-        rx_log_warning(log, "%s[%d]: %s; the tile is not restored", field->tile->name, field->tile->hdu,
-                       reason);
+        rx_log_warning(log, "%s[%d]: %s; the tile is not restored", tile->name, tile->hdu, why->text);
         field->unrestorable = 1;
         return RX_OK;
     }
-    rx_log_warning(log, "%s[%d]: %s; the stated seeing is used: Moffat of FWHM %.2f pixels",
-                   field->tile->name, field->tile->hdu, reason, par.fwhm);
-    return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
+    rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", tile->name, tile->hdu,
+                   (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
+    rx_status status = rx_psf_make(&par, tile, field->restored, NULL, log, &field->psf, err);
+    if (status == RX_OK) {
+        char *said = field->psf->description;
+        const size_t used = strlen(said);
+        snprintf(said + used, sizeof field->psf->description - used, ", from %s%s", key, where);
+    }
+    return status;
 }
 
 static rx_status make_psf(const rx_options *options, int role, rx_field *field, rx_log *log, rx_error *err)

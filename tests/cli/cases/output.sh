@@ -48,6 +48,27 @@ make_fits flat tile.fits
 leaves test.cat
 expect 0 '' tile.fits -PSF_TYPE AUTO -SEEING_FWHM 0.01 -PIXEL_SCALE 1000
 
+# What is stated of the PSF where no star shows it: TITLE, PATTERN of RXPSF ('': not restored), CARD, ARGUMENT...
+stated() {
+    begin "a tile without stars: $1"
+    pattern=$2 card=$3
+    shift 3
+    make_fits flat tile.fits "$card"
+    if [ "$active" = 1 ]; then
+        leaves test.cat
+        run tile.fits -PSF_TYPE AUTO -RESTORE_TYPE RL -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET "$@"
+        found=$(tr -c '[:print:]' '\n' <test.cat | fold -w 80 | sed -n "/^RXPSF /,/[^&]' *\$/s/^[^']*'//p" | tr -d "&'\n")
+        case $found in $pattern) ;; *) echo "RXPSF is '$found', not like '$pattern'" >>../err ;; esac
+        judge 0 ''
+    fi
+}
+stated 'nothing stated' '' 'OBJECT  = 1' -PIXEL_SCALE 0.4
+stated 'SEEING_FWHM given' '*FWHM 3.000*from SEEING_FWHM*' 'OBJECT  = 1' -PIXEL_SCALE 0.4 -SEEING_FWHM 1.2
+stated 'a header in pixels' '*FWHM 4.023*from FWHM of the header*' 'FWHM    = 4.022961 / Median FWHM in pixels'
+stated 'a header in arcsec' '*FWHM 3.000*from SEEING of the header*' 'SEEING  = 1.2 / [arcsec]' -PIXEL_SCALE 0.4 -SEEING_FWHM 9
+stated 'a header without a unit' '' 'SEEING  = 1.2 / seeing' -PIXEL_SCALE 0.4
+stated 'PSF_FWHM given' '*FWHM 2.500*from PSF_FWHM*' 'FWHM    = 4.022961 / Median FWHM in pixels' -PSF_FWHM 2.5
+
 begin 'a tile without any weight'
 make_fits tile tile.fits && make_fits zeros weight.fits
 leaves test.cat
