@@ -17,7 +17,8 @@
             fail_msg("%s is %.17g, not %.17g +- %g", #value, near_value, near_expected, near_tolerance);     \
     } while (0)
 
-#define assert_close(value, expected, relative) assert_near((value), (expected), (relative)*fabs(expected))
+#define assert_close(value, expected, relative)                                                              \
+    assert_near((value), (expected), (relative)*fabs((double)(expected)))
 
 #define assert_between(value, low, high)                                                                     \
     do {                                                                                                     \

@@ -346,6 +346,7 @@ static void a_dark_window_leaves_the_isophotal_numbers(void **state)
                                 0.5, A, B,    0.25, t.s->cxx, t.s->cyy, t.s->cxy};
     for (size_t i = 0; i < sizeof window / sizeof *window; i++)
         assert_near(window[i], isophotal[i], 0);
+    assert_near(t.s->fwhm, 0.0, 0);
     close_scene(&t);
 }
 
@@ -399,6 +400,48 @@ static void isophotal_numbers_are_sums_over_the_segment(void **state)
         (0.196099 + 2.0 * 0.751208 * share) * share * sqrt(relative * relative + 1.0 / t.s->npix);
     assert_near(t.s->flux_isocor, flux / (1.0 - 0.196099 * share - 0.751208 * share * share), 1e-9 * flux);
     assert_near(t.s->fluxerr_isocor, flux * hypot(relative, rise), 1e-9 * flux);
+    close_scene(&t);
+}
+
+/* Background, local sky, cut-out, and what all rows share. */
+static void what_stands_beside_the_sums(void **state)
+{
+    (void)state;
+    scene t;
+    open_scene(&t);
+    float *level = RX_NEW(float, t.f.n);
+    assert_non_null(level);
+    for (int k = 0; k < W * H; k++) {
+        level[k] = (float)(100 + k % W + 7 * (k / W));
+        if (t.sources->segments[k] == 0)
+            t.f.pixels[k] = 5.0f;
+    }
+    t.image.level = rx_map_plane(level, W);
+    t.par.vignet_width = 7;
+    t.par.vignet_height = 5;
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    const double under = 100 + 51 + 7 * 48, raised = t.s->flux_aper[1];
+    assert_near(t.s->background, under, 0);
+    for (int k = 0; k < 35; k++) {
+        const int x = 51 - 3 + k % 7, y = 48 - 2 + k / 7;
+        assert_near(t.sources->vignets[k], hidden(&t, x, y) ? (double)-1e30f : t.f.pixels[y * W + x], 0);
+    }
+    assert_int_equal(t.sources->naper, 2);
+    assert_int_equal(t.sources->nradii, 3);
+    assert_memory_equal(t.sources->aperture_diameter, t.par.aperture_diameter, 2 * sizeof(double));
+    assert_memory_equal(t.sources->flux_fraction, t.par.flux_fraction, 3 * sizeof(double));
+    assert_near(t.sources->law_scale, LAW_SCALE, 0);
+    assert_near(t.sources->law_power, LAW_POWER, 0);
+
+    double area = 0.0;
+    for (int k = 0; k < W * H; k++)
+        area += share_of(k % W - X, k / W - Y, t.par.aperture_diameter[1] / 2.0, 5);
+    t.par.local_background = 1;
+    t.par.local_thickness = 8;
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_near(t.s->background, under + 5.0, 1e-4);
+    assert_near(raised - t.s->flux_aper[1], 5.0 * area, 1e-4 * area);
+    free(level);
     close_scene(&t);
 }
 
@@ -474,6 +517,7 @@ int main(void)
                                        cmocka_unit_test(radii_and_window_follow_from_the_growth_curve),
                                        cmocka_unit_test(a_dark_window_leaves_the_isophotal_numbers),
                                        cmocka_unit_test(isophotal_numbers_are_sums_over_the_segment),
+                                       cmocka_unit_test(what_stands_beside_the_sums),
                                        cmocka_unit_test(noise_law_is_the_width_of_the_apertures_thrown),
                                        cmocka_unit_test(power_law_is_a_least_squares_line)};
     return cmocka_run_group_tests(tests, NULL, NULL);
