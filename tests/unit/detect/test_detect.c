@@ -122,6 +122,46 @@ static void cleans_as_sep_does(void **state)
     field_free(&f);
 }
 
+/* Cleaning decides as sep's does in crowds of all kinds: halos that eat, pairs that do not. */
+static void cleans_crowds_as_sep_does(void **state)
+{
+    (void)state;
+    long eaten = 0;
+    for (uint64_t seed = 0; seed < 8; seed++) {
+        field f = field_new(W, H, 1.0, 30 + seed);
+        field_crowd(&f, 20 + 20 * (int)seed, 2000.0, 50 + seed);
+        for (int i = 0; i < 4; i++) { /* noise peaks in the halos */
+            field_add(&f, 25.0 + 36.0 * i, 60.0, 2.0, 2.0, 100000.0);
+            field_add(&f, 25.0 + 36.0 * i, 60.0, 9.0, 9.0, 1000.0);
+        }
+        rx_detect_params par = field_params();
+        par.threshold = 1.0;
+        rx_sources *clean = field_detect(&f, &par);
+        sep_image image = {.data = f.pixels,
+                           .dtype = SEP_TFLOAT,
+                           .w = W,
+                           .h = H,
+                           .noiseval = 1.0,
+                           .noise_type = SEP_NOISE_STDDEV};
+        sep_catalog *cat = NULL;
+        assert_int_equal(sep_extract(&image, (float)par.threshold, SEP_THRESH_REL, par.min_area, field_kernel,
+                                     3, 3, SEP_FILTER_CONV, par.deblend_levels, par.deblend_contrast, 1,
+                                     par.clean_param, &cat),
+                         0);
+        assert_int_equal(clean->n, cat->nobj);
+        for (int i = 0; i < clean->n; i++) {
+            assert_near(clean->list[i].x, cat->x[i], 1e-9);
+            assert_near(clean->list[i].y, cat->y[i], 1e-9);
+        }
+        for (size_t k = 0; k < f.n; k++)
+            eaten += clean->fragments[k] == RX_FRAGMENT_EATEN;
+        sep_catalog_free(cat);
+        rx_sources_free(clean);
+        field_free(&f);
+    }
+    assert_between(eaten, 50, 1e6);
+}
+
 static void limits_grow_and_the_tile_survives(void **state)
 {
     (void)state;
@@ -531,6 +571,7 @@ int main(void)
                                        cmocka_unit_test(limits_grow_and_the_tile_survives),
                                        cmocka_unit_test(threads_change_nothing),
                                        cmocka_unit_test(finds_what_sep_finds),
+                                       cmocka_unit_test(cleans_crowds_as_sep_does),
                                        cmocka_unit_test(filter_and_its_noise_are_plain_sums),
                                        cmocka_unit_test(numbers_follow_from_the_pixels),
                                        cmocka_unit_test(only_real_summits_split),
