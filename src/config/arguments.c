@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "base/text.h"
 #include "config/keyword.h"
 
 /* What a first pass over the words finds; pointers into argv. */
@@ -16,6 +17,7 @@ typedef struct found {
     const char *plain; /* as a word of its own, for programs that take it so */
     const char *image[2];
     int nimages;
+    rx_text records;    /* the names of all files of records, lines */
     const char *replay; /* of -REPLAY */
 } found;
 
@@ -57,7 +59,9 @@ static rx_status take_image(const char *word, found *words, rx_error *err)
         return rx_error_set(err, RX_USAGE, "the name of the list is empty; give @FILE");
     if (words->nimages > 2)
         return rx_error_set(err, RX_USAGE,
-                            "'%.200s' is one image too many; give one, or two for detection and measurement",
+                            "'%.200s' is one image too many; give one, two for detection and measurement, or "
+                            "the names in a file, one a line, as @FILE (ls *.fits >tiles.list; rextract "
+                            "@tiles.list)",
                             word);
     words->image[words->image[0] != NULL] = word;
     return RX_OK;
@@ -79,15 +83,9 @@ static rx_status take_records(const char *word, found *words, rx_error *err)
 {
     if (word[word[0] == '@'] == '\0')
         return rx_error_set(err, RX_USAGE, "the name of the records is empty; give FILE or @LIST");
-    if (words->image[0] != NULL)
-        return rx_error_set(
-            err, RX_USAGE,
-            "'%.200s' is one file too many, after '%.200s'; put records together with cat, or give "
-            "@LIST, a file that lists them",
-            word, words->image[0]);
-    words->image[0] = word;
-    words->nimages = 1;
-    return RX_OK;
+    rx_text_printf(&words->records, "%s%s", words->nimages > 0 ? "\n" : "", word);
+    words->nimages++;
+    return words->records.failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
 static rx_status take_plain(const rx_keytable *table, const char *word, found *words, rx_error *err)
@@ -124,6 +122,18 @@ static rx_status check_replay(found *words, rx_error *err)
     return RX_OK;
 }
 
+/* -PLAN alone is -PLAN Y. */
+static bool is_bare_plan(const rx_keytable *table, int argc, char *const *argv, int a)
+{
+    static const char *const answers[] = {"Y", "YES", "N", "NO"};
+    if (table->plain != RX_PLAIN_IMAGES || strcasecmp(argv[a], "-PLAN") != 0)
+        return false;
+    for (size_t i = 0; a + 1 < argc && i < sizeof answers / sizeof answers[0]; i++)
+        if (strcasecmp(argv[a + 1], answers[i]) == 0)
+            return false;
+    return true;
+}
+
 /* Sort the words; keywords are only known to be followed by something. */
 static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_action *action, found *words,
                       rx_error *err)
@@ -137,6 +147,8 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
         *action = plain_option(table, argv[a]);
         if (*action != RX_ACTION_RUN)
             return RX_OK;
+        if (is_bare_plan(table, argc, argv, a))
+            continue;
         if (a + 1 == argc)
             return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
                                 table->program);
@@ -187,7 +199,9 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     if (file != NULL)
         status = rx_settings_read(settings, file, log, err);
     for (int a = 1; a < argc && status == RX_OK; a++)
-        if (argv[a][0] == '-') {
+        if (is_bare_plan(settings->table, argc, argv, a))
+            status = rx_settings_set(settings, "PLAN", "Y", log, err);
+        else if (argv[a][0] == '-') {
             const char *option = argv[a++];
             if (strcmp(option, "-c") != 0 && !is_replay(settings->table, option))
                 status = rx_settings_set(settings, option + 1, argv[a], log, err);
@@ -197,7 +211,9 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     set_level(settings, log);
     if (missing)
         rx_log_warning(log, "%s not found, using internal defaults", usual);
-    return rx_settings_check(settings, log, err);
+    if (settings->table->find_files != NULL)
+        status = settings->table->find_files(settings, log, err);
+    return status == RX_OK ? rx_settings_check(settings, log, err) : status;
 }
 
 /* What is known once the image is: the names of outputs, and that none of them is an input. */
@@ -232,13 +248,14 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
     const bool runs = dst->action == RX_ACTION_RUN, replays = dst->action == RX_ACTION_REPLAY;
-    if (status != RX_OK || (!runs && !replays && dst->action != RX_ACTION_INFO))
+    if (status != RX_OK || (!runs && !replays && dst->action != RX_ACTION_INFO)) {
+        rx_text_free(&words.records);
         return status;
-    if (words.image[0] != NULL) {
-        dst->image = join_images(&words);
-        if (dst->image == NULL)
-            return rx_error_memory(err, 0);
     }
+    if (words.records.length > 0)
+        dst->image = words.records.data; /* given on */
+    else if (words.image[0] != NULL && (dst->image = join_images(&words)) == NULL)
+        return rx_error_memory(err, 0);
     if (!runs && !replays)
         return RX_OK;
     status = rx_settings_new(table, &dst->settings, err);

@@ -59,6 +59,7 @@ const rx_keytable *rx_keytable_rextract(void)
         .plain = RX_PLAIN_IMAGES,
         .default_file = "default.sex",
         .idle = rx_config_idle,
+        .find_files = rx_config_find_files,
         .check = rx_config_relations,
         .check_outputs = rx_overwrite_check,
     };

@@ -64,6 +64,8 @@ struct rx_keytable {
     void (*complete)(rx_settings *settings);
     /* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL; NULL = all have. */
     const char *(*idle)(const rx_settings *settings, const char *name);
+    /* Names of input files, where they are not as given, become those of the files that are meant; NULL = none. */
+    rx_status (*find_files)(rx_settings *settings, rx_log *log, rx_error *err);
     /* Relations between keywords. */
     rx_status (*check)(const rx_settings *settings, rx_error *err);
     /* RX_USAGE when an output is also an input; image may be NULL. */
@@ -114,6 +116,9 @@ const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
+/* Columns, filter, star weights and gates: as given, beside the configuration file, in the folder of installed
+ * data. What is not found keeps its name: whoever reads it says so. */
+rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);

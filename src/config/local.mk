@@ -3,6 +3,7 @@ librextract_la_SOURCES += \
 	src/config/campaign_check.c \
 	src/config/config.c \
 	src/config/config_check.c \
+	src/config/find_files.c \
 	src/config/kernel.c \
 	src/config/keytables.c \
 	src/config/keyword.c src/config/keyword.h \

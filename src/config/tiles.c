@@ -128,6 +128,8 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
         status = rx_settings_set(settings, tile->words.v[k] + 1, tile->words.v[k + 1], log, err);
     if (status == RX_OK)
         status = rx_settings_name_tile(settings, tile->name, err);
+    if (status == RX_OK && settings->table->find_files != NULL)
+        status = settings->table->find_files(settings, NULL, err);
     if (status == RX_OK)
         status = rx_settings_check(settings, NULL, err);
     if (status == RX_OK)

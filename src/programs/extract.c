@@ -13,7 +13,7 @@ static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...
                             "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -REPLAY OUTPUT [-NTHREADS N]\n"
-                            "       rextract -PLAN Y IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract -PLAN IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -d | -dd | -dp | -v | -h\n";
 
 static const char help[] =
@@ -25,7 +25,7 @@ static const char help[] =
     "  -c FILE          configuration file (default.sex where there is one)\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
     "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
-    "  -PLAN Y          only print what the run will take: memory, seconds, sizes\n"
+    "  -PLAN            only print what the run will take: memory, seconds, sizes\n"
     "  -d               print a default configuration file\n"
     "  -dd              the same with all keywords\n"
     "  -dp              print the columns a catalogue can have\n"

@@ -3,7 +3,7 @@
 #include "programs/program.h"
 #include "survey/rollup_run.h"
 
-static const char usage[] = "usage: rextract-survey RECORDS [-c FILE] [-KEYWORD VALUE]...\n"
+static const char usage[] = "usage: rextract-survey RECORDS... [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract-survey @LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract-survey -d | -dd | -v | -h\n";
 
@@ -11,7 +11,7 @@ static const char help[] =
     "\n"
     "Put the records of tiles (RECORD_NAME of rextract) together to the report of a survey.\n"
     "\n"
-    "  RECORDS          a file of records, any number one after the other\n"
+    "  RECORDS          files of records, each any number one after the other\n"
     "  @LIST            a file that lists such files, one a line\n"
     "  -c FILE          configuration file\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"

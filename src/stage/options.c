@@ -201,16 +201,19 @@ static double threshold_of(const rx_config *cfg, const rx_reals *key, int *absol
     return pow(10.0, -0.4 * (key->v[0] - key->v[1])) * scale * scale;
 }
 
+/* The usual file, which is not there, stands for what is built in. */
+static bool is_built_in(const char *name, const char *usual)
+{
+    return strcmp(name, usual) == 0 && access(name, F_OK) != 0;
+}
+
 static rx_status kernel_options(const rx_config *cfg, rx_options *dst, rx_error *err)
 {
     if (!cfg->filter)
         return RX_OK;
-    int unset = rx_config_was_set(cfg, "FILTER_NAME") == RX_FROM_DEFAULT;
-    FILE *file = unset ? fopen(cfg->filter_name, "r") : NULL;
-    rx_status status = unset && file == NULL ? rx_kernel_default(&dst->kernel, err)
-                                             : rx_kernel_read(cfg->filter_name, &dst->kernel, err);
-    if (file != NULL)
-        fclose(file);
+    rx_status status = is_built_in(cfg->filter_name, "default.conv")
+                           ? rx_kernel_default(&dst->kernel, err)
+                           : rx_kernel_read(cfg->filter_name, &dst->kernel, err);
     if (status != RX_OK)
         return status;
     dst->detect.filter = dst->kernel->values;
@@ -339,13 +342,9 @@ static void template_options(const rx_config *cfg, rx_options *dst)
 /* Without a configuration and without the file, the columns of the shipped default.param. */
 static rx_status column_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
 {
-    if (rx_config_was_set(cfg, "PARAMETERS_NAME") == RX_FROM_DEFAULT) {
-        FILE *file = fopen(cfg->parameters_name, "r");
-        if (file == NULL)
-            return rx_columns_default(&dst->columns, err);
-        fclose(file);
-    }
-    return rx_columns_read(cfg->parameters_name, log, &dst->columns, err);
+    return is_built_in(cfg->parameters_name, "default.param")
+               ? rx_columns_default(&dst->columns, err)
+               : rx_columns_read(cfg->parameters_name, log, &dst->columns, err);
 }
 
 static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)

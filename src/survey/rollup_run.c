@@ -174,19 +174,28 @@ static rx_status write_all(const rx_rollup *rollup, const rx_survey_config *conf
     return status;
 }
 
-rx_status rx_rollup_files(const rx_survey_config *config, const char *name, rx_log *log, rx_error *err)
+rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_log *log, rx_error *err)
 {
     rx_tiles *tiles = NULL;
     rx_rollup rollup;
     names files = {0};
     rx_rollup_begin(config, &rollup);
-    rx_status status = name[0] == '@' ? read_names(&files, name + 1, err) : add_name(&files, name, err);
+    rx_status status = RX_OK;
+    for (const char *at = given; status == RX_OK && *at != '\0';) {
+        const size_t length = strcspn(at, "\n");
+        char *one = strndup(at, length);
+        status = one == NULL     ? rx_error_memory(err, length)
+                 : one[0] == '@' ? read_names(&files, one + 1, err)
+                                 : add_name(&files, one, err);
+        free(one);
+        at += length + (at[length] == '\n');
+    }
     if (status == RX_OK)
         status = read_all(&rollup, config, &files, err);
     if (status == RX_OK && config->tiles_name[0] != '\0')
         status = rx_tiles_read(config->tiles_name, &tiles, err);
     if (status == RX_OK && rollup.ntiles == 0 && tiles == NULL)
-        status = rx_error_at(err, RX_INPUT, name + (name[0] == '@'), -1, 0,
+        status = rx_error_at(err, RX_INPUT, files.n == 1 ? files.of[0] : given + (given[0] == '@'), -1, 0,
                              "holds no record of a tile; give what RECORD_NAME of rextract has written");
     if (status == RX_OK)
         status = rx_rollup_end(&rollup, tiles, err);

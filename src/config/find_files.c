@@ -1,0 +1,57 @@
+/* rextract: where the files that a configuration names are. */
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/text.h"
+#include "config/config_fields.h"
+#include "config/keyword.h"
+
+static bool there(const rx_text *path)
+{
+    return !path->failed && access(path->data, F_OK) == 0;
+}
+
+rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err)
+{
+    const rx_config *config = (const rx_config *)settings;
+    const struct {
+        const char *key, *name;
+        bool read;     /* or nothing of the configuration asks for it */
+        bool built_in; /* where a file of the default's name is missing */
+    } files[] = {{"PARAMETERS_NAME", config->parameters_name, true, true},
+                 {"FILTER_NAME", config->filter_name, config->filter, true},
+                 {"STARNNW_NAME", config->starnnw_name, true, false},
+                 {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false}};
+    const char *file = settings->file != NULL ? settings->file : "", *slash = strrchr(file, '/');
+    rx_status status = RX_OK;
+    for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {
+        const int row = rx_keyword_find(settings->table, files[i].key);
+        const char *name = files[i].name;
+        rx_text path = {0};
+        rx_text_add(&path, name);
+        if (settings->origin[row] == RX_FROM_DEFAULT || !files[i].read || name[0] == '\0' || there(&path)) {
+            rx_text_free(&path);
+            continue;
+        }
+        if (name[0] != '/' && slash != NULL) {
+            rx_text_free(&path);
+            rx_text_printf(&path, "%.*s/%s", (int)(slash - file), file, name);
+        }
+        if (!there(&path) && strchr(name, '/') == NULL) {
+            rx_text_free(&path);
+            rx_text_printf(&path, "%s/%s", RX_DATA_FOLDER, name);
+        }
+        if (there(&path)) {
+            rx_log_info(log, "%s %s is %s", files[i].key, name, path.data);
+            char *found = path.data;
+            status = rx_keyword_assign(settings, row, &found, 1, (rx_place){0}, NULL, err);
+        } else if (path.failed)
+            status = rx_error_memory(err, 0);
+        else if (files[i].built_in && strcmp(name, settings->table->rows[row].initial) == 0)
+            rx_log_info(log, "%s %s is found nowhere: the built-in one is used", files[i].key, name);
+        rx_text_free(&path);
+    }
+    return status;
+}
