@@ -132,7 +132,7 @@ result 'a run that was stopped goes on with what is left' $? log
 # a machine that fails: twice out of memory, then fine
 cat >flaky <<END
 #!/bin/sh
-case \$1 in a.fits) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
+case \$* in *' -PLAN '*) ;; a.fits*) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
 exec "$programs/rextract" "\$@"
 END
 chmod +x flaky
@@ -142,8 +142,47 @@ workflow && [ "$(wc -l <tries)" = 3 ] && diff -r -x .snakemake_timestamp survey 
 result 'a tile that failed for want of memory is tried again' $? log
 rm -rf ./done survey records tries
 sed -i 's,-gt 2,-gt 99,' flaky
-workflow && [ "$(wc -l <tries)" = 3 ] && grep -q 'name="a.fits"><error message="no record' survey/junit.xml
-result 'and told when it never succeeds' $? log
+! workflow && [ "$(wc -l <tries)" = 3 ] && [ ! -e done/a ] && [ ! -e survey ] && grep -q 'a.fits: rextract ended with 4, no record' log
+result 'one that never succeeds and leaves no record fails the run' $? log
+sed -i "s,^rextract:.*,rextract: \"$programs/rextract\"," my.yaml
+workflow && [ -f done/a ] && diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1
+result 'and the run goes on once it can' $? log
+
+# --- what is wrong with the configuration ---
+
+# refused TITLE PATTERN: the run fails with that line, and nothing is done.
+refused() {
+    rm -rf ./done survey records
+    ! workflow && grep -q -- "$2" log && [ -z "$(ls done records survey 2>/dev/null)" ]
+    result "$1" $? log
+}
+
+cp my.yaml good.yaml
+sed -i 's/^settings:.*/settings: absent.sex/' my.yaml
+refused 'a configuration file that is missing' 'absent.sex: cannot be opened'
+sed 's/^settings:.*/settings: bad.sex/' good.yaml >my.yaml
+(cat my.sex && echo 'DETECT_TRESH 3') >bad.sex
+refused 'a misspelt keyword for all tiles' 'bad.sex:6: .*DETECT_TRESH'
+(cat good.yaml && echo 'tiles: 3') >my.yaml
+refused 'a list that is a number' '^tiles: 3: give a name'
+(cat good.yaml && echo 'tiles: absent.list') >my.yaml
+refused 'a list that is missing' '^tiles: absent.list: No such file'
+(cat good.yaml && echo 'options: "-DETECT_THRESH 3"') >my.yaml
+refused 'options that are no list' '^options: -DETECT_THRESH 3: give a list'
+sed 's/^rextract:.*/rextract: absent/' good.yaml >my.yaml
+refused 'a program that is missing' '^rextract: absent: No such file'
+cp good.yaml my.yaml
+cp tiles.list whole.list
+printf 'a.fits\nc.fits -DETECT_TRESH 3\n' >tiles.list
+rm -rf ./done survey records
+! workflow && [ ! -e done/c ] && [ ! -e survey ] && grep -q 'c.fits: rextract ended with 2, a keyword is wrong' log
+result 'a wrong keyword of one tile' $? log
+cp a.fits 'e{x}.fits'
+cp a.truth 'e{x}.truth'
+printf 'e{x}.fits\n' >tiles.list
+workflow && [ -f survey/report.html ] && grep -q '"fine": 1' survey/summary.json
+result 'a name with braces' $? log
+cp whole.list tiles.list
 
 echo '"a.fits' >tiles.list
 ! workflow && grep -q 'tiles.list:1: a quote is not closed' log

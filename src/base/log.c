@@ -2,12 +2,13 @@
 #include "base/log.h"
 
 #include <stdarg.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "base/text.h"
 
-enum { SHOW_AFTER_SECONDS = 2 };
+enum { SHOW_AFTER_SECONDS = 2, MOST_COLUMNS = 160 /* of a line at NORMAL */ };
 
 double rx_seconds(void)
 {
@@ -31,7 +32,23 @@ static void say(rx_log *log, const char *kind, const char *format, va_list args)
         fputs("\r\033[K", log->stream);
         log->line_open = false;
     }
-    fprintf(log->stream, "%s: %s%s\n", log->program, kind, line);
+    /* Who wants all of it in one line asks for FULL. */
+    const char *rest = line, *indent = "";
+    const size_t lead = strlen(log->program) + 2;
+    while (log->level == RX_NORMAL && lead + strlen(kind) + strlen(indent) + strlen(rest) > MOST_COLUMNS) {
+        const size_t room = MOST_COLUMNS - lead - strlen(kind) - strlen(indent);
+        size_t cut = room;
+        while (cut > 0 && rest[cut] != ' ')
+            cut--;
+        if (cut == 0) /* a name without blanks stays whole */
+            cut = room + strcspn(rest + room, " ");
+        fprintf(log->stream, "%s: %s%s%.*s\n", log->program, kind, indent, (int)cut, rest);
+        rest += cut + strspn(rest + cut, " ");
+        kind = "", indent = "    ";
+        if (*rest == '\0')
+            return;
+    }
+    fprintf(log->stream, "%s: %s%s%s\n", log->program, kind, indent, rest);
 }
 
 void rx_log_info(rx_log *log, const char *format, ...)

@@ -1,6 +1,7 @@
 /* What the user reads while we work: messages and a progress line on stderr.
  *
- * The only place of the library that writes to a terminal. A NULL log is silent.
+ * The only place of the library that writes to a terminal. A NULL log is silent. At NORMAL what is longer than 160
+ * characters goes on in further lines.
  */
 #ifndef RX_BASE_LOG_H
 #define RX_BASE_LOG_H

@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "base/text.h"
 #include "io/claim.h"
 
 /* A folder that holds this file was made by us and may be replaced by the next run. */
@@ -417,6 +418,19 @@ rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
         out->done = 1;
     }
     return RX_OK;
+}
+
+void rx_outputs_tell(const rx_outputs *outputs, const char *more, rx_log *log)
+{
+    rx_text names = {0};
+    for (size_t i = 0; i < outputs->n; i++)
+        if (outputs->list[i].done)
+            rx_text_printf(&names, "%s%s", names.length > 0 ? ", " : "", outputs->list[i].shown);
+    if (more != NULL)
+        rx_text_printf(&names, "%s%s", names.length > 0 ? ", " : "", more);
+    if (!names.failed)
+        rx_log_info(log, "written: %s", names.length > 0 ? names.data : "nothing");
+    rx_text_free(&names);
 }
 
 void rx_outputs_free(rx_outputs *outputs)

@@ -5,6 +5,7 @@
 #define RX_IO_OUTPUT_H
 
 #include "base/error.h"
+#include "base/log.h"
 
 typedef struct rx_outputs rx_outputs;
 
@@ -30,6 +31,9 @@ void rx_output_remove(const char *path);
 
 /* fsync and rename everything; what a failure leaves is removed by rx_outputs_free(). */
 rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err);
+
+/* The last line of a run: what was committed, and `more` (may be NULL), as the user wrote the names. */
+void rx_outputs_tell(const rx_outputs *outputs, const char *more, rx_log *log);
 
 /* Remove what was not committed and free. NULL is fine. */
 void rx_outputs_free(rx_outputs *outputs);

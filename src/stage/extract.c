@@ -64,7 +64,7 @@ static void account(rx_run *run, const work *w, rx_log *log)
     if (rx_fluxcheck_is_off(check))
         rx_log_warning(log, "%s[%d]: %s: the flux scale is off: %s", tile->name, tile->hdu, run->label, text);
     else
-        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
 }
 
@@ -91,7 +91,7 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
         "Mpixel) not wanted by the untouched pixels%s; residual chi2 %.3f",
         fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
         fit->dropped > 0 ? ", dropped" : "", fit->chi2);
-    rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+    rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     add_account(run, text);
 }
 
@@ -109,6 +109,21 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXINV", "sources that untouched pixels do not want", "%d", fit->invented);
     rx_record_add(facts, "RXINVMP", "the same per Mpixel", "%.5g", fit->per_mpixel);
     rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
+}
+
+/* The line of a restorer; FULL has told the rest. */
+static void tell_sources(const rx_run *run, const work *w, rx_log *log)
+{
+    const rx_tile *tile = w->detect->tile;
+    const rx_fluxcheck *check = &w->probe.photometry.check;
+    char fluxes[64] = "", marked[64] = "";
+    if (check->n > 0)
+        snprintf(fluxes, sizeof fluxes, ", flux restored/untouched %.4f +- %.4f", check->wide,
+                 check->wide_error);
+    if (run->tested && w->probe.templates.invented > 0)
+        snprintf(marked, sizeof marked, ", %d marked in FLAGS_RESTORE", w->probe.templates.invented);
+    rx_log_info(log, "%s[%d]: %s: %d sources%s%s", tile->name, tile->hdu, run->label, w->probe.sources->n,
+                marked, fluxes);
 }
 
 /* The facts of this extension, for the headers of its table and images. */
@@ -238,7 +253,7 @@ static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *
     rx_text text = {0};
     rx_domain_text(&run->domain, &text);
     if (!text.failed && text.length > 0) {
-        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
+        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
         add_account(run, text.data);
     }
     rx_status status = text.failed ? rx_error_memory(err, 0) : RX_OK;
@@ -256,8 +271,19 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w,
     rx_checks_text(checks, &run->checks, &text);
     if (text.failed)
         status = rx_error_memory(err, 0);
+    const rx_selfcheck *self = &run->checks.self;
+    char depth[64] = "";
+    if (isfinite(self->mag50.value) && isfinite(self->mag90.value))
+        snprintf(depth, sizeof depth, ", 50 %% complete at %.2f, 90 %% at %.2f", self->mag50.value,
+                 self->mag90.value);
+    if (status == RX_OK && self->injected > 0)
+        rx_log_info(log, "%s[%d]: %s: self check: %ld of %ld injected objects found%s", tile->name, tile->hdu,
+                    run->label, self->found, self->injected, depth);
+    if (status == RX_OK && run->checks.blank.realisations > 0)
+        rx_log_info(log, "%s[%d]: %s: blank check: %.3g false detections per Mpixel", tile->name, tile->hdu,
+                    run->label, run->checks.blank.rate.value);
     if (status == RX_OK && text.length > 0) {
-        rx_log_info(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
+        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
         add_account(run, text.data);
     }
     rx_text_free(&text);
@@ -282,6 +308,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
               .measure = measure != NULL ? measure : detect,
               .headers = has_headers(options, run)};
     rx_record facts = {0};
+    const double begun = rx_seconds();
     rx_status status = rx_probe_run(options, run->kind, detect, measure, log, &w.probe, err);
     if (status != RX_OK)
         return status;
@@ -302,7 +329,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
     if (status != RX_OK)
         goto exit;
-    rx_log_info(log, "%s[%d]: %s: %d sources", detect->tile->name, detect->tile->hdu, run->label, sources->n);
+    tell_sources(run, &w, log);
     status = run_checks(run, checks, &w, log, err);
     if (status != RX_OK)
         goto exit;
@@ -319,6 +346,7 @@ rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field 
     w.probe.restored = NULL;
     w.probe.sources = NULL;
 exit:
+    run->seconds = rx_seconds() - begun;
     rx_record_free(&facts);
     rx_probe_free(&w.probe);
     return status;

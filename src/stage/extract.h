@@ -40,6 +40,7 @@ typedef struct rx_run {
     char why[240];
     char label[48]; /* of log lines: "NET", "NET (done by RL)" */
     rx_fluxcheck flux;
+    double seconds;     /* of all of rx_run_extract() */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

@@ -233,9 +233,9 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
     for (long i = 0; i < table->nrows; i++)
         read_row(par, table, &column, i, tile->zeropoint, dst, i);
     long kept = compact(dst, tile);
-    rx_log_info(log, "%s: %ld of %ld reference sources on the tile (columns %s, %s, %s)", par->name, kept,
-                table->nrows, table->columns[column.x].name, table->columns[column.y].name,
-                table->columns[column.value].name);
+    rx_log_detail(log, "%s: %ld of %ld reference sources on the tile (columns %s, %s, %s)", par->name, kept,
+                  table->nrows, table->columns[column.x].name, table->columns[column.y].name,
+                  table->columns[column.value].name);
     if (kept == 0)
         rx_log_warning(log, "%s: no reference source falls on the tile; are these the right coordinates?",
                        par->name);

@@ -43,7 +43,7 @@ static rx_status collect_runs(const rx_options *options, const rx_field *measure
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
         const rx_restored *restored = runs[i].restored;
         dst[i] = about(&runs[i], &promises[i]);
-        dst[i].seconds = restored->seconds;
+        dst[i].seconds = runs[i].seconds;
         dst[i].psf = restored->blur != NULL ? restored->blur->description : "";
         dst[i].tally = runs[i].tally;
         dst[i].tested = runs[i].tested;

@@ -305,6 +305,8 @@ static rx_status finish(job *job, rx_error *err)
         status = rx_interrupt_check(err);
     if (status == RX_OK)
         status = rx_outputs_commit(job->outputs, err);
+    if (status == RX_OK)
+        rx_outputs_tell(job->outputs, NULL, job->log);
     return status;
 }
 

@@ -170,6 +170,10 @@ static rx_status write_all(const rx_rollup *rollup, const rx_survey_config *conf
         status = rx_rollup_report(rollup, config->qa_figures, folder, config->output_name, log, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
+    if (status == RX_OK) {
+        tell(rollup, log);
+        rx_outputs_tell(outputs, NULL, log);
+    }
     rx_outputs_free(outputs);
     return status;
 }
@@ -201,8 +205,6 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
         status = rx_rollup_end(&rollup, tiles, err);
     if (status == RX_OK)
         status = write_all(&rollup, config, log, err);
-    if (status == RX_OK)
-        tell(&rollup, log);
     rx_rollup_free(&rollup);
     rx_tiles_free(tiles);
     for (int i = 0; i < files.n; i++)

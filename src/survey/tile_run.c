@@ -9,7 +9,7 @@
 #include "stage/stage.h"
 #include "survey/tile_record.h"
 
-static rx_status write_file(const char *path, const rx_text *text, rx_error *err)
+static rx_status write_file(const char *path, const rx_text *text, rx_log *log, rx_error *err)
 {
     rx_outputs *outputs = NULL;
     const char *temporary = NULL;
@@ -20,12 +20,14 @@ static rx_status write_file(const char *path, const rx_text *text, rx_error *err
         status = rx_text_write_file(text, temporary, path, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
+    if (status == RX_OK)
+        rx_outputs_tell(outputs, NULL, log);
     rx_outputs_free(outputs);
     return status;
 }
 
 static rx_status write_record(const char *path, const char *image, rx_status ended, const rx_error *why,
-                              const rx_tile_facts *facts, rx_error *err)
+                              const rx_tile_facts *facts, rx_log *log, rx_error *err)
 {
     rx_text text = {0};
     char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 128] = "";
@@ -40,7 +42,7 @@ static rx_status write_record(const char *path, const char *image, rx_status end
     if (record.name != NULL)
         rx_tile_record_print(&text, &record);
     rx_status status =
-        record.name == NULL || text.failed ? rx_error_memory(err, 0) : write_file(path, &text, err);
+        record.name == NULL || text.failed ? rx_error_memory(err, 0) : write_file(path, &text, log, err);
     free(record.name);
     rx_text_free(&text);
     return status;
@@ -55,7 +57,8 @@ rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *stan
     rx_status status = rx_stage_run(config, image, standard_out, log, &facts, &why);
     rx_log_progress_end(log);
     if (config->record_name[0] != '\0' && status != RX_INTERRUPTED) {
-        const rx_status written = write_record(config->record_name, image, status, &why, &facts, &trouble);
+        const rx_status written =
+            write_record(config->record_name, image, status, &why, &facts, log, &trouble);
         if (status == RX_OK && written != RX_OK) {
             status = written;
             why = trouble;

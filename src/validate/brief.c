@@ -2,7 +2,10 @@
 #include <math.h>
 
 #include "validate/escape.h"
+#include "validate/evaluate.h"
 #include "validate/qa_writers.h"
+
+static const double SENSELESS = 1e4; /* percent */
 
 static void column(rx_text *dst, double value, int width, int digits)
 {
@@ -21,25 +24,67 @@ static void printable(char *dst, size_t size, const char *text)
     dst[n] = '\0';
 }
 
+/* Mean of 100 |F - F0| / F0 over the references that every run has matched, whose number is *n: a deeper list is
+ * not judged by sources that the others do not hold. */
+static double error_of_common(const rx_report *r, int run, long *n)
+{
+    double sum = 0.0;
+    *n = 0;
+    for (long i = 0; i < r->input->truth.n; i++) {
+        int common = 1;
+        for (int k = 0; k < r->input->nruns && common; k++) {
+            const rx_evaluation *e = &r->evaluation[k];
+            common = e->truth_role[i] == RX_ROLE_MATCHED && e->partner[i] >= 0 &&
+                     isfinite(e->ratio[e->partner[i]]);
+        }
+        if (common) {
+            const rx_evaluation *e = &r->evaluation[run];
+            sum += 100.0 * fabs(e->ratio[e->partner[i]] - 1.0);
+            ++*n;
+        }
+    }
+    return *n > 0 ? sum / (double)*n : NAN;
+}
+
+/* Percent; an error of which the digits mean nothing is not printed. */
+static void error_column(rx_text *dst, double percent, int *senseless)
+{
+    *senseless |= percent > SENSELESS;
+    column(dst, percent > SENSELESS ? NAN : percent, 9, 2);
+}
+
 void rx_report_brief(rx_text *dst, const rx_report *r)
 {
-    rx_text_printf(dst, "%-12s %9s %8s %8s %9s %9s %9s %9s %7s %9s\n", "run", "detected", "matched", "recall",
-                   "precision", "AP", "MagErr/%", "bias/mag", "mag50", "seconds");
+    int senseless = 0;
+    long ncommon = 0;
+    rx_text_printf(dst, "%-12s %8s %8s %7s %9s %6s %9s %9s %9s %6s %8s\n", "run", "detected", "matched",
+                   "recall", "precision", "AP", "MagErr/%", "common/%", "bias/mag", "mag50", "seconds");
     for (int run = 0; run < r->input->nruns; run++) {
         const rx_evaluation *e = &r->evaluation[run];
         const rx_estimate *m = rx_report_whole(r, run, RX_METRIC_RECALL);
         char name[32];
         rx_escape_plain(name, sizeof name, e->run->name);
-        rx_text_printf(dst, "%-12s %9ld %8ld", name, e->detections, e->matched);
-        column(dst, m[RX_METRIC_RECALL].value, 8, 3);
+        rx_text_printf(dst, "%-12s %8ld %8ld", name, e->detections, e->matched);
+        column(dst, m[RX_METRIC_RECALL].value, 7, 3);
         column(dst, m[RX_METRIC_PRECISION].value, 9, 3);
-        column(dst, m[RX_METRIC_AP].value, 9, 3);
-        column(dst, m[RX_METRIC_MAGERR].value, 9, 2);
+        column(dst, m[RX_METRIC_AP].value, 6, 3);
+        error_column(dst, m[RX_METRIC_MAGERR].value, &senseless);
+        error_column(dst, error_of_common(r, run, &ncommon), &senseless);
         column(dst, m[RX_METRIC_BIAS_MAG].value, 9, 3);
-        column(dst, m[RX_METRIC_MAG50].value, 7, 2);
-        column(dst, e->run->seconds, 9, 1);
+        column(dst, m[RX_METRIC_MAG50].value, 6, 2);
+        column(dst, e->run->seconds, 8, 1);
         rx_text_add(dst, "\n");
     }
+    rx_text_printf(
+        dst,
+        "recall: share of the reference found; precision: share of detections in the reference; AP: area "
+        "under their curve; mag50: half are found here\n"
+        "MagErr: mean |F - F0| / F0 of each own list; common: of the %ld sources that every list has; "
+        "bias: median; seconds: with measuring and checks\n",
+        ncommon);
+    if (senseless)
+        rx_text_add(dst, "MagErr above 10,000 %: magnitudes and reference have not the same zero point; give "
+                         "MAG_ZEROPOINT, or its header keyword as MAG_ZEROPOINT_KEY\n");
     for (long i = 0; i < r->nresults; i++) {
         const rx_gate_result *g = &r->result[i];
         char text[96], name[32] = "no such run";

@@ -55,7 +55,8 @@ struct rx_tally; /* validate/tally.h */
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
-    double seconds; /* of the restoration; told in `brief` only, files stay the same from run to run */
+    double
+        seconds; /* of its whole way, checks included; in `brief` only, files stay the same from run to run */
     const char *settings, *psf; /* one line each, for the page; may be NULL */
     const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
     rx_qa_flux flux;

@@ -52,10 +52,39 @@ def stem(image):
     return name
 
 
+def check(config):
+    """What the configuration holds is of the kind that it has to be."""
+    kinds = {"tiles": str, "rextract": str, "survey": str, "settings": str, "options": list, "survey_options": list,
+             "threads": int, "density": (int, float), "memory_mb": int, "retries": int}
+    for key, kind in kinds.items():
+        value = config[key]
+        if not isinstance(value, kind) or isinstance(value, bool):
+            meant = {str: "a name", list: 'a list of words, ["-KEYWORD", "VALUE"]'}.get(kind, "a number")
+            raise SystemExit(f"{key}: {value}: give {meant}")
+    for key in ("options", "survey_options"):
+        config[key] = [str(word) for word in config[key]]
+
+
+def try_out(tile, config):
+    """Keywords that are wrong are found before the first job: a tile is planned with them."""
+    command = [config["rextract"], *arguments(tile, config["settings"], config["options"], config["threads"]), "-PLAN", "Y",
+               "-VERBOSE_TYPE", "QUIET"]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+    except OSError as error:
+        raise SystemExit(f"rextract: {config['rextract']}: {error.strerror}") from None
+    if done.returncode == 2:
+        raise SystemExit(done.stderr.decode(errors="replace").strip())
+
+
 def read(path):
     """{id: Tile}; the whole list is wrong when a line is."""
     tiles = {}
-    with open(path, encoding="utf-8", errors="surrogateescape") as file:
+    try:
+        file = open(path, encoding="utf-8", errors="surrogateescape")
+    except OSError as error:
+        raise SystemExit(f"tiles: {path}: {error.strerror}; give a list of images, one a line") from None
+    with file:
         for number, line in enumerate(file, 1):
             try:
                 each = words(line)

@@ -107,3 +107,23 @@ make_fits tile tile.fits
 make_fits table ref.fits
 printf 'recall all >= 90\n' >my.qa
 expect 2 '^rextract: my\.qa:1: recall is a share' tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
+
+begin 'the dump of -d as it is, in a folder without the files that it names'
+make_fits tile tile.fits
+"$rextract" -d >tile.sex
+leaves test.cat
+expect 0 '' tile.fits -c tile.sex -RESTORE_TYPE NONE
+
+begin 'columns and filter beside the configuration file'
+make_fits tile tile.fits
+mkdir night
+"$rextract" -d >night/tile.sex
+echo NUMBER >night/default.param
+printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >night/default.conv
+leaves test.cat
+says 4
+expect_exactly 0 'FILTER_NAME default\.conv is night/default\.conv$' tile.fits -c night/tile.sex -RESTORE_TYPE NONE
+
+begin 'columns that are nowhere'
+make_fits tile tile.fits
+expect 2 '^rextract: other\.param: cannot be opened' tile.fits $none -PARAMETERS_NAME other.param

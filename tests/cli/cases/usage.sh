@@ -114,3 +114,23 @@ leaves sim.fits sim_truth.fits
 export PMI_SIZE=1 PMI_RANK=0
 expect 0 '' -SEED 1 -IMAGE_SIZE 32
 unset PMI_SIZE PMI_RANK
+
+begin '-PLAN alone, before the image'
+make_fits tile tile.fits
+prints '"cpu_seconds"'
+expect 0 '' -PLAN tile.fits -RESTORE_TYPE NONE
+
+begin '-PLAN alone, at the end'
+make_fits tile tile.fits
+prints '"cpu_seconds"'
+expect_exactly 0 '' tile.fits -RESTORE_TYPE NONE -VERBOSE_TYPE QUIET -PLAN
+
+begin 'many images'
+expect 2 'rextract @tiles\.list' a.fits b.fits c.fits d.fits
+
+begin 'the last line says what was written'
+make_fits tile tile.fits
+says 3
+leaves x.cat back.fits
+expect_exactly 0 '^rextract: written: x\.cat, back\.fits$' tile.fits -RESTORE_TYPE NONE -CATALOG_NAME x.cat \
+    -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME back.fits
