@@ -230,8 +230,9 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     if (status == RX_OK) {
         tell(log, &job.brief);
         tell(log, &job.fallbacks);
-        rx_outputs_tell(job.outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL,
-                        log);
+        if (facts != NULL) /* -REPLAY wants none, and keeps no output */
+            rx_outputs_tell(job.outputs,
+                            strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
         status = verdict_status(job.verdict, options->qa_name, err);
     }
 exit:

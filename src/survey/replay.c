@@ -50,10 +50,11 @@ static rx_status check_machine(replay *r, rx_error *err)
         rx_log_warning(r->log, "%s was made by rextract %s, this is %s: results may differ", r->path, version,
                        RX_VERSION);
     rx_machine_describe(&here);
-    if (!here.failed && strcmp(here.data, machine) != 0)
-        rx_log_warning(r->log,
-                       "%s was made on another class of machines, the last digits may differ: %s; here: %s",
-                       r->path, machine, here.data);
+    if (!here.failed && strcmp(here.data, machine) != 0) {
+        rx_log_warning(r->log, "%s was made on another class of machines, the last digits may differ",
+                       r->path);
+        rx_log_detail(r->log, "made on: %s; here: %s", machine, here.data);
+    }
     rx_status status = here.failed ? rx_error_memory(err, 0) : RX_OK;
     rx_text_free(&here);
     return status;

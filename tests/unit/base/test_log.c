@@ -68,6 +68,35 @@ static void progress_shows_share_and_time_left(void **state)
     assert_string_equal(text + n - 4, "\r\033[K");
 }
 
+/* At NORMAL no line is longer than 160 characters, and no word is lost; at FULL a message is a line. */
+static void long_lines_are_folded(void **state)
+{
+    (void)state;
+    char message[600] = "", text[1200], line[1200];
+    for (int i = 0; i < 59; i++)
+        strcat(message, i == 58 ? "last" : "word0word ");
+    for (int level = RX_NORMAL; level <= RX_FULL; level++) {
+        FILE *stream = tmpfile();
+        assert_non_null(stream);
+        rx_log log;
+        rx_log_init(&log, "rextract", stream, (rx_verbosity)level);
+        rx_log_warning(&log, "%s", message);
+        rewind(stream);
+        int lines = 0, words = 0;
+        while (fgets(line, sizeof line, stream) != NULL) {
+            lines++;
+            assert_true(level == RX_FULL || strlen(line) <= 161);
+            for (const char *at = line; (at = strstr(at, "word0word")) != NULL; at++)
+                words++;
+        }
+        snprintf(text, sizeof text, "%s", line);
+        fclose(stream);
+        assert_int_equal(lines, level == RX_FULL ? 1 : 5);
+        assert_int_equal(words, 58);
+        assert_non_null(strstr(text, "last\n"));
+    }
+}
+
 static void no_log_is_silent(void **state)
 {
     (void)state;
@@ -86,6 +115,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(levels_choose_what_is_said),
         cmocka_unit_test(progress_shows_share_and_time_left),
+        cmocka_unit_test(long_lines_are_folded),
         cmocka_unit_test(no_log_is_silent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

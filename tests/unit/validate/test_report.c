@@ -18,6 +18,8 @@
 #include "base/random.h"
 #include "validate/qa.h"
 
+#include "../near.h"
+
 enum { N = 300, SIDE = 400, RUNS = 2, PICTURE = 24 };
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 
@@ -394,10 +396,65 @@ static void interruption_leaves_nothing(void **state)
     assert_int_equal(count_files(folder, 1), 0);
 }
 
+/* The text of the terminal for two lists, of one reference each with these magnitudes. */
+static void brief_of_two(double shift, rx_text *brief)
+{
+    double x[4] = {50, 150, 250, 350}, y[4] = {50, 50, 50, 50}, mag[4] = {18, 19, 20, 21};
+    const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
+    double measured[2][4];
+    char folder[256];
+    rx_verdict verdict;
+    rx_qa_run run[2] = {{.name = "SHORT", .seconds = 1}, {.name = "DEEP", .seconds = 2}};
+    rx_qa_input input = {
+        .tile = "t", .reference = "r", .width = SIDE, .height = SIDE, .nruns = 2, .runs = run};
+    const rx_qa_params plain = {.match_radius = 1, .by = {5, 2}};
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 4; i++)
+            measured[k][i] = mag[i] + shift - 2.5 * log10(ratio[k][i]);
+        run[k].list = (rx_qa_list){.n = k == 0 ? 2 : 4, .x = x, .y = y, .mag = measured[k]};
+    }
+    input.truth = (rx_qa_list){.n = 4, .x = x, .y = y, .mag = mag};
+    make_folder(folder);
+    assert_int_equal(rx_qa_report(&plain, &input, folder, "the report", NULL, &verdict, brief, NULL), RX_OK);
+    count_files(folder, 1);
+}
+
+static void errors_are_compared_on_common_sources(void **state)
+{
+    (void)state;
+    const char *const names[] = {"SHORT", "DEEP"};
+    const double own[] = {10.0, 52.5}, common[] = {10.0, 5.0};
+    rx_text brief = {0};
+    brief_of_two(0.0, &brief);
+    for (int k = 0; k < 2; k++) {
+        double errors[2] = {NAN, NAN};
+        const char *line = strstr(brief.data, names[k]);
+        assert_non_null(line);
+        assert_int_equal(sscanf(line, "%*s %*s %*s %*s %*s %*s %lf %lf", &errors[0], &errors[1]), 2);
+        assert_near(errors[0], own[k], 0.006);
+        assert_near(errors[1], common[k], 0.006);
+    }
+    assert_non_null(strstr(brief.data, "of the 2 sources that every list has"));
+    assert_null(strstr(brief.data, "zero point"));
+    rx_text_free(&brief);
+}
+
+static void senseless_errors_are_named(void **state)
+{
+    (void)state;
+    rx_text brief = {0};
+    brief_of_two(-25.0, &brief);
+    assert_non_null(strstr(brief.data, "not the same zero point; give MAG_ZEROPOINT"));
+    assert_null(strstr(brief.data, "00000"));
+    rx_text_free(&brief);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, make_scene, free_scene)
     const struct CMUnitTest tests[] = {
+        TEST(errors_are_compared_on_common_sources),
+        TEST(senseless_errors_are_named),
         TEST(writes_all_files),
         TEST(same_input_same_bytes),
         TEST(other_programs_read_it),
