@@ -83,6 +83,106 @@ static void none(void **state)
 
 /* An isolated star of S/N 1000: all of its flux within 0.1 %, for every noise model and
  * denoising; the same in noise, as far as the noise in the aperture goes. */
+/* The equations of the header by plain sums in double precision: PSF of no symmetry, a mask, noise that varies,
+ * photon noise. */
+enum {
+    EQ_W = 24,
+    EQ_H = 20,
+    EQ_R = 2,
+    EQ_SIDE = 2 * EQ_R + 1,
+    EQ_SW = EQ_W + 2 * EQ_R,
+    EQ_SH = EQ_H + 2 * EQ_R
+};
+
+static void plain_blur(const float *stamp, double f[EQ_SH][EQ_SW], double m[EQ_H][EQ_W])
+{
+    for (int y = 0; y < EQ_H; y++)
+        for (int x = 0; x < EQ_W; x++) {
+            m[y][x] = 0;
+            for (int k = 0; k < EQ_SIDE * EQ_SIDE; k++)
+                m[y][x] += stamp[k] * f[y + 2 * EQ_R - k / EQ_SIDE][x + 2 * EQ_R - k % EQ_SIDE];
+        }
+}
+
+static void plain_adjoint(const float *stamp, double r[EQ_H][EQ_W], double c[EQ_SH][EQ_SW])
+{
+    memset(c, 0, sizeof(double[EQ_SH][EQ_SW]));
+    for (int y = 0; y < EQ_H; y++)
+        for (int x = 0; x < EQ_W; x++)
+            for (int k = 0; k < EQ_SIDE * EQ_SIDE; k++)
+                c[y + 2 * EQ_R - k / EQ_SIDE][x + 2 * EQ_R - k % EQ_SIDE] += stamp[k] * r[y][x];
+}
+
+static void follows_its_equations(void **state)
+{
+    (void)state;
+    static double d[EQ_H][EQ_W], w[EQ_H][EQ_W], sky_var[EQ_H][EQ_W], good[EQ_H][EQ_W], m[EQ_H][EQ_W],
+        r[EQ_H][EQ_W];
+    static double f[EQ_SH][EQ_SW], c[EQ_SH][EQ_SW], norm[EQ_SH][EQ_SW], seen[EQ_SH][EQ_SW];
+    static const double damping[] = {0, 3};
+    const double pedestal = 5, gain = 2, photon = 1 / (gain * pedestal);
+    float stamp[EQ_SIDE * EQ_SIDE];
+    rx_psf *psf = NULL;
+    for (int k = 0; k < EQ_SIDE * EQ_SIDE; k++)
+        stamp[k] =
+            (float)((1 + k % 4) * exp(-0.5 * (pow(k % EQ_SIDE - 2.3, 2) + pow(k / EQ_SIDE - 1.8, 2))) / 17);
+    assert_int_equal(rx_stamp_psf(RX_PSF_FILE, stamp, EQ_SIDE, &psf, NULL), RX_OK);
+    for (int run_of = 0; run_of < 2; run_of++) {
+        sky s;
+        sky_new(&s, EQ_W, EQ_H);
+        sky_star(&s, 11.3, 9.6, 3, 900);
+        sky_noise(&s, 1, 11);
+        s.tile.gain = gain;
+        s.tile.mask[9 * EQ_W + 13] = 1;
+        for (int k = 0; k < 8; k++) /* too few for the pedestal */
+            s.background.sigma[8 * EQ_W + 6 + k] = 1.5;
+        s.par.rl_niter = 3;
+        s.par.rl_damping = damping[run_of];
+        for (int y = 0; y < EQ_H; y++)
+            for (int x = 0; x < EQ_W; x++) {
+                const size_t k = (size_t)(y * EQ_W + x);
+                good[y][x] = s.tile.mask[k] == 0;
+                d[y][x] = fmax((s.tile.pixels[k] - 100.0) / pedestal + 1, 0);
+                w[y][x] = good[y][x] / pow(s.background.sigma[k], 2);
+                sky_var[y][x] = pow(s.background.sigma[k] / pedestal, 2);
+            }
+        plain_adjoint(stamp, w, norm);
+        plain_adjoint(stamp, good, seen);
+        for (int k = 0; k < EQ_SH * EQ_SW; k++)
+            f[k / EQ_SW][k % EQ_SW] = 1;
+        for (int i = 0; i < s.par.rl_niter; i++) {
+            plain_blur(stamp, f, m);
+            for (int y = 0; y < EQ_H; y++)
+                for (int x = 0; x < EQ_W; x++) {
+                    const double variance = sky_var[y][x] + photon * fmax(m[y][x] - 1, 0),
+                                 t = damping[run_of];
+                    const double u = t > 0 ? fmin(1, pow(d[y][x] - m[y][x], 2) / (t * t * variance)) : 1;
+                    r[y][x] = w[y][x] * pow(u, 9) * (10 - 9 * u) * (d[y][x] - m[y][x]) / m[y][x];
+                }
+            plain_adjoint(stamp, r, c);
+            for (int k = 0; k < EQ_SH * EQ_SW; k++)
+                if (norm[k / EQ_SW][k % EQ_SW] > 1e-3)
+                    f[k / EQ_SW][k % EQ_SW] *= 1 + c[k / EQ_SW][k % EQ_SW] / norm[k / EQ_SW][k % EQ_SW];
+        }
+        plain_blur(stamp, f, m);
+        rx_restored *restored = run("RL", &s, psf);
+        double chi2 = 0;
+        for (int y = 0; y < EQ_H; y++)
+            for (int x = 0; x < EQ_W; x++) {
+                const int k = y * EQ_W + x;
+                assert_near(restored->pixels[k], good[y][x] * pedestal * (f[y + EQ_R][x + EQ_R] - 1), 2e-3);
+                assert_near(restored->reblurred[k], pedestal * (m[y][x] - 1), 2e-3);
+                assert_near(restored->support[k], 1 - seen[y + EQ_R][x + EQ_R], 2e-5);
+                chi2 += good[y][x] * pow(d[y][x] - m[y][x], 2) /
+                        (sky_var[y][x] + photon * fmax(m[y][x] - 1, 0)) / (EQ_W * EQ_H - 1);
+            }
+        assert_near(restored->chi2, chi2, 1e-4 * chi2);
+        rx_restored_free(restored);
+        sky_free(&s);
+    }
+    rx_psf_free(psf);
+}
+
 static void keeps_flux(void **state)
 {
     (void)state;
@@ -531,14 +631,22 @@ static void strips(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(table),           cmocka_unit_test(none),
-        cmocka_unit_test(keeps_flux),      cmocka_unit_test(keeps_sky),
-        cmocka_unit_test(no_ringing),      cmocka_unit_test(mask_is_blind),
-        cmocka_unit_test(threads),         cmocka_unit_test(strips),
-        cmocka_unit_test(saturated_core),  cmocka_unit_test(varying_psf),
-        cmocka_unit_test(sharpens),        cmocka_unit_test(stops_at_discrepancy),
-        cmocka_unit_test(damping_calms),   cmocka_unit_test(hopeless_tiles),
-        cmocka_unit_test(never_runs_away), cmocka_unit_test(any_unit)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(table),
+                                       cmocka_unit_test(none),
+                                       cmocka_unit_test(follows_its_equations),
+                                       cmocka_unit_test(keeps_flux),
+                                       cmocka_unit_test(keeps_sky),
+                                       cmocka_unit_test(no_ringing),
+                                       cmocka_unit_test(mask_is_blind),
+                                       cmocka_unit_test(threads),
+                                       cmocka_unit_test(strips),
+                                       cmocka_unit_test(saturated_core),
+                                       cmocka_unit_test(varying_psf),
+                                       cmocka_unit_test(sharpens),
+                                       cmocka_unit_test(stops_at_discrepancy),
+                                       cmocka_unit_test(damping_calms),
+                                       cmocka_unit_test(hopeless_tiles),
+                                       cmocka_unit_test(never_runs_away),
+                                       cmocka_unit_test(any_unit)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

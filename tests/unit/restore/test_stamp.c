@@ -34,6 +34,27 @@ static void widths(void **state)
     }
 }
 
+/* The width of the area above half the height, on 8 x 8 places per pixel: that of a wide Gaussian is smooth
+ * enough for the places to be counted without the stamp. */
+static void the_area_above_half_the_height(void **state)
+{
+    (void)state;
+    float round[61 * 61], flat[61 * 61];
+    double ellipticity = 0, n = 0;
+    for (int k = 0; k < 61 * 61; k++) {
+        const double x = k % 61 - 30, y = k / 61 - 30;
+        round[k] = (float)exp(-log(16) * (x * x + y * y) / (18.0 * 18.0));
+        flat[k] = (float)exp(-log(16) * (x * x / (24.0 * 24.0) + y * y / (12.0 * 12.0)));
+    }
+    for (int j = -200; j < 200; j++)
+        for (int i = -200; i < 200; i++)
+            n += hypot((i + 0.5) / 8, (j + 0.5) / 8) < 9;
+    assert_near(fwhm_of(round, 61, &ellipticity), 2 * sqrt(n / 3.14159265358979324) / 8, 0.005);
+    assert_near(ellipticity, 0, 1e-6);
+    fwhm_of(flat, 61, &ellipticity);
+    assert_near(ellipticity, 0.5, 3e-4);
+}
+
 static void odd_shapes(void **state)
 {
     (void)state;
@@ -92,7 +113,8 @@ static void evaluates_and_copies(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(widths), cmocka_unit_test(odd_shapes),
-                                       cmocka_unit_test(moves), cmocka_unit_test(evaluates_and_copies)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(widths), cmocka_unit_test(the_area_above_half_the_height),
+        cmocka_unit_test(odd_shapes), cmocka_unit_test(moves), cmocka_unit_test(evaluates_and_copies)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
