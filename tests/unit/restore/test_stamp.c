@@ -88,6 +88,43 @@ static void moves(void **state)
     assert_near(fwhm_of(stamp, 25, NULL), sqrt(16 + 5.545177 / 12), 0.03);
 }
 
+/* Keys' cubic convolution (a = -1/2), the weighted centroid by its definition, and a shift by both. */
+static void shifts_by_cubic_convolution(void **state)
+{
+    (void)state;
+    enum { SIDE = 21, CENTRE = SIDE / 2 };
+    float stamp[SIDE * SIDE], moved[SIDE * SIDE], work[SIDE * SIDE];
+    double w[4], wx[4], wy[4], sum = 0, sx = 0, sy = 0, dx = 0, dy = 0;
+    rx_stamp_cubic(0.3, w);
+    for (int i = 0; i < 4; i++) {
+        const double x = fabs(0.3 - (i - 1));
+        assert_near(w[i], x < 1 ? (1.5 * x - 2.5) * x * x + 1 : ((-0.5 * x + 2.5) * x - 4) * x + 2, 1e-15);
+    }
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        const double x = k % SIDE - 10.4, y = k / SIDE - 9.7;
+        stamp[k] = (float)((1 + 0.3 * cos(x - y)) * exp(-0.1 * (x * x + y * y)));
+        const double weight =
+            exp(-4 * log(2) * (pow(k % SIDE - CENTRE, 2) + pow(k / SIDE - CENTRE, 2)) / 25) * stamp[k];
+        sum += weight;
+        sx += weight * (k % SIDE - CENTRE);
+        sy += weight * (k / SIDE - CENTRE);
+    }
+    rx_stamp_centroid(stamp, SIDE, 5, &dx, &dy);
+    assert_near(dx, 2 * sx / sum, 1e-12);
+    assert_near(dy, 2 * sy / sum, 1e-12);
+    memcpy(moved, stamp, sizeof moved);
+    rx_stamp_shift(moved, SIDE, -0.3, 0.4, work); /* what was at x + 0.3, y - 0.4 */
+    rx_stamp_cubic(0.3, wx);
+    rx_stamp_cubic(0.6, wy);
+    for (int y = 3; y < SIDE - 3; y++)
+        for (int x = 3; x < SIDE - 3; x++) {
+            double value = 0;
+            for (int k = 0; k < 16; k++)
+                value += wx[k % 4] * wy[k / 4] * stamp[(y - 1 + k / 4 - 1) * SIDE + x + k % 4 - 1];
+            assert_near(moved[y * SIDE + x], value, 1e-6);
+        }
+}
+
 static void evaluates_and_copies(void **state)
 {
     (void)state;
@@ -113,8 +150,11 @@ static void evaluates_and_copies(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(widths), cmocka_unit_test(the_area_above_half_the_height),
-        cmocka_unit_test(odd_shapes), cmocka_unit_test(moves), cmocka_unit_test(evaluates_and_copies)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(widths),
+                                       cmocka_unit_test(the_area_above_half_the_height),
+                                       cmocka_unit_test(odd_shapes),
+                                       cmocka_unit_test(moves),
+                                       cmocka_unit_test(shifts_by_cubic_convolution),
+                                       cmocka_unit_test(evaluates_and_copies)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
