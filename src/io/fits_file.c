@@ -39,6 +39,16 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
                        last[0] != '\0' ? ")" : "");
 }
 
+/* cfitsio could not make out the first header. */
+static rx_status no_header(const char *path, int failed, rx_error *err)
+{
+    if (failed != END_OF_FILE && failed != NO_END)
+        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+    fits_clear_errmsg();
+    return rx_error_at(err, RX_INPUT, path, -1, 0,
+                       "its header has no END: the file is cut off or damaged, fetch it again");
+}
+
 /* What the first bytes tell when the file is not FITS; NULL when it may be. */
 static const char *not_fits(const unsigned char *head, size_t n)
 {
@@ -143,7 +153,7 @@ static rx_status hold(const char *path, const kind *about, int to, rx_fits_sourc
     snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
-        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+        return no_header(path, failed, err);
     }
     return RX_OK;
 }
@@ -189,7 +199,7 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
         dst->file = NULL;
         if (about->bzip2 && failed == MEMORY_ALLOCATION)
             return bzip2_failed(path, about, err);
-        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+        return no_header(path, failed, err);
     }
     return RX_OK;
 }
