@@ -141,6 +141,19 @@ for most in 1 2 5; do
         [ "$(grep -c "8 threads cannot be made here; going on with $(((most + 1) / 2))" limited.log)" = 2 ] && diff -r alone limited >>limited.log
     result "a list where $most of 8 threads can be made" $? limited.log
 done
+# Small stacks: of threads, and of all.
+# shellcheck disable=SC2086
+for restorer in NONE RL RL_BLIND NET; do
+    run small-$restorer 3 "$scratch/a.fits" -RESTORE_TYPE $restorer -NET_MODEL ../model.fits $moffat $few -SELF_CHECK Y -SELF_CHECK_COUNT 20 \
+        -SELF_CHECK_NAME check -QA_FIGURES N &&
+        (ulimit -s 512 && OMP_STACKSIZE=128k run smaller-$restorer 3 "$scratch/a.fits" -RESTORE_TYPE $restorer -NET_MODEL ../model.fits \
+            $moffat $few -SELF_CHECK Y -SELF_CHECK_COUNT 20 -SELF_CHECK_NAME check -QA_FIGURES N) &&
+        diff -r small-$restorer smaller-$restorer >>smaller-$restorer.log
+    result "$restorer with templates and a self check on stacks of 128 kB" $? smaller-$restorer.log
+done
+(ulimit -s 512 && OMP_STACKSIZE=128k "$programs/rextract-simulate" -IMAGE_SIZE 64 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -IMAGE_NAME i.fits \
+    -SHARP_NAME s.fits -FLAG_NAME f.fits -TRUTH_NAME t.fits -NTHREADS 3) >small.log 2>&1
+result 'rextract-simulate on stacks of 128 kB' $? small.log
 limited 2 "$programs/rextract-simulate" -IMAGE_SIZE 64 -STAR_COUNT 3000 -IMAGE_NAME i.fits -SHARP_NAME s.fits -FLAG_NAME f.fits \
     -TRUTH_NAME t.fits -NTHREADS 8 >limited.log 2>&1 && grep -q 'going on with 1' limited.log
 result 'rextract-simulate where 2 of 8 threads can be made' $? limited.log

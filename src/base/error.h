@@ -17,7 +17,7 @@ typedef enum rx_status {
     RX_SYSTEM = 4,            /* memory, disk, permissions, missing programs */
     RX_GATE_FAIL = 5,         /* a quality gate is violated */
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
-    RX_INTERRUPTED = 7,       /* SIGINT, SIGTERM or SIGHUP pending, work is unwound */
+    RX_INTERRUPTED = 7,       /* by a signal (base/interrupt.h), work is unwound */
     RX_SOME_FAILED = 8,       /* of a list of tiles, not all are done */
     RX_DIFFERENT = 9,         /* a run that was repeated gave something else */
     RX_NOT_RESTORED = 10      /* the tile is not for the restorer asked for, and no other may do it */

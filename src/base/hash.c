@@ -37,7 +37,7 @@ void rx_hash_text(const rx_hash *sum, char dst[RX_HASH_TEXT])
 
 rx_status rx_hash_file(const char *path, char dst[RX_HASH_TEXT], int *there, rx_error *err)
 {
-    unsigned char room[1 << 16];
+    unsigned char room[1 << 13];
     struct stat info;
     rx_hash sum;
     rx_status status = RX_OK;

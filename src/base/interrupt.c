@@ -4,7 +4,9 @@
 #include <pthread.h>
 #include <signal.h>
 
-static const int ending[] = {SIGINT, SIGTERM, SIGHUP};
+/* what a terminal, a shell and batch systems send: Slurm and PBS announce the end of a job's time as they are asked
+ * to, mostly by one of the users' signals, and the kernel that of its processor time */
+static const int ending[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU};
 enum { NENDING = sizeof ending / sizeof ending[0] };
 
 /* Signals that the parent had us ignore (nohup, background jobs) stay ignored: blocked, they would
@@ -31,6 +33,12 @@ void rx_interrupt_deliver(void)
 {
     sigset_t set = ending_signals();
     pthread_sigmask(SIG_UNBLOCK, &set, NULL);
+}
+
+void rx_interrupt_forget(void)
+{
+    for (int i = 0; i < NENDING; i++)
+        signal(ending[i], SIG_IGN);
 }
 
 bool rx_interrupt_pending(void)

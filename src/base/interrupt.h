@@ -1,5 +1,5 @@
-/* Ctrl-C without global state: the program blocks SIGINT, SIGTERM and SIGHUP at its
- * start, long loops ask whether one is pending and unwind as after any error, so that
+/* Ctrl-C without global state: the program blocks the signals that end it (SIGINT, SIGTERM,
+ * SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU) at its start, long loops ask whether one is pending and unwind as after any error, so that
  * every temporary file goes; main then unblocks and the signal takes its effect. */
 #ifndef RX_BASE_INTERRUPT_H
 #define RX_BASE_INTERRUPT_H
@@ -10,6 +10,7 @@
 
 void rx_interrupt_block(void);   /* at the start of main */
 void rx_interrupt_deliver(void); /* at its end: a pending signal ends the process here */
+void rx_interrupt_forget(void);  /* or: what is pending has been heeded */
 bool rx_interrupt_pending(void);
 
 /* RX_INTERRUPTED with a text when a signal is pending, else RX_OK. */

@@ -8,7 +8,7 @@
 
 #include "io/fits_file.h"
 
-enum { WORDS = 8192 };
+enum { WORDS = 2048 };
 
 /* n elements of `size` bytes, the least significant byte of each first or last as the machine has it. */
 static void add_swapped(rx_hash *sum, const void *elements, size_t n, size_t size)

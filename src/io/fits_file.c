@@ -112,7 +112,7 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
 
 static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx_error *err)
 {
-    char piece[1 << 16];
+    char piece[1 << 13];
     rx_status status = rx_fits_ask_memory(bytes, err);
     if (status != RX_OK)
         return status;

@@ -85,7 +85,7 @@ static bool holds_plio(const short *words, size_t length)
 /* Bytes that a gzip stream unpacks to, up to `most`; -1: damaged, cut off, or more than that. */
 static LONGLONG gzip_size(const unsigned char *data, size_t length, LONGLONG most)
 {
-    unsigned char room[1 << 14];
+    unsigned char room[1 << 12];
     int state = Z_OK;
     z_stream stream = {.next_in = (unsigned char *)(uintptr_t)data, .avail_in = (uInt)length};
     if (length > INT_MAX || inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK)

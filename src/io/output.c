@@ -333,7 +333,7 @@ static int sync_tree(const char *path)
 
 static int copy_to_device(const output *out)
 {
-    char buffer[65536];
+    char buffer[8192];
     FILE *src = fopen(out->temporary, "rb");
     int failed = src == NULL;
     FILE *dst = failed ? NULL : fopen(out->path, "wb");
@@ -409,9 +409,10 @@ rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
         if (!out->done && sync_tree(out->temporary) != 0)
             return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
     }
-    for (size_t i = 0; i < outputs->n; i++) {
-        output *out = &outputs->list[i];
-        if (out->done)
+    /* devices first: they may refuse bytes (a full disk behind a pipe, /dev/full), names hardly ever */
+    for (size_t i = 0; i < 2 * outputs->n; i++) {
+        output *out = &outputs->list[i % outputs->n];
+        if (out->done || (i < outputs->n) != (out->kind == OUTPUT_DEVICE))
             continue;
         if (put_in_place(out) != 0)
             return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));

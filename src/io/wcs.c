@@ -15,7 +15,7 @@
 #include "io/sky.h"
 #include "io/wcs_guard.h"
 
-enum { CHUNK = 256, CARD = 80 };
+enum { CHUNK = 64, CARD = 80 };
 
 struct rx_wcs {
     struct wcsprm prm; /* two axes, set up */

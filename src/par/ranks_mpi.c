@@ -325,21 +325,13 @@ static bool drop_one(int *there)
     return about.MPI_TAG == BYE;
 }
 
-/* mpiexec calls a process that ends by a signal a crash, and loses its exit code: what was pending has been
- * heeded and is forgotten. */
-static void forget_signals(void)
-{
-    const int ending[] = {SIGINT, SIGTERM, SIGHUP};
-    for (size_t i = 0; i < sizeof ending / sizeof ending[0]; i++)
-        signal(ending[i], SIG_IGN);
-}
-
 void rx_par_end(rx_status status)
 {
     (void)status; /* all processes end alike, by their own exit codes */
     if (!active())
         return;
-    forget_signals();
+    /* mpiexec calls a process that ends by a signal a crash, and loses its exit code */
+    rx_interrupt_forget();
     int count = rx_par_processes(), rank = rx_par_rank(), here = 1;
     for (int to = 0; to < count; to++) {
         MPI_Request request;

@@ -300,10 +300,10 @@ static rx_status sample_tile(const model *m, const rx_psf *psf, const double *su
 static rx_status normalise(const model *m, const double *images, rx_psf *psf, rx_error *err)
 {
     size_t pixels = (size_t)psf->size * (size_t)psf->size;
-    double sums[RX_PSF_MAX_BASIS] = {0.0}, mixing[RX_PSF_MAX_BASIS][RX_PSF_MAX_BASIS];
+    double sums[RX_PSF_MAX_BASIS] = {0.0}, *mixing = RX_NEW(double, m->nterms * psf->nbasis);
     double *ours = RX_NEW(double, POINTS * psf->nbasis), *theirs = RX_NEW(double, POINTS * m->nterms);
     rx_status status = RX_OK;
-    if (ours == NULL || theirs == NULL) {
+    if (mixing == NULL || ours == NULL || theirs == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
@@ -312,16 +312,17 @@ static rx_status normalise(const model *m, const double *images, rx_psf *psf, rx
             sums[t] += images[(size_t)t * pixels + i];
     status = sample_tile(m, psf, sums, ours, theirs, err);
     for (int t = 0; t < m->nterms && status == RX_OK; t++)
-        status = rx_lsq_linear(ours, theirs + t * POINTS, NULL, POINTS, (size_t)psf->nbasis, mixing[t], NULL,
-                               NULL, err);
+        status = rx_lsq_linear(ours, theirs + t * POINTS, NULL, POINTS, (size_t)psf->nbasis,
+                               mixing + t * psf->nbasis, NULL, NULL, err);
     for (int b = 0; b < psf->nbasis && status == RX_OK; b++)
         for (size_t i = 0; i < pixels; i++) {
             double value = 0.0;
             for (int t = 0; t < m->nterms; t++)
-                value += mixing[t][b] * images[(size_t)t * pixels + i];
+                value += mixing[t * psf->nbasis + b] * images[(size_t)t * pixels + i];
             psf->basis[(size_t)b * pixels + i] = (float)value;
         }
 exit:
+    free(mixing);
     free(ours);
     free(theirs);
     return status;

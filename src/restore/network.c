@@ -161,7 +161,8 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     restored->pixels = n->v;
     free(n->spare);
     n->spare = NULL;
-    return rx_noise_map(n->tile, n->background, restored->mask, DETECTABLE, &restored->noise, err);
+    return rx_noise_map(n->tile, n->background, restored->mask, DETECTABLE, n->nthreads, &restored->noise,
+                        err);
 }
 
 /* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. The data go. */

@@ -2,6 +2,7 @@
 #include "restore/noise_map.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,6 +17,14 @@ enum { LINE = COLUMNS + 2 * RADIUS_MOST, LINES = ROWS + 2 * RADIUS_MOST };
 static const double SMOOTH_FWHM = 1.5 * 2.3548200450309493; /* pixels */
 static const float SHARE = 0.1f;                            /* of the brightness around, in sigmas */
 
+/* Sums along x of a block's rows, of brightness and of weights. */
+typedef struct sums {
+    atomic_flag taken;
+    float num[LINES][COLUMNS], den[LINES][COLUMNS];
+    float all[COLUMNS]; /* sums of weights over a whole neighbourhood that nothing hides */
+    int clean[LINES];   /* nothing is hidden in that row */
+} sums;
+
 typedef struct noise_maker {
     rx_map_maker maker;
     int width, height;
@@ -25,14 +34,9 @@ typedef struct noise_maker {
     float factor;
     int radius;
     float weights[2 * RADIUS_MOST + 1];
+    int rooms;
+    sums *room; /* [rooms], behind this: one for each thread, as it is too large for its stack */
 } noise_maker;
-
-/* Sums along x of a block's rows, of brightness and of weights. */
-typedef struct sums {
-    float num[LINES][COLUMNS], den[LINES][COLUMNS];
-    float all[COLUMNS]; /* sums of weights over a whole neighbourhood that nothing hides */
-    int clean[LINES];   /* nothing is hidden in that row */
-} sums;
 
 /* sum[n] = weights[2 radius + 1] along the line, whose first value belongs to -radius. */
 RX_WIDE static void along(const float *restrict line, const float *restrict weights, int radius, int n,
@@ -120,9 +124,9 @@ RX_WIDE static void make_noise(int n, const float *restrict num, const float *re
 
 /* Pixels x0 .. x0 + n - 1 of the rows y0 .. y1 - 1, at most COLUMNS and ROWS, into map, rows `stride` apart.
  */
-static void make_block(const noise_maker *j, int x0, int y0, int n, int y1, size_t stride, float *map)
+static void make_block(const noise_maker *j, sums *s, int x0, int y0, int n, int y1, size_t stride,
+                       float *map)
 {
-    sums block, *s = &block; /* what is not set is not read */
     float num[COLUMNS], den[COLUMNS], room[COLUMNS];
     const int width = j->width, height = j->height, r = j->radius;
     const int top = y0 > r ? y0 - r : 0, end = y1 + r < height ? y1 + r : height;
@@ -145,22 +149,34 @@ static void make_block(const noise_maker *j, int x0, int y0, int n, int y1, size
     }
 }
 
+/* One that no other thread works in. */
+static sums *take_room(const noise_maker *j)
+{
+    for (int i = 0;; i = (i + 1) % j->rooms)
+        if (!atomic_flag_test_and_set(&j->room[i].taken))
+            return &j->room[i];
+}
+
 static void make(const rx_map_maker *maker, int x, int y, int n, int rows, float *dst)
 {
+    sums *s = take_room((const noise_maker *)maker);
     for (int top = 0; top < rows; top += ROWS)
         for (int left = 0; left < n; left += COLUMNS)
-            make_block((const noise_maker *)maker, x + left, y + top, n - left < COLUMNS ? n - left : COLUMNS,
-                       y + (rows - top < ROWS ? rows : top + ROWS), (size_t)n,
-                       dst + (size_t)top * (size_t)n + left);
+            make_block((const noise_maker *)maker, s, x + left, y + top,
+                       n - left < COLUMNS ? n - left : COLUMNS, y + (rows - top < ROWS ? rows : top + ROWS),
+                       (size_t)n, dst + (size_t)top * (size_t)n + left);
+    atomic_flag_clear(&s->taken);
 }
 
 rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                       float factor, rx_map_maker **dst, rx_error *err)
+                       float factor, int nthreads, rx_map_maker **dst, rx_error *err)
 {
-    noise_maker *j = RX_NEW(noise_maker, 1);
+    const int rooms = nthreads < 1 ? 1 : nthreads;
+    const size_t bytes = sizeof(noise_maker) + (size_t)rooms * sizeof(sums);
+    noise_maker *j = rx_alloc(1, bytes); /* zeros: no room is taken */
     *dst = NULL;
     if (j == NULL)
-        return rx_error_memory(err, sizeof *j);
+        return rx_error_memory(err, bytes);
     *j = (noise_maker){.maker.make = make,
                        .width = tile->width,
                        .height = tile->height,
@@ -169,7 +185,9 @@ rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, con
                        .noise = rx_background_noise(background),
                        .mask = mask,
                        .factor = factor,
-                       .radius = rx_gauss_radius(SMOOTH_FWHM)};
+                       .radius = rx_gauss_radius(SMOOTH_FWHM),
+                       .rooms = rooms,
+                       .room = (sums *)(void *)(j + 1)};
     rx_gauss_weights(SMOOTH_FWHM, j->radius, j->weights);
     *dst = &j->maker;
     return RX_OK;

@@ -22,8 +22,10 @@
  * the truncation radius) it is taken as constant. */
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/memory.h"
 #include "simulate/render.h"
 #include "simulate/sersic.h"
 
@@ -276,38 +278,42 @@ static void draw_component(const component *c, const rx_fine_grid *grid)
     }
 }
 
-void rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid)
+rx_status rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid, rx_error *err)
 {
     const rx_object *o = object;
     double bar = o->bar_radius > 0.0 ? fmin(o->bar_share, 1.0 - o->bulge_share) : 0.0,
            disk = 1.0 - o->bulge_share - bar;
     rx_sersic profile;
-    component c;
-    c.x = (o->x - grid->x0) / grid->step;
-    c.y = (o->y - grid->y0) / grid->step;
-    c.arms = 0;
+    component *c = RX_NEW(component, 1); /* its tables are larger than what a stack should bear */
+    if (c == NULL)
+        return rx_error_memory(err, sizeof *c);
+    c->x = (o->x - grid->x0) / grid->step;
+    c->y = (o->y - grid->y0) / grid->step;
+    c->arms = 0;
     if (o->bulge_share > 0.0) {
         rx_sersic_set(o->bulge_n, &profile);
-        set_outline(&c, fmax(o->bulge_radius / grid->step, LEAST_RADIUS) * profile.truncation, o->bulge_ratio,
+        set_outline(c, fmax(o->bulge_radius / grid->step, LEAST_RADIUS) * profile.truncation, o->bulge_ratio,
                     o->angle, 0.0, 1.0);
-        fill_sersic(&c, &profile, o->flux * o->bulge_share);
-        draw_component(&c, grid);
+        fill_sersic(c, &profile, o->flux * o->bulge_share);
+        draw_component(c, grid);
     }
     if (bar > 0.0) {
-        set_outline(&c, fmax(o->bar_radius / grid->step, LEAST_RADIUS), o->ratio, o->angle,
+        set_outline(c, fmax(o->bar_radius / grid->step, LEAST_RADIUS), o->ratio, o->angle,
                     o->arms > 0 ? o->arm_phase / o->arms : o->arm_phase, BAR_RATIO);
-        fill_bar(&c, o->flux * bar);
-        draw_component(&c, grid);
+        fill_bar(c, o->flux * bar);
+        draw_component(c, grid);
     }
     if (disk > 1e-9) {
         rx_sersic_set(1.0, &profile);
-        set_outline(&c, fmax(o->disk_radius / grid->step, LEAST_RADIUS) * profile.truncation, o->ratio,
+        set_outline(c, fmax(o->disk_radius / grid->step, LEAST_RADIUS) * profile.truncation, o->ratio,
                     o->angle, 0.0, 1.0);
-        fill_sersic(&c, &profile, o->flux * disk);
+        fill_sersic(c, &profile, o->flux * disk);
         if (o->arms > 0)
-            fill_arms(&c, o, profile.truncation);
-        draw_component(&c, grid);
+            fill_arms(c, o, profile.truncation);
+        draw_component(c, grid);
     }
+    free(c);
+    return RX_OK;
 }
 
 /* --- reach --- */

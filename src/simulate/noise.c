@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "simulate/cosmic_rays.h"
 
-enum { CHUNK = 4096 }; /* pixels that a thread takes at a time */
+enum { CHUNK = 1024 }; /* pixels that a thread takes at a time */
 
 /* Each purpose has its own stream beside the caller's. */
 enum { PURPOSE_GAUSS = 0xE1, PURPOSE_PHOTONS, PURPOSE_READ, PURPOSE_COLUMNS, PURPOSE_COSMIC };

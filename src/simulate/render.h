@@ -35,7 +35,7 @@ typedef struct rx_fine_grid {
     float *cells;
     size_t stride; /* floats per row */
 } rx_fine_grid;
-void rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid);
+rx_status rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid, rx_error *err); /* RX_SYSTEM */
 void rx_template_draw(const rx_object *object, const rx_template *source, rx_fine_grid *grid);
 
 /* Half size in pixels of the square around the object that holds all but 1e-3 of its flux (0 for a star). */

@@ -54,16 +54,9 @@ static int find_box(const rx_drawing *d, long k, long column, long row, const rx
     return 1;
 }
 
-static void draw_extended(const rx_object *o, const rx_templates *templates, rx_fine_grid *grid)
-{
-    if (o->type == RX_OBJECT_GALAXY)
-        rx_galaxy_draw(o, grid);
-    else
-        rx_template_draw(o, &templates->list[o->template_index], grid);
-}
-
-/* Drawn by itself first, so that objects can be drawn at the same time and yet be added in their order. */
-static void draw_alone(const rx_drawing *d, const struct box *b, const rx_fine_grid *grid, float *cells)
+/* Drawn by itself first, so that objects can be drawn at the same time and yet be added in their order.
+ * Returns whether memory was missing. */
+static int draw_alone(const rx_drawing *d, const struct box *b, const rx_fine_grid *grid, float *cells)
 {
     rx_fine_grid part = {.width = b->width,
                          .height = b->height,
@@ -73,7 +66,11 @@ static void draw_alone(const rx_drawing *d, const struct box *b, const rx_fine_g
                          .cells = cells,
                          .stride = (size_t)b->width};
     memset(cells, 0, box_cells(b) * sizeof *cells);
-    draw_extended(&d->scene->objects[b->object], d->scene->templates, &part);
+    const rx_object *o = &d->scene->objects[b->object];
+    if (o->type == RX_OBJECT_GALAXY)
+        return rx_galaxy_draw(o, &part, NULL) != RX_OK;
+    rx_template_draw(o, &d->scene->templates->list[o->template_index], &part);
+    return 0;
 }
 
 /* Of a box what lies in the rows first .. first + STRIP - 1 of the grid. */
@@ -114,15 +111,20 @@ static rx_status draw_boxes(const rx_drawing *d, long n, rx_fine_grid *grid, rx_
         }
         if (work == NULL)
             return rx_error_memory(err, cells * sizeof *work);
+        int missing = 0;
 #pragma omp parallel num_threads(d->nthreads)
         {
-#pragma omp for schedule(dynamic)
+#pragma omp for schedule(dynamic) reduction(| : missing)
             for (long k = first; k < end; k++)
-                draw_alone(d, &d->box[k], grid, work + d->box[k].offset);
+                missing |= draw_alone(d, &d->box[k], grid, work + d->box[k].offset);
 #pragma omp for schedule(static)
             for (int row = 0; row < grid->height; row += STRIP)
                 for (long k = first; k < end; k++)
                     add_box(work + d->box[k].offset, &d->box[k], row, grid);
+        }
+        if (missing) {
+            free(work);
+            return rx_error_memory(err, 0);
         }
     }
     free(work);

@@ -169,8 +169,8 @@ static rx_status input_noise(work *w, const rx_background *background, rx_error 
     rx_probe *probe = w->probe;
     rx_status status = RX_OK;
     if (probe->restored->noise == NULL)
-        status =
-            rx_noise_map(w->detect->tile, background, probe->restored->mask, 1, &probe->input_noise, err);
+        status = rx_noise_map(w->detect->tile, background, probe->restored->mask, 1, w->par.nthreads,
+                              &probe->input_noise, err);
     if (status == RX_OK)
         probe->noise =
             rx_map_made(probe->restored->noise != NULL ? probe->restored->noise : probe->input_noise,

@@ -219,6 +219,13 @@ void rx_qa_list_free(rx_qa_list *list)
     *list = (rx_qa_list){0};
 }
 
+rx_status rx_reference_check(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                             rx_error *err)
+{
+    chosen column;
+    return choose_columns(par, table, tile, &column, err);
+}
+
 rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                             rx_log *log, rx_qa_list *dst, rx_error *err)
 {

@@ -23,6 +23,10 @@ typedef struct rx_reference_params {
 rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                             rx_log *log, rx_qa_list *dst, rx_error *err);
 
+/* Whether it will find columns of positions and magnitudes, before the work that it is read after. */
+rx_status rx_reference_check(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                             rx_error *err);
+
 /* Allocate the arrays of a list of n rows, all of them or (reference) without score and flags. */
 rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err);
 void rx_qa_list_free(rx_qa_list *list);

@@ -79,6 +79,20 @@ static rx_status open_folder(const char *wanted, int extension, rx_outputs *outp
     return status;
 }
 
+rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
+{
+    const char *const names[] = {options->reference.name != NULL ? options->qa_name : "",
+                                 options->self_check ? options->self_check_name : ""};
+    const char *folder = NULL;
+    rx_outputs *outputs = NULL;
+    rx_status status = rx_outputs_new(&outputs, err);
+    for (int i = 0; i < 2 && status == RX_OK; i++)
+        if (names[i][0] != '\0')
+            status = open_folder(names[i], extension, outputs, &folder, err);
+    rx_outputs_free(outputs);
+    return status;
+}
+
 rx_status rx_report_write(const rx_options *options, const rx_field *detect, const rx_field *measure,
                           const rx_table *reference, const rx_run *runs, int extension,
                           const rx_record *record, rx_outputs *outputs, rx_log *log, rx_verdict *verdict,

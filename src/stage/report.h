@@ -19,6 +19,9 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
                           const rx_record *record, rx_outputs *outputs, rx_log *log, rx_verdict *verdict,
                           rx_text *brief, rx_error *err);
 
+/* Whether the folders of the reports can be made, before the work; nothing stays. */
+rx_status rx_report_try(const rx_options *options, int extension, rx_error *err);
+
 /* The report of the self checks of every run into the folder SELF_CHECK_NAME (with _n for extension n > 0);
  * nothing without that name or without a self check. */
 rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, const rx_run *runs,

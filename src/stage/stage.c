@@ -51,10 +51,12 @@ static int any_needs_psf(const rx_options *options)
 }
 
 /* Open the outputs first: an unwritable folder is told before the work, not after it. */
-static rx_status open_runs(job *job, rx_error *err)
+static rx_status open_runs(job *job, int nextensions, rx_error *err)
 {
     const rx_options *options = job->options;
     rx_status status = RX_OK;
+    for (int i = 1; i <= nextensions && status == RX_OK; i++)
+        status = rx_report_try(options, nextensions > 1 ? i : 0, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
         status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
                              job->outputs, err);
@@ -128,6 +130,9 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         if (status == RX_OK)
             status = same_shape(detect, measure, err);
     }
+    if (status == RX_OK && job->reference != NULL)
+        status = rx_reference_check(&options->reference, job->reference,
+                                    measure != NULL ? measure->tile : detect->tile, err);
     if (status == RX_OK)
         status = rx_checks_new(options, detect, job->log, &checks, err);
     if (status == RX_OK)
@@ -168,7 +173,7 @@ static rx_status run_all(job *job, rx_error *err)
     if (status == RX_OK && options->reference.name != NULL)
         status = rx_catalog_read(options->reference.name, 0, &job->reference, err);
     if (status == RX_OK)
-        status = open_runs(job, err);
+        status = open_runs(job, n, err);
     for (int i = 0; i < n && status == RX_OK; i++)
         status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
@@ -208,44 +213,53 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
                        rx_tile_facts *facts, rx_error *err)
 {
     rx_options *options = NULL;
-    job job = {.config = config, .log = log, .standard_out = standard_out, .facts = facts};
+    job *j = RX_NEW(job, 1);
+    if (j == NULL)
+        return rx_error_memory(err, sizeof *j);
+    j->config = config;
+    j->log = log;
+    j->standard_out = standard_out;
+    j->facts = facts;
     rx_status status = rx_options_from_config(config, log, &options, err);
-    if (status != RX_OK)
+    if (status != RX_OK) {
+        free(j);
         return status;
-    job.options = options;
-    rx_record_run(&job.record, config, image);
-    if (job.record.failed || !rx_name_split_images(image, &job.detect, &job.measure)) {
+    }
+    j->options = options;
+    rx_record_run(&j->record, config, image);
+    if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure)) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
-    if (job.measure != NULL && (options->self_check || options->blank_check > 0)) {
+    if (j->measure != NULL && (options->self_check || options->blank_check > 0)) {
         status = rx_error_set(err, RX_USAGE,
                               "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
                               "the checks");
         goto exit;
     }
-    status = rx_outputs_new(&job.outputs, err);
+    status = rx_outputs_new(&j->outputs, err);
     if (status == RX_OK)
-        status = run_all(&job, err);
+        status = run_all(j, err);
     if (status == RX_OK) {
-        tell(log, &job.brief);
-        tell(log, &job.fallbacks);
+        tell(log, &j->brief);
+        tell(log, &j->fallbacks);
         if (facts != NULL) /* -REPLAY wants none, and keeps no output */
-            rx_outputs_tell(job.outputs,
+            rx_outputs_tell(j->outputs,
                             strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
-        status = verdict_status(job.verdict, options->qa_name, err);
+        status = verdict_status(j->verdict, options->qa_name, err);
     }
 exit:
     for (int i = 0; i < options->nrestorers; i++)
-        rx_run_free(&job.runs[i]);
-    rx_outputs_free(job.outputs);
-    rx_table_free(job.reference);
-    rx_record_free(&job.record);
-    rx_record_free(&job.products);
-    rx_text_free(&job.brief);
-    rx_text_free(&job.fallbacks);
-    free(job.detect);
-    free(job.measure);
+        rx_run_free(&j->runs[i]);
+    rx_outputs_free(j->outputs);
+    rx_table_free(j->reference);
+    rx_record_free(&j->record);
+    rx_record_free(&j->products);
+    rx_text_free(&j->brief);
+    rx_text_free(&j->fallbacks);
+    free(j->detect);
+    free(j->measure);
     rx_options_free(options);
+    free(j);
     return status;
 }

@@ -302,20 +302,31 @@ rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_f
                                 rx_error *err)
 {
     rx_error why = RX_ERROR_NONE;
-    generator gen = {.par = par, .ranks = ranks, .make = make, .user = user, .run = run_length(par)};
+    generator *gen = RX_NEW(generator, 1);
     rx_status status = RX_OK;
-    if (gen.run < 1 || par->scenes.uses < 1)
+    if (gen == NULL) {
+        status = rx_error_memory(&why, sizeof *gen);
+        goto exit;
+    }
+    gen->par = par;
+    gen->ranks = ranks;
+    gen->make = make;
+    gen->user = user;
+    gen->run = run_length(par);
+    if (gen->run < 1 || par->scenes.uses < 1)
         status =
             rx_error_set(&why, RX_USAGE, "a field of %d pixels holds no image of %d pixels, or %d uses of it",
                          par->scenes.field_side, par->scenes.side, par->scenes.uses);
-    while (status == RX_OK && !gen.over) {
-        status = listen_to_trainer(&gen, &why);
-        if (status != RX_OK || gen.over)
+    while (status == RX_OK && !gen->over) {
+        status = listen_to_trainer(gen, &why);
+        if (status != RX_OK || gen->over)
             continue;
-        status = gen.now.next < gen.now.njobs ? work_now(&gen, &why) : work_ahead(&gen, &why);
+        status = gen->now.next < gen->now.njobs ? work_now(gen, &why) : work_ahead(gen, &why);
     }
-    clear_ahead(&gen);
-    clear_plan(&gen.now);
+    clear_ahead(gen);
+    clear_plan(&gen->now);
+    free(gen);
+exit:
     if (status == RX_OK || rx_ranks_over(ranks)) /* the trainer is gone */
         return RX_OK;
     rx_ranks_fail(ranks, &why);

@@ -542,23 +542,26 @@ static rx_status run_trainer(job *j, rx_error *err)
 
 rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err)
 {
-    job j = {.config = config};
-    rx_selection grid;
-    rx_status status = rx_setup_selection(config, &grid, err);
-    if (status != RX_OK)
-        return status;
-    j.feed_par = rx_setup_feed(config, &grid);
-    status = rx_ranks_start(config->train_ranks, config->generators, generate, &j.feed_par, &j.ranks, err);
-    if (status != RX_OK)
-        return status;
-    j.rank = rx_ranks_rank(j.ranks);
-    j.nranks = rx_ranks_trainers(j.ranks);
-    j.log = j.rank == 0 ? log : NULL;
-    if (j.rank >= j.nranks)
-        status = rx_feed_generate(&j.feed_par, j.ranks, NULL, err);
-    else
-        status = run_trainer(&j, err);
-    rx_ranks_stop(j.ranks);
+    job *j = RX_NEW(job, 1);
+    rx_selection *grid = RX_NEW(rx_selection, 1);
+    rx_status status = j == NULL || grid == NULL ? rx_error_memory(err, sizeof *j + sizeof *grid)
+                                                 : rx_setup_selection(config, grid, err);
+    if (status == RX_OK) {
+        j->config = config;
+        j->feed_par = rx_setup_feed(config, grid);
+        status =
+            rx_ranks_start(config->train_ranks, config->generators, generate, &j->feed_par, &j->ranks, err);
+    }
+    if (status == RX_OK) {
+        j->rank = rx_ranks_rank(j->ranks);
+        j->nranks = rx_ranks_trainers(j->ranks);
+        j->log = j->rank == 0 ? log : NULL;
+        status =
+            j->rank >= j->nranks ? rx_feed_generate(&j->feed_par, j->ranks, NULL, err) : run_trainer(j, err);
+        rx_ranks_stop(j->ranks);
+    }
+    free(grid);
+    free(j);
     return status;
 }
 

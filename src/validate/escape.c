@@ -7,10 +7,32 @@
 
 static const char REPLACEMENT[] = "\xEF\xBF\xBD";
 
-/* `special` characters are given by `escaped`, at the same place of the list. */
-static void escape(rx_text *dst, const char *text, const char *special, const char *const *escaped)
+/* Unicode's ends of lines, at which YAML and readers of ECSV end theirs; 0 or their length. */
+static int line_end(const char *c, const char **code)
 {
+    static const char *const ends[][2] = {
+        {"\xC2\x85", "\\u0085"}, {"\xE2\x80\xA8", "\\u2028"}, {"\xE2\x80\xA9", "\\u2029"}};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++)
+        if (strncmp(c, ends[i][0], strlen(ends[i][0])) == 0) {
+            *code = ends[i][1];
+            return (int)strlen(ends[i][0]);
+        }
+    return 0;
+}
+
+/* `special` characters are given by `escaped`, at the same place of the list; coded: ends of lines by their
+ * codes, else they are replaced. */
+static void escape(rx_text *dst, const char *text, const char *special, const char *const *escaped,
+                   bool coded)
+{
+    const char *code = NULL;
     for (const char *c = text != NULL ? text : ""; *c != '\0';) {
+        const int end = line_end(c, &code);
+        if (end > 0) {
+            rx_text_add(dst, coded ? code : REPLACEMENT);
+            c += end;
+            continue;
+        }
         int n = rx_text_utf8(c);
         const char *found = n == 1 ? strchr(special, *c) : NULL;
         if (found != NULL)
@@ -26,14 +48,14 @@ static void escape(rx_text *dst, const char *text, const char *special, const ch
 void rx_escape_html(rx_text *dst, const char *text)
 {
     static const char *const escaped[] = {"&amp;", "&lt;", "&gt;", "&quot;", "&#39;"};
-    escape(dst, text, "&<>\"'", escaped);
+    escape(dst, text, "&<>\"'", escaped, false);
 }
 
 void rx_escape_quoted(rx_text *dst, const char *text)
 {
     static const char *const escaped[] = {"\\\"", "\\\\"};
     rx_text_add(dst, "\"");
-    escape(dst, text, "\"\\", escaped);
+    escape(dst, text, "\"\\", escaped, true);
     rx_text_add(dst, "\"");
 }
 
@@ -41,7 +63,7 @@ void rx_escape_cell(rx_text *dst, const char *text)
 {
     static const char *const escaped[] = {"\"\""};
     rx_text_add(dst, "\"");
-    escape(dst, text, "\"", escaped);
+    escape(dst, text, "\"", escaped, false);
     rx_text_add(dst, "\"");
 }
 

@@ -1,5 +1,5 @@
 /* Outside strings made harmless for the formats of the report. Bytes that are not UTF-8 and control
- * characters become U+FFFD. */
+ * characters become U+FFFD, as do the ends of lines U+0085, U+2028 and U+2029 where they have no code. */
 #ifndef RX_VALIDATE_ESCAPE_H
 #define RX_VALIDATE_ESCAPE_H
 

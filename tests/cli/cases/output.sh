@@ -195,6 +195,35 @@ else
     skip 'no /dev/full'
 fi
 
+begin 'a check-image to a full device: the catalogue stays away, too'
+make_fits tile tile.fits
+if [ -c /dev/full ]; then
+    expect 4 '^rextract: /dev/full: cannot be written' tile.fits $none -CHECKIMAGE_TYPE SEGMENTATION,BACKGROUND \
+        -CHECKIMAGE_NAME s.fits,/dev/full
+else
+    skip 'no /dev/full'
+fi
+
+for signal in USR1=138 USR2=140 QUIT=131 ALRM=142 XCPU=152; do
+    ends=${signal#*=} signal=${signal%=*}
+    for named in rextract rextract-simulate; do
+        begin "$named: SIG$signal leaves nothing"
+        of $named
+        make_fits large tile.fits
+        case $program in
+        */rextract) set -- tile.fits -RESTORE_TYPE RL -RL_NITER 1000 -PSF_TYPE MOFFAT -PSF_FWHM 3 ;;
+        *) set -- -IMAGE_SIZE 6000 -STAR_COUNT 20000 ;;
+        esac
+        if [ "$active" = 1 ]; then
+            list_files >../before
+            (ulimit -c 0 && exec timeout --foreground --preserve-status -s $signal 1 "$program" "$@" -VERBOSE_TYPE QUIET) \
+                >../out 2>../err </dev/null
+            echo $? >../code
+            judge "$ends" 'interrupted by a signal'
+        fi
+    done
+done
+
 begin 'help to a full device'
 if [ -c /dev/full ] && [ "$active" = 1 ]; then
     list_files >../before

@@ -36,9 +36,25 @@ begin 'self check: report where a file is'
 make_fits tile tile.fits && echo old >report
 expect 2 '^rextract: report' tile.fits $known $check -SELF_CHECK_NAME report
 
-begin 'self check: report in a folder with other things'
+begin 'self check: report in a folder with other things, before any work'
+says 2 # no default.sex
 make_fits tile tile.fits && mkdir report && echo mine >report/thesis.tex
-expect 2 '^rextract: report' tile.fits $known $check -SELF_CHECK_NAME report
+expect_exactly 2 '^rextract: report: is a folder with other content' tile.fits $known $check -SELF_CHECK_NAME report -VERBOSE_TYPE FULL
+
+begin 'self check: report in a folder that is not there, before any work'
+says 2 # no default.sex
+make_fits tile tile.fits
+expect_exactly 4 '^rextract: absent/report: cannot be written' tile.fits $known $check -SELF_CHECK_NAME absent/report -VERBOSE_TYPE FULL
+
+begin 'report: in a folder that is not there, before any work'
+says 2 # no default.sex
+make_fits tile tile.fits && make_fits table ref.fits
+expect_exactly 4 '^rextract: absent/qa: cannot be written' tile.fits $known -REFERENCE_NAME ref.fits -QA_NAME absent/qa -VERBOSE_TYPE FULL
+
+begin 'report: a reference without positions, before any work'
+says 3 # no default.sex, the PSF
+make_fits tile tile.fits && printf '# 1 NUMBER n\n# 2 MAG_AUTO m\n1 20\n' >ref.cat
+expect_exactly 3 '^rextract: ref\.cat: ' tile.fits $known -RESTORE_TYPE RL -REFERENCE_NAME ref.cat -VERBOSE_TYPE NORMAL
 
 begin 'self check: a tile without a good pixel'
 make_fits nan tile.fits

@@ -44,31 +44,20 @@ static void signal_ends_child_on_delivery_only(int number)
     assert_int_equal(WTERMSIG(how), number);
 }
 
-static void sigint_waits_for_delivery(void **state)
+/* Those of a terminal, of shells, and of batch systems. */
+static void signals_wait_for_delivery(void **state)
 {
+    static const int numbers[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU};
     (void)state;
-    signal_ends_child_on_delivery_only(SIGINT);
-}
-
-static void sigterm_waits_for_delivery(void **state)
-{
-    (void)state;
-    signal_ends_child_on_delivery_only(SIGTERM);
-}
-
-static void sighup_waits_for_delivery(void **state)
-{
-    (void)state;
-    signal_ends_child_on_delivery_only(SIGHUP);
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
+        signal_ends_child_on_delivery_only(numbers[i]);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_pending_is_fine),
-        cmocka_unit_test(sigint_waits_for_delivery),
-        cmocka_unit_test(sigterm_waits_for_delivery),
-        cmocka_unit_test(sighup_waits_for_delivery),
+        cmocka_unit_test(signals_wait_for_delivery),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

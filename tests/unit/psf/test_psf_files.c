@@ -168,7 +168,7 @@ static void test_image_sizes(void **state)
 {
     (void)state;
     const int sizes[][2] = {{25, 25}, {24, 24}, {25, 24}, {24, 31}, {40, 21}};
-    float pixels[64 * 64];
+    static float pixels[64 * 64];
     for (size_t k = 0; k < 5; k++) {
         int w = sizes[k][0], h = sizes[k][1];
         rx_psf *psf;
@@ -196,7 +196,7 @@ static void test_image_sizes(void **state)
 static void test_image_cut_to_size(void **state)
 {
     (void)state;
-    float pixels[64 * 64];
+    static float pixels[64 * 64];
     rx_psf *psf;
     gaussian(pixels, 60, 60, 29.5, 29.5, 1.0);
     write_image(in_folder("psf.fits"), pixels, 60, 60);
@@ -225,7 +225,7 @@ static void refuse_image(const float *pixels, int w, int h, const char *what)
 static void test_image_refused(void **state)
 {
     (void)state;
-    float pixels[64 * 64];
+    static float pixels[64 * 64];
     gaussian(pixels, 41, 41, 20, 20, 1.0);
     refuse_image(pixels, 41, 41, "larger than the tile");
     static float line[5001];

@@ -23,7 +23,7 @@ static float *map_of(void)
     const rx_background sky = {.width = SIDE, .height = SIDE, .level = level, .sigma = sigma};
     rx_error err = RX_ERROR_NONE;
     rx_map_maker *maker = NULL;
-    if (rx_noise_map(&tile, &sky, mask, 1, &maker, &err) != RX_OK)
+    if (rx_noise_map(&tile, &sky, mask, 1, 1, &maker, &err) != RX_OK)
         fail_msg("%s", err.text);
     const rx_map made = rx_map_made(maker, SIDE);
     float *map = calloc(SIDE * SIDE, sizeof *map);
@@ -100,7 +100,7 @@ static void test_pieces(void **unused)
     const rx_tile tile = {.width = LONG, .height = HIGH, .pixels = data, .mask = hidden};
     const rx_background sky = {.width = LONG, .height = HIGH, .levels.value = 20, .sigmas.value = usual};
     rx_map_maker *maker = NULL;
-    assert_int_equal(rx_noise_map(&tile, &sky, hidden, 0.5f, &maker, NULL), RX_OK);
+    assert_int_equal(rx_noise_map(&tile, &sky, hidden, 0.5f, 2, &maker, NULL), RX_OK);
     const rx_map map = rx_map_made(maker, LONG);
     float *whole = calloc(LONG * HIGH, sizeof *whole);
     assert_non_null(whole);

@@ -50,6 +50,17 @@ static void quoted(void **state)
     (void)state;
     check(rx_escape_quoted, "a\"b\\c\td", "\"a\\\"b\\\\c" FFFD "d\"");
     check(rx_escape_cell, "a\"b,c\\", "\"a\"\"b,c\\\"");
+    /* U+0085, U+2028, U+2029 end lines for YAML and Python */
+    check(rx_escape_quoted,
+          "a\xC2\x85"
+          "b\xE2\x80\xA8"
+          "c\xE2\x80\xA9",
+          "\"a\\u0085b\\u2028c\\u2029\"");
+    check(rx_escape_cell,
+          "a\xC2\x85"
+          "b\xE2\x80\xA8"
+          "c\xE2\x80\xA9",
+          "\"a" FFFD "b" FFFD "c" FFFD "\"");
 }
 
 static void reduced(void **state)
