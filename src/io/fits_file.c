@@ -183,9 +183,14 @@ static rx_status bzip2_failed(const char *path, const kind *about, rx_error *err
         "again");
 }
 
+void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL])
+{
+    snprintf(dst, RX_FITS_LITERAL, "%s%s", path[0] == '~' || path[0] == ' ' ? "./" : "", path);
+}
+
 static rx_status open_plain(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
 {
-    char literal[FLEN_FILENAME + 2];
+    char literal[RX_FITS_LITERAL];
     int failed = 0;
     const int file = open(path, O_RDONLY | O_CLOEXEC);
     rx_status status = file >= 0 ? rx_fits_walk(file, path, err) : RX_OK; /* cfitsio tells why */
@@ -193,8 +198,7 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
         close(file);
     if (status != RX_OK)
         return status;
-    /* cfitsio would make the home folder of a '~', and open another file than was looked at */
-    snprintf(literal, sizeof literal, "%s%s", path[0] == '~' ? "./" : "", path);
+    rx_fits_literal(path, literal);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
         if (about->bzip2 && failed == MEMORY_ALLOCATION)

@@ -46,6 +46,11 @@ typedef struct rx_fits_source {
 
 /* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err);
+
+/* The path as cfitsio has to be given it: it would make the home folder of a '~' at the beginning, drop blanks
+ * there, and open another file. */
+enum { RX_FITS_LITERAL = FLEN_FILENAME + 2 };
+void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL]);
 /* Bytes of the file that are in memory as long as it is open: padded, or unpacked by cfitsio; else 0. */
 size_t rx_fits_held(const rx_fits_source *source);
 void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of zeros is fine */

@@ -56,8 +56,10 @@ rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **d
         status = rx_error_at(err, RX_SYSTEM, shown, -1, 0, "the name is too long; give a shorter one");
         goto exit;
     }
+    char literal[RX_FITS_LITERAL];
+    rx_fits_literal(path, literal);
     fits_clear_errmsg();
-    if (fits_create_diskfile(&writer->file, path, &failed)) {
+    if (fits_create_diskfile(&writer->file, literal, &failed)) {
         writer->file = NULL;
         status = broken(writer, failed, err);
         goto exit;

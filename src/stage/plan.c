@@ -9,6 +9,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "psf/psf.h"
 #include "stage/inputs.h"
 #include "stage/plan_parts.h"
 
@@ -89,6 +90,19 @@ static rx_status same_shapes(const char *name, const rx_tile_shape *detect, int 
     return RX_OK;
 }
 
+/* Terms of the PSF of image i; a file that cannot be used is told of by the run. */
+static int count_terms(const rx_options *options, const rx_tile_shape *shape, int i)
+{
+    rx_psf *psf = NULL;
+    int terms = 1;
+    if (options->psf.type == RX_PSF_PSFEX && options->psf_files[0] != NULL &&
+        rx_psf_psfex(options->psf_files[0], i + 1, options->psf.size, shape->width, shape->height, NULL, &psf,
+                     NULL) == RX_OK)
+        terms = psf->nbasis;
+    rx_psf_free(psf);
+    return terms;
+}
+
 static rx_status fill(const rx_plan_job *job, rx_plan *plan, rx_error *err)
 {
     plan->images = job->n;
@@ -110,6 +124,7 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     rx_tile_shape *detect = NULL, *measure = NULL;
     rx_table *row = NULL;
     rx_plan *plan = NULL;
+    int *terms = NULL;
     char *names[2] = {NULL, NULL};
     rx_plan_job job = {0};
     int nmeasure = 0;
@@ -134,6 +149,14 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
         status = reference_size(options, &job.reference_bytes, err);
     if (status != RX_OK)
         goto exit;
+    terms = RX_NEW(int, (size_t)job.n);
+    if (terms == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (int i = 0; i < job.n; i++)
+        terms[i] = count_terms(options, &detect[i], i);
+    job.terms = terms;
     job.detect = detect;
     job.measure = measure;
     job.row = row;
@@ -145,6 +168,7 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
 exit:
     rx_plan_free(plan);
     rx_table_free(row);
+    free(terms);
     free(detect);
     free(measure);
     free(names[0]);

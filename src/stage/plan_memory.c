@@ -25,7 +25,17 @@ typedef struct load {
     const rx_plan_job *job;
     const rx_tile_shape *shape;
     double pixels, sources, threads; /* threads beyond the first */
+    int terms;                       /* of the PSF; 1: it is the same everywhere */
 } load;
+
+/* Spectra of a PSF that varies, and the planes that its terms are summed in, on one domain of the Fourier
+ * transforms. */
+static double terms_memory(const load *l)
+{
+    const rx_cost *cost = rx_cost_of(RX_COST_PSF_TERM);
+    const double domain = fmin(cost->fixed, cost->pixel * l->pixels);
+    return l->terms > 1 ? (l->terms + 1 + 2 * l->threads) * domain : 0;
+}
 
 static double take(const load *l, rx_cost_name name)
 {
@@ -100,7 +110,7 @@ static double restoration(const load *l, const rx_restorer *kind)
         bytes = fmax(bytes, richardson_lucy(l));
     if (name == RX_COST_NET && l->job->options->restore.verify_seams)
         bytes += take(l, RX_COST_SEAMS);
-    return bytes;
+    return name == RX_COST_NONE ? bytes : bytes + terms_memory(l);
 }
 
 /* Grows with the sources up to a limit. */
@@ -199,7 +209,8 @@ static double image_memory(const rx_plan_job *job, int i)
               .shape = shape,
               .pixels = rx_plan_pixels(shape),
               .sources = rx_plan_sources(job, shape),
-              .threads = options->nthreads - 1};
+              .threads = options->nthreads - 1,
+              .terms = job->terms[i]};
     double open = open_tile(&l, 0, shape), peak = 0;
     if (job->measure != NULL)
         open += open_tile(&l, 1, &job->measure[i]);
@@ -240,12 +251,13 @@ static double restoration_seconds(const load *l, const rx_restorer *kind)
 {
     const rx_restore_params *par = &l->job->options->restore;
     const rx_cost_name name = cost_of_kind(kind);
-    const double once = seconds(l, name);
-    if (name == RX_COST_RL)
-        return once * par->rl_niter;
+    const double once = seconds(l, name), varies = l->terms > 1;
+    if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
+        return once * par->rl_niter * (l->terms + 1) / 2;
     if (name == RX_COST_RL_BLIND)
-        return once * par->blind_cycles * par->blind_psf_niter;
-    return name == RX_COST_NET && par->verify_seams ? 2 * once : once;
+        return once * par->blind_cycles * par->blind_psf_niter * (1 + 0.7 * varies);
+    const double net = once + varies * (l->terms + 6) * seconds(l, RX_COST_PSF_TERM);
+    return name == RX_COST_NET ? net * (1 + par->verify_seams) : once;
 }
 
 /* The more crowded, the more neighbours a template has: at so many sources per Mpixel it takes twice as long.
@@ -255,7 +267,9 @@ static const double CROWDED = 5000;
 static double template_seconds(const load *l)
 {
     const double density = 1e6 * l->sources / fmax(l->pixels, 1);
-    return l->job->options->templates.wanted ? seconds(l, RX_COST_TEMPLATES) * (1 + density / CROWDED) : 0;
+    const double once = seconds(l, RX_COST_TEMPLATES) * (1 + density / CROWDED);
+    return l->job->options->templates.wanted ? once * (l->terms > 1 ? 1.8 : 1)
+                                             : 0; /* the PSF at each place */
 }
 
 /* How often the checks send a copy the same way. */
@@ -275,7 +289,8 @@ static double image_seconds(const rx_plan_job *job, int i)
     const int dual = job->measure != NULL;
     const load l = {.job = job,
                     .pixels = rx_plan_pixels(&job->detect[i]),
-                    .sources = rx_plan_sources(job, &job->detect[i])};
+                    .sources = rx_plan_sources(job, &job->detect[i]),
+                    .terms = job->terms[i]};
     double sum = (1 + dual) * seconds(&l, RX_COST_TILE);
     if (measures_psf(options))
         sum += (1 + dual) * seconds(&l, RX_COST_PSF_AUTO);

@@ -142,7 +142,7 @@ static void put_gauss(FILE *file, int width, int height, double fwhm)
 /* A primary image of one kind of pixels. */
 static void plain(FILE *file, long bitpix, int width, int height, const char *pixels, float value)
 {
-    header h;
+    static header h;
     const long axes[2] = {width, height};
     image_header(&h, 0, bitpix, 2, axes);
     put_header(file, &h, 1);
@@ -156,7 +156,8 @@ static void plain(FILE *file, long bitpix, int width, int height, const char *pi
 
 static void put_table(FILE *file, const char *form)
 {
-    header h = {.length = 0};
+    static header h;
+    h.length = 0;
     image_header(&h, 0, 8, 0, NULL);
     card(&h, "EXTEND", "T");
     put_header(file, &h, 1);
@@ -187,7 +188,7 @@ static void put_table(FILE *file, const char *form)
 
 static void put_extensions(FILE *file)
 {
-    header h;
+    static header h;
     const long axes[2] = {SIDE, SIDE};
     image_header(&h, 0, 8, 0, NULL);
     card(&h, "EXTEND", "T");
@@ -203,7 +204,7 @@ static void put_extensions(FILE *file)
 /* Headers that lie or break off. */
 static int broken(FILE *file, const char *kind)
 {
-    header h;
+    static header h;
     long axes[4] = {SIDE, SIDE, 3, 2};
     if (strcmp(kind, "bitpix") == 0) {
         image_header(&h, 0, 7, 2, axes);
@@ -276,7 +277,8 @@ static size_t last_header(const char *text, size_t length)
 static int amend(const char *name, int ncards, char **cards)
 {
     static char text[1 << 22];
-    header h = {.length = 0};
+    static header h;
+    h.length = 0;
     FILE *file = fopen(name, "rb");
     const size_t length = file != NULL ? fread(text, 1, sizeof text, file) : 0,
                  start = last_header(text, length);

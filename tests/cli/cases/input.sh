@@ -6,6 +6,11 @@ moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
 
 # --- the image
 
+begin 'names with a blank at the beginning, beside files of the names without it'
+make_fits tile ' a.fits' && make_fits psf ' psf.fits' && make_fits table ' ref.fits' && : >a.fits && : >psf.fits && : >ref.fits
+leaves test.cat qa
+expect 0 '' ' a.fits' -RESTORE_TYPE RL -RL_NITER 2 -PSF_TYPE FILE -PSF_NAME '" psf.fits"' -REFERENCE_NAME ' ref.fits' -QA_FIGURES N -QA_NAME qa
+
 begin 'image that is not there'
 expect 3 '^rextract: absent\.fits: cannot be opened: No such file or directory' absent.fits $none
 

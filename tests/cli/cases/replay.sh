@@ -28,6 +28,16 @@ for type in FITS_1.0 FITS_LDAC ASCII_HEAD ASCII_VOTABLE; do
     expect 0 '' -REPLAY "$(printf '%s' "${out}_RL.cat" | sed 's/\$\$/$/')" -NTHREADS 2
 done
 
+begin 'replay: names that begin with a blank, beside others'
+make_fits tile ' a.fits' && : >a.fits && : >x.cat && : >r.fits
+made ' a.fits' -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME ' x.cat' -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME '" r.fits"'
+expect 0 '' -REPLAY ' x.cat' -NTHREADS 2
+
+begin 'replay: an image whose name begins with a blank'
+make_fits tile ' a.fits' && : >a.fits && : >r.fits
+made ' a.fits' -RESTORE_TYPE NONE -CATALOG_TYPE NONE -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME '" r.fits"'
+expect 0 '' -REPLAY ' r.fits'
+
 for threads in 1 2 3; do
     begin "replay: images, $threads threads"
     make_fits extensions tile.fits
