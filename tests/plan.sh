@@ -38,6 +38,31 @@ plan a.fits -PLAN_DENSITY 100 -NTHREADS 1 && cp out less && plan a.fits -PLAN_DE
     and t[0]["memory_bytes"] > json.load(open("less"))["all"]["memory_bytes"] and a["cpu_seconds"] > json.load(open("less"))["all"]["cpu_seconds"]'
 result 'more sources and threads take more' $? err
 
+if $python - 2>err <<'END'
+import numpy as np
+from astropy.io import fits
+y, x = np.mgrid[-10:11, -10:11]
+g = [np.exp(-4 * np.log(2) * (x * x + y * y) / w**2) for w in (3.0, 3.2, 3.4, 3.6, 3.8, 4.0)]
+g = [v / v.sum() for v in g]
+basis = np.array([g[0]] + [v - g[0] for v in g[1:]], "f4")
+t = fits.BinTableHDU.from_columns([fits.Column("PSF_MASK", f"{basis.size}E", dim="(21,21,6)", array=basis[None])], name="PSF_DATA")
+t.header.update(POLNAXIS=2, POLNAME1="X_IMAGE", POLNAME2="Y_IMAGE", POLZERO1=48.0, POLZERO2=32.0, POLSCAL1=96.0, POLSCAL2=96.0, POLGRP1=1,
+                POLGRP2=1, POLNGRP=1, POLDEG1=2, PSF_FWHM=3.0, PSF_SAMP=1.0, PSFNAXIS=3, PSFAXIS1=21, PSFAXIS2=21, PSFAXIS3=6)
+t.writeto("../varying.psf")
+END
+then
+    seconds() { $python -c "import json; print(json.load(open('$1'))['all']['cpu_seconds'])"; }
+    same='a.fits -PLAN_DENSITY 1 -RL_NITER 1000'
+    # shellcheck disable=SC2086 # a list of arguments
+    plan $same -RESTORE_TYPE RL -PSF_TYPE MOFFAT -PSF_FWHM 3 && cp out less &&
+        plan $same -RESTORE_TYPE RL -PSF_TYPE PSFEX -PSF_NAME ../varying.psf &&
+        $python -c "import sys; sys.exit(not 2.5 < $(seconds out) / $(seconds less) < 4)" && says 'a["memory_bytes"] >
+            json.load(open("less"))["all"]["memory_bytes"]'
+    result 'six terms of a PSF take three and a half times the transforms' $? err
+else
+    skip 'a PSF that varies' 'no astropy'
+fi
+
 printf 'a.fits\nb.fits -RESTORE_TYPE RL_BLIND\n' >tiles.list
 plan @tiles.list -RESTORE_TYPE NONE -CATALOG_NAME '{tile}.cat' && says 'len(t) == 2 and a["failed"] == 0
     and a["memory_bytes"] == t[1]["memory_bytes"] > t[0]["memory_bytes"]

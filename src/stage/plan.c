@@ -90,6 +90,22 @@ static rx_status same_shapes(const char *name, const rx_tile_shape *detect, int 
     return RX_OK;
 }
 
+/* Terms that restorers do not leave out as negligible. */
+static int matter(const rx_psf *psf)
+{
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    double peak = 0;
+    int terms = 0;
+    for (int i = 0; i < psf->nbasis; i++) {
+        double most = 0;
+        for (size_t k = 0; k < n; k++)
+            most = fmax(most, fabs(psf->basis[n * (size_t)i + k]));
+        peak = i == 0 ? most : peak;
+        terms += i == 0 || most > 1e-6 * peak;
+    }
+    return terms;
+}
+
 /* Terms of the PSF of image i; a file that cannot be used is told of by the run. */
 static int count_terms(const rx_options *options, const rx_tile_shape *shape, int i)
 {
@@ -98,7 +114,7 @@ static int count_terms(const rx_options *options, const rx_tile_shape *shape, in
     if (options->psf.type == RX_PSF_PSFEX && options->psf_files[0] != NULL &&
         rx_psf_psfex(options->psf_files[0], i + 1, options->psf.size, shape->width, shape->height, NULL, &psf,
                      NULL) == RX_OK)
-        terms = psf->nbasis;
+        terms = matter(psf);
     rx_psf_free(psf);
     return terms;
 }

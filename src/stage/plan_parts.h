@@ -16,7 +16,7 @@ typedef struct rx_plan_job {
     const rx_table *row;          /* the catalogue's columns, without rows */
     size_t record_cards;          /* of the run's record */
     double reference_bytes;       /* of the reference catalogue's file, 0 = none */
-    const int *terms;             /* [n] of the PSF; 1: it is the same everywhere, or not known before the run */
+    const int *terms; /* [n] of the PSF; 1: it is the same everywhere, or not known before the run */
 } rx_plan_job;
 
 double rx_plan_pixels(const rx_tile_shape *shape);
