@@ -10,6 +10,7 @@
 #include "../near.h"
 #include "network_model.h"
 #include "restore/network.h"
+#include "restore/network_data.h"
 #include "sky.h"
 
 enum { WIDTH = 230, HEIGHT = 171 };
@@ -404,6 +405,35 @@ static void half_precision(void **state)
     sky_free(&s);
 }
 
+/* Cells of 16 pixels, bilinear between their centres, held beyond the outer ones; in any pieces. */
+static void coarse_maps_are_bilinear(void **state)
+{
+    (void)state;
+    enum { NX = 4, NY = 3, CELL = 16 };
+    float value[NX * NY], row[NX * CELL], piece[7];
+    const rx_coarse coarse = {NX, NY, value};
+    for (int k = 0; k < NX * NY; k++)
+        value[k] = (float)(1 + 0.3 * k + 2 * sin(3 * k));
+    for (int y = 0; y < NY * CELL; y++) {
+        const double v = fmin(fmax((y + 0.5) / CELL - 0.5, 0), NY - 1);
+        const int j = v < NY - 2 ? (int)v : NY - 2;
+        rx_coarse_row(&coarse, y, 0, NX * CELL, row);
+        for (int x = 0; x < NX * CELL; x++) {
+            const double u = fmin(fmax((x + 0.5) / CELL - 0.5, 0), NX - 1);
+            const int i = u < NX - 2 ? (int)u : NX - 2;
+            const float *at = value + j * NX + i;
+            const double low = at[0] + (u - i) * (at[1] - at[0]),
+                         high = at[NX] + (u - i) * (at[NX + 1] - at[NX]);
+            assert_near(row[x], low + (v - j) * (high - low), 1e-5);
+        }
+        for (int x = 0; x + 7 <= NX * CELL; x += 7) {
+            rx_coarse_row(&coarse, y, x, 7, piece);
+            for (int k = 0; k < 7; k++)
+                assert_near(piece[k], row[x + k], 1e-5);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -418,6 +448,7 @@ int main(void)
         cmocka_unit_test(refusals),
         cmocka_unit_test(who_must_have_a_psf),
         cmocka_unit_test(half_precision),
+        cmocka_unit_test(coarse_maps_are_bilinear),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
