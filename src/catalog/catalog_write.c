@@ -62,13 +62,27 @@ static void add_ldac_keys(const rx_table *table, rx_text *cards)
             rx_card_number(cards, keys[i][1], value, keys[i][2]);
 }
 
+/* In which system and when the image was taken, as its header has it. */
+static void add_epoch(rx_text *dst, const rx_table *table)
+{
+    static const char *const keys[] = {"RADESYS ", "RADECSYS", "EQUINOX ", "DATE-OBS"};
+    for (size_t k = 0; k < sizeof keys / sizeof *keys; k++)
+        for (long i = 0; table->cards != NULL && i < table->ncards; i++)
+            if (strncmp(table->cards + 80 * i, keys[k], 8) == 0 && table->cards[80 * i + 8] == '=') {
+                rx_text_add_bytes(dst, table->cards + 80 * i, 80);
+                break;
+            }
+}
+
 /* What made one table: its own facts first, then the record of the run. */
 static rx_status table_cards(rx_catalog_type type, const rx_table *table, const rx_record_pair *record,
                              int npairs, rx_text *cards, rx_error *err)
 {
     cards->length = 0;
-    if (type == RX_CATALOG_FITS_LDAC)
+    if (type == RX_CATALOG_FITS_LDAC) /* it holds the image's header as a whole */
         add_ldac_keys(table, cards);
+    else
+        add_epoch(cards, table);
     if (table->facts != NULL)
         rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
     for (int i = 0; i < npairs; i++)

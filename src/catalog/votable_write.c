@@ -209,6 +209,7 @@ rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_
                        " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
     for (int i = 0; i < npairs; i++)
         add_record(&text, &record[i], &cell);
+    rx_text_add(&text, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
     rx_status status = RX_OK;
     for (int i = 0; i < n && status == RX_OK; i++)
         status = write_table(file, tables[i], i + 1, &text, &cell, err);

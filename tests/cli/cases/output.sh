@@ -280,6 +280,19 @@ elif [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+begin 'catalogues say in which system positions are'
+make_fits tile tile.fits "RADESYS = 'FK5'" 'EQUINOX = 2000.0' "DATE-OBS= '2011-12-13'"
+if [ "$active" = 1 ]; then
+    leaves test.cat
+    run tile.fits $none -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET
+    for card in "RADESYS = 'FK5'" 'EQUINOX = 2000.0' "DATE-OBS= '2011-12-13'"; do
+        [ "$(grep -aoF "$card" test.cat | wc -l)" = 1 ] || echo "not one $card" >>../err
+    done
+    "$program" tile.fits $none -CATALOG_TYPE ASCII_VOTABLE -CATALOG_NAME STDOUT -VERBOSE_TYPE QUIET 2>/dev/null |
+        grep -q '<COOSYS ID="J2000" equinox="J2000" epoch="J2000" system="ICRS"/>' || echo 'no COOSYS' >>../err
+    judge 0 ''
+fi
+
 # SExtractor's own files, as a survey has them: no word about keywords without effect.
 begin 'configuration, columns and filter of SExtractor'
 make_fits tile tile.fits
