@@ -472,10 +472,10 @@ static void test_compressed_scale_first(void **state)
     long axes[2] = {SIDE, SIDE};
     for (size_t t = 0; t < sizeof types / sizeof *types; t++)
         for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
-            double pixels[SIDE * SIDE];
-            uint16_t shorts[SIDE * SIDE];
-            int8_t bytes[SIDE * SIDE];
-            uint32_t words[SIDE * SIDE];
+            static double pixels[SIDE * SIDE];
+            static uint16_t shorts[SIDE * SIDE];
+            static int8_t bytes[SIDE * SIDE];
+            static uint32_t words[SIDE * SIDE];
             void *const stored[] = {shorts, bytes, words};
             fitsfile *file = NULL;
             int failed = 0;
