@@ -61,10 +61,12 @@ static void account(rx_run *run, const work *w, rx_log *log)
              "pixels, FLUX_AUTO %.3f +- %.3f of these",
              check->n, check->wide, check->wide_error, check->diameter, check->automatic,
              check->automatic_error);
+    rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     if (rx_fluxcheck_is_off(check))
-        rx_log_warning(log, "%s[%d]: %s: the flux scale is off: %s", tile->name, tile->hdu, run->label, text);
-    else
-        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+        rx_log_warning(
+            log, "%s[%d]: %s: the flux scale is off: restored/untouched %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
+            tile->name, tile->hdu, run->label, check->wide, check->wide_error, check->automatic,
+            check->automatic_error);
     snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
 }
 
@@ -117,7 +119,7 @@ static void tell_sources(const rx_run *run, const work *w, rx_log *log)
     const rx_tile *tile = w->detect->tile;
     const rx_fluxcheck *check = &w->probe.photometry.check;
     char fluxes[64] = "", marked[64] = "";
-    if (check->n > 0)
+    if (check->n > 0 && !rx_fluxcheck_is_off(check)) /* else the warning says so */
         snprintf(fluxes, sizeof fluxes, ", flux restored/untouched %.4f +- %.4f", check->wide,
                  check->wide_error);
     if (run->tested && w->probe.templates.invented > 0)

@@ -305,7 +305,7 @@ elif [ "$active" = 1 ]; then
     printf 'NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\nFLAGS\nCLASS_STAR\n' >default.param
     leaves test.cat
     run tile.fits $none
-    grep -v '^rextract: tile\.fits' ../err >../warnings
+    grep -Ev '^rextract: (tile\.fits|written: )' ../err >../warnings
     mv ../warnings ../err
     judge 0 ''
 fi
