@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -39,6 +40,7 @@ static const word_value catalog_types[] = {{"NONE", RX_CATALOG_NONE},
                                            {"ASCII_SKYCAT", RX_CATALOG_ASCII_SKYCAT},
                                            {"ASCII_VOTABLE", RX_CATALOG_VOTABLE},
                                            {"FITS_1.0", RX_CATALOG_FITS_1_0},
+                                           {"FITS", RX_CATALOG_FITS_1_0},
                                            {"FITS_LDAC", RX_CATALOG_FITS_LDAC}};
 static const word_value flag_types[] = {{"OR", 0}, {"AND", 1}, {"MIN", 2}, {"MAX", 3}, {"MOST", 4}};
 static const word_value assoc_types[] = {{"FIRST", RX_ASSOC_FIRST}, {"NEAREST", RX_ASSOC_NEAREST},
@@ -439,6 +441,18 @@ static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *
     return status;
 }
 
+/* Readers of tables go by the name: they will not open a text that is called cat.fits. */
+static void catalog_options(const rx_config *cfg, rx_log *log, rx_options *dst)
+{
+    const char *end = strrchr(cfg->catalog_name, '.');
+    dst->catalog_name = cfg->catalog_name;
+    dst->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
+    if (strncmp(cfg->catalog_type, "ASCII", 5) == 0 && end != NULL &&
+        (strcasecmp(end, ".fits") == 0 || strcasecmp(end, ".fit") == 0))
+        rx_log_warning(log, "%s is no FITS file but %s; give CATALOG_TYPE FITS, or another CATALOG_NAME",
+                       cfg->catalog_name, cfg->catalog_type);
+}
+
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
     rx_options *options = RX_NEW(rx_options, 1);
@@ -447,8 +461,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     options->nthreads = cfg->plan ? rx_threads_wanted(cfg->nthreads) /* of a run that may be elsewhere */
                                   : rx_threads_had(cfg->nthreads, log);
     options->plan_density = cfg->plan_density;
-    options->catalog_name = cfg->catalog_name;
-    options->catalog_type = (rx_catalog_type)VALUE(catalog_types, cfg->catalog_type);
+    catalog_options(cfg, log, options);
     for (int role = 0; role < 2; role++)
         background_options(cfg, role, options->nthreads, &options->background[role]);
     restore_options(cfg, options);

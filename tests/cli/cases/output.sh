@@ -293,6 +293,40 @@ if [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+# Two spellings that users mix up, and a name that misleads other programs.
+begin 'CATALOG_TYPE FITS is FITS_1.0'
+make_fits tile tile.fits
+leaves test.fits
+if [ "$active" = 1 ]; then
+    run tile.fits $none -CATALOG_TYPE FITS -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
+    [ "$(head -c 6 test.fits)" = SIMPLE ] || echo 'no FITS file' >>../err
+    judge 0 ''
+fi
+
+for word in ASCII_HEAD ASCII_VOTABLE; do
+    for end in fits FIT; do
+        begin "$word in a file that is called .$end"
+        make_fits tile tile.fits
+        leaves test.$end
+        if [ "$active" = 1 ]; then
+            run tile.fits $none -CATALOG_TYPE $word -CATALOG_NAME test.$end
+            grep 'warning: test' ../err >../warnings
+            mv ../warnings ../err
+            judge 0 "warning: test\.$end is no FITS file but $word; give CATALOG_TYPE FITS"
+        fi
+    done
+done
+
+begin 'no word about a FITS catalogue that is called .cat'
+make_fits tile tile.fits
+leaves test.cat
+if [ "$active" = 1 ]; then
+    run tile.fits $none -CATALOG_TYPE FITS
+    grep 'warning: test' ../err >../warnings
+    mv ../warnings ../err
+    judge 0 ''
+fi
+
 # SExtractor's own files, as a survey has them: no word about keywords without effect.
 begin 'configuration, columns and filter of SExtractor'
 make_fits tile tile.fits
