@@ -189,14 +189,22 @@ rx_status rx_votable_digest(const rx_table *table, char dst[RX_HASH_TEXT], rx_er
     return status;
 }
 
-/* A line of the record: text that XML could not hold is escaped as it is in other formats. */
-static void add_record(rx_text *dst, const rx_record_pair *pair, rx_text *value)
+/* Line i of the record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
+ * hold is escaped as it is in other formats. */
+static void add_record(rx_text *dst, const rx_record_pair *record, int i, rx_text *value)
 {
+    char name[80], number[12] = "";
+    int count = 1;
+    for (int k = 0; k < i; k++)
+        count += strcmp(record[k].name, record[i].name) == 0;
+    if (count > 1)
+        snprintf(number, sizeof number, "%d", count);
+    snprintf(name, sizeof name, "%s%s", record[i].name, number);
     value->length = 0;
-    rx_printable_add(value, pair->value != NULL ? pair->value : "");
+    rx_printable_add(value, record[i].value != NULL ? record[i].value : "");
     dst->failed |= value->failed;
     if (!value->failed)
-        add_param(dst, pair->name, value->data, pair->comment);
+        add_param(dst, name, value->data, record[i].comment);
 }
 
 rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
@@ -208,7 +216,7 @@ rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_
                        "<RESOURCE type=\"results\">\n"
                        " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
     for (int i = 0; i < npairs; i++)
-        add_record(&text, &record[i], &cell);
+        add_record(&text, record, i, &cell);
     rx_text_add(&text, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
     rx_status status = RX_OK;
     for (int i = 0; i < n && status == RX_OK; i++)

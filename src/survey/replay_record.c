@@ -194,6 +194,14 @@ static void read_entities(char *text)
     *to = '\0';
 }
 
+/* Length of a PARAM's name without the number of READ2, MADE3, which are READ and MADE elsewhere. */
+static size_t without_number(const char *name, size_t length)
+{
+    const size_t plain = 4;
+    const bool numbered = strncmp(name, "READ", plain) == 0 || strncmp(name, "MADE", plain) == 0;
+    return numbered && strspn(name + plain, "0123456789") == length - plain ? plain : length;
+}
+
 /* Of a VOTable that nobody has laid out anew: PARAMs and rows stand in lines of their own. */
 static rx_status take_votable(reading *r, char *line, rx_hash *rows, int *in_table, rx_error *err)
 {
@@ -220,7 +228,8 @@ static rx_status take_votable(reading *r, char *line, rx_hash *rows, int *in_tab
     if (value == NULL)
         return RX_OK;
     rx_text text = {0};
-    rx_text_add_bytes(&text, line + sizeof param - 1, (size_t)(value - line) - (sizeof param - 1));
+    const char *name = line + sizeof param - 1;
+    rx_text_add_bytes(&text, name, without_number(name, (size_t)(value - name)));
     value += sizeof middle - 1;
     value[strcspn(value, "\"")] = '\0';
     read_entities(value);

@@ -74,6 +74,23 @@ expect 0 '' -REPLAY cov.fits
 expect 3 '^rextract: my\.param: has changed since it was read \(PARAMETERS_NAME of the run that wrote test\.cat\); give it as it was$' \
     -REPLAY test.cat
 
+begin 'replay: a VOTable names each PARAM once'
+make_fits tile tile.fits
+make_fits ones weight.fits
+printf 'NUMBER\nX_IMAGE\n' >my.param
+leaves made.out
+made tile.fits $moffat -RESTORE_TYPE NONE,RL -CATALOG_TYPE ASCII_VOTABLE -WEIGHT_TYPE MAP_WEIGHT \
+    -WEIGHT_IMAGE weight.fits -PARAMETERS_NAME my.param
+if [ "$active" = 1 ]; then
+    run -REPLAY test_RL.cat -VERBOSE_TYPE QUIET
+    sed -n 's/^ *<PARAM name="\([^"]*\)".*/\1/p' test_RL.cat | sort | uniq -d >>../err
+    [ "$(grep -Ec 'name="READ([23])?"' test_RL.cat)" = 3 ] || echo 'not READ, READ2, READ3' >>../err
+    judge 0 ''
+    printf 'NUMBER\n' >my.param
+    run -REPLAY test_RL.cat -VERBOSE_TYPE QUIET
+    judge 3 '^rextract: my\.param: has changed since it was read'
+fi
+
 begin 'replay: two images, the catalogue from standard output'
 make_fits tile a.fits
 make_fits tile b.fits
