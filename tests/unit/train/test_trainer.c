@@ -17,6 +17,7 @@
 #include "../scratch.h"
 #include "base/interrupt.h"
 #include "base/random.h"
+#include "base/threads.h"
 #include "train/epoch_test.h"
 #include "train/setup.h"
 #include "train/trainer.h"
@@ -83,9 +84,9 @@ static void networks_follow_the_keywords(void **state)
     assert_int_equal(model->seed, 3);
     rx_model_free(model);
     rx_train_config_free(config);
-    assert_int_equal(rx_setup_threads(3), 3);
-    assert_int_equal(rx_setup_threads(-1), 1);
-    assert_true(rx_setup_threads(0) >= 1);
+    assert_int_equal(rx_threads_wanted(3), 3);
+    assert_int_equal(rx_threads_wanted(-1), 1);
+    assert_true(rx_threads_wanted(0) >= 1);
 }
 
 /* --- gradients --- */
