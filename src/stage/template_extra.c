@@ -34,7 +34,8 @@ typedef struct search {
     rx_template_extra *extra;
     rx_leftover leftover;
     double threshold;
-    place *taken; /* [extra->sources->n] by y */
+    place *taken;             /* [extra->sources->n] by y */
+    unsigned char *saturated; /* [extra->sources->n] by segment - 1: holds saturated pixels */
 } search;
 
 /* A pixel of an added source. */
@@ -111,6 +112,28 @@ static int on_a_source(const search *of, const rx_source *s)
     return 0;
 }
 
+/* Around a core that is cut off no template fits: its errors would stand as a ring of sources. */
+static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **dst, rx_error *err)
+{
+    const rx_sources *sources = extra->sources;
+    const size_t npixels = (size_t)sources->width * (size_t)sources->height;
+    unsigned char *saturated = RX_NEW(unsigned char, (size_t)sources->n);
+    if (saturated == NULL)
+        return rx_error_memory(err, (size_t)sources->n);
+    for (size_t i = 0; i < npixels; i++)
+        if ((extra->mask[i] & RX_MASK_SATURATED) != 0 && sources->segments[i] > 0)
+            saturated[sources->segments[i] - 1] = 1;
+    *dst = saturated;
+    return RX_OK;
+}
+
+static int in_a_saturated_star(const search *of, const rx_source *s)
+{
+    const rx_sources *sources = of->extra->sources;
+    const int32_t segment = sources->segments[(size_t)s->ypeak * (size_t)sources->width + (size_t)s->xpeak];
+    return segment > 0 && of->saturated[segment - 1];
+}
+
 /* Which of what ends in the rows from .. to - 1 is taken; the threshold for measuring a source is that of its
  * peak before the filter. */
 static rx_status choose(const search *of, int from, int to, rx_sources *found, rx_error *err)
@@ -134,7 +157,7 @@ static rx_status choose(const search *of, int from, int to, rx_sources *found, r
         rx_source *s = &found->list[i];
         keep[i] = s->ymax >= from && s->ymax < to && s->x >= margin && s->y >= margin &&
                   s->x <= width - 1 - margin && s->y <= height - 1 - margin && hidden(&spots[i]) &&
-                  !on_a_source(of, s);
+                  !on_a_source(of, s) && !in_a_saturated_star(of, s);
         s->analysis_threshold = of->threshold * spots[i].sigma;
     }
     status = rx_sources_select(found, keep, err);
@@ -263,6 +286,8 @@ static rx_status find_all(search *of, rx_error *err)
     const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
     const int rows = (BAND / width / STEP + 1) * STEP;
     rx_status status = sort_taken(extra->sources, &of->taken, err);
+    if (status == RX_OK)
+        status = mark_saturated(extra, &of->saturated, err);
     if (status != RX_OK)
         return status;
     extra->found = RX_NEW(rx_sources, 1);
@@ -303,6 +328,7 @@ rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (*
     if (status == RX_OK)
         status = positions(extra->found, dst, n, err);
     free(of.taken);
+    free(of.saturated);
     rx_filter_free(&filter);
     return status;
 }

@@ -15,6 +15,7 @@ typedef struct rx_template_extra {
     double threshold;               /* S/N in a filter that matches the PSF */
     const rx_psf *psf;
     const float *pixels;       /* [h][w] ADU, of the tile */
+    const uint8_t *mask;       /* [h][w] RX_MASK_* bits, of the tile */
     rx_map level;              /* ADU */
     const rx_sources *sources; /* that have templates already */
     int nthreads;
@@ -30,7 +31,7 @@ typedef struct rx_template_extra {
  * stands alone was there to be seen, and the detection threshold has decided on it. A tenth of the brightest
  * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
  * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
- * taken. Errors: RX_SYSTEM, RX_USAGE. */
+ * taken, nor in a source with saturated pixels. Errors: RX_SYSTEM, RX_USAGE. */
 rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
                                  rx_error *err);
 

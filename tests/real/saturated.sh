@@ -1,6 +1,7 @@
 #!/bin/sh
 # Saturated stars of a real tile under Richardson-Lucy and the network: each is one source with FLAGS 4, its AUTO
-# and template magnitudes those of RESTORE_TYPE NONE within 0.01 and 0.02 mag (validation/saturated.py). Needs the real images: RX_SHARED_DATA.
+# and template magnitudes those of RESTORE_TYPE NONE within 0.01 and 0.02 mag (validation/saturated.py), and the
+# templates' second look adds nothing to it. Needs the real images: RX_SHARED_DATA.
 set -u
 : "${RX_PROGRAM:?the rextract to test}" "${srcdir:?where the sources are}"
 data=${RX_SHARED_DATA:-}
@@ -18,7 +19,7 @@ passed=0 failed=0
 tile() {
     name=$1 image=$2 level=$3
     shift 3
-    printf '%s\n' NUMBER X_IMAGE Y_IMAGE FLAGS FLAGS_RESTORE MAG_AUTO MAG_TEMPLATE >columns.param
+    printf '%s\n' NUMBER X_IMAGE Y_IMAGE FLAGS MAG_AUTO MAG_TEMPLATE >columns.param
     if ! "$RX_PROGRAM" "$image" -RESTORE_TYPE NONE,RL,NET -NET_MODEL "$srcdir/config/psfnet.fits" -VERBOSE_TYPE QUIET \
         -FILTER_NAME "$srcdir/config/default.conv" -PARAMETERS_NAME columns.param -SATUR_LEVEL "$level" \
         -CATALOG_TYPE FITS_1.0 -CATALOG_NAME c.cat -CHECKIMAGE_TYPE SEGMENTATION,IDENTICAL \
