@@ -1,6 +1,7 @@
 /* Ctrl-C without global state: the program blocks the signals that end it (SIGINT, SIGTERM,
- * SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU) at its start, long loops ask whether one is pending and unwind as after any error, so that
- * every temporary file goes; main then unblocks and the signal takes its effect. */
+ * SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU) at its start, long loops ask whether one is pending
+ * and unwind as after any error, so that every temporary file goes; main then unblocks and the signal takes
+ * its effect. */
 #ifndef RX_BASE_INTERRUPT_H
 #define RX_BASE_INTERRUPT_H
 

@@ -23,7 +23,8 @@ typedef struct rx_lines {
  * either case. */
 rx_status rx_lines_open(rx_lines *lines, const char *path, int64_t from, rx_error *err);
 
-/* *line without its end (and the first one of a file without a byte order mark), to be changed at will, there until the next one is asked for; NULL after the last.
+/* *line without its end (and the first one of a file without a byte order mark), to be changed at will, there
+ * until the next one is asked for; NULL after the last.
  * Errors: RX_INPUT (NUL bytes, a line of more than 16 MiB, a disk that fails), RX_SYSTEM. */
 rx_status rx_lines_next(rx_lines *lines, char **line, rx_error *err);
 

@@ -29,7 +29,7 @@ rx_status rx_campaign_options(const rx_campaign_config *campaign, rx_log *log, r
         return status;
     }
     (*dst)->nthreads = (*dst)->restore.nthreads = (*dst)->measure.nthreads = 1;
-    (*dst)->templates.par.nthreads = 1;
+    (*dst)->detect.nthreads = (*dst)->templates.par.nthreads = 1;
     return RX_OK;
 }
 

@@ -20,9 +20,9 @@ typedef enum rx_action {
 
 typedef struct rx_arguments {
     rx_action action;
-    char *
-        image; /* rextract, RUN: "tile.fits", "detect.fits,measure.fits" or "@list"; rextract-survey: names of
-                    files of records, or "@list", a line each; INFO, REPLAY: the file; else NULL */
+    /* rextract, RUN: "tile.fits", "detect.fits,measure.fits" or "@list"; rextract-survey: names of files of
+     * records, or "@list", a line each; INFO, REPLAY: the file; else NULL */
+    char *image;
     rx_settings *settings; /* of the table; RUN and REPLAY only, else NULL */
 } rx_arguments;
 

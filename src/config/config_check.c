@@ -84,6 +84,9 @@ static rx_status check_report(const rx_config *config, rx_error *err)
 static rx_status check_self(const rx_config *config, rx_error *err)
 {
     const rx_reals *mag = &config->self_check_mag;
+    if (config->self_check_galaxies < 0 && config->self_check_galaxies != -1)
+        return REFUSE(SELF_CHECK_GALAXIES, "%g is no share; give 0 to 1, or -1 for that of the tile",
+                      config->self_check_galaxies);
     if (mag->n == 1)
         return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
     if (mag->n == 2 && mag->v[0] > mag->v[1])

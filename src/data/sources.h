@@ -43,7 +43,7 @@ enum {
 };
 
 /* FLAGS_RESTORE: what the untouched pixels say of a source, and whose work it is. INVENTED and SHRED mark it
- * as made up by the restorer; see rx_source_made_up(). */
+ * as spurious; see rx_source_made_up(). */
 enum {
     RX_RESTORE_INVENTED = 1, /* not significant on them, its neighbours fitted */
     RX_RESTORE_SHRED = 2,    /* a neighbour's own model takes its light */

@@ -23,9 +23,9 @@ typedef struct rx_blankcheck {
     rx_estimate rate; /* false detections per Mpixel, exact Poisson interval at 95 % */
     double upper;     /* one-sided 95 % upper limit per Mpixel */
     double sky;       /* Mpixel of the tile itself, neither masked nor of a source */
-    rx_estimate
-        real; /* of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise
-                         alone: pieces and ghosts of real sources count as real. n: detections, 0 = none */
+    /* Of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise alone: pieces and
+     * ghosts of real sources count as real. n: detections, 0 = none */
+    rx_estimate real;
 } rx_blankcheck;
 
 /* The noise of the untouched tile where `segments` has no source within two FWHM (or nearer, when that leaves

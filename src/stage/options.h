@@ -110,7 +110,7 @@ void rx_options_free(rx_options *options);
 /* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
  * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. Where it is looked for:
  * rx_input_model() (stage/inputs.h). A model whose training has not ended is taken with a warning where
- * NET_MODEL was set. Errors: RX_INPUT (such a model otherwise, too), RX_SYSTEM. */
+ * NET_MODEL was set. Errors: RX_INPUT (such a model where it was not), RX_SYSTEM. */
 rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err);
 
 #endif

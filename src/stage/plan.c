@@ -90,7 +90,8 @@ static rx_status same_shapes(const char *name, const rx_tile_shape *detect, int 
     return RX_OK;
 }
 
-/* Terms that restorers do not leave out as negligible. */
+/* Terms whose image is not negligible beside the first; a restorer may leave out more, where the tile has a
+ * term's coefficient near 0. */
 static int matter(const rx_psf *psf)
 {
     const size_t n = (size_t)psf->size * (size_t)psf->size;
@@ -106,7 +107,7 @@ static int matter(const rx_psf *psf)
     return terms;
 }
 
-/* Terms of the PSF of image i; a file that cannot be used is told of by the run. */
+/* Terms of the PSF of image i; the run refuses a file that cannot be used. */
 static int count_terms(const rx_options *options, const rx_tile_shape *shape, int i)
 {
     rx_psf *psf = NULL;

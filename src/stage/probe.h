@@ -39,9 +39,9 @@ typedef struct rx_probe {
 /* restore -> detect -> templates where wanted -> measure. `measure` NULL without dual-image mode. A kind that
  * must have a PSF runs as NONE on a field that is `unrestorable`, the network as OUT_OF_DOMAIN says on one
  * that it was not trained for (stage/domain.h): dst->by then names what ran, every source is marked
- * RX_RESTORE_OTHER, and the log has a warning; without restore.fallback it is RX_NOT_RESTORED. May run in several threads at the same time, on options and
- * fields that nobody changes meanwhile: log then NULL; the same result as alone. Free with rx_probe_free(),
- * not after an error: nothing is left then. */
+ * RX_RESTORE_OTHER, and the log has a warning; without restore.fallback it is RX_NOT_RESTORED. May run in
+ * several threads at the same time, on options and fields that stay as they are meanwhile: log then NULL; the
+ * same result as alone. Free with rx_probe_free(), not after an error: nothing is left then. */
 rx_status rx_probe_run(const rx_options *options, const rx_restorer *kind, const rx_field *detect,
                        const rx_field *measure, rx_log *log, rx_probe *dst, rx_error *err);
 void rx_probe_free(rx_probe *probe);

@@ -74,8 +74,8 @@ typedef struct rx_selfcheck {
 } rx_selfcheck;
 
 /* `sources` of the untouched tile must outlive the plan, as must options and field. The field has a PSF. From
- * those of FLAGS 0 or 1, 2.5 mag and more above the limit, follow size and share of galaxies, where SELF_CHECK_GALAXIES leaves it to
- * the tile: a source is resolved when its half-light radius r (FLUX_RADIUS) is more than 1.2 times that of the
+ * those of FLAGS 0 or 1, 2.5 mag and more above the limit, follow size and share of galaxies, where
+ * SELF_CHECK_GALAXIES leaves it to the tile: a source is resolved when its half-light radius r (FLUX_RADIUS) is more than 1.2 times that of the
  * PSF, r0; sqrt(r^2 - r0^2) over the law of simulate/scene.h is taken as log-normal with the law's scatter,
  * cut off where sources cannot be resolved, and its median is found by maximum likelihood. Unresolved
  * galaxies are added as that distribution says (each resolved one counts 1 over its chance to be resolved).

@@ -55,14 +55,13 @@ struct rx_tally; /* validate/tally.h */
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
-    double
-        seconds; /* of its whole way, checks included; in `brief` only, files stay the same from run to run */
+    /* of its whole way, checks included; in `brief` only, files stay the same from run to run */
+    double seconds;
     const char *settings, *psf; /* one line each, for the page; may be NULL */
     const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
     rx_qa_flux flux;
-    rx_estimate
-        real; /* of the tile's own detections the share that is no noise peak (BLANK_CHECK); n = 0: not
-                         known */
+    /* of the tile's own detections the share that is no noise peak (BLANK_CHECK); n = 0: not known */
+    rx_estimate real;
     const rx_qa_promise *promise; /* NULL: no model is behind this run */
     int tested;                   /* list.made_up says something */
     double made_up_per_mpixel;    /* marked ones, those included that were dropped from the list */

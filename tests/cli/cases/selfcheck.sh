@@ -20,6 +20,10 @@ begin 'self check: share above 1'
 make_fits tile tile.fits
 expect 2 '^rextract: -SELF_CHECK_GALAXIES: 50 is out of range, give -1 to 1' tile.fits $known $check -SELF_CHECK_GALAXIES 50
 
+begin 'self check: share below 0 that is not -1'
+make_fits tile tile.fits
+expect 2 '^rextract: -SELF_CHECK_GALAXIES: -0\.5 is no share' tile.fits $known $check -SELF_CHECK_GALAXIES -0.5
+
 begin 'self check: with a second image'
 make_fits tile a.fits && make_fits tile b.fits
 expect 2 '^rextract: SELF_CHECK and BLANK_CHECK speak of one image' a.fits,b.fits $known $check
