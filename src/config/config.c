@@ -48,6 +48,11 @@ rx_origin rx_config_was_set(const rx_config *config, const char *name)
     return rx_settings_was_set(&config->settings, name);
 }
 
+bool rx_config_states(const rx_config *config, const char *name)
+{
+    return rx_settings_states(&config->settings, name);
+}
+
 bool rx_config_visit(const rx_config *config, rx_settings_visitor visit, void *user)
 {
     return rx_settings_visit_exact(&config->settings, visit, user);

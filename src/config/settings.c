@@ -132,6 +132,7 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
                            rx_error *err)
 {
     rx_tokens items = {0};
+    rx_text values = {0}; /* what it was, then what it is */
     rx_settings *owner = NULL;
     int row = 0;
     rx_status status = rx_tokens_read(line, &items, err);
@@ -142,13 +143,25 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     if (status != RX_OK || items.n == 0)
         goto exit;
     status = find(settings, items.v[0], place, &owner, &row, err);
-    if (status == RX_OK)
-        status = rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err);
     if (status != RX_OK)
         goto exit;
-    owner->origin[row] = RX_FROM_FILE;
+    rx_text_add(&values, "");
+    rx_keyword_print(&values, owner, row, true);
+    const size_t before = values.length;
+    status = rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_keyword_print(&values, owner, row, true);
+    if (values.failed) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    const bool repeats = owner->origin[row] <= RX_FROM_DUMP && values.length == 2 * before &&
+                         memcmp(values.data, values.data + before, before) == 0;
+    owner->origin[row] = repeats ? RX_FROM_DUMP : RX_FROM_FILE;
     owner->line[row] = place.line;
 exit:
+    rx_text_free(&values);
     rx_tokens_free(&items);
     return status;
 }
@@ -220,6 +233,11 @@ rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
     const rx_settings *owner = part < 0 ? settings : settings->part[part];
     int row = rx_keyword_find(owner->table, rest);
     return row < 0 ? RX_FROM_DEFAULT : owner->origin[row];
+}
+
+bool rx_settings_states(const rx_settings *settings, const char *name)
+{
+    return rx_settings_was_set(settings, name) > RX_FROM_DUMP;
 }
 
 static bool visit_rows(const rx_settings *settings, bool quoted, rx_settings_visitor visit, void *user)

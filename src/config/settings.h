@@ -52,8 +52,8 @@ typedef struct rx_bools {
 #define RX_FIELD_BOOLS rx_bools
 #define RX_FIELD_WORDS rx_words
 
-/* Who set a value. */
-typedef enum rx_origin { RX_FROM_DEFAULT, RX_FROM_FILE, RX_FROM_COMMAND } rx_origin;
+/* Who set a value. RX_FROM_DUMP: a file that repeats the default, as one made by -d does on every line. */
+typedef enum rx_origin { RX_FROM_DEFAULT, RX_FROM_DUMP, RX_FROM_FILE, RX_FROM_COMMAND } rx_origin;
 
 /* The table of a program. */
 typedef struct rx_keytable rx_keytable;
@@ -98,6 +98,9 @@ rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *
 
 /* Who set keyword `name`; RX_FROM_DEFAULT for a name that is not in the table. */
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
+
+/* Does its value state something about the data? A default does not, nor a file that repeats it. */
+bool rx_settings_states(const rx_settings *settings, const char *name);
 
 /* Every keyword with its current value as text, in table order, those of parts with their prefix after the
  * others: for headers and reports. Returns false when memory ran out. */

@@ -14,7 +14,7 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    if (row >= 0 && settings->origin[row] == RX_FROM_FILE)
+    if (row >= 0 && settings->line[row] > 0 && settings->origin[row] != RX_FROM_COMMAND)
         return rx_error_at(err, RX_USAGE, settings->file, -1, settings->line[row], "%s%s: %s",
                            settings->prefix, name, text);
     return rx_error_set(err, RX_USAGE, "-%s%s: %s", settings->prefix, name, text);

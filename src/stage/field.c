@@ -148,13 +148,6 @@ static double pixel_scale(const rx_options *options, const rx_tile *tile)
                : options->stated_scale;
 }
 
-/* FWHM in pixels that the configuration states: PSF_FWHM, else SEEING_FWHM over the pixel scale. */
-static double stated_fwhm(const rx_options *options, const rx_tile *tile)
-{
-    const double scale = pixel_scale(options, tile);
-    return options->psf.fwhm > 0.0 ? options->psf.fwhm : scale > 0.0 ? options->seeing_arcsec / scale : 0.0;
-}
-
 /* FWHM in pixels that the tile's header states, *key says where; 0: nowhere. Surveys write arcsec or pixels
  * under the same name: a card whose comment does not say which is not taken. */
 static double header_fwhm(const rx_tile *tile, double scale, const char **key)
@@ -178,21 +171,22 @@ static double header_fwhm(const rx_tile *tile, double scale, const char **key)
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
 
-/* Too few stars never lose the tile: what was stated of its PSF serves, said loudly (PSF_FWHM, the header, a
- * SEEING_FWHM that was given); where nothing was, the tile stays as it is. */
+/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a SEEING_FWHM that was given),
+ * loudly where stars were asked; where nothing was, the tile stays as it is. */
 static rx_status stated_psf(const rx_options *options, const rx_error *why, rx_field *field, rx_log *log,
                             rx_error *err)
 {
     const rx_tile *tile = field->tile;
     rx_psf_params par = options->psf;
     const char *key = par.fwhm > 0.0 ? "PSF_FWHM" : NULL, *where = "";
+    const double scale = pixel_scale(options, tile);
     par.type = RX_PSF_MOFFAT;
     if (key == NULL) {
-        par.fwhm = header_fwhm(tile, pixel_scale(options, tile), &key);
+        par.fwhm = header_fwhm(tile, scale, &key);
         where = " of the header";
     }
-    if (!(par.fwhm > 0.0) && options->seeing_stated) {
-        par.fwhm = stated_fwhm(options, tile);
+    if (!(par.fwhm > 0.0) && options->seeing_stated && scale > 0.0) {
+        par.fwhm = options->seeing_arcsec / scale;
         key = "SEEING_FWHM";
         where = "";
     }
@@ -201,8 +195,9 @@ static rx_status stated_psf(const rx_options *options, const rx_error *why, rx_f
         field->unrestorable = 1;
         return RX_OK;
     }
-    rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", tile->name, tile->hdu,
-                   (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
+    if (options->psf.type == RX_PSF_AUTO)
+        rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", tile->name, tile->hdu,
+                       (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
     rx_status status = rx_psf_make(&par, tile, field->restored, NULL, log, &field->psf, err);
     if (status == RX_OK) {
         char *said = field->psf->description;
@@ -216,17 +211,16 @@ static rx_status make_psf(const rx_options *options, int role, rx_field *field, 
 {
     rx_psf_params par = options->psf;
     par.file = options->psf_files[role];
-    if (par.type != RX_PSF_AUTO) {
-        if (par.type == RX_PSF_MOFFAT)
-            par.fwhm = stated_fwhm(options, field->tile);
-        if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0))
-            return rx_error_at(
-                err, RX_USAGE, field->tile->name, field->tile->hdu, 0,
-                "PSF_TYPE MOFFAT needs PSF_FWHM in pixels, for the pixel scale is not known either");
-        return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
-    }
     rx_sources *stars = NULL;
     rx_error why = RX_ERROR_NONE;
+    if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)) {
+        rx_error_set(&why, RX_INPUT,
+                     "PSF_TYPE MOFFAT needs the FWHM of stars; give PSF_FWHM in pixels, or "
+                     "SEEING_FWHM in arcsec, with PIXEL_SCALE where there is no WCS");
+        return stated_psf(options, &why, field, log, err);
+    }
+    if (par.type != RX_PSF_AUTO)
+        return rx_psf_make(&par, field->tile, field->restored, NULL, log, &field->psf, err);
     rx_status status = find_stars(options, field, log, &stars, err);
     if (status != RX_OK)
         return status;

@@ -23,7 +23,7 @@ typedef struct rx_field {
     rx_psf *psf;             /* NULL when no restorer needs it, or none could be found */
     double model_noise;      /* noise as rx_model_noise() has it, of the tile that this one is a copy of; 0 =
                                 none, measure it */
-    int unrestorable;        /* PSF_TYPE AUTO found too few stars and no other PSF is known */
+    int unrestorable;        /* neither stars nor what was stated give a PSF */
     double background_seconds, psf_seconds; /* wall clock of preparing it */
 } rx_field;
 

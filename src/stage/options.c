@@ -141,10 +141,10 @@ static void restore_options(const rx_config *cfg, rx_options *dst)
     dst->psf_files[0] = cfg->psf_name.v[0];
     dst->psf_files[1] = ITEM(cfg->psf_name, 1);
     dst->seeing_arcsec = cfg->seeing_fwhm;
-    dst->seeing_stated = rx_config_was_set(cfg, "SEEING_FWHM") != RX_FROM_DEFAULT;
+    dst->seeing_stated = rx_config_states(cfg, "SEEING_FWHM");
     dst->model_name = cfg->net_model;
-    dst->model_set = rx_config_was_set(cfg, "NET_MODEL") != RX_FROM_DEFAULT;
-    dst->stated_scale = rx_config_was_set(cfg, "PIXEL_SCALE") != RX_FROM_DEFAULT ? cfg->pixel_scale : 0.0;
+    dst->model_set = rx_config_states(cfg, "NET_MODEL");
+    dst->stated_scale = rx_config_states(cfg, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;
     dst->saturated_in_none = strcmp(cfg->mask_saturated, "Y") == 0;
     for (int i = 0; i < cfg->restore_type.n; i++)
         dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);

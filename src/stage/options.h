@@ -46,7 +46,7 @@ typedef struct rx_options {
     rx_psf_params psf;                  /* its file: psf_files */
     const char *psf_files[2];           /* PSF_NAME of the detection and of the measurement image */
     double seeing_arcsec;               /* SEEING_FWHM */
-    bool seeing_stated;                 /* by file or command: the default is no statement about a tile */
+    bool seeing_stated;                 /* the default is no statement about a tile */
     double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
     const char *model_name; /* NET_MODEL as given */

@@ -64,7 +64,7 @@ static void add_keyword(void *user, const char *name, const char *value, const c
         if (strcmp(name, apart[i]) == 0)
             return;
     rx_record_add(k->record, name, help, "%s", value);
-    if (rx_config_was_set(k->config, name) != RX_FROM_DEFAULT)
+    if (rx_config_states(k->config, name))
         rx_text_printf(&k->set, "%s%s", k->set.length > 0 ? " " : "", name);
 }
 

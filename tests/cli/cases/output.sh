@@ -69,6 +69,27 @@ stated 'a header in arcsec' '*FWHM 3.000*from SEEING of the header*' 'SEEING  = 
 stated 'a header without a unit' '' 'SEEING  = 1.2 / seeing' -PIXEL_SCALE 0.4
 stated 'PSF_FWHM given' '*FWHM 2.500*from PSF_FWHM*' 'FWHM    = 4.022961 / Median FWHM in pixels' -PSF_FWHM 2.5
 
+stated 'MOFFAT, nothing stated' '' 'OBJECT  = 1' -PSF_TYPE MOFFAT -PIXEL_SCALE 0.4
+stated 'MOFFAT, SEEING_FWHM given' '*FWHM 3.000*from SEEING_FWHM*' 'OBJECT  = 1' -PSF_TYPE MOFFAT -PIXEL_SCALE 0.4 -SEEING_FWHM 1.2
+stated 'MOFFAT, a header in pixels' '*FWHM 4.023*from FWHM of the header*' 'FWHM    = 4.022961 / Median FWHM in pixels' -PSF_TYPE MOFFAT
+stated 'MOFFAT, PSF_FWHM given' '*FWHM 2.500*' 'FWHM    = 4.022961 / Median FWHM in pixels' -PSF_TYPE MOFFAT -PSF_FWHM 2.5
+
+# A file that `rextract -d` wrote states nothing, its SEEING_FWHM neither; one that was edited does.
+for seeing in 1.2 2.4; do
+    "$rextract" -d | sed "s/^SEEING_FWHM .*/SEEING_FWHM $seeing/" >"$scratch/my-$seeing.sex"
+    wanted_psf=
+    [ $seeing = 1.2 ] || wanted_psf='*FWHM 6.000*from SEEING_FWHM*'
+    for type in AUTO MOFFAT; do
+        stated "$type, a file that says SEEING_FWHM $seeing" "$wanted_psf" 'OBJECT  = 1' -c "$scratch/my-$seeing.sex" -FILTER N \
+            -PARAMETERS_NAME "$top/config/default.param" -PSF_TYPE $type -PIXEL_SCALE 0.4
+    done
+done
+
+begin 'MOFFAT without a FWHM, without leave to fall back'
+make_fits flat tile.fits
+expect 10 '^rextract: tile\.fits\[0\]: cannot be done by RL: its PSF is not known' tile.fits -PSF_TYPE MOFFAT \
+    -PIXEL_SCALE 0.4 -RESTORE_FALLBACK N
+
 begin 'a tile without any weight'
 make_fits tile tile.fits && make_fits zeros weight.fits
 leaves test.cat

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "bench.h"
@@ -267,33 +268,40 @@ static void test_filter_of_restored(void **state)
     }
 }
 
-/* The tile belongs to the field also when there is none: the leak checker would tell. */
-static void test_failure_frees_the_tile(void **state)
+/* SEEING_FWHM's default is no statement, nor is a given one without a pixel scale. */
+static void test_moffat_without_fwhm(void **state)
 {
     (void)state;
-    static const setting settings[] = {{"PSF_FWHM", "0"}, {NULL, NULL}};
-    bench b;
-    scene s;
-    rx_field *field = NULL;
-    rx_error err = RX_ERROR_NONE;
-    bench_open(&b, settings);
-    b.options->stated_scale = 0.0;
-    scene_make(&s, SIDE, SIDE, 10, 3);
-    assert_int_equal(
-        rx_field_prepare(b.options, 0, bench_tile(s.pixels, SIDE, SIDE, 0.0), NULL, 1, NULL, &field, &err),
-        RX_USAGE);
-    assert_null(field);
-    assert_non_null(strstr(err.text, "PSF_FWHM"));
-    scene_free(&s);
-    bench_close(&b);
+    static const setting nothing[] = {{"PSF_FWHM", "0"}, {NULL, NULL}};
+    static const setting seeing[] = {{"PSF_FWHM", "0"}, {"SEEING_FWHM", "1.2"}, {NULL, NULL}};
+    for (int i = 0; i < 4; i++) {
+        const double scale = i % 2 ? 0.4 : 0.0;
+        bench b;
+        scene s;
+        rx_field *field = NULL;
+        bench_open(&b, i < 2 ? nothing : seeing);
+        b.options->stated_scale = scale;
+        scene_make(&s, SIDE, SIDE, 10, 3);
+        assert_int_equal(rx_field_prepare(b.options, 0, bench_tile(s.pixels, SIDE, SIDE, 0.0), NULL, 1, NULL,
+                                          &field, NULL),
+                         RX_OK);
+        assert_int_equal(field->unrestorable, i < 3);
+        if (i < 3)
+            assert_null(field->psf);
+        else
+            assert_near(field->psf->fwhm, 3.0, 0.01);
+        rx_field_free(field);
+        scene_free(&s);
+        bench_close(&b);
+    }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_side_by_side_none),     cmocka_unit_test(test_side_by_side_rl),
-        cmocka_unit_test(test_known_psf_is_copied),   cmocka_unit_test(test_weights_within_a_mesh),
-        cmocka_unit_test(test_detection_noise),       cmocka_unit_test(test_filter_of_restored),
-        cmocka_unit_test(test_failure_frees_the_tile)};
+        cmocka_unit_test(test_side_by_side_none),   cmocka_unit_test(test_side_by_side_rl),
+        cmocka_unit_test(test_known_psf_is_copied), cmocka_unit_test(test_weights_within_a_mesh),
+        cmocka_unit_test(test_detection_noise),     cmocka_unit_test(test_filter_of_restored),
+        cmocka_unit_test(test_moffat_without_fwhm)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
