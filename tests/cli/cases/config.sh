@@ -40,7 +40,7 @@ expect 2 '^rextract: my\.sex: .*binary' tile.fits -c my.sex
 
 begin 'image given as configuration'
 make_fits tile tile.fits
-expect 2 '^rextract: tile\.fits' tile.fits -c tile.fits
+expect 2 '^rextract: tile\.fits: holds binary data' tile.fits -c tile.fits
 
 begin 'column file that is not there'
 make_fits tile tile.fits
@@ -54,12 +54,12 @@ expect 2 '^rextract: my\.param:2: .*MAG_ATUO.*MAG_AUTO' tile.fits $none -PARAMET
 begin 'column file without columns'
 make_fits tile tile.fits
 printf '# NUMBER\n' >my.param
-expect 2 '^rextract: my\.param' tile.fits $none -PARAMETERS_NAME my.param
+expect 2 '^rextract: my\.param: chooses no column' tile.fits $none -PARAMETERS_NAME my.param
 
 begin 'column file with a bad dimension'
 make_fits tile tile.fits
 printf 'VIGNET(5,x)\n' >my.param
-expect 2 '^rextract: my\.param:1: ' tile.fits $none -PARAMETERS_NAME my.param
+expect 2 '^rextract: my\.param:1: bad dimension of VIGNET' tile.fits $none -PARAMETERS_NAME my.param
 
 begin 'filter that is not there'
 make_fits tile tile.fits

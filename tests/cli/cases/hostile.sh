@@ -59,7 +59,7 @@ fi
 begin 'a header of megabytes without END'
 make_fits tile t.fits && head -c 400 t.fits >tile.fits && rm t.fits
 head -c 8000000 /dev/zero | tr '\000' ' ' >>tile.fits
-expect 3 '^rextract: tile\.fits' tile.fits $none
+expect 3 '^rextract: tile\.fits: its header has no END' tile.fits $none
 
 begin 'a header of megabytes'
 make_fits tile t.fits && head -c 400 t.fits >tile.fits

@@ -13,12 +13,12 @@ expect 3 '^rextract: \./absent/model\.fits: ' tile.fits $net -NET_MODEL ./absent
 
 begin 'network: a tile is no model'
 make_fits tile tile.fits
-expect 3 '^rextract: tile\.fits' tile.fits $net -NET_MODEL tile.fits
+expect 3 '^rextract: tile\.fits\[0\]: is no model: ' tile.fits $net -NET_MODEL tile.fits
 
 begin 'network: a model cut short'
 make_fits tile tile.fits
 make_model whole.fits && head -c 9000 whole.fits >model.fits
-expect 3 '^rextract: model\.fits' tile.fits $net
+expect 3 '^rextract: model\.fits\[2\]: the table does not begin with XTENSION' tile.fits $net
 
 begin 'network: an absent model is no concern of others'
 make_fits tile tile.fits
@@ -104,7 +104,7 @@ expect 0 '' tile.fits $net
 begin 'network: a tile without a good pixel'
 make_fits nan tile.fits
 make_model model.fits
-expect 3 '^rextract: tile\.fits' tile.fits $net
+expect 3 '^rextract: tile\.fits\[0\]: all 9216 pixels are NaN' tile.fits $net
 
 begin 'network: same bytes for any number of threads and any blocks'
 make_fits tile tile.fits

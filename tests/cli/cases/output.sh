@@ -139,7 +139,7 @@ expect 0 '' tile.fits $none
 
 begin 'older outputs stay when the work fails'
 make_fits nan tile.fits && echo old >test.cat
-expect 3 '^rextract: tile\.fits' tile.fits $none
+expect 3 '^rextract: tile\.fits\[0\]: all 9216 pixels are NaN' tile.fits $none
 
 begin 'folder of the catalogue that is not there'
 make_fits tile tile.fits

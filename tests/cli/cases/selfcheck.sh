@@ -38,7 +38,7 @@ expect 2 '^rextract: tile\.fits.*MATCH_UNIT ARCSEC needs the pixel scale' tile.f
 
 begin 'self check: report where a file is'
 make_fits tile tile.fits && echo old >report
-expect 2 '^rextract: report' tile.fits $known $check -SELF_CHECK_NAME report
+expect 2 '^rextract: report: is a file, a folder is written' tile.fits $known $check -SELF_CHECK_NAME report
 
 begin 'self check: report in a folder with other things, before any work'
 says 2 # no default.sex
