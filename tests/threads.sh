@@ -6,7 +6,7 @@ set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 program=$programs/rextract
-need rextract rextract-simulate tests/cli/make_model tests/cli/make_fits
+need rextract rextract-simulate rextract-validate rextract-train tests/cli/make_model tests/cli/make_fits
 enter
 OMP_WAIT_POLICY=passive
 export OMP_WAIT_POLICY
@@ -154,6 +154,13 @@ done
 (ulimit -s 512 && OMP_STACKSIZE=128k "$programs/rextract-simulate" -IMAGE_SIZE 64 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -IMAGE_NAME i.fits \
     -SHARP_NAME s.fits -FLAG_NAME f.fits -TRUTH_NAME t.fits -NTHREADS 3) >small.log 2>&1
 result 'rextract-simulate on stacks of 128 kB' $? small.log
+(ulimit -s 512 && OMP_STACKSIZE=128k "$programs/rextract-validate" -CAMPAIGN_TYPE RESTORATION -SCENES_FWHM 2 -SCENES_SIGMA 2 -SCENE_SIDE 64 \
+    -FWHM_RANGE 3,3 -SIGMA_RANGE 5,5 -TUNE_SCENES 1 -TUNE_NITER 5 -TUNE_FILTER 0,0.5 -QA_FIGURES N -OUTPUT_NAME campaign \
+    -JOURNAL_NAME journal -NTHREADS 3) >small.log 2>&1
+result 'rextract-validate on stacks of 128 kB' $? small.log
+(ulimit -s 512 && OMP_STACKSIZE=128k "$programs/rextract-train" -EPOCHS 1 -WIDTH 4 -BLOCKS 1 -PATCH 48 -PATCH_MARGIN 8 -FIELD_PATCHES 2 \
+    -GRID 1,1 -BIN_IMAGES 16 -QA_FIGURES N -NTHREADS 3) >small.log 2>&1
+result 'rextract-train on stacks of 128 kB' $? small.log
 limited 2 "$programs/rextract-simulate" -IMAGE_SIZE 64 -STAR_COUNT 3000 -IMAGE_NAME i.fits -SHARP_NAME s.fits -FLAG_NAME f.fits \
     -TRUTH_NAME t.fits -NTHREADS 8 >limited.log 2>&1 && grep -q 'going on with 1' limited.log
 result 'rextract-simulate where 2 of 8 threads can be made' $? limited.log

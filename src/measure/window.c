@@ -16,7 +16,6 @@ static const double SINGULAR = 0.00694; /* pixel_variance^2 */
 typedef struct window_sums {
     double flux, x, y, x2, y2, xy; /* sum w I, sum w I dx, ... */
     double error, ex2, ey2, exy;   /* sum w^2 variance, ... */
-    double weight, weight2;        /* sum w, sum w^2: effective area */
 } window_sums;
 
 static double pixel_variance(const rx_measure_image *image, double value, double variance)
@@ -59,8 +58,6 @@ static window_sums sum_window(const rx_view *view, double cx, double cy, double 
             sums.ex2 += error * (dx * dx + PIXEL_VARIANCE);
             sums.ey2 += error * (dy * dy + PIXEL_VARIANCE);
             sums.exy += error * dx * dy;
-            sums.weight += w;
-            sums.weight2 += w * w;
         }
     return sums;
 }

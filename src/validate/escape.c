@@ -7,7 +7,8 @@
 
 static const char REPLACEMENT[] = "\xEF\xBF\xBD";
 
-/* Unicode's ends of lines, at which YAML and readers of ECSV end theirs; 0 or their length. */
+/* Unicode's ends of lines, at which YAML and readers of ECSV end theirs (astropy reads those of a quoted cell
+ * as \n); 0 or their length. */
 static int line_end(const char *c, const char **code)
 {
     static const char *const ends[][2] = {

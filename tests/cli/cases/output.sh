@@ -245,6 +245,63 @@ for signal in USR1=138 USR2=140 QUIT=131 ALRM=142 XCPU=152; do
     done
 done
 
+# The others block the same signals.
+for named in rextract-validate rextract-train rextract-survey; do
+    begin "$named: SIGUSR1 leaves what it can go on from"
+    make_fits tile tile.fits
+    case $named in
+    rextract-validate)
+        leaves campaign.journal
+        set -- 'the same command goes on from there' -CAMPAIGN_TYPE RESTORATION -SCENE_SIDE 1000
+        ;;
+    rextract-train)
+        leaves trained.checkpoint
+        set -- 'the same command goes on from there' -PATCH 48 -PATCH_MARGIN 8 -FIELD_PATCHES 2 -GRID 1,1 -BIN_IMAGES 2000
+        ;;
+    *) set -- 'nothing was written' records ;;
+    esac
+    if [ "$active" = 1 ]; then
+        if [ $named = rextract-survey ]; then # its tiles come slowly
+            "$program" tile.fits $none -CATALOG_TYPE NONE -RECORD_NAME ../record -VERBOSE_TYPE QUIET && mkfifo records || exit 2
+            { cat ../record && sleep 3 && cat ../record; } >records &
+        fi
+        of $named
+        remark=$1
+        shift
+        list_files >../before
+        timeout --foreground --preserve-status -s USR1 1 "$program" "$@" -QA_FIGURES N -VERBOSE_TYPE QUIET >../out 2>../err </dev/null
+        echo $? >../code
+        judge 138 "^$named: .*interrupted by a signal.*$remark"
+    fi
+done
+
+begin "names with Unicode's ends of lines, as astropy reads them"
+odd=$(printf 'a\302\205b\342\200\250c\342\200\251d')
+make_fits tile "$odd.fits" && make_fits table ref.fits
+python=
+for candidate in python3 /usr/bin/python3; do
+    "$candidate" -c 'import astropy.table, yaml' 2>/dev/null && python=$candidate && break
+done
+if [ -z "$python" ]; then
+    skip 'no python3 with astropy'
+elif [ "$active" = 1 ]; then
+    leaves report survey record
+    run "$odd.fits" $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -RECORD_NAME record -VERBOSE_TYPE QUIET
+    "$programs/rextract-survey" record -QA_FIGURES N -VERBOSE_TYPE QUIET 2>>../err
+    # A cell has no codes, and an end of line in it would be read as that of ASCII: it says that a character is not there.
+    "$python" - 2>>../err <<'END' || echo 1 >../code
+import glob
+from astropy.table import Table
+names = glob.glob("report/*.ecsv")
+assert names
+for name in names:
+    assert Table.read(name).meta["tile"] == "a\x85b\u2028c\u2029d.fits", name
+tiles = Table.read("survey/tiles.ecsv")
+assert list(tiles["image"]) == ["a\ufffdb\ufffdc\ufffdd.fits"], tiles["image"]
+END
+    judge 0 ''
+fi
+
 begin 'help to a full device'
 if [ -c /dev/full ] && [ "$active" = 1 ]; then
     list_files >../before
