@@ -73,7 +73,7 @@ make_model model.fits UNFINISHED
 if [ "$active" = 1 ]; then
     list_files >../before
     {
-        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 >../log 2>&1
+        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE FULL >../log 2>&1
         echo $? >../code
         tr -d '\000' <test.cat | grep -q "RXNETEND= 'F" || echo 'no RXNETEND in the header'
         grep -q '^rextract: warning: model.fits: its training has not ended, it is of epoch 0 after 0$' ../log || echo 'no warning'
