@@ -309,12 +309,15 @@ static void tell_epoch(const job *j, double seconds, double waited, long images)
     char left[32];
     const double done = progress_of(j, 0) - j->begun_at;
     write_span(done > 0 ? (rx_seconds() - j->begun) * (1 - progress_of(j, 0)) / done : 0, left, sizeof left);
-    rx_log_info(j->log,
-                "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, "
-                "flux bias %+.2f %% scatter %.2f %%; %.0f images/s, %.0f %% waiting; %s left",
-                h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
-                j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias, 100 * e->scatter,
-                (double)images / seconds, 100 * waited / seconds, left);
+    rx_log_info(
+        j->log,
+        "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, flux "
+        "bias %+.2f %%; %.0f images/s; %s left",
+        h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
+        j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias, (double)images / seconds,
+        left);
+    rx_log_detail(j->log, "flux scatter %.2f %%; %.0f %% of the time spent waiting for images",
+                  100 * e->scatter, 100 * waited / seconds);
 }
 
 /* What steps and images have cost so far. */
