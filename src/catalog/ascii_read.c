@@ -308,8 +308,9 @@ static rx_status allocate(ascii *in, rx_table *table, rx_error *err)
         long elements = rx_column_elements(column);
         for (long e = 0; e < elements; e++, value++) {
             all.real |= in->guesses[value].real || in->nrows == 0;
-            if (in->guesses[value].text && !all.text) {
+            if (in->guesses[value].text && (!all.text || in->guesses[value].row < column->word.row)) {
                 column->word.row = in->guesses[value].row;
+                column->word.element = e;
                 column->word.line = in->guesses[value].line;
             }
             all.text |= in->guesses[value].text;

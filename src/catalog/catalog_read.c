@@ -44,7 +44,8 @@ rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int n
     if (column->type != RX_CELL_TEXT || table->nrows == 0)
         return RX_OK;
     const char *cell =
-        (const char *)column->data + column->word.row * rx_column_elements(column) * column->text_width;
+        (const char *)column->data +
+        (column->word.row * rx_column_elements(column) + column->word.element) * column->text_width;
     return rx_error_at(err, RX_INPUT, path, -1, column->word.line,
                        "'%.40s' in column %s is no number; give numbers, with decimal points", cell,
                        column->name);

@@ -24,8 +24,8 @@ typedef struct rx_column {
     int ndim, dim[2]; /* 0 scalar; 1 vector of dim[0]; 2 image dim[0] x fastest, dim[1] */
     int text_width;   /* RX_CELL_TEXT: bytes per element, 0-terminated inside */
     struct {
-        long row, line;
-    } word; /* RX_CELL_TEXT read from a text file: row (from 0) and line of the first cell that is no number */
+        long row, element, line;
+    } word; /* RX_CELL_TEXT read from a text file: the first cell that is no number, its row and element from 0 */
     void *data; /* [nrows][elements] of the type; owner is the table */
 } rx_column;
 

@@ -60,8 +60,8 @@ static rx_status prepare_selfcheck(rx_checks *checks, rx_log *log, rx_error *err
     }
     if (checks->options->psf.type == RX_PSF_AUTO && field->psf->nstars == 0)
         rx_log_warning(log,
-                       "%s[%d]: SELF_CHECK injects objects of the stated seeing, not of the tile's own PSF",
-                       tile->name, tile->hdu);
+                       "%s[%d]: SELF_CHECK injects objects of a PSF that was not measured on the tile: %s",
+                       tile->name, tile->hdu, field->psf->description);
     rx_status status = rx_selfcheck_plan_new(checks->options, field, checks->sources, &checks->plan, &why);
     if (status == RX_INPUT) {
         snprintf(checks->no_self, sizeof checks->no_self, "%s", why.text);

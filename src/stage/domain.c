@@ -40,27 +40,22 @@ exit:
     return status;
 }
 
-/* "FWHM 2 to 8 pixels and noise 1 to 15", or that there is no such grid. */
+/* "the network was trained for FWHM 2 to 8 pixels and noise 1 to 15", or that the model does not say. */
 static void add_grid(const rx_model *model, rx_text *dst)
 {
     if (model->bins == NULL) {
-        rx_text_add(dst, "nothing that it tells of");
+        rx_text_add(dst, "the model does not say what it was trained for");
         return;
     }
     const rx_model_bin *first = model->bins, *last = first + (long)model->nfwhm * model->nsigma - 1;
-    rx_text_printf(dst, "FWHM %.4g to %.4g pixels and noise %.4g to %.4g", first->fwhm[0], last->fwhm[1],
-                   first->sigma[0], last->sigma[1]);
+    rx_text_printf(dst, "the network was trained for FWHM %.4g to %.4g pixels and noise %.4g to %.4g",
+                   first->fwhm[0], last->fwhm[1], first->sigma[0], last->sigma[1]);
 }
 
 /* A PSF that is narrower than the network's own output by so much leaves nothing to restore: its
  * deconvolution would be a blur, which the network and its steps turn into noise (undersampled tiles of 0.6
  * to 1.5 pixels). */
 static const double NARROW = 0.9;
-
-static int is_narrow(const rx_domain *domain)
-{
-    return domain->fwhm < NARROW * domain->model->front.target_fwhm;
-}
 
 static rx_status leave(const rx_restore_params *par, const rx_field *field, rx_log *log,
                        const rx_restorer **kind, rx_domain *dst, rx_error *err)
@@ -75,22 +70,24 @@ static rx_status leave(const rx_restore_params *par, const rx_field *field, rx_l
     }
     switch (par->out_of_domain) {
     case RX_DOMAIN_FAIL:
-        status =
-            rx_error_at(err, RX_NOT_RESTORED, tile->name, tile->hdu, 0,
-                        "%s, the network was trained for %s; take RESTORE_TYPE RL, another NET_MODEL, or "
-                        "OUT_OF_DOMAIN WARN or RL",
-                        dst->why, grid.data);
+        status = rx_error_at(err, RX_NOT_RESTORED, tile->name, tile->hdu, 0,
+                             "%s, %s; take RESTORE_TYPE RL, another NET_MODEL, or "
+                             "OUT_OF_DOMAIN WARN or RL",
+                             dst->why, grid.data);
         break;
     case RX_DOMAIN_RL:
         *kind = rx_restorer_find("RL");
         break;
     case RX_DOMAIN_WARN:
-        if (is_narrow(dst)) {
+        if (dst->fwhm < NARROW * dst->model->front.target_fwhm) { /* not for what the grid lacks */
+            snprintf(dst->why, sizeof dst->why,
+                     "FWHM %.4g pixels is below %.4g, %.4g of the network's output", dst->fwhm,
+                     NARROW * dst->model->front.target_fwhm, NARROW);
             *kind = rx_restorer_find("RL");
             break;
         }
-        rx_log_warning(log, "%s[%d]: %s, the network was trained for %s; how well it does here is not known",
-                       tile->name, tile->hdu, dst->why, grid.data);
+        rx_log_warning(log, "%s[%d]: %s, %s; how well it does here is not known", tile->name, tile->hdu,
+                       dst->why, grid.data);
         break;
     }
     rx_text_free(&grid);

@@ -26,7 +26,7 @@ typedef struct rx_domain {
     double fwhm;             /* of the tile's PSF, pixels; NAN unknown */
     double noise;            /* rx_model_noise() of the tile */
     const rx_model_bin *bin; /* of the model, INSIDE only, else NULL */
-    char why[200];           /* OUTSIDE: what is out, in words; UNKNOWN: what is not known */
+    char why[200];           /* OUTSIDE: what is out, or why RL is at work; UNKNOWN: what is not known */
 } rx_domain;
 
 /* rx_model_noise() over the pixels that a restored image may use; that of the tile a copy was made from where

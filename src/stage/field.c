@@ -191,7 +191,7 @@ static rx_status stated_psf(const rx_options *options, const rx_error *why, rx_f
         where = "";
     }
     if (!(par.fwhm >= LEAST_FWHM)) { /* a pixel scale of degrees, or none */
-        rx_log_warning(log, "%s[%d]: %s; the tile is not restored", tile->name, tile->hdu, why->text);
+        rx_log_warning(log, "%s[%d]: %s", tile->name, tile->hdu, why->text);
         field->unrestorable = 1;
         return RX_OK;
     }

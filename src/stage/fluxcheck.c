@@ -11,15 +11,23 @@ enum { FEWEST = 5 };
 static const double LEAST_SNR = 30.0;
 static const double TOLERANCE = 0.01, SIGMAS = 5.0; /* of a ratio from 1 before it is off */
 
-static int is_off(double excess, double error)
+/* In errors of no less than 1 % / 5, so that what is beyond 5 of them is beyond 1 % too. */
+static double errors_off(double excess, double error)
 {
-    return excess > TOLERANCE && excess > SIGMAS * error;
+    const double errors = excess / fmax(error, TOLERANCE / SIGMAS);
+    return errors > SIGMAS ? errors : 0.0;
+}
+
+double rx_fluxcheck_excess(const rx_fluxcheck *check)
+{
+    return check->n > 0 ? fmax(errors_off(fabs(check->wide - 1.0), check->wide_error),
+                               errors_off(check->automatic - 1.0, check->automatic_error))
+                        : 0.0;
 }
 
 int rx_fluxcheck_is_off(const rx_fluxcheck *check)
 {
-    return check->n > 0 && (is_off(fabs(check->wide - 1.0), check->wide_error) ||
-                            is_off(check->automatic - 1.0, check->automatic_error));
+    return rx_fluxcheck_excess(check) > 0.0;
 }
 
 static int is_clean(const rx_source *s)

@@ -17,8 +17,12 @@ typedef struct rx_fluxcheck {
     double automatic_error;
 } rx_fluxcheck;
 
-/* Is the flux scale wrong? The wide aperture's ratio is more than 1 % and 5 sigma from 1, or FLUX_AUTO's so much
- * above it (below it is the light that FLUX_AUTO leaves out). */
+/* How wrong is the flux scale? Errors (of 0.2 % or more) that the worse ratio lies from 1, of those that are off: the wide
+ * aperture's by more than 1 % and 5 sigma, FLUX_AUTO's so much above 1 (below it is the light that FLUX_AUTO leaves
+ * out). 0: neither is off. */
+double rx_fluxcheck_excess(const rx_fluxcheck *check);
+
+/* Is that above 0? */
 int rx_fluxcheck_is_off(const rx_fluxcheck *check);
 
 /* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile. fwhm of the

@@ -46,8 +46,8 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
                            "cannot be done by %s: %s; RESTORE_FALLBACK Y lets %s do it", w->kind->name, why,
                            kind->name);
     if (kind != w->kind) {
-        rx_log_warning(w->log, "%s[%d]: %s instead of %s: %s", tile->name, tile->hdu, kind->name,
-                       w->kind->name, why);
+        rx_log_detail(w->log, "%s[%d]: %s instead of %s: %s", tile->name, tile->hdu, kind->name,
+                      w->kind->name, why);
         if (w->probe->by == NULL) {
             w->probe->by = kind->name;
             snprintf(w->probe->why, sizeof w->probe->why, "%s%s",

@@ -147,6 +147,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         if (job->runs[i].by != NULL)
             rx_text_printf(&job->fallbacks, "%s[%d]: %s: done by %s, %s\n", detect->tile->name,
                            detect->tile->hdu, job->runs[i].kind->name, job->runs[i].by, job->runs[i].why);
+    if (status == RX_OK && job->fallbacks.failed)
+        status = rx_error_memory(err, 0);
     if (status == RX_OK)
         status = report(job, detect, measure, nextensions > 1 ? extension : 0, err);
     if (status == RX_OK)
@@ -190,11 +192,11 @@ static rx_status run_all(job *job, rx_error *err)
 }
 
 /* The text goes to the log, a line at a time. */
-static void tell(rx_log *log, const rx_text *text)
+static void tell(rx_log *log, void (*say)(rx_log *, const char *, ...), const rx_text *text)
 {
     for (const char *line = text->data; line != NULL && *line != '\0';) {
         size_t length = strcspn(line, "\n");
-        rx_log_info(log, "%.*s", (int)length, line);
+        say(log, "%.*s", (int)length, line);
         line += length + (line[length] == '\n');
     }
 }
@@ -241,8 +243,8 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     if (status == RX_OK)
         status = run_all(j, err);
     if (status == RX_OK) {
-        tell(log, &j->brief);
-        tell(log, &j->fallbacks);
+        tell(log, rx_log_info, &j->brief);
+        tell(log, rx_log_warning, &j->fallbacks);
         if (facts != NULL) /* -REPLAY wants none, and keeps no output */
             rx_outputs_tell(j->outputs,
                             strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);

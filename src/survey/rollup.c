@@ -285,18 +285,10 @@ static double beside(const rx_rollup_cell *own, const rx_rollup_cell *all)
                : 0;
 }
 
-/* Errors that the ratio lies from 1, of a flux scale that is off. */
-static double beside_one(const rx_fluxcheck *flux)
-{
-    return rx_fluxcheck_is_off(flux) ? fmax(fabs(flux->wide - 1) / fmax(flux->wide_error, LEAST_ERROR),
-                                            (flux->automatic - 1) / fmax(flux->automatic_error, LEAST_ERROR))
-                                     : 0;
-}
-
 static void compare(const rx_rollup *r, rx_rollup_row *row)
 {
     const rx_rollup_run *all = &r->run[row->run];
-    const double flux = beside_one(&row->flux);
+    const double flux = rx_fluxcheck_excess(&row->flux);
     if (!row->compared && flux == 0)
         return;
     const struct {

@@ -199,8 +199,13 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
     if (status == RX_OK && config->tiles_name[0] != '\0')
         status = rx_tiles_read(config->tiles_name, &tiles, err);
     if (status == RX_OK && rollup.ntiles == 0 && tiles == NULL)
-        status = rx_error_at(err, RX_INPUT, files.n == 1 ? files.of[0] : given + (given[0] == '@'), -1, 0,
-                             "holds no record of a tile; give what RECORD_NAME of rextract has written");
+        status = files.n == 1
+                     ? rx_error_at(err, RX_INPUT, files.of[0], -1, 0,
+                                   "holds no record of a tile; give what RECORD_NAME of rextract has written")
+                     : rx_error_set(err, RX_INPUT,
+                                    "none of the %d files holds a record of a tile; give what RECORD_NAME of "
+                                    "rextract has written",
+                                    files.n);
     if (status == RX_OK)
         status = rx_rollup_end(&rollup, tiles, err);
     if (status == RX_OK)

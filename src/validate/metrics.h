@@ -2,7 +2,7 @@
  *
  * Intervals: shares (recall, precision) Clopper-Pearson; medians and sigma_MAD by order statistics; MagErr,
  * AP and the completeness magnitudes by bootstrap, unbounded below RX_BOOTSTRAP_FEWEST sources; flux_scale from
- * its 1 sigma error (rx_qa_flux), as of a normal distribution.
+ * its 1 sigma error (rx_qa_flux) by Student's t.
  */
 #ifndef RX_VALIDATE_METRICS_H
 #define RX_VALIDATE_METRICS_H

@@ -6,7 +6,7 @@ import sys
 sys.path.insert(0, os.path.join(os.path.dirname(snakemake.scriptdir), "scripts"))
 import tiles as listed
 
-OWN_REASONS = (0, 3, 5, 6)  # exit codes that another try would not change: fine, or the tile's own fault
+OWN_REASONS = (0, 3, 5, 6, 10)  # exit codes that another try would not change: fine, or the tile's own fault
 params = snakemake.params
 for folder in ("catalogs", "records", "reports", "logs"):
     os.makedirs(folder, exist_ok=True)

@@ -281,3 +281,7 @@ begin 'VOTable cut short'
 make_fits tile tile.fits
 printf '<?xml version="1.0"?>\n<VOTABLE version="1.3"><RESOURCE><TABLE>\n<FIELD name="X_IMAGE" datatype="float"/>\n<DATA><TABLEDATA><TR><TD>1' >ref.vot
 expect 3 '^rextract: ref\.vot:4: is not well-formed XML: no element found' tile.fits $none -REFERENCE_NAME ref.vot
+
+begin 'the second element of a vector is no number'
+make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '#   1 POS\n#   3 MAG\n10 10 20\n20 bright 20\n' >my.list
+expect 3 "^rextract: my\.list:4: 'bright' in column POS is no number" tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,2

@@ -158,7 +158,7 @@ if [ "$active" = 1 ]; then
                 -CHECKIMAGE_NAME a.fits -VERBOSE_TYPE QUIET
             echo $? >../code
             for file in test.cat a.fits; do
-                for word in 'RXREST[^A-Z]*RL' 'RXASKED[^A-Z]*NET' 'RXWHY.*the model has no dictionary'; do
+                for word in 'RXREST[^A-Z]*RL' 'RXASKED[^A-Z]*NET' 'RXWHY.*FWHM 1 pixels is below 1.8, 0.9 of the network'; do
                     tr '\000' '\n' <$file | sed 's/="" *//; s/datatype="char" arraysize="[^"]*"//; s/value=//' |
                         grep -q "$word" || echo "$type: $file lacks $word"
                 done
@@ -173,7 +173,7 @@ fi
 begin 'network: RL instead, which RESTORE_FALLBACK N forbids'
 make_fits tile tile.fits
 make_model model.fits
-expect 10 '^rextract: tile\.fits\[0\]: cannot be done by NET: the model has no dictionary; RESTORE_FALLBACK Y lets RL do it$' \
+expect 10 '^rextract: tile\.fits\[0\]: cannot be done by NET: FWHM 1 pixels is below 1\.8, 0\.9 of the network.s output; RESTORE_FALLBACK Y lets RL do it$' \
     tile.fits $net -PSF_FWHM 1 -RESTORE_FALLBACK N
 
 begin 'network: no PSF, and RESTORE_FALLBACK N'

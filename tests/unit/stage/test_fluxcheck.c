@@ -139,9 +139,24 @@ static void off_is_beyond_1_percent_and_5_sigma(void **state)
     }
 }
 
+/* The ratio that is off says how far, not one whose small error makes it the farther one. */
+static void excess_of_the_ratio_that_is_off(void **state)
+{
+    (void)state;
+    rx_fluxcheck check = {50, 10, 1.0099, 0.0001, 1.04, 0.005};
+    assert_near(rx_fluxcheck_excess(&check), 8, 1e-9);
+    check.automatic = 0.9; /* the light that it leaves out */
+    assert_near(rx_fluxcheck_excess(&check), 0, 0);
+    check.wide = 0.98;
+    assert_near(rx_fluxcheck_excess(&check), 10, 1e-9);
+    check.wide_error = 0.0045;
+    assert_near(rx_fluxcheck_excess(&check), 0, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(excess_of_the_ratio_that_is_off),
         cmocka_unit_test(a_known_factor_is_found),
         cmocka_unit_test(few_sources_tell_nothing),
         cmocka_unit_test(off_is_beyond_1_percent_and_5_sigma),
