@@ -50,6 +50,30 @@ static void evaluates_by_hand(void **state)
     unlink(path);
 }
 
+/* Every area and the peak have a weight of their own here; the seeing has none. */
+static void weighs_areas_and_peak(void **state)
+{
+    (void)state;
+    const double weight[] = {0.3, -0.2, 0.7, 0.11, -0.5, 0.23, 0.9, -0.13, 0.41, 0.0};
+    char text[512];
+    int length = snprintf(text, sizeof text, "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n");
+    for (int i = 0; i < 10; i++)
+        length += snprintf(text + length, sizeof text - (size_t)length, "%g ", weight[i]);
+    snprintf(text + length, sizeof text - (size_t)length, "0.05\n0\n1\n");
+    write_file(text);
+    rx_starclass *net = NULL;
+    assert_int_equal(rx_starclass_read(path, &net, NULL), RX_OK);
+    rx_source s = {.peak = 100.0, .iso = {61, 50, 37, 29, 17, 11, 5, 0}};
+    const double disc = 3.0 * 3.0;
+    double sum = 0.05 + weight[0] * log10(61.0 / disc) + weight[1] * log10(100.0 / 7.0);
+    for (int i = 1; i < 7; i++)
+        sum += weight[1 + i] * log10(s.iso[i] / disc);
+    sum += weight[8] * -2.0; /* a level without a pixel counts as 0.01 discs */
+    assert_near(rx_starclass_evaluate(net, &s, 1.2, 0.4, 7.0), 1.0 / (1.0 + exp(-sum)), 1e-12);
+    rx_starclass_free(net);
+    unlink(path);
+}
+
 static void refuses_what_is_no_network(void **state)
 {
     (void)state;
@@ -77,6 +101,7 @@ static void refuses_what_is_no_network(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(evaluates_by_hand),
+                                       cmocka_unit_test(weighs_areas_and_peak),
                                        cmocka_unit_test(refuses_what_is_no_network)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

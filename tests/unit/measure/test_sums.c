@@ -1,5 +1,7 @@
 /* Every number of a source against the plain sum over pixels that defines it: an elliptical Gaussian on noise, a
  * noise map, masked pixels, a neighbour, photons, a noise law. */
+#include <unistd.h>
+
 #include "../detect/field.h"
 #include "../near.h"
 #include "measure/aperture.h"
@@ -182,6 +184,67 @@ static double sum_ellipse(const scene *t, double radius, double *error, double *
     return flux;
 }
 
+/* Means of the ring of a step, and of the disc to its middle. */
+static void ring_and_disc(const scene *t, int step, double *ring, double *disc)
+{
+    const double low = 0.3 * step, high = 1.2 * low;
+    double nring = 0.0, ndisc = 0.0;
+    *ring = *disc = 0.0;
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++) {
+            const double r = ellipse_radius(t->s, x, y);
+            if (hidden(t, x, y))
+                continue;
+            *ring += r >= low && r <= high ? t->f.pixels[y * W + x] : 0.0;
+            nring += r >= low && r <= high;
+            *disc += r < 1.1 * low ? t->f.pixels[y * W + x] : 0.0;
+            ndisc += r < 1.1 * low;
+        }
+    *ring /= nring;
+    *disc /= ndisc;
+}
+
+/* The first step whose ring is fainter than a fifth of its disc. */
+static int petrosian_step(const scene *t)
+{
+    double ring = 1.0, disc = 0.0;
+    int step = 0;
+    while (ring >= 0.2 * disc)
+        ring_and_disc(t, ++step, &ring, &disc);
+    return step;
+}
+
+/* The ring of one step is set a little above and a little below a fifth of its disc. */
+static void petrosian_radius_follows_the_ring(void **state)
+{
+    (void)state;
+    scene t;
+    open_scene(&t);
+    const int at = petrosian_step(&t) - 1;
+    for (int side = -1; side <= 1; side += 2) {
+        double ring, disc;
+        int changed = 0, held = 0;
+        ring_and_disc(&t, at, &ring, &disc);
+        for (int pass = 0; pass < 2; pass++)
+            for (int y = 0; y < H; y++)
+                for (int x = 0; x < W; x++) {
+                    const double r = ellipse_radius(t.s, x, y) / (0.3 * at);
+                    if (hidden(&t, x, y) || r < 1.0 || r > 1.2)
+                        continue;
+                    held += pass == 0;
+                    changed += pass == 0 && r > 1.1; /* in the ring, not in the disc */
+                    if (pass == 1 && r > 1.1)
+                        t.f.pixels[y * W + x] +=
+                            (float)((0.2 * disc * (1.0 + 4e-4 * side) - ring) * held / changed);
+                }
+        const int step = petrosian_step(&t);
+        assert_int_equal(step, side < 0 ? at : at + 1);
+        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+        assert_near(t.s->petro_radius, 2.0 * 1.1 * 0.3 * step, 1e-5);
+    }
+    close_scene(&t);
+}
+
 static void kron_and_petrosian_radii_are_moments_and_rings(void **state)
 {
     (void)state;
@@ -203,23 +266,7 @@ static void kron_and_petrosian_radii_are_moments_and_rings(void **state)
     assert_true(masked > 0.0);
     assert_near(t.s->masked_fraction, masked, 1e-12);
 
-    double petrosian = 0.0;
-    for (int step = 1; petrosian == 0.0; step++) {
-        const double low = 0.3 * step, high = 1.2 * low;
-        double ring = 0.0, disc = 0.0, nring = 0.0, ndisc = 0.0;
-        for (int y = 0; y < H; y++)
-            for (int x = 0; x < W; x++) {
-                const double r = ellipse_radius(t.s, x, y);
-                if (hidden(&t, x, y))
-                    continue;
-                ring += r >= low && r <= high ? t.f.pixels[y * W + x] : 0.0;
-                nring += r >= low && r <= high;
-                disc += r < 1.1 * low ? t.f.pixels[y * W + x] : 0.0;
-                ndisc += r < 1.1 * low;
-            }
-        if (ring / nring < 0.2 * disc / ndisc)
-            petrosian = 1.1 * low;
-    }
+    const double petrosian = 1.1 * 0.3 * petrosian_step(&t);
     assert_near(t.s->petro_radius, 2.0 * petrosian, 1e-5);
     const double petro = sum_ellipse(&t, 2.0 * petrosian, &error, &masked);
     assert_near(t.s->flux_petro, petro, 1e-6 * petro);
@@ -386,20 +433,47 @@ static void isophotal_numbers_are_sums_over_the_segment(void **state)
         sxy += w * r2 * log(value);
     }
     const double error = error_of(variance, npix, flux), slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
-    const double core = 2.0 * sqrt(log(2.0) / -slope); /* log I = c - 4 ln 2 r^2 / FWHM^2 */
+    const double core = 1.6651 / sqrt(-slope); /* log I = c - 4 ln 2 r^2 / FWHM^2, digits of SExtractor */
     assert_near(t.s->flux_iso, flux, 1e-9 * flux);
     assert_near(t.s->fluxerr_iso, error, 1e-9 * error);
     assert_near(t.s->peak, peak, 0);
     assert_near(t.s->analysis_threshold, lowest, 1e-9);
     assert_int_equal(t.s->isoarea, above);
     assert_memory_equal(t.s->iso, iso, sizeof iso);
-    assert_near(t.s->fwhm, core - 1.0 / (4.0 * core), 1e-4);
+    assert_close(t.s->fwhm, core - 1.0 / (4.0 * core), 1e-6);
     /* Maddox et al. (1990) as SExtractor's manual has it */
     const double share = t.s->npix * THRESHOLD / flux, relative = error / flux;
     const double rise =
         (0.196099 + 2.0 * 0.751208 * share) * share * sqrt(relative * relative + 1.0 / t.s->npix);
     assert_near(t.s->flux_isocor, flux / (1.0 - 0.196099 * share - 0.751208 * share * share), 1e-9 * flux);
     assert_near(t.s->fluxerr_isocor, flux * hypot(relative, rise), 1e-9 * flux);
+    close_scene(&t);
+}
+
+/* CLASS_STAR compares the peak with ANALYSIS_THRESH in sigmas of the image, or with its own number where
+ * that is absolute: a network that looks at nothing else says which. */
+static void class_star_takes_the_threshold_of_the_image(void **state)
+{
+    (void)state;
+    char path[] = "/tmp/rx-nnw-XXXXXX";
+    const char *text = "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n"
+                       "0 1 0 0 0 0 0 0 0 0 0\n0\n1\n";
+    const int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), (long)strlen(text));
+    close(fd);
+    scene t;
+    open_scene(&t);
+    t.par.seeing_fwhm = 3.0;
+    t.par.nnw_file = path;
+    t.par.analysis_threshold = 8.0;
+    for (int absolute = 0; absolute < 2; absolute++) {
+        const double threshold = absolute ? 8.0 : 8.0 * GLOBAL;
+        t.par.analysis_absolute = absolute;
+        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+        assert_near(t.s->class_star, 1.0 / (1.0 + exp(-log10(t.s->peak / threshold))), 1e-6);
+    }
+    unlink(path);
     close_scene(&t);
 }
 
@@ -514,10 +588,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(apertures_are_sums_of_shares),
                                        cmocka_unit_test(kron_and_petrosian_radii_are_moments_and_rings),
+                                       cmocka_unit_test(petrosian_radius_follows_the_ring),
                                        cmocka_unit_test(radii_and_window_follow_from_the_growth_curve),
                                        cmocka_unit_test(a_dark_window_leaves_the_isophotal_numbers),
                                        cmocka_unit_test(isophotal_numbers_are_sums_over_the_segment),
                                        cmocka_unit_test(what_stands_beside_the_sums),
+                                       cmocka_unit_test(class_star_takes_the_threshold_of_the_image),
                                        cmocka_unit_test(noise_law_is_the_width_of_the_apertures_thrown),
                                        cmocka_unit_test(power_law_is_a_least_squares_line)};
     return cmocka_run_group_tests(tests, NULL, NULL);
