@@ -148,6 +148,23 @@ sed -i "s,^rextract:.*,rextract: \"$programs/rextract\"," my.yaml
 workflow && [ -f done/a ] && diff -r -x .snakemake_timestamp survey other/survey >>log 2>&1
 result 'and the run goes on once it can' $? log
 
+# status 10, by a program that counts its tries
+cp tiles.list whole.list
+cp my.yaml good.yaml
+cat >counting <<END
+#!/bin/sh
+case \$* in *' -PLAN '*) ;; *) echo x >>tries ;; esac
+exec "$programs/rextract" "\$@"
+END
+chmod +x counting
+sed -i "s,^rextract:.*,rextract: \"$scratch/counting\"," my.yaml
+echo 'a.fits -RESTORE_TYPE RL -PSF_TYPE AUTO -PSF_MINSTARS 5000 -RESTORE_FALLBACK N' >tiles.list
+rm -rf ./done survey records tries
+workflow && [ -f done/a ] && [ "$(wc -l <tries)" = 1 ] && grep -q 'cannot be done by RL' logs/a.log
+result 'a tile that its restorer cannot do is not tried again' $? log
+mv good.yaml my.yaml
+mv whole.list tiles.list
+
 # --- what is wrong with the configuration ---
 
 # refused TITLE PATTERN: the run fails with that line, and nothing is done.
