@@ -176,6 +176,12 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
     if (!(tile->saturation > 0) || isinf(tile->saturation))
         tile->saturation = HUGE_VAL;
     tile->zeropoint = number_or(cards, parent, par->zeropoint_key, par->zeropoint, log, tile);
+    double card = tile->zeropoint; /* the simulator's, and some surveys' */
+    if ((par->zeropoint_key == NULL || par->zeropoint_key[0] == '\0') &&
+        rx_cards_number(cards->data, (long)(cards->length / 80), "MAGZERO", &card) && card != tile->zeropoint)
+        rx_log_info(
+            log, "%s[%d]: MAG_ZEROPOINT is %g, the header's MAGZERO %g; MAG_ZEROPOINT_KEY MAGZERO takes it",
+            tile->name, tile->hdu, tile->zeropoint, card);
     tile->exptime = number_or(cards, parent, "EXPTIME", 0, log, tile);
     if (tile->exptime < 0)
         tile->exptime = 0;

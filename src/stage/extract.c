@@ -113,7 +113,7 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
 }
 
-/* The line of a restorer; FULL has told the rest. */
+/* The line of a restorer at NORMAL; the rest is in the full log. */
 static void tell_sources(const rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;

@@ -84,7 +84,7 @@ void rx_report_brief(rx_text *dst, const rx_report *r)
         ncommon);
     if (senseless)
         rx_text_add(dst, "MagErr above 10,000 %: magnitudes and reference have not the same zero point; give "
-                         "MAG_ZEROPOINT, or its header keyword as MAG_ZEROPOINT_KEY\n");
+                         "MAG_ZEROPOINT, or its header keyword, MAGZERO say, as MAG_ZEROPOINT_KEY\n");
     for (long i = 0; i < r->nresults; i++) {
         const rx_gate_result *g = &r->result[i];
         char text[96], name[32] = "no such run";

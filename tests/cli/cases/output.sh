@@ -450,3 +450,15 @@ if [ "$active" = 1 ]; then
     : >../out
     judge 0 ''
 fi
+
+begin 'a MAGZERO that differs from MAG_ZEROPOINT is named'
+make_fits tile tile.fits 'MAGZERO = 26.1'
+leaves test.cat
+says 4 # no default.sex, this, the count, what was written
+expect_exactly 0 'MAG_ZEROPOINT is 0, the header.s MAGZERO 26\.1; MAG_ZEROPOINT_KEY MAGZERO takes it' tile.fits $none
+
+begin 'a MAGZERO that is taken'
+make_fits tile tile.fits 'MAGZERO = 26.1'
+leaves test.cat
+says 3
+expect_exactly 0 'sources' tile.fits $none -MAG_ZEROPOINT_KEY MAGZERO
