@@ -7,6 +7,7 @@ top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 command -v python3 >/dev/null || { skip "texts and results" "python3 is not installed"; finish; }
 enter
+# shellcheck disable=SC2154 # scratch is of tests/lib.sh
 texts() { RX_TEXTS_TOP=$scratch/copy PYTHONDONTWRITEBYTECODE=1 python3 "$top/validation/texts.py" "$@" >log 2>&1; }
 
 PYTHONDONTWRITEBYTECODE=1 python3 "$top/validation/texts.py" check >log 2>&1

@@ -2,6 +2,7 @@
 # No byte of any output depends on the number of threads or on which of them does what: every restorer, template
 # photometry, all images, constant and varying PSFs; and -REPLAY finds the same bytes each time. Threads that wait
 # passively are woken in another order each time, the more so where they are more than the processors.
+# shellcheck disable=SC3045 # dash and bash have ulimit -s
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
@@ -75,12 +76,12 @@ few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
     same 'templates after Richardson-Lucy, 16 threads, eight times' 8 16 "$blends" -RESTORE_TYPE RL $moffat
     for restorer in NONE RL RL_BLIND NET; do
         case $restorer in RL_BLIND) several='2 7' ;; *) several='2 7 16' ;; esac
-        same "$restorer, templates and all images" 1 "$several" "$blends[101:260,101:260]" -RESTORE_TYPE $restorer \
+        same "$restorer, templates and all images" 1 "$several" "${blends}[101:260,101:260]" -RESTORE_TYPE $restorer \
             -NET_MODEL ../model.fits $moffat $few $images -REFERENCE_NAME "$top/tests/data/sim_truth.fits" -QA_FIGURES N
     done
     if [ -n "$python" ]; then
         for restorer in RL NET; do
-            same "$restorer behind a PSF that varies, templates" 2 '3 16' "$blends[101:260,101:260]" -RESTORE_TYPE $restorer \
+            same "$restorer behind a PSF that varies, templates" 2 '3 16' "${blends}[101:260,101:260]" -RESTORE_TYPE $restorer \
                 -NET_MODEL ../model.fits -PSF_TYPE PSFEX -PSF_NAME ../varying.psf $few
         done
     else
@@ -88,7 +89,7 @@ few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
     fi
 
     rm -rf one
-    run one 16 "$blends[101:260,101:260]" -RESTORE_TYPE RL $moffat
+    run one 16 "${blends}[101:260,101:260]" -RESTORE_TYPE RL $moffat
     code=$?
     for _ in 1 2 3 4 5 6 7 8 9 10; do
         [ $code -eq 0 ] && OMP_NUM_THREADS=16 "$program" -REPLAY one/sim.cat -VERBOSE_TYPE QUIET >one.log 2>&1

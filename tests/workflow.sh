@@ -170,7 +170,7 @@ mv whole.list tiles.list
 # refused TITLE PATTERN: the run fails with that line, and nothing is done.
 refused() {
     rm -rf ./done survey records
-    ! workflow && grep -q -- "$2" log && [ -z "$(ls done records survey 2>/dev/null)" ]
+    ! workflow && grep -q -- "$2" log && [ -z "$(ls "done" records survey 2>/dev/null)" ]
     result "$1" $? log
 }
 

@@ -1,4 +1,4 @@
-# shellcheck shell=bash disable=SC2034
+# shellcheck shell=bash disable=SC2034,SC2154
 # To be sourced: which restorers the scripts on real sky compare. NET takes part with the model of RX_MODEL, else with
 # config/psfnet.fits; where there is neither, the others are compared without it. Sets `restorers` (a list for
 # RESTORE_TYPE), `net` (arguments of rextract) and `python`; needs `top`, the root of the sources, `out`, the folder to

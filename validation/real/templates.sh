@@ -15,6 +15,7 @@ data=$(cd "${RX_SHARED_DATA:-$top/../shared/data}" && pwd)
 out=${1:-templates-out}
 [[ -x $program ]] || { echo "templates.sh: $program is missing; build first (./quickstart)" >&2; exit 2; }
 program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
+# shellcheck disable=SC2034 # for restorers.sh
 modules='numpy astropy scipy'
 restorers='' net=() python='' # set by the next line
 # shellcheck source=/dev/null

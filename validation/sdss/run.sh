@@ -14,6 +14,7 @@ data=${RX_SHARED_DATA:-$top/../shared/data}/sdss/94-1-12
 out=${1:-sdss-out}
 [[ -x $program ]] || { echo "run.sh: $program is missing; build first (./quickstart)" >&2; exit 2; }
 [[ -d $data ]] || { echo "run.sh: $data is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
+# shellcheck disable=SC2034 # for restorers.sh
 modules='numpy astropy'
 restorers='' net=() python='' # set by the next line
 # shellcheck source=/dev/null
