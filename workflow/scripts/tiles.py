@@ -67,7 +67,7 @@ def check(config):
 
 def try_out(tile, config):
     """Keywords that are wrong are found before the first job: a tile is planned with them."""
-    command = [config["rextract"], *arguments(tile, config["settings"], config["options"], config["threads"]), "-PLAN", "Y",
+    command = [config["rextract"], "-PLAN", "Y", *arguments(tile, config["settings"], config["options"], config["threads"]),
                "-VERBOSE_TYPE", "QUIET"]
     try:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
