@@ -132,7 +132,7 @@ result 'a run that was stopped goes on with what is left' $? log
 # a machine that fails: twice out of memory, then fine
 cat >flaky <<END
 #!/bin/sh
-case \$* in *' -PLAN '*) ;; a.fits*) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
+case \$* in *'-PLAN '*) ;; a.fits*) echo x >>tries; [ "\$(wc -l <tries)" -gt 2 ] || exit 4 ;; esac
 exec "$programs/rextract" "\$@"
 END
 chmod +x flaky
@@ -153,7 +153,7 @@ cp tiles.list whole.list
 cp my.yaml good.yaml
 cat >counting <<END
 #!/bin/sh
-case \$* in *' -PLAN '*) ;; *) echo x >>tries ;; esac
+case \$* in *'-PLAN '*) ;; *) echo x >>tries ;; esac
 exec "$programs/rextract" "\$@"
 END
 chmod +x counting
