@@ -16,19 +16,25 @@ for list in keywords columns simulate validate train survey; do
     fi
 done
 
-# The page with its lists as the tables have them.
+# Examples as roff text.
+for example in find.c find.cc; do
+    sed -e 's/\\/\\e/g' -e 's/-/\\-/g' -e "s/'/\\\\(aq/g" -e 's/\^/\\(ha/g' -e 's/~/\\(ti/g' -e 's/`/\\(ga/g' -e 's/^\./\\\&./' \
+        "$top/tests/examples/$example" >"$scratch/$example"
+done
+
+# The page with its lists as the tables have them, and its examples.
 fill() {
     awk -v folder="$scratch" '
         /^\.\\" end of / { inside = 0 }
         !inside { print }
-        /^\.\\" made from the table of / {
+        /^\.\\" made from the (table of|file) / {
             inside = 1
             file = folder "/" $NF
             while ((getline line < file) > 0) print line
         }' "$1"
 }
 
-for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1; do
+for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1 rextract.3; do
     page=$top/man/$name
     fill "$page" >"$scratch/page"
     if [ "${1-}" = --write ]; then
@@ -36,12 +42,12 @@ for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-tra
     elif diff -u "$page" "$scratch/page"; then
         passed=$((passed + 1))
     else
-        echo "man/$name is not what the tables say; run man/check-man.sh --write"
+        echo "man/$name is not what the tables or examples say; run man/check-man.sh --write"
         failed=$((failed + 1))
     fi
 done
 [ "${1-}" != --write ] || exit 0
-for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1; do
+for name in rextract.1 rextract.3 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1; do
     if ! command -v mandoc >/dev/null; then
         skipped=$((skipped + 1))
         continue

@@ -80,20 +80,23 @@ lines_of() {
     if [ -e "$1" ]; then wc -l <"$1"; else echo 0; fi
 }
 
-# Ten moments: so many units after a start, and so many seconds after that.
-moments() {
-    awk -v seed="$(date +%N)" 'BEGIN { srand(seed);
-        for (i = 0; i < 10; i++) printf "%d %.3f\n", 2 * rand(), 0.12 * rand() }'
+# a_moment NANOSECONDS: for a campaign that takes so long, so many units after a start, and so many seconds after that.
+a_moment() {
+    awk -v seed="$(date +%N)" -v took="$1" 'BEGIN { srand(seed); printf "%d %.3f", 2 * rand(), 0.1e-9 * took * rand() }'
 }
 
 for kind in restoration photometry detection fluxes; do
+    began=$(date +%s%N)
     campaign $kind $kind-whole $kind.whole 1
     result "$kind: a whole run on one thread" $? $kind-whole.log
 
-    # killed: what is done stays done
-    hits=0 kept=0
-    moments >moments.list
-    while read -r units moment; do
+    # killed: what is done stays done; a run that came to its end before its moment is begun anew
+    took=$(($(date +%s%N) - began)) hits=0 tries=0 kept=0
+    while [ $hits -lt 10 ] && [ $tries -lt 60 ]; do
+        tries=$((tries + 1))
+        read -r units moment <<END
+$(a_moment $took)
+END
         start $kind $kind-killed $kind.killed 2
         while [ "$(lines_of $kind.killed)" -lt $((kept + units)) ] && kill -0 $job 2>/dev/null; do
             sleep 0.01
@@ -101,15 +104,24 @@ for kind in restoration photometry detection fluxes; do
         sleep "$moment"
         kill -9 $job 2>/dev/null
         wait $job 2>/dev/null
-        [ $? -eq 137 ] && hits=$((hits + 1))
+        status=$?
         lines=$(lines_of $kind.killed)
         # a torn line is cut off, so one line may go
         [ "$lines" -ge $((kept - 1)) ] || echo "the journal lost lines: $kept, then $lines" >>lost
         kept=$lines
-    done <moments.list
-    [ "$hits" -ge 5 ] && [ ! -e lost ]
-    result "$kind: $hits of ten kills struck, and no unit was lost" $? moments.list
-    rm -f lost
+        echo "after $units units and $moment s: status $status, $lines lines" >>moments.list
+        if [ $status -eq 137 ]; then
+            hits=$((hits + 1))
+        else
+            rm -rf $kind.killed $kind-killed
+            kept=0
+        fi
+    done
+    [ $hits -eq 10 ]
+    result "$kind: ten kills strike" $? moments.list
+    [ ! -e lost ]
+    result "$kind: no unit was lost" $? lost
+    rm -f lost moments.list
     printf '17 4 0.1 0.2 torn' >>$kind.killed
     campaign $kind $kind-killed $kind.killed 2
     result "$kind: resumed to its end" $? $kind-killed.log

@@ -26,10 +26,12 @@ template  num
 simulate  io num psf
 catalog   io num psf
 validate  io num psf
-train     nn stage simulate par validate config io num psf
-stage     io num nn psf restore detect measure template catalog validate simulate config
-survey    stage par validate io config
-campaign  stage simulate validate restore catalog config io nn num psf
+train     nn stage pipeline simulate par validate config io num psf
+pipeline  nn psf restore detect measure template catalog config num io
+check     pipeline simulate validate restore measure num io
+stage     check pipeline io num nn psf restore detect measure template catalog validate simulate config
+survey    stage pipeline par validate io config
+campaign  stage check pipeline simulate validate restore catalog config io nn num psf
 programs  stage survey campaign train par validate simulate config catalog
 END
 
@@ -109,6 +111,13 @@ match(code, folder == "stage" ? standard_error : standard_streams) {
 }
 match(code, /(^|[^A-Za-z0-9_.>])(system|popen|fork|vfork|exec[lv][pe]*|posix_spawnp?)[ \t]*\(/) && folder != "validate" {
     complain("only validate/ runs another program (gnuplot)")
+}
+# An error object of one's own hides the caller's stop (base/error.h) from all that is below.
+folder !~ /^(base|par|survey|campaign|train)$/ && code ~ /RX_ERROR_NONE/ {
+    complain("hides the stop of the caller; use rx_error_part(err)")
+}
+folder != "base" && code ~ /\*err = / && code !~ /RX_ERROR_NONE/ {
+    complain("forgets the stop of the caller; use rx_error_take(err, &part)")
 }
 match(code, /(^|[^A-Za-z0-9_.>])(rand|srand|random|drand48|time|localtime|gmtime)[ \t]*\(/) {
     complain("outputs depend on nothing but the inputs; use base/random.h, no clock")

@@ -2,6 +2,7 @@
 #
 #   need NAME...             programs that must be there, their folder is $programs; or tests/..., helpers of the build,
 #                            which is $build
+#   need_data [MODULE...]    real images, $data, and modules of /usr/bin/python3; or the script ends as skipped
 #   enter                    into a scratch folder, $scratch, that is removed at the end, by a signal too
 #   result TITLE STATUS LOG  counts a case; of one that failed the end of the log is shown, where one is given
 #   skip TITLE WHY
@@ -21,6 +22,18 @@ need() {
             exit 2
         }
     done
+}
+
+need_data() {
+    data=${RX_SHARED_DATA:-}
+    why=''
+    [ -n "$data" ] && [ -d "$data" ] || why='RX_SHARED_DATA names no folder of real tiles'
+    for module in "$@"; do
+        /usr/bin/python3 -c "import $module" 2>/dev/null || why="python3 has no $module"
+    done
+    [ -n "$why" ] || return 0
+    skip "$script" "$why"
+    finish
 }
 
 enter() {

@@ -193,6 +193,53 @@ assert abs(np.mean(pull)) < 4 / np.sqrt(n) and 0.85 < np.std(pull) < 1.15, (np.m
 assert np.median(sky) < 0.1, np.median(sky)
 END
 
+# --- coadds ---
+
+# coadd NAME ARGUMENT...
+coadd() {
+    name=$1
+    shift
+    "$simulate" -IMAGE_NAME "$name.fits" -TRUTH_NAME "${name}_truth.fits" -WEIGHT_NAME "${name}_weight.fits" \
+        -IMAGE_SIZE 600 -GALAXY_COUNT 0 -SEED 12 "$@" >"$name.log" 2>&1
+    result "a coadd: $name" $? "$name.log"
+}
+for type in DRIZZLE LANCZOS; do
+    coadd "${type}_stars" -COADD_TYPE $type -STAR_COUNT 400 -STAR_MAG 14,15 -LEAST_DISTANCE 10 -NOISE_TYPE NONE -SKY_LEVEL 0
+    coadd "${type}_sky" -COADD_TYPE $type -COADD_FRAMES 3 -COADD_UNEVEN 1 -STAR_COUNT 0 -NOISE_TYPE CCD -GAIN 2 -SKY_LEVEL 300
+done
+
+theory "coadds keep the zero point and the places, weights tell the depth, headers the correlation" <<'END'
+for kind, scale in (('DRIZZLE', 0.6), ('LANCZOS', 1.0)):
+    img, stars = image(kind + '_stars.fits'), table(kind + '_stars_truth.fits')
+    y, x = np.mgrid[:600, :600]
+    share, dx, dy = [], [], []
+    for s in stars:
+        x0, y0 = s['X_IMAGE'] - 1, s['Y_IMAGE'] - 1
+        if not (30 < x0 < 570 and 30 < y0 < 570):
+            continue
+        box = np.s_[int(y0) - 17:int(y0) + 18, int(x0) - 17:int(x0) + 18]
+        share.append(img[box].sum() / s['FLUX'])
+        w = img[box] * (np.hypot(x[box] - x0, y[box] - y0) < 12)
+        dx.append(np.sum(w * (x[box] - x0)) / w.sum())
+        dy.append(np.sum(w * (y[box] - y0)) / w.sum())
+    print(kind, len(share), np.mean(share), np.std(share), np.median(dx), np.median(dy))
+    assert len(share) > 60 and abs(np.median(share) - 1) < 1e-3, np.median(share)
+    assert abs(np.median(dx)) < 0.01 and abs(np.median(dy)) < 0.01, (np.median(dx), np.median(dy))
+    header = fits.getheader(kind + '_sky.fits')
+    weight, d = image(kind + '_sky_weight.fits'), image(kind + '_sky.fits') - 300 * scale**2
+    assert header['RXCOADD'] == kind and abs(header['RXBACK'] - 300 * scale**2) < 1e-3, header
+    assert 4 < header['RXCFWHM'] < 4.5 and header['RXCNUM'] == 3, header
+    assert weight.max() / weight.min() > 2 and weight.min() > 0, (weight.min(), weight.max())
+    assert abs(d.std() / header['RXSIGMA'] - 1) < 0.02, (d.std(), header['RXSIGMA'])
+    z = d * np.sqrt(weight)
+    blocks = z.reshape(20, 30, 20, 30).sum((1, 3)) / 30  # of 30 x 30 pixels: as noisy as one without covariance
+    print(kind, z.std(), blocks.std(), header['RXCWIDE'])
+    if kind == 'LANCZOS':
+        assert abs(z.std() - 1) < 0.02 and 1 < header['RXCWIDE'] < 1.3, (z.std(), header['RXCWIDE'])
+    else:
+        assert 1.6 < header['RXCWIDE'] < 2.1 and abs(blocks.std() - 1) < 0.15, (header['RXCWIDE'], blocks.std())
+END
+
 # --- the same bytes ---
 
 for threads in 1 2; do
@@ -204,6 +251,17 @@ for threads in 1 2; do
 done
 diff -r threads1 threads2 >difference 2>&1
 result "two threads give the bytes of one" $? difference
+
+for threads in 1 2; do
+    mkdir "coadds$threads"
+    (cd "coadds$threads" && MALLOC_PERTURB_=$((threads * 80)) "$simulate" -NTHREADS $threads -SHARP_NAME sharp.fits \
+        -FLAG_NAME flags.fits -WEIGHT_NAME weight.fits -NOISE_TYPE CCD -GAIN 2 -SATUR_LEVEL 5000 -BAD_COLUMNS 0.01 \
+        -COSMIC_RAYS 100 -PSF_VARIATION 0.2 -IMAGE_SIZE 300,250 -COADD_TYPE DRIZZLE -COADD_UNEVEN 0.5) \
+        >"coadds$threads.log" 2>&1
+    result "a coadd of CCD frames on $threads thread(s)" $? "coadds$threads.log"
+done
+diff -r coadds1 coadds2 >difference 2>&1
+result "two threads give the bytes of one coadd" $? difference
 
 # --- the truth in every format ---
 
@@ -294,6 +352,9 @@ refused "PSF_TYPE AUTO without a tile" 2 INJECT_IMAGE -PSF_TYPE AUTO
 refused "a PSF file that is not there" 3 absent.psf -PSF_TYPE PSFEX -PSF_NAME absent.psf
 refused "a folder that is not there" 4 nowhere -TRUTH_NAME nowhere/truth.fits
 refused "templates that are not there" 3 nowhere -TEMPLATE_NAME nowhere -TEMPLATE_COUNT 10
+refused "a coadd through a PSF of the image's pixels" 2 PSF_TYPE -COADD_TYPE DRIZZLE -PSF_TYPE FILE -PSF_NAME p.fits
+refused "a coadd of a real tile" 2 COADD_TYPE -COADD_TYPE LANCZOS -INJECT_IMAGE ../field.fits
+refused "pixels far finer than those of the frames" 2 COADD_SCALE -COADD_TYPE DRIZZLE -COADD_SCALE 0.2
 refused "magnitudes the wrong way round" 2 STAR_MAG -STAR_MAG 22,14
 
 finish

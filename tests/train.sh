@@ -46,8 +46,10 @@ same() {
     cmp "$1.model/model.fits" whole.model/model.fits && cmp "$1.ck" whole.ck && diff -r "$1" whole
 }
 
+begun=$(date +%s%N)
 training whole -NTHREADS 1 -VERBOSE_TYPE FULL
 result 'a whole training on one thread' $? whole.log
+took=$(($(date +%s%N) - begun)) # ns
 [ "$(grep -Ec ' steps: [0-9.]+ s for [0-9]+ images, [0-9.]+ s waiting .* generators: [0-9.]+ s for [0-9]+ images$' whole.log)" = 3 ]
 result 'tells what steps and images cost, epoch by epoch' $? whole.log
 [ -e whole/training.html ] && [ -e whole/dictionary.ecsv ] && [ -e whole/log.ecsv ]
@@ -75,11 +77,27 @@ training threads -NTHREADS 2 -GENERATORS 2
 same threads >difference 2>&1
 result 'two threads and two generators: the same bytes' $? difference
 
-# killed: at random moments, until it is complete
+# noise and skies as surveys deliver them
+surveys="-EPOCHS 1 -FWHM_RANGE 2,5 -SMOOTHED_NOISE 0.3 -RESAMPLED_NOISE 0.3 -UNEVEN_NOISE 0.5 -SKY_OFFSETS 0.5 -SKY_WAVES 0.5
+    -DARK_SKY 0.5 -DEFECTS 0.5 -PSF_ERRORS 0.5"
+# shellcheck disable=SC2086 # a list
+training survey $surveys -NTHREADS 1
+result 'a training on what surveys deliver' $? survey.log
+# shellcheck disable=SC2086 # a list
+training surveys $surveys -NTHREADS 2 -GENERATORS 2
+cmp survey.ck surveys.ck >difference 2>&1
+result 'has the same bytes for two threads and two generators' $? difference
+"$program" -INFO survey.model/model.fits >info 2>&1 && grep -q '^DARK_SKY 0.5$' info && ! grep -q SMOOTHED_FWHM info
+result 'and its model says what it was trained on' $? info
+training refused -SMOOTHED_NOISE 0.6 -RESAMPLED_NOISE 0.6
+[ $? -eq 2 ] && grep -q 'RESAMPLED_NOISE: 0.6 and SMOOTHED_NOISE 0.6 are more than all images; give at most 0.4' refused.log
+result 'more correlated noise than images is refused' $? refused.log
+
+# killed: at random moments, until it is complete; the first two come before a training as fast as the whole one ends
 hits=0 kills=0
 while [ $kills -lt 6 ]; do
     start killed -NTHREADS 2
-    sleep "$(awk -v seed="$(date +%N)" 'BEGIN { srand(seed); printf "%.2f", 0.2 + 1.2 * rand() }')"
+    sleep "$(awk -v seed="$(date +%N)" -v took="$took" 'BEGIN { srand(seed); printf "%.3f", 1e-9 * took * (0.05 + 0.2 * rand()) }')"
     kill -9 $job 2>/dev/null
     wait $job 2>/dev/null
     [ $? -eq 137 ] && hits=$((hits + 1))

@@ -5,10 +5,11 @@
 
 FOLDER holds what one run of rextract wrote with RESTORE_TYPE NONE,RESTORER,..., CATALOG_TYPE FITS_1.0,
 CATALOG_NAME c.cat, CHECKIMAGE_TYPE SEGMENTATION, CHECKIMAGE_NAME s.fits, and with the columns NUMBER, X_IMAGE,
-Y_IMAGE, FLAGS, MAG_AUTO and MAG_TEMPLATE. A saturated star is a source of NONE whose segment holds a saturated
+Y_IMAGE, FLAGS, MAG_AUTO, MAG_TEMPLATE and MAGERR_TEMPLATE. A saturated star is a source of NONE whose segment holds a saturated
 pixel. For each restorer, one line a star that differs: sources inside the star's segment, inside the ring of
 RING pixels around it (of NONE and of the restorer), the FLAGS of the one that is nearest to NONE's position,
-and how much fainter that is. Exit status 1 where a star is not one source with FLAGS 4 within LIMITS.
+and how much fainter that is. Exit status 1 where a star is not one source with FLAGS 4 within LIMITS, the template also
+within its error.
 """
 import sys
 
@@ -17,7 +18,7 @@ from astropy.io import fits
 from scipy.ndimage import binary_dilation
 
 RING = 6
-LIMITS = {"MAG_AUTO": 0.01, "MAG_TEMPLATE": 0.02}  # the other sources move a template by a hundredth
+LIMITS = {"MAG_AUTO": 0.01, "MAG_TEMPLATE": 0.03}  # the other sources move a template by one or two hundredths
 
 
 def image(name):
@@ -52,7 +53,8 @@ def main(tile, saturation, folder, *restorers):
             distance = np.hypot(found["X_IMAGE"] - row["X_IMAGE"], found["Y_IMAGE"] - row["Y_IMAGE"])
             nearest = found[np.argmin(distance)]
             lost = [float(nearest[c]) - float(row[c]) for c in LIMITS]
-            bad = (len(mine) != 1, not nearest["FLAGS"] & 4, any(abs(a) > limit for a, limit in zip(lost, LIMITS.values())))
+            limits = LIMITS["MAG_AUTO"], max(LIMITS["MAG_TEMPLATE"], float(row["MAGERR_TEMPLATE"]))
+            bad = (len(mine) != 1, not nearest["FLAGS"] & 4, any(abs(a) > limit for a, limit in zip(lost, limits)))
             pieces, unflagged, off = pieces + bad[0], unflagged + bad[1], off + bad[2]
             extra += max(0, int(rings[1]) - int(rings[0]))
             if any(bad) or rings[0] != rings[1]:

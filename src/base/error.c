@@ -39,6 +39,28 @@ rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu
     return status;
 }
 
+rx_error rx_error_part(const rx_error *err)
+{
+    rx_error part = RX_ERROR_NONE;
+    if (err != NULL) {
+        part.stop = err->stop;
+        part.user = err->user;
+    }
+    return part;
+}
+
+rx_status rx_error_take(rx_error *err, const rx_error *part)
+{
+    if (err != NULL) {
+        bool (*const stop)(void *) = err->stop;
+        void *const user = err->user;
+        *err = *part;
+        err->stop = stop;
+        err->user = user;
+    }
+    return part->status;
+}
+
 rx_status rx_error_memory(rx_error *err, size_t bytes)
 {
     if (bytes == 0)

@@ -8,7 +8,12 @@
 #ifndef RX_BASE_ERROR_H
 #define RX_BASE_ERROR_H
 
+#include <stdbool.h>
 #include <stddef.h>
+
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 typedef enum rx_status {
     RX_OK = 0,
@@ -17,7 +22,7 @@ typedef enum rx_status {
     RX_SYSTEM = 4,            /* memory, disk, permissions, missing programs */
     RX_GATE_FAIL = 5,         /* a quality gate is violated */
     RX_GATE_INSUFFICIENT = 6, /* too few sources to decide a quality gate */
-    RX_INTERRUPTED = 7,       /* by a signal (base/interrupt.h), work is unwound */
+    RX_INTERRUPTED = 7,       /* by a signal (base/interrupt.h) or the caller's stop; work is unwound */
     RX_SOME_FAILED = 8,       /* of a list of tiles, not all are done */
     RX_DIFFERENT = 9,         /* a run that was repeated gave something else */
     RX_NOT_RESTORED = 10      /* the tile is not for the restorer asked for, and no other may do it */
@@ -31,10 +36,26 @@ typedef struct rx_error {
     int hdu;                    /* HDU number as cfitsio counts in [n] (0 = primary); -1 none */
     long line;                  /* line in a text file, from 1; 0 none */
     char text[RX_ERROR_TEXT];   /* what is wrong, then what to do */
+    /* The caller's way to end a call early; set before it, kept by everything below. Long loops ask now and then, in the
+     * thread that made the call, and more than once after the first true: the call then unwinds and returns
+     * RX_INTERRUPTED. NULL: never. */
+    bool (*stop)(void *user);
+    void *user; /* what stop is given */
 } rx_error;
 
-/* An error object that says nothing; use it to initialise. */
+/* An error object that says nothing and never stops; use it to initialise. */
+#ifdef __cplusplus
+#define RX_ERROR_NONE (rx_error{RX_OK, "", -1, 0, "", NULL, NULL})
+#else
 #define RX_ERROR_NONE ((rx_error){.status = RX_OK, .hdu = -1})
+#endif
+
+/* One for a part of a call, whose error may be thrown away or replaced: says nothing, and stops as `err` (may be NULL)
+ * does. In a parallel region only thread 0 may ask the caller: the others take rx_error_part(NULL). */
+rx_error rx_error_part(const rx_error *err);
+
+/* What the part says becomes what err (may be NULL) says, which keeps its own stop; returns part->status. */
+rx_status rx_error_take(rx_error *err, const rx_error *part);
 
 /* Fill err (may be NULL) and return status, so that a function can end with
  * `return rx_error_set(err, RX_INPUT, "...")`. Text: one line, no full stop. */
@@ -53,5 +74,21 @@ rx_status rx_error_memory(rx_error *err, size_t bytes);
 /* "program: file[hdu]:line: text" in one line into dst, made harmless by
  * rx_text_tame(). */
 void rx_error_format(const rx_error *err, const char *program, char *dst, size_t size);
+
+/* What goes wrong in a call is forwarded: returned at once, or, where something must be freed, by the label `exit`
+ * with `status` set. */
+#define RX_TRY(call)                                                                                         \
+    do {                                                                                                     \
+        const rx_status rx_tried = (call);                                                                   \
+        if (rx_tried != RX_OK)                                                                               \
+            return rx_tried;                                                                                 \
+    } while (0)
+#define RX_TRY_EXIT(call)                                                                                    \
+    do {                                                                                                     \
+        if ((status = (call)) != RX_OK)                                                                      \
+            goto exit;                                                                                       \
+    } while (0)
+
+RX_END_DECLS
 
 #endif

@@ -6,15 +6,19 @@
 #ifndef RX_BASE_HASH_H
 #define RX_BASE_HASH_H
 
+#include <stdalign.h>
 #include <stddef.h>
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 enum { RX_HASH_TEXT = 33 };
 
 /* Of bytes that come in pieces; owns nothing. */
 typedef struct rx_hash {
-    _Alignas(64) unsigned char state[576]; /* of the library */
+    alignas(64) unsigned char state[576]; /* of the library */
 } rx_hash;
 
 void rx_hash_begin(rx_hash *sum);
@@ -26,5 +30,7 @@ void rx_hash_text(const rx_hash *sum, char dst[RX_HASH_TEXT]);
 /* Of a whole regular file; any other, or none: *there 0, no error. Errors: RX_INPUT where it cannot be opened
  * or read to its end, and a signal. */
 rx_status rx_hash_file(const char *path, char dst[RX_HASH_TEXT], int *there, rx_error *err);
+
+RX_END_DECLS
 
 #endif

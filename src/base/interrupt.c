@@ -54,6 +54,8 @@ bool rx_interrupt_pending(void)
 
 rx_status rx_interrupt_check(rx_error *err)
 {
+    if (err != NULL && err->stop != NULL && err->stop(err->user))
+        return rx_error_set(err, RX_INTERRUPTED, "stopped by the caller");
     if (!rx_interrupt_pending())
         return RX_OK;
     return rx_error_set(err, RX_INTERRUPTED, "interrupted by a signal; nothing was written");

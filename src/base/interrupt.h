@@ -14,7 +14,7 @@ void rx_interrupt_deliver(void); /* at its end: a pending signal ends the proces
 void rx_interrupt_forget(void);  /* or: what is pending has been heeded */
 bool rx_interrupt_pending(void);
 
-/* RX_INTERRUPTED with a text when a signal is pending, else RX_OK. */
+/* RX_INTERRUPTED with a text when the caller says stop (err->stop) or a signal is pending, else RX_OK. */
 rx_status rx_interrupt_check(rx_error *err);
 
 #endif

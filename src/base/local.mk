@@ -5,13 +5,17 @@ librextract_la_SOURCES += \
 	src/base/least.h \
 	src/base/lines.c \
 	src/base/log.c \
+	src/base/arena.c src/base/arena.h \
 	src/base/memory.c \
 	src/base/names.c \
+	src/base/point.c src/base/point.h \
 	src/base/printable.c src/base/printable.h \
 	src/base/random.c \
 	src/base/text.c \
 	src/base/threads.c
+librextract_la_SOURCES += src/base/interrupt.h src/base/lines.h src/base/memory.h src/base/names.h \
+	src/base/random.h src/base/threads.h src/base/wide.h
 
 rx_basedir = $(pkgincludedir)/base
-rx_base_HEADERS = src/base/error.h src/base/hash.h src/base/interrupt.h src/base/lines.h src/base/log.h src/base/memory.h \
-	src/base/wide.h src/base/names.h src/base/random.h src/base/text.h src/base/threads.h
+rx_base_HEADERS = src/base/error.h src/base/extern.h src/base/hash.h src/base/log.h src/base/text.h
+installed_headers += $(rx_base_HEADERS)

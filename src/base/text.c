@@ -82,6 +82,7 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     char *content = NULL;
     struct stat info;
     FILE *file = fopen(path, "rb");
+    *data = NULL;
     if (file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
     if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode)) {

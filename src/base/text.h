@@ -7,6 +7,9 @@
 #include <stdio.h>
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_text {
     char *data; /* always 0-terminated once something was added; NULL before */
@@ -50,5 +53,7 @@ void rx_text_tame(char *line);
 /* The word of `words` (n of them) nearest to `word` by edit distance, case
  * ignored, or NULL when nothing is near: for "did you mean". */
 const char *rx_text_nearest(const char *word, const char *const *words, size_t n);
+
+RX_END_DECLS
 
 #endif

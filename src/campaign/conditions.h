@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "config/campaign_config.h"
-#include "stage/field.h"
+#include "pipeline/field.h"
 #include "stage/simulation.h"
 
 typedef struct rx_condition {

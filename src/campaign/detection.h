@@ -26,8 +26,8 @@
 #include "campaign/conditions.h"
 #include "campaign/kind.h"
 #include "campaign/results.h"
+#include "pipeline/field.h"
 #include "restore/restore.h"
-#include "stage/field.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
 

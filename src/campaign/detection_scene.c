@@ -171,7 +171,7 @@ static rx_status expose(const rx_detection_state *state, const rx_detection_sky 
                         rx_error *err)
 {
     const rx_scene_params par = params_of(state, sky, scene, stream);
-    rx_simulated simulated = {.width = par.width, .height = par.height};
+    rx_simulated simulated = {.width = par.width, .height = par.height, .noise = sky->simulation->noise};
     rx_status status = rx_scene_make(&par, sky->simulation->templates, &simulated.scene, err);
     if (status == RX_OK && scene == RX_SCENE_PAIRS)
         status = add_companions(state, sky, stream, &simulated.scene, err);
@@ -217,7 +217,8 @@ rx_status rx_detection_tile_make(const rx_detection_state *state, int condition,
     *dst = (rx_detection_tile){0};
     rx_status status = expose(state, sky, scene, stream, &tile, dst, err);
     if (status == RX_OK) {
-        status = rx_field_prepare(state->options, 0, tile, sky->told, 1, NULL, &dst->field, err);
+        status = rx_field_prepare(&state->options->pipeline, RX_FIELD_PSF, tile, sky->told, NULL, &dst->field,
+                                  err);
         tile = NULL; /* the field's */
     }
     if (status == RX_OK && scene == RX_SCENE_PLATEAU)

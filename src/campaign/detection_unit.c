@@ -6,8 +6,8 @@
 #include "base/memory.h"
 #include "campaign/detection.h"
 #include "campaign/unit_row.h"
-#include "stage/probe.h"
-#include "stage/quality.h"
+#include "check/quality.h"
+#include "pipeline/pipeline.h"
 #include "validate/match.h"
 
 /* What one unit works on. */
@@ -40,23 +40,23 @@ static rx_options options_of(const work *w, const rx_detection_method *method)
     rx_options options = *w->state->options;
     if (method->matched) { /* a threshold of k sigmas means k sigmas of the unfiltered noise: the same S/N
                               here */
-        const double now =
-            norm(options.detect.filter, options.detect.filter_width * options.detect.filter_height);
-        options.detect.threshold *= norm(w->sky->kernel, w->sky->side * w->sky->side) / now;
-        options.detect.filter = w->sky->kernel;
-        options.detect.filter_width = options.detect.filter_height = w->sky->side;
-        options.detect.filter_normalise = 1;
-        options.detect.matched = 0;
+        const double now = norm(options.pipeline.detect.filter,
+                                options.pipeline.detect.filter_width * options.pipeline.detect.filter_height);
+        options.pipeline.detect.threshold *= norm(w->sky->kernel, w->sky->side * w->sky->side) / now;
+        options.pipeline.detect.filter = w->sky->kernel;
+        options.pipeline.detect.filter_width = options.pipeline.detect.filter_height = w->sky->side;
+        options.pipeline.detect.filter_normalise = 1;
+        options.pipeline.detect.matched = 0;
     }
     if (strcmp(method->restorer->name, "NET") == 0) {
-        options.detect.threshold *= w->state->config->net_depth;
-        options.detect.analysis_threshold *= w->state->config->net_depth;
+        options.pipeline.detect.threshold *= w->state->config->net_depth;
+        options.pipeline.detect.analysis_threshold *= w->state->config->net_depth;
     }
     if (method->tuned) {
-        options.restore.rl_niter = method->niter;
-        options.restore.rl_stop_discrepancy = 0;
-        options.restore.rl_denoise = method->filter;
-        options.restore.rl_denoise_by_psf = 1;
+        options.pipeline.restore.rl_niter = method->niter;
+        options.pipeline.restore.rl_stop_discrepancy = 0;
+        options.pipeline.restore.rl_denoise = method->filter;
+        options.pipeline.restore.rl_denoise_by_psf = 1;
     }
     return options;
 }
@@ -167,21 +167,22 @@ static void judge_pairs(const work *w, const rx_qa_list *list, double radius)
 static rx_status detect(const work *w, const rx_detection_method *method, rx_error *err)
 {
     const rx_options options = options_of(w, method);
-    rx_probe probe;
+    rx_result result;
     rx_qa_list list = {0};
     double radius = 0;
-    rx_status status = rx_probe_run(&options, method->restorer, w->tile->field, NULL, NULL, &probe, err);
+    rx_status status =
+        rx_field_extract(&options.pipeline, method->restorer, w->tile->field, NULL, NULL, &result, err);
     if (status != RX_OK)
         return status;
-    status = rx_quality_list(&options, w->tile->field->tile, probe.sources, &list, err);
+    status = rx_quality_list(&options.check.quality, w->tile->field->tile, result.sources, &list, err);
     if (status == RX_OK)
-        status = rx_quality_radius(&options, w->tile->field->tile, &radius, err);
+        status = rx_quality_radius(&options.check.quality, w->tile->field->tile, &radius, err);
     if (status == RX_OK && w->scene == RX_SCENE_PAIRS)
         judge_pairs(w, &list, radius);
     else if (status == RX_OK)
         status = judge_list(w, &list, radius, err);
     rx_qa_list_free(&list);
-    rx_probe_free(&probe);
+    rx_result_free(&result);
     return status;
 }
 
@@ -262,9 +263,9 @@ static rx_status measure(const work *w, const rx_detection_method *method, rx_er
     const rx_field *field = w->tile->field;
     const int plain = strcmp(method->restorer->name, "NONE") == 0;
     rx_restored *restored = NULL;
-    rx_status status =
-        method->restorer->run(&options.restore, field->tile, plain ? field->plain : field->restored,
-                              field->psf, NULL, &restored, err);
+    rx_image image = plain ? rx_field_observed(field) : rx_field_restorable(field);
+    image.hide = options.pipeline.restore.mask_saturated ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    rx_status status = method->restorer->run(&options.pipeline.restore, &image, NULL, &restored, err);
     if (status != RX_OK)
         return status;
     if (w->scene == RX_SCENE_PLATEAU)

@@ -100,9 +100,9 @@ static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_l
     if (status == RX_OK)
         status = rx_campaign_options(config, log, &state->stage, &state->options, err);
     if (status == RX_OK) {
-        state->options->templates.wanted = 1;
-        state->options->templates.drop = 0; /* what it would drop is counted */
-        state->options->measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
+        state->options->pipeline.templates.wanted = 1;
+        state->options->pipeline.templates.drop = 0; /* what it would drop is counted */
+        state->options->pipeline.measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
         status = open_skies(state, log, err);
     }
     if (status == RX_OK)
@@ -205,7 +205,7 @@ static rx_status collect(const rx_fluxes_state *state, const rx_unit_values *all
         snprintf(dst->run[r], sizeof dst->run[r], "%s", state->run[r]->name);
     dst->nscenes = state->nscenes;
     dst->truth_snr = state->config->truth_snr;
-    dst->aperture = state->options->measure.aperture_diameter[0];
+    dst->aperture = state->options->pipeline.measure.aperture_diameter[0];
     describe(state, dst);
     dst->condition = RX_NEW(rx_condition, (size_t)state->nconditions);
     dst->set = RX_NEW(rx_fluxes_set, (size_t)nsets);

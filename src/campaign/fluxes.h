@@ -14,7 +14,7 @@
  *             and a third of these with bars, 20 FWHM apart
  *   INJECTED  the population added to the real tile TILE_NAME, with the tile's PSF (STAGE. keywords) and the
  *             photon noise of its gain. A detection that was there before the injection by the rule of
- *             stage/selfcheck.h is neither right nor wrong.
+ *             check/selfcheck.h is neither right nor wrong.
  *
  * S/N: campaign/detection.h. Detections are matched as in DETECTION: objects of TRUTH_SNR and more one to
  * one, nearest first, then the fainter ones, whose detections do not count; what is left is invented.
@@ -34,8 +34,8 @@
 #include "campaign/conditions.h"
 #include "campaign/detection.h"
 #include "campaign/kind.h"
+#include "pipeline/field.h"
 #include "restore/restore.h"
-#include "stage/field.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
 

@@ -6,11 +6,12 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "campaign/fluxes.h"
+#include "check/replica.h"
 #include "io/tile.h"
+#include "pipeline/domain.h"
+#include "pipeline/pipeline.h"
 #include "simulate/render.h"
-#include "stage/domain.h"
-#include "stage/probe.h"
-#include "stage/replica.h"
+#include "stage/open.h"
 
 /* Least distances and margins inside, in FWHM. */
 static const double PAIRS_APART = 8.0, PAIRS_PIXELS = 32.0, STARS_APART = 20.0, SHREDS_APART = 20.0,
@@ -43,8 +44,8 @@ static rx_status open_field(rx_fluxes_state *state, rx_log *log, rx_error *err)
     int *hdus = NULL, n = 0;
     rx_status status = rx_tile_list(config->tile_name, log, &hdus, &n, err);
     if (status == RX_OK)
-        status = rx_field_open(state->options, 0, config->tile_name, hdus[0], 1, 1, log, &state->ground.field,
-                               err);
+        status = rx_field_open(state->options, RX_FIELD_PSF, &(rx_image_place){config->tile_name, hdus[0], 1},
+                               log, &state->ground.field, err);
     free(hdus);
     if (status != RX_OK)
         return status;
@@ -87,19 +88,21 @@ rx_status rx_fluxes_ground_open(rx_fluxes_state *state, rx_log *log, rx_error *e
 
 rx_status rx_fluxes_ground_search(rx_fluxes_state *state, rx_log *log, rx_error *err)
 {
-    rx_status status = rx_domain_noise(state->ground.field, &state->ground.model_noise, err);
+    const rx_image image = rx_field_restorable(state->ground.field);
+    rx_status status = rx_domain_noise(&image, &state->ground.model_noise, err);
     for (int r = 0; r < state->nruns && status == RX_OK; r++) {
         rx_options options = rx_fluxes_options(state, &state->ground.sky, state->run[r]);
-        rx_probe probe;
-        options.nthreads = options.restore.nthreads = options.measure.nthreads =
-            options.templates.par.nthreads = state->nthreads;
-        status = rx_probe_run(&options, state->run[r], state->ground.field, NULL, log, &probe, err);
+        rx_result result;
+        options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
+            options.pipeline.templates.par.nthreads = state->nthreads;
+        status =
+            rx_field_extract(&options.pipeline, state->run[r], state->ground.field, NULL, log, &result, err);
         if (status != RX_OK)
             break;
         rx_sources_free(state->ground.before[r]);
-        state->ground.before[r] = probe.sources;
-        probe.sources = NULL;
-        rx_probe_free(&probe);
+        state->ground.before[r] = result.sources;
+        result.sources = NULL;
+        rx_result_free(&result);
     }
     return status;
 }
@@ -298,7 +301,7 @@ static rx_status expose(const rx_fluxes_state *state, const rx_detection_sky *sk
     const rx_noise_params *noise = &sky->simulation->noise;
     const double gain = noise->type == RX_NOISE_CCD ? noise->gain : 0; /* GAUSS has no photon noise */
     const size_t n = (size_t)par.width * (size_t)par.height;
-    rx_simulated simulated = {.width = par.width, .height = par.height};
+    rx_simulated simulated = {.width = par.width, .height = par.height, .noise = sky->simulation->noise};
     rx_psf *psf = NULL;
     simulated.image = RX_NEW(float, n);
     simulated.defects = RX_NEW(uint8_t, n);
@@ -327,7 +330,7 @@ static rx_status inject(const rx_fluxes_state *state, uint64_t stream, rx_tile *
     const rx_tile *src = state->ground.field->tile;
     const size_t n = (size_t)src->width * (size_t)src->height;
     rx_scene *scene = NULL;
-    rx_status status = rx_replica_new(src, tile, err);
+    rx_status status = rx_replica_new(src, NULL, tile, err);
     if (status == RX_OK)
         status = rx_simulation_inject(sky->simulation, stream, (*tile)->pixels, NULL, &scene, err);
     if (status == RX_OK)
@@ -355,7 +358,8 @@ rx_status rx_fluxes_tile_make(const rx_fluxes_state *state, int condition, rx_fl
     rx_status status = injected ? inject(state, stream, &tile, dst, err)
                                 : expose(state, sky, scene, stream, &tile, dst, err);
     if (status == RX_OK) {
-        status = rx_field_prepare(state->options, 0, tile, sky->told, 1, NULL, &dst->field, err);
+        status = rx_field_prepare(&state->options->pipeline, RX_FIELD_PSF, tile, sky->told, NULL, &dst->field,
+                                  err);
         tile = NULL; /* the field's */
     }
     if (status == RX_OK && injected)

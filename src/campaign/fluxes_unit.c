@@ -6,9 +6,9 @@
 #include "base/memory.h"
 #include "campaign/fluxes.h"
 #include "campaign/unit_row.h"
-#include "stage/probe.h"
-#include "stage/quality.h"
-#include "stage/selfcheck.h"
+#include "check/quality.h"
+#include "check/selfcheck.h"
+#include "pipeline/pipeline.h"
 #include "validate/match.h"
 
 static const double STRONG = 7.0, WEAK = 5.0;
@@ -40,11 +40,11 @@ rx_options rx_fluxes_options(const rx_fluxes_state *state, const rx_detection_sk
                              const rx_restorer *restorer)
 {
     rx_options options = *state->options;
-    options.measure.naper = 2; /* the first is that of the keywords */
-    options.measure.aperture_diameter[1] = WIDE * sky->fwhm;
+    options.pipeline.measure.naper = 2; /* the first is that of the keywords */
+    options.pipeline.measure.aperture_diameter[1] = WIDE * sky->fwhm;
     if (strcmp(restorer->name, "NET") == 0) {
-        options.detect.threshold *= state->config->net_depth;
-        options.detect.analysis_threshold *= state->config->net_depth;
+        options.pipeline.detect.threshold *= state->config->net_depth;
+        options.pipeline.detect.analysis_threshold *= state->config->net_depth;
     }
     return options;
 }
@@ -90,9 +90,13 @@ static rx_status finding_new(const work *w, int run, const rx_sources *sources, 
     if (w->scene != RX_FLUXES_INJECTED)
         return RX_OK;
     const rx_field *field = w->tile->field;
-    const rx_map level = rx_background_level(field->plain);
-    return rx_selfcheck_sift(w->state->ground.before[run], sources, field->tile, &level, w->tile->light,
-                             w->radius, f->use, err);
+    const rx_image image = rx_field_observed(field);
+    const rx_sift sift = {.before = w->state->ground.before[run],
+                          .after = sources,
+                          .image = &image,
+                          .injected = w->tile->light,
+                          .radius = w->radius};
+    return rx_selfcheck_sift(&sift, f->use, err);
 }
 
 /* Objects that are listed take detections first; what is left may belong to others. */
@@ -272,12 +276,13 @@ static void add_props(const work *w)
 static rx_status measure(const work *w, int run, rx_error *err)
 {
     const rx_options options = rx_fluxes_options(w->state, w->sky, w->state->run[run]);
-    rx_probe probe;
+    rx_result result;
     finding f;
-    rx_status status = rx_probe_run(&options, w->state->run[run], w->tile->field, NULL, NULL, &probe, err);
+    rx_status status =
+        rx_field_extract(&options.pipeline, w->state->run[run], w->tile->field, NULL, NULL, &result, err);
     if (status != RX_OK)
         return status;
-    status = finding_new(w, run, probe.sources, &f, err);
+    status = finding_new(w, run, result.sources, &f, err);
     if (status == RX_OK)
         status = match(w, &f, err);
     for (long i = 0; status == RX_OK && i < w->tile->n; i++)
@@ -286,7 +291,7 @@ static rx_status measure(const work *w, int run, rx_error *err)
     if (status == RX_OK)
         add_tallies(w, &f);
     finding_free(&f);
-    rx_probe_free(&probe);
+    rx_result_free(&result);
     return status;
 }
 
@@ -303,8 +308,9 @@ rx_status rx_fluxes_unit(const rx_fluxes_state *state, long unit, rx_unit_values
     if (status != RX_OK)
         return status;
     w.wanted = RX_NEW(unsigned char, (size_t)tile.n);
-    status = w.wanted != NULL ? rx_quality_radius(state->options, tile.field->tile, &w.radius, err)
-                              : rx_error_memory(err, (size_t)tile.n);
+    status = w.wanted != NULL
+                 ? rx_quality_radius(&state->options->check.quality, tile.field->tile, &w.radius, err)
+                 : rx_error_memory(err, (size_t)tile.n);
     if (scene == RX_FLUXES_SHREDS) /* the middle of a large galaxy is a wide place */
         w.radius = fmax(w.radius, w.sky->fwhm);
     for (long i = 0; status == RX_OK && i < tile.n; i++)

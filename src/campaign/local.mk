@@ -31,5 +31,4 @@ librextract_la_SOURCES += src/campaign/fluxes_scene.c src/campaign/fluxes_unit.c
 librextract_la_SOURCES += src/campaign/fluxes_numbers.c src/campaign/fluxes_numbers.h
 librextract_la_SOURCES += src/campaign/fluxes_goals.c src/campaign/fluxes_tables.c
 librextract_la_SOURCES += src/campaign/fluxes_page.c src/campaign/fluxes_page.h
-rx_campaigndir = $(pkgincludedir)/campaign
-rx_campaign_HEADERS = src/campaign/campaign.h
+librextract_la_SOURCES += src/campaign/campaign.h

@@ -29,7 +29,7 @@ static rx_status set_runs(rx_photometry_state *state, rx_error *err)
                                 RX_RUNS_MAX);
         for (int f = 0; f < fluxes->n; f++) {
             state->templates[state->nruns] = strcmp(fluxes->v[f], "TEMPLATE") == 0;
-            state->options->templates.wanted |= state->templates[state->nruns];
+            state->options->pipeline.templates.wanted |= state->templates[state->nruns];
             state->run[state->nruns++] = restorer;
         }
     }

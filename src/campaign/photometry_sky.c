@@ -7,14 +7,15 @@
 
 #include "base/memory.h"
 #include "base/random.h"
+#include "check/blankcheck.h"
+#include "check/quality.h"
+#include "check/replica.h"
 #include "data/psf.h"
 #include "io/tile.h"
 #include "simulate/inject.h"
 #include "simulate/noise.h"
 #include "simulate/render.h"
-#include "stage/blankcheck.h"
-#include "stage/quality.h"
-#include "stage/replica.h"
+#include "stage/open.h"
 
 /* Test stars are so many FWHM apart, and so many from the border. */
 static const double APART = 6.0, INSIDE = 4.0;
@@ -103,7 +104,8 @@ static rx_status open_injected(rx_photometry_state *state, rx_log *log, rx_photo
     int *hdus = NULL, n = 0;
     rx_status status = rx_tile_list(config->tile_name, log, &hdus, &n, err);
     if (status == RX_OK)
-        status = rx_field_open(state->options, 0, config->tile_name, hdus[0], 1, 1, log, &dst->field, err);
+        status = rx_field_open(state->options, RX_FIELD_PSF, &(rx_image_place){config->tile_name, hdus[0], 1},
+                               log, &dst->field, err);
     free(hdus);
     if (status != RX_OK)
         return status;
@@ -241,7 +243,7 @@ static rx_status simulated_tile(const rx_photometry_state *state, const rx_photo
                                 const rx_scene *stars, uint64_t number, rx_tile **tile, rx_known *known,
                                 rx_error *err)
 {
-    rx_simulated simulated = {0};
+    rx_simulated simulated = {.noise = sky->simulation->noise};
     rx_scene *others = NULL;
     rx_scene_params par = sky->simulation->scene;
     par.seed = seed_for(state, DRAW_SKY);
@@ -258,7 +260,7 @@ static rx_status simulated_tile(const rx_photometry_state *state, const rx_photo
     }
     double radius = 0;
     if (status == RX_OK)
-        status = rx_quality_radius(state->options, *tile, &radius, err);
+        status = rx_quality_radius(&state->options->check.quality, *tile, &radius, err);
     if (status == RX_OK)
         status = know_scene(sky, others, radius, known, err);
     rx_scene_free(others);
@@ -271,7 +273,7 @@ static rx_status injected_tile(const rx_photometry_state *state, const rx_photom
 {
     const rx_tile *src = sky->field->tile;
     const double gain = src->gain > 0 ? src->gain : state->config->sim->gain;
-    rx_status status = rx_replica_new(src, tile, err);
+    rx_status status = rx_replica_new(src, NULL, tile, err);
     if (status == RX_OK)
         status = rx_inject(stars, sky->optics, gain, src->saturation, seed_for(state, DRAW_NOISE), number, 1,
                            (*tile)->pixels, err);
@@ -283,8 +285,8 @@ static rx_status injected_tile(const rx_photometry_state *state, const rx_photom
 rx_status rx_photometry_blank_make(const rx_photometry_state *state, const rx_photometry_sky *sky,
                                    uint64_t number, rx_field **dst, rx_error *err)
 {
-    return rx_blankcheck_field(state->options, sky->field, &sky->noise, seed_for(state, DRAW_BLANK), number,
-                               dst, err);
+    return rx_blankcheck_field(&state->options->pipeline, sky->field, &sky->noise, NULL,
+                               seed_for(state, DRAW_BLANK), number, dst, err);
 }
 
 static int needs_psf(const rx_photometry_state *state)
@@ -309,8 +311,8 @@ rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_pho
         status = sky->injected ? injected_tile(state, sky, stars, number, &tile, err)
                                : simulated_tile(state, sky, stars, number, &tile, &dst->known, err);
     if (status == RX_OK) {
-        status =
-            rx_field_prepare(state->options, 0, tile, sky->told, needs_psf(state), NULL, &dst->field, err);
+        status = rx_field_prepare(&state->options->pipeline, (needs_psf(state) ? RX_FIELD_PSF : 0), tile,
+                                  sky->told, NULL, &dst->field, err);
         tile = NULL; /* the field's */
     }
     if (status == RX_OK)

@@ -10,7 +10,7 @@
  * nobody can tell faint sources from peaks of the noise. So every tile comes with a blank one, a realisation
  * of the tile's own noise without any source, whose detections are all false.
  *
- * (This header does not include campaign/results.h, which names a struct as stage/photometry.h a function.)
+ * (This header does not include campaign/results.h, which names a struct as pipeline/photometry.h a function.)
  */
 #ifndef RX_CAMPAIGN_PHOTOMETRY_SKY_H
 #define RX_CAMPAIGN_PHOTOMETRY_SKY_H
@@ -23,8 +23,8 @@
 #include "campaign/journal.h"
 #include "campaign/photometry_judge.h"
 #include "config/campaign_config.h"
-#include "simulate/sky_noise.h"
-#include "stage/field.h"
+#include "data/noise_correlation.h"
+#include "pipeline/field.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
 
@@ -43,8 +43,9 @@ typedef struct rx_photometry_sky {
     rx_field *field;           /* INJECTED: the untouched tile; owned */
     rx_optics *optics;         /* INJECTED: its PSF; owned */
     unsigned char *allowed;    /* INJECTED: where stars may lie; owned */
-    rx_sky_noise noise; /* INJECTED: of its source-free pixels, once rx_photometry_prepare() was called */
-    rx_known before;    /* INJECTED: what is found on it, once rx_photometry_prepare() was called */
+    rx_noise_correlation
+        noise;       /* INJECTED: of its source-free pixels, once rx_photometry_prepare() was called */
+    rx_known before; /* INJECTED: what is found on it, once rx_photometry_prepare() was called */
 } rx_photometry_sky;
 
 typedef struct rx_photometry_state {

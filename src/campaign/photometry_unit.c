@@ -6,9 +6,9 @@
 #include "base/memory.h"
 #include "campaign/photometry_sky.h"
 #include "campaign/unit_row.h"
-#include "stage/blankcheck.h"
-#include "stage/probe.h"
-#include "stage/quality.h"
+#include "check/blankcheck.h"
+#include "check/quality.h"
+#include "pipeline/pipeline.h"
 
 /* --- before the units: an untouched tile --- */
 
@@ -21,7 +21,7 @@ static int near_known(const rx_known *known, double x, double y, double radius)
 }
 
 /* Detections that no earlier restorer had, and the footprints of all. */
-static rx_status join_known(const rx_photometry_sky *sky, const rx_probe *probe, const rx_qa_list *list,
+static rx_status join_known(const rx_photometry_sky *sky, const rx_result *result, const rx_qa_list *list,
                             double radius, rx_known *dst, rx_error *err)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
@@ -53,7 +53,7 @@ static rx_status join_known(const rx_photometry_sky *sky, const rx_probe *probe,
     if (dst->covered == NULL)
         return rx_error_memory(err, n);
     for (size_t i = 0; i < n; i++)
-        dst->covered[i] |= probe->sources->segments[i] != 0;
+        dst->covered[i] |= result->sources->segments[i] != 0;
     return RX_OK;
 }
 
@@ -62,24 +62,26 @@ static rx_status prepare_sky(const rx_photometry_state *state, rx_photometry_sky
 {
     rx_options options = *state->options;
     double radius = 0;
-    options.nthreads = options.restore.nthreads = options.measure.nthreads = state->nthreads;
+    options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
+        state->nthreads;
     rx_known_free(&sky->before);
-    rx_status status = rx_quality_radius(&options, sky->field->tile, &radius, err);
+    rx_status status = rx_quality_radius(&options.check.quality, sky->field->tile, &radius, err);
     for (int r = 0; status == RX_OK && r < state->nruns; r++) {
-        rx_probe probe;
+        rx_result result;
         rx_qa_list list = {0};
         if (r > 0 && state->run[r] == state->run[r - 1])
             continue;
-        status = rx_probe_run(&options, state->run[r], sky->field, NULL, log, &probe, err);
+        status = rx_field_extract(&options.pipeline, state->run[r], sky->field, NULL, log, &result, err);
         if (status != RX_OK)
             return status;
-        status = rx_quality_list(&options, sky->field->tile, probe.sources, &list, err);
+        status = rx_quality_list(&options.check.quality, sky->field->tile, result.sources, &list, err);
         if (status == RX_OK && r == 0)
-            status = rx_blankcheck_noise(sky->field, probe.sources->segments, &sky->noise, err);
+            status =
+                rx_blankcheck_noise(sky->field, result.sources->segments, state->nthreads, &sky->noise, err);
         if (status == RX_OK)
-            status = join_known(sky, &probe, &list, radius, &sky->before, err);
+            status = join_known(sky, &result, &list, radius, &sky->before, err);
         rx_qa_list_free(&list);
-        rx_probe_free(&probe);
+        rx_result_free(&result);
     }
     return status;
 }
@@ -122,12 +124,12 @@ static void add_star(rx_unit_row *r, const rx_qa_list *list, long found, double 
 
 /* What a run's restorer has detected, with the run's flux. Free with rx_qa_list_free(). */
 static rx_status detections(const rx_photometry_state *state, int run, const rx_field *field,
-                            const rx_probe *probe, rx_qa_list *dst, rx_error *err)
+                            const rx_result *result, rx_qa_list *dst, rx_error *err)
 {
     rx_options options = *state->options;
     if (state->templates[run])
-        options.quality_flux = RX_QUALITY_TEMPLATE;
-    return rx_quality_list(&options, field->tile, probe->sources, dst, err);
+        options.check.quality.flux = RX_QUALITY_TEMPLATE;
+    return rx_quality_list(&options.check.quality, field->tile, result->sources, dst, err);
 }
 
 /* blank: what was detected on the blank tile; n 0 where there is none. */
@@ -140,7 +142,7 @@ static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky
     double radius = 0, nfalse = (double)blank->n;
     long *found = RX_NEW(long, (size_t)tile->n);
     unsigned char *is_false = RX_NEW(unsigned char, (size_t)list->n);
-    rx_status status = rx_quality_radius(state->options, tile->field->tile, &radius, err);
+    rx_status status = rx_quality_radius(&state->options->check.quality, tile->field->tile, &radius, err);
     if (found == NULL || is_false == NULL)
         status = rx_error_memory(err, (size_t)tile->n * sizeof *found);
     if (status == RX_OK)
@@ -173,13 +175,14 @@ static rx_status measure(const rx_photometry_state *state, const rx_photometry_s
                          const rx_photometry_tile *tile, const rx_field *blank, rx_unit_row *r, rx_error *err)
 {
     const rx_restorer *kind = state->run[first];
-    rx_probe probe = {0}, empty = {0};
-    rx_status status = rx_probe_run(state->options, kind, tile->field, NULL, NULL, &probe, err);
+    rx_result result = {0}, empty = {0};
+    rx_status status =
+        rx_field_extract(&state->options->pipeline, kind, tile->field, NULL, NULL, &result, err);
     if (status == RX_OK && blank != NULL)
-        status = rx_probe_run(state->options, kind, blank, NULL, NULL, &empty, err);
+        status = rx_field_extract(&state->options->pipeline, kind, blank, NULL, NULL, &empty, err);
     for (int k = first; status == RX_OK && k < state->nruns && state->run[k] == kind; k++) {
         rx_qa_list list = {0}, noise = {0};
-        status = detections(state, k, tile->field, &probe, &list, err);
+        status = detections(state, k, tile->field, &result, &list, err);
         if (status == RX_OK && blank != NULL)
             status = detections(state, k, blank, &empty, &noise, err);
         if (status == RX_OK)
@@ -187,8 +190,8 @@ static rx_status measure(const rx_photometry_state *state, const rx_photometry_s
         rx_qa_list_free(&noise);
         rx_qa_list_free(&list);
     }
-    rx_probe_free(&empty);
-    rx_probe_free(&probe);
+    rx_result_free(&empty);
+    rx_result_free(&result);
     return status;
 }
 

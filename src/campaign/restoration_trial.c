@@ -190,35 +190,26 @@ void rx_trial_free(rx_trial *trial)
 rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, const rx_restorer *restorer,
                            int niter, float *dst, rx_error *err)
 {
-    const size_t n = (size_t)state->side * (size_t)state->side;
     rx_restored *restored = NULL;
-    rx_restore_params par = state->options->restore;
+    rx_restore_params par = state->options->pipeline.restore;
     if (niter > 0) {
         par.rl_niter = niter;
         par.rl_stop_discrepancy = 0;
         par.rl_denoise = 0;
         par.rl_denoise_by_psf = 0;
     }
-    rx_tile tile = {.name = (char[]){"scene"},
-                    .extname = (char[]){""},
-                    .extension = 1,
-                    .width = state->side,
-                    .height = state->side,
-                    .pixels = trial->image,
-                    .mask = RX_NEW(uint8_t, n),
-                    .saturation = HUGE_VAL};
     rx_background sky = {.width = state->side, .height = state->side};
-    rx_status status = RX_OK;
-    if (tile.mask == NULL) {
-        status = rx_error_memory(err, n);
-        goto exit;
-    }
     rx_background_flatten(&sky, 0, trial->sigma);
-    status = restorer->run(&par, &tile, &sky, trial->psf, NULL, &restored, err);
+    const rx_image image = {.name = "scene",
+                            .width = state->side,
+                            .height = state->side,
+                            .pixels = trial->image,
+                            .noise = rx_background_noise(&sky),
+                            .saturation = HUGE_VAL,
+                            .psf = trial->psf};
+    rx_status status = restorer->run(&par, &image, NULL, &restored, err);
     if (status == RX_OK)
-        memcpy(dst, restored->pixels, n * sizeof *dst);
-exit:
+        memcpy(dst, restored->pixels, (size_t)state->side * (size_t)state->side * sizeof *dst);
     rx_restored_free(restored);
-    free(tile.mask);
     return status;
 }

@@ -28,8 +28,9 @@ rx_status rx_campaign_options(const rx_campaign_config *campaign, rx_log *log, r
         *config = NULL;
         return status;
     }
-    (*dst)->nthreads = (*dst)->restore.nthreads = (*dst)->measure.nthreads = 1;
-    (*dst)->detect.nthreads = (*dst)->templates.par.nthreads = 1;
+    rx_pipeline_params *params = &(*dst)->pipeline;
+    params->nthreads = params->restore.nthreads = params->measure.nthreads = 1;
+    params->detect.nthreads = params->templates.par.nthreads = 1;
     return RX_OK;
 }
 

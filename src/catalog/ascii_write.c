@@ -22,8 +22,9 @@ static void add_head(rx_text *dst, const rx_table *table)
 /* Whose work each table is, of its facts. */
 static void add_facts(rx_text *dst, rx_table *const *tables, int n)
 {
-    static const char *const keys[] = {"RXREST",  "RXASKED", "RXWHY",   "RXFLXW",
-                                       "RXFLXWE", "RXFLXA",  "RXFLXAE", "RXFLXOK"};
+    static const char *const keys[] = {"RXREST", "RXASKED", "RXWHY",  "RXNCOR", "RXNFACT",
+                                       "RXBLKR", "RXBLKT",  "RXUNEX", "RXFLXW", "RXFLXWE",
+                                       "RXFLXA", "RXFLXAE", "RXFLXOK"};
     char value[512];
     for (int i = 0; i < n; i++)
         for (size_t k = 0; k < sizeof keys / sizeof *keys && tables[i]->facts != NULL; k++)
@@ -35,16 +36,6 @@ static void add_facts(rx_text *dst, rx_table *const *tables, int n)
                 rx_printable_add(dst, value);
                 rx_text_add(dst, "\n");
             }
-}
-
-/* What made the file, a line each. */
-static void add_record(rx_text *dst, const rx_record_pair *record, int npairs)
-{
-    for (int i = 0; i < npairs; i++) {
-        rx_text_printf(dst, "# %s = ", record[i].name);
-        rx_printable_add(dst, record[i].value != NULL ? record[i].value : "");
-        rx_text_add(dst, "\n");
-    }
 }
 
 /* One row into the text that was there, `separator` between numbers. */
@@ -92,15 +83,19 @@ static rx_status write_rows(FILE *file, const rx_table *table, const char *separ
     return RX_OK;
 }
 
-rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, const rx_record_pair *record,
-                         int npairs, rx_error *err)
+rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
     rx_status status = RX_OK;
     rx_text text = {0};
-    if (head && n > 0) {
-        add_head(&text, tables[0]);
-        add_facts(&text, tables, n);
-        add_record(&text, record, npairs);
+    if (catalog->type == RX_CATALOG_ASCII_HEAD && catalog->n > 0) {
+        add_head(&text, catalog->tables[0]);
+        add_facts(&text, catalog->tables, catalog->n);
+        for (int i = 0; i < catalog->npairs; i++) {
+            const rx_record_pair *pair = &catalog->record[i];
+            rx_text_printf(&text, "# %s = ", pair->name);
+            rx_printable_add(&text, pair->value != NULL ? pair->value : "");
+            rx_text_add(&text, "\n");
+        }
     }
     if (text.failed) {
         status = rx_error_memory(err, text.capacity);
@@ -108,16 +103,18 @@ rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, 
     }
     if (text.length > 0)
         fwrite(text.data, 1, text.length, file);
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = write_rows(file, tables[i], " ", &text, err);
+    for (int i = 0; i < catalog->n && status == RX_OK; i++)
+        status = write_rows(file, catalog->tables[i], " ", &text, err);
 exit:
     rx_text_free(&text);
     return status;
 }
 
 /* SkyCat takes the first four columns as identifier, right ascension, declination and magnitude. */
-rx_status rx_skycat_write(FILE *file, rx_table *const *tables, int n, rx_error *err)
+rx_status rx_skycat_write(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
+    rx_table *const *tables = catalog->tables;
+    const int n = catalog->n;
     static const char *const first[] = {"id", "ra", "dec", "mag"};
     rx_status status = RX_OK;
     rx_text text = {0};

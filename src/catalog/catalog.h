@@ -6,12 +6,15 @@
 #include <stdio.h>
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/hash.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "data/image.h"
 #include "data/sources.h"
 #include "data/table.h"
-#include "data/tile.h"
+
+RX_BEGIN_DECLS
 
 typedef enum rx_catalog_type {
     RX_CATALOG_NONE,
@@ -35,9 +38,12 @@ typedef struct rx_column_list {
 } rx_column_list;
 
 /* Parse a .param file. Unknown names: RX_USAGE with "did you mean"; known SExtractor columns that we
- * cannot give (model fits...) : one warning each, left out; none left: RX_USAGE. */
+ * cannot give (model fits...): left out, with one warning for all; none left: RX_USAGE. Free with rx_columns_free(). */
 rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err);
 void rx_columns_free(rx_column_list *list);
+
+/* The n columns of these names, vectors of one element. Errors: RX_USAGE (no such column), RX_SYSTEM. */
+rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err);
 
 /* The columns of config/default.param, for a run without any .param file. */
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
@@ -59,21 +65,29 @@ void rx_columns_dump(rx_text *dst);
 /* The same as a list in roff, for rextract.conf(5). */
 void rx_columns_man(rx_text *dst);
 
-/* Table of the chosen columns. Magnitudes from zeropoint (99 for non-positive flux, as SExtractor). */
-rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, const rx_sources *sources,
+/* Table of the chosen columns of sources measured on `image`. Magnitudes from its zero point (99 for non-positive flux, as
+ * SExtractor). Free with rx_table_free(). Errors: RX_SYSTEM. */
+rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, const rx_sources *sources,
                            rx_table **dst, rx_error *err);
 
-/* Write one catalogue file of n tables (one per extension). `record`: name, value, pairs that made it
- * (program, version, configuration), npairs of them. Written to `temporary`, the name that
- * rx_outputs_file() gave for `path`, or as text to standard_out when temporary is NULL (CATALOG_NAME
- * STDOUT; a FITS type is then RX_USAGE). RX_CATALOG_NONE writes nothing. */
 typedef struct rx_record_pair {
     const char *name;
     const char *value;
     const char *comment;
 } rx_record_pair;
-rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
-                           const rx_record_pair *record, int npairs, const char *temporary,
+
+/* What one catalogue file holds; it owns nothing. */
+typedef struct rx_catalog {
+    rx_catalog_type type;
+    int n, npairs;
+    rx_table *const *tables;      /* [n] one per extension */
+    const rx_record_pair *record; /* [npairs] what made it: program, version, configuration */
+} rx_catalog;
+
+/* Write one catalogue file: to `temporary`, which errors call `path`, the name that it will have in the end; or as text
+ * to standard_out when temporary is NULL (CATALOG_NAME STDOUT; a FITS type is then RX_USAGE). RX_CATALOG_NONE
+ * writes nothing. Errors: RX_SYSTEM too. */
+rx_status rx_catalog_write(const rx_catalog *catalog, const char *path, const char *temporary,
                            FILE *standard_out, rx_error *err);
 
 /* Can the record go into a catalogue of that type? Into how many parts do n tables go there, each with a
@@ -86,10 +100,13 @@ int rx_catalog_parts(rx_catalog_type type, int n);
 rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
                             char dst[RX_HASH_TEXT], rx_error *err);
 
-/* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, told by content; index-th table. */
+/* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, recognised by content; its table `index`, from 0. Free
+ * with rx_table_free(). Errors: RX_INPUT, RX_SYSTEM. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);
 
 /* Refuses a column of that table, from 0, in which words stand: names the first one and its line. */
 rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int number, rx_error *err);
+
+RX_END_DECLS
 
 #endif

@@ -55,6 +55,7 @@ rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error 
 {
     kind found;
     rx_point_locale locale;
+    *dst = NULL;
     rx_status status = tell_kind(path, &found, err);
     if (status != RX_OK)
         return status;

@@ -47,10 +47,10 @@ static void describe(rx_column *column, const rx_column_def *def, const int dim[
 }
 
 static rx_status fill(rx_column *column, const rx_column_choice *choice, const rx_column_def *def,
-                      const rx_tile *tile, const rx_sources *sources, rx_error *err)
+                      const rx_image *image, const rx_sources *sources, rx_error *err)
 {
     long elements = rx_column_elements(column);
-    rx_cell_place place = {.tile = tile, .sources = sources, .dim = {choice->dim[0], choice->dim[1]}};
+    rx_cell_place place = {.image = image, .sources = sources, .dim = {choice->dim[0], choice->dim[1]}};
     size_t bytes = (size_t)elements * (size_t)rx_column_element_size(column);
     column->data = rx_alloc((size_t)sources->n, bytes);
     if (column->data == NULL)
@@ -61,32 +61,27 @@ static rx_status fill(rx_column *column, const rx_column_choice *choice, const r
     return RX_OK;
 }
 
-rx_status rx_catalog_table(const rx_column_list *list, const rx_tile *tile, const rx_sources *sources,
+rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, const rx_sources *sources,
                            rx_table **dst, rx_error *err)
 {
     rx_status status = RX_OK;
     int n;
     const rx_column_def *defs = rx_column_defs(&n);
     rx_table *table = rx_table_new(list->n);
+    *dst = NULL;
     if (table == NULL)
         return rx_error_memory(err, (size_t)list->n * sizeof(rx_column));
     table->nrows = sources->n;
     free(table->name);
     table->name = rx_strdup("OBJECTS");
-    if (tile->cards != NULL) {
-        table->cards = rx_alloc(tile->ncards, 80);
-        table->ncards = (long)tile->ncards;
-    }
-    if (table->name == NULL || (tile->cards != NULL && table->cards == NULL)) {
-        status = rx_error_memory(err, tile->ncards * 80);
+    if (table->name == NULL) {
+        status = rx_error_memory(err, 0);
         goto exit;
     }
-    if (tile->cards != NULL)
-        memcpy(table->cards, tile->cards, tile->ncards * 80);
     for (int i = 0; i < list->n && status == RX_OK; i++) {
         const rx_column_choice *choice = &list->choice[i];
         describe(&table->columns[i], &defs[choice->index], choice->dim);
-        status = fill(&table->columns[i], choice, &defs[choice->index], tile, sources, err);
+        status = fill(&table->columns[i], choice, &defs[choice->index], image, sources, err);
     }
     if (status != RX_OK)
         goto exit;

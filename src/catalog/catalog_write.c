@@ -15,31 +15,29 @@ static bool is_fits(rx_catalog_type type)
     return type == RX_CATALOG_FITS_1_0 || type == RX_CATALOG_FITS_LDAC;
 }
 
-static rx_status write_text(FILE *file, rx_catalog_type type, rx_table *const *tables, int n,
-                            const rx_record_pair *record, int npairs, rx_error *err)
+static rx_status write_text(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
     rx_point_locale locale;
     rx_status status = rx_point_locale_begin(&locale, err);
     if (status != RX_OK)
         return status;
-    if (type == RX_CATALOG_VOTABLE)
-        status = rx_votable_write(file, tables, n, record, npairs, err);
-    else if (type == RX_CATALOG_ASCII_SKYCAT)
-        status = rx_skycat_write(file, tables, n, err);
+    if (catalog->type == RX_CATALOG_VOTABLE)
+        status = rx_votable_write(file, catalog, err);
+    else if (catalog->type == RX_CATALOG_ASCII_SKYCAT)
+        status = rx_skycat_write(file, catalog, err);
     else
-        status = rx_ascii_write(file, tables, n, type == RX_CATALOG_ASCII_HEAD, record, npairs, err);
+        status = rx_ascii_write(file, catalog, err);
     rx_point_locale_end(&locale);
     return status;
 }
 
-static rx_status write_text_file(const char *temporary, const char *path, rx_catalog_type type,
-                                 rx_table *const *tables, int n, const rx_record_pair *record, int npairs,
+static rx_status write_text_file(const rx_catalog *catalog, const char *path, const char *temporary,
                                  rx_error *err)
 {
     FILE *file = fopen(temporary, "wb");
     if (file == NULL)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be written: %s", strerror(errno));
-    rx_status status = write_text(file, type, tables, n, record, npairs, err);
+    rx_status status = write_text(file, catalog, err);
     errno = 0;
     int failed = fflush(file) != 0 || ferror(file), why = errno;
     failed |= fclose(file) != 0;
@@ -75,26 +73,25 @@ static void add_epoch(rx_text *dst, const rx_table *table)
 }
 
 /* What made one table: its own facts first, then the record of the run. */
-static rx_status table_cards(rx_catalog_type type, const rx_table *table, const rx_record_pair *record,
-                             int npairs, rx_text *cards, rx_error *err)
+static rx_status table_cards(const rx_catalog *catalog, const rx_table *table, rx_text *cards, rx_error *err)
 {
+    const rx_record_pair *record = catalog->record;
     cards->length = 0;
-    if (type == RX_CATALOG_FITS_LDAC) /* it holds the image's header as a whole */
+    if (catalog->type == RX_CATALOG_FITS_LDAC) /* it holds the image's header as a whole */
         add_ldac_keys(table, cards);
     else
         add_epoch(cards, table);
     if (table->facts != NULL)
         rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
-    for (int i = 0; i < npairs; i++)
+    for (int i = 0; i < catalog->npairs; i++)
         rx_card_record(cards, record[i].name, record[i].value != NULL ? record[i].value : "",
                        record[i].comment != NULL ? record[i].comment : "");
     return cards->failed ? rx_error_memory(err, cards->capacity) : RX_OK;
 }
 
-static rx_status write_fits(const char *temporary, const char *path, rx_catalog_type type,
-                            rx_table *const *tables, int n, const rx_record_pair *record, int npairs,
-                            rx_error *err)
+static rx_status write_fits(const rx_catalog *catalog, const char *path, const char *temporary, rx_error *err)
 {
+    rx_table *const *tables = catalog->tables;
     rx_text cards = {0};
     rx_fits_writer *writer = NULL;
     rx_point_locale locale;
@@ -102,10 +99,10 @@ static rx_status write_fits(const char *temporary, const char *path, rx_catalog_
     if (status != RX_OK)
         return status;
     status = rx_fits_create(temporary, path, &writer, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
-        status = table_cards(type, tables[i], record, npairs, &cards, err);
+    for (int i = 0; i < catalog->n && status == RX_OK; i++) {
+        status = table_cards(catalog, tables[i], &cards, err);
         if (status == RX_OK)
-            status = type == RX_CATALOG_FITS_LDAC
+            status = catalog->type == RX_CATALOG_FITS_LDAC
                          ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
                          : rx_fits_table(writer, tables[i], cards.data, cards.length / 80, err);
     }
@@ -147,22 +144,21 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
     return status;
 }
 
-rx_status rx_catalog_write(rx_catalog_type type, const char *path, rx_table *const *tables, int n,
-                           const rx_record_pair *record, int npairs, const char *temporary,
+rx_status rx_catalog_write(const rx_catalog *catalog, const char *path, const char *temporary,
                            FILE *standard_out, rx_error *err)
 {
-    if (type == RX_CATALOG_NONE)
+    if (catalog->type == RX_CATALOG_NONE)
         return RX_OK;
     if (temporary == NULL) {
-        if (is_fits(type))
+        if (is_fits(catalog->type))
             return rx_error_set(
                 err, RX_USAGE,
                 "CATALOG_NAME STDOUT takes text only; name a file or choose an ASCII CATALOG_TYPE");
-        rx_status status = write_text(standard_out, type, tables, n, record, npairs, err);
+        rx_status status = write_text(standard_out, catalog, err);
         if (status == RX_OK && (fflush(standard_out) != 0 || ferror(standard_out)))
             status = rx_error_set(err, RX_SYSTEM, "the catalogue cannot be written to standard output");
         return status;
     }
-    return is_fits(type) ? write_fits(temporary, path, type, tables, n, record, npairs, err)
-                         : write_text_file(temporary, path, type, tables, n, record, npairs, err);
+    return is_fits(catalog->type) ? write_fits(catalog, path, temporary, err)
+                                  : write_text_file(catalog, path, temporary, err);
 }

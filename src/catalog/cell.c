@@ -7,25 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-rx_status rx_point_locale_begin(rx_point_locale *locale, rx_error *err)
-{
-    locale->before = (locale_t)0;
-    locale->point = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    if (locale->point == (locale_t)0)
-        return rx_error_memory(err, 0);
-    locale->before = uselocale(locale->point);
-    return RX_OK;
-}
-
-void rx_point_locale_end(rx_point_locale *locale)
-{
-    if (locale->point == (locale_t)0)
-        return;
-    uselocale(locale->before);
-    freelocale(locale->point);
-    locale->point = (locale_t)0;
-}
-
 /* The parts of "%+11.7f"; formats come from tables, so they are taken apart, never handed to printf. */
 typedef struct format {
     bool plus;

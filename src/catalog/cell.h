@@ -2,19 +2,10 @@
 #ifndef RX_CATALOG_CELL_H
 #define RX_CATALOG_CELL_H
 
-#include <locale.h>
-
 #include "base/error.h"
+#include "base/point.h"
 #include "base/text.h"
 #include "data/table.h"
-
-/* Numbers with a decimal point for this thread, from begin to end. */
-typedef struct rx_point_locale {
-    locale_t point, before;
-} rx_point_locale;
-
-rx_status rx_point_locale_begin(rx_point_locale *locale, rx_error *err);
-void rx_point_locale_end(rx_point_locale *locale); /* harmless when begin failed or was not called */
 
 /* Element of a cell in the column's printf format (width, precision and one of d u f e g; a
  * sensible one when it has none). Text that holds blanks is put in double quotes. */

@@ -105,7 +105,7 @@ static double pixel_area(const rx_source *s)
 
 static double magnitude(const rx_cell_place *c, double flux)
 {
-    return flux > 0 ? c->tile->zeropoint - 2.5 * log10(flux) : 99;
+    return flux > 0 ? c->image->zeropoint - 2.5 * log10(flux) : 99;
 }
 
 /* 1.086 for 2.5 / ln 10, as SExtractor has it. */
@@ -117,7 +117,7 @@ static double magnitude_error(double flux, double error)
 /* Magnitude per square arcsecond of a pixel value. */
 static double surface_brightness(const rx_cell_place *c, double value)
 {
-    double scale = c->tile->pixel_scale;
+    double scale = c->image->pixel_scale;
     return scale > 0 ? magnitude(c, value / (scale * scale)) : NAN;
 }
 

@@ -2,13 +2,13 @@
 #ifndef RX_CATALOG_COLUMNS_H
 #define RX_CATALOG_COLUMNS_H
 
+#include "data/image.h"
 #include "data/sources.h"
 #include "data/table.h"
-#include "data/tile.h"
 
 /* Where a cell's value comes from besides its source. */
 typedef struct rx_cell_place {
-    const rx_tile *tile;
+    const rx_image *image; /* as it was read, that of the fluxes: its sky, noise and PSF are not known here */
     const rx_sources *sources;
     long row;   /* index of the source in sources->list */
     int dim[2]; /* dimensions asked of the column */

@@ -10,6 +10,8 @@ librextract_la_SOURCES += \
 	src/catalog/param_file.c \
 	src/catalog/votable_read.c \
 	src/catalog/votable_write.c
+librextract_la_SOURCES += src/catalog/assoc.h
 
 rx_catalogdir = $(pkgincludedir)/catalog
-rx_catalog_HEADERS = src/catalog/assoc.h src/catalog/catalog.h
+rx_catalog_HEADERS = src/catalog/catalog.h
+installed_headers += $(rx_catalog_HEADERS)

@@ -131,6 +131,7 @@ rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, r
     rx_column_list *list = NULL;
     int n;
     rx_column_defs(&n);
+    *dst = NULL;
     rx_status status = rx_text_read_file(path, PARAM_FILE_BYTES, &data, NULL, err);
     if (status != RX_OK) { /* a file of the configuration, not data */
         if (status == RX_INPUT && err != NULL)
@@ -173,6 +174,31 @@ exit:
     return status;
 }
 
+rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err)
+{
+    int known;
+    const rx_column_def *defs = rx_column_defs(&known);
+    rx_column_list *list = RX_NEW(rx_column_list, 1);
+    *dst = NULL;
+    if (list != NULL)
+        list->choice = RX_NEW(rx_column_choice, (size_t)n);
+    if (list == NULL || list->choice == NULL) {
+        rx_columns_free(list);
+        return rx_error_memory(err, (size_t)n * sizeof(rx_column_choice));
+    }
+    for (list->n = 0; list->n < n; list->n++) {
+        const int index = rx_column_index(names[list->n]);
+        if (index < 0) {
+            const rx_status status = unknown_name(NULL, 0, names[list->n], err);
+            rx_columns_free(list);
+            return status;
+        }
+        list->choice[list->n] = (rx_column_choice){index, {defs[index].naxis > 0, defs[index].naxis == 2}};
+    }
+    *dst = list;
+    return RX_OK;
+}
+
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err)
 {
     static const char *const names[] = {
@@ -180,22 +206,7 @@ rx_status rx_columns_default(rx_column_list **dst, rx_error *err)
         "YWIN_IMAGE",   "MAG_AUTO",    "MAGERR_AUTO", "FLUX_AUTO", "FLUXERR_AUTO", "FLUX_APER",
         "FLUXERR_APER", "MAG_APER",    "MAGERR_APER", "A_IMAGE",   "B_IMAGE",      "THETA_IMAGE",
         "ELLIPTICITY",  "FWHM_IMAGE",  "FLUX_RADIUS", "SNR_WIN",   "FLAGS",        "MASKED_FRACTION"};
-    enum { COUNT = sizeof names / sizeof *names };
-    int n;
-    const rx_column_def *defs = rx_column_defs(&n);
-    rx_column_list *list = RX_NEW(rx_column_list, 1);
-    if (list != NULL)
-        list->choice = RX_NEW(rx_column_choice, COUNT);
-    if (list == NULL || list->choice == NULL) {
-        rx_columns_free(list);
-        return rx_error_memory(err, COUNT * sizeof(rx_column_choice));
-    }
-    for (list->n = 0; list->n < COUNT; list->n++) {
-        int index = rx_column_index(names[list->n]);
-        list->choice[list->n] = (rx_column_choice){index, {defs[index].naxis > 0, 0}};
-    }
-    *dst = list;
-    return RX_OK;
+    return rx_columns_of(names, sizeof names / sizeof *names, dst, err);
 }
 
 void rx_columns_free(rx_column_list *list)

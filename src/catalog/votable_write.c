@@ -207,20 +207,19 @@ static void add_record(rx_text *dst, const rx_record_pair *record, int i, rx_tex
         add_param(dst, name, value->data, record[i].comment);
 }
 
-rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
-                           int npairs, rx_error *err)
+rx_status rx_votable_write(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
     rx_text text = {0}, cell = {0};
     rx_text_add(&text, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
                        "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                        "<RESOURCE type=\"results\">\n"
                        " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
-    for (int i = 0; i < npairs; i++)
-        add_record(&text, record, i, &cell);
+    for (int i = 0; i < catalog->npairs; i++)
+        add_record(&text, catalog->record, i, &cell);
     rx_text_add(&text, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
     rx_status status = RX_OK;
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = write_table(file, tables[i], i + 1, &text, &cell, err);
+    for (int i = 0; i < catalog->n && status == RX_OK; i++)
+        status = write_table(file, catalog->tables[i], i + 1, &text, &cell, err);
     rx_text_add(&text, "</RESOURCE>\n</VOTABLE>\n");
     if (status == RX_OK)
         status = flush(file, &text, err);

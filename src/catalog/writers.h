@@ -2,19 +2,16 @@
 #ifndef RX_CATALOG_WRITERS_H
 #define RX_CATALOG_WRITERS_H
 
-#include <stdbool.h>
 #include <stdio.h>
 
 #include "base/hash.h"
 #include "catalog/catalog.h"
 
-/* All write n tables to an open stream; a full disk shows when the caller closes it. They fail
+/* All write the tables to an open stream; a full disk shows when the caller closes it. They fail
  * (RX_SYSTEM) only without memory. The caller has set the locale (cell.h). */
-rx_status rx_ascii_write(FILE *file, rx_table *const *tables, int n, bool head, const rx_record_pair *record,
-                         int npairs, rx_error *err);
-rx_status rx_skycat_write(FILE *file, rx_table *const *tables, int n, rx_error *err);
-rx_status rx_votable_write(FILE *file, rx_table *const *tables, int n, const rx_record_pair *record,
-                           int npairs, rx_error *err);
+rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err);
+rx_status rx_skycat_write(FILE *file, const rx_catalog *catalog, rx_error *err);
+rx_status rx_votable_write(FILE *file, const rx_catalog *catalog, rx_error *err);
 
 /* Digests of the rows as those functions write them: lines with their ends; of a VOTable's table the lines
  * from <TR> to </TR>. The locale as above. */

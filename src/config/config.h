@@ -2,7 +2,8 @@
  *
  * keys.def is THE table: the struct of config_fields.h, defaults, parser, range checks, the -d and -dd
  * dumps, the man page's table, config/default.sex and the record in output headers all come from it.
- * What the values mean to a stage is said in stage/options.c. The functions are those of config/settings.h.
+ * The fields of params that take a value are named in its row; what depends on more than one keyword is said in
+ * stage/options.c. The functions are those of config/settings.h.
  */
 #ifndef RX_CONFIG_CONFIG_H
 #define RX_CONFIG_CONFIG_H

@@ -13,6 +13,18 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
+/* A survey's file that does without restoration and does not name its thresholds means SExtractor's. */
+static rx_status take_survey_thresholds(rx_settings *settings, rx_error *err)
+{
+    const rx_config *config = (const rx_config *)settings;
+    const int row = rx_keyword_find(settings->table, "THRESH_TYPE");
+    char *relative = "RELATIVE";
+    if (settings->file == NULL || settings->origin[row] != RX_FROM_DEFAULT || config->restore_type.n != 1 ||
+        strcmp(config->restore_type.v[0], "NONE") != 0)
+        return RX_OK;
+    return rx_keyword_assign(settings, row, &relative, 1, (rx_place){0}, NULL, err);
+}
+
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
@@ -22,10 +34,13 @@ rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err
         bool built_in; /* where a file of the default's name is missing */
     } files[] = {{"PARAMETERS_NAME", config->parameters_name, true, true},
                  {"FILTER_NAME", config->filter_name, config->filter, true},
+                 {"NOISE_KERNEL_NAME", config->noise_kernel_name,
+                  strcmp(config->noise_correlation, "FILE") == 0, false},
                  {"STARNNW_NAME", config->starnnw_name, true, false},
                  {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false}};
     const char *file = settings->file != NULL ? settings->file : "", *slash = strrchr(file, '/');
-    rx_status status = RX_OK;
+    rx_status status = take_survey_thresholds(settings, err);
+    rx_text said = {0}; /* in one line of the log */
     for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {
         const int row = rx_keyword_find(settings->table, files[i].key);
         const char *name = files[i].name;
@@ -44,14 +59,21 @@ rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err
             rx_text_printf(&path, "%s/%s", RX_DATA_FOLDER, name);
         }
         if (there(&path)) {
-            rx_log_info(log, "%s %s is %s", files[i].key, name, path.data);
+            rx_text_printf(&said, "%s%s %s is %s", said.length > 0 ? "; " : "", files[i].key, name,
+                           path.data);
             char *found = path.data;
             status = rx_keyword_assign(settings, row, &found, 1, (rx_place){0}, NULL, err);
         } else if (path.failed)
             status = rx_error_memory(err, 0);
         else if (files[i].built_in && strcmp(name, settings->table->rows[row].initial) == 0)
-            rx_log_info(log, "%s %s is found nowhere: the built-in one is used", files[i].key, name);
+            rx_text_printf(&said, "%s%s %s is found nowhere: the built-in one is used",
+                           said.length > 0 ? "; " : "", files[i].key, name);
         rx_text_free(&path);
     }
+    if (said.failed && status == RX_OK)
+        status = rx_error_memory(err, 0);
+    else if (said.length > 0)
+        rx_log_info(log, "%s", said.data);
+    rx_text_free(&said);
     return status;
 }

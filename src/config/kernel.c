@@ -104,9 +104,10 @@ rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
     return status;
 }
 
+const float rx_kernel_built_in[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
+
 rx_status rx_kernel_default(rx_kernel **dst, rx_error *err)
 {
-    static const float side[3] = {1, 2, 1};
     rx_kernel *kernel = RX_NEW(rx_kernel, 1);
     float *values = RX_NEW(float, 9);
     if (kernel == NULL || values == NULL) {
@@ -114,8 +115,7 @@ rx_status rx_kernel_default(rx_kernel **dst, rx_error *err)
         free(values);
         return rx_error_memory(err, sizeof *kernel);
     }
-    for (int i = 0; i < 9; i++)
-        values[i] = side[i / 3] * side[i % 3];
+    memcpy(values, rx_kernel_built_in, sizeof rx_kernel_built_in);
     *kernel = (rx_kernel){.width = 3, .height = 3, .normalise = true, .values = values};
     *dst = kernel;
     return RX_OK;

@@ -4,15 +4,20 @@
 #include "config/overwrite.h"
 #include "config/survey_config.h"
 #include "config/train_config.h"
+#include "data/restorers.h"
 
 /* clang-format off */
 #define NOWORDS NULL
 #define WORDLIST(...) ((const char *const[]){__VA_ARGS__, NULL})
+#define PIPELINE_WORDS WORDLIST
+#define STAGE_WORDS WORDLIST
+#define W(word, value) word
+#define HELP(help_, ...) help_ /* what the keyword fills is for others */
 #define SECTION(id, title) {.kind = RX_KIND_SECTION, .name = (title), .help = ""},
-#define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, help_)          \
+#define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, ...)            \
     {.kind = RX_KIND_##kind_, .name = #NAME, .offset = offsetof(struct_of_table, field),                       \
      .initial = (initial_), .low = (low_), .high = (high_), .nmin = (nmin_), .nmax = (nmax_),                  \
-     .words = words_, .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = (help_)},
+     .words = words_, .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = HELP(__VA_ARGS__, )},
 
 #define struct_of_table rx_config
 static const rx_keyword rextract_rows[] = {
@@ -45,6 +50,10 @@ static const rx_keyword survey_rows[] = {
 #undef struct_of_table
 #undef KEY
 #undef SECTION
+#undef HELP
+#undef W
+#undef STAGE_WORDS
+#undef PIPELINE_WORDS
 /* clang-format on */
 
 #define ROWS(array) .rows = (array), .nrows = (int)(sizeof(array) / sizeof(array)[0])

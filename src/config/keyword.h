@@ -92,6 +92,9 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
 /* The value of that row in src, for dst as well; both of one table. */
 rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err);
 
+/* Items of the value in a field; a scalar is one. */
+int rx_keyword_count(rx_kind kind, const void *field);
+
 /* Value as text, items joined by commas; quoted = so that reading it back gives the same. */
 void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted);
 
@@ -116,7 +119,7 @@ const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
-/* Columns, filter, star weights and gates: as given, beside the configuration file, in the folder of installed
+/* Thresholds of a survey's file; then columns, filter, star weights and gates: as given, beside the configuration file, in the folder of installed
  * data. What is not found keeps its name: whoever reads it says so. */
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);

@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "base/point.h"
 #include "config/keyword.h"
 
 /* A value while it is read, before it replaces the old one. */
@@ -44,7 +45,7 @@ static rx_status refuse(const target *at, rx_error *err, const char *format, ...
 static rx_status read_real(const target *at, const char *item, double *dst, rx_error *err)
 {
     char *end = NULL;
-    *dst = strtod(item, &end);
+    *dst = rx_point_number(item, &end);
     if (end == item || *end != '\0' || !isfinite(*dst) || strpbrk(item, "xX") != NULL)
         return refuse(at, err, "'%.80s' is not a number", item);
     if (*dst < at->key->low || *dst > at->key->high)
@@ -330,11 +331,14 @@ void rx_keyword_clear(rx_settings *settings, int row)
 static void print_real(rx_text *dst, double value)
 {
     char text[40] = "";
+    rx_point_locale locale;
+    (void)rx_point_locale_begin(&locale, NULL);
     for (int digits = 6; digits <= 17; digits++) {
         snprintf(text, sizeof text, "%.*g", digits, value);
         if (strtod(text, NULL) == value)
             break;
     }
+    rx_point_locale_end(&locale);
     rx_text_add(dst, text);
 }
 
@@ -353,7 +357,7 @@ static void print_string(rx_text *dst, const char *value, bool quoted)
         rx_text_add(dst, "\"");
 }
 
-static int count_values(rx_kind kind, const void *field)
+int rx_keyword_count(rx_kind kind, const void *field)
 {
     switch (kind) {
     case RX_KIND_STRINGS:
@@ -413,7 +417,7 @@ void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool q
 {
     const rx_keyword *key = &settings->table->rows[row];
     const void *field = (const char *)settings + key->offset;
-    int n = count_values(key->kind, field);
+    int n = rx_keyword_count(key->kind, field);
     rx_text_add(dst, ""); /* never NULL, even for an empty value */
     for (int i = 0; i < n; i++) {
         if (i > 0)

@@ -3,6 +3,7 @@ librextract_la_SOURCES += \
 	src/config/campaign_check.c \
 	src/config/config.c \
 	src/config/config_check.c \
+	src/config/fill.c src/config/fill.h \
 	src/config/find_files.c \
 	src/config/kernel.c \
 	src/config/keytables.c \
@@ -17,8 +18,7 @@ librextract_la_SOURCES += \
 	src/config/tiles.c src/config/tiles.h \
 	src/config/tokens.c src/config/tokens.h \
 	src/config/train_check.c
-
-rx_configdir = $(pkgincludedir)/config
-rx_config_HEADERS = src/config/arguments.h src/config/campaign_config.h src/config/config.h \
-	src/config/config_fields.h src/config/kernel.h src/config/settings.h src/config/simulate_config.h src/config/train_config.h \
-	src/config/survey_config.h src/config/survey.def src/config/campaign.def src/config/keys.def src/config/simulate.def src/config/train.def
+librextract_la_SOURCES += src/config/arguments.h src/config/campaign.def src/config/campaign_config.h \
+	src/config/config.h src/config/config_fields.h src/config/kernel.h src/config/keys.def src/config/settings.h \
+	src/config/simulate.def src/config/simulate_config.h src/config/survey.def src/config/survey_config.h \
+	src/config/train.def src/config/train_config.h

@@ -52,6 +52,24 @@ static rx_status check_noise(const rx_simulate_config *config, rx_error *err)
     return RX_OK;
 }
 
+static rx_status check_coadd(const rx_simulate_config *config, rx_error *err)
+{
+    bool injects = config->inject_image[0] != '\0';
+    if (injects && config->weight_name[0] != '\0')
+        return REFUSE(WEIGHT_NAME, "is of simulated fields; a real tile has its own weights");
+    if (is(config->coadd_type, "NONE"))
+        return RX_OK;
+    if (config->settings.prefix[0] != '\0' || injects)
+        return REFUSE(COADD_TYPE, "%s is for simulated fields of rextract-simulate alone",
+                      config->coadd_type);
+    if (config->coadd_scale != 0.0 && config->coadd_scale < 0.3)
+        return REFUSE(COADD_SCALE, "%g is too fine; give 0.3 to 1, or 0", config->coadd_scale);
+    if (!is(config->psf_type, "MOFFAT"))
+        return REFUSE(PSF_TYPE, "%s is a PSF on pixels of the image, and frames have others; give MOFFAT",
+                      config->psf_type);
+    return RX_OK;
+}
+
 static rx_status check_objects(const rx_simulate_config *config, rx_error *err)
 {
     const struct {
@@ -77,10 +95,9 @@ static rx_status check_outputs(const rx_simulate_config *config, rx_error *err)
     const struct {
         const char *name, *file;
     } outputs[] = {
-        {"IMAGE_NAME", config->image_name},
-        {"SHARP_NAME", config->sharp_name},
-        {"TRUTH_NAME", config->truth_name},
-        {"FLAG_NAME", config->flag_name},
+        {"IMAGE_NAME", config->image_name},   {"SHARP_NAME", config->sharp_name},
+        {"TRUTH_NAME", config->truth_name},   {"FLAG_NAME", config->flag_name},
+        {"WEIGHT_NAME", config->weight_name},
     };
     for (size_t i = 1; i < sizeof outputs / sizeof outputs[0]; i++)
         for (size_t j = 0; j < i; j++)
@@ -100,6 +117,8 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
     if (status == RX_OK)
         status = check_noise(config, err);
     if (status == RX_OK)
+        status = check_coadd(config, err);
+    if (status == RX_OK)
         status = check_objects(config, err);
     if (status == RX_OK)
         status = check_outputs(config, err);
@@ -109,17 +128,20 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
 const char *rx_simulate_idle(const rx_settings *settings, const char *name)
 {
     static const char *const outputs[] = {
-        "IMAGE_NAME",   "SHARP_NAME", "TRUTH_NAME", "TRUTH_TYPE",   "FLAG_NAME",
+        "IMAGE_NAME",   "SHARP_NAME", "TRUTH_NAME", "TRUTH_TYPE",   "FLAG_NAME", "WEIGHT_NAME",
         "SCENE_NUMBER", "SEED",       "NTHREADS",   "VERBOSE_TYPE", NULL};
     static const char *const field[] = {"IMAGE_SIZE",  "SKY_CENTER", "NOISE_TYPE",  "SKY_LEVEL",
                                         "NOISE_SIGMA", "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",
                                         "COSMIC_RAYS", NULL};
     static const char *const injection[] = {"INJECT_PLACE", "INJECT_DISTANCE", NULL};
+    static const char *const coadd[] = {"COADD_FRAMES", "COADD_SCALE", "COADD_PIXFRAC", "COADD_UNEVEN", NULL};
     const rx_simulate_config *config = (const rx_simulate_config *)settings;
     bool injects = config->inject_image[0] != '\0';
     if (settings->prefix[0] != '\0' && rx_keyword_among(outputs, name))
         return "in a campaign";
     if (injects && rx_keyword_among(field, name))
         return "with INJECT_IMAGE";
+    if (is(config->coadd_type, "NONE") && rx_keyword_among(coadd, name))
+        return "with COADD_TYPE NONE";
     return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
 }

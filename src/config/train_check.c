@@ -46,16 +46,18 @@ static rx_status check_images(const rx_train_config *config, rx_error *err)
         const char *name;
         const rx_reals *range;
     } ranges[] = {
-        {"FWHM_RANGE", &config->fwhm_range},
-        {"SIGMA_RANGE", &config->sigma_range},
-        {"BETA_RANGE", &config->beta_range},
-        {"PHOTON_RANGE", &config->photon_range},
+        {"FWHM_RANGE", &config->fwhm_range},       {"SIGMA_RANGE", &config->sigma_range},
+        {"BETA_RANGE", &config->beta_range},       {"PHOTON_RANGE", &config->photon_range},
+        {"SMOOTHED_FWHM", &config->smoothed_fwhm},
     };
     for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
         if (ranges[i].range->v[0] > ranges[i].range->v[1])
             return rx_settings_refuse(&config->settings, ranges[i].name, err,
                                       "%g is above %g; give <from>,<to>", ranges[i].range->v[0],
                                       ranges[i].range->v[1]);
+    if (config->smoothed_noise + config->resampled_noise > 1)
+        return REFUSE(RESAMPLED_NOISE, "%g and SMOOTHED_NOISE %g are more than all images; give at most %g",
+                      config->resampled_noise, config->smoothed_noise, 1 - config->smoothed_noise);
     return RX_OK;
 }
 

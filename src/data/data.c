@@ -73,7 +73,7 @@ void rx_restored_free(rx_restored *restored)
     free(restored->mask);
     free(restored->support);
     free(restored->reblurred);
-    free(restored->noise);
+    free(restored->noise_maker);
     rx_psf_free(restored->psf);
     rx_psf_free(restored->blur);
     free(restored);

@@ -1,10 +1,15 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
+	src/data/image.c \
 	src/data/map.c \
+	src/data/noise_correlation.c \
 	src/data/psf.c \
+	src/data/record.c \
+	src/data/restorers.h \
 	src/data/sources.c \
 	src/data/splines.c \
 	src/data/table.c
 
 rx_datadir = $(pkgincludedir)/data
-rx_data_HEADERS = src/data/map.h src/data/psf.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h
+rx_data_HEADERS = src/data/image.h src/data/map.h src/data/noise_correlation.h src/data/psf.h src/data/record.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h
+installed_headers += $(rx_data_HEADERS)

@@ -19,6 +19,24 @@ rx_map rx_map_made(const rx_map_maker *maker, int width)
     return (rx_map){.width = width, .maker = maker};
 }
 
+static void make_scaled(const rx_map_maker *maker, int x, int y, int n, int rows, float *dst)
+{
+    const rx_scaled_map *scaled = (const rx_scaled_map *)maker;
+    for (int row = 0; row < rows; row++, dst += n) {
+        const float *from = rx_map_row(&scaled->of, y + row, x, n, dst);
+        for (int i = 0; i < n; i++)
+            dst[i] = scaled->factor * from[i];
+    }
+}
+
+rx_map rx_map_scaled(rx_scaled_map *room, rx_map of, float factor)
+{
+    if (factor == 1.0f)
+        return of;
+    *room = (rx_scaled_map){.maker.make = make_scaled, .of = of, .factor = factor};
+    return rx_map_made(&room->maker, of.width);
+}
+
 rx_map rx_background_level(const rx_background *sky)
 {
     const int plain = sky->level_error == 0;
@@ -86,6 +104,8 @@ const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room)
         return map->plane + (size_t)y * (size_t)map->width + (size_t)x;
     if (map->maker != NULL)
         map->maker->make(map->maker, x, y, n, 1, room);
+    else if (map->sky == NULL)
+        memset(room, 0, (size_t)n * sizeof *room);
     else if (map->noise)
         noise_row(map->sky, y, x, n, room);
     else

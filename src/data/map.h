@@ -6,7 +6,10 @@
 #ifndef RX_DATA_MAP_H
 #define RX_DATA_MAP_H
 
+#include "base/extern.h"
 #include "data/tile.h"
+
+RX_BEGIN_DECLS
 
 /* First member of what makes values that no plane holds: dst[rows][n] from pixel (x, y) on, the same to the
  * bit whatever piece is asked for; many rows at once may be cheaper than each by itself. */
@@ -14,7 +17,7 @@ typedef struct rx_map_maker {
     void (*make)(const struct rx_map_maker *maker, int x, int y, int n, int rows, float *dst);
 } rx_map_maker;
 
-/* All 0: no map. */
+/* All 0: no map; its values are 0. */
 typedef struct rx_map {
     int width;
     const float *plane; /* [height][width]; NULL: of the maker, or of the sky */
@@ -30,6 +33,14 @@ rx_map rx_map_plane(const float *plane, int width);
 
 /* NULL: no map. */
 rx_map rx_map_made(const rx_map_maker *maker, int width);
+
+/* `factor` times `of`, whose owner must live as long; `room` keeps it. With a factor of 1 it is `of`. */
+typedef struct rx_scaled_map {
+    rx_map_maker maker;
+    rx_map of;
+    float factor;
+} rx_scaled_map;
+rx_map rx_map_scaled(rx_scaled_map *room, rx_map of, float factor);
 
 /* Level above 0, and noise of a pixel, both in ADU. */
 rx_map rx_background_level(const rx_background *sky);
@@ -59,5 +70,7 @@ static inline int rx_map_piece(int x, int width)
 {
     return width - x < RX_MAP_PIECE ? width - x : RX_MAP_PIECE;
 }
+
+RX_END_DECLS
 
 #endif

@@ -11,6 +11,10 @@
 #ifndef RX_DATA_PSF_H
 #define RX_DATA_PSF_H
 
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
+
 typedef enum rx_psf_type {
     RX_PSF_MOFFAT,
     RX_PSF_FILE,
@@ -49,5 +53,7 @@ rx_psf *rx_psf_copy(const rx_psf *psf);
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
 
 void rx_psf_free(rx_psf *psf); /* NULL is fine */
+
+RX_END_DECLS
 
 #endif

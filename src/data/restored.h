@@ -4,27 +4,29 @@
 
 #include <stdint.h>
 
+#include "base/extern.h"
 #include "data/map.h"
 #include "data/psf.h"
 #include "data/tile.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_restored {
     const char *name; /* "NONE", "RL", ... static */
     int width, height;
     float *pixels;    /* background-subtracted, ADU; masked pixels hold 0 */
-    uint8_t *mask;    /* as of the tile, RX_MASK_ bits that the restorer honoured */
+    uint8_t *mask;    /* RX_MASK_ bits of the image that the restorer honoured */
     float *support;   /* share (0..1), PSF-weighted, of the pixels a value was made from that are masked or
                          beyond the border; NULL unless asked for (keep_support) and for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
                          held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
-    rx_map_maker *noise;      /* for detection, ADU (rx_map_made(), free()); reads the tile, its sky and
-                                 `mask`, which live as long; NULL: that of `sky` */
-    const rx_background *sky; /* whose noise is that of these pixels, and which lives as long; NULL: measure
-                                 it on pixels */
-    rx_psf *psf;              /* of the restored image */
-    rx_psf *blur;             /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
-    int iterations;           /* done; 0 where it has no meaning */
-    double chi2;              /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
+    rx_map noise;     /* of a pixel, for detection, ADU: the input's (NONE), or what noise_maker makes of the
+                         input and `mask`; the input's owners must live as long; none: measure it on pixels */
+    rx_map_maker *noise_maker; /* owned; NULL where there is none */
+    rx_psf *psf;               /* of the restored image */
+    rx_psf *blur;              /* PSF that was used (estimated by RL_BLIND), NULL for NONE */
+    int iterations;            /* done; 0 where it has no meaning */
+    double chi2;               /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
     double seam; /* VERIFY_SEAMS: largest difference to a restoration in other blocks, sigmas; else NAN */
     double seconds;
     char settings[200]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */
@@ -37,5 +39,7 @@ rx_restored *rx_restored_new(const char *name, int width, int height);
 rx_restored *rx_restored_bare(const char *name, int width, int height);
 
 void rx_restored_free(rx_restored *restored);
+
+RX_END_DECLS
 
 #endif

@@ -10,6 +10,9 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 /* FLAGS as in SExtractor. */
 enum {
@@ -49,7 +52,9 @@ enum {
     RX_RESTORE_SHRED = 2,    /* a neighbour's own model takes its light */
     RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
     RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
-    RX_RESTORE_OTHER = 16    /* not by the restorer that was asked for (RESTORE_FALLBACK) */
+    RX_RESTORE_OTHER = 16,   /* not by the restorer that was asked for (RESTORE_FALLBACK) */
+    RX_RESTORE_UNEXPLAINED =
+        32 /* in a cell whose pixels the restored image does not explain (pipeline/residual.h) */
 };
 
 /* Template photometry (template/template.h) of a source. */
@@ -73,8 +78,8 @@ enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 
 
 typedef struct rx_source {
     int number;    /* from 1 in this extension */
-    int untouched; /* 1 + row of rx_saturated.list (stage/saturated.h): a saturated star that a restorer left
-                      as it was observed; 0: as all others */
+    int untouched; /* 1 + row of rx_saturated.list (pipeline/saturated.h): a saturated star that a restorer
+                      left as it was observed; 0: as all others */
     /* --- detection (isophotal, on the detection image) --- */
     int xmin, xmax, ymin, ymax; /* 0-based, inclusive */
     int xpeak, ypeak;
@@ -158,5 +163,7 @@ int rx_source_made_up(const rx_source *source);
 rx_status rx_sources_select(rx_sources *sources, const unsigned char *keep, rx_error *err);
 
 void rx_sources_free(rx_sources *sources);
+
+RX_END_DECLS
 
 #endif

@@ -11,6 +11,9 @@
 #define RX_DATA_SPLINES_H
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 /* nodes 0: `value` everywhere. */
 typedef struct rx_splines {
@@ -36,5 +39,7 @@ void rx_splines_free(rx_splines *splines);
 
 /* dst[n]: from pixel (x, y) on. */
 void rx_splines_row(const rx_splines *splines, int y, int x, int n, float *dst);
+
+RX_END_DECLS
 
 #endif

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <strings.h>
 
 #include "base/memory.h"
@@ -45,6 +46,16 @@ rx_table *rx_table_new(int ncolumns)
         return NULL;
     }
     return table;
+}
+
+rx_status rx_table_copy_cards(rx_table *table, const char *cards, size_t n, rx_error *err)
+{
+    table->cards = rx_alloc(n, 80);
+    if (table->cards == NULL)
+        return rx_error_memory(err, n * 80);
+    memcpy(table->cards, cards, n * 80);
+    table->ncards = (long)n;
+    return RX_OK;
 }
 
 void rx_table_free(rx_table *table)

@@ -5,6 +5,11 @@
 
 #include <stdint.h>
 
+#include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
+
 typedef enum rx_cell_type {
     RX_CELL_INT16,
     RX_CELL_INT32,
@@ -46,6 +51,10 @@ long rx_column_element_size(const rx_column *column);
 
 /* Empty table with memory for ncolumns columns (not yet their data); NULL without memory. */
 rx_table *rx_table_new(int ncolumns);
+
+/* A copy of n header cards of 80 characters for table->cards. Errors: RX_SYSTEM. */
+rx_status rx_table_copy_cards(rx_table *table, const char *cards, size_t n, rx_error *err);
+
 void rx_table_free(rx_table *table);
 
 /* Index of a column by name, case ignored; -1 when absent. */
@@ -53,5 +62,7 @@ int rx_table_find(const rx_table *table, const char *name);
 
 /* Element `element` of row `row` as double (NAN for text). */
 double rx_column_value(const rx_column *column, long row, long element);
+
+RX_END_DECLS
 
 #endif

@@ -6,19 +6,31 @@
 #ifndef RX_DATA_TILE_H
 #define RX_DATA_TILE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/extern.h"
 #include "data/splines.h"
+
+RX_BEGIN_DECLS
 
 /* Why a pixel must not be used. 0 = good. */
 enum {
-    RX_MASK_BAD = 1,       /* NaN, infinite or BLANK in the file */
+    RX_MASK_BAD = 1,       /* NaN, infinite, BLANK, or beyond RX_PIXEL_LIMIT */
     RX_MASK_WEIGHT = 2,    /* weight says: no data (WEIGHT_THRESH) */
     RX_MASK_SATURATED = 4, /* at or above the saturation level */
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
                               left as it was observed */
 };
+
+/* A value of no detector. Beyond it squares and sums leave single precision, so such pixels are bad, as NaN is. */
+#define RX_PIXEL_LIMIT 1e20f
+
+static inline bool rx_pixel_usable(float value) /* false for NaN */
+{
+    return value >= -RX_PIXEL_LIMIT && value <= RX_PIXEL_LIMIT;
+}
 
 /* What the WEIGHT_IMAGE holds (SExtractor WEIGHT_TYPE). */
 typedef enum rx_weight_type {
@@ -78,5 +90,7 @@ typedef struct rx_background {
 void rx_background_flatten(rx_background *background, double level, double sigma);
 
 void rx_background_free(rx_background *background);
+
+RX_END_DECLS
 
 #endif

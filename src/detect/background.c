@@ -11,20 +11,6 @@
 #include "detect/mesh.h"
 #include "num/stats.h"
 
-/* What is measured. */
-typedef struct source {
-    const float *pixels;
-    const uint8_t *mask;
-    int mask_bits;
-    const float *weight;
-    rx_weight_type weight_type;
-} source;
-
-static bool is_hidden(const source *src, size_t i)
-{
-    return (src->mask != NULL && (src->mask[i] & src->mask_bits) != 0) || !isfinite(src->pixels[i]);
-}
-
 /* Median over the meshes of (rms of the image) / sqrt(variance of the map); 1 when there is none. */
 static rx_status weight_scale(const rx_background_params *par, const float *variance, const sep_bkg *back,
                               double *factor, rx_error *err)
@@ -32,7 +18,8 @@ static rx_status weight_scale(const rx_background_params *par, const float *vari
     sep_bkg *meshes = NULL;
     double *ratio = NULL;
     size_t n = 0, good;
-    rx_status status = rx_mesh_measure(par, back->w, back->h, variance, NULL, 0, &meshes, &good, err);
+    const rx_image image = {.width = (int)back->w, .height = (int)back->h, .pixels = variance};
+    rx_status status = rx_mesh_measure(par, &image, &meshes, &good, err);
     if (status != RX_OK)
         goto exit;
     ratio = RX_NEW(double, (size_t)meshes->n);
@@ -52,7 +39,7 @@ exit:
 
 /* sigma from a map of the user, whose variances are in dst->sigma meanwhile, not a number where it says
  * nothing or the pixel is hidden. */
-static rx_status sigma_from_map(const rx_background_params *par, const source *src, const sep_bkg *back,
+static rx_status sigma_from_map(const rx_background_params *par, const rx_image *src, const sep_bkg *back,
                                 rx_background *dst, rx_error *err)
 {
     size_t n = (size_t)dst->width * (size_t)dst->height;
@@ -61,7 +48,8 @@ static rx_status sigma_from_map(const rx_background_params *par, const source *s
         return RX_OK;
     }
     for (size_t i = 0; i < n; i++) {
-        float w = is_hidden(src, i) ? 0.0f : src->weight[i];
+        const bool hidden = rx_image_hides(src, i) || !isfinite(src->pixels[i]);
+        float w = hidden ? 0.0f : src->weight[i];
         bool usable = isfinite(w) && w > 0.0f;
         dst->sigma[i] = !usable ? NAN : src->weight_type == RX_WEIGHT_MAP_VAR ? w : 1.0f / w;
     }
@@ -93,7 +81,7 @@ static rx_status join(const rx_background_params *par, const sep_bkg *mesh, cons
 
 /* The noise as a plane, where every pixel has its own: `own`, in dst->sigma already, what a map says. No
  * noise where there is no pixel, some noise where there is one. */
-static void finish_sigma(const rx_background_params *par, const source *src, int own, rx_background *dst)
+static void finish_sigma(const rx_background_params *par, const rx_image *src, int own, rx_background *dst)
 {
     const size_t width = (size_t)dst->width;
 #pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)
@@ -103,7 +91,7 @@ static void finish_sigma(const rx_background_params *par, const source *src, int
         if (!own)
             rx_splines_row(&dst->sigmas, y, 0, dst->width, sigma);
         for (size_t x = 0; x < width; x++) {
-            if (src->mask != NULL && (src->mask[row + x] & src->mask_bits) != 0)
+            if (rx_image_hides(src, row + x))
                 sigma[x] = 0.0f;
             else if (!(sigma[x] > 0.0f) || !isfinite(sigma[x]))
                 sigma[x] = dst->usual_sigma;
@@ -112,7 +100,7 @@ static void finish_sigma(const rx_background_params *par, const source *src, int
 }
 
 /* A weight map makes thresholds and errors ask every pixel for its own noise. */
-static rx_status fill_sigma(const rx_background_params *par, const source *src, const sep_bkg *mesh,
+static rx_status fill_sigma(const rx_background_params *par, const rx_image *src, const sep_bkg *mesh,
                             size_t good, rx_background *dst, rx_error *err)
 {
     const int own = good > 0 && src->weight != NULL && src->weight_type >= RX_WEIGHT_MAP_RMS;
@@ -133,18 +121,17 @@ static rx_status fill_sigma(const rx_background_params *par, const source *src, 
     return status;
 }
 
-static rx_status fill_maps(const rx_background_params *par, const source *src, rx_background *dst,
+static rx_status fill_maps(const rx_background_params *par, const rx_image *src, rx_background *dst,
                            rx_error *err)
 {
     sep_bkg *mesh = NULL;
     size_t good = 0;
-    rx_status status = rx_mesh_measure(par, dst->width, dst->height, src->pixels, src->mask, src->mask_bits,
-                                       &mesh, &good, err);
+    rx_status status = rx_mesh_measure(par, src, &mesh, &good, err);
     if (status != RX_OK)
         goto exit;
     if (good > 0) {
-        dst->global_level = par->manual ? par->manual_value : mesh->global;
-        dst->global_sigma = mesh->globalrms > 0.0f ? mesh->globalrms : 1.0;
+        dst->global_level = par->manual ? dst->global_level : mesh->global;
+        dst->global_sigma = mesh->globalrms;
     }
     dst->levels.value = (float)dst->global_level;
     dst->usual_sigma = (float)dst->global_sigma;
@@ -157,12 +144,9 @@ exit:
     return status;
 }
 
-rx_status rx_background_measure(const rx_background_params *par, int width, int height, const float *pixels,
-                                const uint8_t *mask, int mask_bits, const float *weight,
-                                rx_weight_type weight_type, rx_background **dst, rx_error *err)
+rx_status rx_background_measure(const rx_background_params *par, const rx_image *image, rx_background **dst,
+                                rx_error *err)
 {
-    const source src = {
-        .pixels = pixels, .mask = mask, .mask_bits = mask_bits, .weight = weight, .weight_type = weight_type};
     rx_background *back = NULL;
     rx_status status = RX_OK;
     *dst = NULL;
@@ -172,13 +156,13 @@ rx_status rx_background_measure(const rx_background_params *par, int width, int 
     back = RX_NEW(rx_background, 1);
     if (back == NULL)
         return rx_error_memory(err, sizeof *back);
-    back->width = width;
-    back->height = height;
+    back->width = image->width;
+    back->height = image->height;
     back->global_sigma = 1.0;
     back->global_level = par->manual ? par->manual_value : 0.0;
-    back->mask = mask;
-    back->mask_bits = mask_bits;
-    status = fill_maps(par, &src, back, err);
+    back->mask = image->mask;
+    back->mask_bits = image->hide;
+    status = fill_maps(par, image, back, err);
     if (status != RX_OK)
         goto exit;
     *dst = back;

@@ -5,8 +5,11 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/log.h"
-#include "data/tile.h"
+#include "data/image.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_background_params {
     int mesh_width, mesh_height;     /* BACK_SIZE */
@@ -19,22 +22,23 @@ typedef struct rx_background_params {
     int nthreads;
 } rx_background_params;
 
-/* Background of `pixels` ([h][w] ADU), to be read through data/map.h. Masked ones, mask & mask_bits != 0,
- * are ignored to the bit; mask may be NULL, else it must live as long as the result. Every pixel has a level
- * and a sigma, which is 0 for masked ones. Both are surfaces through the meshes, without a plane; with a
+/* Background of the image's pixels, to be read through data/map.h; what the image says of sky and noise is not
+ * looked at. Hidden pixels are ignored to the bit; the mask must live as long as the result. Every pixel has a
+ * level and a sigma, which is 0 for hidden ones. Both are surfaces through the meshes, without a plane; with a
  * weight type sigma is a plane.
  *
  * sigma: no weight (NULL) or RX_WEIGHT_BACKGROUND, the image's own rms map; MAP_RMS, the map;
  * MAP_VAR and MAP_WEIGHT, f sqrt(var) and f / sqrt(weight) with f the median over the meshes of
  * (rms of the image) / sqrt(typical variance of the map), as SExtractor scales them (f = 1 and
- * global_sigma / f with no_rescale). Weights <= 0 of MAP_WEIGHT must be masked by the caller.
+ * global_sigma / f with no_rescale). Weights <= 0 of MAP_WEIGHT must be hidden.
  * An image without noise (constant) gets sigma 1, as in SExtractor; a tile without one good pixel
  * level 0, sigma 0, global_sigma 1.
  *
  * The result belongs to the caller (rx_background_free). Errors: RX_USAGE for senseless params,
  * RX_SYSTEM without memory. */
-rx_status rx_background_measure(const rx_background_params *par, int width, int height, const float *pixels,
-                                const uint8_t *mask, int mask_bits, const float *weight,
-                                rx_weight_type weight_type, rx_background **dst, rx_error *err);
+rx_status rx_background_measure(const rx_background_params *par, const rx_image *image, rx_background **dst,
+                                rx_error *err);
+
+RX_END_DECLS
 
 #endif

@@ -3,6 +3,7 @@
 #define RX_DETECT_BATCHES_H
 
 #include "base/error.h"
+#include "detect/detect.h"
 #include "detect/groups.h"
 
 typedef struct rx_batch {
@@ -17,10 +18,10 @@ typedef struct rx_batches {
     int *members;   /* indices of groups */
 } rx_batches;
 
-/* Groups of min_area pixels and more, those that may fall apart at `contrast` (deblend != 0) by themselves.
+/* Groups of par->min_area pixels and more, those that deblending may split by themselves.
  * Free with rx_batches_free(), also after an error. Errors: RX_SYSTEM without memory. */
-rx_status rx_batches_make(const rx_threshold *image, const rx_groups *groups, int min_area, int deblend,
-                          double contrast, int nthreads, rx_batches *dst, rx_error *err);
+rx_status rx_batches_make(const rx_detect_params *par, const rx_threshold *image, const rx_groups *groups,
+                          rx_batches *dst, rx_error *err);
 void rx_batches_free(rx_batches *batches);
 
 #endif

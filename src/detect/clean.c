@@ -136,16 +136,17 @@ static void admit(const rx_detection *list, wing *wings, const band *bands, int 
         merge(wings, eater, menu[--n], i);
 }
 
-rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
-                   double beta, int nthreads, int **eater, rx_error *err)
+rx_status rx_clean(const rx_detect_params *par, const rx_detections *found, const rx_clean_image *image,
+                   int **eater, rx_error *err)
 {
-    const int threads = nthreads > 0 ? nthreads : 1;
+    const int threads = par->nthreads > 0 ? par->nthreads : 1;
+    const size_t least = (size_t)par->min_area + 1;
     const rx_detection *list = found->list;
     size_t n = (size_t)found->n;
     wing *wings = RX_NEW(wing, n);
     band *bands = RX_NEW(band, n / BAND + 1);
     int *menu = RX_NEW(int, n);
-    float *heights = RX_NEW(float, ((size_t)min_area + 1) * (size_t)threads);
+    float *heights = RX_NEW(float, least *(size_t)threads);
     *eater = RX_NEW(int, n);
     rx_status status = RX_OK;
     if (wings == NULL || bands == NULL || menu == NULL || heights == NULL || *eater == NULL) {
@@ -154,19 +155,19 @@ rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int 
     }
 #pragma omp parallel for schedule(dynamic, 64) num_threads(threads)
     for (int i = 0; i < found->n; i++) {
-        float *own = heights + (size_t)omp_get_thread_num() * ((size_t)min_area + 1);
+        float *own = heights + (size_t)omp_get_thread_num() * least;
         wings[i] = (wing){.flux = list[i].filtered_flux,
                           .area = list[i].npix,
                           .axis_correction = axis_correction(list, i, image),
-                          .weakest = weakest_pixel(list, i, image, min_area, own)};
+                          .weakest = weakest_pixel(list, i, image, par->min_area, own)};
     }
     for (int i = 0; i < found->n; i++) {
         (*eater)[i] = NOBODY;
         extend_bands(list, i, bands);
-        if (max_area > 0 && list[i].npix > max_area)
+        if (par->max_area > 0 && list[i].npix > par->max_area)
             (*eater)[i] = LEFT_OUT;
         else
-            admit(list, wings, bands, *eater, i, beta, menu);
+            admit(list, wings, bands, *eater, i, par->clean_param, menu);
     }
     for (int i = 0; i < found->n; i++) { /* to the end of the chain */
         while ((*eater)[i] >= 0 && (*eater)[(*eater)[i]] >= 0)

@@ -3,6 +3,7 @@
 #define RX_DETECT_CLEAN_H
 
 #include "base/error.h"
+#include "detect/detect.h"
 #include "detect/detections.h"
 #include "detect/groups.h"
 
@@ -14,13 +15,14 @@ typedef struct rx_clean_image {
     double threshold; /* in sigmas; used with relative */
 } rx_clean_image;
 
-/* eater[i] = index of the source that ate i, or -1 (to be freed).
+/* eater[i] = index of the source that ate i, or -1 (to be freed). Of the params: min_area, max_area, clean_param
+ * and nthreads.
  *
  * Sources of more than max_area pixels (0: any) take no part. A source's wing is a Moffat profile of exponent
- * `beta` (CLEAN_PARAM) fitted to its area and flux; it eats a fainter one whose min_area-th brightest pixel
+ * clean_param fitted to its area and flux; it eats a fainter one whose min_area-th brightest pixel
  * does not rise above that wing. Sources are taken one after the other as SExtractor does, with the same
  * merged fluxes; sep's own cleaning compares pairs only and does not say who ate whom. */
-rx_status rx_clean(const rx_detections *found, const rx_clean_image *image, int min_area, int max_area,
-                   double beta, int nthreads, int **eater, rx_error *err);
+rx_status rx_clean(const rx_detect_params *par, const rx_detections *found, const rx_clean_image *image,
+                   int **eater, rx_error *err);
 
 #endif

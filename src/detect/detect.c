@@ -1,6 +1,7 @@
 /* Detection: filter, groups above the threshold, sep on these, the result as rx_sources. */
 #include "detect/detect.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -22,6 +23,7 @@ typedef struct workspace {
     rx_filter kernel;
     const float *pixels, *filtered; /* masked ones 0; before and after the filter */
     float *own_pixels, *own_filtered;
+    float **spare; /* the caller's filtered image, to be freed early; or NULL */
     rx_threshold_noise varying;
     float *sigma; /* plane of the noise for a matched filter, else NULL */
     rx_map noise; /* the same */
@@ -43,19 +45,21 @@ static void free_workspace(workspace *work)
     rx_detections_free(&work->found);
 }
 
-static bool is_hidden(const rx_detect_image *image, size_t i)
+static bool is_hidden(const rx_image *image, size_t i)
 {
-    return (image->mask != NULL && (image->mask[i] & image->mask_bits) != 0) || !isfinite(image->pixels[i]);
+    return rx_image_hides(image, i) || !isfinite(image->pixels[i]);
 }
 
 /* The filtered image, unless the caller has it. */
-static rx_status filter_pixels(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
-                               rx_error *err)
+static rx_status filter_pixels(const rx_detect_params *par, const rx_image *image,
+                               const rx_filtered *filtered, workspace *work, rx_error *err)
 {
     work->pixels = image->pixels;
-    work->filtered = image->filtered;
-    if (image->filtered != NULL)
+    if (filtered != NULL) {
+        work->filtered = filtered->pixels;
+        work->spare = filtered->spare;
         return RX_OK;
+    }
     work->pixels = work->own_pixels = RX_NEW(float, work->n);
     if (work->own_pixels == NULL)
         return rx_error_memory(err, work->n * sizeof(float));
@@ -73,7 +77,7 @@ static rx_status filter_pixels(const rx_detect_params *par, const rx_detect_imag
 }
 
 /* sep's matched filter asks for a plane of the noise. */
-static rx_status matched_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+static rx_status matched_noise(const rx_detect_params *par, const rx_image *image, workspace *work,
                                rx_error *err)
 {
     work->sigma = RX_NEW(float, work->n);
@@ -84,7 +88,7 @@ static rx_status matched_noise(const rx_detect_params *par, const rx_detect_imag
     for (size_t i = 0; i < work->n; i++)
         work->sigma[i] = is_hidden(image, i)     ? 1e30f
                          : image->variable_noise ? work->sigma[i]
-                                                 : (float)image->global_sigma;
+                                                 : (float)image->global_noise;
     work->noise = rx_map_plane(work->sigma, image->width);
     work->varying.noise = &work->noise;
     work->varying.kernel = &work->none; /* sep filters the noise itself */
@@ -92,21 +96,20 @@ static rx_status matched_noise(const rx_detect_params *par, const rx_detect_imag
 }
 
 /* The noise that thresholds refer to, where it is not the same everywhere. */
-static rx_status set_noise(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
-                           rx_error *err)
+static rx_status set_noise(const rx_detect_params *par, const rx_image *image, workspace *work, rx_error *err)
 {
     work->varying = (rx_threshold_noise){.width = image->width,
                                          .height = image->height,
                                          .noise = &image->noise,
                                          .pixels = image->pixels,
                                          .mask = image->mask,
-                                         .mask_bits = image->mask_bits,
+                                         .mask_bits = image->hide,
                                          .kernel = &work->kernel};
     return par->matched ? matched_noise(par, image, work, err) : RX_OK;
 }
 
 /* Where the values of pixels are from now on; the filtered image is done with, but for sep's own filter. */
-static void set_levels(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+static void set_levels(const rx_detect_params *par, const rx_image *image, workspace *work,
                        rx_extraction *job)
 {
     work->levels = (rx_levels){.width = image->width, .varies = job->image.noise != NULL};
@@ -119,9 +122,9 @@ static void set_levels(const rx_detect_params *par, const rx_detect_image *image
     job->image.filtered = work->filtered = NULL;
     free(work->own_filtered);
     work->own_filtered = NULL;
-    if (image->done_with != NULL) {
-        free(*image->done_with);
-        *image->done_with = NULL;
+    if (work->spare != NULL) {
+        free(*work->spare);
+        *work->spare = NULL;
     }
 }
 
@@ -163,8 +166,7 @@ static rx_status clean_catalog(const rx_detect_params *par, workspace *work, dou
                             .levels = &work->levels,
                             .relative = !par->absolute && work->levels.varies,
                             .threshold = threshold};
-    return rx_clean(&work->found, &image, par->min_area, par->max_area, par->clean_param, par->nthreads,
-                    &work->eater, err);
+    return rx_clean(par, &work->found, &image, &work->eater, err);
 }
 
 /* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)
@@ -186,11 +188,11 @@ static void cure_ellipse(rx_source *s)
 }
 
 /* Noise of the pixel at the peak. */
-static double peak_noise(const rx_detect_image *image, const workspace *work, const rx_detection *d)
+static double peak_noise(const rx_image *image, const workspace *work, const rx_detection *d)
 {
     const rx_span *span = NULL;
     if (!image->variable_noise)
-        return image->global_sigma;
+        return image->global_noise;
     if (work->levels.groups != NULL)
         span = rx_groups_span(&work->groups, d->group, NULL, d->xpeak, d->ypeak);
     return (double)(span != NULL ? rx_span_noise(span, d->xpeak)
@@ -240,8 +242,7 @@ static void convert_source(const rx_detect_params *par, const rx_detection *d, c
 }
 
 /* Highest S/N of the filtered pixels of a detection, whose places come in runs along rows. */
-static double highest_snr(const rx_detect_image *image, const workspace *work, double norm,
-                          const rx_detection *d)
+static double highest_snr(const rx_image *image, const workspace *work, double norm, const rx_detection *d)
 {
     const bool grouped = work->levels.groups != NULL;
     const rx_span *span = NULL;
@@ -320,7 +321,7 @@ typedef struct rank {
 } rank;
 
 /* [n] of all that was found. */
-static rank *rank_all(const rx_detect_params *par, const rx_detect_image *image, const workspace *work)
+static rank *rank_all(const rx_detect_params *par, const rx_image *image, const workspace *work)
 {
     const int n = work->found.n;
     const double norm = rx_filter_norm(work->kernel.values, work->kernel.width * work->kernel.height);
@@ -346,7 +347,7 @@ static void drop_pixels(workspace *work)
         rx_memory_trim();
 }
 
-static rx_status build_sources(const rx_detect_params *par, const rx_detect_image *image, workspace *work,
+static rx_status build_sources(const rx_detect_params *par, const rx_image *image, workspace *work,
                                const rx_extraction *job, rx_sources *dst, rx_error *err)
 {
     const rx_detection *list = work->found.list;
@@ -396,20 +397,23 @@ exit:
     return status;
 }
 
-rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
-                        rx_sources **dst, rx_error *err)
+rx_status rx_detect_run(const rx_detect_params *par, const rx_image *image, const rx_filtered *filtered,
+                        rx_log *log, rx_sources **dst, rx_error *err)
 {
     workspace work = {0};
     rx_sources *sources = NULL;
     rx_status status;
     *dst = NULL;
-    if (!(par->threshold > 0.0) || !(image->global_sigma > 0.0))
+    if (!(par->threshold > 0.0) || !(image->global_noise > 0.0))
         return rx_error_set(err, RX_USAGE, "DETECT_THRESH must be positive");
+    if (image->height > 0 && image->width > INT_MAX / image->height) /* places are counted by int */
+        return rx_error_set(err, RX_USAGE, "an image of %d x %d pixels has more than %d; cut it into tiles",
+                            image->width, image->height, INT_MAX);
     status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &work.kernel, err);
     if (status != RX_OK)
         return status;
     work.n = (size_t)image->width * (size_t)image->height;
-    status = filter_pixels(par, image, &work, err);
+    status = filter_pixels(par, image, filtered, &work, err);
     if (status == RX_OK)
         status = set_noise(par, image, &work, err);
     if (status != RX_OK)
@@ -422,7 +426,7 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *imag
                                    .relative = varies && !par->absolute},
                          .pixels = work.pixels,
                          .noise = work.sigma,
-                         .noise_value = image->global_sigma,
+                         .noise_value = image->global_noise,
                          .gain = image->gain,
                          .kernel = &work.kernel,
                          .groups = &work.groups,

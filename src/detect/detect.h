@@ -5,10 +5,12 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/log.h"
-#include "data/map.h"
+#include "data/image.h"
 #include "data/sources.h"
-#include "data/tile.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_detect_params {
     double threshold;          /* DETECT_THRESH: sigmas, or ADU when absolute */
@@ -29,23 +31,16 @@ typedef struct rx_detect_params {
     int nthreads;
 } rx_detect_params;
 
-/* The image that detection works on. */
-typedef struct rx_detect_image {
-    int width, height;
-    const float *pixels;   /* background subtracted */
-    const float *filtered; /* pixels after the filter, finite and hidden ones 0; NULL: made here */
-    const uint8_t *mask;   /* NULL: nothing hidden */
-    int mask_bits;         /* which bits hide a pixel */
-    int variable_noise;    /* 0: one threshold from global_sigma (no weight map), as SExtractor; 1: `noise` */
-    double global_sigma;
-    double gain;  /* e-/ADU for the position errors, 0 = infinite */
-    rx_map noise; /* of a pixel: for thresholds with variable_noise, and for rx_source.detection_snr, which is
-                     not wanted where none is given */
-    float **done_with; /* where `filtered` lies in memory that is no longer wanted once the pixels above the
-                          threshold are known: it is freed then, and set to NULL; NULL: it stays */
-} rx_detect_image;
+/* The pixels after the filter, where the caller has them: finite, hidden ones 0. *spare, where they lie in memory
+ * that is no longer wanted once the pixels above the threshold are known, is freed then, and set to NULL; spare
+ * NULL: they stay. */
+typedef struct rx_filtered {
+    const float *pixels;
+    float **spare;
+} rx_filtered;
 
-/* Source list: detection columns, segmentation map and fragments. No source: n = 0.
+/* Source list of an image above its sky: detection columns, segmentation map and fragments. No source: n = 0.
+ * filtered NULL: filtered here. detection_snr is made where image->noise is given.
  *
  * variable_noise: the threshold is threshold * sqrt(filtered variance), as in SExtractor; masked
  * pixels stay out of that filter. Numbers follow the order in which a scan completes the groups of pixels
@@ -56,7 +51,9 @@ typedef struct rx_detect_image {
  * over its noise there times rx_filter_norm(), the order of certainty for P-R curves. Callers in several
  * OpenMP threads wait for each other while sep works (its limits are process-wide). Errors: RX_USAGE,
  * RX_SYSTEM. */
-rx_status rx_detect_run(const rx_detect_params *par, const rx_detect_image *image, rx_log *log,
-                        rx_sources **dst, rx_error *err);
+rx_status rx_detect_run(const rx_detect_params *par, const rx_image *image, const rx_filtered *filtered,
+                        rx_log *log, rx_sources **dst, rx_error *err);
+
+RX_END_DECLS
 
 #endif

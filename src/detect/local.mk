@@ -1,9 +1,10 @@
 librextract_la_SOURCES += \
 	src/detect/batches.c src/detect/batches.h \
-	src/detect/background.c src/detect/background.h \
+	src/detect/background.c \
 	src/detect/clean.c src/detect/clean.h \
+	src/detect/correlation.c src/detect/correlation.h \
 	src/detect/cutouts.c src/detect/cutouts.h \
-	src/detect/detect.c src/detect/detect.h src/detect/detections.h \
+	src/detect/detect.c src/detect/detections.h \
 	src/detect/sep_extract.c src/detect/sep_extract.h \
 	src/detect/filter.c src/detect/filter.h \
 	src/detect/groups.c src/detect/groups.h \
@@ -11,3 +12,7 @@ librextract_la_SOURCES += \
 	src/detect/summits.c src/detect/summits.h \
 	src/detect/threshold_noise.c src/detect/threshold_noise.h \
 	src/detect/libsep.h
+
+rx_detectdir = $(pkgincludedir)/detect
+rx_detect_HEADERS = src/detect/background.h src/detect/detect.h
+installed_headers += $(rx_detect_HEADERS)

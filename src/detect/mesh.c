@@ -148,7 +148,7 @@ static void settle(const workspace *work, int levels, float zero, float scale, f
         spread = spread > 0.0 ? sqrt(spread) : 0.0;
         const double down = median - CLIP * spread, up = median + CLIP * spread;
         low = down > 0.0 ? (int)(down + 0.5) : 0;
-        high = up < levels - 1 ? (int)(up > 0.0 ? up + 0.5 : up - 0.5) : levels - 1;
+        high = up < levels - 1 ? (int)(up + 0.5) : levels - 1;
     }
     double place = mean;
     if (fabs(spread) > 0.0)
@@ -191,32 +191,33 @@ RX_WIDE static bool all_good(const float *pixels, const uint8_t *mask, int mask_
 }
 
 /* The good values of a mesh, row by row; *area: all of its pixels. */
-static int collect(const sep_bkg *mesh, const float *pixels, const uint8_t *mask, int mask_bits, int i, int j,
-                   float *values, int *area)
+static int collect(const rx_image *image, const sep_bkg *mesh, int m, float *values, int *area)
 {
+    const int i = m % mesh->nx, j = m / mesh->nx;
     const int x0 = i * mesh->bw, width = x0 + mesh->bw < mesh->w ? mesh->bw : mesh->w - x0;
     const int y0 = j * mesh->bh, y1 = y0 + mesh->bh < mesh->h ? y0 + mesh->bh : mesh->h;
     int n = 0;
     *area = width * (y1 - y0);
     for (int y = y0; y < y1; y++) {
         const size_t k = (size_t)y * (size_t)mesh->w + (size_t)x0;
-        const uint8_t *hidden = mask != NULL ? mask + k : NULL;
-        if (all_good(pixels + k, hidden, mask_bits, width)) {
-            memcpy(values + n, pixels + k, (size_t)width * sizeof *values);
+        const float *pixels = image->pixels + k;
+        const uint8_t *mask = image->mask != NULL ? image->mask + k : NULL;
+        if (all_good(pixels, mask, image->hide, width)) {
+            memcpy(values + n, pixels, (size_t)width * sizeof *values);
             n += width;
             continue;
         }
         for (int x = 0; x < width; x++) {
-            values[n] = pixels[k + (size_t)x];
-            n += isfinite(values[n]) && (hidden == NULL || (hidden[x] & mask_bits) == 0);
+            values[n] = pixels[x];
+            n += isfinite(values[n]) && (mask == NULL || (mask[x] & image->hide) == 0);
         }
     }
     return n;
 }
 
 /* All meshes as they are. */
-static rx_status measure_all(const rx_background_params *par, const float *pixels, const uint8_t *mask,
-                             int mask_bits, sep_bkg *mesh, size_t *good, rx_error *err)
+static rx_status measure_all(const rx_background_params *par, const rx_image *image, sep_bkg *mesh,
+                             size_t *good, rx_error *err)
 {
     bool failed = false;
     size_t total = 0;
@@ -229,8 +230,7 @@ static rx_status measure_all(const rx_background_params *par, const float *pixel
             if (failed)
                 continue;
             int area;
-            const int n =
-                collect(mesh, pixels, mask, mask_bits, m % mesh->nx, m / mesh->nx, work.values, &area);
+            const int n = collect(image, mesh, m, work.values, &area);
             measure_mesh(&work, n, area, &mesh->back[m], &mesh->sigma[m]);
             total += (size_t)n;
         }
@@ -290,7 +290,7 @@ static int ascending(const void *left, const void *right)
 static float median_of(float *values, int n)
 {
     qsort(values, (size_t)n, sizeof *values, ascending);
-    return n % 2 != 0 ? values[n / 2] : n > 0 ? (float)((values[n / 2 - 1] + values[n / 2]) / 2.0) : 0.0f;
+    return n % 2 != 0 ? values[n / 2] : (float)((values[n / 2 - 1] + values[n / 2]) / 2.0);
 }
 
 /* Median of the box around a mesh, which shrinks towards the borders so that the mesh stays its middle. */
@@ -332,11 +332,11 @@ static rx_status smooth(const rx_background_params *par, sep_bkg *mesh, rx_error
     memcpy(sigma, mesh->sigma, n * sizeof *sigma);
     mesh->global = median_of(level, mesh->n);
     mesh->globalrms = median_of(sigma, mesh->n);
-    if (mesh->globalrms <= 0.0f) { /* of those that have any noise */
+    if (mesh->globalrms <= 0.0f) { /* of those that have any noise, 1 where none has */
         int first = 0;
         while (first < mesh->n && sigma[first] <= 0.0f)
             first++;
-        mesh->globalrms = median_of(sigma + first, mesh->n - first);
+        mesh->globalrms = first < mesh->n ? median_of(sigma + first, mesh->n - first) : 1.0f;
     }
 exit:
     free(level);
@@ -367,8 +367,8 @@ static void differentiate(const sep_bkg *mesh, const float *values, float *u, fl
     }
 }
 
-rx_status rx_mesh_measure(const rx_background_params *par, int width, int height, const float *pixels,
-                          const uint8_t *mask, int mask_bits, sep_bkg **dst, size_t *good, rx_error *err)
+rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, sep_bkg **dst, size_t *good,
+                          rx_error *err)
 {
     rx_status status = RX_OK;
     float *scratch = NULL;
@@ -376,12 +376,12 @@ rx_status rx_mesh_measure(const rx_background_params *par, int width, int height
     *dst = NULL;
     if (mesh == NULL)
         return rx_error_memory(err, sizeof *mesh);
-    mesh->w = width;
-    mesh->h = height;
-    mesh->bw = rx_least(par->mesh_width, width);
-    mesh->bh = rx_least(par->mesh_height, height);
-    mesh->nx = (width - 1) / mesh->bw + 1;
-    mesh->ny = (height - 1) / mesh->bh + 1;
+    mesh->w = image->width;
+    mesh->h = image->height;
+    mesh->bw = rx_least(par->mesh_width, mesh->w);
+    mesh->bh = rx_least(par->mesh_height, mesh->h);
+    mesh->nx = (mesh->w - 1) / mesh->bw + 1;
+    mesh->ny = (mesh->h - 1) / mesh->bh + 1;
     mesh->n = mesh->nx * mesh->ny;
     const size_t n = (size_t)mesh->n;
     scratch = RX_NEW(float, (size_t)mesh->ny);
@@ -394,7 +394,7 @@ rx_status rx_mesh_measure(const rx_background_params *par, int width, int height
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    status = measure_all(par, pixels, mask, mask_bits, mesh, good, err);
+    status = measure_all(par, image, mesh, good, err);
     if (status == RX_OK)
         status = fill_gaps(mesh, err);
     if (status == RX_OK)

@@ -8,18 +8,16 @@
 #ifndef RX_DETECT_MESH_H
 #define RX_DETECT_MESH_H
 
-#include <stdint.h>
-
 #include "base/error.h"
 #include "detect/background.h"
 #include "detect/libsep.h"
 
-/* The grid for `pixels` [height][width]. Hidden pixels, mask & mask_bits != 0 or not finite, are ignored;
- * mask NULL: none. A mesh of which more than half is hidden takes the mean of the nearest that are not.
- * *good: pixels that are not hidden. The same for any par->nthreads. Free with rx_mesh_free(). Errors:
+/* The grid for the image's pixels; of the image these, its size, mask and `hide` are looked at. Pixels that are
+ * hidden or not finite are ignored. A mesh of which more than half is hidden takes the mean of the nearest that
+ * are not. *good: pixels that are not hidden. The same for any par->nthreads. Free with rx_mesh_free(). Errors:
  * RX_SYSTEM without memory. */
-rx_status rx_mesh_measure(const rx_background_params *par, int width, int height, const float *pixels,
-                          const uint8_t *mask, int mask_bits, sep_bkg **dst, size_t *good, rx_error *err);
+rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, sep_bkg **dst, size_t *good,
+                          rx_error *err);
 void rx_mesh_free(sep_bkg *mesh);
 
 #endif

@@ -352,8 +352,7 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     *dst = (rx_detections){0};
     job->raised = 1.0;
     if (!par->matched) {
-        status = rx_batches_make(&job->image, job->groups, par->min_area, limit.levels > 1,
-                                 par->deblend_contrast, par->nthreads, &batches, err);
+        status = rx_batches_make(par, &job->image, job->groups, &batches, err);
         nparts = batches.n;
     }
     if (status == RX_OK && (parts = RX_NEW(part, (size_t)nparts)) == NULL)

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/point.h"
 #include "base/printable.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
@@ -118,7 +119,7 @@ int rx_cards_number(const char *cards, long ncards, const char *key, double *val
             *c = 'E';
     if (strchr(text, 'x') != NULL || strchr(text, 'X') != NULL)
         return 0; /* no hexadecimal numbers in FITS */
-    double number = strtod(text, &end);
+    double number = rx_point_number(text, &end);
     if (end == text || *end != '\0' || !isfinite(number))
         return 0;
     *value = number;
@@ -187,9 +188,12 @@ void rx_card_number(rx_text *dst, const char *key, double value, const char *com
     char text[40] = "";
     if (isfinite(value)) { /* otherwise the value stays undefined: FITS headers know no NaN */
         int digits = 15;
+        rx_point_locale locale;
+        (void)rx_point_locale_begin(&locale, NULL);
         do
             snprintf(text, sizeof text, "%.*G", digits, value);
         while (++digits <= 17 && strtod(text, NULL) != value);
+        rx_point_locale_end(&locale);
         if (strpbrk(text, ".E") == NULL)
             strcat(text, ".");
     }
@@ -402,7 +406,7 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
 {
     if (is_record_keyword(name)) {
         char *end;
-        double number = strtod(value, &end);
+        double number = rx_point_number(value, &end);
         /* longer ones are digests, whatever their digits */
         bool is_number = *value != '\0' && *end == '\0' && isfinite(number) && strlen(value) <= 14;
         if (is_number && strpbrk(value, ".eE") == NULL)

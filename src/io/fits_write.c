@@ -94,7 +94,7 @@ void rx_fits_abort(rx_fits_writer *writer)
 /* The last headers are written while closing, where cfitsio does not look at every result. */
 static rx_status check_file(const rx_fits_writer *writer, rx_error *err)
 {
-    rx_error trouble = RX_ERROR_NONE;
+    rx_error trouble = rx_error_part(err);
     if (rx_fits_verify(writer->path, writer->hdus, &trouble) == RX_OK)
         return RX_OK;
     return rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,

@@ -17,6 +17,8 @@ librextract_la_SOURCES += \
 	src/io/tile_weight.c src/io/tile_weight.h \
 	src/io/wcs.c \
 	src/io/wcs_guard.c src/io/wcs_guard.h
+librextract_la_SOURCES += src/io/fits_read.h src/io/fits_write.h src/io/output.h
 
 rx_iodir = $(pkgincludedir)/io
-rx_io_HEADERS = src/io/fits_read.h src/io/fits_write.h src/io/output.h src/io/tile.h src/io/wcs.h
+rx_io_HEADERS = src/io/tile.h src/io/wcs.h
+installed_headers += $(rx_io_HEADERS)

@@ -430,7 +430,7 @@ void rx_outputs_tell(const rx_outputs *outputs, const char *more, rx_log *log)
     if (more != NULL)
         rx_text_printf(&names, "%s%s", names.length > 0 ? ", " : "", more);
     if (!names.failed)
-        rx_log_info(log, "written: %s", names.length > 0 ? names.data : "nothing");
+        rx_log_written(log, names.length > 0 ? names.data : "");
     rx_text_free(&names);
 }
 

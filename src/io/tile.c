@@ -46,7 +46,7 @@ static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *sha
 static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hdus, int count, int *n,
                           rx_error *err)
 {
-    rx_error reason = RX_ERROR_NONE, first = RX_ERROR_NONE;
+    rx_error reason = rx_error_part(err), first = reason;
     *n = 0;
     for (int hdu = 0; hdu < count; hdu++) {
         rx_fits_shape shape;
@@ -73,8 +73,7 @@ static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hd
     if (*n > 0)
         return RX_OK;
     if (first.status != RX_OK && count <= 2) {
-        if (err != NULL)
-            *err = first;
+        rx_error_take(err, &first);
         return first.status;
     }
     return rx_error_at(err, RX_INPUT, path, -1, 0, "holds no 2-D image in its %d HDUs", count);
@@ -158,7 +157,7 @@ static double number_or(const rx_text *cards, const rx_text *parent, const char 
         rx_cards_number(parent->data, (long)(parent->length / 80), key, &value))
         return value;
     if (number_by_prefix(cards, key, &value, found) || number_by_prefix(parent, key, &value, found))
-        rx_log_info(log, "%s[%d]: the header has no %s; %s = %g is taken, as SExtractor does", tile->name,
+        rx_log_hint(log, "%s[%d]: the header has no %s; %s = %g is taken, as SExtractor does", tile->name,
                     tile->hdu, key, found, value);
     return value;
 }
@@ -213,17 +212,17 @@ const char *rx_tile_checksum(rx_tile *tile)
     return tile->checksum;
 }
 
-/* No pixel is NaN or saturated, as in nearly all rows. */
+/* No pixel is bad or saturated, as in nearly all rows. */
 RX_WIDE static bool all_good(const float *pixels, size_t n, double saturation)
 {
     int bad = 0;
 #pragma omp simd reduction(| : bad)
     for (size_t i = 0; i < n; i++)
-        bad |= !((double)pixels[i] < saturation);
+        bad |= !((double)pixels[i] < saturation) | !rx_pixel_usable(pixels[i]);
     return bad == 0;
 }
 
-/* Number of NaNs in row y, which become 0; most of the mask is never touched. */
+/* Number of bad pixels in row y, which become 0; most of the mask is never touched. */
 static size_t mask_row(rx_tile *tile, int y)
 {
     const size_t width = (size_t)tile->width;
@@ -233,7 +232,7 @@ static size_t mask_row(rx_tile *tile, int y)
     if (all_good(pixels, width, tile->saturation))
         return 0;
     for (size_t i = 0; i < width; i++) {
-        if (isnan(pixels[i])) {
+        if (!rx_pixel_usable(pixels[i])) {
             pixels[i] = 0.f;
             mask[i] = RX_MASK_BAD;
             bad++;

@@ -3,8 +3,11 @@
 #define RX_IO_TILE_H
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/log.h"
 #include "data/tile.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_tile_params {
     const char *weight_name; /* WEIGHT_IMAGE or NULL */
@@ -55,5 +58,7 @@ void rx_tile_free(rx_tile *tile);
 
 /* The digest of pixels and mask, made when it is first asked for; not by several threads at a time. */
 const char *rx_tile_checksum(rx_tile *tile);
+
+RX_END_DECLS
 
 #endif

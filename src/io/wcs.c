@@ -175,6 +175,13 @@ static void convert(struct wcsprm *prm, int inverse, int n, const double *src, d
     }
 }
 
+/* wcslib keeps scratch for distortions in the description: one at a time. */
+static void convert_alone(struct wcsprm *prm, int inverse, int n, const double *src, double *dst)
+{
+#pragma omp critical(rx_wcs)
+    convert(prm, inverse, n, src, dst);
+}
+
 static void to_sky_chunk(rx_wcs *wcs, int n, const double *x, const double *y, double *lon, double *lat)
 {
     double pixel[2 * CHUNK] = {0}, world[2 * CHUNK];
@@ -182,7 +189,7 @@ static void to_sky_chunk(rx_wcs *wcs, int n, const double *x, const double *y, d
         pixel[2 * i] = x[i] + 1;
         pixel[2 * i + 1] = y[i] + 1;
     }
-    convert(&wcs->prm, 0, n, pixel, world);
+    convert_alone(&wcs->prm, 0, n, pixel, world);
     for (int i = 0; i < n; i++) {
         double value = world[2 * i + wcs->prm.lng];
         lon[i] = value < 0 ? value + 360 : value >= 360 ? value - 360 : value;
@@ -250,7 +257,7 @@ void rx_wcs_to_pixel(rx_wcs *wcs, int n, const double *alpha_j2000, const double
             world[2 * i + wcs->prm.lng] = lon[i];
             world[2 * i + wcs->prm.lat] = lat[i];
         }
-        convert(&wcs->prm, 1, count, world, pixel);
+        convert_alone(&wcs->prm, 1, count, world, pixel);
         for (int i = 0; i < count; i++) {
             x[begin + i] = pixel[2 * i] - 1;
             y[begin + i] = pixel[2 * i + 1] - 1;

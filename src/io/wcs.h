@@ -5,6 +5,9 @@
 #include <stddef.h>
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_wcs rx_wcs;
 
@@ -35,5 +38,7 @@ int rx_wcs_linear(const char *cards, size_t ncards, double linear[6]);
 
 /* Version of the library (wcslib). */
 const char *rx_wcs_library(void);
+
+RX_END_DECLS
 
 #endif

@@ -28,29 +28,41 @@ double rx_pixel_in_circle(float dx, float dy, float radius, int oversampling)
     return (double)inside / (oversampling * oversampling);
 }
 
-/* Add a pixel with its share to a sum that is not finished. */
-static void add_pixel(const rx_view *view, int x, int y, double cx, double cy, double share, rx_sum *sum,
-                      double *photon_variance)
+/* A sum about (x, y) that is not finished. */
+typedef struct running {
+    const rx_view *view;
+    double x, y;
+    double photon_variance;
+    rx_sum *sum;
+} running;
+
+/* Add a pixel with its share. */
+static void add_pixel(running *of, int x, int y, double share)
 {
-    const rx_measure_image *image = view->image;
+    const rx_view *view = of->view;
+    const rx_image *image = view->image;
+    rx_sum *sum = of->sum;
     double value, variance;
-    rx_seen state = rx_view_pixel(view, x, y, cx, cy, &value, &variance);
+    rx_seen state = rx_view_pixel(view, x, y, of->x, of->y, &value, &variance);
     sum->pixels++;
     sum->hidden += state != RX_SEEN_GOOD;
     sum->masked += state == RX_SEEN_MASKED;
     sum->area += share;
     sum->flux += share * value;
     sum->error += share * variance;
-    if (image->variable_noise && image->weight_gain && value > 0.0 && image->gain > 0.0)
-        *photon_variance += value / image->gain * variance / (image->global_sigma * image->global_sigma);
+    if (image->variable_noise && view->weight_gain && value > 0.0 && image->gain > 0.0)
+        of->photon_variance += value / image->gain * variance / (image->global_noise * image->global_noise);
 }
 
-static void finish_sum(const rx_view *view, double photon_variance, rx_sum *sum)
+static void finish_sum(const running *of)
 {
-    const rx_measure_image *image = view->image;
+    const rx_view *view = of->view;
+    const rx_image *image = view->image;
+    rx_sum *sum = of->sum;
+    double photon_variance = of->photon_variance;
     double factor = rx_view_noise_factor(view, sum->area);
     sum->flux -= sum->area * view->sky;
-    if (!(image->variable_noise && image->weight_gain) && image->gain > 0.0 && sum->flux > 0.0)
+    if (!(image->variable_noise && view->weight_gain) && image->gain > 0.0 && sum->flux > 0.0)
         photon_variance = sum->flux / image->gain;
     sum->error = sqrt(sum->error * factor * factor + photon_variance);
 }
@@ -58,16 +70,16 @@ static void finish_sum(const rx_view *view, double photon_variance, rx_sum *sum)
 void rx_sum_circle(const rx_view *view, double x, double y, double radius, rx_sum *sum)
 {
     float cx = (float)x, cy = (float)y, r = (float)radius;
-    double photon_variance = 0.0;
+    running of = {.view = view, .x = cx, .y = cy, .sum = sum};
     rx_box box;
     *sum = (rx_sum){.truncated = rx_view_circle_box(view, cx, cy, r, &box)};
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {
             double share = rx_pixel_in_circle((float)u - cx, (float)v - cy, r, RIM_OVERSAMPLING);
             if (share > 0.0)
-                add_pixel(view, u, v, cx, cy, share, sum, &photon_variance);
+                add_pixel(&of, u, v, share);
         }
-    finish_sum(view, photon_variance, sum);
+    finish_sum(&of);
 }
 
 static float ellipse_radius2(const rx_ellipse *e, float dx, float dy)
@@ -92,14 +104,14 @@ static bool ellipse_box(const rx_view *view, const rx_ellipse *e, rx_box *box)
 void rx_sum_ellipse(const rx_view *view, const rx_ellipse *e, rx_sum *sum)
 {
     rx_box box;
-    double photon_variance = 0.0;
+    running of = {.view = view, .x = e->x, .y = e->y, .sum = sum};
     float r2 = e->r * e->r;
     *sum = (rx_sum){.truncated = ellipse_box(view, e, &box)};
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++)
             if (ellipse_radius2(e, (float)u - e->x, (float)v - e->y) <= r2)
-                add_pixel(view, u, v, e->x, e->y, 1.0, sum, &photon_variance);
-    finish_sum(view, photon_variance, sum);
+                add_pixel(&of, u, v, 1.0);
+    finish_sum(&of);
 }
 
 /* The source's ellipse scaled by `factor`, or a circle of `diameter` where that is larger. */
@@ -147,8 +159,7 @@ static void flag_sum(const rx_sum *sum, rx_source *s)
 static rx_view radii_view(const rx_view *view)
 {
     rx_view other = *view;
-    if (view->image->radii != NULL)
-        other.image = view->image->radii;
+    other.image = view->radii;
     return other;
 }
 

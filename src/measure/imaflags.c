@@ -61,9 +61,9 @@ static uint32_t combine(const uint32_t *values, int n, int zeros, int type, int 
     }
 }
 
-rx_status rx_measure_imaflags(const rx_view *view, rx_source *s, rx_error *err)
+rx_status rx_measure_imaflags(const rx_view *view, const int *types, rx_source *s, rx_error *err)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     if (image->nflagmaps == 0)
         return RX_OK;
     size_t area = (size_t)(s->xmax - s->xmin + 1) * (size_t)(s->ymax - s->ymin + 1);
@@ -83,8 +83,7 @@ rx_status rx_measure_imaflags(const rx_view *view, rx_source *s, rx_error *err)
                     zeros++;
             }
         qsort(values, (size_t)n, sizeof *values, compare_values);
-        int type = image->flag_types != NULL ? image->flag_types[map] : image->flag_type;
-        s->imaflags[map] = combine(values, n, zeros, type, &s->nimaflags[map]);
+        s->imaflags[map] = combine(values, n, zeros, types != NULL ? types[map] : 0, &s->nimaflags[map]);
     }
     free(values);
     return RX_OK;

@@ -12,9 +12,8 @@ static size_t at(const rx_view *view, int x, int y)
 static bool in_segment(const rx_view *view, int x, int y)
 {
     size_t k = at(view, x, y);
-    const rx_measure_image *image = view->image;
-    return view->sources->segments[k] == view->segment &&
-           (image->mask == NULL || (image->mask[k] & image->mask_bits) == 0);
+    const rx_image *image = view->image;
+    return view->sources->segments[k] == view->segment && !rx_image_hides(image, k);
 }
 
 /* A pixel that CLEAN added to the segment: it counts for the flux only. */
@@ -31,7 +30,7 @@ static bool own(const rx_view *view, int x, int y)
 /* Variance of own pixels, their photon noise, threshold and peak. */
 static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_source *s)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     double flux = 0.0, variance = 0.0, photons = 0.0, lowest = HUGE_VAL, peak = -HUGE_VAL;
     bool own_threshold = par->analysis_threshold > 0.0;
     double base = own_threshold ? par->analysis_threshold : s->analysis_threshold;
@@ -42,13 +41,13 @@ static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_s
             if (!in_segment(view, x, y))
                 continue;
             double value = rx_view_value(image, at(view, x, y));
-            double sigma = image->variable_noise ? image->sigma[at(view, x, y)] : image->global_sigma;
+            double sigma = image->variable_noise ? image->noise.plane[at(view, x, y)] : image->global_noise;
             double threshold = own_threshold && !par->analysis_absolute ? base * sigma : base;
             npix++;
             flux += value;
             variance += sigma * sigma;
-            if (image->variable_noise && image->weight_gain && value > 0.0 && image->gain > 0.0)
-                photons += value / image->gain * sigma * sigma / (image->global_sigma * image->global_sigma);
+            if (image->variable_noise && view->weight_gain && value > 0.0 && image->gain > 0.0)
+                photons += value / image->gain * sigma * sigma / (image->global_noise * image->global_noise);
             if (eaten(view, x, y))
                 continue;
             s->isoarea += (float)value > (float)threshold;
@@ -61,7 +60,7 @@ static void measure_flux(const rx_view *view, const rx_measure_params *par, rx_s
     }
     double factor = rx_view_noise_factor(view, npix);
     flux -= npix * view->sky;
-    if (!(image->variable_noise && image->weight_gain) && image->gain > 0.0 && flux > 0.0)
+    if (!(image->variable_noise && view->weight_gain) && image->gain > 0.0 && flux > 0.0)
         photons = flux / image->gain;
     s->flux_iso = flux;
     s->fluxerr_iso = sqrt(variance * factor * factor + photons);
@@ -104,7 +103,7 @@ static void measure_levels(const rx_view *view, rx_source *s)
 
 static bool saturated(const rx_view *view, int x, int y)
 {
-    const uint8_t *mask = view->image->saturated_mask;
+    const uint8_t *mask = view->image->saturated;
     return mask != NULL && (mask[at(view, x, y)] & RX_MASK_SATURATED) != 0;
 }
 
@@ -152,9 +151,9 @@ static bool any_masked(const rx_view *view, const rx_source *s)
 /* Weight flags, saturation and masked core from the pixels in and around the segment. */
 static void measure_neighbourhood(const rx_view *view, rx_source *s)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     const bool masked = image->mask != NULL && any_masked(view, s);
-    if (!masked && image->saturated_mask == NULL)
+    if (!masked && image->saturated == NULL)
         return;
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++) {
@@ -173,7 +172,7 @@ static void measure_neighbourhood(const rx_view *view, rx_source *s)
                     int bits = image->mask[at(view, u, v)];
                     if ((bits & RX_MASK_WEIGHT) != 0)
                         s->flags_weight |= RX_FLAGW_NEIGHBOUR;
-                    if ((bits & image->mask_bits) == 0)
+                    if ((bits & image->hide) == 0)
                         continue;
                     /* a hidden saturated core is in no segment: what touches it belongs to it */
                     if (saturated(view, u, v))

@@ -20,7 +20,7 @@ static int gap(int size, int full)
 
 rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, double *sky, rx_error *err)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     int gx = gap(s->xmax - s->xmin + 1, image->width), gy = gap(s->ymax - s->ymin + 1, image->height);
     rx_box inner = {s->xmin - gx, s->xmax + 1 + gx, s->ymin - gy, s->ymax + 1 + gy};
     rx_box outer = {inner.x0 - thickness, inner.x1 + thickness, inner.y0 - thickness, inner.y1 + thickness};

@@ -2,6 +2,7 @@
 #include "measure/measure.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 
 #include "base/interrupt.h"
@@ -18,7 +19,7 @@
 static const float OUTSIDE = -1e30f; /* VIGNET pixels that are hidden or beyond the border */
 
 /* The background below the centroid. */
-static double level_at(const rx_measure_image *image, const rx_source *s)
+static double level_at(const rx_image *image, const rx_source *s)
 {
     int x = (int)(s->x + 0.5), y = (int)(s->y + 0.5);
     if (!rx_map_given(&image->level) || x < 0 || y < 0 || x >= image->width || y >= image->height)
@@ -38,20 +39,20 @@ static void measure_apertures(const rx_view *view, const rx_measure_params *par,
     }
 }
 
-static void measure_star(const rx_measure_params *par, const rx_measure_image *image, const rx_starclass *net,
+static void measure_star(const rx_measure_params *par, const rx_image *image, const rx_starclass *net,
                          rx_source *s)
 {
     double scale = par->pixel_scale > 0.0 ? par->pixel_scale : 1.0;
     double threshold = s->analysis_threshold;
     if (par->analysis_threshold > 0.0) /* that of the image, not of the source */
-        threshold = par->analysis_threshold * (par->analysis_absolute ? 1.0 : image->global_sigma);
+        threshold = par->analysis_threshold * (par->analysis_absolute ? 1.0 : image->global_noise);
     if (net != NULL && par->seeing_fwhm > 0.0)
         s->class_star = rx_starclass_evaluate(net, s, par->seeing_fwhm * scale, scale, threshold);
 }
 
 static void cut_vignet(const rx_view *view, const rx_measure_params *par, const rx_source *s, float *dst)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     int x0 = (int)(s->x + 0.49999) - par->vignet_width / 2,
         y0 = (int)(s->y + 0.49999) - par->vignet_height / 2;
     for (int j = 0; j < par->vignet_height; j++)
@@ -64,11 +65,16 @@ static void cut_vignet(const rx_view *view, const rx_measure_params *par, const 
         }
 }
 
-static rx_status measure_source(const rx_measure_params *par, const rx_measure_image *image,
+static rx_status measure_source(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
                                 const rx_starclass *net, rx_sources *sources, int i, rx_error *err)
 {
     rx_source *s = &sources->list[i];
-    rx_view view = {.image = image, .sources = sources, .neighbours = par->neighbours, .segment = s->segment};
+    rx_view view = {.image = image,
+                    .radii = radii != NULL ? radii : image,
+                    .sources = sources,
+                    .neighbours = par->neighbours,
+                    .weight_gain = par->weight_gain,
+                    .segment = s->segment};
     if (par->local_background) {
         rx_status status = rx_local_sky(&view, s, par->local_thickness, &view.sky, err);
         if (status != RX_OK)
@@ -92,11 +98,11 @@ static rx_status measure_source(const rx_measure_params *par, const rx_measure_i
     if (sources->vignets != NULL)
         cut_vignet(&view, par, s,
                    sources->vignets + (size_t)i * (size_t)par->vignet_width * (size_t)par->vignet_height);
-    return rx_measure_imaflags(&view, s, err);
+    return rx_measure_imaflags(&view, par->flag_types, s, err);
 }
 
 /* What all rows share: list lengths, vignets, noise law. */
-static rx_status prepare(const rx_measure_params *par, const rx_measure_image *image, rx_sources *sources,
+static rx_status prepare(const rx_measure_params *par, const rx_image *image, rx_sources *sources,
                          rx_error *err)
 {
     if (par->naper < 0 || par->naper > RX_MAX_APERTURES || par->nradii < 0 || par->nradii > RX_MAX_RADII)
@@ -109,8 +115,8 @@ static rx_status prepare(const rx_measure_params *par, const rx_measure_image *i
     for (int i = 0; i < par->nradii; i++)
         sources->flux_fraction[i] = par->flux_fraction[i];
     sources->nflagmaps = image->nflagmaps;
-    sources->law_scale = image->law_scale;
-    sources->law_power = image->law_power;
+    sources->law_scale = image->law != NULL ? image->law->scale : 1.0;
+    sources->law_power = image->law != NULL ? image->law->power : 0.5;
     free(sources->vignets);
     sources->vignets = NULL;
     sources->vignet_width = par->vignet_width;
@@ -124,8 +130,8 @@ static rx_status prepare(const rx_measure_params *par, const rx_measure_image *i
     return sources->vignets == NULL ? rx_error_memory(err, size * sizeof(float)) : RX_OK;
 }
 
-rx_status rx_measure_run(const rx_measure_params *par, const rx_measure_image *image, rx_log *log,
-                         rx_sources *sources, rx_error *err)
+rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
+                         rx_log *log, rx_sources *sources, rx_error *err)
 {
     rx_starclass *net = NULL;
     rx_status status = prepare(par, image, sources, err);
@@ -139,14 +145,13 @@ rx_status rx_measure_run(const rx_measure_params *par, const rx_measure_image *i
         int last = first + BATCH < sources->n ? first + BATCH : sources->n;
 #pragma omp parallel for schedule(dynamic, 4) num_threads(par->nthreads > 0 ? par->nthreads : 1)
         for (int i = first; i < last; i++) {
-            rx_error trouble = RX_ERROR_NONE;
-            rx_status one = measure_source(par, image, net, sources, i, &trouble);
+            rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
+            rx_status one = measure_source(par, image, radii, net, sources, i, &trouble);
             if (one != RX_OK) {
 #pragma omp critical(rx_measure_status)
                 {
                     status = one;
-                    if (err != NULL)
-                        *err = trouble;
+                    rx_error_take(err, &trouble);
                 }
             }
         }

@@ -9,11 +9,13 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/log.h"
-#include "data/map.h"
+#include "data/image.h"
 #include "data/sources.h"
-#include "data/tile.h"
 #include "measure/noise.h"
+
+RX_BEGIN_DECLS
 
 typedef enum rx_mask_type { RX_NEIGHBOURS_NONE, RX_NEIGHBOURS_BLANK, RX_NEIGHBOURS_CORRECT } rx_mask_type;
 
@@ -38,39 +40,21 @@ typedef struct rx_measure_params {
     double analysis_threshold; /* ANALYSIS_THRESH for this image in sigmas (ADU when absolute); 0 = as
                                   detection left it in rx_source.analysis_threshold */
     int analysis_absolute;
-    unsigned skip; /* RX_SKIP_ bits */
+    int weight_gain;       /* WEIGHT_GAIN with a weight map: photon noise scales with the pixel's variance */
+    const int *flag_types; /* [nflagmaps] FLAG_TYPE: 0 OR, 1 AND, 2 MIN, 3 MAX, 4 MOST; NULL: OR */
+    unsigned skip;         /* RX_SKIP_ bits */
     int nthreads;
 } rx_measure_params;
 
-typedef struct rx_measure_image {
-    int width, height;
-    const float *pixels;           /* background subtracted, unless with_sky */
-    int with_sky;                  /* pixels are as in the tile: `level` is taken off when one is read */
-    const float *sigma;            /* noise of a pixel; read with variable_noise only */
-    rx_map level;                  /* background, for BACKGROUND; may be none */
-    const uint8_t *mask;           /* may be NULL */
-    int mask_bits;                 /* bits that hide a pixel */
-    const uint8_t *saturated_mask; /* same plane or the tile's, tested for RX_MASK_SATURATED; may be NULL */
-    double gain;                   /* e-/ADU, 0 = infinite */
-    double global_sigma;
-    int variable_noise; /* 1: sigma says the noise (weight map), 0: global_sigma everywhere */
-    int weight_gain;    /* WEIGHT_GAIN with a weight map: photon noise scales with the pixel's variance */
-    int nflagmaps;
-    uint32_t *const *flagmaps;
-    int flag_type;               /* FLAG_TYPE: 0 OR, 1 AND, 2 MIN, 3 MAX, 4 MOST */
-    const int *flag_types;       /* [nflagmaps] one for each map; NULL: flag_type for all */
-    const rx_noise_law *law;     /* errors of sums on correlated noise; NULL: the power law below */
-    double law_scale, law_power; /* 1, 0.5: independent pixels */
-    /* Dual-image mode: the detection image, from which SExtractor takes the radii of AUTO and PETRO so that
-     * apertures are the same on all measurement images. Same grid; NULL: this image. */
-    const struct rx_measure_image *radii;
-} rx_measure_image;
-
-/* Fill the photometry and windowed columns of every source (detection columns given). Sources are
+/* Fill the photometry and windowed columns of every source (detection columns given). The noise of an image with
+ * variable_noise is a plane. radii, of dual-image mode: the detection image, from which SExtractor takes the radii of
+ * AUTO and PETRO so that apertures are the same on all measurement images; same grid; NULL: this image. Sources are
  * independent of each other; so is the result of nthreads. What cannot be measured is flagged in
  * flags_measure and never stops the tile. Values of hidden pixels are never read.
  * Errors: RX_USAGE for the .nnw file, RX_SYSTEM without memory, RX_INTERRUPTED. */
-rx_status rx_measure_run(const rx_measure_params *par, const rx_measure_image *image, rx_log *log,
-                         rx_sources *sources, rx_error *err);
+rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
+                         rx_log *log, rx_sources *sources, rx_error *err);
+
+RX_END_DECLS
 
 #endif

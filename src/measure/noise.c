@@ -71,7 +71,7 @@ static bool is_free(const rx_view *view, const obstacles *sky, double x, double 
 static int throw_apertures(const rx_view *view, const obstacles *sky, int which, int count, uint64_t seed,
                            double *sums, double *area)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     int n = 0;
     double total_area = 0.0;
     for (int i = 0; i < count * TRIES && n < count; i++) {
@@ -116,8 +116,9 @@ static void fit_law(rx_noise_law *law)
 
 double rx_noise_law_factor(const rx_noise_law *law, double area)
 {
-    if (law->apertures == 0 || law->nradii == 0)
-        return 1.0;
+    if (law->nradii == 0)
+        return law->scale == 1.0 && law->power == 0.5 ? 1.0
+                                                      : law->scale * pow(fmax(area, 1.0), law->power - 0.5);
     int last = law->nradii - 1, i = 0;
     area = fmin(fmax(area, law->area[0]), law->area[last]);
     while (i < last - 1 && area > law->area[i + 1])
@@ -133,7 +134,7 @@ double rx_noise_law_factor(const rx_noise_law *law, double area)
 void rx_noise_law_widen(rx_noise_law *law, double area)
 {
     const rx_noise_law narrow = *law;
-    if (narrow.apertures == 0)
+    if (narrow.nradii == 0)
         return;
     for (int i = 0; i < law->nradii; i++) {
         const double wide = narrow.area[i] + area;
@@ -142,16 +143,51 @@ void rx_noise_law_widen(rx_noise_law *law, double area)
     fit_law(law);
 }
 
-rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_sources *sources, int count,
-                           uint64_t seed, rx_noise_law *law, rx_log *log, rx_error *err)
+rx_noise_law rx_noise_law_of(const rx_noise_correlation *noise)
 {
-    rx_measure_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
+    static const double radii[] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0};
+    enum { N = sizeof radii / sizeof radii[0], SIDE = 45, RIM = 5, PLACES = 9 };
+    static const double far = 1e5; /* pixels that are all middle */
+    float disc[SIDE * SIDE];
+    rx_noise_law law = {.scale = 1.0, .power = 0.5};
+    if (noise == NULL || !noise->correlated)
+        return law;
+    for (; law.nradii < N; law.nradii++) {
+        const int half = (int)ceil(radii[law.nradii]) + 1, side = 2 * half + 1;
+        double area = 0.0, variance = 0.0;
+        for (int place = 0; place < PLACES; place++) { /* of the centre within a pixel */
+            const double x = half + (place % 3 - 1) / 3.0, y = half + (place / 3 - 1) / 3.0;
+            double square = 0.0;
+            for (int k = 0; k < side * side; k++) {
+                const double share = rx_pixel_in_circle((float)(k % side - x), (float)(k / side - y),
+                                                        (float)radii[law.nradii], RIM);
+                disc[k] = (float)share;
+                area += share / PLACES;
+                square += share * share / PLACES;
+            }
+            variance += square * pow(rx_noise_factor(noise, disc, side, side), 2);
+        }
+        law.area[law.nradii] = area;
+        law.ratio[law.nradii] = sqrt(variance);
+    }
+    fit_law(&law);
+    law.area[law.nradii] = far;
+    law.ratio[law.nradii++] = rx_noise_factor_wide(noise) * sqrt(far);
+    return law;
+}
+
+rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int count, uint64_t seed,
+                           rx_noise_law *law, rx_log *log, rx_error *err)
+{
+    rx_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
     plain.gain = 0.0;
     plain.law = NULL;
-    plain.law_scale = 1.0;
-    plain.law_power = 0.5;
     /* segment -1 belongs to nobody: every source is a neighbour */
-    rx_view view = {.image = &plain, .sources = sources, .neighbours = RX_NEIGHBOURS_BLANK, .segment = -1};
+    rx_view view = {.image = &plain,
+                    .radii = &plain,
+                    .sources = sources,
+                    .neighbours = RX_NEIGHBOURS_BLANK,
+                    .segment = -1};
     rx_status status = RX_OK;
     *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
     obstacles sky = {0};
@@ -174,7 +210,7 @@ rx_status rx_noise_law_fit(const struct rx_measure_image *image, const rx_source
     if (law->nradii >= 3) {
         fit_law(law);
     } else {
-        law->apertures = 0;
+        law->apertures = law->nradii = 0;
         rx_log_detail(log, "too little free sky for empty apertures: errors are not calibrated");
     }
 exit:

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/point.h"
 
 enum { MAX_LAYERS = 4, MAX_UNITS = 32, INPUTS = 2 + RX_NISO };
 
@@ -32,7 +33,7 @@ static bool next_number(FILE *file, double *value)
             continue;
         }
         char *end;
-        *value = strtod(word, &end);
+        *value = rx_point_number(word, &end);
         return *end == '\0' && isfinite(*value);
     }
     return false;

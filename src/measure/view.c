@@ -3,22 +3,18 @@
 
 #include <math.h>
 
-float rx_view_above_sky(const rx_measure_image *image, size_t k)
+float rx_view_above_sky(const rx_image *image, size_t k)
 {
     const size_t width = (size_t)image->width;
-    if (image->mask != NULL && (image->mask[k] & image->mask_bits) != 0)
+    if (rx_image_hides(image, k))
         return 0;
     return image->pixels[k] - rx_map_at(&image->level, (int)(k % width), (int)(k / width));
 }
 
 double rx_view_noise_factor(const rx_view *view, double area)
 {
-    const rx_measure_image *image = view->image;
-    if (image->law != NULL)
-        return rx_noise_law_factor(image->law, area);
-    if (image->law_scale == 1.0 && image->law_power == 0.5)
-        return 1.0;
-    return image->law_scale * pow(fmax(area, 1.0), image->law_power - 0.5);
+    const rx_image *image = view->image;
+    return image->law != NULL ? rx_noise_law_factor(image->law, area) : 1.0;
 }
 
 bool rx_view_clip(const rx_view *view, rx_box *box)

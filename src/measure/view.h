@@ -8,7 +8,9 @@
 #include "measure/measure.h"
 
 typedef struct rx_view {
-    const rx_measure_image *image;
+    const rx_image *image;
+    const rx_image *radii; /* that radii are measured on */
+    int weight_gain;       /* of rx_measure_params */
     const rx_sources *sources;
     rx_mask_type neighbours;
     int32_t segment; /* the source's own */
@@ -22,9 +24,9 @@ typedef enum rx_seen { RX_SEEN_GOOD, RX_SEEN_NEIGHBOUR, RX_SEEN_MASKED } rx_seen
 /* What the pixel is; inside the image only. */
 static inline rx_seen rx_view_state(const rx_view *view, int x, int y)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-    if (image->mask != NULL && (image->mask[k] & image->mask_bits) != 0)
+    if (rx_image_hides(image, k))
         return RX_SEEN_MASKED;
     if (view->neighbours == RX_NEIGHBOURS_NONE)
         return RX_SEEN_GOOD;
@@ -37,17 +39,17 @@ static inline rx_seen rx_view_state(const rx_view *view, int x, int y)
 }
 
 /* rx_view_value() of pixels with sky: 0 where one is hidden. */
-float rx_view_above_sky(const rx_measure_image *image, size_t k);
+float rx_view_above_sky(const rx_image *image, size_t k);
 
 /* Pixel k, ADU above the sky. */
-static inline float rx_view_value(const rx_measure_image *image, size_t k)
+static inline float rx_view_value(const rx_image *image, size_t k)
 {
     return image->with_sky ? rx_view_above_sky(image, k) : image->pixels[k];
 }
 
-static inline double rx_view_variance(const rx_measure_image *image, size_t k)
+static inline double rx_view_variance(const rx_image *image, size_t k)
 {
-    double sigma = image->variable_noise ? image->sigma[k] : image->global_sigma;
+    double sigma = image->variable_noise ? image->noise.plane[k] : image->global_noise;
     return sigma * sigma;
 }
 
@@ -57,7 +59,7 @@ static inline double rx_view_variance(const rx_measure_image *image, size_t k)
 static inline rx_seen rx_view_pixel(const rx_view *view, int x, int y, double cx, double cy, double *value,
                                     double *variance)
 {
-    const rx_measure_image *image = view->image;
+    const rx_image *image = view->image;
     rx_seen state = rx_view_state(view, x, y);
     if (state != RX_SEEN_GOOD) {
         int mx = (int)(2.0 * cx + 0.49999 - x), my = (int)(2.0 * cy + 0.49999 - y);
@@ -65,7 +67,7 @@ static inline rx_seen rx_view_pixel(const rx_view *view, int x, int y, double cx
                         my >= 0 && my < image->height && rx_view_state(view, mx, my) == RX_SEEN_GOOD;
         if (!mirrored) {
             *value = 0.0;
-            *variance = image->variable_noise ? 0.0 : image->global_sigma * image->global_sigma;
+            *variance = image->variable_noise ? 0.0 : image->global_noise * image->global_noise;
             return state;
         }
         x = mx;

@@ -18,12 +18,13 @@ typedef struct window_sums {
     double error, ex2, ey2, exy;   /* sum w^2 variance, ... */
 } window_sums;
 
-static double pixel_variance(const rx_measure_image *image, double value, double variance)
+static double pixel_variance(const rx_view *view, double value, double variance)
 {
+    const rx_image *image = view->image;
     if (image->gain > 0.0 && value > 0.0) {
         double photons = value / image->gain;
-        if (image->variable_noise && image->weight_gain)
-            photons *= variance / (image->global_sigma * image->global_sigma);
+        if (image->variable_noise && view->weight_gain)
+            photons *= variance / (image->global_noise * image->global_noise);
         return photons;
     }
     return 0.0;
@@ -47,7 +48,7 @@ static window_sums sum_window(const rx_view *view, double cx, double cy, double 
             rx_view_pixel(view, u, v, cx, cy, &value, &variance);
             double w = rx_pixel_in_circle(fx, fy, (float)radius, OVERSAMPLING) * expf(-r2 * fall);
             double dx = u - cx, dy = v - cy, flux = w * value;
-            double error = w * w * (variance * law * law + pixel_variance(view->image, value, variance));
+            double error = w * w * (variance * law * law + pixel_variance(view, value, variance));
             sums.flux += flux;
             sums.x += flux * dx;
             sums.y += flux * dy;

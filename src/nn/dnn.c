@@ -482,13 +482,13 @@ rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx
 {
     int lacks = 1; /* not every processor and version of the library has it */
     rx_status status = RX_OK;
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     if (for_winograd(shape))
         status = conv_new(dnn, shape, 1, dst, &lacks, &why);
     if (lacks)
         return conv_new(dnn, shape, 0, dst, &lacks, err);
-    if (status != RX_OK && err != NULL)
-        *err = why;
+    if (status != RX_OK)
+        rx_error_take(err, &why);
     return status;
 }
 

@@ -9,8 +9,8 @@
  *
  *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h.
  *
- * What is shown, and what a model's recall and bias are measured on: that through nn/flat_sky.h and
- * rx_front_shown(), which no loss sees.
+ * What is shown, and what a model's recall and bias are measured on: that through rx_front_shown(), which no
+ * loss sees; the restored image has the sky that it does not explain besides (restore/network_sky.h).
  *
  * FWHM is that of the tile's PSF in pixels, a plane where it varies. */
 #ifndef RX_NN_FRONT_H
@@ -18,6 +18,10 @@
 
 #include <math.h>
 #include <stddef.h>
+
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
 
 typedef enum rx_mode { RX_MODE_BLIND, RX_MODE_INFORMED } rx_mode;
 
@@ -65,5 +69,7 @@ static inline float rx_front_shown(float f)
 {
     return f > -0.5f ? f : -0.5f;
 }
+
+RX_END_DECLS
 
 #endif

@@ -1,6 +1,4 @@
-librextract_la_SOURCES += src/nn/front.h
-librextract_la_SOURCES += src/nn/flat_sky.c src/nn/flat_sky.h
-librextract_la_SOURCES += src/nn/model.c src/nn/model.h src/nn/model_parts.h
+librextract_la_SOURCES += src/nn/model.c src/nn/model_parts.h
 librextract_la_SOURCES += src/nn/model_describe.c
 librextract_la_SOURCES += src/nn/model_read.c
 librextract_la_SOURCES += src/nn/model_write.c
@@ -9,10 +7,14 @@ librextract_la_SOURCES += src/nn/rl_step.c src/nn/rl_step.h
 librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_parts.h
 librextract_la_SOURCES += src/nn/direct_avx2.c src/nn/direct_avx512.c src/nn/direct_rows.h src/nn/direct_winograd.h
 librextract_la_SOURCES += src/nn/dnn.c src/nn/dnn.h
-librextract_la_SOURCES += src/nn/net.c src/nn/net.h
+librextract_la_SOURCES += src/nn/net.c
 librextract_la_SOURCES += src/nn/psfnet.c src/nn/psfnet.h
 librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
 librextract_la_SOURCES += src/nn/runner.c src/nn/runner.h
 librextract_la_SOURCES += src/nn/runner_plan.c src/nn/runner_parts.h
 librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h
 librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h
+
+rx_nndir = $(pkgincludedir)/nn
+rx_nn_HEADERS = src/nn/front.h src/nn/model.h src/nn/net.h
+installed_headers += $(rx_nn_HEADERS)

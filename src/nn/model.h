@@ -34,9 +34,12 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/text.h"
 #include "nn/front.h"
 #include "nn/net.h"
+
+RX_BEGIN_DECLS
 
 /* One bin of the active-learning dictionary: what the model does at that seeing and noise. */
 typedef struct rx_model_bin {
@@ -107,5 +110,7 @@ double rx_model_noise(float *above, size_t n);
  * grid to the last one. Noise below the grid (a deeper or brighter tile) is outside too. */
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
                                   size_t size);
+
+RX_END_DECLS
 
 #endif

@@ -214,7 +214,7 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
                           int params_hdu, rx_net **dst, rx_error *err)
 {
     rx_node list[RX_NET_NODES];
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     const float *values = params->columns[0].data;
     rx_status status = take_nodes(r, nodes, hdu, list, err);
     if (status != RX_OK)
@@ -226,8 +226,7 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
     if (status == RX_INPUT)
         return rx_error_at(err, RX_INPUT, r->path, hdu, 0, "its nodes make no network: %s", why.text);
     if (status != RX_OK) {
-        if (err != NULL)
-            *err = why;
+        rx_error_take(err, &why);
         return status;
     }
     if ((*dst)->nparams != params->nrows)

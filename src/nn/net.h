@@ -16,6 +16,16 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
+
+/* In which numbers a network is computed. */
+typedef enum rx_precision {
+    RX_F32,
+    RX_BF16 /* inner planes and weights bfloat16, sums float; input and output float, and so is the work of
+               the first convolution, which reads the input */
+} rx_precision;
 
 typedef enum rx_op {
     RX_OP_INPUT, /* channels of the caller */
@@ -74,5 +84,7 @@ double rx_net_macs(const rx_net *net); /* multiplications per input pixel, as it
 
 const char *rx_op_name(rx_op op); /* "CONV" ...; */
 int rx_op_find(const char *name); /* -1 when unknown */
+
+RX_END_DECLS
 
 #endif

@@ -19,12 +19,6 @@
 
 #include "nn/net.h"
 
-typedef enum rx_precision {
-    RX_F32,
-    RX_BF16 /* inner planes and weights bfloat16, sums float; input and output float, and so is the work of
-               the first convolution, which reads the input */
-} rx_precision;
-
 typedef struct rx_runner rx_runner;
 
 /* height, width: multiples of 2^levels. backward: keeps what the gradient needs (RX_F32 only). The net is

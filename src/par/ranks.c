@@ -126,8 +126,7 @@ void rx_ranks_fail(rx_ranks *ranks, const rx_error *why)
 /* The error that another rank has brought about, again. */
 static rx_status say_failed(const rx_ranks *ranks, rx_error *err)
 {
-    if (err)
-        *err = ranks->failed;
+    rx_error_take(err, &ranks->failed);
     return ranks->failed.status;
 }
 

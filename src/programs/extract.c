@@ -44,7 +44,7 @@ rx_status rx_program_extract_alone(const rx_settings *settings, const char *imag
         return rx_plan_run(settings, image, stdout, log, err);
     if (image[0] == '@')
         return rx_survey_run(settings, image + 1, stdout, log, err);
-    return rx_tile_run(settings, image, stdout, log, err);
+    return rx_tile_run(settings, image, stdout, log, NULL, err);
 }
 
 int rx_program_extract(const char *name,

@@ -81,13 +81,12 @@ rx_status rx_moffat_fit_run(const rx_moffat_pixels *pixels, int free_sky, rx_mof
                               .max_iterations = 60,
                               .tolerance = 1e-6};
     rx_lsq_result result;
-    rx_error local = RX_ERROR_NONE;
+    rx_error local = rx_error_part(err);
     rx_status status = rx_lsq_fit(&problem, p, NULL, &result, &local);
     if (status == RX_INPUT)
         return RX_OK;
     if (status != RX_OK) {
-        if (err != NULL)
-            *err = local;
+        rx_error_take(err, &local);
         return status;
     }
     fit->peak = p[PEAK];
@@ -143,7 +142,7 @@ rx_status rx_psf_shape(const float *stamp, int size, double *fwhm, double *ellip
     for (size_t i = 0; i < n; i++)
         above += stamp[i] > 0.5F * stamp[at];
     double peak = (double)stamp[at], guess = 2.0 * sqrt((double)above / M_PI);
-    double radius = fmax(4.0 * guess, 4.0);
+    double radius = 4.0 * guess; /* 4.5 pixels at least, for the peak is above its half */
     int reach = (int)fmin(ceil(radius), size / 2);
     rx_moffat_pixels pixels;
     rx_status status = rx_moffat_pixels_new((2 * reach + 1) * (2 * reach + 1), &pixels, err);

@@ -1,4 +1,4 @@
-/* The analytic PSF. */
+/* The analytic PSF, and the choice among the kinds. */
 #include "psf/psf.h"
 
 #include <math.h>
@@ -8,7 +8,6 @@
 
 #include "base/memory.h"
 #include "psf/moffat.h"
-#include "psf/psf_parts.h"
 
 enum { HALF_MIN = 2, HALF_MAX = 127 };
 
@@ -82,4 +81,57 @@ rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, in
         snprintf(psf->description, sizeof psf->description, "Moffat FWHM %.3f px, beta %.4g", fwhm, beta);
     *dst = psf;
     return RX_OK;
+}
+
+rx_status rx_psf_check_size(const char *file, int psf_width, int psf_height, int width, int height,
+                            rx_error *err)
+{
+    if (psf_width > RX_PSF_LARGEST || psf_height > RX_PSF_LARGEST)
+        return rx_error_at(err, RX_INPUT, file, -1, 0,
+                           "a PSF of %d x %d pixels is larger than %d; give an odd PSF_SIZE", psf_width,
+                           psf_height, RX_PSF_LARGEST);
+    if (psf_width <= width && psf_height <= height)
+        return RX_OK;
+    return rx_error_at(
+        err, RX_INPUT, file, -1, 0,
+        "a PSF of %d x %d pixels is larger than the tile of %d x %d; give a smaller one or an odd PSF_SIZE",
+        psf_width, psf_height, width, height);
+}
+
+/* A size that is ours to choose never exceeds the tile. */
+static rx_status make_moffat(const rx_psf_params *par, const rx_image *image, rx_psf **dst, rx_error *err)
+{
+    int most = image->width < image->height ? image->width : image->height;
+    rx_status status = RX_OK;
+    if (par->size > 0)
+        status = rx_psf_check_size("", par->size, par->size, image->width, image->height, err);
+    if (status == RX_OK)
+        status = rx_psf_moffat(par->fwhm, par->beta, 1.0, 0.0, par->size, dst, err);
+    if (status != RX_OK || (*dst)->size <= most)
+        return status;
+    rx_psf_free(*dst);
+    return rx_psf_moffat(par->fwhm, par->beta, 1.0, 0.0, most - 1 + most % 2, dst, err);
+}
+
+rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_sources *stars, rx_log *log,
+                      rx_psf **dst, rx_error *err)
+{
+    *dst = NULL;
+    if (par->size != 0 && (par->size < 1 || par->size % 2 == 0))
+        return rx_error_set(err, RX_USAGE, "PSF_SIZE %d: a PSF has a middle pixel; give an odd number, or 0",
+                            par->size);
+    switch (par->type) {
+    case RX_PSF_MOFFAT:
+        return make_moffat(par, image, dst, err);
+    case RX_PSF_FILE:
+        return rx_psf_image(par, image->width, image->height, log, dst, err);
+    case RX_PSF_PSFEX:
+        return rx_psf_psfex(par, image->width, image->height, log, dst, err);
+    case RX_PSF_AUTO:
+        return rx_psf_estimate(par, image, stars, log, dst, err);
+    case RX_PSF_GAUSS: /* what restored images have, never a tile */
+    case RX_PSF_PIXEL:
+        break;
+    }
+    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX and AUTO");
 }

@@ -348,11 +348,10 @@ static void run_one(block b, rx_blur_work *work, const rx_blur_axis *to_x, const
     run(&b);
 }
 
-static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx_blur_axis *from_x,
-                       const rx_blur_axis *from_y, const rx_blur_axis *to_x, const rx_blur_axis *to_y,
-                       int first, int last, void (*run)(block *))
+static void run_blocks(block b, const rx_blur_axis *to_x, const rx_blur_axis *to_y, int first, int last,
+                       void (*run)(block *))
 {
-    const block b = {.blur = blur, .lines = lines, .from_x = from_x, .from_y = from_y};
+    const rx_blur *blur = b.blur;
     const int begin = first * to_x->n, end = last * to_x->n;
     if (blur->nwork == 1) { /* within a region, even of one, each transform would be given new threads */
         for (int k = begin; k < end; k++)
@@ -366,14 +365,14 @@ static void run_blocks(const rx_blur *blur, const rx_blur_lines *lines, const rx
 
 void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
 {
-    run_blocks(blur, lines, &blur->sky_x, &blur->sky_y, &blur->tile_x, &blur->tile_y, first, last,
-               apply_block);
+    const block b = {.blur = blur, .lines = lines, .from_x = &blur->sky_x, .from_y = &blur->sky_y};
+    run_blocks(b, &blur->tile_x, &blur->tile_y, first, last, apply_block);
 }
 
 void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
 {
-    run_blocks(blur, lines, &blur->tile_x, &blur->tile_y, &blur->sky_x, &blur->sky_y, first, last,
-               adjoin_block);
+    const block b = {.blur = blur, .lines = lines, .from_x = &blur->tile_x, .from_y = &blur->tile_y};
+    run_blocks(b, &blur->sky_x, &blur->sky_y, first, last, adjoin_block);
 }
 
 void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines)

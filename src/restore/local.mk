@@ -1,5 +1,5 @@
-librextract_la_SOURCES += src/restore/restore.c src/restore/restore.h
-librextract_la_SOURCES += src/restore/none.c src/restore/none.h
+librextract_la_SOURCES += src/restore/restore.c
+librextract_la_SOURCES += src/restore/none.c src/restore/runs.h
 librextract_la_SOURCES += src/restore/richardson_lucy.c src/restore/richardson_lucy.h
 librextract_la_SOURCES += src/restore/rl_blind.c src/restore/rl_blind.h
 librextract_la_SOURCES += src/restore/blur.c src/restore/blur.h
@@ -10,8 +10,13 @@ librextract_la_SOURCES += src/restore/noise_map.c src/restore/noise_map.h
 librextract_la_SOURCES += src/restore/network.c src/restore/network.h
 librextract_la_SOURCES += src/restore/network_blocks.c src/restore/network_blocks.h
 librextract_la_SOURCES += src/restore/network_forward.c src/restore/network_forward.h
-librextract_la_SOURCES += src/restore/network_report.c src/restore/network_report.h
 librextract_la_SOURCES += src/restore/network_rows.c src/restore/network_rows.h
+librextract_la_SOURCES += src/restore/network_coarse.c src/restore/network_coarse.h
 librextract_la_SOURCES += src/restore/network_data.c src/restore/network_data.h
+librextract_la_SOURCES += src/restore/network_sky.c src/restore/network_sky.h
 librextract_la_SOURCES += src/restore/network_otf.c src/restore/network_otf.h
 librextract_la_SOURCES += src/restore/network_optics.c src/restore/network_optics.h
+
+rx_restoredir = $(pkgincludedir)/restore
+rx_restore_HEADERS = src/restore/restore.h
+installed_headers += $(rx_restore_HEADERS)

@@ -1,20 +1,18 @@
 /* A trained network on a tile, block by block. */
 #include "restore/network.h"
 
-#include <float.h>
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
 #include "data/map.h"
-#include "nn/flat_sky.h"
+#include "nn/peak.h"
+#include "num/convolve.h"
 #include "restore/blur.h"
 #include "restore/network_forward.h"
 #include "restore/network_optics.h"
-#include "restore/network_report.h"
+#include "restore/network_sky.h"
 #include "restore/noise_map.h"
 #include "restore/prepared.h"
 #include "restore/stamp.h"
@@ -25,33 +23,35 @@ enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
 static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
 static const double FULL_WELL_NOISE = 1.0 / 500;
-/* sigmas, INFORMED; what FFTs round may tip over the rounding of a bfloat16, which is 50,000 times
- * coarser */
+/* sigmas, with a PSF; what FFTs round may tip over the rounding of a bfloat16 in an INFORMED model, which is
+ * 50,000 times coarser */
 static const double SEAM_LIMIT = 1e-3, SEAM_LIMIT_BF16 = 0.5;
 /* of the noise map: a faint source that the network believes in has pixels this much fainter than one of the
  * same significance has among the noise (measured: network.h) */
 static const float DETECTABLE = 0.6f;
 
+/* Wall time of the parts of a restoration, seconds. */
+typedef struct times {
+    double network, tikhonov, steps, rest;
+} times;
+
 /* One restoration of a tile: on one grid of blocks. */
 typedef struct network {
     const rx_restore_params *par;
     const rx_model *model;
-    const rx_tile *tile;
-    const rx_background *background;
-    const rx_psf *psf; /* NULL: not known */
+    const rx_image *image;
     rx_log *log;
     rx_restored *restored;
     rx_blocks blocks;  /* of the network */
     rx_blocks domains; /* of the FFTs */
     int nthreads;
-    rx_coarse scale;
+    rx_network_input input;     /* x: restored->support until that is made, or its own */
     rx_network_optics *optics;  /* NULL without a PSF */
-    float *x;                   /* data: restored->support until that is made, or its own */
     float *v;                   /* what the network, later the step makes; it becomes restored->pixels */
     float *spare;               /* Tikhonov copy, then target of the step; the two change places */
     rx_network_forward forward; /* its planes are set when it runs */
     double clock;               /* seconds: when the last part of the work ended */
-    rx_network_times times;
+    times times;
 } network;
 
 /* The time since the last call belongs to that part. */
@@ -82,23 +82,23 @@ static rx_status run_network(network *n, double begin, double end, rx_error *err
 {
     rx_network_forward forward = n->forward;
     forward.optics = n->optics;
-    forward.x = n->x;
+    forward.x = n->input.x;
     if (n->model->front.mode == RX_MODE_INFORMED)
         forward.base = forward.spent = n->spare;
     else
-        forward.base = n->x;
+        forward.base = n->input.x;
     forward.v = n->v;
-    return rx_network_forward_run(&forward, &n->blocks, n->log, begin, end, err);
+    return rx_network_forward_run(&forward, &n->blocks, &(rx_blocks_progress){n->log, begin, end}, err);
 }
 
 static rx_status make_optics(network *n, rx_error *err)
 {
     const rx_front *front = &n->model->front;
-    if (n->psf == NULL)
+    if (n->image->psf == NULL)
         return RX_OK;
-    return rx_network_optics_new(n->psf, front->target_fwhm,
-                                 front->mode == RX_MODE_INFORMED ? front->tikhonov : 0, n->tile->width,
-                                 n->tile->height, &n->domains, n->nthreads, &n->optics, err);
+    return rx_network_optics_new(n->image, front->target_fwhm,
+                                 front->mode == RX_MODE_INFORMED ? front->tikhonov : 0, &n->domains,
+                                 n->nthreads, &n->optics, err);
 }
 
 static rx_status run_steps(network *n, rx_error *err)
@@ -107,8 +107,9 @@ static rx_status run_steps(network *n, rx_error *err)
     const int steps = front->mode == RX_MODE_INFORMED ? front->rl_steps : 0;
     rx_status status = RX_OK;
     for (int i = 0; i < steps && status == RX_OK; i++) {
-        status = rx_network_optics_step(n->optics, n->v, n->x, n->restored->mask, front->pedestal, n->spare,
-                                        n->log, 0.8 + 0.1 * i / steps, 0.8 + 0.1 * (i + 1) / steps, err);
+        const rx_blocks_progress progress = {n->log, 0.8 + 0.1 * i / steps, 0.8 + 0.1 * (i + 1) / steps};
+        status =
+            rx_network_optics_step(n->optics, &n->input, front->pedestal, n->v, n->spare, &progress, err);
         float *done = n->v;
         n->v = n->spare;
         n->spare = done;
@@ -116,74 +117,77 @@ static rx_status run_steps(network *n, rx_error *err)
     return status;
 }
 
-RX_WIDE static void row_to_adu(int n, const float *restrict unit, const uint8_t *restrict mask,
-                               float *restrict v)
+/* What the PSF makes of v takes the place of the data; where the PSF is not known, a Gaussian of the usual
+ * seeing stands in. */
+static rx_status reblur(network *n, rx_error *err)
 {
-#pragma omp simd
-    for (int x = 0; x < n; x++) {
-        const double value = (double)rx_front_shown(v[x]) * (double)unit[x];
-        v[x] = (float)value;
-    }
-    /* one choice in a loop, or it does not become vectors; v >= -1/2 before it was scaled */
-#pragma omp simd
-    for (int x = 0; x < n; x++)
-        v[x] = v[x] > FLT_MAX ? FLT_MAX : v[x];
-#pragma omp simd
-    for (int x = 0; x < n; x++)
-        v[x] = v[x] < -FLT_MAX ? -FLT_MAX : v[x];
-    for (int x = 0; x < n; x++)
-        if (mask[x] != 0)
-            v[x] = 0;
+    const rx_image *image = n->image;
+    const size_t area = (size_t)image->width * (size_t)image->height;
+    const double target = n->model->front.target_fwhm;
+    if (n->optics != NULL)
+        return rx_network_optics_reblur(n->optics, n->v, n->input.x, &(rx_blocks_progress){n->log, 0.9, 0.95},
+                                        err);
+    memcpy(n->input.x, n->v, area * sizeof *n->v);
+    return rx_gauss_masked(image->width, image->height, sqrt(UNKNOWN_FWHM * UNKNOWN_FWHM - target * target),
+                           NULL, n->nthreads, n->input.x, err);
 }
 
-/* Noise units become ADU, 0 under the mask. units[nthreads][width]: scratch. */
-static void to_adu(const network *n, float *units)
-{
-    const size_t width = (size_t)n->tile->width;
-#pragma omp parallel for schedule(static) num_threads(n->nthreads)
-    for (int y = 0; y < n->tile->height; y++) {
-        float *unit = units + (size_t)omp_get_thread_num() * width;
-        rx_coarse_row(&n->scale, y, 0, n->tile->width, unit);
-        row_to_adu(n->tile->width, unit, n->restored->mask + (size_t)y * width, n->v + (size_t)y * width);
-    }
-}
-
-/* The planes of the restored tile take their places; what is left of the scratch goes. */
+/* v becomes the restored tile, what the data have at low frequency and v has not is added. The data go. */
 static rx_status finish(network *n, double fwhm, rx_error *err)
 {
     rx_restored *restored = n->restored;
-    float *units = RX_NEW(float, (size_t)n->tile->width *(size_t)n->nthreads);
-    if (units == NULL)
-        return rx_error_memory(err, (size_t)n->tile->width * (size_t)n->nthreads * sizeof *units);
-    rx_flat_sky(n->tile->width, n->tile->height, fwhm, n->nthreads, n->v, n->spare);
-    to_adu(n, units);
-    free(units);
-    restored->pixels = n->v;
+    const size_t area = (size_t)n->image->width * (size_t)n->image->height;
+    double chi2 = NAN;
+    rx_coarse sky = {0};
     free(n->spare);
     n->spare = NULL;
-    return rx_noise_map(n->tile, n->background, restored->mask, DETECTABLE, n->nthreads, &restored->noise,
-                        err);
+#pragma omp parallel for simd schedule(static) num_threads(n->nthreads)
+    for (size_t k = 0; k < area; k++)
+        n->v[k] = rx_front_shown(n->v[k]);
+    rx_status status = reblur(n, err);
+    if (status == RX_OK)
+        status = rx_network_sky(&n->input, n->input.x, fwhm, n->nthreads, &sky, err);
+    if (status == RX_OK)
+        status = rx_network_sky_add(&n->input, n->input.x, &sky, n->nthreads, n->v, restored->reblurred,
+                                    &chi2, err);
+    rx_coarse_free(&sky);
+    restored->pixels = n->v;
+    restored->chi2 = n->optics != NULL ? chi2 : NAN;
+    return status;
+}
+
+static rx_status set_noise(const network *n, rx_error *err)
+{
+    rx_restored *restored = n->restored;
+    rx_status status =
+        rx_noise_map(n->image, restored->mask, DETECTABLE, n->nthreads, &restored->noise_maker, err);
+    if (status == RX_OK)
+        restored->noise = rx_map_made(restored->noise_maker, n->image->width);
+    return status;
 }
 
 /* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. The data go. */
 static rx_status make_support(network *n, int wanted, rx_error *err)
 {
+    const rx_blocks_progress progress = {n->log, 0.95, 1};
     rx_restored *restored = n->restored;
     if (!wanted) {
         free(restored->support);
-        restored->support = n->x = NULL;
+        restored->support = n->input.x = NULL;
         return RX_OK;
     }
     if (n->optics != NULL)
-        return rx_network_optics_support(n->optics, restored->mask, restored->support, n->log, 0.95, 1, err);
+        return rx_network_optics_support(n->optics, restored->mask, restored->support, &progress, err);
     rx_psf *psf = rx_stamp_gauss(UNKNOWN_FWHM);
     rx_network_optics *optics = NULL;
     if (psf == NULL)
         return rx_error_memory(err, 0);
-    rx_status status = rx_network_optics_new(psf, n->model->front.target_fwhm, 0, n->tile->width,
-                                             n->tile->height, &n->domains, n->nthreads, &optics, err);
+    rx_image image = *n->image;
+    image.psf = psf;
+    rx_status status =
+        rx_network_optics_new(&image, n->model->front.target_fwhm, 0, &n->domains, n->nthreads, &optics, err);
     if (status == RX_OK)
-        status = rx_network_optics_support(optics, restored->mask, restored->support, n->log, 0.95, 1, err);
+        status = rx_network_optics_support(optics, restored->mask, restored->support, &progress, err);
     rx_network_optics_free(optics);
     rx_psf_free(psf);
     return status;
@@ -191,17 +195,17 @@ static rx_status make_support(network *n, int wanted, rx_error *err)
 
 static rx_status restore_planes(network *n, int extras, rx_error *err)
 {
-    const double fwhm = n->psf != NULL && n->psf->fwhm > 0 ? n->psf->fwhm : UNKNOWN_FWHM;
+    const double fwhm = n->image->psf != NULL && n->image->psf->fwhm > 0 ? n->image->psf->fwhm : UNKNOWN_FWHM;
     rx_restored *restored = n->restored;
-    rx_status status = rx_network_scale(n->tile, n->background, restored->mask, n->nthreads, &n->scale, err);
+    rx_status status = rx_network_scale(n->image, restored->mask, n->nthreads, &n->input.scale, err);
     if (status == RX_OK)
-        status = rx_network_data(n->tile, n->background, restored->mask, &n->scale, fwhm, &n->domains,
-                                 n->nthreads, n->x, err);
+        status = rx_network_data(&n->input, fwhm, &n->domains, n->nthreads, err);
     if (status == RX_OK)
         status = make_optics(n, err);
     lap(n, &n->times.rest);
     if (status == RX_OK && n->model->front.mode == RX_MODE_INFORMED)
-        status = rx_network_optics_tikhonov(n->optics, n->x, n->spare, n->log, 0, 0.1, err);
+        status = rx_network_optics_tikhonov(n->optics, n->input.x, n->spare,
+                                            &(rx_blocks_progress){n->log, 0, 0.1}, err);
     lap(n, &n->times.tikhonov);
     if (status == RX_OK)
         status = run_network(n, 0.1, 0.8, err);
@@ -209,36 +213,34 @@ static rx_status restore_planes(network *n, int extras, rx_error *err)
     if (status == RX_OK)
         status = run_steps(n, err);
     lap(n, &n->times.steps);
-    if (status == RX_OK && n->optics != NULL)
-        status =
-            rx_network_optics_reblur(n->optics, n->v, n->x, restored->mask, &n->scale, n->tile, n->background,
-                                     restored->reblurred, &restored->chi2, n->log, 0.9, 0.95, err);
+    if (status == RX_OK)
+        status = finish(n, fwhm, err);
     if (status == RX_OK)
         status = make_support(n, extras && n->par->keep_support, err);
     rx_network_optics_free(n->optics);
     n->optics = NULL;
     if (status == RX_OK)
-        status = finish(n, fwhm, err);
+        status = set_noise(n, err);
     lap(n, &n->times.rest);
-    rx_coarse_free(&n->scale);
+    rx_coarse_free(&n->input.scale);
     return status;
 }
 
 /* The planes; support serves as scratch first. */
 static rx_status new_restored(const network *n, int extras, rx_restored **dst, rx_error *err)
 {
-    const int reblurred = extras && n->par->keep_reblurred && n->psf != NULL;
-    const size_t area = (size_t)n->tile->width * (size_t)n->tile->height;
-    rx_restored *restored = *dst = rx_restored_bare("NET", n->tile->width, n->tile->height);
+    const int reblurred = extras && n->par->keep_reblurred && n->image->psf != NULL;
+    const size_t area = (size_t)n->image->width * (size_t)n->image->height;
+    rx_restored *restored = *dst = rx_restored_bare("NET", n->image->width, n->image->height);
     if (restored == NULL)
         return rx_error_memory(err, area * sizeof(float));
     restored->pixels = RX_NEW(float, area); /* taken from the system as the network writes them */
     restored->support = RX_NEW(float, area);
     restored->reblurred = reblurred ? RX_NEW(float, area) : NULL;
     restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
-    restored->blur = n->psf != NULL ? rx_psf_copy(n->psf) : NULL;
+    restored->blur = n->image->psf != NULL ? rx_psf_copy(n->image->psf) : NULL;
     if (restored->pixels == NULL || restored->support == NULL || restored->psf == NULL ||
-        (reblurred && restored->reblurred == NULL) || (n->psf != NULL && restored->blur == NULL))
+        (reblurred && restored->reblurred == NULL) || (n->image->psf != NULL && restored->blur == NULL))
         return rx_error_memory(err, 3 * area * sizeof(float));
     return RX_OK;
 }
@@ -254,12 +256,47 @@ static void describe(const network *n, rx_restored *dst)
              front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
 }
 
+static double per(double amount, double seconds)
+{
+    return seconds > 0 ? amount / seconds : 0;
+}
+
+static void report_node(const rx_net *net, int i, const rx_stream_cost *cost, double peak, rx_log *log)
+{
+    const rx_node *n = &net->node[i];
+    const double speed = per(cost->flops, cost->seconds);
+    rx_log_detail(log, "NET: layer %d %s %dx%d %d->%d: %.4f s, %.1f GFLOP/s, %.1f %% of peak", i,
+                  rx_op_name(n->op), n->kernel, n->kernel, net->node[n->src].channels, n->channels,
+                  cost->seconds, 1e-9 * speed, 100 * per(speed, peak));
+}
+
+/* How fast the network was, against what the machine convolves at most. Lines for VERBOSE_TYPE FULL, one per
+ * node of the network and one for all. Seconds of a node are summed over threads, its share is that of one
+ * thread's peak; the network's work is what its output pixels need, halo not counted, and its share that of
+ * the peak of all threads. Convolutions by Winograd's algorithm count as direct ones, and may exceed the
+ * peak. */
+static void report(const rx_network_forward *f, const times *spent, rx_log *log)
+{
+    const rx_net *net = f->model->restore;
+    double peak = 0;
+    if (rx_peak_measure(f->precision == RX_BF16 ? RX_REAL_BF16 : RX_REAL_F32, &peak, NULL) != RX_OK)
+        return;
+    for (int i = 1; i < net->nnodes; i++)
+        report_node(net, i, &f->cost[i], peak, log);
+    const double speed = per(2 * rx_net_macs(net) * f->width * (double)f->height, spent->network);
+    rx_log_detail(log,
+                  "NET: network %.4f s, %.1f GFLOP/s, %.1f %% of peak; Tikhonov %.4f s, steps %.4f s, rest "
+                  "%.4f s",
+                  spent->network, 1e-9 * speed, 100 * per(speed, peak * f->nthreads), spent->tikhonov,
+                  spent->steps, spent->rest);
+}
+
 /* One restoration in blocks of at most `side` and FFTs of at most `domain` pixels, the grids shifted by
  * `shift`; extras: with the planes that are to be kept besides the image. */
 static rx_status restore(const network *plan, int side, int domain, int shift, int extras, rx_restored **dst,
                          rx_error *err)
 {
-    const int unit = unit_of(plan->model), width = plan->tile->width, height = plan->tile->height;
+    const int unit = unit_of(plan->model), width = plan->image->width, height = plan->image->height;
     const int measured = plan->log != NULL && plan->log->level >= RX_FULL;
     rx_stream_cost cost[RX_NET_NODES] = {{0, 0}};
     network n = *plan;
@@ -277,14 +314,14 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     *dst = NULL;
     rx_status status = new_restored(&n, extras, &n.restored, err);
     if (status == RX_OK) {
-        n.x = n.restored->support;
+        n.input = (rx_network_input){.image = n.image, .mask = n.restored->mask, .x = n.restored->support};
         n.v = n.restored->pixels;
         n.spare = RX_NEW(float, (size_t)width *(size_t)height);
         if (n.spare == NULL)
             status = rx_error_memory(err, (size_t)width * (size_t)height * sizeof *n.spare);
     }
     if (status == RX_OK) {
-        if (rx_prepared_mask(n.par, n.tile, n.background, n.restored->mask) == 0)
+        if (rx_prepared_mask(n.image, n.nthreads, n.restored->mask) == 0)
             rx_log_warning(n.log, "NET: every pixel is masked, nothing to restore");
         status = restore_planes(&n, extras, err);
     }
@@ -297,7 +334,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     }
     n.restored->seconds = rx_seconds() - begun;
     if (measured)
-        rx_network_report(&n.forward, &n.times, n.log);
+        report(&n.forward, &n.times, n.log);
     *dst = n.restored;
     return RX_OK;
 }
@@ -328,14 +365,15 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
 {
     const int unit = unit_of(plan->model), side = plan->par->net_block;
     const int other = (side * 5 / 8 + unit) / unit * unit, shift = (side / 3 + unit) / unit * unit;
-    const double rounding = plan->par->precision == RX_BF16 ? SEAM_LIMIT_BF16 : SEAM_LIMIT;
-    const double limit = plan->model->front.mode == RX_MODE_INFORMED ? rounding : 0;
-    const rx_map noise = rx_background_noise(plan->background);
+    const int fft = plan->image->psf != NULL, informed = plan->model->front.mode == RX_MODE_INFORMED;
+    const double rounding = informed && plan->par->precision == RX_BF16 ? SEAM_LIMIT_BF16 : SEAM_LIMIT;
+    const double limit = fft ? rounding : 0;
+    const rx_map *noise = &plan->image->noise;
     rx_restored *second = NULL;
     rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
     if (status != RX_OK)
         return status;
-    restored->seam = largest_difference(&noise, restored, second);
+    restored->seam = largest_difference(noise, restored, second);
     rx_restored_free(second);
     rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
                 other, shift, shift + unit, restored->seam);
@@ -348,19 +386,17 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     return RX_OK;
 }
 
-rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                         const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+rx_status rx_network_run(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
+                         rx_error *err)
 {
     rx_restored *restored = NULL;
     *dst = NULL;
-    rx_status status = check_input(par, psf, err);
+    rx_status status = check_input(par, image->psf, err);
     if (status != RX_OK)
         return status;
     const network plan = {.par = par,
                           .model = par->model,
-                          .tile = tile,
-                          .background = background,
-                          .psf = psf,
+                          .image = image,
                           .log = log,
                           .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     rx_log_progress_begin(log);

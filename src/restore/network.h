@@ -3,7 +3,11 @@
  *   x = (pixel - level) / scale      noise units; scale: the tile's noise, smoothed (network_data.h)
  *   v = network(x)                   INFORMED: and w = Tikhonov(x), the FWHM (nn/front.h)
  *   f = Richardson-Lucy step(v, x)   INFORMED, as often as the model says (nn/rl_step.h)
- *   restored = scale max(flat(f), -1/2)   sky where nothing is found made flat (nn/flat_sky.h)
+ *   restored = scale (max(f, -1/2) + L)   L: what the data have at low frequency and f has not
+ *
+ * L (network_sky.h) is the low-pass of x - K' max(f, -1/2), so that no light and no dark sky broader than some
+ * FWHM is lost, below the mesh of the background or above it. Without a PSF (BLIND) a Gaussian blurs f to a FWHM
+ * of 5 pixels instead of K'.
  *
  * rx_restored.sigma, which DETECT_THRESH counts in, is 0.6 times the noise map of restore/noise_map.h, as
  * faint sources come out fainter than they are. Self check and blank check of the quickstart's tile, FWHM 4,
@@ -17,7 +21,7 @@
  * A PSF that varies: w by Tikhonov filters at nodes of a grid anchored at the tile, between them by bilinear
  * weights of the output position, and so is the FWHM; the step by the polynomials of the PSF, exactly
  * (network_optics.h). Without a PSF a BLIND model still works; then `blur`, `reblurred` and `chi2` stay
- * empty. INFORMED without one is RX_INPUT.
+ * empty. `reblurred` and chi2 are of the restored image, with L. INFORMED without one is RX_INPUT.
  *
  * Blocks: the network runs down blocks of NET_BLOCK columns at most (smaller ones where that keeps more
  * threads busy), all of one size (a multiple of twice the network's stride), the FFTs work on 1024 x 512
@@ -25,7 +29,7 @@
  * the halo that a result depends on: the same bits for any NET_BLOCK and any number of threads. VERIFY_SEAMS
  * restores once more, both grids shifted and of other sizes, and takes the largest difference into
  * rx_restored.seam, in sigmas of the pixels: that of the sky and 1/500 of the restored value added, less than
- * which the photons of no detector leave. BLIND models show none, INFORMED ones the rounding of FFTs, some
+ * which the photons of no detector leave. BLIND models without a PSF show none, others the rounding of FFTs, some
  * 1e-6 of the brightest pixels (5e-4 on an SDSS frame with stars up to saturation: 0.017 sigmas of the sky at
  * a restored pixel of 15,600). More than 0 or 1e-3 is RX_SYSTEM. With BF16 the limit of INFORMED models is
  * 0.5: there a rounding of 1e-7 may tip over one of 0.4 % inside the network, and beside the brightest stars
@@ -47,9 +51,6 @@
 #ifndef RX_RESTORE_NETWORK_H
 #define RX_RESTORE_NETWORK_H
 
-#include "restore/restore.h"
-
-rx_status rx_network_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                         const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+#include "restore/runs.h"
 
 #endif

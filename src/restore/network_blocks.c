@@ -52,11 +52,11 @@ static int take_next(int *next)
 static rx_status run_some(const rx_blocks *blocks, int first, int last, int nthreads, rx_blocks_task task,
                           void *user, rx_error *err)
 {
-    failure worst = {.block = -1, .error = RX_ERROR_NONE};
+    failure worst = {.block = -1, .error = rx_error_part(NULL)};
     int next = first;
 #pragma omp parallel num_threads(blocks->team > nthreads && nthreads > 1 ? blocks->team : nthreads)
     for (int b; omp_get_thread_num() < nthreads && (b = take_next(&next)) < last;) {
-        rx_error why = RX_ERROR_NONE;
+        rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         const int x = blocks->x + b % blocks->nx * blocks->width,
                   y = blocks->y + b / blocks->nx * blocks->height;
         const rx_status status = task(user, omp_get_thread_num(), x, y, &why);
@@ -69,8 +69,7 @@ static rx_status run_some(const rx_blocks *blocks, int first, int last, int nthr
     }
     if (worst.block < 0)
         return RX_OK;
-    if (err != NULL)
-        *err = worst.error;
+    rx_error_take(err, &worst.error);
     return worst.error.status;
 }
 
@@ -86,7 +85,7 @@ static int give_back(const rx_blocks *blocks, int next, const rx_blocks_spent *s
 }
 
 rx_status rx_blocks_run_spending(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
-                                 const rx_blocks_spent *spent, rx_log *log, double begin, double end,
+                                 const rx_blocks_spent *spent, const rx_blocks_progress *progress,
                                  rx_error *err)
 {
     const int n = blocks->nx * blocks->ny, step = 4 * nthreads;
@@ -99,15 +98,17 @@ rx_status rx_blocks_run_spending(const rx_blocks *blocks, int nthreads, rx_block
         status = run_some(blocks, first, last, nthreads, task, user, err);
         if (status == RX_OK)
             status = rx_interrupt_check(err);
-        rx_log_progress(log, "NET", begin + (end - begin) * last / n);
+        if (progress != NULL)
+            rx_log_progress(progress->log, "NET",
+                            progress->begin + (progress->end - progress->begin) * last / n);
     }
     return status;
 }
 
-rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
-                        double begin, double end, rx_error *err)
+rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
+                        const rx_blocks_progress *progress, rx_error *err)
 {
-    return rx_blocks_run_spending(blocks, nthreads, task, user, NULL, log, begin, end, err);
+    return rx_blocks_run_spending(blocks, nthreads, task, user, NULL, progress, err);
 }
 
 /* Row `row` of the plane and columns x .. x + width - 1: how many of these lie before it, and in it. */
@@ -118,13 +119,14 @@ static int overlap(int plane_width, int x, int width, int *before)
     return n > 0 ? n : 0;
 }
 
-void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x, int y, int width,
-                    int height, int stride, float *dst)
+void rx_blocks_read(const float *plane, int plane_width, int plane_height, const rx_blocks_window *window,
+                    float *dst)
 {
+    const int x = window->x, y = window->y, width = window->width;
     int before = 0;
     const int n = overlap(plane_width, x, width, &before);
-    for (int j = 0; j < height; j++) {
-        float *line = dst + (size_t)j * stride;
+    for (int j = 0; j < window->height; j++) {
+        float *line = dst + (size_t)j * window->stride;
         memset(line, 0, (size_t)width * sizeof *line);
         if (n > 0 && y + j >= 0 && y + j < plane_height)
             memcpy(line + before, plane + (size_t)(y + j) * plane_width + (x + before),
@@ -143,14 +145,15 @@ static int good_row(const uint8_t *restrict mask, int n, float *restrict dst)
     return good;
 }
 
-long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int x, int y, int width,
-                    int height, int stride, float *dst)
+long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, const rx_blocks_window *window,
+                    float *dst)
 {
+    const int x = window->x, y = window->y, width = window->width;
     int before = 0;
     long bad = 0;
     const int n = overlap(plane_width, x, width, &before);
-    for (int j = 0; j < height; j++) {
-        float *line = dst + (size_t)j * stride;
+    for (int j = 0; j < window->height; j++) {
+        float *line = dst + (size_t)j * window->stride;
         const int inside = n > 0 && y + j >= 0 && y + j < plane_height;
         const uint8_t *m = inside ? mask + (size_t)(y + j) * plane_width + (x + before) : NULL;
         memset(line, 0, (size_t)width * sizeof *line);

@@ -28,10 +28,16 @@ int rx_blocks_threads(const rx_blocks *blocks, int nthreads);
 /* One block: it begins at tile pixel (x, y); thread 0 .. nthreads - 1. */
 typedef rx_status (*rx_blocks_task)(void *user, int thread, int x, int y, rx_error *err);
 
-/* `task` on every block, by nthreads threads. Progress goes from `begin` to `end` (shares of the whole job).
- * The error of the first block (in their order) that failed; RX_INTERRUPTED after a signal. */
-rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user, rx_log *log,
-                        double begin, double end, rx_error *err);
+/* Where to tell of progress: from `begin` to `end`, shares of the whole job. */
+typedef struct rx_blocks_progress {
+    rx_log *log;
+    double begin, end;
+} rx_blocks_progress;
+
+/* `task` on every block, by nthreads threads. progress: NULL is fine. The error of the first block (in their
+ * order) that failed; RX_INTERRUPTED after a signal. */
+rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
+                        const rx_blocks_progress *progress, rx_error *err);
 
 /* A plane of the tile that blocks read up to `halo` pixels around themselves, and nobody after them before it
  * is written again. */
@@ -43,14 +49,19 @@ typedef struct rx_blocks_spent {
 /* The same; the memory of rows of that plane that only the blocks done have read is given back meanwhile, for
  * what is made in its stead. */
 rx_status rx_blocks_run_spending(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
-                                 const rx_blocks_spent *spent, rx_log *log, double begin, double end,
+                                 const rx_blocks_spent *spent, const rx_blocks_progress *progress,
                                  rx_error *err);
 
-/* dst[height][stride] = the part of plane [plane_height][plane_width] that begins at (x, y), 0 beyond it.
- * rx_blocks_good(): 1 where mask[][] is 0, 0 elsewhere and beyond; returns how many are 0. */
-void rx_blocks_read(const float *plane, int plane_width, int plane_height, int x, int y, int width,
-                    int height, int stride, float *dst);
-long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, int x, int y, int width,
-                    int height, int stride, float *dst);
+/* A part of a plane that begins at (x, y) and may reach beyond it; rows of its copy are `stride` apart. */
+typedef struct rx_blocks_window {
+    int x, y, width, height, stride;
+} rx_blocks_window;
+
+/* dst[height][stride] = that part of plane[plane_height][plane_width], 0 beyond it. rx_blocks_good(): 1 where
+ * mask[][] is 0, 0 elsewhere and beyond; returns how many are 0. */
+void rx_blocks_read(const float *plane, int plane_width, int plane_height, const rx_blocks_window *window,
+                    float *dst);
+long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, const rx_blocks_window *window,
+                    float *dst);
 
 #endif

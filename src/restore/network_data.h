@@ -11,24 +11,27 @@
 #define RX_RESTORE_NETWORK_DATA_H
 
 #include "restore/network_blocks.h"
+#include "restore/network_coarse.h"
 #include "restore/restore.h"
 
-typedef struct rx_coarse {
-    int nx, ny;
-    float *value; /* [ny][nx], at the centres of cells, owned */
-} rx_coarse;
-
-/* Bilinear, held beyond the outer centres: dst[n], tile pixels x .. x + n - 1 of row y. */
-void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst);
-void rx_coarse_free(rx_coarse *coarse);
-
 /* ADU per noise unit, positive everywhere. mask[height][width]: 0 = good. Errors: RX_SYSTEM. */
-rx_status rx_network_scale(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                           int nthreads, rx_coarse *dst, rx_error *err);
+rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthreads, rx_coarse *dst,
+                           rx_error *err);
 
-/* x [height][width], within +-1e7. Errors: RX_SYSTEM. */
-rx_status rx_network_data(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                          const rx_coarse *scale, double psf_fwhm, const rx_blocks *blocks, int nthreads,
-                          float *x, rx_error *err);
+/* An image in noise units. */
+typedef struct rx_network_input {
+    const rx_image *image;
+    const uint8_t *mask; /* [height][width] 0 = good */
+    rx_coarse scale;     /* ADU per noise unit */
+    float *x;            /* [height][width] within +-1e7 */
+} rx_network_input;
+
+/* Writes input->x, the rest is given. Errors: RX_SYSTEM. */
+rx_status rx_network_data(const rx_network_input *input, double psf_fwhm, const rx_blocks *blocks,
+                          int nthreads, rx_error *err);
+
+/* Row y in noise units, 0 under the mask: x[width] and the scale, unit[width]. room[width]: scratch. */
+void rx_network_data_row(const rx_network_input *input, const rx_map *level, int y, float *unit, float *room,
+                         float *x);
 
 #endif

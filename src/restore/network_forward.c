@@ -161,8 +161,8 @@ static void add_costs(int n, int count, const rx_stream_cost *costs, rx_stream_c
     }
 }
 
-rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *blocks, rx_log *log,
-                                 double begin, double end, rx_error *err)
+rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *blocks,
+                                 const rx_blocks_progress *progress, rx_error *err)
 {
     const int count = threads_of(f, blocks), nodes = f->model->restore->nnodes;
     job j = {.forward = f, .blocks = blocks, .streams = RX_NEW(rx_stream *, (size_t)count)};
@@ -180,7 +180,7 @@ rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *b
     const rx_blocks_spent spent = {f->spent, f->width, rx_net_halo(f->model->restore)};
     if (status == RX_OK)
         status = rx_blocks_run_spending(blocks, count, forward_block, &j, f->spent != NULL ? &spent : NULL,
-                                        log, begin, end, err);
+                                        progress, err);
     if (costs != NULL)
         add_costs(nodes, count, costs, f->cost);
 exit:

@@ -26,9 +26,9 @@ typedef struct rx_network_forward {
  * change a bit. */
 rx_blocks rx_network_forward_blocks(const rx_network_forward *forward, int side, int shift_x, int shift_y);
 
-/* Progress goes from `begin` to `end`. Errors: RX_INPUT (values that are not finite), RX_USAGE, RX_SYSTEM,
+/* Errors: RX_INPUT (values that are not finite), RX_USAGE, RX_SYSTEM,
  * RX_INTERRUPTED. */
-rx_status rx_network_forward_run(const rx_network_forward *forward, const rx_blocks *blocks, rx_log *log,
-                                 double begin, double end, rx_error *err);
+rx_status rx_network_forward_run(const rx_network_forward *forward, const rx_blocks *blocks,
+                                 const rx_blocks_progress *progress, rx_error *err);
 
 #endif

@@ -1,14 +1,12 @@
 /* The PSF around the network, by FFT on blocks. */
 #include "restore/network_optics.h"
 
-#include <float.h>
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
-#include "data/map.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/network_otf.h"
@@ -18,12 +16,11 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
 
 struct rx_network_optics_work {
     rx_fft *fft;
+    int x0, y0;            /* where its domain begins, tile pixels */
     float *a, *b;          /* real planes */
     float *c, *d;          /* likewise, for a PSF that varies */
     float *half;           /* complex plane */
     float *sum, *spectrum; /* likewise, for a PSF that varies */
-    float *line, *room;    /* [block width], like term */
-    double *term;
 };
 
 static void work_free(rx_network_optics_work *work)
@@ -35,14 +32,10 @@ static void work_free(rx_network_optics_work *work)
     free(work->half);
     free(work->sum);
     free(work->spectrum);
-    free(work->line);
-    free(work->room);
-    free(work->term);
     rx_fft_free(work->fft);
 }
 
-static rx_status work_new(int width, int height, int block_width, int varies, rx_network_optics_work *dst,
-                          rx_error *err)
+static rx_status work_new(int width, int height, int varies, rx_network_optics_work *dst, rx_error *err)
 {
     rx_status status = rx_fft_new(width, height, 1, &dst->fft, err);
     if (status != RX_OK)
@@ -50,11 +43,7 @@ static rx_status work_new(int width, int height, int block_width, int varies, rx
     dst->a = rx_fft_real(dst->fft);
     dst->b = rx_fft_real(dst->fft);
     dst->half = rx_fft_complex(dst->fft);
-    dst->line = RX_NEW(float, (size_t)block_width);
-    dst->room = RX_NEW(float, (size_t)block_width);
-    dst->term = RX_NEW(double, (size_t)block_width);
-    int made = dst->a != NULL && dst->b != NULL && dst->half != NULL && dst->line != NULL &&
-               dst->room != NULL && dst->term != NULL;
+    int made = dst->a != NULL && dst->b != NULL && dst->half != NULL;
     if (varies) {
         dst->c = rx_fft_real(dst->fft);
         dst->d = rx_fft_real(dst->fft);
@@ -85,8 +74,7 @@ static void take_error(rx_status why, const rx_error *error, rx_status *status, 
 #pragma omp critical(rx_network_optics_failure)
     {
         *status = why;
-        if (err != NULL)
-            *err = *error;
+        rx_error_take(err, error);
     }
 }
 
@@ -112,9 +100,8 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
         return rx_error_memory(err, 0);
 #pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int i = 0; i < optics->nthreads; i++) {
-        rx_error why = RX_ERROR_NONE;
-        const rx_status made =
-            work_new(w, h, blocks->width, rx_otf_varies(optics->psf), &optics->work[i], &why);
+        rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
+        const rx_status made = work_new(w, h, rx_otf_varies(optics->psf), &optics->work[i], &why);
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
@@ -140,34 +127,35 @@ static rx_status make_spectra(rx_network_optics *optics, const float *relative, 
     rx_status status = RX_OK;
 #pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int task = 0; task < 2; task++) {
-        rx_error why = RX_ERROR_NONE;
-        const rx_status made = task == 0 ? make_tikhonov(optics, optics->work[0].fft, &why)
-                                         : rx_otf_new(optics->work[other].fft, optics->psf, relative, size,
-                                                      optics->width, optics->height, &optics->relative, &why);
+        rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
+        const rx_status made =
+            task == 0 ? make_tikhonov(optics, optics->work[0].fft, &why)
+                      : rx_otf_new(optics->work[other].fft, optics, relative, size, &optics->relative, &why);
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
     return status;
 }
 
-rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double epsilon, int width, int height,
+rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, double epsilon,
                                 const rx_blocks *blocks, int nthreads, rx_network_optics **dst, rx_error *err)
 {
+    const rx_psf *psf = image->psf;
     float *relative = NULL;
     int size = 0;
     *dst = NULL;
     rx_network_optics *optics = RX_NEW(rx_network_optics, 1);
     if (optics == NULL)
         return rx_error_memory(err, sizeof *optics);
-    optics->width = width;
-    optics->height = height;
+    optics->width = image->width;
+    optics->height = image->height;
     optics->nthreads = rx_blocks_threads(blocks, nthreads);
     optics->blocks = blocks;
     optics->psf = psf;
     optics->target_fwhm = target_fwhm;
     rx_status status = rx_network_optics_nodes(optics, epsilon, err);
     if (status == RX_OK)
-        status = rx_otf_relative(psf, target_fwhm, width, height, &relative, &size, err);
+        status = rx_otf_relative(psf, target_fwhm, image->width, image->height, &relative, &size, err);
     if (status == RX_OK)
         status = make_work(optics, size / 2, psf->size / 2, err);
     if (status == RX_OK)
@@ -181,33 +169,34 @@ rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double ep
     return RX_OK;
 }
 
-/* dst (+)= c_i src, the domain beginning at tile pixel (x0, y0) */
-static void weigh(const rx_network_optics *optics, const rx_otf *otf, int i, const rx_fft *fft, int x0,
-                  int y0, const float *src, int add, float *dst)
+/* dst (+)= c_i src, planes of the domain. */
+static void weigh(const rx_network_optics *optics, const rx_otf *otf, int i,
+                  const rx_network_optics_work *work, const float *src, int add, float *dst)
 {
+    const rx_fft *fft = work->fft;
     const size_t stride = (size_t)rx_fft_stride_real(fft);
     const int w = rx_fft_width(fft);
     for (int v = 0; v < rx_fft_height(fft); v++) {
-        const float cy = otf->cy[i][rx_otf_clamp(y0 + v, optics->height)];
+        const float cy = otf->cy[i][rx_otf_clamp(work->y0 + v, optics->height)];
         const float *s = src + (size_t)v * stride;
         float *d = dst + (size_t)v * stride;
         for (int u = 0; u < w; u++) {
-            const float value = cy * otf->cx[i][rx_otf_clamp(x0 + u, optics->width)] * s[u];
+            const float value = cy * otf->cx[i][rx_otf_clamp(work->x0 + u, optics->width)] * s[u];
             d[u] = add ? d[u] + value : value;
         }
     }
 }
 
 /* dst = K src; `scratch` is a real plane, src stays. */
-static void apply(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work, int x0,
-                  int y0, const float *src, float *scratch, float *dst)
+static void apply(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work,
+                  const float *src, float *scratch, float *dst)
 {
     if (!otf->varies) {
         rx_convolve(work->fft, otf->spectrum[0], src, work->half, dst);
         return;
     }
     for (int i = 0; i < otf->n; i++) {
-        weigh(optics, otf, i, work->fft, x0, y0, src, 0, scratch);
+        weigh(optics, otf, i, work, src, 0, scratch);
         rx_fft_forward(work->fft, scratch, work->half);
         rx_convolve_multiply(work->fft, otf->spectrum[i], work->half, false, i > 0, work->sum);
     }
@@ -215,8 +204,8 @@ static void apply(const rx_network_optics *optics, const rx_otf *otf, rx_network
 }
 
 /* dst = K^T src; scratch not dst. */
-static void adjoint(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work, int x0,
-                    int y0, const float *src, float *scratch, float *dst)
+static void adjoint(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work,
+                    const float *src, float *scratch, float *dst)
 {
     if (!otf->varies) {
         rx_correlate(work->fft, otf->spectrum[0], src, work->half, dst);
@@ -226,7 +215,7 @@ static void adjoint(const rx_network_optics *optics, const rx_otf *otf, rx_netwo
     for (int i = 0; i < otf->n; i++) {
         rx_convolve_multiply(work->fft, otf->spectrum[i], work->sum, true, false, work->half);
         rx_fft_inverse(work->fft, work->half, scratch);
-        weigh(optics, otf, i, work->fft, x0, y0, scratch, i > 0, dst);
+        weigh(optics, otf, i, work, scratch, i > 0, dst);
     }
 }
 
@@ -237,11 +226,7 @@ typedef struct job {
     const uint8_t *mask;
     float *dst;
     double pedestal;
-    const rx_coarse *scale;
-    const rx_tile *tile;
-    rx_map noise;
-    const rx_otf *plain;   /* the tile's PSF */
-    double *sums, *counts; /* per block */
+    const rx_otf *plain; /* the tile's PSF */
 } job;
 
 /* The part of the block at (x, y) that lies on the tile. */
@@ -257,27 +242,40 @@ static part part_of(const rx_network_optics *optics, int x, int y)
                   y + blocks->height < optics->height ? y + blocks->height : optics->height};
 }
 
-static void read_domain(const job *j, const rx_network_optics_work *work, const float *plane, int x0, int y0,
-                        float *dst)
+/* The planes of a thread for the block at (x, y). */
+static rx_network_optics_work *work_at(const rx_network_optics *optics, int thread, int x, int y)
 {
-    rx_blocks_read(plane, j->optics->width, j->optics->height, x0, y0, rx_fft_width(work->fft),
-                   rx_fft_height(work->fft), rx_fft_stride_real(work->fft), dst);
+    rx_network_optics_work *work = &optics->work[thread];
+    work->x0 = x - optics->halo;
+    work->y0 = y - optics->halo;
+    return work;
 }
 
-static long read_good(const job *j, const rx_network_optics_work *work, int x0, int y0, float *dst)
+static rx_blocks_window domain_of(const rx_network_optics_work *work)
 {
-    return rx_blocks_good(j->mask, j->optics->width, j->optics->height, x0, y0, rx_fft_width(work->fft),
-                          rx_fft_height(work->fft), rx_fft_stride_real(work->fft), dst);
+    return (rx_blocks_window){work->x0, work->y0, rx_fft_width(work->fft), rx_fft_height(work->fft),
+                              rx_fft_stride_real(work->fft)};
 }
 
-static rx_rows rows_of(const rx_network_optics *optics, const rx_network_optics_work *work, const part *p,
-                       int x0, int y0)
+static void read_domain(const job *j, const rx_network_optics_work *work, const float *plane, float *dst)
+{
+    const rx_blocks_window window = domain_of(work);
+    rx_blocks_read(plane, j->optics->width, j->optics->height, &window, dst);
+}
+
+static long read_good(const job *j, const rx_network_optics_work *work, float *dst)
+{
+    const rx_blocks_window window = domain_of(work);
+    return rx_blocks_good(j->mask, j->optics->width, j->optics->height, &window, dst);
+}
+
+static rx_rows rows_of(const rx_network_optics *optics, const rx_network_optics_work *work, const part *p)
 {
     return (rx_rows){.fft = work->fft,
                      .width = optics->width,
                      .height = optics->height,
-                     .x0 = x0,
-                     .y0 = y0,
+                     .x0 = work->x0,
+                     .y0 = work->y0,
                      .left = p->x0,
                      .right = p->x1,
                      .top = p->y0,
@@ -288,7 +286,7 @@ static rx_rows rows_of(const rx_network_optics *optics, const rx_network_optics_
 }
 
 /* w += hat_node (T_node * x); x is given as its transform in work->sum. */
-static void add_node(const job *j, rx_network_optics_work *work, int node, const part *p, int x0, int y0)
+static void add_node(const job *j, rx_network_optics_work *work, int node, const part *p)
 {
     const rx_network_optics *optics = j->optics;
     const int side = 2 * RX_TIKHONOV_REACH + 1, nx = node % optics->nx, ny = node / optics->nx;
@@ -298,12 +296,12 @@ static void add_node(const job *j, rx_network_optics_work *work, int node, const
     rx_fft_inverse(work->fft, work->half, work->b);
     for (int y = p->y0; y < p->y1; y++) {
         const double hat_y = optics->ny == 1 ? 1 : 1 - fabs(y / optics->step_y - ny);
-        const float *src = work->b + (size_t)(y - y0) * stride;
+        const float *src = work->b + (size_t)(y - work->y0) * stride;
         float *dst = j->dst + (size_t)y * optics->width;
         for (int x = p->x0; x < p->x1 && hat_y > 0; x++) {
             const double hat_x = optics->nx == 1 ? 1 : 1 - fabs(x / optics->step_x - nx);
             if (hat_x > 0)
-                dst[x] += (float)(hat_x * hat_y) * src[x - x0];
+                dst[x] += (float)(hat_x * hat_y) * src[x - work->x0];
         }
     }
 }
@@ -318,16 +316,15 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
 {
     const job *j = user;
     const rx_network_optics *optics = j->optics;
-    rx_network_optics_work *work = &optics->work[thread];
-    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    rx_network_optics_work *work = work_at(optics, thread, bx, by);
     const part p = part_of(optics, bx, by);
     (void)err;
     if (optics->tikhonov != NULL) {
-        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
+        const rx_rows rows = rows_of(optics, work, &p);
         rx_rows_filter(&rows, optics->tikhonov, j->x, j->dst);
         return RX_OK;
     }
-    read_domain(j, work, j->x, x0, y0, work->a);
+    read_domain(j, work, j->x, work->a);
     rx_fft_forward(work->fft, work->a, work->sum);
     for (int y = p.y0; y < p.y1; y++)
         memset(j->dst + (size_t)y * optics->width + p.x0, 0, (size_t)(p.x1 - p.x0) * sizeof(float));
@@ -335,15 +332,15 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
               last_y = node_below(p.y1 - 1, optics->step_y, optics->ny) + 1;
     for (int ny = node_below(p.y0, optics->step_y, optics->ny); ny <= last_y && ny < optics->ny; ny++)
         for (int nx = node_below(p.x0, optics->step_x, optics->nx); nx <= last_x && nx < optics->nx; nx++)
-            add_node(j, work, ny * optics->nx + nx, &p, x0, y0);
+            add_node(j, work, ny * optics->nx + nx, &p);
     return RX_OK;
 }
 
-rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w, rx_log *log,
-                                     double begin, double end, rx_error *err)
+rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w,
+                                     const rx_blocks_progress *progress, rx_error *err)
 {
     job j = {.optics = optics, .x = x, .dst = w};
-    return rx_blocks_run(optics->blocks, optics->nthreads, tikhonov_block, &j, log, begin, end, err);
+    return rx_blocks_run(optics->blocks, optics->nthreads, tikhonov_block, &j, progress, err);
 }
 
 static void light(int n, float *f)
@@ -388,189 +385,105 @@ static rx_status step_block(void *user, int thread, int bx, int by, rx_error *er
     const job *j = user;
     const rx_network_optics *optics = j->optics;
     const rx_otf *otf = &optics->relative;
-    rx_network_optics_work *work = &optics->work[thread];
-    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    rx_network_optics_work *work = work_at(optics, thread, bx, by);
     const int w = rx_fft_width(work->fft), h = rx_fft_height(work->fft);
     const size_t stride = (size_t)rx_fft_stride_real(work->fft);
     const part p = part_of(optics, bx, by);
     (void)err;
     if (!otf->varies) {
-        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
+        const rx_rows rows = rows_of(optics, work, &p);
         const rx_rows_kernel kernel = {otf->spectrum[0], otf->inside, otf->radius};
         rx_rows_step(&rows, &kernel, j->f, j->x, j->mask, (float)j->pedestal, j->dst);
         return RX_OK;
     }
-    read_domain(j, work, j->f, x0, y0, work->a);
+    read_domain(j, work, j->f, work->a);
     for (int v = 0; v < h; v++)
         light(w, work->a + (size_t)v * stride);
-    apply(optics, otf, work, x0, y0, work->a, work->c, work->b);
-    read_domain(j, work, j->x, x0, y0, work->c);
-    const long bad = read_good(j, work, x0, y0, work->d);
+    apply(optics, otf, work, work->a, work->c, work->b);
+    read_domain(j, work, j->x, work->c);
+    const long bad = read_good(j, work, work->d);
     for (int v = 0; v < h; v++) {
         const size_t row = (size_t)v * stride;
         ratios(w, work->c + row, bad > 0 ? work->d + row : NULL, (float)j->pedestal, work->b + row);
     }
-    adjoint(optics, otf, work, x0, y0, work->b, work->a, work->c);
+    adjoint(optics, otf, work, work->b, work->a, work->c);
     /* the stamps sum to 1 everywhere: without masks so does K'^T W */
     if (bad > 0)
-        adjoint(optics, otf, work, x0, y0, work->d, work->a, work->b);
+        adjoint(optics, otf, work, work->d, work->a, work->b);
     for (int y = p.y0; y < p.y1; y++) {
-        const size_t row = (size_t)(y - y0) * stride + (size_t)(p.x0 - x0);
+        const size_t row = (size_t)(y - work->y0) * stride + (size_t)(p.x0 - work->x0);
         const size_t k = (size_t)y * optics->width + (size_t)p.x0;
         update(p.x1 - p.x0, j->f + k, work->c + row, bad > 0 ? work->b + row : NULL, j->dst + k);
     }
     return RX_OK;
 }
 
-rx_status rx_network_optics_step(const rx_network_optics *optics, float *f, const float *x,
-                                 const uint8_t *mask, double pedestal, float *next, rx_log *log, double begin,
-                                 double end, rx_error *err)
+rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_network_input *input,
+                                 double pedestal, float *f, float *next, const rx_blocks_progress *progress,
+                                 rx_error *err)
 {
-    job j = {.optics = optics, .f = f, .x = x, .mask = mask, .pedestal = pedestal, .dst = next};
+    job j = {.optics = optics, .f = f, .x = input->x, .mask = input->mask, .pedestal = pedestal, .dst = next};
     const rx_blocks_spent spent = {f, optics->width, optics->halo};
-    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &j, &spent, log, begin, end,
-                                  err);
-}
-
-/* ADU from n pixels of the model m (noise units). */
-RX_WIDE static void to_adu(int n, const float *restrict m, const float *restrict scale, float *restrict dst)
-{
-#pragma omp simd
-    for (int i = 0; i < n; i++) {
-        const double value = (double)m[i] * (double)scale[i];
-        dst[i] = (float)value;
-    }
-    /* one choice in a loop, or it does not become vectors */
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        dst[i] = dst[i] > FLT_MAX ? FLT_MAX : dst[i];
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        dst[i] = dst[i] < -FLT_MAX ? -FLT_MAX : dst[i];
-}
-
-/* term[n]: (x - m)^2 / variance of n pixels of the model m, 0 under the mask. photon: noise units^2 per unit
- * of the model and ADU of scale. */
-RX_WIDE static void residuals(int n, const float *restrict x, const float *restrict m,
-                              const float *restrict scale, const float *restrict sigma,
-                              const uint8_t *restrict mask, double photon, double *restrict term)
-{
-#pragma omp simd
-    for (int i = 0; i < n; i++) {
-        const float known = (sigma[i] > 0) & (sigma[i] <= FLT_MAX) ? sigma[i] : scale[i];
-        const float light = m[i] > 0 ? m[i] : 0;
-        const double unit = (double)scale[i], residual = (double)x[i] - (double)m[i];
-        const double sky = (double)known / unit;
-        term[i] = residual * residual / (sky * sky + photon * (double)light / unit);
-    }
-    for (int i = 0; i < n; i++)
-        if (mask[i] != 0)
-            term[i] = 0;
+    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &j, &spent, progress, err);
 }
 
 static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *err)
 {
     const job *j = user;
     const rx_network_optics *optics = j->optics;
-    const rx_blocks *blocks = optics->blocks;
-    rx_network_optics_work *work = &optics->work[thread];
-    const int x0 = bx - optics->halo, y0 = by - optics->halo;
-    const int block = (by - blocks->y) / blocks->height * blocks->nx + (bx - blocks->x) / blocks->width;
+    rx_network_optics_work *work = work_at(optics, thread, bx, by);
     const part p = part_of(optics, bx, by);
-    const int n = p.x1 - p.x0;
-    const double photon = j->tile->gain > 0 && isfinite(j->tile->gain) ? 1 / j->tile->gain : 0;
-    double sum = 0;
-    long count = 0;
     (void)err;
     if (!optics->relative.varies) {
-        const rx_rows rows = rows_of(optics, work, &p, x0, y0);
-        rx_rows_blur(&rows, optics->relative.spectrum[0], j->f);
-    } else {
-        read_domain(j, work, j->f, x0, y0, work->a);
-        apply(optics, &optics->relative, work, x0, y0, work->a, work->c, work->b);
+        const rx_rows rows = rows_of(optics, work, &p);
+        rx_rows_filter(&rows, optics->relative.spectrum[0], j->f, j->dst);
+        return RX_OK;
     }
-    for (int y = p.y0; y < p.y1; y++) {
-        const size_t k = (size_t)y * optics->width + (size_t)p.x0;
-        const float *m = work->b + (size_t)(y - y0) * rx_fft_stride_real(work->fft) + (p.x0 - x0);
-        rx_coarse_row(j->scale, y, p.x0, n, work->line);
-        if (j->dst != NULL)
-            to_adu(n, m, work->line, j->dst + k);
-        residuals(n, j->x + k, m, work->line, rx_map_row(&j->noise, y, p.x0, n, work->room), j->mask + k,
-                  photon, work->term);
-        for (int i = 0; i < n; i++) {
-            sum += work->term[i];
-            count += j->mask[k + (size_t)i] == 0;
-        }
-    }
-    j->sums[block] = sum;
-    j->counts[block] = (double)count;
+    read_domain(j, work, j->f, work->a);
+    apply(optics, &optics->relative, work, work->a, work->c, work->b);
+    for (int y = p.y0; y < p.y1; y++)
+        memcpy(j->dst + (size_t)y * optics->width + p.x0,
+               work->b + (size_t)(y - work->y0) * rx_fft_stride_real(work->fft) + (p.x0 - work->x0),
+               (size_t)(p.x1 - p.x0) * sizeof(float));
     return RX_OK;
 }
 
-rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, const float *x,
-                                   const uint8_t *mask, const rx_coarse *scale, const rx_tile *tile,
-                                   const rx_background *background, float *reblurred, double *chi2,
-                                   rx_log *log, double begin, double end, rx_error *err)
+rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
+                                   const rx_blocks_progress *progress, rx_error *err)
 {
-    const int n = optics->blocks->nx * optics->blocks->ny;
-    job j = {.optics = optics,
-             .f = f,
-             .x = x,
-             .mask = mask,
-             .dst = reblurred,
-             .scale = scale,
-             .tile = tile,
-             .noise = rx_background_noise(background),
-             .sums = RX_NEW(double, (size_t)n),
-             .counts = RX_NEW(double, (size_t)n)};
-    rx_status status = RX_OK;
-    double sum = 0, count = 0;
-    if (j.sums == NULL || j.counts == NULL) {
-        status = rx_error_memory(err, 2 * (size_t)n * sizeof(double));
-        goto exit;
-    }
-    status = rx_blocks_run(optics->blocks, optics->nthreads, reblur_block, &j, log, begin, end, err);
-    for (int b = 0; b < n; b++) {
-        sum += j.sums[b];
-        count += j.counts[b];
-    }
-    *chi2 = count > 0 ? sum / count : NAN;
-exit:
-    free(j.sums);
-    free(j.counts);
-    return status;
+    job j = {.optics = optics, .f = f, .dst = dst};
+    return rx_blocks_run(optics->blocks, optics->nthreads, reblur_block, &j, progress, err);
 }
 
 static rx_status support_block(void *user, int thread, int bx, int by, rx_error *err)
 {
     const job *j = user;
     const rx_network_optics *optics = j->optics;
-    rx_network_optics_work *work = &optics->work[thread];
-    const int x0 = bx - optics->halo, y0 = by - optics->halo;
+    rx_network_optics_work *work = work_at(optics, thread, bx, by);
     const part p = part_of(optics, bx, by);
     (void)err;
-    const long bad = read_good(j, work, x0, y0, work->a);
+    const long bad = read_good(j, work, work->a);
     if (bad > 0)
-        adjoint(optics, j->plain, work, x0, y0, work->a, work->c, work->b);
+        adjoint(optics, j->plain, work, work->a, work->c, work->b);
     for (int y = p.y0; y < p.y1; y++)
         for (int x = p.x0; x < p.x1; x++) {
             const float share =
-                bad > 0 ? 1 - work->b[(size_t)(y - y0) * rx_fft_stride_real(work->fft) + (x - x0)] : 0;
+                bad > 0 ? 1 - work->b[(size_t)(y - work->y0) * rx_fft_stride_real(work->fft) + (x - work->x0)]
+                        : 0;
             j->dst[(size_t)y * optics->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
         }
     return RX_OK;
 }
 
 rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8_t *mask, float *support,
-                                    rx_log *log, double begin, double end, rx_error *err)
+                                    const rx_blocks_progress *progress, rx_error *err)
 {
     const rx_psf *psf = optics->psf;
     rx_otf plain = {0};
     job j = {.optics = optics, .mask = mask, .dst = support, .plain = &plain};
-    rx_status status =
-        rx_otf_new(optics->work->fft, psf, psf->basis, psf->size, optics->width, optics->height, &plain, err);
+    rx_status status = rx_otf_new(optics->work->fft, optics, psf->basis, psf->size, &plain, err);
     if (status == RX_OK)
-        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, log, begin, end, err);
+        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, progress, err);
     rx_otf_free(&plain);
     return status;
 }

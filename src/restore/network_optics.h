@@ -45,9 +45,9 @@ typedef struct rx_network_optics {
     float *fwhm;     /* [ny][nx] pixels */
 } rx_network_optics;
 
-/* The blocks and the PSF must outlive it. epsilon <= 0: no Tikhonov filters. Errors: RX_INPUT (no usable
- * PSF), RX_SYSTEM. */
-rx_status rx_network_optics_new(const rx_psf *psf, double target_fwhm, double epsilon, int width, int height,
+/* Of the image's size and PSF; the PSF and the blocks must outlive it. epsilon <= 0: no Tikhonov filters.
+ * Errors: RX_INPUT (no usable PSF), RX_SYSTEM. */
+rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, double epsilon,
                                 const rx_blocks *blocks, int nthreads, rx_network_optics **dst,
                                 rx_error *err);
 void rx_network_optics_free(rx_network_optics *optics); /* NULL is fine */
@@ -56,23 +56,20 @@ void rx_network_optics_free(rx_network_optics *optics); /* NULL is fine */
 void rx_network_optics_fwhm_row(const rx_network_optics *optics, int y, int x, int n, float *dst);
 
 /* w = Tikhonov(x) */
-rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w, rx_log *log,
-                                     double begin, double end, rx_error *err);
+rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w,
+                                     const rx_blocks_progress *progress, rx_error *err);
 
 /* next = the step from f, whose values are lost: its memory goes as `next` comes. */
-rx_status rx_network_optics_step(const rx_network_optics *optics, float *f, const float *x,
-                                 const uint8_t *mask, double pedestal, float *next, rx_log *log, double begin,
-                                 double end, rx_error *err);
+rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_network_input *input,
+                                 double pedestal, float *f, float *next, const rx_blocks_progress *progress,
+                                 rx_error *err);
 
-/* reblurred (NULL: not wanted) = scale K' f, ADU; *chi2 = mean over good pixels of (x - K' f)^2 / variance,
- * that of the background and of the model's photons (tile->gain); NAN without good pixels. */
-rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, const float *x,
-                                   const uint8_t *mask, const rx_coarse *scale, const rx_tile *tile,
-                                   const rx_background *background, float *reblurred, double *chi2,
-                                   rx_log *log, double begin, double end, rx_error *err);
+/* dst = K' f */
+rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
+                                   const rx_blocks_progress *progress, rx_error *err);
 
-/* support = 1 - K^T (1 at good pixels), K the tile's PSF */
+/* support = 1 - K^T (1 at good pixels), K the image's PSF */
 rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8_t *mask, float *support,
-                                    rx_log *log, double begin, double end, rx_error *err);
+                                    const rx_blocks_progress *progress, rx_error *err);
 
 #endif

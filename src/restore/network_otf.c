@@ -67,9 +67,11 @@ void rx_otf_spectrum(const rx_fft *fft, const float *stamp, int size, float *spe
     rx_fft_forward_rows(fft, read_stamp, &rows, spectrum);
 }
 
-static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const float *stamp, int size,
-                          int width, int height, rx_otf *dst, rx_error *err)
+static rx_status add_term(const rx_fft *fft, const rx_network_optics *optics, int basis, const float *stamp,
+                          int size, rx_otf *dst, rx_error *err)
 {
+    const rx_psf *psf = optics->psf;
+    const int width = optics->width, height = optics->height;
     const int i = dst->n++;
     float *spectrum = dst->spectrum[i] = rx_fft_complex(fft);
     float *cx = dst->cx[i] = RX_NEW(float, (size_t)width), *cy = dst->cy[i] = RX_NEW(float, (size_t)height);
@@ -83,9 +85,10 @@ static rx_status add_term(const rx_fft *fft, const rx_psf *psf, int basis, const
     return RX_OK;
 }
 
-rx_status rx_otf_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
-                     int height, rx_otf *dst, rx_error *err)
+rx_status rx_otf_new(const rx_fft *fft, const rx_network_optics *optics, const float *stamps, int size,
+                     rx_otf *dst, rx_error *err)
 {
+    const rx_psf *psf = optics->psf;
     const size_t n = (size_t)size * (size_t)size;
     const double peak = largest(stamps, n);
     rx_status status = RX_OK;
@@ -98,11 +101,11 @@ rx_status rx_otf_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, 
     }
     for (int b = 0; b < psf->nbasis && status == RX_OK; b++) {
         const float *stamp = stamps + n * (size_t)b;
-        const double x = fmax(fabs(psf->x0), fabs(width - 1 - psf->x0)) / psf->xs,
-                     y = fmax(fabs(psf->y0), fabs(height - 1 - psf->y0)) / psf->ys;
+        const double x = fmax(fabs(psf->x0), fabs(optics->width - 1 - psf->x0)) / psf->xs,
+                     y = fmax(fabs(psf->y0), fabs(optics->height - 1 - psf->y0)) / psf->ys;
         const double most = fabs(power(x, psf->px[b]) * power(y, psf->py[b])) * largest(stamp, n);
         if (b == 0 || most > NEGLIGIBLE * peak)
-            status = add_term(fft, psf, b, stamp, size, width, height, dst, err);
+            status = add_term(fft, optics, b, stamp, size, dst, err);
     }
     return status;
 }

@@ -15,10 +15,10 @@ void rx_otf_spectrum(const rx_fft *fft, const float *stamp, int size, float *spe
 /* 1: the PSF is not the same everywhere. */
 int rx_otf_varies(const rx_psf *psf);
 
-/* stamps [psf->nbasis][size][size] with the polynomials of psf. Terms that nowhere reach 1e-6 of the first
+/* stamps [nbasis][size][size] with the polynomials of optics->psf on its tile. Terms that nowhere reach 1e-6 of the first
  * stamp's peak are left out. Errors: RX_SYSTEM. */
-rx_status rx_otf_new(const rx_fft *fft, const rx_psf *psf, const float *stamps, int size, int width,
-                     int height, rx_otf *dst, rx_error *err);
+rx_status rx_otf_new(const rx_fft *fft, const rx_network_optics *optics, const float *stamps, int size,
+                     rx_otf *dst, rx_error *err);
 void rx_otf_free(rx_otf *otf);
 
 /* *stamps [psf->nbasis][*size][*size], the caller's to free: the relative PSF of nn/deblur.h, basis image by

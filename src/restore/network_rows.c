@@ -249,12 +249,6 @@ void rx_rows_filter(const rx_rows *rows, const float *kernel, const float *src, 
     transform(&e, read_tile, kernel, false, write_tile);
 }
 
-void rx_rows_blur(const rx_rows *rows, const float *kernel, const float *src)
-{
-    const ends e = {.rows = rows, .src = src};
-    transform(&e, read_tile, kernel, false, write_domain);
-}
-
 void rx_rows_inside(const float *stamp, int radius, double *inside)
 {
     const int size = 2 * radius + 1, stride = size + 1;

@@ -20,9 +20,6 @@ typedef struct rx_rows {
 /* dst (a plane of the tile, its part) = kernel * src */
 void rx_rows_filter(const rx_rows *rows, const float *kernel, const float *src, float *dst);
 
-/* b (rows and columns of the block, in the domain) = K' src */
-void rx_rows_blur(const rx_rows *rows, const float *kernel, const float *src);
-
 /* A stamp of (2 radius + 1)^2 pixels: spectrum, and inside[j][i], (2 radius + 2)^2, the sum of its first j
  * rows and i columns, which tells how much of it lies on the tile near a border. */
 typedef struct rx_rows_kernel {

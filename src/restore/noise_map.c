@@ -122,11 +122,15 @@ RX_WIDE static void make_noise(int n, const float *restrict num, const float *re
         map[i] *= factor;
 }
 
-/* Pixels x0 .. x0 + n - 1 of the rows y0 .. y1 - 1, at most COLUMNS and ROWS, into map, rows `stride` apart.
- */
-static void make_block(const noise_maker *j, sums *s, int x0, int y0, int n, int y1, size_t stride,
-                       float *map)
+/* Pixels x .. x + n - 1 of the rows y .. end - 1, at most COLUMNS and ROWS. */
+typedef struct piece {
+    int x, y, n, end;
+} piece;
+
+/* Into map, rows `stride` apart. */
+static void make_block(const noise_maker *j, sums *s, const piece *p, size_t stride, float *map)
 {
+    const int x0 = p->x, y0 = p->y, n = p->n, y1 = p->end;
     float num[COLUMNS], den[COLUMNS], room[COLUMNS];
     const int width = j->width, height = j->height, r = j->radius;
     const int top = y0 > r ? y0 - r : 0, end = y1 + r < height ? y1 + r : height;
@@ -161,15 +165,16 @@ static void make(const rx_map_maker *maker, int x, int y, int n, int rows, float
 {
     sums *s = take_room((const noise_maker *)maker);
     for (int top = 0; top < rows; top += ROWS)
-        for (int left = 0; left < n; left += COLUMNS)
-            make_block((const noise_maker *)maker, s, x + left, y + top,
-                       n - left < COLUMNS ? n - left : COLUMNS, y + (rows - top < ROWS ? rows : top + ROWS),
-                       (size_t)n, dst + (size_t)top * (size_t)n + left);
+        for (int left = 0; left < n; left += COLUMNS) {
+            const piece p = {x + left, y + top, n - left < COLUMNS ? n - left : COLUMNS,
+                             y + (rows - top < ROWS ? rows : top + ROWS)};
+            make_block((const noise_maker *)maker, s, &p, (size_t)n, dst + (size_t)top * (size_t)n + left);
+        }
     atomic_flag_clear(&s->taken);
 }
 
-rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                       float factor, int nthreads, rx_map_maker **dst, rx_error *err)
+rx_status rx_noise_map(const rx_image *image, const uint8_t *mask, float factor, int nthreads,
+                       rx_map_maker **dst, rx_error *err)
 {
     const int rooms = nthreads < 1 ? 1 : nthreads;
     const size_t bytes = sizeof(noise_maker) + (size_t)rooms * sizeof(sums);
@@ -178,11 +183,11 @@ rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, con
     if (j == NULL)
         return rx_error_memory(err, bytes);
     *j = (noise_maker){.maker.make = make,
-                       .width = tile->width,
-                       .height = tile->height,
-                       .pixels = tile->pixels,
-                       .level = rx_background_level(background),
-                       .noise = rx_background_noise(background),
+                       .width = image->width,
+                       .height = image->height,
+                       .pixels = image->pixels,
+                       .level = rx_image_sky(image),
+                       .noise = image->noise,
                        .mask = mask,
                        .factor = factor,
                        .radius = rx_gauss_radius(SMOOTH_FWHM),

@@ -15,15 +15,15 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "data/image.h"
 #include "data/map.h"
-#include "data/tile.h"
 
-/* *dst makes `factor` times that, ADU, from the tile, its background and the mask, which must live as long;
- * to be freed with free(). mask as a restorer honours it (non-zero: hidden; NULL: nothing is); hidden pixels
- * are not looked at, the sigma around them stays as it is, but the light of RX_MASK_UNTOUCHED counts. A row by
- * itself costs what 17 do. More than nthreads threads at once wait for each other. Errors:
+/* *dst makes `factor` times that, ADU, of an image whose owners must live as long; to be freed with free().
+ * mask: the one that a restorer honoured (non-zero: hidden; NULL: nothing is), in place of the image's; hidden
+ * pixels are not looked at, the sigma around them stays as it is, but the light of RX_MASK_UNTOUCHED counts.
+ * A row by itself costs what 17 do. More than nthreads threads at once wait for each other. Errors:
  * RX_SYSTEM. */
-rx_status rx_noise_map(const rx_tile *tile, const rx_background *background, const uint8_t *mask,
-                       float factor, int nthreads, rx_map_maker **dst, rx_error *err);
+rx_status rx_noise_map(const rx_image *image, const uint8_t *mask, float factor, int nthreads,
+                       rx_map_maker **dst, rx_error *err);
 
 #endif

@@ -123,28 +123,32 @@ static rx_status keep_points(rx_point *list, size_t count, rx_point *points, int
     return RX_OK;
 }
 
-typedef struct points_list {
+typedef struct finder {
+    const rx_rl *rl;
+    int radius; /* of the disk */
+    double bluntness;
     rx_point *list;
     size_t count, room;
-} points_list;
+} finder;
 
-static rx_status add_point(points_list *list, const rx_point *point, rx_error *err)
+static rx_status add_point(finder *f, const rx_point *point, rx_error *err)
 {
-    if (list->count == list->room) {
-        list->room = list->room > 0 ? 2 * list->room : 256;
-        rx_point *more = rx_regrow(list->list, list->room, sizeof *more);
+    if (f->count == f->room) {
+        f->room = f->room > 0 ? 2 * f->room : 256;
+        rx_point *more = rx_regrow(f->list, f->room, sizeof *more);
         if (more == NULL)
-            return rx_error_memory(err, list->room * sizeof *more);
-        list->list = more;
+            return rx_error_memory(err, f->room * sizeof *more);
+        f->list = more;
     }
-    list->list[list->count++] = *point;
+    f->list[f->count++] = *point;
     return RX_OK;
 }
 
-/* Those of n pixels from (x, y) on; r: the disk's radius. */
-static rx_status find_in_piece(const rx_rl *rl, int y, int x, int n, int r, double bluntness,
-                               points_list *list, rx_error *err)
+/* Those of n pixels from (x, y) on. */
+static rx_status find_in_piece(finder *f, int y, int x, int n, rx_error *err)
 {
+    const rx_rl *rl = f->rl;
+    const int r = f->radius;
     const rx_prepared *prepared = rl->prepared;
     const float level = (float)(1 + PEAK_SIGMA * prepared->sigma);
     float room[PIECE];
@@ -153,11 +157,11 @@ static rx_status find_in_piece(const rx_rl *rl, int y, int x, int n, int r, doub
     for (int i = 0; i < n && status == RX_OK; i++) {
         const int at = x + i;
         if (!(data[i] > level) || !(object_at(rl, at, y) > level) || !is_peak(rl, at, y) ||
-            !is_isolated(rl, at, y, r) || !(data_bluntness(prepared, at, y) > SHARPEST * bluntness))
+            !is_isolated(rl, at, y, r) || !(data_bluntness(prepared, at, y) > SHARPEST * f->bluntness))
             continue;
         const rx_point point = measure(rl, at, y, r);
         if (point.flux > 0 && fabs(point.cx - at) <= 1 && fabs(point.cy - y) <= 1)
-            status = add_point(list, &point, err);
+            status = add_point(f, &point, err);
     }
     return status;
 }
@@ -167,13 +171,13 @@ rx_status rx_points_find(const rx_rl *rl, double fwhm, double bluntness, rx_poin
 {
     const rx_prepared *prepared = rl->prepared;
     const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm)), end = prepared->width - 2 * r;
-    points_list list = {0};
+    finder f = {.rl = rl, .radius = r, .bluntness = bluntness};
     rx_status status = RX_OK;
     for (int y = 2 * r; y < prepared->height - 2 * r && status == RX_OK; y++)
         for (int x = 2 * r; x < end && status == RX_OK; x += PIECE)
-            status = find_in_piece(rl, y, x, end - x < PIECE ? end - x : PIECE, r, bluntness, &list, err);
+            status = find_in_piece(&f, y, x, end - x < PIECE ? end - x : PIECE, err);
     if (status == RX_OK)
-        status = keep_points(list.list, list.count, points, n, err);
-    free(list.list);
+        status = keep_points(f.list, f.count, points, n, err);
+    free(f.list);
     return status;
 }

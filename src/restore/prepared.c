@@ -1,4 +1,4 @@
-/* Tile and background to data, weights and noise in units of the pedestal. */
+/* An image to data, weights and noise in units of the pedestal. */
 #include "restore/prepared.h"
 
 #include <float.h>
@@ -18,12 +18,12 @@ static const double SIGMA_LOW = 1e-3; /* smallest sigma believed, medians */
 static const double NOISELESS = 1e-3; /* sigma of a tile without noise, share of its peak */
 
 /* Bits of n pixels; how many are hidden. */
-static size_t mask_piece(const uint8_t *from, int honoured, const float *pixels, const float *level, int n,
+static size_t mask_piece(const uint8_t *from, int hide, const float *pixels, const float *level, int n,
                          uint8_t *mask)
 {
     size_t hidden = 0;
     for (int i = 0; i < n; i++) {
-        int bits = from[i] & honoured;
+        int bits = from != NULL ? from[i] & hide : 0;
         if (bits == 0 && !isfinite(pixels[i] - level[i]))
             bits = RX_MASK_BAD;
         if (bits != 0) { /* most of the plane is never touched */
@@ -34,22 +34,20 @@ static size_t mask_piece(const uint8_t *from, int honoured, const float *pixels,
     return hidden;
 }
 
-size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                        uint8_t *mask)
+size_t rx_prepared_mask(const rx_image *image, int nthreads, uint8_t *mask)
 {
-    const int honoured = RX_MASK_BAD | RX_MASK_WEIGHT | (par->mask_saturated ? RX_MASK_SATURATED : 0);
-    const rx_map level = rx_background_level(background);
+    const rx_map level = rx_image_sky(image);
     size_t hidden = 0;
-#pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1) reduction(+ : hidden)
-    for (int y = 0; y < tile->height; y++)
-        for (int x = 0; x < tile->width; x += PIECE) {
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : hidden)
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x += PIECE) {
             float room[PIECE];
-            const int n = tile->width - x < PIECE ? tile->width - x : PIECE;
-            const size_t k = (size_t)y * (size_t)tile->width + (size_t)x;
-            hidden += mask_piece(tile->mask + k, honoured, tile->pixels + k,
+            const int n = image->width - x < PIECE ? image->width - x : PIECE;
+            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+            hidden += mask_piece(image->mask != NULL ? image->mask + k : NULL, image->hide, image->pixels + k,
                                  rx_map_row(&level, y, x, n, room), n, mask + k);
         }
-    return (size_t)tile->width * (size_t)tile->height - hidden;
+    return (size_t)image->width * (size_t)image->height - hidden;
 }
 
 static int usable(float sigma)
@@ -69,11 +67,11 @@ static void sample_row(const rx_prepared *prepared, int y, int x, int n, sample 
     float level_room[PIECE], sigma_room[PIECE];
     const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
     const float *level = rx_map_row(&prepared->level, y, x, n, level_room),
-                *sigma = rx_map_row(&prepared->noise, y, x, n, sigma_room);
+                *sigma = rx_map_row(&prepared->image.noise, y, x, n, sigma_room);
     for (int i = 0; i < n; i++) {
         if (prepared->mask[k + (size_t)i] != 0)
             continue;
-        dst->peak = fmax(dst->peak, fabs((double)prepared->tile->pixels[k + (size_t)i] - level[i]));
+        dst->peak = fmax(dst->peak, fabs((double)prepared->image.pixels[k + (size_t)i] - level[i]));
         if (dst->seen++ % dst->step == 0 && usable(sigma[i]))
             dst->values[dst->count++] = sigma[i];
     }
@@ -119,7 +117,7 @@ const float *rx_prepared_data(const rx_prepared *prepared, int y, int x, int n, 
     const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
     if (prepared->data != NULL)
         return prepared->data + k;
-    make_data(n, prepared->tile->pixels + k, rx_map_row(&prepared->level, y, x, n, room), prepared->pedestal,
+    make_data(n, prepared->image.pixels + k, rx_map_row(&prepared->level, y, x, n, room), prepared->pedestal,
               prepared->mask + k, room);
     return room;
 }
@@ -147,7 +145,8 @@ const float *rx_prepared_weight(const rx_prepared *prepared, int y, int x, int n
     const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
     if (prepared->weight != NULL)
         return prepared->weight + k;
-    make_weight(n, rx_map_row(&prepared->noise, y, x, n, room), prepared->median, prepared->mask + k, room);
+    make_weight(n, rx_map_row(&prepared->image.noise, y, x, n, room), prepared->median, prepared->mask + k,
+                room);
     return room;
 }
 
@@ -163,7 +162,7 @@ RX_WIDE static void make_variance(int n, const float *sigma, double median, doub
 
 void rx_prepared_variance(const rx_prepared *prepared, int y, int x, int n, float *dst)
 {
-    make_variance(n, rx_map_row(&prepared->noise, y, x, n, dst), prepared->median, prepared->sigma,
+    make_variance(n, rx_map_row(&prepared->image.noise, y, x, n, dst), prepared->median, prepared->sigma,
                   prepared->mask + (size_t)y * (size_t)prepared->width + (size_t)x, dst);
 }
 
@@ -196,20 +195,19 @@ static void set_planes(rx_prepared *prepared, float *data, float *weight)
     prepared->weight = weight;
 }
 
-rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                          rx_prepared **dst, rx_error *err)
+rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, rx_prepared **dst,
+                          rx_error *err)
 {
     *dst = NULL;
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const size_t n = (size_t)image->width * (size_t)image->height;
     rx_prepared *prepared = RX_NEW(rx_prepared, 1);
     if (prepared == NULL)
         return rx_error_memory(err, sizeof *prepared);
-    prepared->width = tile->width;
-    prepared->height = tile->height;
+    prepared->width = image->width;
+    prepared->height = image->height;
     prepared->nthreads = par->nthreads < 1 ? 1 : par->nthreads;
-    prepared->tile = tile;
-    prepared->level = rx_background_level(background);
-    prepared->noise = rx_background_noise(background);
+    prepared->image = *image;
+    prepared->level = rx_image_sky(image);
     prepared->mask = RX_NEW(uint8_t, n);
     float *data = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL,
           *weight = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL;
@@ -218,14 +216,14 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, con
         status = rx_error_memory(err, 2 * n * sizeof(float));
         goto exit;
     }
-    prepared->good = rx_prepared_mask(par, tile, background, prepared->mask);
+    prepared->good = rx_prepared_mask(image, prepared->nthreads, prepared->mask);
     double median = 1, high = 1;
     if ((status = measure_sigma(prepared, &median, &high, err)) != RX_OK)
         goto exit;
     prepared->pedestal = choose_pedestal(par, median, high);
     prepared->median = median;
     prepared->sigma = median / prepared->pedestal;
-    prepared->photon = tile->gain > 0 && isfinite(tile->gain) ? 1 / (tile->gain * prepared->pedestal) : 0;
+    prepared->photon = image->gain > 0 && isfinite(image->gain) ? 1 / (image->gain * prepared->pedestal) : 0;
     set_planes(prepared, data, weight);
     data = weight = NULL;
 exit:

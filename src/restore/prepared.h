@@ -21,35 +21,34 @@
 #define RX_RESTORE_PREPARED_H
 
 #include "base/error.h"
+#include "data/image.h"
 #include "data/map.h"
-#include "data/tile.h"
 #include "restore/restore.h"
 
 #define RX_PREPARED_KEPT ((size_t)1 << 26)
 
 typedef struct rx_prepared {
     int width, height, nthreads;
-    const rx_tile *tile; /* not owned, like what the maps were made from */
-    rx_map level, noise; /* ADU */
-    float *data;         /* [height][width], NULL: not kept; see rx_prepared_data() */
-    float *weight;       /* likewise, rx_prepared_weight() */
-    uint8_t *mask;       /* [height][width], the tile's bits as far as honoured */
-    double pedestal;     /* p, ADU */
-    double photon;       /* 1 / (gain p), 0 without gain: var = variance + photon max(value - 1, 0) */
-    double sigma;        /* median over good pixels, in units of p */
-    double median;       /* the same in ADU */
-    float peak;          /* largest value of data */
-    size_t good;         /* pixels that are not masked */
+    rx_image image;  /* its owners must live as long */
+    rx_map level;    /* of the image, ADU */
+    float *data;     /* [height][width], NULL: not kept; see rx_prepared_data() */
+    float *weight;   /* likewise, rx_prepared_weight() */
+    uint8_t *mask;   /* [height][width], the image's bits as far as honoured */
+    double pedestal; /* p, ADU */
+    double photon;   /* 1 / (gain p), 0 without gain: var = variance + photon max(value - 1, 0) */
+    double sigma;    /* median over good pixels, in units of p */
+    double median;   /* the same in ADU */
+    float peak;      /* largest value of data */
+    size_t good;     /* pixels that are not masked */
 } rx_prepared;
 
-/* The tile's mask as far as it is honoured, into mask[height][width], zeroed before; a difference to the sky
+/* The bits by which the image hides pixels, into mask[height][width], zeroed before; a difference to the sky
  * that is not finite is bad as well. Returns the number of good pixels. */
-size_t rx_prepared_mask(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                        uint8_t *mask);
+size_t rx_prepared_mask(const rx_image *image, int nthreads, uint8_t *mask);
 
-/* Tile and background must outlive it. Errors: RX_SYSTEM without memory. */
-rx_status rx_prepared_new(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                          rx_prepared **dst, rx_error *err);
+/* Errors: RX_SYSTEM without memory. */
+rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, rx_prepared **dst,
+                          rx_error *err);
 void rx_prepared_free(rx_prepared *prepared);
 
 /* n pixels of a row of the tile from (x, y) on, in the plane where there is one, else in `room`, the caller's

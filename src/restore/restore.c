@@ -1,24 +1,21 @@
-/* The table of restorers. A new kind is one more row: its name as users give it in RESTORE_TYPE, one line of
- * help, whether it needs the tile's PSF, and its function. */
+/* The table of restorers, from the rows of data/restorers.h. */
 #include "restore/restore.h"
 
 #include <stddef.h>
 #include <string.h>
 #include <strings.h>
 
-#include "restore/network.h"
-#include "restore/none.h"
-#include "restore/richardson_lucy.h"
-#include "restore/rl_blind.h"
+#include "restore/runs.h"
 
-static const rx_restorer restorers[] = {
-    {"NONE", "the tile as it is, background subtracted", 0, rx_none_run},
-    {"RL", "Richardson-Lucy with the given PSF", 1, rx_rl_run},
-    {"RL_BLIND", "Richardson-Lucy that improves the PSF as well", 1, rx_rl_blind_run},
-    {"NET", "a trained network", 1, rx_network_run},
-};
+/* clang-format off */
+#define RESTORER(name, run, psf, cost, help) {#name, help, psf, run},
+static const rx_restorer restorers[] = {RX_RESTORERS(RESTORER)};
+#undef RESTORER
+/* clang-format on */
 
 enum { NRESTORERS = sizeof restorers / sizeof *restorers };
+
+_Static_assert((int)NRESTORERS <= (int)RX_MAX_RUNS, "a run can take all of them");
 
 const rx_restorer *rx_restorers(int *n)
 {

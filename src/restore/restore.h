@@ -1,20 +1,21 @@
-/* Restorers: tile + PSF in, restored tile + the PSF of the output out.
+/* Restorers: an image with its sky, noise and PSF in, the restored image with the PSF of the output out.
  *
- * One row per kind in restore.c. All of them hand on
- * background-subtracted ADU on the input's flux scale, finite everywhere, 0 under the mask, and no
- * value under the mask reaches any output. The same bytes for any nthreads. *dst belongs to the caller
- * (rx_restored_free()), NULL after an error. Errors: RX_INPUT
- * (PSF larger than the tile or not finite), RX_SYSTEM, RX_INTERRUPTED. */
+ * One row per kind in data/restorers.h. All of them take what image->hide hides as masked and hand on ADU above the
+ * sky on the input's flux scale, finite everywhere, 0 under the mask, and no value under the mask reaches any
+ * output. What they hand on may read the image's planes, whose owners must live as long. The same bytes for
+ * any nthreads. *dst belongs to the caller (rx_restored_free()), NULL after an error. Errors: RX_INPUT (PSF
+ * larger than the image or not finite), RX_SYSTEM, RX_INTERRUPTED. */
 #ifndef RX_RESTORE_RESTORE_H
 #define RX_RESTORE_RESTORE_H
 
 #include "base/error.h"
+#include "base/extern.h"
 #include "base/log.h"
-#include "data/psf.h"
+#include "data/image.h"
 #include "data/restored.h"
-#include "data/tile.h"
 #include "nn/model.h"
-#include "nn/runner.h"
+
+RX_BEGIN_DECLS
 
 /* What becomes of a tile whose seeing or noise the network was not trained for (OUT_OF_DOMAIN). */
 typedef enum rx_out_of_domain { RX_DOMAIN_WARN, RX_DOMAIN_RL, RX_DOMAIN_FAIL } rx_out_of_domain;
@@ -32,20 +33,22 @@ typedef struct rx_restore_params {
     int net_block;                  /* NET_BLOCK: width of a block, pixels, a multiple of 4 */
     rx_precision precision;         /* NET_PRECISION */
     int verify_seams;               /* VERIFY_SEAMS */
-    rx_out_of_domain out_of_domain; /* obeyed by the stage (stage/domain.h), not by the restorer */
+    rx_out_of_domain out_of_domain; /* obeyed by the pipeline (pipeline/domain.h), not by the restorer */
     int fallback;                   /* RESTORE_FALLBACK, likewise: another restorer may do the tile */
-    int mask_saturated;             /* saturated pixels are masked, in every kind */
+    int mask_saturated;             /* likewise: saturated pixels of its image are hidden */
     int keep_reblurred;             /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int keep_support;               /* and .support (check-image SUPPORT) */
     int nthreads;
 } rx_restore_params;
 
+enum { RX_MAX_RUNS = 16 }; /* restorers of one run */
+
 typedef struct rx_restorer {
     const char *name; /* as in RESTORE_TYPE */
     const char *help; /* one line */
     int needs_psf;    /* or makes use of one: rx_restorer_must_have_psf() */
-    rx_status (*run)(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                     const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+    rx_status (*run)(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
+                     rx_error *err);
 } rx_restorer;
 
 /* The table of kinds, n of them. */
@@ -54,5 +57,7 @@ const rx_restorer *rx_restorer_find(const char *name); /* NULL when unknown */
 
 /* Can this kind not do without a PSF? NET makes use of one, but a BLIND model (par->model) works without. */
 int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par);
+
+RX_END_DECLS
 
 #endif

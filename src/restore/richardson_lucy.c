@@ -351,8 +351,8 @@ static void describe(const rx_restore_params *par, const rx_prepared *prepared, 
         par->rl_pedestal, prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
 }
 
-static rx_status new_restored(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
-                              const char *name, rx_restored **dst, rx_error *err)
+static rx_status new_restored(const rx_restore_params *par, const rx_prepared *prepared, const char *name,
+                              rx_restored **dst, rx_error *err)
 {
     const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_restored *restored = *dst = rx_restored_bare(name, prepared->width, prepared->height);
@@ -361,7 +361,7 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
     restored->support = par->keep_support ? RX_NEW(float, n) : NULL;
     restored->reblurred = par->keep_reblurred ? RX_NEW(float, n) : NULL;
     restored->psf = rx_stamp_gauss(par->rl_denoise);
-    restored->blur = rx_psf_copy(psf);
+    restored->blur = rx_psf_copy(prepared->image.psf);
     if (restored->psf == NULL || restored->blur == NULL || (par->keep_support && restored->support == NULL) ||
         (par->keep_reblurred && restored->reblurred == NULL))
         return rx_error_memory(err, 3 * n * sizeof(float));
@@ -369,13 +369,14 @@ static rx_status new_restored(const rx_restore_params *par, const rx_prepared *p
 }
 
 /* The restored planes from a tile with good pixels; rl and blur are gone before the denoising. */
-static rx_status restore_planes(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
-                                rx_log *log, rx_restored *restored, rx_error *err)
+static rx_status restore_planes(const rx_restore_params *par, const rx_prepared *prepared, rx_log *log,
+                                rx_restored *restored, rx_error *err)
 {
     const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_blur *blur = NULL;
     rx_rl *rl = NULL;
-    rx_status status = rx_blur_new(psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
+    rx_status status =
+        rx_blur_new(prepared->image.psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
     if (status == RX_OK)
         status =
             rx_rl_new(prepared, blur, par->rl_damping,
@@ -414,22 +415,23 @@ static void copy_mask(const uint8_t *src, size_t n, uint8_t *dst)
     }
 }
 
-rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prepared, const rx_psf *psf,
-                        const char *name, const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
+rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prepared, const char *name,
+                        const char *settings, rx_log *log, rx_restored **dst, rx_error *err)
 {
+    const rx_psf *psf = prepared->image.psf;
     const double begun = rx_seconds();
     const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_restored *restored = NULL;
     rx_restore_params used = *wanted;
     const rx_restore_params *par = &used;
-    if (wanted->rl_denoise_by_psf) {
+    *dst = NULL;
+    rx_status status = rx_blur_check(psf, prepared->width, prepared->height, err);
+    if (status == RX_OK && wanted->rl_denoise_by_psf) {
         used.rl_denoise *= psf->fwhm;
         used.rl_denoise_by_psf = 0;
     }
-    *dst = NULL;
-    rx_status status = rx_blur_check(psf, prepared->width, prepared->height, err);
     if (status == RX_OK)
-        status = new_restored(par, prepared, psf, name, &restored, err);
+        status = new_restored(par, prepared, name, &restored, err);
     if (status != RX_OK)
         goto exit;
     if (prepared->good == 0) {
@@ -439,7 +441,7 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         restored->pixels = RX_NEW(float, n);
         if (restored->pixels == NULL)
             status = rx_error_memory(err, n * sizeof *restored->pixels);
-    } else if ((status = restore_planes(par, prepared, psf, log, restored, err)) == RX_OK) {
+    } else if ((status = restore_planes(par, prepared, log, restored, err)) == RX_OK) {
         status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
                                  prepared->nthreads, restored->pixels, err);
     }
@@ -457,14 +459,14 @@ exit:
     return RX_OK;
 }
 
-rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                    const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+rx_status rx_rl_run(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
+                    rx_error *err)
 {
     rx_prepared *prepared = NULL;
     *dst = NULL;
-    rx_status status = rx_prepared_new(par, tile, background, &prepared, err);
+    rx_status status = rx_prepared_new(par, image, &prepared, err);
     if (status == RX_OK)
-        status = rx_rl_restore(par, prepared, psf, "RL", "", log, dst, err);
+        status = rx_rl_restore(par, prepared, "RL", "", log, dst, err);
     rx_prepared_free(prepared);
     return status;
 }

@@ -35,20 +35,15 @@
 
 #include "restore/blur.h"
 #include "restore/prepared.h"
-#include "restore/restore.h"
+#include "restore/runs.h"
 
 /* Pixels of a tile whose model is kept as a plane, at most. */
 #define RX_RL_WHOLE ((size_t)1 << 25)
 
-/* The restorer RL, a row of the table in restore.c. */
-rx_status rx_rl_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                    const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
-
-/* The same on a tile that has been prepared, under the name of another restorer, `settings` added to the
+/* The restorer RL, rx_rl_run(), on an image that has been prepared, under the name of another restorer, `settings` added to the
  * text. */
-rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepared, const rx_psf *psf,
-                        const char *name, const char *settings, rx_log *log, rx_restored **dst,
-                        rx_error *err);
+rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepared, const char *name,
+                        const char *settings, rx_log *log, rx_restored **dst, rx_error *err);
 
 /* The iteration in pieces (the blind restorer alternates it with updates of the PSF). */
 typedef struct rx_rl {

@@ -88,8 +88,9 @@ static rx_status open_planes(rx_seeker *seeker, rx_error *err)
 }
 
 static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, const rx_prepared *prepared,
-                              const rx_psf *psf, rx_error *err)
+                              rx_error *err)
 {
+    const rx_psf *psf = prepared->image.psf;
     const size_t n = (size_t)psf->size * (size_t)psf->size;
     seeker->prepared = prepared;
     seeker->size = psf->size;
@@ -304,8 +305,8 @@ static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *l
     return RX_OK;
 }
 
-rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                          const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err)
+rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
+                          rx_error *err)
 {
     const double begun = rx_seconds();
     rx_prepared *prepared = NULL;
@@ -313,11 +314,11 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, con
     rx_psf *found = NULL;
     char settings[80];
     *dst = NULL;
-    rx_status status = rx_blur_check(psf, tile->width, tile->height, err);
+    rx_status status = rx_blur_check(image->psf, image->width, image->height, err);
     if (status == RX_OK)
-        status = rx_prepared_new(par, tile, background, &prepared, err);
+        status = rx_prepared_new(par, image, &prepared, err);
     if (status == RX_OK)
-        status = seeker_start(&seeker, par, prepared, psf, err);
+        status = seeker_start(&seeker, par, prepared, err);
     if (status == RX_OK && prepared->good > 0) {
         rx_log_progress_begin(log);
         status = seek(&seeker, par, log, err);
@@ -325,7 +326,7 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, con
     }
     if (status != RX_OK)
         goto exit;
-    found = seeker.psf;
+    prepared->image.psf = found = seeker.psf;
     seeker.psf = NULL;
     seeker_free(&seeker);
     seeker = (rx_seeker){0};
@@ -333,7 +334,7 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, con
              found->fwhm);
     snprintf(settings, sizeof settings, "RL_BLIND_CYCLES %d, RL_BLIND_NITER %d", par->blind_cycles,
              par->blind_psf_niter);
-    status = rx_rl_restore(par, prepared, found, "RL_BLIND", settings, log, dst, err);
+    status = rx_rl_restore(par, prepared, "RL_BLIND", settings, log, dst, err);
     if (status == RX_OK)
         (*dst)->seconds = rx_seconds() - begun;
 exit:

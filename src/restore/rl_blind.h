@@ -21,9 +21,6 @@
 #ifndef RX_RESTORE_RL_BLIND_H
 #define RX_RESTORE_RL_BLIND_H
 
-#include "restore/restore.h"
-
-rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_tile *tile, const rx_background *background,
-                          const rx_psf *psf, rx_log *log, rx_restored **dst, rx_error *err);
+#include "restore/runs.h"
 
 #endif

@@ -8,5 +8,6 @@ librextract_la_SOURCES += src/simulate/galaxy.c src/simulate/sersic.c src/simula
 librextract_la_SOURCES += src/simulate/templates.c src/simulate/templates.h
 librextract_la_SOURCES += src/simulate/template_draw.c src/simulate/template_isolate.c src/simulate/template_isolate.h
 librextract_la_SOURCES += src/simulate/truth.c src/simulate/truth.h
+librextract_la_SOURCES += src/simulate/coadd.c src/simulate/coadd.h
 librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h
 librextract_la_SOURCES += src/simulate/sky_noise.c src/simulate/sky_noise.h

@@ -17,6 +17,13 @@ static uint64_t purpose_stream(const rx_noise_params *par, int purpose)
     return par->stream ^ (uint64_t)purpose << 56;
 }
 
+double rx_noise_sigma(const rx_noise_params *par)
+{
+    if (par->type == RX_NOISE_CCD)
+        return sqrt(par->sky / par->gain + par->read_noise * par->read_noise / (par->gain * par->gain));
+    return par->type == RX_NOISE_GAUSS ? par->sigma : 0.0;
+}
+
 static rx_status check(const rx_noise_params *p, rx_error *err)
 {
     if (!isfinite(p->sky) || (p->type == RX_NOISE_GAUSS && !(p->sigma >= 0.0 && isfinite(p->sigma))))

@@ -23,6 +23,9 @@ typedef struct rx_noise_params {
 
 enum { RX_DEFECT_SATURATED = 1, RX_DEFECT_COLUMN = 2, RX_DEFECT_COSMIC = 4 };
 
+/* Of a pixel of sky, ADU. */
+double rx_noise_sigma(const rx_noise_params *par);
+
 /* pixels [height][width] in ADU become the exposed image in place; defects (may be NULL) gets RX_DEFECT_
  * bits, those it has are kept (in a dead column only RX_DEFECT_COLUMN remains). CCD: (Poisson((pixel + sky)
  * gain) + read_noise normal + cosmic rays) / gain, then saturation, then dead columns; not rounded to whole

@@ -91,8 +91,7 @@ static int is_ours(rx_status status)
 
 static rx_status pass_on(rx_status status, const rx_error *error, rx_error *err)
 {
-    if (err != NULL)
-        *err = *error;
+    rx_error_take(err, error);
     return status;
 }
 
@@ -127,7 +126,7 @@ static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *
     float *pixels = NULL, *stamp = NULL;
     int width = 0, height = 0, size = 0;
     double fwhm = 0.0, ellipticity;
-    rx_error error = RX_ERROR_NONE;
+    rx_error error = rx_error_part(err);
     rx_status status = rx_fits_read_image(name, &pixels, &width, &height, &error);
     if (status == RX_OK)
         status = cut_psf(pixels, width, height, &stamp, &size, &error);
@@ -211,7 +210,7 @@ static rx_status add_file(reading *to, const char *path, rx_error *err)
 static rx_status open_catalogue(const char *path, rx_table **dst, rx_error *err)
 {
     rx_table *table = NULL;
-    rx_error error = RX_ERROR_NONE;
+    rx_error error = rx_error_part(err);
     rx_status status = rx_fits_read_table(path, 0, &table, &error);
     *dst = NULL;
     if (status != RX_OK)

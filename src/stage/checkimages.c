@@ -10,7 +10,7 @@
 #include "data/map.h"
 #include "io/fits_digest.h"
 #include "io/fits_write.h"
-#include "stage/field.h"
+#include "pipeline/field.h"
 
 typedef struct checkimage {
     const char *type;
@@ -31,9 +31,15 @@ typedef struct canvas {
 } canvas;
 typedef void (*painter)(const rx_checkimage_data *data, canvas *dst);
 
+static const rx_background *sky_of(const rx_checkimage_data *data)
+{
+    const rx_result *result = data->result;
+    return result->plain ? result->detect->plain : result->detect->restored;
+}
+
 static int hidden(const rx_checkimage_data *data, size_t i)
 {
-    return data->restored->mask[i] != 0;
+    return data->result->restored->mask[i] != 0;
 }
 
 static size_t npixels(const canvas *c)
@@ -43,19 +49,20 @@ static size_t npixels(const canvas *c)
 
 static void paint_identical(const rx_checkimage_data *data, canvas *dst)
 {
+    const rx_tile *tile = data->result->detect->tile;
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->tile->mask[i] & RX_MASK_BAD ? NAN : data->tile->pixels[i];
+        dst->pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
 }
 
 static void paint_background(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map level = rx_background_level(data->background);
+    const rx_map level = rx_background_level(sky_of(data));
     rx_map_fill(&level, dst->height, 1, dst->pixels);
 }
 
 static void paint_rms(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map noise = rx_background_noise(data->background);
+    const rx_map noise = rx_background_noise(sky_of(data));
     rx_map_fill(&noise, dst->height, 1, dst->pixels);
 }
 
@@ -63,44 +70,44 @@ static void paint_restored(const rx_checkimage_data *data, canvas *dst)
 {
     paint_background(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i] + dst->pixels[i];
+        dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i] + dst->pixels[i];
 }
 
 static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = hidden(data, i) ? NAN : data->restored->pixels[i];
+        dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i];
 }
 
 static void paint_filtered(const rx_checkimage_data *data, canvas *dst)
 {
-    memcpy(dst->pixels, data->filtered, npixels(dst) * sizeof(float));
+    memcpy(dst->pixels, data->result->filtered, npixels(dst) * sizeof(float));
 }
 
 static void paint_objects(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->sources->segments[i] != 0 ? data->restored->pixels[i] : 0.0f;
+        dst->pixels[i] = data->result->sources->segments[i] != 0 ? data->result->restored->pixels[i] : 0.0f;
 }
 
 /* Groups too small to be a source are blanked as well, as in SExtractor. */
 static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_sources *sources = data->sources;
+    const rx_sources *sources = data->result->sources;
     for (size_t i = 0; i < npixels(dst); i++) {
         int small = sources->fragments != NULL && sources->fragments[i] == RX_FRAGMENT_SMALL;
         dst->pixels[i] = sources->segments[i] != 0 || small ? 0.0f
                          : hidden(data, i)                  ? NAN
-                                                            : data->restored->pixels[i];
+                                                            : data->result->restored->pixels[i];
     }
 }
 
 /* In sigmas: a restorer that explains the data leaves white noise of width 1. */
 static void paint_residual(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map levels = rx_background_level(data->background);
-    const rx_map noise = rx_background_noise(data->background);
-    const float *reblurred = data->restored->reblurred; /* NULL: nothing was restored */
+    const rx_map levels = rx_background_level(sky_of(data));
+    const rx_map noise = rx_background_noise(sky_of(data));
+    const float *reblurred = data->result->restored->reblurred; /* NULL: nothing was restored */
     for (int y = 0; y < dst->height; y++)
         for (int x = 0; x < dst->width; x += RX_MAP_PIECE) {
             const int n = rx_map_piece(x, dst->width);
@@ -109,8 +116,8 @@ static void paint_residual(const rx_checkimage_data *data, canvas *dst)
             const float *sigma = rx_map_row(&noise, y, x, n, room[1]);
             size_t k = (size_t)y * (size_t)dst->width + (size_t)x;
             for (int i = 0; i < n; i++, k++) {
-                const float input = data->tile->pixels[k] - level[i];
-                const float model = reblurred != NULL ? reblurred[k] : data->restored->pixels[k];
+                const float input = data->result->detect->tile->pixels[k] - level[i];
+                const float model = reblurred != NULL ? reblurred[k] : data->result->restored->pixels[k];
                 dst->pixels[k] = hidden(data, k) || !(sigma[i] > 0.0f) ? NAN : (model - input) / sigma[i];
             }
         }
@@ -119,20 +126,20 @@ static void paint_residual(const rx_checkimage_data *data, canvas *dst)
 static void paint_support(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->restored->support != NULL ? data->restored->support[i]
-                         : hidden(data, i)               ? 1.0f
-                                                         : 0.0f;
+        dst->pixels[i] = data->result->restored->support != NULL ? data->result->restored->support[i]
+                         : hidden(data, i)                       ? 1.0f
+                                                                 : 0.0f;
 }
 
 /* dst = the noise of the sky where a pixel took part in the template fit, else not a number; without a fit
  * none did. */
 static void paint_fitted_noise(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map noise = rx_background_noise(data->fitted_sky);
+    const rx_map noise = rx_background_noise(data->result->measure->restored);
     rx_map_fill(&noise, dst->height, 1, dst->pixels);
     for (size_t i = 0; i < npixels(dst); i++)
-        if (data->tphot == NULL || (data->fitted->mask[i] & RX_HIDE_RESTORED) != 0 ||
-            !(dst->pixels[i] > 0.0f))
+        if (data->result->templates.tphot == NULL ||
+            (data->result->measure->image.mask[i] & RX_HIDE_RESTORED) != 0 || !(dst->pixels[i] > 0.0f))
             dst->pixels[i] = NAN;
 }
 
@@ -141,43 +148,48 @@ static void paint_template_residual(const rx_checkimage_data *data, canvas *dst)
     paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
         if (!isnan(dst->pixels[i]))
-            dst->pixels[i] = data->tphot->residual[i];
+            dst->pixels[i] = data->result->templates.tphot->residual[i];
 }
 
 static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->tphot != NULL ? data->tphot->model[i] : NAN;
+        dst->pixels[i] =
+            data->result->templates.tphot != NULL ? data->result->templates.tphot->model[i] : NAN;
 }
 
 /* In sigmas of sky and photons. */
 static void paint_template_chi(const rx_checkimage_data *data, canvas *dst)
 {
-    const double gain = data->fitted->gain;
+    const double gain = data->result->measure->image.gain;
     paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++) {
         if (isnan(dst->pixels[i]))
             continue;
-        const double sigma = (double)dst->pixels[i], model = (double)data->tphot->model[i];
+        const double sigma = (double)dst->pixels[i], model = (double)data->result->templates.tphot->model[i];
         const double photons = gain > 0.0 && model > 0.0 ? model / gain : 0.0;
-        dst->pixels[i] = (float)((double)data->tphot->residual[i] / sqrt(sigma * sigma + photons));
+        dst->pixels[i] =
+            (float)((double)data->result->templates.tphot->residual[i] / sqrt(sigma * sigma + photons));
     }
 }
 
+typedef struct ellipse {
+    double x, y, a, b, theta;
+} ellipse;
+
 /* Add `value` to the image along an ellipse. */
-static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, double x, double y, double a, double b,
-                         double theta, float value)
+static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, const ellipse *e, float value)
 {
-    int steps = 16 + (int)(8.0 * a);
-    if (!(a > 0.0) || !(b > 0.0) || a > 1e5)
+    const int steps = 16 + (int)(8.0 * e->a);
+    if (!(e->a > 0.0) || !(e->b > 0.0) || e->a > 1e5)
         return;
     for (int k = 0; k < steps; k++) {
-        double t = 2.0 * M_PI * k / steps, u = a * cos(t), v = b * sin(t);
-        int px = (int)lround(x + u * cos(theta) - v * sin(theta));
-        int py = (int)lround(y + u * sin(theta) + v * cos(theta));
-        size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
+        const double t = 2.0 * M_PI * k / steps, u = e->a * cos(t), v = e->b * sin(t);
+        const int px = (int)lround(e->x + u * cos(e->theta) - v * sin(e->theta));
+        const int py = (int)lround(e->y + u * sin(e->theta) + v * cos(e->theta));
+        const size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
         if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !hidden(data, k))
-            dst->pixels[k] = data->restored->pixels[k] + value;
+            dst->pixels[k] = data->result->restored->pixels[k] + value;
     }
 }
 
@@ -186,13 +198,14 @@ static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
 {
     static const double overlay = 30.0; /* sigmas */
     paint_subtracted(data, dst);
-    float value = (float)(overlay * data->background->global_sigma);
-    for (int i = 0; i < data->sources->n; i++) {
-        const rx_source *s = &data->sources->list[i];
-        draw_ellipse(data, dst, s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta, value);
-        for (int k = 0; k < data->sources->naper; k++) {
-            double r = 0.5 * data->sources->aperture_diameter[k];
-            draw_ellipse(data, dst, s->x, s->y, r, r, 0.0, value);
+    float value = (float)(overlay * sky_of(data)->global_sigma);
+    for (int i = 0; i < data->result->sources->n; i++) {
+        const rx_source *s = &data->result->sources->list[i];
+        const ellipse kron = {s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta};
+        draw_ellipse(data, dst, &kron, value);
+        for (int k = 0; k < data->result->sources->naper; k++) {
+            double r = 0.5 * data->result->sources->aperture_diameter[k];
+            draw_ellipse(data, dst, &(ellipse){s->x, s->y, r, r, 0.0}, value);
         }
     }
 }
@@ -216,13 +229,13 @@ static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, canvas
 
 static void paint_miniback(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map level = rx_background_level(data->background);
+    const rx_map level = rx_background_level(sky_of(data));
     paint_mesh(data, &level, dst);
 }
 
 static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map noise = rx_background_noise(data->background);
+    const rx_map noise = rx_background_noise(sky_of(data));
     paint_mesh(data, &noise, dst);
 }
 
@@ -314,8 +327,8 @@ static rx_status make_cards(checkimage *image, const rx_checkimage_data *data, c
 
 static rx_status write_segments(checkimage *image, const rx_checkimage_data *data, rx_error *err)
 {
-    const rx_tile *tile = data->tile;
-    const int32_t *segments = data->sources->segments;
+    const rx_tile *tile = data->result->detect->tile;
+    const int32_t *segments = data->result->sources->segments;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_fits_digest_ints(segments, (size_t)tile->width * (size_t)tile->height, digest);
@@ -330,7 +343,7 @@ static rx_status write_segments(checkimage *image, const rx_checkimage_data *dat
 static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const canvas *src,
                               rx_error *err)
 {
-    const rx_tile *tile = data->tile;
+    const rx_tile *tile = data->result->detect->tile;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     /* a mesh map has other pixels: the tile's coordinates do not hold for it */
@@ -349,7 +362,9 @@ static rx_status write_one(checkimage *image, const rx_checkimage_data *data, fl
 {
     if (strcmp(image->type, "SEGMENTATION") == 0)
         return write_segments(image, data, err);
-    canvas dst = {.pixels = pixels, .width = data->tile->width, .height = data->tile->height};
+    canvas dst = {.pixels = pixels,
+                  .width = data->result->detect->tile->width,
+                  .height = data->result->detect->tile->height};
     for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
         if (strcmp(painters[k].type, image->type) == 0) {
             painters[k].paint(data, &dst);
@@ -365,7 +380,7 @@ rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data 
     if (images->n == 0)
         return RX_OK;
     rx_status status = RX_OK;
-    size_t n = (size_t)data->tile->width * (size_t)data->tile->height;
+    size_t n = (size_t)data->result->detect->tile->width * (size_t)data->result->detect->tile->height;
     float *pixels = RX_NEW(float, n);
     if (pixels == NULL)
         return rx_error_memory(err, n * sizeof(float));

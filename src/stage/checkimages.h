@@ -4,29 +4,19 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "data/restored.h"
-#include "data/sources.h"
-#include "data/tile.h"
 #include "io/output.h"
-#include "stage/record.h"
-#include "template/template.h"
+#include "pipeline/pipeline.h"
+#include "stage/provenance.h"
 
 typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer */
 
 /* What the images are made from; all of one extension. */
 typedef struct rx_checkimage_data {
-    const rx_tile *tile;
-    const rx_background *background; /* of the detection tile */
-    const rx_restored *restored;     /* the detection image */
-    const rx_sources *sources;
-    const rx_tphot *tphot;           /* template fit, NULL: none */
-    const rx_tile *fitted;           /* the tile it was made of */
-    const rx_background *fitted_sky; /* with its noise */
-    const float *filtered;           /* detection image after FILTER, or NULL */
-    int mesh_width, mesh_height;     /* BACK_SIZE, for the MINIBACK types */
-    const rx_record *facts;          /* of this extension */
-    const rx_record *record;         /* of the run */
-    rx_record *products;             /* of the run: the images are added */
+    const rx_result *result;
+    int mesh_width, mesh_height; /* BACK_SIZE, for the MINIBACK types */
+    const rx_record *facts;      /* of this extension */
+    const rx_record *record;     /* of the run */
+    rx_record *products;         /* of the run: the images are added */
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is

@@ -10,8 +10,9 @@
 #include "catalog/assoc.h"
 #include "io/fits_write.h"
 #include "io/tile.h"
-#include "stage/coordinates.h"
-#include "stage/probe.h"
+#include "pipeline/coordinates.h"
+#include "pipeline/pipeline.h"
+#include "stage/domain_facts.h"
 #include "stage/template_table.h"
 
 /* One extension while it is extracted. */
@@ -19,7 +20,8 @@ typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
     int headers;                      /* some output has a header that facts go into */
-    rx_probe probe;
+    rx_pipeline_params params;        /* the options', DETECT_THRESH as the guard left it */
+    rx_result result;
 } work;
 
 rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
@@ -34,8 +36,8 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
     rx_status status = RX_OK;
     if (to_file)
         status = rx_outputs_file(outputs, run->catalog_name, &run->catalog_temporary, err);
-    if (status == RX_OK && options->templates.covariances[0] != '\0') {
-        run->covariance_name = rx_name_with_tag(options->templates.covariances, tag);
+    if (status == RX_OK && options->covariance_name[0] != '\0') {
+        run->covariance_name = rx_name_with_tag(options->covariance_name, tag);
         status = run->covariance_name == NULL
                      ? rx_error_memory(err, 0)
                      : rx_outputs_file(outputs, run->covariance_name, &run->covariance_temporary, err);
@@ -51,7 +53,7 @@ static void account(rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
     const rx_fluxcheck *check = &run->flux;
-    const char *settings = w->probe.restored->settings;
+    const char *settings = w->result.restored->settings;
     snprintf(run->account, sizeof run->account, "%s", settings);
     if (check->n == 0)
         return;
@@ -62,11 +64,6 @@ static void account(rx_run *run, const work *w, rx_log *log)
              check->n, check->wide, check->wide_error, check->diameter, check->automatic,
              check->automatic_error);
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
-    if (rx_fluxcheck_is_off(check))
-        rx_log_warning(
-            log, "%s[%d]: %s: the flux scale is off: restored/untouched %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
-            tile->name, tile->hdu, run->label, check->wide, check->wide_error, check->automatic,
-            check->automatic_error);
     snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
 }
 
@@ -81,7 +78,7 @@ static void add_account(rx_run *run, const char *text)
 static void account_templates(rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
-    const rx_template_fit *fit = &w->probe.templates;
+    const rx_template_fit *fit = &w->result.templates;
     char text[256];
     run->tested = fit->tphot != NULL;
     run->invented_per_mpixel = fit->per_mpixel;
@@ -97,88 +94,19 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     add_account(run, text);
 }
 
-static void describe_templates(const rx_template_fit *fit, rx_record *facts)
-{
-    if (fit->tphot == NULL)
-        return;
-    rx_record_add(facts, "RXTPFWHM", "templates: FWHM of the PSF, pixels", "%.4f", fit->fwhm);
-    rx_record_add(facts, "RXTPGRP", "groups of sources fitted together", "%d", fit->tphot->ngroups);
-    rx_record_add(facts, "RXTPMAX", "members of the largest", "%d", fit->tphot->largest);
-    rx_record_add(facts, "RXTPADD", "sources added from the residual", "%d", fit->added);
-    rx_record_add(facts, "RXTPSKY", "mean sky taken off between them, ADU", "%.6g", fit->tphot->sky);
-    rx_record_add(facts, "RXTPODDS", "odds of points among clear sources", "%.4g", fit->tphot->star_odds);
-    rx_record_add(facts, "RXTPCHI2", "reduced chi2 of the residual", "%.5f", fit->chi2);
-    rx_record_add(facts, "RXINV", "sources that untouched pixels do not want", "%d", fit->invented);
-    rx_record_add(facts, "RXINVMP", "the same per Mpixel", "%.5g", fit->per_mpixel);
-    rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
-}
-
 /* The line of a restorer at NORMAL; the rest is in the full log. */
 static void tell_sources(const rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
-    const rx_fluxcheck *check = &w->probe.photometry.check;
+    const rx_fluxcheck *check = &w->result.photometry.check;
     char fluxes[64] = "", marked[64] = "";
-    if (check->n > 0 && !rx_fluxcheck_is_off(check)) /* else the warning says so */
+    if (check->n > 0 && !rx_fluxcheck_is_off(check)) /* else rx_runs_warn() says so */
         snprintf(fluxes, sizeof fluxes, ", flux restored/untouched %.4f +- %.4f", check->wide,
                  check->wide_error);
-    if (run->tested && w->probe.templates.invented > 0)
-        snprintf(marked, sizeof marked, ", %d marked in FLAGS_RESTORE", w->probe.templates.invented);
-    rx_log_info(log, "%s[%d]: %s: %d sources%s%s", tile->name, tile->hdu, run->label, w->probe.sources->n,
+    if (run->tested && w->result.templates.invented > 0)
+        snprintf(marked, sizeof marked, ", %d marked in FLAGS_RESTORE", w->result.templates.invented);
+    rx_log_info(log, "%s[%d]: %s: %d sources%s%s", tile->name, tile->hdu, run->label, w->result.sources->n,
                 marked, fluxes);
-}
-
-/* The facts of this extension, for the headers of its table and images. */
-static void describe(const rx_run *run, const work *w, rx_record *facts)
-{
-    const rx_probe *probe = &w->probe;
-    const rx_restored *restored = probe->restored;
-    const rx_field *field = w->detect;
-    const rx_background *background = probe->plain ? field->plain : field->restored;
-    rx_record_add(facts, "RXREST", "restorer that made this", "%s", restored->name);
-    rx_record_add(facts, "RXASKED", "restorer that was asked for", "%s", run->kind->name);
-    if (run->by != NULL)
-        rx_record_add(facts, "RXWHY", "why another one did it", "%s", run->why);
-    rx_record_add(facts, "RXSETT", "its settings", "%s", restored->settings);
-    if (restored->iterations > 0)
-        rx_record_add(facts, "RXITER", "iterations done", "%d", restored->iterations);
-    if (isfinite(restored->chi2))
-        rx_record_add(facts, "RXCHI2", "reduced chi2 of restored * PSF - input", "%.6g", restored->chi2);
-    if (isfinite(restored->seam))
-        rx_record_add(facts, "RXSEAM", "largest change in other blocks, sigmas", "%.3g", restored->seam);
-    if (restored->blur != NULL) {
-        rx_record_add(facts, "RXPSF", "PSF of the input", "%s", restored->blur->description);
-        rx_record_add(facts, "RXFWHM", "its FWHM, pixels", "%.4f", restored->blur->fwhm);
-    }
-    rx_record_add(facts, "RXMEAS", "image that fluxes are measured on", "%s",
-                  probe->original ? "ORIGINAL" : "RESTORED");
-    rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);
-    rx_record_add(facts, "RXSIGMA", "noise of an input pixel, ADU", "%.8g", background->global_sigma);
-    rx_record_add(facts, "RXDSIG", "noise that thresholds refer to, ADU", "%.8g", probe->global_noise);
-    rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g",
-                  probe->photometry.law.scale);
-    rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", probe->photometry.law.power);
-    rx_record_add(facts, "RXLAWN", "empty apertures behind the law, 0 = none", "%d",
-                  probe->photometry.law.apertures);
-    if (probe->photometry.law.apertures > 0)
-        rx_record_add(facts, "RXLAWE", "scatter of the fit, dex", "%.4f", probe->photometry.law.scatter);
-    const rx_fluxcheck *check = &probe->photometry.check;
-    if (check->n > 0) {
-        rx_record_add(facts, "RXFLXN", "isolated sources compared with untouched pixels", "%d", check->n);
-        rx_record_add(facts, "RXFLXD", "aperture of the comparison, pixels", "%.2f", check->diameter);
-        rx_record_add(facts, "RXFLXW", "its flux, restored / untouched", "%.5f", check->wide);
-        rx_record_add(facts, "RXFLXWE", "1 sigma of RXFLXW", "%.5f", check->wide_error);
-        rx_record_add(facts, "RXFLXA", "FLUX_AUTO restored / that flux untouched", "%.5f", check->automatic);
-        rx_record_add(facts, "RXFLXAE", "1 sigma of RXFLXA", "%.5f", check->automatic_error);
-        rx_record_add(facts, "RXFLXOK", "flux scale right, to 1 % or 5 sigma", "%s",
-                      rx_fluxcheck_is_off(check) ? "F" : "T");
-    }
-    describe_templates(&probe->templates, facts);
-    rx_record_add(facts, "RXZP", "magnitude of 1 ADU", "%.6g", w->measure->tile->zeropoint);
-    rx_record_add(facts, "RXGAIN", "gain, e-/ADU, 0 = infinite", "%.6g", w->measure->tile->gain);
-    rx_record_add(facts, "RXSATUR", "saturation level, ADU", "%.6g", w->detect->tile->saturation);
-    if (w->headers)
-        rx_record_add(facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(field->tile));
 }
 
 static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
@@ -186,16 +114,9 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
 {
     if (run->images == NULL)
         return RX_OK;
-    rx_checkimage_data data = {.tile = w->detect->tile,
-                               .background = w->probe.plain ? w->detect->plain : w->detect->restored,
-                               .restored = w->probe.restored,
-                               .sources = w->probe.sources,
-                               .tphot = w->probe.templates.tphot,
-                               .fitted = w->measure->tile,
-                               .fitted_sky = w->measure->restored,
-                               .filtered = w->probe.filtered,
-                               .mesh_width = w->options->background[0].mesh_width,
-                               .mesh_height = w->options->background[0].mesh_height,
+    rx_checkimage_data data = {.result = &w->result,
+                               .mesh_width = w->options->pipeline.background[0].mesh_width,
+                               .mesh_height = w->options->pipeline.background[0].mesh_height,
                                .facts = facts,
                                .record = record,
                                .products = products};
@@ -224,20 +145,24 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     rx_table *covariances = NULL, **tables;
     rx_status status = grow_tables(run, err);
     if (status == RX_OK && run->covariance_name != NULL)
-        status = rx_template_table(w->probe.templates.tphot, w->probe.sources, w->detect->tile->extension,
+        status = rx_template_table(w->result.templates.tphot, w->result.sources, w->detect->tile->extension,
                                    &covariances, err);
     if (status != RX_OK)
         return status;
     tables = run->tables;
-    status =
-        rx_catalog_table(w->options->columns, w->measure->tile, w->probe.sources, &tables[run->ntables], err);
+    const rx_tile *tile = w->measure->tile;
+    rx_table *table = NULL;
+    status = rx_catalog_table(w->options->columns, &w->measure->image, w->result.sources, &table, err);
+    if (status == RX_OK && tile->cards != NULL)
+        status = rx_table_copy_cards(table, tile->cards, tile->ncards, err);
     if (status != RX_OK) {
+        rx_table_free(table);
         rx_table_free(covariances);
         return status;
     }
     if (covariances != NULL)
         run->covariances[run->ntables] = covariances;
-    rx_table *table = tables[run->ntables++];
+    tables[run->ntables++] = table;
     rx_record_cards(facts, &cards);
     if (cards.failed) {
         rx_text_free(&cards);
@@ -267,7 +192,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w,
 {
     const rx_tile *tile = w->detect->tile;
     rx_text text = {0};
-    rx_status status = rx_checks_run(checks, run->kind, &w->probe, log, &run->checks, err);
+    rx_status status = rx_checks_run(checks, &w->params, run->kind, &w->result, log, &run->checks, err);
     if (status != RX_OK)
         return status;
     rx_checks_text(checks, &run->checks, &text);
@@ -301,57 +226,93 @@ static int has_headers(const rx_options *options, const rx_run *run)
     return !ascii || options->nchecks > 0 || run->covariance_name != NULL;
 }
 
-rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
-                         const rx_field *measure, const rx_checks *checks, const rx_record *record,
-                         rx_record *products, rx_log *log, rx_error *err)
+rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log, rx_error *err)
 {
+    const rx_options *options = in->options;
+    const rx_field *detect = in->detect, *measure = in->measure;
     work w = {.options = options,
               .detect = detect,
               .measure = measure != NULL ? measure : detect,
-              .headers = has_headers(options, run)};
+              .headers = has_headers(options, run),
+              .params = options->pipeline};
     rx_record facts = {0};
     const double begun = rx_seconds();
-    rx_status status = rx_probe_run(options, run->kind, detect, measure, log, &w.probe, err);
+    run->checks = (rx_check_results){0};
+    rx_status status =
+        rx_checks_guard(&options->check, run->kind, detect, &w.params, log, &run->checks.blank, err);
+    if (status == RX_OK)
+        status = rx_field_extract(&w.params, run->kind, detect, measure, log, &w.result, err);
     if (status != RX_OK)
         return status;
-    rx_sources *sources = w.probe.sources;
-    run->domain = w.probe.domain;
-    run->by = w.probe.by;
-    memcpy(run->why, w.probe.why, sizeof run->why);
-    run->flux = w.probe.photometry.check;
+    rx_sources *sources = w.result.sources;
+    run->domain = w.result.domain;
+    run->by = w.result.by;
+    memcpy(run->why, w.result.why, sizeof run->why);
+    run->flux = w.result.photometry.check;
+    run->unexplained = w.result.residual.share;
     snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
              run->by);
     account(run, &w, log);
     account_templates(run, &w, log);
     status = tell_domain(run, &w, log, err);
     if (status == RX_OK)
-        status = rx_coordinates_fill(w.measure->tile, sources, err);
+        status = rx_coordinates_fill(&w.measure->image, sources, err);
     if (status == RX_OK && options->assoc_list != NULL)
         status =
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
     if (status != RX_OK)
         goto exit;
     tell_sources(run, &w, log);
-    status = run_checks(run, checks, &w, log, err);
+    status = run_checks(run, in->checks, &w, log, err);
     if (status != RX_OK)
         goto exit;
-    describe(run, &w, &facts);
-    rx_domain_facts(&w.probe.domain, &facts);
-    rx_checks_facts(checks, &run->checks, &facts);
+    rx_result_facts(&w.result, &facts);
+    if (w.headers)
+        rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(detect->tile));
+    rx_domain_facts(&w.result.domain, &facts);
+    rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);
     if (status == RX_OK)
-        status = write_images(run, &w, record, &facts, products, err);
+        status = write_images(run, &w, in->record, &facts, in->products, err);
     if (status != RX_OK)
         goto exit;
-    run->restored = w.probe.restored; /* the report wants them */
+    run->restored = w.result.restored; /* the report wants them */
     run->sources = sources;
-    w.probe.restored = NULL;
-    w.probe.sources = NULL;
+    w.result.restored = NULL;
+    w.result.sources = NULL;
 exit:
     run->seconds = rx_seconds() - begun;
     rx_record_free(&facts);
-    rx_probe_free(&w.probe);
+    rx_result_free(&w.result);
     return status;
+}
+
+void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
+{
+    char text[RX_MAX_RUNS * 128] = "";
+    size_t used = 0;
+    for (int i = 0; i < n; i++) {
+        const rx_fluxcheck *check = &runs[i].flux;
+        if (!rx_fluxcheck_is_off(check) || used >= sizeof text)
+            continue;
+        used += (size_t)snprintf(text + used, sizeof text - used,
+                                 "%s%s: restored/untouched %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
+                                 used > 0 ? "; " : "", runs[i].label, check->wide, check->wide_error,
+                                 check->automatic, check->automatic_error);
+    }
+    if (used > 0)
+        rx_log_warning(log, "%s[%d]: the flux scale is off: %s", tile->name, tile->hdu, text);
+    for (int i = 0; i < n; i++)
+        if (rx_residual_is_large(runs[i].unexplained))
+            rx_log_warning(
+                log,
+                "%s[%d]: %s: the restored image does not explain the pixels of %.0f %% of the tile "
+                "(RXUNEX; sources there have FLAGS_RESTORE 32): is its PSF right, its sky?",
+                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].unexplained);
+    for (int i = 0; i < n; i++)
+        if (runs[i].by != NULL)
+            rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,
+                           runs[i].by, runs[i].why);
 }
 
 void rx_run_forget(rx_run *run)
@@ -417,9 +378,9 @@ rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *produ
 }
 
 /* One file with the record of what made it. */
-static rx_status write_tables(rx_catalog_type type, const char *name, rx_table **tables, int n,
-                              const rx_record *record, const rx_record *products, const char *temporary,
-                              FILE *standard_out, rx_error *err)
+static rx_status write_tables(rx_catalog catalog, const char *name, const rx_record *record,
+                              const rx_record *products, const char *temporary, FILE *standard_out,
+                              rx_error *err)
 {
     rx_record whole = {0};
     rx_record_pair *pairs = NULL;
@@ -433,7 +394,9 @@ static rx_status write_tables(rx_catalog_type type, const char *name, rx_table *
     }
     for (int i = 0; i < whole.n; i++)
         pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
-    status = rx_catalog_write(type, name, tables, n, pairs, whole.n, temporary, standard_out, err);
+    catalog.npairs = whole.n;
+    catalog.record = pairs;
+    status = rx_catalog_write(&catalog, name, temporary, standard_out, err);
 exit:
     free(pairs);
     rx_record_free(&whole);
@@ -448,11 +411,12 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
     run->images = NULL;
     rx_status status = rx_checkimages_close(images, err);
     if (status == RX_OK)
-        status = write_tables(type, run->catalog_name, run->tables, run->ntables, record, products,
-                              run->catalog_temporary, standard_out, err);
+        status = write_tables((rx_catalog){.type = type, .n = run->ntables, .tables = run->tables},
+                              run->catalog_name, record, products, run->catalog_temporary, standard_out, err);
     if (status == RX_OK && run->covariance_name != NULL)
-        status = write_tables(covariance_type(type), run->covariance_name, run->covariances, run->ntables,
-                              record, products, run->covariance_temporary, NULL, err);
+        status = write_tables(
+            (rx_catalog){.type = covariance_type(type), .n = run->ntables, .tables = run->covariances},
+            run->covariance_name, record, products, run->covariance_temporary, NULL, err);
     return status;
 }
 

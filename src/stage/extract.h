@@ -6,16 +6,16 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "check/checks.h"
 #include "data/restored.h"
 #include "data/sources.h"
 #include "data/table.h"
 #include "io/output.h"
+#include "pipeline/domain.h"
+#include "pipeline/field.h"
 #include "stage/checkimages.h"
-#include "stage/checks.h"
-#include "stage/domain.h"
-#include "stage/field.h"
 #include "stage/options.h"
-#include "stage/record.h"
+#include "stage/provenance.h"
 
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
@@ -36,10 +36,11 @@ typedef struct rx_run {
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
-    const char *by;             /* as of rx_probe: who did it instead, or NULL */
+    const char *by;             /* as of rx_result: who did it instead, or NULL */
     char why[240];
     char label[48]; /* of log lines: "NET", "NET (done by RL)" */
     rx_fluxcheck flux;
+    double unexplained; /* rx_residual.share, NAN where it is not known */
     double seconds;     /* of all of rx_run_extract() */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
@@ -48,12 +49,21 @@ typedef struct rx_run {
 rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
                       rx_outputs *outputs, rx_error *err);
 
-/* Restore `detect`, find sources on it, measure them on it, on the original or on `measure` (dual-image mode,
- * else NULL), run the checks (NULL: none), and append to tables and check-images, the digests of the latter
- * to `products`. restored, sources and checks stay until rx_run_forget(). */
-rx_status rx_run_extract(rx_run *run, const rx_options *options, const rx_field *detect,
-                         const rx_field *measure, const rx_checks *checks, const rx_record *record,
-                         rx_record *products, rx_log *log, rx_error *err);
+/* One extension that is extracted. */
+typedef struct rx_extraction_input {
+    const rx_options *options;
+    const rx_field *detect, *measure; /* measure: of dual-image mode, else NULL */
+    const rx_checks *checks;          /* NULL: none */
+    const rx_record *record;          /* of the run */
+    rx_record *products;              /* what it made: digests of the check-images are added */
+} rx_extraction_input;
+
+/* Restore the detection image, find sources on it, measure them on it, on the original or on the measurement image,
+ * run the checks, and append to tables and check-images. restored, sources and checks stay until rx_run_forget(). */
+rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log, rx_error *err);
+
+/* What is to be known of the first n runs of a tile: fluxes that are off, in one message, and who did the work instead. */
+void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log);
 void rx_run_forget(rx_run *run);
 
 /* The digests of the rows of its catalogues, to `products` and into the tables' headers. Then, with those of

@@ -65,28 +65,31 @@ static void take(reading *r, const char *key, const char *name)
         r->visit(r->user, key, name, digest);
 }
 
-rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, const char *detect,
-                          const char *measure, int digests, rx_input_visitor visit, void *user, rx_error *err)
+rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, const char *const images[2],
+                          int digests, rx_input_visitor visit, void *user, rx_error *err)
 {
     reading r = {.visit = visit, .user = user, .digests = digests, .err = err};
-    const int nroles = measure != NULL ? 2 : 1;
-    const int psf_file = options->psf.type == RX_PSF_FILE || options->psf.type == RX_PSF_PSFEX;
-    take(&r, "IMAGE", detect);
-    take(&r, "IMAGE", measure);
+    const int nroles = images[1] != NULL ? 2 : 1;
+    const int psf_file =
+        options->pipeline.psf.type == RX_PSF_FILE || options->pipeline.psf.type == RX_PSF_PSFEX;
+    take(&r, "IMAGE", images[0]);
+    take(&r, "IMAGE", images[1]);
     if (options->model != NULL)
         take(&r, "NET_MODEL", options->model_name);
     for (int role = 0; role < nroles; role++) {
-        if (psf_file && (role == 0 || options->psf_files[1] != options->psf_files[0]))
-            take(&r, "PSF_NAME", options->psf_files[role]);
+        if (psf_file && (role == 0 || options->pipeline.psf_files[1] != options->pipeline.psf_files[0]))
+            take(&r, "PSF_NAME", options->pipeline.psf_files[role]);
         if (role == 0 || options->tile[1].weight_name != options->tile[0].weight_name)
             take(&r, "WEIGHT_IMAGE", options->tile[role].weight_name);
     }
     for (int i = 0; i < options->tile[0].nflags; i++)
         take(&r, "FLAG_IMAGE", options->tile[0].flag_names[i]);
     take(&r, "PARAMETERS_NAME", config->parameters_name);
+    if (config->noise_kernel_name[0] != '\0' && strcmp(config->noise_correlation, "FILE") == 0)
+        take(&r, "NOISE_KERNEL_NAME", config->noise_kernel_name);
     if (config->filter)
         take(&r, "FILTER_NAME", config->filter_name);
-    take(&r, "STARNNW_NAME", options->measure.nnw_file);
+    take(&r, "STARNNW_NAME", options->pipeline.measure.nnw_file);
     if (options->assoc_list != NULL)
         take(&r, "ASSOC_NAME", config->assoc_name);
     take(&r, "REFERENCE_NAME", config->reference_name);

@@ -1,17 +1,529 @@
-/* From settings and headers to a plan. */
+/* What a run will need and write, told before it. */
 #include "stage/plan.h"
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 #include "base/names.h"
+#include "data/restorers.h"
+#include "data/table.h"
+#include "io/tile.h"
+#include "nn/stream.h"
 #include "psf/psf.h"
+#include "restore/richardson_lucy.h"
 #include "stage/inputs.h"
-#include "stage/plan_parts.h"
+#include "stage/options.h"
+#include "stage/provenance.h"
+
+typedef struct rx_plan_job {
+    const rx_options *options;
+    int n;                        /* images of the tile */
+    const rx_tile_shape *detect;  /* [n] */
+    const rx_tile_shape *measure; /* [n], NULL without dual-image mode */
+    const rx_table *row;          /* the catalogue's columns, without rows */
+    size_t record_cards;          /* of the run's record */
+    double reference_bytes;       /* of the reference catalogue's file, 0 = none */
+    const int *terms; /* [n] of the PSF; 1: it is the same everywhere, or not known before the run */
+} rx_plan_job;
+
+/* --- outputs, and how large they may become --- */
+
+/* Cards of an HDU beyond those of the tile and of the record: what FITS and its checksums need, and facts of
+ * the extension at most; and of a column. */
+enum { OWN_CARDS = 20, FACT_CARDS = 140, COLUMN_CARDS = 8, CARD = 80, BLOCK = 2880 };
+
+/* Bytes at most of pages and tables with their figures: always, per source, per injected object, per byte of
+ * the reference catalogue. */
+static const double PAGE = 4e6, PAGE_SOURCE = 600, PAGE_REFERENCE = 12;
+static const double COVARIANCE = 2500;                  /* of a source with those of its group */
+static const double TEXT_CELL = 26, TEXT_COLUMN = 1200; /* a number as text, a column's description */
+enum { CELL_MARKUP = 9, ROW_MARKUP = 12 };              /* of a VOTable */
+
+static double plan_pixels(const rx_tile_shape *shape)
+{
+    return (double)shape->width * shape->height;
+}
+
+static double plan_sources(const rx_plan_job *job, const rx_tile_shape *shape)
+{
+    return ceil(1e-6 * plan_pixels(shape) * job->options->plan_density);
+}
+
+static double plan_row_bytes(const rx_table *row)
+{
+    double bytes = 0;
+    for (int i = 0; i < row->ncolumns; i++)
+        bytes +=
+            (double)rx_column_elements(&row->columns[i]) * (double)rx_column_element_size(&row->columns[i]);
+    return bytes;
+}
+
+static rx_status plan_add(rx_plan *plan, const char *name, double bytes, rx_error *err)
+{
+    rx_plan_output *outputs = rx_regrow(plan->outputs, (size_t)plan->noutputs + 1, sizeof *outputs);
+    if (outputs == NULL)
+        return rx_error_memory(err, 0);
+    plan->outputs = outputs;
+    outputs[plan->noutputs] = (rx_plan_output){rx_strdup(name), (uint64_t)ceil(bytes)};
+    return outputs[plan->noutputs++].name != NULL ? RX_OK : rx_error_memory(err, 0);
+}
+
+static double blocks(double bytes)
+{
+    return BLOCK * ceil(bytes / BLOCK);
+}
+
+static double header(const rx_plan_job *job, const rx_tile_shape *shape, int columns)
+{
+    return blocks(CARD * ((double)shape->ncards + (double)job->record_cards + OWN_CARDS + FACT_CARDS +
+                          COLUMN_CARDS * (double)columns));
+}
+
+/* --- images --- */
+
+static double image_bytes(const rx_plan_job *job, const char *type)
+{
+    const rx_background_params *par = &job->options->pipeline.background[0];
+    double sum = 0;
+    for (int i = 0; i < job->n; i++) {
+        const rx_tile_shape *shape = &job->detect[i];
+        double pixels = plan_pixels(shape);
+        if (strncmp(type, "MINIBACK", 8) == 0)
+            pixels =
+                ceil((double)shape->width / par->mesh_width) * ceil((double)shape->height / par->mesh_height);
+        sum += header(job, shape, 0) + blocks(sizeof(float) * pixels);
+    }
+    return sum;
+}
+
+/* --- catalogues --- */
+
+static double fits_table(const rx_plan_job *job, double row, int columns)
+{
+    double sum = blocks(CARD * (OWN_CARDS + FACT_CARDS + (double)job->record_cards));
+    for (int i = 0; i < job->n; i++)
+        sum += header(job, &job->detect[i], columns) + blocks(row * plan_sources(job, &job->detect[i]));
+    return sum;
+}
+
+/* Before each table another one that holds a header in a cell. */
+static double ldac_headers(const rx_plan_job *job)
+{
+    double sum = 0;
+    for (int i = 0; i < job->n; i++)
+        sum += blocks(CARD * (2 * OWN_CARDS)) + header(job, &job->detect[i], 0);
+    return sum;
+}
+
+static double all_sources(const rx_plan_job *job)
+{
+    double sum = 0;
+    for (int i = 0; i < job->n; i++)
+        sum += plan_sources(job, &job->detect[i]);
+    return sum;
+}
+
+static double catalog_bytes(const rx_plan_job *job)
+{
+    const rx_table *row = job->row;
+    const rx_catalog_type type = job->options->catalog_type;
+    double cells = 0;
+    for (int i = 0; i < row->ncolumns; i++)
+        cells += (double)rx_column_elements(&row->columns[i]);
+    if (type == RX_CATALOG_FITS_1_0 || type == RX_CATALOG_FITS_LDAC)
+        return fits_table(job, plan_row_bytes(row), row->ncolumns) +
+               (type == RX_CATALOG_FITS_LDAC ? ldac_headers(job) : 0);
+    const int markup = type == RX_CATALOG_VOTABLE;
+    double sum = TEXT_COLUMN * (2 + row->ncolumns) * (markup ? job->n : 1);
+    if (markup)
+        sum += job->n * 4 * CARD * ((double)job->record_cards + FACT_CARDS + OWN_CARDS);
+    return sum +
+           all_sources(job) * (cells * (TEXT_CELL + (markup ? CELL_MARKUP : 0)) + (markup ? ROW_MARKUP : 1));
+}
+
+/* --- all of them --- */
+
+static rx_status add_tagged(rx_plan *plan, const char *name, const char *tag, double bytes, rx_error *err)
+{
+    char *whole = rx_name_with_tag(name, tag);
+    rx_status status = whole != NULL ? plan_add(plan, whole, bytes, err) : rx_error_memory(err, 0);
+    free(whole);
+    return status;
+}
+
+static rx_status add_run(const rx_plan_job *job, const char *tag, rx_plan *plan, rx_error *err)
+{
+    const rx_options *options = job->options;
+    const char *covariances = options->covariance_name;
+    rx_status status = RX_OK;
+    if (options->catalog_type != RX_CATALOG_NONE && strcmp(options->catalog_name, "STDOUT") != 0)
+        status = add_tagged(plan, options->catalog_name, tag, catalog_bytes(job), err);
+    for (int i = 0; i < options->nchecks && status == RX_OK; i++)
+        status =
+            add_tagged(plan, options->check_names[i], tag, image_bytes(job, options->check_types[i]), err);
+    if (status == RX_OK && covariances[0] != '\0')
+        status = add_tagged(plan, covariances, tag,
+                            fits_table(job, 0, 8) + ldac_headers(job) + COVARIANCE * all_sources(job), err);
+    return status;
+}
+
+/* A folder for each image of the tile. */
+static rx_status add_folders(const rx_plan_job *job, const char *name, double rows, double more,
+                             rx_plan *plan, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < job->n && status == RX_OK; i++) {
+        char tag[16] = "";
+        if (job->n > 1)
+            snprintf(tag, sizeof tag, "%d", i + 1);
+        const double sources = rows > 0 ? rows : plan_sources(job, &job->detect[i]);
+        const double each = PAGE + more + PAGE_SOURCE * sources;
+        status = add_tagged(plan, name, tag, job->options->nrestorers * each, err);
+    }
+    return status;
+}
+
+static rx_status plan_outputs(const rx_plan_job *job, rx_plan *plan, rx_error *err)
+{
+    const rx_options *options = job->options;
+    rx_status status = RX_OK;
+    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
+        status = add_run(job, options->nrestorers > 1 ? options->restorers[i]->name : NULL, plan, err);
+    if (status == RX_OK && options->reference.name != NULL)
+        status = add_folders(job, options->qa_name, 0, PAGE_REFERENCE * job->reference_bytes, plan, err);
+    if (status == RX_OK && options->check.self_check && options->self_check_name[0] != '\0')
+        status = add_folders(job, options->self_check_name, 3.0 * (double)options->check.count, 0, plan, err);
+    return status;
+}
+
+/* The table of what steps take (plan_costs.def). */
+#define COST(name, fixed, pixel, source, thread, mpixel_seconds, source_seconds) RX_COST_##name,
+typedef enum rx_cost_name {
+#include "stage/plan_costs.def"
+    RX_NCOSTS
+} rx_cost_name;
+#undef COST
+
+typedef struct rx_cost {
+    double fixed, pixel, source, thread; /* bytes */
+    double mpixel_seconds, source_seconds;
+} rx_cost;
+
+static const rx_cost *cost_of(rx_cost_name name)
+{
+#define COST(name, fixed, pixel, source, thread, mpixel_seconds, source_seconds)                             \
+    [RX_COST_##name] = {fixed, pixel, source, thread, mpixel_seconds, source_seconds},
+    static const rx_cost costs[RX_NCOSTS] = {
+#include "stage/plan_costs.def"
+    };
+#undef COST
+    return &costs[name];
+}
+
+/* --- memory --- */
+
+/* One image while it is worked on. */
+typedef struct load {
+    const rx_plan_job *job;
+    const rx_tile_shape *shape;
+    double pixels, sources, threads; /* threads beyond the first */
+    int terms;                       /* of the PSF; 1: it is the same everywhere */
+} load;
+
+/* Spectra of a PSF that varies, and the planes that its terms are summed in, on one domain of the Fourier
+ * transforms. */
+static double terms_memory(const load *l)
+{
+    const rx_cost *cost = cost_of(RX_COST_PSF_TERM);
+    const double domain = fmin(cost->fixed, cost->pixel * l->pixels);
+    return l->terms > 1 ? (l->terms + 1 + 2 * l->threads) * domain : 0;
+}
+
+static double take(const load *l, rx_cost_name name)
+{
+    const rx_cost *cost = cost_of(name);
+    return cost->fixed + cost->pixel * l->pixels + cost->source * l->sources + cost->thread * l->threads;
+}
+
+static rx_cost_name cost_of_kind(const rx_restorer *kind)
+{
+/* clang-format off */
+#define RESTORER(name, run, psf, cost, help) RX_COST_##cost,
+    static const rx_cost_name costs[] = {RX_RESTORERS(RESTORER)};
+#undef RESTORER
+    /* clang-format on */
+    int n;
+    return costs[kind - rx_restorers(&n)];
+}
+
+/* As the pipeline has it: pixels as they were observed. */
+static int plain(const rx_restorer *kind)
+{
+    return strcmp(kind->name, "NONE") == 0;
+}
+
+/* Of NET's threads: the network's planes and the Fourier transforms around it, in domains
+ * (restore/network.c). */
+static double network_scratch(const load *l)
+{
+    enum { DOMAIN_SIDE = 1024, LARGE = 2048, HALO = 100 };
+    const double budget = 1073741824.0; /* restore/network_forward.c */
+    const rx_restore_params *par = &l->job->options->pipeline.restore;
+    const int width = l->shape->width, height = l->shape->height;
+    const int high = height > LARGE ? DOMAIN_SIDE : DOMAIN_SIDE / 2;
+    const int block = width < par->net_block ? width : par->net_block;
+    const double stream = rx_stream_bytes(par->model->restore, block, par->precision);
+    const double domains = ceil((double)width / DOMAIN_SIDE) * ceil((double)height / high);
+    const double area = (fmin(width, DOMAIN_SIDE) + HALO) * (fmin(height, high) + HALO);
+    return fmax(stream, fmin(stream * (1 + l->threads), budget)) +
+           fmin(1 + l->threads, domains) * area * cost_of(RX_COST_NET_DOMAIN)->pixel;
+}
+
+/* Of a large tile data, weights and model are made again instead of being kept. */
+static double richardson_lucy(const load *l)
+{
+    const rx_restore_params *par = &l->job->options->pipeline.restore;
+    const int whole = par->keep_reblurred || par->rl_stop_discrepancy;
+    double bytes = take(l, RX_COST_RL);
+    if (l->pixels <= (double)RX_PREPARED_KEPT)
+        bytes += take(l, RX_COST_RL_DATA);
+    if (l->pixels <= (double)RX_RL_WHOLE || whole)
+        bytes += take(l, RX_COST_RL_MODEL);
+    return bytes;
+}
+
+/* As far down as the network is, what it has read of one plane is gone: all but a row of blocks
+ * (restore/network_forward.c). */
+static double network_planes(const load *l)
+{
+    enum { HIGHEST = 4096 };
+    const double rows = ceil((double)l->shape->height / HIGHEST);
+    return take(l, RX_COST_NET) - sizeof(float) * l->pixels * (1 - 1 / fmax(rows, 1));
+}
+
+/* NET may hand a tile over to RL (OUT_OF_DOMAIN). */
+static double restoration(const load *l, const rx_restorer *kind)
+{
+    const rx_cost_name name = cost_of_kind(kind);
+    double bytes = name == RX_COST_RL    ? richardson_lucy(l)
+                   : name == RX_COST_NET ? network_planes(l) + network_scratch(l)
+                                         : take(l, name);
+    if (name == RX_COST_NET && l->job->options->pipeline.restore.out_of_domain == RX_DOMAIN_RL)
+        bytes = fmax(bytes, richardson_lucy(l));
+    if (name == RX_COST_NET && l->job->options->pipeline.restore.verify_seams)
+        bytes += take(l, RX_COST_SEAMS);
+    return name == RX_COST_NONE ? bytes : bytes + terms_memory(l);
+}
+
+/* Grows with the sources up to a limit. */
+static double limited(const load *l, rx_cost_name name)
+{
+    const rx_cost *cost = cost_of(name);
+    return fmin(cost->fixed, cost->source * l->sources);
+}
+
+/* Objects are drawn in blocks (simulate/render.h). */
+static double injection(const load *l)
+{
+    const rx_cost *cost = cost_of(RX_COST_INJECT);
+    return fmin(cost->fixed, cost->pixel * l->pixels);
+}
+
+/* So much of a large tile is on the canvas at a time (template/tphot.c); the data of up to four times as many
+ * pixels are kept beside it. */
+static double template_fit(const load *l)
+{
+    const double shown = 1 << 24;
+    double bytes = take(l, RX_COST_TEMPLATES) + cost_of(RX_COST_CANVAS)->pixel * fmin(l->pixels, shown);
+    if (l->pixels > shown && l->pixels <= 4 * shown)
+        bytes += sizeof(float) * l->pixels;
+    return bytes;
+}
+
+static double extraction(const load *l, const rx_restorer *kind, int templates)
+{
+    const rx_options *options = l->job->options;
+    double bytes = take(l, plain(kind) ? RX_COST_EXTRACT : RX_COST_EXTRACT_RESTORED);
+    bytes += l->threads * limited(l, RX_COST_EXTRACT_THREAD);
+    if (!plain(kind))
+        bytes += limited(l, RX_COST_BLENDS);
+    if (cost_of_kind(kind) == RX_COST_NET)
+        bytes += network_scratch(l); /* of other threads' heaps, which keep it */
+    if (options->pipeline.detect.matched && (plain(kind) || options->pipeline.filter_restored))
+        bytes += take(l, RX_COST_MATCHED);
+    if (templates)
+        bytes += template_fit(l);
+    bytes += 2 * sizeof(float) * l->sources * options->pipeline.measure.vignet_width *
+             options->pipeline.measure.vignet_height;
+    return bytes;
+}
+
+/* A PSF will be measured from stars. */
+static int measures_psf(const rx_options *options)
+{
+    int needed = options->check.self_check || options->pipeline.templates.wanted;
+    for (int i = 0; i < options->nrestorers; i++)
+        needed |= options->restorers[i]->needs_psf;
+    return needed && options->pipeline.psf.type == RX_PSF_AUTO;
+}
+
+/* What a map of meshes takes beyond the usual one. */
+static double meshes(const load *l, const rx_background_params *par)
+{
+    return cost_of(RX_COST_MESH)->fixed * l->pixels / ((double)par->mesh_width * par->mesh_height);
+}
+
+static double open_tile(const load *l, int role, const rx_tile_shape *shape)
+{
+    const rx_options *options = l->job->options;
+    const rx_tile_params *par = &options->tile[role];
+    double bytes = take(l, RX_COST_TILE) + (double)shape->held + 2 * 80.0 * (double)shape->ncards +
+                   meshes(l, &options->pipeline.background[role]);
+    if (shape->compressed)
+        bytes += take(l, RX_COST_COMPRESSED);
+    if (par->weight_type != RX_WEIGHT_NONE)
+        bytes += take(l, RX_COST_WEIGHT);
+    return bytes + par->nflags * take(l, RX_COST_FLAG_MAP);
+}
+
+static double one_restorer(const load *l, const rx_restorer *kind)
+{
+    const rx_options *options = l->job->options;
+    const int more = options->pipeline.restore.keep_reblurred + options->pipeline.restore.keep_support +
+                     options->pipeline.keep_filtered + (options->nchecks > 0);
+    const double restored = restoration(l, kind);
+    double bytes = fmax(restored, extraction(l, kind, options->pipeline.templates.wanted));
+    bytes += more * take(l, RX_COST_CHECKIMAGE);
+    if (l->job->measure != NULL)
+        bytes += take(l, plain(kind) ? RX_COST_SECOND : RX_COST_SECOND_RESTORED);
+    if (options->check.self_check)
+        bytes += injection(l);
+    if (options->check.self_check || options->check.blank_check > 0)
+        bytes += fmax(restored, extraction(l, kind, options->check.templates)) + take(l, RX_COST_CHECKS);
+    return bytes;
+}
+
+static double image_memory(const rx_plan_job *job, int i)
+{
+    const rx_options *options = job->options;
+    const rx_tile_shape *shape = &job->detect[i];
+    load l = {.job = job,
+              .shape = shape,
+              .pixels = plan_pixels(shape),
+              .sources = plan_sources(job, shape),
+              .threads = options->pipeline.nthreads - 1,
+              .terms = job->terms[i]};
+    double open = open_tile(&l, 0, shape), peak = 0;
+    if (job->measure != NULL)
+        open += open_tile(&l, 1, &job->measure[i]);
+    if (measures_psf(options))
+        peak = take(&l, RX_COST_PSF_AUTO) + l.threads * limited(&l, RX_COST_EXTRACT_THREAD);
+    for (int k = 0; k < options->nrestorers; k++)
+        peak = fmax(peak, k * take(&l, RX_COST_KEPT) + one_restorer(&l, options->restorers[k]));
+    if (options->reference.name != NULL)
+        peak = fmax(peak, options->nrestorers * (take(&l, RX_COST_KEPT) + take(&l, RX_COST_REPORT)));
+    return open + peak;
+}
+
+static double plan_memory(const rx_plan_job *job)
+{
+    const rx_options *options = job->options;
+    const load none = {.job = job, .threads = options->pipeline.nthreads - 1};
+    double most = 0, sources = 0;
+    for (int i = 0; i < job->n; i++) {
+        most = fmax(most, image_memory(job, i));
+        sources += plan_sources(job, &job->detect[i]);
+    }
+    double bytes = take(&none, RX_COST_PROGRAM) + most;
+    if (options->model != NULL)
+        bytes += take(&none, RX_COST_MODEL);
+    bytes += options->nrestorers * plan_row_bytes(job->row) * sources;
+    return bytes + cost_of(RX_COST_REFERENCE)->fixed * job->reference_bytes;
+}
+
+/* --- time --- */
+
+static double seconds(const load *l, rx_cost_name name)
+{
+    const rx_cost *cost = cost_of(name);
+    return 1e-6 * l->pixels * cost->mpixel_seconds + l->sources * cost->source_seconds;
+}
+
+static double restoration_seconds(const load *l, const rx_restorer *kind)
+{
+    const rx_restore_params *par = &l->job->options->pipeline.restore;
+    const rx_cost_name name = cost_of_kind(kind);
+    const double once = seconds(l, name), varies = l->terms > 1;
+    if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
+        return once * par->rl_niter * (l->terms + 1) / 2;
+    if (name == RX_COST_RL_BLIND)
+        return once * par->blind_cycles * par->blind_psf_niter * (1 + 0.7 * varies);
+    const double net = once + varies * (l->terms + 6) * seconds(l, RX_COST_PSF_TERM);
+    return name == RX_COST_NET ? net * (1 + par->verify_seams) : once;
+}
+
+/* The more crowded, the more neighbours a template has: at so many sources per Mpixel it takes twice as long.
+ */
+static const double CROWDED = 5000;
+
+static double template_seconds(const load *l)
+{
+    const double density = 1e6 * l->sources / fmax(l->pixels, 1);
+    const double once = seconds(l, RX_COST_TEMPLATES) * (1 + density / CROWDED);
+    return l->job->options->pipeline.templates.wanted ? once * (l->terms > 1 ? 1.8 : 1)
+                                                      : 0; /* the PSF at each place */
+}
+
+/* How often the checks send a copy the same way; the guard's windows, 512 pixels wide and at worst 1024 too. */
+static double rounds(const load *l, const rx_restorer *kind)
+{
+    const rx_options *options = l->job->options;
+    double n = rx_most(options->check.blank_check, 0);
+    if (strcmp(kind->name, "NET") == 0 && options->check.blank_check != 0)
+        n += fmin(5.0 * 512 * 512 / fmax(l->pixels, 1), 2.0);
+    if (options->check.self_check)
+        n += ceil((double)options->check.count / ceil(options->check.density * fmax(1e-6 * l->pixels, 1e-6)));
+    return n;
+}
+
+static double image_seconds(const rx_plan_job *job, int i)
+{
+    const rx_options *options = job->options;
+    const int dual = job->measure != NULL;
+    const load l = {.job = job,
+                    .pixels = plan_pixels(&job->detect[i]),
+                    .sources = plan_sources(job, &job->detect[i]),
+                    .terms = job->terms[i]};
+    double sum = (1 + dual) * seconds(&l, RX_COST_TILE);
+    if (measures_psf(options))
+        sum += (1 + dual) * seconds(&l, RX_COST_PSF_AUTO);
+    for (int k = 0; k < options->nrestorers; k++) {
+        const rx_restorer *kind = options->restorers[k];
+        const double way = restoration_seconds(&l, kind) +
+                           seconds(&l, plain(kind) ? RX_COST_EXTRACT : RX_COST_EXTRACT_RESTORED);
+        sum += way * (1 + rounds(&l, kind)) + template_seconds(&l);
+        sum += options->check.templates ? template_seconds(&l) * rounds(&l, kind) : 0;
+        sum +=
+            dual && !plain(kind) && !options->pipeline.measure_original ? restoration_seconds(&l, kind) : 0;
+        sum += options->nchecks * seconds(&l, RX_COST_CHECKIMAGE);
+        sum += options->reference.name != NULL ? seconds(&l, RX_COST_REPORT) : 0;
+    }
+    return sum;
+}
+
+static double plan_seconds(const rx_plan_job *job)
+{
+    double sum = cost_of(RX_COST_PROGRAM)->mpixel_seconds; /* its start */
+    for (int i = 0; i < job->n; i++)
+        sum += image_seconds(job, i);
+    return sum;
+}
 
 /* A digest as long as any. */
 static const char digest[] = "00000000000000000000000000000000";
@@ -29,7 +541,7 @@ static void add_products(rx_record *record, const rx_options *options, int image
     for (int part = 1; part <= images; part++)
         for (int r = 0; r < options->nrestorers; r++) {
             rx_record_product(record, digest, part, options->catalog_name);
-            rx_record_product(record, digest, part, options->templates.covariances);
+            rx_record_product(record, digest, part, options->covariance_name);
             for (int i = 0; i < options->nchecks; i++)
                 rx_record_product(record, digest, part, options->check_names[i]);
         }
@@ -44,7 +556,7 @@ static rx_status count_cards(const rx_config *config, const rx_plan_job *job, co
     rx_record record = {0};
     rx_text text = {0};
     rx_record_run(&record, config, image);
-    rx_status status = rx_inputs_visit(config, job->options, names[0], names[1], 0, add_input, &record, err);
+    rx_status status = rx_inputs_visit(config, job->options, names, 0, add_input, &record, err);
     add_products(&record, job->options, job->n);
     rx_record_cards(&record, &text);
     *cards = text.length / 80;
@@ -110,11 +622,12 @@ static int matter(const rx_psf *psf)
 /* Terms of the PSF of image i; the run refuses a file that cannot be used. */
 static int count_terms(const rx_options *options, const rx_tile_shape *shape, int i)
 {
+    const rx_psf_params par = {
+        .file = options->pipeline.psf_files[0], .extension = i + 1, .size = options->pipeline.psf.size};
     rx_psf *psf = NULL;
     int terms = 1;
-    if (options->psf.type == RX_PSF_PSFEX && options->psf_files[0] != NULL &&
-        rx_psf_psfex(options->psf_files[0], i + 1, options->psf.size, shape->width, shape->height, NULL, &psf,
-                     NULL) == RX_OK)
+    if (options->pipeline.psf.type == RX_PSF_PSFEX && par.file != NULL &&
+        rx_psf_psfex(&par, shape->width, shape->height, NULL, &psf, NULL) == RX_OK)
         terms = matter(psf);
     rx_psf_free(psf);
     return terms;
@@ -123,19 +636,18 @@ static int count_terms(const rx_options *options, const rx_tile_shape *shape, in
 static rx_status fill(const rx_plan_job *job, rx_plan *plan, rx_error *err)
 {
     plan->images = job->n;
-    plan->threads = job->options->nthreads;
+    plan->threads = job->options->pipeline.nthreads;
     for (int i = 0; i < job->n; i++) {
-        plan->pixels += rx_plan_pixels(&job->detect[i]);
-        plan->sources += rx_plan_sources(job, &job->detect[i]);
+        plan->pixels += plan_pixels(&job->detect[i]);
+        plan->sources += plan_sources(job, &job->detect[i]);
     }
-    plan->memory = ceil(rx_plan_memory(job));
-    plan->cpu_seconds = rx_plan_seconds(job);
-    return rx_plan_outputs(job, plan, err);
+    plan->memory = ceil(plan_memory(job));
+    plan->cpu_seconds = plan_seconds(job);
+    return plan_outputs(job, plan, err);
 }
 
 rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, rx_plan **dst, rx_error *err)
 {
-    const rx_tile nothing = {0};
     const rx_sources none = {0};
     rx_options *options = NULL;
     rx_tile_shape *detect = NULL, *measure = NULL;
@@ -161,7 +673,7 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     if (status == RX_OK)
         status = count_cards(config, &job, image, (const char *const *)names, &job.record_cards, err);
     if (status == RX_OK)
-        status = rx_catalog_table(options->columns, &nothing, &none, &row, err);
+        status = rx_catalog_table(options->columns, &(rx_image){0}, &none, &row, err);
     if (status == RX_OK)
         status = reference_size(options, &job.reference_bytes, err);
     if (status != RX_OK)

@@ -27,8 +27,4 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
 rx_status rx_reference_check(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                              rx_error *err);
 
-/* Allocate the arrays of a list of n rows, all of them or (reference) without score and flags. */
-rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err);
-void rx_qa_list_free(rx_qa_list *list);
-
 #endif

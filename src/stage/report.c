@@ -6,15 +6,17 @@
 
 #include "base/memory.h"
 #include "base/names.h"
-#include "stage/quality.h"
+#include "check/quality.h"
+#include "stage/domain_facts.h"
 #include "stage/reference.h"
 
 static rx_status match_options(const rx_options *options, const rx_tile *tile, rx_qa_params *dst,
                                rx_error *err)
 {
     *dst = options->qa;
-    dst->match_radius_arcsec = options->match_arcsec ? options->match_radius : 0.0;
-    return rx_quality_radius(options, tile, &dst->match_radius, err);
+    dst->match_radius_arcsec =
+        options->check.quality.match_arcsec ? options->check.quality.match_radius : 0.0;
+    return rx_quality_radius(&options->check.quality, tile, &dst->match_radius, err);
 }
 
 /* All of a run but its sources. */
@@ -32,36 +34,42 @@ static rx_qa_run about(const rx_run *run, rx_qa_promise *promise)
                                 .automatic = flux->automatic,
                                 .automatic_error = flux->automatic_error,
                                 .off = rx_fluxcheck_is_off(flux)},
+                       .blank = {.n = run->checks.blank.realisations,
+                                 .mpixels = run->checks.blank.mpixels,
+                                 .rate = run->checks.blank.rate,
+                                 .raised = run->checks.blank.raised,
+                                 .asked = run->checks.blank.asked},
                        .real = run->checks.blank.real,
                        .promise = rx_domain_promise(&run->domain, promise)};
 }
 
-static rx_status collect_runs(const rx_options *options, const rx_field *measure, const rx_run *runs,
-                              rx_qa_promise *promises, rx_qa_run *dst, rx_error *err)
+static rx_status collect_runs(const rx_report_input *in, rx_qa_promise *promises, rx_qa_run *dst,
+                              rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
-        const rx_restored *restored = runs[i].restored;
-        dst[i] = about(&runs[i], &promises[i]);
-        dst[i].seconds = runs[i].seconds;
+    for (int i = 0; i < in->options->nrestorers && status == RX_OK; i++) {
+        const rx_restored *restored = in->runs[i].restored;
+        dst[i] = about(&in->runs[i], &promises[i]);
+        dst[i].seconds = in->runs[i].seconds;
         dst[i].psf = restored->blur != NULL ? restored->blur->description : "";
-        dst[i].tally = runs[i].tally;
-        dst[i].tested = runs[i].tested;
-        dst[i].made_up_per_mpixel = runs[i].invented_per_mpixel;
-        dst[i].law_scale = runs[i].sources->law_scale;
-        dst[i].law_power = runs[i].sources->law_power;
-        status = rx_quality_list(options, measure->tile, runs[i].sources, &dst[i].list, err);
+        dst[i].tally = in->runs[i].tally;
+        dst[i].tested = in->runs[i].tested;
+        dst[i].made_up_per_mpixel = in->runs[i].invented_per_mpixel;
+        dst[i].law_scale = in->runs[i].sources->law_scale;
+        dst[i].law_power = in->runs[i].sources->law_power;
+        status = rx_quality_list(&in->options->check.quality, in->fields.measure->tile, in->runs[i].sources,
+                                 &dst[i].list, err);
     }
     return status;
 }
 
-static rx_status collect_pictures(const rx_options *options, const rx_field *detect, const rx_run *runs,
-                                  rx_qa_picture *dst, rx_error *err)
+static rx_status collect_pictures(const rx_report_input *in, rx_qa_picture *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_quality_picture(runs[i].kind->name, detect->tile->width, detect->tile->height,
-                                    runs[i].restored->pixels, detect->plain->global_sigma, &dst[i], err);
+    for (int i = 0; i < in->options->nrestorers && status == RX_OK; i++)
+        status = rx_quality_picture(in->runs[i].kind->name, in->fields.detect->tile->width,
+                                    in->fields.detect->tile->height, in->runs[i].restored->pixels,
+                                    in->fields.detect->plain->global_sigma, &dst[i], err);
     return status;
 }
 
@@ -82,7 +90,7 @@ static rx_status open_folder(const char *wanted, int extension, rx_outputs *outp
 rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
 {
     const char *const names[] = {options->reference.name != NULL ? options->qa_name : "",
-                                 options->self_check ? options->self_check_name : ""};
+                                 options->check.self_check ? options->self_check_name : ""};
     const char *folder = NULL;
     rx_outputs *outputs = NULL;
     rx_status status = rx_outputs_new(&outputs, err);
@@ -93,12 +101,10 @@ rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
     return status;
 }
 
-rx_status rx_report_write(const rx_options *options, const rx_field *detect, const rx_field *measure,
-                          const rx_table *reference, const rx_run *runs, int extension,
-                          const rx_record *record, rx_outputs *outputs, rx_log *log, rx_verdict *verdict,
-                          rx_text *brief, rx_error *err)
+rx_status rx_report_write(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
-    const rx_tile *tile = measure->tile;
+    const rx_options *options = in->options;
+    const rx_tile *tile = in->fields.measure->tile;
     rx_qa_run qa_runs[RX_MAX_RUNS] = {0};
     rx_qa_promise promises[RX_MAX_RUNS];
     rx_qa_picture pictures[RX_MAX_RUNS] = {0};
@@ -122,25 +128,25 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status = match_options(options, tile, &par, err);
     if (status == RX_OK)
-        status = rx_reference_list(&options->reference, reference, tile, log, &input.truth, err);
+        status = rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, err);
     if (status == RX_OK && (blind = RX_NEW(unsigned char, n)) == NULL)
         status = rx_error_memory(err, n);
     for (size_t i = 0; i < n && blind != NULL; i++)
-        blind[i] = (detect->tile->mask[i] & RX_HIDE_PLAIN) != 0;
+        blind[i] = (in->fields.detect->tile->mask[i] & RX_HIDE_PLAIN) != 0;
     input.mask = blind;
     if (status == RX_OK)
-        status = collect_runs(options, measure, runs, promises, qa_runs, err);
+        status = collect_runs(in, promises, qa_runs, err);
     if (status == RX_OK)
-        status = collect_pictures(options, detect, runs, pictures, err);
+        status = collect_pictures(in, pictures, err);
     if (status == RX_OK)
-        status = rx_record_list(record, &pairs, err);
-    input.nrecord = record->n;
+        status = rx_record_list(in->record, &pairs, err);
+    input.nrecord = in->record->n;
     input.record = (const char *const(*)[2])pairs;
     if (status == RX_OK)
-        status = open_folder(options->qa_name, extension, outputs, &folder, err);
+        status = open_folder(options->qa_name, in->extension, in->outputs, &folder, err);
     if (status == RX_OK)
-        status =
-            rx_qa_report(&par, &input, folder, rx_outputs_shown(outputs, folder), log, &found, brief, err);
+        status = rx_qa_report(&par, &input, folder, rx_outputs_shown(in->outputs, folder), in->log, &found,
+                              brief, err);
     *verdict = rx_verdict_worse(*verdict, found);
     rx_qa_list_free(&input.truth);
     for (int i = 0; i < options->nrestorers; i++) {
@@ -152,10 +158,9 @@ rx_status rx_report_write(const rx_options *options, const rx_field *detect, con
     return status;
 }
 
-rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, const rx_run *runs,
-                           int extension, const rx_record *record, rx_outputs *outputs, rx_log *log,
-                           rx_error *err)
+rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, rx_error *err)
 {
+    const rx_options *options = in->options;
     const char *folder = NULL;
     const rx_check_results *results[RX_MAX_RUNS];
     rx_qa_promise promises[RX_MAX_RUNS];
@@ -163,12 +168,18 @@ rx_status rx_report_checks(const rx_options *options, const rx_checks *checks, c
     if (options->self_check_name[0] == '\0' || !rx_checks_injected(checks))
         return RX_OK;
     for (int i = 0; i < options->nrestorers; i++) {
-        qa_runs[i] = about(&runs[i], &promises[i]);
-        results[i] = &runs[i].checks;
+        qa_runs[i] = about(&in->runs[i], &promises[i]);
+        results[i] = &in->runs[i].checks;
     }
-    rx_status status = open_folder(options->self_check_name, extension, outputs, &folder, err);
+    rx_status status = open_folder(options->self_check_name, in->extension, in->outputs, &folder, err);
     if (status == RX_OK)
-        status = rx_checks_report(checks, options->nrestorers, qa_runs, results, record, folder,
-                                  rx_outputs_shown(outputs, folder), log, err);
+        status = rx_checks_report(checks,
+                                  &(rx_checks_page){.n = options->nrestorers,
+                                                    .about = qa_runs,
+                                                    .results = results,
+                                                    .record = in->record,
+                                                    .folder = folder,
+                                                    .shown = rx_outputs_shown(in->outputs, folder)},
+                                  in->log, err);
     return status;
 }

@@ -10,20 +10,22 @@
 #include "base/log.h"
 #include "config/simulate_config.h"
 #include "data/tile.h"
+#include "pipeline/field.h"
+#include "simulate/coadd.h"
 #include "simulate/noise.h"
 #include "simulate/optics.h"
 #include "simulate/scene.h"
 #include "simulate/templates.h"
-#include "stage/field.h"
 #include "stage/options.h"
 
 /* Keywords of rextract-simulate as plain values; files they name have been read. */
 typedef struct rx_simulation {
-    rx_scene_params scene; /* of scene number scene.stream; scene.allowed is `allowed` */
-    rx_noise_params noise;
+    rx_scene_params scene;   /* of scene number scene.stream; scene.allowed is `allowed` */
+    rx_noise_params noise;   /* of the image, of a coadd's frames */
+    rx_coadd_params coadd;   /* RX_COADD_NONE: one exposure */
     rx_templates *templates; /* owned, NULL without */
-    rx_optics *optics;       /* owned; NULL when it comes from the tile: INJECT_IMAGE, until
-                                rx_simulation_for_tile() */
+    rx_optics *optics;       /* owned; on pixels of the image, of a coadd's frames. NULL when it comes from
+                                the tile: INJECT_IMAGE, until rx_simulation_for_tile() */
     rx_optics *target;       /* owned; of the sharp reference */
     double sharp_fwhm;       /* pixels, target PSF of the sharp reference */
     double alpha, delta;     /* deg, centre of the simulated tile */
@@ -39,8 +41,12 @@ void rx_simulation_free(rx_simulation *simulation); /* NULL is fine */
 /* One simulated field in memory. */
 typedef struct rx_simulated {
     int width, height;
-    float *image;     /* exposed: sky, noise and defects included */
-    float *clean;     /* blurred, before sky and noise */
+    rx_noise_params noise; /* of the image: a coadd's is not that of its frames */
+    double sigma;          /* of a pixel of sky, ADU */
+    double wide;           /* noise of wide sums over that of independent pixels: 1 but for coadds */
+    float *image;          /* exposed: sky, noise and defects included */
+    float *clean;          /* blurred, before sky and noise; NULL for coadds */
+    float *weight;    /* inverse variance of the sky, covariances left out (simulate/coadd.h), 0 = no data */
     float *sharp;     /* through the target PSF, before sky and noise; NULL without_sharp */
     uint8_t *defects; /* RX_DEFECT_ */
     rx_scene *scene;

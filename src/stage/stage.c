@@ -1,8 +1,9 @@
 /* The main job for one tile, the paper's Figure 1 read from top to bottom:
  *
- *   open tile -> background -> psf            field.c
- *   restore -> detect -> templates ->
- *   measure -> table                          probe.c and extract.c, once per restorer
+ *   open tile                                 open.c
+ *   background -> psf                         pipeline/field.c
+ *   restore -> detect -> templates -> measure pipeline/pipeline.c, once per restorer
+ *   table                                     extract.c
  *   catalogues, check-images, report          here
  *
  * Outputs are written under temporary names and renamed together at the end.
@@ -15,12 +16,13 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/names.h"
+#include "check/checks.h"
 #include "io/output.h"
 #include "io/tile.h"
-#include "stage/checks.h"
+#include "pipeline/field.h"
 #include "stage/extract.h"
-#include "stage/field.h"
-#include "stage/record.h"
+#include "stage/open.h"
+#include "stage/provenance.h"
 #include "stage/report.h"
 #include "stage/tile_facts.h"
 
@@ -37,8 +39,6 @@ typedef struct job {
     rx_run runs[RX_MAX_RUNS];
     rx_table *reference;
     rx_verdict verdict;
-    rx_text brief;        /* of the report */
-    rx_text fallbacks;    /* a line for each run that another restorer did */
     rx_tile_facts *facts; /* or NULL */
 } job;
 
@@ -63,33 +63,38 @@ static rx_status open_runs(job *job, int nextensions, rx_error *err)
     return status;
 }
 
-static rx_status same_shape(const rx_field *detect, const rx_field *measure, rx_error *err)
+/* The short table of the report, a line at a time; a gate that passed may stay away. */
+static void tell(rx_log *log, const rx_text *text)
 {
-    const rx_tile *a = detect->tile, *b = measure->tile;
-    if (a->width == b->width && a->height == b->height)
-        return RX_OK;
-    return rx_error_at(err, RX_INPUT, b->name, b->hdu, 0,
-                       "has %d x %d pixels, the detection image %d x %d; dual-image mode needs the same grid",
-                       b->width, b->height, a->width, a->height);
+    static const char passed[] = ": PASS";
+    for (const char *line = text->data; line != NULL && *line != '\0';) {
+        const size_t length = strcspn(line, "\n"), tail = sizeof passed - 1;
+        if (length > tail && strncmp(line + length - tail, passed, tail) == 0)
+            rx_log_hint(log, "%.*s", (int)length, line);
+        else
+            rx_log_info(log, "%.*s", (int)length, line);
+        line += length + (line[length] == '\n');
+    }
 }
 
 /* The report, whose counts go to the facts. */
-static rx_status report(job *job, const rx_field *detect, const rx_field *measure, int extension,
-                        rx_error *err)
+static rx_status report(job *job, const rx_report_input *in, rx_error *err)
 {
-    const rx_options *options = job->options;
     rx_extension_facts *facts = NULL;
     rx_verdict verdict = RX_VERDICT_NONE;
-    rx_status status = RX_OK;
+    rx_text brief = {0};
+    const int n = job->options->nrestorers;
     if (job->facts != NULL)
-        status = rx_tile_facts_add(job->facts, detect, job->runs, options->nrestorers, job->reference != NULL,
-                                   &facts, err);
-    if (status != RX_OK || job->reference == NULL)
-        return status;
-    for (int i = 0; i < options->nrestorers && facts != NULL; i++)
+        RX_TRY(rx_tile_facts_add(job->facts, in->fields.detect, job->runs, n, job->reference != NULL, &facts,
+                                 err));
+    if (job->reference == NULL)
+        return RX_OK;
+    for (int i = 0; i < n && facts != NULL; i++)
         job->runs[i].tally = facts->run[i].tally;
-    status = rx_report_write(options, detect, measure != NULL ? measure : detect, job->reference, job->runs,
-                             extension, &job->record, job->outputs, job->log, &verdict, &job->brief, err);
+    const rx_status status = rx_report_write(in, &verdict, &brief, err);
+    if (status == RX_OK)
+        tell(job->log, &brief);
+    rx_text_free(&brief);
     job->verdict = rx_verdict_worse(job->verdict, verdict);
     if (facts != NULL)
         facts->verdict = verdict;
@@ -100,8 +105,8 @@ static rx_status report(job *job, const rx_field *detect, const rx_field *measur
 static int is_recorded(const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
-           options->templates.covariances[0] != '\0' || options->reference.name != NULL ||
-           options->self_check;
+           options->covariance_name[0] != '\0' || options->reference.name != NULL ||
+           options->check.self_check;
 }
 
 /* After the first image was read, which finds what is wrong with a file sooner than its digest. */
@@ -119,43 +124,56 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     const rx_options *options = job->options;
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
-    const int templates = options->templates.wanted;
-    const int need_psf = any_needs_psf(options) || options->self_check || templates;
-    rx_status status =
-        rx_field_open(options, 0, job->detect, hdu, extension, need_psf, job->log, &detect, err);
+    const int templates = options->pipeline.templates.wanted;
+    const int need_psf = any_needs_psf(options) || options->check.self_check || templates;
+    rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
+                                     &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
+        const int what = templates || (need_psf && !options->pipeline.measure_original) ? RX_FIELD_PSF : 0;
         status =
-            rx_field_open(options, 1, job->measure, measure_hdu, extension,
-                          templates || (need_psf && !options->measure_original), job->log, &measure, err);
+            rx_field_open(options, RX_FIELD_MEASURED | what,
+                          &(rx_image_place){job->measure, measure_hdu, extension}, job->log, &measure, err);
         if (status == RX_OK)
-            status = same_shape(detect, measure, err);
+            rx_log_info(job->log, "two images: sources are detected on %s[%d] and measured on %s[%d]",
+                        detect->tile->name, detect->tile->hdu, measure->tile->name, measure->tile->hdu);
     }
     if (status == RX_OK && job->reference != NULL)
         status = rx_reference_check(&options->reference, job->reference,
                                     measure != NULL ? measure->tile : detect->tile, err);
     if (status == RX_OK)
-        status = rx_checks_new(options, detect, job->log, &checks, err);
+        status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
     if (status == RX_OK)
         status = record_inputs(job, err);
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++) {
-        status = rx_run_extract(&job->runs[i], options, detect, measure, checks, &job->record, &job->products,
-                                job->log, err);
+    const rx_extraction_input work = {.options = options,
+                                      .detect = detect,
+                                      .measure = measure,
+                                      .checks = checks,
+                                      .record = &job->record,
+                                      .products = &job->products};
+    int done = 0;
+    while (done < options->nrestorers && status == RX_OK) {
+        status = rx_run_extract(&job->runs[done], &work, job->log, err);
+        done += status == RX_OK;
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        if (job->runs[i].by != NULL)
-            rx_text_printf(&job->fallbacks, "%s[%d]: %s: done by %s, %s\n", detect->tile->name,
-                           detect->tile->hdu, job->runs[i].kind->name, job->runs[i].by, job->runs[i].why);
-    if (status == RX_OK && job->fallbacks.failed)
-        status = rx_error_memory(err, 0);
+    rx_runs_warn(job->runs, done, detect != NULL ? detect->tile : NULL, job->log);
+    const rx_report_input about = {.options = options,
+                                   .fields = {detect, measure != NULL ? measure : detect},
+                                   .reference = job->reference,
+                                   .runs = job->runs,
+                                   .extension = nextensions > 1 ? extension : 0,
+                                   .record = &job->record,
+                                   .outputs = job->outputs,
+                                   .log = job->log};
     if (status == RX_OK)
-        status = report(job, detect, measure, nextensions > 1 ? extension : 0, err);
+        status = report(job, &about, err);
     if (status == RX_OK)
-        status = rx_report_checks(options, checks, job->runs, nextensions > 1 ? extension : 0, &job->record,
-                                  job->outputs, job->log, err);
+        status = rx_report_checks(&about, checks, err);
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_forget(&job->runs[i]);
+    if (extension < nextensions)
+        rx_log_tile_next(job->log);
     rx_checks_free(checks);
     rx_field_free(measure);
     rx_field_free(detect);
@@ -191,16 +209,6 @@ static rx_status run_all(job *job, rx_error *err)
     return status;
 }
 
-/* The text goes to the log, a line at a time. */
-static void tell(rx_log *log, void (*say)(rx_log *, const char *, ...), const rx_text *text)
-{
-    for (const char *line = text->data; line != NULL && *line != '\0';) {
-        size_t length = strcspn(line, "\n");
-        say(log, "%.*s", (int)length, line);
-        line += length + (line[length] == '\n');
-    }
-}
-
 static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error *err)
 {
     if (verdict == RX_VERDICT_FAIL)
@@ -233,7 +241,7 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
         status = rx_error_memory(err, 0);
         goto exit;
     }
-    if (j->measure != NULL && (options->self_check || options->blank_check > 0)) {
+    if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0)) {
         status = rx_error_set(err, RX_USAGE,
                               "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
                               "the checks");
@@ -243,8 +251,6 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     if (status == RX_OK)
         status = run_all(j, err);
     if (status == RX_OK) {
-        tell(log, rx_log_info, &j->brief);
-        tell(log, rx_log_warning, &j->fallbacks);
         if (facts != NULL) /* -REPLAY wants none, and keeps no output */
             rx_outputs_tell(j->outputs,
                             strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
@@ -257,8 +263,6 @@ exit:
     rx_table_free(j->reference);
     rx_record_free(&j->record);
     rx_record_free(&j->products);
-    rx_text_free(&j->brief);
-    rx_text_free(&j->fallbacks);
     free(j->detect);
     free(j->measure);
     rx_options_free(options);

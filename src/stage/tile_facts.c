@@ -34,7 +34,13 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
     locate(field->tile, e);
     for (int i = 0; i < nruns; i++) {
         rx_run_facts *run = &e->run[i];
-        *run = (rx_run_facts){.sources = (long)runs[i].sources->n, .flux = runs[i].flux};
+        const rx_blankcheck *blank = &runs[i].checks.blank;
+        *run = (rx_run_facts){.sources = (long)runs[i].sources->n,
+                              .flux = runs[i].flux,
+                              .guard = {.known = blank->realisations > 0 || isfinite(runs[i].unexplained),
+                                        .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
+                                        .raised = blank->raised,
+                                        .unexplained = runs[i].unexplained}};
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);

@@ -3,10 +3,18 @@
 #define RX_STAGE_TILE_FACTS_H
 
 #include "base/error.h"
+#include "pipeline/field.h"
 #include "stage/extract.h"
-#include "stage/field.h"
 #include "validate/qa.h"
 #include "validate/tally.h"
+
+/* What the program says of its own work. */
+typedef struct rx_run_guard {
+    int known;
+    double false_per_mpixel; /* on this tile's noise (BLANK_CHECK); NAN: not known */
+    double raised;           /* what DETECT_THRESH was multiplied by for it */
+    double unexplained;      /* share of cells that the restored image does not explain; NAN: not known */
+} rx_run_guard;
 
 /* One restorer. */
 typedef struct rx_run_facts {
@@ -14,7 +22,8 @@ typedef struct rx_run_facts {
     long sources;
     char by[16], why[240]; /* restorer that did it instead, and why; "" none */
     rx_fluxcheck flux;     /* n = 0: not measured */
-    rx_tally *tally;       /* against the reference catalogue; NULL without one */
+    rx_run_guard guard;
+    rx_tally *tally; /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
 /* One image of the file. */

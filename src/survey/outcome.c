@@ -43,11 +43,11 @@ static const char *verdict(rx_status status)
     }
 }
 
-rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status,
+rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status, int others,
                           double seconds, const rx_error *why, rx_log *log, rx_error *err)
 {
     rx_outcome *outcome = &outcomes->of[i];
-    *outcome = (rx_outcome){.done = 1, .status = status, .seconds = seconds};
+    *outcome = (rx_outcome){.done = 1, .status = status, .others = others, .seconds = seconds};
     if (status == RX_OK)
         return RX_OK;
     char line[LINE];
@@ -63,19 +63,23 @@ rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, r
 rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles, double seconds, rx_log *log,
                               rx_error *err)
 {
-    int fine = 0, gates = 0, undecided = 0, failed = 0, left = 0;
+    int fine = 0, gates = 0, undecided = 0, failed = 0, left = 0, others = 0;
+    char by_others[64] = "";
     for (int i = 0; i < outcomes->n; i++) {
         const rx_outcome *outcome = &outcomes->of[i];
         left += !outcome->done;
+        others += outcome->others > 0;
         fine += outcome->done && outcome->status == RX_OK;
         gates += outcome->done && outcome->status == RX_GATE_FAIL;
         undecided += outcome->done && outcome->status == RX_GATE_INSUFFICIENT;
     }
     failed = outcomes->n - fine - gates - undecided - left;
+    if (others > 0)
+        snprintf(by_others, sizeof by_others, ", %d by another restorer", others);
     rx_log_info(log,
                 "%d tiles in %.1f s: %d fine, %d failed, %d with a quality gate that failed, %d with one "
-                "that is undecided, %d not begun",
-                outcomes->n, seconds, fine, failed, gates, undecided, left);
+                "that is undecided, %d not begun%s",
+                outcomes->n, seconds, fine, failed, gates, undecided, left, by_others);
     for (int i = 0; i < outcomes->n; i++)
         if (outcomes->of[i].done && outcomes->of[i].status != RX_OK)
             rx_log_info(log, "line %ld, exit status %d after %.1f s: %s", tiles->tile[i].line,

@@ -9,6 +9,7 @@
 typedef struct rx_outcome {
     int done; /* 0: not begun */
     rx_status status;
+    int others; /* images that another restorer did than was asked for, by restorer asked for */
     double seconds;
     char *what; /* the error in a line, without the program's name; NULL where there is none */
 } rx_outcome;
@@ -23,10 +24,10 @@ void rx_outcomes_free(rx_outcomes *outcomes);
 
 /* Tile i has ended so; `why` says what of, where status is not RX_OK. Tells it in the log at once, unless
  * all is well. */
-rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status,
+rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status, int others,
                           double seconds, const rx_error *why, rx_log *log, rx_error *err);
 
-/* Counts, and a line for each tile that is not fine, in the list's order, to the log. Returns what the run as
+/* Counts (the tiles that another restorer did at least in part, where there are any), and a line for each tile that is not fine, in the list's order, to the log. Returns what the run as
  * a whole ends with: RX_OK; RX_SOME_FAILED; where only gates failed, RX_GATE_FAIL or RX_GATE_INSUFFICIENT. */
 rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles, double seconds, rx_log *log,
                               rx_error *err);

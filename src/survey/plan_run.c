@@ -81,7 +81,7 @@ static rx_status plan_list(rx_json *json, const rx_settings *common, const char 
         status = rx_tiles_check(tiles, common, log, err);
     for (int i = 0; status == RX_OK && i < tiles->n; i++) {
         rx_settings *settings = NULL;
-        rx_error why = RX_ERROR_NONE;
+        rx_error why = rx_error_part(err);
         const char *image = rx_tiles_image(tiles, i);
         status = rx_tiles_settings(tiles, i, common, log, &settings, err);
         if (status == RX_OK && plan_tile(json, settings, image, log, all, &why) != RX_OK) {

@@ -201,14 +201,13 @@ static rx_status find_repeated(const replay *r, const char *name, char **dst, rx
 
 static rx_status run(replay *r, rx_error *err)
 {
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     const char *image = rx_replay_record_value(r->record, "IMAGE");
     rx_status status = rx_stage_run(r->config, image, NULL, r->log, NULL, &why);
     rx_log_progress_end(r->log);
     if (status == RX_GATE_FAIL || status == RX_GATE_INSUFFICIENT)
         return RX_OK; /* all outputs are written */
-    if (err != NULL)
-        *err = why;
+    rx_error_take(err, &why);
     return status;
 }
 

@@ -11,7 +11,7 @@
 #include "config/config_fields.h"
 #include "io/fits_digest.h"
 #include "io/fits_read.h"
-#include "stage/record.h"
+#include "stage/provenance.h"
 
 enum { MAX_TEXT_BYTES = 1 << 30 };
 
@@ -388,7 +388,7 @@ rx_status rx_replay_record_config(const rx_replay_record *record, const char *pa
                                   rx_error *err)
 {
     const char *set = rx_replay_record_value(record, "SET");
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     rx_config *config = NULL;
     rx_status status = rx_config_new(&config, &why);
     *dst = NULL;
@@ -405,7 +405,6 @@ rx_status rx_replay_record_config(const rx_replay_record *record, const char *pa
     rx_config_free(config);
     if (status == RX_USAGE) /* a header is data */
         return rx_error_at(err, RX_INPUT, path, -1, 0, "its record cannot be used: %.300s", why.text);
-    if (err != NULL)
-        *err = why;
+    rx_error_take(err, &why);
     return status;
 }

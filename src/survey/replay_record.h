@@ -1,4 +1,4 @@
-/* The record in an output of rextract (stage/record.h), read back: FITS catalogues and images, ASCII_HEAD
+/* The record in an output of rextract (stage/provenance.h), read back: FITS catalogues and images, ASCII_HEAD
  * catalogues, VOTables. */
 #ifndef RX_SURVEY_REPLAY_RECORD_H
 #define RX_SURVEY_REPLAY_RECORD_H

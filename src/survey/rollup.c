@@ -176,6 +176,7 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->verdict = e->verdict;
     row->sources = facts->sources;
     row->flux = facts->flux;
+    row->guard = facts->guard;
     memcpy(row->by, facts->by, sizeof row->by);
     if (row->by[0] != '\0' && (row->why = rx_strdup(facts->why)) == NULL)
         return rx_error_memory(err, 0);
@@ -190,6 +191,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     run->sources += facts->sources;
     run->by_others += row->by[0] != '\0';
     run->flux_off += rx_fluxcheck_is_off(&row->flux);
+    run->unexplained += row->guard.known && rx_residual_is_large(row->guard.unexplained);
+    run->raised += row->guard.known && row->guard.raised > 1.0;
     if (facts->tally != NULL)
         status = rx_tally_add(&run->tally, facts->tally, err);
     if (status == RX_OK && facts->tally != NULL)

@@ -44,6 +44,7 @@ typedef struct rx_rollup_row {
     char by[16]; /* restorer that did it instead, "" none */
     char *why;   /* and why; NULL without `by` */
     rx_fluxcheck flux;
+    rx_run_guard guard;
     int compared;        /* with a reference */
     rx_rollup_cell cell; /* MAG_RANGE */
     double off; /* how far it lies from the survey as a whole in what is worst of it: errors of its own, 0 =
@@ -57,6 +58,8 @@ typedef struct rx_rollup_run {
     long tiles, sources; /* images, and what was found on them */
     long by_others;      /* images that another restorer did */
     long flux_off;       /* images with a wrong flux scale */
+    long unexplained; /* images of which much is not explained by what was restored: rx_residual_is_large() */
+    long raised;      /* images whose DETECT_THRESH was raised for false detections */
     rx_tally tally;
     rx_rollup_cell whole; /* MAG_RANGE */
     rx_rollup_cell bin[RX_TALLY_BINS];

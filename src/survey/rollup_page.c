@@ -144,6 +144,8 @@ static void overview(rx_text *dst, const rx_rollup *r)
     rx_page_head(dst, RX_RIGHT, "images");
     rx_page_head(dst, RX_RIGHT, "by another restorer");
     rx_page_head(dst, RX_RIGHT, "flux scale off");
+    rx_page_head(dst, RX_RIGHT, "threshold raised");
+    rx_page_head(dst, RX_RIGHT, "not explained");
     rx_page_head(dst, RX_RIGHT, "sources");
     cell_heads(dst);
     rx_page_row_end(dst);
@@ -153,6 +155,8 @@ static void overview(rx_text *dst, const rx_rollup *r)
         rx_page_cell_count(dst, r->run[i].tiles);
         rx_page_cell_count(dst, r->run[i].by_others);
         rx_page_cell_count(dst, r->run[i].flux_off);
+        rx_page_cell_count(dst, r->run[i].raised);
+        rx_page_cell_count(dst, r->run[i].unexplained);
         rx_page_cell_count(dst, r->run[i].sources);
         cells(dst, &r->run[i].whole);
         rx_page_row_end(dst);

@@ -40,6 +40,8 @@ static void json_run(rx_json *j, const rx_rollup_run *run)
     rx_json_count(j, "images", (uint64_t)run->tiles);
     rx_json_count(j, "done_by_another", (uint64_t)run->by_others);
     rx_json_count(j, "flux_scale_off", (uint64_t)run->flux_off);
+    rx_json_count(j, "threshold_raised", (uint64_t)run->raised);
+    rx_json_count(j, "not_explained", (uint64_t)run->unexplained);
     rx_json_count(j, "sources", (uint64_t)run->sources);
     json_cell(j, &run->whole);
     rx_json_array(j, "bins", false);
@@ -66,6 +68,9 @@ static void json_row(rx_json *j, const rx_rollup *r, const rx_rollup_row *row)
     rx_json_number(j, "flux_scale", row->flux.n > 0 ? row->flux.wide : NAN);
     rx_json_number(j, "flux_scale_error", row->flux.n > 0 ? row->flux.wide_error : NAN);
     rx_json_string(j, "flux_scale_is", flux_word(row));
+    rx_json_number(j, "false_per_mpixel", row->guard.known ? row->guard.false_per_mpixel : NAN);
+    rx_json_number(j, "threshold_raised", row->guard.known ? row->guard.raised : NAN);
+    rx_json_number(j, "not_explained", row->guard.known ? row->guard.unexplained : NAN);
     rx_json_number(j, "off", row->off);
     rx_json_string(j, "worst_in", row->what);
     rx_json_string(j, "verdict", verdict_name(row));
@@ -151,6 +156,11 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
     rx_ecsv_column(&t, "flux_scale", RX_ECSV_FLOAT, "", "restored over untouched flux of isolated sources");
     rx_ecsv_column(&t, "flux_scale_error", RX_ECSV_FLOAT, "", "1 sigma");
     rx_ecsv_column(&t, "flux_scale_is", RX_ECSV_TEXT, "", "right or off, by that and by FLUX_AUTO");
+    rx_ecsv_column(&t, "false_per_mpixel", RX_ECSV_FLOAT, "", "false detections on the tile's noise");
+    rx_ecsv_column(&t, "threshold_raised", RX_ECSV_FLOAT, "",
+                   "DETECT_THRESH was multiplied by this for them");
+    rx_ecsv_column(&t, "not_explained", RX_ECSV_FLOAT, "",
+                   "share of cells that the restored image does not explain");
     rx_ecsv_column(&t, "off", RX_ECSV_FLOAT, "", "errors that it lies off the survey in what is worst");
     rx_ecsv_column(&t, "worst_in", RX_ECSV_TEXT, "", "what that is");
     rx_ecsv_column(&t, "verdict", RX_ECSV_TEXT, "", "of the gates");
@@ -173,6 +183,9 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
         rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide : NAN);
         rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide_error : NAN);
         rx_ecsv_text(&t, flux_word(row));
+        rx_ecsv_number(&t, row->guard.known ? row->guard.false_per_mpixel : NAN);
+        rx_ecsv_number(&t, row->guard.known ? row->guard.raised : NAN);
+        rx_ecsv_number(&t, row->guard.known ? row->guard.unexplained : NAN);
         rx_ecsv_number(&t, row->off);
         rx_ecsv_text(&t, row->what);
         rx_ecsv_text(&t, verdict_name(row));
@@ -241,6 +254,12 @@ static void collect_notes(const rx_rollup *r, rx_text *notes)
             rx_text_printf(dst, "HDU %d: %s: the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f; ",
                            row->hdu, run, row->flux.wide, row->flux.wide_error, row->flux.automatic,
                            row->flux.automatic_error);
+        if (row->guard.known && row->guard.raised > 1.0)
+            rx_text_printf(dst, "HDU %d: %s: DETECT_THRESH was raised %.3g times for false detections; ",
+                           row->hdu, run, row->guard.raised);
+        if (row->guard.known && rx_residual_is_large(row->guard.unexplained))
+            rx_text_printf(dst, "HDU %d: %s: %.0f %% of the tile are not explained by the restored image; ",
+                           row->hdu, run, 100.0 * row->guard.unexplained);
     }
 }
 

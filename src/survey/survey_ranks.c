@@ -17,6 +17,7 @@ enum { READY = 0, TILE = 1, NO_TILE = -1 };
 typedef struct ready {
     int tile; /* NO_TILE the first time */
     rx_status status;
+    int others; /* images that another restorer did */
     double seconds;
     rx_error why;
 } ready;
@@ -34,8 +35,8 @@ static rx_status take_ready(const account *a, rx_message *message, int *interrup
     if (report->tile != NO_TILE && report->status == RX_INTERRUPTED)
         *interrupted = 1;
     else if (report->tile != NO_TILE)
-        status = rx_outcomes_add(a->outcomes, a->tiles, report->tile, report->status, report->seconds,
-                                 &report->why, a->log, err);
+        status = rx_outcomes_add(a->outcomes, a->tiles, report->tile, report->status, report->others,
+                                 report->seconds, &report->why, a->log, err);
     free(message->data);
     return status;
 }
@@ -94,7 +95,8 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *st
         if (report.tile == NO_TILE)
             return RX_OK;
         const double begun = rx_seconds();
-        report.status = rx_tile_run_listed(tiles, report.tile, common, standard_out, log, &report.why);
+        report.status =
+            rx_tile_run_listed(tiles, report.tile, common, standard_out, log, &report.others, &report.why);
         report.seconds = rx_seconds() - begun;
     }
 }

@@ -59,6 +59,9 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
             rx_text_printf(dst, "FLUX %d %.9g %.9g %.9g %.9g %.9g\n", run->flux.n, run->flux.diameter,
                            run->flux.wide, run->flux.wide_error, run->flux.automatic,
                            run->flux.automatic_error);
+        if (run->guard.known)
+            rx_text_printf(dst, "GUARD %.9g %.9g %.9g\n", run->guard.false_per_mpixel, run->guard.raised,
+                           run->guard.unexplained);
         for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
             add_bin(dst, b, &run->tally->bin[b]);
     }
@@ -233,6 +236,18 @@ static rx_status read_flux(reader *r)
     return status;
 }
 
+static rx_status read_guard(reader *r)
+{
+    if (r->run == NULL)
+        return refuse(r, "GUARD is out of place");
+    rx_run_guard *guard = &r->run->guard;
+    guard->known = 1;
+    rx_status status = take_real(r, 1, &guard->false_per_mpixel);
+    if (status == RX_OK)
+        status = take_real(r, 2, &guard->raised);
+    return status == RX_OK ? take_real(r, 3, &guard->unexplained) : status;
+}
+
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
 static rx_status read_bin(reader *r, char *text)
 {
@@ -306,6 +321,8 @@ static rx_status read_words(reader *r)
         return read_done(r);
     if (strcmp(kind, "FLUX") == 0)
         return read_flux(r);
+    if (strcmp(kind, "GUARD") == 0)
+        return read_guard(r);
     if (strcmp(kind, "END") == 0)
         return end_record(r);
     return refuse(r, "this is no line of a record");

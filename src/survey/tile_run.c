@@ -48,12 +48,22 @@ static rx_status write_record(const char *path, const char *image, rx_status end
     return status;
 }
 
+static int by_others(const rx_tile_facts *facts)
+{
+    int n = 0;
+    for (int k = 0; k < facts->n; k++)
+        for (int i = 0; i < facts->extension[k].nruns; i++)
+            n += facts->extension[k].run[i].by[0] != '\0';
+    return n;
+}
+
 rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *standard_out, rx_log *log,
-                      rx_error *err)
+                      int *others, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
     rx_tile_facts facts = {0};
-    rx_error why = RX_ERROR_NONE, trouble = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err), trouble = rx_error_part(err);
+    rx_log_tile_begin(log);
     rx_status status = rx_stage_run(config, image, standard_out, log, &facts, &why);
     rx_log_progress_end(log);
     if (config->record_name[0] != '\0' && status != RX_INTERRUPTED) {
@@ -64,19 +74,22 @@ rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *stan
             why = trouble;
         }
     }
-    if (err != NULL)
-        *err = why;
+    rx_log_tile_end(log, status != RX_OK);
+    if (others != NULL)
+        *others = by_others(&facts);
+    rx_error_take(err, &why);
     rx_tile_facts_free(&facts);
     return status;
 }
 
 rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
-                             rx_log *log, rx_error *err)
+                             rx_log *log, int *others, rx_error *err)
 {
     rx_settings *settings = NULL;
+    *others = 0;
     rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
     if (status == RX_OK)
-        status = rx_tile_run(settings, rx_tiles_image(tiles, i), standard_out, log, err);
+        status = rx_tile_run(settings, rx_tiles_image(tiles, i), standard_out, log, others, err);
     rx_settings_free(settings);
     return status;
 }

@@ -9,12 +9,13 @@
 #include "config/tiles.h"
 
 /* rx_stage_run() with settings of rextract, then the record (RECORD_NAME), whether the run went well or not;
- * an interrupt leaves none. Status and errors of the run; where that is fine, those of writing the record. */
+ * an interrupt leaves none. *others (may be NULL): images that another restorer did than was asked for, once for each
+ * restorer. Status and errors of the run; where that is fine, those of writing the record. */
 rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *standard_out, rx_log *log,
-                      rx_error *err);
+                      int *others, rx_error *err);
 
 /* The same of tile i of a list. */
 rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
-                             rx_log *log, rx_error *err);
+                             rx_log *log, int *others, rx_error *err);
 
 #endif

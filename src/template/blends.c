@@ -149,8 +149,8 @@ static void list_members(rx_blends *blends, int *at)
         blends->member[at[blends->group[i]]++] = i;
 }
 
-rx_status rx_blends_find(const rx_footprint *const *footprints, int n, int width, int height, double link,
-                         int limit, int nthreads, rx_blends *blends, rx_error *err)
+rx_status rx_blends_find(const rx_tphot_params *par, const rx_footprint *const *footprints, int n, int width,
+                         int height, rx_blends *blends, rx_error *err)
 {
     const size_t room = (size_t)n + 1;
     cells c = {0};
@@ -178,7 +178,7 @@ rx_status rx_blends_find(const rx_footprint *const *footprints, int n, int width
         members[i] = 1;
         power[i] = rx_footprint_product(footprints[i], footprints[i], NULL);
     }
-#pragma omp parallel for schedule(dynamic, 64) num_threads(nthreads)
+#pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (size_t k = 0; k < l.n; k++) {
         rx_blend_link *p = &l.list[k];
         const double norm = power[p->i] * power[p->j];
@@ -187,7 +187,7 @@ rx_status rx_blends_find(const rx_footprint *const *footprints, int n, int width
     }
     if (l.n > 0)
         qsort(l.list, l.n, sizeof *l.list, by_strength);
-    tie(&l, link, limit > 1 ? limit : 1, parent, members, blends->cut);
+    tie(&l, par->link, par->group_limit > 1 ? par->group_limit : 1, parent, members, blends->cut);
     number(parent, blends);
     list_members(blends, members);
     for (int i = 0; i < n; i++)

@@ -20,10 +20,11 @@ typedef struct rx_blends {
     int *torn;   /* [ngroups] 1: of a member of the group */
 } rx_blends;
 
-/* Groups over links of more than `link`, strongest first; a link that would make a group of more than `limit`
- * members is cut (so the weakest are). Free the contents with rx_blends_clear(). Errors: RX_SYSTEM. */
-rx_status rx_blends_find(const rx_footprint *const *footprints, int n, int width, int height, double link,
-                         int limit, int nthreads, rx_blends *blends, rx_error *err);
+/* Groups of the n footprints on an image of width x height pixels over links of more than par->link, strongest
+ * first; a link that would make a group of more than par->group_limit members is cut (so the weakest are). Of
+ * the params nthreads counts, too. Free the contents with rx_blends_clear(). Errors: RX_SYSTEM. */
+rx_status rx_blends_find(const rx_tphot_params *par, const rx_footprint *const *footprints, int n, int width,
+                         int height, rx_blends *blends, rx_error *err);
 void rx_blends_clear(rx_blends *blends);
 
 #endif

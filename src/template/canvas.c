@@ -33,12 +33,17 @@ typedef struct plan {
 
 void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)
 {
-    *canvas = (rx_canvas){.width = input->width,
-                          .height = input->height,
-                          .gain = input->gain,
-                          .nthreads = nthreads,
-                          .input = input,
-                          .usual = usual};
+    const rx_noise_correlation *noise = input->image.correlation;
+    const double wide = rx_noise_factor_wide(noise);
+    *canvas = (rx_canvas){
+        .width = input->image.width,
+        .height = input->image.height,
+        /* resampling keeps the photon noise of wide sums and lowers that of a pixel, as the sky's */
+        .gain = wide * wide * input->image.gain,
+        .correlation = noise != NULL && noise->correlated ? noise : NULL,
+        .nthreads = nthreads,
+        .input = input,
+        .usual = usual};
 }
 
 void rx_canvas_clear(rx_canvas *canvas)
@@ -72,69 +77,86 @@ static inline int is_open(int hidden, float value, float sigma)
            (fabsf(value) <= FLT_MAX);
 }
 
+/* Pixels of a row and what is known of them. */
+typedef struct piece {
+    const float *pixels, *level, *sigmas;
+    const uint8_t *mask;
+    int bits; /* of the mask that hide a pixel */
+} piece;
+
 /* n pixels less their level. */
-RX_WIDE static void open_pixels(const float *pixels, const float *level, const uint8_t *mask, int bits,
-                                const float *sigmas, int n, float *restrict data, float *restrict noise,
+RX_WIDE static void open_pixels(const piece *from, int n, float *restrict data, float *restrict noise,
                                 float *restrict weight)
 {
+    const float *pixels = from->pixels, *level = from->level, *sigmas = from->sigmas;
+    const uint8_t *mask = from->mask;
+    const int bits = from->bits;
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const float value = pixels[i] - level[i], sigma = sigmas[i];
         const int open = is_open(mask[i] & bits, value, sigma);
         data[i] = open ? value : 0.0f;
         noise[i] = open ? sigma : 0.0f;
-        weight[i] = open ? 1.0f / (sigma * sigma) : 0.0f;
+        weight[i] = open ? 1.0f : 0.0f; /* until weigh() */
     }
+}
+
+static int has_level(const rx_image *image)
+{
+    return image->with_sky && rx_map_given(&image->level);
 }
 
 float rx_canvas_variance(const rx_canvas *canvas, int x, int y)
 {
-    const rx_tphot_input *input = canvas->input;
-    const size_t k = (size_t)y * (size_t)input->width + (size_t)x;
-    const float level = rx_map_given(&input->level) ? rx_map_at(&input->level, x, y) : 0.0f;
-    const float sigma = rx_map_at(&input->sigma, x, y);
-    const int hidden = input->mask != NULL ? input->mask[k] & input->mask_bits : 0;
-    return is_open(hidden, input->pixels[k] - level, sigma) ? sigma * sigma : 0.0f;
+    const rx_image *image = &canvas->input->image;
+    const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+    const float level = has_level(image) ? rx_map_at(&image->level, x, y) : 0.0f;
+    const float sigma = rx_map_at(&image->noise, x, y);
+    const int hidden = rx_image_hides(image, k);
+    return is_open(hidden, image->pixels[k] - level, sigma) ? sigma * sigma : 0.0f;
 }
 
 static const uint8_t unmasked[MOST] = {0};
 static const float none[MOST] = {0};
 
 /* n pixels of row y from x on, before any sheet. */
-static void read_pixels(const rx_tphot_input *input, int y, int x, int n, const float *sigmas, float *data,
-                        float *noise, float *weight)
+static void read_pixels(const rx_image *image, int y, int x, int n, float *data, float *noise, float *weight)
 {
-    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
-    float room[MOST];
-    const float *level = rx_map_given(&input->level) ? rx_map_row(&input->level, y, x, n, room) : none;
-    const uint8_t *mask = input->mask != NULL ? input->mask + at : unmasked;
-    open_pixels(input->pixels + at, level, mask, input->mask_bits, sigmas, n, data, noise, weight);
+    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+    float levels[MOST], sigmas[MOST];
+    const piece from = {.pixels = image->pixels + at,
+                        .level = has_level(image) ? rx_map_row(&image->level, y, x, n, levels) : none,
+                        .sigmas = rx_map_row(&image->noise, y, x, n, sigmas),
+                        .mask = image->mask != NULL ? image->mask + at : unmasked,
+                        .bits = image->hide};
+    open_pixels(&from, n, data, noise, weight);
 }
 
 /* n pixels of row y from x on. */
 static void fill_piece(rx_canvas *canvas, int y, int x, int n)
 {
-    const rx_tphot_input *input = canvas->input;
-    const size_t at = (size_t)y * (size_t)input->width + (size_t)x;
+    const rx_image *image = &canvas->input->image;
+    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
     const size_t to = rx_canvas_row(canvas, y) + (size_t)x;
-    float noise[MOST];
-    const float *sigmas = rx_map_row(&input->sigma, y, x, n, noise);
     if (canvas->kept != NULL) {
-        open_pixels(canvas->kept + at, none, unmasked, 0, sigmas, n, canvas->data + to, canvas->sigma + to,
-                    canvas->weight + to);
+        float sigmas[MOST];
+        const piece from = {.pixels = canvas->kept + at,
+                            .level = none,
+                            .sigmas = rx_map_row(&image->noise, y, x, n, sigmas),
+                            .mask = unmasked};
+        open_pixels(&from, n, canvas->data + to, canvas->sigma + to, canvas->weight + to);
         return;
     }
-    read_pixels(input, y, x, n, sigmas, canvas->data + to, canvas->sigma + to, canvas->weight + to);
+    read_pixels(image, y, x, n, canvas->data + to, canvas->sigma + to, canvas->weight + to);
     for (int i = 0; i < canvas->nsheets; i++)
         rx_sheet_take_off(&canvas->sheets[i], y, x, n, canvas->weight + to, canvas->data + to);
 }
 
 static void keep_piece(rx_canvas *canvas, int y, int x, int n)
 {
-    float room[MOST], noise[MOST], weight[MOST];
+    float noise[MOST], weight[MOST];
     float *data = canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x;
-    const float *sigmas = rx_map_row(&canvas->input->sigma, y, x, n, room);
-    read_pixels(canvas->input, y, x, n, sigmas, data, noise, weight);
+    read_pixels(&canvas->input->image, y, x, n, data, noise, weight);
     for (int i = 0; i < canvas->nsheets; i++)
         rx_sheet_take_off(&canvas->sheets[i], y, x, n, weight, data);
     for (int i = 0; i < n; i++)

@@ -39,8 +39,9 @@ struct rx_canvas {
     float *sigma;      /* noise of the sky, ADU; 0 where hidden */
     float *model;      /* sum_i F_i T_i */
     float *weight;     /* 1 / (variance + photons and errors of the model); 0 where hidden */
-    double gain;       /* e-/ADU, 0: none */
+    double gain;       /* e-/ADU by which a pixel's photon noise goes, 0: none */
     double psf_error;  /* of a template, relative */
+    const rx_noise_correlation *correlation; /* of the noise; NULL: independent pixels */
     int nthreads;
     /* its own */
     const rx_tphot_input *input;

@@ -29,24 +29,13 @@ static int brightest_over(const rx_subject *subjects, const int *member, int n, 
     return found;
 }
 
-/* Relative error of a smooth profile on the scale of a source: arms and knots of a galaxy that is resolved.
- */
-static double lumpiness(const rx_subject *s, double fwhm)
-{
-    const double r2 = s->profile.radius * s->profile.radius;
-    return s->kind == RX_TPHOT_POINT ? 0 : LUMPS * (1 - s->point) * r2 / (r2 + fwhm * fwhm);
-}
-
-static double alone(const rx_subject *subject, const rx_joint_member *member)
-{
-    return subject->flux > 0 && member->variance > 0 ? subject->flux * subject->flux / member->variance : 0;
-}
-
 rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *members, const int *member,
                            int n, int i)
 {
-    rx_rival rival = {.other = -1};
-    if (!(alone(&subjects[member[i]], &members[member[i]]) > 0))
+    const double flux = subjects[member[i]].flux, variance = members[member[i]].variance;
+    rx_rival rival = {.one = member[i], .other = -1};
+    rival.alone = flux > 0 && variance > 0 ? flux * flux / variance : 0;
+    if (!(rival.alone > 0))
         return rival;
     const int j = brightest_over(subjects, member, n, i, &rival.light);
     if (j >= 0 && (rival.light >= OVERLAP || members[member[i]].blend >= BLEND))
@@ -55,19 +44,21 @@ rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *me
 }
 
 rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                         const rx_subject *subjects, const rx_joint_member *members, int i,
-                         const rx_rival *rival, double *evidence, rx_error *err)
+                         const rx_subject *subjects, const rx_rival *rival, double *evidence, rx_error *err)
 {
-    const rx_subject *one = &subjects[i];
     double rise = 0;
-    *evidence = alone(one, &members[i]);
+    *evidence = rival->alone;
     if (rival->other < 0)
         return RX_OK;
     const rx_subject *other = &subjects[rival->other];
-    rx_status status = rx_refine_alone(par, view, lens, other, one, &rise, err);
+    rx_status status = rx_refine_alone(par, view, lens, other, &subjects[rival->one], &rise, err);
     if (status != RX_OK || !isfinite(rise))
         return status;
-    const double lumps = lumpiness(other, view->fwhm) * rival->light;
+    /* arms and knots of a galaxy that is resolved */
+    const double r2 = other->profile.radius * other->profile.radius, fwhm = view->fwhm;
+    const double rough =
+        other->kind == RX_TPHOT_POINT ? 0 : LUMPS * (1 - other->point) * r2 / (r2 + fwhm * fwhm);
+    const double lumps = rough * rival->light;
     *evidence = 1 / (1 / fmin(*evidence, fmax(rise, 1e-3)) + lumps * lumps);
     return RX_OK;
 }

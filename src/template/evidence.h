@@ -8,6 +8,8 @@
 
 /* Who may have the light of a source, too. */
 typedef struct rx_rival {
+    int one;      /* index of the source */
+    double alone; /* its flux^2 / variance; 0 where one of them is not above 0 */
     int other;    /* index of that subject, -1: nobody */
     double light; /* of it under the template of the source, in fluxes of the source */
 } rx_rival;
@@ -16,7 +18,7 @@ typedef struct rx_rival {
 rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *members, const int *member,
                            int n, int i);
 
-/* Subject i, of which the canvas shows rx_refine_alone_window() of its rival where it has one. Without a
+/* Subject rival->one, of which the canvas shows rx_refine_alone_window() of its rival where it has one. Without a
  * brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
  * 0.2)
  *
@@ -33,7 +35,6 @@ rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *me
  * Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is the least
  * contrast of arms in simulate/scene.h. par: never frozen. Errors: RX_SYSTEM. */
 rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                         const rx_subject *subjects, const rx_joint_member *members, int i,
-                         const rx_rival *rival, double *evidence, rx_error *err);
+                         const rx_subject *subjects, const rx_rival *rival, double *evidence, rx_error *err);
 
 #endif

@@ -3,21 +3,27 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 #include "base/wide.h"
 #include "num/normal.h"
+#include "template/grain.h"
 #include "template/patch.h"
 
 enum { MANY = 16 }; /* unknowns that are worth several threads */
 
+static const double LEAST = 0.01; /* variance under correlated noise over that of independent pixels */
+
 /* One unknown: a flux, or the flux times a shift in x or y; the background is the last, without a column. */
 typedef struct column {
     const rx_footprint *footprint;
-    int member, what;         /* 0 flux, 1 x, 2 y */
-    double before;            /* what the model holds of it */
-    double power;             /* of a flux, sum w T^2 */
-    double centre, precision; /* of its prior */
+    int member, what;     /* 0 flux, 1 x, 2 y */
+    double before;        /* what the model holds of it */
+    double power;         /* of a flux, sum w T^2 */
+    double centre, prior; /* of its prior: and its precision, */
+    double precision;     /* by which it counts among weights that take the noise for smaller than it is */
 } column;
 
 typedef struct equations {
@@ -28,6 +34,8 @@ typedef struct equations {
     double *room; /* owned, holds the next four */
     double *a, *b, *x, *covariance;
     int *bounded, *held; /* the first one owned, it holds both */
+    double open, prior;  /* of the background: sum of the weights, and the precision of its prior */
+    double *noise;       /* owned; [n][n] B, then [n] its diagonal; NULL where A is it */
 } equations;
 
 static void clear(equations *e)
@@ -37,6 +45,7 @@ static void clear(equations *e)
     free(e->slopes);
     free(e->columns);
     free(e->room);
+    free(e->noise);
     free(e->bounded);
 }
 
@@ -109,41 +118,48 @@ RX_WIDE static void sum_box(const rx_footprint *f, const rx_canvas *canvas, doub
     sums[2] = count;
 }
 
-/* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
-static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *canvas, double sums[3],
-                           rx_error *err)
+/* What holds the footprints. */
+static rx_window window_of(const rx_canvas *canvas, int n, const rx_joint_member *m)
 {
-    int x0 = canvas->width, y0 = canvas->height, x1 = 0, y1 = 0;
+    rx_window w = {canvas->width, canvas->height, 0, 0};
     for (int i = 0; i < n; i++) {
         const rx_footprint *f = m[i].footprint;
         if (f->width == 0)
             continue;
-        x0 = f->x0 < x0 ? f->x0 : x0;
-        y0 = f->y0 < y0 ? f->y0 : y0;
-        x1 = f->x0 + f->width > x1 ? f->x0 + f->width : x1;
-        y1 = f->y0 + f->height > y1 ? f->y0 + f->height : y1;
+        w.x0 = rx_least(f->x0, w.x0);
+        w.y0 = rx_least(f->y0, w.y0);
+        w.x1 = rx_most(f->x0 + f->width, w.x1);
+        w.y1 = rx_most(f->y0 + f->height, w.y1);
     }
+    return w;
+}
+
+/* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
+static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *canvas, double sums[3],
+                           rx_error *err)
+{
+    const rx_window w = window_of(canvas, n, m);
     sums[0] = sums[1] = sums[2] = 0;
     if (n == 1)
         sum_box(m[0].footprint, canvas, sums);
-    if (n == 1 || x1 <= x0 || y1 <= y0)
+    if (n == 1 || w.x1 <= w.x0 || w.y1 <= w.y0)
         return RX_OK;
-    const size_t side = (size_t)(x1 - x0);
-    uint8_t *seen = RX_NEW(uint8_t, side * (size_t)(y1 - y0));
+    const size_t side = (size_t)(w.x1 - w.x0), area = side * (size_t)(w.y1 - w.y0);
+    uint8_t *seen = RX_NEW(uint8_t, area);
     if (seen == NULL)
-        return rx_error_memory(err, side * (size_t)(y1 - y0));
+        return rx_error_memory(err, area);
     for (int i = 0; i < n; i++) {
         const rx_footprint *f = m[i].footprint;
         for (int y = f->y0; y < f->y0 + f->height; y++)
             for (int x = f->x0; x < f->x0 + f->width; x++) {
-                uint8_t *s = &seen[(size_t)(y - y0) * side + (size_t)(x - x0)];
+                uint8_t *s = &seen[(size_t)(y - w.y0) * side + (size_t)(x - w.x0)];
                 const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
-                const double w = *s ? 0 : canvas->weight[k];
+                const double weight = *s ? 0 : canvas->weight[k];
                 *s = 1;
-                if (!(w > 0))
+                if (!(weight > 0))
                     continue;
-                sums[0] += w;
-                sums[1] += w * ((double)canvas->data[k] - canvas->model[k]);
+                sums[0] += weight;
+                sums[1] += weight * ((double)canvas->data[k] - canvas->model[k]);
                 sums[2] += 1;
             }
     }
@@ -168,7 +184,7 @@ static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m
     e->ncolumns = e->nflux;
     for (size_t k = 0; k < e->nflux; k++) {
         const rx_joint_member *one = &m[e->columns[k].member];
-        const double scale = one->before * one->shift_width;
+        const double scale = one->before * one->shift_width, grain = one->grain;
         for (int d = 0; d < 2 && scale > 0; d++) {
             rx_footprint *slope = &e->slopes[e->nslopes];
             rx_status status = slope_of(one->footprint, d, slope, err);
@@ -179,7 +195,8 @@ static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m
                                                  .member = e->columns[k].member,
                                                  .what = 1 + d,
                                                  .centre = -one->before * one->shift_centre[d],
-                                                 .precision = 1 / (scale * scale)};
+                                                 .prior = 1 / (scale * scale),
+                                                 .precision = grain * grain / (scale * scale)};
         }
     }
     return RX_OK;
@@ -203,12 +220,12 @@ static void fill_column(const rx_joint_params *par, const rx_canvas *canvas, siz
 
 /* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
 static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n, const rx_joint_member *m,
-                      int nthreads, equations *e, rx_error *err)
+                      equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
     double sums[3];
-    if (nthreads > 1 && last >= MANY) {
-#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
+    if (par->nthreads > 1 && last >= MANY) {
+#pragma omp parallel for schedule(dynamic) num_threads(par->nthreads)
         for (size_t i = 0; i < last; i++)
             fill_column(par, canvas, last - 1 - i, e); /* long ones first */
     } else {
@@ -229,9 +246,84 @@ static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n
         return status;
     /* members with data have pixels with weight: sums[0] > 0 */
     const double prior = sums[0] / (sums[2] * par->background_sigma * par->background_sigma);
-    e->a[last * size + last] = sums[0] + prior;
+    const double wide = rx_noise_factor_wide(canvas->correlation);
+    e->open = sums[0];
+    e->prior = prior;
+    e->a[last * size + last] = sums[0] + wide * wide * prior;
     e->b[last] += sums[1];
     return RX_OK;
+}
+
+/* Column i of B. */
+static rx_status fill_noise(const rx_canvas *canvas, const rx_window *all, size_t i, equations *e,
+                            rx_error *err)
+{
+    const size_t last = e->ncolumns, size = e->n;
+    const double wide = rx_noise_factor_wide(canvas->correlation);
+    rx_grain grain;
+    RX_TRY(rx_grain_new(canvas, e->columns[i].footprint, all, &grain, err));
+    for (size_t j = 0; j <= i; j++)
+        e->noise[i * size + j] = e->noise[j * size + i] = rx_grain_product(&grain, e->columns[j].footprint);
+    if (e->columns[i].what != 0)
+        e->noise[i * size + i] += e->columns[i].precision * e->columns[i].precision / e->columns[i].prior;
+    if (size > last) /* the background is far wider than the noise's reach */
+        e->noise[i * size + last] = e->noise[last * size + i] = wide * wide * e->a[i * size + last];
+    rx_grain_clear(&grain);
+    return RX_OK;
+}
+
+/* dst = a b, all [n][n]. */
+RX_WIDE static void multiply(const double *a, const double *b, size_t n, double *dst)
+{
+    memset(dst, 0, n * n * sizeof *dst);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < n; k++) {
+            const double by = a[i * n + k];
+#pragma omp simd
+            for (size_t j = 0; j < n; j++)
+                dst[i * n + j] += by * b[k * n + j];
+        }
+}
+
+/* covariance = A^-1, zero in rows and columns of what is held, becomes A^-1 B A^-1: B the covariance of b, to
+ * which priors contribute by as much as they count. */
+static rx_status correlate(const rx_joint_params *par, const rx_canvas *canvas, int n,
+                           const rx_joint_member *m, equations *e, rx_error *err)
+{
+    const size_t last = e->ncolumns, size = e->n;
+    const int threads = par->nthreads > 1 && last >= MANY ? par->nthreads : 1;
+    const double wide = rx_noise_factor_wide(canvas->correlation);
+    const rx_window all = window_of(canvas, n, m);
+    rx_status failed = RX_OK;
+    double *half = RX_NEW(double, size *size);
+    e->noise = RX_NEW(double, size *(size + 1));
+    if (half == NULL || e->noise == NULL) {
+        free(half);
+        return rx_error_memory(err, 2 * size * size * sizeof *half);
+    }
+#pragma omp parallel for schedule(dynamic) num_threads(threads)
+    for (size_t i = 0; i < last; i++) {
+        rx_error own = {0};
+        const rx_status status = fill_noise(canvas, &all, last - 1 - i, e, &own);
+        if (status != RX_OK) {
+#pragma omp critical(rx_joint_failure)
+            {
+                failed = status;
+                rx_error_take(err, &own);
+            }
+        }
+    }
+    if (size > last)
+        e->noise[last * size + last] = wide * wide * e->open + wide * wide * wide * wide * e->prior;
+    for (size_t i = 0; i < size; i++)
+        e->noise[size * size + i] = e->noise[i * size + i];
+    multiply(e->covariance, e->noise, size, half);
+    multiply(half, e->covariance, size, e->noise);
+    for (size_t i = 0; i < size; i++) /* a measured correlation may be none that noise can have */
+        e->noise[i * size + i] = fmax(e->noise[i * size + i], LEAST * e->covariance[i * size + i]);
+    memcpy(e->covariance, e->noise, size * size * sizeof *half);
+    free(half);
+    return failed;
 }
 
 /* Largest coefficient of covariance of flux i with another flux. */
@@ -246,6 +338,13 @@ static double largest_coefficient(const equations *e, size_t i)
     return largest;
 }
 
+/* Variance of unknown i if nothing else were free. */
+static double variance_alone(const equations *e, size_t i)
+{
+    const double power = e->a[i * e->n + i];
+    return e->noise != NULL ? fmax(e->noise[e->n * e->n + i] / power, LEAST) / power : 1 / power;
+}
+
 static void store(const equations *e, int singular, rx_joint_member *m, int n, double *background,
                   double *covariance)
 {
@@ -256,8 +355,8 @@ static void store(const equations *e, int singular, rx_joint_member *m, int n, d
         rx_joint_member *one = &m[e->columns[i].member];
         one->flux = e->x[i];
         /* of a flux held at 0: what its template alone would have */
-        one->variance = e->held[i] ? 1 / e->a[i * e->n + i] : e->covariance[i * e->n + i];
-        one->alone = 1 / e->a[i * e->n + i];
+        one->variance = e->held[i] ? variance_alone(e, i) : e->covariance[i * e->n + i];
+        one->alone = variance_alone(e, i);
         one->flags |= (e->held[i] ? RX_TPHOT_BOUND : 0) | (singular ? RX_TPHOT_SINGULAR : 0);
         one->blend = largest_coefficient(e, i);
         for (size_t j = 0; covariance != NULL && j < e->nflux; j++)
@@ -271,7 +370,7 @@ static void store(const equations *e, int singular, rx_joint_member *m, int n, d
 }
 
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       int nthreads, double *background, double *covariance, rx_error *err)
+                       double *background, double *covariance, rx_error *err)
 {
     equations e = {0};
     int singular = 0;
@@ -284,11 +383,13 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int 
     if (status == RX_OK)
         status = open_equations(e.ncolumns + (par->background_sigma > 0 && e.nflux > 0), &e, err);
     if (status == RX_OK && e.n > 0)
-        status = fill(par, canvas, n, members, nthreads, &e, err);
+        status = fill(par, canvas, n, members, &e, err);
     if (status == RX_OK && e.n > 0)
         status = par->non_negative ? rx_normal_nonnegative(e.a, e.b, e.bounded, e.n, e.x, e.covariance,
                                                            e.held, &singular, err)
                                    : rx_normal_solve(e.a, e.b, e.n, e.x, e.covariance, &singular, err);
+    if (status == RX_OK && e.n > 0 && canvas->correlation != NULL)
+        status = correlate(par, canvas, n, members, &e, err);
     if (status == RX_OK)
         store(&e, singular, members, n, background, covariance);
     clear(&e);

@@ -8,12 +8,14 @@
 typedef struct rx_joint_params {
     double background_sigma; /* of the prior, in sigmas of a pixel; 0: none fitted */
     int non_negative;
+    int nthreads; /* for the equations of one group; < 1 counts as 1 */
 } rx_joint_params;
 
 /* One member, given and found. */
 typedef struct rx_joint_member {
     const rx_footprint *footprint;
     double before; /* flux that canvas->model holds of it */
+    double grain;  /* noise of its flux over that of independent pixels; 1 for those */
     /* Its position may move, linearly: T(p - shift) = T - shift dT/dp. Prior: shift = centre +- width pixels;
      * width 0: it stays. Asked for where neighbours overlap: what a wrong position of one leaves is light
      * that the others take. */
@@ -26,9 +28,10 @@ typedef struct rx_joint_member {
     int flags;       /* RX_TPHOT_BOUND, SINGULAR, NO_DATA */
 } rx_joint_member;
 
-/* n members; data are what the model of all others leaves. covariance [n][n] of the fluxes, NULL: not
- * wanted. nthreads for the equations of one group. Errors: RX_SYSTEM. */
+/* n members; data are what the model of all others leaves. Weights are those of independent pixels, variances
+ * those of the noise as canvas->correlation has it (grain.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
+ * wanted. Errors: RX_SYSTEM. */
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       int nthreads, double *background, double *covariance, rx_error *err);
+                       double *background, double *covariance, rx_error *err);
 
 #endif

@@ -2,6 +2,7 @@
 #include "template/leftover.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,6 +18,7 @@ enum { STRIP = 64, TOGETHER = 64 }; /* rows of a strip; pixels of a row whose su
  * lies beyond the border is 0, and open. */
 typedef struct strip {
     const rx_leftover *of;
+    int top; /* row of the image that is its first */
     size_t stride;
     float *residual, *variance; /* [STRIP + side][stride] */
     float *open;                /* 1 where visible */
@@ -47,7 +49,8 @@ static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
 static float variance_of(const rx_leftover *of, size_t k, float light)
 {
     const float error = (float)of->model_error * light;
-    return 1 / of->canvas->weight[k] + error * error;
+    const float grain = (float)of->grain;
+    return grain * grain / of->canvas->weight[k] + error * error;
 }
 
 /* L of the pixel (x, y), around which the canvas is shown. */
@@ -144,6 +147,7 @@ static void fill_strip(strip *s, int from, int to)
     const int dark = low - of->reach > 0 ? low - of->reach : 0;
     const int bright = high + of->reach < height ? high + of->reach : height;
     const size_t cells = (size_t)(STRIP + of->side) * s->stride;
+    s->top = from;
     memset(s->residual, 0, cells * sizeof *s->residual);
     memset(s->variance, 0, cells * sizeof *s->variance);
     for (size_t k = 0; k < cells; k++)
@@ -167,47 +171,53 @@ static inline void add_row(const float *restrict row, int count, float k, float 
         sums[x] += k * row[x];
 }
 
-/* count pixels from x on of row y, which is the strip's row r; dst: of the first of them. */
-RX_WIDE static void filter_piece(const strip *s, int y, int r, int x, int count, size_t dst, float *filtered,
-                                 float *noise, uint8_t *mask)
+/* Where the result goes: planes whose first row is row `first` of the image. */
+typedef struct target {
+    int first;
+    float *filtered, *noise;
+    uint8_t *mask;
+} target;
+
+/* count pixels from x on of row y. */
+RX_WIDE static void filter_piece(const strip *s, int y, int x, int count, const target *dst)
 {
     const rx_leftover *of = s->of;
+    const size_t to = (size_t)(y - dst->first) * (size_t)of->canvas->width + (size_t)x;
+    float *filtered = dst->filtered + to, *noise = dst->noise + to;
+    uint8_t *mask = dst->mask + to;
     float sum[TOGETHER] = {0}, square[TOGETHER] = {0}, norm[TOGETHER] = {0};
     for (int j = 0; j < of->side; j++)
         for (int i = 0; i < of->side; i++) {
             const float k = of->filter[j * of->side + i];
-            const size_t at = (size_t)(r + j) * s->stride + (size_t)(x + i);
+            const size_t at = (size_t)(y - s->top + j) * s->stride + (size_t)(x + i);
             add_row(s->residual + at, count, k, sum);
             add_row(s->variance + at, count, fabsf(k), square);
             if (s->hidden)
                 add_row(s->open + at, count, fabsf(k), norm);
         }
     for (int m = 0; m < count; m++) {
-        const size_t k = dst + (size_t)m;
-        mask[k] = !(of->canvas->weight[rx_canvas_row(of->canvas, y) + (size_t)(x + m)] > 0);
-        filtered[k] = mask[k] ? 0 : sum[m];
-        noise[k] = mask[k] ? 0 : sqrtf(square[m] / (s->hidden ? norm[m] : 1));
+        mask[m] = !(of->canvas->weight[rx_canvas_row(of->canvas, y) + (size_t)(x + m)] > 0);
+        filtered[m] = mask[m] ? 0 : sum[m];
+        noise[m] = mask[m] ? 0 : sqrtf(square[m] / (s->hidden ? norm[m] : 1));
     }
 }
 
-/* Rows from .. to - 1, a multiple of a strip from `first`, which are shown with what reaches them; row
- * `first` is the first of the planes. */
-static rx_status filter_rows(const rx_leftover *of, int first, int from, int to, float *filtered,
-                             float *noise, uint8_t *mask, rx_error *err)
+/* Rows from .. to - 1, a multiple of a strip from the first of the planes, which are shown with what reaches
+ * them. */
+static rx_status filter_rows(const rx_leftover *of, int from, int to, const target *dst, rx_error *err)
 {
     const int width = of->canvas->width, strips = (to - from + STRIP - 1) / STRIP;
     rx_status failed = RX_OK;
 #pragma omp parallel num_threads(of->nthreads < 1 ? 1 : of->nthreads)
     {
         strip s;
-        rx_error own = RX_ERROR_NONE;
+        rx_error own = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         const rx_status status = open_strip(of, &s, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_leftover_failure)
             {
                 failed = status;
-                if (err != NULL)
-                    *err = own;
+                rx_error_take(err, &own);
             }
         }
 #pragma omp for schedule(dynamic)
@@ -218,8 +228,7 @@ static rx_status filter_rows(const rx_leftover *of, int first, int from, int to,
             fill_strip(&s, top, end);
             for (int y = top; y < end; y++)
                 for (int x = 0; x < width; x += TOGETHER)
-                    filter_piece(&s, y, y - top, x, x + TOGETHER < width ? TOGETHER : width - x,
-                                 (size_t)(y - first) * (size_t)width + (size_t)x, filtered, noise, mask);
+                    filter_piece(&s, y, x, x + TOGETHER < width ? TOGETHER : width - x, dst);
         }
         close_strip(&s);
     }
@@ -232,13 +241,14 @@ rx_status rx_leftover_filter(const rx_leftover *of, int from, int to, float *fil
     const int height = of->canvas->height, around = of->side / 2 + of->reach;
     const int room = rx_canvas_rows(of->canvas) - 2 * around;
     const int rows = room > STRIP ? room / STRIP * STRIP : STRIP;
+    const target dst = {from, filtered, noise, mask};
     rx_status status = RX_OK;
     for (int y = from, end; y < to && status == RX_OK; y = end) {
         end = y + rows < to && rx_canvas_rows(of->canvas) < height ? y + rows : to;
         status = rx_canvas_show_rows(of->canvas, y > around ? y - around : 0,
                                      end + around < height ? end + around : height, err);
         if (status == RX_OK)
-            status = filter_rows(of, from, y, end, filtered, noise, mask, err);
+            status = filter_rows(of, y, end, &dst, err);
     }
     return status;
 }

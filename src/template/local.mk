@@ -3,6 +3,7 @@ librextract_la_SOURCES += \
 	src/template/canvas.c src/template/canvas.h \
 	src/template/evidence.c src/template/evidence.h \
 	src/template/fit.c src/template/fit.h \
+	src/template/grain.c src/template/grain.h \
 	src/template/joint.c src/template/joint.h \
 	src/template/judge.c src/template/judge.h \
 	src/template/leftover.c src/template/leftover.h \
@@ -13,8 +14,12 @@ librextract_la_SOURCES += \
 	src/template/spergel.c src/template/spergel.h \
 	src/template/subjects.c src/template/subjects.h \
 	src/template/substructure.c src/template/substructure.h \
-	src/template/template.c src/template/template.h \
+	src/template/template.c \
 	src/template/tphot.c src/template/tphot.h \
 	src/template/turns.c src/template/turns.h \
 	src/template/undersky.c src/template/undersky.h \
 	src/template/usual.c src/template/usual.h
+
+rx_templatedir = $(pkgincludedir)/template
+rx_template_HEADERS = src/template/template.h
+installed_headers += $(rx_template_HEADERS)

@@ -19,8 +19,8 @@ RX_WIDE static void cut_row(const rx_canvas *canvas, ptrdiff_t k, int count, dou
     }
 }
 
-rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
-                       int half, int domain, rx_patch *patch, rx_error *err)
+rx_status rx_patch_cut(const rx_canvas *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+                       rx_error *err)
 {
     if (half > domain / 2 - 2) /* neighbours are asked for derivatives */
         half = domain / 2 - 2;
@@ -40,7 +40,6 @@ rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, d
         cut_row(canvas, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
                 patch->weight + (size_t)j * side + (size_t)first);
     }
-    rx_patch_add(patch, footprint, flux);
     return RX_OK;
 }
 
@@ -61,6 +60,13 @@ void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux)
     }
 }
 
+void rx_patch_dim(rx_patch *patch, double factor)
+{
+    const size_t area = (size_t)patch->side * (size_t)patch->side;
+    for (size_t k = 0; k < area; k++)
+        patch->weight[k] /= factor * factor;
+}
+
 void rx_patch_clear(rx_patch *patch)
 {
     free(patch->data);
@@ -78,15 +84,15 @@ RX_WIDE static int any_above(const float *row, int count, double level)
     return most > level;
 }
 
-rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, int cy, double level, int width,
-                            int height, rx_footprint *dst, rx_error *err)
+rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width, int height,
+                            rx_footprint *dst, rx_error *err)
 {
-    const int x0 = cx - n / 2, y0 = cy - n / 2;
+    const int n = plane->n, x0 = plane->cx - n / 2, y0 = plane->cy - n / 2;
     const int first = x0 < 0 ? -x0 : 0, end = width - x0 < n ? width - x0 : n;
     int low[2] = {n, n}, high[2] = {-1, -1};
     double outside = 0;
     for (int j = 0; j < n; j++) {
-        const float *row = plane + (size_t)j * stride;
+        const float *row = plane->values + (size_t)j * plane->stride;
         const int inside = y0 + j >= 0 && y0 + j < height;
         for (int i = 0; i < n && (!inside || first > 0 || end < n); i++)
             outside += inside && i >= first && i < end ? 0.0f : row[i];
@@ -104,8 +110,8 @@ rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, in
     *dst = (rx_footprint){.inside = 1.0 - outside};
     if (high[0] < 0)
         return RX_OK;
-    dst->x0 = cx - n / 2 + low[0];
-    dst->y0 = cy - n / 2 + low[1];
+    dst->x0 = x0 + low[0];
+    dst->y0 = y0 + low[1];
     dst->width = high[0] - low[0] + 1;
     dst->height = high[1] - low[1] + 1;
     dst->values = RX_NEW(float, (size_t)dst->width *(size_t)dst->height);
@@ -116,7 +122,7 @@ rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, in
     for (int j = 0; j < dst->height; j++)
         for (int i = 0; i < dst->width; i++)
             dst->values[(size_t)j * (size_t)dst->width + (size_t)i] =
-                plane[(size_t)(j + low[1]) * stride + (size_t)(i + low[0])];
+                plane->values[(size_t)(j + low[1]) * plane->stride + (size_t)(i + low[0])];
     return RX_OK;
 }
 

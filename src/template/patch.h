@@ -13,18 +13,27 @@ typedef struct rx_patch {
         *weight; /* [side][side] in one block, data's; weight 0 outside the image and where hidden */
 } rx_patch;
 
-/* The pixels within `half` of the whole pixel (cx, cy), the footprint times flux put back. Free with
- * rx_patch_clear(). Errors: RX_SYSTEM. */
-rx_status rx_patch_cut(const rx_canvas *canvas, const rx_footprint *footprint, double flux, int cx, int cy,
-                       int half, int domain, rx_patch *patch, rx_error *err);
+/* data - model of the pixels within `half` of the whole pixel (cx, cy). Free with rx_patch_clear(). Errors:
+ * RX_SYSTEM. */
+rx_status rx_patch_cut(const rx_canvas *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+                       rx_error *err);
 /* Footprint times flux onto the data where there is weight. */
 void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux);
+/* Noise that many times as wide: what the patch says counts by as much less. */
+void rx_patch_dim(rx_patch *patch, double factor);
 void rx_patch_clear(rx_patch *patch);
 
-/* Crop the rendered plane (n x n in rows of `stride`, centre (cx, cy) at (n/2, n/2)) to where it is above
- * `level` and inside the image. Errors: RX_SYSTEM. */
-rx_status rx_footprint_crop(const float *plane, int n, size_t stride, int cx, int cy, double level, int width,
-                            int height, rx_footprint *dst, rx_error *err);
+/* A rendered plane, its pixel (n/2, n/2) on (cx, cy) of the image. */
+typedef struct rx_lens_plane {
+    const float *values; /* [n][n] in rows of stride */
+    int n;
+    size_t stride;
+    int cx, cy;
+} rx_lens_plane;
+
+/* Crop it to where it is above `level` and inside the image of width x height pixels. Errors: RX_SYSTEM. */
+rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width, int height,
+                            rx_footprint *dst, rx_error *err);
 
 /* sum over common pixels of a b; with `canvas` weighted. */
 double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas);

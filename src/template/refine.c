@@ -268,14 +268,14 @@ static void choose(const job *j, rx_subject *after)
 }
 
 /* Light below that is not worth a pixel. */
-static double crop_level(const job *j, const rx_subject *after, const float *plane, size_t stride)
+static double crop_level(const job *j, const rx_subject *after, const rx_lens_plane *plane)
 {
     const rx_canvas *canvas = j->view->canvas;
     float highest = 0;
-    for (size_t v = 0; v < (size_t)j->size->n; v++) {
-        const float *row = plane + v * stride;
+    for (size_t v = 0; v < (size_t)plane->n; v++) {
+        const float *row = plane->values + v * plane->stride;
 #pragma omp simd reduction(max : highest)
-        for (int u = 0; u < j->size->n; u++)
+        for (int u = 0; u < plane->n; u++)
             highest = row[u] > highest ? row[u] : highest;
     }
     const double peak = highest;
@@ -329,7 +329,6 @@ static double shape_error(double power, double variance)
 
 static rx_status finish(job *j, rx_subject *after, rx_error *err)
 {
-    const size_t stride = (size_t)rx_fft_stride_real(j->size->fft);
     j->size->first = 0;
     j->size->last = j->size->n;
     render(j, after);
@@ -340,10 +339,8 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
         after->shape_error = shape_error(power, after->variance + after->misfit * after->misfit);
     }
     if (after->kind != RX_TPHOT_POINT && after->point <= 0 && j->par->substructure) {
-        int used = 0;
         double flux = after->flux;
-        rx_substructure_add(j->view, after, j->cx, j->cy, j->size, rx_lens_matching(j->size), &j->patch,
-                            &used, &flux);
+        const int used = rx_substructure_add(j->view, after, j->cx, j->cy, j->size, &j->patch, &flux);
         after->kind = used ? RX_TPHOT_PIXELS : RX_TPHOT_PROFILE;
         if (used) { /* its pixels say what its shape is */
             after->lift = 1;
@@ -351,9 +348,16 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
         }
         after->flux = flux;
     }
-    return rx_footprint_crop(j->size->plane[0], j->size->n, stride, j->cx, j->cy,
-                             crop_level(j, after, j->size->plane[0], stride), j->view->canvas->width,
-                             j->view->canvas->height, &after->footprint, err);
+    const rx_lens_plane plane = {.values = j->size->plane[0],
+                                 .n = j->size->n,
+                                 .stride = (size_t)rx_fft_stride_real(j->size->fft),
+                                 .cx = j->cx,
+                                 .cy = j->cy};
+    RX_TRY(rx_footprint_crop(&plane, crop_level(j, after, &plane), j->view->canvas->width,
+                             j->view->canvas->height, &after->footprint, err));
+    const rx_footprint *f = &after->footprint;
+    after->grain = rx_noise_factor(j->view->canvas->correlation, f->values, f->width, f->height);
+    return RX_OK;
 }
 
 /* Whether the pixels are looked at, or only a footprint is made. */
@@ -406,6 +410,17 @@ rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *s
     return window_around(view->canvas, subject, half_alone(view, subject, other));
 }
 
+/* What all others leave of the pixels around the source. Priors, evidence and errors all take chi2 for that of
+ * independent pixels: it is made one in the noise of what is asked about, the flux of a source with that grain. */
+static rx_status cut_patch(job *j, int half, double grain, rx_error *err)
+{
+    RX_TRY(rx_patch_cut(j->view->canvas, j->cx, j->cy, half, j->size->n, &j->patch, err));
+    rx_patch_add(&j->patch, &j->before->footprint, j->before->flux);
+    if (grain != 1.0)
+        rx_patch_dim(&j->patch, grain);
+    return RX_OK;
+}
+
 rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
                     const rx_subject *subject, rx_subject *after, rx_error *err)
 {
@@ -419,8 +434,7 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     rx_status status =
         rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y, &j.size, err);
     if (status == RX_OK && looks(par))
-        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy,
-                              half_of(view, radius), j.size->n, &j.patch, err);
+        status = cut_patch(&j, half_of(view, radius), subject->grain, err);
     if (status == RX_OK && !par->frozen)
         choose(&j, after);
     if (status == RX_OK)
@@ -453,8 +467,7 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     rx_status status = rx_lens_at(lens, rx_lens_side(lens, fmax(FAR * radius, half - view->fwhm)), subject->x,
                                   subject->y, &j.size, err);
     if (status == RX_OK)
-        status = rx_patch_cut(view->canvas, &subject->footprint, subject->flux, j.cx, j.cy, half, j.size->n,
-                              &j.patch, err);
+        status = cut_patch(&j, half, other->grain, err);
     if (status != RX_OK)
         return status;
     const double with = best_chi2(&j);

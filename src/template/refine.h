@@ -32,6 +32,7 @@ typedef struct rx_subject {
     double flux;        /* now, ADU, of its template */
     double lift;        /* mean of the flux over what the shape may be, over that of the template */
     rx_footprint footprint;
+    double grain; /* noise of its flux over that of independent pixels, rx_noise_factor() of its template */
     /* found by the last refinement */
     double star, chi2_gain;
     double evidence; /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of

@@ -28,7 +28,7 @@ static double segment_flux(const rx_tphot_input *input, const rx_source *s)
     double sum = 0;
     for (int y = s->ymin; y <= s->ymax; y++)
         for (int x = s->xmin; x <= s->xmax; x++) {
-            const size_t k = (size_t)y * (size_t)input->width + (size_t)x;
+            const size_t k = (size_t)y * (size_t)input->image.width + (size_t)x;
             if (input->sources->segments[k] == s->segment && input->restored->mask[k] == 0 &&
                 (hidden == NULL || (hidden[k] & input->shape_bits) == 0))
                 sum += input->restored->pixels[k];
@@ -55,7 +55,7 @@ static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
 
 void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_subject *subjects)
 {
-    const rx_psf *psf = input->restored->psf != NULL ? input->restored->psf : input->psf;
+    const rx_psf *psf = input->restored->psf != NULL ? input->restored->psf : input->image.psf;
     for (int i = 0; i < input->sources->n; i++) {
         const rx_source *s = &input->sources->list[i];
         rx_subject *subject = &subjects[i];
@@ -67,6 +67,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .point = 1,
                                 .shape_error = 1,
                                 .lift = 1,
+                                .grain = 1,
                                 .segment = s->segment,
                                 .untouched = s->untouched,
                                 .xmin = s->xmin,
@@ -74,7 +75,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .ymin = s->ymin,
                                 .ymax = s->ymax};
         if (par->extended)
-            guess_shape(s, s->untouched ? input->psf->fwhm : psf->fwhm, subject);
+            guess_shape(s, s->untouched ? input->image.psf->fwhm : psf->fwhm, subject);
         if (input->shapes != NULL)
             keep_shape(&input->shapes->list[i], subject);
         if (!isfinite(subject->guess))
@@ -97,6 +98,7 @@ rx_subject rx_subject_extra(double x, double y)
                         .point = 1,
                         .shape_error = 1,
                         .lift = 1,
+                        .grain = 1,
                         .flags = RX_TPHOT_EXTRA};
 }
 

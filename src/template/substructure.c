@@ -82,16 +82,16 @@ static const float *read_noise(const rx_refine_view *view, int x0, int y0, int x
 {
     const rx_restored *restored = view->restored;
     const int n = x1 - x0 + 1, rows = y1 - y0 + 1;
-    if ((restored->noise == NULL && restored->sky == NULL) || n <= 0 || rows <= 0)
+    const rx_map *noise = &restored->noise;
+    if (!rx_map_given(noise) || n <= 0 || rows <= 0)
         return NULL;
-    if (restored->noise != NULL) {
-        restored->noise->make(restored->noise, x0, y0, n, rows, room);
+    if (noise->maker != NULL) {
+        noise->maker->make(noise->maker, x0, y0, n, rows, room);
         return room;
     }
-    const rx_map map = rx_background_noise(restored->sky);
     for (int j = 0; j < rows; j++) {
         float *own = room + (size_t)j * (size_t)n;
-        const float *values = rx_map_row(&map, y0 + j, x0, n, own);
+        const float *values = rx_map_row(noise, y0 + j, x0, n, own);
         if (values != own)
             memcpy(own, values, (size_t)n * sizeof *own);
     }
@@ -191,14 +191,13 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
     return both - alone;
 }
 
-void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
-                         rx_lens_size *size, const rx_matching *matching, const rx_patch *patch, int *used,
-                         double *flux)
+int rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
+                        rx_lens_size *size, const rx_patch *patch, double *flux)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
-    *used = 0;
     if (subject->segment == 0 || subject->untouched || !(subject->flux > 0))
-        return;
+        return 0;
+    const rx_matching *matching = rx_lens_matching(size);
     /* a spectrum is larger than its plane, and nobody's now */
     const double noise = restored_noise(view, cx, cy, size->n, size->half[0]);
     float *own = size->plane[0]; /* kept as a plane that only derivatives need */
@@ -214,12 +213,12 @@ void rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, 
             sum += size->plane[0][j * stride + i];
     const double total = both + amount * sum;
     if (gain > cost && both > 0 && total > 0.5 * subject->flux) {
-        *used = 1;
         *flux = total;
         for (size_t k = 0; k < rows * stride; k++)
             size->plane[0][k] = (float)((both * own[k] + amount * size->plane[0][k]) / total);
-    } else {
-        size->plane[KEPT] = size->plane[0];
-        size->plane[0] = own;
+        return 1;
     }
+    size->plane[KEPT] = size->plane[0];
+    size->plane[0] = own;
+    return 0;
 }

@@ -51,9 +51,10 @@ static rx_status open_work(work *w, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
     rx_status status = RX_OK;
     rx_canvas_open(w->input, w->par->shown, w->nthreads, &w->canvas);
-    w->canvas.psf_error = w->par->psf_error;
+    /* no noise: it counts as much against that of sums of pixels as it would where pixels are independent */
+    w->canvas.psf_error = w->par->psf_error / rx_noise_factor_wide(w->input->image.correlation);
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
-        status = rx_lens_new(w->input->psf, w->input->restored->psf, &w->lenses[i], err);
+        status = rx_lens_new(w->input->image.psf, w->input->restored->psf, &w->lenses[i], err);
     rx_subjects_start(w->par, w->input, w->subjects);
     return status;
 }
@@ -102,7 +103,7 @@ static rx_refine_view refine_view(const work *w)
                             .shape_mask = w->input->shape_mask,
                             .shape_bits = w->input->shape_bits,
                             .segments = w->input->sources->segments,
-                            .fwhm = fmax(w->input->psf->fwhm, 1.0)};
+                            .fwhm = fmax(w->input->image.psf->fwhm, 1.0)};
 }
 
 /* What all refinements of one round share. */
@@ -193,8 +194,8 @@ static rx_status regroup(work *w, rx_error *err)
     for (int i = 0; i < w->n; i++)
         footprints[i] = &w->subjects[i].footprint;
     rx_blends_clear(&w->blends);
-    rx_status status = rx_blends_find(footprints, w->n, w->canvas.width, w->canvas.height, w->par->link,
-                                      w->par->group_limit, w->nthreads, &w->blends, err);
+    rx_status status =
+        rx_blends_find(w->par, footprints, w->n, w->canvas.width, w->canvas.height, &w->blends, err);
     free(footprints);
     return status == RX_OK && w->par->covariance ? place_covariances(w, err) : status;
 }
@@ -203,8 +204,8 @@ static rx_status regroup(work *w, rx_error *err)
 static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
     const int movable = w->input->shapes == NULL && w->par->rounds > 0;
-    const double fwhm = fmax(w->input->psf->fwhm, 1.0);
-    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative};
+    const double fwhm = fmax(w->input->image.psf->fwhm, 1.0);
+    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative, nthreads};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
     double *covariance = w->covariances != NULL ? w->covariances + w->place[group] : NULL;
     rx_joint_member *members = RX_NEW(rx_joint_member, m);
@@ -214,11 +215,11 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
         const rx_subject *s = &w->subjects[w->blends.member[first + i]];
         members[i] = (rx_joint_member){.footprint = &s->footprint,
                                        .before = s->flux,
+                                       .grain = s->grain,
                                        .shift_width = m > 1 && movable ? rx_refine_reach(fwhm) : 0,
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
-    rx_status status =
-        rx_joint_fit(&par, &w->canvas, m, members, nthreads, &w->backgrounds[group], covariance, err);
+    rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++)
         w->members[w->blends.member[first + i]] = members[i];
     free(members);
@@ -302,7 +303,7 @@ static rx_status fit_groups(work *w, rx_error *err)
  * templates follow. */
 static rx_status shift(work *w, rx_error *err)
 {
-    const double most = 0.25 * fmax(w->input->psf->fwhm, 1.0);
+    const double most = 0.25 * fmax(w->input->image.psf->fwhm, 1.0);
     int moved = 0;
     for (int i = 0; i < w->n; i++) {
         const double *by = w->members[i].shift, length = hypot(by[0], by[1]);
@@ -395,7 +396,7 @@ static rx_status learn_usual(work *w, rx_error *err)
                                    .radius = s->size,
                                    .nu = s->slope};
     }
-    rx_usual_learn(cases, n, w->par->star_penalty, fmax(w->input->psf->fwhm, 1.0), &w->usual);
+    rx_usual_learn(cases, n, w->par->star_penalty, fmax(w->input->image.psf->fwhm, 1.0), &w->usual);
     free(cases);
     return RX_OK;
 }
@@ -437,7 +438,7 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 {
     const weighing *g = user;
     work *w = g->w;
-    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, w->members, i, &g->rivals[i],
+    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i],
                           &w->subjects[i].presence, err);
 }
 
@@ -550,7 +551,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     rx_tphot *tphot = RX_NEW(rx_tphot, 1);
     if (tphot == NULL)
         return rx_error_memory(err, sizeof *tphot);
-    w.usual = rx_usual_start(fmax(input->psf->fwhm, 1.0));
+    w.usual = rx_usual_start(fmax(input->image.psf->fwhm, 1.0));
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);

@@ -18,6 +18,9 @@
  * chosen by the pixels (chi2 with penalties); where they cannot tell, PROFILE holds a point, too, in
  * proportion to the probabilities. So the outskirts that no segment holds are never cut off.
  *
+ * Where the noise of the image is correlated (rx_image.correlation) the weights stay, and errors, S/N, evidence
+ * and what decides between shapes are those of that noise (grain.h); chi2 is that of pixels.
+ *
  * Fluxes of extended sources are means over what their shape may be. Flux errors hold the noise of the sky
  * and of photons, the neighbours, the local background and, of extended sources, what the freedom of the
  * profile costs and what Spergel's profiles are found to be wrong by (0.8 %, steep ones up to 5 %: those miss
@@ -29,10 +32,12 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "data/map.h"
-#include "data/psf.h"
+#include "base/extern.h"
+#include "data/image.h"
 #include "data/restored.h"
 #include "data/sources.h"
+
+RX_BEGIN_DECLS
 
 /* Flags of a fitted source. */
 enum {
@@ -139,15 +144,9 @@ typedef struct rx_tphot_input {
     const uint8_t *shape_mask;   /* [height][width]: more of its pixels that tell no shape; NULL: none */
     int shape_bits;              /* that hide them there */
     const rx_sources *sources;   /* detected on it, with segments */
-    /* the tile to be fitted, same grid; another one than the restored for forced photometry */
-    int width, height;
-    const float *pixels; /* [height][width] ADU */
-    rx_map level;        /* none: 0 everywhere */
-    rx_map sigma;        /* noise of the sky, ADU; what is not > 0 counts as masked */
-    const uint8_t *mask; /* [height][width]; NULL: nothing masked */
-    int mask_bits;       /* that hide a pixel */
-    double gain;         /* e-/ADU; 0: no photon noise */
-    const rx_psf *psf;   /* of the tile to be fitted */
+    /* What is fitted, same grid, with its PSF; another tile than the restored one for forced photometry. A pixel whose
+     * noise is not above 0 counts as hidden. */
+    rx_image image;
     /* positions and profiles from an earlier run on the same list (its first nlisted entries), to be kept as
      * they are: forced photometry. NULL: fitted here. */
     const rx_tphot *shapes;
@@ -163,5 +162,7 @@ typedef struct rx_tphot_input {
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst,
                        rx_error *err);
 void rx_tphot_free(rx_tphot *tphot); /* NULL is fine */
+
+RX_END_DECLS
 
 #endif

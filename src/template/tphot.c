@@ -27,18 +27,19 @@ rx_status rx_tphot_check(const rx_tphot_input *input, rx_error *err)
 {
     const rx_restored *restored = input->restored;
     const rx_sources *sources = input->sources;
-    if (restored->width != input->width || restored->height != input->height ||
-        sources->width != input->width || sources->height != input->height || sources->segments == NULL)
+    if (restored->width != input->image.width || restored->height != input->image.height ||
+        sources->width != input->image.width || sources->height != input->image.height ||
+        sources->segments == NULL)
         return rx_error_set(err, RX_INPUT,
                             "the fitted image has %d x %d pixels and the restored one %d x %d; "
                             "templates need the same grid",
-                            input->width, input->height, restored->width, restored->height);
-    if (input->psf == NULL)
+                            input->image.width, input->image.height, restored->width, restored->height);
+    if (input->image.psf == NULL)
         return rx_error_set(err, RX_INPUT, "templates need the PSF of the image; give PSF_TYPE");
     if (input->shapes != NULL && input->shapes->nlisted != sources->n)
         return rx_error_set(err, RX_INPUT, "shapes of %d sources were given for a list of %d",
                             input->shapes->nlisted, sources->n);
-    const rx_psf *psfs[2] = {input->psf, restored->psf};
+    const rx_psf *psfs[2] = {input->image.psf, restored->psf};
     for (int i = 0; i < 2; i++)
         for (size_t k = 0;
              psfs[i] != NULL && k < (size_t)psfs[i]->nbasis * (size_t)psfs[i]->size * (size_t)psfs[i]->size;

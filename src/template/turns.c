@@ -54,7 +54,7 @@ static int end_of_batch(const rx_window *windows, const int *order, int n, int f
 
 static rx_status take_one(rx_turn turn, void *user, int i, int thread, rx_error *err)
 {
-    const rx_status status = rx_interrupt_pending() ? rx_interrupt_check(err) : RX_OK;
+    const rx_status status = rx_interrupt_check(err);
     return status == RX_OK ? turn(user, i, thread, err) : status;
 }
 
@@ -63,29 +63,17 @@ static rx_status take_batch(int nthreads, const int *order, int n, rx_turn turn,
     rx_status failed = RX_OK;
 #pragma omp parallel for schedule(dynamic, TOGETHER) num_threads(nthreads)
     for (int k = 0; k < n; k++) {
-        rx_error own = RX_ERROR_NONE;
+        rx_error own = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         const rx_status status = take_one(turn, user, order[k], omp_get_thread_num(), &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_turns_failure)
             {
                 failed = status;
-                if (err != NULL)
-                    *err = own;
+                rx_error_take(err, &own);
             }
         }
     }
     return failed;
-}
-
-static rx_status show_and_take(rx_canvas *canvas, const rx_window *windows, const int *order, int n,
-                               int in_order, rx_turn turn, void *user, rx_error *err)
-{
-    rx_status status = rx_canvas_show(canvas, windows, order, n, err);
-    if (status == RX_OK && !in_order)
-        return take_batch(canvas->nthreads, order, n, turn, user, err);
-    for (int k = 0; k < n && status == RX_OK; k++)
-        status = take_one(turn, user, order[k], 0, err);
-    return status;
 }
 
 rx_status rx_turns_take(rx_canvas *canvas, const rx_window *windows, int n, int in_order, rx_turn turn,
@@ -104,9 +92,13 @@ rx_status rx_turns_take(rx_canvas *canvas, const rx_window *windows, int n, int 
     /* from the end that is in memory */
     const int upwards = !in_order && canvas->top > 0;
     for (int k = 0; k < batches && status == RX_OK; k++) {
-        const int b = upwards ? batches - 1 - k : k;
-        status = show_and_take(canvas, windows, order + batch[b], batch[b + 1] - batch[b], in_order, turn,
-                               user, err);
+        const int b = upwards ? batches - 1 - k : k, m = batch[b + 1] - batch[b];
+        const int *own = order + batch[b];
+        status = rx_canvas_show(canvas, windows, own, m, err);
+        if (status == RX_OK && !in_order)
+            status = take_batch(canvas->nthreads, own, m, turn, user, err);
+        for (int i = 0; in_order && i < m && status == RX_OK; i++)
+            status = take_one(turn, user, own[i], 0, err);
     }
 exit:
     free(order);

@@ -301,7 +301,7 @@ static rx_status listen_to_trainer(generator *gen, rx_error *err)
 rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_feed_maker *make, void *user,
                                 rx_error *err)
 {
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     generator *gen = RX_NEW(generator, 1);
     rx_status status = RX_OK;
     if (gen == NULL) {
@@ -330,8 +330,7 @@ exit:
     if (status == RX_OK || rx_ranks_over(ranks)) /* the trainer is gone */
         return RX_OK;
     rx_ranks_fail(ranks, &why);
-    if (err)
-        *err = why;
+    rx_error_take(err, &why);
     return status;
 }
 
@@ -350,7 +349,7 @@ static rx_status make_scene(void *user, rx_sample_id id, rx_sample *dst, rx_erro
 rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *log, rx_error *err)
 {
     rx_scenes *scenes[MAKERS] = {NULL};
-    rx_error why = RX_ERROR_NONE;
+    rx_error why = rx_error_part(err);
     rx_status status = RX_OK;
     for (int i = 0; i < MAKERS && status == RX_OK; i++) {
         rx_scenes_params one = par->scenes;
@@ -360,8 +359,7 @@ rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *l
     }
     if (status != RX_OK) {
         rx_ranks_fail(ranks, &why);
-        if (err)
-            *err = why;
+        rx_error_take(err, &why);
     } else
         status = rx_feed_generate_with(par, ranks, make_scene, scenes, err);
     for (int i = 0; i < MAKERS; i++)

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/flat_sky.h"
 
 struct rx_learner {
     const rx_model *model;
@@ -134,7 +133,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     rx_test_image *images = dst;
     rx_step_values values = {0};
     const size_t pixels = (size_t)l->side * (size_t)l->side;
-    float *weight = l->planes[thread], *shown = weight + pixels, *scratch = shown + pixels;
+    float *weight = l->planes[thread], *shown = weight + pixels;
     images[i] = (rx_test_image){0};
     rx_status status = rx_step_run(l->test[thread], sample, NULL, NULL, &values, err);
     if (status != RX_OK)
@@ -144,7 +143,6 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
                    NULL);
     memcpy(shown, rx_step_restored(l->test[thread]), pixels * sizeof *shown);
-    rx_flat_sky(l->side, l->side, sample->fwhm, 1, shown, scratch);
     for (size_t k = 0; k < pixels; k++)
         shown[k] = rx_front_shown(shown[k]);
     return rx_star_check_run(sample, shown, l->par.margin, l->model->front.target_fwhm, &images[i].check,
@@ -163,7 +161,7 @@ static rx_status share(rx_learner *l, work *function, rx_sample *const *samples,
         omp_set_num_threads(1);
 #pragma omp for schedule(dynamic, 1)
         for (int i = 0; i < n; i++) {
-            rx_error mine = RX_ERROR_NONE;
+            rx_error mine = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
             const rx_status done = function(l, omp_get_thread_num(), samples[i], i, dst, &mine);
             if (done == RX_OK)
                 continue;
@@ -171,8 +169,7 @@ static rx_status share(rx_learner *l, work *function, rx_sample *const *samples,
             if (i < first) {
                 first = i;
                 status = done;
-                if (err != NULL)
-                    *err = mine;
+                rx_error_take(err, &mine);
             }
         }
     }

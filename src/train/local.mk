@@ -21,6 +21,7 @@ librextract_train_la_SOURCES += src/train/feed_parts.h
 librextract_train_la_SOURCES += src/train/step.c src/train/step.h
 librextract_train_la_SOURCES += src/train/step_pass.c src/train/step_pass.h
 librextract_train_la_SOURCES += src/train/scenes.c src/train/scenes_field.c src/train/scenes.h src/train/scenes_parts.h
+librextract_train_la_SOURCES += src/train/scenes_noise.c src/train/scenes_survey.c
 librextract_train_la_SOURCES += src/train/stars.c src/train/stars.h
 librextract_train_la_SOURCES += src/train/learner.c src/train/learner.h
 librextract_train_la_SOURCES += src/train/epoch_test.c src/train/epoch_test.h

@@ -24,16 +24,17 @@ enum { DRAW_TURN = 1024, TURNS = 8 };
 enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the patch's border */
 static const double SCALE = 255.0;  /* of the bins' sigma */
 static const double FARTHEST = 3.0; /* errors are cut at so many sigma */
+static const double BETA_LEAST = 1.1;
 
 struct rx_scenes {
     rx_scenes_params par;
     rx_selection grid;
     rx_simulation *simulation;
-    int window;                   /* pixels: patch and frame */
-    rx_fft *fft;                  /* of the window */
-    float *x, *half, *spectrum;   /* planes of fft */
-    float *normal;                /* [window][window] */
-    rx_scenes_field_data *fields; /* [capacity] */
+    int window;                            /* pixels: patch and frame */
+    rx_fft *fft;                           /* of the window */
+    float *x, *half, *spectrum, *coloured; /* planes of fft */
+    float *normal;                         /* [window][window] */
+    rx_scenes_field_data *fields;          /* [capacity] */
     int capacity;
     long clock, rendered;
 };
@@ -45,6 +46,7 @@ typedef struct draft {
     int x0, y0;   /* of the window in the field */
     double scale; /* told noise units per unit of the field's flux */
     double told;  /* noise as told / true */
+    rx_survey survey;
 } draft;
 
 /* --- keys --- */
@@ -96,6 +98,26 @@ static int is_within(double value, double least, double most)
     return value >= least && value <= most;
 }
 
+static rx_status check_survey(const rx_scenes_survey *s, rx_error *err)
+{
+    const double shares[] = {s->smoothed, s->resampled, s->smoothed + s->resampled,
+                             s->uneven,   s->offsets,   s->waves,
+                             s->dark,     s->defects,   s->psf};
+    for (size_t i = 0; i < sizeof shares / sizeof *shares; i++)
+        if (!is_within(shares[i], 0.0, 1.0))
+            return rx_error_set(
+                err, RX_USAGE,
+                "a share of %g of the images: 0 to 1 are possible, for smoothed and resampled "
+                "noise together",
+                shares[i]);
+    if (!is_range(s->smoothed_fwhm, 0.0, 20.0) || !is_within(s->sky_offset, 0.0, 10.0))
+        return rx_error_set(err, RX_USAGE,
+                            "noise smoothed by %g to %g pixels, a sky off by %g: 0 to 20, the smaller first, "
+                            "and 0 to 10 are possible",
+                            s->smoothed_fwhm[0], s->smoothed_fwhm[1], s->sky_offset);
+    return RX_OK;
+}
+
 static rx_status check(const rx_scenes_params *par, rx_error *err)
 {
     if (par->side < 16 || par->side % 4 != 0 || par->field_side < par->side ||
@@ -126,7 +148,7 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
                             "photon noise from %g to %g, errors of sky, noise and PSF of %g, %g and %g: none "
                             "is negative, and the smaller comes first",
                             par->photon[0], par->photon[1], par->sky_error, par->noise_error, par->psf_error);
-    return RX_OK;
+    return check_survey(&par->survey, err);
 }
 
 /* The widest PSF that may be told has to fit the window. */
@@ -134,8 +156,11 @@ static rx_status check_psf(const rx_scenes *s, rx_error *err)
 {
     const rx_scenes_params *par = &s->par;
     rx_psf *psf = NULL;
-    double widest = s->grid.fwhm[1] * exp(FARTHEST * par->psf_error);
-    rx_status status = rx_psf_moffat(widest, par->beta[0], 1.0 - par->ellipticity, 0.0, 0, &psf, err);
+    const int wrong = par->survey.psf > 0.0;
+    const double widest = s->grid.fwhm[1] * exp(FARTHEST * (par->psf_error + (wrong ? RX_SURVEY_FWHM : 0.0)));
+    const double beta = par->beta[0] * (wrong ? exp(-FARTHEST * RX_SURVEY_BETA) : 1.0);
+    const double ratio = 1.0 - par->ellipticity - (wrong ? FARTHEST * RX_SURVEY_RATIO : 0.0);
+    rx_status status = rx_psf_moffat(widest, fmax(beta, BETA_LEAST), ratio, 0.0, 0, &psf, err);
     if (status == RX_OK && psf->size > s->window)
         status = rx_error_set(err, RX_USAGE,
                               "a PSF of FWHM %.3g has %d pixels and does not fit a patch and its frame, %d "
@@ -179,8 +204,10 @@ static rx_status open_scenes(rx_scenes *s, const rx_simulate_config *config, rx_
     s->x = rx_fft_real(s->fft);
     s->half = rx_fft_complex(s->fft);
     s->spectrum = rx_fft_complex(s->fft);
+    s->coloured = rx_fft_complex(s->fft);
     s->normal = RX_NEW(float, (size_t)s->window *(size_t)s->window);
-    if (s->fields == NULL || s->x == NULL || s->half == NULL || s->spectrum == NULL || s->normal == NULL)
+    if (s->fields == NULL || s->x == NULL || s->half == NULL || s->spectrum == NULL || s->coloured == NULL ||
+        s->normal == NULL)
         return rx_error_memory(err, 0);
     return RX_OK;
 }
@@ -216,6 +243,7 @@ void rx_scenes_free(rx_scenes *s)
     free(s->x);
     free(s->half);
     free(s->spectrum);
+    free(s->coloured);
     free(s->normal);
     rx_fft_free(s->fft);
     rx_simulation_free(s->simulation);
@@ -278,7 +306,40 @@ static void choose_place(const rx_scenes *s, rx_sample_id id, draft *d)
     }
 }
 
-/* The window's light with its noise into s->x, and what is known of it into dst. */
+/* s->normal becomes correlated, of the same noise behind a filter matched to the PSF. s->x is overwritten. */
+static rx_status colour(rx_scenes *s, const draft *d, rx_error *err)
+{
+    const rx_scenes_field_data *field = d->field;
+    const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
+    rx_psf *psf = NULL;
+    rx_status status = rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
+    if (status != RX_OK)
+        return status;
+    rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->x, s->coloured);
+    rx_psf_free(psf);
+    rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured);
+    for (size_t y = 0; y < w; y++)
+        memcpy(s->x + y * stride, s->normal + y * w, w * sizeof *s->x);
+    rx_fft_filter(s->fft, s->x, s->coloured, false, s->half, s->x);
+    for (size_t y = 0; y < w; y++)
+        memcpy(s->normal + y * w, s->x + y * stride, w * sizeof *s->x);
+    return RX_OK;
+}
+
+/* s->normal: the noise of the sample, in true noise units. */
+static rx_status draw_noise(rx_scenes *s, const draft *d, rx_error *err)
+{
+    const int w = s->window;
+    rx_noise_normals(s->par.seed ^ NOISE_SEED, d->key.stream, 0, (long)w * w, s->normal);
+    if (d->survey.correlation.kind != RX_CORRELATION_NONE)
+        RX_TRY(colour(s, d, err));
+    for (int y = 0; d->survey.uneven && y < w; y++)
+        for (int x = 0; x < w; x++)
+            s->normal[y * w + x] *= (float)exp(rx_survey_noise(&d->survey, x, y));
+    return RX_OK;
+}
+
+/* The window's light with its noise, s->normal, into s->x, and what is known of it into dst. */
 static void expose(rx_scenes *s, draft *d, rx_sample *dst)
 {
     const rx_scenes_field_data *field = d->field;
@@ -287,14 +348,13 @@ static void expose(rx_scenes *s, draft *d, rx_sample *dst)
     rx_selection_bin(&s->grid, (int)dst->id.bin, fwhm, sigma);
     const double bin_sigma = rx_scenes_uniform(d->key, DRAW_SIGMA, sigma[0], sigma[1]);
     const double photon = rx_scenes_log_uniform(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
-    const double sky = error_of(d->key, DRAW_SKY, par->sky_error);
+    const double sky = error_of(d->key, DRAW_SKY, par->sky_error) + d->survey.sky;
     const double scale = field->level > 0.0 ? SCALE / (bin_sigma * field->level) : 0.0;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
     d->told = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
     d->scale = scale / d->told;
     dst->sigma = (float)bin_sigma;
     dst->true_fwhm = (float)field->fwhm;
-    rx_noise_normals(par->seed ^ NOISE_SEED, d->key.stream, 0, (long)(w * w), s->normal);
     for (size_t y = 0; y < w; y++) {
         const float *light = field->blurred + ((size_t)d->y0 + y) * (size_t)field->side + (size_t)d->x0;
         const float *normal = s->normal + y * w;
@@ -341,8 +401,11 @@ static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *
     const rx_scenes_field_data *field = d->field;
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
-    double fwhm = field->fwhm * exp(error_of(d->key, DRAW_TOLD, s->par.psf_error));
-    rx_status status = rx_psf_moffat(fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
+    const rx_survey *survey = &d->survey;
+    const double fwhm = field->fwhm * exp(error_of(d->key, DRAW_TOLD, s->par.psf_error)) * survey->fwhm;
+    const double beta = fmax(field->beta * survey->beta, BETA_LEAST);
+    const double ratio = fmin(field->ratio + survey->ratio, 1.0);
+    rx_status status = rx_psf_moffat(fwhm, beta, ratio, field->angle, 0, &psf, err);
     if (status == RX_OK)
         status = rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1,
                                     dst->kernel, err);
@@ -354,19 +417,74 @@ static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *
     return status;
 }
 
+/* s->x += what is in s->normal, true noise units; and the light of the sample where it is true. */
+static void add(rx_scenes *s, const draft *d, int true_light, rx_sample *dst)
+{
+    const int w = s->window, side = dst->side, frame = (w - side) / 2, stride = rx_fft_stride_real(s->fft);
+    for (int y = 0; y < w; y++)
+        for (int x = 0; x < w; x++)
+            s->x[y * stride + x] += s->normal[y * w + x] / (float)d->told;
+    for (int y = 0; true_light && y < side; y++)
+        for (int x = 0; x < side; x++) {
+            const float light = s->normal[(y + frame) * w + x + frame] / (float)d->told;
+            dst->y[y * side + x] += light;
+            dst->blurred[y * side + x] += light;
+        }
+}
+
+/* From units of the patch's noise to those of the noise that is given at each place. */
+static void divide(rx_scenes *s, const draft *d, rx_sample *dst)
+{
+    const int w = s->window, side = dst->side, frame = (w - side) / 2, stride = rx_fft_stride_real(s->fft);
+    for (int y = 0; y < w; y++)
+        for (int x = 0; x < w; x++)
+            s->x[y * stride + x] *= (float)exp(-rx_survey_scale(&d->survey, x, y));
+    for (int y = 0; y < side; y++)
+        for (int x = 0; x < side; x++) {
+            const float unit = (float)exp(-rx_survey_scale(&d->survey, x + frame, y + frame));
+            dst->y[y * side + x] *= unit;
+            dst->blurred[y * side + x] *= unit;
+        }
+    for (int i = 0; i < dst->nstars; i++) {
+        const double x = (double)dst->star[i][0] + frame, y = (double)dst->star[i][1] + frame;
+        dst->star[i][2] *= (float)exp(-rx_survey_scale(&d->survey, x, y));
+        dst->star[i][3] *= (float)exp(-rx_survey_noise(&d->survey, x, y));
+    }
+}
+
+/* What surveys deliver beyond noise and PSF, to the window in s->x and the planes cut from the field. */
+static void deliver(rx_scenes *s, const draft *d, rx_sample *dst)
+{
+    const int w = s->window;
+    if (d->survey.nwaves + d->survey.nholes > 0) {
+        for (int y = 0; y < w; y++)
+            for (int x = 0; x < w; x++)
+                s->normal[y * w + x] = (float)rx_survey_light(&d->survey, x, y);
+        add(s, d, 1, dst);
+    }
+    if (d->survey.defects) {
+        memset(s->normal, 0, (size_t)w * (size_t)w * sizeof *s->normal);
+        rx_survey_defects(&d->survey, s->normal);
+        add(s, d, 0, dst);
+    }
+    if (d->survey.uneven)
+        divide(s, d, dst);
+}
+
 static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
 {
     const rx_scenes_field_data *field = d->field;
     const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft);
-    rx_status status = tell_psf(s, d, s->x, dst, err);
-    if (status != RX_OK)
-        return status;
+    rx_survey_draw(&s->par.survey, d->key, s->window, side, field->fwhm, &d->survey);
+    RX_TRY(tell_psf(s, d, s->x, dst, err));
+    RX_TRY(draw_noise(s, d, err));
     expose(s, d, dst);
-    cut(s->x, stride, frame, frame, side, 1.0, dst->x);
     cut(field->sharp, (size_t)field->side, x0, y0, side, d->scale, dst->y);
     cut(field->blurred, (size_t)field->side, x0, y0, side, d->scale, dst->blurred);
     list_stars(s, d, dst);
+    deliver(s, d, dst);
+    cut(s->x, stride, frame, frame, side, 1.0, dst->x);
     rx_convolve(s->fft, s->spectrum, s->x, s->half, s->x);
     cut(s->x, stride, frame, frame, side, 1.0, dst->w);
     rx_scenes_key turns = {s->par.seed ^ RX_SCENES_FIELD_SEED, field->number};

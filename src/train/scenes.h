@@ -28,6 +28,29 @@
  * 1 to 3 of them, peaks of 2..RX_SCENES_PEAK times (log-uniform) the level, which stays as it is: rare ones
  * of a tile that is larger than the field.
  *
+ * What surveys deliver comes on top in shares of the samples, each thing by itself, but for the two kinds of
+ * correlated noise, which exclude each other; with shares of 0 all is as if these did not exist.
+ *
+ *   noise    Smoothed: by a Gaussian. Resampled: in equal parts by a linear, cubic (Keys 1981) or Lanczos-3
+ *            interpolation at a shift of 0..1 pixel in x and y, or as drizzle of many dithered frames leaves
+ *            it: drops of 0.5..2 pixels of the image on its pixels. n is scaled so that the filter matched to
+ *            the true PSF has the noise that white n of rms 1 would have: noise units are those of the
+ *            effective noise, and the pixels of smoothed noise are quieter than 1. The PSF stays as it is:
+ *            that of the resampled image.
+ *   uneven   n times g: a gradient of ln g, up to 0.5 from the centre of a patch to its border, in any
+ *            direction, and up to two edges of exposures, straight in any direction, where ln g steps by
+ *            0.15..0.7. What is given is as smooth as restore/network_data.h makes it (s: a Gaussian of 32
+ *            pixels over ln g): all planes are divided by s as well.
+ *   sky      A constant within +-sky_offset, in x alone.
+ *   waves    1 to 3 sine waves of 16 FWHM..1024 pixels, amplitudes 0.05..1 noise units (log-uniform).
+ *   dark     1 to 3 Gaussian holes, sigmas from 3 FWHM to 60 pixels, 0.3..10 noise units deep (log-uniform).
+ *            Waves and holes are in x and in what is true of it alike: light that the data have, above or
+ *            below the sky.
+ *   defects  Cosmic rays (simulate/cosmic_rays.h), 3 in a patch on average, a noise unit being 5..100
+ *            electrons, and up to two bad columns or parts of them, 1..30 noise units above or below
+ *            (log-uniform). In x alone.
+ *   psf      On top of psf_error: errors of 3 % in FWHM, 0.03 in b/a, 5 % in beta (rms).
+ *
  * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
  * share index / places come from one field, and the same index in successive epochs that share epoch / uses
  * from one field too, turned otherwise each time. In the first of these epochs patches are cut on a grid, in
@@ -45,6 +68,14 @@
 
 enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH, RX_SCENES_PEAK = RX_MODEL_PEAK };
 
+/* Shares of the samples, 0 .. 1. */
+typedef struct rx_scenes_survey {
+    double smoothed, resampled; /* together at most 1 */
+    double smoothed_fwhm[2];    /* pixels, uniform */
+    double uneven, offsets, waves, dark, defects, psf;
+    double sky_offset; /* noise units */
+} rx_scenes_survey;
+
 typedef struct rx_scenes_params {
     int side;           /* P, a multiple of 4 */
     int field_side;     /* pixels, a multiple of P */
@@ -57,6 +88,7 @@ typedef struct rx_scenes_params {
     double sky_error;   /* rms of a constant left in x, noise units */
     double noise_error; /* rms of ln(noise as told / true) */
     double psf_error;   /* rms of ln(FWHM as told / true) */
+    rx_scenes_survey survey;
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */
     int set;        /* rx_sample_set: whose samples are made; test scenes come from other random streams */

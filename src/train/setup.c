@@ -133,6 +133,22 @@ rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, r
                               err);
 }
 
+static rx_scenes_survey survey_of(const rx_train_config *config)
+{
+    return (rx_scenes_survey){
+        .smoothed = config->smoothed_noise,
+        .resampled = config->resampled_noise,
+        .smoothed_fwhm = {config->smoothed_fwhm.v[0], config->smoothed_fwhm.v[1]},
+        .uneven = config->uneven_noise,
+        .offsets = config->sky_offsets,
+        .sky_offset = config->sky_offset,
+        .waves = config->sky_waves,
+        .dark = config->dark_sky,
+        .defects = config->defects,
+        .psf = config->psf_errors,
+    };
+}
+
 rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)
 {
     return (rx_feed_params){
@@ -149,6 +165,7 @@ rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *
                 .sky_error = config->sky_error,
                 .noise_error = config->noise_error,
                 .psf_error = config->psf_error,
+                .survey = survey_of(config),
                 .seed = (uint64_t)config->seed,
                 .front = front_of(config),
             },

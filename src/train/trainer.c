@@ -409,13 +409,12 @@ exit:
 /* What an interrupted epoch has done is kept, too. */
 static rx_status keep_interrupted(job *j, rx_error *err)
 {
-    rx_error trouble = RX_ERROR_NONE;
+    rx_error trouble = rx_error_part(err);
     if (j->rank != 0)
         return RX_INTERRUPTED;
     const rx_status status = rx_train_output_within(&j->output, j->kept, j->now, &trouble);
     if (status != RX_OK) {
-        if (err != NULL)
-            *err = trouble;
+        rx_error_take(err, &trouble);
         return status;
     }
     return rx_error_at(err, RX_INTERRUPTED, j->config->checkpoint_name, -1, 0,
@@ -526,7 +525,7 @@ static void clean_up(job *j)
 /* The life of a rank that trains. */
 static rx_status run_trainer(job *j, rx_error *err)
 {
-    rx_error own = RX_ERROR_NONE;
+    rx_error own = rx_error_part(err);
     rx_status status = prepare(j, &own);
     if (status == RX_OK && is_over(j)) {
         status = save(j, &own); /* what a kill between two files may have kept from being written */
@@ -537,8 +536,7 @@ static rx_status run_trainer(job *j, rx_error *err)
         status = train(j, &own);
     if (status != RX_OK && status != RX_INTERRUPTED)
         rx_ranks_fail(j->ranks, &own);
-    if (err != NULL)
-        *err = own;
+    rx_error_take(err, &own);
     clean_up(j);
     return status;
 }

@@ -53,7 +53,7 @@ static void error_column(rx_text *dst, double percent, int *senseless)
     column(dst, percent > SENSELESS ? NAN : percent, 9, 2);
 }
 
-void rx_report_brief(rx_text *dst, const rx_report *r)
+void rx_report_brief(rx_text *dst, const rx_report *r, bool legend)
 {
     int senseless = 0;
     long ncommon = 0;
@@ -75,13 +75,14 @@ void rx_report_brief(rx_text *dst, const rx_report *r)
         column(dst, e->run->seconds, 8, 1);
         rx_text_add(dst, "\n");
     }
-    rx_text_printf(
-        dst,
-        "recall: share of the reference found; precision: share of detections in the reference; AP: area "
-        "under their curve; mag50: half are found here\n"
-        "MagErr: mean |F - F0| / F0 of each own list; common: of the %ld sources that every list has; "
-        "bias: median; seconds: with measuring and checks\n",
-        ncommon);
+    if (legend)
+        rx_text_printf(
+            dst,
+            "recall: share of the reference found; precision: share of detections in the reference; AP: area "
+            "under their curve; mag50: half are found here\n"
+            "MagErr: mean |F - F0| / F0 of each own list; common: of the %ld sources that every list has; "
+            "bias: median; seconds: with measuring and checks\n",
+            ncommon);
     if (senseless)
         rx_text_add(dst, "MagErr above 10,000 %: magnitudes and reference have not the same zero point; give "
                          "MAG_ZEROPOINT, or its header keyword, MAGZERO say, as MAG_ZEROPOINT_KEY\n");

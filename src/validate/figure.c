@@ -221,7 +221,7 @@ static rx_status read_svg(const char *folder, const char *id, const char *title,
 {
     rx_text path = {0}, svg = {0};
     char *content = NULL;
-    rx_error trouble = RX_ERROR_NONE;
+    rx_error trouble = rx_error_part(err);
     rx_status status = RX_OK;
     rx_text_printf(&path, "%s/%s.svg", folder, id);
     if (path.failed) {

@@ -16,6 +16,49 @@
 
 static const double LEVEL = 0.95;
 
+rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err)
+{
+    size_t rows = (size_t)n;
+    *list = (rx_qa_list){.n = n};
+    list->x = RX_NEW(double, rows);
+    list->y = RX_NEW(double, rows);
+    list->alpha = RX_NEW(double, rows);
+    list->delta = RX_NEW(double, rows);
+    list->mag = RX_NEW(double, rows);
+    list->mag_error = RX_NEW(double, rows);
+    list->flux = RX_NEW(double, rows);
+    list->flux_error = RX_NEW(double, rows);
+    if (with_flags) {
+        list->score = RX_NEW(double, rows);
+        list->flags = RX_NEW(int, rows);
+        list->made_up = RX_NEW(unsigned char, rows);
+    }
+    int complete = list->x != NULL && list->y != NULL && list->alpha != NULL && list->delta != NULL &&
+                   list->mag != NULL && list->mag_error != NULL && list->flux != NULL &&
+                   list->flux_error != NULL &&
+                   (!with_flags || (list->score != NULL && list->flags != NULL && list->made_up != NULL));
+    if (complete)
+        return RX_OK;
+    rx_qa_list_free(list);
+    return rx_error_memory(err, 9 * rows * sizeof(double));
+}
+
+void rx_qa_list_free(rx_qa_list *list)
+{
+    free(list->x);
+    free(list->y);
+    free(list->alpha);
+    free(list->delta);
+    free(list->mag);
+    free(list->mag_error);
+    free(list->flux);
+    free(list->flux_error);
+    free(list->score);
+    free(list->flags);
+    free(list->made_up);
+    *list = (rx_qa_list){0};
+}
+
 static rx_estimate *bin_estimates(const rx_report *report, int run, int bin)
 {
     return &report->binned[((size_t)run * (size_t)report->bins.n + (size_t)bin) * RX_METRIC_COUNT];
@@ -246,7 +289,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
     if (status != RX_OK)
         goto exit;
     if (brief != NULL)
-        rx_report_brief(brief, &report);
+        rx_report_brief(brief, &report, !rx_log_is_short(log));
     if (verdict != NULL)
         *verdict = report.verdict;
 exit:

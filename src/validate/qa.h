@@ -28,6 +28,10 @@ typedef struct rx_qa_list {
     unsigned char *made_up; /* detections: 1 = untouched pixels do not want it (FLAGS_RESTORE), else NULL */
 } rx_qa_list;
 
+/* Allocate the arrays of a list of n rows, all of them or (reference) without score and flags. */
+rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err);
+void rx_qa_list_free(rx_qa_list *list);
+
 /* What a restorer's model promises for this tile, from its tests; NAN where it does not say. */
 typedef struct rx_qa_promise {
     const char *model, *digest;
@@ -52,6 +56,13 @@ typedef struct rx_qa_flux {
 
 struct rx_tally; /* validate/tally.h */
 
+typedef struct rx_qa_blank { /* BLANK_CHECK */
+    int n;                   /* realisations of the noise, 0: it was not run */
+    double mpixels;          /* searched */
+    rx_estimate rate;        /* false detections per Mpixel */
+    double raised, asked;    /* factor by which it raised DETECT_THRESH, and the rate without */
+} rx_qa_blank;
+
 typedef struct rx_qa_run { /* one restorer */
     const char *name;      /* "NONE", "RL" */
     rx_qa_list list;
@@ -60,6 +71,7 @@ typedef struct rx_qa_run { /* one restorer */
     const char *settings, *psf; /* one line each, for the page; may be NULL */
     const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
     rx_qa_flux flux;
+    rx_qa_blank blank;
     /* of the tile's own detections the share that is no noise peak (BLANK_CHECK); n = 0: not known */
     rx_estimate real;
     const rx_qa_promise *promise; /* NULL: no model is behind this run */

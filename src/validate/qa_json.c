@@ -82,6 +82,16 @@ static void run_head(rx_json *json, const rx_report *r, int run)
         rx_json_number(json, "precision_without", rx_evaluation_precision_without(e));
         rx_json_end(json);
     }
+    if (e->run->blank.n > 0) {
+        const rx_qa_blank *blank = &e->run->blank;
+        rx_json_object(json, "blank_check", true);
+        rx_json_number(json, "realisations", (double)blank->n);
+        rx_json_number(json, "mpixels", blank->mpixels);
+        rx_json_estimate(json, "false_per_mpixel", &blank->rate);
+        rx_json_number(json, "threshold_raised", blank->raised);
+        rx_json_number(json, "false_per_mpixel_as_asked", blank->raised > 1.0 ? blank->asked : NAN);
+        rx_json_end(json);
+    }
     if (e->run->real.n > 0)
         rx_json_estimate(json, "no_noise_peak", &e->run->real);
     if (e->run->flux.n > 0) {

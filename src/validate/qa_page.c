@@ -100,7 +100,23 @@ static void write_real(rx_text *dst, const rx_report *r)
     rx_page_row(dst, NULL);
     rx_page_cell_text(dst, "share that is no noise peak");
     for (int run = 0; run < r->input->nruns; run++)
-        rx_page_cell_estimate(dst, &r->input->runs[run].real, 3);
+        if (r->input->runs[run].real.n > 0)
+            rx_page_cell_estimate(dst, &r->input->runs[run].real, 3);
+        else
+            rx_page_cell_text(dst, NULL);
+    rx_page_row_end(dst);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "false detections per Mpixel of its noise");
+    for (int run = 0; run < r->input->nruns; run++)
+        if (r->input->runs[run].blank.n > 0)
+            rx_page_cell_estimate(dst, &r->input->runs[run].blank.rate, 3);
+        else
+            rx_page_cell_text(dst, NULL);
+    rx_page_row_end(dst);
+    rx_page_row(dst, NULL);
+    rx_page_cell_text(dst, "factor that raised DETECT_THRESH for it");
+    for (int run = 0; run < r->input->nruns; run++)
+        rx_page_cell_number(dst, r->input->runs[run].blank.n > 0 ? r->input->runs[run].blank.raised : NAN, 3);
     rx_page_row_end(dst);
     rx_page_table_end(dst);
     rx_page_note(

@@ -54,6 +54,6 @@ void rx_report_html(rx_text *dst, const rx_report *report, const rx_figures *fig
 void rx_report_bins(rx_text *dst, const rx_report *report);
 void rx_report_matches(rx_text *dst, const rx_report *report, int run);
 void rx_report_curve(rx_text *dst, const rx_report *report, int run);
-void rx_report_brief(rx_text *dst, const rx_report *report);
+void rx_report_brief(rx_text *dst, const rx_report *report, bool legend /* what the columns are */);
 
 #endif

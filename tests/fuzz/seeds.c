@@ -16,7 +16,7 @@
 #include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "nn/psfnet.h"
-#include "stage/record.h"
+#include "stage/provenance.h"
 #include "train/checkpoint.h"
 #include "validate/metrics.h"
 
@@ -406,7 +406,10 @@ static void own_catalogues(const char *folder, const char *scratch)
     fuzz_require(rx_columns_read(fuzz_file(0, columns_wanted, sizeof columns_wanted - 1), NULL, &columns,
                                  NULL) == RX_OK,
                  "columns can be chosen");
-    fuzz_require(rx_catalog_table(columns, &tile, &sources, &table, NULL) == RX_OK, "a table can be made");
+    const rx_image image = rx_tile_image(&tile);
+    fuzz_require(rx_catalog_table(columns, &image, &sources, &table, NULL) == RX_OK &&
+                     rx_table_copy_cards(table, tile.cards, tile.ncards, NULL) == RX_OK,
+                 "a table can be made");
     const rx_record_pair version = {"RXVERS", "0.1.0", "program"};
     rx_record record = {0};
     make_record(&record, table);
@@ -418,8 +421,12 @@ static void own_catalogues(const char *folder, const char *scratch)
         static const char *const texts[] = {"catalog", NULL}, *const replays[] = {"replay", NULL};
         const int k = i % 4;
         remove(scratch);
-        fuzz_require(rx_catalog_write(types[k].type, scratch, &table, 1, i < 4 ? &version : pairs,
-                                      i < 4 ? 1 : record.n, scratch, NULL, NULL) == RX_OK,
+        const rx_catalog catalog = {.type = types[k].type,
+                                    .n = 1,
+                                    .tables = &table,
+                                    .npairs = i < 4 ? 1 : record.n,
+                                    .record = i < 4 ? &version : pairs};
+        fuzz_require(rx_catalog_write(&catalog, scratch, scratch, NULL, NULL) == RX_OK,
                      "a catalogue can be written");
         put_fits(folder, i >= 4 ? replays : k < 2 ? TABLES : texts, types[k].name, scratch);
     }

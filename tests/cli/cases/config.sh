@@ -121,9 +121,40 @@ mkdir night
 echo NUMBER >night/default.param
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >night/default.conv
 leaves test.cat
-says 4
-expect_exactly 0 'FILTER_NAME default\.conv is night/default\.conv$' tile.fits -c night/tile.sex -RESTORE_TYPE NONE
+says 3 # what was found, the count, what was written
+expect_exactly 0 'PARAMETERS_NAME default\.param is night/default\.param; FILTER_NAME default\.conv is night/default\.conv' tile.fits -c night/tile.sex -RESTORE_TYPE NONE
 
 begin 'columns that are nowhere'
 make_fits tile tile.fits
 expect 2 '^rextract: other\.param: cannot be opened' tile.fits $none -PARAMETERS_NAME other.param
+
+# Thresholds and noise, as the catalogue states them: TITLE, PATTERN of a line, ARGUMENT...
+catalogue_says() {
+    begin "$1"
+    pattern=$2
+    shift 2
+    make_fits tile tile.fits
+    printf 'RESTORE_TYPE NONE\nDETECT_MINAREA 3\n' >plain.sex
+    printf 'RESTORE_TYPE NONE\nTHRESH_TYPE SIGNIFICANCE\n' >named.sex
+    printf 'CONV NORM\n1 1\n1 1\n' >noise.conv
+    if [ "$active" = 1 ]; then
+        leaves test.cat
+        run tile.fits -RESTORE_TYPE NONE -VERBOSE_TYPE QUIET "$@"
+        grep -Eq -- "$pattern" test.cat || echo "test.cat does not say $pattern" >>../err
+        judge 0 ''
+    fi
+}
+catalogue_says 'thresholds: the default knows correlated noise' '^# THRESH_TYPE = SIGNIFICANCE$'
+catalogue_says "thresholds of a survey's file without restoration" '^# THRESH_TYPE = RELATIVE$' -c plain.sex
+catalogue_says "thresholds of a survey's file that names them" '^# THRESH_TYPE = SIGNIFICANCE$' -c named.sex
+catalogue_says "thresholds of a survey's file, named on the command line" '^# THRESH_TYPE = SIGNIFICANCE$' -c plain.sex -THRESH_TYPE SIGNIFICANCE
+catalogue_says 'noise of a kernel' '^# RXNFACT = 2\.0*$' -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME noise.conv
+catalogue_says 'noise that is stated as white' '^# RXNCOR = WHITE$' -NOISE_CORRELATION WHITE
+
+begin 'noise of a kernel that is not named'
+make_fits tile tile.fits
+expect 2 '^rextract: NOISE_CORRELATION FILE needs NOISE_KERNEL_NAME' tile.fits $none -NOISE_CORRELATION FILE
+
+begin 'noise of a kernel that is not there'
+make_fits tile tile.fits
+expect 2 '^rextract: absent\.conv: cannot be opened' tile.fits $none -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME absent.conv

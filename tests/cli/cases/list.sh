@@ -134,3 +134,18 @@ of rextract-survey
 printf 'a.record\n' >list
 : >a.record
 expect 2 '^rextract-survey: MERGED_NAME \./a\.record is also read, as a\.record; give the output another name$' @list -MERGED_NAME ./a.record
+
+begin 'the summary counts the tiles that another restorer did'
+make_fits tile a.fits
+make_fits tile b.fits
+make_fits tile c.fits
+make_model model.fits
+printf 'a.fits\nb.fits -PSF_FWHM 1\nc.fits -RESTORE_TYPE NONE,NET -PSF_FWHM 1\n' >tiles.list
+leaves a.cat b.cat c_NONE.cat c_NET.cat
+if [ "$active" = 1 ]; then
+    run @tiles.list -RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_NAME '{tile}.cat'
+    grep -E '3 tiles in ' ../err >../summary
+    mv ../summary ../err
+    said=1
+    judge 0 '3 fine, 0 failed, .*, 0 not begun, 2 by another restorer$'
+fi

@@ -89,6 +89,28 @@ if [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+begin 'network: noise that it makes sources of raises the threshold, and says so'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        low="$net -NET_MODEL $top/config/psfnet.fits -DETECT_THRESH 0.2 -DETECT_MINAREA 3 -CATALOG_TYPE FITS_1.0"
+        timeout 60 "$program" tile.fits $low -VERBOSE_TYPE NORMAL >../log 2>&1
+        echo $? >../code
+        grep -q 'above NOISE_FALSE_MAX 10: DETECT_THRESH is raised' ../log || cat ../log
+        tr -d '\000' <test.cat | grep -q 'RXBLKD  = ' || echo 'not in the header'
+        rm -f test.cat
+        timeout 60 "$program" tile.fits $low -NOISE_FALSE_MAX 0 -VERBOSE_TYPE NORMAL 2>&1 | grep 'is raised'
+        tr -d '\000' <test.cat | grep -q "RXBLKT  = *'*1.0*[ ']" || echo 'raised without a limit'
+        rm -f test.cat
+        timeout 60 "$program" tile.fits $low -BLANK_CHECK 0 -VERBOSE_TYPE NORMAL 2>&1 | grep 'blank check'
+        tr -d '\000' <test.cat | grep -o 'RXBLKN'
+        rm -f test.cat
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
 begin 'network: informed and without a PSF'
 make_fits tile tile.fits
 make_model model.fits

@@ -462,3 +462,45 @@ make_fits tile tile.fits 'MAGZERO = 26.1'
 leaves test.cat
 says 3
 expect_exactly 0 'sources' tile.fits $none -MAG_ZEROPOINT_KEY MAGZERO
+
+begin 'a tile has ten lines at NORMAL, warnings and what was written among them'
+make_fits tile tile.fits 'MAGZERO = 26.1' 'GAINA   = 2.5'
+make_fits table ref.fits
+make_model model.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    printf '%s\n' 'recall all >= 0' 'precision all >= 0' 'recall all >= 0.9' >my.qa
+    timeout 60 "$program" tile.fits -RESTORE_TYPE NONE,RL,NET -NET_MODEL model.fits -PSF_TYPE MOFFAT -PSF_FWHM 1 -RL_NITER 3 \
+        -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -QA_GATES my.qa \
+        -CHECKIMAGE_TYPE RESTORED,BACKGROUND,SEGMENTATION -CHECKIMAGE_NAME restored.fits,background.fits,segments.fits \
+        -RECORD_NAME tile.record -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/template.param" -FILTER N >../out 2>../log
+    cp ../log ../err
+    [ "$(grep -c '' ../log)" -le 10 ] || echo 'more than ten lines' >>../err
+    [ "$(grep -c 'written: ' ../log)" = 1 ] || echo 'written: not once' >>../err
+    for word in 'warning: .*NET: done by RL' 'written: test_NONE\.cat, .*' 'more lines of information with VERBOSE_TYPE FULL'; do
+        grep -Eq "$word" ../log || echo "no $word" >>../err
+    done
+    cmp -s ../log ../err && : >../err
+    rm -rf my.qa report* test_*.cat restored* background* segments* tile.record
+    echo 0 >../code
+    judge 0 ''
+fi
+
+begin 'what was written is told once, the record with it'
+make_fits tile tile.fits
+leaves test.cat tile.record
+says 3 # no default.sex, the count, this
+expect_exactly 0 '^rextract: written: test\.cat, tile\.record$' tile.fits $none -RECORD_NAME tile.record
+
+begin 'a record alone is what a tile wrote that failed'
+make_fits tile tile.fits 'BITPIX  = 13'
+leaves tile.record
+says 3
+expect_exactly 3 '^rextract: written: tile\.record$' tile.fits $none -RECORD_NAME tile.record
+
+begin 'two images: the log says which is for what'
+make_fits tile a.fits
+make_fits tile b.fits
+leaves test.cat
+says 4 # no default.sex, this, the count, what was written
+expect_exactly 0 '^rextract: two images: sources are detected on a\.fits\[0\] and measured on b\.fits\[0\]$' a.fits b.fits $none

@@ -106,6 +106,56 @@ static void memory_errors_name_the_bytes(void **state)
     assert_null(strstr(err.text, "bytes"));
 }
 
+static bool never(void *user)
+{
+    (void)user;
+    return false;
+}
+
+/* Whatever is said, and by whom: who may stop the call stays who it was. */
+static void the_stop_stays_the_callers(void **state)
+{
+    (void)state;
+    int mine = 0, other = 0;
+    rx_error err = RX_ERROR_NONE;
+    assert_null(err.stop);
+    assert_null(err.user);
+    err.stop = never;
+    err.user = &mine;
+    rx_error_at(&err, RX_INPUT, "a.fits", 1, 2, "x");
+    rx_error_memory(&err, 1);
+    rx_error_set(&err, RX_USAGE, "y");
+    assert_ptr_equal(err.stop, never);
+    assert_ptr_equal(err.user, &mine);
+    rx_error part = rx_error_part(&err);
+    assert_int_equal(part.status, RX_OK);
+    assert_int_equal(part.hdu, -1);
+    assert_string_equal(part.text, "");
+    assert_ptr_equal(part.stop, never);
+    assert_ptr_equal(part.user, &mine);
+    rx_error_at(&part, RX_INPUT, "b.fits", 3, 4, "z");
+    part.stop = NULL;
+    part.user = &other;
+    assert_int_equal(rx_error_take(&err, &part), RX_INPUT);
+    assert_int_equal(err.status, RX_INPUT);
+    assert_string_equal(err.where, "b.fits");
+    assert_string_equal(err.text, "z");
+    assert_int_equal(err.hdu, 3);
+    assert_int_equal(err.line, 4);
+    assert_ptr_equal(err.stop, never);
+    assert_ptr_equal(err.user, &mine);
+}
+
+static void a_part_of_nobodys_call_has_no_stop(void **state)
+{
+    (void)state;
+    rx_error part = rx_error_part(NULL);
+    assert_null(part.stop);
+    assert_int_equal(part.hdu, -1);
+    rx_error_set(&part, RX_SYSTEM, "x");
+    assert_int_equal(rx_error_take(NULL, &part), RX_SYSTEM);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -117,6 +167,8 @@ int main(void)
         cmocka_unit_test(utf8_survives),
         cmocka_unit_test(long_names_and_short_buffers_end_early),
         cmocka_unit_test(memory_errors_name_the_bytes),
+        cmocka_unit_test(the_stop_stays_the_callers),
+        cmocka_unit_test(a_part_of_nobodys_call_has_no_stop),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -53,11 +53,35 @@ static void signals_wait_for_delivery(void **state)
         signal_ends_child_on_delivery_only(numbers[i]);
 }
 
+static bool at_the_third(void *user)
+{
+    return ++*(int *)user >= 3;
+}
+
+static void the_caller_may_stop_a_call(void **state)
+{
+    (void)state;
+    int asked = 0;
+    rx_error err = RX_ERROR_NONE;
+    err.stop = at_the_third;
+    err.user = &asked;
+    assert_int_equal(rx_interrupt_check(&err), RX_OK);
+    assert_int_equal(rx_interrupt_check(&err), RX_OK);
+    assert_int_equal(err.status, RX_OK);
+    assert_int_equal(rx_interrupt_check(&err), RX_INTERRUPTED);
+    assert_int_equal(err.status, RX_INTERRUPTED);
+    assert_string_equal(err.text, "stopped by the caller");
+    assert_int_equal(rx_interrupt_check(&err),
+                     RX_INTERRUPTED); /* still, where an error was told in between */
+    assert_int_equal(asked, 4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_pending_is_fine),
         cmocka_unit_test(signals_wait_for_delivery),
+        cmocka_unit_test(the_caller_may_stop_a_call),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "base/arena.h"
 #include "base/memory.h"
 
 static void memory_is_zeroed_and_aligned(void **state)
@@ -110,16 +111,40 @@ static void less_than_a_page_stays(void **state)
     free(p);
 }
 
+/* Objects of an arena are apart, zeroed, aligned, and stay where they are; large ones too. */
+static void an_arena_keeps_its_objects(void **state)
+{
+    (void)state;
+    enum { OBJECTS = 300 };
+    rx_arena arena = {0};
+    unsigned char *object[OBJECTS];
+    for (int i = 0; i < OBJECTS; i++) {
+        const size_t n = i % 50 == 49 ? 100000 : (size_t)(i % 200);
+        object[i] = RX_TAKE(&arena, unsigned char, n);
+        assert_non_null(object[i]);
+        assert_int_equal((uintptr_t)object[i] % 64, 0);
+        for (size_t k = 0; k < n; k++)
+            assert_int_equal(object[i][k], 0);
+        memset(object[i], i % 251 + 1, n);
+    }
+    for (int i = 0; i < OBJECTS; i++)
+        for (size_t k = 0, n = i % 50 == 49 ? 100000 : (size_t)(i % 200); k < n; k++)
+            assert_int_equal(object[i][k], i % 251 + 1);
+    volatile size_t huge = SIZE_MAX;
+    assert_null(rx_arena_take(&arena, huge / 2, 3));
+    assert_null(rx_arena_take(&arena, huge, 1));
+    rx_arena_free(&arena);
+    assert_null(arena.last);
+    rx_arena_free(&arena);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(memory_is_zeroed_and_aligned),
-        cmocka_unit_test(products_that_overflow_give_null),
-        cmocka_unit_test(nothing_is_still_a_pointer),
-        cmocka_unit_test(regrow_keeps_the_content),
-        cmocka_unit_test(strdup_copies),
-        cmocka_unit_test(what_is_spent_is_given_back),
-        cmocka_unit_test(less_than_a_page_stays),
+        cmocka_unit_test(an_arena_keeps_its_objects),       cmocka_unit_test(memory_is_zeroed_and_aligned),
+        cmocka_unit_test(products_that_overflow_give_null), cmocka_unit_test(nothing_is_still_a_pointer),
+        cmocka_unit_test(regrow_keeps_the_content),         cmocka_unit_test(strdup_copies),
+        cmocka_unit_test(what_is_spent_is_given_back),      cmocka_unit_test(less_than_a_page_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

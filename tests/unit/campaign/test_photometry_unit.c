@@ -6,7 +6,7 @@
 
 #include "campaign/photometry_sky.h"
 #include "num/stats.h"
-#include "stage/probe.h"
+#include "pipeline/pipeline.h"
 
 /* Bright stars, S/N 200 and more, on an otherwise empty field. */
 static const char *const BRIGHT[] = {
@@ -244,16 +244,17 @@ static void noise_counts_on_real_tiles(void **state)
         const double *v = values[unit].v;
         nfalse[unit] = v[3 + 4 * (long)v[0]];
         rx_field *blank = NULL;
-        rx_probe probe;
+        rx_result result;
         rx_error err = RX_ERROR_NONE;
         assert_int_equal(rx_photometry_blank_make(campaign, &campaign->sky[0], (uint64_t)unit, &blank, &err),
                          RX_OK);
-        assert_int_equal(rx_probe_run(campaign->options, campaign->run[0], blank, NULL, NULL, &probe, &err),
+        assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0], blank, NULL, NULL,
+                                          &result, &err),
                          RX_OK);
-        assert_true(probe.sources->n > 30);
-        assert_in_range((unsigned long)nfalse[unit], (unsigned long)probe.sources->n,
-                        (unsigned long)probe.sources->n + 40);
-        rx_probe_free(&probe);
+        assert_true(result.sources->n > 30);
+        assert_in_range((unsigned long)nfalse[unit], (unsigned long)result.sources->n,
+                        (unsigned long)result.sources->n + 40);
+        rx_result_free(&result);
         rx_field_free(blank);
     }
     assert_true(nfalse[0] != nfalse[1]); /* another realisation with every tile */

@@ -98,10 +98,11 @@ static inline rx_table *scene_table(const char *folder, const char *param, const
     char path[SCENE_PATH];
     rx_column_list *list = NULL;
     rx_table *table = NULL;
-    rx_tile tile = scene_tile();
+    const rx_tile tile = scene_tile();
+    const rx_image image = rx_tile_image(&tile);
     scene_file(path, folder, "scene.param", param);
     assert_int_equal(rx_columns_read(path, NULL, &list, NULL), RX_OK);
-    assert_int_equal(rx_catalog_table(list, &tile, sources, &table, NULL), RX_OK);
+    assert_int_equal(rx_catalog_table(list, &image, sources, &table, NULL), RX_OK);
     rx_columns_free(list);
     return table;
 }

@@ -202,9 +202,10 @@ static void what_is_no_catalogue(void **state)
 static void other_ways_to_fail(void **state)
 {
     (void)state;
-    rx_table *table = NULL;
+    rx_table other, *table = &other;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_catalog_read("/nowhere/reference.cat", 0, &table, &err), RX_INPUT);
+    assert_null(table);
     assert_int_equal(rx_catalog_read("/nowhere/reference.fits[1]", 0, &table, &err), RX_INPUT);
     assert_int_equal(rx_catalog_read("/", 0, &table, &err), RX_INPUT);
     assert_int_equal(read_text("1 2\n", 1, &table, &err), RX_INPUT);

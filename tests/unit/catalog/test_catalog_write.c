@@ -5,9 +5,11 @@
 #include <locale.h>
 #include <sys/stat.h>
 
+#include "data/record.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "io/output.h"
+#include "pipeline/params.h"
 
 static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
                                         {"DETECT_MINAREA", "5", "pixels above threshold"},
@@ -16,15 +18,21 @@ static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "pro
 static const char param[] =
     "NUMBER\nX_IMAGE\nALPHA_J2000\nDELTA_J2000\nFLUX_APER(3)\nMAG_AUTO\nFLAGS\nVIGNET(3,2)\n";
 
+static rx_catalog catalog_of(rx_catalog_type type, rx_table **tables, int n)
+{
+    return (rx_catalog){.type = type, .n = n, .tables = tables, .npairs = 3, .record = record};
+}
+
 static rx_status write_all(rx_catalog_type type, const char *path, rx_table **tables, int n, rx_error *err)
 {
     rx_outputs *outputs = NULL;
     const char *temporary = NULL;
+    const rx_catalog catalog = catalog_of(type, tables, n);
     rx_status status = rx_outputs_new(&outputs, err);
     if (status == RX_OK)
         status = rx_outputs_file(outputs, path, &temporary, err);
     if (status == RX_OK)
-        status = rx_catalog_write(type, path, tables, n, record, 3, temporary, NULL, err);
+        status = rx_catalog_write(&catalog, path, temporary, NULL, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     rx_outputs_free(outputs);
@@ -214,19 +222,17 @@ static void standard_output_takes_text_only(void **state)
     rx_error err = RX_ERROR_NONE;
     FILE *out = tmpfile();
     assert_non_null(out);
-    assert_int_equal(rx_catalog_write(RX_CATALOG_ASCII, "STDOUT", s.tables, 1, record, 3, NULL, out, NULL),
-                     RX_OK);
+    const rx_catalog text = catalog_of(RX_CATALOG_ASCII, s.tables, 1);
+    const rx_catalog fits = catalog_of(RX_CATALOG_FITS_LDAC, s.tables, 1);
+    const rx_catalog nothing = catalog_of(RX_CATALOG_NONE, s.tables, 1);
+    assert_int_equal(rx_catalog_write(&text, "STDOUT", NULL, out, NULL), RX_OK);
     assert_true(ftell(out) > 100);
-    assert_int_equal(
-        rx_catalog_write(RX_CATALOG_FITS_LDAC, "STDOUT", s.tables, 1, record, 3, NULL, out, &err), RX_USAGE);
-    assert_int_equal(rx_catalog_write(RX_CATALOG_NONE, "any", s.tables, 1, record, 3, NULL, NULL, &err),
-                     RX_OK);
+    assert_int_equal(rx_catalog_write(&fits, "STDOUT", NULL, out, &err), RX_USAGE);
+    assert_int_equal(rx_catalog_write(&nothing, "any", NULL, NULL, &err), RX_OK);
     fclose(out);
     FILE *full = fopen("/dev/full", "w");
     if (full != NULL) {
-        assert_int_equal(
-            rx_catalog_write(RX_CATALOG_ASCII, "STDOUT", s.tables, 1, record, 3, NULL, full, &err),
-            RX_SYSTEM);
+        assert_int_equal(rx_catalog_write(&text, "STDOUT", NULL, full, &err), RX_SYSTEM);
         fclose(full);
     }
     end(&s);
@@ -261,6 +267,22 @@ static void a_decimal_comma_changes_nothing(void **state)
     assert_near(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);
     rx_table_free(back);
     free(text);
+    rx_pipeline_params params; /* numbers of keywords, headers and facts */
+    rx_record facts = {0};
+    double value = 0;
+    assert_int_equal(rx_pipeline_defaults(&params, NULL), RX_OK);
+    assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "2.25", NULL), RX_OK);
+    assert_near(params.detect.threshold, 2.25, 0);
+    snprintf(command, sizeof command, "%-80s", "GAIN    =                 1.25");
+    assert_true(rx_cards_number(command, 1, "GAIN", &value));
+    assert_near(value, 1.25, 0);
+    rx_text card = {0};
+    rx_card_number(&card, "GAIN", 1.25, "");
+    assert_non_null(strstr(card.data, " 1.25 "));
+    rx_text_free(&card);
+    rx_record_add(&facts, "RXGAIN", "", "%.2f", 1.25);
+    assert_string_equal(facts.pairs[0][1], "1.25");
+    rx_record_free(&facts);
     setlocale(LC_ALL, "C");
     unsetenv("LOCPATH");
     scene_remove(folder);

@@ -152,9 +152,13 @@ static void bad_param_files(void **state)
         assert_null(list);
     }
     rx_error err = RX_ERROR_NONE;
-    rx_column_list *list = NULL;
+    rx_column_list other, *list = &other;
     assert_int_equal(rx_columns_read("/nowhere/at/all.param", NULL, &list, &err), RX_USAGE);
     assert_int_equal(err.status, RX_USAGE);
+    assert_null(list);
+    list = &other;
+    assert_int_equal(rx_columns_of(&(const char *){"X_IMAGF"}, 1, &list, &err), RX_USAGE);
+    assert_null(list);
 }
 
 static void default_columns_are_those_of_the_file(void **state)

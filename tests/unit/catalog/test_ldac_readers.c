@@ -104,8 +104,8 @@ static void write_ldac(const char *folder, const char *name, const char *param, 
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     const char *temporary = NULL;
     assert_int_equal(rx_outputs_file(outputs, path, &temporary, NULL), RX_OK);
-    assert_int_equal(rx_catalog_write(RX_CATALOG_FITS_LDAC, path, &table, 1, NULL, 0, temporary, NULL, NULL),
-                     RX_OK);
+    const rx_catalog catalog = {.type = RX_CATALOG_FITS_LDAC, .n = 1, .tables = &table};
+    assert_int_equal(rx_catalog_write(&catalog, path, temporary, NULL, NULL), RX_OK);
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
     rx_table_free(table);

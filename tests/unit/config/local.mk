@@ -10,3 +10,5 @@ check_PROGRAMS += tests/unit/config/test_tiles
 tests_unit_config_test_tiles_SOURCES = tests/unit/config/test_tiles.c tests/unit/config/folder.h
 check_PROGRAMS += tests/unit/config/test_settings
 tests_unit_config_test_settings_SOURCES = tests/unit/config/test_settings.c tests/unit/config/folder.h
+check_PROGRAMS += tests/unit/config/test_fill
+tests_unit_config_test_fill_SOURCES = tests/unit/config/test_fill.c

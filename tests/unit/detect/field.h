@@ -88,22 +88,22 @@ static inline rx_detect_params field_params(void)
                               .subobjects_max = 8000};
 }
 
-static inline rx_detect_image field_image(const field *f)
+static inline rx_image field_image(const field *f)
 {
-    return (rx_detect_image){.width = f->width,
-                             .height = f->height,
-                             .pixels = f->pixels,
-                             .noise = rx_map_plane(f->sigma, f->width),
-                             .mask = f->mask,
-                             .mask_bits = 1,
-                             .global_sigma = 1.0};
+    return (rx_image){.width = f->width,
+                      .height = f->height,
+                      .pixels = f->pixels,
+                      .noise = rx_map_plane(f->sigma, f->width),
+                      .mask = f->mask,
+                      .hide = 1,
+                      .global_noise = 1.0};
 }
 
 static inline rx_sources *field_detect(const field *f, const rx_detect_params *par)
 {
-    rx_detect_image image = field_image(f);
+    rx_image image = field_image(f);
     rx_sources *sources = NULL;
-    assert_int_equal(rx_detect_run(par, &image, NULL, &sources, NULL), RX_OK);
+    assert_int_equal(rx_detect_run(par, &image, NULL, NULL, &sources, NULL), RX_OK);
     return sources;
 }
 

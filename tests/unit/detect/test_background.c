@@ -15,9 +15,14 @@ static rx_background *measure(const field *f, const float *weight, rx_weight_typ
     rx_background_params par = defaults;
     rx_background *back = NULL;
     par.no_rescale = no_rescale;
-    assert_int_equal(
-        rx_background_measure(&par, f->width, f->height, f->pixels, f->mask, 1, weight, type, &back, NULL),
-        RX_OK);
+    const rx_image image = {.width = f->width,
+                            .height = f->height,
+                            .pixels = f->pixels,
+                            .mask = f->mask,
+                            .hide = 1,
+                            .weight = weight,
+                            .weight_type = type};
+    assert_int_equal(rx_background_measure(&par, &image, &back, NULL), RX_OK);
     return back;
 }
 
@@ -139,14 +144,20 @@ static void takes_a_manual_level_and_refuses_nonsense(void **state)
     rx_background *back = NULL;
     par.manual = 1;
     par.manual_value = 12.5;
-    assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
-                     RX_OK);
+    const rx_image image = {.width = W, .height = H, .pixels = f.pixels};
+    assert_int_equal(rx_background_measure(&par, &image, &back, NULL), RX_OK);
     assert_near(level_at(back, 77), 12.5, 0.0);
+    assert_near(back->global_level, 12.5, 0.0);
     assert_near(sigma_at(back, 77), 0.985, 4.0 / 32.0 / sqrt(2.0)); /* meshes of 32 x 32, clipped */
     rx_background_free(back);
+    memset(f.mask, 1, f.n); /* nothing to measure */
+    const rx_image hidden = {.width = W, .height = H, .pixels = f.pixels, .mask = f.mask, .hide = 1};
+    assert_int_equal(rx_background_measure(&par, &hidden, &back, NULL), RX_OK);
+    assert_near(level_at(back, 77), 12.5, 0.0);
+    assert_near(back->global_level, 12.5, 0.0);
+    rx_background_free(back);
     par.mesh_width = 0;
-    assert_int_equal(rx_background_measure(&par, W, H, f.pixels, NULL, 0, NULL, RX_WEIGHT_NONE, &back, NULL),
-                     RX_USAGE);
+    assert_int_equal(rx_background_measure(&par, &image, &back, NULL), RX_USAGE);
     assert_null(back);
     field_free(&f);
 }
@@ -165,7 +176,7 @@ static field make_patchy(int width, int height)
     return f;
 }
 
-static sep_bkg *measure_by_sep(const field *f, int mesh_width, int mesh_height)
+static sep_bkg *measure_by_sep(const field *f, int mesh_width, int mesh_height, double threshold)
 {
     sep_image image = {.data = f->pixels,
                        .mask = f->mask,
@@ -175,34 +186,38 @@ static sep_bkg *measure_by_sep(const field *f, int mesh_width, int mesh_height)
                        .h = f->height,
                        .noise_type = SEP_NOISE_NONE};
     sep_bkg *back = NULL;
-    assert_int_equal(sep_background(&image, mesh_width, mesh_height, 3, 3, 0.0, &back), 0);
+    assert_int_equal(sep_background(&image, mesh_width, mesh_height, 3, 3, threshold, &back), 0);
     return back;
 }
 
 /* The grid and its filter are sep's to the bit, for any number of threads. */
-static void check_meshes(int width, int height)
+static void check_meshes(const field *f, double threshold)
 {
-    field f = make_patchy(width, height);
-    sep_bkg *expected = measure_by_sep(&f, 32, 32);
+    sep_bkg *expected = measure_by_sep(f, 32, 32, threshold);
+    size_t open = 0;
+    for (size_t i = 0; i < f->n; i++)
+        open += f->mask[i] == 0;
     for (int nthreads = 1; nthreads < 4; nthreads++) {
         rx_background_params par = defaults;
         sep_bkg *mesh = NULL;
         size_t good = 0;
         par.nthreads = nthreads;
-        assert_int_equal(rx_mesh_measure(&par, width, height, f.pixels, f.mask, 1, &mesh, &good, NULL),
-                         RX_OK);
+        par.filter_threshold = threshold;
+        const rx_image image = {
+            .width = f->width, .height = f->height, .pixels = f->pixels, .mask = f->mask, .hide = 1};
+        assert_int_equal(rx_mesh_measure(&par, &image, &mesh, &good, NULL), RX_OK);
         assert_int_equal(mesh->n, expected->n);
-        assert_true(good > f.n / 2 && good < f.n);
+        assert_int_equal(good, open);
         const size_t size = (size_t)mesh->n * sizeof(float);
         assert_memory_equal(mesh->back, expected->back, size);
         assert_memory_equal(mesh->sigma, expected->sigma, size);
         assert_memory_equal(mesh->dback, expected->dback, size);
         assert_memory_equal(mesh->dsigma, expected->dsigma, size);
-        assert_true(mesh->global == expected->global && mesh->globalrms == expected->globalrms);
+        assert_near(mesh->global, expected->global, 0.0);
+        assert_near(mesh->globalrms, expected->globalrms, 0.0);
         rx_mesh_free(mesh);
     }
     sep_bkg_free(expected);
-    field_free(&f);
 }
 
 /* Any span of any row says what the plane has there. */
@@ -224,7 +239,7 @@ static void check_spans(const rx_map *map, int width, int height, const float *p
 static void check_maps(int width, int height, int mesh_width, int mesh_height)
 {
     field f = make_patchy(width, height);
-    sep_bkg *mesh = measure_by_sep(&f, mesh_width, mesh_height);
+    sep_bkg *mesh = measure_by_sep(&f, mesh_width, mesh_height, 0.0);
     float *level = RX_NEW(float, f.n), *sigma = RX_NEW(float, f.n);
     rx_background_params par = defaults;
     assert_int_equal(sep_bkg_array(mesh, level, SEP_TFLOAT), 0);
@@ -237,10 +252,16 @@ static void check_maps(int width, int height, int mesh_width, int mesh_height)
         for (int weighted = 0; weighted < 2; weighted++) {
             const rx_weight_type type = weighted ? RX_WEIGHT_BACKGROUND : RX_WEIGHT_NONE;
             rx_background *back = NULL;
-            assert_int_equal(
-                rx_background_measure(&par, width, height, f.pixels, f.mask, 1, NULL, type, &back, NULL),
-                RX_OK);
+            const rx_image image = {.width = width,
+                                    .height = height,
+                                    .pixels = f.pixels,
+                                    .mask = f.mask,
+                                    .hide = 1,
+                                    .weight_type = type};
+            assert_int_equal(rx_background_measure(&par, &image, &back, NULL), RX_OK);
             const rx_map levels = rx_background_level(back), noise = rx_background_noise(back);
+            assert_near(back->global_level, mesh->global, 0.0);
+            assert_near(back->global_sigma, mesh->globalrms, 0.0);
             assert_true(levels.plane == NULL && (noise.plane != NULL) == weighted);
             check_spans(&levels, width, height, level);
             check_spans(&noise, width, height, sigma);
@@ -265,8 +286,147 @@ static void maps_are_seps(void **state)
 static void meshes_are_seps(void **state)
 {
     (void)state;
-    check_meshes(W, H);
-    check_meshes(161, 129); /* meshes of one column, of one row, and of one pixel, which is not masked */
+    static const int sides[][2] = {{W, H}, {161, 129}}; /* meshes of one column, of one row, of one pixel */
+    for (int k = 0; k < 2; k++) {
+        field f = make_patchy(sides[k][0], sides[k][1]);
+        check_meshes(&f, 0.0);
+        for (size_t i = 0; i < f.n; i++)
+            f.pixels[i] = f.mask[i] != 0 ? 0.0f : f.pixels[i] + 100.0f;
+        check_meshes(&f, 0.3); /* few medians are as far away as that */
+        field_free(&f);
+    }
+}
+
+/* Values that a histogram does not like: two in all, whole numbers, no noise but in a corner, a third of the
+ * pixels of every mesh. */
+static void meshes_of_odd_values_are_seps(void **state)
+{
+    (void)state;
+    enum { TWO, WHOLE, CORNER, FLAT, SPARSE, KINDS };
+    for (int kind = 0; kind < KINDS; kind++)
+        for (int corner = 2; corner < 4; corner++) { /* meshes with noise along each side */
+            field f = field_new(W, H, 3.0, 31);
+            for (size_t i = 0; i < f.n; i++) {
+                const size_t x = i % W, y = i / W;
+                if (kind == TWO) /* the others are too many to be clipped, and too few for the median */
+                    f.pixels[i] = i % 7 == 0 ? 27.0f : 7.0f;
+                if (kind == WHOLE)
+                    f.pixels[i] = roundf(f.pixels[i]);
+                if (kind == FLAT || (kind == CORNER && (x >= 32 * (size_t)corner || y >= 64)))
+                    f.pixels[i] = 7.0f;
+                f.mask[i] = kind == SPARSE && i % 3 != 0;
+            }
+            check_meshes(&f, 0.0);
+            field_free(&f);
+        }
+}
+
+/* What is no number is hidden without a mask, and has the usual noise. */
+static void not_a_number_is_hidden(void **state)
+{
+    (void)state;
+    field f = make_patchy(W, H);
+    for (size_t i = 0; i < f.n; i++)
+        f.mask[i] |= i % 32 == 31 && i % 5 == 0; /* the last pixels of rows of meshes, too */
+    rx_background *masked = measure(&f, NULL, RX_WEIGHT_BACKGROUND, 0);
+    for (size_t i = 0; i < f.n; i++)
+        f.pixels[i] = f.mask[i] != 0 ? NAN : f.pixels[i];
+    uint8_t *mask = f.mask;
+    f.mask = NULL;
+    rx_background *bare = measure(&f, NULL, RX_WEIGHT_BACKGROUND, 0);
+    f.mask = mask;
+    assert_near(bare->global_sigma, masked->global_sigma, 0.0);
+    for (size_t i = 0; i < f.n; i++) {
+        assert_near(level_at(bare, i), level_at(masked, i), 0.0);
+        if (mask[i] == 0)
+            assert_near(sigma_at(bare, i), sigma_at(masked, i), 0.0);
+    }
+    rx_background_free(masked);
+    rx_background_free(bare);
+    field_free(&f);
+}
+
+static int ascending(const void *left, const void *right)
+{
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+/* A map whose variance is one and the same within a mesh and rises from mesh to mesh: its meshes are known. */
+typedef struct weights {
+    field f;
+    float *variance, *weight, *root;
+    double factor; /* median of noise over root of the variance */
+    double sigma;  /* of the image, without a map */
+} weights;
+
+static weights make_weights(void)
+{
+    weights w = {.f = field_new(W, H, 1.0, 41)};
+    w.variance = RX_NEW(float, w.f.n);
+    w.weight = RX_NEW(float, w.f.n);
+    w.root = RX_NEW(float, w.f.n);
+    assert_non_null(w.variance);
+    assert_non_null(w.weight);
+    assert_non_null(w.root);
+    for (size_t i = 0; i < w.f.n; i++) {
+        w.variance[i] = 4.0f + (float)(i % W / 32) + 8.0f * (float)(i / W / 32);
+        w.weight[i] = 1.0f / w.variance[i];
+        w.root[i] = 2.0f + (float)(i % 97);
+        w.f.mask[i] = i % 13 == 0;
+    }
+    sep_bkg *mesh = measure_by_sep(&w.f, 32, 32, 0.0);
+    double ratio[5 * 7];
+    assert_int_equal(mesh->n, 5 * 7);
+    for (int m = 0; m < mesh->n; m++)
+        ratio[m] = (double)mesh->sigma[m] / sqrt(4.0 + m % 7 + 8.0 * (m / 7));
+    qsort(ratio, 5 * 7, sizeof *ratio, ascending);
+    w.factor = ratio[5 * 7 / 2];
+    w.sigma = mesh->globalrms;
+    sep_bkg_free(mesh);
+    return w;
+}
+
+/* The noise that a map gives to every pixel; that of the whole where it gives none. */
+static void maps_give_each_pixel_its_noise(void **state)
+{
+    (void)state;
+    weights w = make_weights();
+    const struct {
+        const float *map;
+        rx_weight_type type;
+        int no_rescale;
+    } ways[] = {{w.variance, RX_WEIGHT_MAP_VAR, 0},
+                {w.weight, RX_WEIGHT_MAP_WEIGHT, 0},
+                {w.variance, RX_WEIGHT_MAP_VAR, 1},
+                {w.weight, RX_WEIGHT_MAP_WEIGHT, 1},
+                {w.root, RX_WEIGHT_MAP_RMS, 0}};
+    const size_t unknown = 33, none = 5 * W + 77, nothing = 9 * W + 10; /* no pixel, no noise, no number */
+    w.f.pixels[unknown] = NAN;
+    w.variance[none] = w.weight[none] = w.root[none] = 0.0f;
+    w.variance[nothing] = w.weight[nothing] = w.root[nothing] = NAN;
+    for (size_t k = 0; k < sizeof ways / sizeof *ways; k++) {
+        rx_background *back = measure(&w.f, ways[k].map, ways[k].type, ways[k].no_rescale);
+        const double factor = ways[k].no_rescale ? 1.0 : w.factor;
+        const double usual = ways[k].no_rescale ? w.sigma / w.factor : w.sigma;
+        assert_near(back->global_sigma, usual, 1e-5);
+        for (size_t i = 0; i < w.f.n; i++) {
+            const bool own = ways[k].type == RX_WEIGHT_MAP_RMS;
+            const bool given = i != none && i != nothing && (i != unknown || own);
+            const double from_map = own ? (double)w.root[i] : factor * sqrt((double)w.variance[i]);
+            assert_near(sigma_at(back, i), w.f.mask[i] != 0 ? 0.0 : given ? from_map : usual, 1e-5);
+        }
+        rx_background_free(back);
+    }
+    /* a map that says nothing leaves everything as it is */
+    memset(w.variance, 0, w.f.n * sizeof *w.variance);
+    rx_background *back = measure(&w.f, w.variance, RX_WEIGHT_MAP_VAR, 1);
+    assert_near(back->global_sigma, w.sigma, 1e-5);
+    rx_background_free(back);
+    free(w.variance);
+    free(w.weight);
+    free(w.root);
+    field_free(&w.f);
 }
 
 int main(void)
@@ -277,6 +437,9 @@ int main(void)
                                        cmocka_unit_test(scales_weights_to_the_noise),
                                        cmocka_unit_test(takes_a_manual_level_and_refuses_nonsense),
                                        cmocka_unit_test(meshes_are_seps),
+                                       cmocka_unit_test(meshes_of_odd_values_are_seps),
+                                       cmocka_unit_test(not_a_number_is_hidden),
+                                       cmocka_unit_test(maps_give_each_pixel_its_noise),
                                        cmocka_unit_test(maps_are_seps)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

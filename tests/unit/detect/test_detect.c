@@ -63,6 +63,14 @@ static void is_blind_to_masked_values(void **state)
     assert_memory_equal(a->list, b->list, (size_t)a->n * sizeof *a->list);
     assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
     assert_memory_equal(a->fragments, b->fragments, f.n);
+    rx_sources_free(b);
+    for (size_t i = 0; i < f.n; i++) /* what is no number is hidden without a mask */
+        f.pixels[i] = f.mask[i] != 0 ? NAN : f.pixels[i];
+    memset(f.mask, 0, f.n);
+    b = field_detect(&f, &par);
+    assert_int_equal(a->n, b->n);
+    assert_memory_equal(a->list, b->list, (size_t)a->n * sizeof *a->list);
+    assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
     rx_sources_free(a);
     rx_sources_free(b);
     field_free(&f);
@@ -80,6 +88,14 @@ static void small_groups_are_fragments(void **state)
     assert_int_equal(s->fragments[50 * W + 50], RX_FRAGMENT_SMALL);
     assert_int_equal(s->fragments[51 * W + 52], RX_FRAGMENT_SMALL);
     assert_int_equal(s->fragments[52 * W + 52], 0);
+    rx_sources_free(s);
+    f.pixels[52 * W + 53] = f.pixels[53 * W + 54] = 10.0f; /* as many as are asked for */
+    s = field_detect(&f, &par);
+    assert_int_equal(s->n, 1);
+    for (size_t i = 0; i < f.n; i++) {
+        assert_int_equal(s->fragments[i], 0);
+        assert_int_equal(s->segments[i], f.pixels[i] > 0.0f);
+    }
     rx_sources_free(s);
     field_free(&f);
 }
@@ -116,6 +132,13 @@ static void cleans_as_sep_does(void **state)
     for (int i = 0; i < all->n; i++)
         pixels_all += all->list[i].npix;
     assert_int_equal(pixels_clean, pixels_all);
+    rx_image mapped = field_image(&f);
+    rx_sources *relative = NULL;
+    mapped.variable_noise = 1; /* the same noise as a map */
+    par.clean = 1;
+    assert_int_equal(rx_detect_run(&par, &mapped, NULL, NULL, &relative, NULL), RX_OK);
+    assert_true(relative->n < all->n);
+    rx_sources_free(relative);
     sep_catalog_free(cat);
     rx_sources_free(clean);
     rx_sources_free(all);
@@ -186,6 +209,15 @@ static void limits_grow_and_the_tile_survives(void **state)
     rx_sources *shallow = field_detect(&f, &par);
     assert_true(shallow->n > 10);
     assert_true((shallow->list[0].flags & RX_FLAG_EXTRACT_OVER) != 0);
+    const double steps = log(shallow->list[0].threshold / par.threshold) / log(1.25);
+    assert_near(steps, fmax(round(steps), 1.0), 1e-5); /* it rises by quarters */
+    par.matched = 1;
+    rx_sources *matched = field_detect(&f, &par);
+    assert_true(matched->n > 10);
+    assert_true((matched->list[0].flags & RX_FLAG_EXTRACT_OVER) != 0);
+    const double raised = log(matched->list[0].threshold / par.threshold) / log(1.25);
+    assert_near(raised, fmax(round(raised), 1.0), 1e-5);
+    rx_sources_free(matched);
 
     par = field_params();
     par.subobjects = par.subobjects_max = 1;
@@ -211,14 +243,14 @@ static void threads_change_nothing(void **state)
     field_crowd(&f, 3000, 2000.0, 10);
     for (int variable = 0; variable < 2; variable++) {
         rx_detect_params par = field_params();
-        rx_detect_image image = field_image(&f);
+        rx_image image = field_image(&f);
         rx_sources *one = NULL, *more = NULL;
         image.variable_noise = variable;
         par.nthreads = 1;
-        assert_int_equal(rx_detect_run(&par, &image, NULL, &one, NULL), RX_OK);
+        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &one, NULL), RX_OK);
         assert_true(one->n > 500);
         for (par.nthreads = 2; par.nthreads < 4; par.nthreads++) {
-            assert_int_equal(rx_detect_run(&par, &image, NULL, &more, NULL), RX_OK);
+            assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &more, NULL), RX_OK);
             assert_int_equal(one->n, more->n);
             assert_memory_equal(one->list, more->list, (size_t)one->n * sizeof *one->list);
             assert_memory_equal(one->segments, more->segments, f.n * sizeof *one->segments);
@@ -238,13 +270,18 @@ static void finds_what_sep_finds(void **state)
     field_crowd(&f, 150, 3000.0, 12);
     rx_detect_params par = field_params();
     par.clean = 0;
-    rx_sources *s = field_detect(&f, &par);
+    rx_image given = field_image(&f);
+    given.gain = 2.0;
+    given.global_noise = 1.25;
+    rx_sources *s = NULL;
+    assert_int_equal(rx_detect_run(&par, &given, NULL, NULL, &s, NULL), RX_OK);
     sep_image image = {.data = f.pixels,
                        .dtype = SEP_TFLOAT,
                        .w = W,
                        .h = H,
-                       .noiseval = 1.0,
-                       .noise_type = SEP_NOISE_STDDEV};
+                       .noiseval = 1.25,
+                       .noise_type = SEP_NOISE_STDDEV,
+                       .gain = 2.0};
     sep_catalog *cat = NULL;
     assert_int_equal(sep_extract(&image, (float)par.threshold, SEP_THRESH_REL, par.min_area, field_kernel, 3,
                                  3, SEP_FILTER_CONV, par.deblend_levels, par.deblend_contrast, 0, 1.0, &cat),
@@ -260,6 +297,13 @@ static void finds_what_sep_finds(void **state)
         merged += (o->flags & RX_FLAG_MERGED) != 0;
         if ((o->flags & RX_FLAG_MERGED) != 0) /* pixels of a blend are dealt out by lot */
             continue;
+        assert_int_equal(o->npix, cat->npix[i]);
+        assert_int_equal(o->xmin, cat->xmin[i]);
+        assert_int_equal(o->xmax, cat->xmax[i]);
+        assert_int_equal(o->ymin, cat->ymin[i]);
+        assert_int_equal(o->ymax, cat->ymax[i]);
+        assert_int_equal(o->xpeak, cat->xcpeak[i]);
+        assert_int_equal(o->ypeak, cat->ycpeak[i]);
         assert_near(o->x2, cat->x2[i], 1e-9);
         assert_near(o->y2, cat->y2[i], 1e-9);
         assert_near(o->xy, cat->xy[i], 1e-9);
@@ -279,112 +323,363 @@ static void finds_what_sep_finds(void **state)
     field_free(&f);
 }
 
-/* Random values, hidden pixels, a kernel with both signs and no symmetry. */
+/* Correlation of the kernel with src at (x, y), and the noise that it leaves, straight from the definitions. */
+static void filter_naively(const float *values, int kw, int kh, const rx_noise_rows *rows, const float *src,
+                           int x, int y, double *filtered, double *noise)
+{
+    double sum = 0.0, variance = 0.0, weights = 0.0, total = 0.0;
+    for (int k = 0; k < kw * kh; k++) {
+        const int u = x + k % kw - kw / 2, v = y + k / kw - kh / 2;
+        const double weight = fabs((double)values[k]);
+        const bool inside = u >= 0 && v >= 0 && u < rows->width && v < rows->height;
+        const int at = v * rows->width + u;
+        total += weight;
+        if (inside)
+            sum += (double)values[k] * src[at];
+        if (inside && rows->hidden[at])
+            continue;
+        weights += weight;
+        variance += inside ? weight * rows->sigma[at] * rows->sigma[at] : 0.0;
+    }
+    *filtered = sum / total;
+    *noise = weights > 0.0 ? sqrt(variance / weights) : 0.0;
+}
+
+/* Random values, hidden pixels, kernels with both signs and no symmetry; also images that are narrower. */
 static void filter_and_its_noise_are_plain_sums(void **state)
 {
     (void)state;
-    enum { FW = 41, FH = 23, N = FW * FH, KW = 5, KH = 3 };
-    static const float values[KW * KH] = {1, -2, 3, 4, 0.5f, 2, 5, 9, -1, 3, 1, 2, -0.5f, 1, 6};
-    float src[N], dst[N], sigma[N], line[FW];
-    uint8_t hidden[N];
-    double sums[FW], total = 0.0, power = 0.0;
-    rx_filter kernel;
-    for (uint64_t i = 0; i < N; i++) {
-        src[i] = (float)rx_random_normal(1, 1, i);
-        sigma[i] = (float)(1.0 + rx_random_uniform(1, 2, i));
-        hidden[i] = i > N / 2 && i % 11 == 0;
-    }
-    for (int k = 0; k < KW * KH; k++) {
-        total += fabs((double)values[k]);
-        power += (double)values[k] * (double)values[k];
-    }
-    assert_int_equal(rx_filter_new(values, KW, KH, &kernel, NULL), RX_OK);
-    assert_near(kernel.sum, total, 1e-6);
-    assert_near(rx_filter_norm(values, KW * KH), sqrt(power) / total, 1e-12);
-    rx_filter_plane(&kernel, src, FW, FH, 2, dst);
-    const rx_noise_rows rows = {.width = FW, .height = FH, .sigma = sigma, .hidden = hidden};
-    for (int y = 0; y < FH; y++) {
-        rx_filter_sigma(&kernel, &rows, y, sums, line);
-        for (int x = 0; x < FW; x++) {
-            double sum = 0.0, variance = 0.0, weights = 0.0;
-            for (int k = 0; k < KW * KH; k++) {
-                const int u = x + k % KW - KW / 2, v = y + k / KW - KH / 2;
-                const double weight = fabs((double)values[k]);
-                const bool inside = u >= 0 && v >= 0 && u < FW && v < FH;
-                if (inside)
-                    sum += (double)values[k] * src[v * FW + u];
-                if (inside && hidden[v * FW + u])
-                    continue;
-                weights += weight;
-                variance += inside ? weight * sigma[v * FW + u] * sigma[v * FW + u] : 0.0;
-            }
-            assert_near(dst[y * FW + x], sum / total, 1e-6);
-            if (!hidden[y * FW + x])
-                assert_near(line[x], sqrt(variance / weights), 1e-6);
+    enum { MOST = 41 * 23 };
+    static const float values[15] = {1, -2, 3, 4, 0.5f, 2, 5, 9, -1, 3, 1, 2, -0.5f, 1, 6};
+    static const float hollow[3] = {1, 0, 2};
+    static const struct {
+        int width, height, kw, kh;
+        const float *values;
+    } cases[] = {{41, 23, 5, 3, values}, {41, 23, 3, 5, values}, {3, 9, 5, 3, values}, {1, 1, 5, 3, values},
+                 {2, 4, 15, 1, values},  {41, 23, 3, 1, hollow}, {41, 23, 0, 0, NULL}};
+    float src[MOST], dst[MOST], sigma[MOST], line[41];
+    uint8_t hidden[MOST];
+    double sums[41];
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        const int w = cases[c].width, h = cases[c].height, kw = cases[c].kw, kh = cases[c].kh, n = kw * kh;
+        double total = 0.0, power = 0.0;
+        rx_filter kernel;
+        for (uint64_t i = 0; i < MOST; i++) {
+            src[i] = (float)rx_random_normal(1, 1, i);
+            sigma[i] = (float)(1.0 + rx_random_uniform(1, 2, i));
+            hidden[i] = i > MOST / 2 && (i % 11 == 0 || i % 11 == 2);
         }
+        for (int k = 0; k < n; k++) {
+            total += fabs((double)cases[c].values[k]);
+            power += (double)cases[c].values[k] * (double)cases[c].values[k];
+        }
+        assert_int_equal(rx_filter_new(cases[c].values, kw, kh, &kernel, NULL), RX_OK);
+        assert_near(kernel.sum, n > 0 ? total : 1.0, 1e-6);
+        assert_near(rx_filter_norm(cases[c].values, n), n > 0 ? sqrt(power) / total : 1.0, 1e-12);
+        rx_filter_plane(&kernel, src, w, h, 2, dst);
+        const rx_noise_rows rows = {.width = w, .height = h, .sigma = sigma, .hidden = hidden};
+        for (int y = 0; y < h; y++) {
+            rx_filter_sigma(&kernel, &rows, y, sums, line);
+            for (int x = 0; x < w; x++) {
+                double filtered = src[y * w + x], noise = sigma[y * w + x];
+                if (n > 0)
+                    filter_naively(cases[c].values, kw, kh, &rows, src, x, y, &filtered, &noise);
+                assert_near(dst[y * w + x], filtered, 1e-6);
+                assert_near(line[x], hidden[y * w + x] ? 1e30f : noise, 1e-6);
+            }
+        }
+        rx_filter_free(&kernel);
     }
-    rx_filter_free(&kernel);
 }
 
-/* What a source says of its pixels, with one noise and with a map, with what cleaning gave it. */
+static double filtered_at(const field *f, int k)
+{
+    double filtered = 0.0;
+    for (int j = 0; j < 9; j++) {
+        const int u = k % W + j % 3 - 1, v = k / W + j / 3 - 1;
+        if (u >= 0 && v >= 0 && u < W && v < H && f->mask[v * W + u] == 0)
+            filtered += (double)field_kernel[j] / 16.0 * f->pixels[v * W + u];
+    }
+    return filtered;
+}
+
+/* What a source says of its pixels: with one noise, with a map, with what cleaning gave it, and of sep's own
+ * matched filter with a map. */
 static void numbers_follow_from_the_pixels(void **state)
 {
     (void)state;
-    for (int way = 0; way < 3; way++) {
+    enum { ONE, MAP, CLEAN, MATCHED, WAYS };
+    for (int way = 0; way < WAYS; way++) {
         field f = field_new(W, H, 1.0, 13);
         field_crowd(&f, 60, 3000.0, 14);
         field_add(&f, 80.0, 60.0, 9.0, 9.0, 4000.0);
-        for (size_t k = 0; k < f.n; k++)
-            f.sigma[k] = way == 1 ? (float)(0.9 + 0.2 * rx_random_uniform(2, 1, k)) : 1.0f;
+        for (size_t k = 0; k < f.n; k++) {
+            f.sigma[k] =
+                way == MAP || way == MATCHED ? (float)(0.9 + 0.2 * rx_random_uniform(2, 1, k)) : 1.0f;
+            f.mask[k] = k % 37 == 0;
+        }
         rx_detect_params par = field_params();
-        par.clean = way == 2;
+        par.clean = way == CLEAN;
+        par.matched = way == MATCHED;
         par.threshold = 1.2;
         par.analysis_threshold = 1.7;
-        rx_detect_image image = field_image(&f);
-        image.variable_noise = way == 1;
+        rx_image image = field_image(&f);
+        image.variable_noise = way == MAP || way == MATCHED;
         rx_sources *s = NULL;
-        assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
         assert_true(s->n > 20);
+        assert_near(s->law_scale, 1.0, 0.0); /* until somebody measures the noise of sums */
+        assert_near(s->law_power, 0.5, 0.0);
         long eaten = 0;
         for (int i = 0; i < s->n; i++) {
             const rx_source *o = &s->list[i];
-            double flux = 0.0, snr = 0.0, peak = -1e30, at_peak = 0.0;
-            int n = 0, raw = 0;
+            double flux = 0.0, snr = 0.0, peak = -1e30, summit = -1e30, at_peak = 0.0;
+            int n = 0, raw = 0, xmin = W, xmax = -1, ymin = H, ymax = -1, highest = -1;
             for (int k = 0; k < W * H; k++) {
                 if (s->segments[k] != o->segment)
                     continue;
-                double filtered = 0.0;
-                for (int j = 0; j < 9; j++) {
-                    const int u = k % W + j % 3 - 1, v = k / W + j / 3 - 1;
-                    if (u >= 0 && v >= 0 && u < W && v < H)
-                        filtered += (double)field_kernel[j] / 16.0 * f.pixels[v * W + u];
-                }
+                const double filtered = filtered_at(&f, k), value = f.mask[k] != 0 ? 0.0 : f.pixels[k];
                 n++;
-                flux += f.pixels[k];
+                flux += value;
                 /* (1 2 1) x (1 2 1) / 16 leaves 6 / 16 of the noise */
                 snr = fmax(snr, filtered / (6.0 / 16.0 * f.sigma[k]));
+                xmin = xmin < k % W ? xmin : k % W;
+                xmax = xmax > k % W ? xmax : k % W;
+                ymin = ymin < k / W ? ymin : k / W;
+                ymax = k / W;
                 eaten += s->fragments[k] == RX_FRAGMENT_EATEN;
                 if (s->fragments[k] == RX_FRAGMENT_EATEN)
                     continue;
-                raw += f.pixels[k] > 1.2f;
-                peak = fmax(peak, f.pixels[k]);
+                raw += value > 1.2;
+                peak = fmax(peak, value);
+                highest = filtered > summit ? k : highest;
+                summit = fmax(summit, filtered);
                 if (o->xpeak == k % W && o->ypeak == k / W)
                     at_peak = f.sigma[k];
             }
+            assert_int_equal(o->number, i + 1);
             assert_int_equal(o->npix, n);
+            assert_int_equal(o->xmin, xmin);
+            assert_int_equal(o->xmax, xmax);
+            assert_int_equal(o->ymin, ymin);
+            assert_int_equal(o->ymax, ymax);
             assert_near(o->flux_iso, flux, 1e-6 * fabs(flux));
             assert_near(o->peak, peak, 0);
             assert_near(o->detection_snr, snr, 1e-5 * snr);
             assert_near(o->analysis_threshold, 1.7 * at_peak, 1e-6);
-            if (way != 1) {
+            if (way == ONE || way == CLEAN) {
                 assert_int_equal(o->isoarea, raw);
                 assert_near(o->threshold, 1.2, 1e-6);
             }
+            if (way != MATCHED) {
+                assert_int_equal(o->xpeak, highest % W);
+                assert_int_equal(o->ypeak, highest / W);
+            }
         }
-        assert_int_equal(eaten > 0, way == 2);
+        assert_int_equal(eaten > 0, way == CLEAN);
         rx_sources_free(s);
         field_free(&f);
     }
+}
+
+/* sep on the whole tile with its matched filter, hidden pixels of no weight. */
+static void matched_filter_is_seps(void **state)
+{
+    (void)state;
+    for (int variable = 0; variable < 2; variable++) {
+        field f = field_new(W, H, 1.0, 71);
+        field_crowd(&f, 40, 3000.0, 72);
+        float *pixels = RX_NEW(float, f.n), *sigma = RX_NEW(float, f.n);
+        assert_non_null(pixels);
+        assert_non_null(sigma);
+        for (size_t i = 0; i < f.n; i++) {
+            f.mask[i] = i % 41 == 0;
+            f.sigma[i] = (float)(0.9 + 0.2 * rx_random_uniform(2, 1, i));
+            pixels[i] = f.mask[i] != 0 ? 0.0f : f.pixels[i];
+            sigma[i] = f.mask[i] != 0 ? 1e30f : variable ? f.sigma[i] : 1.1f;
+        }
+        rx_detect_params par = field_params();
+        par.clean = 0;
+        par.matched = 1;
+        rx_image given = field_image(&f);
+        given.variable_noise = variable;
+        given.global_noise = 1.1;
+        rx_sources *s = NULL;
+        assert_int_equal(rx_detect_run(&par, &given, NULL, NULL, &s, NULL), RX_OK);
+        sep_image image = {.data = pixels,
+                           .noise = sigma,
+                           .dtype = SEP_TFLOAT,
+                           .ndtype = SEP_TFLOAT,
+                           .w = W,
+                           .h = H,
+                           .noise_type = SEP_NOISE_STDDEV};
+        sep_catalog *cat = NULL;
+        assert_int_equal(sep_extract(&image, (float)par.threshold, SEP_THRESH_REL, par.min_area, field_kernel,
+                                     3, 3, SEP_FILTER_MATCHED, par.deblend_levels, par.deblend_contrast, 0,
+                                     1.0, &cat),
+                         0);
+        assert_true(s->n > 20);
+        assert_int_equal(s->n, cat->nobj);
+        for (int i = 0; i < s->n; i++) {
+            assert_int_equal(s->list[i].npix, cat->npix[i]);
+            assert_near(s->list[i].x, cat->x[i], 1e-9);
+            assert_near(s->list[i].y, cat->y[i], 1e-9);
+            if (isfinite(cat->errx2[i])) /* hidden pixels within have no end of noise */
+                assert_near(s->list[i].errx2, cat->errx2[i], 1e-9);
+            assert_near(s->list[i].threshold, cat->thresh[i], 1e-6);
+        }
+        sep_catalog_free(cat);
+        rx_sources_free(s);
+        free(pixels);
+        free(sigma);
+        field_free(&f);
+    }
+}
+
+/* Sums beyond single precision leave sep without moments: a circle of the same area around the peak. */
+static void huge_numbers_become_circles(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    for (size_t i = 0; i < f.n; i++)
+        f.sigma[i] = 1e-19f;
+    for (int k = 0; k < 9; k++)
+        f.pixels[(60 + k / 3) * W + 80 + k % 3] = 3e38f;
+    rx_detect_params par = field_params();
+    par.matched = 1;
+    rx_image image = field_image(&f);
+    rx_sources *s = NULL;
+    image.variable_noise = 1;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
+    assert_int_equal(s->n, 1);
+    const rx_source *o = s->list;
+    const double radius2 = o->npix / (4.0 * 3.14159265358979); /* of a disc the variance along each axis */
+    assert_true((o->flags_measure & RX_FLAGM_SINGULAR) != 0);
+    assert_near(o->x, o->xpeak, 0.0);
+    assert_near(o->y, o->ypeak, 0.0);
+    assert_near(o->x2, radius2, 1e-9);
+    assert_near(o->y2, radius2, 1e-9);
+    assert_near(o->xy, 0.0, 0.0);
+    assert_near(o->a, sqrt(radius2), 1e-9);
+    assert_near(o->b, sqrt(radius2), 1e-9);
+    assert_near(o->theta, 0.0, 0.0);
+    assert_near(o->cxx, 1.0 / radius2, 1e-9);
+    assert_near(o->cyy, 1.0 / radius2, 1e-9);
+    assert_near(o->cxy, 0.0, 0.0);
+    rx_sources_free(s);
+    field_free(&f);
+}
+
+/* The lowest DEBLEND_MINCONT at which a pair is one, of ours and of sep alone. */
+static double critical_contrast(const field *f, bool by_sep)
+{
+    double low = 1e-4, high = 0.5;
+    while (high - low > 1e-6) {
+        const double middle = 0.5 * (low + high);
+        int n;
+        if (by_sep) {
+            sep_image image = {.data = f->pixels,
+                               .dtype = SEP_TFLOAT,
+                               .w = W,
+                               .h = H,
+                               .noiseval = 1.0,
+                               .noise_type = SEP_NOISE_STDDEV};
+            sep_catalog *cat = NULL;
+            assert_int_equal(sep_extract(&image, 1.5f, SEP_THRESH_REL, 5, NULL, 0, 0, SEP_FILTER_CONV, 32,
+                                         middle, 0, 1.0, &cat),
+                             0);
+            n = cat->nobj;
+            sep_catalog_free(cat);
+        } else {
+            rx_detect_params par = field_params();
+            par.filter = NULL;
+            par.clean = 0;
+            par.deblend_contrast = middle;
+            rx_sources *s = field_detect(f, &par);
+            n = s->n;
+            rx_sources_free(s);
+        }
+        *(n > 1 ? &low : &high) = middle;
+    }
+    return low;
+}
+
+static void contrast_is_seps(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    field_add(&f, 60.0, 60.0, 3.0, 3.0, 9000.0);
+    field_add(&f, 70.0, 60.0, 2.0, 2.0, 1500.0);
+    const double expected = critical_contrast(&f, true);
+    assert_between(expected, 0.01, 0.3);
+    assert_near(critical_contrast(&f, false), expected, 1e-5);
+    field_free(&f);
+}
+
+static void same_segments(const rx_sources *a, const rx_sources *b, size_t n)
+{
+    assert_true(a->n > 20);
+    assert_int_equal(a->n, b->n);
+    assert_memory_equal(a->segments, b->segments, n * sizeof *a->segments);
+    assert_memory_equal(a->fragments, b->fragments, n);
+}
+
+/* One threshold in sigmas, in ADU, and of a kernel that is not normalised. */
+static void thresholds_have_units(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 1.0, 61);
+    field_crowd(&f, 60, 2000.0, 62);
+    rx_detect_params par = field_params();
+    rx_image image = field_image(&f);
+    rx_sources *sigmas = NULL, *other = NULL;
+    image.global_noise = 1.25;
+    par.threshold = 2.0;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &sigmas, NULL), RX_OK);
+    par.absolute = 1;
+    par.threshold = 2.5;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &other, NULL), RX_OK);
+    same_segments(sigmas, other, f.n);
+    rx_sources_free(other);
+    par = field_params();
+    par.filter_normalise = 0;
+    par.threshold = 32.0; /* of a kernel of sum 16 */
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &other, NULL), RX_OK);
+    same_segments(sigmas, other, f.n);
+    for (int i = 0; i < other->n; i++)
+        assert_near(other->list[i].threshold, 16.0 * sigmas->list[i].threshold, 1e-4);
+    rx_sources_free(sigmas);
+    rx_sources_free(other);
+    field_free(&f);
+}
+
+/* DETECT_MAXAREA and MEMORY_PIXSTACK_MAX are the most that is still allowed. */
+static void limits_are_the_most_allowed(void **state)
+{
+    (void)state;
+    field f = field_new(W, H, 0.0, 1);
+    for (int y = 20; y < 30; y++)
+        for (int x = 20; x < 30; x++)
+            f.pixels[y * W + x] = 10.0f;
+    rx_detect_params par = field_params();
+    par.filter = NULL;
+    for (par.clean = 0; par.clean < 2; par.clean++)
+        for (int less = 0; less < 2; less++) {
+            par.max_area = 100 - less;
+            rx_sources *s = field_detect(&f, &par);
+            assert_int_equal(s->n, 1 - less);
+            assert_int_equal(s->segments[25 * W + 25], 1 - less);
+            rx_sources_free(s);
+            par.max_area = 0;
+            par.pixstack = 10;
+            par.pixstack_max = 100 - less;
+            par.threshold = 9.0; /* 1.25 times as much is above everything */
+            s = field_detect(&f, &par);
+            assert_int_equal(s->n, 1 - less);
+            rx_sources_free(s);
+            par.pixstack = par.pixstack_max = 1000;
+        }
+    field_free(&f);
 }
 
 /* Two summits of one group, the lesser of which has a share of the group's flux above the saddle or not. */
@@ -420,11 +715,11 @@ static void noise_map_sets_the_threshold(void **state)
     for (size_t i = 0; i < f.n; i++)
         f.sigma[i] = i % W < W / 2 ? 1.0f : 20.0f;
     rx_detect_params par = field_params();
-    rx_detect_image image = field_image(&f);
+    rx_image image = field_image(&f);
     image.variable_noise = 1;
     for (par.matched = 0; par.matched < 2; par.matched++) {
         rx_sources *s = NULL;
-        assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
         assert_int_equal(s->n, 1);
         assert_non_null(field_find(s, 40.0, 60.0));
         rx_sources_free(s);
@@ -450,10 +745,10 @@ static void noise_map_deblends_everywhere(void **state)
         for (int x = 44; x < 50; x++)
             f.mask[y * W + x] = 1;
     rx_detect_params par = field_params();
-    rx_detect_image image = field_image(&f);
+    rx_image image = field_image(&f);
     rx_sources *s = NULL;
     image.variable_noise = 1;
-    assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
     assert_int_equal(s->n, 2 * (PLACES + 1));
     for (int i = 0; i < s->n; i++) {
         const rx_source *o = &s->list[i];
@@ -506,11 +801,11 @@ static void survives_tiny_tiles(void **state)
                 for (size_t i = 0; i < f.n; i++)
                     f.pixels[i] = (float)value;
                 rx_detect_params par = field_params();
-                rx_detect_image image = field_image(&f);
+                rx_image image = field_image(&f);
                 rx_sources *s = NULL;
                 image.variable_noise = mode & 1;
                 par.matched = mode >> 1;
-                assert_int_equal(rx_detect_run(&par, &image, NULL, &s, NULL), RX_OK);
+                assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
                 assert_true(s->n == (value > 0 && f.n >= 5));
                 for (int i = 0; i < s->n; i++) {
                     const rx_source *o = &s->list[i];
@@ -561,10 +856,24 @@ static void filter_is_seps(void **state)
     field_free(&f);
 }
 
+/* Places of pixels are ints: more of them are refused before any is looked at. */
+static void too_large_is_refused(void **state)
+{
+    (void)state;
+    const rx_detect_params par = {.threshold = 1.5};
+    const rx_image image = {.width = 50000, .height = 42950, .global_noise = 1.0};
+    rx_sources *sources = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &sources, &err), RX_USAGE);
+    assert_null(sources);
+    assert_non_null(strstr(err.text, "50000 x 42950"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(finds_known_sources),
                                        cmocka_unit_test(empty_sky_has_no_source),
+                                       cmocka_unit_test(too_large_is_refused),
                                        cmocka_unit_test(is_blind_to_masked_values),
                                        cmocka_unit_test(small_groups_are_fragments),
                                        cmocka_unit_test(cleans_as_sep_does),
@@ -572,6 +881,11 @@ int main(void)
                                        cmocka_unit_test(threads_change_nothing),
                                        cmocka_unit_test(finds_what_sep_finds),
                                        cmocka_unit_test(cleans_crowds_as_sep_does),
+                                       cmocka_unit_test(matched_filter_is_seps),
+                                       cmocka_unit_test(huge_numbers_become_circles),
+                                       cmocka_unit_test(thresholds_have_units),
+                                       cmocka_unit_test(contrast_is_seps),
+                                       cmocka_unit_test(limits_are_the_most_allowed),
                                        cmocka_unit_test(filter_and_its_noise_are_plain_sums),
                                        cmocka_unit_test(numbers_follow_from_the_pixels),
                                        cmocka_unit_test(only_real_summits_split),

@@ -57,8 +57,10 @@ static void test_no_numbers(void **state)
     f[1] = INFINITY;
     f[2] = -INFINITY;
     f[3] = 60000;
-    f[4] = 3e38f;
-    for (int i = 0; i < 5; i++)
+    f[4] = 1e20f;
+    f[6] = 1.1e20f; /* of no detector */
+    f[7] = -3e38f;
+    for (int i = 0; i < 8; i++)
         d[i] = (double)f[i];
     d[5] = 1e300;
     swap(f, W * H, 4);
@@ -73,7 +75,12 @@ static void test_no_numbers(void **state)
         assert_true(a->pixels[i] == 0 && b->pixels[i] == 0);
     }
     assert_int_equal(a->mask[3], RX_MASK_SATURATED);
-    assert_true(a->pixels[4] == 3e38f && b->pixels[4] == 3e38f);
+    assert_true(a->pixels[4] == 1e20f && b->pixels[4] == 1e20f);
+    for (int i = 6; i < 8; i++) {
+        assert_int_equal(a->mask[i], RX_MASK_BAD);
+        assert_int_equal(b->mask[i], RX_MASK_BAD);
+        assert_true(a->pixels[i] == 0 && b->pixels[i] == 0);
+    }
     assert_int_equal(b->mask[5], RX_MASK_BAD); /* no float holds it */
     assert_int_equal(a->mask[5], 0);
     rx_tile_free(a);

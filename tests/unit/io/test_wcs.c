@@ -3,6 +3,7 @@
 #include "io_test.h"
 
 #include <math.h>
+#include <pthread.h>
 
 #include "io/tile.h"
 #include "io/wcs.h"
@@ -381,6 +382,57 @@ static void test_linear(void **state)
     rx_text_free(&cards);
 }
 
+/* --- one description, two threads --- */
+
+enum { SHARED = 6400, ROUNDS = 100 };
+
+typedef struct converter {
+    rx_wcs *wcs;
+    const double *x, *y, *alpha, *delta; /* [SHARED] what comes out of one thread */
+    int wrong;
+} converter;
+
+static void *convert_all(void *user)
+{
+    converter *c = user;
+    static _Thread_local double alpha[SHARED], delta[SHARED];
+    for (int round = 0; round < ROUNDS; round++) {
+        rx_wcs_to_sky(c->wcs, SHARED, c->x, c->y, alpha, delta, NULL, NULL);
+        c->wrong += memcmp(alpha, c->alpha, sizeof alpha) != 0 || memcmp(delta, c->delta, sizeof delta) != 0;
+    }
+    return NULL;
+}
+
+static void test_shared_by_threads(void **state)
+{
+    (void)state;
+    static double x[SHARED], y[SHARED], alpha[SHARED], delta[SHARED];
+    char note[256];
+    pthread_t threads[2];
+    converter of[2];
+    rx_wcs *wcs =
+        from_lines("CTYPE1  = 'RA---TAN-SIP'\nCTYPE2  = 'DEC--TAN-SIP'\nCRVAL1  = 150.\nCRVAL2  = 2.\n"
+                   "CRPIX1  = 1000.\nCRPIX2  = 1000.\nCD1_1   = -5.5E-5\nCD1_2   = 1E-6\n"
+                   "CD2_1   = 1E-6\nCD2_2   = 5.5E-5\nA_ORDER = 2\nB_ORDER = 2\n"
+                   "A_2_0   = 1E-6\nA_1_1   = 2E-6\nB_0_2   = 3E-6\nB_1_1   = 2E-6\n",
+                   2000, 2000, note);
+    assert_non_null(wcs);
+    for (int i = 0; i < SHARED; i++) {
+        x[i] = i * 37 % 2000;
+        y[i] = i * 91 % 2000;
+    }
+    rx_wcs_to_sky(wcs, SHARED, x, y, alpha, delta, NULL, NULL);
+    for (int i = 0; i < 2; i++) {
+        of[i] = (converter){wcs, x, y, alpha, delta, 0};
+        assert_int_equal(pthread_create(&threads[i], NULL, convert_all, &of[i]), 0);
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(pthread_join(threads[i], NULL), 0);
+        assert_int_equal(of[i].wrong, 0);
+    }
+    rx_wcs_free(wcs);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -389,7 +441,7 @@ int main(void)
         cmocka_unit_test(test_sip),          cmocka_unit_test(test_far_away),
         cmocka_unit_test(test_frames),       cmocka_unit_test(test_frames_loosely),
         cmocka_unit_test(test_unusable),     cmocka_unit_test(test_hostile_cards),
-        cmocka_unit_test(test_linear),
+        cmocka_unit_test(test_linear),       cmocka_unit_test(test_shared_by_threads),
     };
     return cmocka_run_group_tests_name("world coordinates", tests, NULL, NULL);
 }

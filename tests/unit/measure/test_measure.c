@@ -20,26 +20,24 @@ static rx_measure_params params(void)
                                .nthreads = 1};
 }
 
-static rx_measure_image image_of(const field *f)
+static rx_image image_of(const field *f)
 {
-    return (rx_measure_image){.width = f->width,
-                              .height = f->height,
-                              .pixels = f->pixels,
-                              .sigma = f->sigma,
-                              .mask = f->mask,
-                              .mask_bits = 1,
-                              .saturated_mask = f->mask,
-                              .global_sigma = 1.0,
-                              .law_scale = 1.0,
-                              .law_power = 0.5};
+    return (rx_image){.width = f->width,
+                      .height = f->height,
+                      .pixels = f->pixels,
+                      .noise = rx_map_plane(f->sigma, f->width),
+                      .mask = f->mask,
+                      .hide = 1,
+                      .saturated = f->mask,
+                      .global_noise = 1.0};
 }
 
 static rx_sources *detect_and_measure(const field *f, const rx_measure_params *par)
 {
     rx_detect_params detect = field_params();
     rx_sources *s = field_detect(f, &detect);
-    rx_measure_image image = image_of(f);
-    assert_int_equal(rx_measure_run(par, &image, NULL, s, NULL), RX_OK);
+    rx_image image = image_of(f);
+    assert_int_equal(rx_measure_run(par, &image, NULL, NULL, s, NULL), RX_OK);
     return s;
 }
 
@@ -94,15 +92,15 @@ static void counts_photons_and_follows_the_law(void **state)
     rx_detect_params detect = field_params();
     rx_sources *s = field_detect(&f, &detect);
     rx_measure_params par = params();
-    rx_measure_image image = image_of(&f);
+    rx_image image = image_of(&f);
     image.gain = 2.0;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     double area = PI * 144.0, flux = s->list[0].flux_aper[1];
     assert_near(s->list[0].fluxerr_aper[1], sqrt(area + flux / 2.0), 0.1);
     image.gain = 0.0;
     rx_noise_law law = {.apertures = 100, .nradii = 2, .area = {10.0, 1000.0}, .ratio = {10.0, 300.0}};
     image.law = &law;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     double power = log(30.0) / log(100.0);
     assert_near(s->list[0].fluxerr_aper[1], 10.0 * pow(area / 10.0, power), 0.5);
     assert_near(rx_noise_law_factor(&law, 1e6), 300.0 / sqrt(1000.0), 1e-9);
@@ -131,12 +129,12 @@ static void takes_the_sky_off(void **state)
     rx_measure_params par = params();
     par.local_background = 1;
     par.local_thickness = 24;
-    rx_measure_image image = image_of(&f);
+    rx_image image = image_of(&f);
     image.level = rx_map_plane(level, W);
-    assert_int_equal(rx_measure_run(&par, &image, NULL, a, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, a, NULL), RX_OK);
     image.pixels = with_sky;
     image.with_sky = 1;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, b, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, b, NULL), RX_OK);
     assert_true(a->n >= 2 && a->n == b->n);
     for (int i = 0; i < a->n; i++) {
         assert_true(a->list[i].flux_auto > 0 && a->list[i].flux_auto == b->list[i].flux_auto);
@@ -254,11 +252,10 @@ static void takes_radii_from_the_detection_image(void **state)
     rx_sources *s = detect_and_measure(&wide, &par);
     assert_int_equal(s->n, 1);
     const rx_source first = s->list[0];
-    rx_measure_image detection = image_of(&wide), image = image_of(&narrow);
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    rx_image detection = image_of(&wide), image = image_of(&narrow);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     assert_true(s->list[0].kron_radius < 0.6 * first.kron_radius);
-    image.radii = &detection;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, &detection, NULL, s, NULL), RX_OK);
     assert_near(s->list[0].kron_radius, first.kron_radius, 1e-12);
     assert_near(s->list[0].petro_radius, first.petro_radius, 1e-12);
     assert_near(s->list[0].flux_auto / 50000.0, 1.0, 1e-3);
@@ -281,25 +278,27 @@ static void combines_flag_maps(void **state)
     detect.filter = NULL;
     rx_sources *s = field_detect(&f, &detect);
     assert_int_equal(s->n, 1);
-    rx_measure_image image = image_of(&f);
+    rx_image image = image_of(&f);
     rx_measure_params par = params();
     image.nflagmaps = 1;
     image.flagmaps = &map;
     /* OR, AND, MIN, MAX, MOST of 6 3 3 9 0 */
     const unsigned value[5] = {15, 0, 3, 9, 3};
     const int count[5] = {4, 4, 2, 1, 2};
-    for (image.flag_type = 0; image.flag_type < 5; image.flag_type++) {
-        assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
-        assert_int_equal(s->list[0].imaflags[0], value[image.flag_type]);
-        assert_int_equal(s->list[0].nimaflags[0], count[image.flag_type]);
+    int type = 0;
+    par.flag_types = &type;
+    for (; type < 5; type++) {
+        assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
+        assert_int_equal(s->list[0].imaflags[0], value[type]);
+        assert_int_equal(s->list[0].nimaflags[0], count[type]);
     }
     /* a way for each map */
     uint32_t *maps[2] = {map, map};
     const int types[2] = {2, 3};
     image.nflagmaps = 2;
     image.flagmaps = maps;
-    image.flag_types = types;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    par.flag_types = types;
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     assert_int_equal(s->list[0].imaflags[0], 3);
     assert_int_equal(s->list[0].imaflags[1], 9);
     free(map);
@@ -318,13 +317,13 @@ static void subtracts_the_local_sky(void **state)
     assert_non_null(a);
     for (size_t i = 0; i < f.n; i++)
         f.pixels[i] += 5.0f;
-    rx_measure_image image = image_of(&f);
+    rx_image image = image_of(&f);
     rx_measure_params par = params();
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     double raised = a->flux_aper[1];
     par.local_background = 1;
     par.local_thickness = 24;
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     assert_near(raised - a->flux_aper[1], 5.0 * PI * 144.0, 60.0);
     rx_sources_free(s);
     field_free(&f);

@@ -9,23 +9,21 @@
 
 enum { W = 400, H = 400 };
 
-static rx_measure_image image_of(const field *f)
+static rx_image image_of(const field *f)
 {
-    return (rx_measure_image){.width = f->width,
-                              .height = f->height,
-                              .pixels = f->pixels,
-                              .sigma = f->sigma,
-                              .mask = f->mask,
-                              .mask_bits = 7,
-                              .global_sigma = 1.0,
-                              .law_scale = 1.0,
-                              .law_power = 0.5};
+    return (rx_image){.width = f->width,
+                      .height = f->height,
+                      .pixels = f->pixels,
+                      .noise = rx_map_plane(f->sigma, f->width),
+                      .mask = f->mask,
+                      .hide = 7,
+                      .global_noise = 1.0};
 }
 
 static rx_noise_law fit(const field *f)
 {
     rx_sources none = {.width = f->width, .height = f->height, .segments = RX_NEW(int32_t, f->n)};
-    rx_measure_image image = image_of(f);
+    rx_image image = image_of(f);
     rx_noise_law law;
     assert_int_equal(rx_noise_law_fit(&image, &none, 2000, 3, &law, NULL, NULL), RX_OK);
     free(none.segments);
@@ -135,6 +133,37 @@ static void smoothed_noise_follows_the_exact_sums(void **state)
     field_free(&f);
 }
 
+/* Without any apertures: from the kernel that white noise was smoothed with. */
+static void law_of_a_correlation_has_the_exact_sums(void **state)
+{
+    (void)state;
+    double kernel[225], power = 0.0;
+    float given[225];
+    field f = field_new(W, H, 1.0, 2);
+    smooth(&f, 1.5, kernel);
+    for (int i = 0; i < 225; i++) {
+        given[i] = (float)kernel[i];
+        power += kernel[i] * kernel[i];
+    }
+    const rx_noise_correlation noise = rx_noise_of_kernel(given, 15, 15);
+    const rx_noise_law law = rx_noise_law_of(&noise);
+    const double radius[10] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0};
+    assert_int_equal(law.apertures, 0);
+    assert_true(law.nradii > 10);
+    for (int i = 0; i < 10; i++) {
+        assert_near(law.ratio[i] * sqrt(power) / exact_sigma(radius[i], kernel), 1.0, 0.02);
+        assert_near(rx_noise_law_factor(&law, law.area[i]) * sqrt(law.area[i]), law.ratio[i],
+                    1e-9 * law.ratio[i]);
+    }
+    /* of very wide ones all that the kernel adds up to */
+    assert_near(rx_noise_law_factor(&law, 1e6) * sqrt(power), 1.0, 0.02);
+    const rx_noise_correlation white = rx_noise_white(RX_NOISE_MEASURED);
+    const rx_noise_law none[2] = {rx_noise_law_of(&white), rx_noise_law_of(NULL)};
+    for (int i = 0; i < 2; i++)
+        assert_true(none[i].nradii == 0 && rx_noise_law_factor(&none[i], 50.0) == 1.0);
+    field_free(&f);
+}
+
 static void no_free_sky_no_law(void **state)
 {
     (void)state;
@@ -184,14 +213,17 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
     rx_restore_params restore = {
         .rl_niter = 30, .rl_denoise = 0.8, .rl_denoise_by_psf = 1, .rl_pedestal = 4.0, .nthreads = 2};
     rx_restored *restored = NULL;
-    assert_int_equal(rx_restorer_find("RL")->run(&restore, &tile, &sky, psf, NULL, &restored, NULL), RX_OK);
+    const rx_image whole = rx_tile_image(&tile);
+    rx_image observed = rx_image_on_sky(&whole, &sky);
+    observed.psf = psf;
+    assert_int_equal(rx_restorer_find("RL")->run(&restore, &observed, NULL, &restored, NULL), RX_OK);
     rx_detect_params detect = field_params();
-    rx_detect_image detect_image = field_image(&f);
+    rx_image detect_image = field_image(&f);
     detect_image.pixels = restored->pixels;
     detect.threshold = 2.5;
     rx_sources *s = NULL;
-    assert_int_equal(rx_detect_run(&detect, &detect_image, NULL, &s, NULL), RX_OK);
-    rx_measure_image image = image_of(&f);
+    assert_int_equal(rx_detect_run(&detect, &detect_image, NULL, NULL, &s, NULL), RX_OK);
+    rx_image image = image_of(&f);
     image.pixels = restored->pixels;
     rx_noise_law law;
     assert_int_equal(rx_noise_law_fit(&image, s, 1000, 1, &law, NULL, NULL), RX_OK);
@@ -204,7 +236,7 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
                              .neighbours = RX_NEIGHBOURS_CORRECT,
                              .nthreads = 2,
                              .skip = RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN};
-    assert_int_equal(rx_measure_run(&par, &image, NULL, s, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, s, NULL), RX_OK);
     int n = 0;
     for (int i = 0; i < STARS; i++) {
         const rx_source *q = field_find(s, x[i], y[i]);
@@ -262,6 +294,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(white_noise_adds_in_quadrature),
                                        cmocka_unit_test(widened_law_has_the_noise_of_the_wider_area),
                                        cmocka_unit_test(smoothed_noise_follows_the_exact_sums),
+                                       cmocka_unit_test(law_of_a_correlation_has_the_exact_sums),
                                        cmocka_unit_test(no_free_sky_no_law),
                                        cmocka_unit_test(pulls_have_unit_width_after_restoration)};
     return cmocka_run_group_tests(tests, NULL, NULL);

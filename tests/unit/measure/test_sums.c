@@ -17,7 +17,8 @@ typedef struct scene {
     field f;
     rx_sources *sources;
     rx_source *s;
-    rx_measure_image image;
+    rx_image image;
+    rx_noise_law law;
     rx_measure_params par;
 } scene;
 
@@ -63,17 +64,17 @@ static void open_scene(scene *t)
                 t->s->npix++;
             }
         }
-    t->image = (rx_measure_image){.width = W,
-                                  .height = H,
-                                  .pixels = t->f.pixels,
-                                  .sigma = t->f.sigma,
-                                  .variable_noise = 1,
-                                  .mask = t->f.mask,
-                                  .mask_bits = 1,
-                                  .gain = GAIN,
-                                  .global_sigma = GLOBAL,
-                                  .law_scale = LAW_SCALE,
-                                  .law_power = LAW_POWER};
+    t->law = (rx_noise_law){.scale = LAW_SCALE, .power = LAW_POWER};
+    t->image = (rx_image){.width = W,
+                          .height = H,
+                          .pixels = t->f.pixels,
+                          .noise = rx_map_plane(t->f.sigma, W),
+                          .variable_noise = 1,
+                          .mask = t->f.mask,
+                          .hide = 1,
+                          .gain = GAIN,
+                          .global_noise = GLOBAL,
+                          .law = &t->law};
     t->par = (rx_measure_params){.naper = 2,
                                  .aperture_diameter = {7.3, 21.7},
                                  .auto_factor = 2.5,
@@ -138,8 +139,8 @@ static void apertures_are_sums_of_shares(void **state)
     scene t;
     open_scene(&t);
     for (int weight_gain = 0; weight_gain < 2; weight_gain++) {
-        t.image.weight_gain = weight_gain;
-        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+        t.par.weight_gain = weight_gain;
+        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
         for (int i = 0; i < 2; i++) {
             double flux = 0.0, variance = 0.0, area = 0.0, photons = 0.0;
             for (int y = 0; y < H; y++)
@@ -239,7 +240,7 @@ static void petrosian_radius_follows_the_ring(void **state)
                 }
         const int step = petrosian_step(&t);
         assert_int_equal(step, side < 0 ? at : at + 1);
-        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
         assert_near(t.s->petro_radius, 2.0 * 1.1 * 0.3 * step, 1e-5);
     }
     close_scene(&t);
@@ -250,7 +251,7 @@ static void kron_and_petrosian_radii_are_moments_and_rings(void **state)
     (void)state;
     scene t;
     open_scene(&t);
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     double moment = 0.0, total = 0.0, error, masked;
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
@@ -304,7 +305,7 @@ static void radii_and_window_follow_from_the_growth_curve(void **state)
     (void)state;
     scene t;
     open_scene(&t);
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     for (int i = 0; i < 3; i++) {
         const double r = growth_radius(&t, t.par.flux_fraction[i] * t.s->flux_auto);
         assert_near(t.s->flux_radius[i], r, 1e-6 * r);
@@ -383,7 +384,7 @@ static void a_dark_window_leaves_the_isophotal_numbers(void **state)
     t.s->xy = 1.5;
     t.s->errxy = 0.5;
     t.s->theta = 0.25;
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     assert_int_equal(t.s->flags_win, 4);
     assert_true((t.s->flags_measure & RX_FLAGM_WIN_FAILED) != 0);
     const double window[] = {t.s->xwin,     t.s->ywin,     t.s->x2win,    t.s->y2win, t.s->xywin,
@@ -403,7 +404,7 @@ static void isophotal_numbers_are_sums_over_the_segment(void **state)
     scene t;
     open_scene(&t);
     t.par.analysis_threshold = 8.0;
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     double flux = 0.0, variance = 0.0, npix = 0.0, peak = 0.0, lowest = 1e30;
     double n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
     int above = 0, iso[RX_NISO] = {0};
@@ -470,7 +471,7 @@ static void class_star_takes_the_threshold_of_the_image(void **state)
     for (int absolute = 0; absolute < 2; absolute++) {
         const double threshold = absolute ? 8.0 : 8.0 * GLOBAL;
         t.par.analysis_absolute = absolute;
-        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+        assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
         assert_near(t.s->class_star, 1.0 / (1.0 + exp(-log10(t.s->peak / threshold))), 1e-6);
     }
     unlink(path);
@@ -493,7 +494,7 @@ static void what_stands_beside_the_sums(void **state)
     t.image.level = rx_map_plane(level, W);
     t.par.vignet_width = 7;
     t.par.vignet_height = 5;
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     const double under = 100 + 51 + 7 * 48, raised = t.s->flux_aper[1];
     assert_near(t.s->background, under, 0);
     for (int k = 0; k < 35; k++) {
@@ -512,7 +513,7 @@ static void what_stands_beside_the_sums(void **state)
         area += share_of(k % W - X, k / W - Y, t.par.aperture_diameter[1] / 2.0, 5);
     t.par.local_background = 1;
     t.par.local_thickness = 8;
-    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, t.sources, NULL), RX_OK);
+    assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
     assert_near(t.s->background, under + 5.0, 1e-4);
     assert_near(raised - t.s->flux_aper[1], 5.0 * area, 1e-4 * area);
     free(level);
@@ -530,15 +531,15 @@ static void noise_law_is_the_width_of_the_apertures_thrown(void **state)
     rx_sources none = {.width = SIDE, .height = SIDE, .segments = RX_NEW(int32_t, f.n)};
     for (size_t k = 0; k < f.n; k++)
         f.sigma[k] = (float)(1.0 + rx_random_uniform(3, 1, k));
-    const rx_measure_image image = {.width = SIDE,
-                                    .height = SIDE,
-                                    .pixels = f.pixels,
-                                    .sigma = f.sigma,
-                                    .variable_noise = 1,
-                                    .global_sigma = 1.0,
-                                    .gain = 2.0,
-                                    .law_scale = 3.0,
-                                    .law_power = 0.7};
+    const rx_noise_law other = {.scale = 3.0, .power = 0.7};
+    const rx_image image = {.width = SIDE,
+                            .height = SIDE,
+                            .pixels = f.pixels,
+                            .noise = rx_map_plane(f.sigma, SIDE),
+                            .variable_noise = 1,
+                            .global_noise = 1.0,
+                            .gain = 2.0,
+                            .law = &other};
     rx_noise_law law;
     assert_int_equal(rx_noise_law_fit(&image, &none, COUNT, seed, &law, NULL, NULL), RX_OK);
     double sums[COUNT], areas = 0.0;

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "base/memory.h"
 #include "nn/deblur.h"
 #include "num/convolve.h"
@@ -130,6 +131,40 @@ static void relative_psf_is_linear(void **state)
     free(ra);
     free(rb);
     free(rm);
+}
+
+/* A PSF that is moved moves its relative PSF; a small cut is the middle of a large one, and normalised it is
+ * that by its sum. */
+static void relative_psf_moves_and_is_cut(void **state)
+{
+    (void)state;
+    enum { LEFT = 2, UP = -1, CUT = 5 };
+    float *psf = moffat(3, 3, 0.8, 0.4, 0.2, 41), *moved = RX_NEW(float, SIZE *SIZE);
+    float *padded = RX_NEW(float, SIZE *SIZE), *a = RX_NEW(float, SIZE *SIZE), *b = RX_NEW(float, SIZE *SIZE);
+    float cut[CUT * CUT], unit[CUT * CUT];
+    double sum = 0;
+    for (int k = 0; k < 41 * 41; k++) {
+        padded[(k / 41 + 11) * SIZE + k % 41 + 11] = psf[k];
+        moved[(k / 41 + 11 + UP) * SIZE + k % 41 + 11 + LEFT] = psf[k];
+    }
+    assert_int_equal(rx_deblur_relative(padded, SIZE, TARGET, SIZE, 0, a, NULL), RX_OK);
+    assert_int_equal(rx_deblur_relative(moved, SIZE, TARGET, SIZE, 0, b, NULL), RX_OK);
+    for (int y = 10; y < SIZE - 10; y++)
+        for (int x = 10; x < SIZE - 10; x++)
+            assert_near(b[(y + UP) * SIZE + x + LEFT], a[y * SIZE + x], 3e-7);
+    assert_int_equal(rx_deblur_relative(padded, SIZE, TARGET, CUT, 0, cut, NULL), RX_OK);
+    assert_int_equal(rx_deblur_relative(padded, SIZE, TARGET, CUT, 1, unit, NULL), RX_OK);
+    for (int k = 0; k < CUT * CUT; k++) {
+        assert_near(cut[k], a[(SIZE / 2 + k / CUT - CUT / 2) * SIZE + SIZE / 2 + k % CUT - CUT / 2], 3e-7);
+        sum += cut[k];
+    }
+    for (int k = 0; k < CUT * CUT; k++)
+        assert_near(unit[k], cut[k] / sum, 1e-7);
+    free(psf);
+    free(moved);
+    free(padded);
+    free(a);
+    free(b);
 }
 
 static double share_outside(const float *relative, int size, int radius)
@@ -311,6 +346,12 @@ static void what_cannot_be_is_said(void **state)
     assert_int_equal(rx_deblur_relative_size(psf, 3, TARGET, 3, &size, &err), RX_INPUT);
     assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 3, TARGET, 0.02, b.work, b.spectrum, &err), RX_INPUT);
     psf[5] = 0;
+    psf[0] = NAN;
+    assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "column 1 of row 1"));
+    psf[0] = -1; /* with the 1 in the middle a sum of 0 */
+    assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
+    psf[0] = 0;
     psf[4] = -1;
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 0, out, &err), RX_OK);
@@ -323,10 +364,11 @@ static void what_cannot_be_is_said(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(relative_psf_of_moffats), cmocka_unit_test(relative_psf_keeps_its_place),
-        cmocka_unit_test(relative_psf_is_linear),  cmocka_unit_test(size_holds_all_but_a_thousandth),
-        cmocka_unit_test(tikhonov_against_numpy),  cmocka_unit_test(tikhonov_reach_and_flux),
-        cmocka_unit_test(tikhonov_from_relative),  cmocka_unit_test(what_cannot_be_is_said),
+        cmocka_unit_test(relative_psf_of_moffats),         cmocka_unit_test(relative_psf_keeps_its_place),
+        cmocka_unit_test(relative_psf_moves_and_is_cut),   cmocka_unit_test(relative_psf_is_linear),
+        cmocka_unit_test(size_holds_all_but_a_thousandth), cmocka_unit_test(tikhonov_against_numpy),
+        cmocka_unit_test(tikhonov_reach_and_flux),         cmocka_unit_test(tikhonov_from_relative),
+        cmocka_unit_test(what_cannot_be_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,6 +9,8 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
+#include "base/random.h"
 #include "nn/net.h"
 #include "reference.h"
 
@@ -76,7 +78,8 @@ static void test_refused(void **state)
     refuse((rx_node[]){in, conv(0, 4, 3, 2), other(RX_OP_UPCONV, 1, 300, 3)}, 3, "1 to 256");
     refuse((rx_node[]){in, conv(0, 4, 3, 2), other(RX_OP_SHUFFLE, 1, 4, 0)}, 3, "a quarter");
     refuse((rx_node[]){in, other(RX_OP_UNSHUFFLE, 0, 4, 0)}, 2, "four times");
-    refuse((rx_node[]){in, conv(0, 4, 3, 1), conv(0, 4, 3, 1)}, 3, "no other node uses it");
+    refuse((rx_node[]){in, conv(0, 4, 3, 1), conv(0, 4, 3, 1)}, 3,
+           "node 1 (CONV) of the network: no other node uses it");
     rx_node wild = conv(0, 4, 3, 1);
     wild.op = (rx_op)99;
     refuse((rx_node[]){in, wild}, 2, "no such operation");
@@ -105,7 +108,11 @@ static void test_layout(void **state)
                        other(RX_OP_TRANSPOSED, 3, 5, 4),
                        plus(conv(4, 5, 1, 1), 2, 1),
                        other(RX_OP_UPCONV, 5, 2, 3)};
+    nodes[0].add = nodes[0].src = 5; /* of no meaning */
     rx_net *net = make(nodes, 7);
+    assert_int_equal(net->node[0].src, -1);
+    assert_int_equal(net->node[0].add, -1);
+    assert_int_equal(net->node[0].weight, -1);
     assert_int_equal(net->node[1].weight, -1);
     assert_int_equal(net->node[1].bias, -1);
     assert_int_equal(net->node[2].weight, 0);
@@ -126,6 +133,9 @@ static void test_layout(void **state)
         assert_true(net->params[i] == 0);
     rx_net_free(net);
     rx_net_free(NULL);
+    net = make((rx_node[]){input(3), conv(0, 5, 3, 1)}, 2);
+    assert_near(rx_net_macs(net), 3 * 5 * 9, 1e-12);
+    rx_net_free(net);
     for (int op = RX_OP_INPUT; op <= RX_OP_UPCONV; op++)
         assert_int_equal(rx_op_find(rx_op_name((rx_op)op)), op);
     assert_int_equal(rx_op_find("CONVOLUTION"), -1);
@@ -161,6 +171,8 @@ static void test_first_values(void **state)
         const rx_node *n = &net->node[i];
         double mean, width, tolerance = 4 / sqrt((double)n->nweights);
         moments(net->params + n->weight, n->nweights, &mean, &width);
+        for (long k = n->weight; k < n->bias; k++) /* the stream's number of that place */
+            assert_near(net->params[k], sd[i] * rx_random_normal(11, 3, (uint64_t)k), 1e-6 * sd[i]);
         assert_true(fabs(mean) < tolerance * sd[i]);
         assert_true(fabs(width / sd[i] - 1) < tolerance);
         for (int c = 0; c < n->channels; c++)
@@ -231,6 +243,17 @@ static void test_halo(void **state)
     check_halo((rx_node[]){input(1), conv(0, 1, 3, 2), conv(1, 1, 3, 2), conv(2, 1, 3, 1),
                            other(RX_OP_TRANSPOSED, 3, 1, 6), other(RX_OP_TRANSPOSED, 4, 1, 4)},
                6, 16);
+    /* what is added may reach farther than the source */
+    check_halo((rx_node[]){input(1), conv(0, 1, 9, 1), conv(0, 1, 3, 1), plus(conv(2, 1, 1, 1), 1, 0),
+                           conv(3, 1, 7, 1)},
+               5, 7);
+    rx_net *net = make((rx_node[]){input(1), conv(0, 1, 5, 1), conv(1, 1, 3, 1)}, 3);
+    int needed[] = {99, 99, 99};
+    rx_net_margins(net, needed);
+    assert_int_equal(needed[0], 3);
+    assert_int_equal(needed[1], 1);
+    assert_int_equal(needed[2], 0);
+    rx_net_free(net);
 }
 
 int main(void)

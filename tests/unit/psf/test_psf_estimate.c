@@ -149,7 +149,10 @@ static void free_field(field *f)
 static rx_status estimate(const field *f, rx_psf **psf, rx_error *err)
 {
     rx_psf_params par = {.type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 5, .min_snr = 20.0};
-    return rx_psf_make(&par, &f->tile, &f->background, &f->sources, NULL, psf, err);
+    const rx_image tile = rx_tile_image(&f->tile);
+    rx_image image = rx_image_on_sky(&tile, &f->background);
+    image.hide = RX_HIDE_RESTORED;
+    return rx_psf_make(&par, &image, &f->sources, NULL, psf, err);
 }
 
 static void check_field(double fwhm, double beta, double ratio, double angle, int nstars, int hot)

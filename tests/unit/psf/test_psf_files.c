@@ -15,6 +15,7 @@
 #include "data/table.h"
 #include "io/fits_read.h"
 #include "psf/psf.h"
+#include "psf/resample.h"
 
 /* --- small FITS files, written byte by byte ------------------------------------------------- */
 
@@ -58,6 +59,8 @@ typedef struct psfex_spec {
     double zero, scale, sampling;
 } psfex_spec;
 
+static int merged; /* PSF_SAMP is a column, as in tables that hold many models */
+
 /* One more table at the end of the file. */
 static void append_psfex(const char *path, const psfex_spec *s, const float *mask)
 {
@@ -69,11 +72,11 @@ static void append_psfex(const char *path, const psfex_spec *s, const float *mas
     snprintf(c[k++], 81, "%-8s= %-20s", "XTENSION", "'BINTABLE'");
     snprintf(c[k++], 81, "%-8s= %20d", "BITPIX", 8);
     snprintf(c[k++], 81, "%-8s= %20d", "NAXIS", 2);
-    snprintf(c[k++], 81, "%-8s= %20ld", "NAXIS1", 4 * n);
+    snprintf(c[k++], 81, "%-8s= %20ld", "NAXIS1", 4 * n + 4 * merged);
     snprintf(c[k++], 81, "%-8s= %20d", "NAXIS2", 1);
     snprintf(c[k++], 81, "%-8s= %20d", "PCOUNT", 0);
     snprintf(c[k++], 81, "%-8s= %20d", "GCOUNT", 1);
-    snprintf(c[k++], 81, "%-8s= %20d", "TFIELDS", 1);
+    snprintf(c[k++], 81, "%-8s= %20d", "TFIELDS", 1 + merged);
     snprintf(c[k++], 81, "%-8s= %-20s", "TTYPE1", "'PSF_MASK'");
     snprintf(c[k++], 81, "%-8s= '%ldE'", "TFORM1", n);
     snprintf(c[k++], 81, "%-8s= '(%d,%d,%d)'", "TDIM1", s->side, s->side, s->terms);
@@ -86,13 +89,23 @@ static void append_psfex(const char *path, const psfex_spec *s, const float *mas
     snprintf(c[k++], 81, "%-8s= %20.6f", "POLSCAL2", s->scale);
     snprintf(c[k++], 81, "%-8s= %20d", "POLNGRP", s->groups);
     snprintf(c[k++], 81, "%-8s= %20d", "POLDEG1", s->degree);
-    snprintf(c[k++], 81, "%-8s= %20.6f", "PSF_SAMP", s->sampling);
+    if (merged) {
+        snprintf(c[k++], 81, "%-8s= %-20s", "TTYPE2", "'PSF_SAMP'");
+        snprintf(c[k++], 81, "%-8s= '1E'", "TFORM2");
+    } else {
+        snprintf(c[k++], 81, "%-8s= %20.6f", "PSF_SAMP", s->sampling);
+    }
     snprintf(c[k++], 81, "%-8s= %20d", "PSFNAXIS", 3);
     snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS1", s->side);
     snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS2", s->side);
     snprintf(c[k++], 81, "%-8s= %20d", "PSFAXIS3", s->terms);
     put_block(file, c, k);
-    put_floats(file, mask, n);
+    float *row = malloc(sizeof *row * (size_t)(n + 1));
+    assert_non_null(row);
+    memcpy(row, mask, sizeof *row * (size_t)n);
+    row[n] = (float)s->sampling;
+    put_floats(file, row, n + merged);
+    free(row);
     assert_int_equal(fclose(file), 0);
 }
 
@@ -174,7 +187,8 @@ static void test_image_sizes(void **state)
         rx_psf *psf;
         gaussian(pixels, w, h, 0.5 * (w - 1) + 0.1, 0.5 * (h - 1) - 0.2, 300.0);
         write_image(in_folder("psf.fits"), pixels, w, h);
-        assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 100, 80, NULL, &psf, NULL), RX_OK);
+        assert_int_equal(
+            rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits")}, 100, 80, NULL, &psf, NULL), RX_OK);
         assert_true(psf->size % 2 == 1 && psf->size >= (w > h ? w : h));
         assert_near(stamp_sum(psf->basis, psf->size), 1.0, 1e-6);
         double x, y, worst = 0.0;
@@ -200,12 +214,15 @@ static void test_image_cut_to_size(void **state)
     rx_psf *psf;
     gaussian(pixels, 60, 60, 29.5, 29.5, 1.0);
     write_image(in_folder("psf.fits"), pixels, 60, 60);
-    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 15, 50, 50, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(
+        rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits"), .size = 15}, 50, 50, NULL, &psf, NULL),
+        RX_OK);
     assert_int_equal(psf->size, 15);
     assert_near(stamp_sum(psf->basis, 15), 1.0, 1e-6);
     rx_psf_free(psf);
     /* an even PSF as large as the tile loses half a pixel on each side instead of outgrowing it */
-    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 60, 60, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits")}, 60, 60, NULL, &psf, NULL),
+                     RX_OK);
     assert_int_equal(psf->size, 59);
     rx_psf_free(psf);
 }
@@ -215,7 +232,8 @@ static void refuse_image(const float *pixels, int w, int h, const char *what)
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
     write_image(in_folder("psf.fits"), pixels, w, h);
-    assert_int_equal(rx_psf_image(in_folder("psf.fits"), 0, 50, 40, NULL, &psf, &err), RX_INPUT);
+    assert_int_equal(rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits")}, 50, 40, NULL, &psf, &err),
+                     RX_INPUT);
     assert_null(psf);
     assert_non_null(strstr(err.where, "psf.fits"));
     if (strstr(err.text, what) == NULL)
@@ -233,27 +251,113 @@ static void test_image_refused(void **state)
     gaussian(pixels, 21, 21, 10, 10, 1.0);
     pixels[3] = NAN;
     refuse_image(pixels, 21, 21, "pixel (4,1)");
+    pixels[2 * 21 + 3] = NAN;
+    pixels[3] = 0.0F;
+    refuse_image(pixels, 21, 21, "pixel (4,3)");
     gaussian(pixels, 21, 21, 10, 10, -1.0);
     refuse_image(pixels, 21, 21, "sums to");
     memset(pixels, 0, sizeof pixels);
     refuse_image(pixels, 21, 21, "sums to 0");
 }
 
+/* As large as the tile, and no larger; PSF_SIZE cuts what is larger. */
+static void test_sizes(void **state)
+{
+    (void)state;
+    static float pixels[64 * 64];
+    gaussian(pixels, 41, 41, 20.0, 20.0, 1.0);
+    write_image(in_folder("psf.fits"), pixels, 41, 41);
+    static const int cases[][4] = {{41, 41, 0, 41},  {40, 41, 0, -1},  {41, 40, 0, -1}, {25, 33, 25, 25},
+                                   {33, 25, 25, 25}, {33, 24, 25, -1}, {50, 50, 63, 41}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        const rx_image image = {.width = cases[k][0], .height = cases[k][1]};
+        const rx_psf_params par = {.type = RX_PSF_FILE, .file = in_folder("psf.fits"), .size = cases[k][2]};
+        rx_psf *psf;
+        const rx_status status = rx_psf_make(&par, &image, NULL, NULL, &psf, NULL);
+        assert_int_equal(status, cases[k][3] < 0 ? RX_INPUT : RX_OK);
+        if (status == RX_OK)
+            assert_int_equal(psf->size, cases[k][3]);
+        rx_psf_free(psf);
+    }
+    gaussian(pixels, 60, 60, 29.5, 29.5, 1.0); /* even: one more where the tile has room, else one less */
+    write_image(in_folder("psf.fits"), pixels, 60, 60);
+    for (int width = 60; width < 63; width++) {
+        rx_psf *psf;
+        assert_int_equal(
+            rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits")}, width, 62, NULL, &psf, NULL),
+            RX_OK);
+        assert_int_equal(psf->size, width < 61 ? 59 : 61);
+        rx_psf_free(psf);
+        assert_int_equal(
+            rx_psf_image(&(rx_psf_params){.file = in_folder("psf.fits")}, 62, width, NULL, &psf, NULL),
+            RX_OK);
+        assert_int_equal(psf->size, width < 61 ? 59 : 61);
+        rx_psf_free(psf);
+    }
+    assert_int_equal(rx_psf_check_size("", 4095, 4095, 5000, 5000, NULL), RX_OK);
+    assert_int_equal(rx_psf_check_size("", 4096, 1, 5000, 5000, NULL), RX_INPUT);
+    assert_int_equal(rx_psf_check_size("", 1, 4096, 5000, 5000, NULL), RX_INPUT);
+}
+
+/* The PSF, and what is said while it is made. */
+static rx_psf *read_aloud(rx_psf_type type, const char *name, char *text, size_t room)
+{
+    const rx_image image = {.width = 100, .height = 100};
+    const rx_psf_params par = {.type = type, .file = in_folder(name)};
+    rx_log log;
+    rx_psf *psf;
+    FILE *stream = tmpfile();
+    assert_non_null(stream);
+    rx_log_init(&log, "test", stream, RX_NORMAL);
+    assert_int_equal(rx_psf_make(&par, &image, NULL, &log, &psf, NULL), RX_OK);
+    rewind(stream);
+    text[fread(text, 1, room - 1, stream)] = '\0';
+    fclose(stream);
+    return psf;
+}
+
+/* Light off the frame's centre by more than 0.3 pixels, as far as it is above a fifth of the peak. */
+static void test_light_off_centre_is_told(void **state)
+{
+    (void)state;
+    static const double places[][2] = {{0.1, -0.2}, {0.25, 0.1}, {0.25, -0.25}, {0.0, 0.4}, {8.0, -6.0}};
+    static float pixels[31 * 31];
+    for (size_t k = 0; k < sizeof places / sizeof *places; k++) {
+        char text[1000], said[60];
+        gaussian(pixels, 31, 31, 15.0 + places[k][0], 15.0 + places[k][1], 1.0);
+        write_image(in_folder("psf.fits"), pixels, 31, 31);
+        rx_psf *psf = read_aloud(RX_PSF_FILE, "psf.fits", text, sizeof text);
+        double peak = 0.0, sum = 0.0, x = 0.0, y = 0.0;
+        for (int i = 0; i < 31 * 31; i++)
+            peak = fmax(peak, (double)psf->basis[i]);
+        for (int i = 0; i < 31 * 31; i++) {
+            const double v = (double)psf->basis[i] >= 0.2 * peak ? (double)psf->basis[i] : 0.0;
+            sum += v;
+            x += v * (i % 31 - 15);
+            y += v * (i / 31 - 15);
+        }
+        snprintf(said, sizeof said, "(%+.2f, %+.2f) pixels off", x / sum, y / sum);
+        if ((strstr(text, said) != NULL) != (hypot(x, y) > 0.3 * sum))
+            fail_msg("'%s' is said of %s", text, said);
+        rx_psf_free(psf);
+    }
+}
+
 /* --- PSFEX ---------------------------------------------------------------------------------- */
 
-static double lanczos(double d)
+static double lanczos(double d, int order)
 {
     double u = M_PI * d;
-    return fabs(d) < 1e-9 ? 1.0 : fabs(d) < 4.0 ? sin(u) / u * sin(u / 4) / (u / 4) : 0.0;
+    return fabs(d) < 1e-9 ? 1.0 : fabs(d) < order ? sin(u) / u * sin(u / order) / (u / order) : 0.0;
 }
 
 /* Interpolation with the kernel's sum taken out, by direct summation over the whole image. */
-static double interpolate(const double *image, int w, int h, double x, double y)
+static double interpolate(const double *image, int w, int h, double x, double y, int order)
 {
     double value = 0.0, norm = 0.0;
-    for (int q = -12; q < h + 12; q++)
-        for (int p = -12; p < w + 12; p++) {
-            double weight = lanczos(x - p) * lanczos(y - q);
+    for (int q = -2 * order; q < h + 2 * order; q++)
+        for (int p = -2 * order; p < w + 2 * order; p++) {
+            double weight = lanczos(x - p, order) * lanczos(y - q, order);
             norm += weight;
             if (p >= 0 && p < w && q >= 0 && q < h)
                 value += weight * image[q * w + p];
@@ -284,7 +388,7 @@ static void reference(const char *file, double xf, double yf, int size, double *
                 model[i] += pow(x, a) * pow(y, b) * rx_column_value(mask, 0, (long)term * w * h + i);
     for (int i = 0; i < size * size; i++) {
         stamp[i] = interpolate(model, w, h, w / 2 + (i % size - size / 2) / sampling,
-                               h / 2 + (i / size - size / 2) / sampling);
+                               h / 2 + (i / size - size / 2) / sampling, 4);
         sum += stamp[i];
     }
     for (int i = 0; i < size * size; i++)
@@ -293,11 +397,37 @@ static void reference(const char *file, double xf, double yf, int size, double *
     rx_table_free(t);
 }
 
+static void test_resample(void **state)
+{
+    (void)state;
+    enum { WIDTH = 9, HEIGHT = 7, SIZE = 13 };
+    static const double cases[][4] = {/* step, centre, order */
+                                      {1.0, 4.0, 3.0, 12},
+                                      {1.0, 4.0, 3.5, 12},
+                                      {1.25, 4.3, 2.8, 4},
+                                      {0.4, 4.0, 3.0, 4}};
+    float pixels[WIDTH * HEIGHT];
+    double image[WIDTH * HEIGHT], dst[SIZE * SIZE];
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        image[i] = (double)(pixels[i] = (float)((i * 37 % 23) - 4));
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        const double *c = cases[k];
+        const rx_psf_raster src = {
+            .pixels = pixels, .width = WIDTH, .height = HEIGHT, .centre_x = c[1], .centre_y = c[2]};
+        assert_int_equal(rx_psf_resample(&src, c[0], (int)c[3], dst, SIZE, NULL), RX_OK);
+        for (int i = 0; i < SIZE * SIZE; i++)
+            assert_near(dst[i],
+                        interpolate(image, WIDTH, HEIGHT, c[1] + (i % SIZE - SIZE / 2) * c[0],
+                                    c[2] + (i / SIZE - SIZE / 2) * c[0], (int)c[3]),
+                        1e-11);
+    }
+}
+
 static void compare_model(const char *file, int width, int height, double tolerance)
 {
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
-    if (rx_psf_psfex(file, 1, 0, width, height, NULL, &psf, &err) != RX_OK)
+    if (rx_psf_psfex(&(rx_psf_params){.file = file}, width, height, NULL, &psf, &err) != RX_OK)
         fail_msg("%s: %s", file, err.text);
     float *stamp = malloc(sizeof *stamp * (size_t)psf->size * (size_t)psf->size);
     double *want = malloc(sizeof *want * (size_t)psf->size * (size_t)psf->size);
@@ -316,6 +446,11 @@ static void compare_model(const char *file, int width, int height, double tolera
             fail_msg("%s at (%g,%g): off by %g of the peak", file, x, y, worst / peak);
     }
     assert_between(psf->fwhm, 1.0, 10.0);
+    double fwhm, ellipticity; /* of the model in the middle of the tile */
+    rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), stamp);
+    assert_int_equal(rx_psf_shape(stamp, psf->size, &fwhm, &ellipticity, NULL, NULL), RX_OK);
+    assert_near(psf->fwhm, fwhm, 0.0);
+    assert_near(psf->ellipticity, ellipticity, 0.0);
     free(stamp);
     free(want);
     rx_psf_free(psf);
@@ -363,11 +498,33 @@ static void test_made_model(void **state)
     spec.polnaxis = 0;
     write_psfex(in_folder("model.psf"), &spec, mask);
     compare_model(in_folder("model.psf"), 100, 100, 1e-6);
+    /* terms that sum to zero: nothing to normalise, the model itself comes out, however much it varies */
+    for (int t = 1; t < 3; t++) {
+        static float middle[SIDE * SIDE];
+        gaussian(middle, SIDE, SIDE, 20, 20, 1.0);
+        gaussian(mask + t * SIDE * SIDE, SIDE, SIDE, 20 + 0.6 * t, 20 - t, 1.0);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            mask[t * SIDE * SIDE + i] -= middle[i];
+    }
+    spec = (psfex_spec){2, 1, 1, SIDE, 3, "X_IMAGE", "Y_IMAGE", 30.0, 70.0, 0.8};
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    compare_model(in_folder("model.psf"), 100, 100, 2e-5);
+    spec = (psfex_spec){1, 1, 2, SIDE, 3, "XWIN_IMAGE", "", 50.0, 100.0, 0.8};
+    write_psfex(in_folder("model.psf"), &spec, mask);
+    rx_psf *across;
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &across, NULL), RX_OK);
+    assert_int_equal(across->nbasis, 5);
+    assert_int_equal(across->px[2], 2);
+    assert_int_equal(across->py[2], 0);
+    assert_non_null(strstr(across->description, "degree 2"));
+    rx_psf_free(across);
     /* one variable only: y */
     spec = (psfex_spec){1, 1, 2, SIDE, 3, "YWIN_IMAGE", "", 50.0, 100.0, 0.8};
     write_psfex(in_folder("model.psf"), &spec, mask);
     rx_psf *psf;
-    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &psf, NULL), RX_OK);
     assert_true(psf->nbasis == 5 && psf->px[2] == 0 && psf->py[2] == 2);
     rx_psf_free(psf);
 }
@@ -389,8 +546,13 @@ static void test_psfex_of_each_extension(void **state)
     append_psfex(in_folder("model.psf"), &spec, wide);
     for (int extension = 1; extension <= 3; extension++) {
         rx_psf *psf;
-        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), extension, 0, 100, 100, NULL, &psf, NULL),
-                         RX_OK);
+        const rx_image image = {.width = 100, .height = 100};
+        const rx_psf_params par = {.type = RX_PSF_PSFEX,
+                                   .file = in_folder("model.psf"),
+                                   .extension = extension,
+                                   .size = extension == 2 ? 21 : 0};
+        assert_int_equal(rx_psf_make(&par, &image, NULL, NULL, &psf, NULL), RX_OK);
+        assert_int_equal(psf->size, extension == 2 ? 21 : SIDE);
         int n = psf->size;
         float centre = psf->basis[n / 2 * n + n / 2], next = psf->basis[n / 2 * n + n / 2 + 1];
         double found = sqrt(-0.5 / log((double)next / (double)centre));
@@ -399,12 +561,35 @@ static void test_psfex_of_each_extension(void **state)
     }
 }
 
+/* A tile that reaches beyond the range of the model's stars by more than half of it is told. */
+static void test_extrapolation_is_told(void **state)
+{
+    (void)state;
+    enum { SIDE = 41 };
+    static float mask[3 * SIDE * SIDE];
+    static const double zero[] = {50.0, 80.0, 20.0, 50.0}, scale[] = {100.0, 60.0, 60.0, 20.0};
+    for (int t = 0; t < 3; t++)
+        gaussian(mask + t * SIDE * SIDE, SIDE, SIDE, 20, 20, t == 0 ? 1.0 : 0.01);
+    for (int k = 0; k < 4; k++) {
+        const psfex_spec spec = {2, 1, 1, SIDE, 3, "X_IMAGE", "Y_IMAGE", zero[k], scale[k], 0.8};
+        char text[1000], said[80];
+        write_psfex(in_folder("model.psf"), &spec, mask);
+        rx_psf_free(read_aloud(RX_PSF_PSFEX, "model.psf", text, sizeof text));
+        /* pixels are 0.5 to 100.5 */
+        const double beyond = fmax(zero[k] - 0.5, 100.5 - zero[k]) / scale[k] - 0.5;
+        snprintf(said, sizeof said, "reaches %.1f times", beyond);
+        if ((strstr(text, said) != NULL) != (beyond > 0.5))
+            fail_msg("'%s' is said of %g", text, beyond);
+    }
+}
+
 static void refuse_model(const psfex_spec *spec, const float *mask, const char *what)
 {
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
     write_psfex(in_folder("model.psf"), spec, mask);
-    assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, &err), RX_INPUT);
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &psf, &err), RX_INPUT);
     assert_null(psf);
     assert_non_null(strstr(err.where, "model.psf"));
     if (strstr(err.text, what) == NULL)
@@ -441,7 +626,10 @@ static void test_model_refused(void **state)
     bad.sampling = 3.0;
     refuse_model(&bad, mask, "larger than the tile");
     mask[100] = NAN;
-    refuse_model(&good, mask, "not numbers");
+    refuse_model(&good, mask, "image 0 of the PSFEx model holds values that are not numbers");
+    mask[100] = 0.0F;
+    mask[SIDE * SIDE + 100] = NAN;
+    refuse_model(&good, mask, "image 1 of");
     gaussian(mask, SIDE, SIDE, 20, 20, 1.0);
     gaussian(mask + SIDE * SIDE, SIDE, SIDE, 20, 20, 3.0);
     refuse_model(&good, mask, "sums to");
@@ -480,10 +668,14 @@ static void test_model_of_a_merged_table(void **state)
     for (int k = 0; k < 6; k++) {
         rx_psf *whole, *psf;
         write_psfex(in_folder("model.psf"), k < 3 ? &plane : &constant, mask);
-        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &whole, NULL), RX_OK);
+        assert_int_equal(
+            rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &whole, NULL),
+            RX_OK);
         for (int i = 0; lacking[k % 3][i] != NULL; i++)
             forget_key(in_folder("model.psf"), lacking[k % 3][i]);
-        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, NULL), RX_OK);
+        assert_int_equal(
+            rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &psf, NULL),
+            RX_OK);
         assert_int_equal(psf->nbasis, whole->nbasis);
         assert_int_equal(psf->size, whole->size);
         assert_memory_equal(psf->basis, whole->basis,
@@ -491,6 +683,20 @@ static void test_model_of_a_merged_table(void **state)
         rx_psf_free(psf);
         rx_psf_free(whole);
     }
+    rx_psf *whole, *psf; /* a number of the row */
+    write_psfex(in_folder("model.psf"), &plane, mask);
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &whole, NULL), RX_OK);
+    merged = 1;
+    write_psfex(in_folder("model.psf"), &plane, mask);
+    merged = 0;
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &psf, NULL), RX_OK);
+    assert_int_equal(psf->size, whole->size);
+    for (int i = 0; i < psf->size * psf->size; i++)
+        assert_near(psf->basis[i], whole->basis[i], 1e-8);
+    rx_psf_free(psf);
+    rx_psf_free(whole);
     /* what nothing else tells */
     static const char *const needed[][2] = {{"POLDEG1", "POLNAXIS"},
                                             {"POLZERO1", "POLZERO1"},
@@ -502,7 +708,9 @@ static void test_model_of_a_merged_table(void **state)
         write_psfex(in_folder("model.psf"), &plane, mask);
         forget_key(in_folder("model.psf"), "POLNAXIS");
         forget_key(in_folder("model.psf"), needed[k][0]);
-        assert_int_equal(rx_psf_psfex(in_folder("model.psf"), 1, 0, 100, 100, NULL, &psf, &err), RX_INPUT);
+        assert_int_equal(
+            rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &psf, &err),
+            RX_INPUT);
         if (strstr(err.text, needed[k][1]) == NULL)
             fail_msg("'%s' does not say '%s'", err.text, needed[k][1]);
     }
@@ -514,6 +722,10 @@ int main(void)
         cmocka_unit_test(test_image_sizes),
         cmocka_unit_test(test_image_cut_to_size),
         cmocka_unit_test(test_image_refused),
+        cmocka_unit_test(test_sizes),
+        cmocka_unit_test(test_resample),
+        cmocka_unit_test(test_light_off_centre_is_told),
+        cmocka_unit_test(test_extrapolation_is_told),
         cmocka_unit_test(test_real_models),
         cmocka_unit_test(test_made_model),
         cmocka_unit_test(test_model_refused),

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "base/random.h"
-#include "data/tile.h"
+#include "data/image.h"
 #include "restore/restore.h"
 #include "restore/stamp.h"
 
@@ -15,6 +15,7 @@ typedef struct sky {
     rx_tile tile;
     rx_background background;
     rx_restore_params par;
+    int hide;
 } sky;
 
 static inline void sky_new(sky *s, int width, int height)
@@ -38,10 +39,20 @@ static inline void sky_new(sky *s, int width, int height)
                                  .rl_pedestal = 5,
                                  .blind_cycles = 5,
                                  .blind_psf_niter = 10,
-                                 .mask_saturated = 1,
                                  .keep_reblurred = 1,
                                  .keep_support = 1,
                                  .nthreads = 1};
+    s->hide = RX_HIDE_RESTORED;
+}
+
+/* As a restorer takes it; psf: or NULL. */
+static inline rx_image sky_image(const sky *s, const rx_psf *psf)
+{
+    const rx_image tile = rx_tile_image(&s->tile);
+    rx_image image = rx_image_on_sky(&tile, &s->background);
+    image.hide = s->hide;
+    image.psf = psf;
+    return image;
 }
 
 static inline void sky_free(sky *s)

@@ -9,6 +9,7 @@
 
 #include "../near.h"
 #include "network_model.h"
+#include "nn/runner.h"
 #include "restore/network.h"
 #include "restore/network_data.h"
 #include "sky.h"
@@ -40,7 +41,8 @@ static rx_restored *restore(const sky *s, const rx_psf *psf)
 {
     rx_restored *restored = NULL;
     rx_error err = RX_ERROR_NONE;
-    if (rx_network_run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err) != RX_OK)
+    const rx_image image = sky_image(s, psf);
+    if (rx_network_run(&s->par, &image, NULL, &restored, &err) != RX_OK)
         fail_msg("%s", err.text);
     return restored;
 }
@@ -48,10 +50,9 @@ static rx_restored *restore(const sky *s, const rx_psf *psf)
 /* What the restored image brings for detection, to be freed. */
 static float *noise_of(const rx_restored *r)
 {
-    const rx_map map = rx_map_made(r->noise, r->width);
     float *noise = calloc((size_t)r->width * (size_t)r->height, sizeof *noise);
     assert_non_null(noise);
-    rx_map_fill(&map, r->height, 1, noise);
+    rx_map_fill(&r->noise, r->height, 1, noise);
     return noise;
 }
 
@@ -244,8 +245,9 @@ static void nothing_good(void **state)
     }
 }
 
-/* A network that adds nothing hands its base on: the tile itself (BLIND), a star of the target's width and
- * the right flux (INFORMED with its step). */
+/* A network that adds nothing hands its base on: the tile itself (BLIND; with less than a sigma of sky around a
+ * star that its PSF does not explain), a star of the target's width and the right flux (INFORMED with its step).
+ */
 static void network_without_weights(void **state)
 {
     const double flux = 5e4, x = 100.3, y = 80.8;
@@ -261,7 +263,7 @@ static void network_without_weights(void **state)
     s.par.net_block = 64;
     rx_restored *same = restore(&s, psf);
     for (int k = 0; k < WIDTH * HEIGHT; k++)
-        assert_near(same->pixels[k], s.tile.pixels[k] - 100, 1e-3 + 2e-6 * s.tile.pixels[k]);
+        assert_near(same->pixels[k], s.tile.pixels[k] - 100, 3 + 2e-6 * s.tile.pixels[k]);
     s.par.model = informed;
     rx_restored *sharp = restore(&s, psf);
     informed->front.rl_steps = 0;
@@ -328,15 +330,16 @@ static void refusals(void **state)
     (void)state;
     make_scene(&s, 80, 70, 3);
     rx_psf *psf = rx_stamp_gauss(4);
-    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_USAGE);
+    const rx_image image = sky_image(&s, psf), unknown = sky_image(&s, NULL);
+    assert_int_equal(rx_network_run(&s.par, &image, NULL, &r, &err), RX_USAGE);
     rx_model *model = small_model(RX_MODE_INFORMED, 1);
     s.par.model = model;
-    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, NULL, NULL, &r, &err), RX_INPUT);
+    assert_int_equal(rx_network_run(&s.par, &unknown, NULL, &r, &err), RX_INPUT);
     psf->basis[3] = NAN;
-    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_INPUT);
+    assert_int_equal(rx_network_run(&s.par, &image, NULL, &r, &err), RX_INPUT);
     psf->basis[3] = 0;
     model->restore->params[0] = INFINITY;
-    assert_int_equal(rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err), RX_INPUT);
+    assert_int_equal(rx_network_run(&s.par, &image, NULL, &r, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "small"));
     assert_null(r);
     rx_model_free(model);
@@ -395,7 +398,7 @@ static void half_precision(void **state)
     rx_restored_free(verified);
     s.par.model = blind;
     verified = restore(&s, psf);
-    assert_true(verified->seam == 0);
+    assert_true(verified->seam < 1e-3);
     rx_restored_free(verified);
     rx_model_free(blind);
     rx_restored_free(full);
@@ -411,7 +414,7 @@ static void coarse_maps_are_bilinear(void **state)
     (void)state;
     enum { NX = 4, NY = 3, CELL = 16 };
     float value[NX * NY], row[NX * CELL], piece[7];
-    const rx_coarse coarse = {NX, NY, value};
+    const rx_coarse coarse = {CELL, NX, NY, value};
     for (int k = 0; k < NX * NY; k++)
         value[k] = (float)(1 + 0.3 * k + 2 * sin(3 * k));
     for (int y = 0; y < NY * CELL; y++) {

@@ -46,7 +46,8 @@ static double peak_of(int height)
     s.par.keep_reblurred = s.par.keep_support = 0;
     s.par.nthreads = 2;
     const double before = resident();
-    const rx_status status = rx_network_run(&s.par, &s.tile, &s.background, psf, NULL, &restored, NULL);
+    const rx_image image = sky_image(&s, psf);
+    const rx_status status = rx_network_run(&s.par, &image, NULL, &restored, NULL);
     getrusage(RUSAGE_SELF, &use);
     rx_restored_free(restored);
     rx_psf_free(psf);

@@ -10,7 +10,8 @@
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/blur.h"
-#include "restore/network_optics.h"
+#include "restore/network_otf.h"
+#include "restore/network_rows.h"
 #include "sky.h"
 
 enum { WIDTH = 190, HEIGHT = 150, AREA = WIDTH * HEIGHT };
@@ -21,15 +22,30 @@ typedef struct bench {
     rx_network_optics *optics;
     float x[AREA], f[AREA], made[AREA];
     uint8_t mask[AREA];
+    rx_network_input input; /* mask and x */
 } bench;
 
+/* As wide at two opposite corners as it is narrow at the others. */
+static rx_psf *saddle(double fwhm, double change)
+{
+    rx_psf *psf = sky_psf_varying(fwhm, change, WIDTH);
+    psf->py[1] = 1;
+    psf->y0 = psf->ys = (HEIGHT - 1) / 2.0;
+    return psf;
+}
+
+/* change > 0: along x; < 0: along both. */
 static bench *bench_new(double fwhm, double change)
 {
     bench *b = calloc(1, sizeof *b);
     rx_error err = RX_ERROR_NONE;
-    b->psf = change > 0 ? sky_psf_varying(fwhm, change, WIDTH) : rx_stamp_gauss(fwhm);
+    b->psf = change > 0   ? sky_psf_varying(fwhm, change, WIDTH)
+             : change < 0 ? saddle(fwhm, -change)
+                          : rx_stamp_gauss(fwhm);
+    b->input = (rx_network_input){.mask = b->mask, .x = b->x};
     b->blocks = rx_blocks_make(WIDTH, HEIGHT, 64, 64, 4, 0, 0);
-    if (rx_network_optics_new(b->psf, 2, 0.02, WIDTH, HEIGHT, &b->blocks, 1, &b->optics, &err) != RX_OK)
+    const rx_image image = {.width = WIDTH, .height = HEIGHT, .psf = b->psf};
+    if (rx_network_optics_new(&image, 2, 0.02, &b->blocks, 1, &b->optics, &err) != RX_OK)
         fail_msg("%s", err.text);
     for (int k = 0; k < AREA; k++) {
         const double u = rx_random_uniform(1, 0, (uint64_t)k);
@@ -59,8 +75,10 @@ static rx_fft *whole(int margin)
 
 static void put(const rx_fft *fft, int margin, const float *plane, float *dst)
 {
-    rx_blocks_read(plane, WIDTH, HEIGHT, -margin, -margin, rx_fft_width(fft), rx_fft_height(fft),
-                   rx_fft_stride_real(fft), dst);
+    rx_blocks_read(
+        plane, WIDTH, HEIGHT,
+        &(rx_blocks_window){-margin, -margin, rx_fft_width(fft), rx_fft_height(fft), rx_fft_stride_real(fft)},
+        dst);
 }
 
 static float at(const rx_fft *fft, int margin, const float *plane, int k)
@@ -83,7 +101,7 @@ static void tikhonov_is_that_of_the_whole(void **state)
         assert_int_equal(rx_deblur_tikhonov(fft, b->psf->basis, b->psf->size, 2, 0.02, work, spectrum, NULL),
                          RX_OK);
         rx_convolve(fft, spectrum, plane, half, plane);
-        assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, 0, 0, NULL), RX_OK);
+        assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
             assert_near(b->made[k], at(fft, MARGIN, plane, k), 2e-3);
         free(plane);
@@ -100,7 +118,7 @@ static void tikhonov_of_a_varying_psf(void **state)
 {
     (void)state;
     bench *b = bench_new(4, 0.3);
-    assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, 0, 0, NULL), RX_OK);
+    assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, NULL), RX_OK);
     const int nx = b->optics->nx, side = 2 * RX_TIKHONOV_REACH + 1;
     assert_int_equal(nx, 5);
     const float *first = b->optics->filters, *second = first + side * side;
@@ -145,11 +163,12 @@ static void step_is_the_trained_one(void **state)
             memset(b->mask, 0, sizeof b->mask);
         put(fft, MARGIN, b->f, f);
         put(fft, MARGIN, b->x, x);
-        rx_blocks_good(b->mask, WIDTH, HEIGHT, -MARGIN, -MARGIN, rx_fft_width(fft), rx_fft_height(fft),
-                       rx_fft_stride_real(fft), weight);
+        rx_blocks_good(b->mask, WIDTH, HEIGHT,
+                       &(rx_blocks_window){-MARGIN, -MARGIN, rx_fft_width(fft), rx_fft_height(fft),
+                                           rx_fft_stride_real(fft)},
+                       weight);
         rx_rl_step_forward(step, f, x, weight, 1, out);
-        assert_int_equal(rx_network_optics_step(b->optics, b->f, b->x, b->mask, 1, b->made, NULL, 0, 0, NULL),
-                         RX_OK);
+        assert_int_equal(rx_network_optics_step(b->optics, &b->input, 1, b->f, b->made, NULL, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
             assert_near(b->made[k], at(fft, MARGIN, out, k), 1e-3 + 1e-4 * fabsf(b->made[k]));
         free(f);
@@ -162,6 +181,195 @@ static void step_is_the_trained_one(void **state)
     }
 }
 
+/* The blur K' by restore/blur.h. */
+static rx_blur *relative_blur(const rx_psf *psf)
+{
+    rx_blur *blur = NULL;
+    rx_psf *relative = rx_psf_copy(psf);
+    free(relative->basis);
+    assert_int_equal(rx_otf_relative(psf, 2, WIDTH, HEIGHT, &relative->basis, &relative->size, NULL), RX_OK);
+    assert_int_equal(rx_blur_new(relative, WIDTH, HEIGHT, 1, &blur, NULL), RX_OK);
+    rx_psf_free(relative);
+    return blur;
+}
+
+/* dst = K' src, nothing beyond the border */
+static void blur_tile(const rx_blur *blur, const float *src, float *dst)
+{
+    float *sky = rx_blur_sky(blur);
+    for (int y = 0; y < HEIGHT; y++)
+        memcpy(sky + rx_blur_row(blur, y), src + y * WIDTH, WIDTH * sizeof *sky);
+    rx_blur_plane(blur, sky, dst);
+    free(sky);
+}
+
+static float *adjoint_of(const rx_blur *blur, const float *tile)
+{
+    float *sky = rx_blur_sky(blur);
+    rx_blur_adjoint_plane(blur, tile, sky);
+    return sky;
+}
+
+/* The formula of nn/rl_step.h, for PSFs that vary too. */
+static void step_by_its_formula(void **state)
+{
+    (void)state;
+    const double p = 1.5;
+    for (int k = 0; k < 6; k++) { /* no pixel masked, one, many */
+        bench *b = bench_new(4, k % 2 ? -0.3 : 0);
+        const rx_blocks small = rx_blocks_make(WIDTH, HEIGHT, 16, 16, 4, 0, 0);
+        if (k < 2) { /* blocks whose surroundings all lie on the tile */
+            rx_network_optics_free(b->optics);
+            const rx_image image = {.width = WIDTH, .height = HEIGHT, .psf = b->psf};
+            assert_int_equal(rx_network_optics_new(&image, 2, 0, &small, 1, &b->optics, NULL), RX_OK);
+        }
+        rx_blur *blur = relative_blur(b->psf);
+        float *m = calloc(AREA, sizeof *m), *r = calloc(AREA, sizeof *r), *w = calloc(AREA, sizeof *w);
+        if (k < 4)
+            memset(b->mask, 0, sizeof b->mask);
+        b->mask[40 * WIDTH] = k > 1;
+        for (int i = 0; i < 5; i++) /* light beside it, which tells what the mask takes */
+            b->f[(40 + i) * WIDTH + 4 - i] = 20;
+        for (int i = 0; i < AREA; i++)
+            r[i] = fmaxf(b->f[i], 0);
+        blur_tile(blur, r, m);
+        for (int i = 0; i < AREA; i++) {
+            w[i] = b->mask[i] == 0;
+            r[i] = (float)(w[i] * (b->x[i] + p) / fmax(m[i] + p, p / 4));
+        }
+        float *c = adjoint_of(blur, r), *q = adjoint_of(blur, w);
+        float *f = calloc(AREA, sizeof *f);
+        memcpy(f, b->f, AREA * sizeof *f);
+        assert_int_equal(rx_network_optics_step(b->optics, &b->input, p, b->f, b->made, NULL, NULL), RX_OK);
+        for (int i = 0; i < AREA; i++) {
+            const size_t at = rx_blur_row(blur, i / WIDTH) + (size_t)(i % WIDTH);
+            const double share = q[at], gain = fmin(c[at] / share, 4);
+            if (fabs(share - RX_RL_SHARE) > 1e-4)
+                assert_near(b->made[i], f[i] > 0 && share > RX_RL_SHARE ? f[i] * gain : f[i],
+                            2e-4 * (1 + fabs(b->made[i])));
+        }
+        free(f);
+        free(m);
+        free(r);
+        free(w);
+        free(c);
+        free(q);
+        rx_blur_free(blur);
+        bench_free(b);
+    }
+}
+
+/* Sums over the parts of a stamp on the left and above. */
+static void sums_of_a_stamp(void **state)
+{
+    (void)state;
+    enum { RADIUS = 2, STRIDE = 2 * RADIUS + 2 };
+    float stamp[25];
+    double inside[STRIDE * STRIDE];
+    for (int k = 0; k < 25; k++)
+        stamp[k] = (float)(1 + sin(k));
+    for (int k = 0; k < STRIDE * STRIDE; k++)
+        inside[k] = 99;
+    rx_rows_inside(stamp, RADIUS, inside);
+    for (int k = 0; k < STRIDE * STRIDE; k++) {
+        double sum = 0;
+        for (int i = 0; i < 25; i++)
+            sum += i % 5 < k % STRIDE && i / 5 < k / STRIDE ? stamp[i] : 0;
+        assert_near(inside[k], sum, 1e-12);
+    }
+}
+
+static void reblurred_by_its_formula(void **state)
+{
+    (void)state;
+    for (int varying = 0; varying < 2; varying++) {
+        bench *b = bench_new(4, varying ? -0.3 : 0);
+        rx_blur *blur = relative_blur(b->psf);
+        float *m = calloc(AREA, sizeof *m);
+        blur_tile(blur, b->f, m);
+        assert_int_equal(rx_network_optics_reblur(b->optics, b->f, b->made, NULL, NULL), RX_OK);
+        for (int i = 0; i < AREA; i++)
+            assert_near(b->made[i], m[i], 2e-5 * (1 + fabs(m[i])));
+        free(m);
+        rx_blur_free(blur);
+        bench_free(b);
+    }
+}
+
+/* Relative stamps are as large as the widest place asks for; the first sums to 1, the others to 0. */
+static void relative_stamps(void **state)
+{
+    (void)state;
+    rx_psf *psf = saddle(4, 0.3);
+    const int n = psf->size * psf->size;
+    float *stamps = NULL, stamp[129 * 129];
+    int size = 0, largest = 0;
+    for (int k = 0; k < n; k++)
+        psf->basis[n + k] += 0.3f * psf->basis[k];
+    assert_int_equal(rx_otf_relative(psf, 2, WIDTH, HEIGHT, &stamps, &size, NULL), RX_OK);
+    for (int corner = 0; corner < 4; corner++) {
+        int here = 0;
+        rx_psf_at(psf, corner % 2 ? WIDTH - 1 : 0, corner / 2 ? HEIGHT - 1 : 0, stamp);
+        assert_int_equal(rx_deblur_relative_size(stamp, psf->size, 2, 129, &here, NULL), RX_OK);
+        largest = here > largest ? here : largest;
+    }
+    assert_int_equal(size, largest);
+    const int area = size * size;
+    float *raw = calloc(2 * (size_t)area, sizeof *raw);
+    double sum[2] = {0, 0};
+    for (int k = 0; k < 2 * area; k++) {
+        if (k % area == 0)
+            assert_int_equal(
+                rx_deblur_relative(psf->basis + k / area * n, psf->size, 2, size, 0, raw + k, NULL), RX_OK);
+        sum[k / area] += raw[k];
+    }
+    for (int k = 0; k < area; k++) {
+        assert_near(stamps[k], raw[k] / sum[0], 1e-7);
+        assert_near(stamps[area + k], (raw[area + k] - sum[1] / sum[0] * raw[k]) / sum[0], 1e-7);
+    }
+    free(raw);
+    free(stamps);
+    rx_psf_free(psf);
+}
+
+/* The FWHM at a node is that of the PSF there, in the ratio of the stamps' own; between nodes bilinear. */
+static void widths_between_nodes(void **state)
+{
+    (void)state;
+    float row[WIDTH + 20];
+    bench *b = bench_new(4, -0.3);
+    const rx_network_optics *o = b->optics;
+    const int area = b->psf->size * b->psf->size, nx = o->nx, ny = o->ny;
+    float *stamp = calloc((size_t)area, sizeof *stamp);
+    double centre = 0, here = 0;
+    assert_int_equal(ny, 5);
+    rx_psf_at(b->psf, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, stamp);
+    assert_int_equal(rx_stamp_fwhm(stamp, b->psf->size, &centre, NULL, NULL), RX_OK);
+    for (int k = 0; k < nx * ny; k++) {
+        rx_psf_at(b->psf, k % nx * (WIDTH - 1.0) / (nx - 1), k / nx * (HEIGHT - 1.0) / (ny - 1), stamp);
+        assert_int_equal(rx_stamp_fwhm(stamp, b->psf->size, &here, NULL, NULL), RX_OK);
+        assert_near(o->fwhm[k], b->psf->fwhm * here / centre, 1e-5);
+    }
+    for (int y = -7; y < HEIGHT + 10; y += 13) {
+        rx_network_optics_fwhm_row(o, y, -10, WIDTH + 20, row);
+        for (int i = 0; i < WIDTH + 20; i++) {
+            const double u = fmax(0, fmin(WIDTH - 1, i - 10)) / (WIDTH - 1) * (nx - 1),
+                         v = fmax(0, fmin(HEIGHT - 1, y)) / (HEIGHT - 1) * (ny - 1);
+            double value = 0;
+            for (int k = 0; k < nx * ny; k++)
+                value += fmax(0, 1 - fabs(u - k % nx)) * fmax(0, 1 - fabs(v - k / nx)) * o->fwhm[k];
+            assert_near(row[i], value, 1e-5);
+        }
+    }
+    free(stamp);
+    bench_free(b);
+    b = bench_new(4, 0);
+    rx_network_optics_fwhm_row(b->optics, 20, -10, WIDTH + 20, row);
+    for (int i = 0; i < WIDTH + 20; i++)
+        assert_near(row[i], b->psf->fwhm, 1e-6);
+    bench_free(b);
+}
+
 /* K' f of a sky of stars of the target's width is what the tile's varying PSF makes of points. */
 static void reblurred_by_a_varying_psf(void **state)
 {
@@ -169,7 +377,7 @@ static void reblurred_by_a_varying_psf(void **state)
     bench *b = bench_new(4, 0.2);
     rx_blur *blur = NULL;
     rx_psf *target = rx_stamp_gauss(2);
-    float *points = calloc(AREA, sizeof *points), value = 1;
+    float *points = calloc(AREA, sizeof *points);
     const int r = target->size / 2;
     memset(b->f, 0, sizeof b->f);
     for (int i = 0; i < 40; i++) {
@@ -183,27 +391,13 @@ static void reblurred_by_a_varying_psf(void **state)
     for (int y = 0; y < HEIGHT; y++)
         memcpy(src + rx_blur_row(blur, y), points + y * WIDTH, WIDTH * sizeof *src);
     rx_blur_plane(blur, src, dst);
-    const rx_coarse scale = {1, 1, &value};
-    float *sigma = calloc(AREA, sizeof *sigma);
-    for (int k = 0; k < AREA; k++) {
-        sigma[k] = 2;
-        b->mask[k] = 0;
-        b->x[k] = dst[k] + (k % 2 ? 6 : -6);
-    }
-    const rx_tile tile = {.width = WIDTH, .height = HEIGHT};
-    const rx_background background = {.sigma = sigma};
-    double chi2 = 0;
-    assert_int_equal(rx_network_optics_reblur(b->optics, b->f, b->x, b->mask, &scale, &tile, &background,
-                                              b->made, &chi2, NULL, 0, 0, NULL),
-                     RX_OK);
+    assert_int_equal(rx_network_optics_reblur(b->optics, b->f, b->made, NULL, NULL), RX_OK);
     /* K' has forgotten what the target cannot hold: 0.1 % of the brightest pixel */
     for (int k = 0; k < AREA; k++)
         assert_near(b->made[k], dst[k], 0.25);
-    assert_near(chi2, 9, 0.02);
     free(src);
     free(dst);
     free(points);
-    free(sigma);
     rx_blur_free(blur);
     rx_psf_free(target);
     bench_free(b);
@@ -221,7 +415,7 @@ static void support_is_that_of_blur(void **state)
         for (int k = 0; k < AREA; k++)
             src[k] = b->mask[k] == 0 ? 1 : 0;
         rx_blur_adjoint_plane(blur, src, dst);
-        assert_int_equal(rx_network_optics_support(b->optics, b->mask, b->made, NULL, 0, 0, NULL), RX_OK);
+        assert_int_equal(rx_network_optics_support(b->optics, b->mask, b->made, NULL, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
             assert_near(b->made[k], 1 - dst[rx_blur_row(blur, k / WIDTH) + (size_t)(k % WIDTH)], 2e-5);
         free(src);
@@ -247,8 +441,7 @@ static void step_returns_lost_flux(void **state)
     sky_star(&s, 90.2, 70.7, 2, 0.8e5);
     for (int k = 0; k < AREA; k++)
         b->f[k] = s.tile.pixels[k] - 100;
-    assert_int_equal(rx_network_optics_step(b->optics, b->f, b->x, b->mask, 1, b->made, NULL, 0, 0, NULL),
-                     RX_OK);
+    assert_int_equal(rx_network_optics_step(b->optics, &b->input, 1, b->f, b->made, NULL, NULL), RX_OK);
     const double flux = sky_sum(&s, b->made, 90.2, 70.7, 15);
     print_message("0.8 of the flux before the step, %.4f after it\n", flux / 1e5);
     assert_near(flux / 1e5, 1, 5e-3);
@@ -277,7 +470,9 @@ int main(void)
         cmocka_unit_test(tikhonov_is_that_of_the_whole), cmocka_unit_test(tikhonov_of_a_varying_psf),
         cmocka_unit_test(step_is_the_trained_one),       cmocka_unit_test(reblurred_by_a_varying_psf),
         cmocka_unit_test(support_is_that_of_blur),       cmocka_unit_test(step_returns_lost_flux),
-        cmocka_unit_test(blocks_cover_the_tile),
+        cmocka_unit_test(blocks_cover_the_tile),         cmocka_unit_test(step_by_its_formula),
+        cmocka_unit_test(reblurred_by_its_formula),      cmocka_unit_test(relative_stamps),
+        cmocka_unit_test(widths_between_nodes),          cmocka_unit_test(sums_of_a_stamp),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

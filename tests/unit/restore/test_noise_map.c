@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "../near.h"
+#include "num/convolve.h"
 #include "restore/noise_map.h"
 
 enum { SIDE = 64 };
@@ -19,11 +20,15 @@ static uint8_t mask[SIDE * SIDE];
 
 static float *map_of(void)
 {
-    const rx_tile tile = {.width = SIDE, .height = SIDE, .pixels = pixels, .mask = mask};
-    const rx_background sky = {.width = SIDE, .height = SIDE, .level = level, .sigma = sigma};
+    const rx_image image = {.width = SIDE,
+                            .height = SIDE,
+                            .pixels = pixels,
+                            .level = rx_map_plane(level, SIDE),
+                            .with_sky = 1,
+                            .noise = rx_map_plane(sigma, SIDE)};
     rx_error err = RX_ERROR_NONE;
     rx_map_maker *maker = NULL;
-    if (rx_noise_map(&tile, &sky, mask, 1, 1, &maker, &err) != RX_OK)
+    if (rx_noise_map(&image, mask, 1, 1, &maker, &err) != RX_OK)
         fail_msg("%s", err.text);
     const rx_map made = rx_map_made(maker, SIDE);
     float *map = calloc(SIDE * SIDE, sizeof *map);
@@ -73,6 +78,46 @@ static void test_point(void **unused)
     free(map);
 }
 
+/* The definition at each pixel: the mean, by a Gaussian of sigma 1.5 pixels over what is seen, of the light in
+ * sigmas. Bright pixels far apart show the farthest weights. */
+static void check_definition(int masked)
+{
+    float weights[64];
+    const double fwhm = 1.5 * 2.3548200450309493;
+    const int r = rx_gauss_radius(fwhm);
+    rx_gauss_weights(fwhm, r, weights);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        level[i] = (float)(100 + i % 5);
+        sigma[i] = (float)(1 + i % 3);
+        pixels[i] = level[i] + (float)(30 * sin(1.7 * i)) + (i % 379 == 0 ? 1e6f : 0);
+        mask[i] = !masked                                           ? (i == 30 * SIDE + 9) * RX_MASK_BAD
+                  : i % 97 == 3 || (i / SIDE > 40 && i / SIDE < 45) ? RX_MASK_BAD
+                                                                    : 0;
+    }
+    float *map = map_of();
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        double num = 0, den = 0;
+        for (int k = 0; k < SIDE * SIDE; k++) {
+            const int dx = k % SIDE - i % SIDE, dy = k / SIDE - i / SIDE;
+            if (abs(dx) > r || abs(dy) > r || mask[k] != 0)
+                continue;
+            const double weight = (double)weights[dx + r] * (double)weights[dy + r];
+            num += weight * fmax(0, (pixels[k] - level[k]) / sigma[k]);
+            den += weight;
+        }
+        const double light = mask[i] != 0 ? 0 : num / den;
+        assert_near(map[i] / (sigma[i] * sqrt(1 + 0.01 * light * light)), 1, 1e-5);
+    }
+    free(map);
+}
+
+static void test_definition(void **unused)
+{
+    (void)unused;
+    check_definition(0); /* one pixel hidden */
+    check_definition(1);
+}
+
 /* What is hidden reaches nothing, whatever it holds. */
 static void test_mask(void **unused)
 {
@@ -97,10 +142,15 @@ static void test_pieces(void **unused)
         data[k] = (float)(k * 37 % 101);
         hidden[k] = k % 211 == 0 || (k % LONG > 300 && k % LONG < 340 && k / LONG == 64);
     }
-    const rx_tile tile = {.width = LONG, .height = HIGH, .pixels = data, .mask = hidden};
     const rx_background sky = {.width = LONG, .height = HIGH, .levels.value = 20, .sigmas.value = usual};
+    const rx_image image = {.width = LONG,
+                            .height = HIGH,
+                            .pixels = data,
+                            .level = rx_background_level(&sky),
+                            .with_sky = 1,
+                            .noise = rx_background_noise(&sky)};
     rx_map_maker *maker = NULL;
-    assert_int_equal(rx_noise_map(&tile, &sky, hidden, 0.5f, 2, &maker, NULL), RX_OK);
+    assert_int_equal(rx_noise_map(&image, hidden, 0.5f, 2, &maker, NULL), RX_OK);
     const rx_map map = rx_map_made(maker, LONG);
     float *whole = calloc(LONG * HIGH, sizeof *whole);
     assert_non_null(whole);
@@ -123,6 +173,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_sky_and_plateau, make_sky),
         cmocka_unit_test_setup(test_point, make_sky),
+        cmocka_unit_test_setup(test_definition, make_sky),
         cmocka_unit_test_setup(test_mask, make_sky),
         cmocka_unit_test(test_pieces),
     };

@@ -17,8 +17,8 @@ static rx_restored *run(const char *kind, const sky *s, const rx_psf *psf)
 {
     rx_restored *restored = NULL;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(
-        rx_restorer_find(kind)->run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err), RX_OK);
+    const rx_image image = sky_image(s, psf);
+    assert_int_equal(rx_restorer_find(kind)->run(&s->par, &image, NULL, &restored, &err), RX_OK);
     for (int k = 0; k < s->tile.width * s->tile.height; k++) {
         assert_true(isfinite(restored->pixels[k]));
         if (restored->mask[k] != 0)
@@ -57,7 +57,7 @@ static void none(void **state)
     (void)state;
     sky s;
     sky_new(&s, 20, 10);
-    s.par.mask_saturated = 0;
+    s.hide = RX_HIDE_PLAIN;
     s.tile.pixels[33] = 170;
     s.tile.mask[33] = RX_MASK_SATURATED;
     s.tile.mask[34] = RX_MASK_WEIGHT | RX_MASK_SATURATED;
@@ -68,12 +68,12 @@ static void none(void **state)
     assert_int_equal(r->mask[34], RX_MASK_WEIGHT);
     assert_near(r->pixels[34], 0, 0);
     assert_near(r->pixels[0], 0, 0);
-    assert_null(r->noise);
-    assert_ptr_equal(r->sky, &s.background);
+    assert_null(r->noise_maker);
+    assert_ptr_equal(r->noise.sky, &s.background);
     assert_null(r->psf);
     assert_true(isnan(r->chi2));
     rx_restored_free(r);
-    s.par.mask_saturated = 1;
+    s.hide = RX_HIDE_RESTORED;
     r = run("NONE", &s, NULL);
     assert_near(r->pixels[33], 0, 0);
     assert_int_equal(r->mask[33], RX_MASK_SATURATED);
@@ -376,7 +376,7 @@ static void saturated_core(void **state)
         else
             assert_true(r->pixels[k] < 1e6f && r->pixels[k] > -50);
     rx_restored_free(r);
-    s.par.mask_saturated = 0;
+    s.hide = RX_HIDE_PLAIN;
     r = run("RL", &s, psf);
     assert_int_equal(r->mask[40 * 81 + 40], 0);
     assert_true(r->pixels[40 * 81 + 40] > 20000);
@@ -506,6 +506,16 @@ static void hopeless_tiles(void **state)
     memset(s.tile.mask, RX_MASK_BAD, 40 * 30);
     rx_psf *psf = rx_stamp_gauss(3);
     static const char *kinds[] = {"RL", "RL_BLIND"};
+    const rx_image without = sky_image(&s, NULL);
+    s.par.rl_denoise_by_psf = 1;
+    for (int i = 0; i < 2; i++) {
+        rx_restored *r = NULL;
+        rx_error err = RX_ERROR_NONE;
+        assert_int_equal(rx_restorer_find(kinds[i])->run(&s.par, &without, NULL, &r, &err), RX_INPUT);
+        assert_null(r);
+        assert_non_null(strstr(err.text, "no PSF is known"));
+    }
+    s.par.rl_denoise_by_psf = 0;
     for (int i = 0; i < 2; i++) {
         rx_restored *r = run(kinds[i], &s, psf);
         assert_true(isnan(r->chi2));
@@ -520,8 +530,8 @@ static void hopeless_tiles(void **state)
     for (int i = 0; i < 2; i++) {
         rx_restored *r = NULL;
         rx_error err = RX_ERROR_NONE;
-        assert_int_equal(rx_restorer_find(kinds[i])->run(&s.par, &s.tile, &s.background, psf, NULL, &r, &err),
-                         RX_INPUT);
+        const rx_image image = sky_image(&s, psf);
+        assert_int_equal(rx_restorer_find(kinds[i])->run(&s.par, &image, NULL, &r, &err), RX_INPUT);
         assert_null(r);
         assert_non_null(strstr(err.text, "larger than the tile of 11 x 30"));
     }
@@ -608,7 +618,8 @@ static void strips(void **state)
     rx_prepared *prepared = NULL;
     rx_blur *blur = NULL;
     rx_rl *whole = NULL, *parts = NULL;
-    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
+    const rx_image image = sky_image(&s, NULL);
+    assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     for (int threads = 1; threads <= 2; threads++) {
         assert_int_equal(rx_blur_new(psf, WIDE, HIGH, threads, &blur, NULL), RX_OK);
         assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &whole, NULL), RX_OK);

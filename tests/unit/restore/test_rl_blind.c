@@ -39,9 +39,8 @@ static rx_restored *run(const sky *s, const rx_psf *psf)
 {
     rx_restored *restored = NULL;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(
-        rx_restorer_find("RL_BLIND")->run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err),
-        RX_OK);
+    const rx_image image = sky_image(s, psf);
+    assert_int_equal(rx_restorer_find("RL_BLIND")->run(&s->par, &image, NULL, &restored, &err), RX_OK);
     for (int k = 0; k < W * H; k++)
         assert_true(isfinite(restored->pixels[k]));
     return restored;
@@ -121,8 +120,8 @@ static void lets_well_alone(void **state)
     rx_restored *r = run(&s, psf), *plain = NULL;
     for (int k = 0; k < psf->size * psf->size; k++)
         assert_near(r->blur->basis[k], psf->basis[k], 1e-7);
-    assert_int_equal(rx_restorer_find("RL")->run(&s.par, &s.tile, &s.background, psf, NULL, &plain, NULL),
-                     RX_OK);
+    const rx_image image = sky_image(&s, psf);
+    assert_int_equal(rx_restorer_find("RL")->run(&s.par, &image, NULL, &plain, NULL), RX_OK);
     for (int k = 0; k < W * H; k++)
         assert_near(r->pixels[k], plain->pixels[k], 1e-3);
     rx_restored_free(r);
@@ -144,7 +143,8 @@ static void chooses_stars(void **state)
     rx_rl *rl = NULL;
     rx_point points[RX_POINTS_MAX];
     int n = 0, radius = 0;
-    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
+    const rx_image image = sky_image(&s, NULL);
+    assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
     assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &rl, NULL), RX_OK);
     for (int i = 0; i < 10; i++) {
@@ -183,7 +183,8 @@ static void makes_again_what_it_does_not_keep(void **state)
     s.tile.mask[7] = RX_MASK_BAD;
     rx_prepared *prepared = NULL;
     float data[W], weight[W], variance[W];
-    assert_int_equal(rx_prepared_new(&s.par, &s.tile, &s.background, &prepared, NULL), RX_OK);
+    const rx_image image = sky_image(&s, NULL);
+    assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     rx_prepared small = *prepared;
     prepared->data = prepared->weight = NULL;
     for (int y = 0; y < H; y++)

@@ -27,8 +27,8 @@ static rx_restored *run(const char *kind, const sky *s, const rx_psf *psf)
 {
     rx_restored *restored = NULL;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(
-        rx_restorer_find(kind)->run(&s->par, &s->tile, &s->background, psf, NULL, &restored, &err), RX_OK);
+    const rx_image image = sky_image(s, psf);
+    assert_int_equal(rx_restorer_find(kind)->run(&s->par, &image, NULL, &restored, &err), RX_OK);
     for (int k = 0; k < s->tile.width * s->tile.height; k++)
         assert_true(isfinite(restored->pixels[k]));
     return restored;

@@ -15,3 +15,5 @@ check_PROGRAMS += tests/unit/simulate/test_templates tests/unit/simulate/test_te
 tests_unit_simulate_test_template_draw_SOURCES = tests/unit/simulate/test_template_draw.c
 tests_unit_simulate_test_templates_SOURCES = tests/unit/simulate/test_templates.c tests/unit/io/io_test.h
 tests_unit_simulate_test_truth_SOURCES = tests/unit/simulate/test_truth.c
+check_PROGRAMS += tests/unit/simulate/test_coadd
+tests_unit_simulate_test_coadd_SOURCES = tests/unit/simulate/test_coadd.c

@@ -457,7 +457,7 @@ static void test_psfex_model(void **state)
     rx_error err = RX_ERROR_NONE;
     rx_psf *psf;
     rx_optics *o;
-    assert_int_equal(rx_psf_psfex(name, 1, 0, width, height, NULL, &psf, &err), RX_OK);
+    assert_int_equal(rx_psf_psfex(&(rx_psf_params){.file = name}, width, height, NULL, &psf, &err), RX_OK);
     assert_int_equal(rx_optics_psf(psf, &o, &err), RX_OK);
     assert_true(psf->nbasis > 1);
     const double stars[][2] = {

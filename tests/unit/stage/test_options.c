@@ -1,4 +1,4 @@
-/* From keywords to params: every legal word has its own value, and what SExtractor leaves implicit holds. */
+/* From keywords to params: what depends on more than a row of keys.def, and what SExtractor leaves implicit. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -30,70 +30,6 @@ static rx_options *options_with(const char *name, const char *value)
     /* names in options belong to the configuration: only numbers are looked at here */
     rx_config_free(config);
     return options;
-}
-
-/* The value that word i of a keyword gives must differ from those of all the others: a word that the
- * table of the stage lacks would silently become its first one. */
-static void check_words(const char *name, const char *const *words, int n, int (*value)(const rx_options *))
-{
-    int seen[16];
-    for (int i = 0; i < n; i++) {
-        rx_options *options = options_with(name, words[i]);
-        seen[i] = value(options);
-        rx_options_free(options);
-        for (int k = 0; k < i; k++)
-            if (seen[k] == seen[i])
-                fail_msg("%s: %s and %s mean the same", name, words[k], words[i]);
-    }
-}
-
-static int catalog_type(const rx_options *options)
-{
-    return (int)options->catalog_type;
-}
-
-static int psf_type(const rx_options *options)
-{
-    return (int)options->psf.type;
-}
-
-static int weight_type(const rx_options *options)
-{
-    return (int)options->tile[0].weight_type;
-}
-
-static int mask_type(const rx_options *options)
-{
-    return (int)options->measure.neighbours;
-}
-
-static int quality_flux(const rx_options *options)
-{
-    return options->quality_flux;
-}
-
-static int out_of_domain(const rx_options *options)
-{
-    return (int)options->restore.out_of_domain;
-}
-
-static void words_have_values(void **state)
-{
-    (void)state;
-    static const char *const catalogs[] = {"NONE",          "ASCII",    "ASCII_HEAD", "ASCII_SKYCAT",
-                                           "ASCII_VOTABLE", "FITS_1.0", "FITS_LDAC"};
-    static const char *const psfs[] = {"MOFFAT", "FILE", "PSFEX", "AUTO"};
-    static const char *const weights[] = {"NONE", "BACKGROUND", "MAP_RMS", "MAP_VAR", "MAP_WEIGHT"};
-    static const char *const masks[] = {"NONE", "BLANK", "CORRECT"};
-    static const char *const mags[] = {"MAG_AUTO",   "MAG_APER",  "MAG_ISO",
-                                       "MAG_ISOCOR", "MAG_PETRO", "MAG_WIN"};
-    static const char *const domains[] = {"WARN", "RL", "FAIL"};
-    check_words("CATALOG_TYPE", catalogs, 7, catalog_type);
-    check_words("PSF_TYPE", psfs, 4, psf_type);
-    check_words("WEIGHT_TYPE", weights, 5, weight_type);
-    check_words("MASK_TYPE", masks, 3, mask_type);
-    check_words("QA_MAG", mags, 6, quality_flux);
-    check_words("OUT_OF_DOMAIN", domains, 3, out_of_domain);
 }
 
 /* A network without weights, as a file in a folder of its own. */
@@ -134,9 +70,9 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         assert_int_equal(options->nrestorers, 1);
         assert_ptr_equal(options->restorers[0], &kinds[i]);
         /* the model is read for the network alone, or when a campaign asks for it */
-        assert_int_equal(options->restore.model != NULL, strcmp(kinds[i].name, "NET") == 0);
+        assert_int_equal(options->pipeline.restore.model != NULL, strcmp(kinds[i].name, "NET") == 0);
         assert_int_equal(rx_options_need_model(options, NULL, NULL), RX_OK);
-        assert_ptr_equal(options->restore.model, options->model);
+        assert_ptr_equal(options->pipeline.restore.model, options->model);
         assert_string_equal(options->model->name, "toy");
         rx_options_free(options);
         rx_config_free(config);
@@ -238,8 +174,8 @@ static void short_lists_repeat_their_last_item(void **state)
 {
     (void)state;
     rx_options *options = options_with("BACK_SIZE", "48");
-    assert_int_equal(options->background[0].mesh_width, 48);
-    assert_int_equal(options->background[0].mesh_height, 48);
+    assert_int_equal(options->pipeline.background[0].mesh_width, 48);
+    assert_int_equal(options->pipeline.background[0].mesh_height, 48);
     rx_options_free(options);
     options = options_with("WEIGHT_TYPE", "MAP_RMS,MAP_VAR");
     assert_int_equal(options->tile[0].weight_type, RX_WEIGHT_MAP_RMS);
@@ -252,8 +188,8 @@ static void surface_brightness_becomes_adu(void **state)
 {
     (void)state;
     rx_options *options = options_with("DETECT_THRESH", "22.5,25");
-    assert_true(options->detect.absolute);
-    assert_near(options->detect.threshold, 10.0, 1e-9);
+    assert_true(options->pipeline.detect.absolute);
+    assert_near(options->pipeline.detect.threshold, 10.0, 1e-9);
     rx_options_free(options);
 }
 
@@ -261,10 +197,10 @@ static void an_unset_pixel_scale_is_unknown(void **state)
 {
     (void)state;
     rx_options *options = options_with(NULL, NULL);
-    assert_near(options->stated_scale, 0.0, 0.0);
+    assert_near(options->pipeline.stated_scale, 0.0, 0.0);
     rx_options_free(options);
     options = options_with("PIXEL_SCALE", "0.4");
-    assert_near(options->stated_scale, 0.4, 1e-12);
+    assert_near(options->pipeline.stated_scale, 0.4, 1e-12);
     rx_options_free(options);
 }
 
@@ -284,7 +220,6 @@ static void gates_need_a_reference(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(words_have_values),
         cmocka_unit_test(every_restorer_of_the_table_is_a_word),
         cmocka_unit_test(a_model_is_looked_for_here_and_among_installed_data),
         cmocka_unit_test(an_installed_model_comes_first),

@@ -10,7 +10,7 @@
 
 #include "base/printable.h"
 #include "io/fits_read.h"
-#include "stage/record.h"
+#include "stage/provenance.h"
 
 static const char *find(const rx_record *record, const char *name)
 {

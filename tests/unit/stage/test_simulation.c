@@ -15,15 +15,16 @@
 #include "../near.h"
 #include "base/memory.h"
 #include "catalog/catalog.h"
+#include "detect/correlation.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "io/tile.h"
 #include "io/wcs.h"
+#include "pipeline/pipeline.h"
 #include "place.h"
 #include "restore/restore.h"
 #include "simulate/inject.h"
-#include "simulate/sky_noise.h"
-#include "stage/probe.h"
+#include "stage/open.h"
 #include "stage/simulation.h"
 
 /* Files in the current folder, which are removed when `remove` says so. */
@@ -419,7 +420,7 @@ static void open_field(const char *name, rx_config **config, rx_options **option
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_config_new(config, NULL), RX_OK);
     if (rx_options_from_config(*config, NULL, options, &err) != RX_OK ||
-        rx_field_open(*options, 0, name, 0, 1, 1, NULL, field, &err) != RX_OK)
+        rx_field_open(*options, RX_FIELD_PSF, &(rx_image_place){name, 0, 1}, NULL, field, &err) != RX_OK)
         fail_msg("%s: %s", err.where, err.text);
 }
 
@@ -447,11 +448,13 @@ static void settings_of_a_tile(void **state)
     assert_near(s->optics->fwhm, 3.0, 0.1);
     assert_true(s->noise.gain == 3.0 && s->noise.saturation == 60000.0 && s->scene.zeropoint == 26.5);
     assert_true(s->scene.width == 400 && s->scene.height == 360);
-    rx_probe probe;
+    rx_result result;
     rx_scene *scene = NULL;
     const size_t n = (size_t)400 * 360;
     float *pixels = RX_NEW(float, n);
-    assert_int_equal(rx_probe_run(options, rx_restorer_find("NONE"), field, NULL, NULL, &probe, NULL), RX_OK);
+    assert_int_equal(
+        rx_field_extract(&options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL, &result, NULL),
+        RX_OK);
     assert_int_equal(rx_simulation_inject(s, 0, pixels, NULL, &scene, NULL), RX_OK);
     assert_true(scene->n > 10);
     for (long k = 0; k < scene->n; k++) {
@@ -459,11 +462,11 @@ static void settings_of_a_tile(void **state)
         for (size_t i = 0; i < n; i++) {
             double distance =
                 hypot((double)(i % 400) - round(object->x), (double)(i / 400) - round(object->y));
-            if (probe.sources->segments[i] != 0)
+            if (result.sources->segments[i] != 0)
                 assert_true(distance > 4.0 * s->optics->fwhm);
         }
     }
-    rx_probe_free(&probe);
+    rx_result_free(&result);
     rx_scene_free(scene);
     free(pixels);
     rx_simulation_free(s);
@@ -537,8 +540,8 @@ static void noise_of_a_real_frame(void **state)
     rx_config *config = NULL;
     rx_options *options = NULL;
     rx_field *field = NULL;
-    rx_probe probe;
-    rx_sky_noise noise;
+    rx_result result;
+    rx_noise_correlation noise;
     snprintf(name, sizeof name, "%s/sdss/94-1-12/frame-r-000094-1-0012.fits.bz2",
              folder != NULL ? folder : "");
     if (access(name, R_OK) != 0) {
@@ -547,7 +550,7 @@ static void noise_of_a_real_frame(void **state)
     }
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
     assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
-    if (rx_field_open(options, 0, name, 0, 1, 0, NULL, &field, NULL) != RX_OK) {
+    if (rx_field_open(options, 0, &(rx_image_place){name, 0, 1}, NULL, &field, NULL) != RX_OK) {
         printf("# cfitsio without bzip2: skipped\n");
         rx_options_free(options);
         rx_config_free(config);
@@ -555,24 +558,20 @@ static void noise_of_a_real_frame(void **state)
     }
     const rx_tile *tile = field->tile;
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    float *pixels = RX_NEW(float, n);
     unsigned char *used = RX_NEW(unsigned char, n);
-    assert_int_equal(rx_probe_run(options, rx_restorer_find("NONE"), field, NULL, NULL, &probe, NULL), RX_OK);
-    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, probe.sources->segments,
+    assert_int_equal(
+        rx_field_extract(&options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL, &result, NULL),
+        RX_OK);
+    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, result.sources->segments,
                                        tile->mask, 5.0, used, NULL),
                      RX_OK);
-    const rx_map sigma = rx_background_noise(field->plain);
-    rx_field_above_sky(tile, field->plain, 0, 2, pixels);
-    assert_int_equal(rx_sky_noise_measure(tile->width, tile->height, pixels, &sigma, used, &noise, NULL),
-                     RX_OK);
+    const rx_image image = rx_field_observed(field);
+    assert_int_equal(rx_correlation_measure(&image, used, 2, &noise, NULL), RX_OK);
     assert_false(noise.correlated);
-    assert_true(noise.pixels > 2500000);
+    assert_true(noise.pixels > 400000);
     assert_near(noise.scale, 1.01, 0.02);
-    assert_near(noise.correlation[0][RX_NOISE_LAGS + 1], 0.008, 0.005);
-    assert_near(noise.correlation[1][RX_NOISE_LAGS], 0.002, 0.005);
-    free(pixels);
     free(used);
-    rx_probe_free(&probe);
+    rx_result_free(&result);
     rx_field_free(field);
     rx_options_free(options);
     rx_config_free(config);

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "../pipeline/scene.h"
 #include "base/hash.h"
 #include "base/memory.h"
 #include "base/random.h"
@@ -22,7 +23,6 @@
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "place.h"
-#include "scene.h"
 #include "stage/stage.h"
 
 typedef struct setting {

@@ -172,11 +172,11 @@ rx_tphot_input field_input(const field *f)
 {
     return (rx_tphot_input){.restored = f->restored,
                             .sources = f->sources,
-                            .width = f->width,
-                            .height = f->height,
-                            .pixels = f->pixels,
-                            .sigma = rx_map_plane(f->sigma, f->width),
-                            .mask = f->mask,
-                            .mask_bits = 7,
-                            .psf = f->psf};
+                            .image = {.width = f->width,
+                                      .height = f->height,
+                                      .pixels = f->pixels,
+                                      .noise = rx_map_plane(f->sigma, f->width),
+                                      .mask = f->mask,
+                                      .hide = 7,
+                                      .psf = f->psf}};
 }

@@ -243,8 +243,8 @@ static void test_forced(void **state)
     const rx_tphot_params par = plain_params();
     rx_tphot *first = run(&par, &a), *second = NULL;
     rx_tphot_input input = field_input(&a);
-    input.pixels = b.pixels;
-    input.psf = b.psf;
+    input.image.pixels = b.pixels;
+    input.image.psf = b.psf;
     input.shapes = first;
     assert_int_equal(rx_tphot_run(&par, &input, &second, NULL), RX_OK);
     assert_close(second->list[0].flux, 300, 1e-3);
@@ -359,7 +359,7 @@ static void test_shown(void **state)
     par.covariance = par.keep_model = 1;
     par.sky_cell = 60;
     rx_tphot_input input = field_input(&f);
-    input.gain = 2;
+    input.image.gain = 2;
     for (int i = 0; i < 3; i++) {
         int calls = 0;
         input.more = look_twice;
@@ -565,13 +565,13 @@ static void test_refused(void **state)
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_OK); /* no sources */
     assert_true(t->n == 0 && t->ngroups == 0);
     rx_tphot_free(t);
-    input.width = 50;
+    input.image.width = 50;
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
     assert_null(t);
-    input.width = 60;
-    input.psf = NULL;
+    input.image.width = 60;
+    input.image.psf = NULL;
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
-    input.psf = f.psf;
+    input.image.psf = f.psf;
     f.psf->basis[3] = NAN;
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);
     field_close(&f);

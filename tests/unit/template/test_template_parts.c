@@ -141,13 +141,13 @@ static void test_joint(void **state)
     assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
     rx_joint_member m[3];
     for (int i = 0; i < 3; i++)
-        m[i] = (rx_joint_member){.footprint = &t[i], .before = layers[i].flux};
+        m[i] = (rx_joint_member){.grain = 1, .footprint = &t[i], .before = layers[i].flux};
     m[0].shift_width = 0.4;
     m[0].shift_centre[0] = 0.1;
     m[0].shift_centre[1] = -0.2;
     const rx_joint_params par = {.background_sigma = 0.3};
     double background, covariance[9];
-    assert_int_equal(rx_joint_fit(&par, &canvas, 3, m, 1, &background, covariance, NULL), RX_OK);
+    assert_int_equal(rx_joint_fit(&par, &canvas, 3, m, &background, covariance, NULL), RX_OK);
 
     double *a = RX_NEW(double, ROWS *COLUMNS), *b = RX_NEW(double, ROWS), *w = RX_NEW(double, ROWS);
     double x[COLUMNS], c[COLUMNS * COLUMNS], sw = 0, n = 0;
@@ -205,6 +205,7 @@ static void test_blends(void **state)
     enum { N = 80 };
     rx_footprint f[N];
     const rx_footprint *list[N];
+    rx_tphot_params par = {.link = 0.2, .group_limit = 100, .nthreads = 1};
     rx_blends blends;
     for (int i = 0; i < N; i++) {
         const int x = (int)(280 * rx_random_uniform(7, 1, (uint64_t)i));
@@ -214,7 +215,7 @@ static void test_blends(void **state)
     }
     free(f[5].values);
     f[5] = (rx_footprint){0}; /* wholly outside */
-    assert_int_equal(rx_blends_find(list, N, 300, 200, 0.2, 100, 1, &blends, NULL), RX_OK);
+    assert_int_equal(rx_blends_find(&par, list, N, 300, 200, &blends, NULL), RX_OK);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < i; j++) {
             const double norm =
@@ -229,7 +230,9 @@ static void test_blends(void **state)
             assert_int_equal(blends.cut[blends.member[k]], 0);
         }
     rx_blends_clear(&blends);
-    assert_int_equal(rx_blends_find(list, N, 300, 200, 0.2, 2, 3, &blends, NULL), RX_OK);
+    par.group_limit = 2;
+    par.nthreads = 3;
+    assert_int_equal(rx_blends_find(&par, list, N, 300, 200, &blends, NULL), RX_OK);
     assert_true(blends.largest == 2);
     rx_blends_clear(&blends);
     for (int i = 0; i < N; i++)
@@ -256,7 +259,7 @@ static void test_canvas(void **state)
     for (int i = 0; i < N; i++)
         t[i] = boxed(5 * i, 15 * i, 20 + i, 18, (uint64_t)i);
     rx_tphot_input input = field_input(&f);
-    input.gain = 3;
+    input.image.gain = 3;
     for (int i = 0; i < 2; i++) {
         rx_layer *layers = RX_NEW(rx_layer, N - 2);
         assert_non_null(layers);
@@ -383,7 +386,7 @@ static void set_scene(scene *s)
 {
     for (int k = 0; k < LW * LH; k++) {
         s->model[k] = (float)fmax(0, rx_random_uniform(1, 0, (uint64_t)k) * 8 - 6);
-        s->level[k] = 3;
+        s->level[k] = 3 + 0.5f * (float)rx_random_uniform(1, 3, (uint64_t)k);
         s->sky[k] = 3.5f;
         s->pixels[k] = s->model[k] + (float)rx_random_uniform(1, 1, (uint64_t)k) + s->sky[k];
         s->data[k] = s->pixels[k] - s->sky[k];
@@ -417,14 +420,16 @@ static void test_leftover(void **state)
     set_scene(&s);
     for (int i = 0; i < LSIDE * LSIDE; i++)
         filter[i] = (i % 3 == 0 ? -1.0f : 1.0f) / (LSIDE * LSIDE);
-    const rx_tphot_input input = {.width = LW,
-                                  .height = LH,
-                                  .pixels = s.pixels,
-                                  .level = rx_map_plane(s.sky, LW),
-                                  .sigma = rx_map_plane(s.sigma, LW),
-                                  .mask = s.mask,
-                                  .mask_bits = 1};
-    rx_leftover of = {.pixels = s.pixels,
+    const rx_tphot_input input = {.image = {.width = LW,
+                                            .height = LH,
+                                            .pixels = s.pixels,
+                                            .with_sky = 1,
+                                            .level = rx_map_plane(s.sky, LW),
+                                            .noise = rx_map_plane(s.sigma, LW),
+                                            .mask = s.mask,
+                                            .hide = 1}};
+    rx_leftover of = {.grain = 1,
+                      .pixels = s.pixels,
                       .level = rx_map_plane(s.level, LW),
                       .reach = 2,
                       .model_error = 0.3,
@@ -454,11 +459,20 @@ static void test_leftover(void **state)
         assert_true(spots[1][k].light == spots[0][k].light);
         assert_near(spots[0][k].sigma, hypot(s.sigma[k], of.model_error * light), 1e-5);
         assert_true(spots[1][k].sigma == spots[0][k].sigma);
+        assert_close(spots[0][k].weight, s.weight[k], 1e-6);
     }
     assert_int_equal(rx_leftover_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
     assert_memory_equal(filtered[0] + 64 * LW, filtered[1], (size_t)(LH - 64) * LW * sizeof(float));
     for (int i = 0; i < 2; i++)
         rx_canvas_clear(&canvas[i]);
+    for (int k = 0; k < LW * LH; k += 31) { /* one alone: nothing else has been shown before */
+        rx_leftover_spot spot = {.x = k % LW, .y = k / LW};
+        show_scene(&input, &s, LH, 1, &canvas[0]);
+        of.canvas = &canvas[0];
+        assert_int_equal(rx_leftover_look(&of, &spot, 1, NULL), RX_OK);
+        assert_true(spot.light == spots[0][k].light);
+        rx_canvas_clear(&canvas[0]);
+    }
 }
 
 int main(void)

@@ -18,6 +18,10 @@ tests_unit_train_test_scenes_SOURCES = tests/unit/train/test_scenes.c tests/unit
 tests_unit_train_test_scenes_LDADD = librextract-train.la $(LDADD)
 tests_unit_train_test_scenes_light_SOURCES = tests/unit/train/test_scenes_light.c tests/unit/train/scenes_test.h
 tests_unit_train_test_scenes_light_LDADD = librextract-train.la $(LDADD)
+check_PROGRAMS += tests/unit/train/test_scenes_survey
+tests_unit_train_test_scenes_survey_SOURCES = tests/unit/train/test_scenes_survey.c tests/unit/train/scenes_test.h \
+	tests/unit/near.h
+tests_unit_train_test_scenes_survey_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_adam
 tests_unit_train_test_adam_SOURCES = tests/unit/train/test_adam.c
 tests_unit_train_test_adam_LDADD = librextract-train.la $(LDADD)

@@ -51,16 +51,17 @@ static double smooth_at(const float *input, int side, int x0, int y0)
     return sum / share;
 }
 
-static void weights_by_definition(void **state)
+static void check_weights(float corner)
 {
-    (void)state;
     enum { SIDE = 24 };
     static float input[SIDE * SIDE], weight[SIDE * SIDE], work[2 * SIDE * SIDE];
     static double smooth[SIDE * SIDE];
     for (int k = 0; k < SIDE * SIDE; k++)
         input[k] = (float)rx_random_normal(1, 1, (uint64_t)k);
+    for (int k = 0; k < SIDE * SIDE; k++)
+        weight[k] = work[k] = 7; /* of no meaning */
     input[5 * SIDE + 20] = 400;
-    input[0] = 90;
+    input[0] = corner;
     input[18 * SIDE + 4] = -1000; /* not light */
     rx_loss_weights(input, SIDE, 10, work, weight);
     for (int k = 0; k < SIDE * SIDE; k++)
@@ -73,6 +74,13 @@ static void weights_by_definition(void **state)
         near("weight", 100 / (100 + most * most), weight[k], 1e-5);
     }
     assert_true(weight[5 * SIDE + 20] < 0.15f && weight[18 * SIDE + 4] > 0.98f);
+}
+
+static void weights_by_definition(void **state)
+{
+    (void)state;
+    check_weights(90);
+    check_weights(1e8f); /* shows the outermost weights of the Gaussian */
 }
 
 /* ---- squared errors ---- */

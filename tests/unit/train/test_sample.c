@@ -58,6 +58,7 @@ static void test_memory(void **state)
             for (int i = 0; i < side * side; i++)
                 planes[k][i] = (float)k;
         }
+        assert_int_equal((uintptr_t)s->kernel % 64, 0);
         for (int i = 0; i < STAMP * STAMP; i++)
             s->kernel[i] = 9.0f;
         assert_true((char *)(s->kernel + STAMP * STAMP) <= end);

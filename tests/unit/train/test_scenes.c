@@ -190,6 +190,16 @@ static scenes_test with_everything(void)
     t.par.sky_error = 0.03;
     t.par.noise_error = 0.05;
     t.par.psf_error = 0.02;
+    t.par.survey = (rx_scenes_survey){.smoothed = 0.4,
+                                      .smoothed_fwhm = {0.0, 3.0},
+                                      .resampled = 0.4,
+                                      .uneven = 0.5,
+                                      .offsets = 0.5,
+                                      .sky_offset = 0.3,
+                                      .waves = 0.5,
+                                      .dark = 0.5,
+                                      .defects = 0.5,
+                                      .psf = 0.0};
     t.config->pair_share = 0.3;
     t.config->clustering = 0.3;
     return t;
@@ -337,6 +347,12 @@ static void test_usage(void **state)
     REFUSED(noise_error = NAN);
     REFUSED(psf_error = 2.0);
     REFUSED(psf_error = 0.9); /* a PSF of FWHM 8 exp(2.7) pixels fits no patch */
+    REFUSED(survey.smoothed = 1.1);
+    REFUSED(survey.resampled = -0.1);
+    REFUSED(survey = ((rx_scenes_survey){.smoothed = 0.6, .resampled = 0.6}));
+    REFUSED(survey.dark = NAN);
+    REFUSED(survey.smoothed_fwhm[0] = 1.0);
+    REFUSED(survey.sky_offset = -0.3);
     REFUSED(set = 2);
 #undef REFUSED
     rx_scenes *scenes = scenes_test_make(&good);

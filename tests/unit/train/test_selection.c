@@ -28,6 +28,7 @@ static void test_equation(void **state)
     for (int b = 0; b < 4; b++) {
         assert_int_equal(s.train[b], 50);
         assert_int_equal(s.test[b], 60);
+        assert_true(s.list[b] == 0.5);
         assert_true(isnan(s.loss[b]));
     }
     /* means 0.5, 2.5, 1.5, 0: median 1, lists 0.25, 1, 0.75, 0 */

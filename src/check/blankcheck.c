@@ -1,0 +1,284 @@
+/* False detections on noise alone. */
+#include "check/blankcheck.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/interrupt.h"
+#include "base/least.h"
+#include "base/memory.h"
+#include "io/tile.h"
+#include "pipeline/domain.h"
+#include "pipeline/field_noise.h"
+#include "simulate/inject.h"
+#include "simulate/sky_noise.h"
+#include "validate/hypothesis.h"
+
+enum {
+    GLANCE_SIDE = 512, /* pixels of a window, */
+    QUICK_SIDE = 1024, /* and of the next one where there was something to see */
+    SEVERAL = 3        /* false detections: a peak or two of a small window say little */
+};
+
+static const double LEVEL = 0.95;
+static const double GUARD_LEVEL = 0.8; /* two-sided: its lower end is a one-sided limit of 90 % */
+static const double RAISED_STEP = 1.05, RAISED_MOST = 10.0;
+static const uint64_t NOISE =
+    UINT64_C(0x424c4b0000000000); /* stream of random numbers, one per realisation */
+
+rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, int nthreads,
+                              rx_noise_correlation *dst, rx_error *err)
+{
+    const rx_tile *tile = field->tile;
+    size_t n = (size_t)tile->width * (size_t)tile->height;
+    const double fwhm = field->psf != NULL ? field->psf->fwhm : 4.0;
+    const double distances[] = {2.0 * fwhm, fwhm, 0.0};
+    rx_status status = RX_OK;
+    unsigned char *used = RX_NEW(unsigned char, n);
+    if (used == NULL)
+        return rx_error_memory(err, n);
+    *dst = rx_noise_white(RX_NOISE_UNKNOWN);
+    for (size_t k = 0; k < sizeof distances / sizeof *distances && dst->origin == RX_NOISE_UNKNOWN; k++) {
+        RX_TRY_EXIT(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, segments, tile->mask,
+                                      distances[k], used, err));
+        RX_TRY_EXIT(rx_field_noise_measure(field, used, nthreads, dst, err));
+    }
+    if (dst->origin == RX_NOISE_UNKNOWN)
+        status = rx_error_set(err, RX_INPUT, "there is too little sky without sources to measure its noise");
+exit:
+    free(used);
+    return status;
+}
+
+/* That of a part of the tile. */
+static rx_psf *moved_psf(const rx_psf *psf, const rx_replica_part *part)
+{
+    rx_psf *moved = rx_psf_copy(psf);
+    if (moved != NULL && part != NULL) {
+        moved->x0 -= part->x;
+        moved->y0 -= part->y;
+    }
+    return moved;
+}
+
+rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
+                              const rx_noise_correlation *noise, const rx_replica_part *part, uint64_t seed,
+                              uint64_t stream, rx_field **dst, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    const rx_map noise_map = rx_background_noise(field->plain);
+    rx_tile *copy = NULL;
+    rx_psf *psf = NULL;
+    double model_noise = field->model_noise;
+    if (!(model_noise > 0.0))
+        RX_TRY(rx_domain_noise(&image, &model_noise, err));
+    RX_TRY(rx_replica_new(field->tile, part, &copy, err));
+    rx_status status = RX_OK;
+    const int width = copy->width, height = copy->height;
+    const size_t n = (size_t)width * (size_t)height;
+    float *sigma = RX_NEW(float, n);
+    if (field->psf != NULL)
+        psf = moved_psf(field->psf, part);
+    if (sigma == NULL || (psf == NULL) != (field->psf == NULL)) {
+        status = rx_error_memory(err, n * sizeof *sigma);
+        goto exit;
+    }
+    for (int y = 0; y < height; y++) {
+        float *row = sigma + (size_t)y * (size_t)width;
+        const float *from =
+            rx_map_row(&noise_map, y + (part != NULL ? part->y : 0), part != NULL ? part->x : 0, width, row);
+        if (from != row)
+            memcpy(row, from, (size_t)width * sizeof *row);
+    }
+    const rx_map map = rx_map_plane(sigma, width);
+    RX_TRY_EXIT(
+        rx_sky_noise_draw(noise, width, height, &map, seed, stream, params->nthreads, copy->pixels, err));
+    /* a map of the sky follows large sources: on it, their light would be found again */
+    for (size_t i = 0; i < n; i++)
+        copy->pixels[i] += (float)field->plain->global_level;
+    rx_replica_settle(copy);
+    rx_tile *tile = copy;
+    copy = NULL;
+    RX_TRY_EXIT(rx_field_prepare(params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err));
+    (*dst)->unrestorable = field->unrestorable;
+    (*dst)->model_noise = model_noise; /* restored as the tile itself is */
+exit:
+    rx_tile_free(copy);
+    rx_psf_free(psf);
+    free(sigma);
+    return status;
+}
+
+/* Mpixel of a restored image that are not hidden and, where `sky`, of no source. */
+static double searched(const rx_pipeline_params *params, const rx_result *result, int sky)
+{
+    const int hide = result->plain && !params->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
+    const size_t n = (size_t)result->restored->width * (size_t)result->restored->height;
+    size_t good = 0;
+    for (size_t i = 0; i < n; i++)
+        good += (result->restored->mask[i] & hide) == 0 && (!sky || result->sources->segments[i] == 0);
+    return (double)good / 1e6;
+}
+
+static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input *in, int number,
+                         rx_blankcheck *dst, rx_error *err)
+{
+    rx_field *blank = NULL;
+    rx_result result = {0};
+    rx_status status = rx_blankcheck_field(params, in->field, in->noise, NULL, params->seed,
+                                           NOISE + (uint64_t)number, &blank, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
+    if (status == RX_OK) {
+        dst->mpixels += searched(params, &result, 0);
+        dst->false_detections += result.sources->n;
+        dst->realisations++;
+    }
+    rx_result_free(&result);
+    rx_field_free(blank);
+    return status;
+}
+
+/* Detections are counted, not measured. */
+static rx_pipeline_params counting(const rx_pipeline_params *params)
+{
+    rx_pipeline_params own = *params;
+    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    own.measure.nnw_file = NULL;
+    own.measure.vignet_width = own.measure.vignet_height = 0;
+    own.calibrate_none = own.calibrate_restored = 0;
+    own.restore.keep_reblurred = 0;
+    own.judge_residual = 0;
+    own.restore.keep_support = 0;
+    own.templates.wanted = own.templates.drop;
+    return own;
+}
+
+static void set_rate(rx_blankcheck *dst)
+{
+    const rx_estimate count = rx_poisson_interval(dst->false_detections, LEVEL);
+    const double area = dst->mpixels;
+    dst->rate = (rx_estimate){.value = (double)dst->false_detections / area,
+                              .low = count.low / area,
+                              .high = count.high / area,
+                              .n = dst->false_detections};
+    dst->upper = rx_poisson_upper(dst->false_detections, LEVEL) / area;
+}
+
+rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
+                            rx_blankcheck *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    const rx_pipeline_params own = counting(params);
+    *dst = (rx_blankcheck){.raised = 1.0, .correlated = in->noise->correlated};
+    rx_log_progress_begin(log);
+    for (int i = 0; i < in->realisations && status == RX_OK; i++) {
+        status = rx_interrupt_check(err);
+        if (status == RX_OK)
+            status = run_one(&own, in, i, dst, err);
+        rx_log_progress(log, "blank check", (double)(i + 1) / in->realisations);
+    }
+    rx_log_progress_end(log);
+    if (status == RX_OK)
+        set_rate(dst);
+    return status;
+}
+
+/* The window, of nine places, that hides least; the middle one where they are equal. */
+static rx_replica_part quick_window(const rx_tile *tile, int side)
+{
+    rx_replica_part best = {.width = rx_least(tile->width, side), .height = rx_least(tile->height, side)};
+    static const int order[] = {1, 0, 2};
+    long most = -1;
+    for (int k = 0; k < 9; k++) {
+        const int x = (tile->width - best.width) * order[k % 3] / 2,
+                  y = (tile->height - best.height) * order[k / 3] / 2;
+        long good = 0;
+        for (int row = y; row < y + best.height; row++)
+            for (int i = x; i < x + best.width; i++)
+                good += (tile->mask[(size_t)row * (size_t)tile->width + (size_t)i] & RX_HIDE_RESTORED) == 0;
+        if (good > most) {
+            most = good;
+            best.x = x;
+            best.y = y;
+        }
+    }
+    return best;
+}
+
+/* What is found in a window of that side; with the threshold raised where it is too much. */
+static rx_status run_window(const rx_pipeline_params *params, const rx_blank_input *in, int side, double most,
+                            rx_blankcheck *dst, rx_error *err)
+{
+    const rx_replica_part window = quick_window(in->field->tile, side);
+    rx_field *blank = NULL;
+    rx_result result = {0};
+    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window, params->seed, NOISE + (uint64_t)side,
+                               &blank, err));
+    rx_status status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
+    if (status != RX_OK)
+        goto exit;
+    const double mpixels = searched(params, &result, 0);
+    if (result.by != NULL || !(mpixels > 0.0))
+        goto exit;
+    dst->mpixels = mpixels;
+    dst->realisations = dst->quick = 1;
+    dst->false_detections = result.sources->n;
+    dst->asked = (double)dst->false_detections / mpixels;
+    if (most > 0.0 && dst->false_detections >= SEVERAL &&
+        rx_poisson_interval(dst->false_detections, GUARD_LEVEL).low > most * mpixels)
+        while ((double)dst->false_detections > most * mpixels && dst->raised < RAISED_MOST) {
+            RX_TRY_EXIT(rx_interrupt_check(err));
+            dst->raised *= RAISED_STEP;
+            RX_TRY_EXIT(rx_result_count(params, &result, dst->raised, &dst->false_detections, err));
+        }
+    set_rate(dst);
+exit:
+    rx_result_free(&result);
+    rx_field_free(blank);
+    return status;
+}
+
+rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,
+                              double most, rx_blankcheck *dst, rx_error *err)
+{
+    const rx_tile *tile = field->tile;
+    rx_pipeline_params own = counting(params);
+    rx_noise_correlation noise = field->noise;
+    own.keep_filtered = 1;
+    *dst = (rx_blankcheck){.raised = 1.0};
+    if (field->psf == NULL)
+        return RX_OK;
+    if (noise.origin != RX_NOISE_MEASURED) /* what was stated may be wrong */
+        RX_TRY(rx_field_noise_measure(field, NULL, params->nthreads, &noise, err));
+    if (noise.origin == RX_NOISE_UNKNOWN)
+        return RX_OK;
+    dst->correlated = noise.correlated;
+    const rx_blank_input in = {.kind = kind, .field = field, .noise = &noise, .realisations = 1};
+    const int wide = tile->width > GLANCE_SIDE || tile->height > GLANCE_SIDE;
+    RX_TRY(run_window(&own, &in, GLANCE_SIDE, wide ? 0.0 : most, dst, err));
+    if (wide && dst->false_detections >= SEVERAL)
+        RX_TRY(run_window(&own, &in, QUICK_SIDE, most, dst, err));
+    params->detect.threshold *= dst->raised;
+    return RX_OK;
+}
+
+/* 1 - false / n within 0..1. */
+static double share(double rate, double sky, long n)
+{
+    return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
+}
+
+void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
+{
+    const long n = tile->sources->n;
+    check->sky = searched(params, tile, 1);
+    check->real = (rx_estimate){.value = NAN, .low = NAN, .high = NAN};
+    if (n > 0 && check->realisations > 0)
+        check->real = (rx_estimate){.value = share(check->rate.value, check->sky, n),
+                                    .low = share(check->rate.high, check->sky, n),
+                                    .high = share(check->rate.low, check->sky, n),
+                                    .n = n};
+}

@@ -1,0 +1,9 @@
+librextract_la_SOURCES += \
+	src/check/blankcheck.c src/check/blankcheck.h \
+	src/check/checks.c src/check/checks.h \
+	src/check/params.h \
+	src/check/quality.c src/check/quality.h \
+	src/check/replica.c src/check/replica.h \
+	src/check/selfcheck.c src/check/selfcheck.h \
+	src/check/selfcheck_numbers.c src/check/selfcheck_numbers.h \
+	src/check/selfcheck_plan.c

@@ -1,0 +1,97 @@
+/* Source lists and pictures for the QA report. */
+#include "check/quality.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "io/wcs.h"
+
+static void flux_of(const rx_source *s, int kind, double *flux, double *error)
+{
+    switch (kind) {
+    case RX_QUALITY_APER:
+        *flux = s->flux_aper[0], *error = s->fluxerr_aper[0];
+        break;
+    case RX_QUALITY_ISO:
+        *flux = s->flux_iso, *error = s->fluxerr_iso;
+        break;
+    case RX_QUALITY_ISOCOR:
+        *flux = s->flux_isocor, *error = s->fluxerr_isocor;
+        break;
+    case RX_QUALITY_PETRO:
+        *flux = s->flux_petro, *error = s->fluxerr_petro;
+        break;
+    case RX_QUALITY_WIN:
+        *flux = s->flux_win, *error = s->fluxerr_win;
+        break;
+    case RX_QUALITY_TEMPLATE:
+        *flux = s->fit.flux, *error = s->fit.fluxerr;
+        break;
+    default:
+        *flux = s->flux_auto, *error = s->fluxerr_auto;
+    }
+}
+
+rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, const rx_sources *sources,
+                          rx_qa_list *dst, rx_error *err)
+{
+    rx_status status = rx_qa_list_new(dst, sources->n, 1, err);
+    if (status != RX_OK)
+        return status;
+    for (long i = 0; i < sources->n; i++) {
+        const rx_source *s = &sources->list[i];
+        double flux, error;
+        flux_of(s, par->flux, &flux, &error);
+        dst->x[i] = s->x;
+        dst->y[i] = s->y;
+        dst->alpha[i] = s->alpha_j2000;
+        dst->delta[i] = s->delta_j2000;
+        dst->flux[i] = flux;
+        dst->flux_error[i] = error;
+        dst->mag[i] = flux > 0.0 ? tile->zeropoint - 2.5 * log10(flux) : NAN;
+        dst->mag_error[i] = flux > 0.0 ? 1.0857362 * error / flux : NAN;
+        dst->score[i] = s->detection_snr;
+        dst->flags[i] = s->flags;
+        dst->made_up[i] = rx_source_made_up(s) != 0;
+    }
+    return RX_OK;
+}
+
+double rx_quality_scale(const rx_tile *tile)
+{
+    return tile->wcs != NULL
+               ? rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1))
+               : tile->pixel_scale;
+}
+
+rx_status rx_quality_radius(const rx_quality_params *par, const rx_tile *tile, double *pixels, rx_error *err)
+{
+    double scale = rx_quality_scale(tile);
+    *pixels = par->match_radius;
+    if (!par->match_arcsec)
+        return RX_OK;
+    if (!(scale > 0.0))
+        return rx_error_at(
+            err, RX_USAGE, tile->name, tile->hdu, 0,
+            "MATCH_UNIT ARCSEC needs the pixel scale, which is not known; give PIXEL_SCALE or PIXEL");
+    *pixels = par->match_radius / scale;
+    return RX_OK;
+}
+
+rx_status rx_quality_picture(const char *title, int width, int height, const float *pixels, double sigma,
+                             rx_qa_picture *dst, rx_error *err)
+{
+    enum { SIDE = 256 };
+    int w = width < SIDE ? width : SIDE, h = height < SIDE ? height : SIDE;
+    int x0 = (width - w) / 2, y0 = (height - h) / 2;
+    float *copy = RX_NEW(float, (size_t)w *(size_t)h);
+    if (copy == NULL)
+        return rx_error_memory(err, (size_t)w * (size_t)h * sizeof(float));
+    for (int y = 0; y < h; y++)
+        memcpy(copy + (size_t)y * (size_t)w, pixels + (size_t)(y0 + y) * (size_t)width + (size_t)x0,
+               (size_t)w * sizeof(float));
+    *dst = (rx_qa_picture){.title = title, .width = w, .height = h, .pixels = copy, .sigma = (float)sigma};
+    return RX_OK;
+}

@@ -1,0 +1,344 @@
+/* Injection into copies of the tile, and what the stage makes of it. */
+#include "check/selfcheck.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/arena.h"
+#include "base/interrupt.h"
+#include "base/memory.h"
+#include "check/quality.h"
+#include "check/replica.h"
+#include "check/selfcheck_numbers.h"
+#include "io/tile.h"
+#include "measure/aperture.h"
+#include "simulate/inject.h"
+#include "simulate/render.h"
+#include "simulate/scene.h"
+#include "validate/match.h"
+
+/* Streams of random numbers, one per round from here. */
+static const uint64_t SCENES = UINT64_C(0x53434e0000000000), PHOTONS = UINT64_C(0x5350480000000000);
+
+/* One round: a copy of the field with objects in it. */
+typedef struct injection {
+    rx_arena memory;
+    rx_scene *scene;
+    rx_field *field;
+    float *light; /* pixels after - before */
+    float *clean; /* the same without photon noise and saturation */
+} injection;
+
+static void injection_free(injection *in)
+{
+    rx_scene_free(in->scene);
+    rx_field_free(in->field);
+    rx_arena_free(&in->memory);
+    *in = (injection){0};
+}
+
+/* Whole numbers of both kinds, with the share asked for in the sum of all rounds. */
+static double round_half(double value)
+{
+    return floor(value + 0.5);
+}
+
+/* n objects, or fewer where there is no room. */
+static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done, long n, rx_scene **dst,
+                            rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    const double share = plan->galaxies;
+    double galaxies = round_half(share * (double)(done + n)) - round_half(share * (double)done);
+    rx_population population = {.mag_low = plan->mag_low, .mag_high = plan->mag_high};
+    rx_scene_params par = {.width = tile->width,
+                           .height = tile->height,
+                           .zeropoint = tile->zeropoint,
+                           .pixel_scale = plan->pixel_scale,
+                           .stars = population,
+                           .galaxies = population,
+                           .galaxy_kind = RX_GALAXY_MIXED,
+                           .galaxy_scale = plan->galaxy_scale,
+                           .least_distance = plan->distance,
+                           .allowed = plan->allowed,
+                           .seed = plan->params.seed,
+                           .stream = SCENES + (uint64_t)round};
+    par.stars.count = (double)n - galaxies;
+    par.galaxies.count = galaxies;
+    return rx_scene_make(&par, NULL, dst, err);
+}
+
+static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, injection *dst, rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    const size_t npixels = (size_t)tile->width * (size_t)tile->height;
+    const long left = plan->count - done;
+    rx_tile *copy = NULL;
+    rx_status status = RX_OK;
+    RX_TRY(make_scene(plan, round, done, left < plan->per_round ? left : plan->per_round, &dst->scene, err));
+    dst->light = RX_TAKE(&dst->memory, float, npixels);
+    dst->clean = RX_TAKE(&dst->memory, float, npixels);
+    if (dst->light == NULL || dst->clean == NULL)
+        return rx_error_memory(err, npixels * sizeof(float));
+    RX_TRY(rx_replica_new(tile, NULL, &copy, err));
+    RX_TRY_EXIT(rx_render(dst->scene, 1, &(const rx_optics *){plan->optics}, &(float *const){dst->clean},
+                          plan->params.nthreads, err));
+    RX_TRY_EXIT(rx_inject(dst->scene, plan->optics, tile->gain, tile->saturation, plan->params.seed,
+                          PHOTONS + (uint64_t)round, plan->params.nthreads, copy->pixels, err));
+    rx_replica_settle(copy);
+    for (size_t i = 0; i < npixels; i++)
+        dst->light[i] = copy->pixels[i] - tile->pixels[i];
+    RX_TRY(
+        rx_field_prepare(&plan->params, RX_FIELD_DETECTED, copy, plan->field->psf, NULL, &dst->field, err));
+    dst->field->model_noise = plan->model_noise;
+    return RX_OK;
+exit:
+    rx_tile_free(copy);
+    return status;
+}
+
+/* Is most of the light in the footprint of `s` injected? */
+static int mostly_injected(const rx_sift *in, const rx_source *s)
+{
+    const rx_image *image = in->image;
+    double all = 0.0, gained = 0.0;
+    for (int y = s->ymin; y <= s->ymax; y++) {
+        for (int x = s->xmin; x <= s->xmax; x++) {
+            size_t p = (size_t)y * (size_t)image->width + (size_t)x;
+            if (in->after->segments[p] != s->segment || (image->mask[p] & RX_MASK_BAD))
+                continue;
+            all += (double)image->pixels[p] - (double)rx_map_at(&image->level, x, y);
+            gained += (double)in->injected[p];
+        }
+    }
+    return gained > 0.0 && 2.0 * gained >= all;
+}
+
+static void positions(const rx_sources *sources, double *x, double *y)
+{
+    for (int i = 0; i < sources->n; i++) {
+        x[i] = sources->list[i].x;
+        y[i] = sources->list[i].y;
+    }
+}
+
+rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error *err)
+{
+    const rx_sources *before = in->before, *after = in->after;
+    const size_t nb = (size_t)before->n, na = (size_t)after->n;
+    rx_arena memory = {0};
+    rx_status status = RX_OK;
+    double *xy = RX_TAKE(&memory, double, 2 * (nb + na));
+    long *partners = RX_TAKE(&memory, long, nb + na);
+    if (xy == NULL || partners == NULL) {
+        status = rx_error_memory(err, 2 * (nb + na) * sizeof(double));
+        goto exit;
+    }
+    double *xb = xy, *yb = xy + nb, *xa = xy + 2 * nb, *ya = xa + na;
+    positions(before, xb, yb);
+    positions(after, xa, ya);
+    RX_TRY_EXIT(rx_match(&(rx_match_list){before->n, xb, yb, NULL}, &(rx_match_list){after->n, xa, ya, NULL},
+                         in->radius, partners, partners + nb, err));
+    for (size_t i = 0; i < na; i++)
+        new_one[i] = partners[nb + i] < 0 ? 1 : mostly_injected(in, &after->list[i]) ? 2 : 0;
+exit:
+    rx_arena_free(&memory);
+    return status;
+}
+
+/* Injected objects of a round behind those of the rounds before. */
+static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *dst, rx_error *err)
+{
+    long first = dst->truth.n;
+    rx_status status = rx_selfcheck_grow(&dst->truth, NULL, first + scene->n, err);
+    unsigned char *kinds = rx_regrow(dst->is_galaxy, (size_t)(first + scene->n), 1);
+    if (kinds == NULL)
+        return status == RX_OK ? rx_error_memory(err, (size_t)(first + scene->n)) : status;
+    dst->is_galaxy = kinds;
+    for (long i = 0; i < scene->n && status == RX_OK; i++) {
+        const rx_object *object = &scene->objects[i];
+        kinds[first + i] = object->type == RX_OBJECT_GALAXY;
+        dst->truth.x[first + i] = object->x + shift;
+        dst->truth.y[first + i] = object->y;
+        dst->truth.mag[first + i] = object->mag;
+        dst->truth.flux[first + i] = object->flux;
+        dst->truth.mag_error[first + i] = 0.0;
+        dst->truth.flux_error[first + i] = 0.0;
+    }
+    return status;
+}
+
+/* Are fluxes those of untouched pixels? */
+static int untouched(const rx_selfcheck_plan *plan, const rx_result *result)
+{
+    return result->plain || plan->params.measure_original;
+}
+
+/* Sky level of a field as that restorer subtracts it. */
+static rx_map sky_level(const rx_field *field, const rx_restored *on)
+{
+    return rx_background_level(on == NULL ? field->plain : field->restored);
+}
+
+/* flux[i]: what the wide aperture of source i would hold without injection, that is on the untouched tile,
+ * less the sky that the injection made the background take away in excess. */
+static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_result *before, injection *in,
+                                 const rx_sources *after, double *flux, rx_error *err)
+{
+    rx_sources same = *after; /* its own list, the map is lent */
+    rx_photometry unused;
+    const rx_restored *on = untouched(plan, before) ? NULL : before->restored;
+    const rx_map old = sky_level(plan->field, on), new = sky_level(in->field, on);
+    const double area =
+        plan->params.measure.local_background ? 0.0 : acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
+    const size_t n = (size_t)after->n;
+    same.vignets = NULL;
+    same.list = RX_TAKE(&in->memory, rx_source, n);
+    if (same.list == NULL)
+        return rx_error_memory(err, n * sizeof(rx_source));
+    memcpy(same.list, after->list, n * sizeof(rx_source));
+    const rx_photometry_input input = {.detect = plan->field, .field = plan->field, .restored = on};
+    RX_TRY(rx_photometry_run(&plan->apertures, &input, &same, NULL, &unused, err));
+    for (size_t i = 0; i < n; i++) {
+        const rx_source *s = &same.list[i];
+        const float gained = rx_map_at(&new, s->xpeak, s->ypeak),
+                    before_it = rx_map_at(&old, s->xpeak, s->ypeak);
+        flux[i] = s->flux_aper[0] - area * ((double)gained - (double)before_it);
+    }
+    return RX_OK;
+}
+
+/* Sum of a plane in the wide aperture at (x, y), as MAG_APER sums it. */
+static double in_aperture(const rx_tile *tile, const float *plane, double x, double y, double radius)
+{
+    double sum = 0.0;
+    int x0 = (int)floor(x - radius), x1 = (int)ceil(x + radius);
+    int y0 = (int)floor(y - radius), y1 = (int)ceil(y + radius);
+    for (int j = y0 < 0 ? 0 : y0; j <= y1 && j < tile->height; j++)
+        for (int i = x0 < 0 ? 0 : x0; i <= x1 && i < tile->width; i++)
+            sum += rx_pixel_in_circle((float)(i - x), (float)(j - y), radius, 5) *
+                   (double)plane[(size_t)j * (size_t)tile->width + (size_t)i];
+    return sum;
+}
+
+/* What a round found, sifted and kept. */
+static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_result *before, injection *in,
+                            const rx_result *result, double shift, rx_selfcheck *dst, rx_error *err)
+{
+    const rx_sources *sources = result->sources;
+    const rx_image image = rx_field_observed(in->field);
+    const rx_sift sift = {.before = before->sources,
+                          .after = sources,
+                          .image = &image,
+                          .injected = in->light,
+                          .radius = plan->match_radius};
+    const int wide = plan->params.measure.naper - 1;
+    rx_qa_list all = {0}, *to = &dst->found_list;
+    long n = to->n, added = 0;
+    unsigned char *new_one = RX_TAKE(&in->memory, unsigned char, (size_t)sources->n);
+    double *empty = RX_TAKE(&in->memory, double, (size_t)sources->n),
+           *light = RX_TAKE(&in->memory, double, (size_t)sources->n);
+    rx_status status = RX_OK;
+    if (new_one == NULL || empty == NULL || light == NULL)
+        return rx_error_memory(err, (size_t)sources->n * sizeof(double));
+    RX_TRY(rx_selfcheck_sift(&sift, new_one, err));
+    RX_TRY(empty_apertures(plan, before, in, sources, empty, err));
+    for (int i = 0; i < sources->n; i++)
+        light[i] = untouched(plan, result) ? in_aperture(plan->field->tile, in->clean, sources->list[i].x,
+                                                         sources->list[i].y, 0.5 * plan->diameter)
+                                           : NAN;
+    RX_TRY(rx_quality_list(&plan->par->quality, in->field->tile, sources, &all, err));
+    RX_TRY_EXIT(keep_truth(in->scene, shift, dst, err));
+    /* new detections, behind those of the rounds before */
+    for (int i = 0; i < sources->n; i++)
+        added += new_one[i] != 0;
+    RX_TRY_EXIT(rx_selfcheck_grow(to, &dst->aperture, n + added, err));
+    for (int i = 0; i < sources->n; i++) {
+        if (new_one[i] == 0)
+            continue;
+        to->x[n] = all.x[i] + shift;
+        to->y[n] = all.y[i];
+        to->mag[n] = all.mag[i];
+        to->mag_error[n] = all.mag_error[i];
+        to->flux[n] = all.flux[i];
+        to->flux_error[n] = all.flux_error[i];
+        to->score[n] = all.score[i];
+        to->flags[n] = all.flags[i] | (new_one[i] == 2 ? RX_FLAG_CROWDED : 0);
+        dst->aperture[3 * n] = sources->list[i].flux_aper[wide];
+        dst->aperture[3 * n + 1] = empty[i];
+        dst->aperture[3 * n + 2] = light[i];
+        n++;
+    }
+exit:
+    rx_qa_list_free(&all);
+    return status;
+}
+
+static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_result *before,
+                           int round, rx_selfcheck *dst, long *injected, rx_error *err)
+{
+    injection in = {0};
+    rx_result result = {0};
+    const double shift = (double)round * dst->pitch;
+    const rx_tile *tile = plan->field->tile;
+    rx_status status = inject(plan, round, dst->truth.n, &in, err);
+    if (status == RX_OK)
+        status = rx_field_extract(&plan->params, kind, in.field, NULL, NULL, &result, err);
+    if (status != RX_OK)
+        goto exit;
+    *injected = in.scene->n;
+    status = keep_round(plan, before, &in, &result, shift, dst, err);
+    if (status == RX_OK && round == 0)
+        status = rx_quality_picture(kind->name, tile->width, tile->height, result.restored->pixels,
+                                    plan->field->plain->global_sigma, &dst->picture, err);
+    if (status == RX_OK && round == 0 && !untouched(plan, &result)) {
+        dst->psf = rx_psf_copy(result.restored->psf);
+        if (dst->psf == NULL)
+            status = rx_error_memory(err, 0);
+    }
+exit:
+    rx_result_free(&result);
+    injection_free(&in);
+    return status;
+}
+
+rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_result *before,
+                           rx_log *log, rx_selfcheck *dst, rx_error *err)
+{
+    const rx_tile *tile = plan->field->tile;
+    rx_status status = RX_OK;
+    *dst = (rx_selfcheck){.before = before->sources->n, .height = tile->height};
+    dst->pitch = tile->width + 2 * (int)ceil(plan->match_radius) + 2; /* no pair across rounds */
+    rx_log_progress_begin(log);
+    while (status == RX_OK && dst->truth.n < plan->count && dst->rounds < INT_MAX / dst->pitch - 1) {
+        long injected = 0;
+        status = rx_interrupt_check(err);
+        if (status == RX_OK)
+            status = run_round(plan, kind, before, dst->rounds, dst, &injected, err);
+        if (status == RX_OK && injected == 0)
+            break;
+        dst->rounds++;
+        rx_log_progress(log, "self check", (double)dst->truth.n / (double)plan->count);
+    }
+    rx_log_progress_end(log);
+    dst->width = dst->rounds * dst->pitch;
+    if (status == RX_OK && dst->truth.n == 0)
+        status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                             "self check: no place was found for an object; leave out SELF_CHECK");
+    if (status == RX_OK)
+        status = rx_selfcheck_measure(plan, dst, err);
+    return status;
+}
+
+void rx_selfcheck_free(rx_selfcheck *check)
+{
+    rx_qa_list_free(&check->truth);
+    rx_qa_list_free(&check->found_list);
+    free(check->aperture);
+    free(check->is_galaxy);
+    rx_psf_free(check->psf);
+    free((void *)check->picture.pixels);
+    *check = (rx_selfcheck){0};
+}

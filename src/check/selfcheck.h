@@ -1,0 +1,109 @@
+/* SELF_CHECK: what the stage finds of objects injected into copies of this very tile, with no outside
+ * catalogue.
+ *
+ * Objects of known flux, drawn through the tile's own PSF with the photon noise they bring, are added to a
+ * copy; background, restoration, detection and measurement run as they did for the catalogue, with the same
+ * PSF. Rounds of few objects at a time leave the tile as crowded as it is.
+ *
+ * What was there before does not count. A detection after the injection is `old` when it has a counterpart
+ * in the un-injected run of the same restorer (one to one, nearest first, within MATCH_RADIUS) and less than
+ * half of the light in its footprint was injected; light is that of the tile's own pixels above the sky. All
+ * others are new. An injected object is found when a new detection lies within MATCH_RADIUS of it, one to
+ * one. So a star injected on top of a brighter one, and not told apart from it, is lost; on top of a fainter
+ * one it is found, and the detection gets RX_FLAG_CROWDED. A new detection without an injected object
+ * (a neighbour broken up, say) counts against the share of the new ones that was injected. That share is no purity
+ * of the tile's catalogue: its own false detections are old, and do not count (stage/blankcheck.h). */
+#ifndef RX_CHECK_SELFCHECK_H
+#define RX_CHECK_SELFCHECK_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "check/params.h"
+#include "data/sources.h"
+#include "pipeline/field.h"
+#include "pipeline/params.h"
+#include "pipeline/pipeline.h"
+#include "simulate/optics.h"
+#include "validate/binomial.h"
+#include "validate/qa.h"
+
+/* What all restorers of a field share, so that they meet the same pixels. */
+typedef struct rx_selfcheck_plan {
+    const rx_field *field;
+    const int32_t *segments; /* sources of the untouched tile, 0 = sky; the caller's */
+    const rx_check_params *par;
+    rx_pipeline_params params;    /* the run's, with what the check needs measured; points into those */
+    rx_pipeline_params apertures; /* the run's, with nothing but the wide aperture */
+    rx_optics *optics;
+    unsigned char *allowed;             /* [height][width] where objects may go */
+    double limit;                       /* magnitude of a point source at 5 sigma, PSF-weighted */
+    double mag_low, mag_high, mag_step; /* of the objects; bins */
+    double galaxies;                    /* share of the objects */
+    double galaxy_scale;   /* their sizes over those of the stated law (simulate/scene.h) at pixel_scale */
+    long resolved;         /* sources of the tile behind both; 0: too few, the share is 0 and the law holds */
+    double model_noise;    /* rx_domain_noise() of the field: copies are restored as it was */
+    double pixel_scale;    /* arcsec, for the sizes of galaxies; 1 when not known */
+    double match_radius;   /* pixels */
+    double distance;       /* least one between injected objects, pixels */
+    double diameter;       /* of the wide aperture, pixels: 5 FWHM, at least 10 */
+    long count, per_round; /* objects wanted, at most so many at once */
+} rx_selfcheck_plan;
+
+/* Completeness and bias of one restorer on this tile. Intervals at 95 %. */
+typedef struct rx_selfcheck {
+    long injected, found;
+    long before;                /* sources of the un-injected run */
+    rx_estimate mag90, mag50;   /* magnitude of 90 and 50 % completeness */
+    rx_estimate injected_share; /* of detections that are new after the injection: share that was injected */
+    rx_estimate bias, scatter;  /* median and sigma_MAD of measured - true magnitude (QA_MAG), FLAGS 0 */
+    /* The same in a wide aperture corrected for what the PSF has outside, of objects of S/N 20 and more by
+     * their true flux, FLAGS 0, without a source of the untouched tile in the aperture: as measured, against
+     * the light that was injected into that very aperture (of a restored image: that its PSF puts there), */
+    rx_estimate wide_bias;
+    /* and less what that very aperture would hold without the object, which is `sky`, per pixel, in ADU:
+     * light of sources too faint to be detected, and the error of the background (the object itself moves the
+     * mode of its mesh). This bias is 0 when the flux scale is right. */
+    rx_estimate aperture_bias, sky;
+    int rounds;
+    /* every round beside the one before: x counts on by `pitch` pixels from round to round */
+    int width, height, pitch;
+    rx_qa_list truth, found_list; /* injected objects; new detections */
+    unsigned char *is_galaxy;     /* [truth.n] */
+    double *aperture; /* [found_list.n][3] wide aperture, ADU: flux, what it would hold without the object,
+                         and the light injected into it, NAN where fluxes are of a restored image */
+    rx_psf *psf;      /* of the image that fluxes are measured on */
+    rx_qa_picture picture; /* middle of the first round, restored; pixels owned */
+} rx_selfcheck;
+
+/* `sources` of the untouched tile must outlive the plan, as must params, par and field. The field has a PSF. From
+ * those of FLAGS 0 or 1, 2.5 mag and more above the limit, follow size and share of galaxies, where
+ * SELF_CHECK_GALAXIES leaves it to the tile: a source is resolved when its half-light radius r (FLUX_RADIUS) is more than 1.2 times that of the
+ * PSF, r0; sqrt(r^2 - r0^2) over the law of simulate/scene.h is taken as log-normal with the law's scatter,
+ * cut off where sources cannot be resolved, and its median is found by maximum likelihood. Unresolved
+ * galaxies are added as that distribution says (each resolved one counts 1 over its chance to be resolved).
+ * Fewer than 10 resolved sources: no galaxies, or those asked for with the sizes of the law.
+ * Errors: RX_USAGE (MATCH_UNIT), RX_INPUT (no place left), RX_SYSTEM. */
+rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check_params *par,
+                                const rx_field *field, const rx_sources *sources, rx_selfcheck_plan **dst,
+                                rx_error *err);
+void rx_selfcheck_plan_free(rx_selfcheck_plan *plan);
+
+/* `before`: that restorer on the untouched tile. The content of *dst is
+ * freed by rx_selfcheck_free(), also after an error. */
+rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kind, const rx_result *before,
+                           rx_log *log, rx_selfcheck *dst, rx_error *err);
+void rx_selfcheck_free(rx_selfcheck *check);
+
+/* What tells new detections of a tile with injected objects from those that were there before. */
+typedef struct rx_sift {
+    const rx_sources *before, *after;
+    const rx_image *image; /* after the injection, with its sky */
+    const float *injected; /* pixels after - before */
+    double radius;         /* of a match, pixels */
+} rx_sift;
+
+/* new_one[after->n]: 1 for the detections of `after` that count as new (rule above), 2 for those that have a
+ * counterpart all the same. */
+rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error *err);
+
+#endif

@@ -1,0 +1,25 @@
+/* The numbers of a self check, from its lists. */
+#ifndef RX_CHECK_SELFCHECK_NUMBERS_H
+#define RX_CHECK_SELFCHECK_NUMBERS_H
+
+#include "base/error.h"
+#include "check/selfcheck.h"
+#include "validate/qa.h"
+
+/* Make room for n rows: positions, magnitudes and fluxes, and, when `aperture` is not NULL, score, flags and
+ * *aperture (three numbers a row) too. New rows are not set; alpha and delta stay NULL. */
+rx_status rx_selfcheck_grow(rx_qa_list *list, double **aperture, long n, rx_error *err);
+
+/* Fill the numbers of `check` from its lists. Errors: RX_SYSTEM. */
+rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *check, rx_error *err);
+
+/* The lists as validate/ takes them: truth, one run of that name; nothing is copied. */
+void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check, const char *name,
+                        rx_qa_input *input, rx_qa_run *run);
+rx_qa_params rx_selfcheck_qa(const rx_selfcheck_plan *plan);
+
+/* Share of a PSF's light within a circle of that diameter (pixels) about its centre, at 0-based tile position
+ * (x, y); stamp: room for size * size floats. */
+double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp);
+
+#endif

@@ -1,0 +1,156 @@
+/* From the values of keywords to the fields of params structs. */
+#include "config/fill.h"
+
+#include <string.h>
+#include <strings.h>
+
+#include "config/keyword.h"
+
+/* Item i of a value as a number; words by what they mean. */
+static double number_of(const rx_keyword *key, const int *words, const void *value, int i)
+{
+    const char *word;
+    int at = 0;
+    switch (key->kind) {
+    case RX_KIND_INT:
+        return *(const int *)value;
+    case RX_KIND_INTS:
+        return ((const rx_ints *)value)->v[i];
+    case RX_KIND_REAL:
+        return *(const double *)value;
+    case RX_KIND_REALS:
+        return ((const rx_reals *)value)->v[i];
+    case RX_KIND_BOOL:
+        return *(const bool *)value;
+    case RX_KIND_BOOLS:
+        return ((const rx_bools *)value)->v[i];
+    case RX_KIND_WORD:
+    case RX_KIND_WORDS:
+        word = key->kind == RX_KIND_WORD ? *(const char *const *)value : ((const rx_words *)value)->v[i];
+        while (strcmp(key->words[at], word) != 0) /* it is one of them: the reader takes no other */
+            at++;
+        return words[at];
+    default:
+        return 0;
+    }
+}
+
+static const char *text_of(const rx_keyword *key, const void *value, int i)
+{
+    if (key->kind == RX_KIND_STRINGS)
+        return ((const rx_strings *)value)->v[i];
+    if (key->kind == RX_KIND_WORDS)
+        return ((const rx_words *)value)->v[i];
+    return *(const char *const *)value;
+}
+
+static size_t size_of(rx_fill_type type)
+{
+    static const size_t sizes[] = {[RX_FILLS_NOTHING] = 1,
+                                   [RX_FILLS_INT] = sizeof(int),
+                                   [RX_FILLS_UNSIGNED] = sizeof(unsigned),
+                                   [RX_FILLS_LONG] = sizeof(long),
+                                   [RX_FILLS_UINT64] = sizeof(uint64_t),
+                                   [RX_FILLS_DOUBLE] = sizeof(double),
+                                   [RX_FILLS_BOOL] = sizeof(bool),
+                                   [RX_FILLS_STRING] = sizeof(const char *)};
+    return sizes[type];
+}
+
+/* Items that the field can take. */
+static int room_of(const rx_fill *row)
+{
+    switch (row->how) {
+    case RX_FILL_ALL:
+        return (int)(row->size / size_of(row->type));
+    case RX_FILL_COUNT:
+        return 0;
+    case RX_FILL_BIT:
+        return 1;
+    default:
+        return row->arg + 1;
+    }
+}
+
+/* Element `at` of the field. */
+static void put(void *field, rx_fill_type type, int at, double value)
+{
+    switch (type) {
+    case RX_FILLS_INT:
+        ((int *)field)[at] = (int)value;
+        break;
+    case RX_FILLS_UNSIGNED:
+        *(unsigned *)field = (unsigned)value;
+        break;
+    case RX_FILLS_LONG:
+        *(long *)field = (long)value;
+        break;
+    case RX_FILLS_UINT64:
+        *(uint64_t *)field = (uint64_t)value;
+        break;
+    case RX_FILLS_DOUBLE:
+        ((double *)field)[at] = value;
+        break;
+    case RX_FILLS_BOOL:
+        *(bool *)field = value != 0;
+        break;
+    case RX_FILLS_STRING:
+    case RX_FILLS_NOTHING:
+        break;
+    }
+}
+
+static void fill(const rx_fill *row, const rx_keyword *key, const int *words, const void *value, void *field)
+{
+    const int n = rx_keyword_count(key->kind, value), room = room_of(row);
+    const int item = (room < n ? room : n) - 1;
+    if (row->how == RX_FILL_COUNT)
+        put(field, row->type, 0, n);
+    else if (n == 0 || (row->how == RX_FILL_GIVEN && n < room))
+        return;
+    else if (row->type == RX_FILLS_STRING)
+        *(const char **)field = text_of(key, value, item);
+    else if (row->how == RX_FILL_ALL)
+        for (int i = 0; i <= item; i++)
+            put(field, row->type, i, number_of(key, words, value, i));
+    else {
+        const double number = number_of(key, words, value, item);
+        put(field, row->type, 0,
+            row->how == RX_FILL_NOT   ? number == 0
+            : row->how == RX_FILL_BIT ? ((int)number & row->arg) == row->arg
+                                      : number);
+    }
+}
+
+void rx_fill_all(const rx_fill *rows, int n, const rx_settings *settings, void *dst)
+{
+    const rx_keyword *key = NULL;
+    const int *words = NULL;
+    for (int i = 0; i < n; i++)
+        if (rows[i].keyword != NULL) {
+            key = &settings->table->rows[rx_keyword_find(settings->table, rows[i].keyword)];
+            words = rows[i].words;
+        } else if (rows[i].type != RX_FILLS_NOTHING)
+            fill(&rows[i], key, words, (const char *)settings + key->offset, (char *)dst + rows[i].offset);
+}
+
+rx_status rx_fill_one(const rx_fill *rows, int n, const rx_settings *settings, const char *name, void *dst,
+                      rx_error *err)
+{
+    int first = 0, end, most = 0;
+    while (first < n && (rows[first].keyword == NULL || strcasecmp(rows[first].keyword, name) != 0))
+        first++; /* up to n where no row is the keyword's */
+    for (end = first + 1; end < n && rows[end].keyword == NULL; end++)
+        if (rows[end].type != RX_FILLS_NOTHING && rows[end].type != RX_FILLS_STRING &&
+            room_of(&rows[end]) > most)
+            most = room_of(&rows[end]);
+    const rx_keyword *key = &settings->table->rows[rx_keyword_find(settings->table, name)];
+    const int given = rx_keyword_count(key->kind, (const char *)settings + key->offset);
+    if (most == 0)
+        return rx_error_set(err, RX_USAGE, "%s sets none of these parameters", key->name);
+    if (given > most)
+        return rx_error_set(err, RX_USAGE, "%s: %d items are given, at most %d are taken here", key->name,
+                            given, most);
+    rx_fill_all(rows + first, end - first, settings, dst);
+    return RX_OK;
+}

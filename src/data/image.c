@@ -1,0 +1,65 @@
+/* Views of what others own. */
+#include "data/image.h"
+
+#include "data/restored.h"
+
+rx_image rx_tile_image(const rx_tile *tile)
+{
+    return (rx_image){.name = tile->name,
+                      .hdu = tile->hdu,
+                      .extension = tile->extension,
+                      .width = tile->width,
+                      .height = tile->height,
+                      .pixels = tile->pixels,
+                      .mask = tile->mask,
+                      .saturated = tile->mask,
+                      .with_sky = 1,
+                      .weight = tile->weight,
+                      .weight_type = tile->weight_type,
+                      .nflagmaps = tile->nflagmaps,
+                      .flagmaps = tile->flagmaps,
+                      .gain = tile->gain,
+                      .saturation = tile->saturation,
+                      .zeropoint = tile->zeropoint,
+                      .pixel_scale = tile->pixel_scale,
+                      .wcs = tile->wcs,
+                      .linear = tile->linear_wcs ? tile->linear : NULL};
+}
+
+rx_image rx_image_on_sky(const rx_image *image, const rx_background *sky)
+{
+    rx_image dst = *image;
+    dst.hide = sky->mask_bits;
+    dst.level = rx_background_level(sky);
+    dst.noise = rx_background_noise(sky);
+    dst.global_noise = sky->global_sigma;
+    dst.variable_noise = image->weight_type != RX_WEIGHT_NONE;
+    return dst;
+}
+
+rx_image rx_restored_image(const rx_restored *restored, const rx_image *input)
+{
+    rx_image dst = *input;
+    dst.pixels = restored->pixels;
+    dst.mask = restored->mask;
+    dst.with_sky = 0;
+    dst.psf = restored->psf;
+    return dst;
+}
+
+void rx_image_above_sky(const rx_image *image, int nthreads, float *dst)
+{
+    const int width = image->width;
+    const rx_map sky = rx_image_sky(image);
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1)
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            const int n = rx_map_piece(x, width);
+            float room[RX_MAP_PIECE];
+            const float *level = rx_map_row(&sky, y, x, n, room);
+            for (int i = 0; i < n; i++)
+                dst[at + (size_t)i] =
+                    rx_image_hides(image, at + (size_t)i) ? 0.0f : image->pixels[at + (size_t)i] - level[i];
+        }
+}

@@ -1,0 +1,59 @@
+/* How the noise of neighbouring pixels hangs together: what resampling, stacking and drizzling leave.
+ *
+ *   at(dx, dy) = <n(x, y) n(x + dx, y + dy)> / <n^2>     1 at (0, 0), at(-dx, -dy) = at(dx, dy); 0 beyond the reach
+ *
+ * A sum of pixels sum_i h_i n_i has f^2 times the variance that independent pixels of the same width would give it,
+ *
+ *   f^2 = sum_ij h_i h_j at(i - j) / sum_i h_i^2
+ *
+ * With h the PSF that is the noise of the matched filter, which is what faint sources are found and measured in; for
+ * h much wider than the reach it tends to sqrt(sum at), which resampling leaves alone while it lowers the width of a
+ * pixel (Casertano et al. 2000, AJ 120, 2747, appendix A).
+ */
+#ifndef RX_DATA_NOISE_CORRELATION_H
+#define RX_DATA_NOISE_CORRELATION_H
+
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
+
+enum { RX_NOISE_REACH = 8, RX_NOISE_SIDE = 2 * RX_NOISE_REACH + 1, RX_NOISE_QUADRANTS = 4 };
+
+typedef enum rx_noise_origin {
+    RX_NOISE_UNKNOWN,  /* too little sky to measure; taken as independent */
+    RX_NOISE_WHITE,    /* stated */
+    RX_NOISE_MEASURED, /* on pixels without sources */
+    RX_NOISE_GIVEN     /* white noise under a kernel that was given */
+} rx_noise_origin;
+
+typedef struct rx_noise_correlation {
+    rx_noise_origin origin;
+    int correlated;                          /* 0: independent within the errors, and `at` says so exactly */
+    double at[RX_NOISE_SIDE][RX_NOISE_SIDE]; /* [dy + RX_NOISE_REACH][dx + RX_NOISE_REACH] */
+    double error;                            /* 1 sigma of one of them, 0 where not measured */
+    double scale;                            /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
+    long pixels;                             /* behind the measurement */
+    /* sqrt(sum at) of x low y low, x high y low, x low y high, x high y high; NAN with too little sky */
+    double quadrant[RX_NOISE_QUADRANTS];
+} rx_noise_correlation;
+
+/* Independent pixels. */
+rx_noise_correlation rx_noise_white(rx_noise_origin origin);
+
+/* White noise convolved with kernel[height][width], cut at the reach. */
+rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int height);
+
+/* Measured on a crowded tile, the light of sources too faint to be found hangs together as the PSF does. Where that is
+ * wide enough to be distinguished from noise (above 0.3 at a lag of 4 pixels, which no resampling reaches), its share is fitted
+ * at lags of 4 pixels and more, and taken off, unless what is left would be noise that sums up to next to nothing. psf[height][width]. Returns the share, 0 where nothing was done. */
+double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height);
+
+/* f of profile[height][width], at least 0.1; 1 for noise NULL, uncorrelated noise, or a profile of zeros. */
+double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, int width, int height);
+
+/* f of a profile much wider than the reach: sqrt(sum at), at least 0.1. */
+double rx_noise_factor_wide(const rx_noise_correlation *noise);
+
+RX_END_DECLS
+
+#endif

@@ -1,0 +1,30 @@
+/* Facts by name, in their order: of what made an output (stage/provenance.h), or of one extension. */
+#ifndef RX_DATA_RECORD_H
+#define RX_DATA_RECORD_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+#include "base/extern.h"
+#include "base/text.h"
+
+RX_BEGIN_DECLS
+
+typedef struct rx_record { /* all 0: empty */
+    int n, capacity;
+    char *(*pairs)[3]; /* [n] name, value, comment; owned */
+    bool failed;       /* memory ran out while adding */
+} rx_record;
+
+void rx_record_add(rx_record *record, const char *name, const char *comment, const char *format, ...)
+    RX_PRINTF(4, 5);
+
+/* Name and value of each entry, as validate/ shows them: *dst[record->n] points into the record, the array is
+ * the caller's to free. */
+rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err);
+
+void rx_record_free(rx_record *record); /* content only */
+
+RX_END_DECLS
+
+#endif

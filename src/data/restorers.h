@@ -1,0 +1,31 @@
+/* Every restorer, once:
+ *
+ *   RESTORER(NAME, function, psf, cost, help)
+ *
+ * NAME      word of RESTORE_TYPE
+ * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
+ * psf       1 where it needs the PSF of the tile or makes use of it, else 0
+ * cost      row of stage/plan_costs.def by which -PLAN reckons memory and time; NET only for the network
+ * help      one line
+ *
+ * The restorers of restore/restore.c, the words of RESTORE_TYPE (config/keys.def, config/campaign.def) and what
+ * -PLAN says of each come from these rows.
+ */
+#ifndef RX_DATA_RESTORERS_H
+#define RX_DATA_RESTORERS_H
+
+/* clang-format off */
+#define RX_RESTORERS(RESTORER)                                                                              \
+    RESTORER(NONE,     rx_none_run,     0, NONE,     "the tile as it is, background subtracted")            \
+    RESTORER(RL,       rx_rl_run,       1, RL,       "Richardson-Lucy with the given PSF")                  \
+    RESTORER(RL_BLIND, rx_rl_blind_run, 1, RL_BLIND, "Richardson-Lucy that improves the PSF as well")       \
+    RESTORER(NET,      rx_network_run,  1, NET,      "a trained network")
+
+/* How many there are, and their names as the words of a keyword, NULL behind them. */
+#define RX_RESTORER_ONE(...) + 1
+#define RX_RESTORER_COUNT (0 RX_RESTORERS(RX_RESTORER_ONE))
+#define RX_RESTORER_WORD(name, ...) #name,
+#define RX_RESTORER_WORDS RX_RESTORERS(RX_RESTORER_WORD) NULL
+/* clang-format on */
+
+#endif

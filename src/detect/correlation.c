@@ -1,0 +1,306 @@
+/* A cell is copied with the pixels that its lags reach, and looked at by itself. */
+#include "detect/correlation.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/least.h"
+#include "base/memory.h"
+#include "num/stats.h"
+
+enum {
+    REACH = RX_NOISE_REACH,
+    CELL = 64,
+    WINDOW = CELL + 2 * REACH,
+    AREA = WINDOW * WINDOW,
+    LAGS = REACH + 1 + REACH * (2 * REACH + 1), /* dy > 0, or dy = 0 and dx >= 0 */
+    GRID = 12,                                  /* cells in x and in y at most */
+    ENOUGH = 1000,                              /* pixels, in a cell and in all */
+    QUADRANT_CELLS = 9,
+    NEAR = 3 /* lags by which noise is judged */
+};
+
+static const double CUT = 4.0;           /* widths */
+static const double CUT_WIDTH = 0.99946; /* rms of a normal deviate cut there: sqrt(1 - 2 CUT phi(CUT)) */
+static const double STANDS_OUT = 3.5, BRIGHT = 20.0; /* widths of the filtered cell */
+static const double LEAST = 0.02;                    /* correlation that matters */
+static const double LEAST_SUM = 0.15;                /* the same of their sum */
+static const double FLOOR = 0.3;                     /* more than that at the reach is noise, not sky */
+static const double MEDIAN_ERROR = 1.2533;           /* of a median over that of a mean */
+
+typedef struct cell {
+    long used;
+    double lag[LAGS]; /* mean products over the mean square; lag[0] the width */
+} cell;
+
+typedef struct room {
+    float z[AREA], filtered[AREA];
+    unsigned char good[AREA], out[AREA];
+    double sorted[AREA];
+} room;
+
+/* Where a cell lies. */
+typedef struct place {
+    int x, y, width, height;   /* of the cell */
+    int left, low, across, up; /* its window in the image */
+} place;
+
+static place place_of(const rx_image *image, int nx, int ny, int k)
+{
+    const int width = rx_least(CELL, image->width), height = rx_least(CELL, image->height);
+    const int i = k % nx, j = k / nx;
+    place p = {.width = width, .height = height};
+    /* evenly, from border to border */
+    p.x = nx > 1 ? (int)((long)(image->width - width) * i / (nx - 1)) : (image->width - width) / 2;
+    p.y = ny > 1 ? (int)((long)(image->height - height) * j / (ny - 1)) : (image->height - height) / 2;
+    p.left = rx_most(p.x - REACH, 0);
+    p.low = rx_most(p.y - REACH, 0);
+    p.across = rx_least(p.x + width + REACH, image->width) - p.left;
+    p.up = rx_least(p.y + height + REACH, image->height) - p.low;
+    return p;
+}
+
+/* z of the window, 0 where a pixel is not good. */
+static void copy(const rx_image *image, const unsigned char *used, const place *p, room *r)
+{
+    const rx_map sky = rx_image_sky(image);
+    memset(r->z, 0, sizeof r->z);
+    memset(r->good, 0, sizeof r->good);
+    for (int y = 0; y < p->up; y++) {
+        float level_room[WINDOW], sigma_room[WINDOW];
+        const size_t at = (size_t)(p->low + y) * (size_t)image->width + (size_t)p->left;
+        const float *sigma = rx_map_row(&image->noise, p->low + y, p->left, p->across, sigma_room),
+                    *level = NULL;
+        if (rx_map_given(&sky))
+            level = rx_map_row(&sky, p->low + y, p->left, p->across, level_room);
+        for (int x = 0; x < p->across; x++) {
+            const float value = image->pixels[at + (size_t)x] - (level != NULL ? level[x] : 0.0f);
+            if (!rx_image_hides(image, at + (size_t)x) && sigma[x] > 0.0f && isfinite(value) &&
+                (used == NULL || used[at + (size_t)x])) {
+                r->z[y * WINDOW + x] = value / sigma[x];
+                r->good[y * WINDOW + x] = 1;
+            }
+        }
+    }
+}
+
+/* Median and robust width of the good values. */
+static double width_of(const float *values, room *r, double *middle)
+{
+    size_t n = 0;
+    for (int i = 0; i < AREA; i++)
+        if (r->good[i])
+            r->sorted[n++] = (double)values[i];
+    return rx_sigma_mad(r->sorted, n, middle);
+}
+
+/* Pixels within `reach` of one that stands out so far are not good. */
+static void leave_out(double middle, double limit, int reach, room *r)
+{
+    bool any = false;
+    memset(r->out, 0, sizeof r->out);
+    for (int i = 0; i < AREA; i++)
+        if (r->good[i] && fabs((double)r->filtered[i] - middle) > limit)
+            r->out[i] = any = true;
+    for (int i = 0; any && i < AREA; i++) {
+        if (!r->out[i])
+            continue;
+        const int x = i % WINDOW, y = i / WINDOW;
+        for (int v = rx_most(y - reach, 0); v <= rx_least(y + reach, WINDOW - 1); v++)
+            memset(&r->good[v * WINDOW + rx_most(x - reach, 0)], 0,
+                   (size_t)(rx_least(x + reach, WINDOW - 1) - rx_most(x - reach, 0) + 1));
+    }
+}
+
+static void leave_sources_out(room *r)
+{
+    for (int y = 1; y < WINDOW - 1; y++)
+        for (int x = 1; x < WINDOW - 1; x++) {
+            const float *z = r->z + y * WINDOW + x;
+            r->filtered[y * WINDOW + x] = (4.0f * z[0] + 2.0f * (z[-1] + z[1] + z[-WINDOW] + z[WINDOW]) +
+                                           z[-WINDOW - 1] + z[-WINDOW + 1] + z[WINDOW - 1] + z[WINDOW + 1]) /
+                                          16.0f;
+        }
+    double middle;
+    const double width = width_of(r->filtered, r, &middle);
+    leave_out(middle, STANDS_OUT * width, 5, r);
+    leave_out(middle, BRIGHT * width, 10, r);
+}
+
+/* Leaves z - mean of what is used, 0 elsewhere. */
+static double centre(room *r)
+{
+    double middle, sum = 0.0, squares = 0.0;
+    long n = 0;
+    const double limit = CUT * width_of(r->z, r, &middle);
+    for (int i = 0; i < AREA; i++) {
+        r->good[i] = r->good[i] && fabs((double)r->z[i] - middle) <= limit;
+        sum += r->good[i] ? (double)r->z[i] : 0.0;
+        n += r->good[i];
+    }
+    const double mean = n > 0 ? sum / (double)n : 0.0;
+    for (int i = 0; i < AREA; i++) {
+        r->z[i] = r->good[i] ? (float)((double)r->z[i] - mean) : 0.0f;
+        squares += (double)r->z[i] * (double)r->z[i];
+    }
+    return n > 0 ? sqrt(squares / (double)n) / CUT_WIDTH : 0.0;
+}
+
+/* Mean product of the cell's pixels with those (dx, dy) from them. */
+static double mean_product(const place *p, const room *r, int dx, int dy)
+{
+    double sum = 0.0;
+    long pairs = 0;
+    const int x0 = p->x - p->left, y0 = p->y - p->low;
+    const int first = rx_most(x0, -dx), end = rx_least(x0 + p->width, p->across - dx);
+    for (int y = y0; y < rx_least(y0 + p->height, p->up - dy); y++) {
+        const float *a = r->z + y * WINDOW, *b = a + dy * WINDOW + dx;
+        const unsigned char *u = r->good + y * WINDOW, *v = u + dy * WINDOW + dx;
+        float row = 0.0f;
+        int count = 0;
+#pragma omp simd reduction(+ : row, count)
+        for (int x = first; x < end; x++) {
+            row += a[x] * b[x];
+            count += u[x] & v[x];
+        }
+        sum += (double)row;
+        pairs += count;
+    }
+    return pairs > 0 ? sum / (double)pairs : 0.0;
+}
+
+static void measure_cell(const rx_image *image, const unsigned char *used, const place *p, room *r, cell *dst)
+{
+    *dst = (cell){0};
+    copy(image, used, p, r);
+    if (used == NULL)
+        leave_sources_out(r);
+    const double width = centre(r);
+    long n = 0;
+    for (int y = 0; y < p->height; y++)
+        for (int x = 0; x < p->width; x++)
+            n += r->good[(p->y - p->low + y) * WINDOW + p->x - p->left + x];
+    const double variance = mean_product(p, r, 0, 0);
+    if (n < ENOUGH || !(width > 0.0) || !(variance > 0.0))
+        return;
+    dst->used = n;
+    dst->lag[0] = width;
+    int k = 1;
+    for (int dy = 0; dy <= REACH; dy++)
+        for (int dx = dy == 0 ? 1 : -REACH; dx <= REACH; dx++)
+            dst->lag[k++] = mean_product(p, r, dx, dy) / variance;
+}
+
+static double median_lag(const cell *cells, const int *which, int n, int lag, double *sorted)
+{
+    for (int i = 0; i < n; i++)
+        sorted[i] = cells[which[i]].lag[lag];
+    return rx_median(sorted, (size_t)n);
+}
+
+/* What does not fade with distance is the sky's. */
+static void remove_floor(rx_noise_correlation *dst)
+{
+    double sum = 0.0;
+    int lags = 0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++)
+            if (abs(dx) == REACH || abs(dy) == REACH) {
+                sum += dst->at[dy + REACH][dx + REACH];
+                lags++;
+            }
+    const double floor = sum / lags;
+    if (fabs(floor) > FLOOR)
+        return;
+    dst->scale *= sqrt(1.0 - floor);
+    for (int i = 0; i < RX_NOISE_SIDE * RX_NOISE_SIDE; i++) {
+        double *at = &dst->at[i / RX_NOISE_SIDE][i % RX_NOISE_SIDE];
+        *at = (*at - floor) / (1.0 - floor);
+    }
+    dst->at[REACH][REACH] = 1.0;
+}
+
+/* The medians over those cells, and what they amount to. */
+static rx_noise_correlation combine(const cell *cells, const int *which, int n, double *sorted)
+{
+    rx_noise_correlation noise = rx_noise_white(n > 0 ? RX_NOISE_MEASURED : RX_NOISE_UNKNOWN);
+    if (n == 0)
+        return noise;
+    int k = 1;
+    for (int i = 0; i < n; i++)
+        noise.pixels += cells[which[i]].used;
+    noise.scale = median_lag(cells, which, n, 0, sorted);
+    for (int dy = 0; dy <= REACH; dy++)
+        for (int dx = dy == 0 ? 1 : -REACH; dx <= REACH; dx++, k++)
+            noise.at[REACH + dy][REACH + dx] = noise.at[REACH - dy][REACH - dx] =
+                median_lag(cells, which, n, k, sorted);
+    remove_floor(&noise);
+    double squares = 0.0, largest = 0.0, sum = 0.0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++) {
+            const double value = noise.at[dy + REACH][dx + REACH];
+            squares += value * value;
+            if (dx == 0 && dy == 0)
+                continue;
+            if (abs(dx) <= 1 && abs(dy) <= 1)
+                largest = fmax(largest, fabs(value));
+            if (abs(dx) <= NEAR && abs(dy) <= NEAR)
+                sum += value;
+        }
+    noise.error = (n > 2 ? MEDIAN_ERROR : 1.0) * sqrt(squares / (double)noise.pixels);
+    /* of the sum, half are the others again */
+    const double sum_error = sqrt(2.0 * ((2 * NEAR + 1) * (2 * NEAR + 1) - 1)) * noise.error;
+    noise.correlated =
+        largest > fmax(4.0 * noise.error, LEAST) || fabs(sum) > fmax(5.0 * sum_error, LEAST_SUM);
+    for (int i = 0; i < RX_NOISE_SIDE * RX_NOISE_SIDE; i++) {
+        double *at = &noise.at[i / RX_NOISE_SIDE][i % RX_NOISE_SIDE];
+        if (i != RX_NOISE_SIDE * RX_NOISE_SIDE / 2 && (!noise.correlated || fabs(*at) < 3.0 * noise.error))
+            *at = 0.0;
+    }
+    return noise;
+}
+
+rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,
+                                 rx_noise_correlation *dst, rx_error *err)
+{
+    const int nx = rx_least(rx_most(image->width / CELL, 1), GRID),
+              ny = rx_least(rx_most(image->height / CELL, 1), GRID), n = nx * ny;
+    const int threads = rx_most(rx_least(nthreads, n), 1);
+    rx_status status = RX_OK;
+    cell *cells = RX_NEW(cell, (size_t)n);
+    room *rooms = RX_NEW(room, (size_t)threads);
+    int *which = RX_NEW(int, (size_t)n);
+    double *sorted = RX_NEW(double, (size_t)n);
+    *dst = rx_noise_white(RX_NOISE_UNKNOWN);
+    if (cells == NULL || rooms == NULL || which == NULL || sorted == NULL) {
+        status = rx_error_memory(err, (size_t)n * sizeof *cells + (size_t)threads * sizeof *rooms);
+        goto exit;
+    }
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (int t = 0; t < threads; t++)
+        for (int k = t; k < n; k += threads) {
+            const place p = place_of(image, nx, ny, k);
+            measure_cell(image, used, &p, &rooms[t], &cells[k]);
+        }
+    int found = 0;
+    for (int k = 0; k < n; k++)
+        if (cells[k].used > 0)
+            which[found++] = k;
+    *dst = combine(cells, which, found, sorted);
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+        found = 0;
+        for (int k = 0; k < n; k++)
+            if (cells[k].used > 0 && (2 * (k % nx) >= nx) + 2 * (2 * (k / nx) >= ny) == q)
+                which[found++] = k;
+        const rx_noise_correlation part = combine(cells, which, found, sorted);
+        dst->quadrant[q] = found < QUADRANT_CELLS ? NAN : rx_noise_factor_wide(&part);
+    }
+exit:
+    free(cells);
+    free(rooms);
+    free(which);
+    free(sorted);
+    return status;
+}

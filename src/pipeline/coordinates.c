@@ -1,0 +1,96 @@
+/* World coordinates of the sources. */
+#include "pipeline/coordinates.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "io/wcs.h"
+
+enum { CENTRE, WINDOWED, PEAK, FITTED, NPOSITIONS };
+
+static void position(const rx_source *source, int kind, double *x, double *y)
+{
+    if (kind == CENTRE || (kind == FITTED && source->fit.group == 0))
+        *x = source->x, *y = source->y;
+    else if (kind == WINDOWED)
+        *x = source->xwin, *y = source->ywin;
+    else if (kind == FITTED)
+        *x = source->fit.x, *y = source->fit.y;
+    else
+        *x = source->xpeak, *y = source->ypeak;
+}
+
+static void store(rx_source *source, int kind, double alpha, double delta, double alpha_j2000,
+                  double delta_j2000)
+{
+    if (kind == CENTRE) {
+        source->alpha = source->x_world = alpha;
+        source->delta = source->y_world = delta;
+        source->alpha_j2000 = alpha_j2000;
+        source->delta_j2000 = delta_j2000;
+    } else if (kind == WINDOWED) {
+        source->alphawin = alpha;
+        source->deltawin = delta;
+        source->alphawin_j2000 = alpha_j2000;
+        source->deltawin_j2000 = delta_j2000;
+    } else if (kind == FITTED) {
+        source->fit.alpha = source->fit.group > 0 ? alpha_j2000 : NAN;
+        source->fit.delta = source->fit.group > 0 ? delta_j2000 : NAN;
+    } else {
+        source->alphapeak = alpha;
+        source->deltapeak = delta;
+        source->alphapeak_j2000 = alpha_j2000;
+        source->deltapeak_j2000 = delta_j2000;
+    }
+}
+
+/* Position angle of native north in the J2000 frame at a source (rad): where a small step along native
+ * north leads on the J2000 sky. 0 for tiles that are in J2000 themselves. */
+static double native_north(const rx_image *image, const rx_source *source)
+{
+    const double step = 1e-3; /* deg */
+    const double *m = source->world_matrix;
+    double determinant = m[0] * m[3] - m[1] * m[2], delta = source->delta_j2000 * M_PI / 180.0;
+    if (source->alpha == source->alpha_j2000 && source->delta == source->delta_j2000)
+        return 0.0;
+    double x = source->x - m[1] / determinant * step, y = source->y + m[0] / determinant * step;
+    double alpha_j2000, delta_j2000;
+    rx_wcs_to_sky(image->wcs, 1, &x, &y, NULL, NULL, &alpha_j2000, &delta_j2000);
+    return atan2((alpha_j2000 - source->alpha_j2000) * cos(delta), delta_j2000 - source->delta_j2000);
+}
+
+rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_error *err)
+{
+    size_t n = (size_t)sources->n;
+    double *work = RX_NEW(double, 6 * n + 1);
+    if (work == NULL)
+        return rx_error_memory(err, 6 * n * sizeof(double));
+    double *x = work, *y = work + n, *sky = work + 2 * n;
+    for (int kind = 0; kind < NPOSITIONS; kind++) {
+        for (size_t i = 0; i < n; i++)
+            position(&sources->list[i], kind, &x[i], &y[i]);
+        if (image->wcs != NULL)
+            rx_wcs_to_sky(image->wcs, (int)n, x, y, sky, sky + n, sky + 2 * n, sky + 3 * n);
+        else
+            for (size_t i = 0; i < 4 * n; i++)
+                sky[i] = NAN;
+        for (size_t i = 0; i < n; i++)
+            store(&sources->list[i], kind, sky[i], sky[n + i], sky[2 * n + i], sky[3 * n + i]);
+    }
+    for (size_t i = 0; i < n; i++) {
+        rx_source *source = &sources->list[i];
+        for (int k = 0; k < 4; k++)
+            source->world_matrix[k] = NAN;
+        if (image->linear != NULL) {
+            source->x_world = image->linear[0] + image->linear[1] * source->x + image->linear[2] * source->y;
+            source->y_world = image->linear[3] + image->linear[4] * source->x + image->linear[5] * source->y;
+        }
+        if (image->wcs != NULL) {
+            rx_wcs_matrix(image->wcs, source->x, source->y, source->world_matrix);
+            source->north_j2000 = native_north(image, source);
+        }
+    }
+    free(work);
+    return RX_OK;
+}

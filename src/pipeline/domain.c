@@ -1,0 +1,111 @@
+/* A tile against the dictionary of the network's model. */
+#include "pipeline/domain.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "data/map.h"
+
+rx_status rx_domain_noise(const rx_image *image, double *noise, rx_error *err)
+{
+    const size_t width = (size_t)image->width, n = width * (size_t)image->height;
+    const rx_map sky = rx_image_sky(image);
+    size_t good = 0;
+    float *above = RX_NEW(float, n), *rows = RX_NEW(float, 2 * width);
+    rx_status status = RX_OK;
+    if (above == NULL || rows == NULL) {
+        status = rx_error_memory(err, (n + 2 * width) * sizeof(float));
+        goto exit;
+    }
+    for (int y = 0; y < image->height; y++) {
+        const size_t row = (size_t)y * width;
+        const float *sigma = rx_map_row(&image->noise, y, 0, image->width, rows),
+                    *base = rx_map_row(&sky, y, 0, image->width, rows + width);
+        for (size_t x = 0; x < width; x++)
+            if (!rx_image_hides(image, row + x) && sigma[x] > 0.0f)
+                above[good++] = (image->pixels[row + x] - base[x]) / sigma[x];
+    }
+    *noise = rx_model_noise(above, good);
+exit:
+    free(above);
+    free(rows);
+    return status;
+}
+
+/* "the network was trained for FWHM 2 to 8 pixels and noise 1 to 15", or that the model does not say. */
+static void add_grid(const rx_model *model, rx_text *dst)
+{
+    if (model->bins == NULL) {
+        rx_text_add(dst, "the model does not say what it was trained for");
+        return;
+    }
+    const rx_model_bin *first = model->bins, *last = first + (long)model->nfwhm * model->nsigma - 1;
+    rx_text_printf(dst, "the network was trained for FWHM %.4g to %.4g pixels and noise %.4g to %.4g",
+                   first->fwhm[0], last->fwhm[1], first->sigma[0], last->sigma[1]);
+}
+
+/* A PSF that is narrower than the network's own output by so much leaves nothing to restore: its
+ * deconvolution would be a blur, which the network and its steps turn into noise (undersampled tiles of 0.6
+ * to 1.5 pixels). */
+static const double NARROW = 0.9;
+
+static rx_status leave(const rx_restore_params *par, const rx_image *image, rx_log *log,
+                       const rx_restorer **kind, rx_domain *dst, rx_error *err)
+{
+    rx_text grid = {0};
+    rx_status status = RX_OK;
+    add_grid(dst->model, &grid);
+    if (grid.failed) {
+        rx_text_free(&grid);
+        return rx_error_memory(err, 0);
+    }
+    switch (par->out_of_domain) {
+    case RX_DOMAIN_FAIL:
+        status = rx_error_at(err, RX_NOT_RESTORED, image->name, image->hdu, 0,
+                             "%s, %s; take RESTORE_TYPE RL, another NET_MODEL, or "
+                             "OUT_OF_DOMAIN WARN or RL",
+                             dst->why, grid.data);
+        break;
+    case RX_DOMAIN_RL:
+        *kind = rx_restorer_find("RL");
+        break;
+    case RX_DOMAIN_WARN:
+        if (dst->fwhm < NARROW * dst->model->front.target_fwhm) { /* not for what the grid lacks */
+            snprintf(dst->why, sizeof dst->why,
+                     "FWHM %.4g pixels is below %.4g, %.4g of the network's output", dst->fwhm,
+                     NARROW * dst->model->front.target_fwhm, NARROW);
+            *kind = rx_restorer_find("RL");
+            break;
+        }
+        rx_log_warning(log, "%s[%d]: %s, %s; how well it does here is not known", image->name, image->hdu,
+                       dst->why, grid.data);
+        break;
+    }
+    rx_text_free(&grid);
+    return status;
+}
+
+rx_status rx_domain_obey(const rx_restore_params *par, const rx_image *image, double model_noise, rx_log *log,
+                         const rx_restorer **kind, rx_domain *dst, rx_error *err)
+{
+    *dst = (rx_domain){.fwhm = NAN, .noise = NAN};
+    if (strcmp((*kind)->name, "NET") != 0 || par->model == NULL)
+        return RX_OK;
+    dst->model = par->model;
+    dst->place = RX_DOMAIN_UNKNOWN;
+    dst->noise = model_noise;
+    rx_status status = model_noise > 0 ? RX_OK : rx_domain_noise(image, &dst->noise, err);
+    if (status != RX_OK)
+        return status;
+    if (image->psf == NULL) {
+        snprintf(dst->why, sizeof dst->why, "the FWHM of the tile is not known");
+        return RX_OK;
+    }
+    dst->fwhm = image->psf->fwhm;
+    dst->bin = rx_model_find(par->model, dst->fwhm, dst->noise, dst->why, sizeof dst->why);
+    dst->place = dst->bin != NULL ? RX_DOMAIN_INSIDE : RX_DOMAIN_OUTSIDE;
+    return dst->bin != NULL ? RX_OK : leave(par, image, log, kind, dst, err);
+}

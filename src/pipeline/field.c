@@ -1,0 +1,466 @@
+/* Opening a tile: read, background, PSF. */
+#include "pipeline/field.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "data/map.h"
+#include "detect/correlation.h"
+#include "detect/filter.h"
+#include "io/fits_read.h"
+#include "io/tile.h"
+#include "io/wcs.h"
+#include "pipeline/field_noise.h"
+
+static int any_saturated(const rx_image *image)
+{
+    const size_t width = (size_t)image->width;
+    for (int y = 0; image->mask != NULL && y < image->height;
+         y++) { /* whole rows: no branch in a loop over all pixels */
+        const uint8_t *mask = image->mask + (size_t)y * width;
+        uint8_t bits = 0;
+#pragma omp simd reduction(| : bits)
+        for (size_t x = 0; x < width; x++)
+            bits |= mask[x];
+        if (bits & RX_MASK_SATURATED)
+            return 1;
+    }
+    return 0;
+}
+
+static rx_status measure_background(const rx_pipeline_params *params, int role, const rx_image *input,
+                                    int hide, rx_background **dst, rx_error *err)
+{
+    rx_image image = *input;
+    image.hide = hide;
+    rx_status status = rx_background_measure(&params->background[role], &image, dst, err);
+    if (status != RX_OK && err != NULL && err->where[0] == '\0')
+        snprintf(err->where, sizeof err->where, "%s", input->name), err->hdu = input->hdu;
+    return status;
+}
+
+rx_image rx_field_observed(const rx_field *field)
+{
+    rx_image image = rx_image_on_sky(&field->image, field->plain);
+    image.psf = field->psf;
+    return image;
+}
+
+rx_image rx_field_restorable(const rx_field *field)
+{
+    rx_image image = rx_image_on_sky(&field->image, field->restored);
+    image.hide = RX_HIDE_RESTORED;
+    image.psf = field->psf;
+    return image;
+}
+
+rx_image rx_field_effective(const rx_field *field)
+{
+    rx_image image = rx_field_restorable(field);
+    if (field->effective.maker.make != NULL) /* a factor that is 1 in single precision takes no room */
+        image.noise = rx_map_made(&field->effective.maker, image.width);
+    image.global_noise *= field->noise_factor;
+    return image;
+}
+
+/* What is known of the noise beside its width. */
+static rx_status measure_noise(const rx_pipeline_params *params, rx_field *field, rx_error *err)
+{
+    const rx_correlation_params *par = &params->noise;
+    const rx_image image = rx_field_restorable(field);
+    if (par->origin == RX_NOISE_GIVEN && par->kernel != NULL)
+        field->noise = rx_noise_of_kernel(par->kernel, par->kernel_width, par->kernel_height);
+    else if (par->origin == RX_NOISE_MEASURED)
+        RX_TRY(rx_correlation_measure(&image, NULL, params->nthreads, &field->noise, err));
+    else
+        field->noise = rx_noise_white(RX_NOISE_WHITE);
+    return RX_OK;
+}
+
+/* The PSF in the middle of the tile, to be freed; NULL without memory. */
+static float *middle_stamp(const rx_field *field)
+{
+    const rx_psf *psf = field->psf;
+    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+    if (stamp != NULL)
+        rx_psf_at(psf, 0.5 * (field->image.width - 1), 0.5 * (field->image.height - 1), stamp);
+    return stamp;
+}
+
+rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *used, int nthreads,
+                                 rx_noise_correlation *dst, rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    const rx_image image = used != NULL ? rx_field_observed(field) : rx_field_restorable(field);
+    RX_TRY(rx_correlation_measure(&image, used, nthreads, dst, err));
+    if (psf == NULL || !dst->correlated)
+        return RX_OK;
+    float *stamp = middle_stamp(field);
+    if (stamp == NULL)
+        return rx_error_memory(err, 0);
+    rx_noise_without_light(dst, stamp, psf->size, psf->size);
+    free(stamp);
+    return RX_OK;
+}
+
+static const double LEAST_FACTOR = 0.7;
+
+/* Of the matched filter. What sharpening leaves, or a correlation that was measured wrongly, is not believed. */
+static rx_status make_effective_noise(rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    const rx_image *image = &field->image;
+    field->noise_factor = rx_noise_factor_wide(&field->noise);
+    if (psf != NULL && field->noise.correlated) {
+        float *stamp = middle_stamp(field);
+        if (stamp == NULL)
+            return rx_error_memory(err, 0);
+        rx_noise_without_light(&field->noise, stamp, psf->size, psf->size);
+        field->noise_factor = rx_noise_factor(&field->noise, stamp, psf->size, psf->size);
+        free(stamp);
+    }
+    if (field->noise.origin == RX_NOISE_MEASURED && field->noise_factor < LEAST_FACTOR) {
+        rx_log_warning(
+            log,
+            "%s[%d]: its noise is finer than any resampling leaves it (a matched filter has %.2f times that "
+            "of independent pixels); it is taken as independent, errors and thresholds may be too large",
+            image->name, image->hdu, field->noise_factor);
+        field->noise = rx_noise_white(RX_NOISE_UNKNOWN);
+        field->noise_factor = 1.0;
+    }
+    rx_map_scaled(&field->effective, rx_background_noise(field->restored), (float)field->noise_factor);
+    field->image.correlation = &field->noise;
+    return RX_OK;
+}
+
+static const char *const origins[] = {[RX_NOISE_UNKNOWN] = "UNKNOWN",
+                                      [RX_NOISE_WHITE] = "WHITE",
+                                      [RX_NOISE_MEASURED] = "MEASURED",
+                                      [RX_NOISE_GIVEN] = "FILE"};
+
+const char *rx_field_noise_origin(const rx_field *field)
+{
+    return origins[field->noise.origin];
+}
+
+static void say_noise(const rx_field *field, rx_log *log)
+{
+    const rx_noise_correlation *noise = &field->noise;
+    const rx_image *image = &field->image;
+    const int mid = RX_NOISE_REACH;
+    if (field->noise_factor > 1.1)
+        rx_log_info(log,
+                    "%s[%d]: noise is correlated: a matched filter has %.2f times that of independent pixels",
+                    image->name, image->hdu, field->noise_factor);
+    rx_log_detail(
+        log,
+        "%s[%d]: noise %s: correlation at lag 1 %.3f in x, %.3f in y, +-%.4f (%ld pixels); noise of the "
+        "matched "
+        "filter %.3f, of wide sums %.3f (quadrants %.2f %.2f %.2f %.2f) times that of independent pixels",
+        image->name, image->hdu, origins[noise->origin], noise->at[mid][mid + 1], noise->at[mid + 1][mid],
+        noise->error, noise->pixels, field->noise_factor, rx_noise_factor_wide(noise), noise->quadrant[0],
+        noise->quadrant[1], noise->quadrant[2], noise->quadrant[3]);
+}
+
+/* The detection image after the filter; NULL without one. */
+static rx_status filter_pixels(const rx_pipeline_params *params, const rx_image *image, const float *pixels,
+                               float **filtered, rx_error *err)
+{
+    const rx_detect_params *par = &params->detect;
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    rx_filter filter;
+    rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &filter, err);
+    if (status != RX_OK || filter.values == NULL)
+        return status;
+    *filtered = rx_alloc_filled(n, sizeof **filtered, params->nthreads);
+    if (*filtered == NULL)
+        status = rx_error_memory(err, n * sizeof **filtered);
+    else
+        rx_filter_plane(&filter, pixels, image->width, image->height, params->nthreads, *filtered);
+    rx_filter_free(&filter);
+    return status;
+}
+
+/* Candidate stars for PSF_TYPE AUTO: a plain extraction that never looks at saturated values. */
+static rx_status find_stars(const rx_pipeline_params *params, const rx_field *field, rx_log *log,
+                            rx_sources **dst, rx_error *err)
+{
+    const size_t n = (size_t)field->image.width * (size_t)field->image.height;
+    const rx_map noise = rx_background_noise(field->restored);
+    rx_sources *sources = NULL;
+    rx_status status = RX_OK;
+    float *pixels = RX_NEW(float, n), *sigma = RX_NEW(float, n), *filtered = NULL;
+    if (pixels == NULL || sigma == NULL) {
+        status = rx_error_memory(err, 2 * n * sizeof(float));
+        goto exit;
+    }
+    rx_image image = rx_field_restorable(field);
+    rx_image_above_sky(&image, params->nthreads, pixels);
+    rx_map_fill(&noise, image.height, params->nthreads, sigma);
+    image.pixels = pixels;
+    image.with_sky = 0;
+    image.noise = rx_map_plane(sigma, image.width);
+    image.variable_noise = 1;
+    image.nflagmaps = 0;
+    rx_image detection = image;
+    detection.gain = 0.0;
+    rx_detect_params detect_params = params->detect;
+    detect_params.absolute = 0;
+    detect_params.threshold = detect_params.analysis_threshold = 3.0;
+    rx_measure_params measure_params = params->measure;
+    measure_params.nnw_file = NULL;
+    measure_params.weight_gain = 0;
+    measure_params.skip = RX_SKIP_PETRO | RX_SKIP_APER | RX_SKIP_WIN;
+    measure_params.vignet_width = measure_params.vignet_height = 0;
+    measure_params.nradii = 1;
+    measure_params.flux_fraction[0] = 0.5;
+    /* hidden pixels are 0 already: detection needs no copy of them, and no filtered ones after it */
+    status = filter_pixels(params, &image, pixels, &filtered, err);
+    const rx_filtered after = {.pixels = filtered != NULL ? filtered : pixels,
+                               .spare = filtered != NULL ? &filtered : NULL};
+    if (status == RX_OK)
+        status = rx_detect_run(&detect_params, &detection, &after, log, &sources, err);
+    if (status == RX_OK)
+        status = rx_measure_run(&measure_params, &image, NULL, log, sources, err);
+    if (status == RX_OK) {
+        *dst = sources;
+        sources = NULL;
+    }
+exit:
+    rx_sources_free(sources);
+    free(pixels);
+    free(sigma);
+    free(filtered);
+    return status;
+}
+
+/* Arcsec a pixel; 0: not known. */
+static double pixel_scale(const rx_pipeline_params *params, const rx_image *image)
+{
+    return image->wcs != NULL
+               ? rx_wcs_pixel_scale(image->wcs, 0.5 * (image->width - 1), 0.5 * (image->height - 1))
+               : params->stated_scale;
+}
+
+/* FWHM in pixels that the tile's header states, *key says where; 0: nowhere. Surveys write arcsec or pixels
+ * under the same name: a card whose comment does not say which is not taken. */
+static double header_fwhm(const rx_tile *tile, double scale, const char **key)
+{
+    static const char *const keys[] = {"PSF_FWHM", "SEEING", "FWHM", "MEDFWHM", "IQFINAL"};
+    if (tile == NULL || tile->cards == NULL)
+        return 0.0;
+    const long n = (long)tile->ncards;
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        char comment[80];
+        double value;
+        if (!rx_cards_number(tile->cards, n, keys[i], &value) ||
+            !rx_cards_comment(tile->cards, n, keys[i], comment, sizeof comment))
+            continue;
+        const bool arcsec = strstr(comment, "arcsec") != NULL, pixels = strstr(comment, "pix") != NULL;
+        const double fwhm = arcsec == pixels ? 0.0 : pixels ? value : scale > 0.0 ? value / scale : 0.0;
+        *key = keys[i];
+        if (fwhm >= 0.5 && fwhm <= 50.0)
+            return fwhm;
+    }
+    return 0.0;
+}
+
+static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
+
+/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a SEEING_FWHM that was given),
+ * loudly where stars were asked; where nothing was, the tile stays as it is. */
+static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
+                            rx_log *log, rx_error *err)
+{
+    const rx_image *image = &field->image;
+    rx_psf_params par = params->psf;
+    const char *key = par.fwhm > 0.0 ? "PSF_FWHM" : NULL, *where = "";
+    const double scale = pixel_scale(params, image);
+    par.type = RX_PSF_MOFFAT;
+    if (key == NULL) {
+        par.fwhm = header_fwhm(field->tile, scale, &key);
+        where = " of the header";
+    }
+    if (!(par.fwhm > 0.0) && params->seeing_stated && scale > 0.0) {
+        par.fwhm = params->seeing_arcsec / scale;
+        key = "SEEING_FWHM";
+        where = "";
+    }
+    if (!(par.fwhm >= LEAST_FWHM)) { /* a pixel scale of degrees, or none */
+        rx_log_warning(log, "%s[%d]: %s", image->name, image->hdu, why->text);
+        field->unrestorable = 1;
+        return RX_OK;
+    }
+    if (params->psf.type == RX_PSF_AUTO)
+        rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", image->name,
+                       image->hdu, (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
+    const rx_image restorable = rx_field_restorable(field);
+    rx_status status = rx_psf_make(&par, &restorable, NULL, log, &field->psf, err);
+    if (status == RX_OK) {
+        char *said = field->psf->description;
+        const size_t used = strlen(said);
+        snprintf(said + used, sizeof field->psf->description - used, ", from %s%s", key, where);
+    }
+    return status;
+}
+
+static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *field, rx_log *log,
+                          rx_error *err)
+{
+    rx_psf_params par = params->psf;
+    const rx_image image = rx_field_restorable(field);
+    par.file = params->psf_files[role];
+    par.extension = field->image.extension;
+    rx_sources *stars = NULL;
+    rx_error why = rx_error_part(err);
+    if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)) {
+        rx_error_set(&why, RX_INPUT,
+                     "PSF_TYPE MOFFAT needs the FWHM of stars; give PSF_FWHM in pixels, or "
+                     "SEEING_FWHM in arcsec, with PIXEL_SCALE where there is no WCS");
+        return stated_psf(params, &why, field, log, err);
+    }
+    if (par.type != RX_PSF_AUTO)
+        return rx_psf_make(&par, &image, NULL, log, &field->psf, err);
+    rx_status status = find_stars(params, field, log, &stars, err);
+    if (status != RX_OK)
+        return status;
+    status = rx_psf_make(&par, &image, stars, log, &field->psf, &why);
+    rx_sources_free(stars);
+    if (status == RX_INPUT)
+        return stated_psf(params, &why, field, log, err);
+    if (status != RX_OK)
+        rx_error_take(err, &why);
+    return status;
+}
+
+/* Both backgrounds. */
+static rx_status measure_backgrounds(const rx_pipeline_params *params, int role, rx_field *field,
+                                     rx_error *err)
+{
+    int hide_plain = params->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    rx_status status = measure_background(params, role, &field->image, hide_plain, &field->plain, err);
+    field->restored = field->plain;
+    if (status != RX_OK || hide_plain == RX_HIDE_RESTORED || !any_saturated(&field->image))
+        return status;
+    field->restored = NULL;
+    return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
+}
+
+/* Sky, noise and PSF of field->image. */
+static rx_status measure_field(const rx_pipeline_params *params, int what, rx_field *field, rx_log *log,
+                               rx_error *err)
+{
+    const rx_image *image = &field->image;
+    const int role = (what & RX_FIELD_MEASURED) != 0;
+    double begun = rx_seconds();
+    rx_status status = measure_backgrounds(params, role, field, err);
+    if (status != RX_OK)
+        return status;
+    RX_TRY(measure_noise(params, field, err));
+    field->background_seconds = rx_seconds() - begun;
+    begun = rx_seconds();
+    rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
+                  image->name, image->hdu, image->width, image->height, field->plain->global_level,
+                  field->plain->global_sigma, image->gain, image->pixel_scale);
+    if (image->psf != NULL) {
+        field->psf = rx_psf_copy(image->psf);
+        if (field->psf == NULL)
+            status = rx_error_memory(err, 0);
+    } else if ((what & RX_FIELD_PSF) != 0) {
+        status = make_psf(params, role, field, log, err);
+    }
+    field->psf_seconds = rx_seconds() - begun;
+    if (status == RX_OK && image->psf == NULL && field->psf != NULL)
+        rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
+    field->image.psf = field->psf;
+    if (status == RX_OK)
+        status = make_effective_noise(field, log, err);
+    if (status == RX_OK)
+        say_noise(field, log);
+    return status;
+}
+
+rx_status rx_field_prepare(const rx_pipeline_params *params, int what, rx_tile *tile, const rx_psf *known,
+                           rx_log *log, rx_field **dst, rx_error *err)
+{
+    *dst = NULL;
+    rx_field *field = RX_NEW(rx_field, 1);
+    if (field == NULL) {
+        rx_tile_free(tile);
+        return rx_error_memory(err, sizeof *field);
+    }
+    field->tile = tile;
+    field->image = rx_tile_image(tile);
+    field->image.psf = known;
+    rx_status status = measure_field(params, what, field, log, err);
+    if (status == RX_OK)
+        *dst = field;
+    else
+        rx_field_free(field);
+    return status;
+}
+
+/* The caller's mask, and what the values themselves say: not a number, at saturation, a weight of no data. */
+static void make_mask(const rx_image *image, uint8_t *dst)
+{
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    const int weighted = image->weight_type == RX_WEIGHT_MAP_WEIGHT && image->weight != NULL;
+    for (size_t i = 0; i < n; i++) {
+        const float value = image->pixels[i];
+        int bits = rx_image_hides(image, i) ? RX_MASK_BAD : 0;
+        if (!rx_pixel_usable(value))
+            bits |= RX_MASK_BAD;
+        else if (image->saturation > 0.0 && (double)value >= image->saturation)
+            bits |= RX_MASK_SATURATED;
+        if (weighted && !(image->weight[i] > 0.0f))
+            bits |= RX_MASK_WEIGHT;
+        dst[i] = (uint8_t)bits;
+    }
+}
+
+rx_status rx_field_new(const rx_pipeline_params *params, int what, const rx_image *image, rx_log *log,
+                       rx_field **dst, rx_error *err)
+{
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    *dst = NULL;
+    if (image->width < 1 || image->height < 1 || image->pixels == NULL)
+        return rx_error_set(err, RX_USAGE, "an image of %d x %d pixels; give width, height and pixels",
+                            image->width, image->height);
+    rx_field *field = RX_NEW(rx_field, 1);
+    if (field != NULL)
+        field->mask = RX_NEW(uint8_t, n);
+    if (field == NULL || field->mask == NULL) {
+        rx_field_free(field);
+        return rx_error_memory(err, n);
+    }
+    make_mask(image, field->mask);
+    field->image = *image;
+    field->image.mask = field->image.saturated = field->mask;
+    field->image.hide = 0;
+    field->image.with_sky = 1;
+    if (image->name == NULL)
+        field->image.name = "image";
+    if (!(image->saturation > 0.0))
+        field->image.saturation = HUGE_VAL;
+    rx_status status = measure_field(params, what, field, log, err);
+    if (status == RX_OK)
+        *dst = field;
+    else
+        rx_field_free(field);
+    return status;
+}
+
+void rx_field_free(rx_field *field)
+{
+    if (field == NULL)
+        return;
+    if (field->restored != field->plain)
+        rx_background_free(field->restored);
+    rx_background_free(field->plain);
+    rx_psf_free(field->psf);
+    rx_tile_free(field->tile);
+    free(field->mask);
+    free(field);
+}

@@ -1,0 +1,114 @@
+/* Fluxes on restored pixels against the untouched ones. */
+#include "pipeline/fluxcheck.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "num/stats.h"
+
+enum { FEWEST = 5 };
+static const double LEAST_SNR = 30.0;
+static const double TOLERANCE = 0.01, SIGMAS = 5.0; /* of a ratio from 1 before it is off */
+
+/* In errors of no less than 1 % / 5, so that what is beyond 5 of them is beyond 1 % too. */
+static double errors_off(double excess, double error)
+{
+    const double errors = excess / fmax(error, TOLERANCE / SIGMAS);
+    return errors > SIGMAS ? errors : 0.0;
+}
+
+double rx_fluxcheck_excess(const rx_fluxcheck *check)
+{
+    return check->n > 0 ? fmax(errors_off(fabs(check->wide - 1.0), check->wide_error),
+                               errors_off(check->automatic - 1.0, check->automatic_error))
+                        : 0.0;
+}
+
+int rx_fluxcheck_is_off(const rx_fluxcheck *check)
+{
+    return rx_fluxcheck_excess(check) > 0.0;
+}
+
+static int is_clean(const rx_source *s)
+{
+    return s->flags == 0 && s->flux_auto > LEAST_SNR * s->fluxerr_auto && s->fluxerr_auto > 0.0;
+}
+
+/* The clean sources under the map of all: neighbours stay masked. The map is lent. */
+static rx_status pick(const rx_sources *sources, rx_sources *dst, rx_error *err)
+{
+    *dst = *sources;
+    dst->vignets = NULL;
+    dst->n = 0;
+    dst->list = RX_NEW(rx_source, (size_t)sources->n);
+    if (dst->list == NULL)
+        return rx_error_memory(err, (size_t)sources->n * sizeof(rx_source));
+    for (int i = 0; i < sources->n; i++)
+        if (is_clean(&sources->list[i]))
+            dst->list[dst->n++] = sources->list[i];
+    return RX_OK;
+}
+
+/* Wide aperture flux of every picked source. */
+static rx_status wide_fluxes(const rx_measure_params *wanted, const rx_image *image, double diameter,
+                             rx_sources *picked, double *flux, rx_log *log, rx_error *err)
+{
+    rx_measure_params par = *wanted;
+    par.naper = 1;
+    par.aperture_diameter[0] = diameter;
+    par.nnw_file = NULL;
+    par.vignet_width = par.vignet_height = 0;
+    par.skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    rx_status status = rx_measure_run(&par, image, NULL, log, picked, err);
+    for (int i = 0; i < picked->n && status == RX_OK; i++)
+        flux[i] = picked->list[i].flux_aper[0];
+    return status;
+}
+
+/* Median of a/b where both are positive and its 1 sigma error (that of a normal sample). */
+static int median_ratio(const double *a, const double *b, int n, double *work, double *median, double *error)
+{
+    size_t kept = 0;
+    for (int i = 0; i < n; i++)
+        if (a[i] > 0.0 && b[i] > 0.0)
+            work[kept++] = a[i] / b[i];
+    *median = *error = NAN;
+    if (kept >= FEWEST)
+        *error = 1.2533 * rx_sigma_mad(work, kept, median) / sqrt((double)kept);
+    return (int)kept;
+}
+
+rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restored, const rx_image *original,
+                           const rx_sources *sources, rx_log *log, rx_fluxcheck *dst, rx_error *err)
+{
+    rx_sources picked = {0};
+    double *work = NULL;
+    *dst = (rx_fluxcheck){.diameter = fmax(10.0, 5.0 * original->psf->fwhm), .wide = NAN, .automatic = NAN};
+    if ((par->skip & RX_SKIP_AUTO) != 0)
+        return RX_OK;
+    rx_status status = pick(sources, &picked, err);
+    if (status != RX_OK || picked.n < FEWEST)
+        goto exit;
+    size_t n = (size_t)picked.n;
+    work = RX_NEW(double, 4 * n);
+    if (work == NULL) {
+        status = rx_error_memory(err, 4 * n * sizeof(double));
+        goto exit;
+    }
+    double *automatic = work + n, *on_restored = work + 2 * n, *on_original = work + 3 * n;
+    for (size_t i = 0; i < n; i++)
+        automatic[i] = picked.list[i].flux_auto;
+    status = wide_fluxes(par, restored, dst->diameter, &picked, on_restored, log, err);
+    if (status == RX_OK)
+        status = wide_fluxes(par, original, dst->diameter, &picked, on_original, log, err);
+    if (status != RX_OK)
+        goto exit;
+    int used = median_ratio(on_restored, on_original, picked.n, work, &dst->wide, &dst->wide_error);
+    median_ratio(automatic, on_original, picked.n, work, &dst->automatic, &dst->automatic_error);
+    dst->n = used >= FEWEST ? used : 0;
+exit:
+    free(work);
+    free(picked.list);
+    return status;
+}

@@ -1,0 +1,37 @@
+/* Are the fluxes on a restored image those of the tile? Measured on every tile and written to log, header,
+ * report and record: the same isolated sources on restored and on untouched pixels. */
+#ifndef RX_PIPELINE_FLUXCHECK_H
+#define RX_PIPELINE_FLUXCHECK_H
+
+#include "base/error.h"
+#include "base/extern.h"
+#include "base/log.h"
+#include "data/sources.h"
+#include "measure/measure.h"
+
+RX_BEGIN_DECLS
+
+typedef struct rx_fluxcheck {
+    int n;             /* sources compared: FLAGS 0 and S/N above 30 on the restored image; 0 = too few */
+    double diameter;   /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
+    double wide;       /* median of wide aperture flux, restored / untouched */
+    double wide_error; /* 1 sigma of the median */
+    double automatic;  /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
+    double automatic_error;
+} rx_fluxcheck;
+
+/* How wrong is the flux scale? Errors (of 0.2 % or more) that the worse ratio lies from 1, of those that are off: the wide
+ * aperture's by more than 1 % and 5 sigma, FLUX_AUTO's so much above 1 (below it is the light that FLUX_AUTO leaves
+ * out). 0: neither is off. */
+double rx_fluxcheck_excess(const rx_fluxcheck *check);
+
+/* Is that above 0? */
+int rx_fluxcheck_is_off(const rx_fluxcheck *check);
+
+/* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile, with its PSF. Fewer than 5 sources: n = 0. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restored, const rx_image *original,
+                           const rx_sources *sources, rx_log *log, rx_fluxcheck *dst, rx_error *err);
+
+RX_END_DECLS
+
+#endif

@@ -1,0 +1,105 @@
+/* The pipeline's rows of config/keys.def. */
+#include "pipeline/params.h"
+
+#include <strings.h>
+
+#include "base/threads.h"
+#include "config/config_fields.h"
+#include "config/fill.h"
+#include "config/kernel.h"
+#include "config/settings.h"
+
+/* clang-format off */
+#define SECTION(id, title)
+#define KEY RX_FILL_KEY
+#define NOWORDS NULL
+#define WORDLIST(...) NULL
+#define W(word, value) value
+#define PIPELINE_WORDS RX_FILL_WORDS
+#define PIPELINE(how, field) RX_FILL(rx_pipeline_params, how, field)
+#define BACKGROUNDS(how, field) PIPELINE(how, background[0].field), PIPELINE(how, background[1].field)
+#define STAGE_WORDS(...) NULL
+#define STAGE(how, field) RX_FILL_NOTHING
+#define TILES(how, field) RX_FILL_NOTHING
+static const rx_fill rows[] = {
+#include "config/keys.def"
+};
+/* clang-format on */
+
+enum { ROWS = sizeof rows / sizeof rows[0] };
+
+/* The second item of THRESH_TYPE knows RELATIVE and ABSOLUTE. */
+static void settle(rx_pipeline_params *params)
+{
+    params->detect.analysis_absolute = (params->detect.analysis_absolute & RX_THRESH_ABSOLUTE) != 0;
+}
+
+void rx_pipeline_fill(rx_pipeline_params *dst, const rx_settings *settings)
+{
+    dst->templates.par = rx_tphot_defaults();
+    dst->judge_residual = 1;
+    rx_fill_all(rows, ROWS, settings, dst);
+    settle(dst);
+}
+
+void rx_pipeline_threads(rx_pipeline_params *params, int nthreads)
+{
+    params->nthreads = nthreads;
+    params->background[0].nthreads = params->background[1].nthreads = nthreads;
+    params->restore.nthreads = nthreads;
+    params->detect.nthreads = nthreads;
+    params->measure.nthreads = nthreads;
+    params->templates.par.nthreads = nthreads;
+}
+
+static void set_filter(rx_pipeline_params *params, bool wanted)
+{
+    rx_detect_params *detect = &params->detect;
+    detect->filter = wanted ? rx_kernel_built_in : NULL;
+    detect->filter_width = detect->filter_height = wanted ? 3 : 0;
+    detect->filter_normalise = wanted;
+}
+
+rx_status rx_pipeline_defaults(rx_pipeline_params *dst, rx_error *err)
+{
+    rx_config *config = NULL;
+    rx_status status = rx_config_new(&config, err);
+    if (status != RX_OK)
+        return status;
+    *dst = (rx_pipeline_params){.restorer = rx_restorer_find(config->restore_type.v[0])};
+    rx_pipeline_fill(dst, &config->settings);
+    rx_pipeline_threads(dst, rx_threads_wanted(config->nthreads));
+    set_filter(dst, config->filter);
+    rx_config_free(config);
+    return RX_OK;
+}
+
+rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const char *value, rx_error *err)
+{
+    rx_config *config = NULL;
+    rx_status status = rx_config_new(&config, err);
+    if (status == RX_OK)
+        status = rx_config_set(config, name, value, NULL, err);
+    if (status != RX_OK) {
+        rx_config_free(config);
+        return status;
+    }
+    if (strcasecmp(name, "RESTORE_TYPE") == 0 && config->restore_type.n == 1)
+        params->restorer = rx_restorer_find(config->restore_type.v[0]);
+    else if (strcasecmp(name, "RESTORE_TYPE") == 0)
+        status = rx_error_set(err, RX_USAGE, "RESTORE_TYPE: %d are named; give one, and run once for each",
+                              config->restore_type.n);
+    else if (strcasecmp(name, "FILTER") == 0)
+        set_filter(params, config->filter);
+    else if (strcasecmp(name, "NTHREADS") == 0)
+        rx_pipeline_threads(params, rx_threads_wanted(config->nthreads));
+    else if (strcasecmp(name, "PIXEL_SCALE") == 0)
+        params->stated_scale = config->pixel_scale;
+    else
+        status = rx_fill_one(rows, ROWS, &config->settings, name, params, err);
+    if (status == RX_OK && strcasecmp(name, "SEEING_FWHM") == 0)
+        params->seeing_stated = true;
+    settle(params);
+    rx_config_free(config);
+    return status;
+}

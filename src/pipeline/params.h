@@ -1,0 +1,100 @@
+/* What the pipeline is told: one plain struct per stage, and what is decided between them. */
+#ifndef RX_PIPELINE_PARAMS_H
+#define RX_PIPELINE_PARAMS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/extern.h"
+#include "data/noise_correlation.h"
+#include "detect/background.h"
+#include "detect/detect.h"
+#include "measure/measure.h"
+#include "psf/psf.h"
+#include "restore/restore.h"
+#include "template/template.h"
+
+RX_BEGIN_DECLS
+
+/* What thresholds on restored pixels are sigmas of. AUTO: INPUT where the restorer brings such a map. */
+typedef enum rx_detect_noise {
+    RX_DETECT_NOISE_AUTO,
+    RX_DETECT_NOISE_MEASURED,
+    RX_DETECT_NOISE_INPUT
+} rx_detect_noise;
+
+/* THRESH_TYPE: 0, sigmas of a pixel; else one of these bits. Of restored images sigmas are those of DETECT_NOISE. */
+enum { RX_THRESH_ABSOLUTE = 1, RX_THRESH_SIGNIFICANCE = 2 };
+
+/* NOISE_CORRELATION: measured, white, or given as the kernel under which white noise became the image's. */
+typedef struct rx_correlation_params {
+    rx_noise_origin origin;
+    const float *kernel; /* [height][width]; not owned */
+    int kernel_width, kernel_height;
+} rx_correlation_params;
+
+/* What MASK_SATURATED and ERROR_CALIBRATION are done for: images of restorer NONE, those of the others. */
+enum { RX_OF_NONE = 1, RX_OF_RESTORED = 2 };
+
+/* What TEMPLATE_TYPE admits besides points: profiles, restored pixels. */
+enum { RX_TEMPLATE_EXTENDED = 1, RX_TEMPLATE_PIXELS = 2 };
+
+/* Template photometry: what is fitted, and what is done with sources that are not significant. */
+typedef struct rx_template_params {
+    int wanted;
+    rx_tphot_params par; /* keep_model, covariance: of the image that is measured */
+    int passes;          /* TEMPLATE_PASSES */
+    double threshold;    /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
+    double invented;     /* INVENTED_SNR */
+    double evidence;     /* INVENTED_EVIDENCE */
+    int drop;            /* INVENTED_TYPE DROP */
+} rx_template_params;
+
+typedef struct rx_pipeline_params {
+    const rx_restorer *restorer;        /* of rx_pipeline_run(); NULL: Richardson-Lucy */
+    rx_background_params background[2]; /* of the detection and of the measurement image */
+    rx_psf_params psf;                  /* its file: psf_files */
+    const char *psf_files[2];           /* PSF_NAME of the same two */
+    double seeing_arcsec;               /* SEEING_FWHM */
+    bool seeing_stated;                 /* the default is no statement about a tile */
+    double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
+    rx_restore_params restore;
+    rx_detect_params detect;
+    int significance;             /* THRESH_TYPE SIGNIFICANCE: of untouched images */
+    rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
+    rx_correlation_params noise;
+    int filter_restored; /* FILTER_RESTORED */
+    int judge_residual;  /* of what a network restored: rx_result.residual */
+    int keep_filtered;   /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
+    rx_template_params templates;
+    rx_measure_params measure;
+    int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
+    int measure_original;  /* MEASURE_ON ORIGINAL */
+    int calibrate_none, calibrate_restored; /* ERROR_CALIBRATION */
+    int error_apertures;
+    uint64_t seed;
+    int flag_types[RX_MAX_FLAGMAPS]; /* FLAG_TYPE */
+    int nthreads;
+} rx_pipeline_params;
+
+/* The defaults of all keywords of config/keys.def that are the pipeline's, RESTORE_TYPE, the built-in FILTER and
+ * NTHREADS among them. There are no names of files and no model, and everything is measured. */
+rx_status rx_pipeline_defaults(rx_pipeline_params *dst, rx_error *err);
+
+/* One of these keywords, its value as on the command line: "DETECT_THRESH", "2.0". Names of files and the model of
+ * RESTORE_TYPE NET are fields; the mag/arcsec2 of DETECT_THRESH, and relations between keywords, are the stage's.
+ * Errors: RX_USAGE (unknown, not its value, or not the pipeline's), RX_SYSTEM; params is then as it was. */
+rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const char *value, rx_error *err);
+
+struct rx_settings; /* config/settings.h */
+
+/* The same keywords from settings of rextract; *dst was zeroed. What depends on more than one keyword is left. */
+void rx_pipeline_fill(rx_pipeline_params *dst, const struct rx_settings *settings);
+
+/* For every stage. */
+void rx_pipeline_threads(rx_pipeline_params *params, int nthreads);
+
+RX_END_DECLS
+
+#endif

@@ -1,0 +1,93 @@
+/* The pipeline in memory: arrays in; restored image, sources, table and facts out. Without files, and without printing
+ * but through the log. The programs run it too, as do self checks and campaigns, so that what they learn holds for
+ * catalogues.
+ *
+ *   background -> psf                         pipeline/field.h
+ *   restore -> detect -> templates -> measure rx_field_extract()
+ *
+ * Its parts can be called one by one: rx_background_measure(), rx_psf_make(), rx_restorer.run, rx_detect_run(),
+ * rx_template_fit_run(), rx_measure_run(). */
+#ifndef RX_PIPELINE_PIPELINE_H
+#define RX_PIPELINE_PIPELINE_H
+
+#include "base/error.h"
+#include "base/extern.h"
+#include "base/log.h"
+#include "data/record.h"
+#include "data/restored.h"
+#include "data/sources.h"
+#include "data/table.h"
+#include "pipeline/domain.h"
+#include "pipeline/field.h"
+#include "pipeline/params.h"
+#include "pipeline/photometry.h"
+#include "pipeline/residual.h"
+#include "pipeline/template_fit.h"
+
+RX_BEGIN_DECLS
+
+typedef struct rx_result_noise rx_result_noise; /* measured on the restored image */
+
+typedef struct rx_result {
+    const rx_restorer *kind;          /* that was asked for */
+    const rx_field *detect, *measure; /* what was worked on; the same one without dual-image mode */
+    rx_field *own;                    /* made by rx_pipeline_run(), else NULL */
+    rx_restored *restored;
+    rx_sources *sources;       /* detected and measured; detection_snr ranks them */
+    rx_template_fit templates; /* tphot NULL where templates are not wanted */
+    rx_photometry photometry;
+    const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once nobody
+                              wants it any more (rx_pipeline_params.keep_filtered) */
+    float *own_filtered;   /* NULL without one */
+    rx_map noise; /* noise that thresholds refer to, ADU: of one of these, what was restored or the field */
+    rx_result_noise *own_noise;
+    rx_scaled_map *significant; /* THRESH_TYPE SIGNIFICANCE */
+    rx_map_maker *input_noise;
+    double global_noise;
+    int plain;    /* nothing was restored */
+    int original; /* fluxes are of untouched pixels */
+    rx_residual
+        residual; /* of the detection image, where a network restored it with a PSF; else nx 0, share NAN */
+    rx_domain domain;    /* of the detection image, where a network was asked for */
+    rx_restored *second; /* restored measurement image, dual-image mode only */
+    const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
+    char why[240];  /* why */
+} rx_result;
+
+/* An image as the caller has it: pixels with their sky, mask and what hides, gain, saturation, zero point, and weights
+ * or flag maps where there are any; its sky and noise are measured here. Its PSF is that of the image, or where that is
+ * NULL what params->psf says. By params->restorer, Richardson-Lucy where that is NULL. The caller's arrays and
+ * params->restore.model must live as long as the result. Runs in several threads at once do not know of each other.
+ * Errors: those of the parts; RX_INTERRUPTED where the caller stops it. Free with rx_result_free(); nothing is left after an error. */
+rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
+                          rx_result *dst, rx_error *err);
+
+/* A table of the sources with any columns of SExtractor's or ours (rextract -dp lists them), vectors with one element.
+ * Errors: RX_USAGE (no such column), RX_SYSTEM. Free with rx_table_free(). */
+rx_status rx_result_table(const rx_result *result, const char *const *columns, int n, rx_table **dst,
+                          rx_error *err);
+
+/* What was found out on the way, as headers have it (RXREST, RXFWHM, RXSIGMA ...; rextract(1) explains them), added to
+ * `facts`, which says in `failed` when memory ran out. */
+void rx_result_facts(const rx_result *result, rx_record *facts);
+
+/* restore -> detect -> templates where wanted -> measure, on a prepared field. `measure`: of the same size, NULL without
+ * dual-image mode. A kind that must have a PSF runs as NONE on a field that is `unrestorable`, the network as
+ * OUT_OF_DOMAIN says on one that it was not trained for (pipeline/domain.h): dst->by then names what ran, every source
+ * is marked RX_RESTORE_OTHER, and the log has a detail of it; sources in cells that the network does not explain are
+ * marked RX_RESTORE_UNEXPLAINED; without restore.fallback it is RX_NOT_RESTORED. The fields
+ * must live as long as the result. May run in several threads at the same time, on params and fields that stay as they
+ * are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes), RX_NOT_RESTORED,
+ * those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */
+rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
+                           const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err);
+
+/* How many sources there were if DETECT_THRESH were `factor` times params->detect.threshold: detected again on what was
+ * restored and filtered with these params, keep_filtered among them; without templates. Errors: RX_SYSTEM. */
+rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *result, double factor, long *n,
+                          rx_error *err);
+void rx_result_free(rx_result *result);
+
+RX_END_DECLS
+
+#endif

@@ -1,0 +1,380 @@
+/* Sources that only show in what the templates leave. */
+#include "pipeline/template_extra.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "detect/filter.h"
+#include "template/leftover.h"
+
+/* Of the light that the models have around a pixel, so much counts as noise: profiles and PSFs miss by a few
+ * per cent, and so do positions; of a bright source that is many sigmas, all over its face and round it. */
+static const double MODEL_ERROR = 0.1;
+static const double NEAR = 1.0;   /* around: units of the PSF's FWHM */
+static const double HIDDEN = 1.0; /* light of models, in sigmas of a pixel, that hides a source */
+static const double REACH = 1.5;  /* of the filter, units of the PSF's FWHM */
+/* What is so near the border, in FWHM, may be the wing of something beyond it, which no template inside
+ * explains. */
+static const double BORDER = 0.5;
+static const double APART = 0.4; /* FWHM between a source and one that is added, at least */
+
+/* The residual is detected on in bands of about BAND pixels that begin at multiples of STEP rows, with AROUND
+ * rows more at either end: what reaches farther than that into the next band is cut there. */
+enum { BAND = 1 << 23, STEP = 64, AROUND = 128 };
+
+/* Where a source of the list is. */
+typedef struct place {
+    double y, x;
+} place;
+
+/* What one call looks for and where. */
+typedef struct search {
+    rx_template_extra *extra;
+    rx_leftover leftover;
+    double threshold;
+    place *taken;             /* [extra->sources->n] by y */
+    unsigned char *saturated; /* [extra->sources->n] by segment - 1: holds saturated pixels */
+} search;
+
+/* A pixel of an added source. */
+typedef struct rx_template_pixel {
+    size_t at;
+    int32_t segment;
+} rx_template_pixel;
+
+/* The PSF in the middle of the tile, cut to its core and lowered to a sum of 0 (Stetson 1987, PASP 99, 191),
+ * so that light without structure, the halo of a bright star beyond what its PSF holds, is no peak.
+ * [*side][*side], the caller's. */
+static float *matched_filter(const rx_psf *psf, int width, int height, int *side)
+{
+    const int whole = psf->size, half = (int)fmin(ceil(REACH * fmax(psf->fwhm, 1.0)) + 1, whole / 2);
+    float *stamp = RX_NEW(float, (size_t)whole *(size_t)whole);
+    if (stamp == NULL)
+        return NULL;
+    rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), stamp);
+    *side = 2 * half + 1;
+    for (int y = 0; y < *side; y++)
+        memmove(stamp + (size_t)y * (size_t)*side,
+                stamp + (size_t)(whole / 2 - half + y) * (size_t)whole + (size_t)(whole / 2 - half),
+                (size_t)*side * sizeof *stamp);
+    const size_t n = (size_t)*side * (size_t)*side;
+    double mean = 0;
+    for (size_t i = 0; i < n; i++)
+        mean += (double)stamp[i] / (double)n;
+    for (size_t i = 0; i < n; i++)
+        stamp[i] -= (float)mean;
+    return stamp;
+}
+
+/* What stands alone was there to be seen on the restored image: whether it is a source is for the detection
+ * threshold to say. */
+static int hidden(const rx_leftover_spot *spot)
+{
+    return spot->light > HIDDEN / sqrt(spot->weight);
+}
+
+static int by_y(const void *one, const void *other)
+{
+    const place *a = one, *b = other;
+    return (a->y > b->y) - (a->y < b->y);
+}
+
+static rx_status sort_taken(const rx_sources *sources, place **dst, rx_error *err)
+{
+    place *taken = RX_NEW(place, (size_t)sources->n);
+    if (taken == NULL)
+        return rx_error_memory(err, (size_t)sources->n * sizeof *taken);
+    for (int i = 0; i < sources->n; i++)
+        taken[i] = (place){sources->list[i].y, sources->list[i].x};
+    qsort(taken, (size_t)sources->n, sizeof *taken, by_y);
+    *dst = taken;
+    return RX_OK;
+}
+
+/* Too near a source to be told apart from it: what a template leaves there is its own error, that of a cosmic
+ * ray for instance, which is no point. */
+static int on_a_source(const search *of, const rx_source *s)
+{
+    const double apart = APART * of->extra->psf->fwhm;
+    int first = 0, end = of->extra->sources->n;
+    while (first < end) {
+        const int middle = first + (end - first) / 2;
+        if (of->taken[middle].y > s->y - apart)
+            end = middle;
+        else
+            first = middle + 1;
+    }
+    for (int i = first; i < of->extra->sources->n && of->taken[i].y < s->y + apart; i++)
+        if (hypot(s->x - of->taken[i].x, s->y - of->taken[i].y) < apart)
+            return 1;
+    return 0;
+}
+
+/* Around a core that is cut off no template fits: its errors would stand as a ring of sources. */
+static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **dst, rx_error *err)
+{
+    const rx_sources *sources = extra->sources;
+    const size_t npixels = (size_t)sources->width * (size_t)sources->height;
+    unsigned char *saturated = RX_NEW(unsigned char, (size_t)sources->n);
+    if (saturated == NULL)
+        return rx_error_memory(err, (size_t)sources->n);
+    for (size_t i = 0; i < npixels; i++)
+        if ((extra->mask[i] & RX_MASK_SATURATED) != 0 && sources->segments[i] > 0)
+            saturated[sources->segments[i] - 1] = 1;
+    *dst = saturated;
+    return RX_OK;
+}
+
+static int in_a_saturated_star(const search *of, const rx_source *s)
+{
+    const rx_sources *sources = of->extra->sources;
+    const int32_t segment = sources->segments[(size_t)s->ypeak * (size_t)sources->width + (size_t)s->xpeak];
+    return segment > 0 && of->saturated[segment - 1];
+}
+
+/* Which of what ends in the rows from .. to - 1 is taken; the threshold for measuring a source is that of its
+ * peak before the filter. */
+static rx_status choose(const search *of, int from, int to, rx_sources *found, rx_error *err)
+{
+    const rx_leftover *leftover = &of->leftover;
+    const int width = leftover->canvas->width, height = leftover->canvas->height;
+    const double margin = BORDER * of->extra->psf->fwhm;
+    unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
+    rx_leftover_spot *spots = RX_NEW(rx_leftover_spot, (size_t)found->n);
+    rx_status status = RX_OK;
+    if (keep == NULL || spots == NULL)
+        status = rx_error_memory(err, (size_t)found->n * (sizeof *spots + 1));
+    for (int i = 0; i < found->n && status == RX_OK; i++)
+        spots[i] = (rx_leftover_spot){.x = found->list[i].xpeak, .y = found->list[i].ypeak};
+    if (status == RX_OK)
+        status = rx_leftover_look(leftover, spots, found->n, err);
+    if (status != RX_OK)
+        goto exit;
+#pragma omp parallel for schedule(dynamic, 64) num_threads(of->extra->nthreads)
+    for (int i = 0; i < found->n; i++) {
+        rx_source *s = &found->list[i];
+        keep[i] = s->ymax >= from && s->ymax < to && s->x >= margin && s->y >= margin &&
+                  s->x <= width - 1 - margin && s->y <= height - 1 - margin && hidden(&spots[i]) &&
+                  !on_a_source(of, s) && !in_a_saturated_star(of, s);
+        s->analysis_threshold = of->threshold * spots[i].sigma;
+    }
+    status = rx_sources_select(found, keep, err);
+exit:
+    free(keep);
+    free(spots);
+    return status;
+}
+
+/* The pixels of what was found as a list, for most of its map, which begins at row `from`, is empty; segments
+ * go on from `last`. */
+static rx_status list_pixels(const rx_sources *found, int from, int last, rx_template_extra *extra,
+                             rx_error *err)
+{
+    const size_t n = (size_t)found->width * (size_t)found->height;
+    const size_t above = (size_t)from * (size_t)found->width;
+    size_t count = extra->npixels_found;
+    for (size_t i = 0; i < n; i++)
+        count += found->segments[i] != 0;
+    rx_template_pixel *list = rx_regrow(extra->pixels_found, count, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, count * sizeof *list);
+    extra->pixels_found = list;
+    for (size_t i = 0; i < n; i++)
+        if (found->segments[i] != 0)
+            list[extra->npixels_found++] = (rx_template_pixel){above + i, last + found->segments[i]};
+    return RX_OK;
+}
+
+/* What was found in a band whose map begins at row `from` joins the others. */
+static rx_status collect(const rx_sources *band, int from, rx_template_extra *extra, rx_error *err)
+{
+    rx_sources *found = extra->found;
+    const size_t all = (size_t)found->n + (size_t)band->n;
+    rx_source *list = rx_regrow(found->list, all, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, all * sizeof *list);
+    found->list = list;
+    rx_status status = list_pixels(band, from, found->n, extra, err);
+    for (int i = 0; i < band->n && status == RX_OK; i++) {
+        list[found->n] = band->list[i];
+        list[found->n].number = list[found->n].segment = found->n + 1;
+        found->n++;
+    }
+    return status;
+}
+
+static rx_status positions(const rx_sources *found, double (**dst)[2], int *n, rx_error *err)
+{
+    double(*at)[2] = rx_alloc((size_t)found->n, sizeof *at);
+    if (at == NULL)
+        return rx_error_memory(err, (size_t)found->n * sizeof *at);
+    for (int i = 0; i < found->n; i++) {
+        at[i][0] = found->list[i].x;
+        at[i][1] = found->list[i].y;
+    }
+    *dst = at;
+    *n = found->n;
+    return RX_OK;
+}
+
+/* All of the rows from .. to - 1, on planes that have been filtered already, by all threads: the filter is as
+ * large as the PSF. */
+static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx_error *err)
+{
+    const int width = of->leftover.canvas->width, height = to - from;
+    const size_t npixels = (size_t)width * (size_t)height;
+    rx_detect_params par = *of->extra->detect;
+    float *filtered = RX_NEW(float, npixels), *noise = RX_NEW(float, npixels);
+    uint8_t *mask = RX_NEW(uint8_t, npixels);
+    rx_status status = RX_OK;
+    if (filtered == NULL || noise == NULL || mask == NULL)
+        status = rx_error_memory(err, npixels * (2 * sizeof *filtered + 1));
+    else
+        status = rx_leftover_filter(&of->leftover, from, to, filtered, noise, mask, err);
+    par.threshold = par.analysis_threshold = of->threshold;
+    par.absolute = par.analysis_absolute = 0;
+    par.min_area = 1;
+    par.max_area = 0;
+    par.filter = NULL;
+    par.filter_width = par.filter_height = 0;
+    par.filter_normalise = 1;
+    par.matched = 0;
+    const rx_image image = {.width = width,
+                            .height = height,
+                            .pixels = filtered,
+                            .mask = mask,
+                            .hide = 1,
+                            .noise = rx_map_plane(noise, width),
+                            .variable_noise = 1,
+                            .global_noise = 1.0};
+    if (status == RX_OK)
+        status = rx_detect_run(&par, &image, &(rx_filtered){.pixels = filtered}, of->extra->log, dst, err);
+    free(filtered);
+    free(noise);
+    free(mask);
+    return status;
+}
+
+/* What ends in the rows from .. to - 1. */
+static rx_status find_in_band(search *of, int from, int to, rx_error *err)
+{
+    const int height = of->leftover.canvas->height, top = from > AROUND ? from - AROUND : 0;
+    const int end = to + AROUND < height ? to + AROUND : height;
+    rx_sources *found = NULL;
+    rx_status status = detect(of, top, end, &found, err);
+    for (int i = 0; status == RX_OK && i < found->n; i++) {
+        rx_source *s = &found->list[i];
+        s->y += top;
+        s->ymin += top;
+        s->ymax += top;
+        s->ypeak += top;
+    }
+    if (status == RX_OK)
+        status = choose(of, from, to, found, err);
+    if (status == RX_OK)
+        status = collect(found, top, of->extra, err);
+    rx_sources_free(found);
+    return status;
+}
+
+static rx_status find_all(search *of, rx_error *err)
+{
+    rx_template_extra *extra = of->extra;
+    const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
+    const int rows = (BAND / width / STEP + 1) * STEP;
+    rx_status status = sort_taken(extra->sources, &of->taken, err);
+    if (status == RX_OK)
+        status = mark_saturated(extra, &of->saturated, err);
+    if (status != RX_OK)
+        return status;
+    extra->found = RX_NEW(rx_sources, 1);
+    if (extra->found == NULL)
+        return rx_error_memory(err, sizeof *extra->found);
+    extra->found->width = width;
+    extra->found->height = height;
+    for (int y = 0; y < height && status == RX_OK; y += rows)
+        status = find_in_band(of, y, y + rows < height ? y + rows : height, err);
+    return status;
+}
+
+rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
+                                 rx_error *err)
+{
+    rx_template_extra *extra = user;
+    int side = 0;
+    float *stamp = matched_filter(extra->psf, canvas->width, canvas->height, &side);
+    if (stamp == NULL)
+        return rx_error_memory(err, 0);
+    const double threshold = extra->threshold * rx_filter_norm(stamp, side * side);
+    const double grain = rx_noise_factor(canvas->correlation, stamp, side, side);
+    rx_filter filter = {0};
+    rx_status status = rx_filter_new(stamp, side, side, &filter, err);
+    free(stamp);
+    if (status != RX_OK)
+        return status;
+    search of = {.extra = extra,
+                 .leftover = {.canvas = canvas,
+                              .pixels = extra->pixels,
+                              .level = extra->level,
+                              .reach = (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)),
+                              .model_error = MODEL_ERROR,
+                              .grain = grain,
+                              .filter = filter.values,
+                              .side = side,
+                              .nthreads = extra->nthreads},
+                 .threshold = threshold};
+    status = find_all(&of, err);
+    if (status == RX_OK)
+        status = positions(extra->found, dst, n, err);
+    free(of.taken);
+    free(of.saturated);
+    rx_filter_free(&filter);
+    return status;
+}
+
+/* Pixels of `from` that are nobody's become those of the added sources. */
+static void paint_segments(const rx_template_extra *extra, int first, rx_sources *sources)
+{
+    for (size_t i = 0; i < extra->npixels_found; i++) {
+        const rx_template_pixel *pixel = &extra->pixels_found[i];
+        if (sources->segments[pixel->at] == 0)
+            sources->segments[pixel->at] = first + pixel->segment;
+    }
+}
+
+rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err)
+{
+    const rx_sources *found = extra->found;
+    if (found == NULL || found->n == 0)
+        return RX_OK;
+    const size_t all = (size_t)sources->n + (size_t)found->n;
+    rx_source *list = rx_regrow(sources->list, all, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, all * sizeof *list);
+    int32_t last = 0;
+    for (int i = 0; i < sources->n; i++)
+        last = list[i].segment > last ? list[i].segment : last;
+    sources->list = list;
+    paint_segments(extra, last, sources);
+    for (int i = 0; i < found->n; i++) {
+        rx_source *s = &list[sources->n + i];
+        *s = found->list[i];
+        s->number = sources->n + i + 1;
+        s->segment += last;
+        s->flags |= RX_FLAG_MERGED;
+        s->detection_snr = 0.0;
+    }
+    sources->n = (int)all;
+    return RX_OK;
+}
+
+void rx_template_extra_clear(rx_template_extra *extra)
+{
+    rx_sources_free(extra->found);
+    free(extra->pixels_found);
+    extra->found = NULL;
+    extra->pixels_found = NULL;
+    extra->npixels_found = 0;
+}

@@ -1,0 +1,45 @@
+/* Sources that only show in what the templates leave. */
+#ifndef RX_PIPELINE_TEMPLATE_EXTRA_H
+#define RX_PIPELINE_TEMPLATE_EXTRA_H
+
+#include "base/error.h"
+#include "base/log.h"
+#include "data/psf.h"
+#include "data/sources.h"
+#include "data/tile.h"
+#include "detect/detect.h"
+#include "template/template.h"
+
+typedef struct rx_template_extra {
+    const rx_detect_params *detect; /* deblending and limits are these */
+    double threshold;               /* S/N in a filter that matches the PSF */
+    const rx_psf *psf;
+    const float *pixels;       /* [h][w] ADU, of the tile */
+    const uint8_t *mask;       /* [h][w] RX_MASK_* bits, of the tile */
+    rx_map level;              /* ADU */
+    const rx_sources *sources; /* that have templates already */
+    int nthreads;
+    rx_log *log;
+    /* owned; free with rx_template_extra_clear() */
+    rx_sources
+        *found; /* what was found, in the order of the positions given, without maps; NULL: not asked */
+    struct rx_template_pixel *pixels_found; /* [npixels_found] of their segments */
+    size_t npixels_found;
+} rx_template_extra;
+
+/* An rx_tphot_more(); user is the rx_template_extra. Only what models of others hide is looked for: what
+ * stands alone was there to be seen, and the detection threshold has decided on it. A tenth of the brightest
+ * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
+ * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
+ * taken, nor in a source with saturated pixels. Errors: RX_SYSTEM, RX_USAGE. */
+rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
+                                 rx_error *err);
+
+/* Append what was found to the list that the templates were made of: numbers and segments go on, pixels that
+ * are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */
+rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err);
+
+/* What it owns. */
+void rx_template_extra_clear(rx_template_extra *extra);
+
+#endif

@@ -1,0 +1,217 @@
+/* Template photometry of one restorer's sources. */
+#include "pipeline/template_fit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "pipeline/template_extra.h"
+
+/* Share of its S/N squared that a source has as evidence unless a neighbour can do without it. */
+static const double OWED = 0.5;
+
+/* What one call works on. */
+typedef struct work {
+    const rx_pipeline_params *params;
+    rx_fields on;
+    const rx_restored *restored;
+    rx_log *log;
+    rx_template_extra extra;
+    rx_template_fit *dst;
+} work;
+
+/* The PSF that the restorer has found or was given is the one of its image. */
+static const rx_psf *psf_of(const work *w, const rx_field *field)
+{
+    return field == w->on.detect && w->restored->blur != NULL ? w->restored->blur : field->psf;
+}
+
+static rx_tphot_input input_of(const work *w, const rx_field *field, const rx_sources *sources)
+{
+    rx_tphot_input input = {.restored = w->restored,
+                            .shape_mask = w->on.detect->image.mask,
+                            .shape_bits = RX_MASK_SATURATED,
+                            .sources = sources,
+                            .image = rx_field_restorable(field)};
+    input.image.psf = psf_of(w, field);
+    return input;
+}
+
+/* Positions of the sources that only the residual of the detection image showed. */
+static rx_status extra_positions(const rx_tphot *tphot, double (**dst)[2], rx_error *err)
+{
+    const int n = tphot->n - tphot->nlisted;
+    double(*at)[2] = rx_alloc((size_t)n, sizeof *at);
+    if (at == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *at);
+    for (int i = 0; i < n; i++) {
+        at[i][0] = tphot->list[tphot->nlisted + i].x;
+        at[i][1] = tphot->list[tphot->nlisted + i].y;
+    }
+    *dst = at;
+    return RX_OK;
+}
+
+/* Shapes on the detection image, fluxes there or, with these shapes, on the measurement image. */
+static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
+{
+    const int forced = w->on.measure != w->on.detect;
+    rx_tphot_params par = w->params->templates.par;
+    rx_tphot_input input = input_of(w, w->on.detect, sources);
+    rx_tphot *shapes = NULL;
+    double(*at)[2] = NULL;
+    if (w->params->templates.passes > 1) {
+        input.more = rx_template_extra_find;
+        input.user = &w->extra;
+    }
+    par.keep_model = par.keep_model && !forced;
+    par.covariance = par.covariance && !forced;
+    rx_status status = rx_tphot_run(&par, &input, forced ? &shapes : &w->dst->tphot, err);
+    if (status != RX_OK || !forced)
+        return status;
+    status = extra_positions(shapes, &at, err);
+    if (status == RX_OK) {
+        input = input_of(w, w->on.measure, sources);
+        input.shapes = shapes;
+        input.extra = (const double(*)[2])at;
+        input.nextra = shapes->n - shapes->nlisted;
+        par = w->params->templates.par;
+        status = rx_tphot_run(&par, &input, &w->dst->tphot, err);
+    }
+    free(at);
+    rx_tphot_free(shapes);
+    return status;
+}
+
+/* A source whose evidence is only a part of its S/N squared owes the rest to a neighbour's model that was
+ * held fast: refitted alone, that one would take its light. */
+static int verdict(const rx_tphot_source *t, int added, const rx_template_params *par)
+{
+    const int restore = added ? RX_RESTORE_ADDED : 0;
+    if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr))
+        return restore | RX_RESTORE_UNTESTED;
+    if (t->snr < par->invented)
+        return restore | RX_RESTORE_INVENTED;
+    const int shred = t->evidence < par->evidence && t->evidence < OWED * t->snr * t->snr;
+    return shred ? restore | RX_RESTORE_SHRED : restore;
+}
+
+static void tell_sources(const work *w, rx_sources *sources)
+{
+    const rx_tphot *tphot = w->dst->tphot;
+    for (int i = 0; i < sources->n; i++) {
+        const rx_tphot_source *t = &tphot->list[i];
+        sources->list[i].fit =
+            (rx_source_template){.flux = t->flux,
+                                 .fluxerr = t->fluxerr,
+                                 .snr = t->snr,
+                                 .chi2 = t->chi2,
+                                 .evidence = t->evidence,
+                                 .blend = t->blend,
+                                 .x = t->x,
+                                 .y = t->y,
+                                 .alpha = NAN,
+                                 .delta = NAN,
+                                 .star = t->star,
+                                 .radius = t->radius,
+                                 .ratio = t->ratio,
+                                 .theta = t->angle,
+                                 .group = t->group + 1,
+                                 .entry = i,
+                                 .flags = t->flags,
+                                 .restore = verdict(t, i >= tphot->nlisted, &w->params->templates)};
+    }
+}
+
+/* How well the models explain the image, and how many sources they do not need. */
+static void tell_tile(const work *w, const rx_sources *sources)
+{
+    rx_template_fit *dst = w->dst;
+    const double usable = dst->tphot->visible;
+    for (int i = 0; i < sources->n; i++)
+        dst->invented += rx_source_made_up(&sources->list[i]);
+    dst->added = dst->tphot->n - dst->tphot->nlisted;
+    dst->chi2 = usable > 0 ? dst->tphot->chi2 / usable : NAN;
+    dst->per_mpixel = usable > 0 ? 1e6 * dst->invented / usable : NAN;
+    dst->fwhm = psf_of(w, w->on.measure)->fwhm;
+}
+
+static rx_status drop(const work *w, rx_sources *sources, rx_error *err)
+{
+    unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
+    if (keep == NULL)
+        return rx_error_memory(err, (size_t)sources->n);
+    for (int i = 0; i < sources->n; i++) {
+        keep[i] = !rx_source_made_up(&sources->list[i]);
+        w->dst->dropped += !keep[i];
+    }
+    rx_status status = w->dst->dropped > 0 ? rx_sources_select(sources, keep, err) : RX_OK;
+    free(keep);
+    return status;
+}
+
+static void leave_empty(rx_sources *sources)
+{
+    for (int i = 0; i < sources->n; i++)
+        sources->list[i].fit = (rx_source_template){.flux = NAN,
+                                                    .fluxerr = NAN,
+                                                    .snr = NAN,
+                                                    .chi2 = NAN,
+                                                    .evidence = NAN,
+                                                    .blend = NAN,
+                                                    .x = NAN,
+                                                    .y = NAN,
+                                                    .alpha = NAN,
+                                                    .delta = NAN,
+                                                    .star = NAN,
+                                                    .radius = NAN,
+                                                    .ratio = NAN,
+                                                    .theta = NAN,
+                                                    .restore = RX_RESTORE_UNTESTED};
+}
+
+rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
+                              rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err)
+{
+    const rx_field *detect = fields.detect;
+    work w = {.params = params, .on = fields, .restored = restored, .log = log, .dst = dst};
+    *dst = (rx_template_fit){0};
+    const rx_field *without = psf_of(&w, detect) == NULL ? detect : fields.measure;
+    if (psf_of(&w, without) == NULL) {
+        leave_empty(sources);
+        rx_log_warning(log,
+                       "%s[%d]: the PSF is not known, so no templates are fitted; give PSF_TYPE and PSF_FWHM "
+                       "or PSF_NAME",
+                       without->image.name, without->image.hdu);
+        return RX_OK;
+    }
+    w.extra = (rx_template_extra){.detect = &params->detect,
+                                  .threshold = params->templates.threshold,
+                                  .psf = psf_of(&w, detect),
+                                  .pixels = detect->image.pixels,
+                                  .mask = detect->image.mask,
+                                  .level = rx_background_level(detect->restored),
+                                  .sources = sources,
+                                  .nthreads = params->nthreads,
+                                  .log = log};
+    rx_status status = fit(&w, sources, err);
+    if (status == RX_OK)
+        status = rx_template_extra_append(&w.extra, sources, err);
+    if (status == RX_OK) {
+        tell_sources(&w, sources);
+        tell_tile(&w, sources);
+    }
+    if (status == RX_OK && params->templates.drop)
+        status = drop(&w, sources, err);
+    rx_template_extra_clear(&w.extra);
+    if (status != RX_OK)
+        rx_template_fit_free(dst);
+    return status;
+}
+
+void rx_template_fit_free(rx_template_fit *fit)
+{
+    rx_tphot_free(fit->tphot);
+    *fit = (rx_template_fit){0};
+}

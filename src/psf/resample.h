@@ -1,0 +1,23 @@
+/* An image on another grid, by Lanczos interpolation. */
+#ifndef RX_PSF_RESAMPLE_H
+#define RX_PSF_RESAMPLE_H
+
+#include "base/error.h"
+
+enum { RX_LANCZOS_MAX = 12 };
+
+/* An image on its own grid; (centre_x, centre_y) is the point that shall come to lie on the middle
+ * of a pixel. */
+typedef struct rx_psf_raster {
+    const float *pixels; /* [height][width] */
+    int width, height;
+    double centre_x, centre_y;
+} rx_psf_raster;
+
+/* dst [size][size], size odd: src by Lanczos interpolation of that order (<= RX_LANCZOS_MAX) at centre + (i -
+ * size / 2, j - size / 2) * step source pixels, 0 outside. Values are interpolated, not integrated. Errors:
+ * memory. */
+rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, double *dst, int size,
+                          rx_error *err);
+
+#endif

@@ -1,0 +1,142 @@
+/* Sums in cells, and maps from them. */
+#include "restore/network_coarse.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/wide.h"
+#include "num/convolve.h"
+
+enum { MOST_RADIUS = 16 }; /* of the Gaussian, cells */
+
+void rx_cells_free(rx_cells *c)
+{
+    free(c->sum);
+    free(c->weight);
+}
+
+rx_status rx_cells_new(int width, int height, int side, rx_cells *dst, rx_error *err)
+{
+    const int nx = (width + side - 1) / side, ny = (height + side - 1) / side;
+    const size_t n = (size_t)nx * (size_t)ny;
+    *dst = (rx_cells){side, nx, ny, RX_NEW(double, n), RX_NEW(double, n)};
+    return dst->sum == NULL || dst->weight == NULL ? rx_error_memory(err, 2 * n * sizeof(double)) : RX_OK;
+}
+
+/* A Gaussian on cells. */
+typedef struct gauss {
+    int radius;
+    float weight[2 * MOST_RADIUS + 1];
+} gauss;
+
+/* One direction: n cells of a row, `step` numbers apart. */
+static void smooth_line(int n, size_t step, const gauss *g, const double *src, double *dst)
+{
+    for (int i = 0; i < n; i++) {
+        double sum = 0;
+        for (int k = -g->radius; k <= g->radius; k++)
+            if (i + k >= 0 && i + k < n)
+                sum += (double)g->weight[k + g->radius] * src[(size_t)(i + k) * step];
+        dst[(size_t)i * step] = sum;
+    }
+}
+
+static void smooth_cells(const rx_cells *c, const gauss *g, int nthreads, double *plane, double *work)
+{
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int y = 0; y < c->ny; y++)
+        smooth_line(c->nx, 1, g, plane + (size_t)y * c->nx, work + (size_t)y * c->nx);
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int x = 0; x < c->nx; x++)
+        smooth_line(c->ny, (size_t)c->nx, g, work + x, plane + x);
+}
+
+rx_status rx_cells_smooth(rx_cells *c, double sigma, double empty, int nthreads, rx_coarse *dst,
+                          rx_error *err)
+{
+    const size_t n = (size_t)c->nx * (size_t)c->ny;
+    const double cells = sigma / c->side, radius = ceil(3 * cells);
+    gauss g = {.radius = radius < MOST_RADIUS ? (int)radius : MOST_RADIUS};
+    double *work = RX_NEW(double, n);
+    *dst = (rx_coarse){c->side, c->nx, c->ny, RX_NEW(float, n)};
+    if (work == NULL || dst->value == NULL) {
+        free(work);
+        return rx_error_memory(err, n * sizeof *work);
+    }
+    rx_gauss_weights(cells * 2.3548200450309493, g.radius, g.weight);
+    smooth_cells(c, &g, nthreads, c->sum, work);
+    smooth_cells(c, &g, nthreads, c->weight, work);
+    for (size_t k = 0; k < n; k++)
+        dst->value[k] = (float)(c->weight[k] > 0 ? c->sum[k] / c->weight[k] : empty);
+    free(work);
+    return RX_OK;
+}
+
+void rx_coarse_free(rx_coarse *coarse)
+{
+    free(coarse->value);
+    coarse->value = NULL;
+}
+
+/* Cell below position v (pixels), and the fraction beyond its centre; whole numbers, as floor() would be a
+ * call. */
+static int place(int v, int cell, int n, float *fraction)
+{
+    const int beyond = v - cell / 2; /* and half a pixel more, of the first cell's centre */
+    *fraction = 0;
+    if (beyond < 0 || n < 2)
+        return 0;
+    if (beyond / cell > n - 2) {
+        *fraction = 1;
+        return n - 2;
+    }
+    *fraction = ((float)(beyond % cell) + 0.5f) / (float)cell;
+    return beyond / cell;
+}
+
+/* Pixels from the centre of cell i to that of the next one, between cells of the rows low and high, the
+ * fraction fy beyond the centres of the low one. */
+static inline void coarse_cell(const float *low, const float *high, int i, int cell, float fy,
+                               float *restrict dst)
+{
+    const float a0 = low[i], a1 = low[i + 1] - low[i], b0 = high[i], b1 = high[i + 1] - high[i];
+#pragma omp simd
+    for (int k = 0; k < cell; k++) {
+        const float fx = ((float)k + 0.5f) / (float)cell;
+        const float a = a0 + fx * a1, b = b0 + fx * b1;
+        dst[k] = a + fy * (b - a);
+    }
+}
+
+/* The row between the cells' rows low and high. */
+RX_WIDE static void coarse_row(const float *low, const float *high, int nx, int cell, float fy, int x, int n,
+                               float *dst)
+{
+    float fx = 0;
+    for (int k = 0; k < n;) {
+        const int i = place(x + k, cell, nx, &fx), next = nx > 1 ? i + 1 : i, centre = cell * i + cell / 2;
+        const int end = i < nx - 2 ? centre + cell - x : n; /* up to the centre of the next cell */
+        const int count = (end < n ? end : n) - k;
+        if (count == cell && x + k == centre && nx > 1) {
+            coarse_cell(low, high, i, cell, fy, dst + k);
+            k += count;
+            continue;
+        }
+        const float a0 = low[i], a1 = low[next] - low[i], b0 = high[i], b1 = high[next] - high[i];
+        for (const int last = k + count; k < last; k++) {
+            const float u = ((float)(x + k) + 0.5f) / (float)cell - 0.5f - (float)i;
+            const float along = u < 0 ? 0 : u > 1 ? 1 : u;
+            const float a = a0 + along * a1, b = b0 + along * b1;
+            dst[k] = a + fy * (b - a);
+        }
+    }
+}
+
+void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst)
+{
+    float fy = 0;
+    const int j = place(y, coarse->cell, coarse->ny, &fy);
+    const float *low = coarse->value + (size_t)j * coarse->nx;
+    coarse_row(low, coarse->ny > 1 ? low + coarse->nx : low, coarse->nx, coarse->cell, fy, x, n, dst);
+}

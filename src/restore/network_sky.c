@@ -1,0 +1,214 @@
+/* The sky between the sources of a network, and its image in ADU. */
+#include "restore/network_sky.h"
+
+#include <float.h>
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/wide.h"
+#include "data/map.h"
+
+enum { CELL = 8, ROUNDS = 64 };
+static const double LEAST_SIGMA = 6, PER_FWHM = 2; /* of G: pixels, and the PSF's FWHM */
+static const float CLIP = 5;                       /* sigmas */
+static const float ERROR = 0.3f;                   /* of a model, share of its light */
+static const double SETTLED = 1e-5;                /* noise units: far below what VERIFY_SEAMS allows */
+
+/* What all rows have in common. */
+typedef struct frame {
+    const rx_network_input *input;
+    const float *m;
+    rx_map level;
+    int width;
+    double photon; /* variance per unit of light and ADU of scale */
+    float error;
+} frame;
+
+static frame frame_of(const rx_network_input *input, const float *m, float error)
+{
+    const rx_image *image = input->image;
+    return (frame){.input = input,
+                   .m = m,
+                   .level = rx_image_sky(image),
+                   .width = image->width,
+                   .photon = image->gain > 0 && isfinite(image->gain) ? 1 / image->gain : 0,
+                   .error = error};
+}
+
+/* r and the variance of n pixels, of the sky, of the photons of m and of its error. */
+RX_WIDE static void residuals(const frame *f, int n, const float *restrict m, const float *restrict unit,
+                              const float *restrict sigma, float *restrict r, float *restrict variance)
+{
+    const float photon = (float)f->photon, error = f->error;
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float known = (sigma[i] > 0) & (sigma[i] <= FLT_MAX) ? sigma[i] : unit[i];
+        const float light = m[i] > 0 ? m[i] : 0, sky = known / unit[i], wrong = error * light;
+        r[i] -= m[i];
+        variance[i] = sky * sky + photon * light / unit[i] + wrong * wrong;
+    }
+}
+
+/* One row: unit, r and variance of its pixels, each [width]. */
+static void read_row(const frame *f, int y, float *unit, float *room, float *r, float *variance)
+{
+    rx_network_data_row(f->input, &f->level, y, unit, room, r);
+    const float *sigma = rx_map_row(&f->input->image->noise, y, 0, f->width, room);
+    residuals(f, f->width, f->m + (size_t)y * (size_t)f->width, unit, sigma, r, variance);
+}
+
+/* Huber's weighted mean of a cell of `rows` rows of n pixels, and the sum of weights. */
+static double cell_mean(int rows, int n, int stride, const float *r, const float *w, const float *far,
+                        double *weight)
+{
+    double level = 0, sum = 0;
+    for (int y = 0; y < rows; y++)
+        for (int i = 0; i < n; i++)
+            sum += (double)w[y * stride + i];
+    *weight = sum;
+    for (int round = 0; round < ROUNDS && sum > 0; round++) {
+        double change = 0;
+        const float at = (float)level;
+        for (int y = 0; y < rows; y++) {
+            float part = 0;
+            for (int i = 0; i < n; i++) {
+                const int k = y * stride + i;
+                const float away = r[k] - at, low = away > -far[k] ? away : -far[k];
+                part += w[k] * (low < far[k] ? low : far[k]);
+            }
+            change += (double)part;
+        }
+        level += change / sum;
+        if (fabs(change) < SETTLED * sum)
+            break;
+    }
+    return level;
+}
+
+/* A row of cells. room: 2 + 3 CELL rows of the tile. */
+static void add_cells(const frame *f, int cy, rx_cells *c, float *room)
+{
+    const int width = f->width, height = f->input->image->height;
+    const int rows = height - cy * CELL < CELL ? height - cy * CELL : CELL;
+    float *r = room + 2 * (size_t)width, *w = r + CELL * (size_t)width, *far = w + CELL * (size_t)width;
+    for (int y = 0; y < rows; y++) {
+        const size_t at = (size_t)y * (size_t)width;
+        const uint8_t *mask = f->input->mask + (size_t)(cy * CELL + y) * (size_t)width;
+        read_row(f, cy * CELL + y, room, room + width, r + at, w + at);
+        for (int x = 0; x < width; x++) {
+            const float variance = w[at + (size_t)x];
+            w[at + (size_t)x] = mask[x] == 0 ? 1 / variance : 0;
+            far[at + (size_t)x] = CLIP * sqrtf(variance);
+        }
+    }
+    for (int cx = 0; cx < c->nx; cx++) {
+        const int x = cx * CELL, n = width - x < CELL ? width - x : CELL;
+        double weight = 0;
+        const double mean = cell_mean(rows, n, width, r + x, w + x, far + x, &weight);
+        c->sum[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight * mean;
+        c->weight[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight;
+    }
+}
+
+rx_status rx_network_sky(const rx_network_input *input, const float *m, double fwhm, int nthreads,
+                         rx_coarse *dst, rx_error *err)
+{
+    const double sigma = fmax(LEAST_SIGMA, PER_FWHM * fwhm);
+    /* the means of cells are as wide as a box, and the lines between their centres as a hat */
+    const double rest = sqrt(fmax(1, sigma * sigma - CELL * CELL / 4.0));
+    const size_t room = (2 + 3 * CELL) * (size_t)input->image->width;
+    const frame f = frame_of(input, m, ERROR);
+    rx_cells c = {0};
+    *dst = (rx_coarse){0};
+    float *rows = RX_NEW(float, room *(size_t)nthreads);
+    rx_status status = rx_cells_new(input->image->width, input->image->height, CELL, &c, err);
+    if (status == RX_OK && rows == NULL)
+        status = rx_error_memory(err, room * (size_t)nthreads * sizeof *rows);
+    if (status == RX_OK) {
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+        for (int cy = 0; cy < c.ny; cy++)
+            add_cells(&f, cy, &c, rows + room * (size_t)omp_get_thread_num());
+        status = rx_cells_smooth(&c, rest, 0, nthreads, dst, err);
+    }
+    rx_cells_free(&c);
+    free(rows);
+    return status;
+}
+
+RX_WIDE static void to_adu(int n, const float *restrict unit, const float *restrict sky, float *restrict v)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const double value = ((double)v[i] + (double)sky[i]) * (double)unit[i];
+        v[i] = (float)value;
+    }
+    /* one choice in a loop, or it does not become vectors */
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        v[i] = v[i] > FLT_MAX ? FLT_MAX : v[i];
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        v[i] = v[i] < -FLT_MAX ? -FLT_MAX : v[i];
+}
+
+/* Sum and number of (r - L)^2 / variance of a row's good pixels. */
+static double row_chi2(int n, const uint8_t *restrict mask, const float *restrict r,
+                       const float *restrict variance, const float *restrict sky, long *good)
+{
+    double sum = 0;
+    for (int i = 0; i < n; i++) {
+        const double residual = (double)r[i] - (double)sky[i];
+        sum += mask[i] == 0 ? residual * residual / (double)variance[i] : 0;
+        *good += mask[i] == 0;
+    }
+    return sum;
+}
+
+/* Where a row of the result goes. room: 5 rows of the tile. */
+static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, float *pixels,
+                      float *reblurred, long *good)
+{
+    const int n = f->width;
+    const size_t row = (size_t)y * (size_t)n;
+    const uint8_t *mask = f->input->mask + row;
+    float *unit = room, *r = room + 2 * (size_t)n, *variance = r + n, *low = variance + n;
+    rx_coarse_row(sky, y, 0, n, low);
+    read_row(f, y, unit, room + n, r, variance);
+    to_adu(n, unit, low, pixels + row);
+    for (int i = 0; i < n; i++)
+        if (mask[i] != 0)
+            pixels[row + (size_t)i] = 0;
+    if (reblurred != NULL) {
+        for (int i = 0; i < n; i++)
+            reblurred[row + (size_t)i] = f->m[row + (size_t)i];
+        to_adu(n, unit, low, reblurred + row);
+    }
+    return row_chi2(n, mask, r, variance, low, good);
+}
+
+rx_status rx_network_sky_add(const rx_network_input *input, const float *m, const rx_coarse *sky,
+                             int nthreads, float *pixels, float *reblurred, double *chi2, rx_error *err)
+{
+    const int height = input->image->height;
+    const size_t room = 5 * (size_t)input->image->width;
+    const frame f = frame_of(input, m, 0);
+    float *rows = RX_NEW(float, room *(size_t)nthreads);
+    double *sums = RX_NEW(double, (size_t)height), sum = 0;
+    long good = 0;
+    if (rows == NULL || sums == NULL) {
+        free(rows);
+        free(sums);
+        return rx_error_memory(err, room * (size_t)nthreads * sizeof *rows);
+    }
+#pragma omp parallel for schedule(static) num_threads(nthreads) reduction(+ : good)
+    for (int y = 0; y < height; y++)
+        sums[y] = add_row(&f, sky, y, rows + room * (size_t)omp_get_thread_num(), pixels, reblurred, &good);
+    for (int y = 0; y < height; y++)
+        sum += sums[y];
+    *chi2 = good > 0 ? sum / (double)good : NAN;
+    free(rows);
+    free(sums);
+    return RX_OK;
+}

@@ -1,0 +1,100 @@
+/* Correlated noise: what smoothing and resampling make of white noise. */
+#include <math.h>
+
+#include "train/scenes_parts.h"
+
+/* --- power --- */
+
+static double sinc(double x)
+{
+    return fabs(x) < 1e-9 ? 1.0 : sin(M_PI * x) / (M_PI * x);
+}
+
+/* The interpolating function, t pixels from its centre. */
+static double interpolating(rx_correlation_kind kind, double t)
+{
+    const double d = fabs(t);
+    switch (kind) {
+    case RX_CORRELATION_LINEAR:
+        return fmax(1.0 - d, 0.0);
+    case RX_CORRELATION_CUBIC:
+        if (d >= 2.0)
+            return 0.0;
+        return d < 1.0 ? (1.5 * d - 2.5) * d * d + 1.0 : ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
+    default:
+        return d < 3.0 ? sinc(d) * sinc(d / 3.0) : 0.0;
+    }
+}
+
+/* Of the weights of the pixels around a place `shift` beyond one of them; their sum is 1. */
+static double power_of_shift(rx_correlation_kind kind, double shift, double frequency)
+{
+    enum { REACH = 3 };
+    double sum = 0.0, re = 0.0, im = 0.0;
+    for (int k = 1 - REACH; k <= REACH; k++) {
+        const double weight = interpolating(kind, k - shift);
+        sum += weight;
+        re += weight * cos(2.0 * M_PI * frequency * k);
+        im += weight * sin(2.0 * M_PI * frequency * k);
+    }
+    return (re * re + im * im) / (sum * sum);
+}
+
+/* Drops anywhere on the pixels, as many dithers leave them: what the two boxes overlap in is sampled at the
+ * pixels, which folds its power. */
+static double power_of_drops(double drop, double frequency)
+{
+    enum { FOLDS = 8 };
+    double sum = 0.0;
+    for (int k = -FOLDS; k <= FOLDS; k++)
+        sum += pow(sinc(drop * (frequency + k)) * sinc(frequency + k), 2);
+    return sum;
+}
+
+double rx_correlation_power(const rx_correlation *c, int direction, double frequency)
+{
+    const double size = c->size[direction];
+    switch (c->kind) {
+    case RX_CORRELATION_NONE:
+        return 1.0;
+    case RX_CORRELATION_GAUSS:
+        return exp(-pow(M_PI * size * frequency, 2) / (2.0 * M_LN2));
+    case RX_CORRELATION_DRIZZLE:
+        return power_of_drops(size, frequency);
+    default:
+        return power_of_shift(c->kind, size, frequency);
+    }
+}
+
+/* --- filter --- */
+
+static double square(const float *value)
+{
+    return (double)value[0] * (double)value[0] + (double)value[1] * (double)value[1];
+}
+
+void rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const float *optics, float *filter)
+{
+    const int w = rx_fft_width(fft), h = rx_fft_height(fft), half = w / 2 + 1;
+    const size_t stride = (size_t)rx_fft_stride_complex(fft);
+    double white = 0.0, matched = 0.0;
+    for (int u = 0; u < half; u++) {
+        /* the half that is not stored holds the same again, but for u = 0 and, of an even width, the last */
+        const double twice = u == 0 || 2 * u == w ? 1.0 : 2.0;
+        const double across = twice * rx_correlation_power(c, 0, (double)u / w);
+        for (int v = 0; v < h; v++) {
+            const double light = square(optics + 2 * ((size_t)u * stride + (size_t)v));
+            white += twice * light;
+            matched += light * across * rx_correlation_power(c, 1, (double)v / h);
+        }
+    }
+    const double scale = sqrt(white / matched) / ((double)w * h); /* the inverse has no factor */
+    for (int u = 0; u < half; u++)
+        for (int v = 0; v < h; v++) {
+            const double power =
+                rx_correlation_power(c, 0, (double)u / w) * rx_correlation_power(c, 1, (double)v / h);
+            float *value = filter + 2 * ((size_t)u * stride + (size_t)v);
+            value[0] = (float)(scale * sqrt(power));
+            value[1] = 0.0f;
+        }
+}

@@ -1,0 +1,344 @@
+/* Noise whose correlation is known, with and without stars on it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../near.h"
+#include "base/random.h"
+#include "detect/correlation.h"
+#include "io/fits_read.h"
+
+enum { SIDE = 700, MID = RX_NOISE_REACH };
+
+/* White noise of width 3 on a sky of 50, as many stars of FWHM 3.5, and the mean of pixels (0, 0), (1, 0), (0, 1), (1, 1) with these weights. */
+static float *draw(double shift, int stars)
+{
+    const int side = SIDE + 1;
+    float *white = malloc((size_t)side * side * sizeof *white),
+          *dst = malloc((size_t)SIDE * SIDE * sizeof *dst);
+    assert_non_null(white);
+    assert_non_null(dst);
+    for (int i = 0; i < side * side; i++)
+        white[i] = 3.0f * (float)rx_random_normal(5, 1, (uint64_t)i);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            const float *w = white + y * side + x;
+            dst[y * SIDE + x] =
+                50.0f + (float)((1 - shift) * (1 - shift) * w[0] + shift * (1 - shift) * (w[1] + w[side]) +
+                                shift * shift * w[side + 1]);
+        }
+    for (int s = 0; s < stars; s++) {
+        const double u = SIDE * rx_random_uniform(6, 2, 3 * (uint64_t)s),
+                     v = SIDE * rx_random_uniform(6, 2, 3 * (uint64_t)s + 1),
+                     peak = 3.0 * pow(10.0, 3.5 * rx_random_uniform(6, 2, 3 * (uint64_t)s + 2));
+        for (int y = (int)v - 12; y <= (int)v + 12; y++)
+            for (int x = (int)u - 12; x <= (int)u + 12; x++)
+                if (x >= 0 && y >= 0 && x < SIDE && y < SIDE)
+                    dst[y * SIDE + x] +=
+                        (float)(peak * exp(-((x - u) * (x - u) + (y - v) * (y - v)) / (2 * 1.5 * 1.5)));
+    }
+    free(white);
+    return dst;
+}
+
+static rx_noise_correlation measure_image(const float *pixels, int width, int height, int nthreads)
+{
+    static float sigma[SIDE * SIDE], level[SIDE * SIDE];
+    rx_noise_correlation noise;
+    for (int i = 0; i < width * height; i++) {
+        sigma[i] = 3.0f;
+        level[i] = 50.0f;
+    }
+    const rx_image image = {.width = width,
+                            .height = height,
+                            .pixels = pixels,
+                            .with_sky = 1,
+                            .level = rx_map_plane(level, width),
+                            .noise = rx_map_plane(sigma, width)};
+    assert_int_equal(rx_correlation_measure(&image, NULL, nthreads, &noise, NULL), RX_OK);
+    return noise;
+}
+
+static rx_noise_correlation measure(double shift, int stars, int nthreads)
+{
+    float *pixels = draw(shift, stars);
+    const rx_noise_correlation noise = measure_image(pixels, SIDE, SIDE, nthreads);
+    free(pixels);
+    return noise;
+}
+
+static void test_white_noise_is_white(void **state)
+{
+    (void)state;
+    for (int stars = 0; stars <= 800; stars += 400) {
+        const rx_noise_correlation noise = measure(0, stars, 2);
+        assert_int_equal(noise.origin, RX_NOISE_MEASURED);
+        assert_int_equal(noise.correlated, 0);
+        assert_near(noise.at[MID][MID + 1], 0, 0);
+        assert_near(rx_noise_factor_wide(&noise), 1, 0);
+        assert_near(noise.scale, 1, 0.02);
+    }
+}
+
+/* rho(d) of the mean of two neighbours with weights 1 - s and s: s (1 - s) / (s^2 + (1 - s)^2) at 1, in x as in y. */
+static void test_bilinear_shifts(void **state)
+{
+    (void)state;
+    for (int stars = 0; stars <= 400; stars += 400)
+        for (double s = 0.25; s <= 0.5; s += 0.25) {
+            const rx_noise_correlation noise = measure(s, stars, 2);
+            const double one = s * (1 - s) / (s * s + (1 - s) * (1 - s));
+            assert_int_equal(noise.correlated, 1);
+            assert_near(noise.at[MID][MID + 1], one, 0.02);
+            assert_near(noise.at[MID - 1][MID], one, 0.02);
+            assert_near(noise.at[MID + 1][MID - 1], one * one, 0.02);
+            assert_near(noise.at[MID][MID + 4], 0, 0.01);
+            assert_near(rx_noise_factor_wide(&noise), 1 + 2 * one, 0.04);
+            for (int q = 0; q < RX_NOISE_QUADRANTS; q++)
+                assert_near(noise.quadrant[q], 1 + 2 * one, 0.1);
+        }
+}
+
+/* A sky that its mesh does not follow: waves of 250 pixels, a fifth of the noise's variance. */
+static void test_uneven_sky_is_no_noise(void **state)
+{
+    (void)state;
+    float *pixels = draw(0.5, 0);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        pixels[i] += (float)(0.95 * sin(6.2832 * (i % SIDE) / 250.0));
+    const rx_noise_correlation noise = measure_image(pixels, SIDE, SIDE, 2);
+    free(pixels);
+    assert_near(noise.at[MID][MID + 1], 0.5, 0.04);
+    assert_near(rx_noise_factor_wide(&noise), 2, 0.15);
+}
+
+static void test_threads_change_nothing(void **state)
+{
+    (void)state;
+    const rx_noise_correlation one = measure(0.3, 300, 1), seven = measure(0.3, 300, 7);
+    assert_memory_equal(&one, &seven, sizeof one);
+}
+
+static void test_too_little_sky(void **state)
+{
+    (void)state;
+    float few[20 * 20];
+    for (int i = 0; i < 400; i++)
+        few[i] = 50.0f + (float)rx_random_normal(1, 1, (uint64_t)i);
+    const rx_noise_correlation noise = measure_image(few, 20, 20, 1);
+    assert_int_equal(noise.origin, RX_NOISE_UNKNOWN);
+    assert_near(rx_noise_factor_wide(&noise), 1, 0);
+}
+
+/* A kernel, and the variance of a weighted sum against that of many draws. */
+static void test_factor_of_a_kernel(void **state)
+{
+    (void)state;
+    const float kernel[3 * 3] = {1, 2, 1, 2, 5, 3, 0, 2, 1}, profile[2 * 3] = {1, 2, 1, 0.5f, -1, 3};
+    const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 3, 3);
+    double sum = 0, plain = 0, power = 0;
+    enum { DRAWS = 200000, W = 5, H = 4 };
+    for (int i = 0; i < 6; i++)
+        power += (double)profile[i] * profile[i];
+    for (uint64_t k = 0; k < DRAWS; k++) {
+        double white[W * H], value = 0;
+        for (uint64_t i = 0; i < W * H; i++)
+            white[i] = rx_random_normal(3, k, i);
+        for (int y = 0; y < 2; y++)
+            for (int x = 0; x < 3; x++) {
+                double pixel = 0;
+                for (int i = 0; i < 9; i++)
+                    pixel += (double)kernel[i] * white[(y + i / 3) * W + x + i % 3];
+                value += (double)profile[y * 3 + x] * pixel;
+                plain += x == 0 && y == 0 ? pixel * pixel : 0;
+            }
+        sum += value * value;
+    }
+    assert_close(rx_noise_factor(&noise, profile, 3, 2), sqrt(sum / plain / power), 0.01);
+    assert_near(rx_noise_factor(NULL, profile, 3, 2), 1, 0);
+}
+
+/* Noise of a resampled crowd: light that hangs together as a PSF of sigma 2.5 pixels makes a tenth of the variance. */
+static void test_faint_light_is_no_noise(void **state)
+{
+    (void)state;
+    const float half[2 * 2] = {1, 1, 1, 1};
+    enum { SIZE = 25 };
+    float psf[SIZE * SIZE];
+    for (int i = 0; i < SIZE * SIZE; i++) {
+        const double dx = i % SIZE - SIZE / 2, dy = i / SIZE - SIZE / 2;
+        psf[i] = (float)exp(-(dx * dx + dy * dy) / (2 * 2.5 * 2.5));
+    }
+    const rx_noise_correlation noise = rx_noise_of_kernel(half, 2, 2);
+    rx_noise_correlation mixed = noise, light = rx_noise_white(RX_NOISE_MEASURED);
+    mixed.origin = RX_NOISE_MEASURED;
+    light.correlated = 1;
+    for (int dy = -MID; dy <= MID; dy++)
+        for (int dx = -MID; dx <= MID; dx++) {
+            const double l = exp(-(dx * dx + dy * dy) / (4 * 2.5 * 2.5));
+            mixed.at[MID + dy][MID + dx] = 0.9 * noise.at[MID + dy][MID + dx] + 0.1 * l;
+            light.at[MID + dy][MID + dx] = dx == 0 && dy == 0 ? 1 : 0.1 * l;
+        }
+    assert_near(rx_noise_without_light(&mixed, psf, SIZE, SIZE), 0.1, 0.002);
+    assert_near(rx_noise_factor_wide(&mixed), rx_noise_factor_wide(&noise), 0.02);
+    assert_near(rx_noise_without_light(&light, psf, SIZE, SIZE), 0.1, 0.002);
+    assert_int_equal(light.correlated, 0);
+}
+
+/* A moving average that is not the same in x and y, nor along the two diagonals. */
+enum { K = 3 };
+static const float KERNEL[K * K] = {0.1f, 0.3f, 0.2f, 0.5f, 1.0f, 0.3f, 0.0f, 0.6f, 0.4f};
+
+enum { W = 400, H = 360, N = W * H };
+
+typedef struct sky {
+    float pixels[N], sigma[N];
+    unsigned char used[N];
+} sky;
+
+/* Filtered noise whose width grows from left to right, 1 to 3, on a level of half a sigma that the
+ * subtraction left; the lower left quarter is a bright source, every 50th pixel is masked. */
+static sky *make_sky(void)
+{
+    sky *dst = malloc(sizeof *dst);
+    double power = 0.0;
+    assert_non_null(dst);
+    for (int k = 0; k < K * K; k++)
+        power += (double)KERNEL[k] * (double)KERNEL[k];
+    for (int i = 0; i < N; i++) {
+        const int x = i % W, y = i / W;
+        double value = 0.0;
+        for (int k = 0; k < K * K; k++)
+            value += (double)KERNEL[k] / sqrt(power) *
+                     rx_random_normal(11, 0, (uint64_t)((y + k / K) * (W + K) + x + k % K));
+        dst->sigma[i] = 1.0f + 2.0f * (float)x / W;
+        dst->pixels[i] = dst->sigma[i] * (float)(value + 0.5);
+        dst->used[i] = !(x < W / 2 && y < H / 2) && i % 50 != 0;
+        if (!dst->used[i])
+            dst->pixels[i] = i % 50 == 0 ? NAN : 1e4f;
+    }
+    return dst;
+}
+
+static rx_noise_correlation measure_sky(const sky *src)
+{
+    const rx_image image = {
+        .width = W, .height = H, .pixels = src->pixels, .noise = rx_map_plane(src->sigma, W)};
+    rx_noise_correlation noise;
+    assert_int_equal(rx_correlation_measure(&image, src->used, 2, &noise, NULL), RX_OK);
+    return noise;
+}
+
+/* Every lag within 5 errors of what it should be. */
+static void near_kernel(const rx_noise_correlation *noise)
+{
+    const rx_noise_correlation exact = rx_noise_of_kernel(KERNEL, K, K);
+    for (int i = 0; i < RX_NOISE_SIDE * RX_NOISE_SIDE; i++)
+        assert_near(noise->at[i / RX_NOISE_SIDE][i % RX_NOISE_SIDE],
+                    exact.at[i / RX_NOISE_SIDE][i % RX_NOISE_SIDE], 5.0 * noise->error);
+}
+
+/* Sources are known; what is hidden behind them changes nothing, nor does sky that was not quite flat: it adds
+ * 0.2^2 / 4 = 0.01 of the variance, about the same at all lags. */
+static void test_sources_that_are_known(void **state)
+{
+    (void)state;
+    sky *src = make_sky();
+    const rx_noise_correlation noise = measure_sky(src);
+    assert_true(noise.correlated);
+    near_kernel(&noise);
+    assert_near(noise.scale, 1.0, 0.02);
+    for (int i = 0; i < N; i++)
+        if (!src->used[i])
+            src->pixels[i] = i % 3 == 0 ? INFINITY : (float)i;
+    const rx_noise_correlation second = measure_sky(src);
+    assert_memory_equal(&noise, &second, sizeof noise);
+    for (int i = 0; i < N; i++)
+        src->pixels[i] += src->sigma[i] * 0.2f * (float)sin(0.03 * (i % W)) * (float)cos(0.03 * (i / W));
+    const rx_noise_correlation uneven = measure_sky(src);
+    near_kernel(&uneven);
+    assert_near(uneven.scale, 1.0, 0.02);
+    for (int i = 0; i < N; i++)
+        src->used[i] = i % 1000 == 1;
+    assert_int_equal(measure_sky(src).origin, RX_NOISE_UNKNOWN);
+    free(src);
+}
+
+/* Cut-outs that were resampled, so that their noise is correlated. Expected: by numpy over all pixels at once,
+ *   z = where(segim == 0, fitim / sigma, nan), nine times cut at 4 widths, c(d) = nanmean(z(p) z(p + d)) /
+ * c(0), f = mean of c over the outermost of the lags |dx| <= 4, 0 <= dy <= 4; (c - f) / (1 - f) */
+static const struct {
+    const char *name;
+    double scale, right, up, diagonal, other_diagonal, right2;
+} resampled[] = {
+    {"pairs/SDSS/G266662", 0.9677, 0.2947, 0.2833, 0.1076, 0.0749, -0.1113},
+    {"pairs/KiDS/G265911", 0.9840, 0.2675, 0.2757, 0.0790, 0.0871, -0.1325},
+};
+
+static float *read_part(const char *folder, const char *name, const char *part, int *width, int *height)
+{
+    char path[4096];
+    float *pixels = NULL;
+    snprintf(path, sizeof path, "%s/%s%s.fits", folder, name, part);
+    if (rx_fits_read_image(path, &pixels, width, height, NULL) != RX_OK)
+        return NULL;
+    return pixels;
+}
+
+static void test_resampled_images(void **state)
+{
+    (void)state;
+    const char *folder = getenv("RX_SHARED_DATA");
+    for (size_t k = 0; k < sizeof resampled / sizeof *resampled; k++) {
+        int width = 0, height = 0;
+        float *pixels = read_part(folder != NULL ? folder : "", resampled[k].name, "fitim", &width, &height);
+        if (pixels == NULL) {
+            printf("# %s is absent: skipped\n", resampled[k].name);
+            skip();
+        }
+        float *sigma = read_part(folder, resampled[k].name, "sigma", &width, &height);
+        float *segments = read_part(folder, resampled[k].name, "segim", &width, &height);
+        assert_non_null(sigma);
+        assert_non_null(segments);
+        const size_t n = (size_t)width * (size_t)height;
+        unsigned char *used = malloc(n);
+        assert_non_null(used);
+        for (size_t i = 0; i < n; i++)
+            used[i] = segments[i] == 0.0f;
+        const rx_image image = {
+            .width = width, .height = height, .pixels = pixels, .noise = rx_map_plane(sigma, width)};
+        rx_noise_correlation noise;
+        assert_int_equal(rx_correlation_measure(&image, used, 1, &noise, NULL), RX_OK);
+        assert_true(noise.correlated);
+        assert_near(noise.scale, resampled[k].scale, 0.03);
+        assert_near(noise.at[MID][MID + 1], resampled[k].right, 0.03);
+        assert_near(noise.at[MID][MID - 1], resampled[k].right, 0.03);
+        assert_near(noise.at[MID + 1][MID], resampled[k].up, 0.03);
+        assert_near(noise.at[MID + 1][MID + 1], resampled[k].diagonal, 0.03);
+        assert_near(noise.at[MID + 1][MID - 1], resampled[k].other_diagonal, 0.03);
+        assert_near(noise.at[MID][MID + 2], resampled[k].right2, 0.03);
+        free(pixels);
+        free(sigma);
+        free(segments);
+        free(used);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_white_noise_is_white),    cmocka_unit_test(test_bilinear_shifts),
+        cmocka_unit_test(test_threads_change_nothing),  cmocka_unit_test(test_uneven_sky_is_no_noise),
+        cmocka_unit_test(test_too_little_sky),          cmocka_unit_test(test_factor_of_a_kernel),
+        cmocka_unit_test(test_faint_light_is_no_noise), cmocka_unit_test(test_sources_that_are_known),
+        cmocka_unit_test(test_resampled_images),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,16 @@
+check_PROGRAMS += tests/unit/pipeline/test_residual
+tests_unit_pipeline_test_residual_SOURCES = tests/unit/pipeline/test_residual.c
+check_PROGRAMS += tests/unit/pipeline/test_pipeline tests/unit/pipeline/test_domain tests/unit/pipeline/test_saturated
+bench = tests/unit/pipeline/scene.c tests/unit/pipeline/scene.h tests/unit/pipeline/bench.c tests/unit/pipeline/bench.h
+desk = tests/unit/pipeline/desk.c tests/unit/pipeline/desk.h $(bench)
+tests_unit_pipeline_test_pipeline_SOURCES = tests/unit/pipeline/test_pipeline.c $(bench)
+tests_unit_pipeline_test_domain_SOURCES = tests/unit/pipeline/test_domain.c $(bench)
+tests_unit_pipeline_test_saturated_SOURCES = tests/unit/pipeline/test_saturated.c $(bench)
+check_PROGRAMS += tests/unit/pipeline/test_template_fit tests/unit/pipeline/test_template_bytes
+tests_unit_pipeline_test_template_fit_SOURCES = tests/unit/pipeline/test_template_fit.c $(desk)
+tests_unit_pipeline_test_template_bytes_SOURCES = tests/unit/pipeline/test_template_bytes.c $(desk)
+check_PROGRAMS += tests/unit/pipeline/test_fluxcheck tests/unit/pipeline/test_params
+tests_unit_pipeline_test_fluxcheck_SOURCES = tests/unit/pipeline/test_fluxcheck.c tests/unit/pipeline/scene.c
+tests_unit_pipeline_test_params_SOURCES = tests/unit/pipeline/test_params.c
+check_PROGRAMS += tests/unit/pipeline/test_odd_images
+tests_unit_pipeline_test_odd_images_SOURCES = tests/unit/pipeline/test_odd_images.c

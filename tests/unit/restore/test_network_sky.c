@@ -1,0 +1,218 @@
+/* What a network does not explain at low frequency is in the restored image. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+/* cmocka.h comes after the headers it needs */
+#include <cmocka.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "../near.h"
+#include "network_model.h"
+#include "restore/network.h"
+#include "restore/network_sky.h"
+#include "sky.h"
+
+enum { SIDE = 512, BOX = 32 };
+
+static double box_mean(const float *plane, int x, int y)
+{
+    double sum = 0;
+    for (int k = 0; k < BOX * BOX; k++)
+        sum += (double)plane[(y + k / BOX) * SIDE + x + k % BOX];
+    return sum / (BOX * BOX);
+}
+
+static double bump(double x, double y, double radius)
+{
+    return exp(-0.5 * (x * x + y * y) / (radius * radius));
+}
+
+/* Dark and bright Gaussians of half a sigma and of two, radius 60, which no model and no mesh knows of; masked
+ * pixels, a star of 300 sigmas between them. At the border G has one side only. */
+static void faint_structure_comes_back(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 5; kind++) {
+        const int informed = kind > 1, noiseless = kind % 2, known = kind != 0;
+        sky s;
+        float *light = calloc((size_t)SIDE * SIDE, sizeof *light);
+        assert_non_null(light);
+        sky_new(&s, SIDE, SIDE);
+        for (int k = 0; k < SIDE * SIDE; k++) {
+            const int x = k % SIDE, y = k / SIDE;
+            light[k] = (float)(0.5 * (bump(x - 384, y - 128, 60) - bump(x - 128, y - 128, 60)) +
+                               2 * (bump(x - 384, y - 384, 60) - bump(x - 128, y - 384, 60)));
+            s.tile.pixels[k] += light[k];
+            if (hypot(x - 100, y - 100) < 4)
+                s.tile.mask[k] = RX_MASK_BAD;
+        }
+        sky_noise(&s, 0.3, 5);
+        sky_star(&s, 256, 256, 4, 6000);
+        rx_model *model = small_model(informed ? RX_MODE_INFORMED : RX_MODE_BLIND, !noiseless);
+        rx_psf *psf = kind == 4 ? sky_psf_varying(4, 0.2, SIDE) : rx_stamp_gauss(4);
+        rx_restored *restored = NULL;
+        s.par.model = model;
+        s.par.net_block = 256;
+        const rx_image image = sky_image(&s, known ? psf : NULL);
+        assert_int_equal(rx_network_run(&s.par, &image, NULL, &restored, NULL), RX_OK);
+        double most = 0;
+        for (int y = BOX; y < SIDE - BOX; y += BOX)
+            for (int x = BOX; x < SIDE - BOX; x += BOX) {
+                const double truth = box_mean(light, x, y), made = box_mean(restored->pixels, x, y);
+                const int masked = x == 96 && y == 96, star = hypot(x - 240, y - 240) < 40;
+                if (!masked && !star) {
+                    most = fmax(most, fabs(made - truth) / fmax(fabs(truth), 0.5));
+                    assert_near(made, truth, 0.1 * fmax(fabs(truth), 0.5));
+                }
+            }
+        print_message("kind %d: within %.1f %%\n", kind, 100 * most);
+        rx_restored_free(restored);
+        rx_psf_free(psf);
+        rx_model_free(model);
+        sky_free(&s);
+        free(light);
+    }
+}
+
+/* Input of noise 1 in its units, and a model of it. */
+typedef struct bench {
+    float pixels[SIDE * SIDE], level[SIDE * SIDE], sigma[SIDE * SIDE], m[SIDE * SIDE];
+    uint8_t mask[SIDE * SIDE];
+    float unit;
+    rx_image image;
+    rx_network_input input;
+} bench;
+
+static bench *bench_new(float unit)
+{
+    bench *b = calloc(1, sizeof *b);
+    assert_non_null(b);
+    b->unit = unit;
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        b->level[k] = 100;
+        b->sigma[k] = unit;
+        b->pixels[k] = 100 + unit * (float)rx_random_normal(4, 0, (uint64_t)k);
+    }
+    b->image = (rx_image){.width = SIDE,
+                          .height = SIDE,
+                          .pixels = b->pixels,
+                          .with_sky = 1,
+                          .level = rx_map_plane(b->level, SIDE),
+                          .noise = rx_map_plane(b->sigma, SIDE)};
+    b->input = (rx_network_input){.image = &b->image, .mask = b->mask, .scale = {16, 1, 1, &b->unit}};
+    return b;
+}
+
+/* Largest |L - level|. */
+static double farthest(const rx_coarse *sky, double level)
+{
+    float row[SIDE];
+    double most = 0;
+    for (int y = 0; y < SIDE; y++) {
+        rx_coarse_row(sky, y, 0, SIDE, row);
+        for (int x = 0; x < SIDE; x++)
+            most = fmax(most, fabs((double)row[x] - level));
+    }
+    return most;
+}
+
+/* A sky 30 sigmas below its level is followed, a pixel of 100,000 and a star whose model is wrong by a tenth are
+ * not. */
+static void the_sky_and_not_the_stars(void **state)
+{
+    (void)state;
+    bench *b = bench_new(3);
+    rx_coarse sky;
+    assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
+    const double plain = farthest(&sky, 0);
+    rx_coarse_free(&sky);
+    for (int k = 0; k < SIDE * SIDE; k++)
+        b->pixels[k] -= 90;
+    assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
+    assert_near(farthest(&sky, -30), plain, 0.01);
+    rx_coarse_free(&sky);
+    for (int k = 0; k < SIDE * SIDE; k++)
+        b->pixels[k] += 90;
+    b->pixels[SIDE * 200 + 200] = 3e5f;
+    for (int dy = -12; dy <= 12; dy++)
+        for (int dx = -12; dx <= 12; dx++) {
+            const int k = SIDE * (350 + dy) + 350 + dx;
+            b->m[k] = (float)(1e4 * bump(dx, dy, 2));
+            b->pixels[k] += 3 * 1.1f * b->m[k];
+        }
+    assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
+    print_message("largest |L|: %.3f of noise alone, %.3f with a hot pixel and a star\n", plain,
+                  farthest(&sky, 0));
+    assert_true(plain < 0.2 && farthest(&sky, 0) < plain + 0.15);
+    rx_coarse_free(&sky);
+    free(b);
+}
+
+/* The value under the mask is nothing, and the sky beside it is not less for it. */
+static void masked_pixels_have_no_weight(void **state)
+{
+    (void)state;
+    bench *b = bench_new(3);
+    rx_coarse clean, dirty;
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        b->pixels[k] = 115;
+        b->mask[k] = k % SIDE > 240 && k % SIDE < 280;
+    }
+    assert_int_equal(rx_network_sky(&b->input, b->m, 4, 1, &clean, NULL), RX_OK);
+    assert_near(farthest(&clean, 5), 0, 1e-5);
+    for (int k = 0; k < SIDE * SIDE; k++)
+        if (b->mask[k])
+            b->pixels[k] = NAN;
+    assert_int_equal(rx_network_sky(&b->input, b->m, 4, 3, &dirty, NULL), RX_OK);
+    assert_memory_equal(clean.value, dirty.value, sizeof(float) * (size_t)clean.nx * (size_t)clean.ny);
+    rx_coarse_free(&clean);
+    rx_coarse_free(&dirty);
+    free(b);
+}
+
+/* Pixels, reblurred and chi2 by their formulas; a sigma that is none counts as the scale. */
+static void added_by_its_formula(void **state)
+{
+    (void)state;
+    bench *b = bench_new(3);
+    float low[4] = {0.5f, 0.5f, 0.5f, 0.5f}, *pixels = calloc((size_t)SIDE * SIDE, sizeof *pixels),
+          *reblurred = calloc((size_t)SIDE * SIDE, sizeof *reblurred);
+    const rx_coarse sky = {8, 2, 2, low};
+    double sum = 0, chi2 = 0;
+    long good = 0;
+    assert_true(pixels != NULL && reblurred != NULL);
+    b->image.gain = 2;
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        b->m[k] = (float)(k % 13 - 3);
+        b->mask[k] = k % 17 == 0;
+        b->sigma[k] = k % 9 == 0 ? -1 : k % 11 == 0 ? INFINITY : (float)(1 + k % 7);
+        pixels[k] = (float)(k % 5);
+        if (b->mask[k])
+            continue;
+        const double known = k % 9 == 0 || k % 11 == 0 ? 3 : b->sigma[k], m = b->m[k];
+        const double x = ((double)b->pixels[k] - 100) / 3;
+        sum += pow(x - m - 0.5, 2) / (pow(known / 3, 2) + fmax(m, 0) / (2 * 3.0));
+        good++;
+    }
+    assert_int_equal(rx_network_sky_add(&b->input, b->m, &sky, 3, pixels, reblurred, &chi2, NULL), RX_OK);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        assert_near(pixels[k], b->mask[k] ? 0 : 3 * (k % 5 + 0.5), 1e-5);
+        assert_near(reblurred[k], 3 * ((double)b->m[k] + 0.5), 1e-4);
+    }
+    assert_near(chi2, sum / (double)good, 1e-5 * chi2);
+    free(pixels);
+    free(reblurred);
+    free(b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(faint_structure_comes_back),
+        cmocka_unit_test(the_sky_and_not_the_stars),
+        cmocka_unit_test(masked_pixels_have_no_weight),
+        cmocka_unit_test(added_by_its_formula),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

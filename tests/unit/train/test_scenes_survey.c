@@ -1,0 +1,352 @@
+/* What surveys deliver, in training images: correlated and uneven noise, the sky, defects, PSFs told wrong. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../near.h"
+#include "psf/psf.h"
+#include "scenes_test.h"
+#include "train/scenes_parts.h"
+
+enum { P = 64, N = P * P };
+
+/* --- kernels --- */
+
+/* Autocorrelation at a lag: the integral of the power over one period. */
+static double correlation(rx_correlation_kind kind, double size, int lag)
+{
+    enum { STEPS = 512 };
+    const rx_correlation c = {kind, {size, size}};
+    double sum = 0.0;
+    for (int i = -STEPS / 2; i < STEPS / 2; i++)
+        sum += rx_correlation_power(&c, 0, (double)i / STEPS) * cos(2.0 * M_PI * lag * i / STEPS) / STEPS;
+    return sum;
+}
+
+static void test_kernels(void **state)
+{
+    (void)state;
+    for (double d = 0.0; d <= 1.0; d += 0.25) {
+        assert_near(correlation(RX_CORRELATION_LINEAR, d, 0), d * d + (1.0 - d) * (1.0 - d), 1e-12);
+        assert_near(correlation(RX_CORRELATION_LINEAR, d, 1), d * (1.0 - d), 1e-12);
+        assert_near(correlation(RX_CORRELATION_LINEAR, d, 2), 0.0, 1e-12);
+    }
+    assert_near(correlation(RX_CORRELATION_CUBIC, 0.5, 0), 164.0 / 256.0, 1e-12);
+    assert_near(correlation(RX_CORRELATION_CUBIC, 0.5, 1), 63.0 / 256.0, 1e-12);
+    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.0, 0), 1.0, 1e-12);
+    /* weights at half a pixel: 24, -100/9 ... of sinc(d) sinc(d / 3), which is 3 sin(pi d) sin(pi d / 3) / (pi
+     * d)^2 */
+    const double a = 12.0 * 0.5, b = -12.0 / 9.0, c = 12.0 / 25.0 * 0.5, sum = 2.0 * (a + b + c);
+    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.5, 0), 2.0 * (a * a + b * b + c * c) / (sum * sum),
+                1e-12);
+    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.5, 5), c * c / (sum * sum), 1e-12);
+    /* boxes of one pixel on pixels: the cubic B-spline */
+    assert_near(correlation(RX_CORRELATION_DRIZZLE, 1.0, 1) / correlation(RX_CORRELATION_DRIZZLE, 1.0, 0),
+                0.25, 1e-4);
+    const double sigma = 1.0, fwhm = sigma * sqrt(8.0 * log(2.0));
+    for (int lag = 1; lag < 4; lag++)
+        assert_near(correlation(RX_CORRELATION_GAUSS, fwhm, lag) / correlation(RX_CORRELATION_GAUSS, fwhm, 0),
+                    exp(-0.25 * lag * lag), 1e-4);
+}
+
+/* --- noise --- */
+
+static scenes_test open_blank(void)
+{
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    t.config->star_count = t.config->galaxy_count = 0.0;
+    t.par.beta[0] = t.par.beta[1] = 4.0;
+    t.par.ellipticity = 0.0;
+    return t;
+}
+
+/* Of images of the first bins of FWHM: the width of pixels, over that of white noise of the same matched
+ * filter; the width behind that filter; and `expected`, what the first should be of a Gaussian of sigma 1. */
+static void noise_widths(const scenes_test *t, double *pixel, double *matched, double *expected)
+{
+    enum { IMAGES = 60, R = 7 };
+    rx_scenes *scenes = scenes_test_make(t);
+    rx_sample *s = rx_sample_new(P);
+    double squares = 0.0, filtered = 0.0, places = 0.0;
+    *expected = 0.0;
+    for (uint32_t i = 0; i < IMAGES; i++) {
+        rx_psf *psf = NULL;
+        scenes_test_sample(scenes, (rx_sample_id){.bin = i % 5, .index = i / 5}, s);
+        assert_int_equal(rx_psf_moffat((double)s->true_fwhm, 4.0, 1.0, 0.0, 2 * R + 1, &psf, NULL), RX_OK);
+        const float *h = psf->basis;
+        double norm = 0.0, joint = 0.0;
+        for (int k = 0; k < (2 * R + 1) * (2 * R + 1); k++)
+            for (int j = 0; j < (2 * R + 1) * (2 * R + 1); j++) {
+                const int dx = k % (2 * R + 1) - j % (2 * R + 1), dy = k / (2 * R + 1) - j / (2 * R + 1);
+                const double product = (double)h[k] * (double)h[j];
+                norm += k == j ? product : 0.0;
+                joint += product * exp(-0.25 * (dx * dx + dy * dy));
+            }
+        *expected += norm / joint / IMAGES;
+        for (int k = 0; k < N; k++)
+            squares += (double)s->x[k] * (double)s->x[k] / N / IMAGES;
+        for (int y = R; y < P - R; y++)
+            for (int x = R; x < P - R; x++) {
+                double sum = 0.0;
+                for (int k = 0; k < (2 * R + 1) * (2 * R + 1); k++)
+                    sum +=
+                        (double)h[k] * (double)s->x[(y + k / (2 * R + 1) - R) * P + x + k % (2 * R + 1) - R];
+                filtered += sum * sum / norm;
+                places += 1.0;
+            }
+        rx_psf_free(psf);
+    }
+    *pixel = sqrt(squares);
+    *matched = sqrt(filtered / places);
+    *expected = sqrt(*expected);
+    rx_sample_free(s);
+    rx_scenes_free(scenes);
+}
+
+static void test_effective_noise(void **state)
+{
+    (void)state;
+    double pixel, matched, expected;
+    scenes_test t = open_blank();
+    noise_widths(&t, &pixel, &matched, &expected);
+    assert_near(pixel, 1.0, 0.01);
+    assert_near(matched, 1.0, 0.03);
+    t.par.survey.smoothed = 1.0;
+    t.par.survey.smoothed_fwhm[0] = t.par.survey.smoothed_fwhm[1] = sqrt(8.0 * log(2.0));
+    noise_widths(&t, &pixel, &matched, &expected);
+    assert_close(pixel, expected, 0.03);
+    assert_true(expected < 0.7);
+    assert_near(matched, 1.0, 0.03);
+    t.par.survey.smoothed = 0.0;
+    t.par.survey.resampled = 1.0;
+    noise_widths(&t, &pixel, &matched, &expected);
+    assert_true(pixel < 0.9);
+    assert_near(matched, 1.0, 0.03);
+    rx_simulate_config_free(t.config);
+}
+
+/* --- beside the sample without it --- */
+
+typedef void watcher(const rx_sample *plain, const rx_sample *s, double *sums);
+
+/* Both of some samples, for which `watch` adds up what it wants. */
+static void compare(const scenes_test *with, int images, watcher *watch, double *sums)
+{
+    scenes_test without = *with;
+    without.par.survey = (rx_scenes_survey){0};
+    rx_scenes *both[2] = {scenes_test_make(&without), scenes_test_make(with)};
+    rx_sample *plain = rx_sample_new(P), *s = rx_sample_new(P);
+    for (uint32_t i = 0; i < (uint32_t)images; i++) {
+        const rx_sample_id id = {.bin = i % 25, .index = i / 25};
+        scenes_test_sample(both[0], id, plain);
+        scenes_test_sample(both[1], id, s);
+        watch(plain, s, sums);
+    }
+    rx_sample_free(plain);
+    rx_sample_free(s);
+    rx_scenes_free(both[0]);
+    rx_scenes_free(both[1]);
+}
+
+static int is_same(const float *a, const float *b)
+{
+    return memcmp(a, b, N * sizeof *a) == 0;
+}
+
+static double mean(const float *plane)
+{
+    double sum = 0.0;
+    for (int k = 0; k < N; k++)
+        sum += (double)plane[k] / N;
+    return sum;
+}
+
+/* In sums: samples that are the same to the byte, all. */
+static void watch_share(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    const int same =
+        is_same(plain->x, s->x) && is_same(plain->w, s->w) && is_same(plain->y, s->y) &&
+        is_same(plain->blurred, s->blurred) &&
+        memcmp(plain->kernel, s->kernel, RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL * sizeof(float)) == 0;
+    sums[0] += same;
+    sums[1] += 1.0;
+}
+
+static void test_shares(void **state)
+{
+    (void)state;
+    enum { IMAGES = 100 };
+    const scenes_test blank = open_blank();
+    for (int which = 0; which < 8; which++) {
+        scenes_test t = blank;
+        double sums[2] = {0.0};
+        rx_scenes_survey *v = &t.par.survey;
+        double *const share[8] = {&v->smoothed, &v->resampled, &v->uneven,  &v->offsets,
+                                  &v->waves,    &v->dark,      &v->defects, &v->psf};
+        v->smoothed_fwhm[1] = 3.0;
+        v->sky_offset = 0.3;
+        *share[which] = 0.3;
+        compare(&t, IMAGES, watch_share, sums);
+        assert_near(sums[0] / IMAGES, 0.7, 4.0 * sqrt(0.3 * 0.7 / IMAGES));
+    }
+    rx_simulate_config_free(blank.config);
+}
+
+/* y and the blurred plane are divided by the same, which is smooth; x keeps its width. */
+static void watch_uneven(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    double least = 1e9, most = 0.0;
+    for (int k = 0; k < N; k++) {
+        sums[0] += (double)s->x[k] - (double)s->blurred[k] > 0.0 ? 1.0 : 0.0;
+        sums[1] += pow((double)(s->x[k] - s->blurred[k]), 2);
+        sums[2] += 1.0;
+        if (!(plain->blurred[k] > 1.0f && plain->y[k] > 1.0f))
+            continue;
+        const double blurred = (double)(s->blurred[k] / plain->blurred[k]),
+                     y = (double)(s->y[k] / plain->y[k]);
+        assert_close(y, blurred, 1e-5);
+        least = fmin(least, y);
+        most = fmax(most, y);
+        assert_between(y, exp(-0.75 - 0.7), exp(0.75 + 0.7));
+    }
+    sums[3] += most > 1.1 * least;
+    assert_int_equal(s->nstars, plain->nstars);
+    for (int i = 0; i < s->nstars; i++)
+        assert_between((double)(s->star[i][2] / plain->star[i][2]), exp(-1.45), exp(1.45));
+}
+
+static void test_uneven(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    double sums[4] = {0.0};
+    t.par.survey.uneven = 1.0;
+    compare(&t, 50, watch_uneven, sums);
+    assert_near(sums[0] / sums[2], 0.5, 0.01);
+    assert_near(sqrt(sums[1] / sums[2]), 1.02, 0.04); /* beside edges it is not what is told */
+    assert_true(sums[3] > 25);
+    rx_simulate_config_free(t.config);
+}
+
+/* sums: of mean offset, its square; only x changes */
+static void watch_offset(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    const double offset = mean(s->x) - mean(plain->x);
+    assert_true(is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    assert_between(offset, -0.3001, 0.3001);
+    sums[0] += offset;
+    sums[1] += offset * offset;
+}
+
+static void test_offsets(void **state)
+{
+    (void)state;
+    enum { IMAGES = 150 };
+    scenes_test t = open_blank();
+    double sums[2] = {0.0};
+    t.par.survey.offsets = 1.0;
+    t.par.survey.sky_offset = 0.3;
+    compare(&t, IMAGES, watch_offset, sums);
+    assert_near(sums[0] / IMAGES, 0.0, 4.0 * 0.3 / sqrt(3.0 * IMAGES));
+    assert_close(sqrt(sums[1] / IMAGES), 0.3 / sqrt(3.0), 0.2);
+    rx_simulate_config_free(t.config);
+}
+
+/* What is in x is true, sharp and blurred; sums: lowest and highest, means of boxes of 32 pixels in x - y,
+ * their squares, boxes. */
+static void watch_light(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    double box[4] = {0.0};
+    for (int k = 0; k < N; k++) {
+        const double light = (double)s->y[k] - (double)plain->y[k];
+        assert_near((double)s->blurred[k] - (double)plain->blurred[k], light, 1e-4);
+        assert_near((double)s->x[k] - (double)plain->x[k], light, 1e-4);
+        sums[0] = fmin(sums[0], light);
+        sums[1] = fmax(sums[1], light);
+        box[k / P / 32 * 2 + k % P / 32] += (double)s->x[k] - (double)s->y[k];
+    }
+    for (int i = 0; i < 4; i++) {
+        sums[2] += box[i] / 1024.0;
+        sums[3] += pow(box[i] / 1024.0, 2);
+        sums[4] += 1.0;
+    }
+}
+
+static void test_dark_sky_and_waves(void **state)
+{
+    (void)state;
+    const scenes_test blank = open_blank();
+    for (int dark = 0; dark < 2; dark++) {
+        scenes_test t = blank;
+        double sums[5] = {0.0};
+        if (dark)
+            t.par.survey.dark = 1.0;
+        else
+            t.par.survey.waves = 1.0;
+        compare(&t, 100, watch_light, sums);
+        assert_between(sums[0], dark ? -30.0 : -3.0, dark ? -3.0 : -0.3);
+        assert_between(sums[1], dark ? -1e-6 : 0.3, dark ? 1e-6 : 3.0);
+        assert_near(sums[2] / sums[4], 0.0, 4.0 / 32.0 / sqrt(sums[4]));
+        assert_close(sqrt(sums[3] / sums[4]), 1.0 / 32.0, 0.15); /* white noise in boxes, and no more */
+    }
+    rx_simulate_config_free(blank.config);
+}
+
+/* sums: pixels that differ, those more than 6 above, those more than 6 below, all */
+static void watch_defects(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    assert_true(is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    for (int k = 0; k < N; k++) {
+        sums[0] += plain->x[k] != s->x[k];
+        sums[1] += s->x[k] > 6.0f;
+        sums[2] += s->x[k] < -6.0f;
+        assert_true(fabsf(plain->x[k]) < 6.0f);
+    }
+    sums[3] += N;
+}
+
+static void test_defects(void **state)
+{
+    (void)state;
+    scenes_test t = open_blank();
+    double sums[4] = {0.0};
+    t.par.survey.defects = 1.0;
+    compare(&t, 100, watch_defects, sums);
+    assert_between(sums[0] / sums[3], 0.005, 0.05);
+    assert_between(sums[1] / sums[3], 0.003, 0.03);
+    assert_between(sums[2] / sums[3], 0.0005, 0.02);
+    rx_simulate_config_free(t.config);
+}
+
+/* sums: squares of ln FWHM; kernels as they were */
+static void watch_psf(const rx_sample *plain, const rx_sample *s, double *sums)
+{
+    assert_true(is_same(plain->x, s->x) && is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    assert_true(s->true_fwhm == plain->true_fwhm);
+    sums[0] += pow(log((double)s->fwhm / (double)s->true_fwhm), 2);
+    sums[1] += memcmp(plain->kernel, s->kernel, RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL * sizeof(float)) == 0;
+}
+
+static void test_psf(void **state)
+{
+    (void)state;
+    enum { IMAGES = 150 };
+    scenes_test t = open_blank();
+    double sums[2] = {0.0};
+    t.par.survey.psf = 1.0;
+    compare(&t, IMAGES, watch_psf, sums);
+    assert_close(sqrt(sums[0] / IMAGES), RX_SURVEY_FWHM, 4.0 / sqrt(2.0 * IMAGES));
+    assert_near(sums[1], 0.0, 0.0);
+    rx_simulate_config_free(t.config);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_kernels), cmocka_unit_test(test_effective_noise),
+        cmocka_unit_test(test_shares),  cmocka_unit_test(test_uneven),
+        cmocka_unit_test(test_offsets), cmocka_unit_test(test_dark_sky_and_waves),
+        cmocka_unit_test(test_defects), cmocka_unit_test(test_psf),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
