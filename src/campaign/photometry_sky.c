@@ -275,8 +275,13 @@ static rx_status injected_tile(const rx_photometry_state *state, const rx_photom
     const double gain = src->gain > 0 ? src->gain : state->config->sim->gain;
     rx_status status = rx_replica_new(src, NULL, tile, err);
     if (status == RX_OK)
-        status = rx_inject(stars, sky->optics, gain, src->saturation, seed_for(state, DRAW_NOISE), number, 1,
-                           (*tile)->pixels, err);
+        status = rx_inject(stars, sky->optics,
+                           &(rx_inject_params){.gain = gain,
+                                               .saturation = src->saturation,
+                                               .noise = &sky->noise,
+                                               .seed = seed_for(state, DRAW_NOISE),
+                                               .stream = number},
+                           1, (*tile)->pixels, err);
     if (status == RX_OK)
         rx_replica_settle(*tile);
     return status;

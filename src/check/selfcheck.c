@@ -85,8 +85,13 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
     RX_TRY(rx_replica_new(tile, NULL, &copy, err));
     RX_TRY_EXIT(rx_render(dst->scene, 1, &(const rx_optics *){plan->optics}, &(float *const){dst->clean},
                           plan->params.nthreads, err));
-    RX_TRY_EXIT(rx_inject(dst->scene, plan->optics, tile->gain, tile->saturation, plan->params.seed,
-                          PHOTONS + (uint64_t)round, plan->params.nthreads, copy->pixels, err));
+    RX_TRY_EXIT(rx_inject(dst->scene, plan->optics,
+                          &(rx_inject_params){.gain = tile->gain,
+                                              .saturation = tile->saturation,
+                                              .noise = &plan->field->noise,
+                                              .seed = plan->params.seed,
+                                              .stream = PHOTONS + (uint64_t)round},
+                          plan->params.nthreads, copy->pixels, err));
     rx_replica_settle(copy);
     for (size_t i = 0; i < npixels; i++)
         dst->light[i] = copy->pixels[i] - tile->pixels[i];

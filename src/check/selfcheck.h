@@ -1,8 +1,8 @@
 /* SELF_CHECK: what the stage finds of objects injected into copies of this very tile, with no outside
  * catalogue.
  *
- * Objects of known flux, drawn through the tile's own PSF with the photon noise they bring, are added to a
- * copy; background, restoration, detection and measurement run as they did for the catalogue, with the same
+ * Objects of known flux, drawn through the tile's own PSF with the photon noise they bring (correlated as the tile's
+ * noise is), are added to a copy; background, restoration, detection and measurement run as they did for the catalogue, with the same
  * PSF. Rounds of few objects at a time leave the tile as crowded as it is.
  *
  * What was there before does not count. A detection after the injection is `old` when it has a counterpart

@@ -74,7 +74,7 @@ static rx_status choose_magnitudes(rx_selfcheck_plan *plan, rx_error *err)
     rx_status status = noise_area(plan->field, &area, err);
     if (status != RX_OK)
         return status;
-    double flux = 5.0 * plan->field->restored->global_sigma * sqrt(area);
+    double flux = 5.0 * plan->field->restored->global_sigma * plan->field->noise_factor * sqrt(area);
     plan->limit = plan->field->tile->zeropoint - 2.5 * log10(flux);
     plan->mag_low = plan->par->mag[0];
     plan->mag_high = plan->par->mag[1];

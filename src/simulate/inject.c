@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "simulate/noise.h"
 #include "simulate/render.h"
+#include "simulate/sky_noise.h"
 
 /* Light that comes in electrons: a Poisson number of them. What the band-limited image of a sharp source has
  * below zero is no light and has no noise. */
@@ -18,27 +19,40 @@ static float collect(float light, double gain, uint64_t seed, uint64_t stream, s
     return (float)(rx_noise_poisson(electrons, seed, stream, number) / gain);
 }
 
-rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, double gain, double saturation,
-                    uint64_t seed, uint64_t stream, int nthreads, float *pixels, rx_error *err)
+rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, const rx_inject_params *par, int nthreads,
+                    float *pixels, rx_error *err)
 {
     const long n = (long)scene->width * scene->height;
-    float *light = RX_NEW(float, (size_t)n);
-    if (light == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof(float));
-    rx_status status = rx_render(scene, 1, &optics, &light, nthreads, err);
-    if (status != RX_OK)
+    const int threads = nthreads > 1 ? nthreads : 1;
+    const int together = par->gain > 0.0 && par->noise != NULL && par->noise->correlated;
+    rx_status status = RX_OK;
+    float *light = RX_NEW(float, (size_t)n), *noise = together ? RX_NEW(float, (size_t)n) : NULL;
+    if (light == NULL || (together && noise == NULL)) {
+        status = rx_error_memory(err, (size_t)n * sizeof(float));
         goto exit;
-#pragma omp parallel for num_threads(nthreads > 1 ? nthreads : 1) schedule(static)
+    }
+    RX_TRY_EXIT(rx_render(scene, 1, &optics, &light, nthreads, err));
+    if (together) {
+#pragma omp parallel for num_threads(threads) schedule(static)
+        for (long i = 0; i < n; i++)
+            noise[i] = collect(light[i], par->gain, par->seed, par->stream, (size_t)i) - light[i];
+        RX_TRY_EXIT(rx_sky_noise_smooth(par->noise, scene->width, scene->height, threads, noise, err));
+    }
+#pragma omp parallel for num_threads(threads) schedule(static)
     for (long i = 0; i < n; i++) {
         float before = pixels[i];
-        float after = before + (gain > 0.0 ? collect(light[i], gain, seed, stream, (size_t)i) : light[i]);
+        float after =
+            before + (together          ? light[i] + noise[i]
+                      : par->gain > 0.0 ? collect(light[i], par->gain, par->seed, par->stream, (size_t)i)
+                                        : light[i]);
         /* a pixel that was above the level before keeps what it had */
-        if ((double)after >= saturation)
-            after = (double)before > saturation ? before : (float)saturation;
+        if ((double)after >= par->saturation)
+            after = (double)before > par->saturation ? before : (float)par->saturation;
         pixels[i] = after;
     }
 exit:
     free(light);
+    free(noise);
     return status;
 }
 

@@ -5,13 +5,23 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "data/noise_correlation.h"
 #include "simulate/optics.h"
 #include "simulate/scene.h"
 
-/* pixels [height][width] (ADU) += scene through optics, with Poisson noise of the added light for that gain
- * (e-/ADU; 0 = infinite gain, no noise). Pixels that reach `saturation` stop there. */
-rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, double gain, double saturation,
-                    uint64_t seed, uint64_t stream, int nthreads, float *pixels, rx_error *err);
+typedef struct rx_inject_params {
+    double gain;       /* e-/ADU; 0 = infinite, no noise */
+    double saturation; /* pixels that reach it stop there */
+    /* of the tile's noise, NULL = independent: what smoothed it smoothed the photon noise of its sources as well */
+    const rx_noise_correlation *noise;
+    uint64_t seed, stream;
+} rx_inject_params;
+
+/* pixels [height][width] (ADU) += scene through optics, with Poisson noise of the added light; under correlated noise
+ * that is convolved with the kernel of sum 1 whose power spectrum is the noise's (simulate/sky_noise.h), so that a
+ * flux summed over many pixels scatters by what its electrons say. Errors: RX_SYSTEM, RX_INPUT (no power in the noise). */
+rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, const rx_inject_params *par, int nthreads,
+                    float *pixels, rx_error *err);
 
 typedef enum rx_inject_place {
     RX_INJECT_AWAY,  /* not on and not within `distance` of a known source or a masked pixel */

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "num/fft.h"
 #include "simulate/noise.h"
@@ -12,10 +13,11 @@ enum {
     MARGIN = 32 /* pixels that a realisation is wider than the tile: the filter's reach, as FFTs are cyclic */
 };
 
-/* Root of the power spectrum on the domain, of mean square 1, over the domain's pixels (rx_fft's inverse has
- * no factor). */
-static rx_status filter_spectrum(const rx_noise_correlation *noise, const rx_fft *fft, float *plane,
-                                 float *spectrum, rx_error *err)
+typedef enum rx_unit { UNIT_PIXEL, UNIT_SUM } rx_unit; /* mean square 1, or value 1 at frequency zero */
+
+/* Root of the power spectrum on the domain, over the domain's pixels (rx_fft's inverse has no factor). */
+static rx_status filter_spectrum(const rx_noise_correlation *noise, rx_unit unit, const rx_fft *fft,
+                                 float *plane, float *spectrum, rx_error *err)
 {
     const int w = rx_fft_width(fft), h = rx_fft_height(fft), half = w / 2 + 1;
     const size_t stride = (size_t)rx_fft_stride_real(fft), complex = (size_t)rx_fft_stride_complex(fft);
@@ -36,77 +38,113 @@ static rx_status filter_spectrum(const rx_noise_correlation *noise, const rx_fft
             value[1] = 0.0f;
             power += twice * (double)value[0];
         }
-    const double cells = (double)w * h;
+    const double cells = (double)w * h, wide = rx_noise_factor_wide(noise);
+    const double one = unit == UNIT_SUM ? wide * wide : power / cells;
     if (!(power > 0.0))
         return rx_error_set(err, RX_INPUT, "the correlation of the noise has no power at any frequency");
     for (int u = 0; u < half; u++)
         for (int v = 0; v < h; v++) {
             float *value = spectrum + 2 * ((size_t)u * complex + (size_t)v);
-            value[0] = (float)(sqrt((double)value[0] * cells / power) / cells);
+            value[0] = (float)(sqrt((double)value[0] / one) / cells);
         }
     return RX_OK;
 }
 
-static void scale_rows(double scale, int width, int height, const rx_map *sigmas, const float *unit,
-                       size_t stride, int nthreads, float *dst)
+static void scale_row(double scale, int width, int y, const rx_map *sigmas, const float *unit, float *dst)
 {
-#pragma omp parallel for num_threads(nthreads) schedule(static)
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x += RX_MAP_PIECE) {
-            const int n = rx_map_piece(x, width);
-            float room[RX_MAP_PIECE];
-            const float *sigma = rx_map_row(sigmas, y, x, n, room), *from = unit + (size_t)y * stride + x;
-            float *to = dst + (size_t)y * (size_t)width + x;
-            for (int k = 0; k < n; k++)
-                to[k] = (float)scale * sigma[k] * from[k];
-        }
+    for (int x = 0; x < width; x += RX_MAP_PIECE) {
+        const int n = rx_map_piece(x, width);
+        float room[RX_MAP_PIECE];
+        const float *sigma = rx_map_row(sigmas, y, x, n, room);
+        for (int k = 0; k < n; k++)
+            dst[x + k] = (float)scale * sigma[k] * unit[x + k];
+    }
 }
 
-static rx_status draw_correlated(const rx_noise_correlation *noise, int width, int height,
-                                 const rx_map *sigma, uint64_t seed, uint64_t stream, int nthreads,
-                                 float *dst, rx_error *err)
+/* What is filtered: rows of the domain, `across` pixels long. */
+typedef struct plane {
+    float *pixels; /* [height][width] */
+    int width, height, across;
+    double scale; /* of what is drawn, */
+    const rx_map *sigma;
+    uint64_t seed, stream;
+} plane;
+
+static int draw_row(void *user, int y, float *line)
+{
+    const plane *p = user;
+    rx_noise_normals(p->seed, p->stream, (uint64_t)y * (uint64_t)p->across, p->across, line);
+    return 1;
+}
+
+static void write_scaled(void *user, int y, float *line)
+{
+    const plane *p = user;
+    scale_row(p->scale, p->width, y, p->sigma, line, p->pixels + (size_t)y * (size_t)p->width);
+}
+
+static int read_row(void *user, int y, float *line)
+{
+    const plane *p = user;
+    if (y >= p->height)
+        return 0;
+    memcpy(line, p->pixels + (size_t)y * (size_t)p->width, (size_t)p->width * sizeof *line);
+    memset(line + p->width, 0, (size_t)(p->across - p->width) * sizeof *line);
+    return 1;
+}
+
+static void write_row(void *user, int y, float *line)
+{
+    const plane *p = user;
+    memcpy(p->pixels + (size_t)y * (size_t)p->width, line, (size_t)p->width * sizeof *line);
+}
+
+static rx_status filter_rows(const rx_noise_correlation *noise, rx_unit unit, plane *p, rx_fft_read read,
+                             rx_fft_write write, int nthreads, rx_error *err)
 {
     rx_fft *fft = NULL;
-    float *plane = NULL, *spectrum = NULL, *half = NULL;
-    const int w = rx_fft_good_size(width + MARGIN), h = rx_fft_good_size(height + MARGIN);
-    rx_status status = rx_fft_new(w, h, nthreads, &fft, err);
+    float *lags = NULL, *spectrum = NULL, *half = NULL;
+    rx_status status = rx_fft_new(rx_fft_good_size(p->width + MARGIN), rx_fft_good_size(p->height + MARGIN),
+                                  nthreads, &fft, err);
     if (status != RX_OK)
         return status;
-    plane = rx_fft_real(fft);
+    lags = rx_fft_real(fft);
     spectrum = rx_fft_complex(fft);
     half = rx_fft_complex(fft);
-    if (plane == NULL || spectrum == NULL || half == NULL) {
+    if (lags == NULL || spectrum == NULL || half == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
-    status = filter_spectrum(noise, fft, plane, spectrum, err);
-    if (status != RX_OK)
-        goto exit;
-    const size_t stride = (size_t)rx_fft_stride_real(fft);
-#pragma omp parallel for num_threads(nthreads) schedule(static)
-    for (int y = 0; y < h; y++)
-        rx_noise_normals(seed, stream, (uint64_t)y * (uint64_t)w, w, plane + (size_t)y * stride);
-    rx_fft_filter(fft, plane, spectrum, false, half, plane);
-    scale_rows(noise->scale, width, height, sigma, plane, stride, nthreads, dst);
+    RX_TRY_EXIT(filter_spectrum(noise, unit, fft, lags, spectrum, err));
+    p->across = rx_fft_width(fft);
+    rx_fft_filter_rows(fft, read, spectrum, false, half, 0, p->height, write, p);
 exit:
-    free(plane);
+    free(lags);
     free(spectrum);
     free(half);
     rx_fft_free(fft);
     return status;
 }
 
+rx_status rx_sky_noise_smooth(const rx_noise_correlation *noise, int width, int height, int nthreads,
+                              float *pixels, rx_error *err)
+{
+    plane p = {.pixels = pixels, .width = width, .height = height};
+    return noise->correlated ? filter_rows(noise, UNIT_SUM, &p, read_row, write_row, nthreads, err) : RX_OK;
+}
+
 rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, int width, int height, const rx_map *sigma,
                             uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err)
 {
     const int threads = nthreads > 1 ? nthreads : 1;
+    plane p = {dst, width, height, width, noise->scale, sigma, seed, stream};
     if (noise->correlated)
-        return draw_correlated(noise, width, height, sigma, seed, stream, threads, dst, err);
+        return filter_rows(noise, UNIT_PIXEL, &p, draw_row, write_scaled, threads, err);
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (int y = 0; y < height; y++) {
         float *row = dst + (size_t)y * (size_t)width;
-        rx_noise_normals(seed, stream, (uint64_t)y * (uint64_t)width, width, row);
+        draw_row(&p, y, row);
+        scale_row(p.scale, width, y, sigma, row, row);
     }
-    scale_rows(noise->scale, width, height, sigma, dst, (size_t)width, threads, dst);
     return RX_OK;
 }

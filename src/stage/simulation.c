@@ -535,8 +535,12 @@ rx_status rx_simulation_inject(const rx_simulation *simulation, uint64_t stream,
     rx_scene *scene = NULL;
     rx_status status = rx_scene_make(&par, simulation->templates, &scene, err);
     if (status == RX_OK)
-        status = rx_inject(scene, simulation->optics, noise->gain, noise->saturation, noise->seed,
-                           rx_simulation_pixel_stream(stream), simulation->nthreads, pixels, err);
+        status = rx_inject(scene, simulation->optics,
+                           &(rx_inject_params){.gain = noise->gain,
+                                               .saturation = noise->saturation,
+                                               .seed = noise->seed,
+                                               .stream = rx_simulation_pixel_stream(stream)},
+                           simulation->nthreads, pixels, err);
     if (status == RX_OK && sharp != NULL) {
         memset(sharp, 0, (size_t)par.width * (size_t)par.height * sizeof(float));
         status = rx_render(scene, 1, &target, &sharp, simulation->nthreads, err);

@@ -219,6 +219,15 @@ static void check_completeness(const char *kind_name)
     /* 5 sigma sqrt(N), N = 1 / sum P^2 = 38.193 pixels of the pixel-integrated Moffat (numpy: 9-point
      * Gauss-Legendre in every pixel); sigma 5 */
     assert_near(plan->limit, 25.0 - 2.5 * log10(5.0 * 5.0 * sqrt(38.193)), 0.03);
+    /* where a matched filter has twice the noise of independent pixels, the limit is that much brighter */
+    rx_selfcheck_plan *noisy = NULL;
+    field->noise_factor = 2.0;
+    assert_int_equal(
+        rx_selfcheck_plan_new(&b.options->pipeline, &b.options->check, field, before.sources, &noisy, NULL),
+        RX_OK);
+    field->noise_factor = 1.0;
+    assert_near(plan->limit - noisy->limit, 2.5 * log10(2.0), 1e-6);
+    rx_selfcheck_plan_free(noisy);
     assert_int_equal(rx_selfcheck_run(plan, kind, &before, NULL, &check, NULL), RX_OK);
     assert_int_equal(check.injected, 800);
     tally truth = {{0}, {0}}, injected = {{0}, {0}};

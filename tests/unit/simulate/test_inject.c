@@ -46,7 +46,8 @@ static void inject(const rx_scene *scene, const rx_optics *optics, double gain, 
                    uint64_t stream, int nthreads, float *pixels)
 {
     rx_error err = RX_ERROR_NONE;
-    if (rx_inject(scene, optics, gain, saturation, 5, stream, nthreads, pixels, &err) != RX_OK)
+    if (rx_inject(scene, optics, &(rx_inject_params){gain, saturation, NULL, 5, stream}, nthreads, pixels,
+                  &err) != RX_OK)
         fail_msg("%s", err.text);
 }
 
@@ -118,6 +119,46 @@ static void photon_noise(void **state)
     assert_near(deviation / (double)n, 0.0, 4.0 / sqrt((double)n));
     assert_near(chi2 / (double)n, 1.0, 5.0 * sqrt(2.0 / (double)n));
     assert_near(neighbours / (double)n, 0.0, 4.0 / sqrt((double)n));
+    free(light);
+    free(pixels);
+    rx_optics_free(optics);
+    rx_scene_free(scene);
+}
+
+/* On a tile shifted by half a pixel, bilinearly: the sum over a source scatters by its electrons, as ever; a pixel's
+ * variance is the share of it that the kernel leaves, and neighbours go together as the tile's noise does. */
+static void photon_noise_of_a_resampled_tile(void **state)
+{
+    (void)state;
+    enum { REALISATIONS = 600 };
+    static const float kernel[4] = {0.25f, 0.25f, 0.25f, 0.25f};
+    const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 2, 2);
+    const double gain = 2.5;
+    rx_scene *scene = make_scene(2000.0);
+    rx_optics *optics = make_optics();
+    const rx_optics *through = optics;
+    float *light = RX_NEW(float, N), *pixels = RX_NEW(float, N);
+    double sums = 0.0, squares = 0.0, across = 0.0, up = 0.0, photons = 0.0;
+    assert_int_equal(rx_render(scene, 1, &through, &light, 1, NULL), RX_OK);
+    for (int i = 0; i < N; i++)
+        photons += fmax((double)light[i], 0.0) / gain;
+    for (int k = 0; k < REALISATIONS; k++) {
+        const rx_inject_params par = {gain, HUGE_VAL, &noise, 5, (uint64_t)k};
+        memset(pixels, 0, N * sizeof(float));
+        assert_int_equal(rx_inject(scene, optics, &par, 2, pixels, NULL), RX_OK);
+        for (int i = 0; i < N; i++)
+            pixels[i] -= light[i];
+        sums += total(pixels) * total(pixels);
+        for (int i = 0; i < N - W; i++) {
+            squares += (double)pixels[i] * (double)pixels[i];
+            across += (double)pixels[i] * (double)pixels[i + 1];
+            up += (double)pixels[i] * (double)pixels[i + W];
+        }
+    }
+    assert_near(sums / REALISATIONS / photons, 1.0, 4.0 * sqrt(2.0 / REALISATIONS));
+    assert_near(squares / REALISATIONS / photons, 0.25, 0.005);
+    assert_near(across / squares, 0.5, 0.01);
+    assert_near(up / squares, 0.5, 0.01);
     free(light);
     free(pixels);
     rx_optics_free(optics);
@@ -227,9 +268,13 @@ static void among_is_anywhere_unmasked(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(adds_the_scene),      cmocka_unit_test(photon_noise),
-        cmocka_unit_test(stops_at_saturation), cmocka_unit_test(any_number_of_threads),
-        cmocka_unit_test(away_by_brute_force), cmocka_unit_test(among_is_anywhere_unmasked),
+        cmocka_unit_test(adds_the_scene),
+        cmocka_unit_test(photon_noise),
+        cmocka_unit_test(photon_noise_of_a_resampled_tile),
+        cmocka_unit_test(stops_at_saturation),
+        cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(away_by_brute_force),
+        cmocka_unit_test(among_is_anywhere_unmasked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
