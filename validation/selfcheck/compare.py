@@ -151,4 +151,5 @@ def main():
                 run["settings"]).groups()))
 
 
-main()
+if __name__ == "__main__":
+    main()
