@@ -38,6 +38,16 @@ plan a.fits -PLAN_DENSITY 100 -NTHREADS 1 && cp out less && plan a.fits -PLAN_DE
     and t[0]["memory_bytes"] > json.load(open("less"))["all"]["memory_bytes"] and a["cpu_seconds"] > json.load(open("less"))["all"]["cpu_seconds"]'
 result 'more sources and threads take more' $? err
 
+# noise like the tile's, before the tile: at worst a window of 1024 x 1024, in time a quarter and more of a large tile; a
+# copy of a small one, in memory
+"$programs/rextract-simulate" -IMAGE_SIZE 1024 -STAR_COUNT 0 -GALAXY_COUNT 0 -IMAGE_NAME ../large.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET
+net="-RESTORE_TYPE NET -NET_MODEL $top/config/psfnet.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -PLAN_DENSITY 1000 -NTHREADS 1"
+# shellcheck disable=SC2086 # a list of arguments
+plan ../large.fits $net -BLANK_CHECK 0 && cp out ../less && plan ../large.fits $net && says '
+    1.5 < a["cpu_seconds"] / json.load(open("../less"))["all"]["cpu_seconds"] < 2.5 and
+    10 * t[0]["pixels"] < a["memory_bytes"] - json.load(open("../less"))["all"]["memory_bytes"] < 30 * t[0]["pixels"]'
+result 'the noise that NET looks at first' $? err
+
 if $python - 2>err <<'END'
 import numpy as np
 from astropy.io import fits

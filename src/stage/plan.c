@@ -307,6 +307,12 @@ static double network_planes(const load *l)
     return take(l, RX_COST_NET) - sizeof(float) * l->pixels * (1 - 1 / fmax(rows, 1));
 }
 
+/* Cells are looked at for what NET does not explain (RXUNEX). */
+static int judged(const load *l, const rx_restorer *kind)
+{
+    return cost_of_kind(kind) == RX_COST_NET && l->job->options->pipeline.judge_residual;
+}
+
 /* NET may hand a tile over to RL (OUT_OF_DOMAIN). */
 static double restoration(const load *l, const rx_restorer *kind)
 {
@@ -318,6 +324,8 @@ static double restoration(const load *l, const rx_restorer *kind)
         bytes = fmax(bytes, richardson_lucy(l));
     if (name == RX_COST_NET && l->job->options->pipeline.restore.verify_seams)
         bytes += take(l, RX_COST_SEAMS);
+    if (judged(l, kind))
+        bytes += take(l, RX_COST_CELLS);
     return name == RX_COST_NONE ? bytes : bytes + terms_memory(l);
 }
 
@@ -392,6 +400,26 @@ static double open_tile(const load *l, int role, const rx_tile_shape *shape)
     return bytes + par->nflags * take(l, RX_COST_FLAG_MAP);
 }
 
+/* BLANK_CHECK before NET looks at the tile: noise in a window of it goes the same way (check/blankcheck.h). */
+static int guarded(const load *l, const rx_restorer *kind)
+{
+    return cost_of_kind(kind) == RX_COST_NET && l->job->options->check.blank_check != 0;
+}
+
+static double guard(const load *l, const rx_restorer *kind)
+{
+    enum { SIDE = 1024 };
+    rx_tile_shape shape = *l->shape;
+    load window = *l;
+    shape.width = rx_least(shape.width, SIDE);
+    shape.height = rx_least(shape.height, SIDE);
+    window.shape = &shape;
+    window.pixels = plan_pixels(&shape);
+    window.sources = l->sources * window.pixels / fmax(l->pixels, 1);
+    return take(&window, RX_COST_CHECKS) +
+           fmax(restoration(&window, kind), extraction(&window, kind, 0) + take(&window, RX_COST_CHECKIMAGE));
+}
+
 static double one_restorer(const load *l, const rx_restorer *kind)
 {
     const rx_options *options = l->job->options;
@@ -406,6 +434,8 @@ static double one_restorer(const load *l, const rx_restorer *kind)
         bytes += injection(l);
     if (options->check.self_check || options->check.blank_check > 0)
         bytes += fmax(restored, extraction(l, kind, options->check.templates)) + take(l, RX_COST_CHECKS);
+    if (guarded(l, kind)) /* over before the rest begins */
+        bytes = fmax(bytes, guard(l, kind));
     return bytes;
 }
 
@@ -464,8 +494,9 @@ static double restoration_seconds(const load *l, const rx_restorer *kind)
         return once * par->rl_niter * (l->terms + 1) / 2;
     if (name == RX_COST_RL_BLIND)
         return once * par->blind_cycles * par->blind_psf_niter * (1 + 0.7 * varies);
+    const double cells = judged(l, kind) ? seconds(l, RX_COST_CELLS) : 0;
     const double net = once + varies * (l->terms + 6) * seconds(l, RX_COST_PSF_TERM);
-    return name == RX_COST_NET ? net * (1 + par->verify_seams) : once;
+    return name == RX_COST_NET ? net * (1 + par->verify_seams) + cells : once;
 }
 
 /* The more crowded, the more neighbours a template has: at so many sources per Mpixel it takes twice as long.
@@ -485,7 +516,7 @@ static double rounds(const load *l, const rx_restorer *kind)
 {
     const rx_options *options = l->job->options;
     double n = rx_most(options->check.blank_check, 0);
-    if (strcmp(kind->name, "NET") == 0 && options->check.blank_check != 0)
+    if (guarded(l, kind))
         n += fmin(5.0 * 512 * 512 / fmax(l->pixels, 1), 2.0);
     if (options->check.self_check)
         n += ceil((double)options->check.count / ceil(options->check.density * fmax(1e-6 * l->pixels, 1e-6)));

@@ -45,6 +45,8 @@ KINDS = {
     "RL template self check": ["RL", "TEMPLATES", "-INVENTED_TYPE", "DROP", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "20"],
     "NONE blank check": ["NONE", "-BLANK_CHECK", "1"],
     "RL blank check": ["RL", "-BLANK_CHECK", "1"],
+    "NET blank check": ["NET", "-BLANK_CHECK", "1"],
+    "NET without guard": ["NET", "-BLANK_CHECK", "0"],
     "NONE weights": ["NONE", "WEIGHTS", "MAP_RMS"],
     "RL weights": ["RL", "WEIGHTS", "MAP_WEIGHT"],
     "NET weights": ["NET", "WEIGHTS", "MAP_VAR"],
