@@ -86,6 +86,7 @@ static rx_status set_up(char *cards, size_t ncards, int width, int height, rx_wc
     if (wcs == NULL)
         return rx_error_memory(err, sizeof *wcs);
     wcs->prm.flag = -1;
+    /* reentrant since wcslib 5.18; configure asks for 7 */
     failed = wcspih(cards, (int)ncards, WCSHDR_all, 0, &rejected, &n, &list);
     if (failed == 2) {
         status = rx_error_memory(err, 0);

@@ -26,7 +26,7 @@ typedef struct rx_psf_params {
  * saturation, the others for its size. `stars` (AUTO only, else NULL): sources detected on the image before it
  * is restored, with at least X/Y, peak, FLUX_AUTO/ERR, FLUX_RADIUS(0.5) as first radius, FLAGS and the rms
  * ellipse (a, b) filled; where segments are there, pixels of neighbours stay out of the fits.
- * Errors: RX_INPUT when the PSF cannot be used on this image (the text names the file and the way out),
+ * Errors: RX_USAGE (AUTO without a list), RX_INPUT when the PSF cannot be used on this image (the text names the file and the way out),
  * RX_SYSTEM memory. *dst, of this and the functions below, is freed by rx_psf_free(). A PSF that does not fit
  * into the image is refused, unless its size is ours to choose. */
 rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_sources *stars, rx_log *log,

@@ -392,6 +392,19 @@ static void test_moffat_refused(void **state)
     assert_non_null(strstr(err.text, "odd"));
 }
 
+/* Stars are those of a list; without one there is nothing to measure. */
+static void test_auto_without_stars(void **state)
+{
+    (void)state;
+    const rx_psf_params par = {.type = RX_PSF_AUTO, .min_stars = 5, .min_snr = 20.0};
+    const rx_image image = {.width = 64, .height = 64};
+    rx_error err = RX_ERROR_NONE;
+    rx_psf *psf = NULL;
+    assert_int_equal(rx_psf_make(&par, &image, NULL, NULL, &psf, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "PSF_TYPE AUTO"));
+    assert_null(psf);
+}
+
 static void test_polynomial_and_copy(void **state)
 {
     (void)state;
@@ -423,6 +436,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_moffat_ellipse_gradient),
+        cmocka_unit_test(test_auto_without_stars),
         cmocka_unit_test(test_moffat_bounds),
         cmocka_unit_test(test_moffat_fit_of_few_pixels),
         cmocka_unit_test(test_shape_is_of_the_core),
