@@ -180,3 +180,13 @@ rx_tphot_input field_input(const field *f)
                                       .hide = 7,
                                       .psf = f->psf}};
 }
+
+rx_footprint boxed(int x0, int y0, int w, int h, uint64_t seed)
+{
+    rx_footprint f = {
+        .x0 = x0, .y0 = y0, .width = w, .height = h, .values = RX_NEW(float, (size_t)w *(size_t)h)};
+    assert_non_null(f.values);
+    for (int k = 0; k < w * h; k++)
+        f.values[k] = (float)(0.2 + rx_random_uniform(seed, 8, (uint64_t)k));
+    return f;
+}

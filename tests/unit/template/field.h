@@ -8,6 +8,7 @@
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/sources.h"
+#include "template/canvas.h"
 #include "template/template.h"
 
 typedef struct field {
@@ -41,5 +42,8 @@ void field_noise(field *f, uint64_t seed);
 void field_restore_none(field *f);
 
 rx_tphot_input field_input(const field *f);
+
+/* A footprint with random values, to be freed. */
+rx_footprint boxed(int x0, int y0, int w, int h, uint64_t seed);
 
 #endif

@@ -59,16 +59,6 @@ static void add_noise(field *f, uint64_t seed)
     free(white);
 }
 
-static rx_footprint boxed(int x0, int y0, int w, int h, uint64_t seed)
-{
-    rx_footprint f = {
-        .x0 = x0, .y0 = y0, .width = w, .height = h, .values = RX_NEW(float, (size_t)w *(size_t)h)};
-    assert_non_null(f.values);
-    for (int k = 0; k < w * h; k++)
-        f.values[k] = (float)(0.2 + rx_random_uniform(seed, 8, (uint64_t)k));
-    return f;
-}
-
 static double value_at(const rx_footprint *f, int x, int y)
 {
     const int u = x - f->x0, v = y - f->y0;

@@ -105,17 +105,6 @@ static void test_kernel(void **state)
     }
 }
 
-/* A footprint with random values. */
-static rx_footprint boxed(int x0, int y0, int w, int h, uint64_t seed)
-{
-    rx_footprint f = {
-        .x0 = x0, .y0 = y0, .width = w, .height = h, .values = RX_NEW(float, (size_t)w *(size_t)h)};
-    assert_non_null(f.values);
-    for (int k = 0; k < w * h; k++)
-        f.values[k] = (float)(0.2 + rx_random_uniform(seed, 8, (uint64_t)k));
-    return f;
-}
-
 /* Three overlapping templates, a background with a prior and a shift of one of them, against singular values.
  */
 static void test_joint(void **state)
