@@ -3,6 +3,8 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "base/least.h"
 
@@ -14,6 +16,8 @@ static const double VISIBLE = 0.3; /* of the PSF's own correlation at FAR, to be
 static const double MOST = 0.9;    /* of the variance that faint light can be */
 static const double SENSE = 0.7;   /* resampling lowers the noise of no sum by more */
 static const double LITTLE = 0.03; /* what is left of noise that is none */
+
+static const double SIGNIFICANT = 5.0, DIFFERENT = 0.15; /* of quadrants: errors, share */
 
 rx_noise_correlation rx_noise_white(rx_noise_origin origin)
 {
@@ -50,7 +54,7 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
 
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height)
 {
-    double light[SIDE][SIDE], cross = 0.0, square = 0.0;
+    double light[SIDE][SIDE], cross = 0.0, square = 0.0, near = 0.0;
     const double power = overlap(psf, width, height, 0, 0);
     if (!noise->correlated || noise->origin != RX_NOISE_MEASURED || !(power > 0.0) ||
         overlap(psf, width, height, FAR, 0) < VISIBLE * power ||
@@ -59,6 +63,7 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
     for (int dy = -REACH; dy <= REACH; dy++)
         for (int dx = -REACH; dx <= REACH; dx++) {
             const double l = light[dy + REACH][dx + REACH] = overlap(psf, width, height, dx, dy) / power;
+            near += abs(dx) <= RX_NOISE_NEAR && abs(dy) <= RX_NOISE_NEAR ? l : 0.0;
             if (dx * dx + dy * dy < FAR * FAR)
                 continue;
             cross += l * noise->at[dy + REACH][dx + REACH];
@@ -81,12 +86,19 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
     if (rx_noise_factor_wide(&rest) < SENSE) /* it was not light */
         return 0.0;
     *noise = rest;
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+        const double square = noise->quadrant[q] * noise->quadrant[q];
+        noise->quadrant[q] = sqrt(fmax((square - share * near) / (1.0 - share), LEAST * LEAST));
+        noise->quadrant_error[q] /= 1.0 - share;
+    }
     if (largest < LITTLE) {
         const rx_noise_correlation measured = *noise;
         *noise = rx_noise_white(RX_NOISE_MEASURED);
         noise->error = measured.error;
         noise->pixels = measured.pixels;
         noise->scale = measured.scale;
+        memcpy(noise->quadrant, measured.quadrant, sizeof noise->quadrant);
+        memcpy(noise->quadrant_error, measured.quadrant_error, sizeof noise->quadrant_error);
     }
     noise->scale *= sqrt(1.0 - share);
     return share;
@@ -103,6 +115,27 @@ double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, 
             if (noise->at[dy + REACH][dx + REACH] != 0.0)
                 sum += 2.0 * noise->at[dy + REACH][dx + REACH] * overlap(profile, width, height, dx, dy);
     return power > 0.0 ? sqrt(fmax(sum / power, LEAST * LEAST)) : 1.0;
+}
+
+double rx_noise_power(const rx_noise_correlation *noise, double u, double v)
+{
+    double sum = 0.0;
+    if (noise == NULL || !noise->correlated)
+        return 1.0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++)
+            sum += noise->at[dy + REACH][dx + REACH] * cos(2.0 * M_PI * (u * dx + v * dy));
+    return fmax(sum, 0.0);
+}
+
+int rx_noise_uneven(const rx_noise_correlation *noise)
+{
+    const double *f = noise->quadrant, *e = noise->quadrant_error;
+    for (int a = 0; a < RX_NOISE_QUADRANTS; a++)
+        for (int b = 0; b < RX_NOISE_QUADRANTS; b++)
+            if (f[a] - f[b] > fmax(SIGNIFICANT * hypot(e[a], e[b]), DIFFERENT * f[b])) /* not of NAN */
+                return 1;
+    return 0;
 }
 
 double rx_noise_factor_wide(const rx_noise_correlation *noise)

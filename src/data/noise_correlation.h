@@ -17,7 +17,12 @@
 
 RX_BEGIN_DECLS
 
-enum { RX_NOISE_REACH = 8, RX_NOISE_SIDE = 2 * RX_NOISE_REACH + 1, RX_NOISE_QUADRANTS = 4 };
+enum {
+    RX_NOISE_REACH = 8,
+    RX_NOISE_SIDE = 2 * RX_NOISE_REACH + 1,
+    RX_NOISE_QUADRANTS = 4,
+    RX_NOISE_NEAR = 3
+};
 
 typedef enum rx_noise_origin {
     RX_NOISE_UNKNOWN,  /* too little sky to measure; taken as independent */
@@ -33,8 +38,9 @@ typedef struct rx_noise_correlation {
     double error;                            /* 1 sigma of one of them, 0 where not measured */
     double scale;                            /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
     long pixels;                             /* behind the measurement */
-    /* sqrt(sum at) of x low y low, x high y low, x low y high, x high y high; NAN with too little sky */
-    double quadrant[RX_NOISE_QUADRANTS];
+    /* sqrt(sum at), over lags of 3 pixels, of x low y low, x high y low, x low y high, x high y high; NAN with too
+     * little sky; and 1 sigma */
+    double quadrant[RX_NOISE_QUADRANTS], quadrant_error[RX_NOISE_QUADRANTS];
 } rx_noise_correlation;
 
 /* Independent pixels. */
@@ -50,6 +56,13 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
 
 /* f of profile[height][width], at least 0.1; 1 for noise NULL, uncorrelated noise, or a profile of zeros. */
 double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, int width, int height);
+
+/* Power spectrum: sum at(dx, dy) cos 2 pi (u dx + v dy), u and v in cycles per pixel; its mean over all frequencies, and
+ * everywhere of independent pixels, is 1. At 0 it is the square of rx_noise_factor_wide(). */
+double rx_noise_power(const rx_noise_correlation *noise, double u, double v);
+
+/* Do two quadrants differ by more than 5 errors, and by more than 0.15 of the smaller one? */
+int rx_noise_uneven(const rx_noise_correlation *noise);
 
 /* f of a profile much wider than the reach: sqrt(sum at), at least 0.1. */
 double rx_noise_factor_wide(const rx_noise_correlation *noise);

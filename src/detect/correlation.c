@@ -19,7 +19,7 @@ enum {
     GRID = 12,                                  /* cells in x and in y at most */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
-    NEAR = 3 /* lags by which noise is judged */
+    NEAR = RX_NOISE_NEAR /* lags by which noise is judged */
 };
 
 static const double CUT = 4.0;           /* widths */
@@ -262,6 +262,40 @@ static rx_noise_correlation combine(const cell *cells, const int *which, int n, 
     return noise;
 }
 
+/* What the nearest lags of one cell sum up to, without what all lags at the reach have in common. */
+static double near_sum(const cell *c)
+{
+    double near = 0.0, far = 0.0;
+    int n = 0, k = 1;
+    for (int dy = 0; dy <= REACH; dy++)
+        for (int dx = dy == 0 ? 1 : -REACH; dx <= REACH; dx++, k++) {
+            if (abs(dx) <= NEAR && abs(dy) <= NEAR)
+                near += 2.0 * c->lag[k];
+            if (abs(dx) == REACH || abs(dy) == REACH) {
+                far += c->lag[k];
+                n++;
+            }
+        }
+    const double floor = far / n;
+    return (1.0 + near - (2 * NEAR + 1) * (2 * NEAR + 1) * floor) / (1.0 - floor);
+}
+
+/* Of a quadrant, from the medians and the scatter of its cells: no lag is left out for its error, which would make
+ * a quadrant look other than the whole. */
+static void judge_quadrant(const cell *cells, const int *which, int n, int q, double *sorted,
+                           rx_noise_correlation *dst)
+{
+    double middle;
+    dst->quadrant[q] = NAN;
+    if (n < QUADRANT_CELLS)
+        return;
+    for (int i = 0; i < n; i++)
+        sorted[i] = near_sum(&cells[which[i]]);
+    const double width = rx_sigma_mad(sorted, (size_t)n, &middle);
+    dst->quadrant[q] = sqrt(fmax(middle, 0.01));
+    dst->quadrant_error[q] = MEDIAN_ERROR * width / sqrt((double)n) / (2.0 * dst->quadrant[q]);
+}
+
 rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,
                                  rx_noise_correlation *dst, rx_error *err)
 {
@@ -294,8 +328,7 @@ rx_status rx_correlation_measure(const rx_image *image, const unsigned char *use
         for (int k = 0; k < n; k++)
             if (cells[k].used > 0 && (2 * (k % nx) >= nx) + 2 * (2 * (k / nx) >= ny) == q)
                 which[found++] = k;
-        const rx_noise_correlation part = combine(cells, which, found, sorted);
-        dst->quadrant[q] = found < QUADRANT_CELLS ? NAN : rx_noise_factor_wide(&part);
+        judge_quadrant(cells, which, found, q, sorted, dst);
     }
 exit:
     free(cells);

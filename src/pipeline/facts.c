@@ -60,6 +60,22 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_record_add(facts, "RXNFACT", "noise of the matched filter / independent pixels", "%.4f",
                   field->noise_factor);
     rx_record_add(facts, "RXNWIDE", "the same of wide sums", "%.4f", rx_noise_factor_wide(noise));
+    for (int axis = 0; axis < 2; axis++) {
+        double power[5];
+        for (int i = 0; i < 5; i++)
+            power[i] = rx_noise_power(noise, axis == 0 ? i / 8.0 : 0.0, axis == 1 ? i / 8.0 : 0.0);
+        rx_record_add(facts, axis == 0 ? "RXNPOWX" : "RXNPOWY",
+                      axis == 0 ? "noise power at 0 1/8 1/4 3/8 1/2 per pixel" : "the same in y",
+                      "%.3f %.3f %.3f %.3f %.3f", power[0], power[1], power[2], power[3], power[4]);
+    }
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+        const char *const names[] = {"RXNQLL", "RXNQHL", "RXNQLH", "RXNQHH"};
+        if (isfinite(noise->quadrant[q]))
+            rx_record_add(facts, names[q], "RXNWIDE of a quadrant: x, y low or high", "%.3f",
+                          noise->quadrant[q]);
+    }
+    rx_record_add(facts, "RXNEVEN", "quadrants agree, to 5 errors or 0.15", "%s",
+                  rx_noise_uneven(noise) ? "F" : "T");
     rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g",
                   result->photometry.law.scale);
     rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", result->photometry.law.power);

@@ -150,18 +150,38 @@ static void say_noise(const rx_field *field, rx_log *log)
     const rx_noise_correlation *noise = &field->noise;
     const rx_image *image = &field->image;
     const int mid = RX_NOISE_REACH;
+    const double *q = noise->quadrant;
+    const rx_noise_law law = rx_noise_law_of(noise);
+    double sums[4], power[2][5];
+    static const double radii[] = {1.5, 3.0, 5.0, 10.0};
+    for (int i = 0; i < 4; i++)
+        sums[i] = rx_noise_law_factor(&law, M_PI * radii[i] * radii[i]);
+    for (int i = 0; i < 5; i++) {
+        power[0][i] = rx_noise_power(noise, i / 8.0, 0.0);
+        power[1][i] = rx_noise_power(noise, 0.0, i / 8.0);
+    }
     if (field->noise_factor > 1.1)
         rx_log_info(log,
                     "%s[%d]: noise is correlated: a matched filter has %.2f times that of independent pixels",
                     image->name, image->hdu, field->noise_factor);
+    if (rx_noise_uneven(noise))
+        rx_log_warning(
+            log,
+            "%s[%d]: its noise is not correlated alike everywhere: wide sums have %.2f, %.2f, %.2f and %.2f "
+            "times that of independent pixels in its quadrants (low left, low right, high left, high "
+            "right); errors and thresholds are those of the whole tile",
+            image->name, image->hdu, q[0], q[1], q[2], q[3]);
     rx_log_detail(
         log,
         "%s[%d]: noise %s: correlation at lag 1 %.3f in x, %.3f in y, +-%.4f (%ld pixels); noise of the "
-        "matched "
-        "filter %.3f, of wide sums %.3f (quadrants %.2f %.2f %.2f %.2f) times that of independent pixels",
+        "matched filter %.3f, of circles of radius 1.5, 3, 5 and 10 pixels %.3f %.3f %.3f %.3f, of wide sums "
+        "%.3f (quadrants %.2f %.2f %.2f %.2f) times that of independent pixels; power at 0, 1/8, 1/4, 3/8 "
+        "and "
+        "1/2 cycles per pixel %.3f %.3f %.3f %.3f %.3f in x, %.3f %.3f %.3f %.3f %.3f in y",
         image->name, image->hdu, origins[noise->origin], noise->at[mid][mid + 1], noise->at[mid + 1][mid],
-        noise->error, noise->pixels, field->noise_factor, rx_noise_factor_wide(noise), noise->quadrant[0],
-        noise->quadrant[1], noise->quadrant[2], noise->quadrant[3]);
+        noise->error, noise->pixels, field->noise_factor, sums[0], sums[1], sums[2], sums[3],
+        rx_noise_factor_wide(noise), q[0], q[1], q[2], q[3], power[0][0], power[0][1], power[0][2],
+        power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
 /* The detection image after the filter; NULL without one. */

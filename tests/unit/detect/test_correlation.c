@@ -101,9 +101,46 @@ static void test_bilinear_shifts(void **state)
             assert_near(noise.at[MID + 1][MID - 1], one * one, 0.02);
             assert_near(noise.at[MID][MID + 4], 0, 0.01);
             assert_near(rx_noise_factor_wide(&noise), 1 + 2 * one, 0.04);
-            for (int q = 0; q < RX_NOISE_QUADRANTS; q++)
-                assert_near(noise.quadrant[q], 1 + 2 * one, 0.1);
+            for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+                assert_near(noise.quadrant[q], 1 + 2 * one, 0.15);
+                assert_near((noise.quadrant[q] - 1 - 2 * one) / noise.quadrant_error[q], 0, 4);
+            }
         }
+}
+
+/* A quarter of the tile was resampled, the rest was not. */
+static void test_quadrants(void **state)
+{
+    (void)state;
+    float *pixels = draw(0, 0), *shifted = draw(0.5, 0);
+    const rx_noise_correlation white = measure_image(pixels, SIDE, SIDE, 2);
+    for (int y = 0; y < SIDE / 2; y++)
+        memcpy(pixels + y * SIDE + SIDE / 2, shifted + y * SIDE + SIDE / 2,
+               (SIDE - SIDE / 2) * sizeof *pixels);
+    const rx_noise_correlation noise = measure_image(pixels, SIDE, SIDE, 2);
+    free(pixels);
+    free(shifted);
+    assert_int_equal(rx_noise_uneven(&white), 0);
+    assert_int_equal(rx_noise_uneven(&noise), 1);
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+        assert_near(white.quadrant[q], 1, 0.1);
+        assert_near(noise.quadrant[q], q == 1 ? 2 : 1, 0.15);
+    }
+}
+
+/* That of a bilinear shift by half a pixel is 4 cos^2 (pi u) cos^2 (pi v). */
+static void test_power(void **state)
+{
+    (void)state;
+    static const float kernel[4] = {0.25f, 0.25f, 0.25f, 0.25f};
+    const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 2, 2),
+                               white = rx_noise_white(RX_NOISE_WHITE);
+    assert_near(rx_noise_power(&noise, 0, 0), 4, 1e-9);
+    assert_near(rx_noise_power(&noise, 0.25, 0), 2, 1e-9);
+    assert_near(rx_noise_power(&noise, 0.125, 0.25), 4 * 0.5 * 0.8535534, 1e-6);
+    assert_near(rx_noise_power(&noise, 0, 0.5), 0, 1e-9);
+    assert_near(rx_noise_power(&white, 0.1, 0.3), 1, 0);
+    assert_int_equal(rx_noise_uneven(&noise), 0);
 }
 
 /* A sky that its mesh does not follow: waves of 250 pixels, a fifth of the noise's variance. */
@@ -334,10 +371,16 @@ static void test_resampled_images(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_white_noise_is_white),    cmocka_unit_test(test_bilinear_shifts),
-        cmocka_unit_test(test_threads_change_nothing),  cmocka_unit_test(test_uneven_sky_is_no_noise),
-        cmocka_unit_test(test_too_little_sky),          cmocka_unit_test(test_factor_of_a_kernel),
-        cmocka_unit_test(test_faint_light_is_no_noise), cmocka_unit_test(test_sources_that_are_known),
+        cmocka_unit_test(test_white_noise_is_white),
+        cmocka_unit_test(test_bilinear_shifts),
+        cmocka_unit_test(test_quadrants),
+        cmocka_unit_test(test_power),
+        cmocka_unit_test(test_threads_change_nothing),
+        cmocka_unit_test(test_uneven_sky_is_no_noise),
+        cmocka_unit_test(test_too_little_sky),
+        cmocka_unit_test(test_factor_of_a_kernel),
+        cmocka_unit_test(test_faint_light_is_no_noise),
+        cmocka_unit_test(test_sources_that_are_known),
         cmocka_unit_test(test_resampled_images),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
