@@ -86,10 +86,12 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
     if (rx_noise_factor_wide(&rest) < SENSE) /* it was not light */
         return 0.0;
     *noise = rest;
-    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
-        const double square = noise->quadrant[q] * noise->quadrant[q];
-        noise->quadrant[q] = sqrt(fmax((square - share * near) / (1.0 - share), LEAST * LEAST));
-        noise->quadrant_error[q] /= 1.0 - share;
+    for (int q = 0; q < RX_NOISE_QUADRANTS;
+         q++) { /* a quadrant's own share may be half as much, or half more */
+        const double was = noise->quadrant[q],
+                     error = hypot(2.0 * was * noise->quadrant_error[q], 0.5 * share * near);
+        noise->quadrant[q] = sqrt(fmax((was * was - share * near) / (1.0 - share), LEAST * LEAST));
+        noise->quadrant_error[q] = error / (1.0 - share) / (2.0 * noise->quadrant[q]);
     }
     if (largest < LITTLE) {
         const rx_noise_correlation measured = *noise;

@@ -217,6 +217,16 @@ static void test_faint_light_is_no_noise(void **state)
     rx_noise_correlation mixed = noise, light = rx_noise_white(RX_NOISE_MEASURED);
     mixed.origin = RX_NOISE_MEASURED;
     light.correlated = 1;
+    double near = 0;
+    for (int dy = -3; dy <= 3; dy++)
+        for (int dx = -3; dx <= 3; dx++)
+            near += exp(-(dx * dx + dy * dy) / (4 * 2.5 * 2.5));
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) { /* white, with more light in one than in another */
+        const double share = q == 0 ? 0.08 : q == 3 ? 0.12 : 0.1;
+        light.quadrant[q] = sqrt(1 - share + share * near);
+        light.quadrant_error[q] = 0.01;
+    }
+    assert_int_equal(rx_noise_uneven(&light), 1);
     for (int dy = -MID; dy <= MID; dy++)
         for (int dx = -MID; dx <= MID; dx++) {
             const double l = exp(-(dx * dx + dy * dy) / (4 * 2.5 * 2.5));
@@ -227,6 +237,9 @@ static void test_faint_light_is_no_noise(void **state)
     assert_near(rx_noise_factor_wide(&mixed), rx_noise_factor_wide(&noise), 0.02);
     assert_near(rx_noise_without_light(&light, psf, SIZE, SIZE), 0.1, 0.002);
     assert_int_equal(light.correlated, 0);
+    assert_near(light.quadrant[1], 1, 0.03);
+    assert_near(light.quadrant[2], 1, 0.03);
+    assert_int_equal(rx_noise_uneven(&light), 0);
 }
 
 /* A moving average that is not the same in x and y, nor along the two diagonals. */
