@@ -37,7 +37,8 @@ SCENE = ["-IMAGE_SIZE", str(SIDE), "-STAR_COUNT", "800", "-STAR_MAG", "15,21", "
          "-GALAXY_MAG", "16,21", "-SKY_LEVEL", "200"]
 RESTORERS = ("NONE", "RL", "NET")
 FLUXES = ("AUTO", "APER", "TEMPLATE")
-COLUMNS = ["NUMBER", "X_IMAGE", "Y_IMAGE", "FLUX_MAX", "THRESHOLD", "FLAGS",
+SHAPE = ["CXX_IMAGE", "CYY_IMAGE", "CXY_IMAGE", "KRON_RADIUS"]
+COLUMNS = ["NUMBER", "X_IMAGE", "Y_IMAGE", "FLUX_MAX", "THRESHOLD", "FLAGS", *SHAPE,
            *(f"FLUX{e}_{f}" for f in FLUXES for e in ("", "ERR"))]
 THRESHOLD = "0.6"  # S/N 4 of a star on white noise, through the filter
 
@@ -125,6 +126,23 @@ def aperture(pixels, at):
     return sums
 
 
+def ellipse(pixels, rows):
+    """Sums of the pixels whose centre is inside the ellipse of FLUX_AUTO."""
+    sums = np.full(len(rows), np.nan)
+    for k, ((x, y), row) in enumerate(zip(places(rows), rows)):
+        cxx, cyy, cxy, kron = (float(row[c]) for c in SHAPE)
+        if not kron > 0:
+            continue
+        reach = kron * np.sqrt(1 / min(cxx - cxy**2 / (4 * cyy), cyy - cxy**2 / (4 * cxx)))
+        low, high = (np.round(v).astype(int) for v in ((x - reach, y - reach), (x + reach, y + reach)))
+        if low.min() < 0 or high.max() >= SIDE:
+            continue
+        u, v = np.arange(low[0], high[0] + 1)[None] - x, np.arange(low[1], high[1] + 1)[:, None] - y
+        inside = cxx * u**2 + cyy * v**2 + cxy * u * v <= kron**2
+        sums[k] = np.sum(pixels[low[1]:high[1] + 1, low[0]:high[0] + 1][inside])
+    return sums
+
+
 def match(at, found):
     """Pairs (truth, detection), each once, the nearest first."""
     pairs = cKDTree(at).sparse_distance_matrix(cKDTree(found), RADIUS, output_type="ndarray")
@@ -146,10 +164,11 @@ def pulls(folder):
         t, d = match(at, places(rows)).T
         t, d = t[single[t]], d[single[t]]
         rows = rows[d]
-        inside = aperture(image(folder, "clean" if restorer == "NONE" else "sharp"), places(rows))
-        for name in FLUXES:
-            true = inside if name == "APER" else flux[t]
-            result[restorer, name] = snr[t], (rows[f"FLUX_{name}"] - true) / rows[f"FLUXERR_{name}"]
+        light = image(folder, "clean" if restorer == "NONE" else "sharp")
+        true = {"AUTO": flux[t], "AUTO, inside": ellipse(light, rows), "APER": aperture(light, places(rows)), "TEMPLATE": flux[t]}
+        for name, is_true in true.items():
+            column = name.split(",")[0]
+            result[restorer, name] = snr[t], (rows[f"FLUX_{column}"] - is_true) / rows[f"FLUXERR_{column}"]
     return result
 
 
