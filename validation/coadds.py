@@ -3,17 +3,18 @@
 
     coadds.py FOLDER [SEED[,SEED...] [KIND[,KIND...]]]     seeds: 1,2; kinds: WHITE,DRIZZLE,LANCZOS
 
-REXTRACT and SIMULATE in the environment name the programs (default: rextract and rextract-simulate in the current
-folder), RX_MODEL the network's model (config/psfnet.fits). FOLDER gets one folder a kind and seed; what lies
-there is not made again. Each is a tile of 1000 x 1000 pixels, 800 stars and 500 galaxies per Mpixel, with its
+RESTORERS in the environment are those to run (NONE,RL,NET), REXTRACT and SIMULATE name the programs (default: rextract and
+rextract-simulate in the current folder), RX_MODEL the network's model (config/psfnet.fits). FOLDER gets one folder a kind
+and seed; what lies there is not made again. Each is a tile of 1000 x 1000 pixels, 800 stars and 500 galaxies per Mpixel, with its
 weight map, and a run of rextract with RESTORE_TYPE NONE, RL and NET, a Gaussian as wide as a star as the filter,
 and a low threshold (DETECT_THRESH 0.6). WHITE is one exposure, for comparison.
 
 S/N is that of an ideal measurement of the true flux: the noise of wide sums at that place (weight map and RXCWIDE)
 under a Gaussian as wide as PSF and galaxy together. First table: pulls (flux - true flux) / error of sources
 without a neighbour of a tenth of their flux within NEAR pixels: median, and 1.4826 times the median deviation.
-True fluxes are total ones; of APER those inside the aperture on the same coadd without noise, on the sharp
-reference for restored images. Second table: recall of objects above S/N 5 where precision falls below 0.95,
+True fluxes are total ones; of APER and "AUTO, inside" those inside the aperture, or AUTO's own ellipse, on the same coadd
+without noise, on the sharp reference for restored images: whether errors are right. Pulls of AUTO against total fluxes hold
+beside noise what the ellipse leaves out, which differs from source to source and follows the noise. Second table: recall of objects above S/N 5 where precision falls below 0.95,
 detections ranked by peak over threshold (RL, NET) or by the filtered tile over its noise (NONE: the matched
 filter); a detection is right beside any object above S/N 2.
 """
@@ -35,12 +36,16 @@ KINDS = {"WHITE": ["-NOISE_SIGMA", "5"],
          "LANCZOS": ["-NOISE_SIGMA", "8.66", "-COADD_TYPE", "LANCZOS", "-COADD_FRAMES", "3", "-COADD_UNEVEN", "0.7"]}
 SCENE = ["-IMAGE_SIZE", str(SIDE), "-STAR_COUNT", "800", "-STAR_MAG", "15,21", "-GALAXY_COUNT", "500",
          "-GALAXY_MAG", "16,21", "-SKY_LEVEL", "200"]
-RESTORERS = ("NONE", "RL", "NET")
+RESTORERS = os.environ.get("RESTORERS", "NONE,RL,NET").split(",")
 FLUXES = ("AUTO", "APER", "TEMPLATE")
 SHAPE = ["CXX_IMAGE", "CYY_IMAGE", "CXY_IMAGE", "KRON_RADIUS"]
 COLUMNS = ["NUMBER", "X_IMAGE", "Y_IMAGE", "FLUX_MAX", "THRESHOLD", "FLAGS", *SHAPE,
            *(f"FLUX{e}_{f}" for f in FLUXES for e in ("", "ERR"))]
 THRESHOLD = "0.6"  # S/N 4 of a star on white noise, through the filter
+
+
+def list_of(restorer):
+    return f"c_{restorer}.cat" if len(RESTORERS) > 1 else "c.cat"
 
 
 def program(name):
@@ -160,7 +165,7 @@ def pulls(folder):
     single = alone(at, flux) & (np.minimum(at, SIDE - 1 - at).min(1) > 20)
     result = {}
     for restorer in RESTORERS:
-        rows = table(folder, f"c_{restorer}.cat")
+        rows = table(folder, list_of(restorer))
         t, d = match(at, places(rows)).T
         t, d = t[single[t]], d[single[t]]
         rows = rows[d]
@@ -175,7 +180,7 @@ def pulls(folder):
 def ranked(folder, restorer):
     """Ranking of detections, whether each is right, and how many objects it stands for (above S/N 5)."""
     at, _, snr = truth(folder)
-    rows = table(folder, f"c_{restorer}.cat")
+    rows = table(folder, list_of(restorer))
     found = places(rows)
     if restorer == "NONE":
         header = fits.getheader(f"{folder}/sim.fits")
@@ -231,7 +236,7 @@ def main(out, seeds="1,2", kinds=",".join(KINDS)):
             os.makedirs(folder, exist_ok=True)
             if not os.path.exists(f"{folder}/sim.fits"):
                 make(folder, kind, seed)
-            if not os.path.exists(f"{folder}/c_NET.cat"):
+            if not os.path.exists(f"{folder}/{list_of(RESTORERS[-1])}"):
                 extract(folder)
         show(kind, folders)
 
