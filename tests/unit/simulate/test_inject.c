@@ -130,7 +130,7 @@ static void photon_noise(void **state)
 static void photon_noise_of_a_resampled_tile(void **state)
 {
     (void)state;
-    enum { REALISATIONS = 600 };
+    enum { REALISATIONS = 400 };
     static const float kernel[4] = {0.25f, 0.25f, 0.25f, 0.25f};
     const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 2, 2);
     const double gain = 2.5;
@@ -145,7 +145,7 @@ static void photon_noise_of_a_resampled_tile(void **state)
     for (int k = 0; k < REALISATIONS; k++) {
         const rx_inject_params par = {gain, HUGE_VAL, &noise, 5, (uint64_t)k};
         memset(pixels, 0, N * sizeof(float));
-        assert_int_equal(rx_inject(scene, optics, &par, 2, pixels, NULL), RX_OK);
+        assert_int_equal(rx_inject(scene, optics, &par, 1, pixels, NULL), RX_OK);
         for (int i = 0; i < N; i++)
             pixels[i] -= light[i];
         sums += total(pixels) * total(pixels);
@@ -156,9 +156,9 @@ static void photon_noise_of_a_resampled_tile(void **state)
         }
     }
     assert_near(sums / REALISATIONS / photons, 1.0, 4.0 * sqrt(2.0 / REALISATIONS));
-    assert_near(squares / REALISATIONS / photons, 0.25, 0.005);
-    assert_near(across / squares, 0.5, 0.01);
-    assert_near(up / squares, 0.5, 0.01);
+    assert_near(squares / REALISATIONS / photons, 0.25, 0.01);
+    assert_near(across / squares, 0.5, 0.03);
+    assert_near(up / squares, 0.5, 0.03);
     free(light);
     free(pixels);
     rx_optics_free(optics);
