@@ -552,7 +552,7 @@ static int holds_floats(fitsfile *file)
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
  * precision becomes 0, as cfitsio would have made it. */
 static rx_status read_floats(fitsfile *file, const char *path, int hdu, const long first[2],
-                             const long last[2], float *dst, rx_error *err)
+                             const long last[2], long plane, float *dst, rx_error *err)
 {
     int failed = 0, anynul = 0;
     const size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
@@ -560,8 +560,8 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const lo
     for (size_t row = 0; row < height; row += rows) {
         const size_t n = height - row < rows ? height - row : rows;
         float *to = dst + row * width;
-        long low[9] = {first[0], first[1] + (long)row, 1, 1, 1, 1, 1, 1, 1};
-        long high[9] = {last[0], first[1] + (long)(row + n) - 1, 1, 1, 1, 1, 1, 1, 1};
+        long low[9] = {first[0], first[1] + (long)row, plane, 1, 1, 1, 1, 1, 1};
+        long high[9] = {last[0], first[1] + (long)(row + n) - 1, plane, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
         if (fits_read_subset(file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
             return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
@@ -577,13 +577,19 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const lo
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
                               const long last[2], float *dst, rx_error *err)
 {
+    return rx_fits_read_plane(file, path, hdu, first, last, 1, dst, err);
+}
+
+rx_status rx_fits_read_plane(fitsfile *file, const char *path, int hdu, const long first[2],
+                             const long last[2], long plane, float *dst, rx_error *err)
+{
     rx_status status = RX_OK;
     int failed = 0, anynul = 0;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     size_t rows = CHUNK_PIXELS / width + 1;
     rows = rows < height ? rows : height;
     if (holds_floats(file))
-        return read_floats(file, path, hdu, first, last, dst, err);
+        return read_floats(file, path, hdu, first, last, plane, dst, err);
     double *buffer = RX_NEW(double, rows *width);
     if (buffer == NULL)
         return rx_error_memory(err, rows * width * sizeof *buffer);
@@ -591,8 +597,8 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const l
     for (size_t row = 0; row < height; row += rows) {
         size_t n = height - row < rows ? height - row : rows;
         double null = NAN;
-        long low[9] = {first[0], first[1] + (long)row, 1, 1, 1, 1, 1, 1, 1};
-        long high[9] = {last[0], first[1] + (long)(row + n) - 1, 1, 1, 1, 1, 1, 1, 1};
+        long low[9] = {first[0], first[1] + (long)row, plane, 1, 1, 1, 1, 1, 1};
+        long high[9] = {last[0], first[1] + (long)(row + n) - 1, plane, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
         if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed)) {
             status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");

@@ -79,6 +79,10 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
                               const long last[2], float *dst, rx_error *err);
 
+/* The same of plane number `plane` (from 1) of a cube. */
+rx_status rx_fits_read_plane(fitsfile *file, const char *path, int hdu, const long first[2],
+                             const long last[2], long plane, float *dst, rx_error *err);
+
 /* Header of the current HDU as 80-character cards without END; a compressed image's header is
  * that of the image. *cards to be freed with free(). */
 rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,

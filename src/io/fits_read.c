@@ -11,13 +11,23 @@
 #include "io/fits_file.h"
 
 enum { BLOCK_BYTES = 1 << 22 };
+#define MOST_PIXELS 268435456.0 /* of a cube: 1 GiB */
 
 /* --- images --- */
 
-/* HDU number of the image: what the name selects, else the first plane, else the first of any
+/* Planes of an image of two axes, or of three where `cubes` are asked for; else 0. */
+static LONGLONG count_planes(const rx_fits_shape *shape, int cubes)
+{
+    rx_fits_shape flat = *shape;
+    if (cubes && shape->is_image && shape->naxis > 2)
+        flat.axes[2] = 1;
+    return !rx_fits_is_plane(&flat) ? 0 : shape->naxis > 2 ? shape->axes[2] : 1;
+}
+
+/* HDU number of the image: what the name selects, else the first of planes, else the first of any
  * shape; -1 when there is none. A 1-D image is taken as one row. */
-static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, rx_fits_shape *shape,
-                            rx_error *err)
+static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes, int *hdu,
+                            rx_fits_shape *shape, rx_error *err)
 {
     int first = -1;
     if (rx_fits_name_selects(name)) {
@@ -36,7 +46,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, 
             return status;
         if (rx_fits_shape_of(file, shape) != 0)
             continue;
-        if (rx_fits_is_plane(shape)) {
+        if (count_planes(shape, cubes) > 0) {
             *hdu = i;
             return RX_OK;
         }
@@ -52,13 +62,15 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int *hdu, 
                   : status;
 }
 
-static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int hdu,
+static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes, int hdu,
                              const rx_fits_shape *shape, long first[2], long last[2], rx_error *err)
 {
     int is_line = shape->is_image && shape->naxis == 1;
-    if (!is_line && !rx_fits_is_plane(shape))
+    const LONGLONG planes = is_line ? 1 : count_planes(shape, cubes);
+    if (planes < 1)
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
     rx_status status = rx_fits_check_size(source, name->path, hdu, shape, err);
+    double pixels = (double)planes;
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
         first[i] = name->has_section ? name->first[i] : 1;
@@ -68,44 +80,74 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
                                  shape->axes[0], is_line ? 1 : shape->axes[1]);
         if (status == RX_OK && last[i] > length)
             status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
+        pixels *= (double)(last[i] - first[i] + 1);
     }
+    if (status == RX_OK && cubes && !(pixels <= MOST_PIXELS))
+        status =
+            rx_error_at(err, RX_INPUT, name->path, hdu, 0, "%lld planes of %lld x %lld pixels are too many",
+                        planes, shape->axes[0], is_line ? 1 : shape->axes[1]);
+    return status;
+}
+
+/* Cubes come with their header. */
+static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_error *err)
+{
+    rx_fits_name parsed;
+    rx_fits_shape shape;
+    rx_fits_source source = {0};
+    long first[2], last[2];
+    int hdu = 0;
+    size_t ncards = 0;
+    *dst = (rx_fits_cube){0};
+    rx_status status = rx_fits_name_parse(name, &parsed, err);
+    if (status == RX_OK)
+        status = rx_fits_open(parsed.path, &source, err);
+    if (status == RX_OK)
+        status = find_image(source.file, &parsed, cubes, &hdu, &shape, err);
+    if (status == RX_OK)
+        status = check_image(&source, &parsed, cubes, hdu, &shape, first, last, err);
+    if (status != RX_OK)
+        goto exit;
+    dst->width = (int)(last[0] - first[0] + 1);
+    dst->height = (int)(last[1] - first[1] + 1);
+    dst->planes = (int)(shape.naxis > 2 ? shape.axes[2] : 1);
+    const size_t plane = (size_t)dst->width * (size_t)dst->height;
+    dst->pixels = rx_alloc((size_t)dst->planes, plane * sizeof(float));
+    if (dst->pixels == NULL)
+        status = rx_error_memory(err, sizeof(float) * plane * (size_t)dst->planes);
+    for (int k = 0; k < dst->planes && status == RX_OK; k++)
+        status = rx_fits_read_plane(source.file, parsed.path, hdu, first, last, k + 1,
+                                    dst->pixels + (size_t)k * plane, err);
+    if (status == RX_OK && cubes)
+        status = rx_fits_read_cards(source.file, parsed.path, hdu, &dst->cards, &ncards, err);
+    dst->ncards = (long)ncards;
+exit:
+    rx_fits_done(&source);
+    if (status != RX_OK)
+        rx_fits_cube_free(dst);
     return status;
 }
 
 rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *height, rx_error *err)
 {
-    rx_fits_name parsed;
-    rx_fits_shape shape;
-    rx_fits_source source = {0};
-    float *data = NULL;
-    long first[2], last[2];
-    int hdu = 0;
-    *pixels = NULL;
-    rx_status status = rx_fits_name_parse(name, &parsed, err);
-    if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &source, err);
-    if (status == RX_OK)
-        status = find_image(source.file, &parsed, &hdu, &shape, err);
-    if (status == RX_OK)
-        status = check_image(&source, &parsed, hdu, &shape, first, last, err);
-    if (status != RX_OK)
-        goto exit;
-    *width = (int)(last[0] - first[0] + 1);
-    *height = (int)(last[1] - first[1] + 1);
-    data = RX_NEW(float, (size_t)*width *(size_t)*height);
-    if (data == NULL) {
-        status = rx_error_memory(err, sizeof(float) * (size_t)*width * (size_t)*height);
-        goto exit;
-    }
-    status = rx_fits_read_pixels(source.file, parsed.path, hdu, first, last, data, err);
-    if (status != RX_OK)
-        goto exit;
-    *pixels = data;
-    data = NULL;
-exit:
-    rx_fits_done(&source);
-    free(data);
+    rx_fits_cube image;
+    const rx_status status = read_image(name, 0, &image, err);
+    *pixels = image.pixels;
+    *width = image.width;
+    *height = image.height;
     return status;
+}
+
+rx_status rx_fits_read_cube(const char *name, rx_fits_cube *dst, rx_error *err)
+{
+    return read_image(name, 1, dst, err);
+}
+
+void rx_fits_cube_free(rx_fits_cube *cube)
+{
+    free(cube->pixels);
+    free(cube->cards);
+    *cube = (rx_fits_cube){0};
 }
 
 /* --- which tables --- */

@@ -10,6 +10,18 @@
 /* First 2-D (or first) image of the file as floats; *pixels to be freed. NaN kept. */
 rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *height, rx_error *err);
 
+/* An image of two or three axes with its header, 80 characters a card. */
+typedef struct rx_fits_cube {
+    float *pixels; /* [planes][height][width] */
+    int width, height, planes;
+    char *cards;
+    long ncards;
+} rx_fits_cube;
+
+/* The same, of the first image of two or three axes (or the first). Free with rx_fits_cube_free(). */
+rx_status rx_fits_read_cube(const char *name, rx_fits_cube *dst, rx_error *err);
+void rx_fits_cube_free(rx_fits_cube *cube);
+
 /* index-th (from 0) binary or ASCII table of a FITS or FITS_LDAC file: of the LDAC_OBJECTS where there
  * are any, else of the tables with rows, else of those without. A name[n] reads that HDU. The HDU's
  * header comes along in table->cards. Integers with TNULL become floating (NAN for no value), scaled

@@ -124,7 +124,7 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_MOFFAT:
         return make_moffat(par, image, dst, err);
     case RX_PSF_FILE:
-        return rx_psf_image(par, image->width, image->height, log, dst, err);
+        return rx_psf_file(par, image->width, image->height, log, dst, err);
     case RX_PSF_PSFEX:
         return rx_psf_psfex(par, image->width, image->height, log, dst, err);
     case RX_PSF_AUTO:

@@ -11,12 +11,22 @@
 
 RX_BEGIN_DECLS
 
+/* Is the light of an oversampled image still to be collected by the tile's pixels? AUTO: unless its header says that it
+ * is an effective PSF. */
+typedef enum rx_psf_integration {
+    RX_PSF_INTEGRATE_AUTO,
+    RX_PSF_INTEGRATE,
+    RX_PSF_INTERPOLATE
+} rx_psf_integration;
+
 typedef struct rx_psf_params {
     rx_psf_type type; /* MOFFAT, FILE, PSFEX, AUTO */
     double fwhm;      /* pixels, MOFFAT */
     double beta;      /* MOFFAT exponent [4.765] */
     const char *file; /* PSF_NAME, FILE and PSFEX */
-    int extension;    /* PSFEX: of a file with several models that of this image HDU, from 1; 0: the first */
+    double sampling;  /* FILE: samples of an image per pixel of the tile; 0: what its header says, else 1 */
+    rx_psf_integration integrate; /* FILE, sampling above 1 */
+    int extension; /* PSFEX: of a file with several models that of this image HDU, from 1; 0: the first */
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
     int min_stars;  /* AUTO: fewer usable stars is an error [5] */
     double min_snr; /* AUTO [20] */
@@ -38,12 +48,14 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
 rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, int size, rx_psf **dst,
                         rx_error *err);
 
-/* The image of par->file as a constant PSF. Its centre is the geometric centre of the frame: an odd axis has
- * it in the middle pixel; an even axis between two pixels, and is then shifted by half a pixel (Lanczos 12,
- * flux and centroid kept) onto an odd one, so that what is restored does not move. Oblong images are
- * padded with zeros. width, height: of the tile that it must fit into. */
-rx_status rx_psf_image(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
-                       rx_error *err);
+/* What par->file holds, by its content: a PSFEx model, a Piff file (PixelGrid by polynomials of the position), a PSF of
+ * DAOPHOT's as IRAF writes it, a cube of images with their places, or an image; resampled to the tile's pixels, varying
+ * as a polynomial and normalised everywhere on the tile of width x height, into which it must fit. The centre of an
+ * image is the geometric centre of its frame: an odd axis has it in the middle pixel; an even axis between two pixels,
+ * and is then shifted by half a pixel (Lanczos 12, flux and centroid kept) onto an odd one, so that what is restored
+ * does not move. Oblong images are padded with zeros. */
+rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
+                      rx_error *err);
 
 /* Polynomial PSFEx model (.psf, or one row of a merged table), resampled to the tile's pixels and
  * normalised everywhere on the tile of width x height. */

@@ -31,16 +31,23 @@ typedef struct line {
     int n, stride;
 } line;
 
-/* dst[i] = src at centre + (i - n / 2) * step, 0 outside. */
-static void resample_line(const line *src, double centre, double step, int order, const line *dst)
+/* dst[i] = src at centre + (i - n / 2) * step, 0 outside; over a box the mean of points whose spread is that of the
+ * box less that of a source pixel. */
+static void resample_line(const line *src, double centre, double step, double box, int order, const line *dst)
 {
+    const int points = box > 1.0 ? (int)ceil(box) : 1;
+    const double apart = points > 1 ? sqrt((box * box - 1.0) / ((double)points * points - 1.0)) : 0.0;
     for (int i = 0; i < dst->n; i++) {
-        double weights[2 * RX_LANCZOS_MAX], sum = 0.0;
-        int first = lanczos_weights(centre + (i - dst->n / 2) * step, order, weights);
-        for (int k = 0; k < 2 * order; k++)
-            if (first + k >= 0 && first + k < src->n)
-                sum += weights[k] * src->values[(size_t)(first + k) * (size_t)src->stride];
-        dst->values[(size_t)i * (size_t)dst->stride] = sum;
+        double sum = 0.0;
+        for (int p = 0; p < points; p++) {
+            double weights[2 * RX_LANCZOS_MAX];
+            int first = lanczos_weights(centre + (i - dst->n / 2) * step + (p - 0.5 * (points - 1)) * apart,
+                                        order, weights);
+            for (int k = 0; k < 2 * order; k++)
+                if (first + k >= 0 && first + k < src->n)
+                    sum += weights[k] * src->values[(size_t)(first + k) * (size_t)src->stride];
+        }
+        dst->values[(size_t)i * (size_t)dst->stride] = sum / points;
     }
 }
 
@@ -58,12 +65,23 @@ rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, doub
         values[i] = (double)src->pixels[i];
     for (int j = 0; j < src->height; j++)
         resample_line(&(line){values + (size_t)j * (size_t)src->width, src->width, 1}, src->centre_x, step,
-                      order, &(line){rows + (size_t)j * (size_t)size, size, 1});
+                      src->box, order, &(line){rows + (size_t)j * (size_t)size, size, 1});
     for (int i = 0; i < size; i++)
-        resample_line(&(line){rows + i, src->height, size}, src->centre_y, step, order,
+        resample_line(&(line){rows + i, src->height, size}, src->centre_y, step, src->box, order,
                       &(line){dst + i, size, size});
 exit:
     free(values);
     free(rows);
     return status;
+}
+
+double rx_psf_interpolate(const double *image, int side, double x, double y, int order)
+{
+    double wx[2 * RX_LANCZOS_MAX], wy[2 * RX_LANCZOS_MAX], sum = 0.0;
+    const int left = lanczos_weights(x, order, wx), low = lanczos_weights(y, order, wy);
+    for (int j = 0; j < 2 * order; j++)
+        for (int i = 0; i < 2 * order; i++)
+            if (left + i >= 0 && left + i < side && low + j >= 0 && low + j < side)
+                sum += wx[i] * wy[j] * image[(size_t)(low + j) * (size_t)side + (size_t)(left + i)];
+    return sum;
 }

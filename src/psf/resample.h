@@ -7,17 +7,20 @@
 enum { RX_LANCZOS_MAX = 12 };
 
 /* An image on its own grid; (centre_x, centre_y) is the point that shall come to lie on the middle
- * of a pixel. */
+ * of a pixel. With a box above 1 the pixels of dst are means over squares of that side (source pixels), where
+ * those of src count as integrals over themselves: for a whole number the mean of as many, as in binning. */
 typedef struct rx_psf_raster {
     const float *pixels; /* [height][width] */
     int width, height;
-    double centre_x, centre_y;
+    double centre_x, centre_y, box;
 } rx_psf_raster;
 
 /* dst [size][size], size odd: src by Lanczos interpolation of that order (<= RX_LANCZOS_MAX) at centre + (i -
- * size / 2, j - size / 2) * step source pixels, 0 outside. Values are interpolated, not integrated. Errors:
- * memory. */
+ * size / 2, j - size / 2) * step source pixels, 0 outside. Errors: memory. */
 rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, double *dst, int size,
                           rx_error *err);
+
+/* Value at (x, y) of an image [side][side] by Lanczos interpolation, 0 outside. */
+double rx_psf_interpolate(const double *image, int side, double x, double y, int order);
 
 #endif

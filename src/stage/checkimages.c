@@ -11,6 +11,7 @@
 #include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "pipeline/field.h"
+#include "psf/psf_psfex.h"
 
 typedef struct checkimage {
     const char *type;
@@ -239,7 +240,7 @@ static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
     paint_mesh(data, &noise, dst);
 }
 
-/* SEGMENTATION has no painter: it is written as integers. */
+/* SEGMENTATION and PSF have no painter: integers, and a table. */
 static const struct {
     const char *type;
     painter paint;
@@ -267,7 +268,7 @@ int rx_checkimage_offered(const char *type)
     for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++)
         if (strcmp(painters[k].type, type) == 0)
             return 1;
-    return strcmp(type, "SEGMENTATION") == 0;
+    return strcmp(type, "SEGMENTATION") == 0 || strcmp(type, "PSF") == 0;
 }
 
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
@@ -340,6 +341,26 @@ static rx_status write_segments(checkimage *image, const rx_checkimage_data *dat
     return status;
 }
 
+/* The PSF that the restorer used or, where it used none, that of the tile, as PSFEx writes it. */
+static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx_error *err)
+{
+    const rx_psf *used = data->result->restored->blur;
+    char digest[RX_HASH_TEXT];
+    rx_text cards = {0};
+    rx_table *table = NULL;
+    rx_status status =
+        rx_psf_psfex_table(used != NULL ? used : data->result->detect->psf, &table, &cards, err);
+    if (status == RX_OK) {
+        rx_fits_digest_table(table, digest);
+        status = make_cards(image, data, digest, &cards, err);
+    }
+    if (status == RX_OK)
+        status = rx_fits_table(image->writer, table, cards.data, cards.length / 80, err);
+    rx_text_free(&cards);
+    rx_table_free(table);
+    return status;
+}
+
 static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const canvas *src,
                               rx_error *err)
 {
@@ -362,6 +383,8 @@ static rx_status write_one(checkimage *image, const rx_checkimage_data *data, fl
 {
     if (strcmp(image->type, "SEGMENTATION") == 0)
         return write_segments(image, data, err);
+    if (strcmp(image->type, "PSF") == 0)
+        return write_psf(image, data, err);
     canvas dst = {.pixels = pixels,
                   .width = data->result->detect->tile->width,
                   .height = data->result->detect->tile->height};

@@ -220,6 +220,7 @@ static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_option
         dst->pipeline.restore.keep_reblurred |= strcmp(type, "RESIDUAL") == 0;
         dst->pipeline.keep_filtered |= strcmp(type, "FILTERED") == 0;
         dst->pipeline.restore.keep_support |= strcmp(type, "SUPPORT") == 0;
+        dst->write_psf |= strcmp(type, "PSF") == 0;
         dst->check_types[dst->nchecks] = type;
         dst->check_names[dst->nchecks++] = cfg->checkimage_name.v[i];
     }

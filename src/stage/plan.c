@@ -44,6 +44,7 @@ static const double PAGE = 4e6, PAGE_SOURCE = 600, PAGE_REFERENCE = 12;
 static const double COVARIANCE = 2500;                  /* of a source with those of its group */
 static const double TEXT_CELL = 26, TEXT_COLUMN = 1200; /* a number as text, a column's description */
 enum { CELL_MARKUP = 9, ROW_MARKUP = 12 };              /* of a VOTable */
+enum { PSF_PIXELS = 101 * 101 };                        /* of a term of a PSF */
 
 static double plan_pixels(const rx_tile_shape *shape)
 {
@@ -97,6 +98,8 @@ static double image_bytes(const rx_plan_job *job, const char *type)
         if (strncmp(type, "MINIBACK", 8) == 0)
             pixels =
                 ceil((double)shape->width / par->mesh_width) * ceil((double)shape->height / par->mesh_height);
+        if (strcmp(type, "PSF") == 0)
+            pixels = job->terms[i] * PSF_PIXELS;
         sum += header(job, shape, 0) + blocks(sizeof(float) * pixels);
     }
     return sum;
@@ -375,7 +378,7 @@ static double extraction(const load *l, const rx_restorer *kind, int templates)
 /* A PSF will be measured from stars. */
 static int measures_psf(const rx_options *options)
 {
-    int needed = options->check.self_check || options->pipeline.templates.wanted;
+    int needed = options->check.self_check || options->pipeline.templates.wanted || options->write_psf;
     for (int i = 0; i < options->nrestorers; i++)
         needed |= options->restorers[i]->needs_psf;
     return needed && options->pipeline.psf.type == RX_PSF_AUTO;
@@ -653,12 +656,14 @@ static int matter(const rx_psf *psf)
 /* Terms of the PSF of image i; the run refuses a file that cannot be used. */
 static int count_terms(const rx_options *options, const rx_tile_shape *shape, int i)
 {
-    const rx_psf_params par = {
-        .file = options->pipeline.psf_files[0], .extension = i + 1, .size = options->pipeline.psf.size};
+    const rx_image image = {.width = shape->width, .height = shape->height};
+    rx_psf_params par = options->pipeline.psf;
     rx_psf *psf = NULL;
     int terms = 1;
-    if (options->pipeline.psf.type == RX_PSF_PSFEX && par.file != NULL &&
-        rx_psf_psfex(&par, shape->width, shape->height, NULL, &psf, NULL) == RX_OK)
+    par.file = options->pipeline.psf_files[0];
+    par.extension = i + 1;
+    if ((par.type == RX_PSF_PSFEX || par.type == RX_PSF_FILE) && par.file != NULL &&
+        rx_psf_make(&par, &image, NULL, NULL, &psf, NULL) == RX_OK)
         terms = matter(psf);
     rx_psf_free(psf);
     return terms;

@@ -94,7 +94,7 @@ static rx_status make_optics(const rx_simulate_config *config, const rx_simulati
     if (is(config->psf_type, "PSFEX"))
         status = rx_psf_psfex(&par, ground->width, ground->height, log, &psf, err);
     else
-        status = rx_psf_image(&par, ground->width, ground->height, log, &psf, err);
+        status = rx_psf_file(&par, ground->width, ground->height, log, &psf, err);
     if (status == RX_OK)
         status = rx_optics_psf(psf, dst, err);
     rx_psf_free(psf);

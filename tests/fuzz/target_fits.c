@@ -168,9 +168,9 @@ void fuzz_psf(const uint8_t *data, size_t size)
 {
     const char *path = file_of(data, size);
     rx_psf *psf = NULL;
-    if (rx_psf_image(&(rx_psf_params){.file = path}, 64, 64, NULL, &psf, NULL) == RX_OK)
+    if (rx_psf_file(&(rx_psf_params){.file = path}, 64, 64, NULL, &psf, NULL) == RX_OK)
         look_at_psf(psf);
-    if (rx_psf_image(&(rx_psf_params){.file = path, .size = 7}, 64, 64, NULL, &psf, NULL) == RX_OK)
+    if (rx_psf_file(&(rx_psf_params){.file = path, .size = 7}, 64, 64, NULL, &psf, NULL) == RX_OK)
         look_at_psf(psf);
     for (int extension = 1; extension <= 2; extension++)
         if (rx_psf_psfex(&(rx_psf_params){.file = path, .extension = extension}, 64, 64, NULL, &psf, NULL) ==
