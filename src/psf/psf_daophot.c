@@ -187,7 +187,7 @@ rx_status rx_psf_daophot(const rx_psf_params *par, const rx_fits_cube *cube, int
     RX_TRY(read_profile(&m, err));
     m.size = rx_psf_cut_size(m.size, par->size);
     RX_TRY(rx_psf_check_size(par->file, m.size, m.size, width, height, err));
-    const int vary = m.order > 0 ? m.order : 0;
+    const int vary = m.order > 0 ? m.order : -1;
     const rx_psf_source src = {.file = par->file,
                                .what = "DAOPHOT model",
                                .type = RX_PSF_FILE,

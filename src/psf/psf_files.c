@@ -149,7 +149,7 @@ static void compare(fit *f, int k)
 static rx_status find_places(fit *f, const rx_psf *psf, rx_error *err)
 {
     const rx_psf_source *src = f->src;
-    const int nx = src->degree[0] > 0 ? f->most + 3 : 1, ny = src->degree[1] > 0 ? f->most + 3 : 1;
+    const int nx = src->degree[0] >= 0 ? f->most + 3 : 1, ny = src->degree[1] >= 0 ? f->most + 3 : 1;
     f->n = src->n > 0 ? src->n : nx * ny;
     f->at = rx_alloc((size_t)f->n, sizeof *f->at);
     if (f->at == NULL)
@@ -181,13 +181,13 @@ rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf
                          double *misfit, rx_error *err)
 {
     fit f = {.src = src};
-    int varies[2];
+    int varies[2], least = 0;
     rx_psf *psf = NULL;
-    const int least = src->degree[0] > src->degree[1] ? src->degree[0] : src->degree[1];
-    for (int axis = 0; axis < 2; axis++)
-        varies[axis] = src->n > 0 || src->degree[axis] > 0 ? RX_PSF_MAX_DEGREE : 0;
-    if (src->n == 0)
-        f.most = least > 0 ? RX_PSF_MAX_DEGREE : 0;
+    for (int axis = 0; axis < 2; axis++) {
+        varies[axis] = src->n > 0 || src->degree[axis] >= 0 ? RX_PSF_MAX_DEGREE : 0;
+        least = src->degree[axis] > least ? src->degree[axis] : least;
+        f.most = src->n == 0 && varies[axis] > 0 ? RX_PSF_MAX_DEGREE : f.most;
+    }
     while (f.most < RX_PSF_MAX_DEGREE && powers(varies, f.most + 1, f.px, f.py) < src->n)
         f.most++;
     f.nterms = powers(varies, f.most, f.px, f.py);

@@ -14,7 +14,7 @@ typedef struct rx_psf_source {
     int size; /* odd */
     rx_status (*draw)(const void *model, int k, double x, double y, double *stamp, rx_error *err);
     const void *model;
-    int degree[2]; /* in x and y, at least, of the polynomial to be fitted; 0: it does not vary there */
+    int degree[2]; /* in x and y, at least, of the polynomial to be fitted; below 0: it does not vary there */
     int n;         /* places where alone it is known; 0: it can be drawn anywhere */
     const double (
         *at)[2]; /* these; the degree is then the one that predicts each place best from the others */

@@ -324,7 +324,8 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
                                .size = m.size,
                                .draw = draw,
                                .model = &m,
-                               .degree = {m.degree[0], m.degree[1]}};
+                               .degree = {m.degree[0] > 0 ? m.degree[0] : -1,
+                                          m.degree[1] > 0 ? m.degree[1] : -1}};
     if (status == RX_OK)
         status = rx_psf_project(&src, width, height, dst, &degree, &misfit, err);
     if (status == RX_OK) {

@@ -125,7 +125,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
-    const int need_psf = any_needs_psf(options) || options->check.self_check || templates || options->write_psf;
+    const int need_psf =
+        any_needs_psf(options) || options->check.self_check || templates || options->write_psf;
     rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
                                      &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
