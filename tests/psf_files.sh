@@ -271,8 +271,96 @@ def same(one, two, limit):
     raise SystemExit(not worst < limit)
 
 
+def spoil():
+    """Good files with one thing wrong, and what is to be said of each."""
+    def change(name, hdu, column, value):
+        def do(hdus):
+            data = hdus[hdu].data
+            if np.ndim(data[column]) > 1:
+                data[column].flat[7] = value
+            else:
+                data[column][0] = value
+        return name, do
+
+    def without(name, *hdus):
+        return name, lambda all: [all.__delitem__(h) for h in hdus]
+
+    wrong = [
+        (change("piff_uv", "psf_model", "type", "Moffat"), "model 'Moffat', of which only PixelGrid"),
+        (change("piff_uv", "psf_model", "interp", "Cubic()"), "the interpolant 'Cubic()'"),
+        (change("piff_uv", "psf_model", "interp", "Lanczos(99)"), "the interpolant 'Lanczos(99)'"),
+        (change("piff_uv", "psf_model", "size", 10**9), "size = 1e+09 of the Piff file is not in 3 to 511"),
+        (change("piff_uv", "psf_model", "size", 16), "no 256 x 6 coefficients q"),
+        (change("piff_uv", "psf_model", "scale", np.nan), "scale = nan"),
+        (change("piff_uv", "psf_model", "scale", 200), "cannot be right; was it made from this tile?"),
+        (change("piff_uv", "psf_interp", "type", "GPInterp"), "the interpolation 'GPInterp'"),
+        (change("piff_uv", "psf_interp", "order", 4000), "order = 4000"),
+        (change("piff_uv", "psf_interp", "order", -1), "order = -1"),
+        (change("piff_uv", "psf_interp_solution", "q", np.inf), "of the Piff file's grid is not a number"),
+        (change("piff_uv", "psf_stars", "u", np.nan), "do not say where the sky is"),
+        (change("piff_uv", "psf_stars", "v", 1e9), "do not say where the sky is"),
+        (change("piff_uv", "psf", "type", "Sum"), "a PSF of the type 'Sum'"),
+        (change("piff_xy", "psf_interp", "keys", "z"), "keys of the polynomial"),
+        (change("piff_rows", "psf_interp_solution", "PARAM", 10**6), "row 1 of psf_interp_solution, value 1e+06"),
+        (change("piff_rows", "psf_interp_solution", "U_EXPONENT", 99), "with powers 99"),
+        (change("piff_rows", "psf_interp", "poly_type", "cheb"), "polynomials of the type 'cheb'"),
+        (change("chips", "psf_chipnums", "chipnums", 12), "no table psf_12"),
+        (without("piff_uv", "psf_stars"), "no table psf_stars"),
+        (without("piff_uv", "psf_interp_solution"), "no table psf_interp_solution"),
+        (change("cube", 1, "X_IMAGE", np.nan), "row 1 of the table of places holds no position"),
+        (("cube", lambda h: h[0].data.__setitem__((3, 4, 5), np.nan)), "pixel (6,5) of plane 4 of the PSF image is not"),
+        (("cube", lambda h: h[0].data.__setitem__(3, 0)), "the PSF image of plane 4 sums to 0"),
+        (("cube", lambda h: h.__setitem__(0, cube_hdu(h[0].data[:7]))), "7 PSFs with a table of 20 places"),
+        (without("cube", 1), "20 PSFs in a cube, and nothing says where"),
+    ]
+    for k, ((name, do), said) in enumerate(wrong):
+        with fits.open(f"{name}.fits", memmap=False) as hdus:
+            if name == "piff_xy":  # both keys
+                hdus["psf_interp"].data["keys"][0][:] = "z"
+            else:
+                do(hdus)
+            hdus.writeto(f"wrong{k}.fits", overwrite=True)
+        print(f"wrong{k}.fits|{said}")
+    for name in ("piff_uv", "cube", "piff_rows"):  # cut off anywhere
+        whole = open(f"{name}.fits", "rb").read()
+        for share in (0.2, 0.5, 0.8, 0.9):
+            open(f"cut_{name}_{share}.fits", "wb").write(whole[:int(share * len(whole))])
+            print(f"cut_{name}_{share}.fits|")
+
+
+def fluxes(ours, theirs, truth):
+    """Fluxes of SExtractor with the PSF that we wrote, and ours, of isolated stars of S/N above 200."""
+    o, s, t = (fits.getdata(f, 1) for f in (ours, theirs, truth))
+    rows = []
+    for star in t:
+        gap = np.sort(np.hypot(t["X_IMAGE"] - star["X_IMAGE"], t["Y_IMAGE"] - star["Y_IMAGE"]))[1]
+        found = []
+        for c in (o, s):
+            d = np.hypot(c["X_IMAGE"] - star["X_IMAGE"], c["Y_IMAGE"] - star["Y_IMAGE"])
+            found.append(c[d.argmin()] if len(d) and d.min() < 1 else None)
+        inside = 25 < star["X_IMAGE"] < 675 and 25 < star["Y_IMAGE"] < 675
+        if gap > 15 and inside and None not in found and found[0]["FLUX_TEMPLATE"] > 200 * found[0]["FLUXERR_TEMPLATE"]:
+            rows.append((found[1]["FLUX_PSF"] / found[0]["FLUX_TEMPLATE"] - 1,
+                         found[1]["FLUX_POINTSOURCE"] / found[0]["FLUX_TEMPLATE"] - 1, found[1]["SPREAD_MODEL"],
+                         found[0]["FLUX_TEMPLATE"] / star["FLUX"] - 1))
+    rows = np.array(rows)
+    print(len(rows), "stars; mean", rows.mean(0), "largest", abs(rows).max(0))
+    raise SystemExit(not (len(rows) >= 8 and (abs(rows.mean(0)) < (2e-3, 2e-3, 2e-4, 4e-3)).all()
+                          and (abs(rows).max(0)[:3] < (6e-3, 6e-3, 1e-3)).all()))
+
+
 if sys.argv[2] == "make":
     make()
+elif sys.argv[2] == "spoil":
+    spoil()
+elif sys.argv[2] == "fluxes":
+    fluxes(*sys.argv[3:])
+elif sys.argv[2] == "field":  # the PSF of a tile of 700 pixels that varies and has wings
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(1, 700, 5), np.linspace(1, 700, 5)))
+    sigma = [1.6 + 0.3 * a / 700 + 0.2 * (b / 700) ** 2 for a, b in zip(x, y)]
+    cube = cube_hdu([0.9 * gauss(41, 1, s, 0, 0, 1.0) + 0.1 * gauss(41, 1, 2.2 * s, 0, 0, 1.0) for s in sigma])
+    places = fits.BinTableHDU.from_columns([fits.Column("X", "D", array=x), fits.Column("Y", "D", array=y)])
+    fits.HDUList([cube, places]).writeto("field.fits", overwrite=True)
 elif sys.argv[2] == "same":
     same(sys.argv[3], sys.argv[4], float(sys.argv[5]))
 else:
@@ -319,4 +407,37 @@ psf again blank.fits -PSF_TYPE PSFEX -PSF_NAME piff_uv.psf && files same again.p
 result 'what is written is read back the same' $? again.log
 psf either blank.fits -PSF_NAME piff_uv.psf && files same either.psf again.psf 1e-12 >>either.log 2>&1
 result 'PSF_TYPE FILE reads a PSFEx model' $? either.log
+# files with one thing wrong: one line that says what, and never a PSF
+files spoil >wrong.list || exit 2
+ok=0
+while IFS='|' read -r file said; do
+    psf broken blank.fits -PSF_NAME "$file" -VERBOSE_TYPE QUIET
+    code=$?
+    [ $code -eq 3 ] && [ "$(wc -l <broken.log)" -eq 1 ] && grep -qF "rextract: $file" broken.log && grep -qF -- "$said" broken.log && continue
+    ok=1
+    echo "$file: exit $code, expected 3 and '$said'" >>wrong.log
+    cat broken.log >>wrong.log
+done <wrong.list
+result 'files with one thing wrong are refused, each by a line that says it' $ok wrong.log
+
+# the PSF of a tile for the real SExtractor, from its own simulation
+if command -v source-extractor >/dev/null; then
+    printf '%s\n' NUMBER X_IMAGE Y_IMAGE FLUX_TEMPLATE FLUXERR_TEMPLATE >ours.param
+    printf '%s\n' NUMBER X_IMAGE Y_IMAGE FLUX_PSF FLUX_POINTSOURCE SPREAD_MODEL >theirs.param
+    { files field && "$programs/rextract-simulate" -c /dev/null -IMAGE_SIZE 700 -PSF_TYPE FILE -PSF_NAME field.fits -STAR_COUNT 250 \
+        -STAR_MAG 13,19 -GALAXY_COUNT 0 -NOISE_SIGMA 5 &&
+        "$programs/rextract" sim.fits -c /dev/null -RESTORE_TYPE NONE -PSF_TYPE FILE -PSF_NAME field.fits -CATALOG_TYPE FITS_1.0 \
+            -CATALOG_NAME ours.fits -PARAMETERS_NAME ours.param -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME field.psf &&
+        source-extractor sim.fits -c /dev/null -PARAMETERS_NAME theirs.param -FILTER N \
+            -PSF_NAME field.psf -CATALOG_TYPE FITS_1.0 -CATALOG_NAME theirs.fits -DETECT_THRESH 5 -VERBOSE_TYPE QUIET &&
+        files fluxes ours.fits theirs.fits sim_truth.fits; } >sextractor.log 2>&1
+    result 'SExtractor reads the PSF: FLUX_PSF and FLUX_POINTSOURCE are our FLUX_TEMPLATE to 0.2 %, SPREAD_MODEL is 0' $? sextractor.log
+else
+    skip 'the PSF in SExtractor' 'source-extractor is not installed'
+fi
+
+# a run with it can be repeated, byte by byte
+"$programs/rextract" two.fits -c /dev/null -RESTORE_TYPE NONE -PSF_TYPE FILE -PSF_NAME chips.fits -CATALOG_NAME c.fits -CATALOG_TYPE FITS_1.0 \
+    -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME two.psf >replay.log 2>&1 && "$programs/rextract" -REPLAY two.psf >>replay.log 2>&1
+result 'the record of a PSF repeats it' $? replay.log
 finish

@@ -168,14 +168,14 @@ void fuzz_psf(const uint8_t *data, size_t size)
 {
     const char *path = file_of(data, size);
     rx_psf *psf = NULL;
-    if (rx_psf_file(&(rx_psf_params){.file = path}, 64, 64, NULL, &psf, NULL) == RX_OK)
-        look_at_psf(psf);
-    if (rx_psf_file(&(rx_psf_params){.file = path, .size = 7}, 64, 64, NULL, &psf, NULL) == RX_OK)
-        look_at_psf(psf);
-    for (int extension = 1; extension <= 2; extension++)
-        if (rx_psf_psfex(&(rx_psf_params){.file = path, .extension = extension}, 64, 64, NULL, &psf, NULL) ==
-            RX_OK)
-            look_at_psf(psf);
+    for (int cut = 0; cut <= 7; cut += 7)
+        for (int extension = 1; extension <= 2; extension++) {
+            const rx_psf_params par = {.file = path, .size = cut, .extension = extension};
+            if (rx_psf_file(&par, 64, 64, NULL, &psf, NULL) == RX_OK)
+                look_at_psf(psf);
+            if (cut == 0 && rx_psf_psfex(&par, 64, 64, NULL, &psf, NULL) == RX_OK)
+                look_at_psf(psf);
+        }
 }
 
 void fuzz_model(const uint8_t *data, size_t size)

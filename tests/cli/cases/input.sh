@@ -242,6 +242,50 @@ begin 'PSFEx model that is another table'
 make_fits tile tile.fits && make_fits table my.psf
 expect 3 '^rextract: my\.psf: a table of 16 rows where a PSFEx model has one' tile.fits -PSF_TYPE PSFEX -PSF_NAME my.psf
 
+while IFS='|' read -r kind cards reason; do
+    begin "PSF file of a $kind that says $cards"
+    make_fits tile tile.fits
+    (
+        IFS=';'
+        # shellcheck disable=SC2086 # a list of cards
+        make_fits "$kind" psf.fits $cards
+    )
+    expect 3 "^rextract: psf\\.fits.*$reason" tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits
+done <<'cards'
+cube||: 3 PSFs in a cube, and nothing says where
+cube|DET_YX0 = '(1, 2)';DET_YX1 = 'middle'|: 3 PSFs in a cube, and nothing says where
+cube|NXPSFS  = 3;NYPSFS  = 1;IPSFX01 = 1|: 3 PSFs in a cube, and nothing says where
+cube|NXPSFS  = 1e300;NYPSFS  = 0|: 3 PSFs in a cube, and nothing says where
+cube|NAXIS3  = 300|is cut off: the header says
+cube|NAXIS3  = 2000000000|is cut off: the header says
+cube|NAXIS3  = 0|holds no
+psf|OVERSAMP= -4|: OVERSAMP = -4 samples of the PSF image per pixel of the tile cannot be right
+psf|DET_SAMP= 1E9|: DET_SAMP = 1e.09 samples of the PSF image per pixel
+psf|OVERSAMP= 0.5|: OVERSAMP = 0.5 samples of the PSF image per pixel
+psf|FUNCTION= 'gauss';VARORDER= 0|: no NPARS: not a PSF as IRAF's DAOPHOT writes it
+psf|FUNCTION= 'cosine';VARORDER= 0|: FUNCTION 'cosine' of the DAOPHOT PSF is none of
+psf|FUNCTION= 'gauss';VARORDER= 9|: VARORDER = 9 of the DAOPHOT PSF is not in -1 to 2
+psf|FUNCTION= 'gauss';VARORDER= 2|: 1 tables of 15 x 15 in a DAOPHOT PSF of VARORDER 2, which has 6
+psf|FUNCTION= 'gauss';VARORDER= -1|: no PSFRAD
+psf|FUNCTION= 'gauss';VARORDER= -1;PSFRAD  = 1E20|: a radius of 1e.20 pixels of the DAOPHOT PSF cannot be right
+psf|FUNCTION= 'gauss';VARORDER= 0;FEXPAND = T|: the DAOPHOT PSF was made with fexpand
+psf|FUNCTION= 'gauss';VARORDER= 0;NPARS   = 2;PAR1    = 0|: PAR1 = 0 of the DAOPHOT PSF is not in
+psf|FUNCTION= 'gauss';VARORDER= 0;NPARS   = 2;PAR1    = 1;PAR2    = 1;PSFHEIGH= -1|: PSFHEIGH = -1 of the DAOPHOT PSF
+psf-nan|FUNCTION= 'gauss';VARORDER= 0|: the tables of the DAOPHOT PSF hold values that are not numbers
+psf|FUNCTION= 'lorentz';VARORDER= 0;NPARS   = 3;PAR1    = 1;PAR2    = 1;PAR3    = -2|: PAR3 = -2 of the DAOPHOT PSF opens the ellipse
+psf-zero|FUNCTION= 'gauss';VARORDER= -1;PSFRAD  = 300;NPARS   = 2;PAR1    = 2;PAR2    = 2;PSFHEIGH= 1;PSFX    = 40;PSFY    = 40|: a PSF of 601 x 601 pixels is larger than the tile of 96 x 96
+cards
+
+begin 'PSF_SAMPLING below 1'
+make_fits tile tile.fits && make_fits psf psf.fits
+expect 3 '^rextract: psf\.fits: PSF_SAMPLING = 0\.5 samples of the PSF image per pixel' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits -PSF_SAMPLING 0.5
+
+begin 'CHECKIMAGE_TYPE PSF of a tile without one writes what is no PSF'
+make_fits flat tile.fits
+leaves check.psf
+expect 0 '' tile.fits $none -CATALOG_TYPE NONE -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME check.psf
+expect 3 '^rextract: check\.psf: image 0 of the PSFEx model holds values that are not numbers' tile.fits -PSF_TYPE PSFEX -PSF_NAME check.psf
+
 # --- the reference
 
 begin 'reference that is not there'

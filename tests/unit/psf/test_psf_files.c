@@ -14,7 +14,9 @@
 #include "../near.h"
 #include "data/table.h"
 #include "io/fits_read.h"
+#include "io/fits_write.h"
 #include "psf/psf.h"
+#include "psf/psf_psfex.h"
 #include "psf/resample.h"
 
 /* --- small FITS files, written byte by byte ------------------------------------------------- */
@@ -421,6 +423,34 @@ static void test_resample(void **state)
     }
 }
 
+/* A box of a whole number of pixels is binning, where it begins and ends between pixels. */
+static void test_box(void **state)
+{
+    (void)state;
+    enum { BINS = 5 };
+    static float pixels[36 * 36];
+    static double dst[BINS * BINS];
+    for (int step = 2; step <= 5; step++) {
+        const int side = step * (BINS + 2);
+        for (int i = 0; i < side * side; i++)
+            pixels[i] = (float)((i * 37 % 23) - 4);
+        const rx_psf_raster src = {.pixels = pixels,
+                                   .width = side,
+                                   .height = side,
+                                   .centre_x = 0.5 * (side - 1),
+                                   .centre_y = 0.5 * (side - 1),
+                                   .box = step};
+        assert_int_equal(rx_psf_resample(&src, step, RX_LANCZOS_MAX, dst, BINS, NULL), RX_OK);
+        for (int i = 0; i < BINS * BINS; i++) {
+            double sum = 0.0;
+            for (int k = 0; k < step * step; k++)
+                sum += (double)
+                    pixels[((1 + i / BINS) * step + k / step) * side + (1 + i % BINS) * step + k % step];
+            assert_near(dst[i], sum / (step * step), 1e-10);
+        }
+    }
+}
+
 static void compare_model(const char *file, int width, int height, double tolerance)
 {
     rx_psf *psf;
@@ -716,9 +746,67 @@ static void test_model_of_a_merged_table(void **state)
     }
 }
 
+/* A PSF that is written for PSFEx's readers comes back the same; terms that it lacks are images of zeros. */
+static void test_written_model(void **state)
+{
+    (void)state;
+    enum { SIDE = 15, TERMS = 4 };
+    static const int px[TERMS] = {0, 2, 0, 1}, py[TERMS] = {0, 0, 1, 3};
+    rx_psf *psf = rx_psf_new(RX_PSF_AUTO, SIDE, TERMS), *back;
+    rx_table *table;
+    rx_text cards = {0};
+    rx_fits_writer *writer;
+    assert_non_null(psf);
+    psf->x0 = 40.0;
+    psf->y0 = 30.5;
+    psf->xs = 50.0;
+    psf->ys = 35.0;
+    psf->fwhm = 4.0;
+    psf->nstars = 7;
+    for (int t = 0; t < TERMS; t++) {
+        float *image = psf->basis + t * SIDE * SIDE;
+        double sum = 0.0;
+        psf->px[t] = px[t];
+        psf->py[t] = py[t];
+        gaussian(image, SIDE, SIDE, 7 + 0.4 * t, 7 - 0.3 * t, t == 0 ? 1.0 : 0.1);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            sum += (double)(image[i] -= t == 0 ? 0.0F : 0.1F * psf->basis[i]);
+        for (int i = 0; i < SIDE * SIDE && t == 0; i++)
+            image[i] = (float)((double)image[i] / sum);
+        for (int i = 0; i < SIDE * SIDE && t > 0; i++)
+            image[i] -= (float)sum * psf->basis[i];
+    }
+    assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
+    assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    rx_table_free(table);
+    rx_text_free(&cards);
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 90, 70, NULL, &back, NULL), RX_OK);
+    assert_int_equal(back->size, SIDE);
+    assert_int_equal(back->nbasis, 15);
+    for (int k = 0; k < 9; k++) {
+        float one[SIDE * SIDE], two[SIDE * SIDE];
+        rx_psf_at(psf, 44.5 * (k % 3), 34.5 * (k / 3), one);
+        rx_psf_at(back, 44.5 * (k % 3), 34.5 * (k / 3), two);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            assert_near(two[i], one[i], 1e-6 * (double)one[SIDE / 2 * SIDE + SIDE / 2]);
+    }
+    rx_psf_free(back);
+    psf->px[3] = 6; /* degree 9 */
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "degree 9"));
+    rx_text_free(&cards);
+    rx_psf_free(psf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_box),
+        cmocka_unit_test(test_written_model),
         cmocka_unit_test(test_image_sizes),
         cmocka_unit_test(test_image_cut_to_size),
         cmocka_unit_test(test_image_refused),
