@@ -127,10 +127,11 @@ static rx_status read_profile(model *m, rx_error *err)
     }
     for (int i = m->shape == PENNY1 || m->shape == PENNY2 ? 3 : 2; i < shapes[m->shape].npars; i++)
         if (!(fabs(m->par[i]) * m->par[0] * m->par[1] < 2.0))
-            return rx_error_at(err, RX_INPUT, m->file, -1, 0,
-                               "PAR%d = %g of the DAOPHOT PSF opens the ellipse of PAR1 = %g and PAR2 = %g; make it "
-                               "again",
-                               i + 1, m->par[i], m->par[0], m->par[1]);
+            return rx_error_at(
+                err, RX_INPUT, m->file, -1, 0,
+                "PAR%d = %g of the DAOPHOT PSF opens the ellipse of PAR1 = %g and PAR2 = %g; make it "
+                "again",
+                i + 1, m->par[i], m->par[0], m->par[1]);
     RX_TRY(need(m, "PSFHEIGH", 1e-30, most, &m->height, err));
     RX_TRY(need(m, "PSFX", 1e-3, most, &m->psfx, err));
     RX_TRY(need(m, "PSFY", 1e-3, most, &m->psfy, err));

@@ -256,6 +256,14 @@ exit:
 
 /* --- what a file holds --- */
 
+static void say_unused(const rx_psf_params *par, rx_log *log)
+{
+    if (par->sampling > 0.0 || par->integrate != RX_PSF_INTEGRATE_AUTO)
+        rx_log_warning(log,
+                       "%s: PSF_SAMPLING and PSF_INTEGRATE are for images, and are not used for this file",
+                       par->file);
+}
+
 rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
                       rx_error *err)
 {
@@ -266,6 +274,7 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
     *dst = NULL;
     if (rx_fits_read_named(par->file, "psf", &table, &hdu, NULL) == RX_OK && table != NULL &&
         rx_table_find(table, "type") >= 0) {
+        say_unused(par, log);
         rx_status status = rx_psf_piff(par, table, width, height, log, dst, err);
         rx_table_free(table);
         return status;
@@ -275,29 +284,26 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
     const int psfex =
         rx_fits_read_table(par->file, 0, &table, NULL) == RX_OK && rx_table_find(table, "PSF_MASK") >= 0;
     rx_table_free(table);
-    if (psfex)
+    if (psfex) {
+        say_unused(par, log);
         return rx_psf_psfex(par, width, height, log, dst, err);
+    }
     rx_error why = rx_error_part(err);
     rx_status status = rx_fits_read_cube(par->file, &cube, &why);
-    if (status == RX_INPUT) { /* DAOPHOT's profiles alone are a header without an image */
-        char *cards = NULL;
-        long n = 0;
-        if (rx_fits_read_header(par->file, 0, &cards, &n, NULL) == RX_OK &&
-            rx_cards_text(cards, n, "FUNCTION", word, sizeof word)) {
-            cube = (rx_fits_cube){.cards = cards, .ncards = n};
-            status = RX_OK;
-        } else {
-            rx_error_take(err, &why);
-            free(cards);
-        }
-    } else if (status != RX_OK) {
+    if (status == RX_INPUT && rx_fits_read_header(par->file, 0, &cube.cards, &cube.ncards, NULL) == RX_OK &&
+        rx_cards_text(cube.cards, cube.ncards, "FUNCTION", word, sizeof word))
+        status = RX_OK; /* a profile of DAOPHOT's alone is a header without an image */
+    if (status != RX_OK) {
         rx_error_take(err, &why);
+    } else if (rx_cards_text(cube.cards, cube.ncards, "FUNCTION", word, sizeof word) &&
+               rx_cards_text(cube.cards, cube.ncards, "VARORDER", word, sizeof word)) {
+        say_unused(par, log);
+        status = rx_psf_daophot(par, &cube, width, height, log, dst, err);
+    } else if (cube.planes == 0) {
+        status = rx_error_at(err, RX_INPUT, par->file, -1, 0, "holds no image; is it a PSF?");
+    } else {
+        status = rx_psf_images(par, &cube, width, height, log, dst, err);
     }
-    if (status == RX_OK)
-        status = rx_cards_text(cube.cards, cube.ncards, "FUNCTION", word, sizeof word) &&
-                         rx_cards_text(cube.cards, cube.ncards, "VARORDER", word, sizeof word)
-                     ? rx_psf_daophot(par, &cube, width, height, log, dst, err)
-                     : rx_psf_images(par, &cube, width, height, log, dst, err);
     rx_fits_cube_free(&cube);
     return status;
 }

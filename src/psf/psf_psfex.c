@@ -318,14 +318,14 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
     }
     if (status == RX_OK)
         status = resample_model(&m, err);
-    const rx_psf_source src = {.file = par->file,
-                               .what = "PSFEx model",
-                               .type = RX_PSF_PSFEX,
-                               .size = m.size,
-                               .draw = draw,
-                               .model = &m,
-                               .degree = {m.degree[0] > 0 ? m.degree[0] : -1,
-                                          m.degree[1] > 0 ? m.degree[1] : -1}};
+    const rx_psf_source src = {
+        .file = par->file,
+        .what = "PSFEx model",
+        .type = RX_PSF_PSFEX,
+        .size = m.size,
+        .draw = draw,
+        .model = &m,
+        .degree = {m.degree[0] > 0 ? m.degree[0] : -1, m.degree[1] > 0 ? m.degree[1] : -1}};
     if (status == RX_OK)
         status = rx_psf_project(&src, width, height, dst, &degree, &misfit, err);
     if (status == RX_OK) {
