@@ -357,6 +357,30 @@ static const float *image_of(const rx_psf *psf, int px, int py)
     return NULL;
 }
 
+/* A row or column of n values in halves of a step, 2 n - 1, by the sinc function: the values themselves stay. */
+static void halve(const double *src, int n, int stride, double *dst, int to)
+{
+    for (int i = 0; i < 2 * n - 1; i++) {
+        double value = i % 2 == 0 ? src[(size_t)(i / 2) * (size_t)stride] : 0.0;
+        for (int k = 0; k < n && i % 2 != 0; k++)
+            value += src[(size_t)k * (size_t)stride] * sin(M_PI * (0.5 * i - k)) / (M_PI * (0.5 * i - k));
+        dst[(size_t)i * (size_t)to] = value;
+    }
+}
+
+/* values [size][size] become [side][side], side = 2 size - 1; they and rows have room for these. */
+static void halve_pixels(double *values, double *rows, int size)
+{
+    const int side = 2 * size - 1;
+    for (int j = 0; j < size; j++)
+        halve(values + (size_t)j * (size_t)size, size, 1, rows + (size_t)j * (size_t)side, 1);
+    for (int i = 0; i < side; i++)
+        halve(rows + i, size, side, values + i, side);
+}
+
+/* Readers interpolate by Lanczos-4, which the pixels of the tile are too wide for where the PSF is narrow. */
+static const double NARROW = 3.0;
+
 rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, rx_error *err)
 {
     static const float none = NAN; /* psfex, too, writes this where it found no PSF */
@@ -370,21 +394,30 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
         return rx_error_set(err, RX_INPUT, "a PSF of degree %d cannot be written for PSFEx's readers, %d can",
                             m.degree[0], RX_PSF_MAX_DEGREE);
     const int n = term_powers(&m, px, py);
-    const size_t pixels = (size_t)p->size * (size_t)p->size;
+    const int steps = psf != NULL && psf->fwhm < NARROW ? 2 : 1;
+    const int side = steps * (p->size - 1) + 1;
+    const size_t pixels = (size_t)side * (size_t)side;
     rx_table *table = rx_table_new(1);
     float *mask = rx_alloc((size_t)n, pixels * sizeof(float));
+    double *values = RX_NEW(double, 2 * pixels);
     if (table != NULL)
         table->name = rx_strdup("PSF_DATA");
-    if (table == NULL || table->name == NULL || mask == NULL) {
+    if (table == NULL || table->name == NULL || mask == NULL || values == NULL) {
         free(mask);
+        free(values);
         rx_table_free(table);
         return rx_error_memory(err, (size_t)n * pixels * sizeof(float));
     }
     for (int t = 0; t < n; t++) {
         const float *image = psf != NULL ? image_of(p, px[t], py[t]) : &none;
-        if (image != NULL)
-            memcpy(mask + (size_t)t * pixels, image, pixels * sizeof(float));
+        for (int i = 0; i < p->size * p->size && image != NULL; i++)
+            values[i] = (double)image[i];
+        if (image != NULL && steps == 2)
+            halve_pixels(values, values + pixels, p->size);
+        for (size_t i = 0; i < pixels && image != NULL; i++)
+            mask[(size_t)t * pixels + i] = (float)values[i];
     }
+    free(values);
     table->nrows = 1;
     table->columns[0] = (rx_column){.name = "PSF_MASK",
                                     .type = RX_CELL_FLOAT,
@@ -392,7 +425,7 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
                                     .dim = {(int)(pixels * (size_t)n)},
                                     .data = mask};
     char text[72];
-    snprintf(text, sizeof text, "(%d,%d,%d)", p->size, p->size, n);
+    snprintf(text, sizeof text, "(%d,%d,%d)", side, side, n);
     rx_card_text(cards, "TDIM1", text, "x, y, term");
     rx_card_integer(cards, "LOADED", p->nstars, "stars given; 0: not measured here");
     rx_card_integer(cards, "ACCEPTED", p->nstars, "stars used");
@@ -409,10 +442,10 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
     rx_card_integer(cards, "POLNGRP", 1, "groups");
     rx_card_integer(cards, "POLDEG1", m.degree[0], "degree of the polynomial");
     rx_card_number(cards, "PSF_FWHM", p->fwhm, "FWHM at the centre of the image (pixels)");
-    rx_card_number(cards, "PSF_SAMP", 1.0, "sampling step (pixels of the image)");
+    rx_card_number(cards, "PSF_SAMP", 1.0 / steps, "sampling step (pixels of the image)");
     rx_card_integer(cards, "PSFNAXIS", 3, "axes of PSF_MASK");
-    rx_card_integer(cards, "PSFAXIS1", p->size, "");
-    rx_card_integer(cards, "PSFAXIS2", p->size, "");
+    rx_card_integer(cards, "PSFAXIS1", side, "");
+    rx_card_integer(cards, "PSFAXIS2", side, "");
     rx_card_integer(cards, "PSFAXIS3", n, "terms");
     *dst = table;
     return RX_OK;
