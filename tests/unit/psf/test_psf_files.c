@@ -778,6 +778,7 @@ static void test_written_model(void **state)
     }
     for (psf->fwhm = 4.0; psf->fwhm > 1.0; psf->fwhm -= 2.0) { /* in pixels, in halves of them */
         assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
+        unlink(in_folder("model.psf"));
         assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
         assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
         assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
