@@ -145,7 +145,7 @@ static void compare(fit *f, int k)
     }
 }
 
-/* Chebyshev points of the tile, or the source's own places; the first ones in both lie inside. */
+/* Chebyshev points of the tile, or the source's own places. */
 static rx_status find_places(fit *f, const rx_psf *psf, rx_error *err)
 {
     const rx_psf_source *src = f->src;
