@@ -88,8 +88,7 @@ rx_status rx_fluxes_ground_open(rx_fluxes_state *state, rx_log *log, rx_error *e
 
 rx_status rx_fluxes_ground_search(rx_fluxes_state *state, rx_log *log, rx_error *err)
 {
-    const rx_image image = rx_field_restorable(state->ground.field);
-    rx_status status = rx_domain_noise(&image, &state->ground.model_noise, err);
+    rx_status status = rx_domain_noise(state->ground.field, &state->ground.model_noise, err);
     for (int r = 0; r < state->nruns && status == RX_OK; r++) {
         rx_options options = rx_fluxes_options(state, &state->ground.sky, state->run[r]);
         rx_result result;
@@ -362,8 +361,10 @@ rx_status rx_fluxes_tile_make(const rx_fluxes_state *state, int condition, rx_fl
                                   err);
         tile = NULL; /* the field's */
     }
-    if (status == RX_OK && injected)
+    if (status == RX_OK && injected) {
         dst->field->model_noise = state->ground.model_noise;
+        dst->field->model_factor = state->ground.field->noise_factor;
+    }
     if (status == RX_OK)
         status = find_company(state, sky, injected, dst, err);
     for (long i = 0; status == RX_OK && scene == RX_FLUXES_PAIRS && i < dst->n; i++)

@@ -66,13 +66,12 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
                               const rx_noise_correlation *noise, const rx_replica_part *part, uint64_t seed,
                               uint64_t stream, rx_field **dst, rx_error *err)
 {
-    const rx_image image = rx_field_restorable(field);
     const rx_map noise_map = rx_background_noise(field->plain);
     rx_tile *copy = NULL;
     rx_psf *psf = NULL;
     double model_noise = field->model_noise;
     if (!(model_noise > 0.0))
-        RX_TRY(rx_domain_noise(&image, &model_noise, err));
+        RX_TRY(rx_domain_noise(field, &model_noise, err));
     RX_TRY(rx_replica_new(field->tile, part, &copy, err));
     rx_status status = RX_OK;
     const int width = copy->width, height = copy->height;
@@ -103,6 +102,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     RX_TRY_EXIT(rx_field_prepare(params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err));
     (*dst)->unrestorable = field->unrestorable;
     (*dst)->model_noise = model_noise; /* restored as the tile itself is */
+    (*dst)->model_factor = field->model_factor > 0.0 ? field->model_factor : field->noise_factor;
 exit:
     rx_tile_free(copy);
     rx_psf_free(psf);

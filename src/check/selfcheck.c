@@ -98,6 +98,7 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
     RX_TRY(
         rx_field_prepare(&plan->params, RX_FIELD_DETECTED, copy, plan->field->psf, NULL, &dst->field, err));
     dst->field->model_noise = plan->model_noise;
+    dst->field->model_factor = plan->field->noise_factor;
     return RX_OK;
 exit:
     rx_tile_free(copy);

@@ -218,7 +218,6 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
         plan->pixel_scale = 1.0;
     own_params(params, par, plan->diameter, &plan->params);
     aperture_params(&plan->params, plan->diameter, &plan->apertures);
-    const rx_image image = rx_field_restorable(field);
     rx_status status = rx_quality_radius(&par->quality, field->tile, &plan->match_radius, err);
     if (status == RX_OK)
         status = choose_magnitudes(plan, err);
@@ -229,7 +228,7 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
     if (status == RX_OK)
         status = rx_optics_psf(field->psf, &plan->optics, err);
     if (status == RX_OK)
-        status = rx_domain_noise(&image, &plan->model_noise, err);
+        status = rx_domain_noise(field, &plan->model_noise, err);
     if (status == RX_OK)
         *dst = plan;
     else

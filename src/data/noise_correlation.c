@@ -149,3 +149,8 @@ double rx_noise_factor_wide(const rx_noise_correlation *noise)
         sum += noise->at[i / SIDE][i % SIDE];
     return sqrt(fmax(sum, LEAST * LEAST));
 }
+
+int rx_noise_is_structure(const rx_noise_correlation *noise)
+{
+    return noise->origin == RX_NOISE_MEASURED && rx_noise_factor_wide(noise) > RX_NOISE_RESAMPLED;
+}

@@ -67,6 +67,12 @@ int rx_noise_uneven(const rx_noise_correlation *noise);
 /* f of a profile much wider than the reach: sqrt(sum at), at least 0.1. */
 double rx_noise_factor_wide(const rx_noise_correlation *noise);
 
+/* Was more measured than resampling leaves? Drizzle gives wide sums r / (1 - 1/(3r)) times the noise of independent pixels
+ * where drops are r pixels wide (Fruchter & Hook 2002, PASP 114, 144), the most of all: 2.4 for drops of 2
+ * pixels, 3.4 for those of 3, which is the limit here. Beyond are fringes, light that fills the tile, or smoothing. */
+#define RX_NOISE_RESAMPLED 3.4
+int rx_noise_is_structure(const rx_noise_correlation *noise);
+
 RX_END_DECLS
 
 #endif

@@ -54,7 +54,11 @@ enum {
     RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
     RX_RESTORE_OTHER = 16,   /* not by the restorer that was asked for (RESTORE_FALLBACK) */
     RX_RESTORE_UNEXPLAINED =
-        32 /* in a cell whose pixels the restored image does not explain (pipeline/residual.h) */
+        32, /* in a cell whose pixels the restored image does not explain (pipeline/residual.h) */
+    RX_RESTORE_OUTSIDE =
+        64, /* by a network that was not trained for the tile, for a pixel so bright, or for a sky
+                                so dark (pipeline/domain.h) */
+    RX_RESTORE_STRUCTURE = 128 /* the noise of the tile is more correlated than resampling explains */
 };
 
 /* Template photometry (template/template.h) of a source. */

@@ -13,8 +13,9 @@ librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
 librextract_la_SOURCES += src/nn/runner.c src/nn/runner.h
 librextract_la_SOURCES += src/nn/runner_plan.c src/nn/runner_parts.h
 librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h
+librextract_la_SOURCES += src/nn/noise_level.c
 librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h
 
 rx_nndir = $(pkgincludedir)/nn
-rx_nn_HEADERS = src/nn/front.h src/nn/model.h src/nn/net.h
+rx_nn_HEADERS = src/nn/front.h src/nn/model.h src/nn/net.h src/nn/noise_level.h
 installed_headers += $(rx_nn_HEADERS)

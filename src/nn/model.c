@@ -18,6 +18,7 @@ rx_model *rx_model_new(void)
     model->front = (rx_front){
         .mode = RX_MODE_INFORMED, .target_fwhm = 2, .tikhonov = 0.02, .rl_steps = 2, .pedestal = 1};
     model->ended = 1;
+    model->factor = 1.0;
     return model;
 }
 
@@ -121,67 +122,6 @@ const char *rx_mode_name(rx_mode mode)
 
 /* --- the dictionary --- */
 
-static void swap_values(float *a, float *b)
-{
-    float keep = *a;
-    *a = *b;
-    *b = keep;
-}
-
-/* The k-th smallest (from 0), by Hoare's quickselect; afterwards no value behind k is smaller. */
-static float select_value(float *v, size_t n, size_t k)
-{
-    size_t low = 0, high = n - 1;
-    while (low < high) {
-        float pivot = v[low + (high - low) / 2];
-        size_t i = low, j = high;
-        for (;;) {
-            while (v[i] < pivot)
-                i++;
-            while (v[j] > pivot)
-                j--;
-            if (i >= j)
-                break;
-            swap_values(&v[i++], &v[j--]);
-        }
-        if (v[j] > pivot)
-            j--;
-        if (k <= j)
-            high = j;
-        else
-            low = j + 1;
-    }
-    return v[k];
-}
-
-/* Brightest pixels that may be a cosmic ray; a star has more. */
-enum { FEW = 10 };
-/* Brightness (noise sigmas) that the stars of a sparse tile make of it at most: noise 5. */
-static const double SPARSE_MOST = 51.0;
-
-/* The brightest value but for FEW; those before place k are not among them. */
-static double bright_value(float *v, size_t n, size_t k)
-{
-    return n - k > FEW ? select_value(v + k, n - k, n - k - 1 - FEW) : -HUGE_VAL;
-}
-
-double rx_model_noise(float *above, size_t n)
-{
-    if (n == 0)
-        return NAN;
-    double place = 0.999 * (double)(n - 1);
-    size_t k = (size_t)place;
-    double q = select_value(above, n, k);
-    if (k + 1 < n) {
-        float next = above[k + 1];
-        for (size_t i = k + 2; i < n; i++)
-            next = above[i] < next ? above[i] : next;
-        q += (place - (double)k) * (next - q);
-    }
-    q = fmax(q, fmin(bright_value(above, n, k) / RX_MODEL_PEAK, SPARSE_MOST));
-    return q > 0 ? 255.0 / q : HUGE_VAL;
-}
-
 /* Cell of value on one axis of the grid: -1 below, n above. Limits belong to the cells inside. */
 static int find_cell(const rx_model_bin *bins, int n, int stride, int axis, double value)
 {
@@ -212,6 +152,17 @@ static void say_outside(char *dst, size_t size, const char *what, const char *un
                  what, value, unit, below ? "below" : "above", limit);
 }
 
+double rx_model_peak(const rx_model *model)
+{
+    return model->bins == NULL ? HUGE_VAL
+                               : RX_NOISE_LEVEL_PEAK * (double)RX_NOISE_LEVEL_SCALE / model->bins[0].sigma[0];
+}
+
+double rx_model_factor(const rx_model *model)
+{
+    return fmax(RX_MODEL_FACTOR, model->factor);
+}
+
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
                                   size_t size)
 {
@@ -228,11 +179,12 @@ const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sig
     }
     const rx_model_bin *last = &bins[(long)model->nsigma * model->nfwhm - 1];
     const int i = find_cell(bins, model->nfwhm, 1, 0, fwhm),
-              k = find_cell(bins, model->nsigma, model->nfwhm, 1, sigma);
-    const int blur = i >= 0 && i < model->nfwhm, noise = k >= 0 && k < model->nsigma;
+              k = sigma > last->sigma[1] ? model->nsigma - 1
+                                         : find_cell(bins, model->nsigma, model->nfwhm, 1, sigma);
+    const int blur = i >= 0 && i < model->nfwhm, noise = k >= 0;
     if (!blur)
         say_outside(outside, size, "FWHM", " pixels", fwhm, i < 0, i < 0 ? bins[0].fwhm[0] : last->fwhm[1]);
     if (!noise)
-        say_outside(outside, size, "noise", "", sigma, k < 0, k < 0 ? bins[0].sigma[0] : last->sigma[1]);
+        say_outside(outside, size, "noise", "", sigma, 1, bins[0].sigma[0]);
     return blur && noise ? &bins[(long)k * model->nfwhm + i] : NULL;
 }

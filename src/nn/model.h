@@ -16,6 +16,9 @@
  *   RXBEST    epoch, from 1, that these parameters are of: the best one
  *   RXENDED   1 when the training has ended, 0 while it goes on. Files from before these two cards have
  *             neither: they count as ended, of their last epoch
+ *   RXNFMAX   largest noise factor of the training images (data/noise_correlation.h); files without it: 1, as for
+ *             white noise, which all of them were trained on
+ *   RXTDARK   share of them with structure darker than the sky; files without it: 0
  *
  * Binary tables, in this order, those in brackets where there are any:
  *
@@ -38,14 +41,14 @@
 #include "base/text.h"
 #include "nn/front.h"
 #include "nn/net.h"
+#include "nn/noise_level.h"
 
 RX_BEGIN_DECLS
 
 /* One bin of the active-learning dictionary: what the model does at that seeing and noise. */
 typedef struct rx_model_bin {
     double fwhm[2];  /* pixels, from .. to */
-    double sigma[2]; /* noise on the scale on which the brightest 0.1 % of the noise-free blurred pixels begin
-                        at 255 (nn/model.h: rx_model_noise()) */
+    double sigma[2]; /* noise level of the blurred fields: nn/noise_level.h */
     double loss;     /* mean test loss */
     double list;     /* the same, normalised: Eq. 4's list */
     double
@@ -68,11 +71,13 @@ typedef struct rx_model {
     long epochs, patches;         /* training done */
     long best;                    /* epoch that the parameters are of */
     int ended;                    /* has the training ended? */
+    double factor;                /* largest noise factor of the training, 1 = white noise */
+    double dark;                  /* share of its images with structure below the sky */
     uint64_t seed;
     char *provenance; /* KEYWORD value lines of the training, owned, may be NULL; printable ASCII */
 } rx_model;
 
-/* All zero but the default front and `ended`; NULL without memory. */
+/* All zero but the default front, `ended` and `factor`; NULL without memory. */
 rx_model *rx_model_new(void);
 void rx_model_free(rx_model *model); /* NULL is fine */
 
@@ -94,22 +99,21 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err);
 /* Several lines for a human: what it is, shape, cost, training, dictionary as a table (`-INFO`). */
 void rx_model_describe(const rx_model *model, rx_text *dst);
 
-/* Training fields are no brighter than so many times the value that their brightest 0.1 % exceed. */
-enum { RX_MODEL_PEAK = 40 };
-
-/* Noise of a tile on the scale of the dictionary: 255 sigma / q, q = the value (ADU above the sky) that the
- * brightest 0.1 % of the pixels exceed (quantile 0.999, linear between pixels as rx_quantile()); 0.1 % of
- * pure noise exceed 3.1 sigma, so a blank tile has about 80. In a sparse tile, as in the training's sparse
- * fields, 1/RX_MODEL_PEAK of the brightest pixels (but for ten, which may be a cosmic ray) stands for q where
- * that is more, up to noise 5. above[n]: (pixel - sky)/sigma of the good pixels, all finite, reordered here.
- * NAN for n = 0, infinite where not even 0.1 % lie above the sky. */
-double rx_model_noise(float *above, size_t n);
-
-/* The bin of that seeing and noise, or NULL outside the grid (*outside, may be NULL, then says in words what
+/* The bin of that seeing and noise level, or NULL outside the training (*outside, may be NULL, then says in words what
  * is out: "FWHM 9.30 pixels is above 8"; else it is empty). Upper limits belong to the next bin, those of the
- * grid to the last one. Noise below the grid (a deeper or brighter tile) is outside too. */
+ * grid to the last one. A level below the grid (a brighter tile) is outside, one above it belongs to the last bin: see
+ * nn/noise_level.h. */
 const rx_model_bin *rx_model_find(const rx_model *model, double fwhm, double sigma, char *outside,
                                   size_t size);
+
+/* Noise units that a pixel of its training had at most; infinite without a dictionary. */
+double rx_model_peak(const rx_model *model);
+
+/* Noise factor (data/noise_correlation.h, of the matched filter) up to which it is known to work: that of its training,
+ * and for all, those of white noise too, what was tried: at 2.95 they find more than Richardson-Lucy does, with 3
+ * false detections per Mpixel (validation/results/resampled). */
+#define RX_MODEL_FACTOR 3.0
+double rx_model_factor(const rx_model *model);
 
 RX_END_DECLS
 

@@ -69,7 +69,9 @@ static void add_bins(rx_text *dst, const rx_model *model)
     }
     rx_text_add(
         dst,
-        "Noise: on the scale on which 0.1 % of the blurred pixels exceed 255. List: how hard the bin is, 0 "
+        "Noise: on the scale on which 0.1 % of the blurred pixels exceed 255; fainter images belong to the "
+        "last "
+        "bins. List: how hard the bin is, 0 "
         "to 1; with active learning the share of its images that train. Recall: stars of S/N above 5; bias "
         "and scatter: fluxes of stars of S/N above 12.\n");
 }
@@ -96,6 +98,14 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
         model->epochs, model->patches, model->seed, model->best);
     if (!model->ended)
         rx_text_add(dst, "            has not ended: start rextract-train again to go on\n");
+    rx_text_printf(dst, "Noise       correlated up to a factor of %.2f in the training; works up to %.2f\n",
+                   model->factor, rx_model_factor(model));
+    if (model->bins != NULL)
+        rx_text_printf(
+            dst,
+            "Brightness  of fields, up to %.0f noise units, of pixels up to %.0f; dark structure in "
+            "%g of the images\n",
+            rx_model_peak(model) / RX_NOISE_LEVEL_PEAK, rx_model_peak(model), model->dark);
     add_nodes(dst, model->restore);
     if (model->bins != NULL)
         add_bins(dst, model);

@@ -96,6 +96,16 @@ static rx_status take_header(const reader *r, rx_error *err)
         status = take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err);
     if (status == RX_OK)
         status = take_seed(r, &m->seed, err);
+    if (status == RX_OK && rx_cards_number(r->cards, r->ncards, "RXNFMAX", &m->factor) &&
+        !(m->factor >= 0.1 && m->factor <= 1e3))
+        status = rx_error_at(
+            err, RX_INPUT, r->path, 0, 0,
+            "RXNFMAX is %g, a noise factor from 0.1 to 1000 was expected; make the model again", m->factor);
+    if (status == RX_OK && rx_cards_number(r->cards, r->ncards, "RXTDARK", &m->dark) &&
+        !(m->dark >= 0.0 && m->dark <= 1.0))
+        status =
+            rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                        "RXTDARK is %g, a share from 0 to 1 was expected; make the model again", m->dark);
     m->front.rl_steps = (int)steps;
     m->ended = (int)ended;
     m->nfwhm = (int)nfwhm;

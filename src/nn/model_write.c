@@ -156,6 +156,8 @@ static void add_cards(const rx_model *model, rx_text *dst)
     rx_card_integer(dst, "RXEPOCHS", model->epochs, "epochs of training");
     rx_card_integer(dst, "RXBEST", model->best, "epoch of these parameters, the best one");
     rx_card_integer(dst, "RXENDED", model->ended, "1: the training has ended");
+    rx_card_number(dst, "RXNFMAX", model->factor, "largest noise factor of the training");
+    rx_card_number(dst, "RXTDARK", model->dark, "share of its images with dark structure");
     rx_card_integer(dst, "RXPATCHS", model->patches, "images seen in training");
     rx_card_text(dst, "RXSEED", seed, "seed of the training");
 }

@@ -9,10 +9,13 @@
 #include "base/memory.h"
 #include "data/map.h"
 
-rx_status rx_domain_noise(const rx_image *image, double *noise, rx_error *err)
+enum { FEW = 10 }; /* pixels of a cosmic ray; a star has more */
+
+rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
 {
-    const size_t width = (size_t)image->width, n = width * (size_t)image->height;
-    const rx_map sky = rx_image_sky(image);
+    const rx_image image = rx_field_effective(field);
+    const size_t width = (size_t)image.width, n = width * (size_t)image.height;
+    const rx_map sky = rx_image_sky(&image);
     size_t good = 0;
     float *above = RX_NEW(float, n), *rows = RX_NEW(float, 2 * width);
     rx_status status = RX_OK;
@@ -20,22 +23,22 @@ rx_status rx_domain_noise(const rx_image *image, double *noise, rx_error *err)
         status = rx_error_memory(err, (n + 2 * width) * sizeof(float));
         goto exit;
     }
-    for (int y = 0; y < image->height; y++) {
+    for (int y = 0; y < image.height; y++) {
         const size_t row = (size_t)y * width;
-        const float *sigma = rx_map_row(&image->noise, y, 0, image->width, rows),
-                    *base = rx_map_row(&sky, y, 0, image->width, rows + width);
+        const float *sigma = rx_map_row(&image.noise, y, 0, image.width, rows),
+                    *base = rx_map_row(&sky, y, 0, image.width, rows + width);
         for (size_t x = 0; x < width; x++)
-            if (!rx_image_hides(image, row + x) && sigma[x] > 0.0f)
-                above[good++] = (image->pixels[row + x] - base[x]) / sigma[x];
+            if (!rx_image_hides(&image, row + x) && sigma[x] > 0.0f)
+                above[good++] = (image.pixels[row + x] - base[x]) / sigma[x];
     }
-    *noise = rx_model_noise(above, good);
+    *noise = rx_noise_level(rx_brightness(above, good, FEW));
 exit:
     free(above);
     free(rows);
     return status;
 }
 
-/* "the network was trained for FWHM 2 to 8 pixels and noise 1 to 15", or that the model does not say. */
+/* "the network was trained for FWHM 2 to 8 pixels, noise from 1 on and noise factors to 3", or that the model does not say. */
 static void add_grid(const rx_model *model, rx_text *dst)
 {
     if (model->bins == NULL) {
@@ -43,8 +46,9 @@ static void add_grid(const rx_model *model, rx_text *dst)
         return;
     }
     const rx_model_bin *first = model->bins, *last = first + (long)model->nfwhm * model->nsigma - 1;
-    rx_text_printf(dst, "the network was trained for FWHM %.4g to %.4g pixels and noise %.4g to %.4g",
-                   first->fwhm[0], last->fwhm[1], first->sigma[0], last->sigma[1]);
+    rx_text_printf(
+        dst, "the network works for FWHM %.4g to %.4g pixels, noise from %.4g on and noise factors to %.3g",
+        first->fwhm[0], last->fwhm[1], first->sigma[0], rx_model_factor(model));
 }
 
 /* A PSF that is narrower than the network's own output by so much leaves nothing to restore: its
@@ -88,7 +92,7 @@ static rx_status leave(const rx_restore_params *par, const rx_image *image, rx_l
     return status;
 }
 
-rx_status rx_domain_obey(const rx_restore_params *par, const rx_image *image, double model_noise, rx_log *log,
+rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx_log *log,
                          const rx_restorer **kind, rx_domain *dst, rx_error *err)
 {
     *dst = (rx_domain){.fwhm = NAN, .noise = NAN};
@@ -96,16 +100,24 @@ rx_status rx_domain_obey(const rx_restore_params *par, const rx_image *image, do
         return RX_OK;
     dst->model = par->model;
     dst->place = RX_DOMAIN_UNKNOWN;
-    dst->noise = model_noise;
-    rx_status status = model_noise > 0 ? RX_OK : rx_domain_noise(image, &dst->noise, err);
+    dst->noise = field->model_noise;
+    dst->factor = field->model_factor > 0.0 ? field->model_factor : field->noise_factor;
+    rx_status status = dst->noise > 0.0 ? RX_OK : rx_domain_noise(field, &dst->noise, err);
     if (status != RX_OK)
         return status;
-    if (image->psf == NULL) {
+    if (field->psf == NULL) {
         snprintf(dst->why, sizeof dst->why, "the FWHM of the tile is not known");
         return RX_OK;
     }
-    dst->fwhm = image->psf->fwhm;
+    dst->fwhm = field->psf->fwhm;
     dst->bin = rx_model_find(par->model, dst->fwhm, dst->noise, dst->why, sizeof dst->why);
+    if (dst->factor > rx_model_factor(par->model)) {
+        const size_t used = strlen(dst->why);
+        snprintf(dst->why + used, sizeof dst->why - used, "%snoise factor %.2f is above %.3g",
+                 used > 0 ? ", " : "", dst->factor, rx_model_factor(par->model));
+        dst->bin = NULL;
+    }
     dst->place = dst->bin != NULL ? RX_DOMAIN_INSIDE : RX_DOMAIN_OUTSIDE;
-    return dst->bin != NULL ? RX_OK : leave(par, image, log, kind, dst, err);
+    const rx_image image = rx_field_restorable(field);
+    return dst->bin != NULL ? RX_OK : leave(par, &image, log, kind, dst, err);
 }

@@ -1,5 +1,6 @@
 /* What the pipeline found, as cards of a header. */
 #include <math.h>
+#include <string.h>
 
 #include "pipeline/pipeline.h"
 
@@ -39,6 +40,8 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     if (isfinite(result->residual.dark))
         rx_record_add(facts, "RXDARK", "share of 32-pixel boxes 0.3 sigma below the sky", "%.4f",
                       result->residual.dark);
+    if (strcmp(restored->name, "NET") == 0)
+        rx_record_add(facts, "RXNETOUT", "sources that it was not trained for", "%d", result->outside);
     if (isfinite(restored->seam))
         rx_record_add(facts, "RXSEAM", "largest change in other blocks, sigmas", "%.3g", restored->seam);
     if (restored->blur != NULL) {
@@ -76,6 +79,9 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     }
     rx_record_add(facts, "RXNEVEN", "quadrants agree, to 5 errors or 0.15", "%s",
                   rx_noise_uneven(noise) ? "F" : "T");
+    if (noise->origin == RX_NOISE_MEASURED)
+        rx_record_add(facts, "RXNOISOK", "F: more correlated than resampling explains", "%s",
+                      rx_noise_is_structure(noise) ? "F" : "T");
     rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g",
                   result->photometry.law.scale);
     rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", result->photometry.law.power);

@@ -160,6 +160,13 @@ static void say_noise(const rx_field *field, rx_log *log)
         power[0][i] = rx_noise_power(noise, i / 8.0, 0.0);
         power[1][i] = rx_noise_power(noise, 0.0, i / 8.0);
     }
+    if (rx_noise_is_structure(noise))
+        rx_log_warning(
+            log,
+            "%s[%d]: its noise hangs together more than any resampling leaves it: wide sums of pixels have "
+            "%.1f times that of independent ones (RXNWIDE; limit %g): fringes, light that fills the tile, or "
+            "smoothing; thresholds and errors rise with it, every source has FLAGS_RESTORE 128",
+            image->name, image->hdu, rx_noise_factor_wide(noise), RX_NOISE_RESAMPLED);
     if (field->noise_factor > 1.1)
         rx_log_info(log,
                     "%s[%d]: noise is correlated: a matched filter has %.2f times that of independent pixels",

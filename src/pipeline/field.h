@@ -18,8 +18,9 @@ typedef struct rx_field {
     rx_background *plain;    /* with RX_HIDE_PLAIN */
     rx_background *restored; /* with RX_HIDE_RESTORED; the same object when nothing is saturated */
     rx_psf *psf;             /* NULL when no restorer needs it, or none could be found */
-    double model_noise;      /* noise as rx_model_noise() has it, of the tile that this one is a copy of; 0 =
-                                none, measure it */
+    double model_noise,
+        model_factor; /* rx_domain_noise() and noise factor of the tile that this one is a copy of, and
+                                         restored as; 0 = it is none */
     rx_noise_correlation noise; /* of its pixels */
     double noise_factor;     /* of the PSF's matched filter, rx_noise_factor(); without a PSF of wide sums */
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */

@@ -43,7 +43,7 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
     rx_restore_params par = w->params->restore;
     /* a network knows independent pixels only */
     rx_image image = strcmp(kind->name, "NET") == 0 ? rx_field_effective(field) : rx_field_restorable(field);
-    RX_TRY(rx_domain_obey(&par, &image, field->model_noise, w->log, &kind, domain, err));
+    RX_TRY(rx_domain_obey(&par, field, w->log, &kind, domain, err));
     if (kind != w->kind && !par.fallback)
         return rx_error_at(err, RX_NOT_RESTORED, input->name, input->hdu, 0,
                            "cannot be done by %s: %s; RESTORE_FALLBACK Y lets %s do it", w->kind->name, why,
@@ -402,6 +402,33 @@ static rx_status same_grid(const rx_image *detect, const rx_image *measure, rx_e
                        measure->width, measure->height, detect->width, detect->height);
 }
 
+/* What FLAGS_RESTORE says of the image that each source is on, and of the place. */
+static void mark_sources(const work *w)
+{
+    rx_result *result = w->result;
+    const rx_domain *domain = &result->domain;
+    const rx_image image = rx_field_effective(w->detect);
+    const rx_map sky = rx_image_sky(&image);
+    const int net = strcmp(result->restored->name, "NET") == 0,
+              outside = net && domain->place == RX_DOMAIN_OUTSIDE,
+              all = (result->by != NULL ? RX_RESTORE_OTHER : 0) | (outside ? RX_RESTORE_OUTSIDE : 0) |
+                    (rx_noise_is_structure(&w->detect->noise) ? RX_RESTORE_STRUCTURE : 0);
+    const double brightest = net ? rx_model_peak(domain->model) : HUGE_VAL;
+    const int know_dark = net && domain->model->dark > 0.0;
+    for (int i = 0; i < result->sources->n; i++) {
+        rx_source *s = &result->sources->list[i];
+        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0);
+        if (!net || s->untouched)
+            continue;
+        const size_t at = (size_t)s->ypeak * (size_t)image.width + (size_t)s->xpeak;
+        const double peak = (image.pixels[at] - (double)rx_map_at(&sky, s->xpeak, s->ypeak)) /
+                            (double)rx_map_at(&image.noise, s->xpeak, s->ypeak);
+        if (peak > brightest || (!know_dark && rx_residual_dark_at(&result->residual, s->x, s->y)))
+            s->fit.restore |= RX_RESTORE_OUTSIDE;
+        result->outside += (s->fit.restore & RX_RESTORE_OUTSIDE) != 0;
+    }
+}
+
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err)
 {
@@ -425,11 +452,8 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
             status = steps[step].run(&w, err);
         seconds[step] += rx_seconds() - begun;
     }
-    for (int i = 0; status == RX_OK && dst->by != NULL && i < dst->sources->n; i++)
-        dst->sources->list[i].fit.restore |= RX_RESTORE_OTHER;
-    for (int i = 0; status == RX_OK && dst->residual.unexplained > 0 && i < dst->sources->n; i++)
-        if (rx_residual_at(&dst->residual, dst->sources->list[i].x, dst->sources->list[i].y))
-            dst->sources->list[i].fit.restore |= RX_RESTORE_UNEXPLAINED;
+    if (status == RX_OK)
+        mark_sources(&w);
     if (status == RX_OK)
         rx_log_detail(log, "%s[%d]: %s: seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
                       detect->image.name, detect->image.hdu, kind->name, seconds[RESTORE], seconds[DETECT],

@@ -49,6 +49,7 @@ typedef struct rx_result {
     rx_residual
         residual; /* of the detection image, where a network restored it with a PSF; else nx 0, share NAN */
     rx_domain domain;    /* of the detection image, where a network was asked for */
+    int outside;         /* sources with RX_RESTORE_OUTSIDE */
     rx_restored *second; /* restored measurement image, dual-image mode only */
     const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
     char why[240];  /* why */
@@ -74,8 +75,10 @@ void rx_result_facts(const rx_result *result, rx_record *facts);
 /* restore -> detect -> templates where wanted -> measure, on a prepared field. `measure`: of the same size, NULL without
  * dual-image mode. A kind that must have a PSF runs as NONE on a field that is `unrestorable`, the network as
  * OUT_OF_DOMAIN says on one that it was not trained for (pipeline/domain.h): dst->by then names what ran, every source
- * is marked RX_RESTORE_OTHER, and the log has a detail of it; sources in cells that the network does not explain are
- * marked RX_RESTORE_UNEXPLAINED; without restore.fallback it is RX_NOT_RESTORED. The fields
+ * is marked RX_RESTORE_OTHER, and the log has a detail of it; without restore.fallback it is RX_NOT_RESTORED. Sources in
+ * cells that the network does not explain are marked RX_RESTORE_UNEXPLAINED; those whose brightest pixel is brighter, or
+ * whose sky is darker than in its training, and all of a tile outside of it, RX_RESTORE_OUTSIDE; all of a tile whose noise
+ * is more correlated than resampling explains RX_RESTORE_STRUCTURE, whatever restored it. The fields
  * must live as long as the result. May run in several threads at the same time, on params and fields that stay as they
  * are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes), RX_NOT_RESTORED,
  * those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */

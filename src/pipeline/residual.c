@@ -13,6 +13,7 @@ static const double CHI2 = 2.0, MEAN = 0.3; /* more is not explained; sigmas of 
 static const double BRIGHT = 100.0;         /* sigmas of the model, where its PSF is never right */
 static const double ENOUGH = 0.25;          /* of a cell's pixels */
 static const double LARGE = 0.1;            /* share of cells */
+static const double DARK = 0.02;            /* share of boxes */
 
 typedef struct sums {
     long used, faint;
@@ -74,14 +75,17 @@ rx_status rx_residual_judge(const rx_image *image, const rx_restored *restored, 
         for (int q = 0; q < 4; q++)
             if ((double)s->pixels[q] >= ENOUGH * HALF * HALF) {
                 boxes++;
-                dark += s->sky[q] < -MEAN * (double)s->pixels[q];
+                const int below = s->sky[q] < -MEAN * (double)s->pixels[q];
+                dst->cell[k] |= (unsigned char)(below << (q + 1));
+                dark += below;
             }
         if ((double)s->faint < ENOUGH * CELL * CELL)
             continue;
         const double count = (double)s->faint;
-        dst->cell[k] = s->squares > CHI2 * count || fabs(s->mean) > MEAN * count;
+        const int unexplained = s->squares > CHI2 * count || fabs(s->mean) > MEAN * count;
+        dst->cell[k] |= (unsigned char)unexplained;
         dst->cells++;
-        dst->unexplained += dst->cell[k];
+        dst->unexplained += unexplained;
     }
     if (dst->cells > 0)
         dst->share = (double)dst->unexplained / (double)dst->cells;
@@ -97,15 +101,33 @@ void rx_residual_free(rx_residual *residual)
     *residual = (rx_residual){0};
 }
 
+/* Bit `shift` of the pixel's cell, or with -1 that of its quarter. */
+static int bit_at(const rx_residual *residual, double x, double y, int shift)
+{
+    const int px = (int)floor(x + 0.5), py = (int)floor(y + 0.5), cx = px / CELL, cy = py / CELL;
+    if (residual->cell == NULL || px < 0 || py < 0 || cx >= residual->nx || cy >= residual->ny)
+        return 0;
+    if (shift < 0)
+        shift = 1 + py % CELL / HALF * 2 + px % CELL / HALF;
+    return residual->cell[(size_t)cy * (size_t)residual->nx + (size_t)cx] >> shift & 1;
+}
+
 int rx_residual_at(const rx_residual *residual, double x, double y)
 {
-    const int cx = (int)floor((x + 0.5) / CELL), cy = (int)floor((y + 0.5) / CELL);
-    if (residual->cell == NULL || cx < 0 || cy < 0 || cx >= residual->nx || cy >= residual->ny)
-        return 0;
-    return residual->cell[(size_t)cy * (size_t)residual->nx + (size_t)cx];
+    return bit_at(residual, x, y, 0);
+}
+
+int rx_residual_dark_at(const rx_residual *residual, double x, double y)
+{
+    return bit_at(residual, x, y, -1);
 }
 
 int rx_residual_is_large(double share)
 {
     return share > LARGE;
+}
+
+int rx_residual_is_dark(double dark)
+{
+    return dark > DARK;
 }

@@ -20,8 +20,9 @@ RX_BEGIN_DECLS
 enum { RX_RESIDUAL_CELL = 64 };
 
 typedef struct rx_residual {
-    int nx, ny;          /* 0: nothing is known */
-    unsigned char *cell; /* [ny][nx] 1: not explained; owned */
+    int nx, ny; /* 0: nothing is known */
+    unsigned char
+        *cell; /* [ny][nx] 1: not explained; 2, 4, 8, 16: its quarters (x fastest) are dark; owned */
     long cells, unexplained;
     double share; /* unexplained / cells; NAN where there are none */
     double dark;  /* share of boxes of 32 x 32 pixels whose mean lies more than 0.3 sigma below the sky */
@@ -32,11 +33,15 @@ rx_status rx_residual_judge(const rx_image *image, const rx_restored *restored, 
                             rx_residual *dst, rx_error *err);
 void rx_residual_free(rx_residual *residual); /* content only */
 
-/* Is the pixel in a cell that is not explained? */
+/* Is the pixel in a cell that is not explained; in a dark box? */
 int rx_residual_at(const rx_residual *residual, double x, double y);
+int rx_residual_dark_at(const rx_residual *residual, double x, double y);
 
 /* So many are not explained that the tile as a whole is in doubt. */
 int rx_residual_is_large(double share);
+
+/* So many boxes lie below the sky that it is no chance: noise alone gives 1e-3 of them at the widest correlation. */
+int rx_residual_is_dark(double dark);
 
 RX_END_DECLS
 

@@ -25,7 +25,9 @@ void rx_domain_facts(const rx_domain *domain, rx_record *facts)
     if (!domain->model->ended)
         rx_record_add(facts, "RXNETEND", "has its training ended?", "F");
     add_fact(facts, "RXNETFW", "FWHM of this tile, pixels", "%.4f", domain->fwhm);
-    add_fact(facts, "RXNETNOI", "its noise on the scale of the model", "%.4f", domain->noise);
+    add_fact(facts, "RXNETNOI", "its noise level: 255 / brightness", "%.4f", domain->noise);
+    add_fact(facts, "RXNETFAC", "largest noise factor (RXNFACT) it is known for", "%.2f",
+             rx_model_factor(domain->model));
     if (domain->place != RX_DOMAIN_UNKNOWN)
         rx_record_add(facts, "RXNETIN", "the model was trained for these", "%s", bin != NULL ? "T" : "F");
     if (bin == NULL) {

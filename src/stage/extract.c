@@ -94,6 +94,28 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     add_account(run, text);
 }
 
+static bool is_dark(const rx_run *run)
+{
+    return rx_residual_is_dark(run->dark) && run->by == NULL && !(run->domain.model->dark > 0.0);
+}
+
+/* For the record of a survey: what the log has warned of. */
+static void describe_outside(const rx_result *result, rx_run *run)
+{
+    const rx_noise_correlation *noise = &result->detect->noise;
+    const bool trained = run->by != NULL || run->domain.place != RX_DOMAIN_OUTSIDE;
+    char structure[80] = "", dark[80] = "";
+    if (rx_noise_is_structure(noise))
+        snprintf(structure, sizeof structure, "noise %.1f times as wide as that of independent pixels, ",
+                 rx_noise_factor_wide(noise));
+    if (is_dark(run))
+        snprintf(dark, sizeof dark, "%.0f %% of it below the sky, ", 100.0 * run->dark);
+    const int length = snprintf(run->outside, sizeof run->outside, "%s%s%s%s", trained ? "" : run->domain.why,
+                                trained ? "" : ", ", structure, dark);
+    if (length >= 2 && length < (int)sizeof run->outside)
+        run->outside[length - 2] = '\0'; /* the last comma */
+}
+
 /* The line of a restorer at NORMAL; the rest is in the full log. */
 static void tell_sources(const rx_run *run, const work *w, rx_log *log)
 {
@@ -250,6 +272,8 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     memcpy(run->why, w.result.why, sizeof run->why);
     run->flux = w.result.photometry.check;
     run->unexplained = w.result.residual.share;
+    run->dark = w.result.residual.dark;
+    describe_outside(&w.result, run);
     snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
              run->by);
     account(run, &w, log);
@@ -309,6 +333,15 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "%s[%d]: %s: the restored image does not explain the pixels of %.0f %% of the tile "
                 "(RXUNEX; sources there have FLAGS_RESTORE 32): is its PSF right, its sky?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].unexplained);
+    for (int i = 0; i < n; i++)
+        if (is_dark(&runs[i]))
+            rx_log_warning(
+                log,
+                "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which the network "
+                "was "
+                "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
+                "dark clouds?",
+                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].dark);
     for (int i = 0; i < n; i++)
         if (runs[i].by != NULL)
             rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,

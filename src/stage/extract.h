@@ -40,8 +40,9 @@ typedef struct rx_run {
     char why[240];
     char label[48]; /* of log lines: "NET", "NET (done by RL)" */
     rx_fluxcheck flux;
-    double unexplained; /* rx_residual.share, NAN where it is not known */
-    double seconds;     /* of all of rx_run_extract() */
+    double unexplained, dark; /* as of rx_residual; NAN where they are not known */
+    char outside[240];        /* what the restorer was not made for on this tile, "" nothing */
+    double seconds;           /* of all of rx_run_extract() */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

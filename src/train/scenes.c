@@ -22,7 +22,6 @@ enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_TOLD 
 enum { DRAW_TURN = 1024, TURNS = 8 };
 
 enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the patch's border */
-static const double SCALE = 255.0;  /* of the bins' sigma */
 static const double FARTHEST = 3.0; /* errors are cut at so many sigma */
 static const double BETA_LEAST = 1.1;
 
@@ -349,7 +348,7 @@ static void expose(rx_scenes *s, draft *d, rx_sample *dst)
     const double bin_sigma = rx_scenes_uniform(d->key, DRAW_SIGMA, sigma[0], sigma[1]);
     const double photon = rx_scenes_log_uniform(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
     const double sky = error_of(d->key, DRAW_SKY, par->sky_error) + d->survey.sky;
-    const double scale = field->level > 0.0 ? SCALE / (bin_sigma * field->level) : 0.0;
+    const double scale = field->level > 0.0 ? RX_NOISE_LEVEL_SCALE / (bin_sigma * field->level) : 0.0;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
     d->told = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
     d->scale = scale / d->told;

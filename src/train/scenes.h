@@ -4,10 +4,8 @@
  * It is rendered once, sharp and blurred, with its own PSF: FWHM uniform in the bin's range, beta,
  * ellipticity and angle. What a real tile comes with is fresh for every patch:
  *
- *   sigma  uniform in the bin's range; it sets the scale: the level of the field is 255/sigma noise units.
- *          The level is what the brightest 0.1 % of the blurred pixels exceed (nn/model.h rx_model_noise()),
- *          but at least 1/RX_SCENES_PEAK of the brightest one, so that a lone star or galaxy in an empty
- *          field does not become brighter than 255 RX_SCENES_PEAK / sigma. No light at all: only noise.
+ *   sigma  uniform in the bin's range; it sets the scale: the brightness of the field (nn/noise_level.h) is
+ *          255/sigma noise units. No light at all: only noise.
  *   x      (v + sqrt(1 + q v) n + sky) / r: v the blurred light in true noise units, n normal, q photon
  *          noise, sky normal of rms sky_error, r noise as told over true, ln r normal; the other planes
  *          are divided by r too.
@@ -24,8 +22,8 @@
  * uniform between 0 and the keyword's. Distances of pairs follow the FWHM of the field.
  *
  * Nebulae: 1 to 3 Gaussians of half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres
- * 0.01..3 times (log-uniform) the level, which is then found again. Bright stars: 30 % of the fields have
- * 1 to 3 of them, peaks of 2..RX_SCENES_PEAK times (log-uniform) the level, which stays as it is: rare ones
+ * 0.01..3 times (log-uniform) the brightness, which is then found again. Bright stars: 30 % of the fields have
+ * 1 to 3 of them, peaks of 2..RX_NOISE_LEVEL_PEAK times (log-uniform) that brightness, which stays as it is: rare ones
  * of a tile that is larger than the field.
  *
  * What surveys deliver comes on top in shares of the samples, each thing by itself, but for the two kinds of
@@ -66,7 +64,7 @@
 #include "train/sample.h"
 #include "train/selection.h"
 
-enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH, RX_SCENES_PEAK = RX_MODEL_PEAK };
+enum { RX_SCENES_FRAME = RX_TIKHONOV_REACH };
 
 /* Shares of the samples, 0 .. 1. */
 typedef struct rx_scenes_survey {
@@ -109,6 +107,10 @@ void rx_scenes_free(rx_scenes *scenes); /* NULL is fine */
  * RX_SYSTEM, RX_INTERRUPTED. */
 #define RX_SCENES_MEMORY ((size_t)1 << 29)
 rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_error *err);
+
+/* The largest noise factor (data/noise_correlation.h) that samples with these shares have: of the matched filter of the widest PSF, a
+ * Gaussian, under the widest smoothing and the worst resampling; 1 of white noise. */
+double rx_scenes_factor(const rx_scenes_survey *par, double fwhm);
 
 /* Number of the field that a sample comes from (the same for all samples of one field, otherwise different
  * with near certainty): who shares work among generators gives those of one field to one of them. */

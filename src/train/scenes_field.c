@@ -5,7 +5,6 @@
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "num/stats.h"
 #include "psf/psf.h"
 #include "simulate/render.h"
 #include "train/scenes_parts.h"
@@ -35,7 +34,6 @@ static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SL
                     BRIGHT_FIELDS = 0.3;
 /* FWHM beyond the border in which objects still lie: their light is part of the tile's background. */
 static const double BORDER = 2.0;
-static const double LEVEL_SHARE = 1e-3; /* of pixels are brighter than the level */
 
 double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
 {
@@ -119,7 +117,7 @@ static rx_status make_bright_stars(const rx_scenes_field_data *field, rx_scenes_
     rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
     for (int i = 0; i < n && status == RX_OK; i++) {
         const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
-        double peak = field->level * rx_scenes_log_uniform(key, slot + 2, 2.0, RX_SCENES_PEAK);
+        double peak = field->level * rx_scenes_log_uniform(key, slot + 2, 2.0, RX_NOISE_LEVEL_PEAK);
         (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_STAR,
                                          .ratio = 1.0,
                                          .x = rx_scenes_uniform(key, slot, 0.0, field->side - 1.0),
@@ -160,15 +158,12 @@ static rx_status make_nebulae(const rx_scenes_field_data *field, rx_scenes_key k
 static rx_status set_level(rx_scenes_field_data *field, rx_error *err)
 {
     const size_t n = (size_t)field->side * (size_t)field->side;
-    double *values = RX_NEW(double, n), peak = 0.0;
-    if (values == NULL)
-        return rx_error_memory(err, n * sizeof *values);
-    for (size_t i = 0; i < n; i++) {
-        values[i] = (double)field->blurred[i];
-        peak = fmax(peak, values[i]);
-    }
-    field->level = fmax(rx_quantile(values, n, 1.0 - LEVEL_SHARE), peak / RX_SCENES_PEAK);
-    free(values);
+    float *light = RX_NEW(float, n);
+    if (light == NULL)
+        return rx_error_memory(err, n * sizeof *light);
+    memcpy(light, field->blurred, n * sizeof *light);
+    field->level = rx_brightness(light, n, 0);
+    free(light);
     return RX_OK;
 }
 

@@ -98,3 +98,34 @@ void rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const flo
             value[1] = 0.0f;
         }
 }
+
+/* Squared, along one direction: of all frequencies, weighed by the light of a Gaussian PSF and alike. */
+static double square_factor(const rx_correlation *c, double fwhm)
+{
+    enum { STEPS = 512 };
+    const rx_correlation psf = {RX_CORRELATION_GAUSS, {fwhm, fwhm}};
+    double light = 0.0, matched = 0.0, all = 0.0;
+    for (int i = 0; i < STEPS; i++) {
+        const double frequency = (i + 0.5) / (2.0 * STEPS), power = rx_correlation_power(c, 0, frequency),
+                     weight = rx_correlation_power(&psf, 0, frequency);
+        light += weight;
+        matched += weight * power;
+        all += power;
+    }
+    return matched / light * STEPS / all;
+}
+
+double rx_scenes_factor(const rx_scenes_survey *par, double fwhm)
+{
+    const double wide = par->smoothed_fwhm[1];
+    const rx_correlation smoothed = {RX_CORRELATION_GAUSS, {wide, wide}};
+    double most = 1.0;
+    if (par->smoothed > 0.0)
+        most = fmax(most, square_factor(&smoothed, fwhm));
+    for (int kind = RX_CORRELATION_LINEAR; par->resampled > 0.0 && kind <= RX_CORRELATION_DRIZZLE; kind++) {
+        const double size = kind == RX_CORRELATION_DRIZZLE ? RX_SURVEY_DROP : 0.5; /* the worst */
+        const rx_correlation c = {(rx_correlation_kind)kind, {size, size}};
+        most = fmax(most, square_factor(&c, fwhm));
+    }
+    return most; /* the same along both: the product of the roots */
+}

@@ -12,9 +12,9 @@ typedef struct rx_scenes_field_data {
     long used;       /* when last */
     int side;        /* FIELD_SIDE + 2 frame */
     double fwhm, beta, ratio, angle;
-    double peak;            /* highest pixel of the PSF centred on it */
-    double norm;            /* sqrt of the sum of the squared PSF */
-    double level;           /* 255/sigma noise units are so much flux; 0: no light */
+    double peak;  /* highest pixel of the PSF centred on it */
+    double norm;  /* sqrt of the sum of the squared PSF */
+    double level; /* brightness (nn/noise_level.h) in units of flux: 255/sigma of the noise; 0: no light */
     float *sharp, *blurred; /* [side][side], not negative */
     long nstars;
     double (*stars)[3]; /* x, y, flux; brightest first */
@@ -72,6 +72,8 @@ void rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const flo
 #define RX_SURVEY_FWHM 0.03
 #define RX_SURVEY_RATIO 0.03
 #define RX_SURVEY_BETA 0.05
+/* largest drop of drizzle, pixels of the image */
+#define RX_SURVEY_DROP 2.0
 
 /* What one sample comes with: of what does not, 0. */
 enum { RX_SURVEY_MOST = 3 };

@@ -81,7 +81,7 @@ static void draw_correlation(const rx_scenes_survey *par, rx_scenes_key key, rx_
     dst->kind = (rx_correlation_kind)number(key, DRAW_KIND, RX_CORRELATION_LINEAR, RX_CORRELATION_DRIZZLE);
     if (dst->kind == RX_CORRELATION_DRIZZLE) {
         from = 0.5;
-        to = 2.0;
+        to = RX_SURVEY_DROP;
     }
     for (int i = 0; i < 2; i++)
         dst->size[i] = rx_scenes_uniform(key, DRAW_SIZE + (uint64_t)i, from, to);

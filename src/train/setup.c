@@ -71,6 +71,22 @@ static rx_status make_net(const rx_psfnet_shape *shape, int inputs, uint64_t see
     return status;
 }
 
+static rx_scenes_survey survey_of(const rx_train_config *config)
+{
+    return (rx_scenes_survey){
+        .smoothed = config->smoothed_noise,
+        .resampled = config->resampled_noise,
+        .smoothed_fwhm = {config->smoothed_fwhm.v[0], config->smoothed_fwhm.v[1]},
+        .uneven = config->uneven_noise,
+        .offsets = config->sky_offsets,
+        .sky_offset = config->sky_offset,
+        .waves = config->sky_waves,
+        .dark = config->dark_sky,
+        .defects = config->defects,
+        .psf = config->psf_errors,
+    };
+}
+
 rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error *err)
 {
     const rx_psfnet_shape shape = shape_of(config);
@@ -102,6 +118,9 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
         rx_model_free(model);
         return status;
     }
+    const rx_scenes_survey survey = survey_of(config);
+    model->factor = rx_scenes_factor(&survey, config->fwhm_range.v[1]);
+    model->dark = config->dark_sky;
     model->provenance = record.data;
     *dst = model;
     return RX_OK;
@@ -131,22 +150,6 @@ rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, r
     return rx_selection_begin(config->grid.v[0], config->grid.v[1], config->fwhm_range.v,
                               config->sigma_range.v, config->bin_images, is(config->selection, "ACTIVE"), dst,
                               err);
-}
-
-static rx_scenes_survey survey_of(const rx_train_config *config)
-{
-    return (rx_scenes_survey){
-        .smoothed = config->smoothed_noise,
-        .resampled = config->resampled_noise,
-        .smoothed_fwhm = {config->smoothed_fwhm.v[0], config->smoothed_fwhm.v[1]},
-        .uneven = config->uneven_noise,
-        .offsets = config->sky_offsets,
-        .sky_offset = config->sky_offset,
-        .waves = config->sky_waves,
-        .dark = config->dark_sky,
-        .defects = config->defects,
-        .psf = config->psf_errors,
-    };
 }
 
 rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)

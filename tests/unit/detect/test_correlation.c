@@ -156,6 +156,29 @@ static void test_uneven_sky_is_no_noise(void **state)
     assert_near(rx_noise_factor_wide(&noise), 2, 0.15);
 }
 
+/* Fringes are more than resampling explains; drizzle is not, nor what was stated. */
+static void test_structure(void **state)
+{
+    (void)state;
+    float *pixels = draw(0.5, 0);
+    rx_noise_correlation noise = measure_image(pixels, SIDE, SIDE, 1);
+    assert_int_equal(rx_noise_is_structure(&noise), 0);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        pixels[i] += (float)(6.0 * sin(2.0 * M_PI * (i % SIDE + 0.4 * (i / SIDE)) / 30.0));
+    noise = measure_image(pixels, SIDE, SIDE, 1);
+    print_message("fringes: wide sums %.2f\n", rx_noise_factor_wide(&noise));
+    assert_int_equal(rx_noise_is_structure(&noise), 1);
+    free(pixels);
+    /* who states it, knows it */
+    enum { FINE = 5 };
+    float drop[FINE * FINE];
+    for (int i = 0; i < FINE * FINE; i++)
+        drop[i] = 1.0f;
+    noise = rx_noise_of_kernel(drop, FINE, FINE);
+    assert_near(rx_noise_factor_wide(&noise), FINE, 1e-9);
+    assert_int_equal(rx_noise_is_structure(&noise), 0);
+}
+
 static void test_threads_change_nothing(void **state)
 {
     (void)state;
@@ -388,6 +411,7 @@ int main(void)
         cmocka_unit_test(test_bilinear_shifts),
         cmocka_unit_test(test_quadrants),
         cmocka_unit_test(test_power),
+        cmocka_unit_test(test_structure),
         cmocka_unit_test(test_threads_change_nothing),
         cmocka_unit_test(test_uneven_sky_is_no_noise),
         cmocka_unit_test(test_too_little_sky),

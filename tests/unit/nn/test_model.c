@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "../files.h"
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "io/fits_read.h"
@@ -531,6 +532,8 @@ static void test_describe(void **state)
         "            has not ended",
         "2.00-5.00    1.00-5.00    0.1         1.000   0.900",
         "5.00-8.00    9.00-13.00   0.105",
+        "correlated up to a factor of 1.00 in the training; works up to 3.00",
+        "up to 255 noise units, of pixels up to 10200; dark structure in 0 of",
         "LOSS_TYPE LINEAR",
         "UNSHUFFLE"};
     for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++)
@@ -561,9 +564,11 @@ static void test_find(void **state)
                  {1.9984, 3, -1, "FWHM 1.9984 pixels is below 2"},
                  {1.5, 3, -1, "FWHM 1.50 pixels is below 2"},
                  {3, 0.25, -1, "noise 0.25 is below 1"},
-                 {12, 82.5, -1, "FWHM 12.00 pixels is above 8, noise 82.50 is above 13"},
+                 {3, 82.5, 4, ""}, /* fainter than any field of the training, not than all its patches */
+                 {6, HUGE_VAL, 5, ""},
+                 {12, 0.5, -1, "FWHM 12.00 pixels is above 8, noise 0.50 is below 1"},
                  {NAN, 3, -1, "FWHM is not known"},
-                 {3, HUGE_VAL, -1, "noise inf is above 13"}};
+                 {3, NAN, -1, "noise is not known"}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const rx_model_bin *bin = rx_model_find(model, cases[i].fwhm, cases[i].sigma, why, sizeof why);
         assert_true(cases[i].bin < 0 ? bin == NULL : bin == &model->bins[cases[i].bin]);
@@ -574,7 +579,7 @@ static void test_find(void **state)
 }
 
 /* Against the quantile of GSL, and where the answer is known. */
-static void test_noise(void **state)
+static void test_noise_level(void **state)
 {
     (void)state;
     for (size_t n = 1; n < 30000; n = n * 5 / 2 + 1) {
@@ -583,7 +588,7 @@ static void test_noise(void **state)
         assert_true(v != NULL && w != NULL);
         for (size_t i = 0; i < n; i++)
             w[i] = v[i] = (float)(20 + (i % 3 == 0 ? 4 : rx_random_normal(5, n, i)));
-        assert_true(fabs(rx_model_noise(v, n) * rx_quantile(w, n, 0.999) - 255) < 1e-6);
+        assert_near(rx_brightness(v, n, 0), rx_quantile(w, n, 0.999), 1e-9);
         free(v);
         free(w);
     }
@@ -593,25 +598,65 @@ static void test_noise(void **state)
     for (int i = 0; i < N; i++)
         sky[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
     /* pure noise: 255/3.0902 (scipy.stats.norm.isf(1e-3)); error of the quantile 0.3 % */
-    assert_true(fabs(rx_model_noise(sky, N) / 82.519 - 1) < 0.02);
+    assert_near(rx_noise_level(rx_brightness(sky, N, 10)) / 82.519, 1, 0.02);
     for (int i = 0; i < N; i++)
         sky[i] = i < 2000 ? 51 : -1;
-    assert_true(rx_model_noise(sky, N) == 5);
-    /* sparse: 30 pixels of stars, or only what may be a cosmic ray */
-    for (int i = 0; i < N; i++)
-        sky[i] = i % 33333 == 0 ? 1020 : i % 10 == 0 ? 2 : -1;
-    assert_true(rx_model_noise(sky, N) == 10);
-    for (int i = 0; i < N; i++)
-        sky[i] = i % 33333 == 0 ? 102000 : i % 10 == 0 ? 2 : -1;
-    assert_true(rx_model_noise(sky, N) == 5);
-    for (int i = 0; i < N; i++)
-        sky[i] = i % 125000 == 0 ? 102000 : i % 10 == 0 ? 2 : -1;
-    assert_true(rx_model_noise(sky, N) == 127.5);
+    assert_near(rx_brightness(sky, N, 0), 51, 0);
+    assert_near(rx_noise_level(51), 5, 0);
+    /* sparse: 30 pixels of stars, however bright, or only what may be a cosmic ray */
+    static const struct {
+        int apart;
+        float peak;
+        size_t few;
+        double brightness;
+    } cases[] = {{33333, 1020, 10, 25.5},
+                 {33333, 102000, 10, 2550},
+                 {125000, 102000, 10, 2},
+                 {125000, 102000, 0, 2550}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        for (int i = 0; i < N; i++)
+            sky[i] = i % cases[k].apart == 0 ? cases[k].peak : i % 10 == 0 ? 2 : -1;
+        assert_near(rx_brightness(sky, N, cases[k].few), cases[k].brightness, 0);
+    }
     for (int i = 0; i < N; i++)
         sky[i] = -1;
-    assert_true(isinf(rx_model_noise(sky, N)));
-    assert_true(isnan(rx_model_noise(sky, 0)));
+    assert_true(isinf(rx_noise_level(rx_brightness(sky, N, 0))));
+    assert_true(isnan(rx_noise_level(rx_brightness(sky, 0, 0))));
     free(sky);
+}
+
+/* Models from before these cards were trained on white noise and a sky that is nowhere dark. */
+static void test_what_was_trained(void **state)
+{
+    const scratch *s = *state;
+    rx_model *model = make_model(0), *back = NULL;
+    assert_near(rx_model_peak(model), 40 * 255, 0);
+    assert_near(rx_model_factor(model), 3, 0);
+    model->factor = 4.25;
+    model->dark = 0.125;
+    write_to(state, model);
+    assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+    assert_near(back->factor, 4.25, 0);
+    assert_near(back->dark, 0.125, 0);
+    assert_near(rx_model_factor(back), 4.25, 0);
+    rx_model_free(back);
+    model->dark = 1.5;
+    write_to(state, model);
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_model_read(s->path, &back, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "RXTDARK is 1.5"));
+    rx_model_free(model);
+    static const char *const box[] = {"psfnet", "psfnet-fast", "psfnet-blind"};
+    for (int i = 0; i < 3; i++) {
+        char path[300];
+        snprintf(path, sizeof path, "%s/config/%s.fits", getenv("srcdir") != NULL ? getenv("srcdir") : ".",
+                 box[i]);
+        assert_int_equal(rx_model_read(path, &model, NULL), RX_OK);
+        assert_near(model->factor, 1, 0);
+        assert_near(model->dark, 0, 0);
+        assert_near(rx_model_peak(model), 40 * 510, 1e-9);
+        rx_model_free(model);
+    }
 }
 
 int main(void)
@@ -629,7 +674,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_no_checksum, make_scratch, drop_scratch),
         cmocka_unit_test(test_describe),
         cmocka_unit_test(test_find),
-        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_noise_level),
+        cmocka_unit_test_setup_teardown(test_what_was_trained, make_scratch, drop_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

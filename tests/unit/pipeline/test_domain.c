@@ -84,8 +84,7 @@ static rx_field *make_field(const bench *b)
 static rx_status obey(const bench *b, const rx_field *field, rx_log *log, const rx_restorer **kind,
                       rx_domain *dst, rx_error *err)
 {
-    const rx_image image = rx_field_restorable(field);
-    return rx_domain_obey(&b->options->pipeline.restore, &image, field->model_noise, log, kind, dst, err);
+    return rx_domain_obey(&b->options->pipeline.restore, field, log, kind, dst, err);
 }
 
 typedef struct heard {
@@ -140,10 +139,9 @@ static void test_noise(void **state)
         const float light = field->tile->pixels[i] - rx_map_at(&level, i % SIDE, i / SIDE);
         all[n++] = light / rx_map_at(&sigma, i % SIDE, i / SIDE);
     }
-    const rx_image image = rx_field_restorable(field);
     const rx_restorer *kind = rx_restorer_find("NET");
     rx_domain domain;
-    assert_int_equal(rx_domain_noise(&image, &noise, NULL), RX_OK);
+    assert_int_equal(rx_domain_noise(field, &noise, NULL), RX_OK);
     assert_near(noise * rx_quantile(all, n, 0.999) / 255, 1, 1e-5);
     assert_int_equal(obey(&b, field, NULL, &kind, &domain, NULL), RX_OK);
     assert_near(domain.noise, noise, 0);
@@ -280,9 +278,10 @@ static void test_warn(void **state)
     assert_string_equal(o.result.restored->name, "NET");
     assert_int_equal(o.result.domain.place, RX_DOMAIN_OUTSIDE);
     assert_int_equal(count(o.h.text, "warning: "), 1);
-    assert_non_null(strstr(o.h.text,
-                           "bench[0]: FWHM 12.00 pixels is above 8, the network was trained for FWHM 2 "
-                           "to 8 pixels and noise 0.125 to 40; how well it does here is not known"));
+    assert_non_null(strstr(
+        o.h.text,
+        "bench[0]: FWHM 12.00 pixels is above 8, the network works for FWHM 2 "
+        "to 8 pixels, noise from 0.125 on and noise factors to 3; how well it does here is not known"));
     rx_domain_facts(&o.result.domain, &facts);
     assert_null(o.result.by);
     assert_string_equal(fact(&facts, "RXNETIN"), "F");
@@ -395,8 +394,8 @@ static void test_fail(void **state)
         assert_string_equal(o.err.where, "bench");
         assert_string_equal(
             o.err.text,
-            "FWHM 12.00 pixels is above 8, the network was trained for FWHM 2 to 8 pixels and "
-            "noise 0.125 to 40; take RESTORE_TYPE RL, another NET_MODEL, or OUT_OF_DOMAIN WARN or RL");
+            "FWHM 12.00 pixels is above 8, the network works for FWHM 2 to 8 pixels, noise from 0.125 on and "
+            "noise factors to 3; take RESTORE_TYPE RL, another NET_MODEL, or OUT_OF_DOMAIN WARN or RL");
         assert_null(o.result.restored);
         end(&o);
     }
@@ -500,8 +499,7 @@ static void test_second_image(void **state)
     bench_close(&b);
 }
 
-/* A blank copy has no bright pixels, which alone would put it beyond the grid: it is restored as its tile is.
- */
+/* Copies of a tile are restored as it is, whatever their own pixels say. */
 static void test_copies(void **state)
 {
     (void)state;
@@ -514,8 +512,7 @@ static void test_copies(void **state)
     double tile = 0.0;
     open_bench(&b, RX_MODE_INFORMED, settings);
     rx_field *field = make_field(&b);
-    const rx_image image = rx_field_restorable(field);
-    assert_int_equal(rx_domain_noise(&image, &tile, NULL), RX_OK);
+    assert_int_equal(rx_domain_noise(field, &tile, NULL), RX_OK);
     assert_true(tile > 0.125 && tile < 40);
     assert_int_equal(
         rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL, &result, NULL),
@@ -529,14 +526,171 @@ static void test_copies(void **state)
     assert_int_equal(check.realisations, 1);
     assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, 1, 1, &blank, NULL),
                      RX_OK);
-    assert_true(blank->model_noise == tile);
-    blank->model_noise = 0.0;
+    assert_near(blank->model_noise, tile, 0);
+    assert_near(blank->model_factor, field->noise_factor, 0);
+    blank->model_factor = 3.5;
     assert_int_equal(
         rx_field_extract(&b.options->pipeline, rx_restorer_find("NET"), blank, NULL, NULL, &result, NULL),
         RX_NOT_RESTORED);
     rx_field_free(blank);
     rx_field_free(field);
     bench_close(&b);
+}
+
+/* Correlated noise: beyond what the model is known to work for, as OUT_OF_DOMAIN says. */
+static void test_correlated(void **state)
+{
+    (void)state;
+    static const char *const what[] = {"WARN", "RL", "FAIL"};
+    for (int i = 0; i < 3; i++) {
+        const setting settings[] = {{"OUT_OF_DOMAIN", what[i]}, {NULL, NULL}};
+        bench b;
+        rx_result result;
+        rx_error err = RX_ERROR_NONE;
+        open_bench(&b, RX_MODE_INFORMED, settings);
+        rx_field *field = make_field(&b);
+        field->model_noise = 4;
+        field->model_factor = 3.25;
+        const rx_status status =
+            rx_field_extract(&b.options->pipeline, rx_restorer_find("NET"), field, NULL, NULL, &result, &err);
+        assert_int_equal(status, i == 2 ? RX_NOT_RESTORED : RX_OK);
+        if (i == 2) {
+            assert_non_null(strstr(err.text, "noise factor 3.25 is above 3"));
+        } else {
+            const int bit = i == 0 ? RX_RESTORE_OUTSIDE : RX_RESTORE_OTHER;
+            assert_string_equal(result.restored->name, i == 0 ? "NET" : "RL");
+            assert_string_equal(result.domain.why, "noise factor 3.25 is above 3");
+            assert_true(result.sources->n > 10);
+            for (int k = 0; k < result.sources->n; k++)
+                assert_int_equal(result.sources->list[k].fit.restore, bit);
+            assert_int_equal(result.outside, i == 0 ? result.sources->n : 0);
+        }
+        rx_result_free(&result);
+        b.options->model->factor = 3.5; /* trained for it */
+        rx_domain domain;
+        const rx_restorer *kind = rx_restorer_find("NET");
+        assert_int_equal(obey(&b, field, NULL, &kind, &domain, &err), RX_OK);
+        assert_int_equal(domain.place, RX_DOMAIN_INSIDE);
+        rx_field_free(field);
+        bench_close(&b);
+    }
+}
+
+/* A tile that is as good as empty is inside: so are patches of the training. */
+static void test_faint(void **state)
+{
+    (void)state;
+    bench b;
+    rx_domain domain;
+    const rx_restorer *kind = rx_restorer_find("NET");
+    open_bench(&b, RX_MODE_INFORMED, (setting[]){{"OUT_OF_DOMAIN", "FAIL"}, {NULL, NULL}});
+    rx_field *field = make_field(&b);
+    field->model_noise = 80;
+    assert_int_equal(obey(&b, field, NULL, &kind, &domain, NULL), RX_OK);
+    assert_int_equal(domain.place, RX_DOMAIN_INSIDE);
+    assert_ptr_equal(domain.bin, &b.options->model->bins[2]);
+    field->model_noise = 0.1;
+    assert_int_equal(obey(&b, field, NULL, &kind, &domain, NULL), RX_NOT_RESTORED);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* By source: brighter pixels than the training had, and a sky that is darker. */
+static void test_marks_by_source(void **state)
+{
+    (void)state;
+    enum { WIDE = 256 };
+    for (int dark = 0; dark < 2; dark++) {
+        scene s;
+        bench b;
+        rx_result result;
+        int marked = 0, bright = 0, sunk = 0;
+        scene_make(&s, WIDE, WIDE, 80, 5);
+        for (int y = 0; dark && y < 64; y++) /* 10 below, with sources on it; given a flat sky */
+            for (int x = 0; x < 64; x++)
+                s.pixels[y * WIDE + x] -= 10.0f;
+        open_bench(&b, RX_MODE_INFORMED,
+                   (setting[]){{"BACK_TYPE", "MANUAL"}, {"BACK_VALUE", "1000"}, {NULL, NULL}});
+        rx_field *field = bench_field(&b, s.pixels, WIDE, WIDE, 2.0);
+        field->model_noise = 4;
+        if (!dark)
+            for (int i = 0; i < BINS; i++) /* pixels to 40 x 255 / 255 = 40 sigma, and the tile is inside */
+                b.options->model->bins[i].sigma[i < 2 ? 0 : 1] = i < 2 ? 255 : 300,
+                                                            b.options->model->bins[i].sigma[i < 2] = 280;
+        if (!dark)
+            field->model_noise = 260;
+        assert_int_equal(
+            rx_field_extract(&b.options->pipeline, rx_restorer_find("NET"), field, NULL, NULL, &result, NULL),
+            RX_OK);
+        assert_int_equal(result.domain.place, RX_DOMAIN_INSIDE);
+        for (int i = 0; i < result.sources->n; i++) {
+            const rx_source *source = &result.sources->list[i];
+            const double peak = (s.pixels[source->ypeak * WIDE + source->xpeak] - 1000.0) / 5.0;
+            const int is = (source->fit.restore & RX_RESTORE_OUTSIDE) != 0;
+            marked += is;
+            bright += is && peak > 32;
+            sunk += is && source->x < 63.5 && source->y < 63.5;
+            if (!dark && fabs(peak - 40) > 8) /* the noise is measured to some percent, and its correlation */
+                assert_int_equal(is, peak > 40);
+            if (dark && is) /* where stars are bright the box is not dark */
+                assert_true(source->x < 63.5 && source->y < 63.5);
+        }
+        assert_int_equal(result.outside, marked);
+        assert_true(dark ? sunk > 0 : bright > 2);
+        assert_true(marked < result.sources->n);
+        assert_int_equal(rx_residual_is_dark(result.residual.dark), dark);
+        rx_result_free(&result);
+        if (dark) { /* a model that knows such a sky */
+            b.options->model->dark = 0.2;
+            assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NET"), field, NULL,
+                                              NULL, &result, NULL),
+                             RX_OK);
+            assert_int_equal(result.outside, 0);
+            rx_result_free(&result);
+        }
+        rx_field_free(field);
+        bench_close(&b);
+        scene_free(&s);
+    }
+}
+
+/* Fringes pass for noise: whatever restores, it is said in the log, the header and for every source. */
+static void test_fringes(void **state)
+{
+    (void)state;
+    enum { WIDE = 400 };
+    for (int fringes = 0; fringes < 2; fringes++) {
+        scene s;
+        heard h;
+        bench b;
+        rx_result result;
+        rx_record facts = {0};
+        scene_make(&s, WIDE, WIDE, STARS, 5);
+        for (int i = 0; fringes && i < WIDE * WIDE; i++)
+            s.pixels[i] += (float)(10.0 * sin(2.0 * M_PI * (i % WIDE + 0.4 * (i / WIDE)) / 30.0));
+        open_bench(&b, RX_MODE_INFORMED, NULL);
+        rx_tile *tile = bench_tile(s.pixels, WIDE, WIDE, 2.0);
+        rx_field *field = NULL;
+        listen(&h);
+        assert_int_equal(
+            rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF, tile, NULL, &h.log, &field, NULL), RX_OK);
+        fclose(h.log.stream);
+        assert_int_equal(count(h.text, "more than any resampling leaves it"), fringes);
+        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
+                                          &result, NULL),
+                         RX_OK);
+        rx_result_facts(&result, &facts);
+        assert_string_equal(fact(&facts, "RXNOISOK"), fringes ? "F" : "T");
+        assert_true(result.sources->n > 10);
+        for (int i = 0; i < result.sources->n; i++)
+            assert_int_equal(result.sources->list[i].fit.restore, fringes ? RX_RESTORE_STRUCTURE : 0);
+        rx_record_free(&facts);
+        rx_result_free(&result);
+        rx_field_free(field);
+        free(h.text);
+        bench_close(&b);
+        scene_free(&s);
+    }
 }
 
 /* --- the whole stage --- */
@@ -696,6 +850,10 @@ int main(void)
         cmocka_unit_test(test_no_psf),
         cmocka_unit_test(test_second_image),
         cmocka_unit_test(test_copies),
+        cmocka_unit_test(test_correlated),
+        cmocka_unit_test(test_faint),
+        cmocka_unit_test(test_marks_by_source),
+        cmocka_unit_test(test_fringes),
         cmocka_unit_test_setup_teardown(test_outputs_inside, enter, leave),
         cmocka_unit_test_setup_teardown(test_outputs_rl, enter, leave),
         cmocka_unit_test_setup_teardown(test_outputs_fail, enter, leave),

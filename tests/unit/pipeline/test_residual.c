@@ -62,6 +62,7 @@ static void test_what_is_explained(void **state)
     assert_int_equal(r.unexplained, 0);
     assert_near(r.share, 0, 0);
     assert_near(r.dark, 0, 0);
+    assert_false(rx_residual_is_dark(r.dark));
     assert_false(rx_residual_is_large(r.share));
     rx_residual_free(&r);
     /* light that the model has is explained; a star too bright for any PSF is not asked */
@@ -91,6 +92,11 @@ static void test_what_is_not(void **state)
     assert_int_equal(rx_residual_at(&r, 70, 70), 1);
     assert_int_equal(rx_residual_at(&r, 140, 70), 0);
     assert_int_equal(rx_residual_at(&r, -3, 70), 0);
+    assert_int_equal(rx_residual_dark_at(&r, 3, 60), 1);
+    assert_int_equal(rx_residual_dark_at(&r, 63.4, 63.4), 1);
+    assert_int_equal(rx_residual_dark_at(&r, 63.6, 30), 0);
+    assert_int_equal(rx_residual_dark_at(&r, 70, 70), 0);
+    assert_true(rx_residual_is_dark(r.dark));
     assert_near(r.dark, 4.0 / 34.0, 1e-12); /* 6 x 5 boxes, and 4 of 8 x 32 pixels at the right */
     assert_memory_equal(r.cell, many.cell, 12);
     assert_near(many.dark, r.dark, 0);
@@ -102,6 +108,7 @@ static void test_what_is_not(void **state)
     assert_int_equal(r.cells, 0);
     assert_true(isnan(r.share) && isnan(r.dark));
     assert_false(rx_residual_is_large(r.share));
+    assert_false(rx_residual_is_dark(r.dark));
     rx_residual_free(&r);
     const rx_residual none = {0};
     assert_int_equal(rx_residual_at(&none, 5, 5), 0);

@@ -146,17 +146,50 @@ static void test_level(void **state)
             brighter += (double)field.blurred[i] > field.level;
             peak = fmax(peak, (double)field.blurred[i]);
         }
-        assert_true(peak <= 2.0 * RX_SCENES_PEAK * field.level); /* a bright star on another one */
+        assert_true(peak <= 2.0 * RX_NOISE_LEVEL_PEAK * field.level); /* a bright star on another one */
         exact += peak > 0.0 && labs(brighter - n / 1000) <= 1;
         more += brighter > n / 1000 + 1;
         if (peak > 0.0 && brighter < n / 1000 - 1) {
-            assert_true(fabs(field.level / peak * RX_SCENES_PEAK - 1.0) < 1e-6);
+            assert_true(fabs(field.level / peak * RX_NOISE_LEVEL_PEAK - 1.0) < 1e-6);
             bounded++;
         }
         rx_scenes_field_clear(&field);
     }
     print_message("level: %d fields exact, %d with bright stars, %d bounded\n", exact, more, bounded);
     assert_true(exact >= 10 && more >= 3 && more <= 14 && bounded > 0);
+    rx_simulate_config_free(t.config);
+}
+
+/* A model trained from a noise level on knows what is fainter, down to nothing: patches of the noisiest fields of the
+ * default model (validation/training/psfnet.train), what the network sees of them. nn/noise_level.h has these numbers. */
+static void test_patches_are_fainter_than_fields(void **state)
+{
+    (void)state;
+    enum { SIDE = 128, SAMPLES = 200 };
+    scenes_test t = scenes_test_open(12.1, 15.0);
+    t.par.side = SIDE;
+    t.par.field_side = 2 * SIDE;
+    t.par.density = 4.0;
+    t.par.nebulae = 0.25;
+    t.config->star_count = 1200.0;
+    t.config->galaxy_count = 800.0;
+    t.config->galaxy_slope = 0.3;
+    t.config->pair_share = t.config->clustering = 0.1;
+    rx_scenes *scenes = scenes_test_make(&t);
+    rx_sample *s = rx_sample_new(SIDE);
+    int empty = 0, fainter = 0;
+    assert_non_null(s);
+    for (uint32_t i = 0; i < SAMPLES; i++) {
+        scenes_test_sample(scenes, (rx_sample_id){.bin = 2 + i % 5 * 5, .index = i / 5 % 40, .epoch = 0}, s);
+        const double level = rx_noise_level(rx_brightness(s->blurred, (size_t)SIDE * SIDE, 0));
+        empty += level > 130.0;
+        fainter += level > 15.0;
+    }
+    print_message("of %d patches %d are above a noise level of 15, %d above 130\n", SAMPLES, fainter, empty);
+    assert_true(fainter > 2 * SAMPLES / 5);
+    assert_true(empty > SAMPLES / 20);
+    rx_sample_free(s);
+    rx_scenes_free(scenes);
     rx_simulate_config_free(t.config);
 }
 
@@ -205,6 +238,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_cut_from_a_field),
         cmocka_unit_test(test_level),
+        cmocka_unit_test(test_patches_are_fainter_than_fields),
         cmocka_unit_test(test_relative_psf),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "../near.h"
+#include "data/noise_correlation.h"
 #include "psf/psf.h"
 #include "scenes_test.h"
 #include "train/scenes_parts.h"
@@ -170,6 +171,30 @@ static void watch_share(const rx_sample *plain, const rx_sample *s, double *sums
         memcmp(plain->kernel, s->kernel, RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL * sizeof(float)) == 0;
     sums[0] += same;
     sums[1] += 1.0;
+}
+
+/* The largest noise factor of a training, against noise made by kernels in pixels. */
+static void test_factor(void **state)
+{
+    (void)state;
+    enum { K = 17, PSF = 33 };
+    const double fwhm = 6.0, wide = 3.0;
+    float kernel[K * K], psf[PSF * PSF];
+    for (int i = 0; i < K * K; i++)
+        kernel[i] =
+            (float)exp(-4.0 * M_LN2 * (pow(i % K - K / 2, 2) + pow(i / K - K / 2, 2)) / (wide * wide));
+    for (int i = 0; i < PSF * PSF; i++)
+        psf[i] = (float)exp(-4.0 * M_LN2 * (pow(i % PSF - PSF / 2, 2) + pow(i / PSF - PSF / 2, 2)) /
+                            (fwhm * fwhm));
+    const rx_noise_correlation smoothed = rx_noise_of_kernel(kernel, K, K);
+    rx_scenes_survey survey = {0};
+    assert_near(rx_scenes_factor(&survey, fwhm), 1, 0);
+    survey.smoothed = 0.5;
+    survey.smoothed_fwhm[1] = wide;
+    assert_near(rx_scenes_factor(&survey, fwhm), rx_noise_factor(&smoothed, psf, PSF, PSF), 0.02);
+    survey.smoothed = 0.0;
+    survey.resampled = 0.5; /* drops of two pixels: 2.4 of wide sums (Fruchter & Hook 2002) */
+    assert_near(rx_scenes_factor(&survey, 60.0), 2.4, 0.02);
 }
 
 static void test_shares(void **state)
@@ -343,10 +368,15 @@ static void test_psf(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_kernels), cmocka_unit_test(test_effective_noise),
-        cmocka_unit_test(test_shares),  cmocka_unit_test(test_uneven),
-        cmocka_unit_test(test_offsets), cmocka_unit_test(test_dark_sky_and_waves),
-        cmocka_unit_test(test_defects), cmocka_unit_test(test_psf),
+        cmocka_unit_test(test_kernels),
+        cmocka_unit_test(test_effective_noise),
+        cmocka_unit_test(test_factor),
+        cmocka_unit_test(test_shares),
+        cmocka_unit_test(test_uneven),
+        cmocka_unit_test(test_offsets),
+        cmocka_unit_test(test_dark_sky_and_waves),
+        cmocka_unit_test(test_defects),
+        cmocka_unit_test(test_psf),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

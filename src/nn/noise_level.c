@@ -1,0 +1,60 @@
+/* Brightness and noise level of an image. */
+#include "nn/noise_level.h"
+
+#include <math.h>
+
+static void swap_values(float *a, float *b)
+{
+    float keep = *a;
+    *a = *b;
+    *b = keep;
+}
+
+/* The k-th smallest (from 0), by Hoare's quickselect; afterwards no value behind k is smaller. */
+static float select_value(float *v, size_t n, size_t k)
+{
+    size_t low = 0, high = n - 1;
+    while (low < high) {
+        float pivot = v[low + (high - low) / 2];
+        size_t i = low, j = high;
+        for (;;) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i >= j)
+                break;
+            swap_values(&v[i++], &v[j--]);
+        }
+        if (v[j] > pivot)
+            j--;
+        if (k <= j)
+            high = j;
+        else
+            low = j + 1;
+    }
+    return v[k];
+}
+
+double rx_brightness(float *light, size_t n, size_t few)
+{
+    if (n == 0)
+        return NAN;
+    const double place = 0.999 * (double)(n - 1), part = place - floor(place);
+    const size_t k = (size_t)place;
+    double q = (double)select_value(light, n, k);
+    if (k + 1 < n) {
+        float next = light[k + 1];
+        for (size_t i = k + 2; i < n; i++)
+            next = light[i] < next ? light[i] : next;
+        q = (1.0 - part) * q + part * (double)next;
+    }
+    if (n - k > few) /* what lies before place k is none of the brightest */
+        q = fmax(q, (double)select_value(light + k, n - k, n - k - 1 - few) / RX_NOISE_LEVEL_PEAK);
+    return q;
+}
+
+double rx_noise_level(double brightness)
+{
+    return isnan(brightness) ? NAN : brightness > 0.0 ? RX_NOISE_LEVEL_SCALE / brightness : HUGE_VAL;
+}
