@@ -21,6 +21,7 @@ typedef struct rx_run_facts {
     char name[16]; /* "NONE", "RL", ... as asked for */
     long sources;
     char by[16], why[240]; /* restorer that did it instead, and why; "" none */
+    char outside[240];     /* what the restorer was not made for, "" nothing */
     rx_fluxcheck flux;     /* n = 0: not measured */
     rx_run_guard guard;
     rx_tally *tally; /* against the reference catalogue; NULL without one */

@@ -180,6 +180,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     memcpy(row->by, facts->by, sizeof row->by);
     if (row->by[0] != '\0' && (row->why = rx_strdup(facts->why)) == NULL)
         return rx_error_memory(err, 0);
+    if (facts->outside[0] != '\0' && (row->outside = rx_strdup(facts->outside)) == NULL)
+        return rx_error_memory(err, 0);
     row->compared = facts->tally != NULL;
     const rx_estimate unknown = {.value = NAN, .low = 0, .high = 1};
     row->cell = (rx_rollup_cell){.recall = unknown, .precision = unknown, .bias = NAN, .scatter = NAN};
@@ -190,6 +192,7 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     run->tiles++;
     run->sources += facts->sources;
     run->by_others += row->by[0] != '\0';
+    run->outside += row->outside != NULL;
     run->flux_off += rx_fluxcheck_is_off(&row->flux);
     run->unexplained += row->guard.known && rx_residual_is_large(row->guard.unexplained);
     run->raised += row->guard.known && row->guard.raised > 1.0;
@@ -367,8 +370,10 @@ void rx_rollup_free(rx_rollup *rollup)
         free_tile(rollup->tile[i]);
     for (int i = 0; i < rollup->nruns; i++)
         rx_tally_free(&rollup->run[i].tally);
-    for (int i = 0; i < rollup->nrows; i++)
+    for (int i = 0; i < rollup->nrows; i++) {
         free(rollup->row[i].why);
+        free(rollup->row[i].outside);
+    }
     free(rollup->tile);
     free(rollup->run);
     free(rollup->row);

@@ -41,8 +41,9 @@ typedef struct rx_rollup_row {
     double alpha, delta, fwhm, sky, noise;
     rx_verdict verdict;
     long sources;
-    char by[16]; /* restorer that did it instead, "" none */
-    char *why;   /* and why; NULL without `by` */
+    char by[16];   /* restorer that did it instead, "" none */
+    char *why;     /* and why; NULL without `by` */
+    char *outside; /* what the restorer was not made for; NULL: nothing */
     rx_fluxcheck flux;
     rx_run_guard guard;
     int compared;        /* with a reference */
@@ -57,6 +58,7 @@ typedef struct rx_rollup_run {
     char name[16];
     long tiles, sources; /* images, and what was found on them */
     long by_others;      /* images that another restorer did */
+    long outside;        /* images that it was not made for, which it did all the same */
     long flux_off;       /* images with a wrong flux scale */
     long unexplained; /* images of which much is not explained by what was restored: rx_residual_is_large() */
     long raised;      /* images whose DETECT_THRESH was raised for false detections */

@@ -143,6 +143,7 @@ static void overview(rx_text *dst, const rx_rollup *r)
     rx_page_head(dst, RX_LEFT, "restorer");
     rx_page_head(dst, RX_RIGHT, "images");
     rx_page_head(dst, RX_RIGHT, "by another restorer");
+    rx_page_head(dst, RX_RIGHT, "not made for");
     rx_page_head(dst, RX_RIGHT, "flux scale off");
     rx_page_head(dst, RX_RIGHT, "threshold raised");
     rx_page_head(dst, RX_RIGHT, "not explained");
@@ -154,6 +155,7 @@ static void overview(rx_text *dst, const rx_rollup *r)
         rx_page_cell_text(dst, r->run[i].name);
         rx_page_cell_count(dst, r->run[i].tiles);
         rx_page_cell_count(dst, r->run[i].by_others);
+        rx_page_cell_count(dst, r->run[i].outside);
         rx_page_cell_count(dst, r->run[i].flux_off);
         rx_page_cell_count(dst, r->run[i].raised);
         rx_page_cell_count(dst, r->run[i].unexplained);
@@ -222,12 +224,14 @@ static void failures(rx_text *dst, const rx_rollup *r)
     say_rest(dst, shown, all, "All are in junit.xml, and in summary.json as not_fine and missing.");
 }
 
-/* "RL: FWHM 1.50 pixels is below 2", or nothing where the restorer itself did it. */
+/* "RL: FWHM 1.50 pixels is below 2", or what the restorer itself was not made for, or nothing. */
 static void done_by(rx_text *dst, const rx_rollup_row *row)
 {
     rx_text cell = {0};
     if (row->by[0] != '\0')
         rx_text_printf(&cell, "%s: %s", row->by, row->why);
+    else if (row->outside != NULL)
+        rx_text_printf(&cell, "itself, not made for: %s", row->outside);
     dst->failed |= cell.failed;
     rx_page_cell_text(dst, cell.data);
     rx_text_free(&cell);

@@ -39,6 +39,7 @@ static void json_run(rx_json *j, const rx_rollup_run *run)
     rx_json_string(j, "name", run->name);
     rx_json_count(j, "images", (uint64_t)run->tiles);
     rx_json_count(j, "done_by_another", (uint64_t)run->by_others);
+    rx_json_count(j, "outside", (uint64_t)run->outside);
     rx_json_count(j, "flux_scale_off", (uint64_t)run->flux_off);
     rx_json_count(j, "threshold_raised", (uint64_t)run->raised);
     rx_json_count(j, "not_explained", (uint64_t)run->unexplained);
@@ -65,6 +66,7 @@ static void json_row(rx_json *j, const rx_rollup *r, const rx_rollup_row *row)
     rx_json_string(j, "run", r->run[row->run].name);
     rx_json_string(j, "done_by", done_by(r, row));
     rx_json_string(j, "why", row->why);
+    rx_json_string(j, "outside", row->outside);
     rx_json_number(j, "flux_scale", row->flux.n > 0 ? row->flux.wide : NAN);
     rx_json_number(j, "flux_scale_error", row->flux.n > 0 ? row->flux.wide_error : NAN);
     rx_json_string(j, "flux_scale_is", flux_word(row));
@@ -153,6 +155,7 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
     rx_ecsv_column(&t, "run", RX_ECSV_TEXT, "", "restorer");
     rx_ecsv_column(&t, "done_by", RX_ECSV_TEXT, "", "restorer that did it");
     rx_ecsv_column(&t, "why", RX_ECSV_TEXT, "", "why another one did it");
+    rx_ecsv_column(&t, "outside", RX_ECSV_TEXT, "", "what of it the restorer was not made for");
     rx_ecsv_column(&t, "flux_scale", RX_ECSV_FLOAT, "", "restored over untouched flux of isolated sources");
     rx_ecsv_column(&t, "flux_scale_error", RX_ECSV_FLOAT, "", "1 sigma");
     rx_ecsv_column(&t, "flux_scale_is", RX_ECSV_TEXT, "", "right or off, by that and by FLUX_AUTO");
@@ -180,6 +183,7 @@ void rx_rollup_tiles(rx_text *dst, const rx_rollup *r)
         rx_ecsv_text(&t, r->run[row->run].name);
         rx_ecsv_text(&t, done_by(r, row));
         rx_ecsv_text(&t, row->why != NULL ? row->why : "");
+        rx_ecsv_text(&t, row->outside != NULL ? row->outside : "");
         rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide : NAN);
         rx_ecsv_number(&t, row->flux.n > 0 ? row->flux.wide_error : NAN);
         rx_ecsv_text(&t, flux_word(row));
@@ -250,6 +254,8 @@ static void collect_notes(const rx_rollup *r, rx_text *notes)
         rx_text *dst = &notes[row->tile->place];
         if (row->by[0] != '\0')
             rx_text_printf(dst, "HDU %d: %s: done by %s, %s; ", row->hdu, run, row->by, row->why);
+        if (row->outside != NULL)
+            rx_text_printf(dst, "HDU %d: %s: not made for this tile: %s; ", row->hdu, run, row->outside);
         if (rx_fluxcheck_is_off(&row->flux))
             rx_text_printf(dst, "HDU %d: %s: the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f; ",
                            row->hdu, run, row->flux.wide, row->flux.wide_error, row->flux.automatic,

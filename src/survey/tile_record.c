@@ -55,6 +55,11 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
             add_string(dst, run->why);
             rx_text_add(dst, "\n");
         }
+        if (run->outside[0] != '\0') {
+            rx_text_add(dst, "OUTSIDE");
+            add_string(dst, run->outside);
+            rx_text_add(dst, "\n");
+        }
         if (run->flux.n > 0)
             rx_text_printf(dst, "FLUX %d %.9g %.9g %.9g %.9g %.9g\n", run->flux.n, run->flux.diameter,
                            run->flux.wide, run->flux.wide_error, run->flux.automatic,
@@ -221,6 +226,18 @@ static rx_status read_done(reader *r)
     return status;
 }
 
+static rx_status read_outside(reader *r)
+{
+    char *what = NULL;
+    if (r->run == NULL || r->words.n < 2)
+        return refuse(r, "OUTSIDE is out of place");
+    rx_status status = take_string(r, 1, &what);
+    if (status == RX_OK)
+        snprintf(r->run->outside, sizeof r->run->outside, "%s", what);
+    free(what);
+    return status;
+}
+
 static rx_status read_flux(reader *r)
 {
     long n;
@@ -319,6 +336,8 @@ static rx_status read_words(reader *r)
         return read_run(r);
     if (strcmp(kind, "DONE") == 0)
         return read_done(r);
+    if (strcmp(kind, "OUTSIDE") == 0)
+        return read_outside(r);
     if (strcmp(kind, "FLUX") == 0)
         return read_flux(r);
     if (strcmp(kind, "GUARD") == 0)

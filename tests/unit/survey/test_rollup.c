@@ -168,12 +168,12 @@ static void files_for_programs(void **state)
 /* What another restorer did, and a flux scale that is off, with and without a reference. */
 static void whose_work_and_flux_scale(void **state)
 {
-    static const char text[] =
-        "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
-        "RUN RL 95 0\nFLUX 50 10 1.009 0.0001 0.95 0.001\n"
-        "RUN NET 60 0\nDONE RL \"FWHM 1.5 is <2\"\nEND\n"
-        "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
-        "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nGUARD 9.5 1.25 0.25\nEND\n";
+    static const char text[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
+                               "RUN RL 95 0\nFLUX 50 10 1.009 0.0001 0.95 0.001\n"
+                               "RUN NET 60 0\nDONE RL \"FWHM 1.5 is <2\"\nEND\n"
+                               "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
+                               "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nOUTSIDE \"noise "
+                               "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.25\nEND\n";
     rx_rollup r = {0};
     rx_text junit = {0}, json = {0}, html = {0}, tiles = {0};
     rx_figures *figures = calloc(1, sizeof *figures);
@@ -192,6 +192,8 @@ static void whose_work_and_flux_scale(void **state)
     assert_int_equal(r.run[0].flux_off, 1);
     assert_int_equal(r.run[1].by_others, 1);
     assert_int_equal(r.run[1].flux_off, 0);
+    assert_int_equal(r.run[0].outside, 0);
+    assert_int_equal(r.run[1].outside, 1);
     assert_int_equal(r.run[0].raised, 0);
     assert_int_equal(r.run[1].raised, 1);
     /* the one that is off comes first, 10 of its errors from 1; nothing else has a reference */
@@ -205,12 +207,15 @@ static void whose_work_and_flux_scale(void **state)
                                        "&lt;2; </system-out></testcase>"));
     assert_non_null(
         strstr(junit.data, "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950"));
+    assert_non_null(strstr(junit.data, "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; "));
     assert_non_null(strstr(junit.data, "HDU 0: NET: DETECT_THRESH was raised 1.25 times"));
     assert_non_null(strstr(junit.data, "HDU 0: NET: 25 % of the tile are not explained"));
     assert_int_equal(r.run[1].unexplained, 1);
     rx_rollup_json(&json, &r);
     assert_non_null(strstr(json.data, "\"done_by_another\": 1"));
     assert_non_null(strstr(json.data, "\"flux_scale_off\": 1"));
+    assert_non_null(strstr(json.data, "\"outside\": 1,"));
+    assert_non_null(strstr(json.data, "\"outside\": \"noise factor 3.2 is above 3\""));
     assert_non_null(strstr(json.data, "\"threshold_raised\": 1,"));
     assert_non_null(strstr(json.data, "\"false_per_mpixel\": 9.5, \"threshold_raised\": 1.25"));
     assert_non_null(strstr(json.data, "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\""));
@@ -218,8 +223,10 @@ static void whose_work_and_flux_scale(void **state)
     rx_rollup_html(&html, &r, figures);
     assert_non_null(strstr(html.data, "RL: FWHM 1.5 is &lt;2"));
     assert_non_null(strstr(html.data, "flux scale off"));
+    assert_non_null(strstr(html.data, "itself, not made for: noise factor 3.2 is above 3"));
     rx_rollup_tiles(&tiles, &r);
     assert_non_null(strstr(tiles.data, ",1.05,0.005,\"off\","));
+    assert_non_null(strstr(tiles.data, ",\"noise factor 3.2 is above 3\","));
     rx_text_free(&tiles);
     rx_text_free(&junit);
     rx_text_free(&json);

@@ -26,6 +26,7 @@ static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
                             "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
                             "RUN \"NET\" 700 0\n"
                             "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
+                            "OUTSIDE \"noise factor 3.2\"\n"
                             "GUARD 9.5 1.25 nan\n"
                             "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
                             "END\n";
@@ -153,6 +154,7 @@ static void nonsense_is_refused(void **state)
                   "a bin is out of place");
     check_refused(state, "TILE a.fits a\nGUARD 1 1 0\n", "GUARD is out of place");
     check_refused(state, "TILE a.fits a\nDONE RL why\n", "DONE is out of place");
+    check_refused(state, "TILE a.fits a\nOUTSIDE why\n", "OUTSIDE is out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nFLUX 5 1 1 1 1 1\n",
                   "FLUX is out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nRUN N 1 0\nDONE \"<b>\" why\n",
