@@ -252,8 +252,9 @@ static rx_status collect_bin(const rx_restoration *state, int b, const rx_unit_v
                                 .other_high = bin->other_high,
                                 .nscenes = bin->nscenes,
                                 .fwhm = RX_NEW(double, n),
-                                .sigma = RX_NEW(double, n)};
-    int failed = dst->fwhm == NULL || dst->sigma == NULL;
+                                .sigma = RX_NEW(double, n),
+                                .level = RX_NEW(double, n)};
+    int failed = dst->fwhm == NULL || dst->sigma == NULL || dst->level == NULL;
     for (int m = 0; m < state->nmethods; m++) {
         const rx_method *method = &state->method[m];
         rx_method_scores *scores = &dst->method[m];
@@ -278,9 +279,10 @@ static rx_status collect_bin(const rx_restoration *state, int b, const rx_unit_v
         const double *v = all[u].v;
         dst->fwhm[unit->index] = v[0];
         dst->sigma[unit->index] = v[1];
+        dst->level[unit->index] = v[2];
         for (int m = 0; m < state->nmethods; m++) {
-            dst->method[m].psnr[unit->index] = v[2 + 2 * m];
-            dst->method[m].ssim[unit->index] = v[3 + 2 * m];
+            dst->method[m].psnr[unit->index] = v[3 + 2 * m];
+            dst->method[m].ssim[unit->index] = v[4 + 2 * m];
         }
     }
     return RX_OK;
@@ -349,9 +351,13 @@ static void describe(const rx_restoration *state, rx_restoration_results *dst)
     dst->peak = config->scene_peak;
     dst->sharp_fwhm = state->simulation->sharp_fwhm;
     dst->tune_scenes = state->ntuned > 0 ? config->tune_scenes : 0;
+    const rx_model *model = state->options->model;
+    const int known = model != NULL && model->bins != NULL;
+    const rx_model_bin *last = known ? &model->bins[(size_t)model->nfwhm * (size_t)model->nsigma - 1] : NULL;
     for (int i = 0; i < 2; i++) {
-        dst->fwhm_trained[i] = config->fwhm_trained.v[i];
-        dst->sigma_trained[i] = config->sigma_trained.v[i];
+        const rx_model_bin *bin = i == 0 && known ? model->bins : last;
+        dst->fwhm_trained[i] = known ? bin->fwhm[i] : config->fwhm_trained.v[i];
+        dst->level_trained[i] = known ? bin->sigma[i] : 0;
     }
     snprintf(dst->about, sizeof dst->about,
              "simulated galaxies (%s%s), the brightest one drawn to fill the scene, its companions at their "

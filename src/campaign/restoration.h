@@ -1,8 +1,10 @@
 /* The restoration campaign: scenes of galaxies, blurred and noisy, through every method, and how near each
  * comes to the sharp scene. The paper's box plots and Tables 1 to 4.
  *
- * A bin is 1 wide in FWHM (pixels) or in sigma of the noise (0..255 scale); the other quantity is uniform
- * over its training range. Scene i of a bin is the same for every SIZE, and for every method. */
+ * A bin is 1 wide in FWHM (pixels) or in sigma of the noise, on the paper's scale, on which the brightest pixel of the
+ * sharp scene is SCENE_PEAK; the other quantity is uniform over its training range. Of every scene the noise level of
+ * nn/noise_level.h is kept too, which is the scale of the network's training: it is of the blurred scene, and some three
+ * times sigma. Scene i of a bin is the same for every SIZE, and for every method. */
 #ifndef RX_CAMPAIGN_RESTORATION_H
 #define RX_CAMPAIGN_RESTORATION_H
 
@@ -54,6 +56,7 @@ typedef struct rx_restoration {
 /* One scene: planes [side][side], 0 = sky. */
 typedef struct rx_trial {
     double fwhm, sigma;
+    double level;                  /* noise level: nn/noise_level.h */
     float *image;                  /* blurred and noisy */
     float *sharp;                  /* the scene through the target PSF, its brightest pixel SCENE_PEAK */
     rx_psf *psf;                   /* that blurred it */
@@ -101,7 +104,7 @@ rx_status rx_tuning_apply(const rx_restoration *state, const rx_trial *trial, co
 /* 2 values, PSNR and SSIM, for every candidate of every tuned restorer, on one tuning scene. */
 rx_status rx_restoration_tune(const rx_restoration *state, const rx_trial *trial, rx_unit_values *dst,
                               rx_error *err);
-/* FWHM, sigma, then PSNR and SSIM of every method, on one test scene. */
+/* FWHM, sigma, noise level, then PSNR and SSIM of every method, on one test scene. */
 rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_trial *trial,
                                const rx_unit_values *done, rx_unit_values *dst, rx_error *err);
 

@@ -35,7 +35,8 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
             continue;
         for (int k = 0; k < r->nmethods; k++)
             box[(size_t)ngroups * nmethods + (size_t)k] = *rx_quality_box(m, b, quality, k);
-        snprintf(label[ngroups], sizeof *label, "%g%s", rx_bin_centre(&r->bins[b]), m->inside[b] ? "" : "+");
+        snprintf(label[ngroups], sizeof *label, "%g%s", rx_bin_centre(&r->bins[b]),
+                 rx_bin_is_beyond(m, b) ? "+" : "");
         groups[ngroups] = label[ngroups];
         ngroups++;
     }
@@ -106,7 +107,7 @@ static double last_inside(const rx_restoration_numbers *m, int by_sigma)
 {
     double high = NAN;
     for (int b = 0; b < m->results->nbins; b++)
-        if (m->results->bins[b].by_sigma == by_sigma && m->inside[b])
+        if (m->results->bins[b].by_sigma == by_sigma && !rx_bin_is_beyond(m, b))
             high = m->results->bins[b].high;
     return high;
 }

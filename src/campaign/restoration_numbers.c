@@ -114,15 +114,37 @@ static void choose_pairs(rx_restoration_numbers *m)
     m->chief = m->npairs > 0 ? 0 : -1;
 }
 
+/* Scratch of one bin. */
+typedef struct columns {
+    double *a, *b, *zero;
+} columns;
+
 static int in_range(double value, const double range[2])
 {
     return range[1] > range[0] && value >= range[0] && value <= range[1];
 }
 
-/* Scratch of one bin. */
-typedef struct columns {
-    double *a, *b, *zero;
-} columns;
+/* Where a bin lies beside the training, by the middle of its scenes. */
+static rx_status place_bin(rx_restoration_numbers *m, int b, columns *c, rx_error *err)
+{
+    const rx_restoration_results *r = m->results;
+    const rx_restoration_bin *bin = &r->bins[b];
+    rx_five_numbers *level = &m->level[b];
+    *level = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
+    if (bin->nscenes > 0) {
+        memcpy(c->a, bin->level, (size_t)bin->nscenes * sizeof *c->a);
+        RX_TRY(rx_five_numbers_of(bin->nscenes, c->a, level, err));
+    }
+    const double fwhm = bin->by_sigma ? 0.5 * (bin->other_low + bin->other_high) : rx_bin_centre(bin);
+    m->inside[b] = (char)(in_range(fwhm, r->fwhm_trained) && !(level->median < r->level_trained[0]));
+    m->fainter[b] = (char)(r->level_trained[1] > 0.0 && level->median > r->level_trained[1]);
+    return RX_OK;
+}
+
+int rx_bin_is_beyond(const rx_restoration_numbers *numbers, int bin)
+{
+    return !numbers->inside[bin] || numbers->fainter[bin];
+}
 
 static long finite_values(long n, const double *values, double *dst)
 {
@@ -265,16 +287,18 @@ rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uin
     dst->box = RX_NEW(rx_five_numbers, slots * (size_t)results->nmethods);
     dst->mean = RX_NEW(rx_estimate, slots * (size_t)results->nmethods);
     dst->duel = RX_NEW(rx_quality_duel, slots * (size_t)dst->npairs);
+    dst->level = RX_NEW(rx_five_numbers, (size_t)results->nbins);
     dst->inside = RX_NEW(char, (size_t)results->nbins);
+    dst->fainter = RX_NEW(char, (size_t)results->nbins);
     c = (columns){RX_NEW(double, (size_t)most), RX_NEW(double, (size_t)most), RX_NEW(double, (size_t)most)};
     rx_status status = RX_OK;
-    if (!dst->box || !dst->mean || !dst->duel || !dst->inside || !c.a || !c.b || !c.zero)
+    if (!dst->box || !dst->mean || !dst->duel || !dst->level || !dst->inside || !dst->fainter || !c.a ||
+        !c.b || !c.zero)
         status = rx_error_memory(err, slots * sizeof *dst->duel);
     for (int b = 0; b < results->nbins && status == RX_OK; b++) {
-        const rx_restoration_bin *bin = &results->bins[b];
-        dst->inside[b] = (char)in_range(rx_bin_centre(bin),
-                                        bin->by_sigma ? results->sigma_trained : results->fwhm_trained);
-        status = measure_bin(dst, b, seed, &c, err);
+        status = place_bin(dst, b, &c, err);
+        if (status == RX_OK)
+            status = measure_bin(dst, b, seed, &c, err);
     }
     if (status == RX_OK)
         status = adjust_all(dst, err);
@@ -291,6 +315,8 @@ void rx_restoration_numbers_free(rx_restoration_numbers *m)
     free(m->box);
     free(m->mean);
     free(m->duel);
+    free(m->level);
     free(m->inside);
+    free(m->fainter);
     *m = (rx_restoration_numbers){0};
 }

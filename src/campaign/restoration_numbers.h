@@ -36,10 +36,13 @@ typedef struct rx_restoration_numbers {
     int blurred, smoothed, rl, flat, net; /* methods of these names (flat: RL_FLAT), -1 none */
     int npairs, chief;                    /* chief: the pair beside the paper's tables, -1 none */
     rx_method_pair pair[RX_PAIRS_MAX];
-    rx_five_numbers *box;  /* [nbins][RX_QUALITIES][nmethods] */
-    rx_estimate *mean;     /* the same, with its 95 % t interval */
-    rx_quality_duel *duel; /* [nbins][RX_QUALITIES][npairs] */
-    char *inside;          /* [nbins]: centre inside the training range */
+    rx_five_numbers *box;   /* [nbins][RX_QUALITIES][nmethods] */
+    rx_estimate *mean;      /* the same, with its 95 % t interval */
+    rx_quality_duel *duel;  /* [nbins][RX_QUALITIES][npairs] */
+    rx_five_numbers *level; /* [nbins] noise levels of its scenes (nn/noise_level.h) */
+    char *inside;           /* [nbins]: seeing and median noise level are inside the training */
+    char *
+        fainter; /* [nbins]: that level is above those of all fields of the training, which yet has patches so faint */
 } rx_restoration_numbers;
 
 /* Borrows the results. Free with rx_restoration_numbers_free(). */
@@ -61,6 +64,8 @@ int rx_method_pair_find(const rx_restoration_numbers *numbers, int first, int se
 void rx_tuning_ends(const rx_restoration_results *results, int *ends, int *choices);
 
 double rx_bin_centre(const rx_restoration_bin *bin);
+/* Of a larger FWHM, or of more noise than the fields of the training: what the paper calls beyond its range. */
+int rx_bin_is_beyond(const rx_restoration_numbers *numbers, int bin);
 const char *rx_quality_name(rx_quality quality); /* "PSNR" */
 const char *rx_quality_unit(rx_quality quality); /* "dB", "" */
 

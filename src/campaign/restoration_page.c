@@ -27,7 +27,8 @@ static void heads(rx_text *dst, int n, const char *const *names)
 static void bin_cell(rx_text *dst, const rx_restoration_numbers *m, int b)
 {
     char text[48];
-    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]), m->inside[b] ? "" : "+");
+    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]),
+             rx_bin_is_beyond(m, b) ? "+" : "");
     rx_page_cell_html(dst, RX_RIGHT, text);
 }
 
@@ -58,6 +59,40 @@ static void range_of(const rx_restoration_results *r, int by_sigma, int *n, doub
     }
 }
 
+/* Where the bins lie beside the training, on its scale. */
+static void write_levels(rx_text *html, const rx_restoration_numbers *m)
+{
+    const rx_restoration_results *r = m->results;
+    double low = INFINITY, high = 0;
+    long all = 0, inside = 0, fields = 0;
+    for (int b = 0; b < r->nbins; b++) {
+        const rx_restoration_bin *bin = &r->bins[b];
+        low = fmin(low, m->level[b].median);
+        high = fmax(high, m->level[b].median);
+        for (long i = 0; i < bin->nscenes; i++, all++) {
+            const int seeing = bin->fwhm[i] >= r->fwhm_trained[0] && bin->fwhm[i] <= r->fwhm_trained[1];
+            inside += seeing && bin->level[i] >= r->level_trained[0];
+            fields += seeing && bin->level[i] >= r->level_trained[0] && bin->level[i] <= r->level_trained[1];
+        }
+    }
+    if (all == 0)
+        return;
+    rx_text_printf(
+        html,
+        "Models know noise on another scale, the noise level: 255 times the noise over what the brightest "
+        "0.1 %% of the blurred scene exceed (at least 1/40 of its brightest pixel). On it the medians of the "
+        "bins go from %.3g to %.3g. ",
+        low, high);
+    if (r->level_trained[1] > 0)
+        rx_text_printf(
+            html,
+            "The network was trained on fields of FWHM %.3g to %.3g pixels and levels of %.3g to %.3g, whose "
+            "patches go down to empty sky: %ld of %ld scenes are inside the training, %ld of them at levels "
+            "of whole fields of it. ",
+            r->fwhm_trained[0], r->fwhm_trained[1], r->level_trained[0], r->level_trained[1], inside, all,
+            fields);
+}
+
 static void write_what(rx_text *dst, const rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
@@ -86,8 +121,10 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
     rx_text_printf(
         &html,
         "Reference: the scene without noise at a Gaussian PSF of FWHM %g pixels. Noise and PSNR are on "
-        "the scale of that peak. On the scenes: ",
+        "the scale of that peak. ",
         r->sharp_fwhm);
+    write_levels(&html, m);
+    rx_text_add(&html, "On the scenes: ");
     rx_escape_html(&html, r->about);
     rx_text_add(&html, ".");
     rx_tuning_ends(r, &ends, &choices);
@@ -233,8 +270,8 @@ static void write_tables(rx_text *dst, const rx_restoration_numbers *m)
     for (int kind = 0; kind < 2; kind++)
         for (int q = 0; q < RX_QUALITIES && has_kind(m->results, kind); q++)
             values_table(dst, m, kind, (rx_quality)q);
-    rx_page_note(dst,
-                 "Means with 95 % t intervals. A plus: the centre of the bin is beyond the training range.");
+    rx_page_note(dst, "Means with 95 % t intervals. A plus: a larger FWHM or a higher noise level than in "
+                      "the fields of the training.");
 }
 
 /* The first pair lies open, the others are folded away. */

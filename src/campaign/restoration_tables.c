@@ -8,9 +8,9 @@ static const char *kind_of(const rx_restoration_bin *bin)
     return bin->by_sigma ? "sigma" : "fwhm";
 }
 
-static void json_box(rx_json *j, const rx_five_numbers *box)
+static void json_box(rx_json *j, const char *key, const rx_five_numbers *box)
 {
-    rx_json_object(j, "box", true);
+    rx_json_object(j, key, true);
     rx_json_number(j, "low", box->low);
     rx_json_number(j, "q1", box->q1);
     rx_json_number(j, "median", box->median);
@@ -32,7 +32,7 @@ static void json_method(rx_json *j, const rx_restoration_numbers *m, int b, int 
     for (int q = 0; q < RX_QUALITIES; q++) {
         rx_json_object(j, q == RX_PSNR ? "psnr" : "ssim", false);
         rx_json_estimate(j, "mean", rx_quality_mean(m, b, (rx_quality)q, k));
-        json_box(j, rx_quality_box(m, b, (rx_quality)q, k));
+        json_box(j, "box", rx_quality_box(m, b, (rx_quality)q, k));
         rx_json_end(j);
     }
     rx_json_end(j);
@@ -64,7 +64,9 @@ static void json_bin(rx_json *j, const rx_restoration_numbers *m, int b)
     rx_json_number(j, "high", bin->high);
     rx_json_number(j, "other_low", bin->other_low);
     rx_json_number(j, "other_high", bin->other_high);
+    json_box(j, "noise_level", &m->level[b]);
     rx_json_bool(j, "inside_training_range", m->inside[b] != 0);
+    rx_json_bool(j, "fainter_than_training_fields", m->fainter[b] != 0);
     rx_json_count(j, "scenes", (unsigned long long)bin->nscenes);
     rx_json_array(j, "methods", false);
     for (int k = 0; k < m->results->nmethods; k++)
@@ -119,7 +121,7 @@ void rx_restoration_json(rx_text *dst, const rx_restoration_page *page)
     rx_json_number(&j, "peak", r->peak);
     rx_json_number(&j, "sharp_fwhm", r->sharp_fwhm);
     rx_json_numbers(&j, "fwhm_trained", 2, r->fwhm_trained);
-    rx_json_numbers(&j, "sigma_trained", 2, r->sigma_trained);
+    rx_json_numbers(&j, "noise_level_trained", 2, r->level_trained);
     rx_json_count(&j, "tune_scenes", (unsigned long long)r->tune_scenes);
     rx_tuning_ends(r, &ends, &choices);
     rx_json_count(&j, "tune_choices", (unsigned long long)choices);
@@ -238,6 +240,7 @@ void rx_restoration_scenes_ecsv(rx_text *dst, const rx_restoration_page *page)
     rx_ecsv_column(&t, "scene", RX_ECSV_LONG, "", "from 1 in each bin");
     rx_ecsv_column(&t, "fwhm", RX_ECSV_FLOAT, "pix", "of the PSF");
     rx_ecsv_column(&t, "sigma", RX_ECSV_FLOAT, "adu", "of the noise");
+    rx_ecsv_column(&t, "noise_level", RX_ECSV_FLOAT, "", "the noise on the scale of models");
     rx_ecsv_column(&t, "method", RX_ECSV_TEXT, "", "method");
     rx_ecsv_column(&t, "psnr", RX_ECSV_FLOAT, "dB", "with the settings for PSNR");
     rx_ecsv_column(&t, "ssim", RX_ECSV_FLOAT, "", "with the settings for SSIM");
@@ -249,6 +252,7 @@ void rx_restoration_scenes_ecsv(rx_text *dst, const rx_restoration_page *page)
                 rx_ecsv_count(&t, i + 1);
                 rx_ecsv_number(&t, r->bins[b].fwhm[i]);
                 rx_ecsv_number(&t, r->bins[b].sigma[i]);
+                rx_ecsv_number(&t, r->bins[b].level[i]);
                 rx_ecsv_text(&t, r->method[k]);
                 rx_ecsv_number(&t, r->bins[b].method[k].psnr[i]);
                 rx_ecsv_number(&t, r->bins[b].method[k].ssim[i]);

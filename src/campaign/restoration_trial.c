@@ -10,6 +10,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "campaign/restoration.h"
+#include "nn/noise_level.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
 #include "simulate/noise.h"
@@ -148,6 +149,8 @@ static rx_status expose(const rx_restoration *state, uint64_t stream, const rx_s
     const double factor = peak > 0 ? state->config->scene_peak / peak : 0;
     scale(dst->sharp, n, factor);
     scale(dst->image, n, factor);
+    memcpy(noise, dst->image, n * sizeof *noise);
+    dst->level = rx_noise_level(rx_brightness(noise, n, 0) / dst->sigma);
     rx_noise_normals(seed_for(state, DRAW_NOISE), stream, 0, (long)n, noise);
     for (size_t i = 0; i < n; i++)
         dst->image[i] += (float)(dst->sigma * noise[i]);

@@ -245,7 +245,7 @@ rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_tr
 {
     const size_t n = (size_t)state->side * (size_t)state->side;
     rx_status status = RX_OK;
-    dst->n = 2 + 2 * state->nmethods;
+    dst->n = 3 + 2 * state->nmethods;
     dst->v = RX_NEW(double, (size_t)dst->n);
     float *planes = RX_NEW(float, 2 * n);
     memory last = {.plane = planes};
@@ -255,6 +255,7 @@ rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_tr
     }
     dst->v[0] = trial->fwhm;
     dst->v[1] = trial->sigma;
+    dst->v[2] = trial->level;
     for (int metric = 0; status == RX_OK && metric < 2; metric++) {
         for (int m = 0; status == RX_OK && m < state->nmethods; m++) {
             double values[2];
@@ -265,9 +266,9 @@ rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_tr
                 status = measure(trial, planes + n, values, err);
             if (status != RX_OK)
                 break;
-            dst->v[2 + 2 * m + metric] = values[metric];
+            dst->v[3 + 2 * m + metric] = values[metric];
             if (!state->method[m].tuned)
-                dst->v[3 + 2 * m] = values[1];
+                dst->v[4 + 2 * m] = values[1];
         }
     }
 exit:

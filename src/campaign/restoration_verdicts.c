@@ -20,7 +20,7 @@ static int selected(const selection *s, int b)
     const rx_restoration_bin *bin = &s->m->results->bins[b];
     if (s->by_sigma >= 0 && bin->by_sigma != s->by_sigma)
         return 0;
-    return s->where == ANYWHERE || (s->where == INSIDE) == (s->m->inside[b] != 0);
+    return s->where == ANYWHERE || (s->where == INSIDE ? s->m->inside[b] : rx_bin_is_beyond(s->m, b));
 }
 
 static int winner_of(const selection *s, int b)
@@ -264,7 +264,7 @@ static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_
         sentences(&v->said, m, rl, -1, where);
 }
 
-/* Above `rival` beyond doubt inside the training range, and in most bins beyond it. */
+/* Above `rival` beyond doubt inside the training, and in most bins that are not. */
 static void judge_goal(const rx_restoration_numbers *m, int rival, rx_claim_verdict *v)
 {
     const double beyond_doubt = 0.001;
@@ -284,8 +284,8 @@ static void judge_goal(const rx_restoration_numbers *m, int rival, rx_claim_verd
         return;
     v->state = state_of(sure == inside && (beyond == 0 || 2 * wins > beyond));
     rx_text_printf(&v->said,
-                   "Above with p below %g in %d of %d bins inside the range, above in %d of %d beyond "
-                   "it (each bin once for PSNR, once for SSIM). ",
+                   "Above with p below %g in %d of %d bins inside the training, above in %d of %d outside "
+                   "of it (each bin once for PSNR, once for SSIM). ",
                    beyond_doubt, sure, inside, wins, beyond);
     sentences(&v->said, m, pair, -1, ANYWHERE);
 }

@@ -11,6 +11,7 @@ void rx_restoration_results_free(rx_restoration_results *results)
         rx_restoration_bin *bin = &results->bins[b];
         free(bin->fwhm);
         free(bin->sigma);
+        free(bin->level);
         for (int m = 0; m < RX_METHODS_MAX; m++) {
             free(bin->method[m].psnr);
             free(bin->method[m].ssim);

@@ -19,11 +19,12 @@ typedef struct rx_method_scores {
 } rx_method_scores;
 
 typedef struct rx_restoration_bin {
-    int by_sigma;                 /* 0: a FWHM bin (pixels), 1: a noise bin (0..255 scale) */
-    double low, high;             /* of the binned quantity, uniform inside */
+    int by_sigma;     /* 0: a FWHM bin (pixels), 1: a bin of the noise's sigma (sharp peak: `peak`) */
+    double low, high; /* of the binned quantity, uniform inside */
     double other_low, other_high; /* range of the other quantity */
     long nscenes;
     double *fwhm, *sigma; /* [nscenes] as drawn */
+    double *level;        /* [nscenes] noise level on the scale of models: nn/noise_level.h */
     rx_method_scores method[RX_METHODS_MAX];
 } rx_restoration_bin;
 
@@ -37,9 +38,10 @@ typedef struct rx_restoration_results {
     double sharp_fwhm;
     int nexamples; /* a few scenes as pictures */
     struct rx_restoration_example *examples;
-    double fwhm_trained[2], sigma_trained[2]; /* training ranges, for the report; 0, 0 = not known */
-    long tune_scenes;                         /* per bin, not among the nscenes; 0 = nothing was tuned */
-    char about[600];                          /* one line for the report: what is on a scene, pixel scale */
+    double fwhm_trained[2];  /* of the network's model, without one of the keyword */
+    double level_trained[2]; /* noise levels of the model's fields; 0, 0 = no model */
+    long tune_scenes;        /* per bin, not among the nscenes; 0 = nothing was tuned */
+    char about[600];         /* one line for the report: what is on a scene, pixel scale */
 } rx_restoration_results;
 
 /* One scene through all methods: planes are [side][side], plane 0 = blurred, then one per method, last the

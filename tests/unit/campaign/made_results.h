@@ -34,6 +34,7 @@ static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b
     bin->nscenes = how->nscenes;
     bin->fwhm = made((size_t)how->nscenes, sizeof *bin->fwhm);
     bin->sigma = made((size_t)how->nscenes, sizeof *bin->sigma);
+    bin->level = made((size_t)how->nscenes, sizeof *bin->level);
     for (int k = 0; k < nmethods; k++) {
         bin->method[k].psnr = made((size_t)how->nscenes, sizeof(double));
         bin->method[k].ssim = made((size_t)how->nscenes, sizeof(double));
@@ -52,6 +53,7 @@ static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b
         double u = rx_random_uniform(1, 0, key), v = rx_random_uniform(1, 1, key);
         bin->fwhm[i] = bin->by_sigma ? 2 + 6 * v : bin->low + (bin->high - bin->low) * u;
         bin->sigma[i] = bin->by_sigma ? bin->low + (bin->high - bin->low) * u : 1 + 14 * v;
+        bin->level[i] = 2 * bin->sigma[i];
         double blurred = 34 - 0.9 * bin->fwhm[i] - 0.2 * bin->sigma[i] + 2 * rx_random_normal(2, 0, key);
         double gain = 0.35 * (bin->fwhm[i] - 3) - 0.02 * bin->sigma[i];
         double net = gain + (b == last ? how->net_worst : how->net_gain);
@@ -104,8 +106,8 @@ static rx_restoration_results *make_restoration(const made_restoration *how)
     r->sharp_fwhm = 2;
     r->fwhm_trained[0] = 2;
     r->fwhm_trained[1] = 8;
-    r->sigma_trained[0] = 1;
-    r->sigma_trained[1] = 15;
+    r->level_trained[0] = 1;
+    r->level_trained[1] = 15;
     r->tune_scenes = 5;
     strcpy(r->about, "Galaxies, 300 per Mpixel & <more>.");
     for (int b = 0; b < r->nbins; b++) {

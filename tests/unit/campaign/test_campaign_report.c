@@ -214,6 +214,36 @@ static void claims_about_the_network(void **state)
     assert_int_equal(restoration_state(&once_worse, RX_CLAIM_BEYOND), RX_NOT_REPRODUCED);
 }
 
+/* What is inside is said on the model's scale, not by sigma: bins of FWHM 2 to 5 and 14 here, their levels set. */
+static void bins_lie_where_their_noise_level_is(void **state)
+{
+    static const made_restoration how = {1, 3, 5, 24, 4, 0, 32, 0};
+    static const struct {
+        double level;
+        int inside, fainter;
+    } cases[] = {{0.5, 0, 0}, {4, 1, 0}, {33, 1, 1}};
+    (void)state;
+    rx_restoration_numbers m;
+    rx_restoration_results *r = make_restoration(&how);
+    for (int b = 0; b < 3; b++)
+        for (long i = 0; i < r->bins[b].nscenes; i++)
+            r->bins[b].level[i] = cases[b].level;
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    for (int b = 0; b < 3; b++) {
+        assert_near(m.level[b].median, cases[b].level, 0);
+        assert_int_equal(m.inside[b], cases[b].inside);
+        assert_int_equal(m.fainter[b], cases[b].fainter);
+        assert_int_equal(rx_bin_is_beyond(&m, b), !cases[b].inside || cases[b].fainter);
+    }
+    rx_restoration_numbers_free(&m);
+    r->level_trained[0] = r->level_trained[1] = 0; /* no model */
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    for (int b = 0; b < 3; b++)
+        assert_int_equal(rx_bin_is_beyond(&m, b), 0);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
 /* A bin in which one is clearly better, one in which it is worse, one undecided. */
 static void words_follow_the_numbers(void **state)
 {
@@ -653,6 +683,7 @@ int main(void)
         cmocka_unit_test(who_meets_whom),
         cmocka_unit_test(the_papers_own_numbers),
         cmocka_unit_test(claims_about_the_network),
+        cmocka_unit_test(bins_lie_where_their_noise_level_is),
         cmocka_unit_test(words_follow_the_numbers),
         cmocka_unit_test(adjusted_p_is_shown),
         cmocka_unit_test(ends_of_tuning_are_told),

@@ -38,6 +38,17 @@ static double highest(const float *plane, size_t n)
     return value;
 }
 
+/* What 0.1 % exceed. */
+static double bright(const float *plane, size_t n)
+{
+    double *values = calloc(n, sizeof *values);
+    for (size_t i = 0; i < n; i++)
+        values[i] = (double)plane[i];
+    const double value = rx_quantile(values, n, 0.999);
+    free(values);
+    return value;
+}
+
 /* Noise from second differences along rows, in which a well sampled scene hardly shows. */
 static double noise_of(const rx_restoration *state, const float *image)
 {
@@ -73,6 +84,9 @@ static void scenes_are_what_bins_say(void **state)
             assert_true(other >= (bin == 1 ? 1 : 2) && other <= (bin == 1 ? 15 : 8));
             sum[bin - 1] += binned / SCENES;
             assert_near(highest(trial.sharp, n), 255.0, 1e-3);
+            assert_near(trial.level / (255.0 * trial.sigma / bright(trial.image, n)), 1.0,
+                        0.02 + 2.0 * trial.level / 255.0); /* the image has noise */
+            assert_true(trial.level > 1.1 * trial.sigma);  /* what is blurred is fainter */
             if (trial.fwhm > 4) /* 3900 differences, of which every third is independent: 3 % and the scene */
                 assert_near(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.12);
             rx_trial_free(&trial);
