@@ -11,10 +11,10 @@
 #include "data/map.h"
 
 enum { CELL = 8, ROUNDS = 64 };
-static const double LEAST_SIGMA = 6, PER_FWHM = 2; /* of G: pixels, and the PSF's FWHM */
-static const float CLIP = 5;                       /* sigmas */
-static const float ERROR = 0.3f;                   /* of a model, share of its light */
-static const double SETTLED = 1e-5;                /* noise units: far below what VERIFY_SEAMS allows */
+static const double LEAST_SIGMA = 4.5, PER_FWHM = 1.5; /* of G: pixels, and the PSF's FWHM */
+static const float CLIP = 5;                           /* sigmas */
+static const float ERROR = 0.3f;                       /* of a model, share of its light */
+static const double SETTLED = 1e-5;                    /* noise units: far below what VERIFY_SEAMS allows */
 
 /* What all rows have in common. */
 typedef struct frame {

@@ -3,14 +3,15 @@
  *   r = x - m                     m: what the PSF makes of the network's image
  *   L = G * (w r) / G * w         w = 1 / (variance of the pixel + (0.3 m)^2), 0 under the mask
  *
- * G: a Gaussian of sigma max(6 pixels, 2 FWHM), on cells of 8 pixels and bilinear between their centres (both
+ * G: a Gaussian of sigma max(4.5 pixels, 1.5 FWHM), on cells of 8 pixels and bilinear between their centres (both
  * are counted in its sigma). A cell has Huber's mean of its pixels, which follows dark and bright sky of any
  * depth, and where a pixel more than 5 of its sigmas away counts as one at 5.
  *
  * 0.3 m: so that bright stars, whose models are never exact, say little of the sky around them. 40 stars of up to
  * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m,
  * 0.6 with 0.3 m. Without stars it costs nothing but a mean that is lower by 0.001 sigmas (0.007 with 1 m).
- * Boxes of 32 pixels of a nebulous tile come back to 92 % with sigma 3 FWHM, to 96 % with 2 FWHM. */
+ * Boxes of 32 pixels below the sky come back by 90 to 95 % (dark clouds, M67; HST 87 %), by 81 to 91 % with sigma 2 FWHM
+ * (validation/low_frequencies.py), with 881 detections for 869 on an SDSS frame. */
 #ifndef RX_RESTORE_NETWORK_SKY_H
 #define RX_RESTORE_NETWORK_SKY_H
 
