@@ -9,19 +9,22 @@
 
 enum { FEWEST = 5 };
 static const double LEAST_SNR = 30.0;
-static const double TOLERANCE = 0.01, SIGMAS = 5.0; /* of a ratio from 1 before it is off */
+static const double SIGMAS = 5.0; /* that a ratio lies from 1 before it is off, and at least */
+static const double TOLERANCE = 0.01;
+/* FLUX_AUTO of stars ends inside the dark ring that Richardson-Lucy leaves, and has 1.1 to 1.3 % too much */
+static const double RING = 0.02;
 
-/* In errors of no less than 1 % / 5, so that what is beyond 5 of them is beyond 1 % too. */
-static double errors_off(double excess, double error)
+/* In errors of no less than a fifth of the tolerance, so that what is beyond 5 of them is beyond that, too. */
+static double errors_off(double excess, double error, double tolerance)
 {
-    const double errors = excess / fmax(error, TOLERANCE / SIGMAS);
+    const double errors = excess / fmax(error, tolerance / SIGMAS);
     return errors > SIGMAS ? errors : 0.0;
 }
 
 double rx_fluxcheck_excess(const rx_fluxcheck *check)
 {
-    return check->n > 0 ? fmax(errors_off(fabs(check->wide - 1.0), check->wide_error),
-                               errors_off(check->automatic - 1.0, check->automatic_error))
+    return check->n > 0 ? fmax(errors_off(fabs(check->wide - 1.0), check->wide_error, TOLERANCE),
+                               errors_off(check->automatic - 1.0, check->automatic_error, RING))
                         : 0.0;
 }
 

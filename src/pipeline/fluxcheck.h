@@ -21,8 +21,9 @@ typedef struct rx_fluxcheck {
 } rx_fluxcheck;
 
 /* How wrong is the flux scale? Errors (of 0.2 % or more) that the worse ratio lies from 1, of those that are off: the wide
- * aperture's by more than 1 % and 5 sigma, FLUX_AUTO's so much above 1 (below it is the light that FLUX_AUTO leaves
- * out). 0: neither is off. */
+ * aperture's by more than 1 % and 5 sigma, FLUX_AUTO's by more than 2 % and 5 sigma above 1 (below it is the light that
+ * FLUX_AUTO leaves out; up to 2 %, the dark ring that Richardson-Lucy leaves around stars and its ellipse ends in).
+ * 0: neither is off. */
 double rx_fluxcheck_excess(const rx_fluxcheck *check);
 
 /* Is that above 0? */
