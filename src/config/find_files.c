@@ -13,16 +13,24 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
-/* A survey's file that does without restoration and does not name its thresholds means SExtractor's. */
-static rx_status take_survey_thresholds(rx_settings *settings, rx_error *err)
+/* A survey's file that does without restoration means SExtractor's thresholds and sky where it does not name its own. */
+static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
-    const int row = rx_keyword_find(settings->table, "THRESH_TYPE");
-    char *relative = "RELATIVE";
-    if (settings->file == NULL || settings->origin[row] != RX_FROM_DEFAULT || config->restore_type.n != 1 ||
+    const struct {
+        const char *key;
+        char *value;
+    } ways[] = {{"THRESH_TYPE", "RELATIVE"}, {"BACK_PASSES", "1"}};
+    if (settings->file == NULL || config->restore_type.n != 1 ||
         strcmp(config->restore_type.v[0], "NONE") != 0)
         return RX_OK;
-    return rx_keyword_assign(settings, row, &relative, 1, (rx_place){0}, NULL, err);
+    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++) {
+        const int row = rx_keyword_find(settings->table, ways[i].key);
+        char *value = ways[i].value;
+        if (settings->origin[row] == RX_FROM_DEFAULT)
+            RX_TRY(rx_keyword_assign(settings, row, &value, 1, (rx_place){0}, NULL, err));
+    }
+    return RX_OK;
 }
 
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err)
@@ -39,7 +47,7 @@ rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err
                  {"STARNNW_NAME", config->starnnw_name, true, false},
                  {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false}};
     const char *file = settings->file != NULL ? settings->file : "", *slash = strrchr(file, '/');
-    rx_status status = take_survey_thresholds(settings, err);
+    rx_status status = take_survey_ways(settings, err);
     rx_text said = {0}; /* in one line of the log */
     for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {
         const int row = rx_keyword_find(settings->table, files[i].key);

@@ -6,9 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/least.h"
 #include "base/memory.h"
+#include "data/map.h"
 #include "detect/libsep.h"
 #include "detect/mesh.h"
+#include "num/convolve.h"
 #include "num/stats.h"
 
 /* Median over the meshes of (rms of the image) / sqrt(variance of the map); 1 when there is none. */
@@ -18,8 +21,9 @@ static rx_status weight_scale(const rx_background_params *par, const float *vari
     sep_bkg *meshes = NULL;
     double *ratio = NULL;
     size_t n = 0, good;
+    int measured;
     const rx_image image = {.width = (int)back->w, .height = (int)back->h, .pixels = variance};
-    rx_status status = rx_mesh_measure(par, &image, &meshes, &good, err);
+    rx_status status = rx_mesh_measure(par, &image, RX_MESH_MODE, &meshes, &good, &measured, err);
     if (status != RX_OK)
         goto exit;
     ratio = RX_NEW(double, (size_t)meshes->n);
@@ -121,12 +125,102 @@ static rx_status fill_sigma(const rx_background_params *par, const rx_image *src
     return status;
 }
 
+enum { REACH = 2 };                                         /* beside what stands out, pixels */
+static const double FILTER_FWHM = 2.0 * 2.3548200450309493; /* of the Gaussian that shows sources, pixels */
+static const float STANDS_OUT = 3.0f;                       /* sigmas of the filtered image */
+
+/* dst[height][width]: 0 where a pixel is good and far from sources. */
+static rx_status hide_sources(const rx_background_params *par, const rx_image *src, double level,
+                              uint8_t *dst, rx_error *err)
+{
+    const int width = src->width, height = src->height, nthreads = par->nthreads > 0 ? par->nthreads : 1;
+    const size_t n = (size_t)width * (size_t)height;
+    const rx_background_params once = {.mesh_width = par->mesh_width,
+                                       .mesh_height = par->mesh_height,
+                                       .filter_width = par->filter_width,
+                                       .filter_height = par->filter_height,
+                                       .nthreads = nthreads};
+    rx_background *sky = NULL;
+    rx_status status = RX_OK;
+    float *filtered = RX_NEW(float, n);
+    uint8_t *out = RX_NEW(uint8_t, n);
+    if (filtered == NULL || out == NULL) {
+        status = rx_error_memory(err, n * (sizeof *filtered + sizeof *out));
+        goto exit;
+    }
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (size_t k = 0; k < n; k++) {
+        dst[k] = rx_image_hides(src, k) || !isfinite(src->pixels[k]);
+        filtered[k] = dst[k] ? 0.0f : (float)((double)src->pixels[k] - level);
+    }
+    RX_TRY_EXIT(rx_gauss_masked(width, height, FILTER_FWHM, dst, nthreads, filtered, err));
+    const rx_image image = {.width = width, .height = height, .pixels = filtered, .mask = dst, .hide = 1};
+    RX_TRY_EXIT(rx_background_measure(&once, &image, &sky, err));
+    const rx_map levels = rx_background_level(sky), sigmas = rx_background_noise(sky);
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            float level_room[RX_MAP_PIECE], sigma_room[RX_MAP_PIECE];
+            const int count = rx_map_piece(x, width);
+            const size_t k = (size_t)y * (size_t)width + (size_t)x;
+            const float *low = rx_map_row(&levels, y, x, count, level_room),
+                        *sigma = rx_map_row(&sigmas, y, x, count, sigma_room);
+            for (int i = 0; i < count; i++)
+                out[k + (size_t)i] = (fabsf(filtered[k + (size_t)i] - low[i]) > STANDS_OUT * sigma[i]) &
+                                     (dst[k + (size_t)i] == 0);
+        }
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+    for (int y = 0; y < height; y++)
+        for (int v = rx_most(y - REACH, 0); v <= rx_least(y + REACH, height - 1); v++)
+            for (int x = 0; x < width; x++)
+                if (out[(size_t)v * (size_t)width + (size_t)x])
+                    memset(dst + (size_t)y * (size_t)width + (size_t)rx_most(x - REACH, 0), 1,
+                           (size_t)(rx_least(x + REACH, width - 1) - rx_most(x - REACH, 0) + 1));
+exit:
+    rx_background_free(sky);
+    free(filtered);
+    free(out);
+    return status;
+}
+
+/* The meshes, in the second pass of what sources leave, where that is enough. *good: pixels that are not hidden. */
+static rx_status measure_meshes(const rx_background_params *par, const rx_image *src, sep_bkg **dst,
+                                size_t *good, int *passes, rx_error *err)
+{
+    const size_t n = (size_t)src->width * (size_t)src->height;
+    int measured;
+    RX_TRY(rx_mesh_measure(par, src, RX_MESH_MODE, dst, good, &measured, err));
+    *passes = 1;
+    if (par->passes < 2 || *good == 0)
+        return RX_OK;
+    rx_image free_sky = *src;
+    sep_bkg *second = NULL;
+    size_t left;
+    uint8_t *mask = RX_NEW(uint8_t, n);
+    rx_status status = mask == NULL ? rx_error_memory(err, n) : RX_OK;
+    free_sky.mask = mask;
+    free_sky.hide = 1;
+    if (status == RX_OK)
+        status = hide_sources(par, src, (double)(*dst)->global, mask, err);
+    if (status == RX_OK)
+        status = rx_mesh_measure(par, &free_sky, RX_MESH_MEAN, &second, &left, &measured, err);
+    if (status == RX_OK && measured > 0) {
+        sep_bkg *first = *dst;
+        *dst = second;
+        second = first;
+        *passes = 2;
+    }
+    rx_mesh_free(second);
+    free(mask);
+    return status;
+}
+
 static rx_status fill_maps(const rx_background_params *par, const rx_image *src, rx_background *dst,
                            rx_error *err)
 {
     sep_bkg *mesh = NULL;
     size_t good = 0;
-    rx_status status = rx_mesh_measure(par, src, &mesh, &good, err);
+    rx_status status = measure_meshes(par, src, &mesh, &good, &dst->passes, err);
     if (status != RX_OK)
         goto exit;
     if (good > 0) {

@@ -19,6 +19,7 @@ typedef struct rx_background_params {
     double manual_value;             /* BACK_VALUE */
     int weight_gain;                 /* WEIGHT_GAIN */
     int no_rescale;                  /* RESCALE_WEIGHTS N: variances of MAP_VAR and MAP_WEIGHT are absolute */
+    int passes;                      /* BACK_PASSES; 0 is 1 */
     int nthreads;
 } rx_background_params;
 
@@ -31,6 +32,10 @@ typedef struct rx_background_params {
  * MAP_VAR and MAP_WEIGHT, f sqrt(var) and f / sqrt(weight) with f the median over the meshes of
  * (rms of the image) / sqrt(typical variance of the map), as SExtractor scales them (f = 1 and
  * global_sigma / f with no_rescale). Weights <= 0 of MAP_WEIGHT must be hidden.
+ * passes 2: once more from the pixels without sources. These are out of reach of what stands 3 sigmas out of the
+ * image after a Gaussian of sigma 2 pixels, above its own mesh or below it: on empty sky as many pixels go on
+ * either side, and the level stays. Reach: 2 pixels in x and in y.
+ *
  * An image without noise (constant) gets sigma 1, as in SExtractor; a tile without one good pixel
  * level 0, sigma 0, global_sigma 1.
  *

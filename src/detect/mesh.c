@@ -130,7 +130,7 @@ static double find_median(const workspace *work, int low, int high)
 /* Level and sigma from the histogram of `levels` levels. A mesh of one pixel has one level and no round: its
  * mean, meant in levels, is then that of the pixels, in SExtractor as in sep. */
 static void settle(const workspace *work, int levels, float zero, float scale, float mean_of_pixels,
-                   float *level, float *sigma)
+                   rx_mesh_level how, float *level, float *sigma)
 {
     int low = 0, high = levels - 1;
     double spread = 10.0 * high, last = 1.0, mean = mean_of_pixels, median = mean_of_pixels;
@@ -151,14 +151,14 @@ static void settle(const workspace *work, int levels, float zero, float scale, f
         high = up < levels - 1 ? (int)(up + 0.5) : levels - 1;
     }
     double place = mean;
-    if (fabs(spread) > 0.0)
+    if (how == RX_MESH_MODE && fabs(spread) > 0.0)
         place = fabs((mean - median) / spread) < CROWDED ? 2.5 * median - 1.5 * mean : median;
     *level = (float)(zero + place * scale);
     *sigma = (float)(spread * scale);
 }
 
 /* One mesh from its n good values. */
-static void measure_mesh(workspace *work, int n, int area, float *level, float *sigma)
+static void measure_mesh(workspace *work, int n, int area, rx_mesh_level how, float *level, float *sigma)
 {
     *level = *sigma = NONE;
     if ((float)n < (float)(area * LEAST_GOOD))
@@ -172,7 +172,7 @@ static void measure_mesh(workspace *work, int n, int area, float *level, float *
     const float scale = kept.sigma > 0.0 ? (float)(2.0 * REACH * kept.sigma / levels) : 1.0f;
     const float zero = (float)(kept.mean - REACH * kept.sigma);
     fill_histogram(work, n, levels, zero, scale);
-    settle(work, levels, zero, scale, (float)kept.mean, level, sigma);
+    settle(work, levels, zero, scale, (float)kept.mean, how, level, sigma);
 }
 
 /* The n pixels are finite and none is hidden, as nearly all rows are. */
@@ -216,8 +216,8 @@ static int collect(const rx_image *image, const sep_bkg *mesh, int m, float *val
 }
 
 /* All meshes as they are. */
-static rx_status measure_all(const rx_background_params *par, const rx_image *image, sep_bkg *mesh,
-                             size_t *good, rx_error *err)
+static rx_status measure_all(const rx_background_params *par, const rx_image *image, rx_mesh_level how,
+                             sep_bkg *mesh, size_t *good, rx_error *err)
 {
     bool failed = false;
     size_t total = 0;
@@ -231,7 +231,7 @@ static rx_status measure_all(const rx_background_params *par, const rx_image *im
                 continue;
             int area;
             const int n = collect(image, mesh, m, work.values, &area);
-            measure_mesh(&work, n, area, &mesh->back[m], &mesh->sigma[m]);
+            measure_mesh(&work, n, area, how, &mesh->back[m], &mesh->sigma[m]);
             total += (size_t)n;
         }
         free_workspace(&work);
@@ -241,12 +241,13 @@ static rx_status measure_all(const rx_background_params *par, const rx_image *im
 }
 
 /* Means of the nearest meshes that have values, for those that do not. */
-static rx_status fill_gaps(sep_bkg *mesh, rx_error *err)
+static rx_status fill_gaps(sep_bkg *mesh, int *meshes, rx_error *err)
 {
     const size_t size = (size_t)mesh->n * sizeof(float);
     int gaps = 0;
     for (int m = 0; m < mesh->n; m++)
         gaps += mesh->back[m] <= NONE;
+    *meshes = mesh->n - gaps;
     if (gaps == 0)
         return RX_OK;
     float *level = RX_NEW(float, (size_t)mesh->n);
@@ -367,8 +368,8 @@ static void differentiate(const sep_bkg *mesh, const float *values, float *u, fl
     }
 }
 
-rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, sep_bkg **dst, size_t *good,
-                          rx_error *err)
+rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, rx_mesh_level level,
+                          sep_bkg **dst, size_t *good, int *meshes, rx_error *err)
 {
     rx_status status = RX_OK;
     float *scratch = NULL;
@@ -394,9 +395,9 @@ rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    status = measure_all(par, image, mesh, good, err);
+    status = measure_all(par, image, level, mesh, good, err);
     if (status == RX_OK)
-        status = fill_gaps(mesh, err);
+        status = fill_gaps(mesh, meshes, err);
     if (status == RX_OK)
         status = smooth(par, mesh, err);
     if (status != RX_OK)

@@ -12,12 +12,16 @@
 #include "detect/background.h"
 #include "detect/libsep.h"
 
+/* Whether the level is that one, or the clipped mean: of pixels without sources, where it is twice as sure, and
+ * as right where pixels come in steps of a detector's counts, of which a median is one or the next. */
+typedef enum rx_mesh_level { RX_MESH_MODE, RX_MESH_MEAN } rx_mesh_level;
+
 /* The grid for the image's pixels; of the image these, its size, mask and `hide` are looked at. Pixels that are
  * hidden or not finite are ignored. A mesh of which more than half is hidden takes the mean of the nearest that
- * are not. *good: pixels that are not hidden. The same for any par->nthreads. Free with rx_mesh_free(). Errors:
+ * are not. *good: pixels that are not hidden; *meshes: that have a value of their own. The same for any par->nthreads. Free with rx_mesh_free(). Errors:
  * RX_SYSTEM without memory. */
-rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, sep_bkg **dst, size_t *good,
-                          rx_error *err);
+rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image, rx_mesh_level level,
+                          sep_bkg **dst, size_t *good, int *meshes, rx_error *err);
 void rx_mesh_free(sep_bkg *mesh);
 
 #endif

@@ -51,6 +51,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_record_add(facts, "RXMEAS", "image that fluxes are measured on", "%s",
                   result->original ? "ORIGINAL" : "RESTORED");
     rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);
+    rx_record_add(facts, "RXBACKN", "passes of sky and noise; 2: without sources", "%d", background->passes);
     rx_record_add(facts, "RXSIGMA", "noise of an input pixel, ADU", "%.8g", background->global_sigma);
     rx_record_add(facts, "RXDSIG", "noise that thresholds refer to, ADU", "%.8g", result->global_noise);
     const rx_noise_correlation *noise = &field->noise;
@@ -97,7 +98,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_record_add(facts, "RXFLXWE", "1 sigma of RXFLXW", "%.5f", check->wide_error);
         rx_record_add(facts, "RXFLXA", "FLUX_AUTO restored / that flux untouched", "%.5f", check->automatic);
         rx_record_add(facts, "RXFLXAE", "1 sigma of RXFLXA", "%.5f", check->automatic_error);
-        rx_record_add(facts, "RXFLXOK", "flux scale right, to 1 % or 5 sigma", "%s",
+        rx_record_add(facts, "RXFLXOK", "flux scale right, to 1 % (AUTO 2 %) or 5 sigma", "%s",
                       rx_fluxcheck_is_off(check) ? "F" : "T");
     }
     describe_templates(&result->templates, facts);

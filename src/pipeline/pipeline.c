@@ -148,6 +148,7 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
     rx_background_params par = w->params->background[0];
     rx_status status = RX_OK;
     par.manual = 0;
+    par.passes = 1;
     rx_result_noise *noise = result->own_noise = RX_NEW(rx_result_noise, 1);
     float *relative = law != NULL ? RX_NEW(float, n) : NULL;
     if (noise == NULL || (law != NULL && relative == NULL)) {

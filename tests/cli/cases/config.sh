@@ -144,6 +144,9 @@ catalogue_says() {
         judge 0 ''
     fi
 }
+catalogue_says 'sky: in two passes by default' '^# BACK_PASSES = 2$'
+catalogue_says "sky of a survey's file without restoration" '^# BACK_PASSES = 1$' -c plain.sex
+catalogue_says "sky of a survey's file, named on the command line" '^# BACK_PASSES = 2$' -c plain.sex -BACK_PASSES 2
 catalogue_says 'thresholds: the default knows correlated noise' '^# THRESH_TYPE = SIGNIFICANCE$'
 catalogue_says "thresholds of a survey's file without restoration" '^# THRESH_TYPE = RELATIVE$' -c plain.sex
 catalogue_says "thresholds of a survey's file that names them" '^# THRESH_TYPE = SIGNIFICANCE$' -c named.sex
