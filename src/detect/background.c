@@ -150,7 +150,9 @@ static rx_status hide_sources(const rx_background_params *par, const rx_image *s
     }
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (size_t k = 0; k < n; k++) {
-        dst[k] = rx_image_hides(src, k) || !isfinite(src->pixels[k]);
+        const int full =
+            src->mask != NULL && (src->mask[k] & RX_MASK_SATURATED) != 0; /* its value decides nothing */
+        dst[k] = full || rx_image_hides(src, k) || !isfinite(src->pixels[k]);
         filtered[k] = dst[k] ? 0.0f : (float)((double)src->pixels[k] - level);
     }
     RX_TRY_EXIT(rx_gauss_masked(width, height, FILTER_FWHM, dst, nthreads, filtered, err));

@@ -3,7 +3,7 @@
  *   r = x - m                     m: what the PSF makes of the network's image
  *   L = G * (w r) / G * w         w = 1 / (variance of the pixel + (0.3 m)^2), 0 under the mask
  *
- * G: a Gaussian of sigma max(4.5 pixels, 1.5 FWHM), on cells of 8 pixels and bilinear between their centres (both
+ * G: a Gaussian of sigma max(5 pixels, 1.7 FWHM), on cells of 8 pixels and bilinear between their centres (both
  * are counted in its sigma). A cell has Huber's mean of its pixels, which follows dark and bright sky of any
  * depth, and where a pixel more than 5 of its sigmas away counts as one at 5.
  *
