@@ -21,8 +21,31 @@ typedef enum rx_psf_type {
     RX_PSF_PSFEX,
     RX_PSF_AUTO,
     RX_PSF_PIXEL,
-    RX_PSF_GAUSS
+    RX_PSF_GAUSS,
+    RX_PSF_MOFFAT_FIT
 } rx_psf_type;
+
+/* PSF_TYPE of those that stars of the tile give. */
+static inline int rx_psf_type_measured(rx_psf_type type)
+{
+    return type == RX_PSF_AUTO || type == RX_PSF_MOFFAT_FIT;
+}
+
+/* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
+ * nothing was measured `how` is empty and the numbers are 0. */
+typedef struct rx_psf_quality {
+    char how[16];       /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED: RXPSFHOW */
+    int reserved;       /* stars behind what follows `beyond` */
+    int degree;         /* of the polynomial over the tile */
+    double radius;      /* pixels, the sum of the PSF within is 1 */
+    double beyond;      /* share of a star's light estimated outside */
+    double flux_error;  /* relative, 1 sigma: of the flux of a point source */
+    double trace[2];    /* mean (T_data - T_model) / T_model and its error, T = xx + yy */
+    double shape[2][2]; /* the same of e1 = (xx - yy) / T, e2 = 2 xy / T: data - model */
+    double
+        growth; /* curve of growth to 20 FWHM, data against model: largest difference, share of the total */
+    double growth_radius; /* pixels, where */
+} rx_psf_quality;
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
@@ -37,9 +60,10 @@ typedef struct rx_psf {
     double ellipticity; /* 1 - b/a at the tile's centre */
     double beta;        /* Moffat exponent, 0 when not a Moffat */
     /* AUTO: how sure we are */
-    int nstars;            /* stars used, 0 when not measured */
-    double fwhm_error;     /* pixels, 1 sigma of the fwhm; 0 unknown */
-    double (*stars)[2];    /* [nstars] x, y from 0; NULL when not measured */
+    int nstars;         /* stars used, 0 when not measured */
+    double fwhm_error;  /* pixels, 1 sigma of the fwhm; 0 unknown */
+    double (*stars)[2]; /* [nstars] x, y from 0; NULL when not measured */
+    rx_psf_quality quality;
     char description[160]; /* one line for log, header and report */
 } rx_psf;
 

@@ -210,7 +210,7 @@ static rx_status filter_pixels(const rx_pipeline_params *params, const rx_image 
     return status;
 }
 
-/* Candidate stars for PSF_TYPE AUTO: a plain extraction that never looks at saturated values. */
+/* Candidate stars for a PSF that is measured: a plain extraction that never looks at saturated values. */
 static rx_status find_stars(const rx_pipeline_params *params, const rx_field *field, rx_log *log,
                             rx_sources **dst, rx_error *err)
 {
@@ -320,7 +320,7 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
         field->unrestorable = 1;
         return RX_OK;
     }
-    if (params->psf.type == RX_PSF_AUTO)
+    if (rx_psf_type_measured(params->psf.type))
         rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", image->name,
                        image->hdu, (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
     const rx_image restorable = rx_field_restorable(field);
@@ -348,7 +348,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
                      "SEEING_FWHM in arcsec, with PIXEL_SCALE where there is no WCS");
         return stated_psf(params, &why, field, log, err);
     }
-    if (par.type != RX_PSF_AUTO)
+    if (!rx_psf_type_measured(par.type))
         return rx_psf_make(&par, &image, NULL, log, &field->psf, err);
     rx_status status = find_stars(params, field, log, &stars, err);
     if (status != RX_OK)

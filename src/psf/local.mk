@@ -2,6 +2,7 @@ librextract_la_SOURCES += src/psf/psf.c
 librextract_la_SOURCES += src/psf/psf_files.c src/psf/psf_files.h src/psf/psf_images.c src/psf/psf_psfex.c src/psf/psf_psfex.h
 librextract_la_SOURCES += src/psf/psf_daophot.c src/psf/psf_piff.c
 librextract_la_SOURCES += src/psf/psf_estimate.c
+librextract_la_SOURCES += src/psf/psf_stars.c src/psf/psf_stars.h
 librextract_la_SOURCES += src/psf/moffat.c src/psf/moffat.h
 librextract_la_SOURCES += src/psf/moffat_fit.c src/psf/moffat_fit.h
 librextract_la_SOURCES += src/psf/resample.c src/psf/resample.h

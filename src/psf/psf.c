@@ -128,12 +128,13 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_PSFEX:
         return rx_psf_psfex(par, image->width, image->height, log, dst, err);
     case RX_PSF_AUTO:
+    case RX_PSF_MOFFAT_FIT:
         if (stars == NULL)
             return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO measures the stars of a list; none was given");
-        return rx_psf_estimate(par, image, stars, log, dst, err);
+        return rx_psf_fit_moffat(par, image, stars, log, dst, err);
     case RX_PSF_GAUSS: /* what restored images have, never a tile */
     case RX_PSF_PIXEL:
         break;
     }
-    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX and AUTO");
+    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX, MOFFAT_FIT and AUTO");
 }

@@ -62,9 +62,9 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
 rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
                        rx_error *err);
 
-/* PSF_TYPE AUTO of rx_psf_make(). */
-rx_status rx_psf_estimate(const rx_psf_params *par, const rx_image *image, const rx_sources *stars,
-                          rx_log *log, rx_psf **dst, rx_error *err);
+/* PSF_TYPE MOFFAT_FIT of rx_psf_make(): one elliptical Moffat for the tile. */
+rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *stars,
+                            rx_log *log, rx_psf **dst, rx_error *err);
 
 /* Side of a PSF at most, pixels: stamps are counted by int, and no PSF needs more. */
 enum { RX_PSF_LARGEST = 4095 };

@@ -381,7 +381,7 @@ static int measures_psf(const rx_options *options)
     int needed = options->check.self_check || options->pipeline.templates.wanted || options->write_psf;
     for (int i = 0; i < options->nrestorers; i++)
         needed |= options->restorers[i]->needs_psf;
-    return needed && options->pipeline.psf.type == RX_PSF_AUTO;
+    return needed && rx_psf_type_measured(options->pipeline.psf.type);
 }
 
 /* What a map of meshes takes beyond the usual one. */

@@ -1,0 +1,45 @@
+/* Which sources of a list are stars. */
+#ifndef RX_PSF_STARS_H
+#define RX_PSF_STARS_H
+
+#include "psf/psf.h"
+
+typedef struct rx_candidate {
+    int source; /* index in the source list */
+    double snr;
+    double radius; /* half-light radius, pixels */
+} rx_candidate;
+
+typedef struct rx_star_list {
+    int n;
+    rx_candidate *list;
+} rx_star_list;
+
+void rx_star_list_free(rx_star_list *stars);
+
+enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 6 };
+
+/* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
+ * fields) lets in close neighbours and blends. */
+typedef struct rx_star_search {
+    const rx_psf_params *par;
+    const rx_image *image;
+    const rx_sources *sources;
+    int level;
+} rx_star_search;
+
+/* Sources that are bright, unsaturated, unmasked, roundish and wider than a hot pixel; rx_star_list_free(). Errors,
+ * here and below: RX_SYSTEM memory; none found is not one. */
+rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, rx_error *err);
+
+/* Half-light radii (pixels) where candidates crowd: the stellar locus is one of them, usually the narrowest. Returns
+ * how many in *n. */
+rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
+                        double radii[RX_LOCI_MAX], int *n, rx_error *err);
+
+/* Isolated candidates of that half-light radius, by falling S/N, at most RX_STARS_MAX. *radius becomes their
+ * median. */
+rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
+                        rx_star_list *dst, rx_error *err);
+
+#endif
