@@ -296,6 +296,15 @@ static double header_fwhm(const rx_tile *tile, double scale, const char **key)
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
 
+/* Is a FWHM stated: by PSF_FWHM, the header, or SEEING_FWHM? */
+static int is_stated(const rx_pipeline_params *params, const rx_field *field)
+{
+    const char *key;
+    const double scale = pixel_scale(params, &field->image);
+    return params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
+           (params->seeing_stated && scale > 0.0);
+}
+
 /* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a SEEING_FWHM that was given),
  * loudly where stars were asked; where nothing was, the tile stays as it is. */
 static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
@@ -327,6 +336,7 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
     rx_status status = rx_psf_make(&par, &restorable, NULL, log, &field->psf, err);
     if (status == RX_OK) {
         char *said = field->psf->description;
+        snprintf(field->psf->quality.how, sizeof field->psf->quality.how, "STATED");
         const size_t used = strlen(said);
         snprintf(said + used, sizeof field->psf->description - used, ", from %s%s", key, where);
     }
@@ -355,6 +365,13 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
         return status;
     status = rx_psf_make(&par, &image, stars, log, &field->psf, &why);
     rx_sources_free(stars);
+    /* one source that may be a galaxy says less than whoever stated a width */
+    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0 && is_stated(params, field)) {
+        rx_psf_free(field->psf);
+        field->psf = NULL;
+        status = rx_error_set(&why, RX_INPUT,
+                              "PSF_TYPE AUTO found only one star; what is stated is believed more");
+    }
     if (status == RX_INPUT)
         return stated_psf(params, &why, field, log, err);
     if (status != RX_OK)

@@ -50,6 +50,7 @@ void rx_pipeline_threads(rx_pipeline_params *params, int nthreads)
     params->detect.nthreads = nthreads;
     params->measure.nthreads = nthreads;
     params->templates.par.nthreads = nthreads;
+    params->psf.nthreads = nthreads;
 }
 
 static void set_filter(rx_pipeline_params *params, bool wanted)

@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "psf/moffat.h"
+#include "psf/psf_stars.h"
 
 enum { HALF_MIN = 2, HALF_MAX = 127 };
 
@@ -131,7 +132,8 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_MOFFAT_FIT:
         if (stars == NULL)
             return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO measures the stars of a list; none was given");
-        return rx_psf_fit_moffat(par, image, stars, log, dst, err);
+        return par->type == RX_PSF_AUTO ? rx_psf_measure(par, image, stars, log, dst, err)
+                                        : rx_psf_fit_moffat(par, image, stars, log, NULL, dst, err);
     case RX_PSF_GAUSS: /* what restored images have, never a tile */
     case RX_PSF_PIXEL:
         break;

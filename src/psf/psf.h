@@ -30,6 +30,8 @@ typedef struct rx_psf_params {
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
     int min_stars;  /* AUTO: fewer usable stars is an error [5] */
     double min_snr; /* AUTO [20] */
+    int max_degree; /* AUTO: of the polynomial over the tile [4] */
+    int nthreads;   /* AUTO; the result does not depend on it */
 } rx_psf_params;
 
 /* The PSF of an image. AUTO asks for its pixels with their sky, level, noise (none: 1), mask, gain and
@@ -61,10 +63,6 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
  * normalised everywhere on the tile of width x height. */
 rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
                        rx_error *err);
-
-/* PSF_TYPE MOFFAT_FIT of rx_psf_make(): one elliptical Moffat for the tile. */
-rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *stars,
-                            rx_log *log, rx_psf **dst, rx_error *err);
 
 /* Side of a PSF at most, pixels: stamps are counted by int, and no PSF needs more. */
 enum { RX_PSF_LARGEST = 4095 };

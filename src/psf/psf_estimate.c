@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "data/map.h"
@@ -161,14 +162,19 @@ static rx_status reject_outliers(fitted_star *stars, int n, rx_error *err)
 typedef struct joint_task {
     const fitted_star *stars;
     int n;
+    double shape[RX_MOFFAT_SHAPE]; /* those that are held */
+    int free;                      /* how many are not: ln hwhm, e1, e2, v in this order */
 } joint_task;
 
 /* All kept stars with one shape; peak and sky of each follow by linear least squares (variable projection,
  * Golub and Pereyra 1973), centres stay where the single fits put them. */
-static int joint_model(void *user, const double *shape, double *residuals, double *jacobian)
+static int joint_model(void *user, const double *parameters, double *residuals, double *jacobian)
 {
     const joint_task *task = user;
     rx_moffat profile;
+    double shape[RX_MOFFAT_SHAPE];
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
+        shape[k] = k < task->free ? parameters[k] : task->shape[k];
     (void)jacobian;
     for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
         if (!isfinite(shape[k]))
@@ -201,10 +207,12 @@ static int joint_model(void *user, const double *shape, double *residuals, doubl
     return 0;
 }
 
-static rx_status fit_joint(const fitted_star *stars, int n, double shape[RX_MOFFAT_SHAPE], rx_error *err)
+static rx_status fit_joint(const fitted_star *stars, int n, int free_shape, double shape[RX_MOFFAT_SHAPE],
+                           rx_error *err)
 {
-    joint_task task = {.stars = stars, .n = n};
-    rx_lsq_problem problem = {.nparameters = RX_MOFFAT_SHAPE,
+    joint_task task = {.stars = stars, .n = n, .free = free_shape};
+    memcpy(task.shape, shape, sizeof task.shape);
+    rx_lsq_problem problem = {.nparameters = (size_t)free_shape,
                               .model = joint_model,
                               .user = &task,
                               .max_iterations = 30,
@@ -250,9 +258,9 @@ static rx_status too_few(const rx_psf_params *par, const rx_image *image, int fo
 {
     return rx_error_at(
         err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
-        "PSF_TYPE AUTO found %d usable star%s of S/N above %g and needs %d; give PSF_FWHM in pixels, "
+        "PSF_TYPE %s found %d usable star%s of S/N above %g and needs %d; give PSF_FWHM in pixels, "
         "SEEING_FWHM in arcsec, or a lower PSF_MINSNR",
-        found, found == 1 ? "" : "s", par->min_snr, par->min_stars);
+        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr, par->min_stars);
 }
 
 /* Robust scatter of the single widths over sqrt(n). */
@@ -396,8 +404,8 @@ static rx_status build(const rx_psf_params *par, const rx_image *image, const at
     snprintf(psf->description, sizeof psf->description,
              "%s: elliptical Moffat FWHM %.3f +- %.3f px, beta %.2f, ellipticity %.3f, from %d of %d "
              "candidate stars",
-             par->type == RX_PSF_AUTO ? "AUTO" : "MOFFAT_FIT", fwhm, psf->fwhm_error, beta, psf->ellipticity,
-             psf->nstars, best->candidates);
+             rx_psf_type_name(par->type), fwhm, psf->fwhm_error, beta, psf->ellipticity, psf->nstars,
+             best->candidates);
     *dst = psf;
     psf = NULL;
 exit:
@@ -405,28 +413,82 @@ exit:
     return status;
 }
 
+/* With fewer stars than a profile needs: those of any radius, the narrowest of which is taken where several have as many
+ * (stars are narrower than galaxies). */
+static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err)
+{
+    rx_star_list candidates = {.n = 0};
+    double last = 0.0;
+    search->level = 1;
+    RX_TRY(rx_stars_candidates(search, &candidates, err));
+    rx_status status = RX_OK;
+    for (int tries = 0; tries < RX_LOCI_MAX && status == RX_OK; tries++) {
+        attempt a = {.candidates = candidates.n, .radius = HUGE_VAL};
+        for (int i = 0; i < candidates.n; i++)
+            if (candidates.list[i].radius > 1.1 * last)
+                a.radius = fmin(a.radius, candidates.list[i].radius);
+        if (!isfinite(a.radius))
+            break;
+        last = a.radius;
+        status = rx_stars_near(search, &candidates, &a.radius, &a.list, err);
+        if (status == RX_OK)
+            status = fit_attempt(search, &a, err);
+        if (status == RX_OK && a.kept > best->kept) {
+            attempt swap = *best;
+            *best = a;
+            a = swap;
+        }
+        free_attempt(&a);
+    }
+    rx_star_list_free(&candidates);
+    return status;
+}
+
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
-                            rx_log *log, rx_psf **dst, rx_error *err)
+                            rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err)
 {
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
-    int needed = par->min_stars > 2 ? par->min_stars : 2, found = 0;
+    int needed = par->min_stars > 2 ? par->min_stars : 2, most = 0, free_shape = RX_MOFFAT_SHAPE;
+    const char *how = "MOFFAT";
     *dst = NULL;
-    rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &found, err);
+    rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &most, err);
+    if (status == RX_OK && best.kept == 0 && par->type == RX_PSF_AUTO) {
+        status = search_few(&search, &best, err);
+        free_shape = best.kept > 1 ? 3 : 1; /* the exponent is PSF_BETA; of one star only the width counts */
+        how = free_shape == 3 ? "MOFFAT_BETA" : "WIDTH";
+        double start[RX_MOFFAT_SHAPE];
+        rx_moffat_shape(2.0, fmax(par->beta, 1.2), 1.0, 0.0, start);
+        for (int k = free_shape; k < RX_MOFFAT_SHAPE; k++)
+            best.shape[k] = start[k];
+        if (status == RX_OK && best.kept > 0)
+            rx_log_warning(
+                log,
+                "PSF_TYPE AUTO: the PSF is from %d star%s only: %s of a Moffat of exponent %.3g were fitted; "
+                "%s; give PSF_FWHM or a PSF file where it is known better",
+                best.kept, best.kept == 1 ? "" : "s", free_shape == 3 ? "width and ellipse" : "the width",
+                par->beta, best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
+    }
     if (status == RX_OK && best.kept == 0)
-        status = too_few(par, image, found, err);
+        status = too_few(par, image, most, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
         if (best.scatter > 0.15)
             rx_log_warning(
                 log,
-                "PSF_TYPE AUTO: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
+                "PSF_TYPE %s: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
                 "some are no stars",
-                best.kept, 100.0 * best.scatter);
-        status = fit_joint(best.stars, best.list.n, best.shape, err);
+                rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
+        status = fit_joint(best.stars, best.list.n, free_shape, best.shape, err);
     }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);
+    if (status == RX_OK && par->type == RX_PSF_AUTO)
+        snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
+    if (status == RX_OK && found != NULL) {
+        memcpy(found->shape, best.shape, sizeof found->shape);
+        found->radius = best.radius;
+    }
     free_attempt(&best);
     return status;
 }

@@ -4,6 +4,7 @@
 
 #include "data/image.h"
 #include "data/sources.h"
+#include "psf/moffat.h"
 #include "psf/psf_model.h"
 
 /* A source that is subtracted as a point, and may be one of the stars that the PSF is measured from. */
@@ -11,11 +12,11 @@ typedef struct rx_point {
     int source;
     double x, y, flux, sky; /* sky: ADU, of the image's pixels */
     double sky_guess, sky_error;
-    double snr, chi2; /* chi2 of a pixel */
-    double damping;   /* of a step: less than 1 where neighbours' steps add up */
-    int star;         /* the PSF is measured from it, or judged by it */
-    int reserved;     /* judged only */
-    int kept;         /* 0: does not look like the others */
+    double snr, chi2;     /* chi2 of a pixel */
+    double damping;       /* of a step: less than 1 where neighbours' steps add up */
+    int star;             /* the PSF is measured from it, or judged by it */
+    int reserved;         /* judged only */
+    int kept;             /* 0: does not look like the others */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_point;
 
@@ -24,13 +25,16 @@ typedef struct rx_psf_job {
     const rx_sources *sources;
     int nthreads;
     double fwhm;
+    double most; /* radius that the PSF may have, pixels */
     int n;
-    rx_point *points;     /* [n] */
-    float *rest;          /* [height][width] pixels minus all points */
-    unsigned char *used;  /* [height][width] 0: hidden, or of an extended source */
+    rx_point *points;    /* [n] */
+    float *rest;         /* [height][width] pixels minus all points */
+    unsigned char *used; /* [height][width] 0: hidden, or of an extended source */
     rx_psf_model model;
-    float *prior;         /* [side][side] coefficients of the profile that the model is held to */
-    float *stamps;        /* room of the threads */
+    rx_moffat profile; /* that it started from: its ellipse is that of rings */
+    double *values;    /* [side][side] the profile that the model is held to, at the nodes */
+    float *prior;      /* its coefficients */
+    float *stamps;     /* room of the threads */
 } rx_psf_job;
 
 /* All points off the image. */
@@ -39,12 +43,22 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err);
 /* One step of every point's flux, position and sky towards the pixels; data and weights of stars. */
 rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err);
 
-/* The model's coefficients, of a degree, from those stars [n]; the model starts as the prior. */
-rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, int degree, rx_psf_model *model,
-                           rx_error *err);
+/* How free the model is: its degree over the tile, and whether pixels may depart from the profile, besides its size and
+ * ellipse: not at all, in the constant term a little or more, in all terms. Degree -1: it is the profile. */
+enum { RX_PSF_STIFF, RX_PSF_FIRM, RX_PSF_LOOSE, RX_PSF_LOOSE_ALL, RX_PSF_FREEDOMS };
+typedef struct rx_psf_freedom {
+    int degree, pixels;
+} rx_psf_freedom;
+
+/* The model's coefficients from those stars [n]. */
+rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
+                           rx_psf_model *model, rx_error *err);
+
+/* Radius (pixels) of the round star that has the profile's value at (x, y): along its ellipse in the core, round outside. */
+double rx_psf_job_radius(const rx_psf_job *job, double x, double y);
 
 /* chi2 of a star's data against a model, flux and position fitted anew. */
-rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n, double *chi2,
-                          rx_error *err);
+rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
+                          double *chi2, rx_error *err);
 
 #endif

@@ -7,7 +7,8 @@
 
 #include "base/memory.h"
 
-rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst, rx_error *err)
+rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst,
+                           rx_error *err)
 {
     *dst = (rx_psf_model){.m = m, .half = half, .nterms = 1};
     dst->middle = m * half + (m + 1) / 2 + 2;
@@ -78,7 +79,8 @@ void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double te
         terms[k] = in_x[px[k]] * in_y[py[k]];
 }
 
-void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS], float *dst)
+void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
+                      float *dst)
 {
     const size_t n = (size_t)model->side * (size_t)model->side;
     memcpy(dst, planes, n * sizeof *dst);
@@ -98,7 +100,8 @@ typedef struct taps {
 
 static taps taps_of(const rx_psf_model *model, double shift, int half)
 {
-    const double at = (-half - shift) * model->m + model->middle, below = floor(at), t = at - below, s = 1.0 - t;
+    const double at = (-half - shift) * model->m + model->middle, below = floor(at), t = at - below,
+                 s = 1.0 - t;
     const float scale = (float)-model->m;
     return (taps){.first = (int)below - 1,
                   .weight = {(float)(s * s * s / 6.0), (float)((4.0 - 3.0 * t * t * (2.0 - t)) / 6.0),
@@ -112,8 +115,8 @@ size_t rx_psf_model_work(const rx_psf_model *model)
     return 2 * (size_t)model->side * (size_t)(2 * model->half + 1);
 }
 
-void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half, float *stamp,
-                        float *gx, float *gy, float *work)
+void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
+                        float *stamp, float *gx, float *gy, float *work)
 {
     const int m = model->m, n = 2 * half + 1, rows = m * (n - 1) + 4;
     const taps x = taps_of(model, dx, half), y = taps_of(model, dy, half);
@@ -122,9 +125,11 @@ void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx
         const float *line = nodes + (size_t)(y.first + j) * (size_t)model->side + x.first;
         float *value = work + (size_t)j * (size_t)n, *slope = slopes + (size_t)j * (size_t)n;
         for (int i = 0; i < n; i++, line += m) {
-            value[i] = x.weight[0] * line[0] + x.weight[1] * line[1] + x.weight[2] * line[2] + x.weight[3] * line[3];
+            value[i] =
+                x.weight[0] * line[0] + x.weight[1] * line[1] + x.weight[2] * line[2] + x.weight[3] * line[3];
             if (gx != NULL)
-                slope[i] = x.slope[0] * line[0] + x.slope[1] * line[1] + x.slope[2] * line[2] + x.slope[3] * line[3];
+                slope[i] =
+                    x.slope[0] * line[0] + x.slope[1] * line[1] + x.slope[2] * line[2] + x.slope[3] * line[3];
         }
     }
     for (int j = 0; j < n; j++) {
@@ -132,27 +137,26 @@ void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx
         float *to = stamp + (size_t)j * (size_t)n;
 #pragma omp simd
         for (int i = 0; i < n; i++)
-            to[i] = y.weight[0] * v[i] + y.weight[1] * v[i + n] + y.weight[2] * v[i + 2 * n] + y.weight[3] * v[i + 3 * n];
+            to[i] = y.weight[0] * v[i] + y.weight[1] * v[i + n] + y.weight[2] * v[i + 2 * n] +
+                    y.weight[3] * v[i + 3 * n];
         if (gx == NULL)
             continue;
         float *to_x = gx + (size_t)j * (size_t)n, *to_y = gy + (size_t)j * (size_t)n;
 #pragma omp simd
         for (int i = 0; i < n; i++) {
-            to_x[i] = y.weight[0] * s[i] + y.weight[1] * s[i + n] + y.weight[2] * s[i + 2 * n] + y.weight[3] * s[i + 3 * n];
-            to_y[i] = y.slope[0] * v[i] + y.slope[1] * v[i + n] + y.slope[2] * v[i + 2 * n] + y.slope[3] * v[i + 3 * n];
+            to_x[i] = y.weight[0] * s[i] + y.weight[1] * s[i + n] + y.weight[2] * s[i + 2 * n] +
+                      y.weight[3] * s[i + 3 * n];
+            to_y[i] = y.slope[0] * v[i] + y.slope[1] * v[i + n] + y.slope[2] * v[i + 2 * n] +
+                      y.slope[3] * v[i + 3 * n];
         }
     }
 }
 
-void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, int squared, float *nodes,
+void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, float *nodes,
                          float *work)
 {
     const int m = model->m, n = 2 * model->half + 1, rows = m * (n - 1) + 4;
-    taps x = taps_of(model, dx, model->half), y = taps_of(model, dy, model->half);
-    for (int k = 0; k < 4 && squared; k++) {
-        x.weight[k] *= x.weight[k];
-        y.weight[k] *= y.weight[k];
-    }
+    const taps x = taps_of(model, dx, model->half), y = taps_of(model, dy, model->half);
     memset(work, 0, (size_t)rows * (size_t)n * sizeof *work);
     for (int j = 0; j < n; j++)
         for (int k = 0; k < 4; k++) {

@@ -27,7 +27,8 @@ typedef struct rx_psf_model {
 
 #define RX_PSF_WING_STEP 0.25
 
-rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst, rx_error *err);
+rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst,
+                           rx_error *err);
 void rx_psf_model_free(rx_psf_model *model);
 rx_status rx_psf_model_copy(const rx_psf_model *model, rx_psf_model *dst, rx_error *err);
 
@@ -36,17 +37,17 @@ int rx_psf_model_powers(int degree, int px[RX_PSF_TERMS], int py[RX_PSF_TERMS]);
 void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double terms[RX_PSF_TERMS]);
 
 /* sum_k terms_k planes_k; dst, planes of [side][side]. */
-void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS], float *dst);
+void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
+                      float *dst);
 
 /* stamp [2 half + 1]^2 of a star (dx, dy) off the middle pixel, |dx|, |dy| <= 0.5, from nodes [side][side]; half at most
  * the model's; gx, gy (both or NULL): derivatives by dx, dy. work: rx_psf_model_work() floats. */
-void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half, float *stamp,
-                        float *gx, float *gy, float *work);
+void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
+                        float *stamp, float *gx, float *gy, float *work);
 size_t rx_psf_model_work(const rx_psf_model *model);
 
-/* The adjoint: nodes += what the stamp is made from; `squared`: with squares of the weights, the diagonal of a normal
- * matrix. */
-void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, int squared, float *nodes,
+/* The adjoint: nodes += what the stamp is made from. */
+void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, float *nodes,
                          float *work);
 
 float rx_psf_model_wing(const rx_psf_model *model, double r);

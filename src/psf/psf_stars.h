@@ -2,6 +2,7 @@
 #ifndef RX_PSF_STARS_H
 #define RX_PSF_STARS_H
 
+#include "psf/moffat.h"
 #include "psf/psf.h"
 
 typedef struct rx_candidate {
@@ -41,5 +42,25 @@ rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candid
  * median. */
 rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
                         rx_star_list *dst, rx_error *err);
+
+/* AUTO or MOFFAT_FIT, for messages. */
+static inline const char *rx_psf_type_name(rx_psf_type type)
+{
+    return type == RX_PSF_MOFFAT_FIT ? "MOFFAT_FIT" : "AUTO";
+}
+
+/* What the Moffat of a tile was fitted to. */
+typedef struct rx_moffat_tile {
+    double shape[RX_MOFFAT_SHAPE];
+    double radius; /* half-light radius of the stars, pixels */
+} rx_moffat_tile;
+
+/* PSF_TYPE MOFFAT_FIT: one elliptical Moffat for the tile; found may be NULL. RX_INPUT: too few stars. */
+rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
+                            rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err);
+
+/* PSF_TYPE AUTO. */
+rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
+                         rx_log *log, rx_psf **dst, rx_error *err);
 
 #endif

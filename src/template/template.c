@@ -508,6 +508,7 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
     rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
                     w->backgrounds[s->group], s);
+    s->fluxerr = hypot(s->fluxerr, w->input->image.psf->quality.flux_error * s->flux);
     if ((s->flags & RX_TPHOT_NO_DATA) != 0)
         s->flux = s->fluxerr = s->snr = NAN;
     return RX_OK;

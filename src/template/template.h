@@ -24,7 +24,8 @@
  * Fluxes of extended sources are means over what their shape may be. Flux errors hold the noise of the sky
  * and of photons, the neighbours, the local background and, of extended sources, what the freedom of the
  * profile costs and what Spergel's profiles are found to be wrong by (0.8 %, steep ones up to 5 %: those miss
- * light in their wings, Sersic's n > 2.6 is 5 % too faint). They do not hold errors of the PSF. */
+ * light in their wings, Sersic's n > 2.6 is 5 % too faint). That of the PSF, which all
+ * fluxes of a tile share, is added where it is known (rx_psf_quality.flux_error), not to S/N and covariances. */
 #ifndef RX_TEMPLATE_TEMPLATE_H
 #define RX_TEMPLATE_TEMPLATE_H
 
@@ -84,7 +85,7 @@ typedef struct rx_tphot_source {
     rx_tphot_kind kind;
     double x, y;          /* 0-based pixels, of the fit */
     double flux, fluxerr; /* ADU, of the whole template, beyond border and masks too */
-    double snr;           /* flux / fluxerr */
+    double snr;           /* flux / fluxerr without the PSF's error */
     double chi2;          /* reduced, of the source's own pixels; NAN when there are none */
     int npixels;          /* behind chi2 */
     double blend;         /* largest |coefficient| of covariance with a neighbour, 0 when alone */

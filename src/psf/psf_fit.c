@@ -1,0 +1,619 @@
+/* Stars of a tile against a PSF model: subtracting all of them, fitting each, solving for the model.
+ *
+ *   pixel = sky + sum_i flux_i P(u - u_i) + noise
+ *   weight = 1 / (sigma^2 + flux P / gain + (MODEL_ERROR flux P)^2)
+ *
+ * All sources take a step against the same residual (as a Jacobi iteration does), so neighbours are subtracted and the
+ * order does not matter. For the model, with fluxes and positions held,
+ *   chi2 = sum weight (data - flux P)^2
+ * is minimised over c = prior + sum_q a_q D_q + tau G y by preconditioned conjugate gradients: D_q, the profile's
+ * derivatives by its size and ellipse; G, a Gaussian half as wide as the PSF (what differs from the profile is no finer);
+ * tau, how much a coefficient may depart from the profile, follows it and falls to 0 at the edge of the core. The prior
+ * of a and y is |a / MODE|^2 + |y|^2. */
+#include "psf/psf_fit.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/wide.h"
+
+static const double MODEL_ERROR = 0.01;
+enum { STARS_A_BLOCK = 16, POINTS_A_BLOCK = 256 };
+
+static size_t nodes_of(const rx_psf_model *model)
+{
+    return (size_t)model->side * (size_t)model->side;
+}
+
+static size_t stamp_size(const rx_psf_model *model)
+{
+    return (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1);
+}
+
+/* Nodes of a star, its stamp with two derivatives, work. */
+static size_t room_of(const rx_psf_model *model)
+{
+    return nodes_of(model) + 3 * stamp_size(model) + rx_psf_model_work(model);
+}
+
+/* Nodes of the PSF at a place: where it does not vary those of the model. */
+static const float *nodes_at(const rx_psf_model *model, double x, double y, float *room)
+{
+    double terms[RX_PSF_TERMS];
+    if (model->nterms == 1)
+        return model->c;
+    rx_psf_model_terms(model, x, y, terms);
+    rx_psf_model_mix(model, model->c, terms, room);
+    return room;
+}
+
+/* ---- all points off the image ---- */
+
+typedef struct drawn {
+    int cx, cy, reach;
+    size_t at; /* of its stamp */
+} drawn;
+
+/* As far as the light is above a twentieth of the sky's noise. */
+static int reach_of(const rx_psf_job *job, const rx_point *p)
+{
+    const rx_psf_model *model = &job->model;
+    const double least = 0.05 * fmax(job->image->global_noise, 1e-30);
+    int low = (int)fmin(model->half, ceil(2.0 * job->fwhm)), high = (int)(model->nwing * RX_PSF_WING_STEP);
+    if (!(p->flux * (double)rx_psf_model_wing(model, low) > least))
+        return low;
+    while (high - low > 1) {
+        const int mid = (low + high) / 2;
+        *(p->flux * (double)rx_psf_model_wing(model, mid) > least ? &low : &high) = mid;
+    }
+    return high;
+}
+
+static void draw(const rx_psf_job *job, const rx_point *p, const drawn *d, float *stamp, float *room)
+{
+    const rx_psf_model *model = &job->model;
+    const int half = d->reach < model->half ? d->reach : model->half, n = 2 * d->reach + 1,
+              core = 2 * half + 1;
+    float *inner = room + nodes_of(model);
+    const double dx = p->x - d->cx, dy = p->y - d->cy;
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half, inner, NULL, NULL,
+                       inner + 3 * stamp_size(model));
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            const int x = i - d->reach, y = j - d->reach;
+            const float value = abs(x) <= half && abs(y) <= half
+                                    ? inner[(size_t)(y + half) * (size_t)core + (size_t)(x + half)]
+                                    : rx_psf_model_wing(model, hypot(x - dx, y - dy));
+            stamp[(size_t)j * (size_t)n + (size_t)i] = (float)p->flux * value;
+        }
+}
+
+rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
+{
+    const rx_image *image = job->image;
+    const size_t pixels = (size_t)image->width * (size_t)image->height, room = room_of(&job->model);
+    drawn list[POINTS_A_BLOCK];
+    memcpy(job->rest, image->pixels, pixels * sizeof(float));
+    for (int first = 0; first < job->n; first += POINTS_A_BLOCK) {
+        const int count = job->n - first < POINTS_A_BLOCK ? job->n - first : POINTS_A_BLOCK;
+        size_t size = 0;
+        for (int i = 0; i < count; i++) {
+            const rx_point *p = &job->points[first + i];
+            list[i] = (drawn){
+                .cx = (int)lround(p->x), .cy = (int)lround(p->y), .reach = reach_of(job, p), .at = size};
+            size += (size_t)(2 * list[i].reach + 1) * (size_t)(2 * list[i].reach + 1);
+        }
+        float *stamps = RX_NEW(float, size);
+        if (stamps == NULL)
+            return rx_error_memory(err, size * sizeof(float));
+#pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
+        for (int i = 0; i < count; i++)
+            draw(job, &job->points[first + i], &list[i], stamps + list[i].at,
+                 job->stamps + (size_t)omp_get_thread_num() * room);
+        for (int i = 0; i < count; i++) {
+            const int n = 2 * list[i].reach + 1, x = list[i].cx - list[i].reach,
+                      y = list[i].cy - list[i].reach;
+            const int x0 = x > 0 ? x : 0, x1 = x + n < image->width ? x + n : image->width;
+            for (int j = y > 0 ? y : 0; j < y + n && j < image->height; j++) {
+                float *to = job->rest + (size_t)j * (size_t)image->width;
+                const float *from = stamps + list[i].at + (size_t)(j - y) * (size_t)n - x;
+                for (int k = x0; k < x1; k++)
+                    to[k] -= from[k];
+            }
+        }
+        free(stamps);
+    }
+    return RX_OK;
+}
+
+double rx_psf_job_radius(const rx_psf_job *job, double x, double y)
+{
+    const rx_moffat *m = &job->profile;
+    const double r = hypot(x, y), t = fmin(fmax((r / job->model.half - 0.7) / 0.3, 0.0), 1.0);
+    const double round = t * t * (3.0 - 2.0 * t), q = m->xx * x * x + m->yy * y * y + 2.0 * m->xy * x * y;
+    return r * round + m->hwhm * sqrt(fmax(q, 0.0)) * (1.0 - round);
+}
+
+/* ---- one star ---- */
+
+/* x [n] of a x = b, a symmetric and positive definite [n][n], overwritten; 0 where it is not. */
+static int solve_small(double a[4][4], double b[4], int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = a[i][j];
+            for (int k = 0; k < j; k++)
+                sum -= a[i][k] * a[j][k];
+            if (i == j && !(sum > 0.0))
+                return 0;
+            a[i][j] = i == j ? sqrt(sum) : sum / a[j][j];
+        }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= a[i][k] * b[k];
+        b[i] /= a[i][i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= a[k][i] * b[k];
+        b[i] /= a[i][i];
+    }
+    return 1;
+}
+
+/* The pixel's noise; 0: not used. */
+static double noise_at(const rx_psf_job *job, const float *sigmas, int x, int y)
+{
+    const size_t at = (size_t)y * (size_t)job->image->width + (size_t)x;
+    return job->used[at] != 0 ? (sigmas != NULL ? (double)sigmas[0] : 1.0) : 0.0;
+}
+
+static void step(const rx_psf_job *job, rx_point *p, int with_positions, float *room)
+{
+    const rx_image *image = job->image;
+    const rx_psf_model *model = &job->model;
+    const int cx = (int)lround(p->x), cy = (int)lround(p->y), small = (int)ceil(1.5 * job->fwhm) + 1;
+    const int half = p->star || small > model->half ? model->half : small, n = 2 * half + 1;
+    const double dx = p->x - cx, dy = p->y - cy, gain = image->gain;
+    float *value = room + nodes_of(model), *gx = value + stamp_size(model), *gy = gx + stamp_size(model);
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half, value, gx, gy,
+                       gy + stamp_size(model));
+    double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0;
+    int count = 0, masked = 0;
+    for (int j = 0; j < n; j++) {
+        const int y = cy - half + j, x0 = cx - half;
+        float sigmas[2 * 512 + 1];
+        const int from = x0 > 0 ? x0 : 0, to = x0 + n < image->width ? x0 + n : image->width;
+        const float *row = y >= 0 && y < image->height && to > from && rx_map_given(&image->noise)
+                               ? rx_map_row(&image->noise, y, from, to - from, sigmas)
+                               : NULL;
+        for (int i = 0; i < n; i++) {
+            const int x = x0 + i;
+            const size_t k = (size_t)j * (size_t)n + (size_t)i;
+            double weight = 0.0, data = 0.0;
+            const double light = p->flux * (double)value[k], away = hypot(i - half - dx, j - half - dy);
+            if (x >= 0 && y >= 0 && x < image->width && y < image->height && away <= half + 0.5) {
+                const double sigma = noise_at(job, row != NULL ? row + (x - from) : NULL, x, y),
+                             bright = fmax(light, 0.0);
+                const double off = (double)job->rest[(size_t)y * (size_t)image->width + (size_t)x] - p->sky;
+                if (sigma > 0.0)
+                    weight = 1.0 / (sigma * sigma + (gain > 0.0 ? bright / gain : 0.0) +
+                                    MODEL_ERROR * MODEL_ERROR * bright * bright);
+                masked += !(sigma > 0.0) && away < job->fwhm;
+                data = off + light;
+                if (off * off * weight > 25.0 && away > job->fwhm)
+                    weight = 0.0;
+                if (weight > 0.0) {
+                    const double g[4] = {(double)value[k], (double)gx[k], (double)gy[k], 1.0};
+                    for (int u = 0; u < 4; u++) {
+                        b[u] += weight * off * g[u];
+                        for (int v = 0; v <= u; v++)
+                            a[u][v] += weight * g[u] * g[v];
+                    }
+                    chi2 += weight * off * off;
+                    count++;
+                }
+            }
+            if (p->star) {
+                p->data[k] = (float)data;
+                p->weight[k] = (float)weight;
+            }
+        }
+    }
+    p->chi2 = count > 4 ? chi2 / (count - 4) : HUGE_VAL;
+    if (masked > 0)
+        p->kept = 0;
+    if (!(a[0][0] > 0.0))
+        return;
+    const double prior = 1.0 / (p->sky_error * p->sky_error);
+    p->snr = p->flux * sqrt(a[0][0]);
+    a[3][3] += prior;
+    b[3] += prior * (p->sky_guess - p->sky);
+    const int places = with_positions && p->snr > 8.0;
+    if (!places) { /* flux and sky */
+        a[1][0] = a[3][0];
+        a[1][1] = a[3][3];
+        b[1] = b[3];
+    }
+    if (!solve_small(a, b, places ? 4 : 2))
+        return;
+    const double most = 0.3;
+    p->sky += b[places ? 3 : 1];
+    if (places && p->flux > 0.0) {
+        p->x += fmax(fmin(p->damping * b[1] / p->flux, most), -most);
+        p->y += fmax(fmin(p->damping * b[2] / p->flux, most), -most);
+    }
+    p->flux += p->damping * b[0];
+    if (!(p->flux > 0.0))
+        p->flux = 0.0;
+}
+
+rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err)
+{
+    const size_t room = room_of(&job->model);
+#pragma omp parallel for schedule(dynamic, 16) num_threads(job->nthreads)
+    for (int i = 0; i < job->n; i++)
+        step(job, &job->points[i], with_positions, job->stamps + (size_t)omp_get_thread_num() * room);
+    return rx_psf_job_subtract(job, err);
+}
+
+/* ---- the model ---- */
+
+/* Normal equations of the stars [n] for all terms. `by`: what the stars' stamps are made from: MATRIX, the model
+ * `planes` ([nterms][side][side]) through weights; RIGHT, data minus the model; ROWS, sums of the rows of the matrix (cubic B-splines sum to 1). */
+enum { MATRIX, RIGHT, ROWS };
+
+typedef struct system_of {
+    const rx_psf_job *job;
+    const rx_psf_model *model;
+    const int *stars;
+    int n, nblocks;
+    float *blocks; /* [nblocks][nterms][side][side] */
+    float *room;   /* of the threads */
+    size_t room_size;
+} system_of;
+
+static void add_star(const system_of *s, const rx_point *p, const float *planes, int what, float *to,
+                     float *room)
+{
+    const rx_psf_model *model = s->model;
+    const size_t n = nodes_of(model), pixels = stamp_size(model);
+    double terms[RX_PSF_TERMS];
+    float *stamp = room + n, *spread = stamp + pixels, *work = spread + n;
+    const double dx = p->x - lround(p->x), dy = p->y - lround(p->y);
+    const float flux = (float)p->flux;
+    rx_psf_model_terms(model, p->x, p->y, terms);
+    if (what != ROWS) {
+        rx_psf_model_mix(model, planes, terms, room);
+        rx_psf_model_stamp(model, room, dx, dy, model->half, stamp, NULL, NULL, work);
+    }
+    for (size_t i = 0; i < pixels; i++) {
+        const float w = p->weight[i] * flux;
+        stamp[i] = what == MATRIX  ? w * flux * stamp[i]
+                   : what == RIGHT ? w * (p->data[i] - flux * stamp[i])
+                                   : w * flux;
+    }
+    memset(spread, 0, n * sizeof *spread);
+    rx_psf_model_spread(model, stamp, dx, dy, spread, work);
+    for (int k = 0; k < model->nterms; k++) {
+        const float factor = (float)(what == ROWS ? terms[k] * terms[k] : terms[k]);
+        float *sum = to + (size_t)k * n;
+#pragma omp simd
+        for (size_t i = 0; i < n; i++)
+            sum[i] += factor * spread[i];
+    }
+}
+
+/* dst [nterms][side][side]: fixed blocks of stars, summed in their order. */
+static void add_stars(const system_of *s, const float *planes, int what, double *dst)
+{
+    const size_t all = nodes_of(s->model) * (size_t)s->model->nterms;
+    memset(s->blocks, 0, (size_t)s->nblocks * all * sizeof(float));
+#pragma omp parallel for schedule(dynamic, 1) num_threads(s->job->nthreads)
+    for (int b = 0; b < s->nblocks; b++)
+        for (int i = b * STARS_A_BLOCK; i < s->n && i < (b + 1) * STARS_A_BLOCK; i++)
+            add_star(s, &s->job->points[s->stars[i]], planes, what, s->blocks + (size_t)b * all,
+                     s->room + (size_t)omp_get_thread_num() * s->room_size);
+#pragma omp parallel for schedule(static) num_threads(s->job->nthreads)
+    for (size_t i = 0; i < all; i++) {
+        double sum = 0.0;
+        for (int b = 0; b < s->nblocks; b++)
+            sum += (double)s->blocks[(size_t)b * all + i];
+        dst[i] = sum;
+    }
+}
+
+/* What the stars' fluxes and positions could take up is taken out of the departures of a term [side][side]: its sum, and
+ * its component along the shifts of the profile. */
+static void remove_shift(const rx_psf_job *job, const rx_psf_model *model, double *plane)
+{
+    const int side = model->side;
+    double along[2] = {0}, norm[2] = {0}, sum = 0.0, whole = 0.0;
+    for (int j = 1; j < side - 1; j++)
+        for (int i = 1; i < side - 1; i++) {
+            const size_t k = (size_t)j * (size_t)side + (size_t)i;
+            const float *p = job->prior + k;
+            const double g[2] = {(double)(p[1] - p[-1]), (double)(p[side] - p[-side])};
+            for (int d = 0; d < 2; d++) {
+                along[d] += g[d] * plane[k];
+                norm[d] += g[d] * g[d];
+            }
+            sum += plane[k];
+            whole += (double)p[0];
+        }
+    for (int j = 1; j < side - 1; j++)
+        for (int i = 1; i < side - 1; i++) {
+            const size_t k = (size_t)j * (size_t)side + (size_t)i;
+            const float *p = job->prior + k;
+            plane[k] -= along[0] / norm[0] * (double)(p[1] - p[-1]) +
+                        along[1] / norm[1] * (double)(p[side] - p[-side]) + sum / whole * (double)p[0];
+        }
+}
+
+static rx_status open_system(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
+                             system_of *s, rx_error *err)
+{
+    const size_t all = nodes_of(model) * (size_t)model->nterms;
+    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n};
+    s->nblocks = (n + STARS_A_BLOCK - 1) / STARS_A_BLOCK;
+    s->room_size = 2 * nodes_of(model) + stamp_size(model) + rx_psf_model_work(model);
+    s->blocks = RX_NEW(float, (size_t)s->nblocks *all);
+    s->room = RX_NEW(float, (size_t)job->nthreads * s->room_size);
+    if (s->blocks != NULL && s->room != NULL)
+        return RX_OK;
+    free(s->blocks);
+    free(s->room);
+    return rx_error_memory(err, (size_t)s->nblocks * all * sizeof(float));
+}
+
+static double dot(const double *a, const double *b, size_t n)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+enum { ITERATIONS = 14, MODES = 3, BLUR = 64 };
+static const double MODE = 0.3; /* relative size, ellipticity */
+
+/* From what is solved for to coefficients: for each term MODES numbers, then nodes. */
+typedef struct basis {
+    int side, nterms, blur; /* blur: taps of the Gaussian on either side */
+    size_t plane, length;   /* of a term: nodes; unknowns */
+    double *modes;          /* [MODES][side][side] */
+    double *tau[2];         /* of the constant term, of the others */
+    double weights[BLUR + 1];
+    double *line; /* work [side][side] */
+} basis;
+
+static void free_basis(basis *b)
+{
+    free(b->modes);
+    *b = (basis){.side = 0};
+}
+
+static rx_status open_basis(const rx_psf_job *job, const rx_psf_model *model, int pixels, basis *b,
+                            rx_error *err)
+{
+    static const double constant[RX_PSF_FREEDOMS] = {0.0, 0.25, 1.0, 1.0},
+                        others[RX_PSF_FREEDOMS] = {0.0, 0.0, 0.0, 0.3};
+    const int side = model->side, middle = model->middle;
+    const size_t n = nodes_of(model);
+    *b = (basis){.side = side, .nterms = model->nterms, .plane = n, .length = n + MODES};
+    b->modes = RX_NEW(double, (MODES + 3) * n);
+    if (b->modes == NULL)
+        return rx_error_memory(err, (MODES + 3) * n * sizeof(double));
+    b->tau[0] = b->modes + MODES * n;
+    b->tau[1] = b->tau[0] + n;
+    b->line = b->tau[1] + n;
+    double peak = 0.0, squares = 0.0;
+    for (size_t k = 0; k < n; k++)
+        peak = fmax(peak, job->values[k]);
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++) {
+            const size_t k = (size_t)j * (size_t)side + (size_t)i;
+            const int x = i - middle, y = j - middle;
+            const double r = hypot(x, y) / model->m / model->half, t = fmin(fmax((1.0 - r) / 0.2, 0.0), 1.0);
+            const double taper = t * t * (3.0 - 2.0 * t), own = (double)job->prior[k];
+            b->tau[0][k] = constant[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
+            b->tau[1][k] = others[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
+            if (i == 0 || j == 0 || i == side - 1 || j == side - 1)
+                continue;
+            const double px = 0.5 * (double)(job->prior[k + 1] - job->prior[k - 1]),
+                         py = 0.5 * (double)(job->prior[k + (size_t)side] - job->prior[k - (size_t)side]);
+            b->modes[k] = -MODE * taper * (x * px + y * py + 2.0 * own);
+            b->modes[n + k] = -MODE * taper * 0.5 * (x * px - y * py);
+            b->modes[2 * n + k] = -MODE * taper * 0.5 * (x * py + y * px);
+        }
+    const double sigma = 0.5 * job->fwhm * model->m / 2.3548;
+    b->blur = (int)fmin(ceil(3.0 * sigma), BLUR);
+    for (int i = 0; i <= b->blur; i++) {
+        b->weights[i] = exp(-0.5 * i * i / (sigma * sigma));
+        squares += (i > 0 ? 2.0 : 1.0) * b->weights[i] * b->weights[i];
+    }
+    for (int i = 0; i <= b->blur; i++)
+        b->weights[i] /= sqrt(squares);
+    return RX_OK;
+}
+
+/* plane = G plane; G is its own adjoint. */
+static void blur(const basis *b, double *plane)
+{
+    const int n = b->side;
+    for (int axis = 0; axis < 2; axis++) {
+        const int along = axis == 0 ? 1 : n;
+        memset(b->line, 0, b->plane * sizeof(double));
+        for (int t = -b->blur; t <= b->blur; t++) {
+            const double w = b->weights[abs(t)];
+            for (int j = 0; j < n; j++) {
+                const int i0 = axis == 0 && t < 0 ? -t : 0, i1 = axis == 0 && t > 0 ? n - t : n;
+                if (axis == 1 && (j + t < 0 || j + t >= n))
+                    continue;
+                double *to = b->line + (size_t)j * (size_t)n;
+                const double *from = plane + (ptrdiff_t)j * n + (ptrdiff_t)t * along;
+#pragma omp simd
+                for (int i = i0; i < i1; i++)
+                    to[i] += w * from[i];
+            }
+        }
+        memcpy(plane, b->line, b->plane * sizeof(double));
+    }
+}
+
+/* planes [nterms][side][side] of the unknowns. */
+static void to_planes(const basis *b, const double *unknowns, double *planes)
+{
+    for (int k = 0; k < b->nterms; k++) {
+        const double *u = unknowns + (size_t)k * b->length, *tau = b->tau[k > 0];
+        double *plane = planes + (size_t)k * b->plane;
+        memcpy(plane, u + MODES, b->plane * sizeof(double));
+        blur(b, plane);
+        for (size_t i = 0; i < b->plane; i++)
+            plane[i] *= tau[i];
+        for (int q = 0; q < MODES; q++)
+            for (size_t i = 0; i < b->plane; i++)
+                plane[i] += u[q] * b->modes[(size_t)q * b->plane + i];
+    }
+}
+
+/* The adjoint; planes are lost. */
+static void to_unknowns(const basis *b, double *planes, double *unknowns)
+{
+    for (int k = 0; k < b->nterms; k++) {
+        double *u = unknowns + (size_t)k * b->length, *plane = planes + (size_t)k * b->plane;
+        const double *tau = b->tau[k > 0];
+        for (int q = 0; q < MODES; q++)
+            u[q] = dot(plane, b->modes + (size_t)q * b->plane, b->plane);
+        for (size_t i = 0; i < b->plane; i++)
+            plane[i] *= tau[i];
+        blur(b, plane);
+        memcpy(u + MODES, plane, b->plane * sizeof(double));
+    }
+}
+
+/* 1 + how much the stars know of each unknown, roughly. */
+static void condition(const basis *b, const double *rows, double *dst)
+{
+    for (int k = 0; k < b->nterms; k++) {
+        const double *row = rows + (size_t)k * b->plane, *tau = b->tau[k > 0];
+        double *d = dst + (size_t)k * b->length;
+        for (int q = 0; q < MODES; q++) {
+            const double *mode = b->modes + (size_t)q * b->plane;
+            d[q] = 1.0;
+            for (size_t i = 0; i < b->plane; i++)
+                d[q] += row[i] * mode[i] * mode[i];
+        }
+        for (size_t i = 0; i < b->plane; i++)
+            d[MODES + i] = 1.0 + tau[i] * tau[i] * row[i];
+    }
+}
+
+rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
+                           rx_psf_model *model, rx_error *err)
+{
+    const size_t plane = nodes_of(model);
+    const int degree = freedom.degree > 0 ? freedom.degree : 0;
+    model->degree = degree;
+    model->nterms = (degree + 1) * (degree + 2) / 2;
+    memset(model->c, 0, RX_PSF_TERMS * plane * sizeof(float));
+    memcpy(model->c, job->prior, plane * sizeof(float));
+    if (n == 0 || freedom.degree < 0)
+        return RX_OK;
+    const size_t all = plane * (size_t)model->nterms;
+    system_of s = {.n = 0};
+    basis b = {.side = 0};
+    float *coefficients = RX_NEW(float, all);
+    double *planes = RX_NEW(double, all), *v = NULL;
+    rx_status status =
+        coefficients == NULL || planes == NULL ? rx_error_memory(err, all * sizeof(double)) : RX_OK;
+    if (status == RX_OK)
+        status = open_system(job, model, stars, n, &s, err);
+    if (status == RX_OK)
+        status = open_basis(job, model, freedom.pixels, &b, err);
+    const size_t m = b.length * (size_t)model->nterms;
+    if (status == RX_OK && (v = RX_NEW(double, 6 * m)) == NULL)
+        status = rx_error_memory(err, 6 * m * sizeof(double));
+    if (status != RX_OK)
+        goto exit;
+    double *y = v, *r = v + m, *z = v + 2 * m, *p = v + 3 * m, *ap = v + 4 * m, *d = v + 5 * m;
+    add_stars(&s, NULL, ROWS, planes);
+    condition(&b, planes, d);
+    add_stars(&s, model->c, RIGHT, planes);
+    to_unknowns(&b, planes, r);
+    for (size_t i = 0; i < m; i++)
+        p[i] = z[i] = r[i] / d[i];
+    double rho = dot(r, z, m);
+    const double enough = 1e-6 * rho;
+    for (int it = 0; it < ITERATIONS && rho > enough; it++) {
+        to_planes(&b, p, planes);
+        for (size_t i = 0; i < all; i++)
+            coefficients[i] = (float)planes[i];
+        add_stars(&s, coefficients, MATRIX, planes);
+        to_unknowns(&b, planes, ap);
+        for (size_t i = 0; i < m; i++)
+            ap[i] += p[i];
+        const double alpha = rho / dot(p, ap, m), before = rho;
+        for (size_t i = 0; i < m; i++) {
+            y[i] += alpha * p[i];
+            r[i] -= alpha * ap[i];
+            z[i] = r[i] / d[i];
+        }
+        rho = dot(r, z, m);
+        for (size_t i = 0; i < m; i++)
+            p[i] = z[i] + rho / before * p[i];
+    }
+    to_planes(&b, y, planes);
+    for (int k = 0; k < model->nterms; k++)
+        remove_shift(job, model, planes + (size_t)k * plane);
+    for (size_t i = 0; i < all; i++)
+        model->c[i] += (float)planes[i];
+exit:
+    free(s.blocks);
+    free(s.room);
+    free_basis(&b);
+    free(coefficients);
+    free(planes);
+    free(v);
+    return status;
+}
+
+/* ---- how well it does ---- */
+
+static double chi2_of(const rx_psf_model *model, const rx_point *p, float *room)
+{
+    const size_t pixels = stamp_size(model);
+    float *value = room + nodes_of(model), *gx = value + pixels, *gy = gx + pixels;
+    double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0, along = 0.0;
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), p->x - lround(p->x), p->y - lround(p->y),
+                       model->half, value, gx, gy, gy + pixels);
+    for (size_t k = 0; k < pixels; k++) {
+        const double w = (double)p->weight[k], off = (double)p->data[k] - p->flux * (double)value[k];
+        const double g[3] = {(double)value[k], (double)gx[k], (double)gy[k]};
+        for (int u = 0; u < 3; u++) {
+            b[u] += w * off * g[u];
+            for (int v = 0; v <= u; v++)
+                a[u][v] += w * g[u] * g[v];
+        }
+        chi2 += w * off * off;
+    }
+    const double right[3] = {b[0], b[1], b[2]};
+    if (solve_small(a, b, 3))
+        for (int u = 0; u < 3; u++)
+            along += b[u] * right[u];
+    return chi2 - along;
+}
+
+rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
+                          double *chi2, rx_error *err)
+{
+    (void)err;
+    const size_t room = room_of(model);
+#pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
+    for (int i = 0; i < n; i++)
+        chi2[i] = chi2_of(model, &job->points[stars[i]], job->stamps + (size_t)omp_get_thread_num() * room);
+    return RX_OK;
+}

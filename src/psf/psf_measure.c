@@ -1,0 +1,569 @@
+/* PSF_TYPE AUTO: the PSF of a tile from the pixels of its stars.
+ *
+ * 1. The elliptical Moffat of the tile (psf_estimate.c) says where the stars are in size, and is the first model.
+ * 2. Every source as wide as a star is subtracted as a point; fluxes, positions and skies of all take steps against
+ *    the same residual, so that neighbours do not hurt (as in DAOPHOT, Stetson 1987, PASP 99, 191, and crowdsource,
+ *    Schlafly et al. 2018, ApJS 234, 39). Extended sources are masked by their segments.
+ * 3. The wings: mean residual of bright stars in rings out to 20 FWHM, each star on the sky around these, which no
+ *    background mesh has eaten; beyond the ring where they vanish in the noise they are extrapolated.
+ * 4. The core: splines on nodes finer than the pixel (psf_fit.c), held to Moffat and wings, varying over the tile with
+ *    a polynomial of the degree that stars which were held out like best.
+ * 5. A fifth of the stars is never fitted: what they say of the model (psf_check.c) goes into headers.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/stats.h"
+#include "psf/psf_fit.h"
+#include "psf/psf_rings.h"
+#include "psf/psf_stars.h"
+
+enum { MOST_STARS = 600, CHOSEN_BY = 240, LEAST_STARS = 8, FOLDS = 3, PASSES = 4, CHOICE = 2 };
+static const double WIDEST = 20.0;    /* FWHM, pixels, of a core of pixels */
+static const double RESERVED = 0.2;   /* share of the stars */
+static const double LOCUS = 0.22;     /* half-width in ln(half-light radius): blends are wider */
+static const double POINT = 1.35;     /* wider than a star by this: masked, not subtracted */
+static const double MESH_ERROR = 0.1; /* of a sky mesh, sigmas of a pixel */
+static const double BEYOND = 1e-3;    /* light that may be left out */
+static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
+
+/* ---- points ---- */
+
+typedef struct by_row {
+    double y;
+    int i;
+} by_row;
+
+static int compare_rows(const void *a, const void *b)
+{
+    const by_row *p = a, *q = b;
+    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->i > q->i) - (p->i < q->i);
+}
+
+/* Steps of sources whose light overlaps add up: each takes a smaller one. */
+static rx_status set_damping(rx_psf_job *job, rx_error *err)
+{
+    by_row *rows = RX_NEW(by_row, (size_t)job->n + 1);
+    if (rows == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < job->n; i++)
+        rows[i] = (by_row){job->points[i].y, i};
+    qsort(rows, (size_t)job->n, sizeof *rows, compare_rows);
+    for (int i = 0; i < job->n; i++) {
+        double overlap = 0.0;
+        for (int side = -1; side <= 1; side += 2)
+            for (int k = i + side; k >= 0 && k < job->n && fabs(rows[k].y - rows[i].y) < 2.0 * job->fwhm;
+                 k += side) {
+                const double dx = job->points[rows[k].i].x - job->points[rows[i].i].x,
+                             dy = rows[k].y - rows[i].y;
+                overlap += exp(-1.39 * (dx * dx + dy * dy) / (job->fwhm * job->fwhm));
+            }
+        job->points[rows[i].i].damping = 1.0 / (1.0 + 0.7 * overlap);
+    }
+    free(rows);
+    return RX_OK;
+}
+
+static int by_brightness(const void *a, const void *b)
+{
+    const rx_candidate *x = a, *y = b;
+    if (x->snr != y->snr)
+        return x->snr < y->snr ? 1 : -1;
+    return (x->source > y->source) - (x->source < y->source);
+}
+
+/* Candidates of the locus, brightest first, at most MOST_STARS. */
+static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, double radius,
+                              rx_star_list *dst, rx_error *err)
+{
+    const rx_star_search search = {.par = par, .image = job->image, .sources = job->sources, .level = 1};
+    RX_TRY(rx_stars_candidates(&search, dst, err));
+    int n = 0;
+    for (int i = 0; i < dst->n; i++)
+        if (fabs(log(dst->list[i].radius / radius)) < LOCUS)
+            dst->list[n++] = dst->list[i];
+    qsort(dst->list, (size_t)n, sizeof *dst->list, by_brightness);
+    dst->n = n < MOST_STARS ? n : MOST_STARS;
+    return RX_OK;
+}
+
+/* Points and the plane of what is used. */
+static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radius, rx_error *err)
+{
+    const rx_image *image = job->image;
+    const rx_sources *sources = job->sources;
+    const size_t pixels = (size_t)image->width * (size_t)image->height;
+    const size_t stamp = (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1);
+    const rx_map sky = rx_image_sky(image);
+    int most = 0;
+    for (int i = 0; i < sources->n; i++)
+        most = sources->list[i].segment > most ? sources->list[i].segment : most;
+    unsigned char *extended = RX_NEW(unsigned char, (size_t)most + 1),
+                  *star = RX_NEW(unsigned char, (size_t)sources->n + 1);
+    job->points = RX_NEW(rx_point, (size_t)sources->n + 1);
+    job->used = RX_NEW(unsigned char, pixels);
+    job->rest = RX_NEW(float, pixels);
+    rx_status status = RX_OK;
+    if (extended == NULL || star == NULL || job->points == NULL || job->used == NULL || job->rest == NULL) {
+        status = rx_error_memory(err, pixels * 5);
+        goto exit;
+    }
+    for (int i = 0; i < stars->n; i++)
+        star[stars->list[i].source] = 1;
+    double peak = 0.0;
+    for (int i = 0; i < job->model.side * job->model.side; i++)
+        peak = fmax(peak, (double)job->prior[i]);
+    for (int i = 0; i < sources->n; i++) {
+        const rx_source *s = &sources->list[i];
+        const double snr = s->fluxerr_auto > 0.0 ? s->flux_auto / s->fluxerr_auto : 0.0;
+        if (!(s->peak > 0.0) ||
+            !(s->x >= 0.0 && s->y >= 0.0 && s->x <= image->width - 1 && s->y <= image->height - 1))
+            continue;
+        if (!star[i] && (s->flux_radius[0] > POINT * radius || (s->flags & RX_FLAG_SATURATED) != 0) &&
+            snr > 7.0) {
+            if (s->segment > 0)
+                extended[s->segment] = 1;
+            continue;
+        }
+        rx_point *p = &job->points[job->n++];
+        *p = (rx_point){
+            .source = i, .x = s->x, .y = s->y, .flux = s->peak / peak, .damping = 1.0, .star = star[i]};
+        p->kept = star[i];
+        p->sky = p->sky_guess = (double)rx_map_at(&sky, (int)lround(s->x), (int)lround(s->y));
+        p->sky_error = MESH_ERROR * fmax(image->global_noise, 1e-30);
+        if (!p->star)
+            continue;
+        p->data = RX_NEW(float, 2 * stamp);
+        p->weight = p->data + stamp;
+        if (p->data == NULL) {
+            status = rx_error_memory(err, 0);
+            goto exit;
+        }
+        p->reserved = stars->n >= 10 && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
+    }
+    for (size_t k = 0; k < pixels; k++) {
+        const int32_t owner = sources->segments != NULL ? sources->segments[k] : 0;
+        job->used[k] = !rx_image_hides(image, k) && !(owner > 0 && owner <= most && extended[owner]);
+    }
+    status = set_damping(job, err);
+exit:
+    free(extended);
+    free(star);
+    return status;
+}
+
+static void free_job(rx_psf_job *job)
+{
+    for (int i = 0; i < job->n; i++)
+        free(job->points[i].data);
+    free(job->points);
+    free(job->rest);
+    free(job->used);
+    free(job->prior);
+    free(job->values);
+    free(job->stamps);
+    rx_psf_model_free(&job->model);
+}
+
+/* ---- the profile that the core is held to ---- */
+
+/* The Moffat of the tile, as first profile of core and wing. */
+static void fill_moffat(rx_psf_job *job)
+{
+    rx_psf_model *model = &job->model;
+#pragma omp parallel for schedule(static) num_threads(job->nthreads)
+    for (int k = 0; k < model->side * model->side; k++)
+        job->values[k] = rx_moffat_pixel(&job->profile, (k % model->side - model->middle) / (double)model->m,
+                                         (k / model->side - model->middle) / (double)model->m, NULL);
+    for (int i = 0; i < model->nwing; i++) {
+        const double r = i * RX_PSF_WING_STEP / job->profile.hwhm;
+        model->wing[i] = (float)exp(-job->profile.beta * log1p(job->profile.k * r * r));
+    }
+}
+
+/* Sum 1 within the radius, of core and wing; fluxes go up by what the profile goes down, and coefficients follow it. */
+static rx_status normalise(rx_psf_job *job, double radius, rx_error *err)
+{
+    rx_psf_model *model = &job->model;
+    const size_t n = (size_t)model->side * (size_t)model->side;
+    const int reach = (int)radius;
+    double *nodes = RX_NEW(double, n), sum = 0.0;
+    if (nodes == NULL)
+        return rx_error_memory(err, n * sizeof(double));
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++)
+            if (i * i + j * j <= radius * radius)
+                sum += abs(i) <= model->half && abs(j) <= model->half
+                           ? job->values[(size_t)(model->middle + j * model->m) * (size_t)model->side +
+                                         (size_t)(model->middle + i * model->m)]
+                           : (double)rx_psf_model_wing(model, hypot(i, j));
+    for (size_t k = 0; k < n; k++)
+        nodes[k] = job->values[k] /= sum;
+    rx_psf_model_interpolate(model, nodes);
+    for (size_t k = 0; k < n; k++)
+        job->prior[k] = (float)nodes[k];
+    for (int i = 0; i < model->nwing; i++)
+        model->wing[i] /= (float)sum;
+    for (int i = 0; i < job->n; i++)
+        job->points[i].flux *= sum;
+    free(nodes);
+    return RX_OK;
+}
+
+/* ---- which stars, which degree ---- */
+
+/* Stars that are kept, fitted ones or reserved ones; returns how many. */
+static int list_stars(const rx_psf_job *job, int reserved, int *dst)
+{
+    int n = 0;
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].kept && job->points[i].reserved == reserved)
+            dst[n++] = i;
+    return n;
+}
+
+/* Leaves out stars whose width, shape or chi2 differs from those of the others by four robust sigmas. */
+static rx_status reject(rx_psf_job *job, rx_error *err)
+{
+    static const double floors[4] = {0.03, 0.03, 0.03, 0.7};
+    rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);
+    double *values = RX_NEW(double, (size_t)job->n + 1);
+    if (shapes == NULL || values == NULL) {
+        free(shapes);
+        free(values);
+        return rx_error_memory(err, 0);
+    }
+    rx_psf_shapes(job, shapes);
+    for (int round = 0; round < 3; round++)
+        for (int which = 0; which < 4; which++) {
+            size_t m = 0;
+            for (int i = 0; i < job->n; i++)
+                if (job->points[i].kept)
+                    values[m++] = which == 3 ? log(job->points[i].chi2 + 0.1) : shapes[i].off[which];
+            if (m < 6)
+                break;
+            double centre;
+            const double sigma = fmax(rx_sigma_mad(values, m, &centre), floors[which] / 4.0);
+            for (int i = 0; i < job->n; i++) {
+                rx_point *p = &job->points[i];
+                const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
+                const double limit = 4.0 * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
+                if (p->kept && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))
+                    p->kept = 0;
+            }
+        }
+    free(shapes);
+    free(values);
+    return RX_OK;
+}
+
+/* chi2 of each of the stars against the model of the other folds. */
+static rx_status held_out(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
+                          double *chi2, rx_error *err)
+{
+    rx_psf_model model = {.m = 0};
+    int *part = RX_NEW(int, 2 * (size_t)n + 1);
+    double *values = RX_NEW(double, (size_t)n + 1);
+    rx_status status = part == NULL || values == NULL ? rx_error_memory(err, 0)
+                                                      : rx_psf_model_copy(&job->model, &model, err);
+    for (int fold = 0; fold < FOLDS && status == RX_OK; fold++) {
+        int fitted = 0, out = 0, *away = part + n;
+        for (int i = 0; i < n; i++) {
+            const int mine =
+                (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)job->points[stars[i]].source));
+            if (mine == fold)
+                away[out++] = stars[i];
+            else
+                part[fitted++] = stars[i];
+        }
+        status = rx_psf_job_solve(job, part, fitted, freedom, &model, err);
+        if (status == RX_OK)
+            status = rx_psf_job_chi2(job, &model, away, out, values, err);
+        for (int i = 0, k = 0; i < n; i++)
+            if (k < out && stars[i] == away[k])
+                chi2[i] = values[k++];
+    }
+    rx_psf_model_free(&model);
+    free(part);
+    free(values);
+    return status;
+}
+
+/* A model that is freer is taken where stars that were held out fit better by more than the scatter of that from star to
+ * star: first the core's pixels, then degree after degree, then the pixels of all terms. */
+static rx_status choose_freedom(const rx_psf_job *job, const int *stars, int n, int highest,
+                                rx_psf_freedom *best, rx_log *log, rx_error *err)
+{
+    const int m = n < CHOSEN_BY ? n : CHOSEN_BY;
+    double *least = RX_NEW(double, 2 * (size_t)m + 1), *chi2 = least + m;
+    int *some = RX_NEW(int, (size_t)m + 1);
+    *best = (rx_psf_freedom){.degree = -1};
+    rx_status status = least == NULL || some == NULL ? rx_error_memory(err, 0) : RX_OK;
+    for (int i = 0; i < m && status == RX_OK; i++)
+        some[i] = stars[(size_t)i * (size_t)n / (size_t)m];
+    if (status == RX_OK)
+        status = held_out(job, some, m, *best, least, err);
+    for (int k = 0; k < 4 + highest && status == RX_OK; k++) {
+        const rx_psf_freedom next = k < 3             ? (rx_psf_freedom){0, k}
+                                    : k < 3 + highest ? (rx_psf_freedom){k - 2, best->pixels}
+                                                      : (rx_psf_freedom){best->degree, RX_PSF_LOOSE_ALL};
+        if (k >= 3 && (next.degree > (best->degree > 0 ? best->degree : 0) + 2 || next.degree < 1 ||
+                       m < 3 * (next.degree + 1) * (next.degree + 2) / 2 + 6))
+            continue;
+        status = held_out(job, some, m, next, chi2, err);
+        double mean = 0.0, square = 0.0;
+        for (int i = 0; i < m; i++) {
+            const double gain = asinh(least[i] - chi2[i]); /* no star decides alone */
+            mean += gain / m;
+            square += gain * gain / m;
+        }
+        const double error = sqrt(fmax(square - mean * mean, 0.0) / m);
+        rx_log_detail(
+            log,
+            "PSF_TYPE AUTO: degree %d, pixels %d: stars held out fit better by %.3g +- %.2g than with %d, %d",
+            next.degree, next.pixels, mean, error, best->degree, best->pixels);
+        if (status == RX_OK && mean > error) {
+            *best = next;
+            memcpy(least, chi2, (size_t)m * sizeof *least);
+        }
+    }
+    free(least);
+    free(some);
+    return status;
+}
+
+/* ---- the result ---- */
+
+/* Coefficients of the Legendre polynomials by powers. */
+static const double POWERS[RX_PSF_DEGREE + 1][RX_PSF_DEGREE + 1] = {
+    {1}, {0, 1}, {-0.5, 0, 1.5}, {0, -1.5, 0, 2.5}, {0.375, 0, -3.75, 0, 4.375}};
+
+/* Basis images: the terms on the pixels, as monomials of the position; sums 1, 0, 0, ... */
+static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_error *err)
+{
+    const rx_psf_model *model = &job->model;
+    const int reach = (int)radius, size = 2 * reach + 1, half = model->half < reach ? model->half : reach;
+    const int core = 2 * half + 1;
+    const size_t n = (size_t)size * (size_t)size, nodes = (size_t)model->side * (size_t)model->side;
+    rx_psf *psf = rx_psf_new(RX_PSF_AUTO, size, model->nterms);
+    float *stamp = RX_NEW(float, (size_t)core *(size_t)core), *work = RX_NEW(float, rx_psf_model_work(model));
+    double *sums = RX_NEW(double, (size_t)model->nterms *n);
+    rx_status status = RX_OK;
+    if (psf == NULL || stamp == NULL || work == NULL || sums == NULL) {
+        status = rx_error_memory(err, (size_t)model->nterms * n * sizeof(double));
+        goto exit;
+    }
+    int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
+    rx_psf_model_powers(model->degree, px, py);
+    for (int k = 0; k < model->nterms; k++) {
+        psf->px[k] = px[k];
+        psf->py[k] = py[k];
+        rx_psf_model_stamp(model, model->c + (size_t)k * nodes, 0.0, 0.0, half, stamp, NULL, NULL, work);
+        for (int b = 0; b < model->nterms; b++) {
+            const double factor = POWERS[px[k]][px[b]] * POWERS[py[k]][py[b]];
+            for (int j = -half; j <= half && factor != 0.0; j++)
+                for (int i = -half; i <= half; i++)
+                    if (i * i + j * j <= radius * radius)
+                        sums[(size_t)b * n + (size_t)(j + reach) * (size_t)size + (size_t)(i + reach)] +=
+                            factor * (double)stamp[(size_t)(j + half) * (size_t)core + (size_t)(i + half)];
+        }
+    }
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++)
+            if ((abs(i) > half || abs(j) > half) && i * i + j * j <= radius * radius)
+                sums[(size_t)(j + reach) * (size_t)size + (size_t)(i + reach)] +=
+                    (double)rx_psf_model_wing(model, hypot(i, j));
+    /* nothing below 0: over X, Y in -1..1 the varying part is at most the sum of its coefficients */
+    for (size_t i = 0; i < n; i++) {
+        double most = 0.0;
+        sums[i] = fmax(sums[i], 0.0);
+        for (int b = 1; b < model->nterms; b++)
+            most += fabs(sums[(size_t)b * n + i]);
+        for (int b = 1; b < model->nterms && most > sums[i]; b++)
+            sums[(size_t)b * n + i] *= sums[i] / most;
+    }
+    double whole = 0.0;
+    for (size_t i = 0; i < n; i++)
+        whole += sums[i];
+    for (int b = model->nterms - 1; b >= 0; b--) {
+        double sum = 0.0;
+        for (size_t i = 0; i < n && b > 0; i++)
+            sum += sums[(size_t)b * n + i];
+        for (size_t i = 0; i < n; i++)
+            psf->basis[(size_t)b * n + i] =
+                (float)((sums[(size_t)b * n + i] - sum / whole * sums[i]) / whole);
+    }
+    psf->x0 = model->x0;
+    psf->y0 = model->y0;
+    psf->xs = model->xs;
+    psf->ys = model->ys;
+    *dst = psf;
+    psf = NULL;
+exit:
+    rx_psf_free(psf);
+    free(stamp);
+    free(work);
+    free(sums);
+    return status;
+}
+
+/* What headers say of it. */
+static rx_status describe(const rx_psf_job *job, const rx_psf *moffat, int candidates, rx_psf *psf,
+                          rx_error *err)
+{
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    float *stamp = RX_NEW(float, n);
+    psf->stars = rx_alloc((size_t)job->n + 1, sizeof *psf->stars);
+    if (stamp == NULL || psf->stars == NULL) {
+        free(stamp);
+        return rx_error_memory(err, 0);
+    }
+    rx_psf_at(psf, psf->x0, psf->y0, stamp);
+    rx_status status = rx_psf_shape(stamp, psf->size, &psf->fwhm, &psf->ellipticity, NULL, err);
+    free(stamp);
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].kept && !job->points[i].reserved) {
+            psf->stars[psf->nstars][0] = job->points[i].x;
+            psf->stars[psf->nstars++][1] = job->points[i].y;
+        }
+    psf->beta = moffat->beta;
+    psf->fwhm_error = moffat->fwhm_error;
+    snprintf(psf->description, sizeof psf->description,
+             "AUTO: pixels to %d px, wings to %.0f px, FWHM %.3f px, ellipticity %.3f, degree %d, from %d of "
+             "%d candidate stars",
+             job->model.half, psf->quality.radius, psf->fwhm, psf->ellipticity, job->model.degree,
+             psf->nstars, candidates);
+    return status;
+}
+
+/* What users should know before they use its fluxes. */
+static void warn(const rx_psf_quality *q, rx_log *log)
+{
+    if (fabs(q->growth) > 0.01)
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: within %.1f pixels stars have %.1f %% %s light than the PSF; fluxes "
+                       "of templates may be off by as much",
+                       q->growth_radius, 100.0 * fabs(q->growth), q->growth > 0.0 ? "more" : "less");
+    if (q->beyond > 0.01)
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: %.1f %% of the light of stars lies beyond the PSF's %.0f pixels; "
+                       "fluxes of templates are without it",
+                       100.0 * q->beyond, q->radius);
+    if (q->reserved >= 5 && fabs(q->trace[0]) > fmax(0.01, 5.0 * q->trace[1]))
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: %d stars that were not fitted are %.1f %% %s in area than the PSF",
+                       q->reserved, 100.0 * fabs(q->trace[0]), q->trace[0] > 0.0 ? "larger" : "smaller");
+}
+
+/* Model, prior and room of the threads. */
+static rx_status open_job(const rx_psf_params *par, const rx_psf *moffat, rx_psf_job *job, rx_error *err)
+{
+    const rx_image *image = job->image;
+    const int least = image->width < image->height ? image->width : image->height;
+    const int most = (least - 1) / 2; /* a stamp is no larger than the tile */
+    int half = (int)ceil(fmax(3.5 * job->fwhm, 6.0));
+    half = half > most ? most : half > 64 ? 64 : half;
+    const int reach = (int)fmax(half, fmin(ceil(20.0 * job->fwhm), least / 3));
+    const int m = (int)fmin(fmax(ceil(6.0 / moffat->fwhm), 1.0), 4.0);
+    RX_TRY(rx_psf_model_new(m, half, reach, image->width, image->height, &job->model, err));
+    const rx_psf_model *model = &job->model;
+    const size_t nodes = (size_t)model->side * (size_t)model->side,
+                 stamp = (size_t)(2 * half + 1) * (size_t)(2 * half + 1);
+    job->most = par->size > 0 ? par->size / 2 : most;
+    job->nthreads = par->nthreads > 1 ? par->nthreads : 1;
+    job->prior = RX_NEW(float, nodes);
+    job->values = RX_NEW(double, nodes);
+    job->stamps = RX_NEW(float, (size_t)job->nthreads *(nodes + 3 * stamp + rx_psf_model_work(model)));
+    return job->prior != NULL && job->values != NULL && job->stamps != NULL ? RX_OK : rx_error_memory(err, 0);
+}
+
+static rx_status steps(rx_psf_job *job, int n, rx_error *err)
+{
+    for (int i = 0; i < n; i++)
+        RX_TRY(rx_psf_job_step(job, 1, err));
+    return RX_OK;
+}
+
+rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
+                         rx_log *log, rx_psf **dst, rx_error *err)
+{
+    rx_psf *moffat = NULL;
+    rx_moffat_tile found;
+    rx_star_list stars = {.n = 0};
+    rx_psf_job job = {.image = image, .sources = sources};
+    int *fitted = NULL, n = 0;
+    *dst = NULL;
+    RX_TRY(rx_psf_fit_moffat(par, image, sources, log, &found, &moffat, err));
+    job.fwhm = hypot(moffat->fwhm, 0.8); /* of the star on pixels */
+    rx_status status = open_job(par, moffat, &job, err);
+    if (status == RX_OK)
+        status = choose_stars(par, &job, found.radius, &stars, err);
+    if (status != RX_OK)
+        goto exit;
+    if (moffat->fwhm > WIDEST || stars.n < LEAST_STARS || strcmp(moffat->quality.how, "MOFFAT") != 0) {
+        *dst = moffat;
+        moffat = NULL;
+        goto exit;
+    }
+    rx_moffat_set(&job.profile, found.shape);
+    fill_moffat(&job);
+    double radius = fmin((job.model.nwing - 2) * RX_PSF_WING_STEP, job.most), beyond = 0.0, wing_error = 0.0;
+    status = normalise(&job, radius, err);
+    if (status == RX_OK) {
+        memcpy(job.model.c, job.prior, sizeof(float) * (size_t)job.model.side * (size_t)job.model.side);
+        status = gather(&job, &stars, found.radius, err);
+    }
+    fitted = RX_NEW(int, (size_t)job.n + 1);
+    if (status == RX_OK && fitted == NULL)
+        status = rx_error_memory(err, 0);
+    if (status == RX_OK)
+        status = rx_psf_job_subtract(&job, err);
+    if (status == RX_OK)
+        status = steps(&job, 3, err);
+    rx_psf_freedom freedom = {0, RX_PSF_STIFF};
+    for (int pass = 0; pass < PASSES && status == RX_OK; pass++) {
+        status = reject(&job, err);
+        if (status == RX_OK)
+            status = rx_psf_wings(&job, BEYOND, &radius, &beyond, &wing_error, log, err);
+        if (status == RX_OK)
+            status = normalise(&job, radius, err);
+        n = list_stars(&job, 0, fitted);
+        if (status == RX_OK && pass == CHOICE)
+            status = choose_freedom(&job, fitted, n, par->max_degree, &freedom, log, err);
+        if (status == RX_OK)
+            status = rx_psf_job_solve(&job, fitted, n, freedom, &job.model, err);
+        if (status == RX_OK)
+            status = rx_psf_job_subtract(&job, err);
+        if (status == RX_OK)
+            status = steps(&job, 2, err);
+    }
+    if (status == RX_OK)
+        status = build(&job, radius, dst, err);
+    if (status == RX_OK) {
+        rx_psf_quality *q = &(*dst)->quality;
+        snprintf(q->how, sizeof q->how, "PIXELS");
+        q->radius = radius;
+        q->beyond = beyond;
+        q->degree = job.model.degree;
+        status = rx_psf_judge(&job, wing_error, q, err);
+    }
+    if (status == RX_OK)
+        status = describe(&job, moffat, stars.n, *dst, err);
+    if (status == RX_OK) {
+        warn(&(*dst)->quality, log);
+    }
+exit:
+    rx_psf_free(moffat);
+    rx_star_list_free(&stars);
+    free(fitted);
+    free_job(&job);
+    if (status != RX_OK) {
+        rx_psf_free(*dst);
+        *dst = NULL;
+    }
+    return status;
+}
