@@ -46,7 +46,7 @@ static const float *nodes_at(const rx_psf_model *model, double x, double y, floa
     if (model->nterms == 1)
         return model->c;
     rx_psf_model_terms(model, x, y, terms);
-    rx_psf_model_mix(model, model->c, terms, room);
+    rx_psf_model_mix(model, model->c, terms, model->nterms, room);
     return room;
 }
 
@@ -223,9 +223,7 @@ static void step(const rx_psf_job *job, rx_point *p, int with_positions, float *
             }
         }
     }
-    p->chi2 = count > 4 ? chi2 / (count - 4) : HUGE_VAL;
-    if (masked > 0)
-        p->kept = 0;
+    p->chi2 = count > 4 && masked == 0 ? chi2 / (count - 4) : HUGE_VAL;
     if (!(a[0][0] > 0.0))
         return;
     const double prior = 1.0 / (p->sky_error * p->sky_error);
@@ -270,9 +268,9 @@ typedef struct system_of {
     const rx_psf_job *job;
     const rx_psf_model *model;
     const int *stars;
-    int n, nblocks;
-    float *blocks; /* [nblocks][nterms][side][side] */
-    float *room;   /* of the threads */
+    int n, nblocks, nterms; /* nterms: of the first ones, which are solved for */
+    float *blocks;          /* [nblocks][nterms][side][side] */
+    float *room;            /* of the threads */
     size_t room_size;
 } system_of;
 
@@ -287,7 +285,8 @@ static void add_star(const system_of *s, const rx_point *p, const float *planes,
     const float flux = (float)p->flux;
     rx_psf_model_terms(model, p->x, p->y, terms);
     if (what != ROWS) {
-        rx_psf_model_mix(model, planes, terms, room);
+        const int all = what == RIGHT ? model->nterms : s->nterms;
+        rx_psf_model_mix(model, planes, terms, all, room);
         rx_psf_model_stamp(model, room, dx, dy, model->half, stamp, NULL, NULL, work);
     }
     for (size_t i = 0; i < pixels; i++) {
@@ -298,7 +297,7 @@ static void add_star(const system_of *s, const rx_point *p, const float *planes,
     }
     memset(spread, 0, n * sizeof *spread);
     rx_psf_model_spread(model, stamp, dx, dy, spread, work);
-    for (int k = 0; k < model->nterms; k++) {
+    for (int k = 0; k < s->nterms; k++) {
         const float factor = (float)(what == ROWS ? terms[k] * terms[k] : terms[k]);
         float *sum = to + (size_t)k * n;
 #pragma omp simd
@@ -310,7 +309,7 @@ static void add_star(const system_of *s, const rx_point *p, const float *planes,
 /* dst [nterms][side][side]: fixed blocks of stars, summed in their order. */
 static void add_stars(const system_of *s, const float *planes, int what, double *dst)
 {
-    const size_t all = nodes_of(s->model) * (size_t)s->model->nterms;
+    const size_t all = nodes_of(s->model) * (size_t)s->nterms;
     memset(s->blocks, 0, (size_t)s->nblocks * all * sizeof(float));
 #pragma omp parallel for schedule(dynamic, 1) num_threads(s->job->nthreads)
     for (int b = 0; b < s->nblocks; b++)
@@ -357,7 +356,7 @@ static rx_status open_system(const rx_psf_job *job, const rx_psf_model *model, c
                              system_of *s, rx_error *err)
 {
     const size_t all = nodes_of(model) * (size_t)model->nterms;
-    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n};
+    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n, .nterms = model->nterms};
     s->nblocks = (n + STARS_A_BLOCK - 1) / STARS_A_BLOCK;
     s->room_size = 2 * nodes_of(model) + stamp_size(model) + rx_psf_model_work(model);
     s->blocks = RX_NEW(float, (size_t)s->nblocks *all);
@@ -512,6 +511,108 @@ static void condition(const basis *b, const double *rows, double *dst)
     }
 }
 
+/* Where size and ellipse vary much, second derivatives count: 1/2 sum_qr a_q a_r D_q D_r profile, a polynomial of twice the
+ * degree (up to RX_PSF_DEGREE), is added to the model [nterms] from the numbers of the modes in the unknowns. */
+static rx_status add_curvature(const rx_psf_job *job, const basis *b, const double *unknowns, int nterms,
+                               rx_psf_model *model, rx_error *err)
+{
+    /* Gauss and Legendre's rule of 7 points: Abramowitz and Stegun 1964, table 25.4 */
+    static const double at[7] = {0.0,
+                                 0.4058451513773972,
+                                 -0.4058451513773972,
+                                 0.7415311855993945,
+                                 -0.7415311855993945,
+                                 0.9491079123427585,
+                                 -0.9491079123427585},
+                        weight[7] = {0.4179591836734694, 0.3818300505051189, 0.3818300505051189,
+                                     0.2797053914892766, 0.2797053914892766, 0.1294849661688697,
+                                     0.1294849661688697};
+    const int side = b->side, middle = model->middle;
+    const size_t n = b->plane;
+    double products[RX_PSF_TERMS][MODES][MODES] = {{{0}}},
+           *planes = RX_NEW(double, (size_t)(model->nterms + 1) * n);
+    if (planes == NULL)
+        return rx_error_memory(err, (size_t)(model->nterms + 1) * n * sizeof(double));
+    int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
+    rx_psf_model_powers(model->degree, px, py);
+    for (int i = 0; i < 49; i++) {
+        double terms[RX_PSF_TERMS], a[MODES] = {0};
+        rx_psf_model_terms(model, model->x0 + at[i % 7] * model->xs, model->y0 + at[i / 7] * model->ys,
+                           terms);
+        for (int q = 0; q < MODES; q++)
+            for (int k = 0; k < nterms; k++)
+                a[q] += terms[k] * unknowns[(size_t)k * b->length + (size_t)q];
+        for (int t = 0; t < model->nterms; t++)
+            for (int q = 0; q < MODES; q++)
+                for (int r = 0; r < MODES; r++)
+                    products[t][q][r] += 0.25 * (2 * px[t] + 1) * (2 * py[t] + 1) * weight[i % 7] *
+                                         weight[i / 7] * terms[t] * a[q] * a[r];
+    }
+    double *second = planes + (size_t)model->nterms * n;
+    for (int q = 0; q < MODES; q++)
+        for (int r = 0; r < MODES; r++) {
+            const double *first = b->modes + (size_t)r * n;
+            for (int j = 1; j < side - 1; j++)
+                for (int i = 1; i < side - 1; i++) {
+                    const size_t k = (size_t)j * (size_t)side + (size_t)i;
+                    const double x = i - middle, y = j - middle, dx = 0.5 * (first[k + 1] - first[k - 1]),
+                                 dy = 0.5 * (first[k + (size_t)side] - first[k - (size_t)side]);
+                    second[k] = -MODE * (q == 0   ? x * dx + y * dy + 2.0 * first[k]
+                                         : q == 1 ? 0.5 * (x * dx - y * dy)
+                                                  : 0.5 * (x * dy + y * dx));
+                }
+            for (int t = 0; t < model->nterms; t++)
+                for (size_t k = 0; k < n; k++)
+                    planes[(size_t)t * n + k] += 0.5 * products[t][q][r] * second[k];
+        }
+    for (int t = 0; t < model->nterms; t++) {
+        remove_shift(job, model, planes + (size_t)t * n);
+        for (size_t k = 0; k < n; k++)
+            model->c[(size_t)t * n + k] += (float)planes[(size_t)t * n + k];
+    }
+    free(planes);
+    return RX_OK;
+}
+
+/* y [terms solved for][length]: what the stars want added to the model. planes, coefficients: [..][side][side] work. */
+static rx_status descend(const system_of *s, const basis *b, double *y, double *planes, float *coefficients,
+                         rx_error *err)
+{
+    const size_t all = b->plane * (size_t)s->nterms, m = b->length * (size_t)s->nterms;
+    double *v = RX_NEW(double, 5 * m), *r = v, *z = v + m, *p = v + 2 * m, *ap = v + 3 * m, *d = v + 4 * m;
+    if (v == NULL)
+        return rx_error_memory(err, 5 * m * sizeof(double));
+    memset(y, 0, m * sizeof *y);
+    add_stars(s, NULL, ROWS, planes);
+    condition(b, planes, d);
+    add_stars(s, s->model->c, RIGHT, planes);
+    to_unknowns(b, planes, r);
+    for (size_t i = 0; i < m; i++)
+        p[i] = z[i] = r[i] / d[i];
+    double rho = dot(r, z, m);
+    const double enough = 1e-6 * rho;
+    for (int it = 0; it < ITERATIONS && rho > enough; it++) {
+        to_planes(b, p, planes);
+        for (size_t i = 0; i < all; i++)
+            coefficients[i] = (float)planes[i];
+        add_stars(s, coefficients, MATRIX, planes);
+        to_unknowns(b, planes, ap);
+        for (size_t i = 0; i < m; i++)
+            ap[i] += p[i];
+        const double alpha = rho / dot(p, ap, m), before = rho;
+        for (size_t i = 0; i < m; i++) {
+            y[i] += alpha * p[i];
+            r[i] -= alpha * ap[i];
+            z[i] = r[i] / d[i];
+        }
+        rho = dot(r, z, m);
+        for (size_t i = 0; i < m; i++)
+            p[i] = z[i] + rho / before * p[i];
+    }
+    free(v);
+    return RX_OK;
+}
+
 rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
                            rx_psf_model *model, rx_error *err)
 {
@@ -527,57 +628,39 @@ rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_ps
     system_of s = {.n = 0};
     basis b = {.side = 0};
     float *coefficients = RX_NEW(float, all);
-    double *planes = RX_NEW(double, all), *v = NULL;
+    double *planes = RX_NEW(double, all), *y = NULL;
     rx_status status =
         coefficients == NULL || planes == NULL ? rx_error_memory(err, all * sizeof(double)) : RX_OK;
     if (status == RX_OK)
         status = open_system(job, model, stars, n, &s, err);
     if (status == RX_OK)
         status = open_basis(job, model, freedom.pixels, &b, err);
-    const size_t m = b.length * (size_t)model->nterms;
-    if (status == RX_OK && (v = RX_NEW(double, 6 * m)) == NULL)
-        status = rx_error_memory(err, 6 * m * sizeof(double));
-    if (status != RX_OK)
-        goto exit;
-    double *y = v, *r = v + m, *z = v + 2 * m, *p = v + 3 * m, *ap = v + 4 * m, *d = v + 5 * m;
-    add_stars(&s, NULL, ROWS, planes);
-    condition(&b, planes, d);
-    add_stars(&s, model->c, RIGHT, planes);
-    to_unknowns(&b, planes, r);
-    for (size_t i = 0; i < m; i++)
-        p[i] = z[i] = r[i] / d[i];
-    double rho = dot(r, z, m);
-    const double enough = 1e-6 * rho;
-    for (int it = 0; it < ITERATIONS && rho > enough; it++) {
-        to_planes(&b, p, planes);
-        for (size_t i = 0; i < all; i++)
-            coefficients[i] = (float)planes[i];
-        add_stars(&s, coefficients, MATRIX, planes);
-        to_unknowns(&b, planes, ap);
-        for (size_t i = 0; i < m; i++)
-            ap[i] += p[i];
-        const double alpha = rho / dot(p, ap, m), before = rho;
-        for (size_t i = 0; i < m; i++) {
-            y[i] += alpha * p[i];
-            r[i] -= alpha * ap[i];
-            z[i] = r[i] / d[i];
+    if (status == RX_OK && (y = RX_NEW(double, b.length *(size_t)s.nterms)) == NULL)
+        status = rx_error_memory(err, all * sizeof(double));
+    for (int round = 0; round < (degree > 0 ? 2 : 1) && status == RX_OK; round++) {
+        if (round > 0) {
+            memset(model->c, 0, RX_PSF_TERMS * plane * sizeof(float));
+            memcpy(model->c, job->prior, plane * sizeof(float));
+            model->degree = 2 * degree < RX_PSF_DEGREE ? 2 * degree : RX_PSF_DEGREE;
+            model->nterms = (model->degree + 1) * (model->degree + 2) / 2;
+            status = add_curvature(job, &b, y, s.nterms, model, err);
         }
-        rho = dot(r, z, m);
-        for (size_t i = 0; i < m; i++)
-            p[i] = z[i] + rho / before * p[i];
+        if (status == RX_OK)
+            status = descend(&s, &b, y, planes, coefficients, err);
     }
-    to_planes(&b, y, planes);
-    for (int k = 0; k < model->nterms; k++)
-        remove_shift(job, model, planes + (size_t)k * plane);
-    for (size_t i = 0; i < all; i++)
-        model->c[i] += (float)planes[i];
-exit:
+    if (status == RX_OK) {
+        to_planes(&b, y, planes);
+        for (int k = 0; k < s.nterms; k++)
+            remove_shift(job, model, planes + (size_t)k * plane);
+        for (size_t i = 0; i < all; i++)
+            model->c[i] += (float)planes[i];
+    }
     free(s.blocks);
     free(s.room);
     free_basis(&b);
     free(coefficients);
     free(planes);
-    free(v);
+    free(y);
     return status;
 }
 

@@ -237,6 +237,8 @@ static rx_status reject(rx_psf_job *job, rx_error *err)
         free(values);
         return rx_error_memory(err, 0);
     }
+    for (int i = 0; i < job->n; i++) /* who did not suit the last model may suit this one */
+        job->points[i].kept = job->points[i].star && job->points[i].chi2 < HUGE_VAL;
     rx_psf_shapes(job, shapes);
     for (int round = 0; round < 3; round++)
         for (int which = 0; which < 4; which++) {
@@ -525,6 +527,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     if (status == RX_OK)
         status = steps(&job, 3, err);
     rx_psf_freedom freedom = {0, RX_PSF_STIFF};
+    const int most = par->max_degree;
     for (int pass = 0; pass < PASSES && status == RX_OK; pass++) {
         status = reject(&job, err);
         if (status == RX_OK)
@@ -532,8 +535,10 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         if (status == RX_OK)
             status = normalise(&job, radius, err);
         n = list_stars(&job, 0, fitted);
+        if (pass < CHOICE) /* so that stars where the PSF is another are not lost */
+            freedom.degree = n > 60 && most > 1 ? 2 : n > 24 && most > 0 ? 1 : 0;
         if (status == RX_OK && pass == CHOICE)
-            status = choose_freedom(&job, fitted, n, par->max_degree, &freedom, log, err);
+            status = choose_freedom(&job, fitted, n, most, &freedom, log, err);
         if (status == RX_OK)
             status = rx_psf_job_solve(&job, fitted, n, freedom, &job.model, err);
         if (status == RX_OK)

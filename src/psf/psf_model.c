@@ -80,11 +80,11 @@ void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double te
 }
 
 void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
-                      float *dst)
+                      int nterms, float *dst)
 {
     const size_t n = (size_t)model->side * (size_t)model->side;
     memcpy(dst, planes, n * sizeof *dst);
-    for (int k = 1; k < model->nterms; k++) {
+    for (int k = 1; k < nterms; k++) {
         const float factor = (float)terms[k], *plane = planes + (size_t)k * n;
 #pragma omp simd
         for (size_t i = 0; i < n; i++)

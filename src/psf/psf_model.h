@@ -36,9 +36,9 @@ rx_status rx_psf_model_copy(const rx_psf_model *model, rx_psf_model *dst, rx_err
 int rx_psf_model_powers(int degree, int px[RX_PSF_TERMS], int py[RX_PSF_TERMS]);
 void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double terms[RX_PSF_TERMS]);
 
-/* sum_k terms_k planes_k; dst, planes of [side][side]. */
+/* Of the first nterms: sum_k terms_k planes_k; dst, planes of [side][side]. */
 void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
-                      float *dst);
+                      int nterms, float *dst);
 
 /* stamp [2 half + 1]^2 of a star (dx, dy) off the middle pixel, |dx|, |dy| <= 0.5, from nodes [side][side]; half at most
  * the model's; gx, gy (both or NULL): derivatives by dx, dy. work: rx_psf_model_work() floats. */

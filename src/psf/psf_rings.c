@@ -417,7 +417,7 @@ void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
         float *room = job->stamps, *value = room + nodes;
         double terms[RX_PSF_TERMS], model_sum[4] = {0}, data_sum[4] = {0}, noise = 0.0;
         rx_psf_model_terms(model, p->x, p->y, terms);
-        rx_psf_model_mix(model, model->c, terms, room);
+        rx_psf_model_mix(model, model->c, terms, model->nterms, room);
         rx_psf_model_stamp(model, room, dx, dy, half, value, NULL, NULL, value + 3 * pixels);
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++) {
