@@ -1,4 +1,4 @@
-/* PSF_TYPE AUTO on simulated fields of known Moffat PSF: stars among galaxies, hot pixels, saturation. */
+/* PSF_TYPE AUTO and MOFFAT_FIT on simulated fields of known PSF: stars among galaxies, hot pixels, saturation, halos. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,6 +22,8 @@ typedef struct field {
     rx_background background;
     rx_sources sources;
     double fwhm, beta, ratio, angle;
+    double halo;   /* share of a star's light in an exponential of scale 1.5 FWHM */
+    double varies; /* share by which the FWHM grows from the left to the right */
 } field;
 
 static double uniform(uint64_t stream, uint64_t i)
@@ -35,11 +37,17 @@ static void add_profile(field *f, double x, double y, double peak, double fwhm, 
     rx_moffat profile;
     rx_moffat_shape(fwhm, f->beta, ratio, angle, shape);
     rx_moffat_set(&profile, shape);
-    int reach = (int)(8.0 * fwhm);
+    int reach = (int)((f->halo > 0.0 ? 20.0 : 8.0) * fwhm);
+    /* both parts have the light that goes with them: that of a Moffat of that peak is pi hwhm^2 / (k (beta - 1)) */
+    const double scale = 1.5 * fwhm,
+                 light = peak * M_PI * profile.hwhm * profile.hwhm / (profile.k * (profile.beta - 1.0));
+    const double level = f->halo * light / (2.0 * M_PI * scale * scale);
     for (int j = (int)y - reach; j <= (int)y + reach; j++)
         for (int i = (int)x - reach; i <= (int)x + reach; i++)
             if (i >= 0 && j >= 0 && i < SIDE && j < SIDE)
-                f->tile.pixels[j * SIDE + i] += (float)(peak * rx_moffat_pixel(&profile, i - x, j - y, NULL));
+                f->tile.pixels[j * SIDE + i] +=
+                    (float)(peak * (1.0 - f->halo) * rx_moffat_pixel(&profile, i - x, j - y, NULL) +
+                            level * exp(-hypot(i - x, j - y) / scale));
 }
 
 static int by_radius(const void *a, const void *b)
@@ -76,10 +84,11 @@ static void measure_source(const field *f, rx_source *s, double radius, double r
 }
 
 /* One object per cell: `nstars` stars first, galaxies (wider, of all ellipticities) in most other cells. */
-static void make_field(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot)
+static void make_field_of(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot,
+                          double halo, double varies)
 {
     size_t n = (size_t)SIDE * SIDE;
-    *f = (field){.fwhm = fwhm, .beta = beta, .ratio = ratio, .angle = angle};
+    *f = (field){.fwhm = fwhm, .beta = beta, .ratio = ratio, .angle = angle, .halo = halo, .varies = varies};
     f->tile = (rx_tile){.name = "field.fits",
                         .width = SIDE,
                         .height = SIDE,
@@ -108,7 +117,8 @@ static void make_field(field *f, double fwhm, double beta, double ratio, double 
         s->peak = pow(10.0, 2.2 + 2.0 * uniform(3, (uint64_t)c));
         double wide = star ? 1.0 : 1.2 + 1.3 * uniform(4, (uint64_t)c),
                q = star ? ratio : 0.5 + 0.5 * uniform(5, (uint64_t)c);
-        add_profile(f, s->x, s->y, s->peak, wide * fwhm, q, star ? angle : 3.0 * uniform(6, (uint64_t)c));
+        add_profile(f, s->x, s->y, s->peak, wide * fwhm * (1.0 + varies * (s->x / SIDE - 0.5)), q,
+                    star ? angle : 3.0 * uniform(6, (uint64_t)c));
         s->class_star = wide; /* kept for measuring */
         s->b = q;
         s->number = s->segment = ++f->sources.n;
@@ -137,6 +147,11 @@ static void make_field(field *f, double fwhm, double beta, double ratio, double 
     }
 }
 
+static void make_field(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot)
+{
+    make_field_of(f, fwhm, beta, ratio, angle, nstars, hot, 0.0, 0.0);
+}
+
 static void free_field(field *f)
 {
     free(f->tile.pixels);
@@ -146,28 +161,35 @@ static void free_field(field *f)
     free(f->sources.list);
 }
 
-static rx_status estimate(const field *f, rx_psf **psf, rx_error *err)
+static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
 {
-    rx_psf_params par = {.type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 5, .min_snr = 20.0};
+    rx_psf_params par = {
+        .type = type, .beta = 4.765, .min_stars = 5, .min_snr = 20.0, .max_degree = 4, .nthreads = nthreads};
     const rx_image tile = rx_tile_image(&f->tile);
     rx_image image = rx_image_on_sky(&tile, &f->background);
     image.hide = RX_HIDE_RESTORED;
     return rx_psf_make(&par, &image, &f->sources, NULL, psf, err);
 }
 
-static void check_field(double fwhm, double beta, double ratio, double angle, int nstars, int hot)
+static rx_status estimate(const field *f, rx_psf **psf, rx_error *err)
+{
+    return estimate_as(f, RX_PSF_AUTO, 1, psf, err);
+}
+
+static void check_field_as(rx_psf_type type, double fwhm, double beta, double ratio, double angle, int nstars,
+                           int hot)
 {
     field f;
     rx_psf *psf, *truth;
     rx_error err = RX_ERROR_NONE;
     make_field(&f, fwhm, beta, ratio, angle, nstars, hot);
-    if (estimate(&f, &psf, &err) != RX_OK)
+    if (estimate_as(&f, type, 1, &psf, &err) != RX_OK)
         fail_msg("FWHM %g: %s", fwhm, err.text);
     print_message("true FWHM %g, beta %g, ellipticity %g: %s\n", fwhm, beta, 1.0 - ratio, psf->description);
     assert_near(psf->fwhm / fwhm, 1.0, 0.02);
     assert_near(psf->ellipticity, 1.0 - ratio, 0.02);
     assert_between(psf->fwhm_error, 0.0, 0.02 * fwhm);
-    assert_true(psf->type == RX_PSF_AUTO && psf->nstars >= nstars / 2 && psf->nstars <= nstars);
+    assert_true(psf->type == type && psf->nstars >= nstars / 2 && psf->nstars <= nstars);
     for (int i = 0; i < psf->nstars; i++) { /* every one is a star */
         int found = 0;
         for (int k = 0; k < f.sources.n; k++)
@@ -184,6 +206,12 @@ static void check_field(double fwhm, double beta, double ratio, double angle, in
     rx_psf_free(truth);
     rx_psf_free(psf);
     free_field(&f);
+}
+
+static void check_field(double fwhm, double beta, double ratio, double angle, int nstars, int hot)
+{
+    check_field_as(RX_PSF_AUTO, fwhm, beta, ratio, angle, nstars, hot);
+    check_field_as(RX_PSF_MOFFAT_FIT, fwhm, beta, ratio, angle, nstars, hot);
 }
 
 static void test_known_widths(void **state)
@@ -244,15 +272,116 @@ static void test_saturated_stars(void **state)
     free_field(&f);
 }
 
+/* Light of the PSF within a radius of its middle, at a place. */
+static double encircled(const rx_psf *psf, double x, double y, double radius)
+{
+    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+    double sum = 0.0;
+    assert_non_null(stamp);
+    rx_psf_at(psf, x, y, stamp);
+    for (int j = 0; j < psf->size; j++)
+        for (int i = 0; i < psf->size; i++)
+            if (hypot(i - psf->size / 2, j - psf->size / 2) <= radius)
+                sum += (double)stamp[j * psf->size + i];
+    free(stamp);
+    return sum;
+}
+
+/* A tenth of the light in a halo, which no Moffat has. */
+static void test_halo(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    make_field_of(&f, 3.0, 4.765, 1.0, 0.0, 90, 0, 0.1, 0.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s\n", psf->description);
+    assert_string_equal(psf->quality.how, "PIXELS");
+    double shape[RX_MOFFAT_SHAPE], core = 0.0;
+    rx_moffat profile;
+    rx_moffat_shape(3.0, 4.765, 1.0, 0.0, shape);
+    rx_moffat_set(&profile, shape);
+    for (int j = -6; j <= 6; j++)
+        for (int i = -6; i <= 6; i++)
+            if (hypot(i, j) <= 6.0)
+                core += rx_moffat_pixel(&profile, i, j, NULL) * profile.k * (profile.beta - 1.0) /
+                        (M_PI * profile.hwhm * profile.hwhm);
+    const double halo = 1.0 - (1.0 + 6.0 / 4.5) * exp(-6.0 / 4.5);
+    assert_near(encircled(psf, 320.0, 320.0, 6.0), 0.9 * core + 0.1 * halo, 0.008);
+    assert_between(psf->quality.radius, 15.0, 60.0);
+    assert_between(psf->quality.beyond, 0.0, 0.004);
+    assert_between(psf->quality.flux_error, 1e-5, 0.01);
+    rx_psf_free(psf);
+    assert_int_equal(estimate_as(&f, RX_PSF_MOFFAT_FIT, 1, &psf, NULL), RX_OK);
+    assert_true(encircled(psf, 320.0, 320.0, 6.0) > 0.9 * core + 0.1 * halo + 0.03);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* Width that grows over the tile: the light within a radius falls. */
+static void test_varies(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    make_field_of(&f, 3.5, 4.0, 0.95, 0.3, 95, 0, 0.0, 0.3);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s\n", psf->description);
+    assert_true(psf->quality.degree >= 1);
+    for (int k = 0; k < 3; k++) {
+        const double x = 60.0 + 260.0 * k;
+        assert_int_equal(
+            rx_psf_moffat(3.5 * (1.0 + 0.3 * (x / SIDE - 0.5)), 4.0, 0.95, 0.3, psf->size, &truth, NULL),
+            RX_OK);
+        assert_near(encircled(psf, x, 320.0, 2.5), encircled(truth, 0.0, 0.0, 2.5), 0.012);
+        assert_near(encircled(psf, x, 320.0, 400.0), 1.0, 1e-4);
+        rx_psf_free(truth);
+    }
+    assert_int_equal(psf->quality.reserved > 5, 1);
+    assert_near(psf->quality.trace[0], 0.0, 0.02);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+static void test_threads(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *one, *many;
+    make_field_of(&f, 3.0, 3.5, 0.9, 0.3, 80, 0, 0.05, 0.1);
+    assert_int_equal(estimate_as(&f, RX_PSF_AUTO, 1, &one, NULL), RX_OK);
+    assert_int_equal(estimate_as(&f, RX_PSF_AUTO, 3, &many, NULL), RX_OK);
+    assert_int_equal(one->nbasis, many->nbasis);
+    assert_int_equal(one->size, many->size);
+    assert_memory_equal(one->basis, many->basis,
+                        sizeof(float) * (size_t)one->nbasis * (size_t)one->size * (size_t)one->size);
+    assert_memory_equal(&one->quality, &many->quality, sizeof one->quality);
+    rx_psf_free(one);
+    rx_psf_free(many);
+    free_field(&f);
+}
+
+/* Step by step: a Moffat, one of a fixed exponent, its width alone, nothing. MOFFAT_FIT asks for its five stars. */
 static void test_too_few(void **state)
 {
     (void)state;
     field f;
     rx_psf *psf;
     rx_error err = RX_ERROR_NONE;
-    make_field(&f, 3.0, 4.0, 1.0, 0.0, 50, 0);
-    f.sources.n = 3;
-    assert_int_equal(estimate(&f, &psf, &err), RX_INPUT);
+    static const struct {
+        int stars;
+        const char *how;
+    } steps[] = {{7, "MOFFAT"}, {3, "MOFFAT_BETA"}, {1, "WIDTH"}};
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 100, 0);
+    for (int k = 0; k < 3; k++) {
+        f.sources.n = steps[k].stars;
+        assert_int_equal(estimate(&f, &psf, &err), RX_OK);
+        assert_string_equal(psf->quality.how, steps[k].how);
+        assert_near(psf->fwhm / 3.0, 1.0, 0.05);
+        assert_between(psf->nstars, 1, steps[k].stars);
+        rx_psf_free(psf);
+    }
+    assert_int_equal(estimate_as(&f, RX_PSF_MOFFAT_FIT, 1, &psf, &err), RX_INPUT);
     assert_null(psf);
     assert_non_null(strstr(err.text, "needs 5"));
     assert_non_null(strstr(err.text, "PSF_FWHM"));
@@ -267,7 +396,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_known_widths),  cmocka_unit_test(test_few_stars_and_hot_pixels),
         cmocka_unit_test(test_masked_pixels), cmocka_unit_test(test_saturated_stars),
-        cmocka_unit_test(test_too_few),
+        cmocka_unit_test(test_halo),          cmocka_unit_test(test_varies),
+        cmocka_unit_test(test_threads),       cmocka_unit_test(test_too_few),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
