@@ -44,7 +44,6 @@ enum { RX_TEMPLATE_EXTENDED = 1, RX_TEMPLATE_PIXELS = 2 };
 typedef struct rx_template_params {
     int wanted;
     rx_tphot_params par; /* keep_model, covariance: of the image that is measured */
-    int passes;          /* TEMPLATE_PASSES */
     double threshold;    /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
     double invented;     /* INVENTED_SNR */
     double evidence;     /* INVENTED_EVIDENCE */

@@ -19,12 +19,15 @@ static const double REACH = 1.5;  /* of the filter, units of the PSF's FWHM */
  * explains. */
 static const double BORDER = 0.5;
 static const double APART = 0.4; /* FWHM between a source and one that is added, at least */
+/* In a crowd everything stands in the light of others: models are fitted again until they are better, and what does not hold
+ * then goes again. */
+static const double CROWD_ERROR = 0.01, CROWD_APART = 0.2;
 
 /* The residual is detected on in bands of about BAND pixels that begin at multiples of STEP rows, with AROUND
  * rows more at either end: what reaches farther than that into the next band is cut there. */
 enum { BAND = 1 << 23, STEP = 64, AROUND = 128 };
 
-/* Where a source of the list is. */
+/* Where a source is. */
 typedef struct place {
     double y, x;
 } place;
@@ -32,9 +35,11 @@ typedef struct place {
 /* What one call looks for and where. */
 typedef struct search {
     rx_template_extra *extra;
+    const rx_tphot_look *look;
     rx_leftover leftover;
+    double norm; /* of the filter: S/N in it is that times its peak's over the noise of a pixel */
     double threshold;
-    place *taken;             /* [extra->sources->n] by y */
+    place *taken;             /* [look->n] by y */
     unsigned char *saturated; /* [extra->sources->n] by segment - 1: holds saturated pixels */
 } search;
 
@@ -81,24 +86,23 @@ static int by_y(const void *one, const void *other)
     return (a->y > b->y) - (a->y < b->y);
 }
 
-static rx_status sort_taken(const rx_sources *sources, place **dst, rx_error *err)
+static rx_status sort_taken(const rx_tphot_look *look, place **dst, rx_error *err)
 {
-    place *taken = RX_NEW(place, (size_t)sources->n);
+    place *taken = RX_NEW(place, (size_t)look->n);
     if (taken == NULL)
-        return rx_error_memory(err, (size_t)sources->n * sizeof *taken);
-    for (int i = 0; i < sources->n; i++)
-        taken[i] = (place){sources->list[i].y, sources->list[i].x};
-    qsort(taken, (size_t)sources->n, sizeof *taken, by_y);
+        return rx_error_memory(err, (size_t)look->n * sizeof *taken);
+    for (int i = 0; i < look->n; i++)
+        taken[i] = (place){look->at[i][1], look->at[i][0]};
+    qsort(taken, (size_t)look->n, sizeof *taken, by_y);
     *dst = taken;
     return RX_OK;
 }
 
 /* Too near a source to be told apart from it: what a template leaves there is its own error, that of a cosmic
  * ray for instance, which is no point. */
-static int on_a_source(const search *of, const rx_source *s)
+static int on_a_source(const search *of, const rx_source *s, double apart)
 {
-    const double apart = APART * of->extra->psf->fwhm;
-    int first = 0, end = of->extra->sources->n;
+    int first = 0, end = of->look->n;
     while (first < end) {
         const int middle = first + (end - first) / 2;
         if (of->taken[middle].y > s->y - apart)
@@ -106,7 +110,7 @@ static int on_a_source(const search *of, const rx_source *s)
         else
             first = middle + 1;
     }
-    for (int i = first; i < of->extra->sources->n && of->taken[i].y < s->y + apart; i++)
+    for (int i = first; i < of->look->n && of->taken[i].y < s->y + apart; i++)
         if (hypot(s->x - of->taken[i].x, s->y - of->taken[i].y) < apart)
             return 1;
     return 0;
@@ -134,6 +138,16 @@ static int in_a_saturated_star(const search *of, const rx_source *s)
     return segment > 0 && of->saturated[segment - 1];
 }
 
+/* Is it one that is looked for: in a crowd all that is significant, elsewhere, in the first look, what models hide? */
+static int wanted(const search *of, const rx_source *s, const rx_leftover_spot *spot)
+{
+    const double fwhm = of->extra->psf->fwhm;
+    if (rx_crowding_at(of->look->crowd, s->xpeak, s->ypeak))
+        return !on_a_source(of, s, CROWD_APART * fwhm);
+    return of->look->again == 0 && s->detection_snr >= of->extra->threshold * of->norm && hidden(spot) &&
+           !on_a_source(of, s, APART * fwhm);
+}
+
 /* Which of what ends in the rows from .. to - 1 is taken; the threshold for measuring a source is that of its
  * peak before the filter. */
 static rx_status choose(const search *of, int from, int to, rx_sources *found, rx_error *err)
@@ -156,8 +170,8 @@ static rx_status choose(const search *of, int from, int to, rx_sources *found, r
     for (int i = 0; i < found->n; i++) {
         rx_source *s = &found->list[i];
         keep[i] = s->ymax >= from && s->ymax < to && s->x >= margin && s->y >= margin &&
-                  s->x <= width - 1 - margin && s->y <= height - 1 - margin && hidden(&spots[i]) &&
-                  !on_a_source(of, s) && !in_a_saturated_star(of, s);
+                  s->x <= width - 1 - margin && s->y <= height - 1 - margin && wanted(of, s, &spots[i]) &&
+                  !in_a_saturated_star(of, s);
         s->analysis_threshold = of->threshold * spots[i].sigma;
     }
     status = rx_sources_select(found, keep, err);
@@ -205,17 +219,18 @@ static rx_status collect(const rx_sources *band, int from, rx_template_extra *ex
     return status;
 }
 
-static rx_status positions(const rx_sources *found, double (**dst)[2], int *n, rx_error *err)
+/* Those from `first` on. */
+static rx_status positions(const rx_sources *found, int first, double (**dst)[2], int *n, rx_error *err)
 {
-    double(*at)[2] = rx_alloc((size_t)found->n, sizeof *at);
+    double(*at)[2] = rx_alloc((size_t)(found->n - first), sizeof *at);
     if (at == NULL)
-        return rx_error_memory(err, (size_t)found->n * sizeof *at);
-    for (int i = 0; i < found->n; i++) {
-        at[i][0] = found->list[i].x;
-        at[i][1] = found->list[i].y;
+        return rx_error_memory(err, (size_t)(found->n - first) * sizeof *at);
+    for (int i = first; i < found->n; i++) {
+        at[i - first][0] = found->list[i].x;
+        at[i - first][1] = found->list[i].y;
     }
     *dst = at;
-    *n = found->n;
+    *n = found->n - first;
     return RX_OK;
 }
 
@@ -241,6 +256,7 @@ static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx
     par.filter_width = par.filter_height = 0;
     par.filter_normalise = 1;
     par.matched = 0;
+    par.clean = par.clean && of->look->crowd->n == 0;
     const rx_image image = {.width = width,
                             .height = height,
                             .pixels = filtered,
@@ -284,13 +300,12 @@ static rx_status find_all(search *of, rx_error *err)
     rx_template_extra *extra = of->extra;
     const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
     const int rows = (BAND / width / STEP + 1) * STEP;
-    rx_status status = sort_taken(extra->sources, &of->taken, err);
+    rx_status status = sort_taken(of->look, &of->taken, err);
     if (status == RX_OK)
         status = mark_saturated(extra, &of->saturated, err);
     if (status != RX_OK)
         return status;
-    extra->found = RX_NEW(rx_sources, 1);
-    if (extra->found == NULL)
+    if (extra->found == NULL && (extra->found = RX_NEW(rx_sources, 1)) == NULL)
         return rx_error_memory(err, sizeof *extra->found);
     extra->found->width = width;
     extra->found->height = height;
@@ -299,15 +314,19 @@ static rx_status find_all(search *of, rx_error *err)
     return status;
 }
 
-rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
+rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
                                  rx_error *err)
 {
     rx_template_extra *extra = user;
+    rx_canvas *canvas = look->canvas;
+    const int before = extra->found != NULL ? extra->found->n : 0;
     int side = 0;
     float *stamp = matched_filter(extra->psf, canvas->width, canvas->height, &side);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
-    const double threshold = extra->threshold * rx_filter_norm(stamp, side * side);
+    const double norm = rx_filter_norm(stamp, side * side);
+    const double threshold =
+        norm * (look->crowd->n > 0 ? fmin(extra->threshold, extra->crowd_threshold) : extra->threshold);
     const double grain = rx_noise_factor(canvas->correlation, stamp, side, side);
     rx_filter filter = {0};
     rx_status status = rx_filter_new(stamp, side, side, &filter, err);
@@ -315,11 +334,15 @@ rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (*
     if (status != RX_OK)
         return status;
     search of = {.extra = extra,
+                 .look = look,
+                 .norm = norm,
                  .leftover = {.canvas = canvas,
                               .pixels = extra->pixels,
                               .level = extra->level,
                               .reach = (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)),
                               .model_error = MODEL_ERROR,
+                              .crowd_error = CROWD_ERROR,
+                              .crowd = look->crowd,
                               .grain = grain,
                               .filter = filter.values,
                               .side = side,
@@ -327,46 +350,48 @@ rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (*
                  .threshold = threshold};
     status = find_all(&of, err);
     if (status == RX_OK)
-        status = positions(extra->found, dst, n, err);
+        status = positions(extra->found, before, dst, n, err);
     free(of.taken);
     free(of.saturated);
     rx_filter_free(&filter);
     return status;
 }
 
-/* Pixels of `from` that are nobody's become those of the added sources. */
-static void paint_segments(const rx_template_extra *extra, int first, rx_sources *sources)
-{
-    for (size_t i = 0; i < extra->npixels_found; i++) {
-        const rx_template_pixel *pixel = &extra->pixels_found[i];
-        if (sources->segments[pixel->at] == 0)
-            sources->segments[pixel->at] = first + pixel->segment;
-    }
-}
-
-rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err)
+rx_status rx_template_extra_append(const rx_template_extra *extra, const rx_tphot *tphot, rx_sources *sources,
+                                   rx_error *err)
 {
     const rx_sources *found = extra->found;
-    if (found == NULL || found->n == 0)
+    const int n = tphot->n - tphot->nlisted, listed = sources->n;
+    if (found == NULL || n == 0)
         return RX_OK;
-    const size_t all = (size_t)sources->n + (size_t)found->n;
+    const size_t all = (size_t)listed + (size_t)n;
     rx_source *list = rx_regrow(sources->list, all, sizeof *list);
-    if (list == NULL)
+    int32_t *segments = RX_NEW(int32_t, (size_t)found->n + 1),
+            last = 0; /* of each that was found; 0: it did not hold */
+    if (list != NULL)
+        sources->list = list;
+    if (list == NULL || segments == NULL) {
+        free(segments);
         return rx_error_memory(err, all * sizeof *list);
-    int32_t last = 0;
-    for (int i = 0; i < sources->n; i++)
+    }
+    for (int i = 0; i < listed; i++)
         last = list[i].segment > last ? list[i].segment : last;
-    sources->list = list;
-    paint_segments(extra, last, sources);
-    for (int i = 0; i < found->n; i++) {
-        rx_source *s = &list[sources->n + i];
-        *s = found->list[i];
-        s->number = sources->n + i + 1;
-        s->segment += last;
+    for (int i = 0; i < n; i++) {
+        const int k = tphot->list[tphot->nlisted + i].added;
+        rx_source *s = &list[listed + i];
+        *s = found->list[k];
+        s->number = listed + i + 1;
+        s->segment = segments[k + 1] = last + 1 + i;
         s->flags |= RX_FLAG_MERGED;
         s->detection_snr = 0.0;
     }
+    for (size_t i = 0; i < extra->npixels_found; i++) { /* pixels that are nobody's */
+        const rx_template_pixel *pixel = &extra->pixels_found[i];
+        if (sources->segments[pixel->at] == 0)
+            sources->segments[pixel->at] = segments[pixel->segment];
+    }
     sources->n = (int)all;
+    free(segments);
     return RX_OK;
 }
 

@@ -13,11 +13,12 @@
 typedef struct rx_template_extra {
     const rx_detect_params *detect; /* deblending and limits are these */
     double threshold;               /* S/N in a filter that matches the PSF */
+    double crowd_threshold;         /* the same in a crowd */
     const rx_psf *psf;
     const float *pixels;       /* [h][w] ADU, of the tile */
     const uint8_t *mask;       /* [h][w] RX_MASK_* bits, of the tile */
     rx_map level;              /* ADU */
-    const rx_sources *sources; /* that have templates already */
+    const rx_sources *sources; /* the list, with its segments */
     int nthreads;
     rx_log *log;
     /* owned; free with rx_template_extra_clear() */
@@ -31,13 +32,15 @@ typedef struct rx_template_extra {
  * stands alone was there to be seen, and the detection threshold has decided on it. A tenth of the brightest
  * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
  * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
- * taken, nor in a source with saturated pixels. Errors: RX_SYSTEM, RX_USAGE. */
-rx_status rx_template_extra_find(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
+ * taken, nor in a source with saturated pixels. In a crowd all that is significant is looked for, at crowd_threshold where
+ * that is lower, with a hundredth of that light as noise. What is found in later looks follows what was found before. Errors: RX_SYSTEM, RX_USAGE. */
+rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
                                  rx_error *err);
 
-/* Append what was found to the list that the templates were made of: numbers and segments go on, pixels that
- * are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */
-rx_status rx_template_extra_append(const rx_template_extra *extra, rx_sources *sources, rx_error *err);
+/* Append what was found, as far as tphot still holds it, to the list that the templates were made of: numbers and segments go
+ * on, pixels that are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */
+rx_status rx_template_extra_append(const rx_template_extra *extra, const rx_tphot *tphot, rx_sources *sources,
+                                   rx_error *err);
 
 /* What it owns. */
 void rx_template_extra_clear(rx_template_extra *extra);

@@ -10,6 +10,9 @@
 
 /* Share of its S/N squared that a source has as evidence unless a neighbour can do without it. */
 static const double OWED = 0.5;
+/* In a crowd sources down to that share of INVENTED_SNR are added and stay unmarked: each that is left out is light that its
+ * neighbours take, and among so many sources the few false ones are rare. */
+static const double IN_CROWDS = 0.8;
 
 /* What one call works on. */
 typedef struct work {
@@ -58,13 +61,12 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
 {
     const int forced = w->on.measure != w->on.detect;
     rx_tphot_params par = w->params->templates.par;
+    par.least = IN_CROWDS * w->params->templates.invented;
     rx_tphot_input input = input_of(w, w->on.detect, sources);
     rx_tphot *shapes = NULL;
     double(*at)[2] = NULL;
-    if (w->params->templates.passes > 1) {
-        input.more = rx_template_extra_find;
-        input.user = &w->extra;
-    }
+    input.more = rx_template_extra_find;
+    input.user = &w->extra;
     par.keep_model = par.keep_model && !forced;
     par.covariance = par.covariance && !forced;
     rx_status status = rx_tphot_run(&par, &input, forced ? &shapes : &w->dst->tphot, err);
@@ -78,6 +80,8 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
         input.nextra = shapes->n - shapes->nlisted;
         par = w->params->templates.par;
         status = rx_tphot_run(&par, &input, &w->dst->tphot, err);
+        for (int i = shapes->nlisted; i < shapes->n && status == RX_OK; i++)
+            w->dst->tphot->list[i].added = shapes->list[i].added;
     }
     free(at);
     rx_tphot_free(shapes);
@@ -91,7 +95,7 @@ static int verdict(const rx_tphot_source *t, int added, const rx_template_params
     const int restore = added ? RX_RESTORE_ADDED : 0;
     if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr))
         return restore | RX_RESTORE_UNTESTED;
-    if (t->snr < par->invented)
+    if (t->snr < (t->crowded ? IN_CROWDS : 1) * par->invented)
         return restore | RX_RESTORE_INVENTED;
     const int shred = t->evidence < par->evidence && t->evidence < OWED * t->snr * t->snr;
     return shred ? restore | RX_RESTORE_SHRED : restore;
@@ -188,6 +192,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     }
     w.extra = (rx_template_extra){.detect = &params->detect,
                                   .threshold = params->templates.threshold,
+                                  .crowd_threshold = IN_CROWDS * params->templates.invented,
                                   .psf = psf_of(&w, detect),
                                   .pixels = detect->image.pixels,
                                   .mask = detect->image.mask,
@@ -197,7 +202,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                                   .log = log};
     rx_status status = fit(&w, sources, err);
     if (status == RX_OK)
-        status = rx_template_extra_append(&w.extra, sources, err);
+        status = rx_template_extra_append(&w.extra, dst->tphot, sources, err);
     if (status == RX_OK) {
         tell_sources(&w, sources);
         tell_tile(&w, sources);

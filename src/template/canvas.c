@@ -55,6 +55,7 @@ void rx_canvas_clear(rx_canvas *canvas)
     for (int i = 0; i < canvas->nsheets; i++)
         rx_sheet_clear(&canvas->sheets[i]);
     free(canvas->sheets);
+    rx_sheet_clear(&canvas->scale);
     *canvas = (rx_canvas){0};
 }
 
@@ -133,7 +134,7 @@ static void read_pixels(const rx_image *image, int y, int x, int n, float *data,
 }
 
 /* n pixels of row y from x on. */
-static void fill_piece(rx_canvas *canvas, int y, int x, int n)
+static void fill_pixels(rx_canvas *canvas, int y, int x, int n)
 {
     const rx_image *image = &canvas->input->image;
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
@@ -150,6 +151,13 @@ static void fill_piece(rx_canvas *canvas, int y, int x, int n)
     read_pixels(image, y, x, n, canvas->data + to, canvas->sigma + to, canvas->weight + to);
     for (int i = 0; i < canvas->nsheets; i++)
         rx_sheet_take_off(&canvas->sheets[i], y, x, n, canvas->weight + to, canvas->data + to);
+}
+
+static void fill_piece(rx_canvas *canvas, int y, int x, int n)
+{
+    fill_pixels(canvas, y, x, n);
+    if (canvas->scale.nx > 0)
+        rx_sheet_scale(&canvas->scale, y, x, n, canvas->sigma + rx_canvas_row(canvas, y) + x);
 }
 
 static void keep_piece(rx_canvas *canvas, int y, int x, int n)
@@ -443,4 +451,13 @@ rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err)
                               canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x);
         }
     return RX_OK;
+}
+
+void rx_canvas_rescale(rx_canvas *canvas, rx_sheet *sheet)
+{
+    for (int i = 0; i < canvas->scale.nx * canvas->scale.ny; i++)
+        sheet->value[i] *= canvas->scale.value[i];
+    rx_sheet_clear(&canvas->scale);
+    canvas->scale = *sheet;
+    memset(canvas->state, BARE, (size_t)canvas->columns * (size_t)canvas->lines);
 }

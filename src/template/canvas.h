@@ -54,6 +54,7 @@ struct rx_canvas {
     int nlayers, nadded, nroom;
     rx_sheet *sheets;
     int nsheets;
+    rx_sheet scale; /* of sigma; nx 0: 1 */
 };
 
 /* Of the input, which must live as long; psf_error 0, no model, nothing shown. usual: pixels to be held in
@@ -93,5 +94,8 @@ rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double
 
 /* data -= sheet, which is the canvas's from now on. Errors: RX_SYSTEM; the sheet is cleared then. */
 rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err);
+
+/* sigma *= sheet, which is the canvas's from now on; nothing is shown any more. */
+void rx_canvas_rescale(rx_canvas *canvas, rx_sheet *sheet);
 
 #endif

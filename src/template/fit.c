@@ -283,6 +283,82 @@ void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
         render(fit, size, 0);
 }
 
+enum { PAIR = 6, PAIR_STEPS = 15 }; /* flux, x and y of the one, then of the other */
+
+/* Two points: normal matrix and gradient; returns chi2. */
+RX_WIDE static double pair_normal(const double *p, rx_lens_size *size, const rx_patch *patch, double *a,
+                                  double *b)
+{
+    const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
+    float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
+    double chi2 = 0;
+    rx_lens_render(size, NULL, p[1], p[2], NULL, 1);
+    float *first = size->plane[0];
+    size->plane[0] = size->plane[1];
+    size->plane[1] = first;
+    rx_lens_render(size, NULL, p[4], p[5], NULL, 1);
+    memset(a, 0, sizeof(double) * PAIR * PAIR);
+    memset(b, 0, sizeof(double) * PAIR);
+    for (size_t j = 0; j < side; j++)
+        for (size_t i = 0; i < side; i += CHUNK) {
+            const int count = side - i < CHUNK ? (int)(side - i) : CHUNK;
+            const size_t k = (j + (size_t)patch->corner) * stride + i + (size_t)patch->corner;
+            for (int m = 0; m < count; m++) {
+                w[m] = (float)patch->weight[j * side + i + (size_t)m];
+                r[m] = (float)patch->data[j * side + i + (size_t)m];
+            }
+            for (int one = 0; one < 2; one++) {
+                const float *t = size->plane[1 - one] + k, *up = t + stride, *down = t - stride;
+                const float flux = (float)p[3 * one];
+                for (int m = 0; m < count; m++) {
+                    g[3 * one][m] = t[m];
+                    g[3 * one + 1][m] = -0.5f * flux * (t[m + 1] - t[m - 1]);
+                    g[3 * one + 2][m] = -0.5f * flux * (up[m] - down[m]);
+                    r[m] -= flux * t[m];
+                }
+            }
+            for (int m = 0; m < count; m++)
+                chi2 += (double)w[m] * r[m] * r[m];
+            add_stretch(PAIR, g, w, r, count, a, b);
+        }
+    return chi2;
+}
+
+double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_lens_size *size,
+                   const rx_patch *patch)
+{
+    const double x0 = fit->p[RX_FIT_X], y0 = fit->p[RX_FIT_Y], half = 0.5 * fit->p[RX_FIT_FLUX];
+    double best[PAIR] = {half, x0 + dx, y0 + dy, half, x0 - dx, y0 - dy}, p[PAIR], step[PAIR];
+    double a[PAIR * PAIR], b[PAIR], trial[PAIR * PAIR], slope[PAIR], damping = 0.1;
+    double chi2 = pair_normal(best, size, patch, a, b);
+    for (int i = 0; i < PAIR_STEPS && damping < 1e4; i++) {
+        memcpy(trial, a, sizeof a);
+        for (int j = 0; j < PAIR; j++)
+            trial[j * PAIR + j] *= 1 + damping;
+        if (!solve(PAIR, trial, b, step))
+            return HUGE_VAL;
+        for (int j = 0; j < PAIR; j++)
+            p[j] = best[j] + step[j];
+        for (int j = 1; j < PAIR; j += 3) {
+            p[j] = fmin(fmax(p[j], x0 - room), x0 + room);
+            p[j + 1] = fmin(fmax(p[j + 1], y0 - room), y0 + room);
+        }
+        const double now = pair_normal(p, size, patch, trial, slope), gain = chi2 - now;
+        if (!(gain >= 0)) {
+            damping *= 10;
+            continue;
+        }
+        memcpy(best, p, sizeof p);
+        memcpy(a, trial, sizeof a);
+        memcpy(b, slope, sizeof b);
+        chi2 = now;
+        damping *= 0.1;
+        if (gain < 0.05)
+            break;
+    }
+    return best[0] > 0 && best[3] > 0 ? chi2 : HUGE_VAL;
+}
+
 /* Of chi2 that a node may be better than the Gaussian says: more is a fit that has not come to its end, or a
  * model far from the data, and no shape of a posterior. */
 static const double MOST_GAIN = 4.0;

@@ -46,9 +46,10 @@ static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
     }
 }
 
-static float variance_of(const rx_leftover *of, size_t k, float light)
+static float variance_of(const rx_leftover *of, int x, int y, float light)
 {
-    const float error = (float)of->model_error * light;
+    const size_t k = rx_canvas_row(of->canvas, y) + (size_t)x;
+    const float error = (float)(rx_crowding_at(of->crowd, x, y) ? of->crowd_error : of->model_error) * light;
     const float grain = (float)of->grain;
     return grain * grain / of->canvas->weight[k] + error * error;
 }
@@ -78,7 +79,7 @@ static rx_status look_at(void *user, int i, int thread, rx_error *err)
     (void)thread;
     (void)err;
     spot->light = light_around(l->of, spot->x, spot->y);
-    spot->sigma = sqrt(variance_of(l->of, k, (float)spot->light));
+    spot->sigma = sqrt(variance_of(l->of, spot->x, spot->y, (float)spot->light));
     spot->weight = l->of->canvas->weight[k];
     return RX_OK;
 }
@@ -132,7 +133,7 @@ static void fill_row(strip *s, int y, const float *most, size_t at)
     for (size_t x = 0; x < width; x++) {
         const bool open = state->weight[row + x] > 0;
         s->residual[at + x] = open ? state->data[row + x] - state->model[row + x] : 0;
-        s->variance[at + x] = open ? variance_of(s->of, row + x, most[x]) : 0;
+        s->variance[at + x] = open ? variance_of(s->of, (int)x, y, most[x]) : 0;
         s->open[at + x] = open;
         s->hidden = s->hidden || !open;
     }

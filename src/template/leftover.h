@@ -6,19 +6,22 @@
 
 #include "base/error.h"
 #include "template/canvas.h"
+#include "template/crowd.h"
 
 /* r = data - model at visible pixels (weight > 0), 0 elsewhere
  * sigma^2 = grain^2 / weight + (model_error L)^2, L the largest light of the models, pixels - level - r and at
  * least 0, in the square of 2 reach + 1 pixels around, hidden pixels left out */
 typedef struct rx_leftover {
     rx_canvas *canvas;
-    const float *pixels; /* [height][width] ADU, of the tile */
-    rx_map level;        /* ADU */
-    int reach;           /* pixels */
-    double model_error;  /* relative */
-    double grain;        /* noise of filtered pixels over that of independent ones; 1 for those */
-    const float *filter; /* [side][side], sum of the absolute values 1 */
-    int side;            /* odd */
+    const float *pixels;      /* [height][width] ADU, of the tile */
+    rx_map level;             /* ADU */
+    int reach;                /* pixels */
+    double model_error;       /* relative */
+    double crowd_error;       /* the same in a crowd */
+    const rx_crowding *crowd; /* NULL: none */
+    double grain;             /* noise of filtered pixels over that of independent ones; 1 for those */
+    const float *filter;      /* [side][side], sum of the absolute values 1 */
+    int side;                 /* odd */
     int nthreads;
 } rx_leftover;
 

@@ -1,6 +1,7 @@
 librextract_la_SOURCES += \
 	src/template/blends.c src/template/blends.h \
 	src/template/canvas.c src/template/canvas.h \
+	src/template/crowd.c src/template/crowd.h \
 	src/template/evidence.c src/template/evidence.h \
 	src/template/fit.c src/template/fit.h \
 	src/template/grain.c src/template/grain.h \

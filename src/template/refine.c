@@ -15,9 +15,10 @@ static const double FAINT = 0.03; /* of a pixel's noise: light below that is lef
 /* Chi2 that a round size gains before profiles are fitted: more where points are usual, none where they are
  * rare. */
 static const double WORTH = 1.0, WORTH_ODDS = 0.25;
-static const double SURE = 0.02;    /* a probability below that is none */
-static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
-static const double MUCH = 100.0;   /* chi2 */
+static const double SURE = 0.02;     /* a probability below that is none */
+static const double UNTRIED = -3.0;  /* evidence for a profile where a round size gained too little to try */
+static const double MUCH = 100.0;    /* chi2 */
+static const double PAIR_ODDS = 4.0; /* 2 ln of the odds, in a crowd, that what is not a point is two */
 static const double WIDEST_GUESS = 2.0;
 enum { ITERATIONS = 12 };
 
@@ -251,6 +252,20 @@ static void render_patch_only(const job *j)
     j->size->last = j->patch.corner + j->patch.side + 1;
 }
 
+/* Do two points describe it as well as that profile? In a crowd what looks extended is most often two stars; the second
+ * one then shows in what the point of the first leaves. */
+static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile)
+{
+    const rx_spergel shape = rx_fit_profile(profile);
+    const double angle = 0.5 * atan2(shape.g2, shape.g1), fwhm = j->view->fwhm;
+    const double apart = fmin(fmax(shape.radius, 0.25 * fwhm), fwhm);
+    if (!rx_crowding_at(j->view->crowd, j->cx, j->cy))
+        return 0;
+    const double chi2 =
+        rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch);
+    return chi2 < profile->chi2 + PAIR_ODDS;
+}
+
 /* Point against profile on the same pixels. */
 static void choose(const job *j, rx_subject *after)
 {
@@ -263,7 +278,7 @@ static void choose(const job *j, rx_subject *after)
     if (size_gain(j, &point) < WORTH + WORTH_ODDS * penalty(j->par))
         return;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
-    if (usable(&profile, &point))
+    if (usable(&profile, &point) && !is_pair(j, &point, &profile))
         take_profile(j, &point, &profile, after);
 }
 

@@ -17,6 +17,7 @@
 
 #include "base/error.h"
 #include "template/canvas.h"
+#include "template/crowd.h"
 #include "template/lens.h"
 #include "template/spergel.h"
 #include "template/usual.h"
@@ -45,6 +46,7 @@ typedef struct rx_subject {
                              too high by that / 2 * fluxerr^2 / flux */
     double presence;      /* what rx_tphot_source.evidence will be */
     int flags;
+    int added; /* number among those that were added; -1: listed */
     int moved; /* since its footprint was made */
     /* from the source list; segment 0: not listed */
     int untouched; /* found on untouched pixels, not on restored ones */
@@ -65,7 +67,8 @@ typedef struct rx_refine_view {
     const rx_restored *restored;
     const uint8_t *shape_mask; /* as rx_tphot_input has them; NULL: none */
     int shape_bits;
-    const int32_t *segments; /* [height][width] */
+    const int32_t *segments;  /* [height][width] */
+    const rx_crowding *crowd; /* where two points are tried beside a profile; NULL: nowhere */
     double fwhm;
 } rx_refine_view;
 

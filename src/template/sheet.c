@@ -69,3 +69,18 @@ void rx_sheet_take_off(const rx_sheet *sheet, int y, int x, int n, const float *
                          end - k, weight != NULL ? weight + k : NULL, data + k);
     }
 }
+
+void rx_sheet_scale(const rx_sheet *sheet, int y, int x, int n, float *values)
+{
+    double up;
+    const int line = place_of(y, sheet->ny, sheet->height, &up);
+    const int next = line + 1 < sheet->ny ? line + 1 : line;
+    const double *low = sheet->value + (size_t)line * (size_t)sheet->nx;
+    const double *high = sheet->value + (size_t)next * (size_t)sheet->nx;
+    for (int k = 0; k < n; k++) {
+        const int i = sheet->first[x + k], j = i + 1 < sheet->nx ? i + 1 : i;
+        const double off = sheet->off[x + k];
+        const double below = low[i] + off * (low[j] - low[i]), above = high[i] + off * (high[j] - high[i]);
+        values[k] *= (float)(below + up * (above - below));
+    }
+}

@@ -21,4 +21,7 @@ void rx_sheet_clear(rx_sheet *sheet);
 /* data -= sheet in the n pixels from (x, y) on, where weight (NULL: anything) is above 0. */
 void rx_sheet_take_off(const rx_sheet *sheet, int y, int x, int n, const float *weight, float *data);
 
+/* values *= sheet in the n pixels from (x, y) on. */
+void rx_sheet_scale(const rx_sheet *sheet, int y, int x, int n, float *values);
+
 #endif

@@ -68,6 +68,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
                                 .shape_error = 1,
                                 .lift = 1,
                                 .grain = 1,
+                                .added = -1,
                                 .segment = s->segment,
                                 .untouched = s->untouched,
                                 .xmin = s->xmin,
@@ -86,7 +87,7 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
     }
 }
 
-rx_subject rx_subject_extra(double x, double y)
+rx_subject rx_subject_extra(double x, double y, int added)
 {
     return (rx_subject){.kind = RX_TPHOT_POINT,
                         .x = x,
@@ -99,6 +100,7 @@ rx_subject rx_subject_extra(double x, double y)
                         .shape_error = 1,
                         .lift = 1,
                         .grain = 1,
+                        .added = added,
                         .flags = RX_TPHOT_EXTRA};
 }
 

@@ -12,7 +12,7 @@
 void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_subject *subjects);
 
 /* A point at (x, y) that is in no list. */
-rx_subject rx_subject_extra(double x, double y);
+rx_subject rx_subject_extra(double x, double y, int added);
 
 /* What the pixels say of a subject after the last fit of its group. */
 void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *subject,

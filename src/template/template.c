@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "template/blends.h"
 #include "template/canvas.h"
+#include "template/crowd.h"
 #include "template/evidence.h"
 #include "template/joint.h"
 #include "template/judge.h"
@@ -22,6 +23,7 @@
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
 enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
+enum { CROWD_CELL = 64 };         /* pixels: cells of sky and noise in a crowd */
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -40,6 +42,8 @@ typedef struct work {
     size_t *place;       /* [groups] where a group begins there */
     rx_usual usual;      /* among clear sources */
     double sky;          /* taken off the level so far, mean */
+    rx_crowding crowd;   /* known after the first fit */
+    int passes, nadded;  /* so far */
 } work;
 
 static rx_status open_work(work *w, rx_error *err)
@@ -72,6 +76,7 @@ static void close_work(work *w)
     free(w->covariances);
     free(w->place);
     rx_blends_clear(&w->blends);
+    rx_crowding_clear(&w->crowd);
     rx_canvas_clear(&w->canvas);
 }
 
@@ -103,6 +108,7 @@ static rx_refine_view refine_view(const work *w)
                             .shape_mask = w->input->shape_mask,
                             .shape_bits = w->input->shape_bits,
                             .segments = w->input->sources->segments,
+                            .crowd = &w->crowd,
                             .fwhm = fmax(w->input->image.psf->fwhm, 1.0)};
 }
 
@@ -337,16 +343,23 @@ static rx_status fit_all(work *w, rx_error *err)
     return status;
 }
 
-/* The sky between the models, and all fluxes on it. */
+/* The sky between the models, in a crowd that of all pixels and its noise, and all fluxes on it. */
 static rx_status fit_on_sky(work *w, rx_error *err)
 {
+    const rx_undersky between = {.segments = w->input->sources->segments, .cell = w->par->sky_cell};
+    const rx_undersky crowd = {.crowd = &w->crowd, .cell = CROWD_CELL};
     double mean = 0;
-    rx_status status = fit_all(w, err);
-    if (status != RX_OK || w->par->sky_cell <= 0)
-        return status;
-    status = rx_undersky_subtract(&w->canvas, w->input->sources->segments, w->par->sky_cell, &mean, err);
+    RX_TRY(fit_all(w, err));
+    if (w->par->sky_cell <= 0)
+        return RX_OK;
+    RX_TRY(rx_undersky_subtract(&w->canvas, &between, &mean, err));
     w->sky += mean;
-    return status == RX_OK ? fit_groups(w, err) : status;
+    if (w->crowd.n > 0) {
+        RX_TRY(rx_undersky_subtract(&w->canvas, &crowd, &mean, err));
+        RX_TRY(rx_undersky_rescale(&w->canvas, &crowd, err));
+        w->sky += mean;
+    }
+    return fit_groups(w, err);
 }
 
 static rx_status add_points(work *w, const double (*at)[2], int count, rx_error *err)
@@ -359,27 +372,104 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
     const int first = w->n;
     w->subjects = more;
     for (int i = 0; i < count; i++)
-        w->subjects[w->n++] = rx_subject_extra(at[i][0], at[i][1]);
+        w->subjects[w->n++] = rx_subject_extra(at[i][0], at[i][1], w->nadded++);
     return refine(w, first, 1, 0, 0, err);
 }
 
-/* Asks for what shows in the residual, and fits everything again with it. */
-static rx_status second_pass(work *w, rx_error *err)
+static int in_crowd(const work *w, const rx_subject *s)
 {
-    double(*found)[2] = NULL;
-    int count = 0;
-    rx_status status = w->input->more(w->input->user, &w->canvas, &found, &count, err);
-    if (status == RX_OK && count > 0) {
-        status = add_points(w, (const double(*)[2])found, count, err);
-        if (status == RX_OK)
-            status = fit_on_sky(w, err);
-        if (status == RX_OK && w->input->shapes == NULL && w->par->rounds > 0)
-            status = refine(w, 0, 0, 0, w->substructure, err);
-        if (status == RX_OK)
-            status = fit_on_sky(w, err);
+    return rx_crowding_at(&w->crowd, (int)floor(s->x + 0.5), (int)floor(s->y + 0.5));
+}
+
+/* What was added in a crowd and does not hold goes again: *dropped of them. */
+static rx_status drop_weak(work *w, int *dropped, rx_error *err)
+{
+    int n = 0;
+    for (int i = 0; i < w->n; i++) {
+        const rx_subject *s = &w->subjects[i];
+        const rx_joint_member *m = &w->members[i];
+        const int weak = s->added >= 0 && in_crowd(w, s) && !(m->flux > w->par->least * sqrt(m->variance));
+        if (weak) {
+            free(s->footprint.values);
+            continue;
+        }
+        w->members[n] = *m;
+        w->subjects[n++] = *s;
     }
+    *dropped = w->n - n;
+    w->n = n;
+    return *dropped > 0 ? draw(w, err) : RX_OK;
+}
+
+/* [n][2] where the subjects are; NULL without memory. */
+static double (*positions(const work *w))[2]
+{
+    double(*at)[2] = rx_alloc((size_t)w->n, sizeof *at);
+    for (int i = 0; i < w->n && at != NULL; i++) {
+        at[i][0] = w->subjects[i].x;
+        at[i][1] = w->subjects[i].y;
+    }
+    return at;
+}
+
+/* Adds what shows in the residual: *count points. */
+static rx_status look(work *w, int *count, rx_error *err)
+{
+    double(*found)[2] = NULL, (*at)[2] = positions(w);
+    if (at == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *at);
+    const rx_tphot_look view = {&w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, w->n};
+    rx_status status = w->input->more(w->input->user, &view, &found, count, err);
+    if (status == RX_OK)
+        status = add_points(w, (const double(*)[2])found, *count, err);
     free(found);
+    free(at);
     return status;
+}
+
+static int movable(const work *w)
+{
+    return w->input->shapes == NULL && w->par->rounds > 0;
+}
+
+/* Where it is not crowded one look at the residual and a fit of everything with what it shows; else until nothing is found. */
+static rx_status look_again(work *w, rx_error *err)
+{
+    int count = 0, dropped = 0;
+    do {
+        RX_TRY(look(w, &count, err));
+        if (count == 0)
+            return RX_OK;
+        w->passes++;
+        for (int i = 0; i < w->n; i++)
+            if (in_crowd(w, &w->subjects[i])) { /* what was two sources is elsewhere now */
+                w->subjects[i].x0 = w->subjects[i].x;
+                w->subjects[i].y0 = w->subjects[i].y;
+            }
+        RX_TRY(fit_on_sky(w, err));
+        if (movable(w))
+            RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
+        RX_TRY(fit_on_sky(w, err));
+        RX_TRY(drop_weak(w, &dropped, err));
+        if (dropped > 0)
+            RX_TRY(fit_on_sky(w, err));
+    } while (w->crowd.n > 0 && w->passes < w->par->passes && dropped < count);
+    return RX_OK;
+}
+
+/* In a crowd pairs are no profiles, and sky and noise are those of the residual. */
+static rx_status find_crowd(work *w, rx_error *err)
+{
+    double(*at)[2] = positions(w);
+    if (at == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *at);
+    rx_status status =
+        rx_crowding_find(&w->canvas, (const double(*)[2])at, w->n, fmax(w->input->image.psf->fwhm, 1.0),
+                         w->par->crowding, &w->crowd, err);
+    free(at);
+    if (status == RX_OK && w->crowd.n > 0 && movable(w))
+        status = refine(w, 0, 0, 0, w->substructure, err);
+    return status == RX_OK && w->crowd.n > 0 ? fit_on_sky(w, err) : status;
 }
 
 static rx_status learn_usual(work *w, rx_error *err)
@@ -418,8 +508,11 @@ static rx_status fit_everything(work *w, rx_error *err)
         if (status == RX_OK && w->par->learn_odds && w->par->extended && !frozen)
             status = learn_usual(w, err);
     }
-    if (status == RX_OK && w->input->more != NULL)
-        status = second_pass(w, err);
+    w->passes = 1;
+    if (status == RX_OK)
+        status = find_crowd(w, err);
+    if (status == RX_OK && w->input->more != NULL && w->par->passes > 1)
+        status = look_again(w, err);
     /* weights follow the photons of the model that has just been found */
     if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0))
         status = fit_on_sky(w, err);
@@ -504,6 +597,8 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     (void)thread;
     (void)err;
     s->group = w->blends.group[i];
+    s->added = w->subjects[i].added;
+    s->crowded = in_crowd(w, &w->subjects[i]);
     s->blend = w->members[i].blend;
     s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
     rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
@@ -526,6 +621,8 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->width = w->canvas.width;
     dst->height = w->canvas.height;
     dst->sky = w->sky;
+    dst->crowded = (double)w->crowd.n / ((double)w->crowd.nx * w->crowd.ny);
+    dst->passes = w->passes;
     dst->star_odds = w->usual.star_odds;
     rx_window *windows = RX_NEW(rx_window, w->n);
     if (windows == NULL)

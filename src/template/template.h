@@ -53,6 +53,9 @@ enum {
     RX_TPHOT_EXTRA = 128    /* not of the source list: added for what showed in the residual */
 };
 
+/* Whether a tile, or which of its cells, is a crowd (crowd.h). */
+enum { RX_CROWDING_AUTO, RX_CROWDING_YES, RX_CROWDING_NO };
+
 typedef enum rx_tphot_kind { RX_TPHOT_POINT, RX_TPHOT_PROFILE, RX_TPHOT_PIXELS } rx_tphot_kind;
 
 typedef struct rx_tphot_params {
@@ -65,9 +68,12 @@ typedef struct rx_tphot_params {
     double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not judged
                          by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
     int non_negative; /* no flux below 0 */
-    int rounds;       /* how often positions and shapes are refined, neighbours taken out; 0 = never */
-    int extended;     /* 0: every source is a point */
-    int substructure; /* 0: never PIXELS */
+    int passes; /* fits of everything at most, each but the first after a look at the residual; 2 where it is not crowded */
+    int crowding;        /* RX_CROWDING_ */
+    double least;        /* S/N below which what was added in a crowd is dropped */
+    int rounds;          /* how often positions and shapes are refined, neighbours taken out; 0 = never */
+    int extended;        /* 0: every source is a point */
+    int substructure;    /* 0: never PIXELS */
     double star_penalty; /* 2 ln of the prior odds that a source is a point and not extended */
     int learn_odds; /* 1: times the odds among the tile's own sources of S/N 15 to 150, which are clear; and
                        the priors of radius and index are what is usual among them (usual.h) */
@@ -107,6 +113,8 @@ typedef struct rx_tphot_source {
                         the source. Real sources of S/N 7 and more have above 25 (99.4 %), four of five pieces
                         of spirals less */
     double lift; /* flux is that many times the one of its template: the mean over what its shape may be */
+    int crowded; /* in a cell that is */
+    int added;   /* of an extra one: which of those that `more` gave, counted through; -1 of others */
 } rx_tphot_source;
 
 /* Covariance of two fluxes of one group, ADU^2. */
@@ -126,18 +134,29 @@ typedef struct rx_tphot {
     double sky;           /* ADU, mean of what was taken off the level (sky_cell) */
     double chi2;          /* of the visible pixels, their noise that of the sky and of the model's photons */
     double visible;       /* pixels */
+    double crowded;       /* share of the image in crowded cells */
+    int passes;           /* that were made */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
 } rx_tphot;
 
 struct rx_canvas;
+struct rx_crowding;
 
-/* Sources that only show in the residual, data - model of the canvas (canvas.h), which the callee shows where
- * it looks: called once, after the first fit. The callee gives
- * *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the caller frees; NULL and 0 for none.
- * They are added as points and everything is fitted again. */
-typedef rx_status (*rx_tphot_more)(void *user, struct rx_canvas *canvas, double (**dst)[2], int *n,
+/* The residual as it is looked at. */
+typedef struct rx_tphot_look {
+    struct rx_canvas *canvas;        /* data - model (canvas.h), which the callee shows where it looks */
+    const struct rx_crowding *crowd; /* where it is crowded (crowd.h) */
+    int again;                       /* looks before this one: from the second on only there */
+    const double (*at)[2];           /* [n] x, y of the sources as they are fitted now */
+    int n;
+} rx_tphot_look;
+
+/* Sources that only show in the residual: called after the first fit and, where the tile is crowded, again until nothing is
+ * found or params.passes are done. The callee gives *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the
+ * caller frees; NULL and 0 for none. They are added as points and everything is fitted again. */
+typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
                                    rx_error *err);
 
 typedef struct rx_tphot_input {

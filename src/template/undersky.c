@@ -1,4 +1,4 @@
-/* The sky under modelled sources. */
+/* The sky under modelled sources, and its noise. */
 #include "template/undersky.h"
 
 #include <math.h>
@@ -7,30 +7,46 @@
 #include "base/memory.h"
 
 static const double CLIP = 3.0;
-static const double ENOUGH = 0.05; /* share of a cell's pixels that must be free */
+static const double CLIPPED = 0.9866; /* width of a Gaussian that is cut there, over its sigma */
+static const double ENOUGH = 0.05;    /* share of a cell's pixels that must be free */
+static const double FAINT_LIGHT =
+    0.5; /* of a pixel's variance, that the sky has at least where its noise is measured */
 enum { CLIPPINGS = 10 };
 
-/* data - model of the free pixels of [x0, x1) x [y0, y1); returns how many. */
-static long gather(const rx_canvas *c, const int32_t *segments, int x0, int x1, int y0, int y1, double *dst)
+/* What one cell is measured on. */
+typedef struct cells {
+    const rx_undersky *where;
+    const rx_canvas *canvas;
+    int noise; /* not the sky */
+    rx_sheet *sheet;
+} cells;
+
+/* data - model of the free pixels of [x0, x1) x [y0, y1), or that over its error where models are faint; returns how many. */
+static long gather(const cells *of, int x0, int x1, int y0, int y1, double *dst)
 {
+    const rx_canvas *c = of->canvas;
     long n = 0;
     for (int y = y0; y < y1; y++) {
-        const int32_t *segment = segments + (size_t)y * (size_t)c->width;
+        const int32_t *segment =
+            of->where->segments != NULL ? of->where->segments + (size_t)y * (size_t)c->width : NULL;
         const size_t row = rx_canvas_row(c, y);
         for (int x = x0; x < x1; x++) {
             const size_t k = row + (size_t)x;
-            dst[n] = (double)c->data[k] - c->model[k];
-            n += segment[x] == 0 && c->weight[k] > 0;
+            const double rest = (double)c->data[k] - c->model[k], weight = c->weight[k], sigma = c->sigma[k];
+            dst[n] = of->noise ? rest * sqrt(weight) : rest;
+            n += (segment == NULL || segment[x] == 0) && weight > 0 &&
+                 (!of->noise || weight * sigma * sigma > FAINT_LIGHT);
         }
     }
     return n;
 }
 
-/* Clipped mean of n values; NAN with fewer than `enough`. */
-static double clipped_mean(const double *values, long count, double enough)
+/* Clipped mean of n values, and their width; NAN with fewer than `enough`. */
+static double clipped_mean(const double *values, long count, double enough, double *width)
 {
     double mean = 0, sigma = HUGE_VAL;
     long kept = -1;
+    *width = NAN;
     for (int round = 0; round < CLIPPINGS; round++) {
         double sum = 0, square = 0;
         long n = 0;
@@ -50,6 +66,7 @@ static double clipped_mean(const double *values, long count, double enough)
             break;
         kept = n;
     }
+    *width = sigma;
     return mean;
 }
 
@@ -59,9 +76,10 @@ static int edge(int i, int n, int size)
 }
 
 /* The cells of lines first .. end - 1, whose pixels are shown. */
-static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int first, int end, rx_sheet *m,
-                               rx_error *err)
+static rx_status measure_cells(const cells *of, int first, int end, rx_error *err)
 {
+    const rx_canvas *c = of->canvas;
+    rx_sheet *m = of->sheet;
     /* the widest cell has one pixel more than the narrowest; one more is written to before it is known not to
      * count */
     const size_t room = ((size_t)(c->width / m->nx) + 1) * ((size_t)(c->height / m->ny) + 1) + 1;
@@ -78,9 +96,14 @@ static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int 
             const int x = i % m->nx, y = i / m->nx;
             const int x0 = edge(x, m->nx, c->width), x1 = edge(x + 1, m->nx, c->width);
             const int y0 = edge(y, m->ny, c->height), y1 = edge(y + 1, m->ny, c->height);
-            if (values != NULL)
-                m->value[i] = clipped_mean(values, gather(c, segments, x0, x1, y0, y1, values),
-                                           fmax(ENOUGH * (x1 - x0) * (double)(y1 - y0), 16));
+            const int outside =
+                of->where->crowd != NULL && !rx_crowding_at(of->where->crowd, (x0 + x1) / 2, (y0 + y1) / 2);
+            double width = of->noise;
+            if (values != NULL && !outside)
+                m->value[i] = clipped_mean(values, gather(of, x0, x1, y0, y1, values),
+                                           fmax(ENOUGH * (x1 - x0) * (double)(y1 - y0), 16), &width);
+            if (of->noise)
+                m->value[i] = outside ? 1 : width / CLIPPED;
         }
         free(values);
     }
@@ -88,8 +111,9 @@ static rx_status measure_cells(const rx_canvas *c, const int32_t *segments, int 
 }
 
 /* As many lines of cells at a time as fit in memory. */
-static rx_status measure_all(rx_canvas *c, const int32_t *segments, rx_sheet *m, rx_error *err)
+static rx_status measure_all(const cells *of, rx_canvas *c, rx_error *err)
 {
+    const rx_sheet *m = of->sheet;
     const int rows = rx_canvas_rows(c);
     rx_status status = RX_OK;
     for (int first = 0, end; first < m->ny && status == RX_OK; first = end) {
@@ -98,13 +122,13 @@ static rx_status measure_all(rx_canvas *c, const int32_t *segments, rx_sheet *m,
             end++;
         status = rx_canvas_show_rows(c, from, edge(end, m->ny, c->height), err);
         if (status == RX_OK)
-            status = measure_cells(c, segments, first, end, m, err);
+            status = measure_cells(of, first, end, err);
     }
     return status;
 }
 
-/* Cells that are not known take the mean of known neighbours, in rounds; 0 when there is none at all. */
-static void fill_holes(rx_sheet *m, double *next)
+/* Cells that are not known take the mean of known neighbours, in rounds; `lacking` when there is none at all. */
+static void fill_holes(rx_sheet *m, double lacking, double *next)
 {
     const size_t cells = (size_t)m->nx * (size_t)m->ny;
     for (int round = 0; round < m->nx + m->ny; round++) {
@@ -132,29 +156,43 @@ static void fill_holes(rx_sheet *m, double *next)
             return;
     }
     for (size_t k = 0; k < cells; k++)
-        m->value[k] = isfinite(m->value[k]) ? m->value[k] : 0;
+        m->value[k] = isfinite(m->value[k]) ? m->value[k] : lacking;
 }
 
-rx_status rx_undersky_subtract(rx_canvas *canvas, const int32_t *segments, int cell, double *mean,
-                               rx_error *err)
+/* *sheet is cleared after an error. */
+static rx_status measure(rx_canvas *canvas, const rx_undersky *where, int noise, rx_sheet *sheet,
+                         rx_error *err)
 {
-    rx_sheet sheet;
-    rx_status status = rx_sheet_open(canvas->width, canvas->height, cell, &sheet, err);
+    rx_status status = rx_sheet_open(canvas->width, canvas->height, where->cell, sheet, err);
     if (status != RX_OK)
         return status;
-    const int cells = sheet.nx * sheet.ny;
-    double *next = RX_NEW(double, (size_t)cells), sum = 0;
-    status =
-        next != NULL ? measure_all(canvas, segments, &sheet, err) : rx_error_memory(err, (size_t)cells * 8);
-    if (status == RX_OK) {
-        fill_holes(&sheet, next);
-        for (int i = 0; i < cells; i++)
-            sum += sheet.value[i];
-        *mean = sum / cells;
-        status = rx_canvas_take_off(canvas, &sheet, err);
-    } else {
-        rx_sheet_clear(&sheet);
-    }
+    const size_t count = (size_t)sheet->nx * (size_t)sheet->ny;
+    const cells of = {where, canvas, noise, sheet};
+    double *next = RX_NEW(double, count);
+    status = next != NULL ? measure_all(&of, canvas, err) : rx_error_memory(err, count * sizeof *next);
+    if (status == RX_OK)
+        fill_holes(sheet, noise, next);
+    else
+        rx_sheet_clear(sheet);
     free(next);
     return status;
+}
+
+rx_status rx_undersky_subtract(rx_canvas *canvas, const rx_undersky *where, double *mean, rx_error *err)
+{
+    rx_sheet sheet;
+    RX_TRY(measure(canvas, where, 0, &sheet, err));
+    double sum = 0;
+    for (int i = 0; i < sheet.nx * sheet.ny; i++)
+        sum += sheet.value[i];
+    *mean = sum / (sheet.nx * sheet.ny);
+    return rx_canvas_take_off(canvas, &sheet, err);
+}
+
+rx_status rx_undersky_rescale(rx_canvas *canvas, const rx_undersky *where, rx_error *err)
+{
+    rx_sheet sheet;
+    RX_TRY(measure(canvas, where, 1, &sheet, err));
+    rx_canvas_rescale(canvas, &sheet);
+    return RX_OK;
 }

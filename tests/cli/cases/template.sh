@@ -13,8 +13,9 @@ while read -r keyword value pattern; do
 done <<'END'
 TEMPLATE_TYPE PIXELS unknown word 'PIXELS'; give one of AUTO, PROFILE, POINT$
 TEMPLATE_TYPE POINTS unknown word 'POINTS' \(did you mean POINT\?\)
-TEMPLATE_PASSES 0 0 is out of range, give 1 to 2$
-TEMPLATE_PASSES 3 3 is out of range, give 1 to 2$
+TEMPLATE_PASSES 0 0 is out of range, give 1 to 100$
+TEMPLATE_PASSES 101 101 is out of range, give 1 to 100$
+CROWDING MAYBE unknown word 'MAYBE'; give one of AUTO, Y, N$
 TEMPLATE_PASSES one 'one' is not a number$
 TEMPLATE_THRESH 1.9 1\.9 is out of range, give 2 to
 TEMPLATE_THRESH nan 'nan' is not a number$
@@ -32,8 +33,8 @@ END
 
 begin 'a bad value of a template keyword in a file'
 make_fits tile tile.fits
-printf 'DETECT_MINAREA 5\nTEMPLATE_PASSES 3\n' >my.sex
-expect 2 '^rextract: my\.sex:2: TEMPLATE_PASSES: 3 is out of range' tile.fits -c my.sex
+printf 'DETECT_MINAREA 5\nTEMPLATE_PASSES 101\n' >my.sex
+expect 2 '^rextract: my\.sex:2: TEMPLATE_PASSES: 101 is out of range' tile.fits -c my.sex
 
 begin 'a template column that is misspelt'
 make_fits tile tile.fits

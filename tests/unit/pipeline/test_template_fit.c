@@ -156,6 +156,53 @@ static void a_merged_neighbour_is_added(void **state)
     scene_free(&s);
 }
 
+/* Sources of the list within half a FWHM of a star, each once, and how many are elsewhere and bear no mark. */
+static int found_stars(const scene *s, const rx_sources *list, int *others)
+{
+    int found = 0;
+    *others = 0;
+    for (int i = 0; i < list->n; i++)
+        *others += list->list[i].fit.restore == RX_RESTORE_ADDED || list->list[i].fit.restore == 0;
+    for (int k = 0; k < s->nstars; k++) {
+        const rx_source *star = desk_fitted(list, s->stars[k][0], s->stars[k][1]);
+        found += star != NULL;
+        *others -= star != NULL;
+    }
+    return found;
+}
+
+/* 9000 stars per Mpixel: looking again finds many more, and few that are none; one thread or three, the same bytes. */
+static void a_crowd_is_looked_at_again(void **state)
+{
+    (void)state;
+    static const setting settings[3][3] = {{{"CROWDING", "N"}, {NULL, NULL}},
+                                           {{"NTHREADS", "1"}, {NULL, NULL}},
+                                           {{"CROWDING", "Y"}, {"NTHREADS", "3"}, {NULL, NULL}}};
+    scene s;
+    desk d[3];
+    int found[3], others[3];
+    scene_make(&s, SIDE, SIDE, 430, 21);
+    for (int i = 0; i < 3; i++) {
+        desk_open(&d[i], "NONE", &s, NULL, 0, settings[i]);
+        desk_fit(&d[i], NULL);
+        found[i] = found_stars(&s, d[i].result.sources, &others[i]);
+    }
+    assert_true(d[0].fit.tphot->crowded == 0 && d[1].fit.tphot->crowded == 1);
+    assert_true(d[0].fit.tphot->passes <= 2 && d[1].fit.tphot->passes > 2);
+    assert_true(found[0] < 0.6 * s.nstars && found[1] > 0.93 * s.nstars);
+    assert_true(others[1] < 0.05 * s.nstars && d[1].fit.chi2 < 0.25 * d[0].fit.chi2);
+    const rx_sources *one = d[1].result.sources, *two = d[2].result.sources;
+    assert_int_equal(one->n, d[1].fit.tphot->n);
+    for (int i = 0; i < one->n; i++)
+        assert_int_equal(one->list[i].number, i + 1);
+    assert_int_equal(one->n, two->n);
+    assert_memory_equal(one->list, two->list, (size_t)one->n * sizeof *one->list);
+    assert_memory_equal(one->segments, two->segments, AREA * sizeof *one->segments);
+    for (int i = 0; i < 3; i++)
+        desk_close(&d[i]);
+    scene_free(&s);
+}
+
 /* In the light of a neighbour, 8 pixels from it, a star whose centre is a pixel inside the border is looked
  * for in vain, since it cannot be told from one outside; 7 pixels inside it is found. So it is not where it
  * stands alone: that is for the detection to say. */
@@ -385,6 +432,7 @@ int main(void)
         cmocka_unit_test(fluxes_with_shapes_of_rl),
         cmocka_unit_test(what_the_list_lacks_is_added),
         cmocka_unit_test(a_merged_neighbour_is_added),
+        cmocka_unit_test(a_crowd_is_looked_at_again),
         cmocka_unit_test(where_nothing_is_added),
         cmocka_unit_test(what_is_made_up_is_marked_or_dropped),
         cmocka_unit_test(forced_photometry),

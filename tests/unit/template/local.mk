@@ -3,7 +3,7 @@ check_PROGRAMS += tests/unit/template/test_template tests/unit/template/test_tem
 	tests/unit/template/test_template_shapes tests/unit/template/test_template_pixels \
 	tests/unit/template/test_template_sources tests/unit/template/test_template_refine \
 	tests/unit/template/test_template_structure tests/unit/template/test_template_chain \
-	tests/unit/template/test_template_grain
+	tests/unit/template/test_template_grain tests/unit/template/test_template_crowd
 tests_unit_template_test_template_SOURCES = tests/unit/template/test_template.c tests/unit/template/field.c \
 	tests/unit/template/field.h
 tests_unit_template_test_template_parts_SOURCES = tests/unit/template/test_template_parts.c \
@@ -22,6 +22,8 @@ tests_unit_template_test_template_structure_SOURCES = tests/unit/template/test_t
 tests_unit_template_test_template_refine_SOURCES = tests/unit/template/test_template_refine.c \
 	tests/unit/template/field.c tests/unit/template/field.h
 tests_unit_template_test_template_chain_SOURCES = tests/unit/template/test_template_chain.c \
+	tests/unit/template/field.c tests/unit/template/field.h
+tests_unit_template_test_template_crowd_SOURCES = tests/unit/template/test_template_crowd.c \
 	tests/unit/template/field.c tests/unit/template/field.h
 tests_unit_template_test_template_grain_SOURCES = tests/unit/template/test_template_grain.c \
 	tests/unit/template/field.c tests/unit/template/field.h

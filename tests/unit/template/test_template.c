@@ -259,8 +259,9 @@ static void test_forced(void **state)
 }
 
 /* The brightest pixel of the residual, once. */
-static rx_status look(void *user, rx_canvas *canvas, double (**dst)[2], int *n, rx_error *err)
+static rx_status look(void *user, const rx_tphot_look *at, double (**dst)[2], int *n, rx_error *err)
 {
+    rx_canvas *canvas = at->canvas;
     double most = -HUGE_VAL, sigma = 0;
     size_t best = 0;
     (*(int *)user)++;
@@ -285,10 +286,10 @@ static rx_status look(void *user, rx_canvas *canvas, double (**dst)[2], int *n, 
 }
 
 /* Two places, whatever is there. */
-static rx_status look_twice(void *user, rx_canvas *canvas, double (**dst)[2], int *n, rx_error *err)
+static rx_status look_twice(void *user, const rx_tphot_look *at, double (**dst)[2], int *n, rx_error *err)
 {
     (*(int *)user)++;
-    (void)canvas;
+    (void)at;
     (void)err;
     *dst = rx_alloc(2, sizeof **dst);
     assert_non_null(*dst);
@@ -358,6 +359,7 @@ static void test_shown(void **state)
     par.group_limit = 6;
     par.covariance = par.keep_model = 1;
     par.sky_cell = 60;
+    par.crowding = RX_CROWDING_NO;
     rx_tphot_input input = field_input(&f);
     input.image.gain = 2;
     for (int i = 0; i < 3; i++) {

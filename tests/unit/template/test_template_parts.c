@@ -316,7 +316,9 @@ static void test_undersky(void **state)
     }
     const rx_tphot_input input = field_input(&f);
     rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, &mean, NULL), RX_OK);
+    assert_int_equal(rx_undersky_subtract(
+                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
+                     RX_OK);
     assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
     assert_near(mean, 0.3, 0.02);
     double sum[2] = {0}, n[2] = {0};

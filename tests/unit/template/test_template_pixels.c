@@ -296,7 +296,9 @@ static void test_tilted_sky(void **state)
             f.mask[y * WIDTH + x] = x % 5 != 0 || y % 5 != 0;
     rx_tphot_input input = field_input(&f);
     rx_canvas_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, &mean, NULL), RX_OK);
+    assert_int_equal(rx_undersky_subtract(
+                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
+                     RX_OK);
     assert_int_equal(rx_canvas_show_rows(&canvas, 0, HEIGHT, NULL), RX_OK);
     /* the corner's cell has the mean of its three neighbours: its plane's value + 2/3 of a step in x and y */
     const double corner = (-0.01 + 0.02) * 100 * 2 / 3;
@@ -311,7 +313,9 @@ static void test_tilted_sky(void **state)
     rx_canvas_clear(&canvas);
     memset(f.mask, 1, WIDTH * HEIGHT); /* nothing is known: nothing is taken off */
     rx_canvas_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, 100, &mean, NULL), RX_OK);
+    assert_int_equal(rx_undersky_subtract(
+                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
+                     RX_OK);
     assert_near(mean, 0, 0);
     rx_canvas_clear(&canvas);
     field_close(&f);
@@ -331,7 +335,10 @@ static void test_clipping(void **state)
             f.pixels[k] = (float)(5 * pow(fabs(rx_random_normal(seed, 0, (uint64_t)k)), 1.5) - 3);
         const rx_tphot_input input = field_input(&f);
         rx_canvas_open(&input, PIXELS, 1, &canvas);
-        assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, SIDE, &mean, NULL), RX_OK);
+        assert_int_equal(rx_undersky_subtract(&canvas,
+                                              &(rx_undersky){.segments = f.sources->segments, .cell = SIDE},
+                                              &mean, NULL),
+                         RX_OK);
         for (int round = 0, before = -1, n = 0; round < 10 && n != before; round++) {
             double sum = 0, square = 0;
             before = n;
@@ -355,7 +362,10 @@ static void test_clipping(void **state)
                 f.mask[k] = k % 20 != 0 || (less && k == 0);
             }
             rx_canvas_open(&input, PIXELS, 1, &canvas);
-            assert_int_equal(rx_undersky_subtract(&canvas, f.sources->segments, SIDE, &mean, NULL), RX_OK);
+            assert_int_equal(
+                rx_undersky_subtract(&canvas, &(rx_undersky){.segments = f.sources->segments, .cell = SIDE},
+                                     &mean, NULL),
+                RX_OK);
             assert_near(mean, less ? 0 : 2, 1e-12);
             rx_canvas_clear(&canvas);
         }

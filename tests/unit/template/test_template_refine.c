@@ -81,7 +81,7 @@ static void vary(field *f)
 
 static rx_subject subject_at(double x, double y, double guess)
 {
-    rx_subject s = rx_subject_extra(x, y);
+    rx_subject s = rx_subject_extra(x, y, -1);
     s.flags = 0;
     s.segment = 1;
     s.guess = guess;

@@ -67,7 +67,7 @@ static void test_guess(void **state)
         assert_near(s[i].profile.g2, i == 1 ? 0 : 0.2 * sin(1.4), 1e-9);
         assert_near(s[i].profile.nu, 0.5, 0);
     }
-    const rx_subject extra = rx_subject_extra(3.25, 7.5);
+    const rx_subject extra = rx_subject_extra(3.25, 7.5, 4);
     assert_near(extra.x, 3.25, 0);
     assert_near(extra.y, 7.5, 0);
     assert_near(extra.x0, 3.25, 0);

@@ -1,0 +1,27 @@
+/* Where sources stand so close that each is seen amid the light of others: there the residual is looked at again and
+ * again, with sky and noise measured anew between the models. */
+#ifndef RX_TEMPLATE_CROWD_H
+#define RX_TEMPLATE_CROWD_H
+
+#include "base/error.h"
+#include "template/canvas.h"
+
+/* Cells of the image, [ny][nx], 1 where crowded. */
+typedef struct rx_crowding {
+    int width, height, nx, ny;
+    uint8_t *cells; /* owned */
+    int n;          /* crowded ones */
+} rx_crowding;
+
+/* A cell of about 64 pixels is crowded where, in it and the eight around it, models are brighter than the noise of a pixel
+ * on more than a twentieth of the visible pixels, and sources are more than one in 70 areas of FWHM^2: a galaxy covers a cell,
+ * too, and is no crowd. at[n]: x, y of the sources. mode RX_CROWDING_NO: none is, RX_CROWDING_YES:
+ * all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
+rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, double fwhm, int mode,
+                           rx_crowding *dst, rx_error *err);
+void rx_crowding_clear(rx_crowding *crowd);
+
+/* Is the pixel in a crowded cell? NULL: it is not. */
+int rx_crowding_at(const rx_crowding *crowd, int x, int y);
+
+#endif

@@ -1,0 +1,189 @@
+/* Crowds: which cells are, what is measured anew there, and two points against a profile. */
+#include "../near.h"
+#include "field.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "psf/psf.h"
+#include "template/crowd.h"
+#include "template/fit.h"
+#include "template/undersky.h"
+
+enum { W = 512, H = 320, LEFT = 192 };
+
+/* Light of 3 sigma on every eighth pixel of the columns below LEFT, and on all from `from` on. */
+static void shade(rx_canvas *canvas, float *values, int from)
+{
+    rx_layer *layer = rx_alloc(1, sizeof *layer);
+    assert_non_null(layer);
+    for (int k = 0; k < W * H; k++)
+        values[k] = (k % W < LEFT && k % 8 == 0) || k % W >= from ? 3.0f : 0.0f;
+    *layer = (rx_layer){{0, 0, W, H, values, 1}, 1};
+    rx_canvas_set(canvas, layer, 1);
+}
+
+/* Sources every 20 pixels to the left, FWHM 4: one in 25 areas; one galaxy to the right. */
+static void test_cells(void **state)
+{
+    (void)state;
+    field f;
+    rx_canvas canvas;
+    static float values[W * H];
+    static double at[W * H][2];
+    int n = 0;
+    field_open(&f, W, H, 4, 1, 1);
+    field_restore_none(&f);
+    const rx_tphot_input input = field_input(&f);
+    for (int y = 10; y < H; y += 20)
+        for (int x = 10; x < LEFT; x += 20, n++) {
+            at[n][0] = x;
+            at[n][1] = y;
+        }
+    at[n][0] = 450;
+    at[n++][1] = 150;
+    for (int rows = 40; rows <= H; rows += H - 40) {
+        rx_crowding crowd;
+        rx_canvas_open(&input, (size_t)W * (size_t)rows, 2, &canvas);
+        shade(&canvas, values, 384);
+        assert_int_equal(
+            rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
+        /* cells of the left, and those beside them, around which there are half as many sources and half the light */
+        for (int y = 0; y < H; y += 32)
+            for (int x = 0; x < W; x += 32)
+                assert_int_equal(rx_crowding_at(&crowd, x, y), x < LEFT);
+        assert_int_equal(crowd.n, 3 * 5);
+        rx_crowding_clear(&crowd);
+        assert_int_equal(rx_crowding_at(&crowd, 0, 0), 0);
+        assert_int_equal(
+            rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_NO, &crowd, NULL), RX_OK);
+        assert_int_equal(crowd.n, 0);
+        rx_crowding_clear(&crowd);
+        assert_int_equal(
+            rx_crowding_find(&canvas, (const double(*)[2])at, 0, 4, RX_CROWDING_YES, &crowd, NULL), RX_OK);
+        assert_int_equal(crowd.n, 8 * 5);
+        rx_crowding_clear(&crowd);
+        rx_canvas_clear(&canvas);
+    }
+    field_close(&f);
+}
+
+/* Noise that is given as half again of what it is, on a sky 2 too high, is put right where it is crowded, and only there. */
+static void test_sky_and_noise(void **state)
+{
+    (void)state;
+    field f;
+    rx_canvas canvas;
+    uint8_t cells[8 * 5] = {0};
+    const rx_crowding crowd = {.width = W, .height = H, .nx = 8, .ny = 5, .cells = cells, .n = 20};
+    const rx_undersky where = {.crowd = &crowd, .cell = 64};
+    double mean = 0;
+    for (int k = 0; k < 8 * 5; k++)
+        cells[k] = k % 8 < 4;
+    field_open(&f, W, H, 4, 1, 1);
+    field_noise(&f, 5);
+    for (int k = 0; k < W * H; k++) {
+        f.pixels[k] += 2;
+        f.sigma[k] = 1.5f;
+    }
+    field_restore_none(&f);
+    const rx_tphot_input input = field_input(&f);
+    rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
+    assert_int_equal(rx_undersky_subtract(&canvas, &where, &mean, NULL), RX_OK);
+    for (int turn = 0; turn < 2; turn++) { /* once is enough */
+        assert_int_equal(rx_undersky_rescale(&canvas, &where, NULL), RX_OK);
+        assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
+        for (int y = 0; y < H; y++) {
+            const size_t row = rx_canvas_row(&canvas, y);
+            for (int x = 0; x < 224; x++)
+                assert_near(canvas.sigma[row + (size_t)x], 1, 0.08);
+            for (int x = 288; x < W; x++)
+                assert_near(canvas.sigma[row + (size_t)x], 1.5, 0);
+            assert_near(canvas.data[row + 300], f.pixels[y * W + 300], 0);
+            assert_near(canvas.data[row + 100], (double)f.pixels[y * W + 100] - 2, 0.06);
+        }
+    }
+    assert_near(mean, 1, 0.01);
+    rx_canvas_clear(&canvas);
+    field_close(&f);
+}
+
+enum { HALF = 16, SIDE = 2 * HALF + 1 };
+
+/* Chi2 of the best point, profile and pair of what `paint` lays into the planes of a lens, with noise 1. */
+static void best_of(const double stars[2][3], double disk, double chi2[3])
+{
+    rx_psf *psf = NULL;
+    rx_lens *lens = NULL;
+    rx_lens_size *size = NULL;
+    double block[2 * SIDE * SIDE];
+    assert_int_equal(rx_psf_moffat(4, 4.765, 1, 0, 41, &psf, NULL), RX_OK);
+    assert_int_equal(rx_lens_new(psf, NULL, &lens, NULL), RX_OK);
+    assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 15), 0, 0, &size, NULL), RX_OK);
+    const rx_patch patch = {
+        .side = SIDE, .corner = size->n / 2 - HALF, .data = block, .weight = block + SIDE * SIDE};
+    const size_t stride = (size_t)rx_fft_stride_real(size->fft);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        block[k] = rx_random_normal(3, 1, (uint64_t)k);
+        patch.weight[k] = 1;
+    }
+    const rx_spergel shape = {3, 0.3, 0.1, 0.5};
+    for (int i = 0; i < 3; i++) {
+        rx_lens_render(size, i == 2 ? &shape : NULL, i < 2 ? stars[i][0] : 0.3, i < 2 ? stars[i][1] : -0.2,
+                       NULL, 1);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            block[k] += (i < 2 ? stars[i][2] : disk) *
+                        (double)size->plane[0][(size_t)(k / SIDE + patch.corner) * stride +
+                                               (size_t)(k % SIDE + patch.corner)];
+    }
+    rx_fit point = {.n = RX_FIT_POINT, .iterations = 12};
+    rx_fit_run(&point, size, &patch);
+    chi2[0] = point.chi2;
+    rx_fit profile = {
+        .n = RX_FIT_ALL,
+        .iterations = 40,
+        .p = {[RX_FIT_RADIUS] = 0.7, [RX_FIT_NU] = 0.4},
+        .low = {[RX_FIT_RADIUS] = -2, [RX_FIT_G1] = -0.8, [RX_FIT_G2] = -0.8, [RX_FIT_NU] = -1.6},
+        .high = {[RX_FIT_RADIUS] = 2, [RX_FIT_G1] = 0.8, [RX_FIT_G2] = 0.8, [RX_FIT_NU] = 2.3}};
+    rx_fit_run(&profile, size, &patch);
+    chi2[1] = profile.chi2;
+    chi2[2] = rx_fit_pair(&point, 1, 0.4, 6, size, &patch);
+    rx_lens_free(lens);
+    rx_psf_free(psf);
+}
+
+/* Of two stars the pair, of a disk the profile has the chi2 of the noise, and the other much more; of one star neither is
+ * better than the point by more than its freedom. */
+static void test_pair(void **state)
+{
+    (void)state;
+    static const double two[2][3] = {{1.2, 0.4, 4000}, {-1.4, -0.3, 3000}}, none[2][3] = {{0}};
+    static const double one[2][3] = {{0.3, -0.2, 5000}};
+    const double pixels = SIDE * SIDE, spread = 4 * sqrt(2 * pixels);
+    double chi2[3];
+    best_of(two, 0, chi2);
+    assert_near(chi2[2], pixels - 6, spread);
+    assert_true(chi2[0] > chi2[2] + 1000 && chi2[1] > chi2[2] + 30);
+    best_of(none, 8000, chi2);
+    assert_near(chi2[1], pixels - 7, spread);
+    assert_true(chi2[0] > chi2[1] + 1000 && chi2[2] > chi2[1] + 100);
+    best_of(one, 0, chi2);
+    assert_near(chi2[0], pixels - 3, spread);
+    assert_true(chi2[2] > chi2[0] - 15 || isinf(chi2[2]));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_cells), cmocka_unit_test(test_sky_and_noise),
+                                       cmocka_unit_test(test_pair)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
