@@ -274,6 +274,13 @@ typedef struct system_of {
     size_t room_size;
 } system_of;
 
+RX_WIDE static void add_scaled(const float *src, float factor, size_t n, float *dst)
+{
+#pragma omp simd
+    for (size_t i = 0; i < n; i++)
+        dst[i] += factor * src[i];
+}
+
 static void add_star(const system_of *s, const rx_point *p, const float *planes, int what, float *to,
                      float *room)
 {
@@ -297,13 +304,8 @@ static void add_star(const system_of *s, const rx_point *p, const float *planes,
     }
     memset(spread, 0, n * sizeof *spread);
     rx_psf_model_spread(model, stamp, dx, dy, spread, work);
-    for (int k = 0; k < s->nterms; k++) {
-        const float factor = (float)(what == ROWS ? terms[k] * terms[k] : terms[k]);
-        float *sum = to + (size_t)k * n;
-#pragma omp simd
-        for (size_t i = 0; i < n; i++)
-            sum[i] += factor * spread[i];
-    }
+    for (int k = 0; k < s->nterms; k++)
+        add_scaled(spread, (float)(what == ROWS ? terms[k] * terms[k] : terms[k]), n, to + (size_t)k * n);
 }
 
 /* dst [nterms][side][side]: fixed blocks of stars, summed in their order. */
@@ -590,7 +592,7 @@ static rx_status descend(const system_of *s, const basis *b, double *y, double *
     for (size_t i = 0; i < m; i++)
         p[i] = z[i] = r[i] / d[i];
     double rho = dot(r, z, m);
-    const double enough = 1e-6 * rho;
+    const double enough = 1e-5 * rho;
     for (int it = 0; it < ITERATIONS && rho > enough; it++) {
         to_planes(b, p, planes);
         for (size_t i = 0; i < all; i++)

@@ -22,7 +22,7 @@
 #include "psf/psf_rings.h"
 #include "psf/psf_stars.h"
 
-enum { MOST_STARS = 600, CHOSEN_BY = 240, LEAST_STARS = 8, FOLDS = 3, PASSES = 4, CHOICE = 2 };
+enum { MOST_STARS = 600, CHOSEN_BY = 160, LEAST_STARS = 8, FOLDS = 3, PASSES = 4, CHOICE = 2 };
 static const double WIDEST = 20.0;    /* FWHM, pixels, of a core of pixels */
 static const double RESERVED = 0.2;   /* share of the stars */
 static const double LOCUS = 0.22;     /* half-width in ln(half-light radius): blends are wider */

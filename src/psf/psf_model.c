@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/wide.h"
 
 rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst,
                            rx_error *err)
@@ -79,8 +80,8 @@ void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double te
         terms[k] = in_x[px[k]] * in_y[py[k]];
 }
 
-void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
-                      int nterms, float *dst)
+RX_WIDE void rx_psf_model_mix(const rx_psf_model *model, const float *planes,
+                              const double terms[RX_PSF_TERMS], int nterms, float *dst)
 {
     const size_t n = (size_t)model->side * (size_t)model->side;
     memcpy(dst, planes, n * sizeof *dst);
@@ -115,8 +116,8 @@ size_t rx_psf_model_work(const rx_psf_model *model)
     return 2 * (size_t)model->side * (size_t)(2 * model->half + 1);
 }
 
-void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
-                        float *stamp, float *gx, float *gy, float *work)
+RX_WIDE void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
+                                float *stamp, float *gx, float *gy, float *work)
 {
     const int m = model->m, n = 2 * half + 1, rows = m * (n - 1) + 4;
     const taps x = taps_of(model, dx, half), y = taps_of(model, dy, half);
@@ -152,8 +153,8 @@ void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx
     }
 }
 
-void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, float *nodes,
-                         float *work)
+RX_WIDE void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy,
+                                 float *nodes, float *work)
 {
     const int m = model->m, n = 2 * model->half + 1, rows = m * (n - 1) + 4;
     const taps x = taps_of(model, dx, model->half), y = taps_of(model, dy, model->half);
