@@ -1,0 +1,763 @@
+#!/usr/bin/python3
+"""The PSF that is measured on a tile, against the truth and beside PSFEx's.
+
+    psf.py truth FOLDER [SEED[,SEED...] [CASE[;CASE...] [PSF_TYPE[,PSF_TYPE...]]]]
+                                                              simulated tiles (psf_truth.py): FOLDER/truth.json
+    psf.py real FOLDER                                        real tiles: FOLDER/real.json and pictures
+    psf.py small FOLDER [SEED]                                small and empty tiles: FOLDER/small.json
+    psf.py page FOLDER                                        FOLDER/psf.md from the json files that are there
+
+RX_PROGRAM names rextract (default: build/rextract, else rextract in the root), RX_SHARED_DATA the folder of real tiles. psfex
+and source-extractor (Debian) take part where they are: at their defaults (polynomial of degree 2), with stamps of 10 FWHM.
+
+What the columns mean
+
+A model is held against the truth, without noise, on a grid of 12 x 12 places that no star chose and, for "corner", 2 % of
+the side from each corner. dT/T, de1, de2: size T = xx + yy and ellipticities (xx - yy, 2 xy) / T with a round Gaussian
+weight of the truth's FWHM, taken off as if both were Gaussian; mean over the grid and, rms, how much of the variation is missed.
+residual: what a fit of the flux leaves, rms over that of the star, median over places; stack: the largest of its mean over the
+peak. growth: where to 20 FWHM the curve of growth (light within a radius over all light) is most off, at the middle.
+predicted: the magnitude that such a fit finds, less the true one; mean, and the worst corner.
+
+mag: MAG_TEMPLATE of bright stars (S/N above 100, unsaturated, no neighbour of 0.5 % of their flux within 2 FWHM) less the true one of
+all their light: median, scatter, and the worst median of the corners (a fifth of the side). pull: (flux - true) / error, median;
+width: 1.4826 times the median of its size. CPU: user seconds of rextract, or of source-extractor and psfex together, on a
+machine that others used as well.
+"""
+import json
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from astropy.io import fits
+from astropy.wcs import WCS
+from scipy.ndimage import map_coordinates
+from scipy.spatial import cKDTree
+
+import psf_truth
+import tiles
+from psf_truth import GAIN, SATURATION, ZEROPOINT, Truth
+
+TOP = Path(__file__).resolve().parent.parent
+WAYS = ("AUTO", "MOFFAT_FIT", "PSFEX")  # PSF_TYPE; of PSFEX the model is psfex's, from source-extractor's catalogue
+BRIGHT, PLACES, CORNER = 100, 12, 0.2  # S/N of bright stars, positions a side, share of the side that is a corner
+COLUMNS = "NUMBER X_IMAGE Y_IMAGE FLUX_TEMPLATE FLUXERR_TEMPLATE CLASS_TEMPLATE FLAGS FLAGS_TEMPLATE"
+RADII = np.array([1, 2, 3, 5, 8, 12, 20])  # FWHM, of curves of growth
+
+# name: truth, stars per Mpixel, galaxies per Mpixel
+CASES = {
+    "Moffat 2.5": (Truth("MOFFAT 2.5", 4.0), 300, 0),
+    "Moffat 3.5, linear": (Truth("MOFFAT 3.5", 3.0, 0.1, "LINEAR"), 1000, 300),
+    "Moffat 4.765, quadratic": (Truth("MOFFAT 4.765", 5.0, 0.2, "QUADRATIC"), 300, 0),
+    "Moffat 6, ellipticity 0.3": (Truth("MOFFAT 6", 8.0, 0.3), 100, 0),
+    "halo": (Truth("HALO", 4.0), 300, 0),
+    "halo, quadratic": (Truth("HALO", 3.0, 0.05, "QUADRATIC"), 1000, 300),
+    "Kolmogorov, linear": (Truth("KOLMOGOROV", 3.5, 0.05, "LINEAR"), 300, 300),
+    "Kolmogorov, wide": (Truth("KOLMOGOROV", 6.0), 120, 0),
+    "spikes": (Truth("SPIKES", 4.0), 300, 0),
+    "spikes, linear": (Truth("SPIKES", 2.5, 0.1, "LINEAR"), 1000, 0),
+    "bad corner, Moffat": (Truth("MOFFAT 3.5", 4.0, 0.0, "CORNER"), 1000, 0),
+    "bad corner, Kolmogorov": (Truth("KOLMOGOROV", 3.0, 0.1, "CORNER"), 300, 300),
+    "undersampled, Moffat": (Truth("MOFFAT 3", 1.5), 300, 0),
+    "undersampled, halo": (Truth("HALO", 2.0, 0.1, "QUADRATIC"), 1000, 0),
+    "crowded, Moffat": (Truth("MOFFAT 3.5", 3.0, 0.1, "LINEAR"), 20000, 0),
+    "crowded, Kolmogorov": (Truth("KOLMOGOROV", 4.0), 5000, 0),
+    "sparse, Moffat": (Truth("MOFFAT 3.5", 4.0, 0.1), 20, 0),
+    "sparse, halo": (Truth("HALO", 4.0), 50, 300),
+    "4096 x 4096": (Truth("KOLMOGOROV", 4.0, 0.05, "QUADRATIC", 4096), 119, 0),
+}
+LIMITS = {"dT/T": 1e-3, "de": 2e-4, "mean": 0.003, "corner": 0.01, "pull": 0.15}
+
+
+# --- programs
+
+def find(name):
+    places = [os.environ.get("RX_PROGRAM"), TOP / "build/rextract", TOP / "rextract"]
+    main = next((Path(p).resolve() for p in places if p and Path(p).exists()), None)
+    if main is None:
+        sys.exit("no rextract; build first (./quickstart), or set RX_PROGRAM")
+    return main if name == "rextract" else main.with_name(name)
+
+
+@lru_cache
+def words(keyword):
+    """Values that a keyword of this build takes."""
+    text = subprocess.run([find("rextract"), "-dd"], capture_output=True, text=True).stdout
+    text = re.sub(r"\n +#", " ", text)
+    line = next((a for a in text.splitlines() if a.startswith(keyword + " ")), "[]")
+    return re.split(r", *| or *| +", line[line.rindex("[") + 1:line.rindex("]")])
+
+
+def call(folder, program, *arguments):
+    """Runs it; what it said and its user CPU seconds."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    done = subprocess.run([str(program), *map(str, arguments)], cwd=folder, capture_output=True, text=True)
+    seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+    if done.returncode:
+        raise RuntimeError(f"{Path(program).name}: exit status {done.returncode}: {done.stderr.strip()[-300:]}")
+    return done.stderr, seconds
+
+
+def keywords(**values):
+    return [a for k, v in values.items() for a in ("-" + k, v)]
+
+
+# --- models
+
+class Model:
+    """A file in PSFEx's format: the stamp at a place, sum 1."""
+
+    def __init__(self, path):
+        with fits.open(path) as hdus:
+            row = hdus[1].data[0]
+            head = {k.upper(): row[k] for k in hdus[1].columns.names} | dict(hdus[1].header)  # merged tables have columns
+        height, width = ((head["PSFAXIS2"], head["PSFAXIS1"]) if "PSFAXIS2" in head
+                         else np.shape(row["PSF_MASK"])[-2:])
+        self.mask = np.array(row["PSF_MASK"], float).reshape(-1, height, width)
+        self.step, self.stars = head.get("PSF_SAMP", 1.0), head.get("ACCEPTED", 0)
+        self.degree = head.get("POLDEG1", 0) if head.get("POLNAXIS", 0) else 0
+        self.zero, self.scale = ([head.get(f"{k}{i}", d) for i in (1, 2)] for k, d in (("POLZERO", 0), ("POLSCAL", 1)))
+
+    def stamp(self, x, y):
+        u, v = (x + 1 - self.zero[0]) / self.scale[0], (y + 1 - self.zero[1]) / self.scale[1]
+        terms = [u**i * v**j for j in range(self.degree + 1) for i in range(self.degree + 1 - j)]
+        fine = np.tensordot(terms[:len(self.mask)], self.mask, 1)
+        half = int((fine.shape[0] // 2) * self.step)
+        at = np.mgrid[-half:half + 1, -half:half + 1] / self.step + fine.shape[0] // 2
+        pixels = map_coordinates(fine, at, order=5, mode="constant") if self.step != 1 else fine
+        return pixels / pixels.sum()
+
+
+class Stamps:
+    """As a helper program on the library writes them; until CHECKIMAGE_TYPE PSF is there."""
+
+    def __init__(self, folder, tile, kind, places, **more):
+        np.asarray(fits.getdata(f"{folder}/{tile}"), np.float32).tofile(f"{folder}/pixels.raw")
+        np.asarray(places, float).tofile(f"{folder}/places.raw")
+        height, width = fits.getdata(f"{folder}/{tile}").shape
+        done = subprocess.run([os.environ["RX_STAMPS"], "pixels.raw", str(width), str(height), "places.raw", str(len(places)),
+                               "stamps.raw", "PSF_TYPE", kind], cwd=folder, capture_output=True, text=True,
+                              env={**os.environ, "GAIN": str(GAIN), "SATUR": str(SATURATION)})
+        if done.returncode:
+            raise RuntimeError(done.stderr)
+        size = np.fromfile(f"{folder}/stamps.raw", np.int32, 1)[0]
+        stamps = np.fromfile(f"{folder}/stamps.raw", np.float32, offset=4).reshape(-1, size, size)
+        self.at = {tuple(p): s.astype(float) for p, s in zip(places, stamps)}
+        self.said = done.stdout.strip()
+
+    def stamp(self, x, y):
+        return self.at[x, y]
+
+
+def psfex(folder, tile, side, aperture, *more):
+    """psfex's model from source-extractor's catalogue, both at their defaults but for what a careful user sets."""
+    (folder / "sex.param").write_text(f"VIGNET({side},{side})\nX_IMAGE\nY_IMAGE\nFLUX_RADIUS\nSNR_WIN\nFLUX_APER(1)\n"
+                                      "FLUXERR_APER(1)\nELONGATION\nFLAGS\n")
+    (folder / "default.conv").write_text("CONV NORM\n1 2 1\n2 4 2\n1 2 1\n")
+    _, first = call(folder, "source-extractor", tile, *keywords(
+        CATALOG_TYPE="FITS_LDAC", CATALOG_NAME="stars.cat", PARAMETERS_NAME="sex.param", FILTER_NAME="default.conv",
+        DETECT_THRESH=5, PHOT_APERTURES=aperture, VERBOSE_TYPE="QUIET"), *more)
+    _, second = call(folder, "psfex", "stars.cat", *keywords(
+        PSF_SIZE=f"{side},{side}", SAMPLE_FWHMRANGE="1,20", CHECKPLOT_TYPE="NONE", CHECKIMAGE_TYPE="NONE", WRITE_XML="N",
+        VERBOSE_TYPE="QUIET", NTHREADS=1))
+    return first + second
+
+
+# --- simulated tiles
+
+def simulate(folder, truth, density, galaxies, seed):
+    """tile.fits, unless it lies there; places and fluxes of its stars."""
+    rng = np.random.default_rng([seed, *np.frombuffer(folder.name.encode(), np.uint8)])
+    x, y, flux = psf_truth.stars(truth, density, rng)
+    if (folder / "tile.fits").exists():
+        return x, y, flux
+    light = psf_truth.draw(truth, x, y, flux)
+    if galaxies:  # by our simulator, through the PSF of the middle
+        stamp = truth.stamp(truth.side / 2, truth.side / 2, int(6 * truth.fwhm))
+        fits.writeto(folder / "middle.fits", (stamp / stamp.sum()).astype(np.float32), overwrite=True)
+        call(folder, find("rextract-simulate"), *keywords(
+            IMAGE_SIZE=truth.side, SEED=seed, PSF_TYPE="FILE", PSF_NAME="middle.fits", NOISE_TYPE="NONE", SKY_LEVEL=0,
+            STAR_COUNT=0, GALAXY_COUNT=galaxies, GALAXY_MAG="13,19", MAG_ZEROPOINT=ZEROPOINT, IMAGE_NAME="galaxies.fits",
+            TRUTH_NAME=""))
+        light = light + np.maximum(fits.getdata(folder / "galaxies.fits"), 0)
+    fits.writeto(folder / "tile.part", psf_truth.expose(light, rng), overwrite=True)
+    (folder / "tile.part").rename(folder / "tile.fits")
+    return x, y, flux
+
+
+def lonely(x, y, flux, distance):
+    """Without a neighbour of 0.5 % of its flux within the distance."""
+    at = np.column_stack([x, y])
+    return np.array([all(flux[j] < 0.005 * flux[i] for j in near if j != i)
+                     for i, near in enumerate(cKDTree(at).query_ball_point(at, distance))])
+
+
+def saturates(truth):
+    """Flux at which a star centred on a pixel saturates, in the middle of the tile."""
+    return (SATURATION - psf_truth.SKY) / truth.stamp(truth.side / 2, truth.side / 2, 1).max()
+
+
+def drawing_error(folder):
+    """Largest difference, of the brightest pixel, between stars drawn here and by rextract-simulate, which shares no line."""
+    folder.mkdir(parents=True, exist_ok=True)
+    call(folder, find("rextract-simulate"), *keywords(
+        IMAGE_SIZE=256, PSF_FWHM=4, PSF_BETA=3.5, PSF_RATIO=0.8, PSF_ANGLE=25, NOISE_TYPE="NONE", SKY_LEVEL=0, STAR_COUNT=300,
+        STAR_MAG="10,12", GALAXY_COUNT=0, IMAGE_NAME="check.fits", TRUTH_NAME="check_truth.fits"))
+    stars, image = fits.getdata(folder / "check_truth.fits", 1), fits.getdata(folder / "check.fits")
+    ours = psf_truth.draw(Truth("MOFFAT 3.5", 4.0, 0.2, side=256), stars["X_IMAGE"] - 1, stars["Y_IMAGE"] - 1, stars["FLUX"])
+    return float(np.abs(ours - image)[20:-20, 20:-20].max() / image.max())
+
+
+def width(values):
+    return float(1.4826 * np.median(np.abs(values))) if len(values) else None
+
+
+def middle(values):
+    return float(np.median(values)) if len(values) else None
+
+
+@lru_cache(maxsize=1)
+def true_stamps(truth):
+    return [truth.stamp(*place, int(np.ceil(10 * truth.fwhm))) for place in places_of(truth.side, truth.side)]
+
+
+def places_of(width, height):
+    """A grid over the tile, then its corners."""
+    x, y = ((np.arange(PLACES) + 0.5) / PLACES * (n - 1) for n in (width, height))
+    return ([(float(a), float(b)) for b in y for a in x]
+            + [(a * (width - 1), b * (height - 1)) for b in (0.02, 0.98) for a in (0.02, 0.98)])
+
+
+def compare(model, places, stamps, fwhm):
+    """Of the model alone, no noise: moments, predicted magnitudes and residuals at places that no star chose, against
+    stamps there; corners come last."""
+    shapes, light, left, pictures = [], [], [], []
+    for place, stamp in zip(places, stamps):
+        m, t = psf_truth.common(model.stamp(*place), stamp)
+        (tm, am, bm), (tt, at, bt) = (psf_truth.moments(p, fwhm) for p in (m, t))
+        shapes.append(((tm - tt) / tt, am - at, bm - bt))
+        flux = (m * t).sum() / (m * m).sum()
+        light.append(-2.5 * np.log10(flux))
+        left.append(np.sqrt(((t - flux * m)**2).sum() / (t * t).sum()))
+        half = m.shape[0] // 2
+        pictures.append((t - flux * m)[half - 8:half + 9, half - 8:half + 9])
+    shapes, n, peak = np.array(shapes), len(places) - 4, np.mean([a.max() for a in stamps])
+    return {"dT/T": shapes[:n, 0].mean(), "dT/T rms": shapes[:n, 0].std(), "de1": shapes[:n, 1].mean(),
+            "de2": shapes[:n, 2].mean(), "de rms": np.sqrt(shapes[:n, 1:].var(0).sum()),
+            "corner dT/T": np.abs(shapes[n:, 0]).max(), "corner de": np.hypot(*shapes[n:, 1:].T).max(),
+            "predicted mag": np.mean(light[:n]), "predicted corner mag": max(light[n:], key=abs),
+            "residual": np.median(left[:n]), "stacked residual": np.abs(np.mean(pictures[:n], 0)).max() / peak}
+
+
+def against_truth(model, truth):
+    places = places_of(truth.side, truth.side)
+    place = places[PLACES**2 // 2 + PLACES // 2]
+    true = truth.stamp(*place, int(np.ceil(20 * truth.fwhm)))
+    missed = psf_truth.growth(model.stamp(*place), RADII * truth.fwhm) - psf_truth.growth(true, RADII * truth.fwhm)
+    return compare(model, places, true_stamps(truth), truth.fwhm) | {
+        "growth": missed.tolist(), "growth missed": float(missed[np.argmax(np.abs(missed))])}
+
+
+def photometry(folder, truth, x, y, flux):
+    """Bright lone stars of the catalogue against the truth."""
+    rows = fits.getdata(folder / "out.cat", 1)
+    wanted = np.flatnonzero((psf_truth.signal_to_noise(truth, flux) > BRIGHT) & (flux < 0.85 * saturates(truth))
+                            & lonely(x, y, flux, 2 * truth.fwhm))
+    at = np.column_stack([rows["X_IMAGE"], rows["Y_IMAGE"]]) - 1.0
+    if len(wanted) == 0 or len(rows) == 0:
+        return {"bright": len(wanted), "matched": 0}
+    distance, k = cKDTree(at).query(np.column_stack([x, y])[wanted])
+    good = (distance < 1) & (rows["FLUX_TEMPLATE"][k] > 0)
+    star, row = wanted[good], rows[k[good]]
+    off = -2.5 * np.log10(row["FLUX_TEMPLATE"] / flux[star])
+    pull = (row["FLUX_TEMPLATE"] - flux[star]) / row["FLUXERR_TEMPLATE"]
+    u, v = x[star] / (truth.side - 1), y[star] / (truth.side - 1)
+    corners = [off[(abs(u - a) < CORNER) & (abs(v - b) < CORNER)] for b in (0, 1) for a in (0, 1)]
+    corners = [float(np.median(c)) for c in corners if len(c) > 2]
+    return {"bright": len(wanted), "matched": len(star), "mag": middle(off), "mag scatter": width(off - np.median(off)),
+            "corner mag": max(corners, key=abs) if corners else None, "pulls": [round(float(p), 3) for p in pull],
+            "pull": middle(pull), "pull width": width(pull), "points": float(np.mean(row["CLASS_TEMPLATE"] > 0.5))}
+
+
+def measure(folder, truth, way):
+    """out.cat by that PSF; the model, the log and seconds."""
+    common = keywords(RESTORE_TYPE="NONE", CATALOG_TYPE="FITS_1.0", CATALOG_NAME="out.cat", PARAMETERS_NAME="out.param",
+                      GAIN=GAIN, SATUR_LEVEL=SATURATION, MAG_ZEROPOINT=ZEROPOINT, VERBOSE_TYPE="FULL", NTHREADS=2)
+    made = 0.0
+    for name in ("out.cat", "model.psf"):
+        (folder / name).unlink(missing_ok=True)
+    if way == "PSFEX":
+        side = int(max(35, 10 * truth.fwhm)) // 2 * 2 + 1
+        made = psfex(folder, "tile.fits", side, 5 * truth.fwhm, "-GAIN", GAIN, "-SATUR_LEVEL", SATURATION)
+        shutil.move(folder / "stars.psf", folder / "model.psf")
+        common += keywords(PSF_TYPE="PSFEX", PSF_NAME="model.psf")
+    elif "PSF" in words("CHECKIMAGE_TYPE"):
+        common += keywords(PSF_TYPE=way, CHECKIMAGE_TYPE="PSF", CHECKIMAGE_NAME="model.psf")
+    else:
+        common += keywords(PSF_TYPE=way)
+    log, seconds = call(folder, find("rextract"), "tile.fits", *common)
+    if (folder / "model.psf").exists():
+        model = Model(folder / "model.psf")
+    else:
+        model = Stamps(folder, "tile.fits", way, places_of(truth.side, truth.side))
+    timing = re.search(r"PSF ([\d.]+)$", log, re.M)
+    said = [a.split(": ", 2)[-1] for a in log.splitlines() if "warning" in a and "default.sex" not in a]
+    line = re.search(r"PSF (AUTO|MOFFAT).*", log)
+    return model, {"said": said, "seconds": made or seconds, "wall of PSF": float(timing[1]) if timing else None,
+                   "line": line[0] if line else None,
+                   "cards": {k: v for k, v in fits.getheader(folder / "out.cat", 1).items() if k.startswith(("RXPSF", "RXTP"))}}
+
+
+def case(folder, name, seed, ways):
+    truth, density, galaxies = CASES[name]
+    folder = folder / f"seed-{seed}" / re.sub(r"[ ,.]+", "-", name)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "out.param").write_text(COLUMNS.replace(" ", "\n") + "\n")
+    x, y, flux = simulate(folder, truth, density, galaxies, seed)
+    usable = int(((psf_truth.signal_to_noise(truth, flux) > 20) & (flux < saturates(truth))).sum())
+    rows = []
+    for way in ways:
+        row = {"case": name, "seed": seed, "way": way, "stars": len(x), "usable": usable}
+        try:
+            model, facts = measure(folder, truth, way)
+            row |= facts | against_truth(model, truth) | photometry(folder, truth, x, y, flux)
+        except (RuntimeError, OSError) as error:
+            row["failed"] = str(error)
+        rows.append(row)
+        print(line_of(row), flush=True)
+    for big in folder.glob("*.raw"):
+        big.unlink()
+    return rows
+
+
+def number(value, form):
+    return "" if value is None else format(value, form)
+
+
+HEAD = ["tile", "PSF", "dT/T (1e-3)", "rms", "de1 (1e-4)", "de2", "rms", "corner dT/T (1e-3)", "residual (%)", "stack (%)",
+        "growth (%)", "bright stars", "mag", "scatter", "corner", "predicted", "corner", "pull", "width", "CPU s"]
+
+
+def line_of(a):
+    if "failed" in a:
+        return f"| {a['case']} | {a['way']} | failed: {a['failed']} |" + " |" * (len(HEAD) - 3)
+    cells = [a["case"], a["way"], *(number(a[k] * f, s) for k, f, s in (
+        ("dT/T", 1e3, "+.2f"), ("dT/T rms", 1e3, ".2f"), ("de1", 1e4, "+.1f"), ("de2", 1e4, "+.1f"), ("de rms", 1e4, ".1f"),
+        ("corner dT/T", 1e3, ".1f"), ("residual", 100, ".2f"), ("stacked residual", 100, ".2f"), ("growth missed", 100, "+.2f"))),
+        str(a["matched"]), *(number(a.get(k), s) for k, s in (
+            ("mag", "+.4f"), ("mag scatter", ".4f"), ("corner mag", "+.4f"), ("predicted mag", "+.4f"),
+            ("predicted corner mag", "+.4f"), ("pull", "+.2f"), ("pull width", ".2f"), ("seconds", ".1f")))]
+    return "| " + " | ".join(cells) + " |"
+
+
+def plain(value):
+    return float(value) if isinstance(value, np.floating) else value.tolist() if isinstance(value, np.ndarray) else str(value)
+
+
+def truth(out, seeds="1", names="", ways=""):
+    """Rows go into truth.json as they come, in place of those of the same tile and PSF_TYPE."""
+    ways = ways.split(",") if ways else [w for w in WAYS if w == "PSFEX" or w in words("PSF_TYPE")]
+    if not (shutil.which("psfex") and shutil.which("source-extractor")):
+        ways = [w for w in ways if w != "PSFEX"]
+        print("psfex and source-extractor are not installed; their model does not take part", file=sys.stderr)
+    file = Path(out) / "truth.json"
+    known = {key(a): a for a in json.loads(file.read_text())} if file.exists() else {}
+    print("| " + " | ".join(HEAD) + " |\n|" + " --- |" * len(HEAD))
+    for seed in map(int, seeds.split(",")):
+        for name in [n for n in CASES if any(w in n for w in names.split(";"))]:
+            known |= {key(a): a for a in case(Path(out), name, seed, ways)}
+            rows = sorted(known.values(), key=lambda a: (a["seed"], list(CASES).index(a["case"]), WAYS.index(a["way"])))
+            file.write_text(json.dumps(rows, indent=1, default=plain) + "\n")
+
+
+def key(a):
+    return a["case"], a["seed"], a["way"]
+
+
+# --- real tiles
+
+class KarhunenLoeve:
+    """SDSS's own PSF of a frame: psf(row, col) = sum_k a_k RROWS_k, a_k = sum_ij C_k[i, j] (0.001 row)^i (0.001 col)^j
+    (sdss.org, algorithms, read_psf); its stamps are counts on 51 x 51 pixels."""
+
+    def __init__(self, path, band="r"):
+        with fits.open(path) as hdus:
+            rows = hdus["ugriz".index(band) + 1].data
+            self.images = [np.array(r["RROWS"], float).reshape(r["RNROW"], r["RNCOL"]) for r in rows]
+            self.terms = [np.array(r["c"], float)[:r["nrow_b"], :r["ncol_b"]] for r in rows]
+
+    def stamp(self, x, y):
+        powers = [np.outer((0.001 * y)**np.arange(c.shape[0]), (0.001 * x)**np.arange(c.shape[1])) for c in self.terms]
+        image = sum((c * p).sum() * a for c, p, a in zip(self.terms, powers, self.images))
+        return image / image.sum()
+
+
+REAL_COLUMNS = COLUMNS + " FLUX_AUTO FLUXERR_AUTO FWHM_IMAGE FLUX_MAX BACKGROUND"
+STACK = 32  # half side of stacks, pixels
+
+
+def real_tiles(data):
+    """tiles.py's, with what the stamps of DECam come with."""
+    fields = data / "fields"
+    found = []
+    for make in (lambda: tiles.sdss_frame(data), lambda: tiles.decam(data),
+                 lambda: tiles.plain(fields / "M6707HH.fits", "M67", "photographic")[0],
+                 lambda: tiles.plain(fields / "M13_blue_0001.fits", "M13", "as taken")[0],
+                 lambda: tiles.plain(fields / "spitzer_example_image.fits", "Spitzer IRAC", "mosaic", SATUR_LEVEL=1e9)[0],
+                 lambda: tiles.plain(fields / "aligned_eso085-030-004.fit", "ESO 085-030", "stacked")[0]):
+        try:
+            found.append(make())
+        except OSError as error:
+            print(f"left out: {error}", file=sys.stderr)
+    for tile in found:
+        tile.keywords.pop("PSF_TYPE", None)
+        tile.keywords.pop("PSF_FWHM", None)
+    return found
+
+
+def extract(folder, tile, way, fwhm=4.0):
+    """Runs a real tile: rows, planes, model, facts."""
+    for name in ("out.cat", "model.psf"):
+        (folder / name).unlink(missing_ok=True)
+    images = {"-BACKGROUND": "image.fits", "TEMPLATE_MODEL": "templates.fits"}
+    arguments = {"RESTORE_TYPE": "NONE", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat", "PARAMETERS_NAME": "out.param",
+                 "VERBOSE_TYPE": "FULL", "NTHREADS": 2, **tile.keywords}
+    if tile.weight is not None:
+        arguments |= {"WEIGHT_IMAGE": "weight.fits", "WEIGHT_TYPE": "MAP_WEIGHT"}
+    made = 0.0
+    if way == "PSFEX":
+        gain = [a for k in ("GAIN", "SATUR_LEVEL") if k in tile.keywords for a in ("-" + k, tile.keywords[k])]
+        weight = ["-WEIGHT_IMAGE", "weight.fits", "-WEIGHT_TYPE", "MAP_WEIGHT"] if tile.weight is not None else []
+        made = psfex(folder, "tile.fits", 41, 5 * fwhm, *gain, *weight)
+        shutil.move(folder / "stars.psf", folder / "model.psf")
+        arguments |= {"PSF_TYPE": "PSFEX", "PSF_NAME": "model.psf"}
+    else:
+        arguments["PSF_TYPE"] = way
+        if "PSF" in words("CHECKIMAGE_TYPE"):
+            images["PSF"] = "model.psf"
+    arguments |= {"CHECKIMAGE_TYPE": ",".join(images), "CHECKIMAGE_NAME": ",".join(images.values())}
+    log, seconds = call(folder, find("rextract"), "tile.fits", *keywords(**arguments))
+    rows, head = fits.getdata(folder / "out.cat", 1, header=True)
+    planes = {k: np.nan_to_num(fits.getdata(folder / v).astype(float)) for k, v in images.items() if k != "PSF"}
+    model = Model(folder / "model.psf") if (folder / "model.psf").exists() else None
+    said = [re.sub(r"^rextract: warning: (tile\.fits\[0\]: )?", "", a) for a in log.splitlines()
+            if "warning" in a and "default.sex" not in a]
+    line = re.search(r"PSF (AUTO|MOFFAT|FILE|PSFEX|stated)[^\n]*", log)
+    cards = {k: v for k, v in head.items() if k.startswith(("RXPSF", "RXFWHM", "RXTPFWHM", "RXTPCHI2"))}
+    return rows, planes, model, {"said": said, "line": line[0] if line else None, "cards": cards, "seconds": made or seconds}
+
+
+def choose(rows, shape, limit, fwhm):
+    """Places of bright, lone, unsaturated sources as wide as most of the 60 brightest: whatever a PSF takes for a star."""
+    x, y, flux = (rows[k].astype(float) for k in ("X_IMAGE", "Y_IMAGE", "FLUX_AUTO"))
+    good = ((rows["FLAGS"] & 4 == 0) & (flux > 20 * rows["FLUXERR_AUTO"]) & (rows["FLUX_MAX"] + rows["BACKGROUND"] < limit)
+            & (np.minimum(x, y) > STACK + 1) & (x < shape[1] - STACK) & (y < shape[0] - STACK))
+    at = np.column_stack([x, y])
+    near = cKDTree(at).query_ball_point(at, 2.5 * fwhm)
+    lone = np.array([i for i in np.flatnonzero(good) if all(flux[j] < 0.2 * flux[i] for j in near[i] if j != i)], int)
+    lone = lone[np.argsort(-flux[lone])]
+    wide = rows["FWHM_IMAGE"][lone]
+    return at[lone[abs(wide - np.median(wide[:60])) < 0.15 * np.median(wide[:60])]] if len(lone) else []
+
+
+def stack(rows, planes, places):
+    """Mean image of the stars and of what the templates leave of them, per flux, of the middle 60 % of each pixel; how many
+    stars, and the share that is taken for points."""
+    at = np.column_stack([rows["X_IMAGE"], rows["Y_IMAGE"]]).astype(float)
+    distance, k = cKDTree(at).query(places)
+    k = k[(distance < 1) & (rows["FLUX_TEMPLATE"][k] > 0)]
+    pieces = []
+    for i in k:
+        a, b = (int(round(v)) - 1 for v in at[i])
+        cut = np.s_[b - STACK:b + STACK + 1, a - STACK:a + STACK + 1]
+        image, model = planes["-BACKGROUND"][cut], planes["TEMPLATE_MODEL"][cut]
+        if image.shape == (2 * STACK + 1,) * 2:
+            pieces.append(np.stack([image, image - model]) / rows["FLUX_TEMPLATE"][i])
+    if not pieces:
+        return None, 0, 0.0
+    ordered = np.sort(pieces, axis=0)
+    edge = len(pieces) // 5
+    return ordered[edge:len(pieces) - edge].mean(0), len(pieces), float(np.mean(rows["CLASS_TEMPLATE"][k] > 0.5))
+
+
+def picture(stacks, path):
+    """The stars as they are (logarithm, 1e-4 of the peak to the peak), then what each PSF leaves (-5 to 5 % of the peak)."""
+    try:
+        from PIL import Image
+    except ImportError:
+        return
+    image = next(iter(stacks.values()))[0]
+    panels = [np.log10(np.clip(image / image.max(), 1e-4, 1)) / 4 + 1]
+    panels += [np.clip(left / whole.max() / 0.1 + 0.5, 0, 1) for whole, left in stacks.values()]
+    wide = np.hstack([np.pad(np.kron(p[::-1], np.ones((4, 4))), 2, constant_values=1) for p in panels])
+    Image.fromarray((255 * wide).astype(np.uint8)).save(path)
+
+
+def coadd_differences(data, rows, header):
+    """MAG_TEMPLATE less the magnitude of the deep coadd, by magnitude."""
+    table = fits.getdata(data / "sdss/94-1-12/stripe82_coadd_catalog.fit", 1)
+    model = -2.5 * np.log10(table["fracdev_r"] * 10**(-0.4 * table["devmag_r"].astype(float))
+                            + (1 - table["fracdev_r"]) * 10**(-0.4 * table["expmag_r"].astype(float)))
+    star = table["probpsf"] > 0.5
+    mag = np.where(star, table["psfmag_r"], model)
+    good = table["is_saturated"] == 0
+    known = np.column_stack(WCS(header).all_world2pix(table["ra"], table["dec"], 1))[good]
+    distance, k = cKDTree(np.column_stack([rows["X_IMAGE"], rows["Y_IMAGE"]])).query(known)
+    ours = rows["FLUX_TEMPLATE"][k].astype(float)
+    near = (distance < 2.5) & (ours > 0)
+    off = 22.5 - 2.5 * np.log10(np.where(ours > 0, ours, 1)) - mag[good]
+    bins = []
+    for low in range(16, 21):
+        for kind, chosen in (("stars", star[good]), ("all", np.full(len(known), True))):
+            d = off[near & chosen & (mag[good] >= low) & (mag[good] < low + 1)]
+            if len(d) > 4:
+                bins.append({"from": low, "of": kind, "n": len(d), "bias": float(np.median(d)),
+                             "scatter": width(d - np.median(d))})
+    return bins
+
+
+OTHERS = {"SDSS frame": lambda data: KarhunenLoeve(data / "sdss/94-1-12/psField-000094-1-0012.fit"),
+          "DECam stamp": lambda data: Model(data / "decam/c4d_171113_060340_ooi_r_ls9-psfex.fits")}
+
+
+def real(out, ways=None):
+    data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
+    if not data.is_dir():
+        sys.exit(f"psf.py: {data} is missing (RX_SHARED_DATA); real tiles are left out")
+    ways = ways.split(",") if ways else [w for w in ("MOFFAT_FIT", "AUTO", "PSFEX") if w == "PSFEX" or w in words("PSF_TYPE")]
+    rows = []
+    for tile in real_tiles(data):
+        folder = Path(out) / tile.name.replace(" ", "-")
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "out.param").write_text(REAL_COLUMNS.replace(" ", "\n") + "\n")
+        fits.writeto(folder / "tile.fits", tile.pixels.astype(np.float32), tile.header, overwrite=True,
+                     output_verify="silentfix")
+        if tile.weight is not None:
+            fits.writeto(folder / "weight.fits", np.maximum(tile.weight, 0).astype(np.float32), overwrite=True)
+        saturation = float(tile.keywords.get("SATUR_LEVEL", 0.9 * np.nanmax(tile.pixels)))
+        places, stacks = None, {}
+        for way in ways:
+            a = {"tile": tile.name, "way": way}
+            rows.append(a)
+            try:
+                found, planes, model, facts = extract(folder, tile, way)
+                a |= facts | {"sources": len(found)}
+                height, wide = tile.pixels.shape
+                at = places_of(wide, height)
+                if model is None and tile.name in OTHERS:
+                    model = Stamps(folder, "tile.fits", way, at)
+                if places is None and len(found):
+                    places = choose(found, tile.pixels.shape, saturation, float(facts["cards"].get("RXTPFWHM", 4)))
+                if places is not None and len(places):
+                    made, a["stacked"], a["points"] = stack(found, planes, places)
+                    if made is not None:
+                        stacks[way] = made
+                        a |= judged(made, float(facts["cards"].get("RXTPFWHM", 4)))
+                if tile.name == "SDSS frame":
+                    a["coadd"] = coadd_differences(data, found, tile.header)
+                    a["beyond"] = 1 - float(psf_truth.growth(model.stamp(*at[0]), [7.43 / 0.396])[0])
+                if tile.name in OTHERS:
+                    own = OTHERS[tile.name](data)
+                    a["survey"] = compare(model, at, [own.stamp(*p) for p in at], float(facts["cards"].get("RXTPFWHM", 4)))
+            except (RuntimeError, OSError, ValueError) as error:
+                a["failed"] = str(error)
+            print({k: v for k, v in a.items() if k not in ("said", "cards")}, flush=True)
+        if stacks:
+            picture(stacks, Path(out) / f"{folder.name}.png")
+    (Path(out) / "real.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
+
+
+def judged(made, fwhm):
+    image, left = made
+    half = image.shape[0] // 2
+    r = np.hypot(*np.mgrid[-half:half + 1, -half:half + 1])
+    core, radii = r <= 2 * fwhm, [a * fwhm for a in (1, 2, 3, 5, 8) if a * fwhm <= half]
+    return {"stacked residual": float(np.abs(left[core]).max() / image.max()),
+            "rms residual": float(np.sqrt((left[core]**2).sum() / (image[core]**2).sum())),
+            "growth": [float(v) for v in psf_truth.growth(left, radii)], "radii": [float(v / fwhm) for v in radii]}
+
+
+# --- small and empty tiles
+
+# side, bright stars, what else is known: keywords, or FWHM in the header
+SMALL = [(100, 0, {}), (100, 1, {}), (100, 2, {}), (150, 1, {}), (150, 3, {}), (200, 2, {}), (200, 4, {}), (250, 3, {}),
+         (250, 5, {}), (150, 0, {"FWHM": 4.0}), (150, 2, {"FWHM": 4.0}), (150, 0, {"SEEING_FWHM": 1.6, "PIXEL_SCALE": 0.4}),
+         (150, 0, {"PSF_FWHM": 4.0})]
+
+
+def small(out, seed="1"):
+    """Kolmogorov, FWHM 4; bright stars have S/N 30 to 300, ten times as many are fainter."""
+    truth = Truth("KOLMOGOROV", 4.0, 0.1)
+    folder = Path(out) / "small"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "out.param").write_text(COLUMNS.replace(" ", "\n") + "\n")
+    rows = []
+    for number_of, (side, stars, known) in enumerate(SMALL):
+        rng = np.random.default_rng([int(seed), number_of])
+        x, y = rng.uniform(12, side - 13, (2, stars))
+        floor = psf_truth.SIGMA / np.sqrt((truth.stamp(0, 0, 20)**2).sum())
+        flux = floor * 10**rng.uniform(np.log10(30), np.log10(300), stars)
+        faint = rng.uniform(0, side - 1, (2, 10 * stars)), floor * 10**rng.uniform(0.3, 1.2, 10 * stars)
+        light = psf_truth.draw(Truth("KOLMOGOROV", 4.0, 0.1, side=side), [*x, *faint[0][0]], [*y, *faint[0][1]],
+                               [*flux, *faint[1]])
+        header = fits.Header([("FWHM", known["FWHM"], "[pixel] of stars")] if "FWHM" in known else [])
+        fits.writeto(folder / "tile.fits", psf_truth.expose(light, rng), header, overwrite=True)
+        rows.append({"tile": f"{side} px", "bright stars": stars,
+                     "stated": ", ".join(f"{k} {v:g}" for k, v in known.items())}
+                    | answer(folder, "tile.fits", {k: v for k, v in known.items() if k != "FWHM"} | {
+                        "GAIN": GAIN, "SATUR_LEVEL": SATURATION, "MAG_ZEROPOINT": ZEROPOINT}, x, y, flux))
+    data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
+    for tile, cut in ((lambda: tiles.sdss_frame(data), np.s_[700:850, 900:1050]), (lambda: tiles.sdss_frame(data), np.s_[200:450, 300:550]),
+                      (lambda: tiles.decam(data), np.s_[:, :])):
+        try:
+            tile = tile()
+        except OSError:
+            continue
+        pixels = tile.pixels[cut]
+        fits.writeto(folder / "tile.fits", pixels, fits.Header([c for c in tile.header.cards if c.keyword in ("GAIN", "FWHM")]),
+                     overwrite=True)
+        rows.append({"tile": f"{tile.name}, {pixels.shape[1]} x {pixels.shape[0]} px", "bright stars": None, "stated": ""}
+                    | answer(folder, "tile.fits", {k: v for k, v in tile.keywords.items() if not k.startswith("PSF_")}))
+    (Path(out) / "small.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
+
+
+def answer(folder, tile, keys, x=(), y=(), flux=()):
+    """What the program says and does: cards, warnings, MAG_TEMPLATE of the bright stars against the truth."""
+    arguments = {"RESTORE_TYPE": "RL", "PSF_TYPE": "AUTO", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat",
+                 "PARAMETERS_NAME": "out.param", "NTHREADS": 2, **keys}
+    try:
+        log, _ = call(folder, find("rextract"), tile, *keywords(**arguments))
+    except RuntimeError as error:
+        return {"failed": str(error)}
+    rows, head = fits.getdata(folder / "out.cat", 1, header=True)
+    off = []
+    if len(rows) and len(x):
+        distance, k = cKDTree(np.column_stack([rows["X_IMAGE"], rows["Y_IMAGE"]]) - 1.0).query(np.column_stack([x, y]))
+        ours = rows["FLUX_TEMPLATE"][k].astype(float)
+        off = [round(float(-2.5 * np.log10(o / f)), 4) for o, f, d in zip(ours, flux, distance) if d < 2 and o > 0]
+    said = [re.sub(r"^rextract: warning: (tile\.fits\[0\]: )?", "", a) for a in log.replace("\nrextract:     ", " ").splitlines()
+            if "warning" in a and "default.sex" not in a]
+    keep = ("RXREST", "RXASKED", "RXWHY", "RXPSF", "RXFWHM", "RXTPFWHM")
+    return {"cards": {k: v for k, v in head.items() if k.startswith(keep)}, "said": said, "mag": off}
+
+
+# --- the page
+
+def pooled(rows, way, key):
+    return [v for a in rows if a["way"] == way and "failed" not in a for v in a.get(key) or []]
+
+
+def held(a):
+    """Which of the goals a tile with 100 usable stars or more misses."""
+    if "failed" in a:
+        return [a["failed"]]
+    wrong = []
+    if abs(a["dT/T"]) > LIMITS["dT/T"]:
+        wrong.append(f"dT/T {a['dT/T']:+.4f}")
+    if max(abs(a["de1"]), abs(a["de2"])) > LIMITS["de"]:
+        wrong.append(f"de {a['de1']:+.5f}, {a['de2']:+.5f}")
+    if a.get("mag") is not None and abs(a["mag"]) > LIMITS["mean"]:
+        wrong.append(f"fluxes {a['mag']:+.4f} mag")
+    if abs(a["predicted corner mag"]) > LIMITS["corner"]:
+        wrong.append(f"a corner {a['predicted corner mag']:+.3f} mag")
+    if a.get("pull width") is not None and abs(a["pull width"] - 1) > LIMITS["pull"]:
+        wrong.append(f"pulls {a['pull width']:.2f}")
+    return wrong
+
+
+def table(head, rows):
+    return ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head), *rows, ""]
+
+
+def truth_page(rows, version, error):
+    ways = list(dict.fromkeys(a["way"] for a in rows))
+    text = ["## Known truths", "", f"`psf.py truth`, seeds {', '.join(sorted({str(a['seed']) for a in rows}))}; {version}. Stars drawn here"
+            f" and by rextract-simulate differ by {error:.0e} of the peak at most.", "", *table(HEAD, map(line_of, rows))]
+    text += ["Goals (tiles with 100 usable stars or more, S/N above 20 and not saturated): |dT/T| 1e-3, |de| 2e-4, median flux 0.003 mag,"
+             " every corner 0.01 mag, pulls 1 +- 0.15.", ""]
+    judged = [(a, held(a)) for a in rows if a["way"] == "AUTO" and a["usable"] >= 100]
+    text += table(["tile", "seed", "usable stars", "AUTO misses"],
+                  [f"| {a['case']} | {a['seed']} | {a['usable']} | {'; '.join(w) or 'nothing'} |" for a, w in judged])
+    text += [f"{sum(not w for _, w in judged)} of {len(judged)} tiles miss nothing.", ""]
+    lines = []
+    for way in ways:
+        mine = [a for a in rows if a["way"] == way and "failed" not in a]
+        if not mine:
+            continue
+        pull = np.array(pooled(rows, way, "pulls"))
+        lines.append(f"| {way} | {len(mine)} | {np.median([abs(a['dT/T']) for a in mine]):.4f} | "
+                     f"{np.median([a['residual'] for a in mine]):.4f} | {np.median([abs(a['growth missed']) for a in mine]):.4f} | "
+                     f"{np.median([abs(a['mag']) for a in mine if a.get('mag') is not None]):.4f} | {len(pull)} | "
+                     f"{np.median(pull):+.2f} | {width(pull):.2f} | {sum(a['seconds'] for a in mine):.0f} |")
+    text += table(["PSF", "tiles", "median of abs(dT/T)", "of the residual", "of the growth missed", "of abs(mag)", "bright stars", "median pull",
+                   "width", "CPU s in all"], lines)
+    by = {(a["case"], a["seed"], a["way"]): a for a in rows if "failed" not in a}
+    duels = [(a, by[a["case"], a["seed"], "PSFEX"]) for a in by.values() if a["way"] == "AUTO" and (a["case"], a["seed"], "PSFEX") in by]
+    if duels:
+        text += [f"AUTO beside psfex, on the {len(duels)} tiles that both do: residual lower or equal on "
+                 f"{sum(a['residual'] <= b['residual'] for a, b in duels)}, |dT/T| on {sum(abs(a['dT/T']) <= abs(b['dT/T']) for a, b in duels)}, "
+                 f"|mag| on {sum(abs(a.get('mag') or 0) <= abs(b.get('mag') or 0) for a, b in duels)}, CPU seconds on "
+                 f"{sum(a['seconds'] <= b['seconds'] for a, b in duels)}.", ""]
+    return text
+
+
+def real_page(rows):
+    lines = []
+    for a in rows:
+        growth = " ".join(f"{100 * v:+.1f}" for v in a.get("growth", []))
+        s = a.get("survey")
+        lines.append("| " + " | ".join([a["tile"], a["way"], a["cards"].get("RXPSFHOW", "") if "cards" in a else "",
+                     number(a.get("cards", {}).get("RXTPFWHM"), ".3f"), str(a.get("stacked", "")), number(a.get("points"), ".2f"),
+                     *(number(a[k] * 100 if k in a else None, ".1f") for k in ("stacked residual", "rms residual")), growth,
+                     f"{s['dT/T']:+.4f}, {s['dT/T rms']:.4f}; {s['de rms']:.4f}" if s else "",
+                     number(a.get("cards", {}).get("RXTPCHI2"), ".2f"),
+                     "<br>".join(a.get("said", [])) or a.get("failed", "").split("\n")[-1]]) + " |")
+    text = ["## Real tiles", "", "Pictures, [SDSS](SDSS-frame.png) and one for each other tile: the stack of bright lone stars (logarithm), then what the "
+            f"templates of {', '.join(dict.fromkeys(a['way'] for a in rows))} leave of it (-5 to 5 % of the peak).", "",
+            *table(["tile", "PSF", "RXPSFHOW", "FWHM", "stars stacked", "taken for points", "largest residual (%)", "rms (%)",
+                    "light left within 1, 2, 3, 5, 8 FWHM (%)", "beside the survey's own PSF: dT/T, rms; de rms", "RXTPCHI2", "warnings"],
+                   lines)]
+    coadd = []
+    for a in rows:
+        coadd += [f"| {b['from']} to {b['from'] + 1} | {b['of']} | {a['way']} | {b['n']} | {b['bias']:+.3f} | {b['scatter']:.3f} |"
+                  for b in a.get("coadd", [])]
+    if coadd:
+        beyond = ", ".join(f"{100 * a['beyond']:+.1f} % ({a['way']})" for a in rows if "beyond" in a)
+        text += [f"MAG_TEMPLATE of the SDSS frame less the deep coadd, whose magnitudes hold the light within 7.43 arcsec; beyond, the PSFs have {beyond}:", "",
+                 *table(["r", "of", "PSF", "n", "median", "scatter"], sorted(coadd))]
+    return text
+
+
+def small_page(rows):
+    lines = []
+    for a in rows:
+        cards = a.get("cards", {})
+        lines.append("| " + " | ".join([a["tile"], number(a["bright stars"], "d"), a["stated"], cards.get("RXPSFHOW", ""),
+                     cards.get("RXPSF", ""), cards.get("RXREST", ""),
+                     " ".join(f"{m:+.3f}" for m in a.get("mag", [])), "<br>".join(a.get("said", [])) or a.get("failed", "")]) + " |")
+    return ["## Small and empty tiles", "", "RESTORE_TYPE RL, PSF_TYPE AUTO; Kolmogorov, FWHM 4, but the last three.", "",
+            *table(["tile", "bright stars", "stated", "RXPSFHOW", "RXPSF", "restored by", "MAG_TEMPLATE - truth of the bright", "what it says"],
+                   lines)]
+
+
+def page(out):
+    out = Path(out)
+    version = subprocess.run([find("rextract"), "-v"], capture_output=True, text=True).stdout.split("\n")[0]
+    text = ["# The PSF that is measured on a tile", "", *(a.strip() for a in __doc__[__doc__.index("What the columns"):].splitlines()), ""]
+    for name, write in (("truth", lambda r: truth_page(r, version, drawing_error(out / "check"))), ("real", real_page), ("small", small_page)):
+        if (out / f"{name}.json").exists():
+            text += write(json.loads((out / f"{name}.json").read_text()))
+    (out / "psf.md").write_text("\n".join(text).rstrip() + "\n")
+
+
+if __name__ == "__main__":
+    programs = {"truth": truth, "real": real, "small": small, "page": page}
+    if len(sys.argv) < 3 or sys.argv[1] not in programs:
+        sys.exit(__doc__)
+    programs[sys.argv[1]](*sys.argv[2:])
