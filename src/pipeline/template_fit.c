@@ -13,6 +13,8 @@ static const double OWED = 0.5;
 /* In a crowd sources down to that share of INVENTED_SNR are added and stay unmarked: each that is left out is light that its
  * neighbours take, and among so many sources the few false ones are rare. */
 static const double IN_CROWDS = 0.8;
+static const double LEAST_SNR =
+    3.0; /* below that peaks of noise would be added by the hundred, whatever INVENTED_SNR says */
 
 /* What one call works on. */
 typedef struct work {
@@ -61,7 +63,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
 {
     const int forced = w->on.measure != w->on.detect;
     rx_tphot_params par = w->params->templates.par;
-    par.least = IN_CROWDS * w->params->templates.invented;
+    par.least = w->extra.crowd_threshold;
     rx_tphot_input input = input_of(w, w->on.detect, sources);
     rx_tphot *shapes = NULL;
     double(*at)[2] = NULL;
@@ -192,7 +194,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     }
     w.extra = (rx_template_extra){.detect = &params->detect,
                                   .threshold = params->templates.threshold,
-                                  .crowd_threshold = IN_CROWDS * params->templates.invented,
+                                  .crowd_threshold = fmax(IN_CROWDS * params->templates.invented, LEAST_SNR),
                                   .psf = psf_of(&w, detect),
                                   .pixels = detect->image.pixels,
                                   .mask = detect->image.mask,
