@@ -2,27 +2,28 @@
 """The PSF that is measured on a tile, against the truth and beside PSFEx's.
 
     psf.py truth FOLDER [SEED[,SEED...] [CASE[;CASE...] [PSF_TYPE[,PSF_TYPE...]]]]
-                                                              simulated tiles (psf_truth.py): FOLDER/truth.json
-    psf.py real FOLDER                                        real tiles: FOLDER/real.json and pictures
-    psf.py small FOLDER [SEED]                                small and empty tiles: FOLDER/small.json
-    psf.py page FOLDER                                        FOLDER/psf.md from the json files that are there
+                                   simulated tiles (psf_truth.py): FOLDER/truth.json
+    psf.py real FOLDER             real tiles: FOLDER/real.json and pictures
+    psf.py small FOLDER [SEED]     small and empty tiles: FOLDER/small.json
+    psf.py page FOLDER             FOLDER/psf.md from the json files that are there
 
-RX_PROGRAM names rextract (default: build/rextract, else rextract in the root), RX_SHARED_DATA the folder of real tiles. psfex
-and source-extractor (Debian) take part where they are: at their defaults (polynomial of degree 2), with stamps of 10 FWHM.
+RX_PROGRAM names rextract (default: build/rextract, else rextract in the root), RX_SHARED_DATA the folder of real tiles.
+psfex and source-extractor (Debian) take part where they are: at their defaults (polynomial of degree 2), with stamps of 10
+FWHM. Our PSF is read from CHECKIMAGE_TYPE PSF.
 
 What the columns mean
 
 A model is held against the truth, without noise, on a grid of 12 x 12 places that no star chose and, for "corner", 2 % of
 the side from each corner. dT/T, de1, de2: size T = xx + yy and ellipticities (xx - yy, 2 xy) / T with a round Gaussian
-weight of the truth's FWHM, taken off as if both were Gaussian; mean over the grid and, rms, how much of the variation is missed.
-residual: what a fit of the flux leaves, rms over that of the star, median over places; stack: the largest of its mean over the
-peak. growth: where to 20 FWHM the curve of growth (light within a radius over all light) is most off, at the middle.
-predicted: the magnitude that such a fit finds, less the true one; mean, and the worst corner.
+weight of the truth's FWHM, taken off as if both were Gaussian; mean over the grid and, rms, how much of the variation is
+missed. residual: what a fit of the flux leaves, rms over that of the star, median over places; stack: the largest of its
+mean over the peak. growth: where to 20 FWHM the curve of growth (light within a radius over all light) is most off, at the
+middle. predicted: the magnitude that such a fit finds, less the true one; mean, and the worst corner.
 
-mag: MAG_TEMPLATE of bright stars (S/N above 100, unsaturated, no neighbour of 0.5 % of their flux within 2 FWHM) less the true one of
-all their light: median, scatter, and the worst median of the corners (a fifth of the side). pull: (flux - true) / error, median;
-width: 1.4826 times the median of its size. CPU: user seconds of rextract, or of source-extractor and psfex together, on a
-machine that others used as well.
+mag: MAG_TEMPLATE of bright stars (S/N above 100, unsaturated, no neighbour of 0.5 % of their flux within 2 FWHM) less the
+true one of all their light: median, scatter, and the worst median of the corners (a fifth of the side). pull: (flux -
+true) / error, median; width: 1.4826 times the median of its size. CPU: user seconds of rextract, or of source-extractor and
+psfex together, on a machine that others used as well.
 """
 import json
 import os
@@ -85,23 +86,22 @@ def find(name):
     return main if name == "rextract" else main.with_name(name)
 
 
-@lru_cache
-def words(keyword):
-    """Values that a keyword of this build takes."""
-    text = subprocess.run([find("rextract"), "-dd"], capture_output=True, text=True).stdout
-    text = re.sub(r"\n +#", " ", text)
-    line = next((a for a in text.splitlines() if a.startswith(keyword + " ")), "[]")
-    return re.split(r", *| or *| +", line[line.rindex("[") + 1:line.rindex("]")])
-
-
 def call(folder, program, *arguments):
-    """Runs it; what it said and its user CPU seconds."""
+    """Runs it; what it said and its user CPU seconds, without those of threads that wait for others (a busy machine)."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    done = subprocess.run([str(program), *map(str, arguments)], cwd=folder, capture_output=True, text=True)
+    done = subprocess.run([str(program), *map(str, arguments)], cwd=folder, capture_output=True, text=True,
+                          env={**os.environ, "OMP_WAIT_POLICY": "passive"})
     seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
     if done.returncode:
         raise RuntimeError(f"{Path(program).name}: exit status {done.returncode}: {done.stderr.strip()[-300:]}")
     return done.stderr, seconds
+
+
+def warned(log):
+    """Warnings of a log, long ones in one line."""
+    lines = log.replace("\nrextract:     ", " ").splitlines()
+    return [re.sub(r"^rextract: warning: (tile\.fits\[0\]: )?", "", a) for a in lines
+            if "warning" in a and "default.sex" not in a]
 
 
 def keywords(**values):
@@ -132,27 +132,6 @@ class Model:
         at = np.mgrid[-half:half + 1, -half:half + 1] / self.step + fine.shape[0] // 2
         pixels = map_coordinates(fine, at, order=5, mode="constant") if self.step != 1 else fine
         return pixels / pixels.sum()
-
-
-class Stamps:
-    """As a helper program on the library writes them; until CHECKIMAGE_TYPE PSF is there."""
-
-    def __init__(self, folder, tile, kind, places, **more):
-        np.asarray(fits.getdata(f"{folder}/{tile}"), np.float32).tofile(f"{folder}/pixels.raw")
-        np.asarray(places, float).tofile(f"{folder}/places.raw")
-        height, width = fits.getdata(f"{folder}/{tile}").shape
-        done = subprocess.run([os.environ["RX_STAMPS"], "pixels.raw", str(width), str(height), "places.raw", str(len(places)),
-                               "stamps.raw", "PSF_TYPE", kind], cwd=folder, capture_output=True, text=True,
-                              env={**os.environ, "GAIN": str(GAIN), "SATUR": str(SATURATION)})
-        if done.returncode:
-            raise RuntimeError(done.stderr)
-        size = np.fromfile(f"{folder}/stamps.raw", np.int32, 1)[0]
-        stamps = np.fromfile(f"{folder}/stamps.raw", np.float32, offset=4).reshape(-1, size, size)
-        self.at = {tuple(p): s.astype(float) for p, s in zip(places, stamps)}
-        self.said = done.stdout.strip()
-
-    def stamp(self, x, y):
-        return self.at[x, y]
 
 
 def psfex(folder, tile, side, aperture, *more):
@@ -204,7 +183,7 @@ def saturates(truth):
 
 
 def drawing_error(folder):
-    """Largest difference, of the brightest pixel, between stars drawn here and by rextract-simulate, which shares no line."""
+    """Largest difference, of the brightest pixel, between stars drawn here and by rextract-simulate, which shares nothing."""
     folder.mkdir(parents=True, exist_ok=True)
     call(folder, find("rextract-simulate"), *keywords(
         IMAGE_SIZE=256, PSF_FWHM=4, PSF_BETA=3.5, PSF_RATIO=0.8, PSF_ANGLE=25, NOISE_TYPE="NONE", SKY_LEVEL=0, STAR_COUNT=300,
@@ -297,21 +276,18 @@ def measure(folder, truth, way):
         made = psfex(folder, "tile.fits", side, 5 * truth.fwhm, "-GAIN", GAIN, "-SATUR_LEVEL", SATURATION)
         shutil.move(folder / "stars.psf", folder / "model.psf")
         common += keywords(PSF_TYPE="PSFEX", PSF_NAME="model.psf")
-    elif "PSF" in words("CHECKIMAGE_TYPE"):
+    else:
         common += keywords(PSF_TYPE=way, CHECKIMAGE_TYPE="PSF", CHECKIMAGE_NAME="model.psf")
-    else:
-        common += keywords(PSF_TYPE=way)
     log, seconds = call(folder, find("rextract"), "tile.fits", *common)
-    if (folder / "model.psf").exists():
-        model = Model(folder / "model.psf")
-    else:
-        model = Stamps(folder, "tile.fits", way, places_of(truth.side, truth.side))
+    if not (folder / "model.psf").exists():
+        raise RuntimeError("no PSF: " + "; ".join(warned(log)))
+    model = Model(folder / "model.psf")
     timing = re.search(r"PSF ([\d.]+)$", log, re.M)
-    said = [a.split(": ", 2)[-1] for a in log.splitlines() if "warning" in a and "default.sex" not in a]
     line = re.search(r"PSF (AUTO|MOFFAT).*", log)
-    return model, {"said": said, "seconds": made or seconds, "wall of PSF": float(timing[1]) if timing else None,
+    return model, {"said": warned(log), "seconds": made or seconds, "wall of PSF": float(timing[1]) if timing else None,
                    "line": line[0] if line else None,
-                   "cards": {k: v for k, v in fits.getheader(folder / "out.cat", 1).items() if k.startswith(("RXPSF", "RXTP"))}}
+                   "cards": {k: v for k, v in fits.getheader(folder / "out.cat", 1).items()
+                             if k.startswith(("RXPSF", "RXTP"))}}
 
 
 def case(folder, name, seed, ways):
@@ -349,7 +325,8 @@ def line_of(a):
         return f"| {a['case']} | {a['way']} | failed: {a['failed']} |" + " |" * (len(HEAD) - 3)
     cells = [a["case"], a["way"], *(number(a[k] * f, s) for k, f, s in (
         ("dT/T", 1e3, "+.2f"), ("dT/T rms", 1e3, ".2f"), ("de1", 1e4, "+.1f"), ("de2", 1e4, "+.1f"), ("de rms", 1e4, ".1f"),
-        ("corner dT/T", 1e3, ".1f"), ("residual", 100, ".2f"), ("stacked residual", 100, ".2f"), ("growth missed", 100, "+.2f"))),
+        ("corner dT/T", 1e3, ".1f"), ("residual", 100, ".2f"), ("stacked residual", 100, ".2f"),
+        ("growth missed", 100, "+.2f"))),
         str(a["matched"]), *(number(a.get(k), s) for k, s in (
             ("mag", "+.4f"), ("mag scatter", ".4f"), ("corner mag", "+.4f"), ("predicted mag", "+.4f"),
             ("predicted corner mag", "+.4f"), ("pull", "+.2f"), ("pull width", ".2f"), ("seconds", ".1f")))]
@@ -362,7 +339,7 @@ def plain(value):
 
 def truth(out, seeds="1", names="", ways=""):
     """Rows go into truth.json as they come, in place of those of the same tile and PSF_TYPE."""
-    ways = ways.split(",") if ways else [w for w in WAYS if w == "PSFEX" or w in words("PSF_TYPE")]
+    ways = ways.split(",") if ways else list(WAYS)
     if not (shutil.which("psfex") and shutil.which("source-extractor")):
         ways = [w for w in ways if w != "PSFEX"]
         print("psfex and source-extractor are not installed; their model does not take part", file=sys.stderr)
@@ -426,8 +403,8 @@ def extract(folder, tile, way, fwhm=4.0):
     for name in ("out.cat", "model.psf"):
         (folder / name).unlink(missing_ok=True)
     images = {"-BACKGROUND": "image.fits", "TEMPLATE_MODEL": "templates.fits"}
-    arguments = {"RESTORE_TYPE": "NONE", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat", "PARAMETERS_NAME": "out.param",
-                 "VERBOSE_TYPE": "FULL", "NTHREADS": 2, **tile.keywords}
+    arguments = {"RESTORE_TYPE": "NONE", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat",
+                 "PARAMETERS_NAME": "out.param", "VERBOSE_TYPE": "FULL", "NTHREADS": 2, **tile.keywords}
     if tile.weight is not None:
         arguments |= {"WEIGHT_IMAGE": "weight.fits", "WEIGHT_TYPE": "MAP_WEIGHT"}
     made = 0.0
@@ -438,19 +415,16 @@ def extract(folder, tile, way, fwhm=4.0):
         shutil.move(folder / "stars.psf", folder / "model.psf")
         arguments |= {"PSF_TYPE": "PSFEX", "PSF_NAME": "model.psf"}
     else:
-        arguments["PSF_TYPE"] = way
-        if "PSF" in words("CHECKIMAGE_TYPE"):
-            images["PSF"] = "model.psf"
+        arguments["PSF_TYPE"], images["PSF"] = way, "model.psf"
     arguments |= {"CHECKIMAGE_TYPE": ",".join(images), "CHECKIMAGE_NAME": ",".join(images.values())}
     log, seconds = call(folder, find("rextract"), "tile.fits", *keywords(**arguments))
     rows, head = fits.getdata(folder / "out.cat", 1, header=True)
     planes = {k: np.nan_to_num(fits.getdata(folder / v).astype(float)) for k, v in images.items() if k != "PSF"}
     model = Model(folder / "model.psf") if (folder / "model.psf").exists() else None
-    said = [re.sub(r"^rextract: warning: (tile\.fits\[0\]: )?", "", a) for a in log.splitlines()
-            if "warning" in a and "default.sex" not in a]
     line = re.search(r"PSF (AUTO|MOFFAT|FILE|PSFEX|stated)[^\n]*", log)
     cards = {k: v for k, v in head.items() if k.startswith(("RXPSF", "RXFWHM", "RXTPFWHM", "RXTPCHI2"))}
-    return rows, planes, model, {"said": said, "line": line[0] if line else None, "cards": cards, "seconds": made or seconds}
+    return rows, planes, model, {"said": warned(log), "line": line[0] if line else None, "cards": cards,
+                                 "seconds": made or seconds}
 
 
 def choose(rows, shape, limit, fwhm):
@@ -530,7 +504,7 @@ def real(out, ways=None):
     data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
     if not data.is_dir():
         sys.exit(f"psf.py: {data} is missing (RX_SHARED_DATA); real tiles are left out")
-    ways = ways.split(",") if ways else [w for w in ("MOFFAT_FIT", "AUTO", "PSFEX") if w == "PSFEX" or w in words("PSF_TYPE")]
+    ways = ways.split(",") if ways else ["MOFFAT_FIT", "AUTO", "PSFEX"]
     rows = []
     for tile in real_tiles(data):
         folder = Path(out) / tile.name.replace(" ", "-")
@@ -550,8 +524,6 @@ def real(out, ways=None):
                 a |= facts | {"sources": len(found)}
                 height, wide = tile.pixels.shape
                 at = places_of(wide, height)
-                if model is None and tile.name in OTHERS:
-                    model = Stamps(folder, "tile.fits", way, at)
                 if places is None and len(found):
                     places = choose(found, tile.pixels.shape, saturation, float(facts["cards"].get("RXTPFWHM", 4)))
                 if places is not None and len(places):
@@ -559,10 +531,10 @@ def real(out, ways=None):
                     if made is not None:
                         stacks[way] = made
                         a |= judged(made, float(facts["cards"].get("RXTPFWHM", 4)))
-                if tile.name == "SDSS frame":
+                if tile.name == "SDSS frame" and model is not None:
                     a["coadd"] = coadd_differences(data, found, tile.header)
                     a["beyond"] = 1 - float(psf_truth.growth(model.stamp(*at[0]), [7.43 / 0.396])[0])
-                if tile.name in OTHERS:
+                if tile.name in OTHERS and model is not None:
                     own = OTHERS[tile.name](data)
                     a["survey"] = compare(model, at, [own.stamp(*p) for p in at], float(facts["cards"].get("RXTPFWHM", 4)))
             except (RuntimeError, OSError, ValueError) as error:
@@ -570,7 +542,7 @@ def real(out, ways=None):
             print({k: v for k, v in a.items() if k not in ("said", "cards")}, flush=True)
         if stacks:
             picture(stacks, Path(out) / f"{folder.name}.png")
-    (Path(out) / "real.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
+        (Path(out) / "real.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
 
 
 def judged(made, fwhm):
@@ -613,15 +585,15 @@ def small(out, seed="1"):
                     | answer(folder, "tile.fits", {k: v for k, v in known.items() if k != "FWHM"} | {
                         "GAIN": GAIN, "SATUR_LEVEL": SATURATION, "MAG_ZEROPOINT": ZEROPOINT}, x, y, flux))
     data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
-    for tile, cut in ((lambda: tiles.sdss_frame(data), np.s_[700:850, 900:1050]), (lambda: tiles.sdss_frame(data), np.s_[200:450, 300:550]),
-                      (lambda: tiles.decam(data), np.s_[:, :])):
+    for make, cut in ((tiles.sdss_frame, np.s_[700:850, 900:1050]), (tiles.sdss_frame, np.s_[200:450, 300:550]),
+                      (tiles.decam, np.s_[:, :])):
         try:
-            tile = tile()
+            tile = make(data)
         except OSError:
             continue
         pixels = tile.pixels[cut]
-        fits.writeto(folder / "tile.fits", pixels, fits.Header([c for c in tile.header.cards if c.keyword in ("GAIN", "FWHM")]),
-                     overwrite=True)
+        header = fits.Header([c for c in tile.header.cards if c.keyword in ("GAIN", "FWHM")])
+        fits.writeto(folder / "tile.fits", pixels, header, overwrite=True)
         rows.append({"tile": f"{tile.name}, {pixels.shape[1]} x {pixels.shape[0]} px", "bright stars": None, "stated": ""}
                     | answer(folder, "tile.fits", {k: v for k, v in tile.keywords.items() if not k.startswith("PSF_")}))
     (Path(out) / "small.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
@@ -641,17 +613,11 @@ def answer(folder, tile, keys, x=(), y=(), flux=()):
         distance, k = cKDTree(np.column_stack([rows["X_IMAGE"], rows["Y_IMAGE"]]) - 1.0).query(np.column_stack([x, y]))
         ours = rows["FLUX_TEMPLATE"][k].astype(float)
         off = [round(float(-2.5 * np.log10(o / f)), 4) for o, f, d in zip(ours, flux, distance) if d < 2 and o > 0]
-    said = [re.sub(r"^rextract: warning: (tile\.fits\[0\]: )?", "", a) for a in log.replace("\nrextract:     ", " ").splitlines()
-            if "warning" in a and "default.sex" not in a]
     keep = ("RXREST", "RXASKED", "RXWHY", "RXPSF", "RXFWHM", "RXTPFWHM")
-    return {"cards": {k: v for k, v in head.items() if k.startswith(keep)}, "said": said, "mag": off}
+    return {"cards": {k: v for k, v in head.items() if k.startswith(keep)}, "said": warned(log), "mag": off}
 
 
 # --- the page
-
-def pooled(rows, way, key):
-    return [v for a in rows if a["way"] == way and "failed" not in a for v in a.get(key) or []]
-
 
 def held(a):
     """Which of the goals a tile with 100 usable stars or more misses."""
@@ -675,84 +641,83 @@ def table(head, rows):
     return ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head), *rows, ""]
 
 
-def truth_page(rows, version, error):
-    ways = list(dict.fromkeys(a["way"] for a in rows))
-    text = ["## Known truths", "", f"`psf.py truth`, seeds {', '.join(sorted({str(a['seed']) for a in rows}))}; {version}. Stars drawn here"
-            f" and by rextract-simulate differ by {error:.0e} of the peak at most.", "", *table(HEAD, map(line_of, rows))]
-    text += ["Goals (tiles with 100 usable stars or more, S/N above 20 and not saturated): |dT/T| 1e-3, |de| 2e-4, median flux 0.003 mag,"
-             " every corner 0.01 mag, pulls 1 +- 0.15.", ""]
+def truth_page(rows, out):
+    version = subprocess.run([find("rextract"), "-v"], capture_output=True, text=True).stdout.split("\n")[0]
+    by = {key(a): a for a in rows if "failed" not in a}
     judged = [(a, held(a)) for a in rows if a["way"] == "AUTO" and a["usable"] >= 100]
-    text += table(["tile", "seed", "usable stars", "AUTO misses"],
-                  [f"| {a['case']} | {a['seed']} | {a['usable']} | {'; '.join(w) or 'nothing'} |" for a, w in judged])
-    text += [f"{sum(not w for _, w in judged)} of {len(judged)} tiles miss nothing.", ""]
     lines = []
-    for way in ways:
-        mine = [a for a in rows if a["way"] == way and "failed" not in a]
-        if not mine:
-            continue
-        pull = np.array(pooled(rows, way, "pulls"))
-        lines.append(f"| {way} | {len(mine)} | {np.median([abs(a['dT/T']) for a in mine]):.4f} | "
-                     f"{np.median([a['residual'] for a in mine]):.4f} | {np.median([abs(a['growth missed']) for a in mine]):.4f} | "
-                     f"{np.median([abs(a['mag']) for a in mine if a.get('mag') is not None]):.4f} | {len(pull)} | "
-                     f"{np.median(pull):+.2f} | {width(pull):.2f} | {sum(a['seconds'] for a in mine):.0f} |")
-    text += table(["PSF", "tiles", "median of abs(dT/T)", "of the residual", "of the growth missed", "of abs(mag)", "bright stars", "median pull",
-                   "width", "CPU s in all"], lines)
-    by = {(a["case"], a["seed"], a["way"]): a for a in rows if "failed" not in a}
-    duels = [(a, by[a["case"], a["seed"], "PSFEX"]) for a in by.values() if a["way"] == "AUTO" and (a["case"], a["seed"], "PSFEX") in by]
-    if duels:
-        text += [f"AUTO beside psfex, on the {len(duels)} tiles that both do: residual lower or equal on "
-                 f"{sum(a['residual'] <= b['residual'] for a, b in duels)}, |dT/T| on {sum(abs(a['dT/T']) <= abs(b['dT/T']) for a, b in duels)}, "
-                 f"|mag| on {sum(abs(a.get('mag') or 0) <= abs(b.get('mag') or 0) for a, b in duels)}, CPU seconds on "
-                 f"{sum(a['seconds'] <= b['seconds'] for a, b in duels)}.", ""]
-    return text
+    for way in dict.fromkeys(a["way"] for a in by.values()):
+        mine = [a for a in by.values() if a["way"] == way]
+        pull = np.array([p for a in mine for p in a.get("pulls", [])])
+        medians = (np.median([abs(a[k]) for a in mine if a.get(k) is not None])
+                   for k in ("dT/T", "residual", "growth missed", "mag"))
+        lines.append("| " + " | ".join([way, str(len(mine)), *(f"{m:.4f}" for m in medians), str(len(pull)),
+                     f"{np.median(pull):+.2f}", f"{width(pull):.2f}", f"{sum(a['seconds'] for a in mine):.0f}"]) + " |")
+    duels = [(a, by[a["case"], a["seed"], "PSFEX"]) for a in by.values()
+             if a["way"] == "AUTO" and (a["case"], a["seed"], "PSFEX") in by]
+    better = ", ".join(f"{k} on {sum(abs(a.get(k) or 0) <= abs(b.get(k) or 0) for a, b in duels)}"
+                       for k in ("residual", "dT/T", "de rms", "growth missed", "mag", "seconds"))
+    return ["## Known truths", "",
+            f"Seeds {', '.join(sorted({str(a['seed']) for a in rows}))}; {version}. Stars drawn here and by rextract-simulate"
+            f" differ by {drawing_error(Path(out) / 'check'):.0e} of the peak at most.", "", *table(HEAD, map(line_of, rows)),
+            "Goals, on tiles with 100 usable stars or more (S/N above 20, not saturated): |dT/T| 1e-3, |de| 2e-4, median flux"
+            " 0.003 mag, every corner 0.01 mag, pulls 1 +- 0.15.", "",
+            *table(["tile", "seed", "usable stars", "AUTO misses"],
+                   [f"| {a['case']} | {a['seed']} | {a['usable']} | {'; '.join(w) or 'nothing'} |" for a, w in judged]),
+            f"{sum(not w for _, w in judged)} of {len(judged)} tiles miss nothing. Medians over all tiles:", "",
+            *table(["PSF", "tiles", *(f"size of {k}" for k in ("dT/T", "residual", "growth", "mag")), "bright stars",
+                    "median pull", "width", "CPU s in all"], lines),
+            f"AUTO is as good as psfex's model or better, of {len(duels)} tiles that both do: {better}.", ""]
 
 
-def real_page(rows):
+def real_page(rows, _):
+    head = ["tile", "PSF", "RXPSFHOW", "FWHM", "stars stacked", "taken for points", "largest residual (%)", "rms (%)",
+            "light left within 1, 2, 3, 5, 8 FWHM (%)", "beside the survey's own PSF: dT/T, rms; de rms", "RXTPCHI2",
+            "warnings"]
+    lines, coadd = [], []
+    for a in rows:
+        cards, s = a.get("cards", {}), a.get("survey")
+        left = [number(100 * a[k] if k in a else None, ".1f") for k in ("stacked residual", "rms residual")]
+        said = "<br>".join(a.get("said", [])) or a.get("failed", "").strip().split("\n")[-1]
+        lines.append("| " + " | ".join([
+            a["tile"], a["way"], cards.get("RXPSFHOW", ""), number(cards.get("RXTPFWHM"), ".3f"), str(a.get("stacked", "")),
+            number(a.get("points"), ".2f"), *left, " ".join(f"{100 * v:+.1f}" for v in a.get("growth", [])),
+            f"{s['dT/T']:+.4f}, {s['dT/T rms']:.4f}; {s['de rms']:.4f}" if s else "", number(cards.get("RXTPCHI2"), ".2f"),
+            said]) + " |")
+        coadd += [f"| {b['from']} to {b['from'] + 1} | {b['of']} | {a['way']} | {b['n']} | {b['bias']:+.3f} | "
+                  f"{b['scatter']:.3f} |" for b in a.get("coadd", [])]
+    beyond = ", ".join(f"{100 * a['beyond']:+.1f} % ({a['way']})" for a in rows if "beyond" in a)
+    pictures = [f"[{n}]({n.replace(' ', '-')}.png)" for n in dict.fromkeys(a["tile"] for a in rows if a.get("stacked"))]
+    return ["## Real tiles", "",
+            f"Stacks of bright lone stars (logarithm, four decades), then what the templates of {', '.join(unique(rows))}"
+            f" leave of them (-5 to 5 % of the peak): {', '.join(pictures)}.", "", *table(head, lines),
+            "MAG_TEMPLATE of the SDSS frame less the deep coadd, whose magnitudes hold the light within 7.43 arcsec; beyond"
+            f" that the PSFs have {beyond}:", "", *table(["r", "of", "PSF", "n", "median", "scatter"], sorted(coadd))]
+
+
+def unique(rows):
+    return dict.fromkeys(a["way"] for a in rows)
+
+
+def small_page(rows, _):
     lines = []
     for a in rows:
-        growth = " ".join(f"{100 * v:+.1f}" for v in a.get("growth", []))
-        s = a.get("survey")
-        lines.append("| " + " | ".join([a["tile"], a["way"], a["cards"].get("RXPSFHOW", "") if "cards" in a else "",
-                     number(a.get("cards", {}).get("RXTPFWHM"), ".3f"), str(a.get("stacked", "")), number(a.get("points"), ".2f"),
-                     *(number(a[k] * 100 if k in a else None, ".1f") for k in ("stacked residual", "rms residual")), growth,
-                     f"{s['dT/T']:+.4f}, {s['dT/T rms']:.4f}; {s['de rms']:.4f}" if s else "",
-                     number(a.get("cards", {}).get("RXTPCHI2"), ".2f"),
-                     "<br>".join(a.get("said", [])) or a.get("failed", "").split("\n")[-1]]) + " |")
-    text = ["## Real tiles", "", "Pictures, [SDSS](SDSS-frame.png) and one for each other tile: the stack of bright lone stars (logarithm), then what the "
-            f"templates of {', '.join(dict.fromkeys(a['way'] for a in rows))} leave of it (-5 to 5 % of the peak).", "",
-            *table(["tile", "PSF", "RXPSFHOW", "FWHM", "stars stacked", "taken for points", "largest residual (%)", "rms (%)",
-                    "light left within 1, 2, 3, 5, 8 FWHM (%)", "beside the survey's own PSF: dT/T, rms; de rms", "RXTPCHI2", "warnings"],
-                   lines)]
-    coadd = []
-    for a in rows:
-        coadd += [f"| {b['from']} to {b['from'] + 1} | {b['of']} | {a['way']} | {b['n']} | {b['bias']:+.3f} | {b['scatter']:.3f} |"
-                  for b in a.get("coadd", [])]
-    if coadd:
-        beyond = ", ".join(f"{100 * a['beyond']:+.1f} % ({a['way']})" for a in rows if "beyond" in a)
-        text += [f"MAG_TEMPLATE of the SDSS frame less the deep coadd, whose magnitudes hold the light within 7.43 arcsec; beyond, the PSFs have {beyond}:", "",
-                 *table(["r", "of", "PSF", "n", "median", "scatter"], sorted(coadd))]
-    return text
-
-
-def small_page(rows):
-    lines = []
-    for a in rows:
-        cards = a.get("cards", {})
-        lines.append("| " + " | ".join([a["tile"], number(a["bright stars"], "d"), a["stated"], cards.get("RXPSFHOW", ""),
-                     cards.get("RXPSF", ""), cards.get("RXREST", ""),
-                     " ".join(f"{m:+.3f}" for m in a.get("mag", [])), "<br>".join(a.get("said", [])) or a.get("failed", "")]) + " |")
-    return ["## Small and empty tiles", "", "RESTORE_TYPE RL, PSF_TYPE AUTO; Kolmogorov, FWHM 4, but the last three.", "",
-            *table(["tile", "bright stars", "stated", "RXPSFHOW", "RXPSF", "restored by", "MAG_TEMPLATE - truth of the bright", "what it says"],
-                   lines)]
+        cards, said = a.get("cards", {}), "<br>".join(a.get("said", [])) or a.get("failed", "")
+        lines.append("| " + " | ".join([
+            a["tile"], number(a["bright stars"], "d"), a["stated"], cards.get("RXPSFHOW", ""), cards.get("RXPSF", ""),
+            cards.get("RXREST", ""), " ".join(f"{m:+.3f}" for m in a.get("mag", [])), said]) + " |")
+    return ["## Small and empty tiles", "",
+            "RESTORE_TYPE RL, PSF_TYPE AUTO; a Kolmogorov PSF of FWHM 4, but for the real ones.", "",
+            *table(["tile", "bright stars", "stated", "RXPSFHOW", "RXPSF", "restored by", "their MAG_TEMPLATE - truth",
+                    "what it says"], lines)]
 
 
 def page(out):
     out = Path(out)
-    version = subprocess.run([find("rextract"), "-v"], capture_output=True, text=True).stdout.split("\n")[0]
-    text = ["# The PSF that is measured on a tile", "", *(a.strip() for a in __doc__[__doc__.index("What the columns"):].splitlines()), ""]
-    for name, write in (("truth", lambda r: truth_page(r, version, drawing_error(out / "check"))), ("real", real_page), ("small", small_page)):
+    text = ["# The PSF that is measured on a tile", "", *__doc__[__doc__.index("What the columns"):].splitlines(), ""]
+    for name, write in (("truth", truth_page), ("real", real_page), ("small", small_page)):
         if (out / f"{name}.json").exists():
-            text += write(json.loads((out / f"{name}.json").read_text()))
+            text += write(json.loads((out / f"{name}.json").read_text()), out)
     (out / "psf.md").write_text("\n".join(text).rstrip() + "\n")
 
 
