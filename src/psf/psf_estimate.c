@@ -254,13 +254,14 @@ static int count_kept(const fitted_star *stars, int n)
     return kept;
 }
 
-static rx_status too_few(const rx_psf_params *par, const rx_image *image, int found, rx_error *err)
+static rx_status too_few(const rx_psf_params *par, const rx_image *image, int found, int needed,
+                         rx_error *err)
 {
     return rx_error_at(
         err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
         "PSF_TYPE %s found %d usable star%s of S/N above %g and needs %d; give PSF_FWHM in pixels, "
         "SEEING_FWHM in arcsec, or a lower PSF_MINSNR",
-        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr, par->min_stars);
+        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr, needed);
 }
 
 /* Robust scatter of the single widths over sqrt(n). */
@@ -413,6 +414,8 @@ exit:
     return status;
 }
 
+enum { FULL = 5 }; /* stars that a profile needs */
+
 /* With fewer stars than a profile needs: those of any radius, the narrowest of which is taken where several have as many
  * (stars are narrower than galaxies). */
 static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err)
@@ -449,12 +452,17 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
 {
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
-    int needed = par->min_stars > 2 ? par->min_stars : 2, most = 0, free_shape = RX_MOFFAT_SHAPE;
+    int needed = par->min_stars > 1 && par->type != RX_PSF_AUTO ? par->min_stars : FULL, most = 0,
+        free_shape = RX_MOFFAT_SHAPE;
     const char *how = "MOFFAT";
     *dst = NULL;
     rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &most, err);
-    if (status == RX_OK && best.kept == 0 && par->type == RX_PSF_AUTO) {
+    if (par->type == RX_PSF_AUTO && needed < par->min_stars)
+        needed = par->min_stars;
+    if (status == RX_OK && best.kept == 0 && par->type == RX_PSF_AUTO && par->min_stars < FULL) {
         status = search_few(&search, &best, err);
+        if (status == RX_OK && best.kept < par->min_stars)
+            free_attempt(&best);
         free_shape = best.kept > 1 ? 3 : 1; /* the exponent is PSF_BETA; of one star only the width counts */
         how = free_shape == 3 ? "MOFFAT_BETA" : "WIDTH";
         double start[RX_MOFFAT_SHAPE];
@@ -470,7 +478,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                 par->beta, best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     }
     if (status == RX_OK && best.kept == 0)
-        status = too_few(par, image, most, err);
+        status = too_few(par, image, most, par->type == RX_PSF_AUTO ? par->min_stars : needed, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
         if (best.scatter > 0.15)

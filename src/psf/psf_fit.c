@@ -218,7 +218,7 @@ static void step(const rx_psf_job *job, rx_point *p, int with_positions, float *
                 }
             }
             if (p->star) {
-                p->data[k] = (float)data;
+                p->data[k] = weight > 0.0 ? (float)data : 0.0F; /* NaN times 0 is no 0 */
                 p->weight[k] = (float)weight;
             }
         }
@@ -261,7 +261,8 @@ rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err)
 /* ---- the model ---- */
 
 /* Normal equations of the stars [n] for all terms. `by`: what the stars' stamps are made from: MATRIX, the model
- * `planes` ([nterms][side][side]) through weights; RIGHT, data minus the model; ROWS, sums of the rows of the matrix (cubic B-splines sum to 1). */
+ * `planes` ([nterms][side][side]) through weights; RIGHT, data minus the model; ROWS, sums of the rows of the matrix
+ * (cubic B-splines sum to 1). */
 enum { MATRIX, RIGHT, ROWS };
 
 typedef struct system_of {

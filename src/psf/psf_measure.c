@@ -22,7 +22,15 @@
 #include "psf/psf_rings.h"
 #include "psf/psf_stars.h"
 
-enum { MOST_STARS = 600, CHOSEN_BY = 160, LEAST_STARS = 8, FOLDS = 3, PASSES = 4, CHOICE = 2 };
+enum {
+    MOST_STARS = 600,
+    CHOSEN_BY = 160,
+    LEAST_STARS = 8,
+    LEAST_FITTED = 4,
+    FOLDS = 3,
+    PASSES = 4,
+    CHOICE = 2
+};
 static const double WIDEST = 20.0;    /* FWHM, pixels, of a core of pixels */
 static const double RESERVED = 0.2;   /* share of the stars */
 static const double LOCUS = 0.22;     /* half-width in ln(half-light radius): blends are wider */
@@ -545,6 +553,11 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
             status = rx_psf_job_subtract(&job, err);
         if (status == RX_OK)
             status = steps(&job, 2, err);
+    }
+    if (status == RX_OK && n < LEAST_FITTED) {
+        *dst = moffat;
+        moffat = NULL;
+        goto exit;
     }
     if (status == RX_OK)
         status = build(&job, radius, dst, err);

@@ -200,7 +200,8 @@ static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
 {
     enum { SLOPES = 60 };
     tail best = {.from = from, .chi2 = HUGE_VAL};
-    const double held = 1.0 / (9.0 * w[n - 1].error * w[n - 1].error);
+    const double least = 1e-9; /* of a ring's error: images without noise */
+    const double held = 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + least * least);
     for (int power = 0; power < 2; power++)
         for (int k = 0; k < SLOPES; k++) {
             const double slope = power ? -3.0 - 0.1 * k : -(0.5 + 0.15 * k) / r[last];
@@ -209,7 +210,7 @@ static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
                 if (!(w[j].error < HUGE_VAL))
                     continue;
                 const double model = exp(slope * (power ? log(r[j] / r[from]) : r[j] - r[from]));
-                const double error = hypot(w[j].error, j <= last ? 0.015 * w[j].mean : 0.0),
+                const double error = hypot(w[j].error + least, j <= last ? 0.015 * w[j].mean : 0.0),
                              weight = 1.0 / (error * error);
                 ab += weight * model * w[j].mean;
                 aa += weight * model * model;

@@ -164,7 +164,7 @@ static void free_field(field *f)
 static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
 {
     rx_psf_params par = {
-        .type = type, .beta = 4.765, .min_stars = 5, .min_snr = 20.0, .max_degree = 4, .nthreads = nthreads};
+        .type = type, .beta = 4.765, .min_stars = 1, .min_snr = 20.0, .max_degree = 4, .nthreads = nthreads};
     const rx_image tile = rx_tile_image(&f->tile);
     rx_image image = rx_image_on_sky(&tile, &f->background);
     image.hide = RX_HIDE_RESTORED;
@@ -385,6 +385,12 @@ static void test_too_few(void **state)
     assert_null(psf);
     assert_non_null(strstr(err.text, "needs 5"));
     assert_non_null(strstr(err.text, "PSF_FWHM"));
+    const rx_psf_params most = {
+        .type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 4, .min_snr = 20.0, .max_degree = 4};
+    const rx_image tile = rx_tile_image(&f.tile);
+    rx_image image = rx_image_on_sky(&tile, &f.background);
+    image.hide = RX_HIDE_RESTORED;
+    assert_int_equal(rx_psf_make(&most, &image, &f.sources, NULL, &psf, &err), RX_INPUT); /* as asked for */
     f.sources.n = 0;
     assert_int_equal(estimate(&f, &psf, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "found 0 usable stars"));
