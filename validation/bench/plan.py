@@ -6,9 +6,9 @@
 small: tiles of 128, 256 and 700 pixels, some seconds; full: up to 4096 pixels and 16 threads, ordinary and crowded tiles,
 up to half an hour on two cores. CASE: only those whose line has one of these words.
 
-A line per run: peak resident memory, the plan at the default PLAN_DENSITY and at 1000 sources per Mpixel, each over what was
-measured; CPU seconds, and the estimate for as many sources as were found, over them; largest size of an output over its
-plan. Exit status 1 when memory or an output was above the plan (of the default density). RX_BUILD_DIR is the build (default: build/). Needs nothing but Python and
+A line per run: peak resident memory, the plan at the default PLAN_DENSITY (at what was found, where that is more) and at 1000
+sources per Mpixel, each over what was measured; CPU seconds, and the estimate for as many sources as were found, over them; largest size of an output over its
+plan. Exit status 1 when memory or an output was above the plan. RX_BUILD_DIR is the build (default: build/). Needs nothing but Python and
 the build; fpack (Debian: libcfitsio-bin) for a compressed tile.
 """
 import gzip
@@ -232,6 +232,8 @@ def hold(title, name, image, more, threads):
         print(f"{name:6} {threads:2} {title:28} ended with {run.status}: {run.text.strip().splitlines()[-1]}")
         return 1
     like = plan_of(words, 1e6 * run.found / (plan["pixels"] / plan["images"]))
+    if run.found > plan["sources"]:
+        plan = like
     sizes = {one["name"]: one["bytes"] for one in plan["outputs"]}
     worst = max((size / sizes.get(one, 1e-9) for one, size in run.sizes.items()), default=0)
     above = worst > 1 or (run.memory > plan["memory_bytes"] and not SANITIZED)
