@@ -452,14 +452,13 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
 {
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
-    int needed = par->min_stars > 1 && par->type != RX_PSF_AUTO ? par->min_stars : FULL, most = 0,
+    const int ladder = par->type == RX_PSF_AUTO && par->min_stars < FULL;
+    int needed = par->min_stars > 1 && !ladder ? par->min_stars : FULL, most = 0,
         free_shape = RX_MOFFAT_SHAPE;
     const char *how = "MOFFAT";
     *dst = NULL;
     rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &most, err);
-    if (par->type == RX_PSF_AUTO && needed < par->min_stars)
-        needed = par->min_stars;
-    if (status == RX_OK && best.kept == 0 && par->type == RX_PSF_AUTO && par->min_stars < FULL) {
+    if (status == RX_OK && best.kept == 0 && ladder) {
         status = search_few(&search, &best, err);
         if (status == RX_OK && best.kept < par->min_stars)
             free_attempt(&best);
@@ -478,7 +477,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                 par->beta, best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     }
     if (status == RX_OK && best.kept == 0)
-        status = too_few(par, image, most, par->type == RX_PSF_AUTO ? par->min_stars : needed, err);
+        status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
         if (best.scatter > 0.15)
