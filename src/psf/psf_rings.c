@@ -11,7 +11,10 @@
 enum { RINGS = 64, BRIGHT = 60 };
 static const double RATIO = 1.12; /* of the radii of rings */
 static const double SKY_RING =
-    1.3;                         /* outer radius of the ring for the sky, in units of the outermost ring's */
+    1.3; /* outer radius of the ring for the sky, in units of the outermost ring's */
+/* Least relative error of fluxes from the PSF: halos, spikes and seeing that are simulated and known leave as much, most
+ * of it light that the wings of a tail of another law have. */
+static const double FLOOR = 0.003;
 static const double CLEAR = 3.0; /* sigmas of a ring that stands out of the noise */
 
 typedef struct ring {
@@ -529,7 +532,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf_quality 
         }
     const double noise = m > 0 ? rx_median(values + n, m) : 0.0,
                  sigma = m > 2 ? rx_sigma_mad(values, m, NULL) : 0.0;
-    quality->flux_error = sqrt(wing_error * wing_error + fmax(sigma * sigma - noise, 0.0));
+    quality->flux_error = sqrt(wing_error * wing_error + FLOOR * FLOOR + fmax(sigma * sigma - noise, 0.0));
     const int judges = list_judges(job, stars);
     rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half, stamp, NULL, NULL, job->stamps);
     for (int j = 0; j < r.n; j++)
