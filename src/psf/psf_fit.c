@@ -364,11 +364,9 @@ static rx_status open_system(const rx_psf_job *job, const rx_psf_model *model, c
     s->room_size = 2 * nodes_of(model) + stamp_size(model) + rx_psf_model_work(model);
     s->blocks = RX_NEW(float, (size_t)s->nblocks *all);
     s->room = RX_NEW(float, (size_t)job->nthreads * s->room_size);
-    if (s->blocks != NULL && s->room != NULL)
-        return RX_OK;
-    free(s->blocks);
-    free(s->room);
-    return rx_error_memory(err, (size_t)s->nblocks * all * sizeof(float));
+    return s->blocks != NULL && s->room != NULL
+               ? RX_OK
+               : rx_error_memory(err, (size_t)s->nblocks * all * sizeof(float));
 }
 
 static double dot(const double *a, const double *b, size_t n)

@@ -603,7 +603,12 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
     rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
                     w->backgrounds[s->group], s);
-    s->fluxerr = hypot(s->fluxerr, w->input->image.psf->quality.flux_error * s->flux);
+    /* light that the PSF has in the wrong place weighs more where less of the light is seen; where the core is hidden
+     * (saturated stars) the flux is extrapolated from wings, and as wrong as these fit badly */
+    const double seen = fmax(s->inside - s->masked, 1e-3);
+    s->fluxerr = hypot(s->fluxerr, w->input->image.psf->quality.flux_error * s->flux / seen);
+    if ((s->flags & RX_TPHOT_MASKED) != 0)
+        s->fluxerr *= sqrt(fmax(s->chi2, 1.0));
     if ((s->flags & RX_TPHOT_NO_DATA) != 0)
         s->flux = s->fluxerr = s->snr = NAN;
     return RX_OK;

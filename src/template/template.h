@@ -25,7 +25,8 @@
  * and of photons, the neighbours, the local background and, of extended sources, what the freedom of the
  * profile costs and what Spergel's profiles are found to be wrong by (0.8 %, steep ones up to 5 %: those miss
  * light in their wings, Sersic's n > 2.6 is 5 % too faint). That of the PSF, which all
- * fluxes of a tile share, is added where it is known (rx_psf_quality.flux_error), not to S/N and covariances. */
+ * fluxes of a tile share, is added where it is known (rx_psf_quality.flux_error, over the share of the light that is seen), not to S/N and
+ * covariances. Where more than 10 % of the light is hidden, the error grows by sqrt(chi2). */
 #ifndef RX_TEMPLATE_TEMPLATE_H
 #define RX_TEMPLATE_TEMPLATE_H
 
