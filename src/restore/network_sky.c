@@ -12,9 +12,9 @@
 
 enum { CELL = 8, ROUNDS = 64 };
 static const double LEAST_SIGMA = 5, PER_FWHM = 1.7; /* of G: pixels, and the PSF's FWHM */
-static const float CLIP = 5;                           /* sigmas */
-static const float ERROR = 0.3f;                       /* of a model, share of its light */
-static const double SETTLED = 1e-5;                    /* noise units: far below what VERIFY_SEAMS allows */
+static const float CLIP = 5;                         /* sigmas */
+static const float ERROR = 0.3f;                     /* of a model, share of its light */
+static const double SETTLED = 1e-5;                  /* noise units: far below what VERIFY_SEAMS allows */
 
 /* What all rows have in common. */
 typedef struct frame {
