@@ -37,6 +37,8 @@ static const double LOCUS = 0.22;     /* half-width in ln(half-light radius): bl
 static const double POINT = 1.35;     /* wider than a star by this: masked, not subtracted */
 static const double MESH_ERROR = 0.1; /* of a sky mesh, sigmas of a pixel */
 static const double BEYOND = 1e-3;    /* light that may be left out */
+static const double LEAST_TERM =
+    2e-4; /* light that a term of the polynomial moves at most where it is left out */
 static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
 
 /* ---- points ---- */
@@ -370,8 +372,6 @@ static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_er
     int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
     rx_psf_model_powers(model->degree, px, py);
     for (int k = 0; k < model->nterms; k++) {
-        psf->px[k] = px[k];
-        psf->py[k] = py[k];
         rx_psf_model_stamp(model, model->c + (size_t)k * nodes, 0.0, 0.0, half, stamp, NULL, NULL, work);
         for (int b = 0; b < model->nterms; b++) {
             const double factor = POWERS[px[k]][px[b]] * POWERS[py[k]][py[b]];
@@ -399,13 +399,21 @@ static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_er
     double whole = 0.0;
     for (size_t i = 0; i < n; i++)
         whole += sums[i];
-    for (int b = model->nterms - 1; b >= 0; b--) {
-        double sum = 0.0;
-        for (size_t i = 0; i < n && b > 0; i++)
-            sum += sums[(size_t)b * n + i];
+    psf->nbasis = 0;
+    for (int b = 0; b < model->nterms; b++) {
+        const double *term = sums + (size_t)b * n;
+        double sum = 0.0, moved = 0.0;
+        for (size_t i = 0; i < n && b > 0; i++) {
+            sum += term[i];
+            moved += fabs(term[i]);
+        }
+        if (b > 0 && moved < LEAST_TERM * whole)
+            continue;
         for (size_t i = 0; i < n; i++)
-            psf->basis[(size_t)b * n + i] =
-                (float)((sums[(size_t)b * n + i] - sum / whole * sums[i]) / whole);
+            psf->basis[(size_t)psf->nbasis * n + i] = (float)((term[i] - sum / whole * sums[i]) / whole);
+        psf->px[psf->nbasis] = px[b];
+        psf->py[psf->nbasis++] = py[b];
+        psf->quality.degree = px[b] + py[b] > psf->quality.degree ? px[b] + py[b] : psf->quality.degree;
     }
     psf->x0 = model->x0;
     psf->y0 = model->y0;
@@ -445,7 +453,7 @@ static rx_status describe(const rx_psf_job *job, const rx_psf *moffat, int candi
     snprintf(psf->description, sizeof psf->description,
              "AUTO: pixels to %d px, wings to %.0f px, FWHM %.3f px, ellipticity %.3f, degree %d, from %d of "
              "%d candidate stars",
-             job->model.half, psf->quality.radius, psf->fwhm, psf->ellipticity, job->model.degree,
+             job->model.half, psf->quality.radius, psf->fwhm, psf->ellipticity, psf->quality.degree,
              psf->nstars, candidates);
     return status;
 }
@@ -566,7 +574,6 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         snprintf(q->how, sizeof q->how, "PIXELS");
         q->radius = radius;
         q->beyond = beyond;
-        q->degree = job.model.degree;
         status = rx_psf_judge(&job, wing_error, q, err);
     }
     if (status == RX_OK)
