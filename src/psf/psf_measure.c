@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/stats.h"
@@ -254,7 +255,7 @@ static rx_status reject(rx_psf_job *job, rx_error *err)
         for (int which = 0; which < 4; which++) {
             size_t m = 0;
             for (int i = 0; i < job->n; i++)
-                if (job->points[i].kept)
+                if (job->points[i].kept && (which == 3 || isfinite(shapes[i].off[which])))
                     values[m++] = which == 3 ? log(job->points[i].chi2 + 0.1) : shapes[i].off[which];
             if (m < 6)
                 break;
@@ -499,10 +500,11 @@ static rx_status open_job(const rx_psf_params *par, const rx_psf *moffat, rx_psf
     return job->prior != NULL && job->values != NULL && job->stamps != NULL ? RX_OK : rx_error_memory(err, 0);
 }
 
+/* The last step moves none, so that the stars' stamps are of the pixels around their positions. */
 static rx_status steps(rx_psf_job *job, int n, rx_error *err)
 {
-    for (int i = 0; i < n; i++)
-        RX_TRY(rx_psf_job_step(job, 1, err));
+    for (int i = 0; i <= n; i++)
+        RX_TRY(rx_psf_job_step(job, i < n, err));
     return RX_OK;
 }
 
@@ -545,7 +547,9 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     rx_psf_freedom freedom = {0, RX_PSF_STIFF};
     const int most = par->max_degree;
     for (int pass = 0; pass < PASSES && status == RX_OK; pass++) {
-        status = reject(&job, err);
+        status = rx_interrupt_check(err);
+        if (status == RX_OK)
+            status = reject(&job, err);
         if (status == RX_OK)
             status = rx_psf_wings(&job, BEYOND, &radius, &beyond, &wing_error, log, err);
         if (status == RX_OK)
@@ -563,6 +567,8 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
             status = steps(&job, 2, err);
     }
     if (status == RX_OK && n < LEAST_FITTED) {
+        rx_log_warning(log, "PSF_TYPE AUTO: %d stars suit one another; the PSF is their elliptical Moffat",
+                       n);
         *dst = moffat;
         moffat = NULL;
         goto exit;

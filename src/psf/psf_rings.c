@@ -185,7 +185,8 @@ static double model_mean(const rx_psf_job *job, const float *stamp, double from,
                        ? (double)stamp[(size_t)(j + half) * (size_t)(2 * half + 1) + (size_t)(i + half)]
                        : (double)rx_psf_model_wing(model, r);
         }
-    return n > 0 ? sum / n : 0.0;
+    /* a narrow ring of an elongated star may hold no whole pixel */
+    return n > 0 ? sum / n : (double)rx_psf_model_wing(model, 0.5 * (from + to));
 }
 
 /* Light that falls as a law from ring `from` on: exp(line[0] + line[1] x), x = r (power 0) or ln r (power 1). */
@@ -251,6 +252,12 @@ static tail choose_tail(const double *r, const ring *w, int n, int last, double 
     }
 }
 
+/* 0 where either is not light. */
+static double log_ratio(double found, double model)
+{
+    return found > 0.0 && model > 0.0 ? log(found / model) : 0.0;
+}
+
 /* The wing's table: what it was, scaled to the rings inside the tail, and the tail. level: what it was in the rings. */
 static void fill_wing(rx_psf_model *model, const double *r, const ring *w, const double *level, const tail *t)
 {
@@ -264,7 +271,7 @@ static void fill_wing(rx_psf_model *model, const double *r, const ring *w, const
         while (j + 1 < t->from && r[j + 1] < x)
             j++;
         const double share = t->from > 0 ? (x - r[j]) / (r[j + 1] - r[j]) : 0.0;
-        const double a = log(w[j].mean / level[j]), b = log(w[j + 1].mean / level[j + 1]);
+        const double a = log_ratio(w[j].mean, level[j]), b = log_ratio(w[j + 1].mean, level[j + 1]);
         model->wing[i] *= (float)exp(a + share * (b - a));
     }
     model->wing[model->nwing - 1] = 0.0F;
@@ -376,9 +383,12 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *be
             isfinite(departure[j].error) ? d2 / (d2 + departure[j].error * departure[j].error + 1e-60) : 0.0;
     }
     double slope = -3.0;
-    tail t = {.from = 0};
-    if (last >= 3 && centre[last] > 0.6 * model->half) {
+    tail t = {.chi2 = HUGE_VAL};
+    if (last >= 3 && centre[last] > 0.6 * model->half)
         t = choose_tail(centre, w, r.n, last, 0.55 * model->half);
+    if (!(t.chi2 < HUGE_VAL)) {
+        t.from = 0; /* no law suits */
+    } else {
         slope = t.power ? t.line[1] : t.line[1] * (model->nwing - 2) * RX_PSF_WING_STEP;
         for (int j = 0; j < r.n; j++) {
             w[j].mean -= t.sky;
@@ -474,7 +484,8 @@ static void core_excess(const rx_psf_job *job, const rx_point *p, double dst[2])
         for (int i = -reach; i <= reach; i++) {
             const float weight = p->weight[(size_t)(j + half) * (size_t)n + (size_t)(i + half)];
             const int x = (int)lround(p->x) + i, y = (int)lround(p->y) + j;
-            if (i * i + j * j > reach * reach || !(weight > 0.0F))
+            if (i * i + j * j > reach * reach || !(weight > 0.0F) || x < 0 || y < 0 ||
+                x >= job->image->width || y >= job->image->height)
                 continue;
             dst[0] += (double)job->rest[(size_t)y * (size_t)job->image->width + (size_t)x] - p->sky;
             noise += 1.0 / (double)weight;

@@ -453,10 +453,12 @@ rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err)
     return RX_OK;
 }
 
+static const double LEAST_SCALE = 0.05; /* of the noise; at most 1 over that */
+
 void rx_canvas_rescale(rx_canvas *canvas, rx_sheet *sheet)
 {
     for (int i = 0; i < canvas->scale.nx * canvas->scale.ny; i++)
-        sheet->value[i] *= canvas->scale.value[i];
+        sheet->value[i] = fmax(LEAST_SCALE, fmin(sheet->value[i] * canvas->scale.value[i], 1 / LEAST_SCALE));
     rx_sheet_clear(&canvas->scale);
     canvas->scale = *sheet;
     memset(canvas->state, BARE, (size_t)canvas->columns * (size_t)canvas->lines);

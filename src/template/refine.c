@@ -263,6 +263,8 @@ static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile)
         return 0;
     const double chi2 =
         rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch);
+    rx_lens_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
+                   1); /* plane 0 as it was */
     return chi2 < profile->chi2 + PAIR_ODDS;
 }
 

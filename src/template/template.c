@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "template/blends.h"
 #include "template/canvas.h"
@@ -437,6 +438,7 @@ static rx_status look_again(work *w, rx_error *err)
 {
     int count = 0, dropped = 0;
     do {
+        RX_TRY(rx_interrupt_check(err));
         RX_TRY(look(w, &count, err));
         if (count == 0)
             return RX_OK;

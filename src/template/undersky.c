@@ -103,7 +103,7 @@ static rx_status measure_cells(const cells *of, int first, int end, rx_error *er
                 m->value[i] = clipped_mean(values, gather(of, x0, x1, y0, y1, values),
                                            fmax(ENOUGH * (x1 - x0) * (double)(y1 - y0), 16), &width);
             if (of->noise)
-                m->value[i] = outside ? 1 : width / CLIPPED;
+                m->value[i] = outside ? 1 : width > 0 ? width / CLIPPED : NAN;
         }
         free(values);
     }

@@ -222,6 +222,23 @@ static void test_known_widths(void **state)
     check_field(6.0, 3.0, 1.0, 0.0, 50, 0);
 }
 
+/* Trailed across the pixels: a narrow ring that holds no whole pixel spoils nothing. */
+static void test_elongated(void **state)
+{
+    (void)state;
+    static const double kinds[][2] = {{2.87, 0.57}, {2.87, 0.6}, {2.6, 0.57}, {3.2, 0.55}};
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
+        field f;
+        rx_psf *psf;
+        make_field(&f, kinds[i][0], 4.765, kinds[i][1], M_PI / 4, 36, 0);
+        assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+        assert_string_equal(psf->quality.how, "PIXELS");
+        assert_near(psf->ellipticity, 1.0 - kinds[i][1], 0.03);
+        rx_psf_free(psf);
+        free_field(&f);
+    }
+}
+
 static void test_few_stars_and_hot_pixels(void **state)
 {
     (void)state;
@@ -400,10 +417,15 @@ static void test_too_few(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_known_widths),  cmocka_unit_test(test_few_stars_and_hot_pixels),
-        cmocka_unit_test(test_masked_pixels), cmocka_unit_test(test_saturated_stars),
-        cmocka_unit_test(test_halo),          cmocka_unit_test(test_varies),
-        cmocka_unit_test(test_threads),       cmocka_unit_test(test_too_few),
+        cmocka_unit_test(test_known_widths),
+        cmocka_unit_test(test_elongated),
+        cmocka_unit_test(test_few_stars_and_hot_pixels),
+        cmocka_unit_test(test_masked_pixels),
+        cmocka_unit_test(test_saturated_stars),
+        cmocka_unit_test(test_halo),
+        cmocka_unit_test(test_varies),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_too_few),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
