@@ -205,6 +205,40 @@ static void a_crowd_is_looked_at_again(void **state)
     scene_free(&s);
 }
 
+/* Resolved sources that stand alone: two points are tried in their place, and leave flux and error as they were, but for
+ * the sky and the noise of crowded cells. */
+static void what_is_resolved_stays(void **state)
+{
+    (void)state;
+    static const setting settings[2][3] = {{{"CROWDING", "N"}, {"TEMPLATE_PASSES", "1"}, {NULL, NULL}},
+                                           {{"CROWDING", "Y"}, {"TEMPLATE_PASSES", "1"}, {NULL, NULL}}};
+    scene s;
+    desk d[2];
+    scene_make(&s, SIDE, SIDE, 0, 5);
+    for (int k = 0; k < 9; k++)
+        scene_star(&s, 40.3 + 70 * (k % 3), 40.8 + 70 * (k / 3), 2500 + 500 * k, 2.2 * FWHM);
+    scene_star(&s, 75.2, 75.4, 4e4, FWHM);
+    for (int i = 0; i < 2; i++) {
+        desk_open(&d[i], "NONE", &s, NULL, 0, settings[i]);
+        desk_fit(&d[i], NULL);
+    }
+    int resolved = 0;
+    for (int k = 0; k < 9; k++) {
+        const double x = 40.3 + 70 * (k % 3), y = 40.8 + 70 * (k / 3);
+        const rx_source *one = desk_fitted(d[0].result.sources, x, y),
+                        *two = desk_fitted(d[1].result.sources, x, y);
+        assert_non_null(one);
+        assert_non_null(two);
+        resolved += one->fit.radius > 0;
+        assert_near(two->fit.fluxerr / one->fit.fluxerr, 1.0, 0.08);
+        assert_near(two->fit.flux, one->fit.flux, 0.5 * one->fit.fluxerr);
+    }
+    assert_true(resolved >= 7);
+    for (int i = 0; i < 2; i++)
+        desk_close(&d[i]);
+    scene_free(&s);
+}
+
 /* In the light of a neighbour, 8 pixels from it, a star whose centre is a pixel inside the border is looked
  * for in vain, since it cannot be told from one outside; 7 pixels inside it is found. So it is not where it
  * stands alone: that is for the detection to say. */
@@ -435,6 +469,7 @@ int main(void)
         cmocka_unit_test(what_the_list_lacks_is_added),
         cmocka_unit_test(a_merged_neighbour_is_added),
         cmocka_unit_test(a_crowd_is_looked_at_again),
+        cmocka_unit_test(what_is_resolved_stays),
         cmocka_unit_test(where_nothing_is_added),
         cmocka_unit_test(what_is_made_up_is_marked_or_dropped),
         cmocka_unit_test(forced_photometry),
