@@ -263,15 +263,15 @@ rx_status rx_psf_images(const rx_psf_params *par, const rx_fits_cube *cube, int 
     warn_off_centre(par->file, stamp, im.size, log);
     rx_psf_warn_misfit(&src, misfit, log);
     rx_psf_warn_beyond(par->file, src.what, beyond(&im, width, height), log);
-    char sampled[60] = "", grid[60] = "image";
+    char sampled[48] = "", grid[40] = "image";
     if (im.sampling != 1.0)
         snprintf(sampled, sizeof sampled, ", %g samples a pixel%s", im.sampling,
                  im.integrated ? " integrated" : "");
     if (cube->planes > 1)
         snprintf(grid, sizeof grid, "%d images to degree %d,", cube->planes, degree);
     snprintf(psf->description, sizeof psf->description,
-             "%s %.60s, %d x %d px%s, FWHM %.3f px, ellipticity %.3f", grid, rx_psf_base_name(par->file),
-             cube->width, cube->height, sampled, psf->fwhm, psf->ellipticity);
+             "%.39s %.40s, %d x %d px%.32s, FWHM %.3f px, ellipticity %.3f", grid,
+             rx_psf_base_name(par->file), cube->width, cube->height, sampled, psf->fwhm, psf->ellipticity);
     *dst = psf;
     psf = NULL;
 exit:

@@ -326,7 +326,7 @@ static void cube_seeds(const char *folder, const char *scratch)
     for (int daophot = 0; daophot < 2; daophot++) {
         fitsfile *file = NULL;
         int failed = 0;
-        char key[16];
+        char key[24];
         for (int k = 0; k < 3; k++)
             blob(cube + k * N * N, N);
         remove(scratch);
