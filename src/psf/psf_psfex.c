@@ -400,8 +400,10 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
     rx_table *table = rx_table_new(1);
     float *mask = rx_alloc((size_t)n, pixels * sizeof(float));
     double *values = RX_NEW(double, 2 * pixels);
-    if (table != NULL)
+    if (table != NULL) {
+        free(table->name);
         table->name = rx_strdup("PSF_DATA");
+    }
     if (table == NULL || table->name == NULL || mask == NULL || values == NULL) {
         free(mask);
         free(values);
