@@ -148,7 +148,8 @@ static int places_of_header(images *im)
     for (; n < cube->planes; n++) {
         snprintf(key, sizeof key, "DET_YX%d", n);
         if (!rx_cards_text(cube->cards, cube->ncards, key, text, sizeof text) ||
-            sscanf(text, " ( %lf , %lf )", &im->at[n][1], &im->at[n][0]) != 2)
+            sscanf(text, " ( %lf , %lf )", &im->at[n][1], &im->at[n][0]) != 2 || !isfinite(im->at[n][0]) ||
+            !isfinite(im->at[n][1]))
             break;
     }
     if (n == cube->planes)
