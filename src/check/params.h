@@ -1,4 +1,4 @@
-/* What the checks of a tile are told, besides the pipeline's own parameters. */
+/* Parameters of the checks of a tile, besides the pipeline's own parameters. */
 #ifndef RX_CHECK_PARAMS_H
 #define RX_CHECK_PARAMS_H
 

@@ -1,4 +1,4 @@
-/* What the pipeline is told: one plain struct per stage, and what is decided between them. */
+/* The parameters of the pipeline: one plain struct per stage, and what is decided between them. */
 #ifndef RX_PIPELINE_PARAMS_H
 #define RX_PIPELINE_PARAMS_H
 
@@ -57,7 +57,8 @@ typedef struct rx_pipeline_params {
     const char *psf_files[2];           /* PSF_NAME of the same two */
     double seeing_arcsec;               /* SEEING_FWHM */
     bool seeing_stated;                 /* the default is no statement about a tile */
-    double stated_scale; /* PIXEL_SCALE, arcsec; 0 when nobody set it: SExtractor's default of 1 is no fact */
+    double
+        stated_scale; /* PIXEL_SCALE, arcsec; 0 when it was not set: SExtractor's default of 1 is no fact */
     rx_restore_params restore;
     rx_detect_params detect;
     int significance;             /* THRESH_TYPE SIGNIFICANCE: of untouched images */

@@ -385,7 +385,7 @@ rx_status rx_template_extra_append(const rx_template_extra *extra, const rx_tpho
         s->flags |= RX_FLAG_MERGED;
         s->detection_snr = 0.0;
     }
-    for (size_t i = 0; i < extra->npixels_found; i++) { /* pixels that are nobody's */
+    for (size_t i = 0; i < extra->npixels_found; i++) { /* pixels without an owner */
         const rx_template_pixel *pixel = &extra->pixels_found[i];
         if (sources->segments[pixel->at] == 0)
             sources->segments[pixel->at] = segments[pixel->segment];

@@ -38,7 +38,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (
                                  rx_error *err);
 
 /* Append what was found, as far as tphot still holds it, to the list that the templates were made of: numbers and segments go
- * on, pixels that are nobody's become theirs. Errors: RX_SYSTEM; the list is as before then. */
+ * on, pixels without an owner become theirs. Errors: RX_SYSTEM; the list is as before then. */
 rx_status rx_template_extra_append(const rx_template_extra *extra, const rx_tphot *tphot, rx_sources *sources,
                                    rx_error *err);
 

@@ -58,7 +58,7 @@ typedef struct drawn {
 } drawn;
 
 /* As far as the light is above a twentieth of the sky's noise. */
-static int reach_of(const rx_psf_job *job, const rx_point *p)
+static int reach_of(const rx_psf_job *job, const rx_psf_point *p)
 {
     const rx_psf_model *model = &job->model;
     const double least = 0.05 * fmax(job->image->global_noise, 1e-30);
@@ -72,7 +72,7 @@ static int reach_of(const rx_psf_job *job, const rx_point *p)
     return high;
 }
 
-static void draw(const rx_psf_job *job, const rx_point *p, const drawn *d, float *stamp, float *room)
+static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, float *stamp, float *room)
 {
     const rx_psf_model *model = &job->model;
     const int half = d->reach < model->half ? d->reach : model->half, n = 2 * d->reach + 1,
@@ -101,7 +101,7 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
         const int count = job->n - first < POINTS_A_BLOCK ? job->n - first : POINTS_A_BLOCK;
         size_t size = 0;
         for (int i = 0; i < count; i++) {
-            const rx_point *p = &job->points[first + i];
+            const rx_psf_point *p = &job->points[first + i];
             list[i] = (drawn){
                 .cx = (int)lround(p->x), .cy = (int)lround(p->y), .reach = reach_of(job, p), .at = size};
             size += (size_t)(2 * list[i].reach + 1) * (size_t)(2 * list[i].reach + 1);
@@ -171,7 +171,7 @@ static double noise_at(const rx_psf_job *job, const float *sigmas, int x, int y)
     return job->used[at] != 0 ? (sigmas != NULL ? (double)sigmas[0] : 1.0) : 0.0;
 }
 
-static void step(const rx_psf_job *job, rx_point *p, int with_positions, float *room)
+static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, float *room)
 {
     const rx_image *image = job->image;
     const rx_psf_model *model = &job->model;
@@ -282,7 +282,7 @@ RX_WIDE static void add_scaled(const float *src, float factor, size_t n, float *
         dst[i] += factor * src[i];
 }
 
-static void add_star(const system_of *s, const rx_point *p, const float *planes, int what, float *to,
+static void add_star(const system_of *s, const rx_psf_point *p, const float *planes, int what, float *to,
                      float *room)
 {
     const rx_psf_model *model = s->model;
@@ -667,7 +667,7 @@ rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_ps
 
 /* ---- how well it does ---- */
 
-static double chi2_of(const rx_psf_model *model, const rx_point *p, float *room)
+static double chi2_of(const rx_psf_model *model, const rx_psf_point *p, float *room)
 {
     const size_t pixels = stamp_size(model);
     float *value = room + nodes_of(model), *gx = value + pixels, *gy = gx + pixels;

@@ -8,7 +8,7 @@
 #include "psf/psf_model.h"
 
 /* A source that is subtracted as a point, and may be one of the stars that the PSF is measured from. */
-typedef struct rx_point {
+typedef struct rx_psf_point {
     int source;
     double x, y, flux, sky; /* sky: ADU, of the image's pixels */
     double sky_guess, sky_error;
@@ -18,7 +18,7 @@ typedef struct rx_point {
     int reserved;         /* judged only */
     int kept;             /* 0: does not look like the others */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
-} rx_point;
+} rx_psf_point;
 
 typedef struct rx_psf_job {
     const rx_image *image;
@@ -27,9 +27,9 @@ typedef struct rx_psf_job {
     double fwhm;
     double most; /* radius that the PSF may have, pixels */
     int n;
-    rx_point *points;    /* [n] */
-    float *rest;         /* [height][width] pixels minus all points */
-    unsigned char *used; /* [height][width] 0: hidden, or of an extended source */
+    rx_psf_point *points; /* [n] */
+    float *rest;          /* [height][width] pixels minus all points */
+    unsigned char *used;  /* [height][width] 0: hidden, or of an extended source */
     rx_psf_model model;
     rx_moffat profile; /* that it started from: its ellipse is that of rings */
     double *values;    /* [side][side] the profile that the model is held to, at the nodes */

@@ -8,7 +8,7 @@
  *    background mesh has eaten; beyond the ring where they vanish in the noise they are extrapolated.
  * 4. The core: splines on nodes finer than the pixel (psf_fit.c), held to Moffat and wings, varying over the tile with
  *    a polynomial of the degree that stars which were held out like best.
- * 5. A fifth of the stars is never fitted: what they say of the model (psf_check.c) goes into headers.
+ * 5. A fifth of the stars is never fitted: what they say of the model (psf_rings.c) goes into headers.
  */
 #include <math.h>
 #include <stdio.h>
@@ -115,7 +115,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radiu
         most = sources->list[i].segment > most ? sources->list[i].segment : most;
     unsigned char *extended = RX_NEW(unsigned char, (size_t)most + 1),
                   *star = RX_NEW(unsigned char, (size_t)sources->n + 1);
-    job->points = RX_NEW(rx_point, (size_t)sources->n + 1);
+    job->points = RX_NEW(rx_psf_point, (size_t)sources->n + 1);
     job->used = RX_NEW(unsigned char, pixels);
     job->rest = RX_NEW(float, pixels);
     rx_status status = RX_OK;
@@ -140,8 +140,8 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radiu
                 extended[s->segment] = 1;
             continue;
         }
-        rx_point *p = &job->points[job->n++];
-        *p = (rx_point){
+        rx_psf_point *p = &job->points[job->n++];
+        *p = (rx_psf_point){
             .source = i, .x = s->x, .y = s->y, .flux = s->peak / peak, .damping = 1.0, .star = star[i]};
         p->kept = star[i];
         p->sky = p->sky_guess = (double)rx_map_at(&sky, (int)lround(s->x), (int)lround(s->y));
@@ -262,7 +262,7 @@ static rx_status reject(rx_psf_job *job, rx_error *err)
             double centre;
             const double sigma = fmax(rx_sigma_mad(values, m, &centre), floors[which] / 4.0);
             for (int i = 0; i < job->n; i++) {
-                rx_point *p = &job->points[i];
+                rx_psf_point *p = &job->points[i];
                 const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
                 const double limit = 4.0 * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
                 if (p->kept && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))

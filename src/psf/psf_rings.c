@@ -42,7 +42,7 @@ static rings rings_of(const rx_psf_job *job)
 
 /* Means of the residual around a star, pixels that stick out by three sigmas of the sky left out; level: the model's means,
  * of whose tenfold spikes of the star itself stay. values [side of the sky's ring]^2: work. */
-static void look_around(const rx_psf_job *job, const rx_point *p, const rings *r, const double *level,
+static void look_around(const rx_psf_job *job, const rx_psf_point *p, const rings *r, const double *level,
                         double *values, ring *dst)
 {
     const rx_image *image = job->image;
@@ -359,7 +359,7 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *be
                     around + (size_t)s * (size_t)(r.n + 1));
     for (int s = 0; s < n; s++) {
         const ring *sky = around + (size_t)s * (size_t)(r.n + 1) + r.n;
-        rx_point *p = &job->points[stars[s].i];
+        rx_psf_point *p = &job->points[stars[s].i];
         if (sky->n <= 100)
             continue;
         p->sky_guess += sky->mean;
@@ -424,7 +424,7 @@ void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
     const double narrow = 2.772588722239781 / (job->fwhm * job->fwhm);
     const size_t pixels = (size_t)n * (size_t)n, nodes = (size_t)model->side * (size_t)model->side;
     for (int s = 0; s < job->n; s++) {
-        const rx_point *p = &job->points[s];
+        const rx_psf_point *p = &job->points[s];
         if (!p->kept)
             continue;
         const double dx = p->x - lround(p->x), dy = p->y - lround(p->y);
@@ -475,7 +475,7 @@ static void robust_mean(double *values, size_t n, double dst[2])
 }
 
 /* Light of a star's data beyond its model within 1.5 FWHM, share of its flux, and the noise of that. */
-static void core_excess(const rx_psf_job *job, const rx_point *p, double dst[2])
+static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst[2])
 {
     const int half = job->model.half, n = 2 * half + 1, reach = (int)fmin(half, ceil(1.5 * job->fwhm));
     double noise = 0.0;

@@ -67,7 +67,7 @@ static int usable(const rx_star_search *v, const rx_source *s, int radius_index,
     return clean_core(v, s, star->radius);
 }
 
-/* Detectors (and plates) that saturate softly, or at a level nobody told, pile the brightest peaks up just
+/* Detectors (and plates) that saturate softly, or at an unknown level, pile the brightest peaks up just
  * below their limit. Where a tenth of all sources reach 80 % of the highest peak, only those below 70 % of
  * it are trusted. Peaks follow a falling power law otherwise: 80 % is reached by one or two. */
 static double highest_peak(const rx_star_search *search)
