@@ -52,20 +52,33 @@ def tables(path):
     return found
 
 
-def page_rows(lines):
-    """The rows of a page's table, each a dictionary of what stands in large letters; a dash repeats the cell above."""
-    cells = [[html.unescape(re.sub(r"<small>.*?</small>|<[^>]*>", "", cell)).strip() for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)]
-             for row in re.findall(r"<tr>(.*?)</tr>", lines, re.S)]
-    return [dict(zip(cells[0], row)) for row in cells[1:]]
+def page_tables(page):
+    """A report's tables in Markdown, under its titles; of each cell the value and the number of objects, without the interval."""
+    out = [f"# {html.unescape(re.search('<h1>(.*?)</h1>', page)[1])}\n\nThe tables of its page, `report.html`: value (objects).\n"]
+    kinds = r"<h2[^>]*>(?P<h2>.*?)</h2>|<summary>(?P<h3>.*?)</summary>|<h3[^>]*>(?P<h4>.*?)</h3>|(?P<table><table.*?</table>)"
+    for found in re.finditer(kinds, page, re.S):
+        kind = found.lastgroup
+        if kind != "table":
+            out.append(f"{'#' * int(kind[1])} {html.unescape(re.sub('<[^>]*>', '', found[kind])).strip()}\n")
+            continue
+        rows = []
+        for row in re.findall(r"<tr[^>]*>(.*?)</tr>", found["table"], re.S):
+            cells = re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)
+            cells = [re.sub(r" *<small>[^<]*?n=(\d+)[^<]*</small>", r" (\1)", cell) for cell in cells]
+            cells = [html.unescape(re.sub(r" *<small>.*?</small>|<[^>]*>", "", cell)).strip().replace("|", "\\|") for cell in cells]
+            rows.append([rows[-1][0] if cells[0] == "\u2013" else cells[0]] + cells[1:])
+        out.append(table(rows[0], rows[1:]))
+    return "\n".join(out)
 
 
-def page_table(name, section, *titles):
-    """The table under these titles of a report, the first that follows the last of them."""
-    page = text_of(f"validation/results/{name}/report.html")
-    at = page.index(f'<h2 id="{section}">')
+def page_table(name, *titles):
+    """The rows of the table under these titles, one below the other, in the tables of a report."""
+    text, at = text_of(f"validation/results/{name}/tables.md"), 0
     for title in titles:
-        at = page.index(f">{title}</", at)
-    return page[page.index("<table>", at):page.index("</table>", at)]
+        at = re.compile(rf"^#+ {re.escape(title)}$", re.M).search(text, at).end()
+    lines = re.compile(r"(?:^\|.*\n)+", re.M).search(text, at)[0].splitlines()
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    return [dict(zip(cells[0], row)) for row in cells[2:]]
 
 
 def one(rows, **wanted):
@@ -334,27 +347,23 @@ def templates_table():
     """Bias and scatter of isolated sources of S/N above 10 on simulated fields."""
     runs, body = ("NONE", "RL", "NET"), []
     for kind in ("Stars", "Galaxies"):
-        bias, scatter = (page_rows(page_table("fluxes-template", "FIELD", f"{kind}, isolated", quantity))
+        bias, scatter = (page_table("fluxes-template", "FIELD", f"{kind}, isolated", quantity)
                          for quantity in ("bias [mag]", "scatter [mag]"))
-        sources = page_table("fluxes-template", "FIELD", f"{kind}, isolated", "bias [mag]")
         for row in (row for row in bias if row["S/N"] == "10+"):
-            where = {"condition": row["condition"], "S/N": "10+"}
-            cells = [f"{float(row[f'{run} {flux}']):+.3f} ({float(one(scatter, **where)[f'{run} {flux}']):.3f})"
-                     for flux in ("AUTO", "TEMPLATE") for run in runs]
-            line = next(r for r in sources.split("<tr>") if f">{row['condition']}</td><td>10+<" in r)
-            body.append([row["condition"].removeprefix("FWHM "), kind.lower()] + cells + [re.findall(r"n=(\d+)", line)[-1]])
+            spread = one(scatter, condition=row["condition"], **{"S/N": "10+"})
+            cells = [f"{float(row[key].split()[0]):+.3f} ({float(spread[key].split()[0]):.3f})"
+                     for key in (f"{run} {flux}" for flux in ("AUTO", "TEMPLATE") for run in runs)]
+            body.append([row["condition"].removeprefix("FWHM "), kind.lower()] + cells + [row["NET TEMPLATE"].split()[1].strip("()")])
     head = ["FWHM [pixels]", ""] + [f"{flux}, {name}" for flux in ("AUTO", "templates") for name in ("unrestored", "RL", "NET")]
     return table(head + ["sources (NET)"], body)
 
 
 def template_goals():
     """The goals of the page, and how many numbers hold each, by the restorer that gives the shapes."""
-    body = []
-    for row in page_rows(page_table("fluxes-template", "goals")):
-        held = row["what was found"].partition(" numbers")[0]
-        if row["goal"] != "–":
-            body.append([row["goal"].partition(" (number:")[0].replace("|", "\\|")])
-        body[-1].append(f"{row['verdict']} ({held})")
+    rows, body = page_table("fluxes-template", "Goals"), []
+    for goal in dict.fromkeys(row["goal"] for row in rows):
+        cells = {row["shapes from"]: f"{row['verdict']} ({row['what was found'].partition(' numbers')[0]})" for row in rows if row["goal"] == goal}
+        body.append([goal.partition(" (number:")[0]] + [cells[run] for run in ("NONE", "RL", "NET")])
     return (item("""**Templates** (fluxes-template; fields of 200 stars and 200 galaxies per Mpixel): what this program wants of them, how
         many numbers (of a seeing, a kind, a bin of S/N) hold it, and whether that is a verdict, for shapes from each:""") + "\n" +
             table(["goal", "NONE", "RL", "NET"], body, "  ") + "\n" +
@@ -369,7 +378,7 @@ def injected():
     lost = listed(f"{int(row['right']) - int(row['right_unmarked'])} of {row['right']}" for row in runs)
     return item(f"""**Templates, injected into a real frame** (fluxes-sdss; the SDSS frame, its PSF measured by PSF_TYPE AUTO): of the
         detections that are neither injected nor in the untouched frame marks leave {left}, at the cost of {lost} true ones.
-        The fluxes are on the [page](fluxes-sdss/report.html).""")
+        The fluxes: [tables](fluxes-sdss/tables.md).""")
 
 
 def real_sky():
@@ -678,11 +687,16 @@ def leaves(value, path=""):
         yield path, value
 
 
+def content(path):
+    """A result's text; of a page its tables."""
+    with open(path, encoding="utf-8") as file:
+        return page_tables(file.read()) if path.endswith("/report.html") else file.read()
+
+
 def numbers_of(path):
     """Path or line, and value, of everything in a result that can be compared; tests of significance only by their winners,
     as ranks jump where values move in their last digits."""
-    with open(path, encoding="utf-8") as file:
-        text = file.read()
+    text = content(path)
     if path.endswith(".json"):
         found = {key: value for key, value in leaves(json.loads(text)) if not key.startswith("/record/")}
         return {key: value for key, value in found.items() if "/duels/" not in key or key.endswith("winner")}
@@ -703,7 +717,8 @@ def committed(name, folder):
     if not os.path.isdir(home) or not os.path.isdir(folder):
         raise SystemExit(f"texts.py: {home} or {folder} is no folder")
     for file in sorted(os.listdir(home)):
-        places = [os.path.join(folder, *path) for path in ((name, file), (file,), ("qa_" + file[:-5], "summary.json"))]
+        page = "report.html" if file == "tables.md" else file
+        places = [os.path.join(folder, *path) for path in ((name, page), (page,), ("qa_" + file[:-5], "summary.json"))]
         yield os.path.join(home, file), next((place for place in places if os.path.isfile(place)), None)
 
 
@@ -726,7 +741,10 @@ def compare(name, folder, digits):
 
 def take(name, folder):
     for old, new in committed(name, folder):
-        if new and open(old, "rb").read() != open(new, "rb").read():
+        if new and old.endswith("/tables.md"):
+            with open(old, "w", encoding="utf-8") as file:
+                file.write(content(new))
+        elif new and open(old, "rb").read() != open(new, "rb").read():
             shutil.copyfile(new, old)
             print(f"{os.path.relpath(old, TOP)}: renewed")
     return 0

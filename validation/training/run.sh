@@ -32,5 +32,5 @@ cat <<TEXT
 To be the model in the box:
   RX_MODEL=$out/$name.fits validation/run.sh detection      and restoration, fluxes: is it better than the one there?
   cp $out/$name.fits config/$name.fits
-  cp $out/$name.train $out/$name/training.html $out/$name/*.ecsv validation/results/training/$name/
+  cp $out/$name.train $out/$name/*.ecsv validation/results/training/$name/
 TEXT
