@@ -1,5 +1,5 @@
 #!/bin/sh
-# The fences of the house (README, "Layout"): who may include whom, which library is used where, no
+# The fences of the house (CONTRIBUTING.md, "Floors"): who may include whom, which library is used where, no
 # exit, no printing and no changing file-scope variable in the library, no comparison in tests that cannot fail.
 # Says file:line for everything that breaks one. With RX_BUILD_DIR the objects of a build are
 # searched for variables too.

@@ -1,5 +1,5 @@
 #!/bin/sh
-# The numbers in README.md, PROMISES.md and validation/ are those of the committed results (validation/texts.py), and a
+# The numbers in README.md, docs/ and validation/ are those of the committed results (validation/texts.py), and a
 # number that is changed, in a text or in a result, is found.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
@@ -18,34 +18,36 @@ result "what a survey costs is calculated from the committed benchmark (python3 
 
 # a copy to be spoilt: links, but for the files that may be written
 mkdir copy
-cp "$top/README.md" "$top/PROMISES.md" copy
+cp -r "$top/README.md" "$top/docs" copy
+chmod -R u+w copy
+page=docs/validation.md
 cp -Rs "$top/validation" copy
 (cd "$top" && find validation -name README.md -o -path '*/sdss/*.json') | while read -r file; do
     cp --remove-destination "$top/$file" "copy/$file"
 done
-line=$(grep -n '^| as observed (NONE)' copy/README.md | cut -d: -f1)
-recall=$(sed -n "${line}p" copy/README.md | cut -d'|' -f4 | tr -d ' ')
+line=$(grep -n '^| as observed (NONE)' copy/$page | cut -d: -f1)
+recall=$(sed -n "${line}p" copy/$page | cut -d'|' -f4 | tr -d ' ')
 
-sed -i "${line}s/$recall/0.999/" copy/README.md
+sed -i "${line}s/$recall/0.999/" copy/$page
 texts check
-[ $? -eq 1 ] && grep -Fxq "README.md:$line: found \"0.999\", wanted \"$recall\"" log
+[ $? -eq 1 ] && grep -Fxq "$page:$line: found \"0.999\", expected \"$recall\"" log
 result "a number changed in a text is found, with its line" $? log
 
-texts write && texts check && cmp -s copy/README.md "$top/README.md"
+texts write && texts check && cmp -s copy/$page "$top/$page"
 result "and written as it was" $? log
 
 sed -i 's/"references": [0-9]*/"references": 12345/' copy/validation/results/sdss/AUTO.json
 texts check
-[ $? -eq 1 ] && grep -q '^README.md:[0-9]*: found "([0-9]*", wanted "(12345"$' log
+[ $? -eq 1 ] && grep -q "^$page:[0-9]*: found \"([0-9]*\", expected \"(12345\"\$" log
 result "a number changed in a result is found" $? log
 
 sed -i 's/"detections":/"found":/' copy/validation/results/sdss/AUTO.json
 texts check
-[ $? -eq 1 ] && grep -q "^README.md:[0-9]*: block sdss-frame cannot be made: KeyError('detections')" log
+[ $? -eq 1 ] && grep -q "^$page:[0-9]*: block sdss-frame cannot be made: KeyError('detections')" log
 result "a result that lacks what a text needs is named" $? log
 
-cp "$top/README.md" copy
-sed -i "$((line + 6)),\$s/^<!-- end -->\$//" copy/README.md
+cp "$top/$page" copy/docs
+sed -i "$((line + 6)),\$s/^<!-- end -->\$//" copy/$page
 texts check
 [ $? -eq 1 ] && grep -q 'without its end' log
 result "a block without its end is found" $? log

@@ -91,8 +91,8 @@ def page(bench):
     for name, seconds, memory in ways:
         lines.append(f"| {name} | {seconds:.3f} | {f'{memory:.0f} MB' if memory else 'see -PLAN'} |")
     lines += ["", "Seconds are those of the steps of a run on one core (table *The whole stage*): reading and background, restoration, "
-              f"detection and measurement, on a tile where {found:.0f} sources per Mpixel are found (the SDSS frame of the "
-              "README: 193, unrestored): where there are fewer it takes less. For the PSF measured from the tile's stars one more detection and measurement is counted; the report against a "
+              f"detection and measurement, on a tile where {found:.0f} sources per Mpixel are found (the SDSS frame of "
+              "docs/validation.md: 193, unrestored): where there are fewer it takes less. For the PSF measured from the tile's stars one more detection and measurement is counted; the report against a "
               "reference catalogue is left out. Templates: twice what they take on two cores, which is at least what they take on one.", "",
               "| survey | pixels | | core hours | cores for one day | read, one day | written, the same with restored images |",
               "| --- | --- | --- | --- | --- | --- | --- |"]

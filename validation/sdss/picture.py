@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The picture of the README: a piece of the SDSS frame as observed and restored by Richardson-Lucy.
+"""The picture of docs/validation.md: a piece of the SDSS frame as observed and restored by Richardson-Lucy.
 
 usage: picture.py OBSERVED.fits RESTORED.fits OUT.png      (AUTO_NONE.fits and AUTO_RL.fits of run.sh)
 Grey scale: asinh of the value above the sky in units of twice the pixel noise, the same in both panels.
