@@ -22,9 +22,8 @@ while IFS= read -r line; do
     echo "FAILED: PROMISES.md names $file: \"$words\", which is not there"
 done <"$scratch"
 
-# A promise is an item of a list, in bold; its tests stand in the same item.
-awk '/^- \*\*/ || /^#/ { if (item != "" && item !~ /`tests\//) print item; item = /^-/ ? $0 : "" } !/^- \*\*/ && item != "" { item = item " " $0 }
-    END { if (item != "" && item !~ /`tests\//) print item }' "$page" >"$scratch"
+# A promise is a row of the table, its tests stand in the same row; a row of bold words alone is a heading.
+awk '/^\| / && !/^\| (---|promise|\*\*[A-Za-z ]*\*\* \|)/ && !/`tests\//' "$page" >"$scratch"
 while IFS= read -r item; do
     failed=$((failed + 1))
     echo "FAILED: no test is named for: $item"
