@@ -1,6 +1,6 @@
 #!/bin/sh
 # The numbers in README.md, docs/ and validation/ are those of the committed results (validation/texts.py), and a
-# number that is changed, in a text or in a result, is found.
+# number that is changed, in a text or in a result, is found; so is a link that leads nowhere.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 # shellcheck source=/dev/null
@@ -18,10 +18,11 @@ result "what a survey costs is calculated from the committed benchmark (python3 
 
 # a copy to be spoilt: links, but for the files that may be written
 mkdir copy
-cp -r "$top/README.md" "$top/docs" copy
+cp -r "$top/README.md" "$top/docs" "$top/PROMISES.md" "$top/CONTRIBUTING.md" copy
 chmod -R u+w copy
 page=docs/validation.md
-cp -Rs "$top/validation" copy
+cp -Rs "$top/validation" "$top/LICENSE" "$top/NEWS" "$top/CITATION.cff" copy
+mkdir -p copy/tests/fuzz && cp -s "$top/tests/fuzz/README.md" copy/tests/fuzz
 (cd "$top" && find validation -name README.md -o -path '*/sdss/*.json') | while read -r file; do
     cp --remove-destination "$top/$file" "copy/$file"
 done
@@ -45,6 +46,13 @@ sed -i 's/"detections":/"found":/' copy/validation/results/sdss/AUTO.json
 texts check
 [ $? -eq 1 ] && grep -q "^$page:[0-9]*: block sdss-frame cannot be made: KeyError('detections')" log
 result "a result that lacks what a text needs is named" $? log
+
+rm -f copy/docs/bench.md
+cp "$top/docs/survey.md" copy/docs/bench.md
+texts check
+[ $? -eq 1 ] && grep -q '^docs/survey.md:[0-9]*: bench.md#planning leads nowhere$' log
+result "a link to a title that is not there is found" $? log
+cp "$top/docs/bench.md" copy/docs
 
 cp "$top/$page" copy/docs
 sed -i "$((line + 6)),\$s/^<!-- end -->\$//" copy/$page

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The numbers in the texts, from the committed results.
 
-usage: texts.py check                        do the texts say what the results say? FILE:LINE of each word that differs
+usage: texts.py check                        do the texts say what the results say, and do their links lead somewhere?
+                                             FILE:LINE of each word that differs
        texts.py write                        make them say it
        texts.py compare NAME FOLDER [DIGITS] results/NAME against a new run's folder, to DIGITS (4) digits
        texts.py take NAME FOLDER             results/NAME becomes that of a new run's folder
@@ -660,6 +661,22 @@ def texts(write):
     return wrong if write else wrong + stale
 
 
+def dead_links():
+    """Relative links of the texts to a file or a title that is not there."""
+    wrong = []
+    for path in TEXTS + ("PROMISES.md", "CONTRIBUTING.md", "docs/survey.md", "docs/build.md", "validation/README.md", "validation/results/README.md"):
+        for line, words in enumerate(text_of(path).splitlines(), 1):
+            for link in re.findall(r"\]\((?!https?:)([^)]+)\)", words):
+                file, _, title = link.partition("#")
+                there = os.path.normpath(os.path.join(os.path.dirname(path), file)) if file else path
+                titles = ([re.sub(r"[^\w -]", "", found.lower()).replace(" ", "-")
+                           for found in re.findall(r"^#+ (.*)$", text_of(there), re.M)] if title else [""]) \
+                    if os.path.exists(os.path.join(TOP, there)) else []
+                if title not in titles:
+                    wrong.append(f"{path}:{line}: {link} leads nowhere")
+    return wrong
+
+
 # --- committed results and new ones
 
 def leaves(value, path=""):
@@ -738,7 +755,7 @@ def take(name, folder):
 
 def main(arguments):
     if arguments in (["check"], ["write"]):
-        wrong = texts(arguments == ["write"])
+        wrong = texts(arguments == ["write"]) + dead_links()
         print("\n".join(wrong) if wrong else f"{len(BLOCKS)} blocks: fine")
         return 1 if wrong else 0
     if len(arguments) in (3, 4) and arguments[0] == "compare":
