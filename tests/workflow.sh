@@ -46,7 +46,7 @@ result 'all tiles, one of them missing' $? log
 [ "$(find ./done -type f ! -name '.*' | wc -l)" = 5 ] && [ -f survey/report.html ] && [ ! -e obeyed ]
 result 'every tile is done, and no name was obeyed' $? log
 grep -q '"fine": 4' survey/summary.json && grep -q 'missing.fits: cannot be opened' survey/junit.xml
-result 'the tile that failed is told' $? survey/junit.xml
+result 'the tile that failed is reported' $? survey/junit.xml
 
 python=/usr/bin/python3
 if $python -c 'import astropy, yaml' 2>/dev/null; then

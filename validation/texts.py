@@ -82,11 +82,11 @@ def page_table(name, *titles):
     return [dict(zip(cells[0], row)) for row in cells[2:]]
 
 
-def one(rows, **wanted):
+def one(rows, **where):
     """The only row that has these values."""
-    rows = [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+    rows = [row for row in rows if all(row[key] == value for key, value in where.items())]
     if len(rows) != 1:
-        raise LookupError(f"{len(rows)} rows with {wanted}")
+        raise LookupError(f"{len(rows)} rows with {where}")
     return rows[0]
 
 
@@ -279,7 +279,7 @@ def fluxes():
                  for key in ("magerr", "bias_percent", "scatter_percent")}
         return f"{value['magerr']:.2f}, {value['bias_percent']:+.1f}, {value['scatter_percent']:.2f}"
     rows = [[words] + [cell(run, mag) for mag in mags]
-            for run, words in (("NONE", "untouched: MagErr, bias, scatter (%)"), ("RL", "RL"), ("NET", "NET"))]
+            for run, words in (("NONE", "unrestored: MagErr, bias, scatter (%)"), ("RL", "RL"), ("NET", "NET"))]
     stars = fields[0]["sets"][0]["stars"]
     seeing = [f["name"].removeprefix("FWHM ") for f in fields]
     return (item(f"""**Fluxes** (FLUX_AUTO) of {stars} isolated stars per magnitude and seeing; medians over FWHM {seeing[0]} to
@@ -292,8 +292,8 @@ def photometry():
     sets = field["sets"]
     names = ["NONE", "RL", "NET"]
 
-    def recall(name, wanted):
-        return one(one(field["runs"], run=name)["equal_precision"], wanted=wanted)["recall"]["value"]
+    def recall(name, precision):
+        return one(one(field["runs"], run=name)["equal_precision"], wanted=precision)["recall"]["value"]
 
     def magerr(row, name):
         return one(row["runs"], run=name)["magerr"]["value"]
@@ -311,10 +311,10 @@ def photometry():
 
 
 def campaigns():
-    return "\n".join((restoration(), detection(), fluxes(), photometry(), misled(), real_sky()))
+    return "\n".join((restoration(), detection(), fluxes(), photometry(), wrong_inputs(), real_sky()))
 
 
-def misled():
+def wrong_inputs():
     """Restorers that take a wrong PSF, sky or noise for the true one: fluxes and lists at FWHM 4."""
     fields, conditions = summary("fluxes-errors/summary")["fields"], summary("detection-errors/summary")["conditions"]
 
@@ -328,7 +328,7 @@ def misled():
                     [f"{detection_value(condition, scene, 'NET', 'ap'):.3f}" for scene in ("STARS", "GALAXIES")])
     return (item("""**A wrong PSF, sky or noise** (fluxes-errors, detection-errors; FWHM 4): bias of FLUX_AUTO, per cent, over stars of
         S/N above 12, and average precision of NET's lists:""") + "\n" +
-            table(["what is wrong", "untouched", "RL", "NET", "stars", "galaxies"], rows, "  "))
+            table(["what is wrong", "unrestored", "RL", "NET", "stars", "galaxies"], rows, "  "))
 
 
 SCENES = {"BLANK": "blank sky", "RINGS": "around bright stars", "SHREDS": "in and around large bright galaxies",
@@ -389,7 +389,7 @@ def injected():
     left = listed(f"{row['wrong_unmarked']} of {row['wrong']} ({row['run']})" for row in runs)
     lost = listed(f"{int(row['right']) - int(row['right_unmarked'])} of {row['right']}" for row in runs)
     return item(f"""**Injected into a real frame** (campaign `fluxes-sdss`; the SDSS frame, its PSF measured by PSF_TYPE AUTO): of the
-        detections that are neither injected nor in the untouched frame, {left} stay unmarked; {lost} true ones are marked.
+        detections that are neither injected nor in the original frame, {left} stay unmarked; {lost} true ones are marked.
         Fluxes: [tables](../validation/results/fluxes-sdss/tables.md).""")
 
 
@@ -616,10 +616,10 @@ BLOCKS = {function.__name__.replace("_", "-"): function for function in (
 
 # --- check and write
 
-def differences(path, line, found, wanted):
+def differences(path, line, found, expected):
     """What a reader would see as different: words, with the line of each."""
     words = [(word, line + i) for i, row in enumerate(found.splitlines()) for word in row.split()]
-    new = wanted.split()
+    new = expected.split()
     if [word for word, _ in words] == new:
         return [f"{path}:{line}: the same words on other lines"]
     out = []
@@ -640,13 +640,13 @@ def texts(write):
             head, name, found, tail = match.groups()
             line = text.count("\n", 0, match.start()) + 1
             try:
-                wanted = BLOCKS[name]()
+                expected = BLOCKS[name]()
             except (LookupError, TypeError, ValueError, OSError) as error:
                 wrong.append(f"{path}:{line}: block {name} cannot be made: {error!r}")
                 return match[0]
-            if found != wanted:
-                stale.extend(differences(path, line + 1, found, wanted))
-            return head + wanted + tail
+            if found != expected:
+                stale.extend(differences(path, line + 1, found, expected))
+            return head + expected + tail
 
         new = MARK.sub(renew, text)
         marked = re.findall(r"^ *<!-- numbers: ([a-z-]+) -->$", text, re.M)
