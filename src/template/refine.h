@@ -48,6 +48,7 @@ typedef struct rx_subject {
     int flags;
     int added; /* number among those that were added; -1: listed */
     int moved; /* since its footprint was made */
+    int still; /* nothing has changed around it since it was fitted */
     /* from the source list; segment 0: not listed */
     int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;

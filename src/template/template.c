@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/interrupt.h"
+#include "base/least.h"
 #include "base/memory.h"
 #include "template/blends.h"
 #include "template/canvas.h"
@@ -25,6 +26,10 @@
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
 enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
 enum { CROWD_CELL = 64 };         /* pixels: cells of sky and noise in a crowd */
+/* FWHM: so far at least the neighbours of what comes and goes in a crowd are fitted again; passes before what has gone may not
+ * come again; everything is fitted again every so many passes, for what is fitted does reach farther. */
+static const double STIRRED = 4.0;
+enum { TRIED = 4, WHOLE = 4 };
 
 typedef struct work {
     const rx_tphot_params *par;
@@ -45,6 +50,8 @@ typedef struct work {
     double sky;          /* taken off the level so far, mean */
     rx_crowding crowd;   /* known after the first fit */
     int passes, nadded;  /* so far */
+    double (*gone)[2];   /* [ngone] where what was added did not hold */
+    int ngone;
 } work;
 
 static rx_status open_work(work *w, rx_error *err)
@@ -76,6 +83,7 @@ static void close_work(work *w)
     free(w->backgrounds);
     free(w->covariances);
     free(w->place);
+    free(w->gone);
     rx_blends_clear(&w->blends);
     rx_crowding_clear(&w->crowd);
     rx_canvas_clear(&w->canvas);
@@ -124,7 +132,8 @@ typedef struct refinement {
 
 static int takes_part(const refinement *r, int i)
 {
-    return i >= r->first && (!r->moved_only || r->w->subjects[i].moved);
+    const rx_subject *s = &r->w->subjects[i];
+    return i >= r->first && !s->still && (!r->moved_only || s->moved);
 }
 
 static rx_status refine_one(void *user, int i, int thread, rx_error *err)
@@ -233,6 +242,15 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
     return status;
 }
 
+/* Has nothing changed around any of its members? */
+static int still(const work *w, int g)
+{
+    int still = 1;
+    for (int k = w->blends.start[g]; k < w->blends.start[g + 1]; k++)
+        still = still && w->subjects[w->blends.member[k]].still;
+    return still;
+}
+
 static double found_flux(const rx_joint_member *member)
 {
     return isfinite(member->flux) ? member->flux : 0;
@@ -242,7 +260,7 @@ static rx_status fit_whole_group(void *user, int g, int thread, rx_error *err)
 {
     work *w = user;
     (void)thread;
-    return w->blends.torn[g] ? RX_OK : fit_group(w, g, 1, err);
+    return w->blends.torn[g] || still(w, g) ? RX_OK : fit_group(w, g, 1, err);
 }
 
 /* By all threads; what it finds is there for the next. */
@@ -250,9 +268,10 @@ static rx_status fit_torn_group(void *user, int g, int thread, rx_error *err)
 {
     work *w = user;
     (void)thread;
-    rx_status status = w->blends.torn[g] ? fit_group(w, g, w->nthreads, err) : RX_OK;
-    for (int k = w->blends.start[g]; w->blends.torn[g] && k < w->blends.start[g + 1] && status == RX_OK;
-         k++) {
+    if (!w->blends.torn[g] || still(w, g))
+        return RX_OK;
+    rx_status status = fit_group(w, g, w->nthreads, err);
+    for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
         rx_subject *s = &w->subjects[w->blends.member[k]];
         const double flux = found_flux(&w->members[w->blends.member[k]]);
         status = rx_canvas_add(&w->canvas, &s->footprint, flux - s->flux, err);
@@ -314,7 +333,7 @@ static rx_status shift(work *w, rx_error *err)
     int moved = 0;
     for (int i = 0; i < w->n; i++) {
         const double *by = w->members[i].shift, length = hypot(by[0], by[1]);
-        w->subjects[i].moved = length > SMALL && isfinite(length);
+        w->subjects[i].moved = !w->subjects[i].still && length > SMALL && isfinite(length);
         if (!w->subjects[i].moved)
             continue;
         const double scale = length > most ? most / length : 1;
@@ -382,15 +401,21 @@ static int in_crowd(const work *w, const rx_subject *s)
     return rx_crowding_at(&w->crowd, (int)floor(s->x + 0.5), (int)floor(s->y + 0.5));
 }
 
-/* What was added in a crowd and does not hold goes again: *dropped of them. */
+/* What was added in a crowd and does not hold goes again, and is not looked for there any more: *dropped of them. */
 static rx_status drop_weak(work *w, int *dropped, rx_error *err)
 {
     int n = 0;
+    double(*gone)[2] = rx_regrow(w->gone, (size_t)w->ngone + (size_t)w->n, sizeof *gone);
+    if (gone == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *gone);
+    w->gone = gone;
     for (int i = 0; i < w->n; i++) {
         const rx_subject *s = &w->subjects[i];
         const rx_joint_member *m = &w->members[i];
         const int weak = s->added >= 0 && in_crowd(w, s) && !(m->flux > w->par->least * sqrt(m->variance));
         if (weak) {
+            gone[w->ngone][0] = s->x;
+            gone[w->ngone++][1] = s->y;
             free(s->footprint.values);
             continue;
         }
@@ -402,14 +427,16 @@ static rx_status drop_weak(work *w, int *dropped, rx_error *err)
     return *dropped > 0 ? draw(w, err) : RX_OK;
 }
 
-/* [n][2] where the subjects are; NULL without memory. */
+/* [n + ngone][2] where the subjects are and what is gone was; NULL without memory. */
 static double (*positions(const work *w))[2]
 {
-    double(*at)[2] = rx_alloc((size_t)w->n, sizeof *at);
+    double(*at)[2] = rx_alloc((size_t)w->n + (size_t)w->ngone, sizeof *at);
     for (int i = 0; i < w->n && at != NULL; i++) {
         at[i][0] = w->subjects[i].x;
         at[i][1] = w->subjects[i].y;
     }
+    if (at != NULL && w->ngone > 0)
+        memcpy(at + w->n, w->gone, (size_t)w->ngone * sizeof *at);
     return at;
 }
 
@@ -419,7 +446,9 @@ static rx_status look(work *w, int *count, rx_error *err)
     double(*found)[2] = NULL, (*at)[2] = positions(w);
     if (at == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *at);
-    const rx_tphot_look view = {&w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, w->n};
+    /* what did not hold in the first passes may once its surroundings are right */
+    const int n = w->passes <= TRIED ? w->n : w->n + w->ngone;
+    const rx_tphot_look view = {&w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, n};
     rx_status status = w->input->more(w->input->user, &view, &found, count, err);
     if (status == RX_OK)
         status = add_points(w, (const double(*)[2])found, *count, err);
@@ -428,12 +457,60 @@ static rx_status look(work *w, int *count, rx_error *err)
     return status;
 }
 
+/* Cells of the image by whether something has come or gone in them or beside them. */
+typedef struct stirred {
+    double cell; /* pixels */
+    int nx, ny;
+    uint8_t *near;
+} stirred;
+
+static int along(double position, const stirred *of, int n)
+{
+    return rx_least(rx_most((int)(position / of->cell), 0), n - 1);
+}
+
+static void mark(const stirred *of, double x, double y)
+{
+    const int cx = along(x, of, of->nx), cy = along(y, of, of->ny);
+    for (int v = rx_most(cy - 1, 0); v <= rx_least(cy + 1, of->ny - 1); v++)
+        for (int u = rx_most(cx - 1, 0); u <= rx_least(cx + 1, of->nx - 1); u++)
+            of->near[v * of->nx + u] = 1;
+}
+
+/* Only what is near the last `added` subjects and the last `dropped` that are gone is fitted from now on. */
+static rx_status settle(work *w, int added, int dropped, rx_error *err)
+{
+    stirred of = {.cell = STIRRED * fmax(w->input->image.psf->fwhm, 1.0)};
+    of.nx = (int)(w->canvas.width / of.cell) + 1;
+    of.ny = (int)(w->canvas.height / of.cell) + 1;
+    of.near = RX_NEW(uint8_t, (size_t)of.nx * (size_t)of.ny);
+    if (of.near == NULL)
+        return rx_error_memory(err, (size_t)of.nx * (size_t)of.ny);
+    for (int i = w->n - added; i < w->n; i++)
+        mark(&of, w->subjects[i].x, w->subjects[i].y);
+    for (int i = w->ngone - dropped; i < w->ngone; i++)
+        mark(&of, w->gone[i][0], w->gone[i][1]);
+    for (int i = 0; i < w->n; i++)
+        w->subjects[i].still =
+            !of.near[along(w->subjects[i].y, &of, of.ny) * of.nx + along(w->subjects[i].x, &of, of.nx)];
+    free(of.near);
+    return RX_OK;
+}
+
+/* Everything is fitted from now on. */
+static void unsettle(work *w)
+{
+    for (int i = 0; i < w->n; i++)
+        w->subjects[i].still = 0;
+}
+
 static int movable(const work *w)
 {
     return w->input->shapes == NULL && w->par->rounds > 0;
 }
 
-/* Where it is not crowded one look at the residual and a fit of everything with what it shows; else until nothing is found. */
+/* Where it is not crowded one look at the residual and a fit of everything with what it shows; else until nothing is found, most
+ * times of what is near that. */
 static rx_status look_again(work *w, rx_error *err)
 {
     int count = 0, dropped = 0;
@@ -441,7 +518,10 @@ static rx_status look_again(work *w, rx_error *err)
         RX_TRY(rx_interrupt_check(err));
         RX_TRY(look(w, &count, err));
         if (count == 0)
-            return RX_OK;
+            break;
+        unsettle(w);
+        if (w->passes > 1 && w->passes % WHOLE != 0)
+            RX_TRY(settle(w, count, dropped, err));
         w->passes++;
         for (int i = 0; i < w->n; i++)
             if (in_crowd(w, &w->subjects[i])) { /* what was two sources is elsewhere now */
@@ -453,9 +533,8 @@ static rx_status look_again(work *w, rx_error *err)
             RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
         RX_TRY(fit_on_sky(w, err));
         RX_TRY(drop_weak(w, &dropped, err));
-        if (dropped > 0)
-            RX_TRY(fit_on_sky(w, err));
     } while (w->crowd.n > 0 && w->passes < w->par->passes && dropped < count);
+    unsettle(w);
     return RX_OK;
 }
 
@@ -515,8 +594,8 @@ static rx_status fit_everything(work *w, rx_error *err)
         status = find_crowd(w, err);
     if (status == RX_OK && w->input->more != NULL && w->par->passes > 1)
         status = look_again(w, err);
-    /* weights follow the photons of the model that has just been found */
-    if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0))
+    /* weights follow the photons of the model that has just been found, and in a crowd some have gone */
+    if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0 || w->crowd.n > 0))
         status = fit_on_sky(w, err);
     return status;
 }

@@ -181,9 +181,66 @@ static void test_pair(void **state)
     assert_true(chi2[2] > chi2[0] - 15 || isinf(chi2[2]));
 }
 
+static const double faint[][2] = {{40, 40},   {200, 60}, {60, 170}, {210, 200},
+                                  {120, 110}, {30, 220}, {230, 120}};
+enum { FAINT = sizeof faint / sizeof *faint };
+static const double nothing[2] = {128.3, 20.6};
+
+/* One star each look, and a place where nothing is, until that is said to be known. */
+static rx_status show_one(void *user, const rx_tphot_look *look, double (**dst)[2], int *n, rx_error *err)
+{
+    int *calls = user, known = 0; /* looks; those with `nothing` */
+    (void)err;
+    for (int i = 0; i < look->n; i++)
+        known = known || hypot(look->at[i][0] - nothing[0], look->at[i][1] - nothing[1]) < 3;
+    *dst = rx_alloc(2, sizeof **dst);
+    assert_non_null(*dst);
+    *n = 0;
+    if (calls[0] < FAINT)
+        memcpy((*dst)[(*n)++], faint[calls[0]], sizeof nothing);
+    if (!known)
+        memcpy((*dst)[(*n)++], nothing, sizeof nothing);
+    calls[0]++;
+    calls[1] += !known;
+    return RX_OK;
+}
+
+/* What did not hold in the first passes is not offered for ever; stars that come one after the other, each fitted with what is
+ * near, have their fluxes in the end. */
+static void test_passes(void **state)
+{
+    (void)state;
+    field f;
+    int calls[2] = {0};
+    rx_tphot_params par = rx_tphot_defaults();
+    rx_tphot *t = NULL;
+    field_open(&f, 256, 256, 4, 1, 1);
+    field_noise(&f, 3);
+    field_star(&f, 100, 180, 2000);
+    for (int i = 0; i < FAINT; i++)
+        field_star(&f, faint[i][0], faint[i][1], 500);
+    field_list(&f, 100, 180, 6, 1.7, 1.7, 0);
+    field_restore_none(&f);
+    rx_tphot_input input = field_input(&f);
+    input.more = show_one;
+    input.user = calls;
+    par.passes = 12;
+    par.crowding = RX_CROWDING_YES;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    assert_int_equal(calls[1], 4);
+    assert_int_equal(calls[0], FAINT + 1);
+    assert_int_equal(t->passes, FAINT + 1);
+    assert_int_equal(t->n, FAINT + 1);
+    assert_near(t->list[0].flux, 2000, 4 * t->list[0].fluxerr);
+    for (int i = 1; i < t->n; i++)
+        assert_near(t->list[i].flux, 500, 4 * t->list[i].fluxerr);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_cells), cmocka_unit_test(test_sky_and_noise),
-                                       cmocka_unit_test(test_pair)};
+                                       cmocka_unit_test(test_pair), cmocka_unit_test(test_passes)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
