@@ -11,6 +11,7 @@
 #include "io/tile.h"
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
+#include "pipeline/preal.h"
 #include "simulate/inject.h"
 #include "simulate/sky_noise.h"
 #include "validate/hypothesis.h"
@@ -121,7 +122,27 @@ static double searched(const rx_pipeline_params *params, const rx_result *result
     return (double)good / 1e6;
 }
 
-static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input *in, int number,
+/* Is most of the tile a crowd? */
+static int is_crowd(const rx_result *tile)
+{
+    return tile->templates.tphot->crowded > 0.5;
+}
+
+/* Evidence of what was fitted to the noise, but for pieces of it. */
+static rx_status keep_fitted(const rx_tphot *tphot, rx_blankcheck *dst, rx_error *err)
+{
+    const size_t n = (size_t)dst->nfitted + (size_t)tphot->n;
+    double *grown = rx_regrow(dst->evidence, n, sizeof *grown);
+    if (grown == NULL)
+        return rx_error_memory(err, n * sizeof *grown);
+    dst->evidence = grown;
+    for (int i = 0; i < tphot->n; i++)
+        if (isfinite(tphot->list[i].snr) && !rx_preal_owes(tphot->list[i].evidence, tphot->list[i].snr))
+            grown[dst->nfitted++] = tphot->list[i].evidence;
+    return RX_OK;
+}
+
+static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input *in, int number, int drop,
                          rx_blankcheck *dst, rx_error *err)
 {
     rx_field *blank = NULL;
@@ -132,9 +153,14 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
         return status;
     status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
     if (status == RX_OK) {
+        const rx_tphot *tphot = result.templates.tphot;
         dst->mpixels += searched(params, &result, 0);
-        dst->false_detections += result.sources->n;
+        dst->false_detections += tphot == NULL ? result.sources->n : drop ? 0 : tphot->nlisted;
+        for (int i = 0; drop && tphot != NULL && i < tphot->n; i++)
+            dst->false_detections += !rx_preal_doubtful(&in->tile->templates.preal, tphot->list[i].evidence);
         dst->realisations++;
+        if (tphot != NULL)
+            status = keep_fitted(tphot, dst, err);
     }
     rx_result_free(&result);
     rx_field_free(blank);
@@ -152,7 +178,7 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
     own.restore.keep_reblurred = 0;
     own.judge_residual = 0;
     own.restore.keep_support = 0;
-    own.templates.wanted = own.templates.drop;
+    own.templates.wanted = own.templates.drop = 0;
     return own;
 }
 
@@ -171,13 +197,16 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
                             rx_blankcheck *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    const rx_pipeline_params own = counting(params);
+    rx_pipeline_params own = counting(params);
+    own.templates.wanted = in->tile != NULL && in->tile->templates.tphot != NULL;
+    if (own.templates.wanted)
+        own.templates.par.crowding = is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
     *dst = (rx_blankcheck){.raised = 1.0, .correlated = in->noise->correlated};
     rx_log_progress_begin(log);
     for (int i = 0; i < in->realisations && status == RX_OK; i++) {
         status = rx_interrupt_check(err);
         if (status == RX_OK)
-            status = run_one(&own, in, i, dst, err);
+            status = run_one(&own, in, i, params->templates.drop, dst, err);
         rx_log_progress(log, "blank check", (double)(i + 1) / in->realisations);
     }
     rx_log_progress_end(log);
@@ -281,4 +310,34 @@ void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile
                                     .low = share(check->rate.high, check->sky, n),
                                     .high = share(check->rate.low, check->sky, n),
                                     .n = n};
+}
+
+rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
+                              rx_error *err)
+{
+    const rx_tphot *tphot = tile->templates.tphot;
+    if (tphot == NULL || check->realisations == 0 || check->quick)
+        return RX_OK;
+    const int crowd = is_crowd(tile);
+    double *evidence = RX_NEW(double, (size_t)tphot->n);
+    if (evidence == NULL)
+        return rx_error_memory(err, (size_t)tphot->n * sizeof *evidence);
+    rx_preal_sample own = {.evidence = evidence,
+                           .pixels = crowd ? tphot->crowded * tphot->visible
+                                           : (1.0 - tphot->crowded) * check->sky * 1e6};
+    for (int i = 0; i < tphot->n; i++) {
+        const rx_tphot_source *t = &tphot->list[i];
+        if (t->crowded == crowd && isfinite(t->snr) && !rx_preal_owes(t->evidence, t->snr))
+            evidence[own.n++] = t->evidence;
+    }
+    rx_preal_fit(&tile->templates.preal, &own,
+                 &(rx_preal_sample){check->evidence, check->nfitted, check->mpixels * 1e6});
+    free(evidence);
+    return rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err);
+}
+
+void rx_blankcheck_free(rx_blankcheck *check)
+{
+    free(check->evidence);
+    *check = (rx_blankcheck){0};
 }

@@ -33,6 +33,8 @@ typedef struct rx_blankcheck {
     /* Of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise alone: pieces and
      * ghosts of real sources count as real. n: detections, 0 = none */
     rx_estimate real;
+    double *evidence; /* [nfitted] of what was found on noise and fitted, where the tile itself was; owned */
+    int nfitted;
 } rx_blankcheck;
 
 /* The noise of the untouched tile where `segments` has no source within two FWHM (or nearer, when that leaves
@@ -52,9 +54,12 @@ typedef struct rx_blank_input {
     const rx_field *field;
     const rx_noise_correlation *noise;
     int realisations;
+    const rx_result *tile; /* what it made of the tile itself, or NULL */
 } rx_blank_input;
 
-/* The realisations through one restorer, the same ones for every restorer. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+/* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile, they are
+ * fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP what the tile's P_REAL would drop does not
+ * count. Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
                             rx_blankcheck *dst, rx_error *err);
 
@@ -68,5 +73,11 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
 
 /* check->sky and ->real from its rate and `tile`, that restorer on the untouched tile. */
 void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
+
+/* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was. Pieces of
+ * neighbours, which noise has none of, are left out of the comparison. Errors: RX_SYSTEM. */
+rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
+                              rx_error *err);
+void rx_blankcheck_free(rx_blankcheck *check); /* content only */
 
 #endif

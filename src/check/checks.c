@@ -221,8 +221,8 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
     if (status == RX_OK && checks != NULL && checks->blank) {
         const rx_blankcheck quick = dst->blank;
         status = rx_blankcheck_run(
-            params, &(rx_blank_input){kind, checks->field, &checks->noise, checks->par->blank_check}, log,
-            &dst->blank, err);
+            params, &(rx_blank_input){kind, checks->field, &checks->noise, checks->par->blank_check, before},
+            log, &dst->blank, err);
         dst->blank.raised = quick.raised;
         dst->blank.asked = quick.asked;
     }
@@ -234,6 +234,7 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
 void rx_check_results_free(rx_check_results *results)
 {
     rx_selfcheck_free(&results->self);
+    rx_blankcheck_free(&results->blank);
 }
 
 static void estimate_facts(rx_record *facts, const char *name, const char *comment, const rx_estimate *e)

@@ -48,8 +48,8 @@ enum {
 /* FLAGS_RESTORE: what the untouched pixels say of a source, and whose work it is. INVENTED and SHRED mark it
  * as spurious; see rx_source_made_up(). */
 enum {
-    RX_RESTORE_INVENTED = 1, /* not significant on them, its neighbours fitted */
-    RX_RESTORE_SHRED = 2,    /* a neighbour's own model takes its light */
+    RX_RESTORE_INVENTED = 1, /* not significant on them: P_REAL below 0.5 */
+    RX_RESTORE_SHRED = 2,    /* the same where a neighbour's own model takes its light */
     RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
     RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
     RX_RESTORE_OTHER = 16,   /* not by the restorer that was asked for (RESTORE_FALLBACK) */
@@ -66,6 +66,7 @@ typedef struct rx_source_template {
     double flux, fluxerr, snr; /* ADU, of the whole template */
     double chi2;               /* reduced, of the source's own pixels */
     double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
+    double preal;              /* probability that it is there (pipeline/preal.h) */
     double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
     double x, y;               /* 0-based pixels, of the fit */
     double alpha, delta;       /* deg, J2000 */

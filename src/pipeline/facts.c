@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "pipeline/pipeline.h"
+#include "pipeline/preal.h"
 
 static void describe_templates(const rx_template_fit *fit, rx_record *facts)
 {
@@ -17,7 +18,10 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXTPSKY", "mean sky taken off between them, ADU", "%.6g", fit->tphot->sky);
     rx_record_add(facts, "RXTPODDS", "odds of points among clear sources", "%.4g", fit->tphot->star_odds);
     rx_record_add(facts, "RXTPCHI2", "reduced chi2 of the residual", "%.5f", fit->chi2);
-    rx_record_add(facts, "RXINV", "sources that untouched pixels do not want", "%d", fit->invented);
+    rx_record_add(facts, "RXPREAL", "P_REAL: by noise of this TILE, or the DEFAULT", "%s",
+                  fit->preal.tile ? "TILE" : "DEFAULT");
+    rx_record_add(facts, "RXPRLIM", "S/N at which P_REAL is 0.5", "%.3f", rx_preal_limit(&fit->preal));
+    rx_record_add(facts, "RXINV", "sources of P_REAL below 0.5", "%d", fit->invented);
     rx_record_add(facts, "RXINVMP", "the same per Mpixel", "%.5g", fit->per_mpixel);
     rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
 }

@@ -7,6 +7,7 @@ librextract_la_SOURCES += \
 	src/pipeline/params.c src/pipeline/params.h \
 	src/pipeline/photometry.c src/pipeline/photometry.h \
 	src/pipeline/pipeline.c src/pipeline/pipeline.h \
+	src/pipeline/preal.c src/pipeline/preal.h \
 	src/pipeline/residual.c src/pipeline/residual.h \
 	src/pipeline/saturated.c src/pipeline/saturated.h \
 	src/pipeline/template_extra.c src/pipeline/template_extra.h \

@@ -45,8 +45,6 @@ typedef struct rx_template_params {
     int wanted;
     rx_tphot_params par; /* keep_model, covariance: of the image that is measured */
     double threshold;    /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
-    double invented;     /* INVENTED_SNR */
-    double evidence;     /* INVENTED_EVIDENCE */
     int drop;            /* INVENTED_TYPE DROP */
 } rx_template_params;
 

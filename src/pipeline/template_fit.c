@@ -6,15 +6,12 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "pipeline/preal.h"
 #include "pipeline/template_extra.h"
 
-/* Share of its S/N squared that a source has as evidence unless a neighbour can do without it. */
-static const double OWED = 0.5;
-/* In a crowd sources down to that share of INVENTED_SNR are added and stay unmarked: each that is left out is light that its
- * neighbours take, and among so many sources the few false ones are rare. */
-static const double IN_CROWDS = 0.8;
-static const double LEAST_SNR =
-    3.0; /* below that peaks of noise would be added by the hundred, whatever INVENTED_SNR says */
+/* In a crowd sources down to that S/N are added: each that is left out is light that its neighbours take, and among so many
+ * sources the few false ones are rare; below, peaks of noise would be added by the hundred. */
+static const double CROWD_SNR = 3.2;
 
 /* What one call works on. */
 typedef struct work {
@@ -90,69 +87,78 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     return status;
 }
 
-/* A source whose evidence is only a part of its S/N squared owes the rest to a neighbour's model that was
- * held fast: refitted alone, that one would take its light. */
-static int verdict(const rx_tphot_source *t, int added, const rx_template_params *par)
-{
-    const int restore = added ? RX_RESTORE_ADDED : 0;
-    if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr))
-        return restore | RX_RESTORE_UNTESTED;
-    if (t->snr < (t->crowded ? IN_CROWDS : 1) * par->invented)
-        return restore | RX_RESTORE_INVENTED;
-    const int shred = t->evidence < par->evidence && t->evidence < OWED * t->snr * t->snr;
-    return shred ? restore | RX_RESTORE_SHRED : restore;
-}
-
 static void tell_sources(const work *w, rx_sources *sources)
 {
     const rx_tphot *tphot = w->dst->tphot;
     for (int i = 0; i < sources->n; i++) {
         const rx_tphot_source *t = &tphot->list[i];
-        sources->list[i].fit =
-            (rx_source_template){.flux = t->flux,
-                                 .fluxerr = t->fluxerr,
-                                 .snr = t->snr,
-                                 .chi2 = t->chi2,
-                                 .evidence = t->evidence,
-                                 .blend = t->blend,
-                                 .x = t->x,
-                                 .y = t->y,
-                                 .alpha = NAN,
-                                 .delta = NAN,
-                                 .star = t->star,
-                                 .radius = t->radius,
-                                 .ratio = t->ratio,
-                                 .theta = t->angle,
-                                 .group = t->group + 1,
-                                 .entry = i,
-                                 .flags = t->flags,
-                                 .restore = verdict(t, i >= tphot->nlisted, &w->params->templates)};
+        sources->list[i].fit = (rx_source_template){.flux = t->flux,
+                                                    .fluxerr = t->fluxerr,
+                                                    .snr = t->snr,
+                                                    .chi2 = t->chi2,
+                                                    .evidence = t->evidence,
+                                                    .preal = NAN,
+                                                    .blend = t->blend,
+                                                    .x = t->x,
+                                                    .y = t->y,
+                                                    .alpha = NAN,
+                                                    .delta = NAN,
+                                                    .star = t->star,
+                                                    .radius = t->radius,
+                                                    .ratio = t->ratio,
+                                                    .theta = t->angle,
+                                                    .group = t->group + 1,
+                                                    .entry = i,
+                                                    .flags = t->flags,
+                                                    .restore = i >= tphot->nlisted ? RX_RESTORE_ADDED : 0};
     }
 }
 
-/* How well the models explain the image, and how many sources they do not need. */
-static void tell_tile(const work *w, const rx_sources *sources)
+/* How well the models explain the image. */
+static rx_status tell_tile(const work *w, rx_error *err)
 {
     rx_template_fit *dst = w->dst;
-    const double usable = dst->tphot->visible;
-    for (int i = 0; i < sources->n; i++)
-        dst->invented += rx_source_made_up(&sources->list[i]);
-    dst->added = dst->tphot->n - dst->tphot->nlisted;
-    dst->chi2 = usable > 0 ? dst->tphot->chi2 / usable : NAN;
-    dst->per_mpixel = usable > 0 ? 1e6 * dst->invented / usable : NAN;
+    const rx_tphot *tphot = dst->tphot;
+    double *evidence = RX_NEW(double, (size_t)tphot->n);
+    if (evidence == NULL)
+        return rx_error_memory(err, (size_t)tphot->n * sizeof *evidence);
+    for (int i = 0; i < tphot->n; i++)
+        evidence[i] = tphot->list[i].evidence;
+    dst->added = tphot->n - tphot->nlisted;
+    dst->chi2 = tphot->visible > 0 ? tphot->chi2 / tphot->visible : NAN;
     dst->fwhm = psf_of(w, w->on.measure)->fwhm;
+    dst->preal = rx_preal_default(evidence, tphot->n, tphot->visible, dst->fwhm);
+    free(evidence);
+    return RX_OK;
 }
 
-static rx_status drop(const work *w, rx_sources *sources, rx_error *err)
+rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
+                                rx_error *err)
 {
     unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
+    rx_status status = RX_OK;
+    int marked = 0;
     if (keep == NULL)
         return rx_error_memory(err, (size_t)sources->n);
     for (int i = 0; i < sources->n; i++) {
+        rx_source_template *t = &sources->list[i].fit;
+        t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_INVENTED | RX_RESTORE_SHRED);
+        if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr)) {
+            t->restore |= RX_RESTORE_UNTESTED;
+        } else {
+            t->preal = rx_preal_of(&fit->preal, t->evidence);
+            if (rx_preal_doubtful(&fit->preal, t->evidence))
+                t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_INVENTED;
+        }
         keep[i] = !rx_source_made_up(&sources->list[i]);
-        w->dst->dropped += !keep[i];
+        marked += !keep[i];
     }
-    rx_status status = w->dst->dropped > 0 ? rx_sources_select(sources, keep, err) : RX_OK;
+    fit->invented = fit->dropped + marked;
+    fit->per_mpixel = fit->tphot->visible > 0 ? 1e6 * fit->invented / fit->tphot->visible : NAN;
+    if (par->drop && marked > 0) {
+        fit->dropped += marked;
+        status = rx_sources_select(sources, keep, err);
+    }
     free(keep);
     return status;
 }
@@ -165,6 +171,7 @@ static void leave_empty(rx_sources *sources)
                                                     .snr = NAN,
                                                     .chi2 = NAN,
                                                     .evidence = NAN,
+                                                    .preal = NAN,
                                                     .blend = NAN,
                                                     .x = NAN,
                                                     .y = NAN,
@@ -194,7 +201,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     }
     w.extra = (rx_template_extra){.detect = &params->detect,
                                   .threshold = params->templates.threshold,
-                                  .crowd_threshold = fmax(IN_CROWDS * params->templates.invented, LEAST_SNR),
+                                  .crowd_threshold = CROWD_SNR,
                                   .psf = psf_of(&w, detect),
                                   .pixels = detect->image.pixels,
                                   .mask = detect->image.mask,
@@ -207,10 +214,10 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         status = rx_template_extra_append(&w.extra, dst->tphot, sources, err);
     if (status == RX_OK) {
         tell_sources(&w, sources);
-        tell_tile(&w, sources);
+        status = tell_tile(&w, err);
     }
-    if (status == RX_OK && params->templates.drop)
-        status = drop(&w, sources, err);
+    if (status == RX_OK)
+        status = rx_template_fit_judge(&params->templates, dst, sources, err);
     rx_template_extra_clear(&w.extra);
     if (status != RX_OK)
         rx_template_fit_free(dst);

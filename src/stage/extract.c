@@ -277,7 +277,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
              run->by);
     account(run, &w, log);
-    account_templates(run, &w, log);
     status = tell_domain(run, &w, log, err);
     if (status == RX_OK)
         status = rx_coordinates_fill(&w.measure->image, sources, err);
@@ -286,10 +285,13 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
     if (status != RX_OK)
         goto exit;
-    tell_sources(run, &w, log);
     status = run_checks(run, in->checks, &w, log, err);
+    if (status == RX_OK)
+        status = rx_blankcheck_preal(&w.params, &run->checks.blank, &w.result, err);
     if (status != RX_OK)
         goto exit;
+    account_templates(run, &w, log);
+    tell_sources(run, &w, log);
     rx_result_facts(&w.result, &facts);
     if (w.headers)
         rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(detect->tile));

@@ -200,7 +200,7 @@ static void template_options(rx_options *dst)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
     par->wanted = par->drop || par->par.covariance || par->par.keep_model ||
                   (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
-                  rx_columns_has(dst->columns, "FLAGS_RESTORE");
+                  rx_columns_has(dst->columns, "FLAGS_RESTORE") || rx_columns_has(dst->columns, "P_REAL");
 }
 
 static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)

@@ -111,8 +111,7 @@ typedef struct rx_tphot_source {
                         off, 1 / (1 / rise + lumps^2): rise of chi2 without it, its neighbours' fluxes fitted
                         anew and, where a brighter one reaches over it, that one's position and profile, too;
                         lumps: what a resolved galaxy may differ from its smooth profile there, in fluxes of
-                        the source. Real sources of S/N 7 and more have above 25 (99.4 %), four of five pieces
-                        of spirals less */
+                        the source */
     double lift; /* flux is that many times the one of its template: the mean over what its shape may be */
     int crowded; /* in a cell that is */
     int added;   /* of an extra one: which of those that `more` gave, counted through; -1 of others */

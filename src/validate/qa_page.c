@@ -282,7 +282,7 @@ static void write_made_up(rx_text *dst, const rx_report *r)
     rx_page_table_end(dst);
     rx_page_note(dst,
                  "A source is marked when a template of it, fitted to the untouched pixels together with its "
-                 "neighbours, is not significant (INVENTED_SNR) or adds nothing to theirs.");
+                 "neighbours, says that it is rather not there (P_REAL below 0.5).");
 }
 
 static void write_counts(rx_text *dst, const rx_report *r)

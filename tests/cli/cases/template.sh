@@ -25,8 +25,6 @@ TEMPLATE_BACKSIZE -1 -1 is out of range, give 0 to
 TEMPLATE_PSFERR 1.5 1\.5 is out of range, give 0 to 1$
 TEMPLATE_PSFERR -0.1 -0\.1 is out of range, give 0 to 1$
 INVENTED_TYPE DROPP unknown word 'DROPP' \(did you mean DROP\?\)
-INVENTED_SNR -1 -1 is out of range, give 0 to
-INVENTED_SNR inf 'inf' is not a number$
 QA_MAG MAG_TEMPLAT unknown word 'MAG_TEMPLAT' \(did you mean MAG_TEMPLATE\?\)
 CHECKIMAGE_TYPE TEMPLATE_RESIDUALS unknown word 'TEMPLATE_RESIDUALS' \(did you mean TEMPLATE_RESIDUAL\?\)
 END
@@ -104,10 +102,10 @@ make_fits tile tile.fits && printf "%b" "$columns" >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
-        -TEMPLATE_TYPE POINT -INVENTED_SNR 400 -INVENTED_TYPE FLAG -VERBOSE_TYPE QUIET >../out 2>../err &&
+        -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -INVENTED_TYPE FLAG -VERBOSE_TYPE QUIET >../out 2>../err &&
         awk '$8 != 1' test.cat | cut -c 11- >../kept &&
         "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
-            -TEMPLATE_TYPE POINT -INVENTED_SNR 400 -INVENTED_TYPE DROP -VERBOSE_TYPE QUIET >>../out 2>>../err
+            -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -INVENTED_TYPE DROP -VERBOSE_TYPE QUIET >>../out 2>>../err
     echo $? >../code
     cut -c 11- test.cat | diff ../kept - >>../err
     if [ "$(wc -l <../kept)" -le 4 ] || [ "$(wc -l <../kept)" -ge 16 ]; then wc -l ../kept >>../err; fi

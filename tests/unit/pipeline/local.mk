@@ -14,3 +14,5 @@ tests_unit_pipeline_test_fluxcheck_SOURCES = tests/unit/pipeline/test_fluxcheck.
 tests_unit_pipeline_test_params_SOURCES = tests/unit/pipeline/test_params.c
 check_PROGRAMS += tests/unit/pipeline/test_odd_images
 tests_unit_pipeline_test_odd_images_SOURCES = tests/unit/pipeline/test_odd_images.c
+check_PROGRAMS += tests/unit/pipeline/test_preal
+tests_unit_pipeline_test_preal_SOURCES = tests/unit/pipeline/test_preal.c

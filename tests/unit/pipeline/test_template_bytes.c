@@ -168,7 +168,7 @@ static void covariances_as_a_table(void **state)
     long rows[2] = {0};
     for (int dropped = 0; dropped < 2; dropped++) {
         const setting settings[] = {{"INVENTED_TYPE", dropped ? "DROP" : "FLAG"},
-                                    {"INVENTED_SNR", "60"},
+                                    {"DETECT_THRESH", "0.6"},
                                     {"TEMPLATE_TYPE", "POINT"},
                                     {"TEMPLATE_COVAR_NAME", "c.cat"},
                                     {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},

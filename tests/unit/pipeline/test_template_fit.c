@@ -175,15 +175,14 @@ static int found_stars(const scene *s, const rx_sources *list, int *others)
 static void a_crowd_is_looked_at_again(void **state)
 {
     (void)state;
-    static const setting settings[4][3] = {{{"CROWDING", "N"}, {NULL, NULL}},
+    static const setting settings[3][3] = {{{"CROWDING", "N"}, {NULL, NULL}},
                                            {{"NTHREADS", "1"}, {NULL, NULL}},
-                                           {{"CROWDING", "Y"}, {"NTHREADS", "3"}, {NULL, NULL}},
-                                           {{"INVENTED_SNR", "0"}, {NULL, NULL}}};
+                                           {{"CROWDING", "Y"}, {"NTHREADS", "3"}, {NULL, NULL}}};
     scene s;
-    desk d[4];
-    int found[4], others[4];
+    desk d[3];
+    int found[3], others[3];
     scene_make(&s, SIDE, SIDE, 430, 21);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 3; i++) {
         desk_open(&d[i], "NONE", &s, NULL, 0, settings[i]);
         desk_fit(&d[i], NULL);
         found[i] = found_stars(&s, d[i].result.sources, &others[i]);
@@ -199,8 +198,7 @@ static void a_crowd_is_looked_at_again(void **state)
     assert_int_equal(one->n, two->n);
     assert_memory_equal(one->list, two->list, (size_t)one->n * sizeof *one->list);
     assert_memory_equal(one->segments, two->segments, AREA * sizeof *one->segments);
-    assert_true(found[3] > 0.93 * s.nstars && others[3] < 0.15 * s.nstars); /* no noise is added */
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < 3; i++)
         desk_close(&d[i]);
     scene_free(&s);
 }

@@ -1,0 +1,183 @@
+#!/usr/bin/python3
+"""Is P_REAL a probability, and do the errors that injections measure hold?
+
+    preal.py FOLDER [SEED[,SEED...] [CELL[,CELL...]]]     seeds: 1,2; cells: all
+
+A cell is DENSITY-FWHM as in crowded.py, with G where a fifth of the objects are galaxies and T where none is fainter than S/N 5:
+DENSITY objects of S/N 5 to 3000 per Mpixel, N(> S) ~ S^-0.9, and, but for T, the fainter ones of the same law down to S/N 2. Tiles
+have 1024 x 1024 pixels, 512 x 512 at 8000 per Mpixel, and a sky of 100 photons; the PSF is measured on the tile. REXTRACT, SIMULATE
+and RX_MODEL as in crowded.py, RX_PROGRAMS the restorers (NONE,RL,NET). FOLDER gets preal.json and preal.md.
+
+Every tile is worked on without a check (RXPREAL DEFAULT) and with two realisations of its noise and injected objects (TILE). A
+detection is real where a true object lies within half a FWHM, each object once, brightest detections first, the object that is
+nearest in position and magnitude as in crowded.py. Marked: share of the real ones, by true S/N, of P_REAL below 0.5. Covered:
+share of matched fluxes of P_REAL above 0.5 within the errors named, by measured S/N.
+"""
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+from astropy.io import fits
+from scipy.spatial import cKDTree
+
+from crowded import SKY, ZERO, MODEL, cell, program, run, unit
+
+CELLS = ["300-2.5G", "300-4G", "300-6G", "2000-4", "2000-4T", "8000-4"]
+EDGES = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0001)
+COLUMNS = ("XTEMPLATE_IMAGE", "YTEMPLATE_IMAGE", "MAG_TEMPLATE", "FLUX_TEMPLATE", "FLUXERR_TEMPLATE", "SNR_TEMPLATE",
+           "EVIDENCE_TEMPLATE", "P_REAL", "FLAGS_RESTORE")
+INJECTED = ("MAGERR_INJECTED", "MAGERR95_INJECTED")
+CHECKS = ("-BLANK_CHECK", "2") if os.environ.get("QUICK") else ("-BLANK_CHECK", "2", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "2000", "-SELF_CHECK_DENSITY", "400", "-QA_FIGURES", "N")
+
+
+def kind(name):
+    density, fwhm, _, mixed = cell(name.rstrip("T"))
+    return density, fwhm, mixed, 5.0 if name.endswith("T") else 2.0, 512 if density > 4000 else 1024
+
+
+def make(folder, name, seed):
+    density, fwhm, mixed, faint, side = kind(name)
+    density *= (5 / faint)**0.9
+    low, high = (f"{ZERO - 2.5 * np.log10(s * unit(fwhm)):.4f}" for s in (3000, faint))
+    galaxies = 0.2 * density * mixed
+    run(folder, "SIMULATE", "-IMAGE_SIZE", str(side), "-SEED", str(seed), "-MAG_ZEROPOINT", str(ZERO), "-PSF_FWHM", str(fwhm),
+        "-STAR_COUNT", str(density - galaxies), "-STAR_MAG", f"{low},{high}", "-STAR_SLOPE", "0.36",
+        "-GALAXY_COUNT", str(galaxies), "-GALAXY_MAG", f"{low},{high}", "-GALAXY_SLOPE", "0.36", "-GAIN", "1", "-READ_NOISE", "0.01",
+        "-NOISE_TYPE", "CCD", "-SKY_LEVEL", str(SKY))
+
+
+def extract(folder, by, checked):
+    name = f"{by}.{'TILE' if checked else 'DEFAULT'}.cat"
+    if not os.path.exists(f"{folder}/{name}"):
+        with open(f"{folder}/p.param", "w") as file:
+            file.write("\n".join(COLUMNS + (INJECTED if checked and not os.environ.get("QUICK") else ())) + "\n")
+        run(folder, "REXTRACT", "sim.fits", "-RESTORE_TYPE", by, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
+            name, "-PARAMETERS_NAME", "p.param", "-FILTER_NAME", f"{os.path.dirname(MODEL)}/default.conv", "-MAG_ZEROPOINT",
+            str(ZERO), "-SATUR_LEVEL", "1e9", *(CHECKS if checked else ("-BLANK_CHECK", "0")))
+    with fits.open(f"{folder}/{name}") as hdus:
+        return {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}, hdus[1].header["RXPREAL"]
+
+
+def match(folder, name, t):
+    """True S/N and flux of every detection, NAN where it is none."""
+    _, fwhm, _, _, _ = kind(name)
+    with fits.open(f"{folder}/sim_truth.fits") as hdus:
+        truth = hdus[1].data
+        at, true = np.column_stack([truth["X_IMAGE"], truth["Y_IMAGE"]]), np.array(truth["MAG"], float)
+    xy, mag = np.column_stack([t["XTEMPLATE_IMAGE"], t["YTEMPLATE_IMAGE"]]), np.nan_to_num(t["MAG_TEMPLATE"], nan=40)
+    tree, used, flux = cKDTree(at), np.zeros(len(at), bool), np.full(len(mag), np.nan)
+    for k in np.argsort(-np.nan_to_num(t["SNR_TEMPLATE"], nan=-9), kind="stable"):
+        if not np.isfinite(xy[k]).all():
+            continue
+        free = [j for j in tree.query_ball_point(xy[k], 0.5 * fwhm) if not used[j]]
+        if free:
+            j = min(free, key=lambda j: np.sum((at[j] - xy[k])**2) + ((true[j] - mag[k]) / 0.5)**2)
+            used[j], flux[k] = True, 10**(-0.4 * (true[j] - ZERO))
+    return flux / unit(fwhm), flux
+
+
+def reliability(p, real):
+    rows = []
+    for a, b in zip(EDGES, EDGES[1:]):
+        inside = (p >= a) & (p < b)
+        n = int(inside.sum())
+        if n:
+            share = real[inside].mean()
+            rows.append({"n": n, "p": p[inside].mean(), "real": share,
+                         "error": np.sqrt(max(share * (1 - share), p[inside].mean() * (1 - p[inside].mean())) / n)})
+    return rows
+
+
+def coverage(t, flux):
+    """By measured S/N: share within one FLUXERR_TEMPLATE, and within the two that injections measure, and how many have one."""
+    rows = []
+    for a, b in ((3, 5), (5, 10), (10, 20), (20, 80), (3, 80)):
+        inside = (t["SNR_TEMPLATE"] >= a) & (t["SNR_TEMPLATE"] < b) & np.isfinite(flux) & (t["P_REAL"] >= 0.5)
+        off = np.abs(t["FLUX_TEMPLATE"] - flux)[inside]
+        relative = [np.nan_to_num(t[c][inside], nan=-1) / 1.0857362 * t["FLUX_TEMPLATE"][inside] for c in INJECTED]
+        known = relative[1] > 0
+        rows.append({"from": a, "to": b, "n": int(inside.sum()), "known": int(known.sum()),
+                     "template": float((off < t["FLUXERR_TEMPLATE"][inside]).mean()) if len(off) else None,
+                     **{c: float((off < r)[known].mean()) if known.any() else None for c, r in zip(("68", "95"), relative)}})
+    return rows
+
+
+def group(names):
+    """What is pooled."""
+    result = {"isolated": [c for c in names if c.startswith("300")]}
+    result.update({c: [c] for c in names if not c.startswith("300")})
+    return {k: v for k, v in result.items() if v}
+
+
+def page(result):
+    text = ["# P_REAL and errors from injections", "",
+            f"`validation/preal.py`, seeds {', '.join(map(str, result['seeds']))}. Isolated: 300 objects of S/N 5 to 3000 per Mpixel at FWHM "
+            "2.5, 4 and 6, a fifth galaxies; others DENSITY-FWHM, T: none fainter than S/N 5.", "",
+            "## Reliability: mean P_REAL: share that is real (detections)", "",
+            "| | | RXPREAL | " + " | ".join(f"{a:g} to {min(b, 1):g}" for a, b in zip(EDGES, EDGES[1:])) + " | largest deviation beyond 2 errors |",
+            "| --- | --- | --- |" + " --- |" * len(EDGES)]
+    for r in result["reliability"]:
+        cells = []
+        for a, b in zip(EDGES, EDGES[1:]):
+            one = [x for x in r["bins"] if a <= x["p"] < b]
+            cells.append(f"{one[0]['p']:.2f}: {one[0]['real']:.2f} ({one[0]['n']})" if one else "")
+        text.append(f"| {r['cell']} | {r['by']} | {r['mode']} | " + " | ".join(cells) + f" | {r['beyond']:.2f} |")
+    text += ["", "## Real detections that are marked, by true S/N, and false ones that are not, per Mpixel", "",
+             "| | | RXPREAL | S/N 5 to 7 | above 5 | false, all | false, unmarked |", "| --- | --- | --- | --- | --- | --- | --- |"]
+    for r in result["reliability"]:
+        text.append(f"| {r['cell']} | {r['by']} | {r['mode']} | {r['marked_5_7']:.4f} | {r['marked_5']:.4f} | {r['false']:.0f} | {r['kept']:.0f} |")
+    text += ["", "## Fluxes within one FLUXERR_TEMPLATE; within the 68 % and the 95 % error of injections (matched detections; of these with such an error)",
+             "", "| | | S/N 3 to 5 | 5 to 10 | 10 to 20 | 20 to 80 | 3 to 80 |", "| --- | --- |" + " --- |" * 5]
+    for r in result["coverage"]:
+        text.append(f"| {r['cell']} | {r['by']} | " + " | ".join(
+            f"{x['template']:.3f}; {x['68']:.3f} {x['95']:.3f} ({x['n']}; {x['known']})" if x["68"] is not None else f"({x['n']}; 0)"
+            for x in r["rows"]) + " |")
+    return "\n".join(text) + "\n"
+
+
+def main():
+    folder, seeds = os.path.abspath(sys.argv[1]), [int(s) for s in (sys.argv[2:3] or ["1,2"])[0].split(",")]
+    names, kinds = (sys.argv[3].split(",") if len(sys.argv) > 3 else CELLS), os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(",")
+    program("REXTRACT")
+    result = {"seeds": seeds, "reliability": [], "coverage": []}
+    for title, cells in group(names).items():
+        for by in kinds:
+            for checked in (False, True):
+                parts, area = [], 0.0
+                for name in cells:
+                    for seed in seeds:
+                        place = f"{folder}/{name}-{seed}"
+                        os.makedirs(place, exist_ok=True)
+                        if not os.path.exists(f"{place}/sim_truth.fits"):
+                            make(place, name, seed)
+                        t, mode = extract(place, by, checked)
+                        snr, flux = match(place, name, t)
+                        area += kind(name)[4]**2 / 1e6
+                        parts.append({**t, "true_snr": snr, "true_flux": flux})
+                t = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+                known, real = np.isfinite(t["P_REAL"]), np.isfinite(t["true_snr"])
+                bins = reliability(t["P_REAL"][known], real[known])
+                marked, snr = t["P_REAL"] < 0.5, t["true_snr"]
+                result["reliability"].append(
+                    {"cell": title, "by": by, "mode": mode, "bins": bins,
+                     "beyond": max(max(0.0, abs(b["real"] - b["p"]) - 2 * b["error"]) for b in bins),
+                     "marked_5_7": float(marked[(snr >= 5) & (snr < 7)].mean()), "marked_5": float(marked[snr >= 5].mean()),
+                     "false": float((~real).sum() / area), "kept": float((~real & ~marked).sum() / area)})
+                if checked and INJECTED[0] in t:
+                    result["coverage"].append({"cell": title, "by": by, "rows": coverage(t, t["true_flux"])})
+                print(title, by, mode, flush=True)
+    with open(f"{folder}/preal.json", "w") as file:
+        json.dump(result, file, indent=1)
+        file.write("\n")
+    with open(f"{folder}/preal.md", "w") as file:
+        file.write(page(result))
+    print(page(result))
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (OSError, KeyError, subprocess.CalledProcessError) as problem:
+        raise SystemExit(f"preal.py: {problem}") from problem
