@@ -34,7 +34,7 @@ static inline int rx_psf_type_measured(rx_psf_type type)
 /* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
  * nothing was measured `how` is empty and the numbers are 0. */
 typedef struct rx_psf_quality {
-    char how[16];       /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED: RXPSFHOW */
+    char how[16];       /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED, LIBRARY: RXPSFHOW */
     int reserved;       /* stars behind what follows `beyond` */
     int degree;         /* of the polynomial over the tile */
     double radius;      /* pixels, the sum of the PSF within is 1 */
@@ -45,6 +45,10 @@ typedef struct rx_psf_quality {
     double
         growth; /* curve of growth to 20 FWHM, data against model: largest difference, share of the total */
     double growth_radius; /* pixels, where */
+    /* LIBRARY: name of the file; how far that tile is, NAN not known; models that say how much they differ */
+    char library[160];
+    double library_days, library_degrees;
+    int library_compared;
 } rx_psf_quality;
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */

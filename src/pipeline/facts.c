@@ -26,34 +26,6 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXINVDR", "of these dropped", "%d", fit->dropped);
 }
 
-/* How PSF_TYPE AUTO came to the PSF, and what stars that were not fitted say of it. */
-static void describe_psf(const rx_psf *psf, rx_record *facts)
-{
-    const rx_psf_quality *q = &psf->quality;
-    if (q->how[0] == '\0')
-        return;
-    rx_record_add(facts, "RXPSFHOW", "how the PSF came about", "%s", q->how);
-    if (psf->nstars > 0)
-        rx_record_add(facts, "RXPSFNST", "stars that it was fitted to", "%d", psf->nstars);
-    if (!(q->radius > 0.0))
-        return;
-    rx_record_add(facts, "RXPSFDEG", "degree of its polynomial over the tile", "%d", q->degree);
-    rx_record_add(facts, "RXPSFRAD", "radius within which its sum is 1, pixels", "%.1f", q->radius);
-    rx_record_add(facts, "RXPSFOUT", "share of a star's light beyond, estimated", "%.5f", q->beyond);
-    rx_record_add(facts, "RXPSFERR", "relative error of fluxes from the PSF", "%.5f", q->flux_error);
-    rx_record_add(facts, "RXPSFCOG", "curve of growth, largest stars - PSF", "%.5f", q->growth);
-    rx_record_add(facts, "RXPSFCGR", "at this radius, pixels", "%.1f", q->growth_radius);
-    rx_record_add(facts, "RXPSFNRS", "stars reserved to judge it, not fitted", "%d", q->reserved);
-    if (q->reserved == 0)
-        return;
-    rx_record_add(facts, "RXPSFDT", "their mean (T - T of PSF) / T, T = xx + yy", "%.6f", q->trace[0]);
-    rx_record_add(facts, "RXPSFDTE", "its error", "%.6f", q->trace[1]);
-    rx_record_add(facts, "RXPSFE1", "their mean e1 - e1 of PSF, e1 = (xx-yy)/T", "%.6f", q->shape[0][0]);
-    rx_record_add(facts, "RXPSFE1E", "its error", "%.6f", q->shape[0][1]);
-    rx_record_add(facts, "RXPSFE2", "their mean e2 - e2 of PSF, e2 = 2 xy/T", "%.6f", q->shape[1][0]);
-    rx_record_add(facts, "RXPSFE2E", "its error", "%.6f", q->shape[1][1]);
-}
-
 void rx_result_facts(const rx_result *result, rx_record *facts)
 {
     const rx_restored *restored = result->restored;
@@ -83,7 +55,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_record_add(facts, "RXFWHM", "its FWHM, pixels", "%.4f", restored->blur->fwhm);
     }
     if (field->psf != NULL)
-        describe_psf(field->psf, facts);
+        rx_psf_facts(field->psf, facts);
     rx_record_add(facts, "RXMEAS", "image that fluxes are measured on", "%s",
                   result->original ? "ORIGINAL" : "RESTORED");
     rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);

@@ -13,6 +13,7 @@
 #include "io/tile.h"
 #include "io/wcs.h"
 #include "pipeline/field_noise.h"
+#include "psf/psf_library.h"
 
 static int any_saturated(const rx_image *image)
 {
@@ -305,8 +306,33 @@ static int is_stated(const rx_pipeline_params *params, const rx_field *field)
            (params->seeing_stated && scale > 0.0);
 }
 
-/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a SEEING_FWHM that was given),
- * loudly where stars were asked; where nothing was, the tile stays as it is. */
+/* The PSF of a neighbour in PSF_LIBRARY; without one field->psf stays. */
+static rx_status library_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
+                             rx_log *log, rx_error *err)
+{
+    const rx_psf_library *library = &params->psf.library;
+    rx_psf_origin origin;
+    rx_psf *found = NULL;
+    if (field->tile == NULL || library->folder == NULL || library->folder[0] == '\0' || library->write ||
+        !rx_psf_type_measured(params->psf.type))
+        return RX_OK;
+    rx_psf_origin_of(field->tile, &origin);
+    RX_TRY(rx_psf_library_find(library, &origin, log, &found, err));
+    if (found == NULL) {
+        rx_log_info(
+            log, "%s[%d]: PSF_LIBRARY has no PSF of CCD '%s' and filter '%s' within %g days and %g degrees",
+            field->tile->name, field->tile->hdu, origin.ccd, origin.filter, library->days, library->degrees);
+        return RX_OK;
+    }
+    rx_log_warning(log, "%s[%d]: %.*s; the PSF is that of another tile, %s of PSF_LIBRARY", field->tile->name,
+                   field->tile->hdu, (int)strcspn(why->text, ";"), why->text, found->quality.library);
+    rx_psf_free(field->psf);
+    field->psf = found;
+    return RX_OK;
+}
+
+/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a tile of PSF_LIBRARY, a SEEING_FWHM
+ * that was given), loudly where stars were asked; where nothing was, the tile stays as it is. */
 static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
                             rx_log *log, rx_error *err)
 {
@@ -318,6 +344,11 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
     if (key == NULL) {
         par.fwhm = header_fwhm(field->tile, scale, &key);
         where = " of the header";
+    }
+    if (!(par.fwhm > 0.0)) {
+        RX_TRY(library_psf(params, why, field, log, err));
+        if (field->psf != NULL)
+            return RX_OK;
     }
     if (!(par.fwhm > 0.0) && params->seeing_stated && scale > 0.0) {
         par.fwhm = params->seeing_arcsec / scale;
@@ -366,11 +397,13 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     status = rx_psf_make(&par, &image, stars, log, &field->psf, &why);
     rx_sources_free(stars);
     /* one source that may be a galaxy says less than whoever stated a width */
-    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0 && is_stated(params, field)) {
-        rx_psf_free(field->psf);
-        field->psf = NULL;
+    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0) {
         status = rx_error_set(&why, RX_INPUT,
                               "PSF_TYPE AUTO found only one star; what is stated is believed more");
+        if (!is_stated(params, field))
+            return library_psf(params, &why, field, log, err);
+        rx_psf_free(field->psf);
+        field->psf = NULL;
     }
     if (status == RX_INPUT)
         return stated_psf(params, &why, field, log, err);

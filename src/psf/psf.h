@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "data/image.h"
 #include "data/psf.h"
+#include "data/record.h"
 #include "data/sources.h"
 
 RX_BEGIN_DECLS
@@ -19,6 +20,13 @@ typedef enum rx_psf_integration {
     RX_PSF_INTERPOLATE
 } rx_psf_integration;
 
+/* PSF_LIBRARY: models of other tiles, for those whose stars give none (psf/psf_library.h). */
+typedef struct rx_psf_library {
+    const char *folder;   /* "" or NULL: none */
+    int write;            /* this run adds to it, and takes nothing from it */
+    double days, degrees; /* a model is no farther away */
+} rx_psf_library;
+
 typedef struct rx_psf_params {
     rx_psf_type type; /* MOFFAT, FILE, PSFEX, AUTO */
     double fwhm;      /* pixels, MOFFAT */
@@ -29,9 +37,10 @@ typedef struct rx_psf_params {
     int extension; /* PSFEX: of a file with several models that of this image HDU, from 1; 0: the first */
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
     int min_stars; /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. MOFFAT_FIT: 1 stands for 5 [1] */
-    double min_snr; /* AUTO [20] */
-    int max_degree; /* AUTO: of the polynomial over the tile [4] */
-    int nthreads;   /* AUTO; the result does not depend on it */
+    double min_snr;         /* AUTO [20] */
+    int max_degree;         /* AUTO: of the polynomial over the tile [4] */
+    rx_psf_library library; /* AUTO, MOFFAT_FIT */
+    int nthreads;           /* AUTO; the result does not depend on it */
 } rx_psf_params;
 
 /* The PSF of an image. AUTO asks for its pixels with their sky, level, noise (none: 1), mask, gain and
@@ -66,6 +75,9 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
 
 /* Side of a PSF at most, pixels: stamps are counted by int, and no PSF needs more. */
 enum { RX_PSF_LARGEST = 4095 };
+
+/* Cards RXPSF...: how PSF_TYPE AUTO came to it, and what stars that were not fitted say of it. */
+void rx_psf_facts(const rx_psf *psf, rx_record *facts);
 
 /* RX_INPUT unless a stamp of this size fits into the tile and is no larger than RX_PSF_LARGEST. */
 rx_status rx_psf_check_size(const char *file, int psf_width, int psf_height, int width, int height,

@@ -2,6 +2,7 @@
  * than one keyword, on columns or on files. */
 #include "stage/options.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -274,6 +275,7 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                                             : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);
+    dst->write_psf = pipeline->psf.library.write && pipeline->psf.library.folder[0] != '\0';
     pipeline->seeing_stated = rx_config_states(cfg, "SEEING_FWHM");
     pipeline->stated_scale = rx_config_states(cfg, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;
     dst->model_set = rx_config_states(cfg, "NET_MODEL");
@@ -306,6 +308,10 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
         measure_options(cfg, log, options);
         status = checkimage_options(cfg, log, options, err);
     }
+    if (status == RX_OK && cfg->psf_library[0] != '\0' && access(cfg->psf_library, R_OK | X_OK) != 0)
+        status =
+            rx_error_at(err, RX_USAGE, cfg->psf_library, -1, 0,
+                        "cannot be read as PSF_LIBRARY: %s; give a folder that is there", strerror(errno));
     if (status == RX_OK)
         status = assoc_options(cfg, options, err);
     if (status == RX_OK)

@@ -29,7 +29,7 @@ typedef struct rx_options {
     rx_column_list *columns;     /* owned */
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
-    int write_psf; /* PSF is among them */
+    int write_psf; /* PSF is among them, or PSF_LIBRARY is written */
     rx_assoc_params assoc;
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */

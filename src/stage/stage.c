@@ -21,6 +21,7 @@
 #include "io/tile.h"
 #include "pipeline/field.h"
 #include "stage/extract.h"
+#include "stage/library.h"
 #include "stage/open.h"
 #include "stage/provenance.h"
 #include "stage/report.h"
@@ -106,7 +107,7 @@ static int is_recorded(const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
            options->covariance_name[0] != '\0' || options->reference.name != NULL ||
-           options->check.self_check;
+           options->check.self_check || options->write_psf;
 }
 
 /* After the first image was read, which finds what is wrong with a file sooner than its digest. */
@@ -145,6 +146,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
     if (status == RX_OK)
         status = record_inputs(job, err);
+    if (status == RX_OK)
+        status = rx_library_add(options, detect, &job->record, job->outputs, job->log, err);
     const rx_extraction_input work = {.options = options,
                                       .detect = detect,
                                       .measure = measure,

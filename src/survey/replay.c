@@ -169,6 +169,8 @@ static rx_status divert_outputs(replay *r, rx_error *err)
     config->qa_name = report.data;
     config->self_check_name[0] = '\0';
     config->record_name[0] = '\0';
+    if (strcmp(config->psf_library_type, "WRITE") == 0)
+        config->psf_library[0] = '\0';
     return RX_OK;
 }
 
