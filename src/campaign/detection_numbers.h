@@ -10,7 +10,7 @@
 
 #include "campaign/campaign_report.h"
 #include "campaign/detection.h"
-#include "campaign/paper.h"
+#include "campaign/findings.h"
 #include "validate/binomial.h"
 
 /* One method on the tiles of one scene under one condition; rx_detection_unit() says what the numbers are. */
@@ -45,17 +45,7 @@ typedef struct rx_detection_results {
 
 void rx_detection_results_free(rx_detection_results *results); /* and the struct itself */
 
-/* A quantity that is measured on a kind of scene. */
-enum { RX_QUANTITIES_MAX = 24 };
-typedef struct rx_quantity {
-    char name[32];
-    const char *unit;
-    char help[160];
-    int digits;
-    int best; /* RL at its best: highest value of each */
-} rx_quantity;
-
-/* How many there are for a scene, and number q of them. */
+/* How many quantities there are for a scene, and number q of them. */
 int rx_quantity_count(const rx_detection_results *results, rx_detection_scene scene);
 void rx_quantity_get(const rx_detection_results *results, rx_detection_scene scene, int q, rx_quantity *dst);
 

@@ -1,5 +1,5 @@
-/* report.html of a detection campaign. */
-#include "campaign/detection_page.h"
+/* The report of a detection campaign. */
+#include "campaign/detection_numbers.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -7,16 +7,18 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "validate/escape.h"
-#include "validate/page.h"
+#include "campaign/findings.h"
 
-int rx_detection_shown(const rx_detection_numbers *m, int column)
+enum { OPEN = 2 }; /* quantities of a scene that the page shows at once, and the terminal */
+
+/* 0: a single setting of RL, which the page leaves out. */
+static int is_shown(const rx_detection_numbers *m, int column)
 {
     return column >= m->results->nmethods || !m->results->tuned[column];
 }
 
 /* "FWHM 4, sky +0.3 sigma"; of one seeing without a name: its width. */
-void rx_detection_condition_name(const rx_detection_results *r, int condition, char *dst, size_t size)
+static void condition_name(const rx_detection_results *r, int condition, char *dst, size_t size)
 {
     rx_condition named = r->condition[condition];
     if (!(named.fwhm > 0))
@@ -41,130 +43,97 @@ static const char *const ABOUT[RX_SCENE_KINDS] = {
         "over what the same scene without noise has there (restored images: at the "
         "target PSF). Below 1 flux was lost."};
 
-static int scene_index(const rx_detection_results *r, rx_detection_scene kind)
-{
-    for (int s = 0; s < r->nscenes; s++)
-        if (r->set[s].scene == kind)
-            return s;
-    return -1;
-}
+static const char READING[] =
+    "Every number is followed by its 95 % interval and by how many objects (or counts) are behind it. Shares "
+    "have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals; objects of "
+    "one tile share its noise, which the intervals do not know. PLATEAU: the interval holds all tiles. "
+    "<b>MATCHED</b> is the unrestored image with a Gaussian of the PSF's width as its detection filter, NONE "
+    "the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at its best: for ap, the recalls and PAIRS the "
+    "setting of the highest value, each for itself and chosen on the tiles of the test, which is in its "
+    "favour; for everything else the setting of the highest ap over STARS and GALAXIES together. Which one "
+    "it "
+    "is, and the settings one by one, are in cells.ecsv. <b>Thresholds</b>: recall at a precision is at the "
+    "lowest score with that precision on the scene itself; PAIRS, BLANK and RINGS use the thresholds of "
+    "STARS "
+    "and GALAXIES together.";
 
-static void quantity_table(rx_text *dst, const rx_detection_numbers *m, int s, int q)
+/* Cells of one quantity: conditions against runs. */
+static void add_quantity(rx_findings *f, const rx_detection_numbers *m, int s, int q)
 {
     const rx_detection_results *r = m->results;
+    const long from = rx_report_rows(f->cells);
     rx_quantity quantity;
-    char name[96];
-    rx_text help = {0};
     rx_quantity_get(r, r->set[s].scene, q, &quantity);
-    rx_page_heading(dst, quantity.name, quantity.unit[0] != '\0' ? quantity.unit : NULL);
-    rx_escape_html(&help, quantity.help);
-    rx_page_note(dst, help.data != NULL ? help.data : "");
-    dst->failed = dst->failed || help.failed;
-    rx_text_free(&help);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "condition");
-    for (int k = 0; k < m->ncolumns; k++)
-        if (rx_detection_shown(m, k))
-            rx_page_head(dst, RX_RIGHT, rx_detection_column_name(m, k));
-    if (m->best >= 0)
-        rx_page_head(dst, RX_LEFT, "RL is");
-    rx_page_row_end(dst);
-    for (int c = 0; c < r->nconditions; c++) {
-        rx_page_row(dst, NULL);
-        rx_detection_condition_name(r, c, name, sizeof name);
-        rx_page_cell_text(dst, name);
-        for (int k = 0; k < m->ncolumns; k++)
-            if (rx_detection_shown(m, k))
-                rx_page_cell_estimate(dst, &rx_detection_cell_of(m, c, s, k)->value[q], quantity.digits);
-        if (m->best >= 0)
-            rx_page_cell_text(dst, rx_detection_cell_of(m, c, s, m->best)->chosen[q]);
-        rx_page_row_end(dst);
+    for (int tuned = 0; tuned < 2; tuned++) { /* settings of RL come last: the page leaves them out */
+        for (int c = 0; c < r->nconditions; c++)
+            for (int k = 0; k < m->ncolumns; k++) {
+                char name[96];
+                if (is_shown(m, k) == tuned)
+                    continue;
+                condition_name(r, c, name, sizeof name);
+                const rx_detection_cell *cell = rx_detection_cell_of(m, c, s, k);
+                rx_findings_cell(f,
+                                 &(rx_finding){rx_detection_scene_name(r->set[s].scene), name,
+                                               rx_detection_column_name(m, k), cell->chosen[q]},
+                                 &quantity, &cell->value[q]);
+            }
+        if (!tuned)
+            rx_findings_show(f, from, &quantity, q < OPEN);
     }
-    rx_page_table_end(dst);
 }
 
-static void duel_table(rx_text *dst, const rx_detection_numbers *m, int s)
+/* Objects that only one of two has found. */
+static void add_contests(rx_findings *f, const rx_detection_numbers *m, int s)
 {
+    static const char *const columns[] = {"condition", "first", "second", "only_first", "only_second", "p"};
     const rx_detection_results *r = m->results;
-    char text[96];
-    if (m->hero < 0 || m->nrivals == 0 || r->nprecisions == 0)
-        return;
-    snprintf(text, sizeof text, "Objects found at precision %g by only one of two", r->precision[0]);
-    rx_page_heading(dst, text, NULL);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "condition");
-    for (int k = 0; k < m->nrivals; k++) {
-        snprintf(text, sizeof text, "only %.24s", rx_detection_column_name(m, m->hero));
-        rx_page_head(dst, RX_RIGHT, text);
-        snprintf(text, sizeof text, "only %.24s", rx_detection_column_name(m, m->rival[k]));
-        rx_page_head(dst, RX_RIGHT, text);
-        rx_page_head(dst, RX_RIGHT, "McNemar p");
-    }
-    rx_page_row_end(dst);
-    for (int c = 0; c < r->nconditions; c++) {
-        rx_page_row(dst, NULL);
-        rx_detection_condition_name(r, c, text, sizeof text);
-        rx_page_cell_text(dst, text);
-        for (int k = 0; k < m->nrivals; k++) {
+    const long from = rx_report_rows(f->contests);
+    char title[96];
+    for (int c = 0; c < r->nconditions; c++)
+        for (int k = 0; k < m->nrivals && r->nprecisions > 0; k++) {
             const rx_detection_duel *d = rx_detection_duel_of(m, c, s, k);
-            rx_page_cell_count(dst, d->only_first);
-            rx_page_cell_count(dst, d->only_second);
-            rx_page_cell_p(dst, d->p, log(d->p));
+            condition_name(r, c, title, sizeof title);
+            rx_findings_contest(f, &(rx_contest){.scene = rx_detection_scene_name(r->set[s].scene),
+                                                 .condition = title,
+                                                 .quantity = "found at the first precision",
+                                                 .first = rx_detection_column_name(m, m->hero),
+                                                 .second = rx_detection_column_name(m, m->rival[k]),
+                                                 .test = "McNemar",
+                                                 .statistic = NAN,
+                                                 .dof = NAN,
+                                                 .p = d->p,
+                                                 .ln_p = log(d->p),
+                                                 .effect = NAN,
+                                                 .holm = NAN,
+                                                 .difference = {NAN, NAN, NAN, 0},
+                                                 .only_first = (double)d->only_first,
+                                                 .only_second = (double)d->only_second});
         }
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
+    snprintf(title, sizeof title, "Objects found at precision %g by only one of two",
+             r->nprecisions > 0 ? r->precision[0] : NAN);
+    rx_findings_show_contests(f, from, title, 6, columns);
 }
 
 /* The first tables lie open, the rest is folded away. */
-static void write_scene(rx_text *dst, const rx_detection_page *page, int s)
+static void add_scene(rx_findings *f, const rx_detection_numbers *m, int s)
 {
-    enum { OPEN = 2 };
-    const rx_detection_numbers *m = page->numbers;
     const rx_detection_scene scene = m->results->set[s].scene;
     const int n = rx_quantity_count(m->results, scene);
     char prefix[32];
-    rx_page_section(dst, rx_detection_scene_name(scene), rx_detection_scene_name(scene));
-    rx_page_paragraph(dst, ABOUT[scene]);
+    rx_report_section(f->report, rx_detection_scene_name(scene), rx_detection_scene_name(scene));
     snprintf(prefix, sizeof prefix, "%s-", rx_detection_scene_name(scene));
     if (rx_detection_scene_is_list(scene))
-        rx_page_figures(dst, &page->figures, prefix);
-    for (int q = 0; q < n && q < OPEN; q++)
-        quantity_table(dst, m, s, q);
-    if (n > OPEN) {
-        rx_text_add(dst, "<details><summary><b>More tables</b></summary>\n");
-        for (int q = OPEN; q < n; q++)
-            quantity_table(dst, m, s, q);
-        if (rx_detection_scene_is_list(scene))
-            duel_table(dst, m, s);
-        rx_text_add(dst, "</details>\n");
+        rx_report_place(f->report, prefix);
+    rx_report_paragraph(f->report, ABOUT[scene]);
+    for (int q = 0; q < n; q++) {
+        if (q == OPEN)
+            rx_report_fold(f->report, "More tables");
+        add_quantity(f, m, s, q);
     }
-}
-
-static void write_reading(rx_text *dst)
-{
-    rx_page_section(dst, "reading", "How to read this");
-    rx_page_paragraph(
-        dst,
-        "Every number is followed by its 95 % interval and by how many objects (or counts) are behind it. "
-        "Shares "
-        "have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals; "
-        "objects of "
-        "one tile share its noise, which the intervals do not know. PLATEAU: the interval holds all tiles.");
-    rx_page_paragraph(
-        dst,
-        "<b>MATCHED</b> is the unrestored image with a Gaussian of the PSF's width as its detection filter, "
-        "NONE "
-        "the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at its best: for ap, the recalls and PAIRS "
-        "the setting "
-        "of the highest value, each for itself and chosen on the tiles of the test, which is in its favour; "
-        "for "
-        "everything else the setting of the highest ap over STARS and GALAXIES together. The settings one by "
-        "one are in cells.ecsv. <b>Thresholds</b>: recall at a precision is at the lowest score with that "
-        "precision on the scene itself; PAIRS, BLANK and RINGS use the thresholds of STARS and GALAXIES "
-        "together.");
+    if (rx_detection_scene_is_list(scene))
+        add_contests(f, m, s);
+    if (n > OPEN)
+        rx_report_unfold(f->report);
 }
 
 /* ap and recall over the seeing, where restorers are told the truth. */
@@ -184,7 +153,7 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
         return;
     }
     for (int k = 0; k < m->ncolumns && ncurves < RX_METHODS_MAX; k++) {
-        if (!rx_detection_shown(m, k))
+        if (!is_shown(m, k))
             continue;
         double *x = data + 4 * n * (size_t)ncurves, *y = x + n, *lows = y + n, *highs = lows + n;
         long points = 0;
@@ -215,40 +184,36 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
     free(data);
 }
 
-void rx_detection_figures(rx_figures *dst, const rx_detection_numbers *m)
+rx_status rx_detection_report(const rx_detection_results *results, const rx_campaign_record *record,
+                              const char *folder, const char *shown, rx_log *log, rx_text *brief,
+                              rx_error *err)
 {
-    rx_figures_begin(dst);
-    for (int s = 0; s < m->results->nscenes; s++)
-        for (int q = 0; q < 2 && rx_detection_scene_is_list(m->results->set[s].scene); q++)
-            plot(dst, m, s, q);
-}
-
-void rx_detection_html(rx_text *dst, const void *pointer)
-{
-    const rx_detection_page *page = pointer;
-    const rx_detection_results *r = page->numbers->results;
-    rx_text about = {0};
-    rx_page_begin(dst, "Validation: ", page->record->title);
-    rx_page_links_begin(dst);
-    rx_page_link(dst, 1, "verdicts", "Goals");
-    for (int k = 0; k < RX_SCENE_KINDS; k++)
-        rx_page_link(dst, scene_index(r, (rx_detection_scene)k) >= 0,
-                     rx_detection_scene_name((rx_detection_scene)k),
-                     rx_detection_scene_name((rx_detection_scene)k));
-    rx_page_link(dst, 1, "reading", "How to read");
-    rx_page_link(dst, 1, "record", "Record");
-    rx_page_links_end(dst);
-    rx_text_add(&about, "Scenes through every restorer, then the same detection: ");
-    rx_escape_html(&about, r->about);
-    rx_text_printf(&about, ". Objects are to be found from S/N %g on.", r->truth_snr);
-    rx_page_paragraph(dst, about.data != NULL ? about.data : "");
-    dst->failed = dst->failed || about.failed;
-    rx_text_free(&about);
-    rx_page_verdicts(dst, page->nverdicts, page->verdict);
-    for (int k = 0; k < RX_SCENE_KINDS; k++)
-        if (scene_index(r, (rx_detection_scene)k) >= 0)
-            write_scene(dst, page, scene_index(r, (rx_detection_scene)k));
-    write_reading(dst);
-    rx_page_campaign_record(dst, page->record);
-    rx_page_end(dst);
+    rx_detection_numbers m = {0};
+    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
+    int nverdicts = 0;
+    rx_findings f;
+    rx_status status = rx_detection_numbers_make(results, record->seed, &m, err);
+    if (status == RX_OK)
+        status = rx_findings_begin(&f, "detection", results->about, record, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_detection_verdicts(&m, verdicts, &nverdicts);
+    rx_findings_claims(&f, nverdicts, verdicts);
+    rx_findings_tables(&f);
+    rx_report_sentence(f.report, results->about);
+    for (int kind = 0; kind < RX_SCENE_KINDS; kind++)
+        for (int s = 0; s < results->nscenes; s++) {
+            if (results->set[s].scene != (rx_detection_scene)kind)
+                continue;
+            for (int q = 0; q < OPEN && rx_detection_scene_is_list(results->set[s].scene); q++)
+                plot(rx_report_figures_of(f.report), &m, s, q);
+            add_scene(&f, &m, s);
+        }
+    rx_report_section(f.report, "reading", "How to read this");
+    rx_report_paragraph(f.report, READING);
+    status = rx_findings_end(&f, folder, shown, log, brief, err);
+exit:
+    rx_claim_verdicts_free(nverdicts, verdicts);
+    rx_detection_numbers_free(&m);
+    return status;
 }

@@ -1,39 +1,10 @@
-/* report.html of a campaign of fluxes. */
-#include "campaign/fluxes_page.h"
-
+/* The report of a campaign of fluxes. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "base/memory.h"
-#include "validate/escape.h"
+#include "campaign/findings.h"
+#include "campaign/fluxes_numbers.h"
 #include "validate/page.h"
-
-const rx_flux_quantity *rx_flux_quantity_get(int q)
-{
-    static const rx_flux_quantity all[RX_FLUX_QUANTITIES] = {
-        {"bias", "mag", "median error of the magnitude, measured less true", 4},
-        {"scatter", "mag", "robust scatter of that error", 4},
-        {"bound", "",
-         "scatter over the error of a matched filter with noise of sky and photons; isolated stars", 3},
-        {"pull", "", "median of (F - F0) / error", 3},
-        {"width", "", "robust width of (F - F0) / error", 3},
-        {"magerr", "%", "mean of 100 |F - F0| / F0", 2}};
-    return &all[q];
-}
-
-const rx_estimate *rx_flux_quantity_of(const rx_fluxes_cell *cell, int q)
-{
-    const rx_estimate *const all[RX_FLUX_QUANTITIES] = {&cell->bias, &cell->scatter, &cell->bound,
-                                                        &cell->pull, &cell->width,   &cell->magerr};
-    return all[q];
-}
-
-int rx_fluxes_has_objects(rx_fluxes_scene scene)
-{
-    return scene != RX_FLUXES_BLANK;
-}
 
 static const char *const ABOUT[RX_FLUXES_SCENES] = {
     [RX_FLUXES_FIELD] = "Stars and galaxies, all that the population puts on a tile.",
@@ -47,7 +18,7 @@ static const char *const ABOUT[RX_FLUXES_SCENES] = {
         "Stars and galaxies added to a real tile. What is on it already is neither right nor "
         "wrong; its unresolved and undetected objects are part of the errors."};
 
-int rx_fluxes_any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
+static int any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
 {
     p.bin = 0;
     long n = 0;
@@ -60,270 +31,284 @@ int rx_fluxes_any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
 
 /* --- tables --- */
 
-static void head_of_fluxes(rx_text *dst, const rx_fluxes_results *r)
-{
-    char name[64];
-    rx_page_head(dst, RX_RIGHT, "S/N");
-    for (int run = 0; run < r->nruns; run++)
-        for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
-            snprintf(name, sizeof name, "%s %s", r->run[run], rx_flux_name((rx_flux_kind)flux));
-            rx_page_head(dst, RX_RIGHT, name);
-        }
-}
+static const rx_report_column CELLS[] = {
+    {.name = "scene", .help = "what is on the tiles"},
+    {.name = "kind", .help = "star or galaxy"},
+    {.name = "company", .help = "isolated, blended, told apart, neither"},
+    {.name = "condition", .help = "seeing, and what restorers were given wrong"},
+    {.name = "snr", .help = "bin of true S/N"},
+    {.name = "run", .help = "restorer"},
+    {.name = "flux", .help = "what was measured"},
+    {"bias", RX_REPORT_ESTIMATE, 4, "mag", "median error of the magnitude, measured less true"},
+    {"scatter", RX_REPORT_ESTIMATE, 4, "mag", "robust scatter of that error"},
+    {"bound", RX_REPORT_ESTIMATE, 3, "",
+     "scatter over the error of a matched filter with noise of sky and photons; isolated stars"},
+    {"pull", RX_REPORT_ESTIMATE, 3, "", "median of (F - F0) / error"},
+    {"width", RX_REPORT_ESTIMATE, 3, "", "robust width of (F - F0) / error"},
+    {"magerr", RX_REPORT_ESTIMATE, 2, "%", "mean of 100 |F - F0| / F0"},
+};
 
-static void cell_table(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_place p, int q)
+static const rx_report_column PAIRS[] = {
+    {.name = "sample", .help = "all: found by the run; detected: on its image"},
+    {.name = "condition"},
+    {.name = "separation", .help = "from and to, FWHM"},
+    {.name = "run", .help = "restorer"},
+    {.name = "flux", .help = "what was measured"},
+    {"both", RX_REPORT_ESTIMATE, 3, "", "share of the pairs of which both are found"},
+    {"size", RX_REPORT_ESTIMATE, 3, "mag", "median |error| of their flux ratio"},
+    {"ratio", RX_REPORT_ESTIMATE, 3, "mag", "median error of their flux ratio, fainter less first"},
+    {"scatter", RX_REPORT_ESTIMATE, 3, "mag", "scatter of that error"},
+    {"total", RX_REPORT_ESTIMATE, 3, "mag", "median error of the total flux"},
+};
+
+static const rx_report_column INVENTED[] = {
+    {.name = "scene"},
+    {.name = "condition"},
+    {.name = "run", .help = "restorer"},
+    {"true", RX_REPORT_COUNT, 0, "", "detections of objects"},
+    {"false", RX_REPORT_COUNT, 0, "", "invented detections"},
+    {"true_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections"},
+    {"false_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections"},
+    {"added", RX_REPORT_COUNT, 0, "", "true ones that only the residual showed"},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 1, "", ""},
+    {"false_per_mpixel_unmarked", RX_REPORT_ESTIMATE, 1, "", ""},
+    {"precision", RX_REPORT_ESTIMATE, 4, "", ""},
+    {"precision_unmarked", RX_REPORT_ESTIMATE, 4, "", ""},
+    {"marked_5_7", RX_REPORT_ESTIMATE, 4, "", "share of the true ones that are marked, S/N 5 to 7"},
+    {"marked_above_7", RX_REPORT_ESTIMATE, 4, "", "the same above 7"},
+    {"pieces", RX_REPORT_ESTIMATE, 2, "", "pieces per galaxy that was found"},
+    {"pieces_unmarked", RX_REPORT_ESTIMATE, 2, "", ""}};
+
+static const rx_report_column SETS[] = {
+    {.name = "condition"},
+    {.name = "scene"},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF"},
+    {"tiles", RX_REPORT_COUNT, 0, "", ""},
+    {"objects", RX_REPORT_COUNT, 0, "", ""},
+    {"mpixels", RX_REPORT_NUMBER, 3, "", ""},
+};
+
+enum {
+    NCELLS = sizeof CELLS / sizeof *CELLS,
+    NPAIRS = sizeof PAIRS / sizeof *PAIRS,
+    NINVENTED = sizeof INVENTED / sizeof *INVENTED,
+    NSETS = sizeof SETS / sizeof *SETS,
+    FIRST_NUMBER = 7, /* of CELLS */
+    FIRST_OF_PAIRS = 5
+};
+
+typedef struct page {
+    const rx_fluxes_numbers *m;
+    rx_findings f;
+    rx_report_table *cells[RX_SAMPLES], *pairs, *invented, *sets;
+} page;
+
+/* All objects of one kind and company on a scene. */
+static void add_cells(page *g, rx_fluxes_place p)
 {
-    const rx_fluxes_results *r = m->results;
-    const rx_flux_quantity *quantity = rx_flux_quantity_get(q);
-    char name[96];
-    rx_page_heading(dst, quantity->name, quantity->unit[0] != '\0' ? quantity->unit : NULL);
-    rx_page_note(dst, quantity->help);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "condition");
-    head_of_fluxes(dst, r);
-    rx_page_row_end(dst);
+    const rx_fluxes_results *r = g->m->results;
+    char condition[96];
     for (p.condition = 0; p.condition < r->nconditions; p.condition++)
-        for (p.bin = 0; p.bin < RX_SNR_BINS; p.bin++) {
-            rx_page_row(dst, NULL);
-            rx_fluxes_condition_name(r, p.condition, name, sizeof name);
-            rx_page_cell_text(dst, name);
-            rx_page_cell_html(dst, RX_RIGHT, rx_snr_bin_get(p.bin)->name);
+        for (p.bin = 0; p.bin < RX_SNR_BINS; p.bin++)
             for (p.run = 0; p.run < r->nruns; p.run++)
                 for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
                     p.flux = (rx_flux_kind)flux;
-                    rx_page_cell_estimate(dst, rx_flux_quantity_of(rx_fluxes_cell_of(m, &p), q),
-                                          quantity->digits);
+                    const rx_fluxes_cell *c = rx_fluxes_cell_of(g->m, &p);
+                    if (c->bias.n == 0)
+                        continue;
+                    rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                    rx_report_row(g->cells[p.sample],
+                                  (rx_cell[]){rx_cell_words(rx_fluxes_scene_name(r->set[p.scene].scene)),
+                                              rx_cell_words(p.galaxy ? "galaxy" : "star"),
+                                              rx_cell_words(rx_crowd_name(p.crowd)), rx_cell_words(condition),
+                                              rx_cell_words(rx_snr_bin_get(p.bin)->name),
+                                              rx_cell_words(r->run[p.run]),
+                                              rx_cell_words(rx_flux_name(p.flux)), rx_cell_estimate(c->bias),
+                                              rx_cell_estimate(c->scatter), rx_cell_estimate(c->bound),
+                                              rx_cell_estimate(c->pull), rx_cell_estimate(c->width),
+                                              rx_cell_estimate(c->magerr)});
                 }
-            rx_page_row_end(dst);
-        }
-    rx_page_table_end(dst);
 }
 
-/* The bias lies open, the rest is folded away. */
-static void write_crowd(rx_text *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
+static void show(page *g, const rx_report_table *t, long from, const rx_report_column *c, rx_report_view how)
 {
+    how.from = from;
+    how.to = rx_report_rows(t);
+    how.title = c->name;
+    how.unit = c->unit;
+    how.note = c->help;
+    how.value = c->name;
+    how.digits = c->digits;
+    rx_report_show(g->f.report, t, &how);
+}
+
+/* The bias of isolated objects lies open, the rest is folded away; all samples are in the files. */
+static void add_crowd(page *g, int s, int galaxy, rx_crowd crowd)
+{
+    static const rx_report_view how = {.rows = {"condition", "snr"}, .across = {"run", "flux"}};
+    rx_fluxes_place p = {.scene = s, .galaxy = galaxy, .crowd = crowd, .sample = RX_SAMPLE_DETECTED};
+    const long from = rx_report_rows(g->cells[p.sample]);
     char title[96];
-    snprintf(title, sizeof title, "%s, %s", p.galaxy ? "Galaxies" : "Stars", rx_crowd_name(p.crowd));
-    if (!rx_fluxes_any_objects(m, p))
-        return;
-    rx_text_printf(dst, "<details%s><summary><b>%s</b></summary>\n",
-                   p.crowd == RX_CROWD_ISOLATED ? " open" : "", title);
-    cell_table(dst, m, p, 0);
-    rx_text_add(dst, "<details><summary>Scatter, pulls, MagErr</summary>\n");
-    for (int q = 1; q < RX_FLUX_QUANTITIES; q++)
-        if (q != 2 || (!p.galaxy && p.crowd == RX_CROWD_ISOLATED))
-            cell_table(dst, m, p, q);
-    rx_text_add(dst, "</details></details>\n");
+    if (any_objects(g->m, p)) {
+        snprintf(title, sizeof title, "%s, %s", galaxy ? "Galaxies" : "Stars", rx_crowd_name(crowd));
+        add_cells(g, p);
+        if (crowd != RX_CROWD_ISOLATED)
+            rx_report_fold(g->f.report, title);
+        else
+            rx_report_heading(g->f.report, title, NULL);
+        show(g, g->cells[p.sample], from, &CELLS[FIRST_NUMBER], how);
+        if (crowd == RX_CROWD_ISOLATED)
+            rx_report_fold(g->f.report, "Scatter, pulls, MagErr");
+        for (int q = FIRST_NUMBER + 1; q < NCELLS; q++)
+            if (q != FIRST_NUMBER + 2 || (!galaxy && crowd == RX_CROWD_ISOLATED))
+                show(g, g->cells[p.sample], from, &CELLS[q], how);
+        rx_report_unfold(g->f.report);
+    }
+    for (int sample = 0; sample < RX_SAMPLES; sample++) {
+        p.sample = (rx_fluxes_sample)sample;
+        if (p.sample != RX_SAMPLE_DETECTED)
+            add_cells(g, p);
+    }
 }
 
-static void pair_head(rx_text *dst, const rx_fluxes_results *r, const char *title, int fluxes)
+static void add_pairs(page *g, int s, rx_fluxes_sample sample)
 {
-    char name[96];
-    rx_page_heading(dst, title, fluxes ? "mag" : NULL);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "condition");
-    rx_page_head(dst, RX_RIGHT, "separation [FWHM]");
-    for (int run = 0; run < r->nruns; run++)
-        for (int t = 0; t < (fluxes ? 2 : 1); t++) {
-            snprintf(name, sizeof name, "%s%s", r->run[run], !fluxes ? "" : t ? " TEMPLATE" : " AUTO");
-            rx_page_head(dst, RX_RIGHT, name);
-        }
-    rx_page_row_end(dst);
-}
-
-/* number NULL: the share of the pairs. */
-static void pair_table(rx_text *dst, const rx_fluxes_numbers *m, rx_pair_place p, const char *title,
-                       const rx_estimate *(*number)(const rx_pair_cell *))
-{
-    const rx_fluxes_results *r = m->results;
-    char name[96];
-    pair_head(dst, r, title, number != NULL);
+    static const rx_report_view how = {.rows = {"condition", "separation"}, .across = {"run", "flux"}};
+    const rx_fluxes_results *r = g->m->results;
+    const long from = rx_report_rows(g->pairs);
+    rx_pair_place p = {.scene = s, .sample = sample};
+    char condition[96], separation[32];
     for (p.condition = 0; p.condition < r->nconditions; p.condition++)
-        for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++) {
-            rx_page_row(dst, NULL);
-            rx_fluxes_condition_name(r, p.condition, name, sizeof name);
-            rx_page_cell_text(dst, name);
-            snprintf(name, sizeof name, "%g to %g", RX_PAIR_EDGE[p.bin], RX_PAIR_EDGE[p.bin + 1]);
-            rx_page_cell_html(dst, RX_RIGHT, name);
-            for (p.run = 0; p.run < r->nruns; p.run++) {
-                if (number == NULL) {
-                    rx_page_cell_estimate(dst, rx_pair_share(m, &p), 3);
-                    continue;
+        for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++)
+            for (p.run = 0; p.run < r->nruns; p.run++)
+                for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
+                    const rx_pair_cell *c = rx_pair_cell_of(g->m, &p, (rx_flux_kind)flux);
+                    rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                    snprintf(separation, sizeof separation, "%g to %g", RX_PAIR_EDGE[p.bin],
+                             RX_PAIR_EDGE[p.bin + 1]);
+                    rx_report_row(g->pairs,
+                                  (rx_cell[]){rx_cell_words(rx_fluxes_sample_name(sample)),
+                                              rx_cell_words(condition), rx_cell_words(separation),
+                                              rx_cell_words(r->run[p.run]),
+                                              rx_cell_words(rx_flux_name((rx_flux_kind)flux)),
+                                              rx_cell_estimate(*rx_pair_share(g->m, &p)),
+                                              rx_cell_estimate(c->size), rx_cell_estimate(c->ratio),
+                                              rx_cell_estimate(c->scatter), rx_cell_estimate(c->total)});
                 }
-                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, &p, RX_FLUX_AUTO)), 3);
-                rx_page_cell_estimate(dst, number(rx_pair_cell_of(m, &p, RX_FLUX_TEMPLATE)), 3);
-            }
-            rx_page_row_end(dst);
-        }
-    rx_page_table_end(dst);
+    rx_report_fold(g->f.report, sample == RX_SAMPLE_DETECTED
+                                    ? "Pairs of which both are detected, each at its place"
+                                    : "The same with sources that only the residual of the templates shows");
+    for (int q = FIRST_OF_PAIRS; q < NPAIRS; q++)
+        show(g, g->pairs, from, &PAIRS[q], how);
+    rx_report_unfold(g->f.report);
 }
 
-static const rx_estimate *ratio_of(const rx_pair_cell *cell)
+static void add_invented(page *g, int s)
 {
-    return &cell->ratio;
-}
-
-static const rx_estimate *scatter_of(const rx_pair_cell *cell)
-{
-    return &cell->scatter;
-}
-
-static const rx_estimate *size_of(const rx_pair_cell *cell)
-{
-    return &cell->size;
-}
-
-static const rx_estimate *total_of(const rx_pair_cell *cell)
-{
-    return &cell->total;
-}
-
-static void write_pairs(rx_text *dst, const rx_fluxes_numbers *m, int s)
-{
-    const rx_pair_place detected = {.scene = s, .sample = RX_SAMPLE_DETECTED};
-    const rx_pair_place all = {.scene = s, .sample = RX_SAMPLE_ALL};
-    pair_table(dst, m, detected, "Share of the pairs of which both are detected, each at its place", NULL);
-    pair_table(dst, m, all, "The same with sources that only the residual of the templates shows", NULL);
-    pair_table(dst, m, detected, "Detected pairs: median |error| of the flux ratio", size_of);
-    rx_text_add(dst, "<details><summary>Median, scatter, total flux, and those that the residual shows"
-                     "</summary>\n");
-    pair_table(dst, m, detected, "Median error of the flux ratio, fainter less first", ratio_of);
-    pair_table(dst, m, detected, "Scatter of that error", scatter_of);
-    pair_table(dst, m, detected, "Median error of the total flux", total_of);
-    pair_table(dst, m, all, "With those of the residual: median |error| of the flux ratio", size_of);
-    rx_text_add(dst, "</details>\n");
-}
-
-static void invented_head(rx_text *dst, int shreds)
-{
-    static const char *const heads[] = {"restorer",
-                                        "true",
-                                        "false",
-                                        "true, unmarked",
-                                        "false, unmarked",
-                                        "added",
-                                        "false per Mpixel",
-                                        "unmarked",
-                                        "precision",
-                                        "unmarked",
-                                        "true ones marked, S/N 5 to 7",
-                                        "above 7"};
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "condition");
-    for (size_t i = 0; i < sizeof heads / sizeof *heads; i++)
-        rx_page_head(dst, i == 0 ? RX_LEFT : RX_RIGHT, heads[i]);
-    if (shreds) {
-        rx_page_head(dst, RX_RIGHT, "pieces per galaxy");
-        rx_page_head(dst, RX_RIGHT, "unmarked");
-    }
-    rx_page_row_end(dst);
-}
-
-static void invented_row(rx_text *dst, const rx_fluxes_numbers *m, int c, int s, int run)
-{
-    const rx_fluxes_results *r = m->results;
-    const rx_invented_cell *v = rx_invented_of(m, c, s, run);
-    char name[96];
-    rx_page_row(dst, NULL);
-    rx_fluxes_condition_name(r, c, name, sizeof name);
-    rx_page_cell_text(dst, name);
-    rx_page_cell_text(dst, r->run[run]);
-    for (int k = 0; k < 2; k++) {
-        rx_page_cell_count(dst, v->right[k]);
-        rx_page_cell_count(dst, v->wrong[k]);
-    }
-    rx_page_cell_count(dst, v->added);
-    for (int k = 0; k < 2; k++)
-        rx_page_cell_interval(dst, &v->per_mpixel[k], 1);
-    for (int k = 0; k < 2; k++)
-        rx_page_cell_interval(dst, &v->precision[k], 4);
-    rx_page_cell_estimate(dst, &v->flagged_weak, 4);
-    rx_page_cell_estimate(dst, &v->flagged_strong, 4);
-    for (int k = 0; k < 2 && r->set[s].scene == RX_FLUXES_SHREDS; k++)
-        rx_page_cell_estimate(dst, &v->pieces[k], 2);
-    rx_page_row_end(dst);
-}
-
-static void write_invented(rx_text *dst, const rx_fluxes_numbers *m, int s)
-{
-    const rx_fluxes_results *r = m->results;
-    rx_page_heading(dst, "Invented sources", NULL);
-    rx_page_table_begin(dst);
-    invented_head(dst, r->set[s].scene == RX_FLUXES_SHREDS);
+    const rx_fluxes_results *r = g->m->results;
+    const long from = rx_report_rows(g->invented);
+    char condition[96];
     for (int c = 0; c < r->nconditions; c++)
-        for (int run = 0; run < r->nruns; run++)
-            invented_row(dst, m, c, s, run);
-    rx_page_table_end(dst);
+        for (int run = 0; run < r->nruns; run++) {
+            const rx_invented_cell *v = rx_invented_of(g->m, c, s, run);
+            rx_fluxes_condition_name(r, c, condition, sizeof condition);
+            rx_report_row(
+                g->invented,
+                (rx_cell[]){rx_cell_words(rx_fluxes_scene_name(r->set[s].scene)), rx_cell_words(condition),
+                            rx_cell_words(r->run[run]), rx_cell_number((double)v->right[0]),
+                            rx_cell_number((double)v->wrong[0]), rx_cell_number((double)v->right[1]),
+                            rx_cell_number((double)v->wrong[1]), rx_cell_number((double)v->added),
+                            rx_cell_estimate(v->per_mpixel[0]), rx_cell_estimate(v->per_mpixel[1]),
+                            rx_cell_estimate(v->precision[0]), rx_cell_estimate(v->precision[1]),
+                            rx_cell_estimate(v->flagged_weak), rx_cell_estimate(v->flagged_strong),
+                            rx_cell_estimate(v->pieces[0]), rx_cell_estimate(v->pieces[1])});
+            rx_text_printf(rx_report_brief_of(g->f.report),
+                           "%s %s %s: %ld true, %ld false; unmarked %ld true, %ld false\n",
+                           rx_fluxes_scene_name(r->set[s].scene), condition, r->run[run], v->right[0],
+                           v->wrong[0], v->right[1], v->wrong[1]);
+        }
+    rx_report_show(
+        g->f.report, g->invented,
+        &(rx_report_view){.from = from, .to = rx_report_rows(g->invented), .title = "Invented sources"});
 }
 
-static void write_scene(rx_text *dst, const rx_fluxes_page *page, int s)
+static void add_scene(page *g, int s)
 {
-    const rx_fluxes_numbers *m = page->numbers;
-    const rx_fluxes_scene scene = m->results->set[s].scene;
-    char prefix[32];
-    rx_page_section(dst, rx_fluxes_scene_name(scene), rx_fluxes_scene_name(scene));
-    rx_page_paragraph(dst, ABOUT[scene]);
+    const rx_fluxes_results *r = g->m->results;
+    const rx_fluxes_scene scene = r->set[s].scene;
+    char prefix[96];
+    rx_report_section(g->f.report, rx_fluxes_scene_name(scene), rx_fluxes_scene_name(scene));
     snprintf(prefix, sizeof prefix, "%s-", rx_fluxes_scene_name(scene));
-    if (rx_fluxes_has_objects(scene))
-        rx_page_figures(dst, &page->figures, prefix);
-    if (scene == RX_FLUXES_PAIRS)
-        write_pairs(dst, m, s);
-    for (int crowd = 0; crowd < RX_CROWDS && rx_fluxes_has_objects(scene); crowd++)
-        for (int galaxy = 0; galaxy < 2; galaxy++)
-            write_crowd(
-                dst, m,
-                (rx_fluxes_place){
-                    .scene = s, .galaxy = galaxy, .crowd = (rx_crowd)crowd, .sample = RX_SAMPLE_DETECTED});
-    write_invented(dst, m, s);
-}
-
-static void write_goals(rx_text *dst, const rx_fluxes_page *page)
-{
-    static const char *const marks[] = {RX_MARK_GOOD, RX_MARK_BAD, RX_MARK_OPEN, RX_MARK_PALE};
-    rx_page_section(dst, "goals", "Goals");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "goal");
-    rx_page_head(dst, RX_LEFT, "shapes from");
-    rx_page_head(dst, RX_LEFT, "verdict");
-    rx_page_head(dst, RX_LEFT, "what was found");
-    rx_page_row_end(dst);
-    for (int i = 0; i < page->nverdicts; i++) {
-        const rx_goal_verdict *v = &page->verdict[i];
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, v->run == 0 ? rx_goal_words(v->goal) : "");
-        rx_page_cell_text(dst, page->numbers->results->run[v->run]);
-        rx_page_cell_verdict(dst, marks[v->state], rx_goal_state_name(v->state));
-        rx_page_cell_text(dst, v->said.data);
-        dst->failed = dst->failed || v->said.failed;
-        rx_page_row_end(dst);
+    if (scene != RX_FLUXES_BLANK)
+        rx_report_place(g->f.report, prefix);
+    rx_report_paragraph(g->f.report, ABOUT[scene]);
+    for (int c = 0; c < r->nconditions; c++) {
+        const rx_fluxes_set *set = &r->set[c * r->nscenes + s];
+        rx_fluxes_condition_name(r, c, prefix, sizeof prefix);
+        rx_report_row(g->sets, (rx_cell[]){rx_cell_words(prefix), rx_cell_words(rx_fluxes_scene_name(scene)),
+                                           rx_cell_number(set->fwhm), rx_cell_number((double)set->ntiles),
+                                           rx_cell_number((double)set->n), rx_cell_number(set->mpixels)});
     }
-    rx_page_table_end(dst);
+    if (scene == RX_FLUXES_PAIRS) {
+        add_pairs(g, s, RX_SAMPLE_DETECTED);
+        add_pairs(g, s, RX_SAMPLE_ALL);
+    }
+    for (int crowd = 0; crowd < RX_CROWDS && scene != RX_FLUXES_BLANK; crowd++)
+        for (int galaxy = 0; galaxy < 2; galaxy++)
+            add_crowd(g, s, galaxy, (rx_crowd)crowd);
+    add_invented(g, s);
 }
 
-static void write_reading(rx_text *dst)
+static void add_goals(page *g, const rx_goal_verdict *verdicts)
 {
-    rx_page_section(dst, "reading", "How to read this");
-    rx_page_paragraph(
-        dst, "Every number is followed by its 95 % interval and by how many objects are behind it. The "
-             "tables here are of the objects that were detected on the image of the restorer of the "
-             "column; all of its fluxes are of the same objects. Sources that only the residual of the "
-             "templates showed (added) are left out, for AUTO and apertures know nothing of them; goals "
-             "are held against all. cells.ecsv has both, and the objects that every restorer has detected. "
-             "S/N is the true one, in a matched filter on the bare sky. <b>APER</b> is the first of "
-             "STAGE.PHOT_APERTURES and <b>WIDE</b> an aperture of 2 FWHM radius, both without a correction "
-             "for what lies outside of them.");
-    rx_page_paragraph(
-        dst, "<b>Isolated</b>: no other object of more than 1 % of the flux within (3 + log10 f) FWHM and "
-             "twice both half-light radii, f how many times brighter the other one is. <b>Blended</b>: "
-             "another one within 1.5 FWHM and 2 mag; <b>told apart</b>: both were found, each nearer to "
-             "its place than half the separation, so that the flux of an object means something. "
-             "<b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against FIELD, "
-             "PAIRS and INJECTED under conditions in which restorers are told the truth; undecided: beyond "
-             "the limit, but by less than the error of the number.");
+    static const char *const columns[] = {"words", "run", "verdict"}, *const found[] = {"claim", "run",
+                                                                                        "found"};
+    const int n = RX_FLUXES_GOALS * g->m->results->nruns;
+    int held = 0, broken = 0;
+    char word[32], sentence[96];
+    for (int i = 0; i < n; i++) {
+        const rx_goal_verdict *v = &verdicts[i];
+        held += v->state == RX_GOAL_HELD;
+        broken += v->state == RX_GOAL_NOT_HELD;
+        rx_findings_claim(&g->f, &(rx_finding_claim){.name = rx_goal_name(v->goal),
+                                                     .words = rx_goal_words(v->goal),
+                                                     .run = g->m->results->run[v->run],
+                                                     .verdict = rx_goal_state_name(v->state),
+                                                     .found = v->said.data});
+    }
+    snprintf(word, sizeof word, "%d held", held);
+    snprintf(sentence, sizeof sentence, "of %d goals, each for each restorer; %d are not.", n, broken);
+    rx_report_verdict(g->f.report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
+    rx_report_section(g->f.report, "goals", "Goals");
+    rx_findings_show_claims(&g->f, 3, columns);
+    rx_report_fold(g->f.report, "What was found");
+    rx_findings_show_claims(&g->f, 3, found);
+    rx_report_unfold(g->f.report);
 }
+
+static const char READING[] =
+    "Every number is followed by its 95 % interval and by how many objects are behind it. The tables here "
+    "are of the "
+    "objects that were detected on the image of the restorer of the column; all of its fluxes are of the "
+    "same objects. "
+    "Sources that only the residual of the templates showed (added) are left out, for AUTO and apertures "
+    "know nothing "
+    "of them; goals are held against all (cells.ecsv, summary.json); cells_common.ecsv has those that every "
+    "restorer has "
+    "detected. S/N is "
+    "the true one, in a matched filter on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and "
+    "<b>WIDE</b> an aperture of 2 FWHM radius, both without a correction for what lies outside of them. "
+    "<b>Isolated</b>: no other object of more than 1 % of the flux within (3 + log10 f) FWHM and twice both "
+    "half-light "
+    "radii, f how many times brighter the other one is. <b>Blended</b>: another one within 1.5 FWHM and 2 "
+    "mag; <b>told "
+    "apart</b>: both were found, each nearer to its place than half the separation, so that the flux of an "
+    "object means "
+    "something. <b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against FIELD, "
+    "PAIRS and "
+    "INJECTED under conditions in which restorers are given the truth; undecided: beyond the limit, but by "
+    "less than "
+    "the error of the number.";
 
 /* --- figures --- */
 
@@ -372,13 +357,12 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
     rx_plot_curves(dst, &axes, n, curves);
 }
 
-void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *m)
+static void add_figures(rx_figures *dst, const rx_fluxes_numbers *m)
 {
     static const rx_crowd crowds[] = {RX_CROWD_ISOLATED, RX_CROWD_APART};
     const rx_fluxes_results *r = m->results;
-    rx_figures_begin(dst);
     for (int s = 0; s < r->nscenes; s++)
-        for (int c = 0; c < r->nconditions && rx_fluxes_has_objects(r->set[s].scene); c++)
+        for (int c = 0; c < r->nconditions && r->set[s].scene != RX_FLUXES_BLANK; c++)
             for (int galaxy = 0; galaxy < 2; galaxy++)
                 for (int k = 0; k < 2 && dst->n < RX_FIGURES_MAX; k++) {
                     const rx_fluxes_place p = {.condition = c,
@@ -386,34 +370,44 @@ void rx_fluxes_figures(rx_figures *dst, const rx_fluxes_numbers *m)
                                                .sample = RX_SAMPLE_DETECTED,
                                                .galaxy = galaxy,
                                                .crowd = crowds[k]};
-                    if (rx_fluxes_any_objects(m, p))
+                    if (any_objects(m, p))
                         plot(dst, m, p);
                 }
 }
 
-void rx_fluxes_html(rx_text *dst, const void *pointer)
+rx_status rx_fluxes_report(const rx_fluxes_results *results, const rx_campaign_record *record,
+                           const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
 {
-    const rx_fluxes_page *page = pointer;
-    const rx_fluxes_results *r = page->numbers->results;
-    rx_text about = {0};
-    rx_page_begin(dst, "Validation: ", page->record->title);
-    rx_page_links_begin(dst);
-    rx_page_link(dst, 1, "goals", "Goals");
-    for (int s = 0; s < r->nscenes; s++)
-        rx_page_link(dst, 1, rx_fluxes_scene_name(r->set[s].scene), rx_fluxes_scene_name(r->set[s].scene));
-    rx_page_link(dst, 1, "reading", "How to read");
-    rx_page_link(dst, 1, "record", "Record");
-    rx_page_links_end(dst);
-    rx_escape_html(&about, r->about);
-    rx_text_printf(&about, ". Objects count from S/N %g on; APER is %g pixels wide.", r->truth_snr,
-                   r->aperture);
-    rx_page_paragraph(dst, about.data != NULL ? about.data : "");
-    dst->failed = dst->failed || about.failed;
-    rx_text_free(&about);
-    write_goals(dst, page);
-    for (int s = 0; s < r->nscenes; s++)
-        write_scene(dst, page, s);
-    write_reading(dst);
-    rx_page_campaign_record(dst, page->record);
-    rx_page_end(dst);
+    rx_fluxes_numbers m = {0};
+    rx_goal_verdict verdicts[RX_FLUXES_GOALS * RX_FLUXES_RUNS] = {0};
+    page g = {.m = &m};
+    rx_status status = rx_fluxes_numbers_make(results, &m, err);
+    if (status == RX_OK)
+        status = rx_findings_begin(&g.f, "fluxes", results->about, record, err);
+    if (status != RX_OK)
+        goto exit;
+    g.sets = rx_report_table_add(g.f.report, "sets", NSETS, SETS, RX_REPORT_IN_JSON);
+    for (int sample = 0; sample < RX_SAMPLES; sample++) {
+        static const char *const names[RX_SAMPLES] = {[RX_SAMPLE_ALL] = "cells",
+                                                      [RX_SAMPLE_DETECTED] = "cells_detected",
+                                                      [RX_SAMPLE_COMMON] = "cells_common"};
+        g.cells[sample] =
+            rx_report_table_add(g.f.report, names[sample], NCELLS, CELLS,
+                                sample == RX_SAMPLE_ALL ? RX_REPORT_EVERYWHERE : RX_REPORT_IN_FILE);
+    }
+    g.pairs = rx_report_table_add(g.f.report, "pairs", NPAIRS, PAIRS, RX_REPORT_EVERYWHERE);
+    g.invented = rx_report_table_add(g.f.report, "invented", NINVENTED, INVENTED, RX_REPORT_EVERYWHERE);
+    rx_fluxes_verdicts(&m, verdicts);
+    add_goals(&g, verdicts);
+    rx_report_sentence(g.f.report, results->about);
+    add_figures(rx_report_figures_of(g.f.report), &m);
+    for (int s = 0; s < results->nscenes; s++)
+        add_scene(&g, s);
+    rx_report_section(g.f.report, "reading", "How to read this");
+    rx_report_paragraph(g.f.report, READING);
+    status = rx_findings_end(&g.f, folder, shown, log, brief, err);
+exit:
+    rx_goal_verdicts_free(RX_FLUXES_GOALS * results->nruns, verdicts);
+    rx_fluxes_numbers_free(&m);
+    return status;
 }

@@ -5,51 +5,11 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "campaign/photometry_page.h"
+#include "campaign/photometry_numbers.h"
+#include "validate/figure.h"
 
 /* FIGURE_FIELDS: the first ones; the page of a long list of conditions stays readable. */
 enum { CURVES = 6, POINTS_MAX = 250, FEW = 5, FIELDS_WITH_CURVES = 2, FIGURE_FIELDS = 12 };
-
-static const rx_cell_row rows[RX_CELL_QUANTITIES] = {
-    [RX_CELL_RECALL] = {"recall", "", "share of the stars found, whole list", 3},
-    [RX_CELL_PRECISION] = {"precision", "",
-                           "stars found / (stars found + false detections on the same tiles)", 3},
-    [RX_CELL_AP] = {"ap", "", "average precision: area under the steps of the precision-recall curve", 3},
-    [RX_CELL_MAGERR] = {"magerr", "%", "mean of 100 |F - F0| / F0 over the stars found (the paper's MagErr)",
-                        2},
-    [RX_CELL_MAGERR_CLEAN] = {"magerr_clean", "%", "the same without stars flagged as blended", 2},
-    [RX_CELL_CROWDED] = {"blended", "", "share of the stars found that FLAGS calls blended or crowded", 3},
-    [RX_CELL_BIAS_PERCENT] = {"bias_percent", "%", "median of 100 (F - F0) / F0", 2},
-    [RX_CELL_SCATTER_PERCENT] = {"scatter_percent", "%", "sigma_MAD of 100 (F - F0) / F0", 2},
-    [RX_CELL_BIAS_MAG] = {"bias_mag", "mag", "median of m - m0", 3},
-    [RX_CELL_SCATTER_MAG] = {"scatter_mag", "mag", "sigma_MAD of m - m0", 3},
-    [RX_CELL_PULL_MEDIAN] = {"pull_median", "", "median of (F - F0) / error, 0 when unbiased", 2},
-    [RX_CELL_PULL_WIDTH] = {"pull_width", "", "sigma_MAD of (F - F0) / error, 1 when errors are true", 2},
-};
-
-const rx_cell_row *rx_cell_row_of(rx_cell_quantity quantity)
-{
-    return &rows[quantity];
-}
-
-const rx_estimate *rx_cell_get(const rx_photometry_cell *cell, rx_cell_quantity quantity)
-{
-    const rx_estimate *const all[RX_CELL_QUANTITIES] = {
-        [RX_CELL_RECALL] = &cell->recall,
-        [RX_CELL_PRECISION] = &cell->precision,
-        [RX_CELL_AP] = &cell->ap,
-        [RX_CELL_MAGERR] = &cell->magerr,
-        [RX_CELL_MAGERR_CLEAN] = &cell->magerr_clean,
-        [RX_CELL_CROWDED] = &cell->crowded,
-        [RX_CELL_BIAS_PERCENT] = &cell->bias_percent,
-        [RX_CELL_SCATTER_PERCENT] = &cell->scatter_percent,
-        [RX_CELL_BIAS_MAG] = &cell->bias_mag,
-        [RX_CELL_SCATTER_MAG] = &cell->scatter_mag,
-        [RX_CELL_PULL_MEDIAN] = &cell->pull_median,
-        [RX_CELL_PULL_WIDTH] = &cell->pull_width,
-    };
-    return all[quantity];
-}
 
 /* One figure over the magnitudes of a field. */
 typedef struct plan {
@@ -222,7 +182,6 @@ void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)
         {"ap", "Average precision", "Area under the steps of the precision-recall curve of each magnitude.",
          RX_CELL_AP, -1},
     };
-    rx_figures_begin(dst);
     for (int f = 0; f < m->results->nfields && f < FIGURE_FIELDS; f++) {
         if (m->results->fields[f].nsets == 0)
             continue;

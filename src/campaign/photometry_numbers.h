@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "campaign/paper.h"
+#include "campaign/findings.h"
 #include "campaign/results.h"
 #include "validate/hypothesis.h"
 #include "validate/pr.h"
@@ -33,6 +33,27 @@ typedef struct rx_photometry_cell {
     rx_estimate pull_median, pull_width;
     rx_pr pr;
 } rx_photometry_cell;
+
+/* One quantity of a cell. */
+typedef enum rx_cell_quantity {
+    RX_CELL_RECALL,
+    RX_CELL_PRECISION,
+    RX_CELL_AP,
+    RX_CELL_MAGERR,
+    RX_CELL_MAGERR_CLEAN,
+    RX_CELL_CROWDED,
+    RX_CELL_BIAS_PERCENT,
+    RX_CELL_SCATTER_PERCENT,
+    RX_CELL_BIAS_MAG,
+    RX_CELL_SCATTER_MAG,
+    RX_CELL_PULL_MEDIAN,
+    RX_CELL_PULL_WIDTH,
+    RX_CELL_QUANTITIES
+} rx_cell_quantity;
+
+/* Name, unit, digits and meaning of a quantity, and its number in a cell. */
+const rx_quantity *rx_photometry_quantity(rx_cell_quantity quantity);
+const rx_estimate *rx_cell_get(const rx_photometry_cell *cell, rx_cell_quantity quantity);
 
 /* A threshold of one restorer on one field, for one precision. */
 typedef struct rx_photometry_cut {
@@ -95,6 +116,9 @@ const rx_photometry_cell *rx_photometry_cell_of(const rx_photometry_numbers *num
 const rx_photometry_whole *rx_photometry_whole_of(const rx_photometry_numbers *numbers, int field, int run);
 const rx_photometry_duel *rx_photometry_duel_of(const rx_photometry_numbers *numbers, int field, int set,
                                                 int pair);
+
+/* Figures of the fields: "field0-...", precision-recall curves "curve0-..." */
+void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *numbers);
 
 /* One verdict for each claim that a photometry campaign is asked about; verdicts[RX_CLAIM_COUNT], *n used.
  * Free with rx_claim_verdicts_free(). */

@@ -1,357 +1,362 @@
-/* report.html of a photometry campaign. */
-#include "campaign/photometry_page.h"
-
+/* The report of a photometry campaign. */
 #include <math.h>
 #include <stdio.h>
 
+#include "campaign/photometry_numbers.h"
 #include "validate/bootstrap.h"
-#include "validate/escape.h"
 #include "validate/page.h"
 
-static void heads(rx_text *dst, int n, const char *const *names)
+static const rx_quantity QUANTITIES[RX_CELL_QUANTITIES] = {
+    [RX_CELL_RECALL] = {"recall", "", "share of the stars found, whole list", 3, 0},
+    [RX_CELL_PRECISION] = {"precision", "",
+                           "stars found / (stars found + false detections on the same tiles)", 3, 0},
+    [RX_CELL_AP] = {"ap", "", "average precision: area under the steps of the precision-recall curve", 3, 0},
+    [RX_CELL_MAGERR] = {"magerr", "%", "mean of 100 |F - F0| / F0 over the stars found (the paper's MagErr)",
+                        2},
+    [RX_CELL_MAGERR_CLEAN] = {"magerr_clean", "%", "the same without stars flagged as blended", 2, 0},
+    [RX_CELL_CROWDED] = {"blended", "", "share of the stars found that FLAGS calls blended or crowded", 3, 0},
+    [RX_CELL_BIAS_PERCENT] = {"bias_percent", "%", "median of 100 (F - F0) / F0", 2, 0},
+    [RX_CELL_SCATTER_PERCENT] = {"scatter_percent", "%", "sigma_MAD of 100 (F - F0) / F0", 2, 0},
+    [RX_CELL_BIAS_MAG] = {"bias_mag", "mag", "median of m - m0", 3, 0},
+    [RX_CELL_SCATTER_MAG] = {"scatter_mag", "mag", "sigma_MAD of m - m0", 3, 0},
+    [RX_CELL_PULL_MEDIAN] = {"pull_median", "", "median of (F - F0) / error, 0 when unbiased", 2, 0},
+    [RX_CELL_PULL_WIDTH] = {"pull_width", "", "sigma_MAD of (F - F0) / error, 1 when errors are true", 2, 0},
+};
+
+const rx_quantity *rx_photometry_quantity(rx_cell_quantity quantity)
 {
-    for (int i = 0; i < n; i++)
-        rx_page_head(dst, RX_RIGHT, names[i]);
+    return &QUANTITIES[quantity];
 }
 
-static void escaped_paragraph(rx_text *dst, const char *text)
+const rx_estimate *rx_cell_get(const rx_photometry_cell *cell, rx_cell_quantity quantity)
 {
-    rx_text html = {0};
-    rx_escape_html(&html, text);
-    if (html.data != NULL && html.length > 0)
-        rx_page_paragraph(dst, html.data);
-    dst->failed = dst->failed || html.failed;
-    rx_text_free(&html);
+    const rx_estimate *const all[RX_CELL_QUANTITIES] = {
+        [RX_CELL_RECALL] = &cell->recall,
+        [RX_CELL_PRECISION] = &cell->precision,
+        [RX_CELL_AP] = &cell->ap,
+        [RX_CELL_MAGERR] = &cell->magerr,
+        [RX_CELL_MAGERR_CLEAN] = &cell->magerr_clean,
+        [RX_CELL_CROWDED] = &cell->crowded,
+        [RX_CELL_BIAS_PERCENT] = &cell->bias_percent,
+        [RX_CELL_SCATTER_PERCENT] = &cell->scatter_percent,
+        [RX_CELL_BIAS_MAG] = &cell->bias_mag,
+        [RX_CELL_SCATTER_MAG] = &cell->scatter_mag,
+        [RX_CELL_PULL_MEDIAN] = &cell->pull_median,
+        [RX_CELL_PULL_WIDTH] = &cell->pull_width,
+    };
+    return all[quantity];
 }
 
-static void write_what(rx_text *dst, const rx_photometry_numbers *m)
+static const rx_report_column RUNS[] = {{.name = "name"}, {.name = "settings"}};
+
+static const rx_report_column SETS[] = {
+    {.name = "scene", .help = "field"},
+    {.name = "condition", .help = "magnitude of the stars"},
+    {"mag", RX_REPORT_NUMBER, 2, "mag", "of the stars"},
+    {"snr", RX_REPORT_NUMBER, 1, "", "in a matched filter on the background"},
+    {"tiles", RX_REPORT_COUNT, 0, "", ""},
+    {"stars", RX_REPORT_COUNT, 0, "", ""},
+    {"mpixels", RX_REPORT_NUMBER, 3, "", ""},
+    {.name = "about", .help = "the field"},
+};
+
+static const rx_report_column CUTS[] = {
+    {.name = "scene", .help = "field"},
+    {.name = "run", .help = "restorer"},
+    {"precision_from", RX_REPORT_NUMBER, 2, "", "at least this precision; nan: the whole list"},
+    {"score", RX_REPORT_NUMBER, 2, "", "lowest score; inf: the precision is never reached"},
+    {"whole_list", RX_REPORT_COUNT, 0, "",
+     "1: the list ends above this precision, completeness is a lower limit"},
+    {"precision", RX_REPORT_ESTIMATE, 4, "", "over all sets of the field"},
+    {"recall", RX_REPORT_ESTIMATE, 3, "", "over all sets of the field"},
+    {"mag50", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 50 % completeness"},
+    {"mag90", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 90 % completeness"},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 2, "", "whole list"},
+};
+
+static const rx_report_column CURVES[] = {
+    {.name = "scene", .help = "field"},
+    {.name = "condition", .help = "magnitude of the stars"},
+    {.name = "run", .help = "restorer"},
+    {"score", RX_REPORT_NUMBER, 2, "", "S/N of the detection"},
+    {"recall", RX_REPORT_NUMBER, 4, "", "of the stars with this score or a higher one"},
+    {"precision", RX_REPORT_NUMBER, 4, "", "the same"},
+};
+
+#define LENGTH(table) ((int)(sizeof(table) / sizeof *(table)))
+
+enum { CURVE_POINTS = 200 };
+
+typedef struct page {
+    const rx_photometry_numbers *m;
+    rx_findings f;
+    rx_report_table *sets, *cuts, *curves;
+} page;
+
+/* Magnitudes against restorers. precision: completeness at that one instead of the quantity, -1: not. */
+static void add_quantity(page *g, int f, const rx_quantity *quantity, int q, int precision, int brief)
 {
-    const rx_photometry_results *r = m->results;
-    rx_page_paragraph(
-        dst,
-        "Stars of one known magnitude at a time are put onto tiles that also hold other objects and noise; "
-        "every restorer restores the same tiles, and the same program detects and measures. A star is "
-        "found when a detection lies on it; a false detection is one that is neither one of the stars "
-        "nor any object known to be there.");
-    rx_page_section(dst, "runs", "Restorers and fields");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "restorer or field");
-    rx_page_head(dst, RX_LEFT, "what it is");
-    rx_page_row_end(dst);
-    for (int run = 0; run < r->nruns; run++) {
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, r->run[run]);
-        rx_page_cell_text(dst, r->settings[run]);
-        rx_page_row_end(dst);
+    const rx_photometry_field *field = &g->m->results->fields[f];
+    const long from = rx_report_rows(g->f.cells);
+    char mag[32];
+    for (int k = 0; k < field->nsets; k++)
+        for (int run = 0; run < g->m->results->nruns; run++) {
+            const rx_photometry_cell *cell = rx_photometry_cell_of(g->m, f, k, run);
+            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+            rx_findings_cell(&g->f, &(rx_finding){field->name, mag, g->m->results->run[run], NULL}, quantity,
+                             precision < 0 ? rx_cell_get(cell, (rx_cell_quantity)q)
+                                           : &cell->complete[precision]);
+        }
+    rx_findings_show(&g->f, from, quantity, brief);
+}
+
+static const char *winner_name(const rx_photometry_numbers *m, int pair, int winner)
+{
+    return winner == 0 ? NULL : m->results->run[winner > 0 ? m->pair[pair].first : m->pair[pair].second];
+}
+
+/* The same stars through two restorers: which finds more, whose errors are smaller. */
+static void add_pair(page *g, int f, int pair)
+{
+    static const char *const columns[] = {"condition",  "quantity", "test", "only_first", "only_second",
+                                          "difference", "p",        "holm", "winner"};
+    const rx_photometry_numbers *m = g->m;
+    const rx_photometry_field *field = &m->results->fields[f];
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    const long from = rx_report_rows(g->f.contests);
+    char mag[32], quantity[48], title[128];
+    for (int which = -1; which < m->nprecisions; which++)
+        for (int k = 0; k < field->nsets; k++) {
+            const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
+            const rx_found_duel *found = which < 0 ? &d->found : &d->complete[which];
+            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+            snprintf(quantity, sizeof quantity, "found at precision %g",
+                     which < 0 ? NAN : m->precision[which]);
+            rx_findings_contest(&g->f, &(rx_contest){.scene = field->name,
+                                                     .condition = mag,
+                                                     .quantity = which < 0 ? "found" : quantity,
+                                                     .first = m->results->run[m->pair[pair].first],
+                                                     .second = m->results->run[m->pair[pair].second],
+                                                     .test = "McNemar",
+                                                     .statistic = NAN,
+                                                     .dof = NAN,
+                                                     .p = found->p,
+                                                     .ln_p = log(found->p),
+                                                     .effect = NAN,
+                                                     .holm = found->holm,
+                                                     .winner = winner_name(m, pair, found->winner),
+                                                     .difference = none,
+                                                     .only_first = (double)found->only_first,
+                                                     .only_second = (double)found->only_second});
+        }
+    for (int k = 0; k < field->nsets; k++) {
+        const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
+        const rx_test *tests[] = {&d->paired, &d->wilcoxon};
+        snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+        for (int i = 0; i < 2; i++)
+            rx_findings_contest(&g->f, &(rx_contest){.scene = field->name,
+                                                     .condition = mag,
+                                                     .quantity = "100 |F - F0| / F0",
+                                                     .first = m->results->run[m->pair[pair].first],
+                                                     .second = m->results->run[m->pair[pair].second],
+                                                     .test = i ? "Wilcoxon" : "paired t",
+                                                     .statistic = tests[i]->statistic,
+                                                     .dof = tests[i]->dof,
+                                                     .p = tests[i]->p,
+                                                     .ln_p = tests[i]->ln_p,
+                                                     .effect = tests[i]->effect,
+                                                     .holm = i ? d->holm_wilcoxon : d->holm,
+                                                     .winner = i ? NULL : winner_name(m, pair, d->winner),
+                                                     .difference = i ? none : d->paired.difference,
+                                                     .only_first = NAN,
+                                                     .only_second = NAN});
     }
-    for (int f = 0; f < r->nfields; f++) {
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, r->fields[f].name);
-        rx_page_cell_text(dst, r->fields[f].about);
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
+    snprintf(title, sizeof title, "%.40s against %.40s, on the same stars",
+             m->results->run[m->pair[pair].first], m->results->run[m->pair[pair].second]);
+    rx_report_fold(g->f.report, title);
+    rx_findings_show_contests(&g->f, from, NULL, LENGTH(columns), columns);
+    rx_report_unfold(g->f.report);
 }
 
-static void write_words(rx_text *dst, const rx_photometry_numbers *m, int f)
+static void add_cuts(page *g, int f)
 {
+    const rx_photometry_numbers *m = g->m;
+    const long from = rx_report_rows(g->cuts);
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    rx_text *brief = rx_report_brief_of(g->f.report);
+    rx_text_printf(brief, "%s\n", m->results->fields[f].name);
+    for (int p = -1; p < m->nprecisions; p++)
+        for (int run = 0; run < m->results->nruns; run++) {
+            const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
+            const rx_photometry_cut *c = p < 0 ? NULL : &w->cut[p];
+            const rx_estimate recall = c == NULL ? w->recall : c->recall;
+            rx_report_row(g->cuts, (rx_cell[]){rx_cell_words(m->results->fields[f].name),
+                                               rx_cell_words(m->results->run[run]),
+                                               rx_cell_number(p < 0 ? NAN : m->precision[p]),
+                                               rx_cell_number(c == NULL ? -INFINITY : c->score),
+                                               rx_cell_number(c == NULL || c->whole_list),
+                                               rx_cell_estimate(c == NULL ? w->precision : c->precision),
+                                               rx_cell_estimate(recall),
+                                               rx_cell_estimate(c == NULL ? w->mag50 : c->mag50),
+                                               rx_cell_estimate(c == NULL ? w->mag90 : c->mag90),
+                                               rx_cell_estimate(c == NULL ? w->false_per_mpixel : none)});
+            rx_text_printf(brief, "%-14s %s %-5.3g recall %.3f precision %.3f\n", m->results->run[run],
+                           p < 0 ? "whole list  " : "at precision", p < 0 ? 0.0 : m->precision[p],
+                           recall.value, c == NULL ? w->precision.value : c->precision.value);
+        }
+    rx_report_show(
+        g->f.report, g->cuts,
+        &(rx_report_view){.from = from,
+                          .to = rx_report_rows(g->cuts),
+                          .title = "Over all magnitudes: depth, and thresholds of equal precision",
+                          .note = "The threshold is the lowest score (S/N of the detection) at which stars "
+                                  "found / (stars found + false detections), all magnitudes together, is "
+                                  "at least the precision named. A depth with an infinite end is a limit."});
+}
+
+static void add_curves(page *g, int f)
+{
+    const rx_photometry_field *field = &g->m->results->fields[f];
+    char mag[32];
+    for (int k = 0; k < field->nsets; k++)
+        for (int run = 0; run < g->m->results->nruns; run++) {
+            const rx_pr *pr = &rx_photometry_cell_of(g->m, f, k, run)->pr;
+            const long skip = pr->n / CURVE_POINTS + 1;
+            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+            for (long i = 0; i < pr->n; i++)
+                if (i % skip == 0 || i + 1 == pr->n)
+                    rx_report_row(g->curves, (rx_cell[]){rx_cell_words(field->name), rx_cell_words(mag),
+                                                         rx_cell_words(g->m->results->run[run]),
+                                                         rx_cell_number(pr->point[i].score),
+                                                         rx_cell_number(pr->point[i].recall),
+                                                         rx_cell_number(pr->point[i].precision)});
+        }
+}
+
+static void add_field(page *g, int f)
+{
+    const rx_photometry_numbers *m = g->m;
+    const rx_photometry_field *field = &m->results->fields[f];
+    const long from = rx_report_rows(g->sets);
+    rx_text words = {0};
+    char name[48];
+    snprintf(name, sizeof name, "field%d", f);
+    rx_report_section(g->f.report, name, field->name);
+    snprintf(name, sizeof name, "field%d-", f);
+    rx_report_place(g->f.report, name);
+    snprintf(name, sizeof name, "curve%d-", f);
+    rx_report_place(g->f.report, name);
+    rx_report_sentence(g->f.report, field->about);
+    rx_report_fold(g->f.report, "Pairs of restorers in words");
     for (int p = 0; p < m->npairs; p++) {
-        rx_text said = {0};
-        rx_photometry_pair_words(&said, m, f, p);
-        rx_page_said(dst, &said);
-        rx_text_free(&said);
+        const size_t before = words.length;
+        rx_photometry_pair_words(&words, m, f, p);
+        rx_report_sentence(g->f.report, words.data != NULL ? words.data + before : "");
     }
-}
-
-static void threshold_row(rx_text *dst, const rx_photometry_numbers *m, int f, int run, int p)
-{
-    const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
-    const rx_photometry_cut *cut = &w->cut[p];
-    char text[32];
-    snprintf(text, sizeof text, "P=%g", m->precision[p]);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, m->results->run[run]);
-    rx_page_cell_text(dst, text);
-    if (isinf(cut->score))
-        rx_page_cell_html(dst, RX_RIGHT, "never reached");
-    else
-        rx_page_cell_number(dst, cut->score, 2);
-    rx_page_cell_interval(dst, &cut->precision, 4);
-    rx_page_cell_interval(dst, &cut->recall, 3);
-    rx_page_cell_interval(dst, &cut->mag50, 2);
-    rx_page_cell_interval(dst, &cut->mag90, 2);
-    rx_page_cell_text(dst, cut->whole_list ? "list ends above" : "");
-    rx_page_row_end(dst);
-}
-
-static void write_thresholds(rx_text *dst, const rx_photometry_numbers *m, int f)
-{
-    static const char *const names[] = {"score from", "precision", "recall", "50 % complete (mag)",
-                                        "90 % complete (mag)"};
-    rx_page_heading(dst, "Over all magnitudes: depth and thresholds", NULL);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "restorer");
-    rx_page_head(dst, RX_LEFT, "list");
-    heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_head(dst, RX_RIGHT, "false per Mpixel");
-    rx_page_row_end(dst);
-    for (int run = 0; run < m->results->nruns; run++) {
-        const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, m->results->run[run]);
-        rx_page_cell_text(dst, "whole");
-        rx_page_cell_number(dst, NAN, 0);
-        rx_page_cell_interval(dst, &w->precision, 4);
-        rx_page_cell_interval(dst, &w->recall, 3);
-        rx_page_cell_interval(dst, &w->mag50, 2);
-        rx_page_cell_interval(dst, &w->mag90, 2);
-        rx_page_cell_interval(dst, &w->false_per_mpixel, 2);
-        rx_page_row_end(dst);
-    }
-    for (int p = 0; p < m->nprecisions; p++)
-        for (int run = 0; run < m->results->nruns; run++)
-            threshold_row(dst, m, f, run, p);
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst,
-        "The threshold of a row is the lowest score (S/N of the detection) at which stars found / (stars "
-        "found + false detections), all magnitudes together, is at least the precision named. Where a "
-        "whole list is purer than that, a lower DETECT_THRESH would have found more, and completeness "
-        "is a lower limit. A depth with an infinite end is a limit, too.");
-}
-
-static void set_cell(rx_text *dst, const rx_photometry_set *set)
-{
-    char text[96];
-    snprintf(text, sizeof text, "<b>%g</b> <small>S/N %.3g</small>", set->mag, set->snr);
-    rx_page_cell_html(dst, RX_LEFT, text);
-}
-
-static void quantity_table(rx_text *dst, const rx_photometry_numbers *m, int f, rx_cell_quantity quantity)
-{
-    const rx_photometry_field *field = &m->results->fields[f];
-    const rx_cell_row *row = rx_cell_row_of(quantity);
-    rx_page_heading(dst, row->name, row->unit[0] != '\0' ? row->unit : NULL);
-    rx_text help = {0};
-    rx_escape_html(&help, row->help);
-    rx_page_note(dst, help.data != NULL ? help.data : "");
-    dst->failed = dst->failed || help.failed;
-    rx_text_free(&help);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "magnitude");
-    for (int run = 0; run < m->results->nruns; run++)
-        rx_page_head(dst, RX_RIGHT, m->results->run[run]);
-    rx_page_row_end(dst);
+    rx_report_unfold(g->f.report);
+    rx_report_brief_of(g->f.report)->failed |= words.failed;
+    rx_text_free(&words);
+    add_cuts(g, f);
     for (int k = 0; k < field->nsets; k++) {
-        rx_page_row(dst, NULL);
-        set_cell(dst, &field->sets[k]);
-        for (int run = 0; run < m->results->nruns; run++)
-            rx_page_cell_estimate(dst, rx_cell_get(rx_photometry_cell_of(m, f, k, run), quantity),
-                                  row->digits);
-        rx_page_row_end(dst);
+        const rx_photometry_set *set = &field->sets[k];
+        snprintf(name, sizeof name, "%g", set->mag);
+        rx_report_row(g->sets,
+                      (rx_cell[]){rx_cell_words(field->name), rx_cell_words(name), rx_cell_number(set->mag),
+                                  rx_cell_number(set->snr), rx_cell_number((double)set->ntiles),
+                                  rx_cell_number((double)set->nstars), rx_cell_number(set->mpixels),
+                                  rx_cell_words(field->about)});
     }
-    rx_page_table_end(dst);
-}
-
-static void winner_cell(rx_text *dst, const rx_photometry_numbers *m, int pair, int winner)
-{
-    const char *name =
-        winner == 0 ? "" : m->results->run[winner > 0 ? m->pair[pair].first : m->pair[pair].second];
-    if (winner == 0)
-        rx_page_cell_text(dst, "");
-    else
-        rx_page_cell_verdict(dst, winner > 0 ? RX_MARK_GOOD : RX_MARK_BAD, name);
-}
-
-static void pair_heading(rx_text *dst, const rx_photometry_numbers *m, int pair, const char *what)
-{
-    char text[160];
-    snprintf(text, sizeof text, "%.24s against %.24s: %.80s", m->results->run[m->pair[pair].first],
-             m->results->run[m->pair[pair].second], what);
-    rx_page_heading(dst, text, NULL);
-}
-
-/* which: -1 whole lists, else a precision; shares of both beside the counts of the stars that differ. */
-static void found_table(rx_text *dst, const rx_photometry_numbers *m, int f, int pair, int which)
-{
-    const rx_photometry_field *field = &m->results->fields[f];
-    const rx_run_pair two = m->pair[pair];
-    char text[64] = "stars found, whole lists";
-    if (which >= 0)
-        snprintf(text, sizeof text, "completeness at precision %g", m->precision[which]);
-    pair_heading(dst, m, pair, text);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "magnitude");
-    rx_page_head(dst, RX_RIGHT, m->results->run[two.first]);
-    rx_page_head(dst, RX_RIGHT, m->results->run[two.second]);
-    static const char *const names[] = {"only the first", "only the second", "p", "p, Holm"};
-    heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_head(dst, RX_LEFT, "more");
-    rx_page_row_end(dst);
-    for (int k = 0; k < field->nsets; k++) {
-        const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
-        const rx_found_duel *found = which < 0 ? &d->found : &d->complete[which];
-        const rx_photometry_cell *a = rx_photometry_cell_of(m, f, k, two.first);
-        const rx_photometry_cell *b = rx_photometry_cell_of(m, f, k, two.second);
-        rx_page_row(dst, NULL);
-        set_cell(dst, &field->sets[k]);
-        rx_page_cell_estimate(dst, which < 0 ? &a->recall : &a->complete[which], 3);
-        rx_page_cell_estimate(dst, which < 0 ? &b->recall : &b->complete[which], 3);
-        rx_page_cell_count(dst, found->only_first);
-        rx_page_cell_count(dst, found->only_second);
-        rx_page_cell_p(dst, found->p, log(found->p));
-        rx_page_cell_p(dst, found->holm, log(found->holm));
-        winner_cell(dst, m, pair, found->winner);
-        rx_page_row_end(dst);
+    for (int p = 0; p < m->nprecisions; p++) {
+        rx_quantity q = {.unit = "", .digits = 3};
+        snprintf(q.name, sizeof q.name, "recall_p%g", m->precision[p]);
+        snprintf(q.help, sizeof q.help, "share of the stars found at precision %g", m->precision[p]);
+        add_quantity(g, f, &q, 0, p, p == 0);
     }
-    rx_page_table_end(dst);
-}
-
-static void error_table(rx_text *dst, const rx_photometry_numbers *m, int f, int pair)
-{
-    static const char *const names[] = {"stars",      "mean difference", "t", "p", "p, Holm", "d_z",
-                                        "Wilcoxon p", "Wilcoxon p, Holm"};
-    const rx_photometry_field *field = &m->results->fields[f];
-    pair_heading(dst, m, pair, "100 |F - F0| / F0 of the stars that both found, %");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "magnitude");
-    heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_head(dst, RX_LEFT, "smaller errors");
-    rx_page_row_end(dst);
-    for (int k = 0; k < field->nsets; k++) {
-        const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
-        rx_page_row(dst, NULL);
-        set_cell(dst, &field->sets[k]);
-        rx_page_cell_count(dst, d->paired.difference.n);
-        rx_page_cell_difference(dst, &d->paired.difference, 3, d->winner);
-        rx_page_cell_number(dst, d->paired.statistic, 2);
-        rx_page_cell_p(dst, d->paired.p, d->paired.ln_p);
-        rx_page_cell_p(dst, d->holm, log(d->holm));
-        rx_page_cell_number(dst, d->paired.effect, 3);
-        rx_page_cell_p(dst, d->wilcoxon.p, d->wilcoxon.ln_p);
-        rx_page_cell_p(dst, d->holm_wilcoxon, log(d->holm_wilcoxon));
-        winner_cell(dst, m, pair, d->winner);
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
-}
-
-static void write_duels(rx_text *dst, const rx_photometry_numbers *m, int f)
-{
-    rx_text_add(dst, "<details open><summary><b>Duels on the same stars</b></summary>\n");
-    for (int pair = 0; pair < m->npairs; pair++) {
-        for (int p = 0; p < m->nprecisions; p++)
-            found_table(dst, m, f, pair, p);
-        found_table(dst, m, f, pair, -1);
-        error_table(dst, m, f, pair);
-    }
-    rx_page_note(
-        dst,
-        "Found: McNemar's exact test on the stars that only one of the two found. Errors: Student's paired t "
-        "and Wilcoxon's signed ranks; green where the first has the smaller errors. Holm adjusts for the "
-        "magnitudes of a table; a winner is named for an adjusted p below 0.05.");
-    rx_text_add(dst, "</details>\n");
-}
-
-static void write_field(rx_text *dst, const rx_photometry_page *page, int f)
-{
-    const rx_photometry_numbers *m = page->numbers;
-    const rx_photometry_field *field = &m->results->fields[f];
-    char id[24], prefix[24];
-    rx_text title = {0};
-    long stars = 0, tiles = 0;
-    double mpixels = 0;
-    for (int k = 0; k < field->nsets; k++) {
-        stars += field->sets[k].nstars;
-        tiles += field->sets[k].ntiles;
-        mpixels += field->sets[k].mpixels;
-    }
-    snprintf(id, sizeof id, "field%d", f);
-    rx_text_printf(&title, "Field: %s", field->name);
-    rx_page_section(dst, id, title.data != NULL ? title.data : "");
-    rx_text_free(&title);
-    escaped_paragraph(dst, field->about);
-    rx_text_printf(dst, "<p>%d magnitudes, %ld tiles (%.4g Mpixel), %ld stars.</p>\n", field->nsets, tiles,
-                   mpixels, stars);
-    write_words(dst, m, f);
-    write_thresholds(dst, m, f);
-    snprintf(prefix, sizeof prefix, "field%d-", f);
-    rx_page_figures(dst, &page->figures, prefix);
-    rx_page_heading(dst, "Precision against recall", NULL);
-    snprintf(prefix, sizeof prefix, "curve%d-", f);
-    rx_page_figures(dst, &page->figures, prefix);
-    rx_page_note(
-        dst, "From the surest detections to the whole list, by falling score. Further up and to the right is "
-             "better.");
-    write_duels(dst, m, f);
-    rx_text_add(dst, "<details open><summary><b>Tables by magnitude</b></summary>\n");
+    add_quantity(g, f, &QUANTITIES[RX_CELL_MAGERR], RX_CELL_MAGERR, -1, 1);
+    rx_report_fold(g->f.report, "More tables");
     for (int q = 0; q < RX_CELL_QUANTITIES; q++)
-        quantity_table(dst, m, f, (rx_cell_quantity)q);
-    rx_text_add(dst, "</details>\n");
+        if (q != RX_CELL_MAGERR)
+            add_quantity(g, f, &QUANTITIES[q], q, -1, 0);
+    rx_report_show(g->f.report, g->sets,
+                   &(rx_report_view){.from = from, .to = rx_report_rows(g->sets), .title = "Tiles"});
+    rx_report_unfold(g->f.report);
+    for (int pair = 0; pair < m->npairs; pair++)
+        add_pair(g, f, pair);
+    add_curves(g, f);
 }
 
-static void write_reading(rx_text *dst)
+static void write_reading(rx_report *report)
 {
-    char html[1600];
-    rx_page_section(dst, "reading", "How to read this");
+    char html[2400];
     snprintf(
         html, sizeof html,
-        "Every number is followed by its 95 %% interval and the number of stars behind it. Shares have "
-        "Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute deviation) "
-        "intervals from order statistics, MagErr, ap and the depths bootstrap intervals (%d draws, none for "
+        "Stars of one known magnitude at a time are put onto tiles that also hold other objects and noise; "
+        "every "
+        "restorer restores the same tiles, and the same program detects and measures. A star is found when a "
+        "detection lies on it; a false detection is one that is neither one of the stars nor any object "
+        "known to be "
+        "there. Shares have Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median "
+        "absolute "
+        "deviation) intervals from order statistics, MagErr, ap and the depths bootstrap intervals (%d "
+        "draws, none for "
         "fewer than %d stars). Stars of one tile share its noise and its neighbours; the intervals take them "
         "as "
-        "independent, and a threshold at equal precision as given.",
-        RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
-    rx_page_paragraph(dst, html);
-    rx_page_paragraph(
-        dst,
-        "<b>Recall and precision</b> of a magnitude: of the stars of that magnitude, with the false "
-        "detections of the very tiles they are on; precision therefore depends on how many stars a tile "
-        "holds, the same for every restorer. <b>Equal precision</b>: a cut at k sigma means different "
-        "things on raw and on restored pixels, so each restorer gets the threshold at which its own "
-        "precision, all magnitudes of the field together, has the value named; then completeness is "
-        "compared. <b>MagErr</b> is a mean of absolute values: it hides the sign, which bias_percent and "
-        "bias_mag tell, and single gross errors weigh in it. It, bias, scatter and pull are of the stars "
+        "independent, and a threshold at equal precision as given. Precision depends on how many stars a "
+        "tile holds, "
+        "the same for every restorer. <b>Equal precision</b>: a cut at k sigma means different things on raw "
+        "and on "
+        "restored pixels, so each restorer gets the threshold at which its own precision has the value "
+        "named; then "
+        "completeness is compared. <b>MagErr</b> is a mean of absolute values: it hides the sign, which "
+        "bias_percent "
+        "and bias_mag give, and single gross errors weigh in it. It, bias, scatter and pull are of the stars "
         "that a "
-        "restorer found: near the limit those that noise has lifted, and one that finds more has more of "
-        "the difficult ones; only the duels compare errors on the same stars. F0 is the flux that was put "
-        "in; nothing is "
-        "calibrated away. On a real tile, whatever is found before the stars are added counts neither as "
-        "right nor as false, for nobody can tell its faint sources from peaks of its noise; false there is "
-        "what the stars bring with them, and all that is found on as many realisations of the tile's own "
-        "noise without sources. What a restorer makes of real sources, rings say, is not counted. S/N is "
-        "that of a matched filter on the bare background.");
-    rx_page_paragraph(
-        dst, "All numbers are in summary.json, sets.ecsv (restorers), duels.ecsv (pairs) and cuts.ecsv "
-             "(thresholds); curves.ecsv holds points of the precision-recall curves.");
+        "restorer found: one that finds more has more of the difficult ones; only the contests compare "
+        "errors on the "
+        "same stars. F0 is the flux that was put in; nothing is calibrated away. On a real tile, whatever is "
+        "found "
+        "before the stars are added counts neither as right nor as false; false there is what the stars "
+        "bring with "
+        "them, and all that is found on as many realisations of the tile's own noise without sources.",
+        RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
+    rx_report_paragraph(report, html);
 }
 
-void rx_photometry_html(rx_text *dst, const rx_photometry_page *page)
+rx_status rx_photometry_report(const rx_photometry_results *results, const rx_campaign_record *record,
+                               const char *folder, const char *shown, rx_log *log, rx_text *brief,
+                               rx_error *err)
 {
-    const rx_photometry_results *r = page->numbers->results;
-    rx_page_begin(dst, "Validation: ", page->record->title);
-    rx_page_links_begin(dst);
-    rx_page_link(dst, 1, "verdicts", "The paper's claims");
-    rx_page_link(dst, 1, "runs", "Restorers and fields");
-    for (int f = 0; f < r->nfields; f++) {
-        char id[24];
-        snprintf(id, sizeof id, "field%d", f);
-        rx_page_link(dst, 1, id, r->fields[f].name);
-    }
-    rx_page_link(dst, 1, "reading", "How to read");
-    rx_page_link(dst, 1, "record", "Record");
-    rx_page_links_end(dst);
-    write_what(dst, page->numbers);
-    rx_page_verdicts(dst, page->nverdicts, page->verdict);
-    for (int f = 0; f < r->nfields; f++)
-        write_field(dst, page, f);
-    write_reading(dst);
-    rx_page_campaign_record(dst, page->record);
-    rx_page_end(dst);
+    rx_photometry_numbers m = {0};
+    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
+    int nverdicts = 0;
+    page g = {.m = &m};
+    rx_status status = rx_photometry_numbers_make(results, record->seed, &m, err);
+    if (status == RX_OK)
+        status = rx_findings_begin(&g.f, "photometry", NULL, record, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_report *report = g.f.report;
+    rx_report_fact_numbers(report, "precisions", m.nprecisions, m.precision);
+    rx_photometry_verdicts(&m, verdicts, &nverdicts);
+    rx_findings_claims(&g.f, nverdicts, verdicts);
+    rx_findings_tables(&g.f);
+    rx_report_table *runs = rx_report_table_add(report, "runs", LENGTH(RUNS), RUNS, RX_REPORT_IN_JSON);
+    g.sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_EVERYWHERE);
+    g.cuts = rx_report_table_add(report, "cuts", LENGTH(CUTS), CUTS, RX_REPORT_EVERYWHERE);
+    g.curves = rx_report_table_add(report, "curves", LENGTH(CURVES), CURVES, RX_REPORT_IN_FILE);
+    rx_photometry_figures(rx_report_figures_of(report), &m);
+    for (int f = 0; f < results->nfields; f++)
+        add_field(&g, f);
+    rx_report_section(report, "runs", "Restorers");
+    for (int run = 0; run < results->nruns; run++)
+        rx_report_row(runs,
+                      (rx_cell[]){rx_cell_words(results->run[run]), rx_cell_words(results->settings[run])});
+    rx_report_show(report, runs, &(rx_report_view){.to = rx_report_rows(runs)});
+    rx_report_section(report, "reading", "How to read this");
+    write_reading(report);
+    status = rx_findings_end(&g.f, folder, shown, log, brief, err);
+exit:
+    rx_claim_verdicts_free(nverdicts, verdicts);
+    rx_photometry_numbers_free(&m);
+    return status;
 }

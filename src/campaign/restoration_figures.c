@@ -4,7 +4,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "campaign/restoration_page.h"
+#include "campaign/restoration_numbers.h"
+#include "validate/figure.h"
 
 enum { SHOWN_SIDE = 128, PICTURE_WIDTH = 200 };
 
@@ -46,7 +47,7 @@ static void boxes(rx_figures *dst, const rx_restoration_numbers *m, int by_sigma
         colors[k] = rx_method_color(r->method[k]);
         methods[k] = r->method[k];
     }
-    snprintf(id, sizeof id, "box-%s-%s", quality == RX_PSNR ? "psnr" : "ssim", kind_name[by_sigma]);
+    snprintf(id, sizeof id, "%s-box-%s", kind_name[by_sigma], quality == RX_PSNR ? "psnr" : "ssim");
     snprintf(title, sizeof title, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
     rx_figure_add(
         dst, id, title,
@@ -143,8 +144,8 @@ static void differences(rx_figures *dst, const rx_restoration_numbers *m, int by
         l->curve[m->npairs + 1] =
             (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = l->limit, .y = l->height};
         int beyond = l->limit[0] > axes.x0 && l->limit[0] < axes.x1;
-        snprintf(id, sizeof id, "difference-%s-%s", quality == RX_PSNR ? "psnr" : "ssim",
-                 kind_name[by_sigma]);
+        snprintf(id, sizeof id, "%s-difference-%s", kind_name[by_sigma],
+                 quality == RX_PSNR ? "psnr" : "ssim");
         snprintf(title, sizeof title, "Mean difference of %s by %s", rx_quality_name(quality),
                  by_sigma ? "noise" : "FWHM");
         rx_figure_add(
@@ -192,7 +193,6 @@ static void pictures(rx_figures *dst, const rx_restoration_results *r)
 
 void rx_restoration_figures(rx_figures *dst, const rx_restoration_numbers *m)
 {
-    rx_figures_begin(dst);
     for (int kind = 0; kind < 2; kind++)
         for (int q = 0; q < RX_QUALITIES; q++)
             boxes(dst, m, kind, (rx_quality)q);

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "campaign/paper.h"
 #include "campaign/results.h"
+#include "validate/figure.h"
 #include "validate/hypothesis.h"
 
 typedef enum rx_quality { RX_PSNR, RX_SSIM, RX_QUALITIES } rx_quality;
@@ -72,6 +73,9 @@ const char *rx_quality_unit(rx_quality quality); /* "dB", "" */
 /* One verdict for each claim that a restoration campaign is asked about; verdicts[RX_CLAIM_COUNT], *n used.
  * Free with rx_claim_verdicts_free(). */
 void rx_restoration_verdicts(const rx_restoration_numbers *numbers, rx_claim_verdict *verdicts, int *n);
+
+/* Figures, ids by what is binned: "fwhm-...", "sigma-...", and "example0-..." */
+void rx_restoration_figures(rx_figures *dst, const rx_restoration_numbers *numbers);
 
 /* Plain sentences: where the first of a pair is better, worse, undecided, for both qualities and kinds. */
 void rx_restoration_pair_words(rx_text *dst, const rx_restoration_numbers *numbers, int pair);

@@ -1,43 +1,80 @@
-/* report.html of a restoration campaign. */
-#include "campaign/restoration_page.h"
-
+/* The report of a restoration campaign. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "campaign/findings.h"
+#include "campaign/restoration_numbers.h"
 #include "validate/bootstrap.h"
 #include "validate/escape.h"
 #include "validate/page.h"
 
-static const char *const kind_head[] = {"FWHM (px)", "noise sigma"};
+static const rx_quantity QUALITIES[RX_QUALITIES] = {
+    [RX_PSNR] = {"psnr", "dB", "mean over the scenes, t interval", 2, 0},
+    [RX_SSIM] = {"ssim", "", "mean over the scenes, t interval", 4, 0}};
 
-/* Two or three decimals: dB and SSIM. */
-static int digits_of(rx_quality quality)
-{
-    return quality == RX_PSNR ? 2 : 4;
-}
+static const rx_report_column BINS[] = {
+    {.name = "scene", .help = "binned quantity"},
+    {.name = "condition", .help = "middle of the bin"},
+    {"low", RX_REPORT_NUMBER, 2, "", ""},
+    {"high", RX_REPORT_NUMBER, 2, "", ""},
+    {"other_low", RX_REPORT_NUMBER, 2, "", "range of the other quantity"},
+    {"other_high", RX_REPORT_NUMBER, 2, "", "range of the other quantity"},
+    {"scenes", RX_REPORT_COUNT, 0, "", ""},
+    {"level_low", RX_REPORT_NUMBER, 3, "", "noise level on the scale of models"},
+    {"level_median", RX_REPORT_NUMBER, 3, "", ""},
+    {"level_high", RX_REPORT_NUMBER, 3, "", ""},
+    {"inside_training", RX_REPORT_COUNT, 0, "", "1: seeing and median noise level are inside the training"},
+    {"fainter_than_fields", RX_REPORT_COUNT, 0, "", "1: that level is above those of all whole fields of it"},
+};
 
-static void heads(rx_text *dst, int n, const char *const *names)
-{
-    for (int i = 0; i < n; i++)
-        rx_page_head(dst, RX_RIGHT, names[i]);
-}
+static const rx_report_column BOXES[] = {
+    {.name = "scene"},
+    {.name = "condition"},
+    {.name = "run"},
+    {.name = "quantity"},
+    {"low", RX_REPORT_NUMBER, 3, "", "last value within 1.5 box lengths"},
+    {"q1", RX_REPORT_NUMBER, 3, "", "quartile"},
+    {"median", RX_REPORT_NUMBER, 3, "", ""},
+    {"q3", RX_REPORT_NUMBER, 3, "", "quartile"},
+    {"high", RX_REPORT_NUMBER, 3, "", ""},
+    {"outliers", RX_REPORT_COUNT, 0, "", ""},
+};
 
-/* "9+" beyond the training range. */
-static void bin_cell(rx_text *dst, const rx_restoration_numbers *m, int b)
-{
-    char text[48];
-    snprintf(text, sizeof text, "<b>%g</b>%s", rx_bin_centre(&m->results->bins[b]),
-             rx_bin_is_beyond(m, b) ? "+" : "");
-    rx_page_cell_html(dst, RX_RIGHT, text);
-}
+static const rx_report_column SCENES[] = {
+    {.name = "scene"},
+    {.name = "condition"},
+    {"number", RX_REPORT_COUNT, 0, "", "from 1 in each bin"},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF"},
+    {"sigma", RX_REPORT_NUMBER, 2, "adu", "of the noise"},
+    {"noise_level", RX_REPORT_NUMBER, 3, "", "the noise on the scale of models"},
+    {.name = "run"},
+    {"psnr", RX_REPORT_NUMBER, 2, "dB", "with the settings for PSNR"},
+    {"ssim", RX_REPORT_NUMBER, 4, "", "with the settings for SSIM"},
+};
 
-static int has_kind(const rx_restoration_results *r, int by_sigma)
+static const rx_report_column PAPER[] = {
+    {"table", RX_REPORT_COUNT, 0, "", "of the paper"},
+    {.name = "scene"},
+    {.name = "quantity"},
+    {"bin", RX_REPORT_NUMBER, 0, "", ""},
+    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom that give its p"},
+    {"paper_t", RX_REPORT_NUMBER, 2, "", "printed: its network against Richardson-Lucy"},
+    {"paper_p", RX_REPORT_P, 0, "", "printed"},
+    {"p_from_t", RX_REPORT_P, 0, "", "that follows from the printed t"},
+    {"fits", RX_REPORT_COUNT, 0, "", "1: within what rounding allows"},
+    {"t", RX_REPORT_NUMBER, 2, "", "here, two samples as in the paper"},
+    {"p", RX_REPORT_P, 0, "", "here"},
+    {"paired_t", RX_REPORT_NUMBER, 2, "", "here, on the same scenes: the fitting test"},
+};
+
+#define LENGTH(table) ((int)(sizeof(table) / sizeof *(table)))
+
+static const char *const KINDS[] = {"FWHM", "noise"};
+
+static void bin_name(const rx_restoration_numbers *m, int b, char dst[32])
 {
-    for (int b = 0; b < r->nbins; b++)
-        if (r->bins[b].by_sigma == by_sigma)
-            return 1;
-    return 0;
+    snprintf(dst, 32, "%g", rx_bin_centre(&m->results->bins[b]));
 }
 
 /* Smallest and largest of the bins of a kind. */
@@ -93,7 +130,7 @@ static void write_levels(rx_text *html, const rx_restoration_numbers *m)
             fields);
 }
 
-static void write_what(rx_text *dst, const rx_restoration_numbers *m)
+static void write_what(rx_report *report, const rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
     rx_text html = {0};
@@ -140,325 +177,280 @@ static void write_what(rx_text *dst, const rx_restoration_numbers *m)
     if (ends > 0)
         rx_text_printf(&html,
                        " In %d of %d choices the best lies at an end of what was tried "
-                       "(<a href=\"#settings\">marked</a>): there the method might do better yet.",
+                       "(cells.ecsv): there the method might do better yet.",
                        ends, choices);
-    if (html.data != NULL)
-        rx_page_paragraph(dst, html.data);
-    dst->failed = dst->failed || html.failed;
+    rx_report_paragraph(report, html.data != NULL ? html.data : "");
     rx_text_free(&html);
 }
 
-static void write_words(rx_text *dst, const rx_restoration_numbers *m)
+static void add_bins(rx_report *report, const rx_restoration_numbers *m)
 {
-    rx_page_section(dst, "words", "Who is better where");
-    for (int p = 0; p < m->npairs; p++) {
-        rx_text said = {0};
-        rx_restoration_pair_words(&said, m, p);
-        rx_page_said(dst, &said);
-        rx_text_free(&said);
+    rx_report_table *t = rx_report_table_add(report, "bins", LENGTH(BINS), BINS, RX_REPORT_EVERYWHERE);
+    char name[32];
+    for (int b = 0; b < m->results->nbins; b++) {
+        const rx_restoration_bin *bin = &m->results->bins[b];
+        bin_name(m, b, name);
+        rx_report_row(t, (rx_cell[]){rx_cell_words(KINDS[bin->by_sigma]), rx_cell_words(name),
+                                     rx_cell_number(bin->low), rx_cell_number(bin->high),
+                                     rx_cell_number(bin->other_low), rx_cell_number(bin->other_high),
+                                     rx_cell_number((double)bin->nscenes), rx_cell_number(m->level[b].low),
+                                     rx_cell_number(m->level[b].median), rx_cell_number(m->level[b].high),
+                                     rx_cell_number(m->inside[b]), rx_cell_number(m->fainter[b])});
     }
-    rx_page_note(dst,
-                 "Above and below: Student's t of the differences on the same scenes, p adjusted by Holm for "
-                 "the number of bins, below 0.05.");
 }
 
-/* The pictures of one scene side by side. */
-static void example_row(rx_text *dst, const rx_figures *figures, const char *prefix, int n)
-{
-    rx_text_printf(dst, "<div style=\"display:grid;grid-template-columns:repeat(%d,1fr);gap:.5em\">\n", n);
-    for (int i = 0; i < figures->n; i++)
-        if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0)
-            rx_page_figure(dst, &figures->figure[i]);
-    rx_text_add(dst, "</div>\n");
-}
-
-static int has_examples(const rx_restoration_page *page)
-{
-    return page->numbers->results->nexamples > 0 && page->figures.note[0] == '\0';
-}
-
-static void write_examples(rx_text *dst, const rx_restoration_page *page)
-{
-    const rx_restoration_results *r = page->numbers->results;
-    if (!has_examples(page))
-        return;
-    rx_page_section(dst, "examples", "Examples");
-    for (int e = 0; e < r->nexamples; e++) {
-        char text[96], prefix[24];
-        snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", r->examples[e].fwhm,
-                 r->examples[e].sigma);
-        snprintf(prefix, sizeof prefix, "example%d-", e);
-        rx_page_heading(dst, text, NULL);
-        example_row(dst, &page->figures, prefix, r->examples[e].nplanes);
-    }
-    rx_page_note(dst,
-                 "The middle of the scene, the same grey scale for all pictures: asinh(p / 6 %) of the peak, "
-                 "black at &minus;6 %, white at 70 % of it.");
-}
-
-static void values_table(rx_text *dst, const rx_restoration_numbers *m, int by_sigma, rx_quality quality)
+/* Means of a quality over bins of a kind, on the page; boxes in the files. */
+static void add_quality(rx_findings *f, rx_report_table *boxes, const rx_restoration_numbers *m, int by_sigma,
+                        rx_quality quality)
 {
     const rx_restoration_results *r = m->results;
-    char text[64];
-    snprintf(text, sizeof text, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
-    rx_page_heading(dst, text, rx_quality_unit(quality)[0] != '\0' ? rx_quality_unit(quality) : NULL);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_RIGHT, kind_head[by_sigma]);
-    rx_page_head(dst, RX_RIGHT, "scenes");
-    for (int k = 0; k < r->nmethods; k++) {
-        snprintf(text, sizeof text, "%s median", r->method[k]);
-        rx_page_head(dst, RX_RIGHT, text);
-        rx_page_head(dst, RX_RIGHT, "mean");
-    }
-    rx_page_row_end(dst);
-    for (int b = 0; b < r->nbins; b++) {
-        if (r->bins[b].by_sigma != by_sigma)
-            continue;
-        rx_page_row(dst, NULL);
-        bin_cell(dst, m, b);
-        rx_page_cell_count(dst, r->bins[b].nscenes);
-        for (int k = 0; k < r->nmethods; k++) {
-            rx_page_cell_number(dst, rx_quality_box(m, b, quality, k)->median, digits_of(quality));
-            rx_page_cell_interval(dst, rx_quality_mean(m, b, quality, k), digits_of(quality));
+    const long from = rx_report_rows(f->cells);
+    const char *name = QUALITIES[quality].name;
+    char bin[32], setting[160];
+    for (int b = 0; b < r->nbins; b++)
+        for (int k = 0; k < r->nmethods && r->bins[b].by_sigma == by_sigma; k++) {
+            const rx_method_scores *s = &r->bins[b].method[k];
+            const rx_five_numbers *box = rx_quality_box(m, b, quality, k);
+            const int end = quality == RX_PSNR ? s->end_psnr : s->end_ssim;
+            bin_name(m, b, bin);
+            snprintf(setting, sizeof setting, "%s%s",
+                     quality == RX_PSNR ? s->settings_psnr : s->settings_ssim,
+                     end ? " (at an end of what was tried)" : "");
+            rx_findings_cell(f, &(rx_finding){KINDS[by_sigma], bin, r->method[k], setting},
+                             &QUALITIES[quality], rx_quality_mean(m, b, quality, k));
+            rx_report_row(boxes,
+                          (rx_cell[]){rx_cell_words(KINDS[by_sigma]), rx_cell_words(bin),
+                                      rx_cell_words(r->method[k]), rx_cell_words(name),
+                                      rx_cell_number(box->low), rx_cell_number(box->q1),
+                                      rx_cell_number(box->median), rx_cell_number(box->q3),
+                                      rx_cell_number(box->high), rx_cell_number((double)box->outliers)});
         }
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
+    rx_findings_show(f, from, &QUALITIES[quality], 1);
 }
 
-static void duel_row(rx_text *dst, const rx_restoration_numbers *m, int b, rx_quality quality, int pair)
+/* Four tests of two methods on the scenes of one bin. */
+static void add_contests(rx_findings *f, const rx_restoration_numbers *m, int b, rx_quality quality, int pair)
 {
     const rx_quality_duel *d = rx_quality_duel_of(m, b, quality, pair);
-    rx_page_row(dst, NULL);
-    bin_cell(dst, m, b);
-    rx_page_cell_count(dst, d->n);
-    rx_page_cell_difference(dst, &d->paired.difference, digits_of(quality), d->winner);
-    rx_page_cell_difference(dst, &d->bootstrap, digits_of(quality), 0);
-    rx_page_cell_number(dst, d->paired.statistic, 2);
-    rx_page_cell_number(dst, d->paired.effect, 2);
-    rx_page_cell_p(dst, d->paired.p, d->paired.ln_p);
-    rx_page_cell_p(dst, d->holm, log(d->holm));
-    rx_page_cell_p(dst, d->wilcoxon.p, d->wilcoxon.ln_p);
-    rx_page_cell_p(dst, d->holm_wilcoxon, log(d->holm_wilcoxon));
-    rx_page_row_end(dst);
+    const char *first = m->results->method[m->pair[pair].first],
+               *second = m->results->method[m->pair[pair].second];
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    const rx_test *tests[] = {&d->paired, &d->wilcoxon, &d->two_sample};
+    static const char *const names[] = {"paired t", "Wilcoxon", "two samples"};
+    char bin[32];
+    bin_name(m, b, bin);
+    rx_contest c = {.scene = KINDS[m->results->bins[b].by_sigma],
+                    .condition = bin,
+                    .quantity = QUALITIES[quality].name,
+                    .first = first,
+                    .second = second,
+                    .only_first = NAN,
+                    .only_second = NAN};
+    for (int i = 0; i < 3; i++) {
+        c.test = names[i];
+        c.statistic = tests[i]->statistic;
+        c.dof = tests[i]->dof;
+        c.p = tests[i]->p;
+        c.ln_p = tests[i]->ln_p;
+        c.effect = tests[i]->effect;
+        c.difference = i == 0 ? d->paired.difference : none;
+        c.holm = i == 0 ? d->holm : i == 1 ? d->holm_wilcoxon : NAN;
+        c.winner = i > 0 || d->winner == 0 ? NULL : d->winner > 0 ? first : second;
+        rx_findings_contest(f, &c);
+    }
+    rx_findings_contest(f, &(rx_contest){c.scene, bin, c.quantity, first, second, "bootstrap", NAN, NAN, NAN,
+                                         NAN, NAN, NAN, NULL, d->bootstrap, NAN, NAN});
 }
 
-static void duel_table(rx_text *dst, const rx_restoration_numbers *m, int by_sigma, rx_quality quality,
-                       int pair)
+/* Tables and figures of one binned quantity. */
+static void add_kind(rx_findings *f, rx_report_table *boxes, const rx_restoration_numbers *m, int by_sigma)
 {
-    static const char *const names[] = {
-        "scenes",  "difference (t)", "difference (bootstrap)", "t", "d_z", "p",
-        "p, Holm", "Wilcoxon",       "Wilcoxon, Holm"};
-    char text[64];
-    snprintf(text, sizeof text, "%s by %s", rx_quality_name(quality), by_sigma ? "noise" : "FWHM");
-    rx_page_heading(dst, text, rx_quality_unit(quality)[0] != '\0' ? rx_quality_unit(quality) : NULL);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_RIGHT, kind_head[by_sigma]);
-    heads(dst, (int)(sizeof names / sizeof *names), names);
-    rx_page_row_end(dst);
-    for (int b = 0; b < m->results->nbins; b++)
-        if (m->results->bins[b].by_sigma == by_sigma)
-            duel_row(dst, m, b, quality, pair);
-    rx_page_table_end(dst);
-}
-
-static void write_tables(rx_text *dst, const rx_restoration_numbers *m)
-{
-    rx_page_section(dst, "tables", "Tables");
-    for (int kind = 0; kind < 2; kind++)
-        for (int q = 0; q < RX_QUALITIES && has_kind(m->results, kind); q++)
-            values_table(dst, m, kind, (rx_quality)q);
-    rx_page_note(dst, "Means with 95 % t intervals. A plus: a larger FWHM or a higher noise level than in "
-                      "the fields of the training.");
-}
-
-/* The first pair lies open, the others are folded away. */
-static void write_duels(rx_text *dst, const rx_restoration_numbers *m)
-{
+    static const char *const columns[] = {"condition", "test", "difference", "statistic",
+                                          "effect",    "p",    "holm",       "winner"};
     const rx_restoration_results *r = m->results;
-    rx_page_section(dst, "duels", "Duels on the same scenes");
+    char text[96];
+    int n = 0;
+    for (int b = 0; b < r->nbins; b++)
+        n += r->bins[b].by_sigma == by_sigma;
+    if (n == 0)
+        return;
+    rx_report_section(f->report, KINDS[by_sigma], by_sigma ? "By noise" : "By FWHM");
+    rx_report_place(f->report, by_sigma ? "sigma-" : "fwhm-");
+    for (int q = 0; q < RX_QUALITIES; q++)
+        add_quality(f, boxes, m, by_sigma, (rx_quality)q);
+    for (int pair = 0; pair < m->npairs; pair++) {
+        snprintf(text, sizeof text, "%s against %s, on the same scenes", r->method[m->pair[pair].first],
+                 r->method[m->pair[pair].second]);
+        rx_report_fold(f->report, text);
+        for (int q = 0; q < RX_QUALITIES; q++) {
+            const long from = rx_report_rows(f->contests);
+            for (int b = 0; b < r->nbins; b++)
+                if (r->bins[b].by_sigma == by_sigma)
+                    add_contests(f, m, b, (rx_quality)q, pair);
+            rx_findings_show_contests(f, from, QUALITIES[q].name, LENGTH(columns), columns);
+        }
+        rx_report_unfold(f->report);
+    }
+}
+
+static void add_words(rx_report *report, const rx_restoration_numbers *m)
+{
+    rx_text words = {0};
+    rx_report_section(report, "words", "Who is better where");
     for (int p = 0; p < m->npairs; p++) {
-        rx_text_add(dst, p == m->chief ? "<details open><summary><b>" : "<details><summary><b>");
-        rx_escape_html(dst, r->method[m->pair[p].first]);
-        rx_text_add(dst, " &minus; ");
-        rx_escape_html(dst, r->method[m->pair[p].second]);
-        rx_text_add(dst, "</b></summary>\n");
-        for (int kind = 0; kind < 2; kind++)
-            for (int q = 0; q < RX_QUALITIES && has_kind(r, kind); q++)
-                duel_table(dst, m, kind, (rx_quality)q, p);
-        rx_text_add(dst, "</details>\n");
+        const size_t before = words.length;
+        rx_restoration_pair_words(&words, m, p);
+        rx_report_sentence(report, words.data != NULL ? words.data + before : "");
+        if (p == 1 || p + 1 == m->npairs)
+            rx_text_printf(rx_report_brief_of(report), "%s\n", words.data != NULL && p < 2 ? words.data : "");
     }
-    rx_page_note(
-        dst,
-        "Means of the differences with t and bootstrap intervals. Green: the first is better, red: the "
-        "second (Holm p below 0.05). t and p: Student's t of the "
-        "differences (n &minus; 1 degrees of freedom); d_z: mean difference over its standard deviation; "
-        "Wilcoxon: signed ranks. Holm multiplies for the bins of one table.");
+    rx_report_brief_of(report)->failed |= words.failed;
+    rx_text_free(&words);
+    rx_report_note(
+        report, "Above and below: Student's t of the differences on the same scenes, p adjusted by Holm for "
+                "the number of bins, below 0.05.");
 }
 
-static void paper_row(rx_text *dst, const rx_restoration_numbers *m, const rx_paper_table *table, int b)
+/* The printed numbers of the paper beside ours. */
+static void add_paper(rx_report *report, const rx_restoration_numbers *m)
 {
-    const rx_restoration_bin *bin = &m->results->bins[b];
-    const rx_paper_column *c = rx_paper_column_at(table, rx_bin_centre(bin));
-    const rx_quality_duel *d = rx_quality_duel_of(m, b, table->ssim ? RX_SSIM : RX_PSNR, m->chief);
-    if (c == NULL)
-        return;
-    double p, ln_p;
-    int fits = rx_paper_column_fits(table, c, &p, &ln_p);
-    rx_page_row(dst, NULL);
-    rx_page_cell_number(dst, c->bin, 0);
-    rx_page_cell_number(dst, c->t, 2);
-    rx_page_cell_p(dst, c->p, log(c->p));
-    rx_page_cell_p(dst, p, ln_p);
-    rx_page_cell_verdict(dst, fits ? RX_MARK_GOOD : RX_MARK_BAD, fits ? "yes" : "no");
-    rx_page_cell_number(dst, d->two_sample.statistic, 2);
-    rx_page_cell_number(dst, d->two_sample.dof, 0);
-    rx_page_cell_p(dst, d->two_sample.p, d->two_sample.ln_p);
-    rx_page_cell_number(dst, d->two_sample.effect, 2);
-    rx_page_cell_number(dst, d->paired.statistic, 2);
-    rx_page_cell_p(dst, d->paired.p, d->paired.ln_p);
-    rx_page_row_end(dst);
-}
-
-static void write_paper(rx_text *dst, const rx_restoration_numbers *m)
-{
-    static const char *const names[] = {"paper: t", "p", "p from its t", "fits", "here: t", "dof",
-                                        "p",        "d", "paired: t",    "p"};
-    const rx_restoration_results *r = m->results;
-    char text[160];
-    rx_text html = {0};
-    if (m->chief < 0)
-        return;
-    const char *first = r->method[m->pair[m->chief].first], *second = r->method[m->pair[m->chief].second];
-    rx_page_section(dst, "paper", "Beside the paper's Tables 1 to 4");
-    if (m->pair[m->chief].first != m->net) {
-        rx_text_add(&html, "<b>The two sides compare different things.</b> The paper's columns are NET "
-                           "against RL; NET did not take part here, so ours are ");
-        rx_escape_html(&html, first);
-        rx_text_add(&html, " against ");
-        rx_escape_html(&html, second);
-        rx_text_add(&html, ". The paper's are shown for reference.");
-    }
-    if (html.data != NULL)
-        rx_page_paragraph(dst, html.data);
-    dst->failed = dst->failed || html.failed;
-    rx_text_free(&html);
+    rx_report_table *t = rx_report_table_add(report, "paper", LENGTH(PAPER), PAPER, RX_REPORT_IN_JSON);
     for (int i = 0; i < RX_PAPER_TABLES; i++) {
         const rx_paper_table *table = rx_paper_table_get(i);
-        if (!has_kind(r, table->by_sigma))
-            continue;
-        snprintf(text, sizeof text, "Table %d: %s by %s; here %.24s against %.24s", table->number,
-                 table->ssim ? "SSIM" : "PSNR", table->by_sigma ? "noise" : "FWHM", first, second);
-        rx_page_heading(dst, text, NULL);
-        rx_page_table_begin(dst);
-        rx_page_row(dst, NULL);
-        rx_page_head(dst, RX_RIGHT, table->by_sigma ? "sigma" : "FWHM");
-        heads(dst, (int)(sizeof names / sizeof *names), names);
-        rx_page_row_end(dst);
-        for (int b = 0; b < r->nbins; b++)
-            if (r->bins[b].by_sigma == table->by_sigma)
-                paper_row(dst, m, table, b);
-        rx_page_table_end(dst);
+        for (int k = 0; k < table->n; k++) {
+            const rx_paper_column *c = &table->column[k];
+            const rx_quality_duel *d = NULL;
+            double p, ln_p;
+            const int fits = rx_paper_column_fits(table, c, &p, &ln_p);
+            for (int b = 0; b < m->results->nbins && m->chief >= 0; b++)
+                if (m->results->bins[b].by_sigma == table->by_sigma &&
+                    rx_paper_column_at(table, rx_bin_centre(&m->results->bins[b])) == c)
+                    d = rx_quality_duel_of(m, b, table->ssim ? RX_SSIM : RX_PSNR, m->chief);
+            rx_report_row(t, (rx_cell[]){rx_cell_number(table->number), rx_cell_words(KINDS[table->by_sigma]),
+                                         rx_cell_words(table->ssim ? "ssim" : "psnr"), rx_cell_number(c->bin),
+                                         rx_cell_number(table->dof), rx_cell_number(c->t),
+                                         rx_cell_p(c->p, log(c->p)), rx_cell_p(p, ln_p), rx_cell_number(fits),
+                                         rx_cell_number(d != NULL ? d->two_sample.statistic : NAN),
+                                         rx_cell_p(d != NULL ? d->two_sample.p : NAN,
+                                                   d != NULL ? d->two_sample.ln_p : NAN),
+                                         rx_cell_number(d != NULL ? d->paired.statistic : NAN)});
+        }
     }
-    rx_page_note(
-        dst, "As in the paper: two samples, pooled variance, two-sided. Its degrees of freedom are not "
-             "printed; 138 (Tables 1, 2) and 78 (Tables 3, 4) give its p. d: Cohen's d. The scenes are the "
-             "same for both methods, so the paired test on the right is the fitting one.");
+    rx_report_section(report, "paper", "Beside the paper's Tables 1 to 4");
+    if (m->chief >= 0 && m->pair[m->chief].first != m->net) {
+        rx_text words = {0};
+        rx_text_printf(
+            &words,
+            "The two sides compare different things: the paper's columns are NET against RL; NET did not "
+            "take part here, so ours are %s against %s.",
+            m->results->method[m->pair[m->chief].first], m->results->method[m->pair[m->chief].second]);
+        rx_report_sentence(report, words.data);
+        rx_text_free(&words);
+    }
+    rx_report_show(report, t, &(rx_report_view){.to = rx_report_rows(t)});
 }
 
-static void chosen_cell(rx_text *dst, const char *settings, int end)
-{
-    rx_text html = {0};
-    rx_escape_html(&html, settings);
-    if (end)
-        rx_text_printf(&html, " <span class=\"%s\">at an end</span>", RX_MARK_OPEN);
-    rx_page_cell_html(dst, RX_LEFT, html.data != NULL ? html.data : "");
-    dst->failed = dst->failed || html.failed;
-    rx_text_free(&html);
-}
-
-static void write_settings(rx_text *dst, const rx_restoration_numbers *m)
+static void add_scenes(rx_report *report, const rx_restoration_numbers *m)
 {
     const rx_restoration_results *r = m->results;
-    rx_page_section(dst, "settings", "Settings chosen");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "bin");
-    rx_page_head(dst, RX_LEFT, "method");
-    rx_page_head(dst, RX_LEFT, "for PSNR");
-    rx_page_head(dst, RX_LEFT, "for SSIM");
-    rx_page_row_end(dst);
+    rx_report_table *t = rx_report_table_add(report, "scenes", LENGTH(SCENES), SCENES, RX_REPORT_IN_FILE);
+    char name[32];
     for (int b = 0; b < r->nbins; b++)
-        for (int k = 0; k < r->nmethods; k++) {
-            const rx_method_scores *s = &r->bins[b].method[k];
-            char text[48];
-            if (s->settings_psnr[0] == '\0' && s->settings_ssim[0] == '\0')
-                continue;
-            snprintf(text, sizeof text, "%s %g", kind_head[r->bins[b].by_sigma], rx_bin_centre(&r->bins[b]));
-            rx_page_row(dst, NULL);
-            rx_page_cell_text(dst, text);
-            rx_page_cell_text(dst, r->method[k]);
-            chosen_cell(dst, s->settings_psnr, s->end_psnr);
-            chosen_cell(dst, s->settings_ssim, s->end_ssim);
-            rx_page_row_end(dst);
-        }
-    rx_page_table_end(dst);
-    rx_page_note(dst, "At an end: the lowest or highest number of iterations, the widest filter or the "
-                      "highest threshold tried; longer lists (TUNE_NITER, TUNE_FILTER) may hold better "
-                      "ones, and the method is then not shown at its best.");
+        for (long i = 0; i < r->bins[b].nscenes; i++)
+            for (int k = 0; k < r->nmethods; k++) {
+                bin_name(m, b, name);
+                rx_report_row(
+                    t, (rx_cell[]){rx_cell_words(KINDS[r->bins[b].by_sigma]), rx_cell_words(name),
+                                   rx_cell_number((double)i + 1), rx_cell_number(r->bins[b].fwhm[i]),
+                                   rx_cell_number(r->bins[b].sigma[i]), rx_cell_number(r->bins[b].level[i]),
+                                   rx_cell_words(r->method[k]), rx_cell_number(r->bins[b].method[k].psnr[i]),
+                                   rx_cell_number(r->bins[b].method[k].ssim[i])});
+            }
 }
 
-static void write_reading(rx_text *dst)
+static void add_examples(rx_report *report, const rx_restoration_results *r)
 {
-    char html[1400];
-    rx_page_section(dst, "reading", "How to read this");
+    char text[96];
+    if (r->nexamples == 0)
+        return;
+    rx_report_section(report, "examples", "Examples");
+    for (int e = 0; e < r->nexamples; e++) {
+        snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", r->examples[e].fwhm,
+                 r->examples[e].sigma);
+        rx_report_heading(report, text, NULL);
+        snprintf(text, sizeof text, "example%d-", e);
+        rx_report_place(report, text);
+    }
+    rx_report_note(
+        report, "The middle of the scene, the same grey scale for all pictures: asinh(p / 6 %) of the peak, "
+                "black at &minus;6 %, white at 70 % of it.");
+}
+
+static void write_reading(rx_report *report)
+{
+    char html[1200];
     snprintf(
         html, sizeof html,
         "<b>PSNR</b> = 20 log<sub>10</sub>(max(reference) / &radic;MSE) in dB, MSE the mean of the squared "
         "differences (the paper prints it without the square). <b>SSIM</b>: Wang et al. 2004, 11 x 11 "
         "Gaussian "
         "window of sigma 1.5, K1 = K2 = 0.001 as in the paper, range of the reference. With so small K the "
-        "noise of empty sky weighs heavily in it, which favours smooth pictures. Both are better when "
-        "larger. Bootstrap intervals: %d draws, none for fewer than %d scenes. The scenes are the same for "
-        "all "
-        "methods: the paired test takes out what the scenes differ in, the two-sample test does not.",
+        "noise "
+        "of empty sky weighs heavily in it, which favours smooth pictures. Both are better when larger. "
+        "Bootstrap "
+        "intervals: %d draws, none for fewer than %d scenes. The paired test takes out what the scenes "
+        "differ in, "
+        "the two-sample test, which is the paper's, does not. scenes.ecsv holds every scene.",
         RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
-    rx_page_paragraph(dst, html);
-    rx_page_paragraph(
-        dst, "All numbers are in summary.json, bins.ecsv (methods) and duels.ecsv (pairs); scenes.ecsv "
-             "holds every scene.");
+    rx_report_paragraph(report, html);
 }
 
-void rx_restoration_html(rx_text *dst, const rx_restoration_page *page)
+rx_status rx_restoration_report(const rx_restoration_results *results, const rx_campaign_record *record,
+                                const char *folder, const char *shown, rx_log *log, rx_text *brief,
+                                rx_error *err)
 {
-    const rx_restoration_numbers *m = page->numbers;
-    rx_page_begin(dst, "Validation: ", page->record->title);
-    write_what(dst, m);
-    rx_page_links_begin(dst);
-    rx_page_link(dst, 1, "verdicts", "The paper's claims");
-    rx_page_link(dst, 1, "words", "Who is better where");
-    rx_page_link(dst, 1, "figures", "Figures");
-    rx_page_link(dst, has_examples(page), "examples", "Examples");
-    rx_page_link(dst, 1, "tables", "Tables");
-    rx_page_link(dst, 1, "duels", "Duels");
-    rx_page_link(dst, m->chief >= 0, "paper", "The paper's tables");
-    rx_page_link(dst, 1, "settings", "Settings");
-    rx_page_link(dst, 1, "reading", "How to read");
-    rx_page_link(dst, 1, "record", "Record");
-    rx_page_links_end(dst);
-    rx_page_verdicts(dst, page->nverdicts, page->verdict);
-    write_words(dst, m);
-    rx_page_section(dst, "figures", "Figures");
-    rx_page_figures(dst, &page->figures, "box-");
-    rx_page_figures(dst, &page->figures, "difference-");
-    write_examples(dst, page);
-    write_tables(dst, m);
-    write_duels(dst, m);
-    write_paper(dst, m);
-    write_settings(dst, m);
-    write_reading(dst);
-    rx_page_campaign_record(dst, page->record);
-    rx_page_end(dst);
+    rx_restoration_numbers m = {0};
+    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
+    int nverdicts = 0, ends, choices;
+    rx_findings f;
+    rx_status status = rx_restoration_numbers_make(results, record->seed, &m, err);
+    if (status == RX_OK)
+        status = rx_findings_begin(&f, "restoration", results->about, record, err);
+    if (status != RX_OK)
+        goto exit;
+    rx_tuning_ends(results, &ends, &choices);
+    rx_report_fact_number(f.report, "scene_side", results->side);
+    rx_report_fact_number(f.report, "peak", results->peak);
+    rx_report_fact_number(f.report, "sharp_fwhm", results->sharp_fwhm);
+    rx_report_fact_numbers(f.report, "fwhm_trained", 2, results->fwhm_trained);
+    rx_report_fact_numbers(f.report, "noise_level_trained", 2, results->level_trained);
+    rx_report_fact_number(f.report, "tune_scenes", (double)results->tune_scenes);
+    rx_report_fact_number(f.report, "tune_choices", choices);
+    rx_report_fact_number(f.report, "tune_choices_at_end", ends);
+    rx_restoration_verdicts(&m, verdicts, &nverdicts);
+    rx_findings_claims(&f, nverdicts, verdicts);
+    rx_findings_tables(&f);
+    rx_restoration_figures(rx_report_figures_of(f.report), &m);
+    rx_report_table *boxes =
+        rx_report_table_add(f.report, "boxes", LENGTH(BOXES), BOXES, RX_REPORT_EVERYWHERE);
+    for (int kind = 0; kind < 2; kind++)
+        add_kind(&f, boxes, &m, kind);
+    if (ends > 0)
+        rx_text_printf(rx_report_brief_of(f.report),
+                       "tuning took an end of what was tried in %d of %d choices; longer TUNE_NITER or "
+                       "TUNE_FILTER may serve the tuned methods better\n",
+                       ends, choices);
+    add_examples(f.report, results);
+    add_words(f.report, &m);
+    add_bins(f.report, &m);
+    add_paper(f.report, &m);
+    add_scenes(f.report, &m);
+    rx_report_section(f.report, "reading", "How to read this");
+    write_what(f.report, &m);
+    write_reading(f.report);
+    status = rx_findings_end(&f, folder, shown, log, brief, err);
+exit:
+    rx_claim_verdicts_free(nverdicts, verdicts);
+    rx_restoration_numbers_free(&m);
+    return status;
 }

@@ -101,7 +101,7 @@ rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
     return status;
 }
 
-rx_status rx_report_write(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
+rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
     const rx_options *options = in->options;
     const rx_tile *tile = in->fields.measure->tile;

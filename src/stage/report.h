@@ -26,7 +26,7 @@ typedef struct rx_report_input {
 
 /* Match the current sources of every run with the reference and write the report folder (QA_NAME, with _n for
  * extension n > 0). *verdict keeps the worst over calls; brief grows by one short table. */
-rx_status rx_report_write(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err);
+rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err);
 
 /* Whether the folders of the reports can be made, before the work; nothing stays. */
 rx_status rx_report_try(const rx_options *options, int extension, rx_error *err);

@@ -92,7 +92,7 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
         return RX_OK;
     for (int i = 0; i < n && facts != NULL; i++)
         job->runs[i].tally = facts->run[i].tally;
-    const rx_status status = rx_report_write(in, &verdict, &brief, err);
+    const rx_status status = rx_stage_report(in, &verdict, &brief, err);
     if (status == RX_OK)
         tell(job->log, &brief);
     rx_text_free(&brief);

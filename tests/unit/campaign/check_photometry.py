@@ -74,25 +74,35 @@ def threshold(field, run, wanted):
     return best
 
 
-for f, field in enumerate(summary["fields"]):
+def rows(table, **keys):
+    return [row for row in summary[table] if all(row[key] == value for key, value in keys.items())]
+
+
+fields = list(dict.fromkeys(row["scene"] for row in summary["sets"]))
+for f, field in enumerate(fields):
+    sets = rows("sets", scene=field)
     cuts = {}
-    for r, whole in enumerate(field["runs"]):
-        cuts[r] = [threshold(f, r, c["wanted"]) for c in whole["equal_precision"]]
-        for c, mine in zip(whole["equal_precision"], cuts[r]):
+    for r, name in enumerate(names):
+        whole = [c for c in rows("cuts", scene=field, run=name) if c["precision_from"] is None][0]
+        equal = [c for c in rows("cuts", scene=field, run=name) if c["precision_from"] is not None]
+        cuts[r] = [threshold(f, r, c["precision_from"]) for c in equal]
+        for c, mine in zip(equal, cuts[r]):
             same("threshold", c["score"], mine)
-        count = sum(len(false[f, k, r]) for k in range(len(field["sets"])))
-        area = sum(s["mpixels"] for s in field["sets"])
+        count = sum(len(false[f, k, r]) for k in range(len(sets)))
+        area = sum(s["mpixels"] for s in sets)
         same("false per Mpixel", whole["false_per_mpixel"]["value"], count / area)
         same("its limit", whole["false_per_mpixel"]["high"], stats.chi2.ppf(0.975, 2 * count + 2) / 2 / area)
-    for k, s in enumerate(field["sets"]):
-        for r, ours in enumerate(s["runs"]):
+    for k, s in enumerate(sets):
+        for r, name in enumerate(names):
+            cells = rows("cells", scene=field, condition=s["condition"], run=name)
+            ours = {cell["quantity"]: cell["value"] for cell in cells}
             data, wrong = stars[f, k, r], np.array(false[f, k, r])
             found = data[~np.isnan(data[:, 0])]
             share("recall", ours["recall"], len(found), len(data))
             share("precision", ours["precision"], len(found), len(found) + len(wrong))
             share("blended", ours["blended"], np.sum(found[:, 3] > 0), len(found))
-            for c, cut in zip(ours["completeness"], cuts[r]):
-                share("completeness", c, np.sum(found[:, 0] >= cut), len(data))
+            for precision, cut in zip(summary["precisions"], cuts[r]):
+                share("completeness", ours["recall_p%g" % precision], np.sum(found[:, 0] >= cut), len(data))
             same("ap", ours["ap"]["value"], average_precision(found[:, 0], wrong, len(data)))
             if len(found) == 0:
                 continue
@@ -101,38 +111,44 @@ for f, field in enumerate(summary["fields"]):
             clean = np.abs(percent[found[:, 3] == 0])
             if len(clean) > 0:
                 same("magerr_clean", ours["magerr_clean"]["value"], clean.mean())
-            for name, values in (("percent", percent), ("mag", -2.5 * np.log10(found[:, 1][found[:, 1] > 0]))):
-                same("bias", ours["bias_" + name]["value"], np.median(values), 1e-5)
+            for unit, values in (("percent", percent), ("mag", -2.5 * np.log10(found[:, 1][found[:, 1] > 0]))):
+                same("bias", ours["bias_" + unit]["value"], np.median(values), 1e-5)
                 mad = 1.4826 * np.median(np.abs(values - np.median(values)))
-                same("scatter", ours["scatter_" + name]["value"], mad, 1e-4)
+                same("scatter", ours["scatter_" + unit]["value"], mad, 1e-4)
             same("pull", ours["pull_median"]["value"], np.median(found[:, 2]), 1e-5)
-    for d in range(len(field["sets"][0]["duels"])):
-        rows = [s["duels"][d] for s in field["sets"]]
-        a, b = names.index(rows[0]["first"]), names.index(rows[0]["second"])
+    for first, second in dict.fromkeys((c["first"], c["second"]) for c in rows("contests", scene=field)):
+        a, b = names.index(first), names.index(second)
+
+        def tests(quantity, test):
+            both = rows("contests", scene=field, first=first, second=second, quantity=quantity, test=test)
+            return {row["condition"]: row for row in both}
+        found = tests("found", "McNemar")
+        cut = tests("found at precision %g" % summary["precisions"][0], "McNemar")
+        paired, ranks = (tests("100 |F - F0| / F0", test) for test in ("paired t", "Wilcoxon"))
         p_found, p_error, p_cut = [], [], []
-        for k, row in enumerate(rows):
+        for k, s in enumerate(sets):
+            mag = s["condition"]
             x, y = stars[f, k, a], stars[f, k, b]
             in_x, in_y = ~np.isnan(x[:, 0]), ~np.isnan(y[:, 0])
-            assert row["found"]["only_first"] == np.sum(in_x & ~in_y)
+            assert found[mag]["only_first"] == np.sum(in_x & ~in_y)
             p_found.append(mcnemar(np.sum(in_x & ~in_y), np.sum(in_y & ~in_x)))
-            same("mcnemar", row["found"]["mcnemar_p"], p_found[-1], 1e-5)
+            same("mcnemar", found[mag]["p"], p_found[-1], 1e-5)
             in_x, in_y = x[:, 0] >= cuts[a][0], y[:, 0] >= cuts[b][0]
             p_cut.append(mcnemar(np.sum(in_x & ~in_y), np.sum(in_y & ~in_x)))
-            same("mcnemar at precision", row["completeness"][0]["mcnemar_p"], p_cut[-1], 1e-5)
+            same("mcnemar at precision", cut[mag]["p"], p_cut[-1], 1e-5)
             both = ~np.isnan(x[:, 1]) & ~np.isnan(y[:, 1])
             ex, ey = 100 * np.abs(x[both, 1] - 1), 100 * np.abs(y[both, 1] - 1)
             p_error.append(nan)
             if len(ex) > 1:
                 t = stats.ttest_rel(ex, ey)
                 p_error[-1] = t.pvalue
-                same("t", row["error_paired"]["statistic"], t.statistic, 1e-5)
-                same("wilcoxon", row["error_wilcoxon"]["p"], stats.wilcoxon(ex, ey, correction=len(ex) > 50).pvalue, 1e-4)
-        for row, p in zip(rows, holm(p_found)):
-            same("holm", row["found"]["mcnemar_p_holm"], p, 1e-5)
-        for row, p in zip(rows, holm(p_cut)):
-            same("holm at precision", row["completeness"][0]["mcnemar_p_holm"], p, 1e-5)
+                same("t", paired[mag]["statistic"], t.statistic, 1e-5)
+                same("wilcoxon", ranks[mag]["p"], stats.wilcoxon(ex, ey, correction=len(ex) > 50).pvalue, 1e-4)
+        for s, p, q in zip(sets, holm(p_found), holm(p_cut)):
+            same("holm", found[s["condition"]]["holm"], p, 1e-5)
+            same("holm at precision", cut[s["condition"]]["holm"], q, 1e-5)
         known = [i for i, p in enumerate(p_error) if p == p]
         for i, p in zip(known, holm([p_error[i] for i in known])):
-            same("holm of errors", rows[i]["error_paired_holm"], p, 1e-4)
+            same("holm of errors", paired[sets[i]["condition"]]["holm"], p, 1e-4)
 print("photometry: %d numbers agree" % checked)
 assert checked > 500

@@ -16,7 +16,6 @@
 #include "base/text.h"
 #include "campaign/campaign_report.h"
 #include "campaign/photometry_numbers.h"
-#include "campaign/report_parts.h"
 #include "campaign/restoration_numbers.h"
 #include "made_results.h"
 #include "validate/page.h"
@@ -27,6 +26,9 @@ static const char *const pairs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"OUTPUT_NAM
 static const rx_campaign_record plain = {HOSTILE, "rextract-validate -c " HOSTILE, 7, 2, pairs, 0};
 static const made_restoration small = {0, 0, 0, 24, 13, 4, 32, 1};
 static const made_photometry stars = {2, 2, 7, 3, 30, 0.3};
+
+/* Files of a report. */
+enum { RESTORATION_FILES = 7, PHOTOMETRY_FILES = 7 };
 
 static void make_folder(char folder[256])
 {
@@ -84,7 +86,7 @@ static void restoration_agrees_with_scipy(void **state)
     make_folder(folder);
     assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
     python("check_restoration.py", folder);
-    assert_int_equal(clear(folder), 5);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
     rx_restoration_results_free(r);
 }
 
@@ -267,7 +269,7 @@ static void words_follow_the_numbers(void **state)
     rx_restoration_results_free(r);
 }
 
-/* With one bin nothing is adjusted: p stands in the page twice side by side, for t and for Wilcoxon. */
+/* With one bin nothing is adjusted: p stands in the page twice side by side. */
 static void adjusted_p_is_shown(void **state)
 {
     char folder[256];
@@ -277,16 +279,15 @@ static void adjusted_p_is_shown(void **state)
     rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
     assert_int_equal(rx_restoration_numbers_make(r, plain.seed, &m, NULL), RX_OK);
     const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
-    for (int i = 0; i < 4; i++)
-        rx_page_cell_p(&cells, i < 2 ? d->paired.p : d->wilcoxon.p,
-                       i < 2 ? d->paired.ln_p : d->wilcoxon.ln_p);
+    for (int i = 0; i < 2; i++)
+        rx_page_cell_p(&cells, d->paired.p, d->paired.ln_p);
     make_folder(folder);
     assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     assert_non_null(strstr(page, cells.data));
     free(page);
     rx_text_free(&cells);
-    assert_int_equal(clear(folder), 5);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
 }
@@ -302,18 +303,16 @@ static void ends_of_tuning_are_told(void **state)
     assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
     char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
     assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
-    assert_non_null(strstr(page, "filter 0.7 FWHM"));
+    assert_non_null(strstr(json, "filter 0.7 FWHM"));
     assert_non_null(strstr(page, "In 1 of 6 choices the best lies at an end"));
-    assert_non_null(strstr(page, "filter 0.9 FWHM <span class=\"" RX_MARK_OPEN "\">at an end</span>"));
-    assert_null(strstr(page, "filter 0.5 FWHM <span"));
     assert_non_null(strstr(json, "\"tune_choices_at_end\": 1"));
-    assert_non_null(strstr(json, "\"end_ssim\": true"));
-    assert_null(strstr(json, "\"end_psnr\": true"));
+    assert_non_null(strstr(json, "filter 0.9 FWHM (at an end of what was tried)"));
+    assert_null(strstr(json, "filter 0.5 FWHM (at"));
     assert_non_null(strstr(brief.data, "in 1 of 6 choices"));
     free(page);
     free(json);
     rx_text_free(&brief);
-    assert_int_equal(clear(folder), 5);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
     rx_restoration_results_free(r);
 }
 
@@ -338,7 +337,7 @@ static void odd_restoration_results(void **state)
         assert_null(strstr(json, "inf"));
         assert_null(strstr(json, ": nan"));
         free(json);
-        assert_int_equal(clear(folder), 5);
+        assert_int_equal(clear(folder), RESTORATION_FILES);
         rx_restoration_results_free(r);
     }
 }
@@ -375,7 +374,7 @@ static void photometry_agrees_with_scipy(void **state)
     write_raw(r, folder);
     assert_int_equal(rx_photometry_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
     python("check_photometry.py", folder);
-    assert_int_equal(clear(folder), 7);
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES + 1);
     rx_photometry_results_free(r);
 }
 
@@ -538,7 +537,7 @@ static void odd_photometry_results(void **state)
         assert_null(strstr(json, "nan,"));
         free(json);
         rx_text_free(&brief);
-        assert_int_equal(clear(folder), 6);
+        assert_int_equal(clear(folder), PHOTOMETRY_FILES);
         rx_photometry_results_free(r);
     }
 }
@@ -593,20 +592,20 @@ static void pages_are_sound(void **state)
     make_folder(folder);
     assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
     check_page(folder);
-    check_tables(folder, "bins duels scenes");
-    assert_int_equal(clear(folder), 5);
+    check_tables(folder, "bins cells boxes contests scenes");
+    assert_int_equal(clear(folder), RESTORATION_FILES);
     make_folder(folder);
     assert_int_equal(rx_photometry_report(p, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
     check_page(folder);
-    check_tables(folder, "sets duels cuts curves");
-    assert_int_equal(clear(folder), 6);
+    check_tables(folder, "sets cells contests cuts curves");
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
     rx_restoration_results_free(r);
     rx_photometry_results_free(p);
 }
 
 static void same_results_same_bytes(void **state)
 {
-    static const char *const files[] = {"report.html", "summary.json", "bins.ecsv", "duels.ecsv",
+    static const char *const files[] = {"report.html", "summary.json", "cells.ecsv", "contests.ecsv",
                                         "scenes.ecsv"};
     char folder[2][256];
     rx_campaign_record drawn = plain;
@@ -634,8 +633,8 @@ static void same_results_same_bytes(void **state)
         free(a);
         free(b);
     }
-    assert_int_equal(clear(folder[0]), 5);
-    assert_int_equal(clear(folder[1]), 5);
+    assert_int_equal(clear(folder[0]), RESTORATION_FILES);
+    assert_int_equal(clear(folder[1]), RESTORATION_FILES);
     rx_restoration_results_free(r);
 }
 
@@ -657,7 +656,7 @@ static void photometry_has_figures(void **state)
         print_message("gnuplot is absent: figures not looked at\n");
     }
     free(page);
-    assert_int_equal(clear(folder), 6);
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
     rx_photometry_results_free(p);
 }
 

@@ -6,7 +6,6 @@
 #include <math.h>
 
 #include "campaign/fluxes_numbers.h"
-#include "campaign/fluxes_page.h"
 #include "config/keyword.h"
 
 static const char *const SMALL[] = {"SIM.IMAGE_SIZE",

@@ -1,0 +1,141 @@
+/* A report: facts, and sections of sentences, figures and tables. What is said once comes out as one HTML page
+ * (report.html), one JSON file (summary.json), one ECSV file a table, and a few lines for a terminal.
+ *
+ * A table is long: one row for each thing measured, words that name it first, then its numbers. A page shows a
+ * stretch of its rows as they are, or as a pivot of one column against another; JSON and ECSV have all of them.
+ *
+ *   rx_report *r = rx_report_new("Validation: ", title);
+ *   rx_report_fact(r, "type", "detection");
+ *   rx_report_section(r, "lists", "Lists");
+ *   rx_report_table *t = rx_report_table_add(r, "cells", N, columns, RX_REPORT_IN_JSON);
+ *   rx_report_row(t, (rx_cell[]){rx_cell_words("NET"), rx_cell_estimate(recall)});
+ *   rx_report_show(r, t, &(rx_report_view){.to = rx_report_rows(t), .title = "Recall"});
+ *   status = rx_report_write(r, &(rx_report_files){folder, shown, ...}, brief, err);
+ *   rx_report_free(r);
+ *
+ * Words from outside are escaped here; `html` is a constant of ours. Memory that runs out on the way is an
+ * error of rx_report_write() alone. Same calls, same bytes. */
+#ifndef RX_REPORT_REPORT_H
+#define RX_REPORT_REPORT_H
+
+#include <math.h>
+
+#include "base/log.h"
+#include "data/table.h"
+#include "validate/figure.h"
+
+typedef enum rx_report_kind {
+    RX_REPORT_WORDS,
+    RX_REPORT_COUNT,
+    RX_REPORT_NUMBER,
+    RX_REPORT_ESTIMATE, /* files: <name>, <name>_low, <name>_high, <name>_n; JSON: an object of the four */
+    RX_REPORT_P,        /* a p-value; files: <name> and its natural logarithm ln_<name> */
+    RX_REPORT_VERDICT   /* words in colour: RX_MARK_... of page.h, or the word before a space or comma */
+} rx_report_kind;
+
+typedef struct rx_report_column {
+    const char *name; /* a plain word: key of JSON, column of ECSV, heading of the page */
+    rx_report_kind kind;
+    int digits;              /* after the point, on the page; files have nine significant ones */
+    const char *unit, *help; /* "" or NULL where there is nothing to say */
+} rx_report_column;
+
+/* One cell. */
+typedef struct rx_cell {
+    const char *words;
+    double number;
+    rx_estimate estimate;
+} rx_cell;
+
+static inline rx_cell rx_cell_words(const char *words)
+{
+    return (rx_cell){.words = words};
+}
+
+static inline rx_cell rx_cell_number(double number)
+{
+    return (rx_cell){.number = number};
+}
+
+static inline rx_cell rx_cell_estimate(rx_estimate estimate)
+{
+    return (rx_cell){.estimate = estimate};
+}
+
+/* ln_p serves where p is below the smallest double. */
+static inline rx_cell rx_cell_p(double p, double ln_p)
+{
+    return (rx_cell){.number = p, .estimate.value = ln_p};
+}
+
+typedef struct rx_report rx_report;
+typedef struct rx_report_table rx_report_table;
+
+/* kind and title together are the heading of the page. NULL without memory. */
+rx_report *rx_report_new(const char *kind, const char *title);
+void rx_report_free(rx_report *report);
+
+/* First entries of summary.json, and the head of every ECSV file. A NULL text is null. */
+void rx_report_fact(rx_report *report, const char *name, const char *text);
+void rx_report_fact_number(rx_report *report, const char *name, double value);
+void rx_report_fact_numbers(rx_report *report, const char *name, long n,
+                            const double *values); /* JSON alone */
+
+/* --- the page, in the order of the calls --- */
+
+/* What is to be known first; mark: colour, RX_MARK_... of page.h. */
+void rx_report_verdict(rx_report *report, const char *mark, const char *word, const char *sentence);
+void rx_report_section(rx_report *report, const char *id, const char *title); /* linked from the top */
+void rx_report_heading(rx_report *report, const char *title, const char *unit);
+void rx_report_paragraph(rx_report *report, const char *html);
+void rx_report_sentence(rx_report *report, const char *words); /* a paragraph of words from outside */
+void rx_report_note(rx_report *report, const char *html);      /* small: how to read it */
+/* What is folded away until rx_report_unfold(). */
+void rx_report_fold(rx_report *report, const char *title);
+void rx_report_unfold(rx_report *report);
+/* Figures are added to this, and stand where rx_report_place() names the beginning of their ids. */
+rx_figures *rx_report_figures_of(rx_report *report);
+void rx_report_place(rx_report *report, const char *prefix);
+rx_text *rx_report_brief_of(rx_report *report); /* lines for the terminal, to be added to */
+/* Configuration and provenance, folded away; "record" of JSON. */
+void rx_report_record(rx_report *report, int n, const char *const (*pairs)[2]);
+
+/* --- tables --- */
+
+enum { RX_REPORT_IN_JSON = 1, RX_REPORT_IN_FILE = 2, RX_REPORT_EVERYWHERE = 3 };
+
+/* Columns and their words must live as long as the report. `where`: summary.json, <name>.ecsv, or both. */
+rx_report_table *rx_report_table_add(rx_report *report, const char *name, int ncolumns,
+                                     const rx_report_column *columns, int where);
+void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns] */
+long rx_report_rows(const rx_report_table *table);
+
+typedef struct rx_report_view {
+    long from, to;            /* rows */
+    const char *title, *unit; /* NULL: none */
+    const char *note;         /* words; NULL: none */
+    int ncolumns;             /* shown ones; 0: all */
+    const char *const *columns;
+    /* a pivot: words of `rows` (one column or two) against words of `across`, and in the middle `value` with so
+     * many digits; value NULL: the rows as they are */
+    const char *rows[2], *across[2], *value;
+    int digits;
+    int in_brief; /* also for the terminal: values without intervals */
+} rx_report_view;
+
+void rx_report_show(rx_report *report, const rx_report_table *table, const rx_report_view *view);
+
+/* --- files --- */
+
+typedef struct rx_report_files {
+    const char *folder, *shown; /* as it is, and as errors name it */
+    int figures;                /* 0: none are drawn */
+    const char *gnuplot;        /* program; NULL: "gnuplot" */
+    rx_log *log;                /* warned where gnuplot is missing */
+} rx_report_files;
+
+/* All files; `brief` (NULL: not wanted) gets the lines for the terminal. Errors: RX_SYSTEM (memory, disk),
+ * RX_INTERRUPTED. */
+rx_status rx_report_write(rx_report *report, const rx_report_files *files, rx_text *brief, rx_error *err);
+
+#endif
