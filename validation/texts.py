@@ -11,6 +11,7 @@ A block of a text between `<!-- numbers: NAME -->` and `<!-- end -->` is written
 its words there. Needs nothing but Python's own library. RX_TEXTS_TOP is another root than that of the sources.
 """
 import csv
+import functools
 import difflib
 import html
 import json
@@ -35,8 +36,22 @@ def text_of(path):
         return file.read()
 
 
+@functools.lru_cache
 def summary(name):
     return json.loads(text_of(f"validation/results/{name}.json"))
+
+
+def rows_of(name, table, **keys):
+    """The rows of a campaign's table that have these values."""
+    return [row for row in summary(f"{name}/summary")[table] if all(row[key] == value for key, value in keys.items())]
+
+
+def number(name, scene, condition, run, quantity):
+    return one(rows_of(name, "cells"), scene=scene, condition=condition, run=run, quantity=quantity)["value"]["value"]
+
+
+def distinct(values):
+    return list(dict.fromkeys(values))
 
 
 def ecsv(name):
@@ -157,8 +172,7 @@ def five():
     """README: the five numbers."""
     runs = {run["name"]: run["all"] for run in summary("sdss/AUTO")["runs"]}
     recall, precision = ([f"{100 * runs[name][key]['value']:.0f}" for name in ("NONE", "RL", "NET")] for key in ("recall", "precision"))
-    scene = one(summary("detection/summary")["conditions"], fwhm=6)
-    ap = [f"{detection_value(scene, 'STARS', name, 'ap'):.2f}" for name in ("MATCHED", "RL", "NET")]
+    ap = [f"{number('detection', 'STARS', 'FWHM 6', name, 'ap'):.2f}" for name in ("MATCHED", "RL", "NET")]
     stars = [row for row in page_table("fluxes-template", "FIELD", "Stars, isolated", "bias [mag]") if row["S/N"] == "10+"]
     auto, template = (max(abs(float(row[key].split()[0])) for row in stars) for key in ("NONE AUTO", "NET TEMPLATE"))
     same = [float(row["within 0.05 pixel"].rstrip(" %")) for row in tables("validation/sextractor/README.md")[0][1]]
@@ -180,21 +194,14 @@ def five():
 
 
 def restoration_numbers():
-    """Mean over the bins of each axis, by method and metric; and where NET and RL win."""
-    bins = summary("restoration/summary")["bins"]
+    """Mean over the bins of each axis, by method and quality; and where one is above another."""
+    def mean(axis, method, quality):
+        return statistics.mean(row["value"]["value"] for row in rows_of("restoration", "cells", scene=axis, run=method, quantity=quality))
 
-    def mean(axis, method, metric):
-        return statistics.mean(one(row["methods"], method=method)[metric]["mean"]["value"] for row in bins if row["by"] == axis)
-
-    def wins(axis, first, second, metric):
-        out = []
-        for row in bins:
-            if row["by"] == axis:
-                duel = one(row["duels"], first=first, second=second, metric=metric)
-                if duel["winner"] > 0:
-                    out.append(((row["low"] + row["high"]) / 2, duel["paired"]["difference"]["value"]))
-        return out
-    return bins, mean, wins
+    def wins(axis, first, second, quality):
+        return [(float(row["condition"]), row["difference"]["value"])
+                for row in rows_of("restoration", "contests", scene=axis, quantity=quality, first=first, second=second, winner=first)]
+    return mean, wins
 
 
 def runs_of(values):
@@ -215,48 +222,48 @@ def won(duels, unit):
 
 
 def verdict(name, claim):
-    return one(summary(f"{name}/summary")["verdicts"], claim=claim)["verdict"]
+    return one(rows_of(name, "claims"), claim=claim)["verdict"]
 
 
 def restoration():
-    bins, mean, wins = restoration_numbers()
-    by = {axis: [row for row in bins if row["by"] == axis] for axis in ("fwhm", "sigma")}
+    mean, wins = restoration_numbers()
+    bins = rows_of("restoration", "bins")
+    by = {axis: rows_of("restoration", "bins", scene=axis) for axis in ("FWHM", "noise")}
     names = {"BLURRED": "blurred", "SMOOTHED": "through a filter", "RL": "RL", "RL_FLAT": "RL, flat sky", "NET": "NET"}
     rows = [[words] + [f"{mean(axis, method, metric):.{digits}f}" for axis in by for metric, digits in (("psnr", 1), ("ssim", 2))]
             for method, words in names.items()]
-    sides = [f"{(rows[0]['low'] + rows[0]['high']) / 2:g} to {(rows[-1]['low'] + rows[-1]['high']) / 2:g}" for rows in by.values()]
+    sides = [f"{rows[0]['condition']} to {rows[-1]['condition']}" for rows in by.values()]
     return (item(f"""**Restoration**, {len(bins)} bins of {bins[0]["scenes"]} galaxy scenes: FWHM {sides[0]} pixels, and noise
         {sides[1]} of 255. Means over these bins; all but NET are tuned, bin by bin, for PSNR and again for SSIM:""") + "\n" +
             table(["", "PSNR by FWHM (dB)", "SSIM by FWHM", "PSNR by noise (dB)", "SSIM by noise"], rows, "  ") + "\n" +
-            paragraph(f"""In PSNR NET is above RL (p adjusted by Holm < 0.05) {won(wins("fwhm", "NET", "RL", "psnr"), " dB")} pixels
-        and {won(wins("sigma", "NET", "RL", "psnr"), " dB")} of noise; in SSIM by FWHM
-        {won(wins("fwhm", "NET", "RL", "ssim"), "")}, by noise {won(wins("sigma", "NET", "RL", "ssim"), "")}. RL itself is above the
-        tuned filter {won(wins("fwhm", "RL", "SMOOTHED", "psnr"), " dB")} pixels and
-        {won(wins("sigma", "RL", "SMOOTHED", "psnr"), " dB")} of noise. The paper's "in every bin" is
+            paragraph(f"""In PSNR NET is above RL (p adjusted by Holm < 0.05) {won(wins("FWHM", "NET", "RL", "psnr"), " dB")} pixels
+        and {won(wins("noise", "NET", "RL", "psnr"), " dB")} of noise; in SSIM by FWHM
+        {won(wins("FWHM", "NET", "RL", "ssim"), "")}, by noise {won(wins("noise", "NET", "RL", "ssim"), "")}. RL itself is above the
+        tuned filter {won(wins("FWHM", "RL", "SMOOTHED", "psnr"), " dB")} pixels and
+        {won(wins("noise", "RL", "SMOOTHED", "psnr"), " dB")} of noise. The paper's "in every bin" is
         *{verdict("restoration", "every bin")}*; beyond the range of the training, FWHM
         {summary("restoration/summary")["fwhm_trained"][1]:g} pixels, it is
         *{verdict("restoration", "generalisation")}* as well.""", "  "))
 
 
-def detection_value(condition, scene, run, quantity):
-    return one(one(condition["scenes"], scene=scene)["runs"], run=run)[quantity]["value"]
-
-
 def detection():
-    conditions = summary("detection/summary")["conditions"]
+    conditions = distinct(row["condition"] for row in rows_of("detection", "cells"))
+
+    def over(scene, run, quantity):
+        return [number("detection", scene, condition, run, quantity) for condition in conditions]
     rows = []
     for scene, words in ("STARS", "stars"), ("GALAXIES", "galaxies"):
-        values = {run: [detection_value(c, scene, run, "ap") for c in conditions] for run in ("MATCHED", "RL", "NET")}
+        values = {run: over(scene, run, "ap") for run in ("MATCHED", "RL", "NET")}
         best = [max(column) for column in zip(*values.values())]
         for run, row in values.items():
             rows.append([f"{words}: {run}"] + [f"**{v:.3f}**" if v == top else f"{v:.3f}" for v, top in zip(row, best)])
-    pairs = {run: [detection_value(c, "PAIRS", run, "resolved") for c in conditions] for run in ("RL", "NET")}
-    blank = {run: [detection_value(c, "BLANK", run, "false_cut") for c in conditions] for run in ("NONE", "RL", "NET")}
-    light = [1 - detection_value(c, "OUTSKIRTS", "NET", "r2_snr0") for c in conditions]
-    bright = [1 - detection_value(c, "OUTSKIRTS", "NET", "r2_snr20") for c in conditions]
-    check = max(detection_value(c, "PLATEAU", "NET", key) for c in conditions for key in ("phases2", "phases4"))
+    pairs = {run: over("PAIRS", run, "resolved") for run in ("RL", "NET")}
+    blank = {run: over("BLANK", run, "false_cut") for run in ("NONE", "RL", "NET")}
+    light = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr0")]
+    bright = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr20")]
+    check = max(value for key in ("phases2", "phases4") for value in over("PLATEAU", "NET", key))
     resolved = listed(f"{v:.2f}" for v in pairs["NET"])
-    seeing = [f"{c['fwhm']:g}" for c in conditions]
+    seeing = [condition.removeprefix("FWHM ") for condition in conditions]
     return (item("""**Detection**, average precision on 512 x 512 pixels with 800 stars or 500 galaxies per Mpixel of S/N above 5.
         MATCHED is the unrestored image through a filter as wide as the PSF, RL the best of nine kinds *on these very
         tiles*:""") + "\n" + table(["FWHM (pixels)"] + seeing, rows, "  ") + "\n" +
@@ -268,35 +275,33 @@ def detection():
 
 
 def fluxes():
-    fields = summary("fluxes/summary")["fields"]
-    mags = [s["mag"] for s in fields[0]["sets"]]
-    snr = {mag: [one(f["sets"], mag=mag)["snr"] for f in fields] for mag in mags}
-    mags = [mag for mag in mags if min(snr[mag]) > 9]
+    fields = distinct(row["scene"] for row in rows_of("fluxes", "sets"))
+    snr = {mag: [row["snr"] for row in rows_of("fluxes", "sets", condition=mag)]
+           for mag in distinct(row["condition"] for row in rows_of("fluxes", "sets"))}
+    mags = [mag for mag in snr if min(snr[mag]) > 9]
 
     def cell(run, mag):
-        rows = [one(one(f["sets"], mag=mag)["runs"], run=run) for f in fields]
-        value = {key: statistics.median(row[key]["value"] for row in rows)
+        value = {key: statistics.median(number("fluxes", field, mag, run, key) for field in fields)
                  for key in ("magerr", "bias_percent", "scatter_percent")}
         return f"{value['magerr']:.2f}, {value['bias_percent']:+.1f}, {value['scatter_percent']:.2f}"
     rows = [[words] + [cell(run, mag) for mag in mags]
             for run, words in (("NONE", "unrestored: MagErr, bias, scatter (%)"), ("RL", "RL"), ("NET", "NET"))]
-    stars = fields[0]["sets"][0]["stars"]
-    seeing = [f["name"].removeprefix("FWHM ") for f in fields]
+    stars = rows_of("fluxes", "sets")[0]["stars"]
+    seeing = [field.removeprefix("FWHM ") for field in fields]
     return (item(f"""**Fluxes** (FLUX_AUTO) of {stars} isolated stars per magnitude and seeing; medians over FWHM {seeing[0]} to
         {seeing[-1]} of MagErr, bias and scatter:""") + "\n" +
             table(["S/N"] + [f"{min(snr[m]):.0f} to {max(snr[m]):.0f}" for m in mags], rows, "  "))
 
 
 def photometry():
-    field = summary("photometry/summary")["fields"][0]
-    sets = field["sets"]
+    sets = rows_of("photometry", "sets")
     names = ["NONE", "RL", "NET"]
 
     def recall(name, precision):
-        return one(one(field["runs"], run=name)["equal_precision"], wanted=precision)["recall"]["value"]
+        return one(rows_of("photometry", "cuts"), run=name, precision_from=precision)["recall"]["value"]
 
     def magerr(row, name):
-        return one(row["runs"], run=name)["magerr"]["value"]
+        return number("photometry", row["scene"], row["condition"], name, "magerr")
     rows = [[f"{row['mag']:g}", f"{row['snr']:.1f}"] +
             [f"{magerr(row, name):.2f}" for name in names + [f"{name} TEMPLATE" for name in names]] for row in sets[::2] + sets[-1:]]
     claims = ", ".join(f"*{verdict('photometry', claim)}* ({words})" for claim, words in
@@ -314,18 +319,18 @@ def campaigns():
     return "\n".join((restoration(), detection(), fluxes(), photometry(), wrong_inputs(), real_sky()))
 
 
+def biases(field, run):
+    """Of FLUX_AUTO, per cent, at each magnitude of S/N above 12."""
+    return [number("fluxes-errors", field, row["condition"], run, "bias_percent")
+            for row in rows_of("fluxes-errors", "sets", scene=field) if row["snr"] > 12]
+
+
 def wrong_inputs():
     """Restorers that take a wrong PSF, sky or noise for the true one: fluxes and lists at FWHM 4."""
-    fields, conditions = summary("fluxes-errors/summary")["fields"], summary("detection-errors/summary")["conditions"]
-
-    def bias(field, run):
-        rows = [one(s["runs"], run=run)["bias_percent"]["value"] for s in field["sets"] if s["snr"] > 12]
-        return f"{min(rows):+.1f} to {max(rows):+.1f}"
     rows = []
-    for field in fields:
-        condition = one(conditions, name=field["name"])
-        rows.append([field["name"].partition(", ")[2] or "right"] + [bias(field, run) for run in ("NONE", "RL", "NET")] +
-                    [f"{detection_value(condition, scene, 'NET', 'ap'):.3f}" for scene in ("STARS", "GALAXIES")])
+    for field in distinct(row["scene"] for row in rows_of("fluxes-errors", "sets")):
+        rows.append([field.partition(", ")[2] or "right"] + [span(biases(field, run), "{:+.1f}") for run in ("NONE", "RL", "NET")] +
+                    [f"{number('detection-errors', scene, field, 'NET', 'ap'):.3f}" for scene in ("STARS", "GALAXIES")])
     return (item("""**A wrong PSF, sky or noise** (fluxes-errors, detection-errors; FWHM 4): bias of FLUX_AUTO, per cent, over stars of
         S/N above 12, and average precision of NET's lists:""") + "\n" +
             table(["what is wrong", "unrestored", "RL", "NET", "stars", "galaxies"], rows, "  "))
@@ -337,16 +342,16 @@ SCENES = {"BLANK": "blank sky", "RINGS": "around bright stars", "SHREDS": "in an
 
 def spurious():
     rows = ecsv("invented/invented")
-    seeing = sorted({row["fwhm"] for row in rows}, key=float)
+    seeing = distinct(row["condition"] for row in rows)
 
     def before_after(*where):
-        row = one(rows, **dict(zip(("scene", "fwhm", "run"), where)))
+        row = one(rows, **dict(zip(("scene", "condition", "run"), where)))
         return f"{float(row['false_per_mpixel']):.1f} -> {float(row['false_per_mpixel_unmarked']):.1f}"
 
     def marked(scene, quantity):
         return [100 * float(row[quantity]) for row in rows if row["scene"] == scene]
-    head = [""] + [f"FWHM {fwhm}: {run}" if run == "NONE" else run for fwhm in seeing for run in ("NONE", "RL", "NET")]
-    body = [[words] + [before_after(scene, fwhm, run) for fwhm in seeing for run in ("NONE", "RL", "NET")]
+    head = [""] + [f"{condition}: {run}" if run == "NONE" else run for condition in seeing for run in ("NONE", "RL", "NET")]
+    body = [[words] + [before_after(scene, condition, run) for condition in seeing for run in ("NONE", "RL", "NET")]
             for scene, words in SCENES.items()]
     return (item("""**Spurious sources** (campaign `invented`; thresholds as deep as in `detection`): false detections per Mpixel, all -> those that
         FLAGS_RESTORE does not mark:""") + "\n" + table(head, body, "  ") + "\n" +
@@ -549,12 +554,10 @@ def crowded():
 
 
 def limits():
-    fields = summary("fluxes-errors/summary")["fields"]
-    bias = {field["name"].partition(", ")[2]: {s["mag"]: one(s["runs"], run="NET")["bias_percent"]["value"]
-                                               for s in field["sets"] if s["snr"] > 12} for field in fields}
-    changes = [abs(bias[wrong][mag] - bias[""][mag]) for wrong in ("PSF -5 %", "PSF +5 %") for mag in bias[""]]
-    conditions = summary("detection/summary")["conditions"]
-    faint = [100 - 100 * detection_value(c, "OUTSKIRTS", "NET", "r2_snr0") for c in conditions]
+    right, *wrong = (biases(f"FWHM 4{error}", "NET") for error in ("", ", PSF -5 %", ", PSF +5 %"))
+    changes = [abs(b - a) for row in wrong for a, b in zip(right, row)]
+    faint = [100 - 100 * row["value"]["value"]
+             for row in rows_of("detection", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
     dwarfs = tables("validation/results/real/dwarfs.md")[0][1]
     light = max(100 - 100 * float(row["20 to 40 px"]) for row in dwarfs if row["run"] == "NET")
     return (item(f"""NET was trained on simulated skies: white noise, Moffat PSFs, backgrounds and PSFs that are nearly right. The domain
@@ -702,7 +705,7 @@ def numbers_of(path):
     text = content(path)
     if path.endswith(".json"):
         found = {key: value for key, value in leaves(json.loads(text)) if not key.startswith("/record/")}
-        return {key: value for key, value in found.items() if "/duels/" not in key or key.endswith("winner")}
+        return {key: value for key, value in found.items() if "/contests/" not in key or key.endswith("winner")}
     words = [(f"line {i + 1}, word {j + 1}", word) for i, line in enumerate(text.splitlines()) if not line.startswith("#")
              for j, word in enumerate(re.split(r"[,|\s]+", line))]
     return {place: float(word) if NUMBER.fullmatch(word) and word != "null" else word for place, word in words}
@@ -728,7 +731,7 @@ def committed(name, folder):
 def compare(name, folder, digits):
     wrong = 0
     for old, new in committed(name, folder):
-        if not old.endswith((".json", ".ecsv", ".md")) or os.path.basename(old) == "duels.ecsv":
+        if not old.endswith((".json", ".ecsv", ".md")) or os.path.basename(old) == "contests.ecsv":
             continue
         if not new:
             print(f"{os.path.basename(old)}: not in {folder}")

@@ -21,25 +21,26 @@ static const rx_report_column CONTESTS[] = {
     {.name = "first", .help = "run"},
     {.name = "second", .help = "run"},
     {.name = "test"},
-    {"difference", RX_REPORT_ESTIMATE, 3, "", "first - second"},
-    {"statistic", RX_REPORT_NUMBER, 2, "", ""},
-    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom"},
-    {"p", RX_REPORT_P, 0, "", "two-sided"},
-    {"holm", RX_REPORT_P, 0, "", "p adjusted for the conditions"},
+    {"difference", RX_REPORT_ESTIMATE, 3, "", "first - second", NULL},
+    {"statistic", RX_REPORT_NUMBER, 2, "", "", NULL},
+    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom", NULL},
+    {"p", RX_REPORT_P, 0, "", "two-sided", NULL},
+    {"holm", RX_REPORT_P, 0, "", "p adjusted for the conditions", NULL},
     {.name = "winner", .help = "where the adjusted p is below 0.05"},
-    {"effect", RX_REPORT_NUMBER, 2, "", "size of the effect: d_z of paired t, Cohen's d of two samples"},
-    {"only_first", RX_REPORT_NUMBER, 0, "", "things that only the first found"},
-    {"only_second", RX_REPORT_NUMBER, 0, "", "things that only the second found"},
+    {"effect", RX_REPORT_NUMBER, 2, "", "size of the effect: d_z of paired t, Cohen's d of two samples",
+     NULL},
+    {"only_first", RX_REPORT_NUMBER, 0, "", "things that only the first found", NULL},
+    {"only_second", RX_REPORT_NUMBER, 0, "", "things that only the second found", NULL},
 };
 
 static const rx_report_column CLAIMS[] = {
     {.name = "claim"},
-    {.name = "words", .help = "what is claimed"},
+    {.name = "words", .help = "what is claimed", .heading = "claim or goal"},
     {.name = "place", .help = "where in the paper"},
     {.name = "reproduced_when"},
-    {.name = "run", .help = "whose numbers are judged, where it is one"},
+    {.name = "run", .help = "whose numbers are judged, where it is one", .heading = "restorer"},
     {.name = "verdict", .kind = RX_REPORT_VERDICT},
-    {.name = "found", .help = "what was found"},
+    {.name = "found", .help = "what was found", .heading = "what was found"},
 };
 
 enum {

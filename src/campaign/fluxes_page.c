@@ -36,56 +36,56 @@ static const rx_report_column CELLS[] = {
     {.name = "kind", .help = "star or galaxy"},
     {.name = "company", .help = "isolated, blended, told apart, neither"},
     {.name = "condition", .help = "seeing, and what restorers were given wrong"},
-    {.name = "snr", .help = "bin of true S/N"},
+    {.name = "snr", .help = "bin of true S/N", .heading = "S/N"},
     {.name = "run", .help = "restorer"},
     {.name = "flux", .help = "what was measured"},
-    {"bias", RX_REPORT_ESTIMATE, 4, "mag", "median error of the magnitude, measured less true"},
-    {"scatter", RX_REPORT_ESTIMATE, 4, "mag", "robust scatter of that error"},
+    {"bias", RX_REPORT_ESTIMATE, 4, "mag", "median error of the magnitude, measured less true", NULL},
+    {"scatter", RX_REPORT_ESTIMATE, 4, "mag", "robust scatter of that error", NULL},
     {"bound", RX_REPORT_ESTIMATE, 3, "",
-     "scatter over the error of a matched filter with noise of sky and photons; isolated stars"},
-    {"pull", RX_REPORT_ESTIMATE, 3, "", "median of (F - F0) / error"},
-    {"width", RX_REPORT_ESTIMATE, 3, "", "robust width of (F - F0) / error"},
-    {"magerr", RX_REPORT_ESTIMATE, 2, "%", "mean of 100 |F - F0| / F0"},
+     "scatter over the error of a matched filter with noise of sky and photons; isolated stars", NULL},
+    {"pull", RX_REPORT_ESTIMATE, 3, "", "median of (F - F0) / error", NULL},
+    {"width", RX_REPORT_ESTIMATE, 3, "", "robust width of (F - F0) / error", NULL},
+    {"magerr", RX_REPORT_ESTIMATE, 2, "%", "mean of 100 |F - F0| / F0", NULL},
 };
 
 static const rx_report_column PAIRS[] = {
     {.name = "sample", .help = "all: found by the run; detected: on its image"},
     {.name = "condition"},
-    {.name = "separation", .help = "from and to, FWHM"},
+    {.name = "separation", .help = "from and to, FWHM", .heading = "separation [FWHM]"},
     {.name = "run", .help = "restorer"},
     {.name = "flux", .help = "what was measured"},
-    {"both", RX_REPORT_ESTIMATE, 3, "", "share of the pairs of which both are found"},
-    {"size", RX_REPORT_ESTIMATE, 3, "mag", "median |error| of their flux ratio"},
-    {"ratio", RX_REPORT_ESTIMATE, 3, "mag", "median error of their flux ratio, fainter less first"},
-    {"scatter", RX_REPORT_ESTIMATE, 3, "mag", "scatter of that error"},
-    {"total", RX_REPORT_ESTIMATE, 3, "mag", "median error of the total flux"},
+    {"both", RX_REPORT_ESTIMATE, 3, "", "share of the pairs of which both are found", NULL},
+    {"size", RX_REPORT_ESTIMATE, 3, "mag", "median |error| of their flux ratio", NULL},
+    {"ratio", RX_REPORT_ESTIMATE, 3, "mag", "median error of their flux ratio, fainter less first", NULL},
+    {"scatter", RX_REPORT_ESTIMATE, 3, "mag", "scatter of that error", NULL},
+    {"total", RX_REPORT_ESTIMATE, 3, "mag", "median error of the total flux", NULL},
 };
 
 static const rx_report_column INVENTED[] = {
     {.name = "scene"},
     {.name = "condition"},
     {.name = "run", .help = "restorer"},
-    {"true", RX_REPORT_COUNT, 0, "", "detections of objects"},
-    {"false", RX_REPORT_COUNT, 0, "", "invented detections"},
-    {"true_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections"},
-    {"false_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections"},
-    {"added", RX_REPORT_COUNT, 0, "", "true ones that only the residual showed"},
-    {"false_per_mpixel", RX_REPORT_ESTIMATE, 1, "", ""},
-    {"false_per_mpixel_unmarked", RX_REPORT_ESTIMATE, 1, "", ""},
-    {"precision", RX_REPORT_ESTIMATE, 4, "", ""},
-    {"precision_unmarked", RX_REPORT_ESTIMATE, 4, "", ""},
-    {"marked_5_7", RX_REPORT_ESTIMATE, 4, "", "share of the true ones that are marked, S/N 5 to 7"},
-    {"marked_above_7", RX_REPORT_ESTIMATE, 4, "", "the same above 7"},
-    {"pieces", RX_REPORT_ESTIMATE, 2, "", "pieces per galaxy that was found"},
-    {"pieces_unmarked", RX_REPORT_ESTIMATE, 2, "", ""}};
+    {"right", RX_REPORT_COUNT, 0, "", "detections of objects", NULL},
+    {"wrong", RX_REPORT_COUNT, 0, "", "invented detections", NULL},
+    {"right_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
+    {"wrong_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
+    {"added", RX_REPORT_COUNT, 0, "", "true ones that only the residual showed", NULL},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 1, "", "", NULL},
+    {"false_per_mpixel_unmarked", RX_REPORT_ESTIMATE, 1, "", "", NULL},
+    {"precision", RX_REPORT_ESTIMATE, 4, "", "", NULL},
+    {"precision_unmarked", RX_REPORT_ESTIMATE, 4, "", "", NULL},
+    {"marked_5_7", RX_REPORT_ESTIMATE, 4, "", "share of the true ones that are marked, S/N 5 to 7", NULL},
+    {"marked_above_7", RX_REPORT_ESTIMATE, 4, "", "the same above 7", NULL},
+    {"pieces", RX_REPORT_ESTIMATE, 2, "", "pieces per galaxy that was found", NULL},
+    {"pieces_unmarked", RX_REPORT_ESTIMATE, 2, "", "", NULL}};
 
 static const rx_report_column SETS[] = {
     {.name = "condition"},
     {.name = "scene"},
-    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF"},
-    {"tiles", RX_REPORT_COUNT, 0, "", ""},
-    {"objects", RX_REPORT_COUNT, 0, "", ""},
-    {"mpixels", RX_REPORT_NUMBER, 3, "", ""},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", NULL},
+    {"tiles", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"objects", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"mpixels", RX_REPORT_NUMBER, 3, "", "", NULL},
 };
 
 enum {
@@ -282,7 +282,7 @@ static void add_goals(page *g, const rx_goal_verdict *verdicts)
     rx_report_section(g->f.report, "goals", "Goals");
     rx_findings_show_claims(&g->f, 3, columns);
     rx_report_fold(g->f.report, "What was found");
-    rx_findings_show_claims(&g->f, 3, found);
+    rx_findings_show_claims(&g->f, 4, found);
     rx_report_unfold(g->f.report);
 }
 

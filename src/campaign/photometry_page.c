@@ -52,35 +52,35 @@ static const rx_report_column RUNS[] = {{.name = "name"}, {.name = "settings"}};
 static const rx_report_column SETS[] = {
     {.name = "scene", .help = "field"},
     {.name = "condition", .help = "magnitude of the stars"},
-    {"mag", RX_REPORT_NUMBER, 2, "mag", "of the stars"},
-    {"snr", RX_REPORT_NUMBER, 1, "", "in a matched filter on the background"},
-    {"tiles", RX_REPORT_COUNT, 0, "", ""},
-    {"stars", RX_REPORT_COUNT, 0, "", ""},
-    {"mpixels", RX_REPORT_NUMBER, 3, "", ""},
+    {"mag", RX_REPORT_NUMBER, 2, "mag", "of the stars", NULL},
+    {"snr", RX_REPORT_NUMBER, 1, "", "in a matched filter on the background", NULL},
+    {"tiles", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"stars", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"mpixels", RX_REPORT_NUMBER, 3, "", "", NULL},
     {.name = "about", .help = "the field"},
 };
 
 static const rx_report_column CUTS[] = {
     {.name = "scene", .help = "field"},
     {.name = "run", .help = "restorer"},
-    {"precision_from", RX_REPORT_NUMBER, 2, "", "at least this precision; nan: the whole list"},
-    {"score", RX_REPORT_NUMBER, 2, "", "lowest score; inf: the precision is never reached"},
+    {"precision_from", RX_REPORT_NUMBER, 2, "", "at least this precision; nan: the whole list", NULL},
+    {"score", RX_REPORT_NUMBER, 2, "", "lowest score; inf: the precision is never reached", NULL},
     {"whole_list", RX_REPORT_COUNT, 0, "",
-     "1: the list ends above this precision, completeness is a lower limit"},
-    {"precision", RX_REPORT_ESTIMATE, 4, "", "over all sets of the field"},
-    {"recall", RX_REPORT_ESTIMATE, 3, "", "over all sets of the field"},
-    {"mag50", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 50 % completeness"},
-    {"mag90", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 90 % completeness"},
-    {"false_per_mpixel", RX_REPORT_ESTIMATE, 2, "", "whole list"},
+     "1: the list ends above this precision, completeness is a lower limit", NULL},
+    {"precision", RX_REPORT_ESTIMATE, 4, "", "over all sets of the field", NULL},
+    {"recall", RX_REPORT_ESTIMATE, 3, "", "over all sets of the field", NULL},
+    {"mag50", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 50 % completeness", NULL},
+    {"mag90", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 90 % completeness", NULL},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 2, "", "whole list", NULL},
 };
 
 static const rx_report_column CURVES[] = {
     {.name = "scene", .help = "field"},
     {.name = "condition", .help = "magnitude of the stars"},
     {.name = "run", .help = "restorer"},
-    {"score", RX_REPORT_NUMBER, 2, "", "S/N of the detection"},
-    {"recall", RX_REPORT_NUMBER, 4, "", "of the stars with this score or a higher one"},
-    {"precision", RX_REPORT_NUMBER, 4, "", "the same"},
+    {"score", RX_REPORT_NUMBER, 2, "", "S/N of the detection", NULL},
+    {"recall", RX_REPORT_NUMBER, 4, "", "of the stars with this score or a higher one", NULL},
+    {"precision", RX_REPORT_NUMBER, 4, "", "the same", NULL},
 };
 
 #define LENGTH(table) ((int)(sizeof(table) / sizeof *(table)))

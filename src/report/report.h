@@ -34,10 +34,11 @@ typedef enum rx_report_kind {
 } rx_report_kind;
 
 typedef struct rx_report_column {
-    const char *name; /* a plain word: key of JSON, column of ECSV, heading of the page */
+    const char *name; /* a plain word: key of JSON, column of ECSV */
     rx_report_kind kind;
     int digits;              /* after the point, on the page; files have nine significant ones */
     const char *unit, *help; /* "" or NULL where there is nothing to say */
+    const char *heading;     /* of the page; NULL: the name */
 } rx_report_column;
 
 /* One cell. */

@@ -186,6 +186,11 @@ static rx_estimate estimate_at(const rx_report_table *t, int column, long row)
                          number_at(t, column, 2, row), (long)number_at(t, column, 3, row)};
 }
 
+static const char *heading_of(const rx_report_column *column)
+{
+    return column->heading != NULL ? column->heading : column->name;
+}
+
 static int column_of(const rx_report_table *t, const char *name)
 {
     for (int i = 0; i < t->ncolumns; i++)
@@ -329,7 +334,7 @@ static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_v
     const long first = next_new(t, v, &p->across, v->from);
     rx_page_row(dst, NULL);
     for (int i = 0; i < p->rows.n; i++)
-        rx_page_head(dst, RX_LEFT, t->columns[p->rows.column[i]].name);
+        rx_page_head(dst, RX_LEFT, heading_of(&t->columns[p->rows.column[i]]));
     for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
         label_of(label, sizeof label, t, &p->across, a);
         rx_page_head(dst, is_words(t->columns[p->value].kind) ? RX_LEFT : RX_RIGHT, label);
@@ -369,7 +374,7 @@ void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_repor
         for (int i = 0; i < n; i++) {
             const rx_report_column *c = &t->columns[shown(t, v, i)];
             rx_text heading = {0};
-            rx_text_printf(&heading, c->unit != NULL && c->unit[0] != '\0' ? "%s [%s]" : "%s", c->name,
+            rx_text_printf(&heading, c->unit != NULL && c->unit[0] != '\0' ? "%s [%s]" : "%s", heading_of(c),
                            c->unit);
             rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT,
                          heading.data != NULL ? heading.data : "");

@@ -73,25 +73,27 @@ def samples(name):
     """{metric: {what it was measured on: value}}, and {class: {set: signed bias}}, and the checkerboard."""
     found = {metric: {} for metric in METRICS}
     for row in table(f"{name}/restoration/scenes.ecsv"):
-        key = (row["by"], float(row["low"]), int(row["scene"]))
+        key = (str(row["scene"]), float(row["condition"]), int(row["number"]))
         found["psnr"][key], found["ssim"][key] = float(row["psnr"]), float(row["ssim"])
     board = 0.0
     for row in table(f"{name}/detection/cells.ecsv"):
         scene = str(row["scene"]).lower()
         if row["quantity"] == "ap":
-            found[f"ap_{scene}"][float(row["fwhm"])] = float(row["value"])
+            found[f"ap_{scene}"][str(row["condition"])] = float(row["value"])
         elif row["quantity"] == "recall_p0.95":
-            found[f"recall_{scene}"][float(row["fwhm"])] = float(row["value"])
+            found[f"recall_{scene}"][str(row["condition"])] = float(row["value"])
         elif str(row["quantity"]).startswith("phases"):
             board = max(board, float(row["value"]))
     bias = {limits: {} for limits in CLASSES}
-    for row in table(f"{name}/fluxes/sets.ecsv"):
-        for limits in CLASSES:
-            if limits[0] <= row["snr"] < limits[1] and row["bias_percent_n"] >= LEAST_STARS:
-                key = (str(row["field"]), float(row["mag"]))
-                bias[limits][key] = float(row["bias_percent"])
-                found[f"absbias_{class_name(*limits)}"][key] = abs(float(row["bias_percent"]))
-                found[f"scatter_{class_name(*limits)}"][key] = float(row["scatter_percent"])
+    snr = {(str(row["scene"]), str(row["condition"])): row["snr"] for row in table(f"{name}/fluxes/sets.ecsv")}
+    for row in table(f"{name}/fluxes/cells.ecsv"):
+        key = str(row["scene"]), str(row["condition"])
+        for limits in (limits for limits in CLASSES if limits[0] <= snr[key] < limits[1]):
+            if row["quantity"] == "bias_percent" and row["value_n"] >= LEAST_STARS:
+                bias[limits][key] = float(row["value"])
+                found[f"absbias_{class_name(*limits)}"][key] = abs(float(row["value"]))
+            elif row["quantity"] == "scatter_percent" and row["value_n"] >= LEAST_STARS:
+                found[f"scatter_{class_name(*limits)}"][key] = float(row["value"])
     return found, bias, board
 
 

@@ -1,0 +1,220 @@
+/* Reports: one table in JSON, ECSV, on the page and for the terminal; words that grow; pivots with holes. */
+#include "../near.h"
+#include "../scratch.h"
+
+#include <math.h>
+
+#include "report/report.h"
+
+static const rx_report_column COLUMNS[] = {
+    {.name = "condition", .heading = "seeing"},
+    {.name = "run"},
+    {"recall", RX_REPORT_ESTIMATE, 2, "", "share found", NULL},
+    {"n", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"p", RX_REPORT_P, 0, "", "two-sided", NULL},
+    {.name = "verdict", .kind = RX_REPORT_VERDICT},
+};
+enum { NCOLUMNS = sizeof COLUMNS / sizeof *COLUMNS };
+
+static const rx_report_view PIVOT = {.to = 3,
+                                     .title = "recall",
+                                     .rows = {"condition"},
+                                     .across = {"run"},
+                                     .value = "recall",
+                                     .digits = 2,
+                                     .in_brief = 1};
+
+static void add(rx_report_table *t, const char *condition, const char *run, double recall,
+                const char *verdict)
+{
+    rx_report_row(t, (rx_cell[]){rx_cell_words(condition), rx_cell_words(run),
+                                 rx_cell_estimate((rx_estimate){recall, recall - 0.1, INFINITY, 40}),
+                                 rx_cell_number(7), rx_cell_p(0, -1000 * M_LN10), rx_cell_words(verdict)});
+}
+
+/* Two seeings, two runs, one of the four cells missing. */
+static rx_report *make(rx_report_table **t)
+{
+    rx_report *r = rx_report_new("Test: ", "<b>&");
+    assert_non_null(r);
+    *t = rx_report_table_add(r, "cells", NCOLUMNS, COLUMNS, RX_REPORT_EVERYWHERE);
+    rx_report_fact(r, "type", "a \"test\"");
+    rx_report_fact(r, "nothing", NULL);
+    rx_report_fact_number(r, "level", 0.95);
+    rx_report_section(r, "lists", "Lists");
+    add(*t, "FWHM 3", "NET", 0.5, "reproduced");
+    add(*t, "FWHM 3", "a run of a longer name, <i>", 0.25, "FAIL");
+    add(*t, "FWHM 5", "NET", NAN, "");
+    return r;
+}
+
+static void write_report(void **state, rx_report *r, rx_text *brief)
+{
+    const rx_report_files files = {*state, "the report", 0, NULL, NULL};
+    assert_int_equal(rx_report_write(r, &files, brief, NULL), RX_OK);
+}
+
+static void holds(void **state, const char *name, const char *const *words)
+{
+    char path[1024], *text = NULL;
+    path_in(state, name, path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
+    for (; *words != NULL; words++)
+        if (strstr(text, *words) == NULL)
+            fail_msg("%s lacks %s:\n%s", name, *words, text);
+    free(text);
+}
+
+static void one_table_in_all_files(void **state)
+{
+    static const char *const json[] = {
+        "\"type\": \"a \\\"test\\\"\"",
+        "\"nothing\": null",
+        "\"level\": 0.95",
+        "{\"condition\": \"FWHM 3\", \"run\": \"NET\", \"recall\": {\"value\": 0.5, \"low\": 0.4, \"high\": "
+        "null, \"n\": 40}, "
+        "\"n\": 7, \"p\": 0, \"ln_p\": -2302.58509, \"verdict\": \"reproduced\"}",
+        "\"recall\": {\"value\": null, \"low\": null, \"high\": null, \"n\": 40}, \"n\": 7, \"p\": 0, "
+        "\"ln_p\": -2302.58509, "
+        "\"verdict\": null}",
+        NULL};
+    static const char *const ecsv[] = {
+        "#   level: 0.95\n",
+        "name: recall_high, datatype: float64, description: \"upper end",
+        "condition,run,recall,recall_low,recall_high,recall_n,n,p,ln_p,verdict\n",
+        "\"FWHM 3\",\"NET\",0.5,0.4,inf,40,7,0,-2302.58509,\"reproduced\"\n",
+        "\"a run of a longer name, <i>\",0.25,0.15,inf",
+        NULL};
+    static const char *const page[] = {
+        "<h1>Test: &lt;b&gt;&amp;</h1>",
+        "<nav><a href=\"#lists\">Lists</a></nav>",
+        "<th class=\"t\">seeing</th><th>NET</th><th>a run of a longer name, &lt;i&gt;</th>",
+        "<td class=\"t\">FWHM 3</td><td>0.50 <small>[0.40, &infin;] n=40</small></td><td>0.25 <small>",
+        "<td class=\"t\">FWHM 5</td><td>&ndash; <small>[&ndash;, &infin;] n=40</small></td><td "
+        "class=\"t\">&ndash;</td></tr>",
+        "<td class=\"t PASS\"><b>reproduced</b></td>",
+        "<td class=\"t FAIL\"><b>FAIL</b></td>",
+        "<td>1.0&middot;10<sup>&minus;1000</sup></td>",
+        NULL};
+    rx_report_table *t;
+    rx_report *r = make(&t);
+    rx_text brief = {0};
+    assert_int_equal(rx_report_rows(t), 3);
+    rx_report_show(r, t, &PIVOT);
+    rx_report_show(r, t, &(rx_report_view){.to = 3});
+    write_report(state, r, &brief);
+    rx_report_free(r);
+    holds(state, "summary.json", json);
+    holds(state, "cells.ecsv", ecsv);
+    holds(state, "report.html", page);
+    assert_string_equal(brief.data,
+                        "recall\n                                   NET a run of a longer name? ?i?\n"
+                        "FWHM 3                            0.50      0.25\n"
+                        "FWHM 5                               -         -\n");
+    rx_text_free(&brief);
+}
+
+/* Only the file, or only summary.json. */
+static void tables_stand_where_they_are_asked_for(void **state)
+{
+    static const char *const both[] = {"\"shown\": [\n    {\"word\": \"here\"}\n  ]", NULL};
+    static const rx_report_column word = {.name = "word"};
+    char path[1024], *text = NULL;
+    rx_report *r = rx_report_new("", "x");
+    rx_report_table *shown = rx_report_table_add(r, "shown", 1, &word, RX_REPORT_IN_JSON);
+    rx_report_table *listed = rx_report_table_add(r, "listed", 1, &word, RX_REPORT_IN_FILE);
+    rx_report_row(shown, (rx_cell[]){rx_cell_words("here")});
+    rx_report_row(listed, (rx_cell[]){rx_cell_words("there")});
+    write_report(state, r, NULL);
+    rx_report_free(r);
+    holds(state, "summary.json", both);
+    path_in(state, "summary.json", path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
+    assert_null(strstr(text, "there"));
+    free(text);
+    path_in(state, "listed.ecsv", path);
+    assert_int_equal(access(path, F_OK), 0);
+    path_in(state, "shown.ecsv", path);
+    assert_int_not_equal(access(path, F_OK), 0);
+}
+
+/* Rows by the hundred, of words that become longer and longer. */
+static void tables_grow(void **state)
+{
+    static const rx_report_column columns[] = {{.name = "word"}, {"k", RX_REPORT_COUNT, 0, "", "", NULL}};
+    char words[600] = "";
+    char path[1024], *text = NULL;
+    rx_report *r = rx_report_new("", "x");
+    rx_report_table *t = rx_report_table_add(r, "t", 2, columns, RX_REPORT_IN_FILE);
+    for (int k = 0; k < 500; k++) {
+        words[k] = (char)('a' + k % 26);
+        rx_report_row(t, (rx_cell[]){rx_cell_words(k % 2 ? words : NULL), rx_cell_number(k)});
+    }
+    write_report(state, r, NULL);
+    rx_report_free(r);
+    path_in(state, "t.ecsv", path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
+    const char *line = strstr(text, "word,k\n");
+    assert_non_null(line);
+    line += strlen("word,k\n");
+    for (int k = 0; k < 500; k++) {
+        assert_int_equal(*line++, '"');
+        for (int i = 0; k % 2 && i <= k; i++)
+            assert_int_equal(*line++, 'a' + i % 26);
+        assert_int_equal(*line++, '"');
+        assert_int_equal(strtol(line + 1, NULL, 10), k);
+        line = strchr(line, '\n') + 1;
+    }
+    free(text);
+}
+
+/* Rows of a pivot that two columns name, and columns that two name. */
+static void pivots_of_two_keys(void **state)
+{
+    static const char *const page[] = {
+        "<tr><th class=\"t\">a</th><th class=\"t\">b</th><th>u x</th><th>v x</th></tr>",
+        "<tr><td class=\"t\">1</td><td class=\"t\">1</td><td>1</td><td>2</td></tr>\n<tr><td "
+        "class=\"t\">1</td><td "
+        "class=\"t\">2</td><td>3</td><td>4</td></tr>\n</table>",
+        NULL};
+    static const rx_report_column columns[] = {{.name = "a"},
+                                               {.name = "b"},
+                                               {.name = "c"},
+                                               {.name = "d"},
+                                               {"value", RX_REPORT_NUMBER, 0, "", "", NULL}};
+    rx_report *r = rx_report_new("", "x");
+    rx_report_table *t = rx_report_table_add(r, "t", 5, columns, RX_REPORT_IN_JSON);
+    for (int k = 0; k < 4; k++)
+        rx_report_row(t, (rx_cell[]){rx_cell_words("1"), rx_cell_words(k < 2 ? "1" : "2"),
+                                     rx_cell_words(k % 2 ? "v" : "u"), rx_cell_words("x"),
+                                     rx_cell_number(k + 1)});
+    rx_report_show(r, t,
+                   &(rx_report_view){.to = 4, .rows = {"a", "b"}, .across = {"c", "d"}, .value = "value"});
+    write_report(state, r, NULL);
+    rx_report_free(r);
+    holds(state, "report.html", page);
+}
+
+static void a_folder_that_is_not_there(void **state)
+{
+    rx_error err = RX_ERROR_NONE;
+    const rx_report_files files = {"/no/such", "the report", 0, NULL, NULL};
+    rx_report_table *t;
+    rx_report *r = make(&t);
+    (void)state;
+    assert_int_equal(rx_report_write(r, &files, NULL, &err), RX_SYSTEM);
+    assert_string_equal(err.where, "the report/summary.json");
+    rx_report_free(r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(one_table_in_all_files, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(tables_stand_where_they_are_asked_for, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(tables_grow, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(pivots_of_two_keys, make_scratch, remove_scratch),
+        cmocka_unit_test(a_folder_that_is_not_there),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
