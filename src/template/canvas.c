@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 #include "base/wide.h"
 
@@ -13,6 +14,8 @@
 enum { SIDE = 16, TOGETHER = 16, MOST = SIDE * TOGETHER };
 
 enum { KEPT = 4 }; /* times what is usual: images up to that size have their data kept */
+
+static const float EXACT = 1e-6f, ROUNDED = 0.288675f; /* 1 / sqrt(12) */
 
 /* What a block holds: nothing, pixels and noise, the model, too. */
 enum { BARE, FILLED, DRAWN };
@@ -30,21 +33,6 @@ typedef struct plan {
     size_t *start; /* [n + 1] into list */
     int *list;     /* layers of the runs */
 } plan;
-
-void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)
-{
-    const rx_noise_correlation *noise = input->image.correlation;
-    const double wide = rx_noise_factor_wide(noise);
-    *canvas = (rx_canvas){
-        .width = input->image.width,
-        .height = input->image.height,
-        /* resampling keeps the photon noise of wide sums and lowers that of a pixel, as the sky's */
-        .gain = wide * wide * input->image.gain,
-        .correlation = noise != NULL && noise->correlated ? noise : NULL,
-        .nthreads = nthreads,
-        .input = input,
-        .usual = usual};
-}
 
 void rx_canvas_clear(rx_canvas *canvas)
 {
@@ -114,7 +102,8 @@ float rx_canvas_variance(const rx_canvas *canvas, int x, int y)
     const float level = has_level(image) ? rx_map_at(&image->level, x, y) : 0.0f;
     const float sigma = rx_map_at(&image->noise, x, y);
     const int hidden = rx_image_hides(image, k);
-    return is_open(hidden, image->pixels[k] - level, sigma) ? sigma * sigma : 0.0f;
+    const float least = fmaxf(sigma, canvas->floor);
+    return is_open(hidden, image->pixels[k] - level, sigma) ? least * least : 0.0f;
 }
 
 static const uint8_t unmasked[MOST] = {0};
@@ -131,6 +120,43 @@ static void read_pixels(const rx_image *image, int y, int x, int n, float *data,
                         .mask = image->mask != NULL ? image->mask + at : unmasked,
                         .bits = image->hide};
     open_pixels(&from, n, data, noise, weight);
+}
+
+/* The brightest light of two neighbours, for one pixel is no star; sigma at least EXACT of that, or the noise of rounding to the
+ * steps that the pixels are in. */
+static void look_through(const rx_image *image, rx_canvas *canvas)
+{
+    float data[MOST], noise[MOST], weight[MOST], brightest = 0, step = FLT_MAX;
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x += MOST) {
+            const int n = rx_least(MOST, image->width - x);
+            const float *pixels = image->pixels + (size_t)y * (size_t)image->width + (size_t)x;
+            read_pixels(image, y, x, n, data, noise, weight);
+#pragma omp simd reduction(max : brightest) reduction(min : step)
+            for (int i = 1; i < n; i++) {
+                const float by = fabsf(pixels[i] - pixels[i - 1]), both = fminf(data[i], data[i - 1]);
+                step = (weight[i] * weight[i - 1] > 0) & (by > 0) & (by < step) ? by : step;
+                brightest = both > brightest ? both : brightest;
+            }
+        }
+    canvas->brightest = brightest;
+    canvas->floor = fmaxf(EXACT * brightest, step < FLT_MAX ? step * ROUNDED : 0);
+}
+
+void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)
+{
+    const rx_noise_correlation *noise = input->image.correlation;
+    const double wide = rx_noise_factor_wide(noise);
+    *canvas = (rx_canvas){
+        .width = input->image.width,
+        .height = input->image.height,
+        /* resampling keeps the photon noise of wide sums and lowers that of a pixel, as the sky's */
+        .gain = wide * wide * input->image.gain,
+        .correlation = noise != NULL && noise->correlated ? noise : NULL,
+        .nthreads = nthreads,
+        .input = input,
+        .usual = usual};
+    look_through(&input->image, canvas);
 }
 
 /* n pixels of row y from x on. */
@@ -155,9 +181,12 @@ static void fill_pixels(rx_canvas *canvas, int y, int x, int n)
 
 static void fill_piece(rx_canvas *canvas, int y, int x, int n)
 {
+    float *sigma = canvas->sigma + rx_canvas_row(canvas, y) + x;
     fill_pixels(canvas, y, x, n);
     if (canvas->scale.nx > 0)
-        rx_sheet_scale(&canvas->scale, y, x, n, canvas->sigma + rx_canvas_row(canvas, y) + x);
+        rx_sheet_scale(&canvas->scale, y, x, n, sigma);
+    for (int i = 0; i < n; i++)
+        sigma[i] = sigma[i] > 0 && sigma[i] < canvas->floor ? canvas->floor : sigma[i];
 }
 
 static void keep_piece(rx_canvas *canvas, int y, int x, int n)

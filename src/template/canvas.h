@@ -54,7 +54,11 @@ struct rx_canvas {
     int nlayers, nadded, nroom;
     rx_sheet *sheets;
     int nsheets;
-    rx_sheet scale; /* of sigma; nx 0: 1 */
+    rx_sheet scale;  /* of sigma; nx 0: 1 */
+    float brightest; /* light of two neighbours, ADU above the level */
+    float
+        floor; /* sigma at least: pixels in steps have the noise of rounding, and no model is exact to a millionth of the
+                       brightest light */
 };
 
 /* Of the input, which must live as long; psf_error 0, no model, nothing shown. usual: pixels to be held in

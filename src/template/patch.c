@@ -126,6 +126,14 @@ rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width,
     return RX_OK;
 }
 
+double rx_footprint_peak(const rx_footprint *f)
+{
+    float peak = 0;
+    for (size_t k = 0; k < (size_t)f->width * (size_t)f->height; k++)
+        peak = f->values[k] > peak ? f->values[k] : peak;
+    return (double)peak;
+}
+
 RX_WIDE double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas)
 {
     const int x0 = a->x0 > b->x0 ? a->x0 : b->x0, y0 = a->y0 > b->y0 ? a->y0 : b->y0;

@@ -35,6 +35,9 @@ typedef struct rx_lens_plane {
 rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width, int height,
                             rx_footprint *dst, rx_error *err);
 
+/* Its largest value, at least 0. */
+double rx_footprint_peak(const rx_footprint *footprint);
+
 /* sum over common pixels of a b; with `canvas` weighted. */
 double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas);
 

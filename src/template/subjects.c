@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "template/patch.h"
+
 static const double GAUSS = 2.3548200450309493;      /* FWHM / sigma */
 static const double HALF_LIGHT = 1.1774100225154747; /* of a Gaussian, in sigmas */
 static const double CUT = 1.3; /* what a segment's threshold cuts off an exponential's rms radius, roughly */
@@ -111,9 +113,8 @@ static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const
 {
     static const double bright = 0.1;
     const rx_footprint *f = &s->footprint;
-    double peak = 0, chi2 = 0;
-    for (size_t k = 0; k < (size_t)f->width * (size_t)f->height; k++)
-        peak = fmax(peak, f->values[k]);
+    const double peak = rx_footprint_peak(f);
+    double chi2 = 0;
     for (int j = 0; j < f->height; j++)
         for (int i = 0; i < f->width; i++) {
             const size_t k = rx_canvas_row(canvas, f->y0 + j) + (size_t)(f->x0 + i);

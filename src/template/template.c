@@ -16,6 +16,7 @@
 #include "template/joint.h"
 #include "template/judge.h"
 #include "template/lens.h"
+#include "template/patch.h"
 #include "template/refine.h"
 #include "template/subjects.h"
 #include "template/tphot.h"
@@ -24,8 +25,10 @@
 #include "template/usual.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
-enum { SHIFTS = 2 };              /* joint moves of the positions in groups after each fit */
-enum { CROWD_CELL = 64 };         /* pixels: cells of sky and noise in a crowd */
+static const double RUNAWAY =
+    1e3;                  /* times the brightest light that is seen no star is, not even a saturated one */
+enum { SHIFTS = 2 };      /* joint moves of the positions in groups after each fit */
+enum { CROWD_CELL = 64 }; /* pixels: cells of sky and noise in a crowd */
 /* FWHM: so far at least the neighbours of what comes and goes in a crowd are fitted again; passes before what has gone may not
  * come again; everything is fitted again every so many passes, for what is fitted does reach farther. */
 static const double STIRRED = 4.0;
@@ -690,6 +693,8 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     s->fluxerr = hypot(s->fluxerr, w->input->image.psf->quality.flux_error * s->flux / seen);
     if ((s->flags & RX_TPHOT_MASKED) != 0)
         s->fluxerr *= sqrt(fmax(s->chi2, 1.0));
+    if (rx_footprint_peak(&w->subjects[i].footprint) * fabs(s->flux) > RUNAWAY * (double)w->canvas.brightest)
+        s->flags |= RX_TPHOT_SINGULAR;
     if ((s->flags & RX_TPHOT_NO_DATA) != 0)
         s->flux = s->fluxerr = s->snr = NAN;
     return RX_OK;
@@ -709,6 +714,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->sky = w->sky;
     dst->crowded = (double)w->crowd.n / ((double)w->crowd.nx * w->crowd.ny);
     dst->passes = w->passes;
+    dst->least = (double)w->canvas.floor;
     dst->star_odds = w->usual.star_odds;
     rx_window *windows = RX_NEW(rx_window, w->n);
     if (windows == NULL)

@@ -134,6 +134,7 @@ typedef struct rx_tphot {
     double sky;           /* ADU, mean of what was taken off the level (sky_cell) */
     double chi2;          /* of the visible pixels, their noise that of the sky and of the model's photons */
     double visible;       /* pixels */
+    double least;         /* ADU: noise of a pixel was taken to be that at least */
     double crowded;       /* share of the image in crowded cells */
     int passes;           /* that were made */
     int width, height;

@@ -238,9 +238,49 @@ static void test_passes(void **state)
     field_close(&f);
 }
 
+/* Noise is not less than that of rounding, nor than a millionth of the brightest star, whatever the noise map says; one hot pixel
+ * is no star. Without noise fluxes are right all the same, with whole numbers nothing is found beside what is there. */
+static void test_least_noise(void **state)
+{
+    (void)state;
+    for (int rounded = 0; rounded < 2; rounded++) {
+        field f;
+        rx_canvas canvas;
+        rx_tphot *t = NULL;
+        rx_tphot_params par = rx_tphot_defaults();
+        field_open(&f, 128, 128, 4, 0.05, 2);
+        field_star(&f, 50, 60, 20000);
+        field_star(&f, 57, 63, 9000);
+        for (int k = 0; k < 128 * 128; k++) {
+            f.sigma[k] = 1e-9f;
+            f.pixels[k] = rounded ? roundf(f.pixels[k]) : f.pixels[k];
+        }
+        f.pixels[20 * 128 + 20] = 1e12f;
+        field_list(&f, 50, 60, 4, 1.7, 1.7, 0);
+        field_list(&f, 57, 63, 4, 1.7, 1.7, 0);
+        field_restore_none(&f);
+        const rx_tphot_input input = field_input(&f);
+        rx_canvas_open(&input, 128 * 128, 2, &canvas);
+        const double peak = (double)canvas.brightest;
+        assert_near(peak, (double)f.pixels[60 * 128 + 51], 1e-3);
+        assert_near(canvas.floor, rounded ? sqrt(1 / 12.0) : 1e-6 * peak, 1e-4 * (double)canvas.floor);
+        assert_near(sqrt((double)rx_canvas_variance(&canvas, 100, 100)), (double)canvas.floor, 1e-6);
+        rx_canvas_clear(&canvas);
+        f.mask[20 * 128 + 20] = RX_MASK_BAD;
+        par.crowding = RX_CROWDING_YES;
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        assert_near(t->list[0].flux, 20000, rounded ? 60 : 20);
+        assert_near(t->list[1].flux, 9000, rounded ? 60 : 20);
+        assert_near(t->least, (double)(rounded ? sqrt(1 / 12.0) : 1e-6 * peak), 1e-3);
+        rx_tphot_free(t);
+        field_close(&f);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_cells), cmocka_unit_test(test_sky_and_noise),
-                                       cmocka_unit_test(test_pair), cmocka_unit_test(test_passes)};
+                                       cmocka_unit_test(test_pair), cmocka_unit_test(test_passes),
+                                       cmocka_unit_test(test_least_noise)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
