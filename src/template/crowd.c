@@ -3,10 +3,12 @@
 
 #include <stdlib.h>
 
+#include "base/least.h"
 #include "base/memory.h"
 
 static const double COVERED = 0.05; /* share of the pixels */
 static const double BEAMS = 70.0;   /* areas of FWHM^2 a source */
+static const double EXTENDED = 0.8; /* share of the light */
 enum { CELL = 64 };                 /* pixels */
 
 static int cell_of(const rx_crowding *crowd, int x, int y)
@@ -59,8 +61,8 @@ rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, doub
     for (int y = 0; y < dst->ny && status == RX_OK; y++)
         for (int x = 0; x < dst->nx; x++) {
             long sum[3] = {0};
-            for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < dst->ny; v++)
-                for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < dst->nx; u++)
+            for (int v = rx_most(y - 1, 0); v <= rx_least(y + 1, dst->ny - 1); v++)
+                for (int u = rx_most(x - 1, 0); u <= rx_least(x + 1, dst->nx - 1); u++)
                     for (int j = 0; j < 3; j++)
                         sum[j] += sums[v * dst->nx + u][j];
             const double area = (double)sum[0];
@@ -73,6 +75,35 @@ rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, doub
     if (status != RX_OK)
         rx_crowding_clear(dst);
     return status;
+}
+
+rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int n, rx_crowding *crowd,
+                            rx_error *err)
+{
+    const size_t cells = (size_t)crowd->nx * (size_t)crowd->ny;
+    double(*sums)[2] = rx_alloc(cells, sizeof *sums);
+    if (sums == NULL)
+        return rx_error_memory(err, cells * sizeof *sums);
+    for (int i = 0; i < n; i++) {
+        const int x = (int)(at[i][0] + 0.5), y = (int)(at[i][1] + 0.5);
+        for (int j = 0; j < 2 && x >= 0 && y >= 0 && x < crowd->width && y < crowd->height; j++)
+            sums[cell_of(crowd, x, y)][j] += light[i][j] > 0 ? light[i][j] : 0;
+    }
+    for (int y = 0; y < crowd->ny; y++)
+        for (int x = 0; x < crowd->nx; x++) {
+            double sum[2] = {0};
+            for (int v = rx_most(y - 1, 0); v <= rx_least(y + 1, crowd->ny - 1); v++)
+                for (int u = rx_most(x - 1, 0); u <= rx_least(x + 1, crowd->nx - 1); u++)
+                    for (int j = 0; j < 2; j++)
+                        sum[j] += sums[v * crowd->nx + u][j];
+            uint8_t *cell = &crowd->cells[y * crowd->nx + x];
+            if (*cell && sum[1] > EXTENDED * (sum[0] + sum[1])) {
+                *cell = 0;
+                crowd->n--;
+            }
+        }
+    free(sums);
+    return RX_OK;
 }
 
 void rx_crowding_clear(rx_crowding *crowd)

@@ -19,6 +19,12 @@ typedef struct rx_crowding {
  * all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
 rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err);
+
+/* Cells in and around which more than four fifths of the light is extended, once pairs are no profiles any more, are no crowd: a
+ * nebula, or a galaxy with its knots, is no sum of points and would be cut into ever more of them. light[n]: of the sources as
+ * points and as profiles. Errors: RX_SYSTEM. */
+rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int n, rx_crowding *crowd,
+                            rx_error *err);
 void rx_crowding_clear(rx_crowding *crowd);
 
 /* Is the pixel in a crowded cell? NULL: it is not. */

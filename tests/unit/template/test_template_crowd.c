@@ -77,6 +77,32 @@ static void test_cells(void **state)
     field_close(&f);
 }
 
+/* Points to the left, profiles to the right, each with a tenth of the others: the cells of the profiles are no crowd. */
+static void test_extended(void **state)
+{
+    (void)state;
+    static double at[W * H / 400][2], light[W * H / 400][2];
+    uint8_t cells[8 * 5];
+    rx_crowding crowd = {.width = W, .height = H, .nx = 8, .ny = 5, .cells = cells, .n = 8 * 5};
+    int n = 0;
+    memset(cells, 1, sizeof cells);
+    for (int y = 10; y < H; y += 20)
+        for (int x = 10; x < W; x += 20, n++) {
+            const int extended = (x >= W / 2) != (n % 10 == 0);
+            at[n][0] = x;
+            at[n][1] = y;
+            light[n][extended] = 100;
+            light[n][!extended] = -5;
+        }
+    assert_int_equal(rx_crowding_spare((const double(*)[2])at, (const double(*)[2])light, n, &crowd, NULL),
+                     RX_OK);
+    for (int y = 0; y < H; y += 64)
+        for (int x = 0; x < W;
+             x += 64) /* the cell right of the middle still has a third of the left's light around it */
+            assert_int_equal(rx_crowding_at(&crowd, x, y), x <= W / 2);
+    assert_int_equal(crowd.n, 5 * 5);
+}
+
 /* Noise that is given as half again of what it is, on a sky 2 too high, is put right where it is crowded, and only there. */
 static void test_sky_and_noise(void **state)
 {
@@ -279,8 +305,8 @@ static void test_least_noise(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_cells), cmocka_unit_test(test_sky_and_noise),
-                                       cmocka_unit_test(test_pair), cmocka_unit_test(test_passes),
-                                       cmocka_unit_test(test_least_noise)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_cells), cmocka_unit_test(test_extended), cmocka_unit_test(test_sky_and_noise),
+        cmocka_unit_test(test_pair),  cmocka_unit_test(test_passes),   cmocka_unit_test(test_least_noise)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
