@@ -5,13 +5,14 @@
 
 A cell is DENSITY-FWHM as in crowded.py, with G where a fifth of the objects are galaxies and T where none is fainter than S/N 5:
 DENSITY objects of S/N 5 to 3000 per Mpixel, N(> S) ~ S^-0.9, and, but for T, the fainter ones of the same law down to S/N 2. Tiles
-have 1024 x 1024 pixels, 512 x 512 at 8000 per Mpixel, and a sky of 100 photons; the PSF is measured on the tile. REXTRACT, SIMULATE
-and RX_MODEL as in crowded.py, RX_PROGRAMS the restorers (NONE,RL,NET). FOLDER gets preal.json and preal.md.
+have 1024 x 1024 pixels, 512 x 512 in crowds, and a sky of 100 photons; the PSF is measured on the tile. REXTRACT, SIMULATE and
+RX_MODEL as in crowded.py, RX_PROGRAMS the restorers (NONE,RL,NET), RX_COVERED those whose errors are looked at (NONE; injecting into
+crowds takes long). FOLDER gets preal.json and preal.md.
 
-Every tile is worked on without a check (RXPREAL DEFAULT) and with two realisations of its noise and injected objects (TILE). A
-detection is real where a true object lies within half a FWHM, each object once, brightest detections first, the object that is
-nearest in position and magnitude as in crowded.py. Marked: share of the real ones, by true S/N, of P_REAL below 0.5. Covered:
-share of matched fluxes of P_REAL above 0.5 within the errors named, by measured S/N.
+Every tile is worked on without a check (RXPREAL DEFAULT) and with two realisations of its noise (TILE). A detection is real where a
+true object lies within half a FWHM, each object once, brightest detections first, the object that is nearest in position and magnitude
+as in crowded.py. Marked: share of the real ones, by true S/N, of P_REAL below 0.5. Errors: 1000 objects are injected, a tenth of the
+tile's density at once; share of matched fluxes of P_REAL above 0.5 within the errors named, by measured S/N.
 """
 import json
 import os
@@ -22,19 +23,27 @@ import numpy as np
 from astropy.io import fits
 from scipy.spatial import cKDTree
 
-from crowded import SKY, ZERO, MODEL, cell, program, run, unit
+from crowded import SKY, ZERO, MODEL, cell, run, unit
 
 CELLS = ["300-2.5G", "300-4G", "300-6G", "2000-4", "2000-4T", "8000-4"]
 EDGES = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0001)
 COLUMNS = ("XTEMPLATE_IMAGE", "YTEMPLATE_IMAGE", "MAG_TEMPLATE", "FLUX_TEMPLATE", "FLUXERR_TEMPLATE", "SNR_TEMPLATE",
            "EVIDENCE_TEMPLATE", "P_REAL", "FLAGS_RESTORE")
 INJECTED = ("MAGERR_INJECTED", "MAGERR95_INJECTED")
-CHECKS = ("-BLANK_CHECK", "2") if os.environ.get("QUICK") else ("-BLANK_CHECK", "2", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "2000", "-SELF_CHECK_DENSITY", "400", "-QA_FIGURES", "N")
+COVERED = ("300-4G", "2000-4", "8000-4")
+
+
+def checks(name, mode):
+    """Arguments."""
+    if mode != "INJECTED":
+        return ["-BLANK_CHECK", "2" if mode == "TILE" else "0"]
+    return ["-BLANK_CHECK", "0", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "1000", "-SELF_CHECK_DENSITY",
+            str(max(200, kind(name)[0] / 10))]
 
 
 def kind(name):
     density, fwhm, _, mixed = cell(name.rstrip("T"))
-    return density, fwhm, mixed, 5.0 if name.endswith("T") else 2.0, 512 if density > 4000 else 1024
+    return density, fwhm, mixed, 5.0 if name.endswith("T") else 2.0, 512 if density > 1000 else 1024
 
 
 def make(folder, name, seed):
@@ -48,16 +57,26 @@ def make(folder, name, seed):
         "-NOISE_TYPE", "CCD", "-SKY_LEVEL", str(SKY))
 
 
-def extract(folder, by, checked):
-    name = f"{by}.{'TILE' if checked else 'DEFAULT'}.cat"
-    if not os.path.exists(f"{folder}/{name}"):
+def extract(folder, name, by, mode):
+    catalog = f"{by}.{mode}.cat"
+    if not os.path.exists(f"{folder}/sim_truth.fits"):
+        os.makedirs(folder, exist_ok=True)
+        make(folder, name, int(folder.rsplit("-", 1)[1]))
+    if not os.path.exists(f"{folder}/{catalog}"):
         with open(f"{folder}/p.param", "w") as file:
-            file.write("\n".join(COLUMNS + (INJECTED if checked and not os.environ.get("QUICK") else ())) + "\n")
+            file.write("\n".join(COLUMNS + (INJECTED if mode == "INJECTED" else ())) + "\n")
         run(folder, "REXTRACT", "sim.fits", "-RESTORE_TYPE", by, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
-            name, "-PARAMETERS_NAME", "p.param", "-FILTER_NAME", f"{os.path.dirname(MODEL)}/default.conv", "-MAG_ZEROPOINT",
-            str(ZERO), "-SATUR_LEVEL", "1e9", *(CHECKS if checked else ("-BLANK_CHECK", "0")))
-    with fits.open(f"{folder}/{name}") as hdus:
-        return {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}, hdus[1].header["RXPREAL"]
+            catalog, "-PARAMETERS_NAME", "p.param", "-FILTER_NAME", f"{os.path.dirname(MODEL)}/default.conv", "-MAG_ZEROPOINT",
+            str(ZERO), "-SATUR_LEVEL", "1e9", *checks(name, mode))
+    with fits.open(f"{folder}/{catalog}") as hdus:
+        t = {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}
+    t["true_snr"], t["true_flux"] = match(folder, name, t)
+    return t
+
+
+def gather(folder, cells, seeds, by, mode):
+    parts = [extract(f"{folder}/{name}-{seed}", name, by, mode) for name in cells for seed in seeds]
+    return {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
 
 
 def match(folder, name, t):
@@ -139,35 +158,27 @@ def page(result):
 
 def main():
     folder, seeds = os.path.abspath(sys.argv[1]), [int(s) for s in (sys.argv[2:3] or ["1,2"])[0].split(",")]
-    names, kinds = (sys.argv[3].split(",") if len(sys.argv) > 3 else CELLS), os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(",")
-    program("REXTRACT")
+    names = sys.argv[3].split(",") if len(sys.argv) > 3 else CELLS
     result = {"seeds": seeds, "reliability": [], "coverage": []}
     for title, cells in group(names).items():
-        for by in kinds:
-            for checked in (False, True):
-                parts, area = [], 0.0
-                for name in cells:
-                    for seed in seeds:
-                        place = f"{folder}/{name}-{seed}"
-                        os.makedirs(place, exist_ok=True)
-                        if not os.path.exists(f"{place}/sim_truth.fits"):
-                            make(place, name, seed)
-                        t, mode = extract(place, by, checked)
-                        snr, flux = match(place, name, t)
-                        area += kind(name)[4]**2 / 1e6
-                        parts.append({**t, "true_snr": snr, "true_flux": flux})
-                t = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-                known, real = np.isfinite(t["P_REAL"]), np.isfinite(t["true_snr"])
+        area = sum(kind(name)[4]**2 / 1e6 for name in cells) * len(seeds)
+        for by in os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(","):
+            for mode in ("DEFAULT", "TILE"):
+                t = gather(folder, cells, seeds, by, mode)
+                known, snr = np.isfinite(t["P_REAL"]), t["true_snr"]
+                real, marked = np.isfinite(snr), t["P_REAL"] < 0.5
                 bins = reliability(t["P_REAL"][known], real[known])
-                marked, snr = t["P_REAL"] < 0.5, t["true_snr"]
                 result["reliability"].append(
                     {"cell": title, "by": by, "mode": mode, "bins": bins,
                      "beyond": max(max(0.0, abs(b["real"] - b["p"]) - 2 * b["error"]) for b in bins),
                      "marked_5_7": float(marked[(snr >= 5) & (snr < 7)].mean()), "marked_5": float(marked[snr >= 5].mean()),
                      "false": float((~real).sum() / area), "kept": float((~real & ~marked).sum() / area)})
-                if checked and INJECTED[0] in t:
-                    result["coverage"].append({"cell": title, "by": by, "rows": coverage(t, t["true_flux"])})
                 print(title, by, mode, flush=True)
+    for name in (c for c in COVERED if c in names):
+        for by in filter(None, os.environ.get("RX_COVERED", "NONE").split(",")):
+            t = gather(folder, [name], seeds, by, "INJECTED")
+            result["coverage"].append({"cell": name, "by": by, "rows": coverage(t, t["true_flux"])})
+            print(name, by, "INJECTED", flush=True)
     with open(f"{folder}/preal.json", "w") as file:
         json.dump(result, file, indent=1)
         file.write("\n")

@@ -231,6 +231,19 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
     return status;
 }
 
+rx_status rx_checks_apply(const rx_pipeline_params *params, const rx_check_results *results, rx_result *tile,
+                          rx_error *err)
+{
+    RX_TRY(rx_blankcheck_preal(params, &results->blank, tile, err));
+    for (int i = 0; i < tile->sources->n; i++) {
+        rx_source_template *fit = &tile->sources->list[i].fit;
+        rx_conformal_at(results->self.errors, fit->flux / fit->fluxerr, fit->blend, fit->injected);
+        for (int level = 0; level < RX_CONFORMAL_LEVELS; level++)
+            fit->injected[level] *= fit->fluxerr;
+    }
+    return RX_OK;
+}
+
 void rx_check_results_free(rx_check_results *results)
 {
     rx_selfcheck_free(&results->self);
@@ -270,6 +283,12 @@ static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, r
     estimate_facts(facts, "RXSCBIA", "median of measured - true mag, FLAGS 0", &self->bias);
     estimate_facts(facts, "RXSCSCA", "sigma_MAD of the same", &self->scatter);
     estimate_facts(facts, "RXSCWID", "in wide apertures: isolated, S/N > 20, mag", &self->wide_bias);
+    if (self->errors != NULL) {
+        rx_record_add(facts, "RXSCERN", "objects behind MAGERR_INJECTED", "%ld",
+                      rx_conformal_cases(self->errors));
+        rx_record_add(facts, "RXSCERG", "groups of S/N and blending they make", "%d",
+                      rx_conformal_groups(self->errors));
+    }
     estimate_facts(facts, "RXSCSKY", "sky left in these apertures, ADU/pixel", &self->sky);
     estimate_facts(facts, "RXSCAP", "RXSCWID without this sky: flux scale, mag", &self->aperture_bias);
     rx_record_add(facts, "RXSCAPN", "objects behind RXSCAP", "%ld", self->aperture_bias.n);

@@ -35,6 +35,11 @@ rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, c
  * freed by rx_check_results_free(), also after an error. checks NULL: no check but the guard. */
 rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *params, const rx_restorer *kind,
                         const rx_result *before, rx_log *log, rx_check_results *dst, rx_error *err);
+
+/* What they say of the sources themselves: P_REAL and its marks by the tile's noise, MAGERR_INJECTED by what was injected. Errors:
+ * RX_SYSTEM. */
+rx_status rx_checks_apply(const rx_pipeline_params *params, const rx_check_results *results, rx_result *tile,
+                          rx_error *err);
 void rx_check_results_free(rx_check_results *results);
 
 /* Header facts RXSC* and RXBLK*; an end of an interval that is not finite is left out. checks: may be NULL. */

@@ -260,7 +260,7 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_result *befo
     /* new detections, behind those of the rounds before */
     for (int i = 0; i < sources->n; i++)
         added += new_one[i] != 0;
-    RX_TRY_EXIT(rx_selfcheck_grow(to, &dst->aperture, n + added, err));
+    RX_TRY_EXIT(rx_selfcheck_grow(to, &dst->measured, n + added, err));
     for (int i = 0; i < sources->n; i++) {
         if (new_one[i] == 0)
             continue;
@@ -272,9 +272,13 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_result *befo
         to->flux_error[n] = all.flux_error[i];
         to->score[n] = all.score[i];
         to->flags[n] = all.flags[i] | (new_one[i] == 2 ? RX_FLAG_CROWDED : 0);
-        dst->aperture[3 * n] = sources->list[i].flux_aper[wide];
-        dst->aperture[3 * n + 1] = empty[i];
-        dst->aperture[3 * n + 2] = light[i];
+        const rx_source *source = &sources->list[i];
+        dst->measured[n] = (rx_selfcheck_found){.wide = source->flux_aper[wide],
+                                                .empty = empty[i],
+                                                .light = light[i],
+                                                .flux = source->fit.flux,
+                                                .fluxerr = source->fit.fluxerr,
+                                                .blend = source->fit.blend};
         n++;
     }
 exit:
@@ -342,7 +346,8 @@ void rx_selfcheck_free(rx_selfcheck *check)
 {
     rx_qa_list_free(&check->truth);
     rx_qa_list_free(&check->found_list);
-    free(check->aperture);
+    free(check->measured);
+    rx_conformal_free(check->errors);
     free(check->is_galaxy);
     rx_psf_free(check->psf);
     free((void *)check->picture.pixels);

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "check/conformal.h"
 #include "check/params.h"
 #include "data/sources.h"
 #include "pipeline/field.h"
@@ -49,6 +50,13 @@ typedef struct rx_selfcheck_plan {
     long count, per_round; /* objects wanted, at most so many at once */
 } rx_selfcheck_plan;
 
+/* Of a new detection, ADU. */
+typedef struct rx_selfcheck_found {
+    double wide, empty; /* wide aperture: flux, and what it would hold without the object, */
+    double light;       /* and the light injected into it, NAN where fluxes are of a restored image */
+    double flux, fluxerr, blend; /* of its template, NAN without one */
+} rx_selfcheck_found;
+
 /* Completeness and bias of one restorer on this tile. Intervals at 95 %. */
 typedef struct rx_selfcheck {
     long injected, found;
@@ -69,10 +77,10 @@ typedef struct rx_selfcheck {
     int width, height, pitch;
     rx_qa_list truth, found_list; /* injected objects; new detections */
     unsigned char *is_galaxy;     /* [truth.n] */
-    double *aperture; /* [found_list.n][3] wide aperture, ADU: flux, what it would hold without the object,
-                         and the light injected into it, NAN where fluxes are of a restored image */
-    rx_psf *psf;      /* of the image that fluxes are measured on */
-    rx_qa_picture picture; /* middle of the first round, restored; pixels owned */
+    rx_selfcheck_found *measured; /* [found_list.n] */
+    rx_conformal *errors;         /* of template fluxes; NULL where templates were not fitted */
+    rx_psf *psf;                  /* of the image that fluxes are measured on */
+    rx_qa_picture picture;        /* middle of the first round, restored; pixels owned */
 } rx_selfcheck;
 
 /* `sources` of the untouched tile must outlive the plan, as must params, par and field. The field has a PSF. From

@@ -12,22 +12,26 @@
 static const double LEVEL = 0.95;
 static const double CLEAR = 1.5; /* S/N 20 is so many magnitudes brighter than the limit at S/N 5 */
 
-rx_status rx_selfcheck_grow(rx_qa_list *list, double **aperture, long n, rx_error *err)
+rx_status rx_selfcheck_grow(rx_qa_list *list, rx_selfcheck_found **measured, long n, rx_error *err)
 {
-    double **columns[] = {&list->x,    &list->y,          &list->mag,   &list->mag_error,
-                          &list->flux, &list->flux_error, &list->score, aperture};
-    size_t used = aperture != NULL ? 8 : 6;
+    double **columns[] = {&list->x,    &list->y,          &list->mag,  &list->mag_error,
+                          &list->flux, &list->flux_error, &list->score};
+    const size_t used = measured != NULL ? 7 : 6;
     for (size_t i = 0; i < used; i++) {
-        double *grown = rx_regrow(*columns[i], (columns[i] == aperture ? 3 : 1) * (size_t)n, sizeof(double));
+        double *grown = rx_regrow(*columns[i], (size_t)n, sizeof(double));
         if (grown == NULL)
             return rx_error_memory(err, (size_t)n * sizeof(double));
         *columns[i] = grown;
     }
-    if (aperture != NULL) {
+    if (measured != NULL) {
         int *flags = rx_regrow(list->flags, (size_t)n, sizeof(int));
-        if (flags == NULL)
-            return rx_error_memory(err, (size_t)n * sizeof(int));
-        list->flags = flags;
+        if (flags != NULL)
+            list->flags = flags;
+        rx_selfcheck_found *grown = rx_regrow(*measured, (size_t)n, sizeof *grown);
+        if (grown != NULL)
+            *measured = grown;
+        if (flags == NULL || grown == NULL)
+            return rx_error_memory(err, (size_t)n * sizeof *grown);
     }
     list->n = n;
     return RX_OK;
@@ -116,8 +120,8 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
         if (isfinite(e->dmag[j]))
             dst->total[dst->ntotal++] = e->dmag[j];
         double x = fmod(truth->x[i] + 1.0, check->pitch) - 1.0, y = truth->y[i];
-        double wide = check->aperture[3 * j], empty = check->aperture[3 * j + 1];
-        double light = check->aperture[3 * j + 2];
+        const double wide = check->measured[j].wide, empty = check->measured[j].empty;
+        double light = check->measured[j].light;
         if (truth->mag[i] > plan->limit - CLEAR || !(wide > 0.0) || !(wide > empty) || crowded(plan, x, y))
             continue;
         if (check->psf != NULL && check->is_galaxy[i])
@@ -149,6 +153,28 @@ static rx_status biases(const rx_selfcheck_plan *plan, const rx_evaluation *e, r
     rx_robust_estimates(found.gained, found.nwide, LEVEL, &check->aperture_bias, &unused);
     rx_robust_estimates(found.sky, found.nwide, LEVEL, &check->sky, &unused);
     free(values);
+    return status;
+}
+
+/* MAGERR_INJECTED: of those that were found, whatever their FLAGS. */
+static rx_status find_errors(const rx_evaluation *e, rx_selfcheck *check, rx_error *err)
+{
+    const rx_qa_list *list = &check->found_list, *truth = &check->truth;
+    long n = 0;
+    rx_conformal_case *cases = RX_NEW(rx_conformal_case, (size_t)list->n);
+    if (cases == NULL)
+        return rx_error_memory(err, (size_t)list->n * sizeof *cases);
+    for (long j = 0; j < list->n; j++) {
+        const rx_selfcheck_found *m = &check->measured[j];
+        const long i = e->origin[j];
+        if (i >= 0)
+            cases[n++] = (rx_conformal_case){.snr = m->flux / m->fluxerr,
+                                             .blend = m->blend,
+                                             .score = fabs(m->flux - truth->flux[i]) / m->fluxerr,
+                                             .weight = 1.0 / truth->flux[i]};
+    }
+    const rx_status status = rx_conformal_new(cases, n, &check->errors, err);
+    free(cases);
     return status;
 }
 
@@ -184,6 +210,8 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
         status = measure_one(&e, RX_METRIC_PRECISION, par.by, &check->injected_share, err);
     if (status == RX_OK)
         status = biases(plan, &e, check, err);
+    if (status == RX_OK && plan->params.templates.wanted)
+        status = find_errors(&e, check, err);
     rx_evaluation_free(&e);
     return status;
 }

@@ -6,9 +6,9 @@
 #include "check/selfcheck.h"
 #include "validate/qa.h"
 
-/* Make room for n rows: positions, magnitudes and fluxes, and, when `aperture` is not NULL, score, flags and
- * *aperture (three numbers a row) too. New rows are not set; alpha and delta stay NULL. */
-rx_status rx_selfcheck_grow(rx_qa_list *list, double **aperture, long n, rx_error *err);
+/* Make room for n rows: positions, magnitudes and fluxes, and, when `measured` is not NULL, score, flags and
+ * *measured, too. New rows are not set; alpha and delta stay NULL. */
+rx_status rx_selfcheck_grow(rx_qa_list *list, rx_selfcheck_found **measured, long n, rx_error *err);
 
 /* Fill the numbers of `check` from its lists. Errors: RX_SYSTEM. */
 rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *check, rx_error *err);

@@ -287,7 +287,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
         goto exit;
     status = run_checks(run, in->checks, &w, log, err);
     if (status == RX_OK)
-        status = rx_blankcheck_preal(&w.params, &run->checks.blank, &w.result, err);
+        status = rx_checks_apply(&w.params, &run->checks, &w.result, err);
     if (status != RX_OK)
         goto exit;
     account_templates(run, &w, log);

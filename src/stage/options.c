@@ -190,18 +190,25 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
 }
 
 /* As SExtractor measures what the columns ask for, templates are fitted where something asks for them. */
-static void template_options(rx_options *dst)
+static rx_status template_options(rx_options *dst, rx_error *err)
 {
     rx_template_params *par = &dst->pipeline.templates;
     const int compared = dst->check.quality.flux == RX_QUALITY_TEMPLATE;
     par->par.covariance = dst->covariance_name[0] != '\0';
+    const int injected = rx_columns_mention(dst->columns, "_INJECTED");
+    if (injected && !dst->check.self_check)
+        return rx_error_set(
+            err, RX_USAGE,
+            "MAGERR_INJECTED and MAGERR95_INJECTED come from objects that SELF_CHECK injects; give "
+            "SELF_CHECK Y, or leave out these columns");
     /* checks inject objects and look at their fluxes without a reference catalogue, too */
-    dst->check.templates = par->drop || compared;
+    dst->check.templates = par->drop || compared || injected;
     for (int i = 0; i < dst->nchecks; i++)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
-    par->wanted = par->drop || par->par.covariance || par->par.keep_model ||
+    par->wanted = injected || par->drop || par->par.covariance || par->par.keep_model ||
                   (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_has(dst->columns, "FLAGS_RESTORE") || rx_columns_has(dst->columns, "P_REAL");
+    return RX_OK;
 }
 
 static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
@@ -317,7 +324,7 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
     if (status == RX_OK)
         status = reference_options(cfg, options, err);
     if (status == RX_OK)
-        template_options(options);
+        status = template_options(options, err);
     if (status == RX_OK)
         *dst = options;
     else

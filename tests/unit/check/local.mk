@@ -1,2 +1,4 @@
 check_PROGRAMS += tests/unit/check/test_selfcheck
 tests_unit_check_test_selfcheck_SOURCES = tests/unit/check/test_selfcheck.c $(bench)
+check_PROGRAMS += tests/unit/check/test_conformal
+tests_unit_check_test_conformal_SOURCES = tests/unit/check/test_conformal.c
