@@ -15,7 +15,7 @@ not installed the page says so.
 What the columns mean
 
 A cell is DENSITY-FWHM with V where the PSF varies (FWHM 15 % larger in the corners) and G where a fifth of the objects are galaxies:
-500, 2000, 8000, 20000 objects per Mpixel on tiles of 1024, 724, 512 and 320 pixels (524 to 2,097 objects), FWHM 2.5, 4, 6
+500, 2000, 8000, 20000 objects per Mpixel on tiles of 724, 724, 512 and 320 pixels (262 to 2,097 objects), FWHM 2.5, 4, 6
 pixels. The sky is 100 photons, S/N 5 to 3000 with N(> S) ~ S^-0.9, S/N that of an isolated point on the sky's noise; Moffat of beta
 4.765. Both measure the PSF on the tile. In the order of S/N (SNR_TEMPLATE, 1 / MERR) each detection takes the
 true object within half a FWHM that is nearest in position (pixels) and magnitude (halves of one), each object once. Ours are those
@@ -50,7 +50,7 @@ import psf_truth
 TOP = Path(__file__).resolve().parent.parent
 MODEL = os.path.abspath(os.environ.get("RX_MODEL", TOP / "config/psfnet.fits"))
 SKY, ZERO = 100.0, 25.0
-SIDES = {500: 1024, 2000: 724, 8000: 512, 20000: 320}
+SIDES = {500: 724, 2000: 724, 8000: 512, 20000: 320}
 CELLS = [f"{d}-{f}{k}" for k in ("", "G", "V", "VG") for f in ("4", "2.5", "6") for d in (8000, 2000, 20000, 500)]
 ALLSTAR_ORDER = 1  # of the variation of its PSF
 BINS = (5, 10, 20, 50, 200, 3001)
@@ -188,13 +188,13 @@ def brief(row):
 
 # --- pairs
 
-def pair_tile(folder, seed, apart, side=1024, fwhm=4.0, step=42):
-    """Pairs and, in every third place, single stars; S/N of the brighter 20 to 500, even in its logarithm."""
+def pair_tile(folder, seed, apart, side=1400, fwhm=4.0, step=42):
+    """Single stars and, in every third place, pairs; S/N of the brighter 20 to 500, even in its logarithm."""
     rng = np.random.default_rng([int(seed), int(1000 * apart)])
     grid = np.arange(step, side - step / 2, step)
     x, y = (v.ravel() + rng.uniform(-4, 4, v.size) for v in np.meshgrid(grid, grid))
     snr, ratio = 20 * 25**rng.random(len(x)), rng.choice(RATIOS, len(x))
-    pair, angle = np.arange(len(x)) % 3 > 0, rng.uniform(0, 2 * np.pi, len(x))
+    pair, angle = np.arange(len(x)) % 3 == 0, rng.uniform(0, 2 * np.pi, len(x))
     x2, y2 = x + apart * fwhm * np.cos(angle), y + apart * fwhm * np.sin(angle)
     truth = psf_truth.Truth("MOFFAT 4.765", fwhm, side=side)
     light = psf_truth.draw(truth, np.r_[x, x2[pair]], np.r_[y, y2[pair]], unit(fwhm) * np.r_[snr, (snr * ratio)[pair]])
@@ -207,7 +207,7 @@ def pairs(out, seed="201"):
     os.makedirs(out, exist_ok=True)
     fwhm, rows = 4.0, {}
     for way, restorer, arguments in (("NONE", "NONE", ()), ("RL", "RL", ()), ("NET", "NET", ()),
-                                     ("NET, one fit", "NET", ("-CROWDING", "N", "-TEMPLATE_PASSES", "1"))):
+                                     ("NET, CROWDING Y", "NET", ("-CROWDING", "Y")), ("NET, one fit", "NET", ("-CROWDING", "N", "-TEMPLATE_PASSES", "1"))):
         every = []
         for apart in APART:
             x, y, x2, y2, snr, ratio, pair = pair_tile(out, seed, apart)
@@ -229,7 +229,7 @@ def pairs(out, seed="201"):
                     row |= {"chi2": t["CHI2_TEMPLATE"][best], "class": t["CLASS_TEMPLATE"][best]}
                 every.append(row)
         rows[way] = pair_rows(every)
-        print(way, *rows[way], sep="\n", flush=True)
+        print(way, flush=True)
         keep(f"{out}/pairs.json", rows)
 
 
@@ -273,14 +273,15 @@ def real_tiles(data, out):
     cut = tuple(slice(c, c + side) for c in corner[::-1])
     fits.writeto(f"{out}/cut.fits", pixels[cut], overwrite=True)
     sdss = ("-GAIN", gain)
-    return [("M13", data / "fields/M13_blue_0001.fits", ("-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "3")),
+    return [("M13", data / "fields/M13_blue_0001.fits", ("-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "14")),
             ("M67", data / "fields/M6707HH.fits", ()), ("SDSS cut", f"{out}/cut.fits", sdss)], (frame, reference, sdss)
 
 
-def centre(pixels):
-    """Where most light is, of all but the brightest hundredth of the pixels, smoothed."""
-    light = gaussian_filter(np.minimum(np.nan_to_num(pixels), np.nanpercentile(pixels, 99)), 40)
-    y, x = np.unravel_index(np.argmax(light), light.shape)
+def centre(found, shape):
+    """Where sources are densest."""
+    fine = np.isfinite(found["XTEMPLATE_IMAGE"])
+    count, _, _ = np.histogram2d(found["YTEMPLATE_IMAGE"][fine], found["XTEMPLATE_IMAGE"][fine], [np.arange(n + 1) for n in shape])
+    y, x = np.unravel_index(np.argmax(gaussian_filter(count, min(shape) / 10)), shape)
     return x, y
 
 
@@ -291,7 +292,6 @@ def real(data, out, rounds="2"):
     found, frame = real_tiles(data, out)
     rows = []
     for name, path, arguments in found:
-        middle = centre(image(path))
         for by, more in (("NONE", ()), ("NET", ()), ("NET, CROWDING N", ("-CROWDING", "N"))):
             extract(out, path, by[:4].rstrip(","), "before", *arguments, *more)
             header, before = fits.getheader(f"{out}/before.cat", 1), table(f"{out}/before.cat")
@@ -299,6 +299,7 @@ def real(data, out, rounds="2"):
             noise = sigma * np.sqrt(4 * np.pi) * fwhm / 2.3548 * header["RXNFACT"]  # of a star's flux
             if by == "NONE":
                 rest = before, noise, fwhm
+                middle = centre(before, image(path).shape)
                 picture(f"{out}/{name.replace(' ', '-')}.png", image(path), [f"{out}/before.res.fits"], middle, sigma)
             before, noise, fwhm = rest  # the same stars for all
             every = [inject(out, path, by[:4].rstrip(","), arguments, more, before, noise, fwhm, seed)
@@ -370,7 +371,7 @@ def picture(path, pixels, residuals, middle, sigma, side=200):
     x, y = (int(np.clip(m - side / 2, 0, n - side)) for m, n in zip(middle, pixels.shape[::-1]))
     box = (slice(y, y + side), slice(x, x + side))
     light = np.arcsinh((pixels[box] - np.nanpercentile(pixels[box], 5)) / (3 * sigma))
-    panels = [light / np.nanmax(light)] + [image(r)[box] / (10 * sigma) + 0.5 for r in residuals]
+    panels = [light / np.nanmax(light)] + [(image(r)[box] - np.nanmedian(image(r))) / (10 * sigma) + 0.5 for r in residuals]
     wide = np.hstack([np.pad(np.kron(np.clip(np.nan_to_num(p[::-1]), 0, 1), np.ones((2, 2))), 2, constant_values=1) for p in panels])
     Image.fromarray((255 * wide).astype(np.uint8)).save(path)
 
@@ -453,7 +454,7 @@ def cells_page(rows, seed):
 
 
 def pairs_page(rows):
-    text = ["## Pairs", "", "FWHM 4 pixels, S/N of the brighter star, 384 pairs a distance among 192 single stars. Resolved: both stars have their own source "
+    text = ["## Pairs", "", "FWHM 4 pixels, S/N of the brighter star, 341 pairs a distance among 683 single stars. Resolved: both stars have their own source "
             "within 0.3 FWHM. Error: median of |magnitude difference - true|. Marked: of what is not resolved, the share whose CHI2_TEMPLATE is above that of 95 % of the "
             "single stars of this S/N, or whose CLASS_TEMPLATE is below 0.5. In the line of single stars: found as two or more, and marked.", ""]
     head = ["", "S/N", "ratio"] + [f"{a:g} FWHM" for a in APART]
@@ -471,7 +472,7 @@ def pairs_page(rows):
 
 def real_page(found):
     text = ["## Stars put into real tiles", "", "300 stars per Mpixel and round of S/N 10 to 500 (rextract-simulate INJECT_IMAGE) with the PSF that PSF_TYPE AUTO measures "
-            "(M13, where it finds no star: Moffat of FWHM 3), by distance from where the light is densest, a quarter of the stars each. Found: within half a FWHM and 0.75 mag; "
+            "(M13, where it finds no star: Moffat of FWHM 14, that of its narrowest blobs), by distance from where sources are densest, a quarter of the stars each. Found: within half a FWHM and 0.75 mag; "
             "stars put where such a source was before do not count.", ""]
     head = ["tile", "run", "sources", "crowded", "chi2", "radius [pixels]"] + [f"S/N {a}: complete, bias, scatter, pull" for a in ("10-30", "30-100", "100-500")]
     text += columns(head, [[r["tile"], r["by"], str(r["sources"]), f"{r['crowded']:.2f}", f"{r['chi2']:.2f}", f"{r['from']:.0f}-{r['to']:.0f}"] + [
@@ -506,6 +507,11 @@ def page(out, seed="201"):
     if missing:
         text += ["Rows that are missing: " + ", ".join(f"{n} ({' '.join(sorted({'NONE', 'NET', 'ALLSTAR'} - set(rows.get(n, ()))))})" for n in missing) +
                  f". `crowded.py cells FOLDER {seed}` makes them."]
+    folder = f"{out}/8000-4-{seed}"
+    if all(os.path.exists(f"{folder}/{by}.res.fits") for by in ("NONE", "NET", "ALLSTAR")):
+        tile = image(f"{folder}/sim.fits")
+        picture(f"{out}/8000-4.png", tile, [f"{folder}/{by}.res.fits" for by in ("NONE", "NET", "ALLSTAR")], (256, 256), SKY**0.5)
+        text += ["", "[The middle of 8000-4](8000-4.png), and what NONE, NET and ALLSTAR leave of it (-5 to 5 sigma of the sky)."]
     keep(f"{out}/summary.json", summary)
     (Path(out) / "crowded.md").write_text("\n".join(text).rstrip() + "\n")
 
