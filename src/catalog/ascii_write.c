@@ -25,7 +25,7 @@ static void add_facts(rx_text *dst, rx_table *const *tables, int n)
     static const char *const keys[] = {
         "RXREST",   "RXASKED",  "RXWHY",    "RXPSF",    "RXFWHM",   "RXPSFHOW", "RXPSFNST", "RXPSFLIB",
         "RXPSFLDT", "RXPSFLDS", "RXPSFLN",  "RXPSFDEG", "RXPSFRAD", "RXPSFOUT", "RXPSFERR", "RXPSFCOG",
-        "RXPSFCGR", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE", "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E",
+        "RXPSFCGR", "RXPSFRES", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE", "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E",
         "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXNETIN",  "RXNETWHY", "RXNETOUT", "RXBLKR",   "RXBLKT",
         "RXUNEX",   "RXDARK",   "RXFLXW",   "RXFLXWE",  "RXFLXA",   "RXFLXAE",  "RXFLXOK"};
     char value[512];

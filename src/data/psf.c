@@ -33,6 +33,7 @@ rx_psf *rx_psf_copy(const rx_psf *psf)
     copy->basis = basis;
     memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
     copy->stars = NULL;
+    copy->judged = NULL;
     if (psf->stars != NULL && psf->nstars > 0) {
         copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);
         if (copy->stars == NULL) {
@@ -73,5 +74,16 @@ void rx_psf_free(rx_psf *psf)
         return;
     free(psf->basis);
     free(psf->stars);
+    rx_psf_judged_free(psf->judged);
     free(psf);
+}
+
+void rx_psf_judged_free(rx_psf_judged *judged)
+{
+    if (judged == NULL)
+        return;
+    free(judged->star);
+    free(judged->growth);
+    free(judged->residual);
+    free(judged);
 }

@@ -45,11 +45,34 @@ typedef struct rx_psf_quality {
     double
         growth; /* curve of growth to 20 FWHM, data against model: largest difference, share of the total */
     double growth_radius; /* pixels, where */
+    double growth_error;  /* of it, 1 sigma */
+    double residual;      /* stacked stars - PSF, largest within a FWHM, share of the peak */
     /* LIBRARY: name of the file; how far that tile is, NAN not known; models that say how much they differ */
     char library[160];
     double library_days, library_degrees;
     int library_compared;
 } rx_psf_quality;
+
+/* Of a star, data - model: (T - T_model) / T_model, e1, e2 of rx_psf_quality, and 1 sigma of each. */
+typedef struct rx_psf_star {
+    double x, y, flux; /* pixels from 0, ADU */
+    double off[3], error;
+} rx_psf_star;
+
+/* Light within a radius (pixels), shares of a star's: of stars, of the PSF, 1 sigma of their difference. */
+typedef struct rx_psf_growth {
+    double radius, stars, psf, error;
+} rx_psf_growth;
+
+/* What reserved stars, or all where fewer than three are reserved, say of a PSF that was measured. */
+typedef struct rx_psf_judged {
+    int nstars, nradii, side;
+    rx_psf_star *star;     /* [nstars] reserved ones alone */
+    rx_psf_growth *growth; /* [nradii] */
+    float *residual;       /* [side][side] stacked stars - PSF, in units of the PSF's peak */
+} rx_psf_judged;
+
+void rx_psf_judged_free(rx_psf_judged *judged); /* NULL is fine */
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
@@ -68,6 +91,7 @@ typedef struct rx_psf {
     double fwhm_error;  /* pixels, 1 sigma of the fwhm; 0 unknown */
     double (*stars)[2]; /* [nstars] x, y from 0; NULL when not measured */
     rx_psf_quality quality;
+    rx_psf_judged *judged;    /* owned; NULL where nothing was measured, and in copies */
     char description[160]; /* one line for log, header and report */
 } rx_psf;
 

@@ -31,6 +31,7 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
         return;
     rx_record_add(facts, "RXPSFCOG", "curve of growth, largest stars - PSF", "%.5f", q->growth);
     rx_record_add(facts, "RXPSFCGR", "at this radius, pixels", "%.1f", q->growth_radius);
+    rx_record_add(facts, "RXPSFRES", "stacked stars - PSF, largest, share of peak", "%.5f", q->residual);
     rx_record_add(facts, "RXPSFNRS", "stars reserved to judge it, not fitted", "%d", q->reserved);
     if (q->reserved == 0)
         return;

@@ -580,7 +580,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         snprintf(q->how, sizeof q->how, "PIXELS");
         q->radius = radius;
         q->beyond = beyond;
-        status = rx_psf_judge(&job, wing_error, q, err);
+        status = rx_psf_judge(&job, wing_error, *dst, err);
     }
     if (status == RX_OK)
         status = describe(&job, moffat, stars.n, *dst, err);

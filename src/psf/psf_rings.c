@@ -508,8 +508,38 @@ static int list_judges(const rx_psf_job *job, bright *list)
     return n < BRIGHT ? n : BRIGHT;
 }
 
-rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf_quality *quality, rx_error *err)
+/* The residuals of stars around their nearest pixels, added, over the light of these stars and the PSF's peak. */
+static void stack(const rx_psf_job *job, const bright *stars, int n, double peak, rx_psf_judged *judged)
 {
+    const rx_image *image = job->image;
+    const int half = judged->side / 2;
+    for (int j = -half; j <= half; j++)
+        for (int i = -half; i <= half; i++) {
+            double sum = 0.0, light = 0.0;
+            for (int s = 0; s < n; s++) {
+                const rx_psf_point *p = &job->points[stars[s].i];
+                const long x = lround(p->x) + i, y = lround(p->y) + j;
+                const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+                if (x < 0 || y < 0 || x >= image->width || y >= image->height || job->used[at] == 0)
+                    continue;
+                sum += (double)job->rest[at] - p->sky;
+                light += p->flux;
+            }
+            judged->residual[(j + half) * judged->side + i + half] =
+                light > 0.0 ? (float)(sum / light / peak) : 0.0F;
+        }
+}
+
+rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx_error *err)
+{
+    rx_psf_quality *quality = &dst->quality;
+    rx_psf_judged *judged = dst->judged = RX_NEW(rx_psf_judged, 1);
+    if (judged == NULL)
+        return rx_error_memory(err, sizeof *judged);
+    judged->side = 2 * job->model.half + 1;
+    judged->star = RX_NEW(rx_psf_star, (size_t)job->n + 1);
+    judged->growth = RX_NEW(rx_psf_growth, RINGS);
+    judged->residual = RX_NEW(float, (size_t)judged->side *(size_t)judged->side);
     const rings r = rings_of(job);
     const size_t box = (size_t)(2 * (int)ceil(r.edge[r.n + 1]) + 1), area = box * box, n = (size_t)job->n + 1;
     rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
@@ -518,11 +548,19 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf_quality 
     double *values = RX_NEW(double, (area > 3 * n ? area : 3 * n)), level[RINGS + 1];
     float *stamp = RX_NEW(float, (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1));
     rx_status status = RX_OK;
-    if (shapes == NULL || stars == NULL || around == NULL || values == NULL || stamp == NULL) {
+    if (shapes == NULL || stars == NULL || around == NULL || values == NULL || stamp == NULL ||
+        judged->star == NULL || judged->growth == NULL || judged->residual == NULL) {
         status = rx_error_memory(err, area * sizeof(double));
         goto exit;
     }
     rx_psf_shapes(job, shapes);
+    for (int i = 0; i < job->n; i++) {
+        const rx_psf_point *p = &job->points[i];
+        const rx_star_shape *s = &shapes[i];
+        if (p->kept && p->reserved && isfinite(s->off[0]) && isfinite(s->off[1]) && isfinite(s->off[2]))
+            judged->star[judged->nstars++] = (rx_psf_star){
+                .x = p->x, .y = p->y, .flux = p->flux, .off = {s->off[0], s->off[1], s->off[2]}, .error = s->error};
+    }
     for (int which = 0; which < 3; which++) {
         size_t m = 0;
         for (int i = 0; i < job->n; i++)
@@ -550,16 +588,28 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf_quality 
         level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
     for (int s = 0; s < judges; s++)
         look_around(job, &job->points[stars[s].i], &r, level, values, around + (size_t)s * (size_t)(r.n + 1));
-    double within = 0.0, error = 0.0;
+    const double peak =
+        (double)stamp[(size_t)job->model.half * (size_t)judged->side + (size_t)job->model.half];
+    stack(job, stars, judges, peak, judged);
+    for (int k = 0; k < judged->side * judged->side; k++) {
+        const int x = k % judged->side - job->model.half, y = k / judged->side - job->model.half;
+        if (x * x + y * y <= job->fwhm * job->fwhm)
+            quality->residual = fmax(quality->residual, fabs((double)judged->residual[k]));
+    }
+    double within = 0.0, error = 0.0, light = 0.0;
     for (int j = 0; j < r.n && judges > 0; j++) {
         const ring d = combine(job, stars, judges, around, r.n, j, level[j]);
         const double pixels = M_PI * (r.edge[j + 1] * r.edge[j + 1] - r.edge[j] * r.edge[j]);
         within += d.mean * pixels;
         error += d.error * pixels; /* of the sky, in all rings alike */
+        light += level[j] * pixels;
         if (!(error < 0.01))
             break;
+        judged->growth[judged->nradii++] =
+            (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
         if (fabs(within) > fabs(quality->growth)) {
             quality->growth = within;
+            quality->growth_error = error;
             quality->growth_radius = r.edge[j + 1];
         }
     }

@@ -22,7 +22,7 @@ void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes);
 rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *beyond, double *error,
                        rx_log *log, rx_error *err);
 
-/* What reserved stars say of the model; wing_error: that of rx_psf_wings(). */
-rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf_quality *quality, rx_error *err);
+/* What reserved stars say of the model, into quality and judged of dst; wing_error: that of rx_psf_wings(). */
+rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx_error *err);
 
 #endif
