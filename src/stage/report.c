@@ -119,11 +119,14 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
                          .height = tile->height,
                          .mask = NULL,
                          .pixel_scale = scale,
+                         .psf = {in->fields.detect->psf, in->fields.detect->image.zeropoint},
                          .score_name = "peak S/N of the filtered detection image",
                          .nruns = options->nrestorers,
                          .runs = qa_runs,
                          .npictures = options->nrestorers,
                          .pictures = pictures};
+    if (input.psf.psf != NULL && input.psf.psf->quality.how[0] == '\0')
+        input.psf.psf = NULL;
     unsigned char *blind = NULL;
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status = match_options(options, tile, &par, err);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "io/wcs.h"
@@ -14,6 +15,62 @@ static void locate(const rx_tile *tile, rx_extension_facts *dst)
     dst->alpha = dst->delta = NAN;
     if (tile->wcs != NULL)
         rx_wcs_to_sky(tile->wcs, 1, &x, &y, NULL, NULL, &dst->alpha, &dst->delta);
+}
+
+int rx_psf_account_is_lower(const rx_psf_account *psf)
+{
+    return psf->how[0] != '\0' && strcmp(psf->how, "PIXELS") != 0 && strcmp(psf->how, "MOFFAT") != 0;
+}
+
+/* Stars on the sky, ellipses with north up and east left: a star of position angle p has e = |e| exp(2 i p). */
+static rx_status correlate(const rx_tile *tile, const rx_psf_judged *judged, rx_rho *dst, rx_error *err)
+{
+    rx_rho_star *stars = RX_NEW(rx_rho_star, (size_t)judged->nstars + 1);
+    int n = 0;
+    if (stars == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < judged->nstars; i++) {
+        const rx_psf_star *s = &judged->star[i];
+        rx_rho_star *to = &stars[n];
+        double m[4];
+        rx_wcs_to_sky(tile->wcs, 1, &s->x, &s->y, NULL, NULL, &to->alpha, &to->delta);
+        rx_wcs_matrix(tile->wcs, s->x, s->y, m);
+        const double turn = 2.0 * atan2(m[0], m[2]), side = m[0] * m[3] - m[1] * m[2] > 0.0 ? -1.0 : 1.0;
+        const double e1 = s->off[1], e2 = side * s->off[2];
+        if (!isfinite(to->alpha) || !isfinite(to->delta) || !isfinite(turn))
+            continue;
+        to->t = rx_rho_units(s->off[0]);
+        to->e1 = rx_rho_units(e1 * cos(turn) - e2 * sin(turn));
+        to->e2 = rx_rho_units(e1 * sin(turn) + e2 * cos(turn));
+        n++;
+    }
+    rx_rho_of(n, stars, dst);
+    free(stars);
+    return RX_OK;
+}
+
+static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e, rx_psf_account *dst,
+                              rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    if (psf == NULL || psf->quality.how[0] == '\0')
+        return RX_OK;
+    const rx_psf_quality *q = &psf->quality;
+    snprintf(dst->how, sizeof dst->how, "%s", q->how);
+    snprintf(dst->library, sizeof dst->library, "%s", q->library);
+    dst->stars = psf->nstars;
+    dst->flux_error = q->flux_error;
+    dst->growth = q->growth;
+    dst->residual = q->residual;
+    dst->reserved = q->reserved;
+    for (int k = 0; k < 3; k++) {
+        dst->off[k] = k == 0 ? q->trace[0] : q->shape[k - 1][0];
+        dst->error[k] = k == 0 ? q->trace[1] : q->shape[k - 1][1];
+    }
+    dst->rho.alpha = e->alpha;
+    dst->rho.delta = e->delta;
+    return psf->judged != NULL && isfinite(e->alpha) ? correlate(field->tile, psf->judged, &dst->rho, err)
+                                                     : RX_OK;
 }
 
 rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
@@ -32,6 +89,7 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
                               .noise = field->plain->global_sigma,
                               .nruns = nruns};
     locate(field->tile, e);
+    RX_TRY(describe_psf(field, e, &e->psf, err));
     for (int i = 0; i < nruns; i++) {
         rx_run_facts *run = &e->run[i];
         const rx_blankcheck *blank = &runs[i].checks.blank;

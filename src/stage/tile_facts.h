@@ -6,6 +6,7 @@
 #include "pipeline/field.h"
 #include "stage/extract.h"
 #include "validate/qa.h"
+#include "validate/rho.h"
 #include "validate/tally.h"
 
 /* What the program says of its own work. */
@@ -27,13 +28,27 @@ typedef struct rx_run_facts {
     rx_tally *tally; /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
+/* How its PSF came about, and what reserved stars say of it. */
+typedef struct rx_psf_account {
+    char how[16]; /* RXPSFHOW; "" where that does not say */
+    char library[160];
+    int stars, reserved;
+    double flux_error, growth, residual;
+    double off[3], error[3]; /* means of rx_psf_star.off, and errors */
+    rx_rho rho;              /* n 0: nothing known */
+} rx_psf_account;
+
+/* Is it of a lower rung than the tile's own stars, one by one? */
+int rx_psf_account_is_lower(const rx_psf_account *psf);
+
 /* One image of the file. */
 typedef struct rx_extension_facts {
     int hdu, width, height;
     double alpha, delta; /* of the centre, deg J2000; NAN without WCS */
     double fwhm;         /* of the PSF at the centre, pixels; NAN where no PSF was needed */
     double sky, noise;   /* ADU */
-    rx_verdict verdict;  /* over all gates */
+    rx_psf_account psf;
+    rx_verdict verdict; /* over all gates */
     int nruns;
     rx_run_facts run[RX_MAX_RUNS];
 } rx_extension_facts;

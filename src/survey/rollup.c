@@ -203,6 +203,46 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     return status;
 }
 
+static rx_status add_psf(rx_rollup *r, const rx_rollup_tile *tile, int place, const rx_extension_facts *e,
+                         rx_error *err)
+{
+    if (e->psf.how[0] == '\0')
+        return RX_OK;
+    if (r->npsfs == r->psfs_capacity) {
+        const int capacity = 2 * r->psfs_capacity + 64;
+        rx_rollup_psf *grown = rx_regrow(r->psf, (size_t)capacity, sizeof *grown);
+        if (grown == NULL)
+            return rx_error_memory(err, (size_t)capacity * sizeof *grown);
+        r->psf = grown;
+        r->psfs_capacity = capacity;
+    }
+    r->psf[r->npsfs++] = (rx_rollup_psf){.tile = tile, .place = place, .hdu = e->hdu, .psf = e->psf};
+    r->lower += rx_psf_account_is_lower(&e->psf);
+    return RX_OK;
+}
+
+static int by_image(const void *a, const void *b)
+{
+    const rx_rollup_psf *x = a, *y = b;
+    return x->tile != y->tile ? x->tile->place - y->tile->place : x->place - y->place;
+}
+
+static rx_status correlate(rx_rollup *r, rx_error *err)
+{
+    const rx_rho **images = rx_alloc((size_t)r->npsfs + 1, sizeof *images);
+    int n = 0;
+    if (images == NULL)
+        return rx_error_memory(err, 0);
+    if (r->npsfs > 1)
+        qsort(r->psf, (size_t)r->npsfs, sizeof *r->psf, by_image);
+    for (int i = 0; i < r->npsfs; i++)
+        if (r->psf[i].psf.rho.n > 0)
+            images[n++] = &r->psf[i].psf.rho;
+    rx_rho_all(n, images, r->rho);
+    free(images);
+    return RX_OK;
+}
+
 rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *path, int64_t at,
                         rx_error *err)
 {
@@ -225,6 +265,8 @@ rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *
     r->fine += record->status == RX_OK;
     r->gates += record->status == RX_GATE_FAIL;
     r->undecided += record->status == RX_GATE_INSUFFICIENT;
+    for (int k = 0; k < record->facts.n && status == RX_OK; k++)
+        status = add_psf(r, tile, k, &record->facts.extension[k], err);
     for (int k = 0; k < record->facts.n; k++)
         for (int i = 0; i < record->facts.extension[k].nruns && status == RX_OK; i++)
             status = add_run(r, tile, &record->facts.extension[k], &record->facts.extension[k].run[i], err);
@@ -349,6 +391,8 @@ rx_status rx_rollup_end(rx_rollup *r, const rx_tiles *tiles, rx_error *err)
         status = sort_runs(r, err);
     for (int i = 0; i < r->nruns && status == RX_OK; i++)
         status = judge_run(r, &r->run[i], err);
+    if (status == RX_OK)
+        status = correlate(r, err);
     if (status != RX_OK)
         return status;
     for (int i = 0; i < r->nrows; i++)
@@ -377,6 +421,7 @@ void rx_rollup_free(rx_rollup *rollup)
     free(rollup->tile);
     free(rollup->run);
     free(rollup->row);
+    free(rollup->psf);
     free(rollup->missing);
     *rollup = (rx_rollup){0};
 }

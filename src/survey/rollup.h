@@ -53,6 +53,13 @@ typedef struct rx_rollup_row {
     const char *what; /* what that is: "recall", "precision", "bias", "flux scale" */
 } rx_rollup_row;
 
+/* The PSF of one image of one tile. */
+typedef struct rx_rollup_psf {
+    const rx_rollup_tile *tile;
+    int place, hdu; /* place: among the images of the tile */
+    rx_psf_account psf;
+} rx_rollup_psf;
+
 /* One restorer over all tiles. */
 typedef struct rx_rollup_run {
     char name[16];
@@ -70,9 +77,13 @@ typedef struct rx_rollup_run {
 
 typedef struct rx_rollup {
     int ntiles, nruns, nrows, nmissing;
-    rx_rollup_tile **tile;              /* [ntiles] by name and image */
-    rx_rollup_run *run;                 /* [nruns] in the order they come first */
-    rx_rollup_row *row;                 /* [nrows] worst first */
+    rx_rollup_tile **tile;    /* [ntiles] by name and image */
+    rx_rollup_run *run;       /* [nruns] in the order they come first */
+    rx_rollup_row *row;       /* [nrows] worst first */
+    int npsfs, psfs_capacity; /* of images whose PSF is said to have come about somehow */
+    rx_rollup_psf *psf;       /* [npsfs] by tile and image */
+    int lower;                /* of these not from several stars of the tile itself */
+    rx_rho_bin rho[RX_RHO_BINS];
     const rx_tiles *tiles;              /* all that should have a record, or NULL; lent */
     int *missing;                       /* [nmissing] of tiles: without a record */
     int fine, failed, gates, undecided; /* tiles by exit status */

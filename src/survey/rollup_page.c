@@ -57,6 +57,60 @@ static void by_magnitude(rx_figures *dst, const rx_rollup *r, int what, const rx
     free(data);
 }
 
+/* Correlation of the PSFs' residuals by angle. */
+static void rho_figure(rx_figures *dst, const rx_rollup *r)
+{
+    double x[RX_RHO_BINS], y[2][RX_RHO_BINS], low[2][RX_RHO_BINS], high[2][RX_RHO_BINS];
+    double most = 1e-6, first = HUGE_VAL, last = 0.0;
+    int n = 0;
+    for (int k = 0; k < RX_RHO_BINS; k++) {
+        const rx_rho_bin *b = &r->rho[k];
+        if (!(b->pairs > 0.0) || !isfinite(b->e_error) || !isfinite(b->t_error))
+            continue;
+        const double value[2] = {b->e, b->t}, error[2] = {b->e_error, b->t_error};
+        first = fmin(first, rx_rho_edge(k));
+        last = fmax(last, rx_rho_edge(k + 1));
+        x[n] = sqrt(rx_rho_edge(k) * rx_rho_edge(k + 1));
+        for (int q = 0; q < 2; q++) {
+            y[q][n] = value[q];
+            low[q][n] = value[q] - error[q];
+            high[q][n] = value[q] + error[q];
+            most = fmax(most, 1.1 * fmax(fabs(low[q][n]), fabs(high[q][n])));
+        }
+        n++;
+    }
+    if (n == 0)
+        return;
+    const double zero[2] = {0.0, 0.0}, ends[2] = {first, last};
+    const rx_curve curves[] = {{.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = zero},
+                               {.name = "rho1, of e",
+                                .kind = RX_CURVE_BARS,
+                                .color = 0,
+                                .n = n,
+                                .x = x,
+                                .y = y[0],
+                                .low = low[0],
+                                .high = high[0]},
+                               {.name = "of T",
+                                .kind = RX_CURVE_BARS,
+                                .color = 1,
+                                .n = n,
+                                .x = x,
+                                .y = y[1],
+                                .low = low[1],
+                                .high = high[1]}};
+    const rx_axes axes = {.xlabel = "angle between stars [arcmin]",
+                          .ylabel = "mean product of residuals",
+                          .x0 = first,
+                          .x1 = last,
+                          .y0 = -most,
+                          .y1 = most,
+                          .log_x = true};
+    rx_figure_add(dst, "psf-rho", "Correlation of PSF residuals",
+                  "Stars - PSF of pairs of reserved stars; bars are 1 sigma.", RX_FIGURE_CHART);
+    rx_plot_curves(dst, &axes, 3, curves);
+}
+
 void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
 {
     double first = HUGE_VAL, last = -HUGE_VAL, widest = 0.02;
@@ -71,6 +125,7 @@ void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
                 widest = fmax(widest, 1.2 * fabs(cell->bias));
         }
     rx_figures_begin(dst);
+    rho_figure(dst, r);
     if (!(last > first))
         return;
     rx_axes axes = {.xlabel = "magnitude of the reference",
@@ -79,19 +134,19 @@ void rx_rollup_figures(rx_figures *dst, const rx_rollup *r)
                     .x1 = last,
                     .y0 = 0,
                     .y1 = 1.02};
-    rx_figure_add(dst, "recall", "Completeness", "All tiles together; bars are 95 % intervals.",
+    rx_figure_add(dst, "all-recall", "Completeness", "All tiles together; bars are 95 % intervals.",
                   RX_FIGURE_CHART);
     by_magnitude(dst, r, 0, &axes);
     axes.xlabel = "measured magnitude";
     axes.ylabel = "precision";
-    rx_figure_add(dst, "precision", "Purity", "All tiles together; bars are 95 % intervals.",
+    rx_figure_add(dst, "all-precision", "Purity", "All tiles together; bars are 95 % intervals.",
                   RX_FIGURE_CHART);
     by_magnitude(dst, r, 1, &axes);
     axes.xlabel = "magnitude of the reference";
     axes.ylabel = "median of m - m0 [mag]";
     axes.y0 = -widest;
     axes.y1 = widest;
-    rx_figure_add(dst, "bias", "Magnitude errors", "Medians over all tiles with their errors.",
+    rx_figure_add(dst, "all-bias", "Magnitude errors", "Medians over all tiles with their errors.",
                   RX_FIGURE_CHART);
     by_magnitude(dst, r, 2, &axes);
     rx_rollup_sky(dst, r);
@@ -224,6 +279,55 @@ static void failures(rx_text *dst, const rx_rollup *r)
     say_rest(dst, shown, all, "All are in junit.xml, and in summary.json as not_fine and missing.");
 }
 
+/* Images whose PSF is not from several stars of their own, and residuals over the survey. */
+static void psfs(rx_text *dst, const rx_rollup *r, const rx_figures *figures)
+{
+    int shown = 0;
+    rx_text line = {0};
+    if (r->npsfs == 0)
+        return;
+    rx_page_section(dst, "psfs", "PSFs");
+    rx_text_printf(&line,
+                   "%d of %d images have a PSF that is not from several stars of their own (RXPSFHOW).",
+                   r->lower, r->npsfs);
+    dst->failed |= line.failed;
+    rx_page_paragraph(dst, line.data);
+    rx_text_free(&line);
+    if (r->lower > 0) {
+        rx_page_table_begin(dst);
+        rx_page_row(dst, NULL);
+        rx_page_head(dst, RX_LEFT, "tile");
+        rx_page_head(dst, RX_RIGHT, "HDU");
+        rx_page_head(dst, RX_LEFT, "PSF");
+        rx_page_head(dst, RX_LEFT, "of PSF_LIBRARY");
+        rx_page_head(dst, RX_RIGHT, "error of fluxes");
+        rx_page_row_end(dst);
+        for (int i = 0; i < r->npsfs && shown < ROWS_SHOWN; i++) {
+            const rx_psf_account *p = &r->psf[i].psf;
+            if (!rx_psf_account_is_lower(p))
+                continue;
+            rx_page_row(dst, NULL);
+            rx_page_cell_text(dst, r->psf[i].tile->name);
+            rx_page_cell_count(dst, r->psf[i].hdu);
+            rx_page_cell_text(dst, p->how);
+            rx_page_cell_text(dst, p->library);
+            rx_page_cell_number(dst, p->flux_error > 0.0 ? p->flux_error : NAN, 4);
+            rx_page_row_end(dst);
+            shown++;
+        }
+        rx_page_table_end(dst);
+        say_rest(dst, shown, r->lower, "All are in psfs.ecsv.");
+    }
+    if (figures->note[0] == '\0')
+        rx_page_figures(dst, figures, "psf-");
+    rx_page_note(
+        dst,
+        "Residuals of stars that no PSF was fitted to, correlated between pairs: &rho;<sub>1</sub> = "
+        "&lt;Re(&delta;e &delta;e*)&gt;, &rho;<sub>T</sub> the same of &delta;T/T; of pairs in "
+        "one image, and of pairs of images that do not overlap. Errors are from image to image. What is not "
+        "0 within them, the PSFs miss alike over that angle. Numbers: psf_rho.ecsv.");
+}
+
 /* "RL: FWHM 1.50 pixels is below 2", or what the restorer itself was not made for, or nothing. */
 static void done_by(rx_text *dst, const rx_rollup_row *row)
 {
@@ -284,22 +388,32 @@ static void worst_first(rx_text *dst, const rx_rollup *r)
     say_rest(dst, r->nrows < ROWS_SHOWN ? r->nrows : ROWS_SHOWN, r->nrows, "All are in tiles.ecsv.");
 }
 
+static int is_compared(const rx_figures *figures)
+{
+    for (int i = 0; i < figures->n; i++)
+        if (strncmp(figures->figure[i].id, "all-", 4) == 0)
+            return 1;
+    return 0;
+}
+
 void rx_rollup_html(rx_text *dst, const rx_rollup *r, const rx_figures *figures)
 {
     rx_page_begin(dst, "Survey: ", "all tiles");
     rx_page_links_begin(dst);
     rx_page_link(dst, 1, "overview", "Overview");
     rx_page_link(dst, 1, "failures", "Not fine");
+    rx_page_link(dst, r->npsfs > 0, "psfs", "PSFs");
     rx_page_link(dst, 1, "figures", "Figures");
     rx_page_link(dst, 1, "tiles", "Tiles");
     rx_page_links_end(dst);
     overview(dst, r);
     failures(dst, r);
+    psfs(dst, r, figures);
     rx_page_section(dst, "figures", "Figures");
-    if (figures->n == 0 && figures->note[0] == '\0')
+    if (!is_compared(figures) && figures->note[0] == '\0')
         rx_page_paragraph(dst, "No tile was compared with a reference catalogue.");
     else
-        rx_page_figures(dst, figures, "");
+        rx_page_figures(dst, figures, "all-");
     worst_first(dst, r);
     rx_page_end(dst);
 }

@@ -14,10 +14,9 @@ static rx_status write_files(const rx_rollup *rollup, const rx_figures *figures,
     static const struct {
         const char *name;
         void (*write)(rx_text *dst, const rx_rollup *rollup);
-    } files[] = {{"summary.json", rx_rollup_json},
-                 {"tiles.ecsv", rx_rollup_tiles},
-                 {"bins.ecsv", rx_rollup_bins},
-                 {"junit.xml", rx_rollup_junit}};
+    } files[] = {{"summary.json", rx_rollup_json}, {"tiles.ecsv", rx_rollup_tiles},
+                 {"bins.ecsv", rx_rollup_bins},    {"psfs.ecsv", rx_rollup_psfs},
+                 {"psf_rho.ecsv", rx_rollup_rho},  {"junit.xml", rx_rollup_junit}};
     rx_status status = RX_OK;
     rx_text text = {0};
     for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {

@@ -8,8 +8,8 @@
 #include "survey/rollup.h"
 #include "validate/figure.h"
 
-/* Into the existing folder (`shown` in errors): report.html, summary.json, tiles.ecsv, bins.ecsv and
- * junit.xml. No dates, no paths but those of the records. figures 0: no gnuplot. */
+/* Into the existing folder (`shown` in errors): report.html, summary.json, tiles.ecsv, bins.ecsv,
+ * psfs.ecsv, psf_rho.ecsv and junit.xml. No dates, no paths but those of the records. figures 0: no gnuplot. */
 rx_status rx_rollup_report(const rx_rollup *rollup, int figures, const char *folder, const char *shown,
                            rx_log *log, rx_error *err);
 
@@ -18,6 +18,8 @@ void rx_rollup_html(rx_text *dst, const rx_rollup *rollup, const rx_figures *fig
 void rx_rollup_json(rx_text *dst, const rx_rollup *rollup);
 void rx_rollup_tiles(rx_text *dst, const rx_rollup *rollup);
 void rx_rollup_bins(rx_text *dst, const rx_rollup *rollup);
+void rx_rollup_psfs(rx_text *dst, const rx_rollup *rollup);
+void rx_rollup_rho(rx_text *dst, const rx_rollup *rollup);
 /* JUnit's XML: a test case per tile; failure: a gate that fails, error: a tile that failed or has no record,
  * skipped: a gate that cannot be decided. */
 void rx_rollup_junit(rx_text *dst, const rx_rollup *rollup);

@@ -118,6 +118,9 @@ static void tell(const rx_rollup *r, rx_log *log)
         "%d tiles: %d fine, %d failed, %d without a record, %d with a quality gate that failed, %d with "
         "one that is undecided",
         r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided);
+    if (r->lower > 0)
+        rx_log_info(log, "%d of %d images have a PSF that is not from several stars of their own: psfs.ecsv",
+                    r->lower, r->npsfs);
     for (int i = 0; i < r->nruns; i++) {
         const rx_rollup_run *run = &r->run[i];
         const rx_rollup_cell *cell = &run->whole;

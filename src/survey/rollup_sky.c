@@ -117,7 +117,7 @@ static void add_figure(rx_figures *dst, const rx_rollup *r, int run, int bias, p
     if (n < all)
         snprintf(reading, sizeof reading, "A square is the mean of the images in a cell of %.3g x %.3g deg.",
                  (axes.x1 - axes.x0) / CELLS, (axes.y1 - axes.y0) / CELLS);
-    snprintf(id, sizeof id, "sky-%d-%d", run, bias);
+    snprintf(id, sizeof id, "all-sky-%d-%d", run, bias);
     snprintf(title, sizeof title, "%s: %s over the sky", r->run[run].name, bias ? "bias" : "completeness");
     rx_figure_add(dst, id, title, reading, RX_FIGURE_CHART);
     draw(dst, bias, n, room, &axes);

@@ -87,6 +87,43 @@ static void json_row(rx_json *j, const rx_rollup *r, const rx_rollup_row *row)
     rx_json_end(j);
 }
 
+static void json_psfs(rx_json *j, const rx_rollup *r)
+{
+    rx_json_count(j, "psf_not_from_stars", (uint64_t)r->lower);
+    rx_json_array(j, "psfs", false);
+    for (int i = 0; i < r->npsfs; i++) {
+        const rx_psf_account *p = &r->psf[i].psf;
+        rx_json_object(j, NULL, true);
+        rx_json_string(j, "tile", r->psf[i].tile->name);
+        rx_json_number(j, "hdu", r->psf[i].hdu);
+        rx_json_string(j, "how", p->how);
+        rx_json_string(j, "library", p->library[0] != '\0' ? p->library : NULL);
+        rx_json_count(j, "stars", (uint64_t)p->stars);
+        rx_json_count(j, "reserved", (uint64_t)p->reserved);
+        rx_json_number(j, "flux_error", p->flux_error);
+        rx_json_number(j, "growth", p->growth);
+        rx_json_number(j, "residual", p->residual);
+        rx_json_number(j, "dt", p->reserved > 0 ? p->off[0] : NAN);
+        rx_json_number(j, "de1", p->reserved > 0 ? p->off[1] : NAN);
+        rx_json_number(j, "de2", p->reserved > 0 ? p->off[2] : NAN);
+        rx_json_end(j);
+    }
+    rx_json_end(j);
+    rx_json_array(j, "psf_rho", false);
+    for (int k = 0; k < RX_RHO_BINS; k++) {
+        rx_json_object(j, NULL, true);
+        rx_json_number(j, "arcmin_low", rx_rho_edge(k));
+        rx_json_number(j, "arcmin_high", rx_rho_edge(k + 1));
+        rx_json_number(j, "pairs", r->rho[k].pairs);
+        rx_json_number(j, "rho1", r->rho[k].e);
+        rx_json_number(j, "rho1_error", r->rho[k].e_error);
+        rx_json_number(j, "rho_t", r->rho[k].t);
+        rx_json_number(j, "rho_t_error", r->rho[k].t_error);
+        rx_json_end(j);
+    }
+    rx_json_end(j);
+}
+
 void rx_rollup_json(rx_text *dst, const rx_rollup *r)
 {
     rx_json j = rx_json_on(dst);
@@ -104,6 +141,7 @@ void rx_rollup_json(rx_text *dst, const rx_rollup *r)
     for (int i = 0; i < r->nruns; i++)
         json_run(&j, &r->run[i]);
     rx_json_end(&j);
+    json_psfs(&j, r);
     rx_json_array(&j, "not_fine", false);
     for (int i = 0; i < r->ntiles; i++) {
         const rx_rollup_tile *tile = r->tile[i];
@@ -220,6 +258,64 @@ void rx_rollup_bins(rx_text *dst, const rx_rollup *r)
             cell_values(&t, &r->run[i].bin[b]);
             rx_ecsv_row_end(&t);
         }
+}
+
+void rx_rollup_psfs(rx_text *dst, const rx_rollup *r)
+{
+    rx_ecsv t = rx_ecsv_on(dst);
+    rx_ecsv_column(&t, "tile", RX_ECSV_TEXT, "", "name");
+    rx_ecsv_column(&t, "hdu", RX_ECSV_INT, "", "its HDU");
+    rx_ecsv_column(&t, "how", RX_ECSV_TEXT, "", "how its PSF came about (RXPSFHOW)");
+    rx_ecsv_column(&t, "library", RX_ECSV_TEXT, "", "file of PSF_LIBRARY");
+    rx_ecsv_column(&t, "stars", RX_ECSV_INT, "", "that it was fitted to");
+    rx_ecsv_column(&t, "reserved", RX_ECSV_INT, "", "stars that were not fitted, for what follows");
+    rx_ecsv_column(&t, "flux_error", RX_ECSV_FLOAT, "", "relative error of fluxes from the PSF");
+    rx_ecsv_column(&t, "growth", RX_ECSV_FLOAT, "", "curve of growth, largest stars - PSF");
+    rx_ecsv_column(&t, "residual", RX_ECSV_FLOAT, "", "stacked stars - PSF, largest, share of the peak");
+    rx_ecsv_column(&t, "dt", RX_ECSV_FLOAT, "", "mean (T - T of PSF) / T");
+    rx_ecsv_column(&t, "dt_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_column(&t, "de1", RX_ECSV_FLOAT, "", "mean e1 - e1 of PSF, along the tile's pixels");
+    rx_ecsv_column(&t, "de1_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_column(&t, "de2", RX_ECSV_FLOAT, "", "mean e2 - e2 of PSF");
+    rx_ecsv_column(&t, "de2_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_columns_end(&t);
+    for (int i = 0; i < r->npsfs; i++) {
+        const rx_psf_account *p = &r->psf[i].psf;
+        rx_ecsv_text(&t, r->psf[i].tile->name);
+        rx_ecsv_count(&t, r->psf[i].hdu);
+        rx_ecsv_text(&t, p->how);
+        rx_ecsv_text(&t, p->library);
+        rx_ecsv_count(&t, p->stars);
+        rx_ecsv_count(&t, p->reserved);
+        rx_ecsv_number(&t, p->flux_error);
+        rx_ecsv_number(&t, p->growth);
+        rx_ecsv_number(&t, p->residual);
+        for (int k = 0; k < 3; k++) {
+            rx_ecsv_number(&t, p->reserved > 0 ? p->off[k] : NAN);
+            rx_ecsv_number(&t, p->reserved > 0 ? p->error[k] : NAN);
+        }
+        rx_ecsv_row_end(&t);
+    }
+}
+
+void rx_rollup_rho(rx_text *dst, const rx_rollup *r)
+{
+    rx_ecsv t = rx_ecsv_on(dst);
+    rx_ecsv_column(&t, "arcmin_low", RX_ECSV_FLOAT, "arcmin", "between two stars, from");
+    rx_ecsv_column(&t, "arcmin_high", RX_ECSV_FLOAT, "arcmin", "below");
+    rx_ecsv_column(&t, "pairs", RX_ECSV_FLOAT, "", "of reserved stars");
+    rx_ecsv_column(&t, "rho1", RX_ECSV_FLOAT, "", "mean of Re(de conj(de))");
+    rx_ecsv_column(&t, "rho1_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_column(&t, "rho_t", RX_ECSV_FLOAT, "", "mean of the product of both dT/T");
+    rx_ecsv_column(&t, "rho_t_error", RX_ECSV_FLOAT, "", "1 sigma");
+    rx_ecsv_columns_end(&t);
+    for (int k = 0; k < RX_RHO_BINS; k++) {
+        const double values[] = {rx_rho_edge(k),    rx_rho_edge(k + 1), r->rho[k].pairs,  r->rho[k].e,
+                                 r->rho[k].e_error, r->rho[k].t,        r->rho[k].t_error};
+        for (size_t i = 0; i < sizeof values / sizeof *values; i++)
+            rx_ecsv_number(&t, values[i]);
+        rx_ecsv_row_end(&t);
+    }
 }
 
 /* kind: element of what is wrong, or NULL; notes: lines to read all the same, or NULL. */

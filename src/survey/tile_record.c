@@ -40,10 +40,29 @@ static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
     rx_text_add(dst, "\n");
 }
 
+static void add_psf(rx_text *dst, const rx_psf_account *psf)
+{
+    const rx_rho *rho = &psf->rho;
+    if (psf->how[0] == '\0')
+        return;
+    rx_text_add(dst, "PSF");
+    add_string(dst, psf->how);
+    add_string(dst, psf->library);
+    rx_text_printf(dst, " %d %d %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n", psf->stars, psf->reserved,
+                   psf->flux_error, psf->growth, psf->residual, psf->off[0], psf->off[1], psf->off[2],
+                   psf->error[0], psf->error[1], psf->error[2]);
+    if (rho->n > 0)
+        rx_text_printf(dst, "STARS %ld %ld %ld %ld %.9g\n", rho->n, rho->t, rho->e1, rho->e2, rho->reach);
+    for (int k = 0; k < RX_RHO_BINS; k++)
+        if (rho->pairs[k] > 0)
+            rx_text_printf(dst, "RHO %d %ld %ld %ld\n", k, rho->pairs[k], rho->tt[k], rho->ee[k]);
+}
+
 static void add_extension(rx_text *dst, const rx_extension_facts *e)
 {
     rx_text_printf(dst, "EXTENSION %d %d %d %.9g %.9g %.9g %.9g %.9g %d\n", e->hdu, e->width, e->height,
                    e->alpha, e->delta, e->fwhm, e->sky, e->noise, (int)e->verdict);
+    add_psf(dst, &e->psf);
     for (int i = 0; i < e->nruns; i++) {
         const rx_run_facts *run = &e->run[i];
         rx_text_add(dst, "RUN");
@@ -265,6 +284,67 @@ static rx_status read_guard(reader *r)
     return status == RX_OK ? take_real(r, 3, &guard->unexplained) : status;
 }
 
+static rx_status read_psf(reader *r)
+{
+    char *how = NULL, *library = NULL;
+    long stars = 0, reserved = 0;
+    if (r->extension == NULL || r->extension->psf.how[0] != '\0')
+        return refuse(r, "PSF is out of place");
+    rx_psf_account *psf = &r->extension->psf;
+    double *const values[] = {&psf->flux_error, &psf->growth,   &psf->residual, &psf->off[0],  &psf->off[1],
+                              &psf->off[2],     &psf->error[0], &psf->error[1], &psf->error[2]};
+    rx_status status = take_string(r, 1, &how);
+    if (status == RX_OK)
+        status = take_string(r, 2, &library);
+    if (status == RX_OK && !is_run_name(how))
+        status = refuse(r, "a PSF has no word of RXPSFHOW");
+    if (status == RX_OK)
+        status = take_whole(r, 3, 0, INT_MAX, &stars);
+    if (status == RX_OK)
+        status = take_whole(r, 4, 0, INT_MAX, &reserved);
+    for (int i = 0; i < 9 && status == RX_OK; i++)
+        status = take_real(r, 5 + i, values[i]);
+    if (status == RX_OK) {
+        snprintf(psf->how, sizeof psf->how, "%s", how);
+        snprintf(psf->library, sizeof psf->library, "%s", library);
+        psf->stars = (int)stars;
+        psf->reserved = (int)reserved;
+        psf->rho.alpha = r->extension->alpha;
+        psf->rho.delta = r->extension->delta;
+    }
+    free(how);
+    free(library);
+    return status;
+}
+
+static rx_status read_stars(reader *r)
+{
+    const long most = 1L << 40;
+    if (r->extension == NULL || r->extension->psf.how[0] == '\0')
+        return refuse(r, "STARS is out of place");
+    rx_rho *rho = &r->extension->psf.rho;
+    long *const values[] = {&rho->t, &rho->e1, &rho->e2};
+    rx_status status = take_whole(r, 1, 1, INT_MAX, &rho->n);
+    for (int i = 0; i < 3 && status == RX_OK; i++)
+        status = take_whole(r, 2 + i, -most, most, values[i]);
+    return status == RX_OK ? take_real(r, 5, &rho->reach) : status;
+}
+
+static rx_status read_rho(reader *r)
+{
+    const long most = 1L << 60;
+    long k = 0;
+    if (r->extension == NULL || r->extension->psf.rho.n == 0)
+        return refuse(r, "RHO is out of place");
+    rx_rho *rho = &r->extension->psf.rho;
+    rx_status status = take_whole(r, 1, 0, RX_RHO_BINS - 1, &k);
+    if (status == RX_OK)
+        status = take_whole(r, 2, 1, most, &rho->pairs[k]);
+    if (status == RX_OK)
+        status = take_whole(r, 3, -most, most, &rho->tt[k]);
+    return status == RX_OK ? take_whole(r, 4, -most, most, &rho->ee[k]) : status;
+}
+
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
 static rx_status read_bin(reader *r, char *text)
 {
@@ -332,6 +412,12 @@ static rx_status read_words(reader *r)
     }
     if (strcmp(kind, "EXTENSION") == 0)
         return read_extension(r);
+    if (strcmp(kind, "PSF") == 0)
+        return read_psf(r);
+    if (strcmp(kind, "STARS") == 0)
+        return read_stars(r);
+    if (strcmp(kind, "RHO") == 0)
+        return read_rho(r);
     if (strcmp(kind, "RUN") == 0)
         return read_run(r);
     if (strcmp(kind, "DONE") == 0)

@@ -8,6 +8,9 @@
  *   VERSION "0.1.0"
  *   STATUS 0 ""                       exit status, and the error in a line
  *   EXTENSION hdu width height alpha delta fwhm sky noise verdict      alpha, delta: deg J2000; nan = unknown
+ *   PSF "PIXELS" "" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW, RXPSFLIB ...; only where known
+ *   STARS n t e1 e2 reach             sums of residuals of reserved stars, and of their pairs by angle:
+ *   RHO k pairs tt ee                 validate/rho.h
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue
  *   DONE "RL" "FWHM ..."              restorer that did it instead of the one of RUN, and why; only then
  *   OUTSIDE "FWHM ..."                what of the tile the restorer was not made for; only then

@@ -21,8 +21,10 @@ librextract_la_SOURCES += \
 	src/validate/qa_figures.c \
 	src/validate/qa_json.c \
 	src/validate/qa_page.c \
+	src/validate/qa_psf.c \
 	src/validate/qa_tables.c \
 	src/validate/report_file.c src/validate/report_file.h \
+	src/validate/rho.c src/validate/rho.h \
 	src/validate/sample.c src/validate/sample.h \
 	src/validate/tally.c src/validate/tally.h \
 	src/validate/wilcoxon.c

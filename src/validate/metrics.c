@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "data/psf.h"
 #include "validate/bootstrap.h"
 
 #define RX_METRIC_ROW(id, name, unit, whole, help) {name, unit, help, whole},
@@ -177,6 +178,19 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
     if (flux->n > 1) {
         const double half = rx_student_quantile(1 - r->level, (double)(flux->n - 1)) * flux->wide_error;
         out[RX_METRIC_FLUX_SCALE] = (rx_estimate){flux->wide, flux->wide - half, flux->wide + half, flux->n};
+    }
+    const rx_psf *psf = e->input->psf.psf;
+    if (psf != NULL && psf->quality.reserved > 1) {
+        const rx_psf_quality *q = &psf->quality;
+        const double found[][2] = {{q->trace[0], q->trace[1]},
+                                   {q->shape[0][0], q->shape[0][1]},
+                                   {q->shape[1][0], q->shape[1][1]},
+                                   {q->growth, q->growth_error}};
+        for (int k = 0; k < 4; k++) {
+            const double half = rx_student_quantile(1 - r->level, q->reserved - 1.0) * found[k][1];
+            out[RX_METRIC_PSF_DT + k] =
+                (rx_estimate){found[k][0], found[k][0] - half, found[k][0] + half, q->reserved};
+        }
     }
     if (status != RX_OK || r->level == e->level)
         return status;

@@ -2,7 +2,7 @@
  *
  * Intervals: shares (recall, precision) Clopper-Pearson; medians and sigma_MAD by order statistics; MagErr,
  * AP and the completeness magnitudes by bootstrap, unbounded below RX_BOOTSTRAP_FEWEST sources; flux_scale from
- * its 1 sigma error (rx_qa_flux) by Student's t.
+ * its 1 sigma error (rx_qa_flux) by Student's t, as those of the PSF.
  */
 #ifndef RX_VALIDATE_METRICS_H
 #define RX_VALIDATE_METRICS_H
@@ -36,7 +36,12 @@
     METRIC(PULL_MEDIAN, "pull_median", "", 0, "median of (F - F0) / error, 0 when unbiased")                 \
     METRIC(PULL_WIDTH, "pull_width", "", 0, "sigma_MAD of (F - F0) / error, 1 when errors are true")         \
     METRIC(FLUX_SCALE, "flux_scale", "", 1,                                                                  \
-           "restored / untouched flux of isolated sources, no reference needed")
+           "restored / untouched flux of isolated sources, no reference needed")                             \
+    METRIC(PSF_DT, "psf_dt", "", 1, "mean (T - T of PSF) / T of reserved stars, no reference needed")        \
+    METRIC(PSF_DE1, "psf_de1", "", 1, "mean e1 - e1 of PSF of reserved stars, no reference needed")          \
+    METRIC(PSF_DE2, "psf_de2", "", 1, "mean e2 - e2 of PSF of reserved stars, no reference needed")          \
+    METRIC(PSF_GROWTH, "psf_growth", "", 1,                                                                  \
+           "curve of growth to 20 FWHM, largest stars - PSF, no reference needed")
 
 #define RX_METRIC_ID(id, name, unit, whole, help) RX_METRIC_##id,
 typedef enum rx_metric { RX_METRICS(RX_METRIC_ID) RX_METRIC_COUNT } rx_metric;

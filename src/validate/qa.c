@@ -10,6 +10,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "data/psf.h"
 #include "validate/escape.h"
 #include "validate/report_file.h"
 #include "validate/tally.h"
@@ -236,6 +237,15 @@ static rx_status write_tables(const rx_report *r, const target *to, rx_error *er
         return status;
     rx_report_bins(&text, r);
     status = write_file(to, "bins.ecsv", &text, err);
+    const rx_psf *psf = r->input->psf.psf;
+    if (status == RX_OK && psf != NULL && psf->judged != NULL) {
+        rx_report_psf_stars(&text, r);
+        status = write_file(to, "psf_stars.ecsv", &text, err);
+        rx_report_psf_growth(&text, r);
+        if (status == RX_OK)
+            status = write_file(to, "psf_growth.ecsv", &text, err);
+        rx_text_free(&text);
+    }
     return status == RX_OK ? write_runs(r, to, err) : status;
 }
 

@@ -90,6 +90,12 @@ typedef struct rx_qa_picture {
     float sigma;
 } rx_qa_picture;
 
+/* What stars that were not fitted say of the PSF of the tile (data/psf.h), and of which image it is. */
+typedef struct rx_qa_psf {
+    const struct rx_psf *psf; /* NULL: none, or nothing was measured of it */
+    double zeropoint;         /* mag of 1 ADU */
+} rx_qa_psf;
+
 /* A .qa file, see config/default.qa for its grammar. */
 typedef struct rx_gates rx_gates;
 
@@ -111,7 +117,8 @@ typedef struct rx_qa_input {
         *mask; /* [h][w], not 0: nothing can be found there, references there do not count; or NULL */
     double pixel_scale;       /* arcsec, 0 unknown */
     const char *precision_is; /* what precision is here, where it is something else; or NULL */
-    const char *score_name;   /* what rx_qa_list.score is ("SNR_WIN"); NULL = "score" */
+    rx_qa_psf psf;
+    const char *score_name; /* what rx_qa_list.score is ("SNR_WIN"); NULL = "score" */
     rx_qa_list truth;
     int nruns;
     rx_qa_run *runs;

@@ -387,6 +387,7 @@ rx_status rx_report_figures(const rx_report *r, const char *folder, const char *
         rx_figure_add(dst, plans[i].id, plans[i].title, plans[i].reading, RX_FIGURE_CHART);
         plans[i].write(dst, r);
     }
+    rx_report_psf_figures(dst, r);
     write_pictures(dst, r);
     return rx_figures_start(dst, r->par->gnuplot, folder, shown, err);
 }

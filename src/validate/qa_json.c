@@ -206,6 +206,7 @@ void rx_report_json(rx_text *dst, const rx_report *r)
     for (int run = 0; run < r->input->nruns; run++)
         run_object(json, r, run);
     rx_json_end(json);
+    rx_report_psf_json(json, r);
     comparisons(json, r);
     rx_json_record(json, r->input->nrecord, r->input->record);
     rx_json_end(json);

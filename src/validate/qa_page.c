@@ -13,7 +13,7 @@
 static int digits_of(rx_metric metric)
 {
     const char *unit = rx_metric_get(metric)->unit;
-    if (metric == RX_METRIC_FLUX_SCALE)
+    if (metric >= RX_METRIC_FLUX_SCALE && metric <= RX_METRIC_PSF_GROWTH)
         return 4;
     if (strcmp(unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN || metric == RX_METRIC_PULL_WIDTH ||
         metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90)
@@ -177,7 +177,9 @@ static void write_summary(rx_text *dst, const rx_report *r)
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         const rx_metric_row *row = rx_metric_get((rx_metric)m);
         int arcsec = strcmp(row->unit, "arcsec") == 0;
-        if ((arcsec && !(r->input->pixel_scale > 0)) || (m == RX_METRIC_FLUX_SCALE && !has_fluxes(r)))
+        if ((arcsec && !(r->input->pixel_scale > 0)) || (m == RX_METRIC_FLUX_SCALE && !has_fluxes(r)) ||
+            (m >= RX_METRIC_PSF_DT && m <= RX_METRIC_PSF_GROWTH &&
+             rx_report_whole(r, 0, (rx_metric)m)->n == 0))
             continue;
         rx_text_printf(dst, "<tr><td class=\"t\"><b>%s</b>", row->name);
         rx_page_unit(dst, row->unit);
@@ -611,6 +613,7 @@ static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *f
     rx_page_link(dst, true, "summary", "Summary");
     rx_page_link(dst, has_real(r), "noise", "Noise or sources");
     rx_page_link(dst, has_fluxes(r), "flux-scale", "Flux scale");
+    rx_page_link(dst, r->input->psf.psf != NULL, "psf", "The PSF");
     rx_page_link(dst, r->nresults > 0, "gates", "Gates");
     rx_page_link(dst, true, "counts", "What was compared");
     rx_page_link(dst, has_pictures(figures), "pictures", "Pictures");
@@ -639,6 +642,7 @@ void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
     write_summary(dst, r);
     write_real(dst, r);
     write_fluxes(dst, r);
+    rx_report_psf_page(dst, r, figures);
     write_gates(dst, r);
     write_counts(dst, r);
     write_pictures(dst, figures);

@@ -5,6 +5,7 @@
 #include "base/text.h"
 #include "validate/figure.h"
 #include "validate/gates.h"
+#include "validate/json.h"
 #include "validate/metrics.h"
 #include "validate/qa.h"
 
@@ -55,5 +56,12 @@ void rx_report_bins(rx_text *dst, const rx_report *report);
 void rx_report_matches(rx_text *dst, const rx_report *report, int run);
 void rx_report_curve(rx_text *dst, const rx_report *report, int run);
 void rx_report_brief(rx_text *dst, const rx_report *report, bool legend /* what the columns are */);
+
+/* The PSF's part of each; nothing without a PSF that came about in some known way. */
+void rx_report_psf_figures(rx_figures *dst, const rx_report *report);
+void rx_report_psf_page(rx_text *dst, const rx_report *report, const rx_figures *figures);
+void rx_report_psf_json(rx_json *json, const rx_report *report);
+void rx_report_psf_stars(rx_text *dst, const rx_report *report);
+void rx_report_psf_growth(rx_text *dst, const rx_report *report);
 
 #endif
