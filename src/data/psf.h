@@ -91,7 +91,7 @@ typedef struct rx_psf {
     double fwhm_error;  /* pixels, 1 sigma of the fwhm; 0 unknown */
     double (*stars)[2]; /* [nstars] x, y from 0; NULL when not measured */
     rx_psf_quality quality;
-    rx_psf_judged *judged;    /* owned; NULL where nothing was measured, and in copies */
+    rx_psf_judged *judged; /* owned; NULL where nothing was measured, and in copies */
     char description[160]; /* one line for log, header and report */
 } rx_psf;
 

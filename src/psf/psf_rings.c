@@ -558,8 +558,11 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
         const rx_psf_point *p = &job->points[i];
         const rx_star_shape *s = &shapes[i];
         if (p->kept && p->reserved && isfinite(s->off[0]) && isfinite(s->off[1]) && isfinite(s->off[2]))
-            judged->star[judged->nstars++] = (rx_psf_star){
-                .x = p->x, .y = p->y, .flux = p->flux, .off = {s->off[0], s->off[1], s->off[2]}, .error = s->error};
+            judged->star[judged->nstars++] = (rx_psf_star){.x = p->x,
+                                                           .y = p->y,
+                                                           .flux = p->flux,
+                                                           .off = {s->off[0], s->off[1], s->off[2]},
+                                                           .error = s->error};
     }
     for (int which = 0; which < 3; which++) {
         size_t m = 0;
@@ -603,11 +606,11 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
         within += d.mean * pixels;
         error += d.error * pixels; /* of the sky, in all rings alike */
         light += level[j] * pixels;
-        if (!(error < 0.01))
+        if (!(error < 0.1))
             break;
         judged->growth[judged->nradii++] =
             (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
-        if (fabs(within) > fabs(quality->growth)) {
+        if (error < 0.01 && fabs(within) > fabs(quality->growth)) {
             quality->growth = within;
             quality->growth_error = error;
             quality->growth_radius = r.edge[j + 1];

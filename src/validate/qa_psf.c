@@ -164,7 +164,7 @@ static void growth_figure(rx_figures *dst, const rx_report *r)
 {
     const rx_psf_judged *judged = r->input->psf.psf->judged;
     const size_t n = (size_t)judged->nradii;
-    double *x = RX_NEW(double, 4 * n + 1), *y = x + n, *low = y + n, *high = low + n, most = 1.5 * WRONG,
+    double *x = RX_NEW(double, 4 * n + 1), *y = x + n, *low = y + n, *high = low + n, most = 2.0 * WRONG,
            last = 1.0;
     if (x == NULL) {
         dst->script.failed = true;
@@ -176,7 +176,8 @@ static void growth_figure(rx_figures *dst, const rx_report *r)
         y[i] = g->stars - g->psf;
         low[i] = y[i] - g->error;
         high[i] = y[i] + g->error;
-        most = fmax(most, 1.1 * fabs(y[i]));
+        if (g->error < WRONG)
+            most = fmax(most, 1.5 * fabs(y[i]));
     }
     const double ends[2] = {0.0, last}, up[2] = {WRONG, WRONG}, down[2] = {-WRONG, -WRONG};
     const rx_curve curves[] = {{.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = up},

@@ -174,3 +174,22 @@ models
 stars tile.fits 0 -SKY_CENTER 150.18,2
 [ "$active" = 0 ] || echo 'no FITS' >library/other.psf
 rung "$read" 'RXPSFHOW = LIBRARY'
+
+# --- report and record
+
+begin 'PSF in report, gates and record'
+stars tile.fits 60 -TRUTH_NAME truth.fits
+leaves report tile.rec
+if [ "$active" = 1 ]; then
+    printf 'psf_dt all in -0.1:0.1\npsf_growth all in -0.05:0.05\npsf_de1 all in 0.5:0.6\n' >my.qa
+    run tile.fits -c /dev/null -RESTORE_TYPE NONE,RL -REFERENCE_NAME truth.fits -QA_NAME report -QA_FIGURES N -QA_GATES my.qa \
+        -RECORD_NAME tile.rec -MAG_ZEROPOINT 25 -CATALOG_TYPE NONE -VERBOSE_TYPE QUIET
+    grep -q '"psf": {"how": "PIXELS"\|"how": "PIXELS"' report/summary.json || echo 'no PSF in summary.json' >>../err
+    for file in psf_stars psf_growth; do
+        [ "$(grep -vc '^#' report/$file.ecsv)" -ge 6 ] || echo "$file.ecsv has no rows" >>../err
+    done
+    grep -q '<h2 id="psf">' report/report.html || echo 'no PSF in report.html' >>../err
+    grep -Eq '^PSF "PIXELS" "" [2-9][0-9] [0-9]+ 0\.0' tile.rec || echo 'no PSF in the record' >>../err
+    grep -Eq '^RHO [0-9] [0-9]+ ' tile.rec || echo 'no RHO in the record' >>../err
+    judge 5 'a quality gate FAILED'
+fi

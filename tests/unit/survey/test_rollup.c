@@ -165,6 +165,63 @@ static void files_for_programs(void **state)
     drop(&s);
 }
 
+/* PSFs: those of lower rungs are listed, residuals are correlated, whatever the order of the records. */
+static void psfs(void **state)
+{
+    static const char a[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
+                            "PSF PIXELS \"\" 40 10 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
+                            "STARS 10 100 20 0 0.05\nRHO 3 45 900 1800\nRUN RL 95 0\nEND\n",
+                      b[] = "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 11 20 3 0 1 0\n"
+                            "PSF LIBRARY \"<x>.psf\" 25 0 0.05 0 0 0 0 0 0 0 0\nRUN RL 95 0\nEND\n",
+                      c[] = "TILE c.fits c\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 21 3 0 1 0\n"
+                            "PSF PIXELS \"\" 40 5 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
+                            "STARS 5 200 10 3 0.05\nRHO 3 10 -100 500\nRUN RL 95 0\nEND\n";
+    rx_text texts[2][4] = {0};
+    rx_figures *figures = calloc(1, sizeof *figures);
+    (void)state;
+    assert_non_null(figures);
+    for (int order = 0; order < 2; order++) {
+        rx_rollup r = {0};
+        char path[] = "/tmp/rextract-rollup-XXXXXX", text[2000];
+        int file = mkstemp(path);
+        assert_true(file >= 0);
+        close(file);
+        snprintf(text, sizeof text, "%s%s%s", order ? c : a, b, order ? a : c);
+        write_text(path, text);
+        assert_int_equal(add_file(&r, path, NULL), RX_OK);
+        unlink(path);
+        assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
+        assert_int_equal(r.npsfs, 3);
+        assert_int_equal(r.lower, 1);
+        assert_near(r.rho[3].pairs, 55, 0);
+        assert_near(r.rho[3].t, 800e-8 / 55, 1e-18);
+        assert_near(r.rho[3].e, 2300e-8 / 55, 1e-18);
+        /* a and c, 60 arcmin apart: 50 pairs of products 100 * 200 and 20 * 10 */
+        assert_near(r.rho[7].pairs, 50, 0);
+        assert_near(r.rho[7].t, 20000e-8 / 50, 1e-15);
+        assert_near(r.rho[7].e, 200e-8 / 50, 1e-15);
+        rx_rollup_json(&texts[order][0], &r);
+        rx_rollup_psfs(&texts[order][1], &r);
+        rx_rollup_rho(&texts[order][2], &r);
+        rx_rollup_html(&texts[order][3], &r, figures);
+        rx_rollup_free(&r);
+    }
+    for (int i = 0; i < 4; i++) {
+        assert_false(texts[0][i].failed);
+        assert_string_equal(texts[0][i].data, texts[1][i].data);
+    }
+    assert_non_null(strstr(texts[0][0].data, "\"psf_not_from_stars\": 1"));
+    assert_non_null(strstr(texts[0][0].data, "\"how\": \"LIBRARY\", \"library\": \"<x>.psf\""));
+    assert_non_null(strstr(texts[0][1].data,
+                           "\n\"b\",0,\"LIBRARY\",\"<x>.psf\",25,0,0.05,0,0,nan,nan,nan,nan,nan,nan\n"));
+    assert_non_null(strstr(texts[0][2].data, "\n32,64,50,"));
+    assert_non_null(strstr(texts[0][3].data, "1 of 3 images have a PSF that is not from several stars"));
+    assert_non_null(strstr(texts[0][3].data, "&lt;x&gt;.psf"));
+    for (int i = 0; i < 8; i++)
+        rx_text_free(&texts[i / 4][i % 4]);
+    free(figures);
+}
+
 /* What another restorer did, and a flux scale that is off, with and without a reference. */
 static void whose_work_and_flux_scale(void **state)
 {
@@ -332,6 +389,7 @@ int main(void)
         cmocka_unit_test(worst_come_first),
         cmocka_unit_test(a_range_of_magnitudes),
         cmocka_unit_test(files_for_programs),
+        cmocka_unit_test(psfs),
         cmocka_unit_test(whose_work_and_flux_scale),
         cmocka_unit_test(records_are_sorted_and_merged),
         cmocka_unit_test(many_tiles),

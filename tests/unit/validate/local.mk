@@ -10,6 +10,7 @@ check_PROGRAMS += \
 	tests/unit/validate/test_page \
 	tests/unit/validate/test_pr \
 	tests/unit/validate/test_report \
+	tests/unit/validate/test_rho \
 	tests/unit/validate/test_tally \
 	tests/unit/validate/test_wilcoxon
 tests_unit_validate_test_binomial_SOURCES = tests/unit/validate/test_binomial.c
@@ -24,4 +25,5 @@ tests_unit_validate_test_page_SOURCES = tests/unit/validate/test_page.c
 tests_unit_validate_test_pr_SOURCES = tests/unit/validate/test_pr.c
 tests_unit_validate_test_tally_SOURCES = tests/unit/validate/test_tally.c
 tests_unit_validate_test_report_SOURCES = tests/unit/validate/test_report.c
+tests_unit_validate_test_rho_SOURCES = tests/unit/validate/test_rho.c
 tests_unit_validate_test_wilcoxon_SOURCES = tests/unit/validate/test_wilcoxon.c

@@ -10,6 +10,7 @@
 
 #include "../near.h"
 #include "base/random.h"
+#include "data/psf.h"
 #include "validate/gates.h"
 #include "validate/metrics.h"
 
@@ -110,6 +111,46 @@ static void shares_and_differences(void **state)
                      RX_OK);
     assert_near(m[RX_METRIC_PRECISION].value, 0, 0);
     assert_near(m[RX_METRIC_RECALL].value, 1, 0);
+    rx_evaluation_free(&e);
+}
+
+/* Of the PSF, of the same stars for every run. */
+static void psf_metrics(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate m[RX_METRIC_COUNT];
+    const rx_psf psf = {.quality = {.how = "PIXELS",
+                                    .reserved = 11,
+                                    .trace = {0.004, 0.001},
+                                    .shape = {{-0.002, 0.0005}, {0.001, 0.0005}},
+                                    .growth = -0.012,
+                                    .growth_error = 0.002}};
+    const rx_gate gate = {.metric = RX_METRIC_PSF_DT, .op = RX_GATE_IN, .value = -0.01, .value_high = 0.01},
+                  growth = {
+                      .metric = RX_METRIC_PSF_GROWTH, .op = RX_GATE_IN, .value = -0.01, .value_high = 0.01};
+    (void)state;
+    make_input(&input, &run, mask);
+    input.psf = (rx_qa_psf){.psf = &psf, .zeropoint = 25};
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_near(m[RX_METRIC_PSF_DT].value, 0.004, 0);
+    assert_near(m[RX_METRIC_PSF_DT].high - 0.004, 2.2281388519649385 * 0.001, 1e-9);
+    assert_near(m[RX_METRIC_PSF_DE1].low + 0.002, -2.2281388519649385 * 0.0005, 1e-9);
+    assert_near(m[RX_METRIC_PSF_DE2].value, 0.001, 0);
+    assert_near(m[RX_METRIC_PSF_GROWTH].value, -0.012, 0);
+    assert_int_equal(m[RX_METRIC_PSF_GROWTH].n, 11);
+    assert_int_equal(rx_gate_judge(&gate, &m[RX_METRIC_PSF_DT]), RX_VERDICT_PASS);
+    assert_int_equal(rx_gate_judge(&growth, &m[RX_METRIC_PSF_GROWTH]), RX_VERDICT_INSUFFICIENT);
+    rx_evaluation_free(&e);
+    input.psf.psf = NULL;
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_int_equal(m[RX_METRIC_PSF_DT].n, 0);
     rx_evaluation_free(&e);
 }
 
@@ -354,6 +395,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roles),
         cmocka_unit_test(shares_and_differences),
+        cmocka_unit_test(psf_metrics),
         cmocka_unit_test(flux_scale),
         cmocka_unit_test(made_up_detections),
         cmocka_unit_test(one_metric_alone),
