@@ -1,6 +1,7 @@
 /* PSFs as plain data: making, copying, evaluating, freeing. */
 #include "data/psf.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -86,4 +87,19 @@ void rx_psf_judged_free(rx_psf_judged *judged)
     free(judged->growth);
     free(judged->residual);
     free(judged);
+}
+
+double rx_psf_flux_error(const rx_psf *psf, double x, double y)
+{
+    const double at[2] = {(x - psf->x0) / psf->xs, (y - psf->y0) / psf->ys};
+    double share[2];
+    int cell[2];
+    for (int d = 0; d < 2; d++) {
+        const double t = fmin(fmax(0.5 * (at[d] + 1.0), 0.0), 1.0) * (RX_PSF_CELLS - 1);
+        cell[d] = t < RX_PSF_CELLS - 2 ? (int)t : RX_PSF_CELLS - 2;
+        share[d] = t - cell[d];
+    }
+    const double(*e)[RX_PSF_CELLS] = &psf->quality.flux_errors[cell[1]];
+    return (1.0 - share[1]) * ((1.0 - share[0]) * e[0][cell[0]] + share[0] * e[0][cell[0] + 1]) +
+           share[1] * ((1.0 - share[0]) * e[1][cell[0]] + share[0] * e[1][cell[0] + 1]);
 }

@@ -31,15 +31,18 @@ static inline int rx_psf_type_measured(rx_psf_type type)
     return type == RX_PSF_AUTO || type == RX_PSF_MOFFAT_FIT;
 }
 
+enum { RX_PSF_CELLS = 5 };
+
 /* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
  * nothing was measured `how` is empty and the numbers are 0. */
 typedef struct rx_psf_quality {
-    char how[16];       /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED, LIBRARY: RXPSFHOW */
-    int reserved;       /* stars behind what follows `beyond` */
-    int degree;         /* of the polynomial over the tile */
-    double radius;      /* pixels, the sum of the PSF within is 1 */
-    double beyond;      /* share of a star's light estimated outside */
-    double flux_error;  /* relative, 1 sigma: of the flux of a point source */
+    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED, LIBRARY: RXPSFHOW */
+    int reserved;      /* stars behind what follows `beyond` */
+    int degree;        /* of the polynomial over the tile */
+    double radius;     /* pixels, the sum of the PSF within is 1 */
+    double beyond;     /* share of a star's light estimated outside */
+    double flux_error; /* relative, 1 sigma: of the flux of a point source, rms over the tile */
+    double flux_errors[RX_PSF_CELLS][RX_PSF_CELLS]; /* the same at X, Y = -1, -0.5, .. 1 */
     double trace[2];    /* mean (T_data - T_model) / T_model and its error, T = xx + yy */
     double shape[2][2]; /* the same of e1 = (xx - yy) / T, e2 = 2 xy / T: data - model */
     double
@@ -103,6 +106,9 @@ rx_psf *rx_psf_copy(const rx_psf *psf);
 
 /* stamp[size*size] = PSF at 0-based tile position (x, y). */
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
+
+/* Relative error of a point source's flux from the PSF there: between the cells of quality.flux_errors. */
+double rx_psf_flux_error(const rx_psf *psf, double x, double y);
 
 void rx_psf_free(rx_psf *psf); /* NULL is fine */
 

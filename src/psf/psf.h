@@ -38,7 +38,7 @@ typedef struct rx_psf_params {
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
     int min_stars; /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. MOFFAT_FIT: 1 stands for 5 [1] */
     double min_snr;         /* AUTO [20] */
-    int max_degree;         /* AUTO: of the polynomial over the tile [4] */
+    int max_degree;         /* AUTO: of the polynomial over the tile [6] */
     rx_psf_library library; /* AUTO, MOFFAT_FIT */
     int nthreads;           /* AUTO; the result does not depend on it */
 } rx_psf_params;

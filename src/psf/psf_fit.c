@@ -1,7 +1,7 @@
 /* Stars of a tile against a PSF model: subtracting all of them, fitting each, solving for the model.
  *
  *   pixel = sky + sum_i flux_i P(u - u_i) + noise
- *   weight = 1 / (sigma^2 + flux P / gain + (MODEL_ERROR flux P)^2)
+ *   weight = 1 / (sigma^2 + flux P / gain + (E flux P)^2)
  *
  * All sources take a step against the same residual (as a Jacobi iteration does), so neighbours are subtracted and the
  * order does not matter. For the model, with fluxes and positions held,
@@ -19,8 +19,9 @@
 
 #include "base/memory.h"
 #include "base/wide.h"
+#include "num/stats.h"
+#include "psf/psf_stretch.h"
 
-static const double MODEL_ERROR = 0.01;
 enum { STARS_A_BLOCK = 16, POINTS_A_BLOCK = 256 };
 
 static size_t nodes_of(const rx_psf_model *model)
@@ -201,7 +202,7 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
                 const double off = (double)job->rest[(size_t)y * (size_t)image->width + (size_t)x] - p->sky;
                 if (sigma > 0.0)
                     weight = 1.0 / (sigma * sigma + (gain > 0.0 ? bright / gain : 0.0) +
-                                    MODEL_ERROR * MODEL_ERROR * bright * bright);
+                                    job->model_error * job->model_error * bright * bright);
                 masked += !(sigma > 0.0) && away < job->fwhm;
                 data = off + light;
                 if (off * off * weight > 25.0 && away > job->fwhm)
@@ -358,8 +359,8 @@ static void remove_shift(const rx_psf_job *job, const rx_psf_model *model, doubl
 static rx_status open_system(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
                              system_of *s, rx_error *err)
 {
-    const size_t all = nodes_of(model) * (size_t)model->nterms;
-    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n, .nterms = model->nterms};
+    const size_t all = nodes_of(model) * (size_t)job->variation.nterms;
+    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n, .nterms = job->variation.nterms};
     s->nblocks = (n + STARS_A_BLOCK - 1) / STARS_A_BLOCK;
     s->room_size = 2 * nodes_of(model) + stamp_size(model) + rx_psf_model_work(model);
     s->blocks = RX_NEW(float, (size_t)s->nblocks *all);
@@ -385,6 +386,7 @@ typedef struct basis {
     int side, nterms, blur; /* blur: taps of the Gaussian on either side */
     size_t plane, length;   /* of a term: nodes; unknowns */
     double *modes;          /* [MODES][side][side] */
+    double *taper;          /* [side][side] 1 in the core, 0 at its edge */
     double *tau[2];         /* of the constant term, of the others */
     double weights[BLUR + 1];
     double *line; /* work [side][side] */
@@ -403,11 +405,12 @@ static rx_status open_basis(const rx_psf_job *job, const rx_psf_model *model, in
                         others[RX_PSF_FREEDOMS] = {0.0, 0.0, 0.0, 0.3};
     const int side = model->side, middle = model->middle;
     const size_t n = nodes_of(model);
-    *b = (basis){.side = side, .nterms = model->nterms, .plane = n, .length = n + MODES};
-    b->modes = RX_NEW(double, (MODES + 3) * n);
+    *b = (basis){.side = side, .nterms = job->variation.nterms, .plane = n, .length = n + MODES};
+    b->modes = RX_NEW(double, (MODES + 4) * n);
     if (b->modes == NULL)
-        return rx_error_memory(err, (MODES + 3) * n * sizeof(double));
-    b->tau[0] = b->modes + MODES * n;
+        return rx_error_memory(err, (MODES + 4) * n * sizeof(double));
+    b->taper = b->modes + MODES * n;
+    b->tau[0] = b->taper + n;
     b->tau[1] = b->tau[0] + n;
     b->line = b->tau[1] + n;
     double peak = 0.0, squares = 0.0;
@@ -419,6 +422,7 @@ static rx_status open_basis(const rx_psf_job *job, const rx_psf_model *model, in
             const int x = i - middle, y = j - middle;
             const double r = hypot(x, y) / model->m / model->half, t = fmin(fmax((1.0 - r) / 0.2, 0.0), 1.0);
             const double taper = t * t * (3.0 - 2.0 * t), own = (double)job->prior[k];
+            b->taper[k] = taper;
             b->tau[0][k] = constant[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
             b->tau[1][k] = others[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
             if (i == 0 || j == 0 || i == side - 1 || j == side - 1)
@@ -512,64 +516,60 @@ static void condition(const basis *b, const double *rows, double *dst)
     }
 }
 
-/* Where size and ellipse vary much, second derivatives count: 1/2 sum_qr a_q a_r D_q D_r profile, a polynomial of twice the
- * degree (up to RX_PSF_DEGREE), is added to the model [nterms] from the numbers of the modes in the unknowns. */
-static rx_status add_curvature(const rx_psf_job *job, const basis *b, const double *unknowns, int nterms,
-                               rx_psf_model *model, rx_error *err)
+/* The model becomes the profile as the stars' variation stretches it, at each of the places of Gauss and Legendre's rule,
+ * projected on the polynomials of twice its degree (up to RX_PSF_DEGREE); towards the core's edge the stretch ends. */
+static rx_status stretch(const rx_psf_job *job, const double *taper, rx_psf_model *model, rx_error *err)
 {
-    /* Gauss and Legendre's rule of 7 points: Abramowitz and Stegun 1964, table 25.4 */
-    static const double at[7] = {0.0,
-                                 0.4058451513773972,
-                                 -0.4058451513773972,
-                                 0.7415311855993945,
-                                 -0.7415311855993945,
-                                 0.9491079123427585,
-                                 -0.9491079123427585},
-                        weight[7] = {0.4179591836734694, 0.3818300505051189, 0.3818300505051189,
-                                     0.2797053914892766, 0.2797053914892766, 0.1294849661688697,
-                                     0.1294849661688697};
-    const int side = b->side, middle = model->middle;
-    const size_t n = b->plane;
-    double products[RX_PSF_TERMS][MODES][MODES] = {{{0}}},
-           *planes = RX_NEW(double, (size_t)(model->nterms + 1) * n);
+    enum { RULE = 9 }; /* Abramowitz and Stegun 1964, table 25.4 */
+    static const double at[RULE] =
+        {-0.9681602395076261, -0.8360311073266358, -0.6133714327005904, -0.3242534234038089, 0.0,
+         0.3242534234038089,  0.6133714327005904,  0.8360311073266358,  0.9681602395076261},
+                        weight[RULE] = {0.0812743883615744, 0.1806481606948574, 0.2606106964029354,
+                                        0.3123470770400029, 0.3302393550012598, 0.3123470770400029,
+                                        0.2606106964029354, 0.1806481606948574, 0.0812743883615744};
+    const rx_psf_variation *v = &job->variation;
+    const int side = model->side, middle = model->middle;
+    const size_t n = nodes_of(model);
+    model->degree = 2 * v->degree < RX_PSF_DEGREE ? 2 * v->degree : RX_PSF_DEGREE;
+    model->nterms = (model->degree + 1) * (model->degree + 2) / 2;
+    double *planes = RX_NEW(double, (size_t)(model->nterms + 1) * n),
+           *own = planes + (size_t)model->nterms * n;
     if (planes == NULL)
         return rx_error_memory(err, (size_t)(model->nterms + 1) * n * sizeof(double));
     int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
     rx_psf_model_powers(model->degree, px, py);
-    for (int i = 0; i < 49; i++) {
-        double terms[RX_PSF_TERMS], a[MODES] = {0};
-        rx_psf_model_terms(model, model->x0 + at[i % 7] * model->xs, model->y0 + at[i / 7] * model->ys,
-                           terms);
-        for (int q = 0; q < MODES; q++)
-            for (int k = 0; k < nterms; k++)
-                a[q] += terms[k] * unknowns[(size_t)k * b->length + (size_t)q];
-        for (int t = 0; t < model->nterms; t++)
-            for (int q = 0; q < MODES; q++)
-                for (int r = 0; r < MODES; r++)
-                    products[t][q][r] += 0.25 * (2 * px[t] + 1) * (2 * py[t] + 1) * weight[i % 7] *
-                                         weight[i / 7] * terms[t] * a[q] * a[r];
-    }
-    double *second = planes + (size_t)model->nterms * n;
-    for (int q = 0; q < MODES; q++)
-        for (int r = 0; r < MODES; r++) {
-            const double *first = b->modes + (size_t)r * n;
-            for (int j = 1; j < side - 1; j++)
-                for (int i = 1; i < side - 1; i++) {
-                    const size_t k = (size_t)j * (size_t)side + (size_t)i;
-                    const double x = i - middle, y = j - middle, dx = 0.5 * (first[k + 1] - first[k - 1]),
-                                 dy = 0.5 * (first[k + (size_t)side] - first[k - (size_t)side]);
-                    second[k] = -MODE * (q == 0   ? x * dx + y * dy + 2.0 * first[k]
-                                         : q == 1 ? 0.5 * (x * dx - y * dy)
-                                                  : 0.5 * (x * dy + y * dx));
-                }
-            for (int t = 0; t < model->nterms; t++)
-                for (size_t k = 0; k < n; k++)
-                    planes[(size_t)t * n + k] += 0.5 * products[t][q][r] * second[k];
+    for (int place = 0; place < RULE * RULE; place++) {
+        const int column = place % RULE, row = place / RULE;
+        double terms[RX_PSF_TERMS], a[RX_PSF_STRETCH] = {0};
+        rx_psf_model_terms(model, model->x0 + at[column] * model->xs, model->y0 + at[row] * model->ys, terms);
+        for (int q = 0; q < RX_PSF_STRETCH; q++) {
+            for (int k = 0; k < v->nterms; k++)
+                a[q] += terms[k] * v->c[q][k];
+            a[q] = fmax(fmin(a[q], 0.6), -0.6);
         }
+#pragma omp parallel for schedule(static) num_threads(job->nthreads)
+        for (int j = 0; j < side; j++)
+            for (int i = 0; i < side; i++) {
+                const size_t k = (size_t)j * (size_t)side + (size_t)i;
+                const double own_a[RX_PSF_STRETCH] = {taper[k] * a[0], taper[k] * a[1], taper[k] * a[2]};
+                own[k] = rx_psf_stretched(job->prior, side, i - middle, j - middle, own_a);
+            }
+        for (int t = 0; t < model->nterms; t++) {
+            const double factor =
+                0.25 * (2 * px[t] + 1) * (2 * py[t] + 1) * weight[column] * weight[row] * terms[t];
+#pragma omp simd
+            for (size_t k = 0; k < n; k++)
+                planes[(size_t)t * n + k] += factor * own[k];
+        }
+    }
     for (int t = 0; t < model->nterms; t++) {
-        remove_shift(job, model, planes + (size_t)t * n);
+        double *plane = planes + (size_t)t * n;
+        rx_psf_model_interpolate(model, plane);
+        for (size_t k = 0; k < n && t == 0; k++)
+            plane[k] -= (double)job->prior[k];
+        remove_shift(job, model, plane);
         for (size_t k = 0; k < n; k++)
-            model->c[(size_t)t * n + k] += (float)planes[(size_t)t * n + k];
+            model->c[(size_t)t * n + k] = (float)(plane[k] + (t == 0 ? (double)job->prior[k] : 0.0));
     }
     free(planes);
     return RX_OK;
@@ -614,18 +614,16 @@ static rx_status descend(const system_of *s, const basis *b, double *y, double *
     return RX_OK;
 }
 
-rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
-                           rx_psf_model *model, rx_error *err)
+rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, int pixels, rx_psf_model *model,
+                           rx_error *err)
 {
-    const size_t plane = nodes_of(model);
-    const int degree = freedom.degree > 0 ? freedom.degree : 0;
-    model->degree = degree;
-    model->nterms = (degree + 1) * (degree + 2) / 2;
+    const size_t plane = nodes_of(model), all = plane * (size_t)job->variation.nterms;
+    model->degree = 0;
+    model->nterms = 1;
     memset(model->c, 0, RX_PSF_TERMS * plane * sizeof(float));
     memcpy(model->c, job->prior, plane * sizeof(float));
-    if (n == 0 || freedom.degree < 0)
+    if (n == 0)
         return RX_OK;
-    const size_t all = plane * (size_t)model->nterms;
     system_of s = {.n = 0};
     basis b = {.side = 0};
     float *coefficients = RX_NEW(float, all);
@@ -633,22 +631,15 @@ rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_ps
     rx_status status =
         coefficients == NULL || planes == NULL ? rx_error_memory(err, all * sizeof(double)) : RX_OK;
     if (status == RX_OK)
-        status = open_system(job, model, stars, n, &s, err);
+        status = open_basis(job, model, pixels, &b, err);
     if (status == RX_OK)
-        status = open_basis(job, model, freedom.pixels, &b, err);
+        status = stretch(job, b.taper, model, err);
+    if (status == RX_OK)
+        status = open_system(job, model, stars, n, &s, err);
     if (status == RX_OK && (y = RX_NEW(double, b.length *(size_t)s.nterms)) == NULL)
         status = rx_error_memory(err, all * sizeof(double));
-    for (int round = 0; round < (degree > 0 ? 2 : 1) && status == RX_OK; round++) {
-        if (round > 0) {
-            memset(model->c, 0, RX_PSF_TERMS * plane * sizeof(float));
-            memcpy(model->c, job->prior, plane * sizeof(float));
-            model->degree = 2 * degree < RX_PSF_DEGREE ? 2 * degree : RX_PSF_DEGREE;
-            model->nterms = (model->degree + 1) * (model->degree + 2) / 2;
-            status = add_curvature(job, &b, y, s.nterms, model, err);
-        }
-        if (status == RX_OK)
-            status = descend(&s, &b, y, planes, coefficients, err);
-    }
+    if (status == RX_OK)
+        status = descend(&s, &b, y, planes, coefficients, err);
     if (status == RX_OK) {
         to_planes(&b, y, planes);
         for (int k = 0; k < s.nterms; k++)
@@ -666,6 +657,63 @@ rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_ps
 }
 
 /* ---- how well it does ---- */
+
+/* E of a star: the most likely one, of residuals within the FWHM that are Gaussian with variance V + (E light)^2. */
+static double error_of(const rx_psf_job *job, const rx_psf_point *p, float *room)
+{
+    enum { STEPS = 15 };
+    const double low = 5e-4; /* E^2 doubles from step to step */
+    const rx_psf_model *model = &job->model;
+    const int half = model->half, side = 2 * half + 1, reach = (int)fmin(half, ceil(job->fwhm));
+    float *value = room + nodes_of(model);
+    double score[STEPS] = {0};
+    int e = 0;
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), p->x - lround(p->x), p->y - lround(p->y),
+                       half, value, NULL, NULL, value + 3 * stamp_size(model));
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++) {
+            const size_t k = (size_t)(j + half) * (size_t)side + (size_t)(i + half);
+            const double light = p->flux * (double)value[k], off = (double)p->data[k] - light,
+                         old = job->model_error * light, squared = light * light;
+            if (!(p->weight[k] > 0.0F) || i * i + j * j > reach * reach)
+                continue;
+            const double noise = fmax(1.0 / (double)p->weight[k] - old * old, 0.0);
+            for (e = 0; e < STEPS; e++) {
+                const double v = noise + ldexp(low * low, e) * squared;
+                score[e] += squared * (off * off - v) / (v * v);
+            }
+        }
+    for (e = 0; e < STEPS - 1 && score[e] > 0.0;)
+        e++;
+    return sqrt(ldexp(low * low, e));
+}
+
+static int by_flux(const void *a, const void *b)
+{
+    const double *x = a, *y = b;
+    return (x[0] < y[0]) - (x[0] > y[0]);
+}
+
+rx_status rx_psf_job_measure_error(rx_psf_job *job, rx_error *err)
+{
+    enum { LEAST = 12 };
+    double(*stars)[2] = rx_alloc((size_t)job->n + 1, sizeof *stars), errors[LEAST + 600];
+    int n = 0, m = 0;
+    if (stars == NULL)
+        return rx_error_memory(err, (size_t)job->n * sizeof *stars);
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].kept) {
+            stars[n][0] = job->points[i].flux;
+            stars[n++][1] = error_of(job, &job->points[i], job->stamps);
+        }
+    qsort(stars, (size_t)n, sizeof *stars, by_flux);
+    for (; m < n && (m < LEAST || m < n / 8) && m < (int)(sizeof errors / sizeof *errors); m++)
+        errors[m] = stars[m][1];
+    if (m > 0)
+        job->model_error = rx_median(errors, (size_t)m);
+    free(stars);
+    return RX_OK;
+}
 
 static double chi2_of(const rx_psf_model *model, const rx_psf_point *p, float *room)
 {

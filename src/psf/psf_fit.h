@@ -3,6 +3,7 @@
 #define RX_PSF_FIT_H
 
 #include "data/image.h"
+#include "data/psf.h"
 #include "data/sources.h"
 #include "psf/moffat.h"
 #include "psf/psf_model.h"
@@ -20,12 +21,26 @@ typedef struct rx_psf_point {
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_psf_point;
 
+/* How size and ellipse of the stars vary over the tile (psf_stretch.h): each of s, g1, g2 is a polynomial of the position,
+ * sum_k c_k L_k(X, Y). */
+enum { RX_PSF_STRETCH = 3 };
+
+typedef struct rx_psf_variation {
+    int degree, nterms;
+    double c[RX_PSF_STRETCH][RX_PSF_TERMS];
+    /* 1 sigma of s at X, Y = -1, -0.5, ..: of its polynomial, and what stars around say that it misses */
+    double error[RX_PSF_CELLS][RX_PSF_CELLS];
+    double missed, missed_at[2]; /* the largest significant one, its place in pixels */
+} rx_psf_variation;
+
 typedef struct rx_psf_job {
     const rx_image *image;
     const rx_sources *sources;
     int nthreads;
     double fwhm;
     double most; /* radius that the PSF may have, pixels */
+    rx_psf_variation variation;
+    double model_error; /* E: of a pixel of the model, relative, 1 sigma */
     int n;
     rx_psf_point *points; /* [n] */
     float *rest;          /* [height][width] pixels minus all points */
@@ -43,16 +58,15 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err);
 /* One step of every point's flux, position and sky towards the pixels; data and weights of stars. */
 rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err);
 
-/* How free the model is: its degree over the tile, and whether pixels may depart from the profile, besides its size and
- * ellipse: not at all, in the constant term a little or more, in all terms. Degree -1: it is the profile. */
+/* model_error: the median of what the cores of the brightest stars that are kept find most likely. */
+rx_status rx_psf_job_measure_error(rx_psf_job *job, rx_error *err);
+
+/* How far pixels may depart from the stretched profile: not at all, in the constant term a little or more, in all terms. */
 enum { RX_PSF_STIFF, RX_PSF_FIRM, RX_PSF_LOOSE, RX_PSF_LOOSE_ALL, RX_PSF_FREEDOMS };
-typedef struct rx_psf_freedom {
-    int degree, pixels;
-} rx_psf_freedom;
 
 /* The model's coefficients from those stars [n]. */
-rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
-                           rx_psf_model *model, rx_error *err);
+rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, int pixels, rx_psf_model *model,
+                           rx_error *err);
 
 /* Radius (pixels) of the round star that has the profile's value at (x, y): along its ellipse in the core, round outside. */
 double rx_psf_job_radius(const rx_psf_job *job, double x, double y);

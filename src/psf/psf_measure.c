@@ -22,6 +22,7 @@
 #include "psf/psf_fit.h"
 #include "psf/psf_rings.h"
 #include "psf/psf_stars.h"
+#include "psf/psf_stretch.h"
 
 enum {
     MOST_STARS = 600,
@@ -29,15 +30,17 @@ enum {
     LEAST_STARS = 8,
     LEAST_FITTED = 4,
     FOLDS = 3,
-    PASSES = 4,
+    PASSES = 5,
     CHOICE = 2
 };
-static const double WIDEST = 20.0;    /* FWHM, pixels, of a core of pixels */
-static const double RESERVED = 0.2;   /* share of the stars */
-static const double LOCUS = 0.22;     /* half-width in ln(half-light radius): blends are wider */
-static const double POINT = 1.35;     /* wider than a star by this: masked, not subtracted */
-static const double MESH_ERROR = 0.1; /* of a sky mesh, sigmas of a pixel */
-static const double BEYOND = 1e-3;    /* light that may be left out */
+static const double MOST_GAIN = 5.0;    /* chi2 of a star that counts for more as its logarithm only */
+static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
+static const double RESERVED = 0.2;     /* share of the stars */
+static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
+static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
+static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
+static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
+static const double BEYOND = 1e-3;      /* light that may be left out */
 static const double LEAST_TERM =
     2e-4; /* light that a term of the polynomial moves at most where it is left out */
 static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
@@ -237,8 +240,8 @@ static int list_stars(const rx_psf_job *job, int reserved, int *dst)
     return n;
 }
 
-/* Leaves out stars whose width, shape or chi2 differs from those of the others by four robust sigmas. */
-static rx_status reject(rx_psf_job *job, rx_error *err)
+/* Leaves out stars whose width, shape or chi2 differs from those of the others by that many robust sigmas. */
+static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
 {
     static const double floors[4] = {0.03, 0.03, 0.03, 0.7};
     rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);
@@ -264,7 +267,7 @@ static rx_status reject(rx_psf_job *job, rx_error *err)
             for (int i = 0; i < job->n; i++) {
                 rx_psf_point *p = &job->points[i];
                 const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
-                const double limit = 4.0 * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
+                const double limit = sigmas * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
                 if (p->kept && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))
                     p->kept = 0;
             }
@@ -275,8 +278,8 @@ static rx_status reject(rx_psf_job *job, rx_error *err)
 }
 
 /* chi2 of each of the stars against the model of the other folds. */
-static rx_status held_out(const rx_psf_job *job, const int *stars, int n, rx_psf_freedom freedom,
-                          double *chi2, rx_error *err)
+static rx_status held_out(const rx_psf_job *job, const int *stars, int n, int pixels, double *chi2,
+                          rx_error *err)
 {
     rx_psf_model model = {.m = 0};
     int *part = RX_NEW(int, 2 * (size_t)n + 1);
@@ -293,7 +296,7 @@ static rx_status held_out(const rx_psf_job *job, const int *stars, int n, rx_psf
             else
                 part[fitted++] = stars[i];
         }
-        status = rx_psf_job_solve(job, part, fitted, freedom, &model, err);
+        status = rx_psf_job_solve(job, part, fitted, pixels, &model, err);
         if (status == RX_OK)
             status = rx_psf_job_chi2(job, &model, away, out, values, err);
         for (int i = 0, k = 0; i < n; i++)
@@ -306,46 +309,53 @@ static rx_status held_out(const rx_psf_job *job, const int *stars, int n, rx_psf
     return status;
 }
 
-/* A model that is freer is taken where stars that were held out fit better by more than the scatter of that from star to
- * star: first the core's pixels, then degree after degree, then the pixels of all terms. */
-static rx_status choose_freedom(const rx_psf_job *job, const int *stars, int n, int highest,
-                                rx_psf_freedom *best, rx_log *log, rx_error *err)
+static int by_light(const void *a, const void *b)
+{
+    const by_row *p = a, *q = b;
+    return p->y != q->y ? (p->y < q->y) - (p->y > q->y) : (p->i > q->i) - (p->i < q->i);
+}
+
+/* Pixels are freer where stars that were held out, the brightest, fit better by more than the scatter of that from star to
+ * star. */
+static rx_status choose_pixels(const rx_psf_job *job, const int *stars, int n, int *best, rx_log *log,
+                               rx_error *err)
 {
     const int m = n < CHOSEN_BY ? n : CHOSEN_BY;
     double *least = RX_NEW(double, 2 * (size_t)m + 1), *chi2 = least + m;
+    by_row *order = RX_NEW(by_row, (size_t)n + 1);
     int *some = RX_NEW(int, (size_t)m + 1);
-    *best = (rx_psf_freedom){.degree = -1};
-    rx_status status = least == NULL || some == NULL ? rx_error_memory(err, 0) : RX_OK;
-    for (int i = 0; i < m && status == RX_OK; i++)
-        some[i] = stars[(size_t)i * (size_t)n / (size_t)m];
+    rx_status status = least == NULL || some == NULL || order == NULL ? rx_error_memory(err, 0) : RX_OK;
+    for (int i = 0; i < n && status == RX_OK; i++)
+        order[i] = (by_row){job->points[stars[i]].flux, stars[i]};
     if (status == RX_OK)
-        status = held_out(job, some, m, *best, least, err);
-    for (int k = 0; k < 4 + highest && status == RX_OK; k++) {
-        const rx_psf_freedom next = k < 3             ? (rx_psf_freedom){0, k}
-                                    : k < 3 + highest ? (rx_psf_freedom){k - 2, best->pixels}
-                                                      : (rx_psf_freedom){best->degree, RX_PSF_LOOSE_ALL};
-        if (k >= 3 && (next.degree > (best->degree > 0 ? best->degree : 0) + 2 || next.degree < 1 ||
-                       m < 3 * (next.degree + 1) * (next.degree + 2) / 2 + 6))
-            continue;
+        qsort(order, (size_t)n, sizeof *order, by_light);
+    for (int i = 0; i < m && status == RX_OK; i++)
+        some[i] = order[i].i;
+    *best = RX_PSF_STIFF;
+    for (int next = RX_PSF_STIFF; next < RX_PSF_FREEDOMS && status == RX_OK; next++) {
+        if (next == RX_PSF_LOOSE_ALL && job->variation.degree == 0)
+            break;
         status = held_out(job, some, m, next, chi2, err);
         double mean = 0.0, square = 0.0;
-        for (int i = 0; i < m; i++) {
-            const double gain = asinh(least[i] - chi2[i]); /* no star decides alone */
+        for (int i = 0; i < m && next > RX_PSF_STIFF; i++) {
+            const double gain =
+                MOST_GAIN * asinh((least[i] - chi2[i]) / MOST_GAIN); /* no star decides alone */
             mean += gain / m;
             square += gain * gain / m;
         }
         const double error = sqrt(fmax(square - mean * mean, 0.0) / m);
-        rx_log_detail(
-            log,
-            "PSF_TYPE AUTO: degree %d, pixels %d: stars held out fit better by %.3g +- %.2g than with %d, %d",
-            next.degree, next.pixels, mean, error, best->degree, best->pixels);
-        if (status == RX_OK && mean > error) {
+        if (next > RX_PSF_STIFF)
+            rx_log_detail(log,
+                          "PSF_TYPE AUTO: pixels %d: stars held out fit better by %.3g +- %.2g than with %d",
+                          next, mean, error, *best);
+        if (status == RX_OK && (next == RX_PSF_STIFF || mean > error)) {
             *best = next;
             memcpy(least, chi2, (size_t)m * sizeof *least);
         }
     }
     free(least);
     free(some);
+    free(order);
     return status;
 }
 
@@ -353,7 +363,30 @@ static rx_status choose_freedom(const rx_psf_job *job, const int *stars, int n, 
 
 /* Coefficients of the Legendre polynomials by powers. */
 static const double POWERS[RX_PSF_DEGREE + 1][RX_PSF_DEGREE + 1] = {
-    {1}, {0, 1}, {-0.5, 0, 1.5}, {0, -1.5, 0, 2.5}, {0.375, 0, -3.75, 0, 4.375}};
+    {1},
+    {0, 1},
+    {-0.5, 0, 1.5},
+    {0, -1.5, 0, 2.5},
+    {0.375, 0, -3.75, 0, 4.375},
+    {0, 1.875, 0, -8.75, 0, 7.875},
+    {-0.3125, 0, 6.5625, 0, -19.6875, 0, 14.4375}};
+
+/* The least of the sum of the terms but the first over X, Y in -1..1, at 9 x 9 places; a term's are `stride` apart. */
+static double lowest(const double *sums, size_t stride, int nterms, const int *px, const int *py)
+{
+    double least = 0.0;
+    for (int place = 0; place < 81; place++) {
+        double powers[2][RX_PSF_DEGREE + 1] = {{1.0}, {1.0}}, sum = 0.0;
+        for (int d = 1; d <= RX_PSF_DEGREE; d++) {
+            powers[0][d] = powers[0][d - 1] * (place % 9 / 4.0 - 1.0);
+            powers[1][d] = powers[1][d - 1] * (place / 9 / 4.0 - 1.0);
+        }
+        for (int b = 1; b < nterms; b++)
+            sum += sums[(size_t)b * stride] * powers[0][px[b]] * powers[1][py[b]];
+        least = fmin(least, sum);
+    }
+    return least;
+}
 
 /* Basis images: the terms on the pixels, as monomials of the position; sums 1, 0, 0, ... */
 static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_error *err)
@@ -388,14 +421,16 @@ static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_er
             if ((abs(i) > half || abs(j) > half) && i * i + j * j <= radius * radius)
                 sums[(size_t)(j + reach) * (size_t)size + (size_t)(i + reach)] +=
                     (double)rx_psf_model_wing(model, hypot(i, j));
-    /* nothing below 0: over X, Y in -1..1 the varying part is at most the sum of its coefficients */
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) { /* nothing below 0 anywhere */
         double most = 0.0;
         sums[i] = fmax(sums[i], 0.0);
         for (int b = 1; b < model->nterms; b++)
             most += fabs(sums[(size_t)b * n + i]);
-        for (int b = 1; b < model->nterms && most > sums[i]; b++)
-            sums[(size_t)b * n + i] *= sums[i] / most;
+        if (most <= sums[i])
+            continue;
+        const double least = lowest(sums + i, n, model->nterms, px, py);
+        for (int b = 1; b < model->nterms && -least > sums[i]; b++)
+            sums[(size_t)b * n + i] *= sums[i] / -least;
     }
     double whole = 0.0;
     for (size_t i = 0; i < n; i++)
@@ -514,7 +549,8 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     rx_psf *moffat = NULL;
     rx_moffat_tile found;
     rx_star_list stars = {.n = 0};
-    rx_psf_job job = {.image = image, .sources = sources};
+    rx_psf_job job = {
+        .image = image, .sources = sources, .model_error = MODEL_ERROR, .variation = {.nterms = 1}};
     int *fitted = NULL, n = 0;
     *dst = NULL;
     RX_TRY(rx_psf_fit_moffat(par, image, sources, log, &found, &moffat, err));
@@ -544,27 +580,30 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         status = rx_psf_job_subtract(&job, err);
     if (status == RX_OK)
         status = steps(&job, 3, err);
-    rx_psf_freedom freedom = {0, RX_PSF_STIFF};
-    const int most = par->max_degree;
+    int pixels = RX_PSF_STIFF;
     for (int pass = 0; pass < PASSES && status == RX_OK; pass++) {
         status = rx_interrupt_check(err);
         if (status == RX_OK)
-            status = reject(&job, err);
+            status = reject(&job, pass == 0 ? 12.0 : pass == 1 ? 6.0 : 4.0, err);
         if (status == RX_OK)
             status = rx_psf_wings(&job, BEYOND, &radius, &beyond, &wing_error, log, err);
         if (status == RX_OK)
             status = normalise(&job, radius, err);
         n = list_stars(&job, 0, fitted);
-        if (pass < CHOICE) /* so that stars where the PSF is another are not lost */
-            freedom.degree = n > 60 && most > 1 ? 2 : n > 24 && most > 0 ? 1 : 0;
-        if (status == RX_OK && pass == CHOICE)
-            status = choose_freedom(&job, fitted, n, most, &freedom, log, err);
         if (status == RX_OK)
-            status = rx_psf_job_solve(&job, fitted, n, freedom, &job.model, err);
+            status = rx_psf_vary(&job, fitted, n, par->max_degree, log, err);
+        if (status == RX_OK && pass == CHOICE)
+            status = choose_pixels(&job, fitted, n, &pixels, log, err);
+        if (status == RX_OK)
+            status = rx_psf_job_solve(&job, fitted, n, pixels, &job.model, err);
         if (status == RX_OK)
             status = rx_psf_job_subtract(&job, err);
         if (status == RX_OK)
             status = steps(&job, 2, err);
+        if (status == RX_OK)
+            status = rx_psf_job_measure_error(&job, err);
+        rx_log_detail(log, "PSF pass %d: %d stars, pixels of the model +- %.2g of their light", pass, n,
+                      job.model_error);
     }
     if (status == RX_OK && n < LEAST_FITTED) {
         rx_log_warning(log, "PSF_TYPE AUTO: %d stars suit one another; the PSF is their elliptical Moffat",

@@ -1,0 +1,314 @@
+/* Stretches of single stars, and the polynomial over the tile that stars which were held out like best. */
+#include "psf/psf_stretch.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+
+enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8 };
+static const double MOST = 0.6;       /* of a stretch */
+static const double OUTLIER = 3.0;    /* sigmas from which a star's weight falls */
+static const double MOST_GAIN = 10.0; /* chi2 of a star that counts for more as its logarithm only */
+static const double NEAR = 0.35;      /* half-width of the stars around a place, X and Y */
+static const uint64_t SEED = 20, FOLD = 2;
+
+double rx_psf_spline_at(const float *c, int side, double x, double y)
+{
+    const double at[2] = {x + side / 2, y + side / 2};
+    double weight[2][4], sum = 0.0;
+    int first[2];
+    for (int d = 0; d < 2; d++) {
+        const double t = at[d] - floor(at[d]), s = 1.0 - t;
+        first[d] = (int)floor(at[d]) - 1;
+        if (first[d] < 0 || first[d] + 3 >= side)
+            return 0.0;
+        weight[d][0] = s * s * s / 6.0;
+        weight[d][1] = (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0;
+        weight[d][2] = (4.0 - 3.0 * s * s * (2.0 - s)) / 6.0;
+        weight[d][3] = t * t * t / 6.0;
+    }
+    for (int j = 0; j < 4; j++)
+        for (int i = 0; i < 4; i++)
+            sum += weight[1][j] * weight[0][i] *
+                   (double)c[(size_t)(first[1] + j) * (size_t)side + (size_t)(first[0] + i)];
+    return sum;
+}
+
+double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH])
+{
+    const double xx = 1.0 + a[0] + 0.5 * a[1], yy = 1.0 + a[0] - 0.5 * a[1], xy = 0.5 * a[2],
+                 det = xx * yy - xy * xy;
+    return rx_psf_spline_at(c, side, (yy * x - xy * y) / det, (xx * y - xy * x) / det) / det;
+}
+
+/* Lower triangle of a [n][n] (symmetric, positive definite) becomes its Cholesky factor; 0 where it has none. */
+static int factorise(double *a, int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = a[i * n + j];
+            for (int k = 0; k < j; k++)
+                sum -= a[i * n + k] * a[j * n + k];
+            if (i == j && !(sum > 0.0))
+                return 0;
+            a[i * n + j] = i == j ? sqrt(sum) : sum / a[j * n + j];
+        }
+    return 1;
+}
+
+static void substitute(const double *factor, double *b, int n)
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= factor[i * n + k] * b[k];
+        b[i] /= factor[i * n + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= factor[k * n + i] * b[k];
+        b[i] /= factor[i * n + i];
+    }
+}
+
+/* ---- single stars ---- */
+
+typedef struct star {
+    double value[RX_PSF_STRETCH], variance[RX_PSF_STRETCH], terms[RX_PSF_TERMS];
+    int fold, known;
+} star;
+
+/* Flux, place and stretch of a star by Gauss and Newton's steps, on the pixels within two FWHM. */
+static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
+{
+    const rx_psf_model *model = &job->model;
+    const int half = model->half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm)),
+              m = model->m;
+    const double h = 0.01;
+    double flux = p->flux, dx = p->x - lround(p->x), dy = p->y - lround(p->y), a[RX_PSF_STRETCH] = {0};
+    double normal[UNKNOWNS * UNKNOWNS], b[UNKNOWNS];
+    dst->known = 0;
+    for (int step = 0; step < 4; step++) {
+        memset(normal, 0, sizeof normal);
+        memset(b, 0, sizeof b);
+        for (int j = -reach; j <= reach; j++)
+            for (int i = -reach; i <= reach; i++) {
+                const size_t k = (size_t)(j + half) * (size_t)n + (size_t)(i + half);
+                if (i * i + j * j > reach * reach || !(p->weight[k] > 0.0F))
+                    continue;
+                const double w = (double)p->weight[k], x = (i - dx) * m, y = (j - dy) * m;
+                double g[UNKNOWNS];
+                g[0] = rx_psf_stretched(job->prior, model->side, x, y, a);
+                g[1] = flux * (rx_psf_stretched(job->prior, model->side, x - h * m, y, a) - g[0]) / h;
+                g[2] = flux * (rx_psf_stretched(job->prior, model->side, x, y - h * m, a) - g[0]) / h;
+                for (int q = 0; q < RX_PSF_STRETCH; q++) {
+                    double other[RX_PSF_STRETCH] = {a[0], a[1], a[2]};
+                    other[q] += h;
+                    g[3 + q] = flux * (rx_psf_stretched(job->prior, model->side, x, y, other) - g[0]) / h;
+                }
+                const double off = (double)p->data[k] - flux * g[0];
+                for (int u = 0; u < UNKNOWNS; u++) {
+                    b[u] += w * off * g[u];
+                    for (int v = 0; v <= u; v++)
+                        normal[u * UNKNOWNS + v] += w * g[u] * g[v];
+                }
+            }
+        if (!factorise(normal, UNKNOWNS))
+            return;
+        substitute(normal, b, UNKNOWNS);
+        flux = fmax(flux + b[0], 0.5 * flux);
+        dx += fmax(fmin(b[1], 0.3), -0.3);
+        dy += fmax(fmin(b[2], 0.3), -0.3);
+        for (int q = 0; q < RX_PSF_STRETCH; q++)
+            a[q] = fmax(fmin(a[q] + b[3 + q], MOST), -MOST);
+    }
+    for (int q = 0; q < RX_PSF_STRETCH; q++) {
+        double unit[UNKNOWNS] = {0};
+        unit[3 + q] = 1.0;
+        substitute(normal, unit, UNKNOWNS);
+        dst->value[q] = a[q];
+        dst->variance[q] = unit[3 + q];
+    }
+    dst->known = fabs(a[0]) < MOST && fabs(a[1]) < MOST && fabs(a[2]) < MOST;
+}
+
+/* ---- the tile ---- */
+
+typedef struct stars_of {
+    star *list;
+    int n;
+    double *weights;        /* [n] of outliers less than 1 */
+    double *normal, *first; /* work [TERMS][TERMS], [TERMS] */
+} stars_of;
+
+static double at_star(const star *s, const double *c, int nterms)
+{
+    double sum = 0.0;
+    for (int k = 0; k < nterms; k++)
+        sum += c[k] * s->terms[k];
+    return sum;
+}
+
+/* c [nterms] of the stars outside the fold (-1: of all), which leave their factor in work; 0: they do not tell. */
+static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
+{
+    memset(s->normal, 0, sizeof(double) * (size_t)nterms * (size_t)nterms);
+    memset(c, 0, sizeof(double) * (size_t)nterms);
+    for (int i = 0; i < s->n; i++) {
+        const star *t = &s->list[i];
+        const double w = t->known && t->fold != fold ? s->weights[i] / t->variance[q] : 0.0;
+        for (int k = 0; k < nterms && w > 0.0; k++) {
+            c[k] += w * t->terms[k] * t->value[q];
+            for (int l = 0; l <= k; l++)
+                s->normal[k * nterms + l] += w * t->terms[k] * t->terms[l];
+        }
+    }
+    for (int k = 0; k < nterms; k++) /* a stretch of 1 is unlikely */
+        s->normal[k * nterms + k] += 1.0;
+    if (!factorise(s->normal, nterms))
+        return 0;
+    substitute(s->normal, c, nterms);
+    return 1;
+}
+
+/* Fits all three; stars far off lose weight. */
+static int fit_all(const stars_of *s, int nterms, double c[RX_PSF_STRETCH][RX_PSF_TERMS])
+{
+    for (int i = 0; i < s->n; i++)
+        s->weights[i] = 1.0;
+    for (int round = 0; round < 4; round++) {
+        for (int q = RX_PSF_STRETCH - 1; q >= 0; q--) /* the factor of s stays */
+            if (!fit(s, q, nterms, -1, c[q]))
+                return 0;
+        for (int i = 0; i < s->n && round < 3; i++) {
+            double worst = 0.0;
+            for (int q = 0; q < RX_PSF_STRETCH; q++)
+                worst = fmax(worst, fabs(s->list[i].value[q] - at_star(&s->list[i], c[q], nterms)) /
+                                        sqrt(s->list[i].variance[q]));
+            s->weights[i] = fmin(1.0, OUTLIER / worst);
+        }
+    }
+    return 1;
+}
+
+/* What stars that were held out leave: chi2 [n], those far off compressed. */
+static void hold_out(const stars_of *s, int nterms, double c[RX_PSF_STRETCH][RX_PSF_TERMS], double *chi2)
+{
+    for (int fold = 0; fold < FOLDS; fold++) {
+        int known = 1;
+        for (int q = 0; q < RX_PSF_STRETCH && known; q++)
+            known = fit(s, q, nterms, fold, c[q]);
+        for (int i = 0; i < s->n; i++) {
+            const star *t = &s->list[i];
+            double sum = 0.0;
+            for (int q = 0; q < RX_PSF_STRETCH && t->known; q++)
+                sum += pow(t->value[q] - at_star(t, c[q], nterms), 2.0) / t->variance[q];
+            if (t->fold == fold)
+                chi2[i] = known ? sum : HUGE_VAL;
+        }
+    }
+}
+
+/* Errors of s in cells. Where the stars around a place differ from the polynomial by more than their noise, that is as
+ * wrong as they say. */
+static void judge(const rx_psf_job *job, const stars_of *s, rx_psf_variation *v)
+{
+    double scatter = 0.0, all = 0.0;
+    for (int i = 0; i < s->n; i++)
+        if (s->list[i].known) {
+            const double off = s->list[i].value[0] - at_star(&s->list[i], v->c[0], v->nterms);
+            scatter += fmin(off * off / s->list[i].variance[0], OUTLIER * OUTLIER);
+            all += 1.0;
+        }
+    scatter = fmax(scatter / fmax(all - v->nterms, 1.0), 1.0);
+    for (int cell = 0; cell < RX_PSF_CELLS * RX_PSF_CELLS; cell++) {
+        const double at[2] = {2.0 * (cell % RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0,
+                              2.0 * (cell / RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0};
+        double terms[RX_PSF_TERMS], half[RX_PSF_TERMS], variance = 0.0, sum = 0.0, weights = 0.0;
+        const double x = job->model.x0 + at[0] * job->model.xs, y = job->model.y0 + at[1] * job->model.ys;
+        rx_psf_model model = job->model;
+        model.degree = v->degree;
+        model.nterms = v->nterms;
+        rx_psf_model_terms(&model, x, y, terms);
+        memcpy(half, terms, sizeof half);
+        substitute(s->normal, half, v->nterms);
+        for (int k = 0; k < v->nterms; k++)
+            variance += terms[k] * half[k];
+        for (int i = 0; i < s->n; i++) {
+            const star *t = &s->list[i];
+            if (!t->known || fabs(t->terms[1] - at[0]) > NEAR || fabs(t->terms[2] - at[1]) > NEAR)
+                continue;
+            const double w = s->weights[i] / t->variance[0];
+            sum += w * (t->value[0] - at_star(t, v->c[0], v->nterms));
+            weights += w;
+        }
+        const double off = weights > 0.0 ? sum / weights : 0.0,
+                     noise = weights > 0.0 ? scatter / weights : 0.0, missed = fmax(off * off - noise, 0.0);
+        v->error[cell / RX_PSF_CELLS][cell % RX_PSF_CELLS] = sqrt(scatter * variance + missed);
+        if (off * off > 16.0 * noise && fabs(off) > fabs(v->missed)) {
+            v->missed = off;
+            v->missed_at[0] = x;
+            v->missed_at[1] = y;
+        }
+    }
+}
+
+rx_status rx_psf_vary(rx_psf_job *job, const int *stars, int n, int highest, rx_log *log, rx_error *err)
+{
+    stars_of s = {.n = n};
+    rx_psf_variation best = {.nterms = 1}, next = best;
+    double *least = RX_NEW(double, 2 * (size_t)n + 1), *chi2 = least + n;
+    s.list = RX_NEW(star, (size_t)n + 1);
+    s.weights = RX_NEW(double, (size_t)n + 1);
+    s.normal = RX_NEW(double, RX_PSF_TERMS *RX_PSF_TERMS);
+    rx_status status = RX_OK;
+    if (least == NULL || s.list == NULL || s.weights == NULL || s.normal == NULL) {
+        status = rx_error_memory(err, (size_t)n * sizeof *s.list);
+        goto exit;
+    }
+    rx_psf_model model = job->model;
+    model.degree = RX_PSF_DEGREE;
+    model.nterms = RX_PSF_TERMS;
+#pragma omp parallel for schedule(dynamic, 4) num_threads(job->nthreads)
+    for (int i = 0; i < n; i++) {
+        const rx_psf_point *p = &job->points[stars[i]];
+        rx_psf_model_terms(&model, p->x, p->y, s.list[i].terms);
+        s.list[i].fold = (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)p->source));
+        measure(job, p, &s.list[i]);
+    }
+    for (int degree = 0; degree <= highest; degree++) {
+        next = (rx_psf_variation){.degree = degree, .nterms = (degree + 1) * (degree + 2) / 2};
+        if (degree > best.degree + 2 || n < 2 * next.nterms + 2 || !fit_all(&s, next.nterms, next.c))
+            break;
+        rx_psf_variation part = next;
+        hold_out(&s, next.nterms, part.c, chi2);
+        double mean = 0.0, square = 0.0;
+        for (int i = 0; i < n && degree > 0; i++) {
+            const double gain = MOST_GAIN * (asinh(least[i] / MOST_GAIN) - asinh(chi2[i] / MOST_GAIN));
+            mean += gain / n;
+            square += gain * gain / n;
+        }
+        const double error = sqrt(fmax(square - mean * mean, 0.0) / n);
+        if (degree > 0)
+            rx_log_detail(
+                log,
+                "PSF_TYPE AUTO: degree %d: stars held out are predicted better by %.3g +- %.2g than with %d",
+                degree, mean, error, best.degree);
+        if (degree == 0 || mean > error) {
+            best = next;
+            memcpy(least, chi2, (size_t)n * sizeof *least);
+        }
+    }
+    if (fit_all(&s, best.nterms, best.c))
+        judge(job, &s, &best);
+    job->variation = best;
+exit:
+    free(least);
+    free(s.list);
+    free(s.weights);
+    free(s.normal);
+    return status;
+}

@@ -1,0 +1,22 @@
+/* How size and ellipse of the stars vary over the tile. Internal to psf/.
+ *
+ * A stretch (s, g1, g2) makes of the profile that the model is held to
+ *   profile(B^-1 u) / det B,  B = (1 + s + g1/2, g2/2; g2/2, 1 + s - g1/2).
+ * Each number is a polynomial of the position, sum_k c_k L_k(X, Y). */
+#ifndef RX_PSF_STRETCH_H
+#define RX_PSF_STRETCH_H
+
+#include "base/log.h"
+#include "psf/psf_fit.h"
+
+/* Value at (x, y) nodes off the middle of the spline of coefficients [side][side]; 0 outside. */
+double rx_psf_spline_at(const float *c, int side, double x, double y);
+
+/* Value of the profile stretched by a. */
+double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH]);
+
+/* job->variation from the stars [n], of that degree at most: a higher one is taken where stars that were held out are
+ * predicted better, by more than the scatter of that from star to star. */
+rx_status rx_psf_vary(rx_psf_job *job, const int *stars, int n, int highest, rx_log *log, rx_error *err);
+
+#endif
