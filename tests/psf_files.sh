@@ -265,6 +265,24 @@ def compare(name, limit):
     raise SystemExit(not worst < limit)
 
 
+def layout(name, count):
+    """The cards that readers of PSFEx's models ask for (SExtractor's psf.c, galsim's DES_PSFEx): two variables in one group,
+    positions of FITS, (d + 1)(d + 2) / 2 images of an odd side, an effective PSF whose light is PSF_SAMP^-2."""
+    hdu = fits.open(name)[1]
+    head = hdu.header
+    one = all(head[key] == 1 for key in ("POLNGRP", "POLGRP1", "POLGRP2")) and head["POLNAXIS"] == 2 and head["PSFNAXIS"] == 3
+    names = head["POLNAME1"] == "X_IMAGE" and head["POLNAME2"] == "Y_IMAGE"
+    degree, axes = head["POLDEG1"], [head[f"PSFAXIS{i}"] for i in (3, 2, 1)]
+    masks = hdu.data["PSF_MASK"][0].reshape(axes).astype(float)
+    x, y = 10.0, 20.0
+    a, b = (x - head["POLZERO1"]) / head["POLSCAL1"], (y - head["POLZERO2"]) / head["POLSCAL2"]
+    image = np.tensordot([a**i * b**j for j in range(degree + 1) for i in range(degree + 1 - j)], masks, 1)
+    light, peak = image.sum() * head["PSF_SAMP"] ** 2, np.unravel_index(image.argmax(), image.shape)
+    print(name, degree, axes, "light", light, "peak at", peak, head["PSF_SAMP"])
+    raise SystemExit(not (one and names and axes[0] == (degree + 1) * (degree + 2) // 2 and axes[1] % 2 == 1 and axes[1] == axes[2]
+                          and abs(light - 1) < 5e-3 and peak == (axes[1] // 2, axes[1] // 2) and head["PSF_SAMP"] == 1 / count))
+
+
 def same(one, two, limit):
     """Two models say the same everywhere."""
     worst = max(abs(written(one, x, y) - written(two, x, y)).max() / written(two, x, y).max() for x, y in PLACES)
@@ -363,6 +381,8 @@ elif sys.argv[2] == "field":  # the PSF of a tile of 700 pixels that varies and 
     cube = cube_hdu([0.9 * gauss(41, 1, s, 0, 0, 1.0) + 0.1 * gauss(41, 1, 2.2 * s, 0, 0, 1.0) for s in sigma])
     places = fits.BinTableHDU.from_columns([fits.Column("X", "D", array=x), fits.Column("Y", "D", array=y)])
     fits.HDUList([cube, places]).writeto("field.fits", overwrite=True)
+elif sys.argv[2] == "layout":
+    layout(sys.argv[3], int(sys.argv[4]))
 elif sys.argv[2] == "same":
     same(sys.argv[3], sys.argv[4], float(sys.argv[5]))
 else:
@@ -422,6 +442,19 @@ while IFS='|' read -r file said; do
 done <wrong.list
 result 'files with one thing wrong are refused, each by a line that says it' $ok wrong.log
 
+# what other readers ask for, of a wide PSF that varies and of a narrow one; and of a PSF that was measured, from PSF_LIBRARY
+files layout piff_uv.psf 1 >layout.log 2>&1
+result 'cards for the readers of PSFEx models: PSF_SAMP 1' $? layout.log
+mkdir -p library
+for width in 3.3 2.2; do
+    rm -f library/*
+    { "$programs/rextract-simulate" -c /dev/null -IMAGE_NAME auto.fits -TRUTH_NAME auto_truth.fits -IMAGE_SIZE 700 -PSF_FWHM $width -PSF_RATIO 0.9 \
+        -STAR_COUNT 250 -STAR_MAG 13,18 -GALAXY_COUNT 0 -NOISE_SIGMA 5 &&
+        "$programs/rextract" auto.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE NONE -PSF_LIBRARY library -PSF_LIBRARY_TYPE WRITE &&
+        cp library/*.psf auto_$width.psf && files layout auto_$width.psf "$([ $width = 2.2 ] && echo 2 || echo 1)"; } >layout.log 2>&1
+    result "cards of a measured PSF of FWHM $width" $? layout.log
+done
+
 # the PSF of a tile for the real SExtractor, from its own simulation
 if command -v source-extractor >/dev/null; then
     printf '%s\n' NUMBER X_IMAGE Y_IMAGE FLUX_TEMPLATE FLUXERR_TEMPLATE >ours.param
@@ -436,6 +469,11 @@ if command -v source-extractor >/dev/null; then
             files fluxes ours.fits theirs.fits sim_truth.fits "${width#* }"; } >sextractor.log 2>&1
         result "SExtractor reads the PSF: FLUX_PSF and FLUX_POINTSOURCE are our FLUX_TEMPLATE, width and limit $width" $? sextractor.log
     done
+    { "$programs/rextract" auto.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME ours.fits -PARAMETERS_NAME ours.param &&
+        source-extractor auto.fits -c /dev/null -PARAMETERS_NAME theirs.param -FILTER N -PSF_NAME auto_2.2.psf -CATALOG_TYPE FITS_1.0 \
+            -CATALOG_NAME theirs.fits -DETECT_THRESH 5 -VERBOSE_TYPE QUIET &&
+        files fluxes ours.fits theirs.fits auto_truth.fits 5e-3; } >sextractor.log 2>&1
+    result 'SExtractor reads a PSF of PSF_LIBRARY, measured, FWHM 2.2' $? sextractor.log
 else
     skip 'the PSF in SExtractor' 'source-extractor is not installed'
 fi
