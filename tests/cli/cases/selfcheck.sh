@@ -113,3 +113,48 @@ if [ "$active" = 1 ]; then
     : >../out
     judge 0 ''
 fi
+
+# --- what checks say of the sources: P_REAL, MAGERR_INJECTED
+
+begin 'errors from injected objects without injecting'
+make_fits tile tile.fits && printf 'NUMBER\nMAGERR_INJECTED\n' >my.param
+expect 2 '^rextract: MAGERR_INJECTED and MAGERR95_INJECTED come from objects that SELF_CHECK injects; give SELF_CHECK Y' \
+    tile.fits $known -PARAMETERS_NAME my.param
+
+begin 'errors from injected objects, and probabilities of the tile and by default, the same for any number of threads'
+make_fits tile tile.fits && printf 'NUMBER\nP_REAL\nMAGERR_TEMPLATE\nMAGERR_INJECTED\nMAGERR95_INJECTED\n' >my.param
+printf 'NUMBER\nP_REAL\n' >short.param
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        for threads in 1 3; do
+            timeout 300 "$program" tile.fits $known $check -SELF_CHECK_COUNT 60 -BLANK_CHECK 1 -PARAMETERS_NAME my.param \
+                -CATALOG_TYPE FITS_1.0 -CATALOG_NAME $threads.cat -NTHREADS $threads -VERBOSE_TYPE QUIET || echo 'failed'
+        done
+        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME short.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME default.cat \
+            -VERBOSE_TYPE QUIET
+        echo $? >../code
+        tail -c 2880 1.cat >../one # the rows; the header names NTHREADS
+        tail -c 2880 3.cat | cmp ../one -
+        tr -d '\000' <1.cat | grep -a -q "RXPREAL = 'TILE" || echo 'no RXPREAL TILE'
+        tr -d '\000' <1.cat | grep -a -q 'RXSCERN' || echo 'no RXSCERN'
+        tr -d '\000' <default.cat | grep -a -q "RXPREAL = 'DEFAULT" || echo 'no RXPREAL DEFAULT'
+        rm -f 1.cat 3.cat default.cat
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
+begin 'errors from injected objects are numbers, the wider the surer'
+make_fits tile tile.fits && printf 'P_REAL\nSNR_TEMPLATE\nMAGERR_INJECTED\nMAGERR95_INJECTED\n' >my.param
+if [ "$active" = 1 ]; then
+    list_files >../before
+    timeout 300 "$program" tile.fits $known $check -SELF_CHECK_COUNT 60 -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII \
+        -CATALOG_NAME test.cat -VERBOSE_TYPE QUIET >../out 2>../err
+    echo $? >../code
+    awk '!($1 > 0.5 && $1 <= 1) { print "P_REAL", $0 }
+         $3 != "nan" { n++; if (!($3 > 0 && $4 > $3)) print }
+         END { if (!n) print "no errors" }' test.cat >>../err
+    leaves test.cat
+    judge 0 ''
+fi
