@@ -19,6 +19,7 @@ librextract_la_SOURCES += \
 	src/template/tphot.c src/template/tphot.h \
 	src/template/turns.c src/template/turns.h \
 	src/template/undersky.c src/template/undersky.h \
+	src/template/unseen.c src/template/unseen.h \
 	src/template/usual.c src/template/usual.h
 
 rx_templatedir = $(pkgincludedir)/template

@@ -22,6 +22,7 @@
 #include "template/tphot.h"
 #include "template/turns.h"
 #include "template/undersky.h"
+#include "template/unseen.h"
 #include "template/usual.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
@@ -743,6 +744,8 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
         windows[i] = rx_footprint_window(&w->subjects[i].footprint);
     rx_status status = rx_turns_take(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
     free(windows);
+    if (status == RX_OK)
+        status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
     return status == RX_OK ? rx_judge(&w->canvas, w->par->keep_model, dst, err) : status;

@@ -26,7 +26,8 @@
  * profile costs and what Spergel's profiles are found to be wrong by (0.8 %, steep ones up to 5 %: those miss
  * light in their wings, Sersic's n > 2.6 is 5 % too faint). That of the PSF, which all
  * fluxes of a tile share, is added where it is known (rx_psf_quality.flux_error, over the share of the light that is seen), not to S/N and
- * covariances. Where more than 10 % of the light is hidden, the error grows by sqrt(chi2). */
+ * covariances. In a crowd points lose the light that neighbours too near to be seen add on average, and their errors hold how much
+ * that varies (unseen.h); S/N does not. Where more than 10 % of the light is hidden, the error grows by sqrt(chi2). */
 #ifndef RX_TEMPLATE_TEMPLATE_H
 #define RX_TEMPLATE_TEMPLATE_H
 
@@ -112,9 +113,10 @@ typedef struct rx_tphot_source {
                         anew and, where a brighter one reaches over it, that one's position and profile, too;
                         lumps: what a resolved galaxy may differ from its smooth profile there, in fluxes of
                         the source */
-    double lift; /* flux is that many times the one of its template: the mean over what its shape may be */
-    int crowded; /* in a cell that is */
-    int added;   /* of an extra one: which of those that `more` gave, counted through; -1 of others */
+    double lift;   /* flux is that many times the one of its template: the mean over what its shape may be */
+    int crowded;   /* in a cell that is */
+    double unseen; /* light of unseen neighbours that was taken off flux, ADU (unseen.h) */
+    int added;     /* of an extra one: which of those that `more` gave, counted through; -1 of others */
 } rx_tphot_source;
 
 /* Covariance of two fluxes of one group, ADU^2. */

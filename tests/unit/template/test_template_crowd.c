@@ -18,6 +18,7 @@
 #include "template/crowd.h"
 #include "template/fit.h"
 #include "template/undersky.h"
+#include "template/unseen.h"
 
 enum { W = 512, H = 320, LEFT = 192 };
 
@@ -303,10 +304,98 @@ static void test_least_noise(void **state)
     }
 }
 
+enum { STARS = 8000, SKY = 1024 };
+
+static int ascending(const void *one, const void *other)
+{
+    const double a = *(const double *)one, b = *(const double *)other;
+    return (a > b) - (a < b);
+}
+
+/* Median, and the median distance from it in units of a Gaussian's sigma. */
+static void middle_of(double *v, int n, double *median, double *width)
+{
+    qsort(v, (size_t)n, sizeof *v, ascending);
+    *median = v[n / 2];
+    for (int i = 0; i < n; i++)
+        v[i] = fabs(v[i] - *median);
+    qsort(v, (size_t)n, sizeof *v, ascending);
+    *width = 1.4826 * v[n / 2];
+}
+
+/* Stars of S/N 5 and more, of which those nearer than 0.8 FWHM to a brighter one are lost in it: before and after, bias and
+ * pulls of those of S/N 20 to 100. Far apart nothing happens. */
+static void test_unseen(void **state)
+{
+    (void)state;
+    const double fwhm = 4, error = 100;
+    static double x[STARS], y[STARS], flux[STARS], lifted[STARS], pulls[2][STARS], off[2][STARS];
+    static rx_tphot_source list[STARS];
+    static int of[STARS];
+    uint8_t cells[16 * 16];
+    const rx_crowding crowd = {.width = SKY, .height = SKY, .nx = 16, .ny = 16, .cells = cells, .n = 256};
+    double median[2], pull[2], none;
+    int n = 0, m = 0;
+    memset(cells, 1, sizeof cells);
+    for (int i = 0; i < STARS; i++) {
+        x[i] = SKY * rx_random_uniform(5, 1, (uint64_t)i);
+        y[i] = SKY * rx_random_uniform(5, 2, (uint64_t)i);
+        flux[i] = lifted[i] = 5 * error * pow(1 - 0.997 * rx_random_uniform(5, 3, (uint64_t)i), -1 / 0.9);
+    }
+    for (int i = 0; i < STARS; i++) {
+        int lost = 0;
+        lifted[i] += error * rx_random_normal(5, 4, (uint64_t)i);
+        for (int j = 0; j < STARS; j++) {
+            const double r = hypot(x[i] - x[j], y[i] - y[j]) / fwhm;
+            lost = lost || (r < 0.8 && flux[j] > flux[i]);
+            lifted[i] += r < 0.8 && flux[j] < flux[i] ? flux[j] * exp(-2 * log(2) * r * r) : 0;
+        }
+        of[n] = i;
+        list[n] = (rx_tphot_source){.kind = RX_TPHOT_POINT,
+                                    .x = x[i],
+                                    .y = y[i],
+                                    .flux = lifted[i],
+                                    .fluxerr = error,
+                                    .snr = lifted[i] / error,
+                                    .crowded = 1};
+        n += !lost;
+    }
+    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, n, NULL), RX_OK);
+    for (int k = 0; k < n; k++) {
+        const double true_flux = flux[of[k]], before = lifted[of[k]];
+        assert_near(list[k].flux + list[k].unseen, before, 1e-6 * before);
+        if (true_flux < 20 * error || true_flux > 100 * error)
+            continue;
+        off[0][m] = before / true_flux - 1;
+        off[1][m] = list[k].flux / true_flux - 1;
+        pulls[0][m] = (before - true_flux) / error;
+        pulls[1][m++] = (list[k].flux - true_flux) / list[k].fluxerr;
+    }
+    for (int j = 0; j < 2; j++) {
+        middle_of(off[j], m, &median[j], &none);
+        middle_of(pulls[j], m, &none, &pull[j]);
+    }
+    assert_true(median[0] > 0.005);
+    assert_near(median[1], 0, 0.6 * median[0]);
+    assert_true(pull[0] > 1.25);
+    assert_near(pull[1], 1, 0.15);
+    for (int k = 0; k < 100; k++)
+        list[k] = (rx_tphot_source){.x = 50 + k % 10 * 90,
+                                    .y = 50 + k / 10 * 90,
+                                    .flux = 1000,
+                                    .fluxerr = error,
+                                    .snr = 10,
+                                    .crowded = 1};
+    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, 100, NULL), RX_OK);
+    assert_near(list[50].flux, 1000, 0);
+    assert_near(list[50].fluxerr, error, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_cells), cmocka_unit_test(test_extended), cmocka_unit_test(test_sky_and_noise),
-        cmocka_unit_test(test_pair),  cmocka_unit_test(test_passes),   cmocka_unit_test(test_least_noise)};
+        cmocka_unit_test(test_pair),  cmocka_unit_test(test_passes),   cmocka_unit_test(test_least_noise),
+        cmocka_unit_test(test_unseen)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

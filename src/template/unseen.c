@@ -1,0 +1,170 @@
+/* Pairs by a grid, sums by prefix sums over sorted fluxes. */
+#include "template/unseen.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/least.h"
+#include "base/memory.h"
+
+enum { RINGS = 12, FEWEST = 50 };
+static const double RING = 0.125; /* FWHM */
+static const double SHOWS = 4.0;  /* errors */
+
+/* Crowded sources of the list with a flux above 0. */
+typedef struct stars {
+    int m;
+    int *entry;      /* [m] of the list, by y */
+    double *density; /* [m] a pixel, around each */
+    double *flux;    /* [m] ascending, */
+    double *sums;    /* [m + 1][2] and of the first k of them sum f, sum f^2 */
+} stars;
+
+static int by_flux(const void *one, const void *other)
+{
+    const double a = *(const double *)one, b = *(const double *)other;
+    return (a > b) - (a < b);
+}
+
+typedef struct line {
+    double y;
+    int entry;
+} line;
+
+static int by_line(const void *one, const void *other)
+{
+    const line *a = one, *b = other;
+    return a->y != b->y ? (a->y > b->y) - (a->y < b->y) : (a->entry > b->entry) - (a->entry < b->entry);
+}
+
+static int cell_of(const rx_crowding *crowd, double x, double y)
+{
+    const int cx = rx_least(rx_most((int)(x * crowd->nx / crowd->width), 0), crowd->nx - 1);
+    const int cy = rx_least(rx_most((int)(y * crowd->ny / crowd->height), 0), crowd->ny - 1);
+    return cy * crowd->nx + cx;
+}
+
+/* Crowded sources a pixel in the cells and those around them. */
+static void find_densities(const rx_crowding *crowd, const rx_tphot_source *list, int *count, stars *s)
+{
+    for (int k = 0; k < s->m; k++)
+        count[cell_of(crowd, list[s->entry[k]].x, list[s->entry[k]].y)]++;
+    const double area = (double)crowd->width / crowd->nx * crowd->height / crowd->ny;
+    for (int k = 0; k < s->m; k++) {
+        const int own = cell_of(crowd, list[s->entry[k]].x, list[s->entry[k]].y), cx = own % crowd->nx;
+        double sum = 0, cells = 0;
+        for (int v = rx_most(own / crowd->nx - 1, 0); v <= rx_least(own / crowd->nx + 1, crowd->ny - 1); v++)
+            for (int u = rx_most(cx - 1, 0); u <= rx_least(cx + 1, crowd->nx - 1); u++)
+                if (crowd->cells[v * crowd->nx + u]) {
+                    sum += count[v * crowd->nx + u];
+                    cells++;
+                }
+        s->density[k] = cells > 0 ? sum / (cells * area) : 0;
+    }
+}
+
+static rx_status gather(const rx_crowding *crowd, const rx_tphot_source *list, int n, stars *s, rx_error *err)
+{
+    const size_t cells = (size_t)crowd->nx * (size_t)crowd->ny, room = (size_t)n + 1;
+    line *lines = RX_NEW(line, room);
+    int *count = RX_NEW(int, cells);
+    s->entry = RX_NEW(int, room);
+    s->density = RX_NEW(double, room);
+    s->flux = RX_NEW(double, room);
+    s->sums = RX_NEW(double, 2 * room);
+    rx_status status = RX_OK;
+    if (lines == NULL || count == NULL || s->entry == NULL || s->density == NULL || s->flux == NULL ||
+        s->sums == NULL) {
+        status = rx_error_memory(err, room * 6 * sizeof(double));
+        goto exit;
+    }
+    for (int i = 0; i < n; i++)
+        if (list[i].crowded && list[i].flux > 0 && isfinite(list[i].flux)) {
+            s->flux[s->m] = list[i].flux;
+            lines[s->m++] = (line){list[i].y, i};
+        }
+    if (s->m > 0) {
+        qsort(lines, (size_t)s->m, sizeof *lines, by_line);
+        qsort(s->flux, (size_t)s->m, sizeof *s->flux, by_flux);
+    }
+    for (int k = 0; k < s->m; k++) {
+        s->entry[k] = lines[k].entry;
+        s->sums[2 * k + 2] = s->sums[2 * k] + s->flux[k];
+        s->sums[2 * k + 3] = s->sums[2 * k + 1] + s->flux[k] * s->flux[k];
+    }
+    find_densities(crowd, list, count, s);
+exit:
+    free(lines);
+    free(count);
+    return status;
+}
+
+/* unseen[RINGS]: u(r) 2 pi r dr; 0 where too little is known. */
+static void find_unseen(const rx_tphot_source *list, const stars *s, double ring, double *unseen)
+{
+    double found[RINGS] = {0}, expected = 0;
+    for (int k = 0; k < s->m; k++) {
+        const rx_tphot_source *a = &list[s->entry[k]];
+        expected += 0.5 * s->density[k];
+        for (int l = k + 1; l < s->m && list[s->entry[l]].y < a->y + RINGS * ring; l++) {
+            const double dx = (list[s->entry[l]].x - a->x) / ring, dy = (list[s->entry[l]].y - a->y) / ring;
+            if (dx * dx + dy * dy < RINGS * RINGS)
+                found[(int)sqrt(dx * dx + dy * dy)]++;
+        }
+    }
+    for (int b = 0; b < RINGS; b++) {
+        const double area = M_PI * ring * ring * (2 * b + 1);
+        const int known = expected * M_PI * ring * ring * RINGS * RINGS >= FEWEST;
+        unseen[b] = known ? area * fmax(1 - found[b] / (expected * area), 0) : 0;
+    }
+}
+
+/* How many of the fluxes are below that. */
+static int below(const stars *s, double flux)
+{
+    int first = 0, end = s->m;
+    while (first < end) {
+        const int middle = first + (end - first) / 2;
+        if (s->flux[middle] < flux)
+            first = middle + 1;
+        else
+            end = middle;
+    }
+    return first;
+}
+
+rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, rx_error *err)
+{
+    stars s = {0};
+    double unseen[RINGS];
+    if (crowd->n == 0)
+        return RX_OK;
+    rx_status status = gather(crowd, list, n, &s, err);
+    if (status == RX_OK)
+        find_unseen(list, &s, RING * fwhm, unseen);
+    for (int k = 0; k < s.m && status == RX_OK; k++) {
+        rx_tphot_source *one = &list[s.entry[k]];
+        const double error = one->flux / one->snr;
+        double mean = 0, variance = 0;
+        if (one->kind != RX_TPHOT_POINT || !(one->snr > 0))
+            continue;
+        for (int b = 0; b < RINGS; b++) {
+            /* s = FWHM / sqrt(8 ln 2) */
+            const double r = RING * (b + 0.5), rho = exp(-2 * M_LN2 * r * r),
+                         share = s.density[k] * unseen[b];
+            const double *sums = &s.sums[2 * below(&s, fmin(one->flux, SHOWS * error / rho))];
+            mean += share * rho * sums[0] / s.m;
+            variance += share * rho * rho * sums[1] / s.m;
+        }
+        one->unseen = mean;
+        one->fluxerr = hypot(one->fluxerr, sqrt(variance));
+    }
+    for (int k = 0; k < s.m && status == RX_OK; k++) /* fluxes that others are judged by stay until here */
+        list[s.entry[k]].flux -= list[s.entry[k]].unseen;
+    free(s.entry);
+    free(s.density);
+    free(s.flux);
+    free(s.sums);
+    return status;
+}

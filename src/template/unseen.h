@@ -1,0 +1,17 @@
+/* Neighbours in a crowd that are too near to be told apart: what they add to a star's flux, and to its error. */
+#ifndef RX_TEMPLATE_UNSEEN_H
+#define RX_TEMPLATE_UNSEEN_H
+
+#include "base/error.h"
+#include "template/crowd.h"
+
+/* Positions of stars know nothing of each other, so pairs that are missing from the list at distance r, against as many as the
+ * density D within 1.5 cells has by chance, are there and unseen: a share u(r) = 1 - found / expected. A neighbour of flux f at r
+ * lifts a flux by f rho(r), rho = exp(-r^2 / 4 s^2) the overlap of two PSFs, s = FWHM / 2.355. With the fluxes f_j of the m
+ * crowded sources of the list, those fainter than the star and with f_j rho at most 4 of its errors (more shows):
+ *   mean = D sum_r 2 pi r dr u(r) rho sum_j f_j / m     variance = D sum_r 2 pi r dr u(r) rho^2 sum_j f_j^2 / m
+ * flux -= mean, fluxerr^2 += variance, of points in crowded cells; snr stays that of the noise. Nothing where fewer than 50 pairs
+ * are expected. Errors: RX_SYSTEM. */
+rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, rx_error *err);
+
+#endif
