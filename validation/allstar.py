@@ -3,7 +3,7 @@
 The PSF: stars of S/N above 10 are found (daofind, phot), 30 for the PSF chosen (pstselect), each the brightest within 4 FWHM
 or, where that leaves fewer than 15, within 2, 1 or half a FWHM; the function is the best of all (auto), with a table of what
 it leaves. Twice all stars are fitted and all but those of the PSF subtracted (allstar, substar), and the PSF made anew, in the
-end varying over the tile where one wants. Then daofind at S/N 4, allstar, daofind at S/N 4 on what is left, pfmerge, allstar.
+end varying over the tile where one wants. Then daofind at S/N `faint`, allstar, daofind again on what is left, pfmerge, allstar.
 """
 import os
 import shutil
@@ -75,7 +75,7 @@ def here():
     return shutil.which("irafcl") is not None
 
 
-def run(work, image, fwhm, order, sigma, gain=1.0):
+def run(work, image, fwhm, order, sigma, gain=1.0, faint=4.0):
     """x, y, magnitude (zero point 25) and its error; what is left of the image; seconds. The PSF varies by this order."""
     shutil.rmtree(work, ignore_errors=True)  # IRAF writes over nothing
     os.makedirs(f"{work}/uparm")
@@ -83,7 +83,7 @@ def run(work, image, fwhm, order, sigma, gain=1.0):
     with open(f"{work}/login.cl", "w") as login:
         login.write(f'set home = "{work}/"\nset imdir = "HDR$"\nset uparm = "{work}/uparm/"\nset cache = "{work}/"\n'
                     'set userid = "me"\nset imtype = "fits"\npackage user\nclpackage\nkeep\n')
-    # S/N 1 through daofind's filter, in sigmas of a pixel, is 1.12 / FWHM
+    # a star of S/N 1 is about 1.12 / FWHM sigmas of a pixel high; daofind's own filter, of 1.5 sigma radius, is no better than a pixel
     head = HEAD.format(fwhm=fwhm, sigma=sigma, gain=gain, bright=11.2 / fwhm, annulus=2 * fwhm, radius=4 * fwhm,
                        match=max(1.0, fwhm / 2))
 
@@ -98,7 +98,7 @@ def run(work, image, fwhm, order, sigma, gain=1.0):
     stars = [sum(line[0] != "#" for line in open(f"{work}/i.pst{n}")) for n in range(len(radii))]
     best = next((n for n, count in enumerate(stars) if count >= 15), int(np.argmax(stars)))
     irafcl(f"psf i i.mag0 i.pst{best} i_pm0 i.used0 i.group0 interactive-\n" + "".join(ANEW.format(n, n + 1, order) for n in range(2)) +
-           FIT.format(faint=4.5 / fwhm))
+           FIT.format(faint=1.12 * faint / fwhm))
     if not os.path.exists(f"{work}/i_sub2.fits"):
         raise SystemExit(f"allstar.py: ALLSTAR wrote no list; see {work}/log")
     seconds = time.time() - begin
