@@ -558,8 +558,8 @@ def crowded():
         return " / ".join(f"{row[by]['at95']:.2f}" if by in row else "-" for by in programs)
     densities, kinds = ("500", "2000", "8000", "20000"), ("2.5", "4", "6", "4G", "4V", "4VG")
     text = (paragraph(f"""Seed {found["seed"]}: stars of S/N 5 to 3000, beside IRAF's ALLSTAR in two passes, its PSF and
-        parameters chosen for it ([all columns and bins](../validation/results/crowded/crowded.md)). Recall at precision 0.95, NONE / NET / ALLSTAR, by stars per Mpixel and FWHM (G: a fifth are
-        galaxies, V: the PSF varies):""") + "\n" +
+        parameters chosen for it ([all columns and bins](../validation/results/crowded/crowded.md)). Recall at precision 0.95,
+        NONE / NET / ALLSTAR, by stars per Mpixel and FWHM (G: a fifth are galaxies, V: the PSF varies):""") + "\n" +
             table(["", *kinds], [[d] + [at95(f"{d}-{k}") for k in kinds] for d in densities]) + "\n" +
             paragraph(f"""Of {len(whole)} cells that all three have, this program's goals are held:""") + "\n" +
             table(["goal", "NONE", "NET"], [[goal] + [f"{v[by]['held']} of {v[by]['of']}" for by in ("NONE", "NET")]
@@ -568,6 +568,27 @@ def crowded():
         v = found["large"]
         text += "\n" + paragraph(f"""100,000 stars on 4096 x 4096 pixels ({v["restorer"]}): {v["cpu"]:.0f} CPU seconds, {v["gigabytes"]:.1f} GB.""")
     return text
+
+
+def close_pairs():
+    """Of pairs whose brighter star has S/N 50 to 200: resolved, error of the ratio, and what is marked of the rest."""
+    body = []
+    for way, rows in summary("crowded/summary")["pairs"].items():
+        for ratio in (1.0, 0.5, 0.2):
+            these = [one(rows, low=50, ratio=ratio, apart=apart) for apart in (0.5, 0.75, 1.0)]
+            body.append([way, f"{ratio:g}"] + [", ".join("-" if v is None else f"{v:.2f}" for v in (r["resolved"], r["error"], r["marked"]))
+                                               for r in these])
+    return table(["", "flux ratio", "0.5 FWHM", "0.75 FWHM", "1 FWHM"], body)
+
+
+def put_in():
+    """Completeness and bias of stars of S/N 30 to 100 put into real tiles, in the inner and outer quarter."""
+    rows, body = summary("crowded/summary")["real"]["rings"], []
+    for tile, by in dict.fromkeys((row["tile"], row["by"]) for row in rows):
+        rings = [row for row in rows if (row["tile"], row["by"]) == (tile, by)]
+        body.append([tile, by, str(rings[0]["sources"]), f"{rings[0]['chi2']:.2f}"] +
+                    [f"{r['30']['complete']:.2f}, {r['30']['bias']:+.3f}, {r['30']['scatter']:.3f}" for r in (rings[0], rings[-1])])
+    return table(["tile", "", "sources", "chi2", "inner quarter", "outer quarter"], body)
 
 
 def limits():
@@ -631,7 +652,7 @@ def speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, models, limits, resampled, psf, crowded, speed)}
+    templates_found, models, limits, resampled, psf, crowded, close_pairs, put_in, speed)}
 
 
 # --- check and write
