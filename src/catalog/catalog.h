@@ -3,6 +3,7 @@
 #ifndef RX_CATALOG_CATALOG_H
 #define RX_CATALOG_CATALOG_H
 
+#include <stdbool.h>
 #include <stdio.h>
 
 #include "base/error.h"
@@ -103,6 +104,9 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
 /* A reference catalogue: FITS, FITS_LDAC, ASCII_HEAD or VOTable, recognised by content; its table `index`, from 0. Free
  * with rx_table_free(). Errors: RX_INPUT, RX_SYSTEM. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);
+
+/* Columns of positions by the names that programs and surveys give them: degrees, or pixels from 1. */
+bool rx_catalog_find_positions(const rx_table *table, bool sky, int *x, int *y);
 
 /* Refuses a column of that table, from 0, in which words stand: names the first one and its line. */
 rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int number, rx_error *err);

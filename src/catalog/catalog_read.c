@@ -38,6 +38,29 @@ static rx_status tell_kind(const char *path, kind *dst, rx_error *err)
     return RX_OK;
 }
 
+bool rx_catalog_find_positions(const rx_table *table, bool sky, int *x, int *y)
+{
+    /* tried in this order; the last ones are pixels */
+    static const char *const names[][2] = {{"ALPHA_J2000", "DELTA_J2000"},
+                                           {"ALPHAWIN_J2000", "DELTAWIN_J2000"},
+                                           {"RA", "DEC"},
+                                           {"RAJ2000", "DEJ2000"},
+                                           {"RA_ICRS", "DE_ICRS"},
+                                           {"ALPHA_SKY", "DELTA_SKY"},
+                                           {"coord_ra", "coord_dec"},
+                                           {"X_IMAGE", "Y_IMAGE"},
+                                           {"XWIN_IMAGE", "YWIN_IMAGE"},
+                                           {"X", "Y"}};
+    enum { PIXELS = 7, ALL = sizeof names / sizeof *names };
+    for (int i = sky ? 0 : PIXELS; i < (sky ? PIXELS : ALL); i++) {
+        *x = rx_table_find(table, names[i][0]);
+        *y = rx_table_find(table, names[i][1]);
+        if (*x >= 0 && *y >= 0)
+            return true;
+    }
+    return false;
+}
+
 rx_status rx_catalog_need_numbers(const char *path, const rx_table *table, int number, rx_error *err)
 {
     const rx_column *column = &table->columns[number];

@@ -115,6 +115,7 @@ static void add_stage(inputs *list, const rx_config *config)
         add_all(list, &config->weight_image);
     if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
         add_all(list, &config->psf_name);
+    add(list, config->psf_stars_name);
     for (int i = 0; i < config->restore_type.n; i++)
         if (strcmp(config->restore_type.v[i], "NET") == 0)
             add(list, config->net_model);

@@ -36,7 +36,7 @@ enum { RX_PSF_CELLS = 5 };
 /* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
  * nothing was measured `how` is empty and the numbers are 0. */
 typedef struct rx_psf_quality {
-    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, STATED, LIBRARY: RXPSFHOW */
+    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, BESIDE, STATED, LIBRARY: RXPSFHOW */
     int reserved;      /* stars behind what follows `beyond` */
     int degree;        /* of the polynomial over the tile */
     double radius;     /* pixels, the sum of the PSF within is 1 */
@@ -50,6 +50,7 @@ typedef struct rx_psf_quality {
     double growth_radius; /* pixels, where */
     double growth_error;  /* of it, 1 sigma */
     double residual;      /* stacked stars - PSF, largest within a FWHM, share of the peak */
+    double limit;         /* ADU: stars with such pixels are flattened, and left out; 0: none */
     /* LIBRARY: name of the file; how far that tile is, NAN not known; models that say how much they differ */
     char library[160];
     double library_days, library_degrees;

@@ -56,6 +56,11 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     }
     if (field->psf != NULL)
         rx_psf_facts(field->psf, facts);
+    else if (field->unrestorable)
+        rx_record_add(facts, "RXPSFHOW", "how the PSF came about", "UNKNOWN");
+    if (field->psf_bound > 0.0)
+        rx_record_add(facts, "RXPSFMAX", "FWHM is below, say the narrowest sources, px", "%.3g",
+                      field->psf_bound);
     rx_record_add(facts, "RXMEAS", "image that fluxes are measured on", "%s",
                   result->original ? "ORIGINAL" : "RESTORED");
     rx_record_add(facts, "RXBACK", "mean sky level, ADU", "%.8g", background->global_level);

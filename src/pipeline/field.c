@@ -4,8 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/memory.h"
+#include "base/text.h"
+#include "catalog/assoc.h"
+#include "catalog/catalog.h"
 #include "data/map.h"
 #include "detect/correlation.h"
 #include "detect/filter.h"
@@ -193,23 +197,25 @@ static void say_noise(const rx_field *field, rx_log *log)
 }
 
 /* The detection image after the filter; NULL without one. */
-static rx_status filter_pixels(const rx_pipeline_params *params, const rx_image *image, const float *pixels,
-                               float **filtered, rx_error *err)
+static rx_status filter_pixels(const rx_detect_params *par, int nthreads, const rx_image *image,
+                               const float *pixels, float **filtered, rx_error *err)
 {
-    const rx_detect_params *par = &params->detect;
     const size_t n = (size_t)image->width * (size_t)image->height;
     rx_filter filter;
     rx_status status = rx_filter_new(par->filter, par->filter_width, par->filter_height, &filter, err);
     if (status != RX_OK || filter.values == NULL)
         return status;
-    *filtered = rx_alloc_filled(n, sizeof **filtered, params->nthreads);
+    *filtered = rx_alloc_filled(n, sizeof **filtered, nthreads);
     if (*filtered == NULL)
         status = rx_error_memory(err, n * sizeof **filtered);
     else
-        rx_filter_plane(&filter, pixels, image->width, image->height, params->nthreads, *filtered);
+        rx_filter_plane(&filter, pixels, image->width, image->height, nthreads, *filtered);
     rx_filter_free(&filter);
     return status;
 }
+
+enum { FEW = 5, WIDE = 17 };         /* sources; pixels of a filter */
+static const double WIDE_FWHM = 8.0; /* pixels */
 
 /* Candidate stars for a PSF that is measured: a plain extraction that never looks at saturated values. */
 static rx_status find_stars(const rx_pipeline_params *params, const rx_field *field, rx_log *log,
@@ -244,14 +250,30 @@ static rx_status find_stars(const rx_pipeline_params *params, const rx_field *fi
     measure_params.vignet_width = measure_params.vignet_height = 0;
     measure_params.nradii = 1;
     measure_params.flux_fraction[0] = 0.5;
-    /* hidden pixels are 0 already: detection needs no copy of them, and no filtered ones after it */
-    status = filter_pixels(params, &image, pixels, &filtered, err);
-    const rx_filtered after = {.pixels = filtered != NULL ? filtered : pixels,
-                               .spare = filtered != NULL ? &filtered : NULL};
-    if (status == RX_OK)
-        status = rx_detect_run(&detect_params, &detection, &after, log, &sources, err);
-    if (status == RX_OK)
-        status = rx_measure_run(&measure_params, &image, NULL, log, sources, err);
+    /* where the filter finds next to nothing, stars may be wide and faint */
+    for (int wide = 0; wide < 2 && status == RX_OK && (sources == NULL || sources->n < FEW); wide++) {
+        float kernel[WIDE * WIDE];
+        if (wide) {
+            for (int i = 0; i < WIDE * WIDE; i++)
+                kernel[i] = (float)exp2(-(pow(i % WIDE - WIDE / 2, 2) + pow(i / WIDE - WIDE / 2, 2)) * 4.0 /
+                                        (WIDE_FWHM * WIDE_FWHM));
+            detect_params.filter = kernel;
+            detect_params.filter_width = detect_params.filter_height = WIDE;
+            /* thresholds are sigmas of a pixel, as SExtractor's; here 5 of the filtered noise */
+            detect_params.threshold = detect_params.analysis_threshold =
+                5.0 * rx_filter_norm(kernel, WIDE * WIDE);
+        }
+        rx_sources_free(sources);
+        sources = NULL;
+        /* hidden pixels are 0 already: detection needs no copy of them, and no filtered ones after it */
+        status = filter_pixels(&detect_params, params->nthreads, &image, pixels, &filtered, err);
+        const rx_filtered after = {.pixels = filtered != NULL ? filtered : pixels,
+                                   .spare = filtered != NULL ? &filtered : NULL};
+        if (status == RX_OK)
+            status = rx_detect_run(&detect_params, &detection, &after, log, &sources, err);
+        if (status == RX_OK)
+            status = rx_measure_run(&measure_params, &image, NULL, log, sources, err);
+    }
     if (status == RX_OK) {
         *dst = sources;
         sources = NULL;
@@ -261,6 +283,44 @@ exit:
     free(pixels);
     free(sigma);
     free(filtered);
+    return status;
+}
+
+/* Those of PSF_STARS_NAME are marked by number_assoc. Pixels of a list are those of the tile, degrees are of its sky,
+ * which is believed more. */
+static rx_status mark_stars(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
+                            rx_sources *sources, rx_error *err)
+{
+    const char *file = params->psf.stars_file;
+    static const double RADIUS = 2.0; /* pixels, of a match */
+    rx_assoc_params par = {.radius = RADIUS, .type = RX_ASSOC_NEAREST, .select = RX_ASSOC_ALL};
+    rx_assoc *list = NULL;
+    int column[2], matched = 0;
+    RX_TRY(rx_assoc_read(file, &list, err));
+    rx_status status = RX_OK;
+    par.world = image->wcs != NULL && rx_catalog_find_positions(list->table, true, &column[0], &column[1]);
+    if (!par.world && !rx_catalog_find_positions(list->table, false, &column[0], &column[1]))
+        status =
+            image->wcs == NULL && rx_catalog_find_positions(list->table, true, &column[0], &column[1])
+                ? rx_error_at(err, RX_INPUT, image->name, image->hdu, 0,
+                              "has no celestial coordinates, and PSF_STARS_NAME '%s' holds no pixels; "
+                              "give columns X_IMAGE and Y_IMAGE",
+                              file)
+                : rx_error_at(err, RX_INPUT, file, -1, 0,
+                              "holds no positions of stars; give columns X_IMAGE and Y_IMAGE (pixels), or "
+                              "ALPHA_J2000 and DELTA_J2000 (or RA and DEC; degrees)");
+    for (int i = list->columns - 1; i >= 0 && status == RX_OK; i--) { /* the first element of a vector */
+        par.x = list->of[i] == column[0] ? i + 1 : par.x;
+        par.y = list->of[i] == column[1] ? i + 1 : par.y;
+    }
+    if (status == RX_OK)
+        status = rx_assoc_match(&par, list, image->wcs, log, sources, err);
+    for (int i = 0; i < sources->n && status == RX_OK; i++)
+        matched += sources->list[i].number_assoc > 0;
+    if (status == RX_OK)
+        rx_log_info(log, "%s[%d]: PSF_STARS_NAME %s: %d of %d sources are among its %ld stars", image->name,
+                    image->hdu, file, matched, sources->n, list->rows);
+    rx_assoc_free(list);
     return status;
 }
 
@@ -297,12 +357,67 @@ static double header_fwhm(const rx_tile *tile, double scale, const char **key)
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
 
-/* Is a FWHM stated: by PSF_FWHM, the header, or SEEING_FWHM? */
+/* NAME.psf of NAME.fits (.fit, .fts, compressed), where such a file lies. */
+static int beside(const rx_field *field, rx_text *dst)
+{
+    static const char *const ends[] = {".gz", ".fz", ".bz2", ".Z", ".fits", ".fit", ".fts"};
+    if (field->tile == NULL || field->tile->name == NULL)
+        return 0;
+    size_t n = strlen(field->tile->name);
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        const size_t end = strlen(ends[i]);
+        n -= n > end && strncmp(field->tile->name + n - end, ends[i], end) == 0 ? end : 0;
+    }
+    rx_text_printf(dst, "%.*s.psf", (int)n, field->tile->name);
+    return !dst->failed && access(dst->data, R_OK) == 0;
+}
+
+/* The PSF file beside the image, as PSFEx leaves it there; where there is none, or none of use, field->psf stays NULL. */
+static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
+                            rx_log *log, rx_error *err)
+{
+    const rx_image *image = &field->image;
+    rx_psf_params par = params->psf;
+    rx_text path = {0};
+    rx_error local = rx_error_part(err);
+    rx_status status = RX_OK;
+    if (!rx_psf_type_measured(par.type) || !beside(field, &path))
+        goto exit;
+    par.type = RX_PSF_FILE;
+    par.file = path.data;
+    par.extension = image->extension;
+    par.sampling = 0.0;
+    par.integrate = RX_PSF_INTEGRATE_AUTO;
+    const char *name = strrchr(path.data, '/') != NULL ? strrchr(path.data, '/') + 1 : path.data;
+    status = rx_psf_file(&par, image->width, image->height, log, &field->psf, &local);
+    if (status == RX_INPUT) {
+        rx_log_warning(log, "%s[%d]: %s beside it is no PSF of it: %s", image->name, image->hdu, name,
+                       local.text);
+        status = RX_OK;
+    } else if (status != RX_OK) {
+        rx_error_take(err, &local);
+    } else {
+        rx_psf *psf = field->psf;
+        const size_t used = strlen(psf->description);
+        snprintf(psf->quality.how, sizeof psf->quality.how, "BESIDE");
+        snprintf(psf->description + used, sizeof psf->description - used, ", %s beside the image", name);
+        rx_log_warning(log, "%s[%d]: %.*s; the PSF is that of %s beside the image", image->name, image->hdu,
+                       (int)strcspn(why->text, ";"), why->text, name);
+    }
+exit:
+    rx_text_free(&path);
+    return status;
+}
+
+/* Is a PSF stated: by PSF_FWHM, a file beside the image, the header, or SEEING_FWHM? */
 static int is_stated(const rx_pipeline_params *params, const rx_field *field)
 {
     const char *key;
     const double scale = pixel_scale(params, &field->image);
-    return params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
+    rx_text path = {0};
+    const int file = beside(field, &path);
+    rx_text_free(&path);
+    return file || params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
            (params->seeing_stated && scale > 0.0);
 }
 
@@ -331,8 +446,9 @@ static rx_status library_psf(const rx_pipeline_params *params, const rx_error *w
     return RX_OK;
 }
 
-/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, the header, a tile of PSF_LIBRARY, a SEEING_FWHM
- * that was given), loudly where stars were asked; where nothing was, the tile stays as it is. */
+/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, a file beside the image, the header, a tile of
+ * PSF_LIBRARY, a SEEING_FWHM that was given), loudly where stars were asked; where nothing was, the tile stays as it is.
+ * The narrowest sources are a bound only. */
 static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
                             rx_log *log, rx_error *err)
 {
@@ -341,6 +457,10 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
     const char *key = par.fwhm > 0.0 ? "PSF_FWHM" : NULL, *where = "";
     const double scale = pixel_scale(params, image);
     par.type = RX_PSF_MOFFAT;
+    if (key == NULL)
+        RX_TRY(psf_beside(params, why, field, log, err));
+    if (field->psf != NULL)
+        return RX_OK;
     if (key == NULL) {
         par.fwhm = header_fwhm(field->tile, scale, &key);
         where = " of the header";
@@ -356,10 +476,19 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
         where = "";
     }
     if (!(par.fwhm >= LEAST_FWHM)) { /* a pixel scale of degrees, or none */
-        rx_log_warning(log, "%s[%d]: %s", image->name, image->hdu, why->text);
+        if (field->psf_bound > 0.0)
+            rx_log_warning(
+                log, "%s[%d]: %s; its narrowest sources say no more than that FWHM is below %.2g pixels",
+                image->name, image->hdu, why->text, field->psf_bound);
+        else
+            rx_log_warning(log, "%s[%d]: %s", image->name, image->hdu, why->text);
         field->unrestorable = 1;
         return RX_OK;
     }
+    if (field->psf_bound > 0.0 && par.fwhm > field->psf_bound)
+        rx_log_warning(
+            log, "%s[%d]: a FWHM of %.3g pixels is stated (%s), but sources are narrower: it is below %.2g",
+            image->name, image->hdu, par.fwhm, key, field->psf_bound);
     if (rx_psf_type_measured(params->psf.type))
         rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", image->name,
                        image->hdu, (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
@@ -381,8 +510,11 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     const rx_image image = rx_field_restorable(field);
     par.file = params->psf_files[role];
     par.extension = field->image.extension;
+    const bool listed = par.stars_file != NULL && par.stars_file[0] != '\0';
     rx_sources *stars = NULL;
     rx_error why = rx_error_part(err);
+    if (listed && !rx_psf_type_measured(par.type))
+        rx_log_warning(log, "PSF_STARS_NAME is for PSF_TYPE AUTO and MOFFAT_FIT, and is not used");
     if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)) {
         rx_error_set(&why, RX_INPUT,
                      "PSF_TYPE MOFFAT needs the FWHM of stars; give PSF_FWHM in pixels, or "
@@ -392,9 +524,15 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     if (!rx_psf_type_measured(par.type))
         return rx_psf_make(&par, &image, NULL, log, &field->psf, err);
     rx_status status = find_stars(params, field, log, &stars, err);
-    if (status != RX_OK)
+    if (status == RX_OK && listed)
+        status = mark_stars(params, &field->image, log, stars, err);
+    if (status != RX_OK) {
+        rx_sources_free(stars);
         return status;
+    }
     status = rx_psf_make(&par, &image, stars, log, &field->psf, &why);
+    if (status == RX_INPUT)
+        field->psf_bound = rx_psf_bound(&par, &image, stars);
     rx_sources_free(stars);
     /* one source that may be a galaxy says less than whoever stated a width */
     if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0) {

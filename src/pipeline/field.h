@@ -24,7 +24,9 @@ typedef struct rx_field {
     rx_noise_correlation noise; /* of its pixels */
     double noise_factor;     /* of the PSF's matched filter, rx_noise_factor(); without a PSF of wide sums */
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */
-    int unrestorable;        /* neither stars nor what was stated give a PSF */
+    double
+        psf_bound; /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
+    int unrestorable;                       /* neither stars nor what was stated give a PSF */
     double background_seconds, psf_seconds; /* wall clock of preparing it */
 } rx_field;
 

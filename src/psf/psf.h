@@ -38,6 +38,7 @@ typedef struct rx_psf_params {
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
     int min_stars; /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. MOFFAT_FIT: 1 stands for 5 [1] */
     double min_snr;         /* AUTO [20] */
+    const char *stars_file; /* PSF_STARS_NAME: only sources with number_assoc may be stars; NULL, "": all */
     int max_degree;         /* AUTO: of the polynomial over the tile [6] */
     rx_psf_library library; /* AUTO, MOFFAT_FIT */
     int nthreads;           /* AUTO; the result does not depend on it */
@@ -52,6 +53,10 @@ typedef struct rx_psf_params {
  * into the image is refused, unless its size is ours to choose. */
 rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_sources *stars, rx_log *log,
                       rx_psf **dst, rx_error *err);
+
+/* What the narrow edge of the sizes of sources says of the FWHM (pixels) where none is a usable star: it is no wider, for
+ * nothing is narrower than a star but specks, which are left out. 0: too few sources. */
+double rx_psf_bound(const rx_psf_params *par, const rx_image *image, const rx_sources *sources);
 
 /* Pixel-integrated Moffat (Moffat 1969, A&A 3, 455); ratio b/a of the axes (1 = round), angle of the major
  * axis in radians counter-clockwise from x; fwhm (pixels) is the geometric mean of both axes. size is

@@ -259,9 +259,11 @@ static rx_status too_few(const rx_psf_params *par, const rx_image *image, int fo
 {
     return rx_error_at(
         err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
-        "PSF_TYPE %s found %d usable star%s of S/N above %g and needs %d; give PSF_FWHM in pixels, "
+        "PSF_TYPE %s found %d usable star%s of S/N above %g%s and needs %d; give PSF_FWHM in pixels, "
         "SEEING_FWHM in arcsec, or a lower PSF_MINSNR",
-        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr, needed);
+        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr,
+        par->stars_file != NULL && par->stars_file[0] != '\0' ? " among those of PSF_STARS_NAME" : "",
+        needed);
 }
 
 /* Robust scatter of the single widths over sqrt(n). */
@@ -296,6 +298,7 @@ typedef struct attempt {
     double radius; /* half-light, pixels */
     double shape[RX_MOFFAT_SHAPE];
     double scatter; /* how much the stars differ from each other */
+    double bright;  /* flux of the third brightest */
 } attempt;
 
 static void free_attempt(attempt *a)
@@ -327,14 +330,19 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     if (status == RX_OK)
         status = summarise(a->stars, a->list.n, a->shape, &a->scatter, err);
     a->kept = count_kept(a->stars, a->list.n);
+    for (int i = 0, k = 0; i < a->list.n && k < 3; i++) /* the list falls in S/N */
+        if (a->stars[i].kept && ++k <= 3)
+            a->bright = a->stars[i].source->flux_auto;
     return status;
 }
 
-/* Stars are alike, galaxies and particle hits are not: the lower the better. Differences below 1.5 % are
- * noise; few stars count less. */
+/* Stars are alike, galaxies are not: the lower the better. Differences below 1.5 % are noise; few stars count less.
+ * Specks (grains, hits of particles, what is left of them) may be as alike as stars and many more, but the brightest
+ * sources are stars: whose brightest are fainter is less credible, by the square root of it. */
 static double badness(const attempt *a, int enough)
 {
-    return fmax(a->scatter, 0.015) * sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1.0)));
+    return fmax(a->scatter, 0.015) *
+           sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1.0)) / fmax(a->bright, 1e-300));
 }
 
 /* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most
@@ -417,10 +425,11 @@ exit:
 enum { FULL = 5 }; /* stars that a profile needs */
 
 /* With fewer stars than a profile needs: those of any radius, the narrowest of which is taken where several have as many
- * (stars are narrower than galaxies). */
+ * (stars are narrower than galaxies), unless fainter sources are narrower than it. */
 static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err)
 {
     rx_star_list candidates = {.n = 0};
+    const double bound = rx_psf_bound(search->par, search->image, search->sources);
     double last = 0.0;
     search->level = 1;
     RX_TRY(rx_stars_candidates(search, &candidates, err));
@@ -433,6 +442,8 @@ static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err
         if (!isfinite(a.radius))
             break;
         last = a.radius;
+        if (bound > 0.0 && 2.0 * a.radius > 1.2 * bound) /* half the light of wings lies farther out */
+            break;
         status = rx_stars_near(search, &candidates, &a.radius, &a.list, err);
         if (status == RX_OK)
             status = fit_attempt(search, &a, err);
@@ -447,6 +458,28 @@ static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err
     return status;
 }
 
+/* From which level of the pixels on (ADU) stars are flattened; 0: nowhere. */
+static rx_status find_limit(rx_star_search *search, double radius, rx_log *log, double *limit, rx_error *err)
+{
+    const rx_image *image = search->image;
+    const rx_map sky = rx_image_sky(image);
+    rx_star_list candidates = {.n = 0};
+    *limit = 0.0;
+    search->level = 0;
+    RX_TRY(rx_stars_candidates(search, &candidates, err));
+    rx_status status = rx_stars_flattened(search, radius, &candidates, err);
+    if (status == RX_OK && candidates.flattened > 0) {
+        *limit = candidates.limit + (double)rx_map_at(&sky, image->width / 2, image->height / 2);
+        rx_log_warning(log,
+                       "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft "
+                       "saturation: the PSF is made without them, and does not fit them; give "
+                       "SATUR_LEVEL %.4g to have them flagged",
+                       rx_psf_type_name(search->par->type), candidates.flattened, *limit, *limit);
+    }
+    rx_star_list_free(&candidates);
+    return status;
+}
+
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
                             rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err)
 {
@@ -456,6 +489,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     int needed = par->min_stars > 1 && !ladder ? par->min_stars : FULL, most = 0,
         free_shape = RX_MOFFAT_SHAPE;
     const char *how = "MOFFAT";
+    double limit = 0.0;
     *dst = NULL;
     rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &most, err);
     if (status == RX_OK && best.kept == 0 && ladder) {
@@ -480,6 +514,9 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
+        status = find_limit(&search, best.radius, log, &limit, err);
+    }
+    if (status == RX_OK) {
         if (best.scatter > 0.15)
             rx_log_warning(
                 log,
@@ -490,6 +527,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);
+    if (status == RX_OK)
+        (*dst)->quality.limit = limit;
     if (status == RX_OK && par->type == RX_PSF_AUTO)
         snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
     if (status == RX_OK && found != NULL) {

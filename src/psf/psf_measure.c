@@ -96,6 +96,7 @@ static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, d
 {
     const rx_star_search search = {.par = par, .image = job->image, .sources = job->sources, .level = 1};
     RX_TRY(rx_stars_candidates(&search, dst, err));
+    RX_TRY(rx_stars_flattened(&search, radius, dst, err)); /* the caller frees dst */
     int n = 0;
     for (int i = 0; i < dst->n; i++)
         if (fabs(log(dst->list[i].radius / radius)) < LOCUS)
@@ -486,6 +487,7 @@ static rx_status describe(const rx_psf_job *job, const rx_psf *moffat, int candi
         }
     psf->beta = moffat->beta;
     psf->fwhm_error = moffat->fwhm_error;
+    psf->quality.limit = moffat->quality.limit;
     snprintf(psf->description, sizeof psf->description,
              "AUTO: pixels to %d px, wings to %.0f px, FWHM %.3f px, ellipticity %.3f, degree %d, from %d of "
              "%d candidate stars",

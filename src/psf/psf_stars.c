@@ -26,7 +26,7 @@ static double sky_level(const rx_star_search *v, int x, int y)
 }
 
 /* No masked pixel, no plateau at the saturation level, and light around the peak: a hot pixel or the hit
- * of a particle is narrower than any PSF. */
+ * of a particle is narrower than any PSF, by more than noise. */
 static int clean_core(const rx_star_search *v, const rx_source *s, double radius)
 {
     const rx_image *image = v->image;
@@ -52,7 +52,8 @@ static int clean_core(const rx_star_search *v, const rx_source *s, double radius
             double value = (double)image->pixels[at] - sky_level(v, x, y);
             *(x == px && y == py ? &centre : &ring) += value;
         }
-    return centre > 0.0 && ring > 0.7 * centre;
+    const double sigma = rx_map_given(&image->noise) ? (double)rx_map_at(&image->noise, px, py) : 1.0;
+    return centre > 0.0 && ring > 0.7 * centre - 2.0 * sqrt(8.5) * sigma;
 }
 
 static int usable(const rx_star_search *v, const rx_source *s, int radius_index, rx_candidate *star)
@@ -67,9 +68,9 @@ static int usable(const rx_star_search *v, const rx_source *s, int radius_index,
     return clean_core(v, s, star->radius);
 }
 
-/* Detectors (and plates) that saturate softly, or at an unknown level, pile the brightest peaks up just
- * below their limit. Where a tenth of all sources reach 80 % of the highest peak, only those below 70 % of
- * it are trusted. Peaks follow a falling power law otherwise: 80 % is reached by one or two. */
+/* Detectors and plates that saturate softly, or at an unknown level, pile peaks up just below it while sources go on
+ * growing. Peaks follow a falling power law otherwise, so that 80 % of the highest is reached by one or two: where a
+ * tenth of all sources reach it, 20 sigmas above the sky or more, only peaks below 70 % of it are trusted. */
 static double highest_peak(const rx_star_search *search)
 {
     const rx_sources *sources = search->sources;
@@ -83,31 +84,86 @@ static double highest_peak(const rx_star_search *search)
             near += sources->list[i].peak > 0.8 * highest;
             bright += sources->list[i].flux_auto > search->par->min_snr * sources->list[i].fluxerr_auto;
         }
-    return near >= 5 && near > bright / 10 ? 0.7 * highest : HUGE_VAL;
+    return near >= 5 && near > bright / 10 && highest > 20.0 * search->image->global_noise ? 0.7 * highest
+                                                                                           : HUGE_VAL;
 }
 
 rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, rx_error *err)
 {
     const rx_sources *sources = search->sources;
-    double limit = highest_peak(search);
+    const char *listed = search->par->stars_file;
+    const int all = listed == NULL || listed[0] == '\0';
     int half_light = 0;
-    *dst = (rx_star_list){.list = RX_NEW(rx_candidate, (size_t)sources->n + 1)};
+    *dst =
+        (rx_star_list){.list = RX_NEW(rx_candidate, (size_t)sources->n + 1), .limit = highest_peak(search)};
     if (dst->list == NULL)
         return rx_error_memory(err, 0);
     for (int i = 1; i < sources->nradii; i++)
         if (fabs(sources->flux_fraction[i] - 0.5) < fabs(sources->flux_fraction[half_light] - 0.5))
             half_light = i;
     for (int i = 0; i < sources->n; i++)
-        if (sources->list[i].peak < limit &&
-            usable(search, &sources->list[i], half_light, &dst->list[dst->n]))
-            dst->list[dst->n++].source = i;
+        if ((all || sources->list[i].number_assoc > 0) &&
+            usable(search, &sources->list[i], half_light, &dst->list[dst->n])) {
+            dst->list[dst->n].source = i;
+            if (sources->list[i].peak < dst->limit)
+                dst->n++;
+            else
+                dst->flattened++;
+        }
     return RX_OK;
 }
 
-static int by_peak(const void *a, const void *b)
+static int by_first(const void *a, const void *b)
 {
     const double *x = a, *y = b;
     return (x[0] < y[0]) - (x[0] > y[0]);
+}
+
+/* From the highest peak down, eight at a time: even their narrow quarter is wider than the stars, and fluxes differ by
+ * more than peaks do (those of galaxies differ alike). */
+rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_star_list *list, rx_error *err)
+{
+    enum { EIGHT = 8 };
+    static const double wider = 0.06, steeper = 1.5;
+    const int n = list->n;
+    int flat = 0, kept = 0;
+    if (n < 5 * EIGHT)
+        return RX_OK;
+    double(*sorted)[3] = rx_alloc((size_t)n, sizeof *sorted), *values = RX_NEW(double, n), spread[2];
+    if (sorted == NULL || values == NULL) {
+        free(sorted);
+        free(values);
+        return rx_error_memory(err, 0);
+    }
+    for (int i = 0; i < n; i++) {
+        const rx_source *s = &search->sources->list[list->list[i].source];
+        sorted[i][0] = log(s->peak);
+        sorted[i][1] = log(list->list[i].radius / radius);
+        sorted[i][2] = log(s->flux_auto);
+    }
+    qsort(sorted, (size_t)n, sizeof *sorted, by_first);
+    for (; flat + EIGHT <= n / 2; flat += EIGHT) {
+        for (int i = 0; i < EIGHT; i++)
+            values[i] = sorted[flat + i][1];
+        if (rx_quantile(values, EIGHT, 0.25) < wider)
+            break;
+    }
+    for (int k = 0; k < 2 && flat > 0; k++) {
+        for (int i = 0; i < flat; i++)
+            values[i] = sorted[i][2 * k];
+        spread[k] = rx_sigma_mad(values, (size_t)flat, NULL);
+    }
+    if (flat > 0 && spread[1] > steeper * spread[0]) {
+        list->limit = exp(sorted[flat][0]);
+        for (int i = 0; i < n; i++)
+            if (search->sources->list[list->list[i].source].peak <= list->limit)
+                list->list[kept++] = list->list[i];
+        list->flattened += n - kept;
+        list->n = kept;
+    }
+    free(sorted);
+    free(values);
+    return RX_OK;
 }
 
 /* Number density of the candidates over ln(radius), on a grid, smoothed by a Gaussian. */
@@ -146,7 +202,7 @@ static void add_loci(const double (*sorted)[2], int m, double smoothing, double 
         }
         highest = fmax(highest, density[g]);
     }
-    int room = *n + RX_LOCI_MAX / 2;
+    int room = *n + RX_LOCI_MAX / 3;
     for (int g = 0; g < GRID && *n < room; g++) {
         int known = density[g] <= fmax(share * highest, 2.0) || !is_top(density, g);
         for (int k = 0; k < *n && !known; k++)
@@ -159,8 +215,10 @@ static void add_loci(const double (*sorted)[2], int m, double smoothing, double 
 rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
                         double radii[RX_LOCI_MAX], int *n, rx_error *err)
 {
-    /* stars are the most concentrated sources: the upper half in peak, at least 30 */
-    int m = candidates->n / 2 > 30 ? candidates->n / 2 : candidates->n < 30 ? candidates->n : 30;
+    /* stars are the most concentrated sources: the upper half in peak, at least 30; and among the brightest, where
+     * specks (hits of particles, grains, hot pixels) may be many more */
+    const int few = candidates->n < 30 ? candidates->n : 30;
+    const int m = candidates->n / 2 > few ? candidates->n / 2 : few;
     double(*sorted)[2] = rx_alloc((size_t)candidates->n, sizeof *sorted);
     *n = 0;
     if (sorted == NULL)
@@ -169,10 +227,16 @@ rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candid
         sorted[i][0] = search->sources->list[candidates->list[i].source].peak;
         sorted[i][1] = log(candidates->list[i].radius);
     }
-    qsort(sorted, (size_t)candidates->n, sizeof *sorted, by_peak);
+    qsort(sorted, (size_t)candidates->n, sizeof *sorted, by_first);
     /* few but excellent stars among many galaxies stand out at a fine scale, noisy ones at a coarse one */
     add_loci((const double(*)[2])sorted, m, 0.02, 0.5, radii, n);
     add_loci((const double(*)[2])sorted, m, 0.05, 0.15, radii, n);
+    for (int i = 0; i < candidates->n; i++) {
+        sorted[i][0] = search->sources->list[candidates->list[i].source].flux_auto;
+        sorted[i][1] = log(candidates->list[i].radius);
+    }
+    qsort(sorted, (size_t)candidates->n, sizeof *sorted, by_first);
+    add_loci((const double(*)[2])sorted, few, 0.05, 0.3, radii, n);
     free(sorted);
     return RX_OK;
 }
@@ -240,4 +304,29 @@ rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candid
             dst->list[kept++] = dst->list[i];
     dst->n = kept;
     return RX_OK;
+}
+
+/* The third narrowest of ten or more, the second of three or more; each wider by two sigmas of its own. Half the light of
+ * a Gaussian lies within half its FWHM; with wings it lies farther out. */
+double rx_psf_bound(const rx_psf_params *par, const rx_image *image, const rx_sources *sources)
+{
+    rx_psf_params faint = *par;
+    faint.min_snr = 7.0;
+    const rx_star_search search = {.par = &faint, .image = image, .sources = sources, .level = 1};
+    double narrowest[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    int n = 0;
+    for (int i = 0; i < sources->n; i++) {
+        rx_candidate c;
+        if (!usable(&search, &sources->list[i], 0, &c))
+            continue;
+        n++;
+        double radius = c.radius * (1.0 + 2.0 / c.snr);
+        for (int k = 0; k < 3; k++)
+            if (radius < narrowest[k]) {
+                const double swap = narrowest[k];
+                narrowest[k] = radius;
+                radius = swap;
+            }
+    }
+    return n < 3 ? 0.0 : 2.0 * narrowest[n < 10 ? 1 : 2];
 }

@@ -14,11 +14,14 @@ typedef struct rx_candidate {
 typedef struct rx_star_list {
     int n;
     rx_candidate *list;
+    double
+        limit; /* peaks above the sky from which on sources are flattened: soft saturation; HUGE_VAL: none */
+    int flattened; /* sources that were left out for it */
 } rx_star_list;
 
 void rx_star_list_free(rx_star_list *stars);
 
-enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 6 };
+enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 9 };
 
 /* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
  * fields) lets in close neighbours and blends. */
@@ -32,6 +35,10 @@ typedef struct rx_star_search {
 /* Sources that are bright, unsaturated, unmasked, roundish and wider than a hot pixel; rx_star_list_free(). Errors,
  * here and below: RX_SYSTEM memory; none found is not one. */
 rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, rx_error *err);
+
+/* Leaves out candidates whose peaks are flattened by soft saturation, where they show it by being wider than the stars,
+ * of that half-light radius; lowers list->limit. */
+rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_star_list *list, rx_error *err);
 
 /* Half-light radii (pixels) where candidates crowd: the stellar locus is one of them, usually the narrowest. Returns
  * how many in *n. */

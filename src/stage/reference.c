@@ -11,15 +11,6 @@
 #include "io/wcs.h"
 
 /* Names that other programs give to what we look for, tried in this order. */
-static const char *const sky_names[][2] = {{"ALPHA_J2000", "DELTA_J2000"},
-                                           {"ALPHAWIN_J2000", "DELTAWIN_J2000"},
-                                           {"RA", "DEC"},
-                                           {"RAJ2000", "DEJ2000"},
-                                           {"RA_ICRS", "DE_ICRS"},
-                                           {"ALPHA_SKY", "DELTA_SKY"},
-                                           {"coord_ra", "coord_dec"}};
-static const char *const pixel_names[][2] = {
-    {"X_IMAGE", "Y_IMAGE"}, {"XWIN_IMAGE", "YWIN_IMAGE"}, {"X", "Y"}};
 static const char *const value_names[] = {"MAG",     "MAG_TRUE", "MAG_AUTO",  "MAG_BEST",
                                           "MAG_PSF", "PSFMAG_R", "MAG_ISO",   "R",
                                           "RMAG",    "FLUX",     "FLUX_TRUE", "FLUX_AUTO"};
@@ -32,17 +23,6 @@ typedef struct chosen {
     int x, y, value, error; /* column indices, error -1 when there is none */
     int sky, flux;
 } chosen;
-
-static int find_pair(const rx_table *table, const char *const names[][2], size_t n, chosen *dst)
-{
-    for (size_t i = 0; i < n; i++) {
-        dst->x = rx_table_find(table, names[i][0]);
-        dst->y = rx_table_find(table, names[i][1]);
-        if (dst->x >= 0 && dst->y >= 0)
-            return 1;
-    }
-    return 0;
-}
 
 static int find_first(const rx_table *table, const char *const *names, size_t n)
 {
@@ -93,8 +73,8 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
             dst->sky = want_sky;
     } else {
         if (!want_pixel && (tile->wcs != NULL || want_sky))
-            dst->sky = find_pair(table, sky_names, COUNT(sky_names), dst);
-        if (!dst->sky && (want_sky || !find_pair(table, pixel_names, COUNT(pixel_names), dst)))
+            dst->sky = rx_catalog_find_positions(table, true, &dst->x, &dst->y);
+        if (!dst->sky && (want_sky || !rx_catalog_find_positions(table, false, &dst->x, &dst->y)))
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no position columns were recognised; name them in REFERENCE_COLUMNS");
         dst->value = find_first(table, value_names, COUNT(value_names));

@@ -280,6 +280,61 @@ begin 'PSF_SAMPLING below 1'
 make_fits tile tile.fits && make_fits psf psf.fits
 expect 3 '^rextract: psf\.fits: PSF_SAMPLING = 0\.5 samples of the PSF image per pixel' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits -PSF_SAMPLING 0.5
 
+# talks PATTERN ARGUMENT...: what it says when it is not told to be quiet, in one line
+talks() {
+    [ "$active" = 1 ] || return 0
+    pattern=$1
+    shift
+    list_files >../before
+    "$program" "$@" >../out 2>../said
+    echo $? >../code
+    { tr '\n' ' ' <../said | sed 's/rextract:  *//g'; echo; } >../err
+    judge 0 "$pattern"
+}
+
+begin 'PSF_STARS_NAME that is not there'
+make_fits tile tile.fits
+expect 3 '^rextract: absent\.cat: cannot be opened: No such file or directory' tile.fits -PSF_STARS_NAME absent.cat
+
+begin 'PSF_STARS_NAME without positions'
+make_fits tile tile.fits && printf '# mag name\n17.5 a\n' >stars.cat
+expect 3 '^rextract: stars\.cat: holds no positions of stars; give columns X_IMAGE and Y_IMAGE \(pixels\), or ALPHA_J2000 and DELTA_J2000' tile.fits -PSF_STARS_NAME stars.cat
+
+begin 'PSF_STARS_NAME with words for positions'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n10.5 20\n10,5 20\n' >stars.cat
+expect 3 "^rextract: stars\.cat:3: '10,5' in column X_IMAGE is no number" tile.fits -PSF_STARS_NAME stars.cat
+
+begin 'PSF_STARS_NAME in degrees, and an image without coordinates'
+make_fits tile tile.fits && printf '# ra dec\n10.5 20\n' >stars.cat
+expect 3 "^rextract: tile\.fits\[0\]: has no celestial coordinates, and PSF_STARS_NAME 'stars\.cat' holds no pixels" tile.fits -PSF_STARS_NAME stars.cat
+
+begin 'PSF_STARS_NAME whose stars are elsewhere'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n1000 2000\n' >stars.cat
+leaves test.cat
+talks 'found 0 usable stars of S/N above 20 among those of PSF_STARS_NAME and needs 1;' tile.fits -PSF_STARS_NAME stars.cat
+
+begin 'PSF_STARS_NAME of sources that the program finds'
+make_fits tile tile.fits && printf 'X_IMAGE\nY_IMAGE\n' >xy.param
+leaves stars.cat
+expect 0 '' tile.fits $none -PARAMETERS_NAME xy.param -CATALOG_NAME stars.cat -CATALOG_TYPE FITS_1.0
+leaves test.cat
+talks 'stars\.cat: [0-9]+ of [0-9]+ sources are among its [0-9]+ stars .*PSF AUTO: ' tile.fits -PSF_STARS_NAME stars.cat
+
+begin 'PSF_STARS_NAME where no stars are asked for'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n10 20\n' >stars.cat
+leaves test.cat
+talks 'PSF_STARS_NAME is for PSF_TYPE AUTO and MOFFAT_FIT, and is not used' tile.fits $moffat -RL_NITER 2 -PSF_STARS_NAME stars.cat
+
+begin 'PSF file beside an image whose stars give none'
+make_fits flat tile.fits && make_fits psf tile.psf
+leaves test.cat
+talks 'found 0 usable stars .*; the PSF is that of tile\.psf beside the image' tile.fits -RL_NITER 2
+
+begin 'PSF file beside an image that is none'
+make_fits flat tile.fits && make_fits psf-nan tile.psf
+leaves test.cat
+talks 'tile\.psf beside it is no PSF of it: ' tile.fits -RL_NITER 2
+
 begin 'CHECKIMAGE_TYPE PSF of a tile without one writes what is no PSF'
 make_fits flat tile.fits
 leaves check.psf

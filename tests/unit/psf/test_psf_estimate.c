@@ -414,6 +414,258 @@ static void test_too_few(void **state)
     free_field(&f);
 }
 
+/* Every star that the PSF is from is one of the field's own, and `good` says so too. */
+static void check_stars(const field *f, const rx_psf *psf, int (*good)(const field *, const rx_source *))
+{
+    for (int i = 0; i < psf->nstars; i++) {
+        int found = 0;
+        for (int k = 0; k < f->sources.n; k++) {
+            const rx_source *s = &f->sources.list[k];
+            found += s->class_star == 1.0 && hypot(s->x - psf->stars[i][0], s->y - psf->stars[i][1]) < 0.5 &&
+                     good(f, s);
+        }
+        assert_int_equal(found, 1);
+    }
+}
+
+static int any(const field *f, const rx_source *s)
+{
+    (void)f;
+    (void)s;
+    return 1;
+}
+
+/* A source that is drawn after the noise: a speck of light of that width, of a height of its own. */
+static void add_speck(field *f, double x, double y, double peak, double wide, double high)
+{
+    rx_source *s = &f->sources.list[f->sources.n];
+    *s = (rx_source){.x = x, .y = y, .peak = peak, .class_star = 5.0};
+    s->number = s->segment = ++f->sources.n;
+    for (int j = (int)y - 9; j <= (int)y + 9; j++)
+        for (int i = (int)x - 9; i <= (int)x + 9; i++)
+            if (i >= 0 && j >= 0 && i < SIDE && j < SIDE)
+                f->tile.pixels[j * SIDE + i] +=
+                    (float)(peak * exp2(-4.0 * (pow((i - x) / wide, 2) + pow((j - y) / high, 2))));
+    measure_source(f, s, 6.0, fmin(wide, high) / fmax(wide, high));
+}
+
+/* Grain: many more specks than stars, as like one another, narrower, and of no bright members. */
+static void test_specks(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    make_field(&f, 4.0, 4.0, 1.0, 0.0, 30, 200);
+    f.sources.n -= 200;
+    for (int i = 0; i < 160; i++)
+        add_speck(&f, (i % 16 + 0.1) * 40.0 + uniform(11, (uint64_t)i),
+                  (i / 16 + 0.03) * CELL + uniform(12, (uint64_t)i), 1500.0 + 10.0 * i, 2.0, 2.0);
+    for (rx_psf_type type = RX_PSF_AUTO;; type = RX_PSF_MOFFAT_FIT) {
+        assert_int_equal(estimate_as(&f, type, 1, &psf, &err), RX_OK);
+        assert_near(psf->fwhm / 4.0, 1.0, 0.03);
+        check_stars(&f, psf, any);
+        rx_psf_free(psf);
+        if (type == RX_PSF_MOFFAT_FIT)
+            break;
+    }
+    free_field(&f);
+}
+
+/* Hits of particles: short tracks of any direction. */
+static void test_cosmic_rays(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 40, 200);
+    f.sources.n -= 200;
+    for (int i = 0; i < 150; i++)
+        add_speck(&f, (i % 16 + 0.1) * 40.0 + uniform(11, (uint64_t)i),
+                  (i / 16 + 0.03) * CELL + uniform(12, (uint64_t)i),
+                  pow(10.0, 2.5 + 2.0 * uniform(13, (uint64_t)i)),
+                  i % 2 ? 1.0 : 1.0 + 4.0 * uniform(14, (uint64_t)i),
+                  i % 2 ? 1.0 + 4.0 * uniform(15, (uint64_t)i) : 1.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    assert_near(psf->fwhm / 3.0, 1.0, 0.02);
+    check_stars(&f, psf, any);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+static int without_trail(const field *f, const rx_source *s)
+{
+    (void)f;
+    return s->peak <= 4000.0;
+}
+
+/* Saturated columns that bleed out of bright stars. */
+static void test_bleeding(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 60, 0);
+    f.tile.saturation = 5000.0;
+    for (int k = 0; k < f.sources.n; k++) {
+        const rx_source *s = &f.sources.list[k];
+        for (int j = (int)lround(s->y) - 25; j <= (int)lround(s->y) + 25 && s->peak > 4000.0; j++)
+            if (j >= 0 && j < SIDE)
+                f.tile.pixels[j * SIDE + (int)lround(s->x)] = 5000.0F;
+    }
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    assert_near(psf->fwhm / 3.0, 1.0, 0.02);
+    check_stars(&f, psf, without_trail);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+static int inside(const field *f, const rx_source *s)
+{
+    (void)f;
+    return s->x > 5.0 && s->x < SIDE - 6.0;
+}
+
+/* The tile cuts stars. */
+static void test_borders(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 40, 200);
+    f.sources.n -= 200;
+    for (int i = 0; i < 40; i++)
+        add_speck(&f, i % 2 ? 0.5 + 0.1 * i : SIDE - 1.0 - 0.1 * i, (i + 0.5) * 16.0, 4000.0, 3.0, 3.0);
+    for (int k = f.sources.n - 40; k < f.sources.n; k++)
+        f.sources.list[k].class_star = 1.0; /* stars, too */
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    assert_near(psf->fwhm / 3.0, 1.0, 0.02);
+    check_stars(&f, psf, inside);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* A plate that saturates softly, at a level that the tile does not know; `few`: by the widths of its bright stars, where
+ * too few pile up. */
+static void soft_field(field *f, int few)
+{
+    enum { LEVEL = 3000 };
+    int n = 0, bright = 0;
+    make_field(f, 3.0, 4.0, 1.0, 0.0, 100, 0);
+    for (size_t i = 0; i < (size_t)SIDE * SIDE; i++)
+        if (f->tile.pixels[i] > 100.0F)
+            f->tile.pixels[i] = 100.0F + (float)LEVEL * (1.0F - expf((100.0F - f->tile.pixels[i]) / LEVEL));
+    for (int k = 0; k < f->sources.n; k++) {
+        rx_source s = f->sources.list[k];
+        if (few && s.peak > 4000.0 && ++bright > 8)
+            continue;
+        measure_source(f, &s, 7.5, 1.0);
+        s.peak = LEVEL * (1.0 - exp(-s.peak / LEVEL));
+        f->sources.list[n++] = s;
+    }
+    f->sources.n = n;
+}
+
+static int not_flat(const field *f, const rx_source *s)
+{
+    (void)f;
+    return s->peak < 2600.0;
+}
+
+static void test_soft_saturation(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    for (int few = 0; few < 2; few++) {
+        soft_field(&f, few);
+        assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+        assert_between(psf->quality.limit, 1500.0, 2700.0);
+        assert_near(psf->fwhm / 3.0, 1.0, 0.12); /* what is left is flattened a little, too */
+        check_stars(&f, psf, not_flat);
+        rx_psf_free(psf);
+        free_field(&f);
+    }
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 60, 0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    assert_near(psf->quality.limit, 0.0, 0.0);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+static int listed(const field *f, const rx_source *s)
+{
+    (void)f;
+    return s->number_assoc == 1;
+}
+
+/* PSF_STARS_NAME: none but those of the list, which are looked at all the same. */
+static void test_list(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    rx_psf_params par = {.type = RX_PSF_AUTO,
+                         .beta = 4.765,
+                         .min_stars = 1,
+                         .min_snr = 20.0,
+                         .max_degree = 4,
+                         .stars_file = "a"};
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 60, 0);
+    f.tile.saturation = 5000.0;
+    const rx_image tile = rx_tile_image(&f.tile);
+    rx_image image = rx_image_on_sky(&tile, &f.background);
+    image.hide = RX_HIDE_RESTORED;
+    assert_int_equal(rx_psf_make(&par, &image, &f.sources, NULL, &psf, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "found 0 usable stars of S/N above 20 among those of PSF_STARS_NAME"));
+    for (int k = 0; k < f.sources.n; k += 2)
+        f.sources.list[k].number_assoc = f.sources.list[k].class_star == 1.0;
+    assert_int_equal(rx_psf_make(&par, &image, &f.sources, NULL, &psf, &err), RX_OK);
+    assert_near(psf->fwhm / 3.0, 1.0, 0.02);
+    assert_between(psf->nstars, 8, 30);
+    check_stars(&f, psf, listed);
+    for (int i = 0; i < psf->nstars; i++)
+        assert_true(f.tile.pixels[(int)lround(psf->stars[i][1]) * SIDE + (int)lround(psf->stars[i][0])] <
+                    4600.0F);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* What sources say where none is a usable star; what is wider than faint sources is no star. */
+static void test_bound(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    rx_error err = RX_ERROR_NONE;
+    rx_psf_params par = {
+        .type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 1, .min_snr = 20.0, .max_degree = 4};
+    make_field(&f, 3.0, 4.0, 1.0, 0.0, 60, 0);
+    const rx_image tile = rx_tile_image(&f.tile);
+    rx_image image = rx_image_on_sky(&tile, &f.background);
+    image.hide = RX_HIDE_RESTORED;
+    assert_between(rx_psf_bound(&par, &image, &f.sources), 3.0, 4.2);
+    int n = 0, faint = 0;
+    for (int k = 0; k < f.sources.n; k++) { /* one galaxy, and stars too faint for a PSF */
+        rx_source s = f.sources.list[k];
+        const int galaxy = s.class_star > 2.0 && n == faint;
+        if (s.class_star == 1.0 && faint < 6) {
+            s.fluxerr_auto = s.flux_auto / 15.0;
+            faint++;
+        } else if (!galaxy) {
+            continue;
+        }
+        f.sources.list[n++] = s;
+    }
+    f.sources.n = n;
+    assert_true(n == faint + 1 && faint == 6);
+    assert_int_equal(rx_psf_make(&par, &image, &f.sources, NULL, &psf, &err), RX_INPUT);
+    f.sources.n = 2;
+    assert_near(rx_psf_bound(&par, &image, &f.sources), 0.0, 0.0);
+    free_field(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -426,6 +678,13 @@ int main(void)
         cmocka_unit_test(test_varies),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
+        cmocka_unit_test(test_specks),
+        cmocka_unit_test(test_cosmic_rays),
+        cmocka_unit_test(test_bleeding),
+        cmocka_unit_test(test_borders),
+        cmocka_unit_test(test_soft_saturation),
+        cmocka_unit_test(test_list),
+        cmocka_unit_test(test_bound),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
