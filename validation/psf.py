@@ -377,6 +377,9 @@ class KarhunenLoeve:
 
 REAL_COLUMNS = COLUMNS + " FLUX_AUTO FLUXERR_AUTO FWHM_IMAGE FLUX_MAX BACKGROUND"
 STACK = 32  # half side of stacks, pixels
+# Share of the highest pixel above which stars are not stacked: on the plate of M67 stars of peaks to 10,000 ADU have a FWHM of
+# 2.0 pixels, from there on they are flattened and grow to 4 and more; on Spitzer's mosaic from half of the highest on.
+FLAT = {"M67": 0.75, "Spitzer IRAC": 0.5}
 
 
 def real_tiles(data):
@@ -460,17 +463,30 @@ def stack(rows, planes, places):
     return ordered[edge:len(pieces) - edge].mean(0), len(pieces), float(np.mean(rows["CLASS_TEMPLATE"][k] > 0.5))
 
 
-def picture(stacks, path):
-    """The stars as they are (logarithm, 1e-4 of the peak to the peak), then what each PSF leaves (-5 to 5 % of the peak)."""
-    try:
-        from PIL import Image
-    except ImportError:
+def picture(stacks, fwhm, path):
+    """The stars as they are (logarithm, 1e-4 of the peak to the peak), what each PSF leaves (-5 to 5 % of the peak), and
+    curves of growth of stars and of what is left."""
+    if not shutil.which("gnuplot"):
+        print("gnuplot is not installed; no pictures are made", file=sys.stderr)
         return
     image = next(iter(stacks.values()))[0]
-    panels = [np.log10(np.clip(image / image.max(), 1e-4, 1)) / 4 + 1]
-    panels += [np.clip(left / whole.max() / 0.1 + 0.5, 0, 1) for whole, left in stacks.values()]
-    wide = np.hstack([np.pad(np.kron(p[::-1], np.ones((4, 4))), 2, constant_values=1) for p in panels])
-    Image.fromarray((255 * wide).astype(np.uint8)).save(path)
+    panels = [("stars", np.log10(np.clip(image / image.max(), 1e-4, 1)), "[-4:0]")]
+    panels += [(way, 100 * left / whole.max(), "[-5:5]") for way, (whole, left) in stacks.items()]
+    radii = np.arange(0.5, STACK + 0.25, 0.5)
+    curves = [("stars", psf_truth.growth(image, radii))]
+    curves += [(f"left by {way}", psf_truth.growth(left, radii)) for way, (_, left) in stacks.items()]
+    lines = [f"set terminal pngcairo size {300 * (len(panels) + 1)},330 font ',9'", f"set output '{path}'",
+             f"set multiplot layout 1,{len(panels) + 1}", "set size ratio -1; unset key; set tics out nomirror"]
+    for name, values, limits in panels:
+        lines += [f"set title '{name}'", f"set cbrange {limits}",
+                  "set palette gray" if name == "stars" else "set palette defined (0 'blue', 1 'white', 2 'red')",
+                  f"plot [-{STACK}:{STACK}][-{STACK}:{STACK}] '-' matrix using ($1-{STACK}):($2-{STACK}):3 with image"]
+        lines += [" ".join(f"{v:.4g}" for v in row) for row in values] + ["e"]
+    lines += ["set size noratio; set key center right; set grid; set title 'curves of growth'", "set xlabel 'FWHM'",
+              "plot [0:] [-0.2:1.1] " + ", ".join(f"'-' with lines lw 2 title '{n}'" for n, _ in curves)]
+    for _, values in curves:
+        lines += [f"{r / fwhm:.4g} {v:.5g}" for r, v in zip(radii, values)] + ["e"]
+    subprocess.run(["gnuplot"], input="\n".join(lines) + "\n", text=True, check=True)
 
 
 def coadd_differences(data, rows, header):
@@ -496,6 +512,20 @@ def coadd_differences(data, rows, header):
     return bins
 
 
+def survey_differences(data):
+    """PSF magnitudes that SDSS's own pipeline measured on this frame less those of the deep coadd: what is due to the frame."""
+    table = fits.getdata(data / "sdss/94-1-12/stripe82_coadd_catalog.fit", 1)
+    frame = fits.getdata(next((data / "sdss/94-1-12").glob("photoObj*.fits")), 1)
+    sky = [np.column_stack([t["ra"] * np.cos(np.radians(t["dec"])), t["dec"]]) * 3600 for t in (frame, table)]
+    distance, k = cKDTree(sky[0]).query(sky[1])
+    flux = frame["PSFFLUX"][k, 2].astype(float)
+    good = (distance < 1) & (flux > 0) & (table["probpsf"] > 0.5) & (table["is_saturated"] == 0)
+    off = 22.5 - 2.5 * np.log10(np.where(flux > 0, flux, 1)) - table["psfmag_r"]
+    picked = [(low, off[good & (table["psfmag_r"] >= low) & (table["psfmag_r"] < low + 1)]) for low in range(16, 21)]
+    return [{"from": low, "of": "stars", "n": len(d), "bias": float(np.median(d)), "scatter": width(d - np.median(d))}
+            for low, d in picked]
+
+
 OTHERS = {"SDSS frame": lambda data: KarhunenLoeve(data / "sdss/94-1-12/psField-000094-1-0012.fit"),
           "DECam stamp": lambda data: Model(data / "decam/c4d_171113_060340_ooi_r_ls9-psfex.fits")}
 
@@ -514,8 +544,8 @@ def real(out, ways=None):
                      output_verify="silentfix")
         if tile.weight is not None:
             fits.writeto(folder / "weight.fits", np.maximum(tile.weight, 0).astype(np.float32), overwrite=True)
-        saturation = float(tile.keywords.get("SATUR_LEVEL", 0.9 * np.nanmax(tile.pixels)))
-        places, stacks = None, {}
+        saturation = min(float(tile.keywords.get("SATUR_LEVEL", 1e9)), FLAT.get(tile.name, 0.9) * np.nanmax(tile.pixels))
+        places, stacks, widths = None, {}, {}
         for way in ways:
             a = {"tile": tile.name, "way": way}
             rows.append(a)
@@ -529,10 +559,10 @@ def real(out, ways=None):
                 if places is not None and len(places):
                     made, a["stacked"], a["points"] = stack(found, planes, places)
                     if made is not None:
-                        stacks[way] = made
+                        stacks[way], widths[way] = made, float(facts["cards"].get("RXTPFWHM", 4))
                         a |= judged(made, float(facts["cards"].get("RXTPFWHM", 4)))
                 if tile.name == "SDSS frame" and model is not None:
-                    a["coadd"] = coadd_differences(data, found, tile.header)
+                    a["coadd"], a["own"] = coadd_differences(data, found, tile.header), survey_differences(data)
                     a["beyond"] = 1 - float(psf_truth.growth(model.stamp(*at[0]), [7.43 / 0.396])[0])
                 if tile.name in OTHERS and model is not None:
                     own = OTHERS[tile.name](data)
@@ -541,7 +571,7 @@ def real(out, ways=None):
                 a["failed"] = str(error)
             print({k: v for k, v in a.items() if k not in ("said", "cards")}, flush=True)
         if stacks:
-            picture(stacks, Path(out) / f"{folder.name}.png")
+            picture(stacks, widths["AUTO"] if "AUTO" in widths else next(iter(widths.values())), Path(out) / f"{folder.name}.png")
         (Path(out) / "real.json").write_text(json.dumps(rows, indent=1, default=plain) + "\n")
 
 
@@ -560,7 +590,7 @@ def judged(made, fwhm):
 # side, bright stars, what else is known: keywords, or FWHM in the header
 SMALL = [(100, 0, {}), (100, 1, {}), (100, 2, {}), (150, 1, {}), (150, 3, {}), (200, 2, {}), (200, 4, {}), (250, 3, {}),
          (250, 5, {}), (150, 0, {"FWHM": 4.0}), (150, 2, {"FWHM": 4.0}), (150, 0, {"SEEING_FWHM": 1.6, "PIXEL_SCALE": 0.4}),
-         (150, 0, {"PSF_FWHM": 4.0})]
+         (150, 0, {"PSF_FWHM": 4.0}), (150, 0, {"tile.psf": 4.0})]
 
 
 def small(out, seed="1"):
@@ -580,10 +610,15 @@ def small(out, seed="1"):
                                [*flux, *faint[1]])
         header = fits.Header([("FWHM", known["FWHM"], "[pixel] of stars")] if "FWHM" in known else [])
         fits.writeto(folder / "tile.fits", psf_truth.expose(light, rng), header, overwrite=True)
+        (folder / "tile.psf").unlink(missing_ok=True)
+        if "tile.psf" in known:
+            stamp = truth.stamp(side / 2, side / 2, 40)
+            fits.writeto(folder / "tile.psf", (stamp / stamp.sum()).astype(np.float32))
         rows.append({"tile": f"{side} px", "bright stars": stars,
                      "stated": ", ".join(f"{k} {v:g}" for k, v in known.items())}
-                    | answer(folder, "tile.fits", {k: v for k, v in known.items() if k != "FWHM"} | {
+                    | answer(folder, "tile.fits", {k: v for k, v in known.items() if k not in ("FWHM", "tile.psf")} | {
                         "GAIN": GAIN, "SATUR_LEVEL": SATURATION, "MAG_ZEROPOINT": ZEROPOINT}, x, y, flux))
+    (folder / "tile.psf").unlink(missing_ok=True)
     data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
     for make, cut in ((tiles.sdss_frame, np.s_[700:850, 900:1050]), (tiles.sdss_frame, np.s_[200:450, 300:550]),
                       (tiles.decam, np.s_[:, :])):
@@ -684,13 +719,17 @@ def real_page(rows, _):
             number(a.get("points"), ".2f"), *left, " ".join(f"{100 * v:+.1f}" for v in a.get("growth", [])),
             f"{s['dT/T']:+.4f}, {s['dT/T rms']:.4f}; {s['de rms']:.4f}" if s else "", number(cards.get("RXTPCHI2"), ".2f"),
             said]) + " |")
+        inside = -2.5 * np.log10(1 - a.get("beyond", 0))
         coadd += [f"| {b['from']} to {b['from'] + 1} | {b['of']} | {a['way']} | {b['n']} | {b['bias']:+.3f} | "
-                  f"{b['scatter']:.3f} |" for b in a.get("coadd", [])]
+                  f"{b['bias'] + inside:+.3f} | {b['scatter']:.3f} |" for b in a.get("coadd", [])]
+    coadd += [f"| {b['from']} to {b['from'] + 1} | {b['of']} | SDSS | {b['n']} | {b['bias']:+.3f} | {b['bias']:+.3f} | "
+              f"{b['scatter']:.3f} |" for b in next((a["own"] for a in rows if "own" in a), [])]
     beyond = ", ".join(f"{100 * a['beyond']:+.1f} % ({a['way']})" for a in rows if "beyond" in a)
     pictures = [f"[{n}]({n.replace(' ', '-')}.png)" for n in dict.fromkeys(a["tile"] for a in rows if a.get("stacked"))]
     return ["## Real tiles", "",
             f"Stacks of bright lone stars (logarithm, four decades), then what the templates of {', '.join(unique(rows))}"
-            f" leave of them (-5 to 5 % of the peak): {', '.join(pictures)}.", "", *table(head, lines),
+            f" leave of them (-5 to 5 % of the peak), and curves of growth: {', '.join(pictures)}. Stars of M67 are those below"
+            " the plate's flattening: those above have twice the width.", "", *table(head, lines),
             "MAG_TEMPLATE of the SDSS frame less the deep coadd, whose magnitudes hold the light within 7.43 arcsec; beyond"
             f" that the PSFs have {beyond}:", "", *table(["r", "of", "PSF", "n", "median", "scatter"], sorted(coadd))]
 
@@ -704,11 +743,12 @@ def small_page(rows, _):
     for a in rows:
         cards, said = a.get("cards", {}), "<br>".join(a.get("said", [])) or a.get("failed", "")
         lines.append("| " + " | ".join([
-            a["tile"], number(a["bright stars"], "d"), a["stated"], cards.get("RXPSFHOW", ""), cards.get("RXPSF", ""),
+            a["tile"], number(a["bright stars"], "d"), a["stated"], cards.get("RXPSFHOW", ""),
+            number(cards.get("RXPSFMAX"), "g"), cards.get("RXPSF", ""),
             cards.get("RXREST", ""), " ".join(f"{m:+.3f}" for m in a.get("mag", [])), said]) + " |")
     return ["## Small and empty tiles", "",
             "RESTORE_TYPE RL, PSF_TYPE AUTO; a Kolmogorov PSF of FWHM 4, but for the real ones.", "",
-            *table(["tile", "bright stars", "stated", "RXPSFHOW", "RXPSF", "restored by", "their MAG_TEMPLATE - truth",
+            *table(["tile", "bright stars", "stated", "RXPSFHOW", "RXPSFMAX", "RXPSF", "restored by", "their MAG_TEMPLATE - truth",
                     "what it says"], lines)]
 
 

@@ -214,7 +214,7 @@ static rx_status filter_pixels(const rx_detect_params *par, int nthreads, const 
     return status;
 }
 
-enum { FEW = 5, WIDE = 17 };         /* sources; pixels of a filter */
+enum { WIDE = 17 };                  /* pixels, of a filter */
 static const double WIDE_FWHM = 8.0; /* pixels */
 
 /* Candidate stars for a PSF that is measured: a plain extraction that never looks at saturated values. */
@@ -250,8 +250,8 @@ static rx_status find_stars(const rx_pipeline_params *params, const rx_field *fi
     measure_params.vignet_width = measure_params.vignet_height = 0;
     measure_params.nradii = 1;
     measure_params.flux_fraction[0] = 0.5;
-    /* where the filter finds next to nothing, stars may be wide and faint */
-    for (int wide = 0; wide < 2 && status == RX_OK && (sources == NULL || sources->n < FEW); wide++) {
+    /* where the filter finds nothing, stars may be wide and faint */
+    for (int wide = 0; wide < 2 && status == RX_OK && (sources == NULL || sources->n == 0); wide++) {
         float kernel[WIDE * WIDE];
         if (wide) {
             for (int i = 0; i < WIDE * WIDE; i++)
