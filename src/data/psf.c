@@ -100,6 +100,7 @@ double rx_psf_flux_error(const rx_psf *psf, double x, double y)
         share[d] = t - cell[d];
     }
     const double(*e)[RX_PSF_CELLS] = &psf->quality.flux_errors[cell[1]];
-    return (1.0 - share[1]) * ((1.0 - share[0]) * e[0][cell[0]] + share[0] * e[0][cell[0] + 1]) +
-           share[1] * ((1.0 - share[0]) * e[1][cell[0]] + share[0] * e[1][cell[0] + 1]);
+    return hypot(psf->quality.flux_error,
+                 (1.0 - share[1]) * ((1.0 - share[0]) * e[0][cell[0]] + share[0] * e[0][cell[0] + 1]) +
+                     share[1] * ((1.0 - share[0]) * e[1][cell[0]] + share[0] * e[1][cell[0] + 1]));
 }

@@ -41,8 +41,8 @@ typedef struct rx_psf_quality {
     int degree;        /* of the polynomial over the tile */
     double radius;     /* pixels, the sum of the PSF within is 1 */
     double beyond;     /* share of a star's light estimated outside */
-    double flux_error; /* relative, 1 sigma: of the flux of a point source, rms over the tile */
-    double flux_errors[RX_PSF_CELLS][RX_PSF_CELLS]; /* the same at X, Y = -1, -0.5, .. 1 */
+    double flux_error; /* relative, 1 sigma: of the flux of a point source, everywhere alike */
+    double flux_errors[RX_PSF_CELLS][RX_PSF_CELLS]; /* besides, at X, Y = -1, -0.5, .. 1 */
     double trace[2];    /* mean (T_data - T_model) / T_model and its error, T = xx + yy */
     double shape[2][2]; /* the same of e1 = (xx - yy) / T, e2 = 2 xy / T: data - model */
     double
@@ -108,7 +108,7 @@ rx_psf *rx_psf_copy(const rx_psf *psf);
 /* stamp[size*size] = PSF at 0-based tile position (x, y). */
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
 
-/* Relative error of a point source's flux from the PSF there: between the cells of quality.flux_errors. */
+/* Relative error of a point source's flux from the PSF there. */
 double rx_psf_flux_error(const rx_psf *psf, double x, double y);
 
 void rx_psf_free(rx_psf *psf); /* NULL is fine */

@@ -497,8 +497,14 @@ static rx_status describe(const rx_psf_job *job, const rx_psf *moffat, int candi
 }
 
 /* What users should know before they use its fluxes. */
-static void warn(const rx_psf_quality *q, rx_log *log)
+static void warn(const rx_psf_quality *q, const rx_psf_variation *v, rx_log *log)
 {
+    if (fabs(v->missed) > 0.02)
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: around (%.0f, %.0f) stars are %.1f %% %s than the PSF, whose "
+                       "degree over the tile is %d; errors of fluxes there hold it",
+                       v->missed_at[0] + 1.0, v->missed_at[1] + 1.0, 100.0 * fabs(v->missed),
+                       v->missed > 0.0 ? "wider" : "narrower", v->degree);
     if (fabs(q->growth) > 0.01)
         rx_log_warning(log,
                        "PSF_TYPE AUTO: within %.1f pixels stars have %.1f %% %s light than the PSF; fluxes "
@@ -593,7 +599,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
             status = normalise(&job, radius, err);
         n = list_stars(&job, 0, fitted);
         if (status == RX_OK)
-            status = rx_psf_vary(&job, fitted, n, par->max_degree, log, err);
+            status = rx_psf_vary(&job, par->max_degree, log, err);
         if (status == RX_OK && pass == CHOICE)
             status = choose_pixels(&job, fitted, n, &pixels, log, err);
         if (status == RX_OK)
@@ -626,7 +632,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     if (status == RX_OK)
         status = describe(&job, moffat, stars.n, *dst, err);
     if (status == RX_OK) {
-        warn(&(*dst)->quality, log);
+        warn(&(*dst)->quality, &job.variation, log);
     }
 exit:
     rx_psf_free(moffat);

@@ -7,14 +7,12 @@
 
 #include "base/memory.h"
 #include "num/stats.h"
+#include "psf/psf_stretch.h"
 
 enum { RINGS = 64, BRIGHT = 60 };
 static const double RATIO = 1.12; /* of the radii of rings */
 static const double SKY_RING =
-    1.3; /* outer radius of the ring for the sky, in units of the outermost ring's */
-/* Least relative error of fluxes from the PSF: halos, spikes and seeing that are simulated and known leave as much, most
- * of it light that the wings of a tail of another law have. */
-static const double FLOOR = 0.003;
+    1.3;                         /* outer radius of the ring for the sky, in units of the outermost ring's */
 static const double CLEAR = 3.0; /* sigmas of a ring that stands out of the noise */
 
 typedef struct ring {
@@ -457,27 +455,48 @@ void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
     }
 }
 
-/* Mean without what sticks out by four robust sigmas, and its error. values are lost. */
-static void robust_mean(double *values, size_t n, double dst[2])
+/* Mean of values [n][2] with their errors, by weight, and its error: what sticks out by four robust sigmas is left out, and
+ * a scatter beyond the errors counts. work [2 n]. */
+static void weighted_mean(const double (*values)[2], size_t n, double *work, double dst[2])
 {
-    double *copy = values + n, centre, sum = 0.0;
-    size_t m = 0;
-    for (size_t i = 0; i < n; i++)
-        copy[i] = values[i];
-    const double sigma = rx_sigma_mad(copy, n, &centre);
-    for (size_t i = 0; i < n; i++)
-        if (fabs(values[i] - centre) <= 4.0 * sigma) {
-            sum += values[i];
-            m++;
-        }
-    dst[0] = m > 0 ? sum / (double)m : 0.0;
-    dst[1] = m > 1 ? sigma / sqrt((double)m) : 0.0;
+    double centre, sum = 0.0, weights = 0.0, square = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        work[i] = values[i][0];
+        work[n + i] = values[i][1] * values[i][1];
+    }
+    const double sigma = rx_sigma_mad(work, n, &centre), noise = rx_median(work + n, n),
+                 more = fmax(sigma * sigma - noise, 0.04 * sigma * sigma);
+    for (size_t i = 0; i < n; i++) {
+        const double variance = values[i][1] * values[i][1] + more, off = values[i][0] - centre,
+                     w = off * off <= 16.0 * variance ? 1.0 / (variance + 1e-12) : 0.0;
+        sum += w * off;
+        weights += w;
+        square += w * w * off * off;
+    }
+    dst[0] = weights > 0.0 ? centre + sum / weights : 0.0;
+    dst[1] = weights > 0.0 ? fmax(sqrt(square) / weights, sqrt(1.0 / weights)) : 0.0;
 }
 
-/* Light of a star's data beyond its model within 1.5 FWHM, share of its flux, and the noise of that. */
+/* d ln flux / ds of a star that is fitted by the profile, of one whose size is another. */
+static double flux_by_size(const rx_psf_job *job)
+{
+    const rx_psf_model *model = &job->model;
+    const double a[RX_PSF_STRETCH] = {0.01, 0.0, 0.0}, none[RX_PSF_STRETCH] = {0.0};
+    double product = 0.0, square = 0.0;
+    for (int j = -model->half; j <= model->half; j++)
+        for (int i = -model->half; i <= model->half; i++) {
+            const double x = i * model->m, y = j * model->m,
+                         p = rx_psf_stretched(job->prior, model->side, x, y, none);
+            product += p * (rx_psf_stretched(job->prior, model->side, x, y, a) - p) / a[0];
+            square += p * p;
+        }
+    return product / square;
+}
+
+/* Light of a star's data beyond its model within 2 FWHM, share of its flux, and the noise of that. */
 static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst[2])
 {
-    const int half = job->model.half, n = 2 * half + 1, reach = (int)fmin(half, ceil(1.5 * job->fwhm));
+    const int half = job->model.half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm));
     double noise = 0.0;
     dst[0] = 0.0;
     for (int j = -reach; j <= reach; j++)
@@ -545,7 +564,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
     rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
     bright *stars = RX_NEW(bright, n);
     ring *around = RX_NEW(ring, (size_t)BRIGHT * (size_t)(r.n + 1));
-    double *values = RX_NEW(double, (area > 3 * n ? area : 3 * n)), level[RINGS + 1];
+    double *values = RX_NEW(double, (area > 4 * n ? area : 4 * n)), level[RINGS + 1];
     float *stamp = RX_NEW(float, (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1));
     rx_status status = RX_OK;
     if (shapes == NULL || stars == NULL || around == NULL || values == NULL || stamp == NULL ||
@@ -567,24 +586,25 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
     for (int which = 0; which < 3; which++) {
         size_t m = 0;
         for (int i = 0; i < job->n; i++)
-            if (job->points[i].kept && job->points[i].reserved)
-                values[m++] = shapes[i].off[which];
+            if (job->points[i].kept && job->points[i].reserved && isfinite(shapes[i].off[which])) {
+                values[2 * m] = shapes[i].off[which];
+                values[2 * m++ + 1] = shapes[i].error;
+            }
         quality->reserved = (int)m;
         if (m > 0)
-            robust_mean(values, m, which == 0 ? quality->trace : quality->shape[which - 1]);
+            weighted_mean((const double(*)[2])values, m, values + 2 * n,
+                          which == 0 ? quality->trace : quality->shape[which - 1]);
     }
-    /* how much the fitted flux differs from the light, beyond the noise: reserved stars, all where there are few */
+    /* how much the fitted flux differs from the light: reserved stars, all where there are few */
     size_t m = 0;
+    double(*excess)[2] = (double(*)[2])values, scale[2] = {0.0}, more = 0.0;
     for (int i = 0; i < job->n; i++)
-        if (job->points[i].kept && (job->points[i].reserved || quality->reserved < 5)) {
-            double excess[2];
-            core_excess(job, &job->points[i], excess);
-            values[m] = excess[0];
-            values[n + m++] = excess[1] * excess[1];
-        }
-    const double noise = m > 0 ? rx_median(values + n, m) : 0.0,
-                 sigma = m > 2 ? rx_sigma_mad(values, m, NULL) : 0.0;
-    quality->flux_error = sqrt(wing_error * wing_error + FLOOR * FLOOR + fmax(sigma * sigma - noise, 0.0));
+        if (job->points[i].kept && (job->points[i].reserved || quality->reserved < 5) &&
+            job->points[i].flux > 0.0)
+            core_excess(job, &job->points[i], excess[m++]);
+    if (m > 0)
+        weighted_mean((const double(*)[2])excess, m, values + 2 * n, scale);
+    scale[0] = fmax(fabs(scale[0]), scale[1]);
     const int judges = list_judges(job, stars);
     rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half, stamp, NULL, NULL, job->stamps);
     for (int j = 0; j < r.n; j++)
@@ -610,12 +630,19 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
             break;
         judged->growth[judged->nradii++] =
             (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
+        if (error < 0.01 && fabs(within) > 2.0 * error)
+            more = fmax(more, fabs(within));
         if (error < 0.01 && fabs(within) > fabs(quality->growth)) {
             quality->growth = within;
             quality->growth_error = error;
             quality->growth_radius = r.edge[j + 1];
         }
     }
+    quality->flux_error = hypot(wing_error, fmax(scale[0], more));
+    const double by_size = flux_by_size(job);
+    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
+        quality->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS] =
+            fabs(by_size) * job->variation.error[i / RX_PSF_CELLS][i % RX_PSF_CELLS];
 exit:
     free(shapes);
     free(stars);

@@ -8,12 +8,13 @@
 
 #include "base/memory.h"
 #include "base/random.h"
+#include "num/stats.h"
 
-enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8 };
-static const double MOST = 0.6;       /* of a stretch */
-static const double OUTLIER = 3.0;    /* sigmas from which a star's weight falls */
-static const double MOST_GAIN = 10.0; /* chi2 of a star that counts for more as its logarithm only */
-static const double NEAR = 0.35;      /* half-width of the stars around a place, X and Y */
+enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
+static const double MOST = 0.6;        /* of a stretch */
+static const double OUTLIER = 3.0;     /* sigmas from which a star's weight falls */
+static const double MOST_GAIN = 10.0;  /* chi2 of a star that counts for more as its logarithm only */
+static const double MOST_ERROR = 0.05; /* of s, of a star that says how wrong the polynomial is */
 static const uint64_t SEED = 20, FOLD = 2;
 
 double rx_psf_spline_at(const float *c, int side, double x, double y)
@@ -78,7 +79,7 @@ static void substitute(const double *factor, double *b, int n)
 
 typedef struct star {
     double value[RX_PSF_STRETCH], variance[RX_PSF_STRETCH], terms[RX_PSF_TERMS];
-    int fold, known;
+    int fold, known, fitted;
 } star;
 
 /* Flux, place and stretch of a star by Gauss and Newton's steps, on the pixels within two FWHM. */
@@ -159,7 +160,7 @@ static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
     memset(c, 0, sizeof(double) * (size_t)nterms);
     for (int i = 0; i < s->n; i++) {
         const star *t = &s->list[i];
-        const double w = t->known && t->fold != fold ? s->weights[i] / t->variance[q] : 0.0;
+        const double w = t->known && t->fitted && t->fold != fold ? s->weights[i] / t->variance[q] : 0.0;
         for (int k = 0; k < nterms && w > 0.0; k++) {
             c[k] += w * t->terms[k] * t->value[q];
             for (int l = 0; l <= k; l++)
@@ -212,22 +213,28 @@ static void hold_out(const stars_of *s, int nterms, double c[RX_PSF_STRETCH][RX_
     }
 }
 
-/* Errors of s in cells. Where the stars around a place differ from the polynomial by more than their noise, that is as
- * wrong as they say. */
-static void judge(const rx_psf_job *job, const stars_of *s, rx_psf_variation *v)
+static int by_first(const void *a, const void *b)
 {
-    double scatter = 0.0, all = 0.0;
+    const double *x = a, *y = b;
+    return x[0] != y[0] ? (x[0] > y[0]) - (x[0] < y[0]) : (x[1] > y[1]) - (x[1] < y[1]);
+}
+
+/* Errors of s in cells. Where most of the stars around a place, those that do not suit the others among them, differ from
+ * the polynomial by more than their noise, that is as wrong as they say. work [3 n]. */
+static void judge(const rx_psf_job *job, const stars_of *s, double (*work)[2], rx_psf_variation *v)
+{
+    double scatter = 0.0, all = 0.0, *off = work[s->n];
     for (int i = 0; i < s->n; i++)
-        if (s->list[i].known) {
-            const double off = s->list[i].value[0] - at_star(&s->list[i], v->c[0], v->nterms);
-            scatter += fmin(off * off / s->list[i].variance[0], OUTLIER * OUTLIER);
+        if (s->list[i].known && s->list[i].fitted) {
+            const double r = s->list[i].value[0] - at_star(&s->list[i], v->c[0], v->nterms);
+            scatter += fmin(r * r / s->list[i].variance[0], OUTLIER * OUTLIER);
             all += 1.0;
         }
     scatter = fmax(scatter / fmax(all - v->nterms, 1.0), 1.0);
     for (int cell = 0; cell < RX_PSF_CELLS * RX_PSF_CELLS; cell++) {
         const double at[2] = {2.0 * (cell % RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0,
                               2.0 * (cell / RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0};
-        double terms[RX_PSF_TERMS], half[RX_PSF_TERMS], variance = 0.0, sum = 0.0, weights = 0.0;
+        double terms[RX_PSF_TERMS], half[RX_PSF_TERMS], variance = 0.0, square = 0.0;
         const double x = job->model.x0 + at[0] * job->model.xs, y = job->model.y0 + at[1] * job->model.ys;
         rx_psf_model model = job->model;
         model.degree = v->degree;
@@ -237,43 +244,62 @@ static void judge(const rx_psf_job *job, const stars_of *s, rx_psf_variation *v)
         substitute(s->normal, half, v->nterms);
         for (int k = 0; k < v->nterms; k++)
             variance += terms[k] * half[k];
-        for (int i = 0; i < s->n; i++) {
-            const star *t = &s->list[i];
-            if (!t->known || fabs(t->terms[1] - at[0]) > NEAR || fabs(t->terms[2] - at[1]) > NEAR)
-                continue;
-            const double w = s->weights[i] / t->variance[0];
-            sum += w * (t->value[0] - at_star(t, v->c[0], v->nterms));
-            weights += w;
+        int n = 0, near;
+        for (int i = 0; i < s->n; i++)
+            if (s->list[i].known && s->list[i].variance[0] < MOST_ERROR * MOST_ERROR) {
+                work[n][0] = hypot(s->list[i].terms[1] - at[0], s->list[i].terms[2] - at[1]);
+                work[n++][1] = i;
+            }
+        qsort(work, (size_t)n, sizeof *work, by_first);
+        for (near = 0; near < n && (near < NEAR || near < n / 30); near++) {
+            const star *t = &s->list[(int)work[near][1]];
+            off[near] = t->value[0] - at_star(t, v->c[0], v->nterms);
+            square += t->variance[0];
         }
-        const double off = weights > 0.0 ? sum / weights : 0.0,
-                     noise = weights > 0.0 ? scatter / weights : 0.0, missed = fmax(off * off - noise, 0.0);
-        v->error[cell / RX_PSF_CELLS][cell % RX_PSF_CELLS] = sqrt(scatter * variance + missed);
-        if (off * off > 16.0 * noise && fabs(off) > fabs(v->missed)) {
-            v->missed = off;
+        double median = 0.0;
+        const double sigma = near > 0 ? rx_sigma_mad(off, (size_t)near, &median) : 0.0,
+                     noise = near > 0 ? 1.6 * fmax(sigma * sigma, square / near) / near : 0.0;
+        v->error[cell / RX_PSF_CELLS][cell % RX_PSF_CELLS] =
+            sqrt(scatter * variance + fmax(median * median - noise, 0.0));
+        if (near >= NEAR && median * median > 9.0 * noise && fabs(median) > fabs(v->missed)) {
+            v->missed = median;
             v->missed_at[0] = x;
             v->missed_at[1] = y;
         }
     }
 }
 
-rx_status rx_psf_vary(rx_psf_job *job, const int *stars, int n, int highest, rx_log *log, rx_error *err)
+rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
 {
-    stars_of s = {.n = n};
+    const int room = job->n + 1;
+    stars_of s = {.n = 0};
     rx_psf_variation best = {.nterms = 1}, next = best;
-    double *least = RX_NEW(double, 2 * (size_t)n + 1), *chi2 = least + n;
-    s.list = RX_NEW(star, (size_t)n + 1);
-    s.weights = RX_NEW(double, (size_t)n + 1);
+    double *least = RX_NEW(double, 2 * (size_t)room), *chi2 = least + room;
+    double(*work)[2] = rx_alloc(2 * (size_t)room, sizeof *work);
+    int *stars = RX_NEW(int, room);
+    s.list = RX_NEW(star, room);
+    s.weights = RX_NEW(double, room);
     s.normal = RX_NEW(double, RX_PSF_TERMS *RX_PSF_TERMS);
     rx_status status = RX_OK;
-    if (least == NULL || s.list == NULL || s.weights == NULL || s.normal == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof *s.list);
+    if (least == NULL || work == NULL || stars == NULL || s.list == NULL || s.weights == NULL ||
+        s.normal == NULL) {
+        status = rx_error_memory(err, (size_t)room * sizeof *s.list);
         goto exit;
     }
     rx_psf_model model = job->model;
     model.degree = RX_PSF_DEGREE;
     model.nterms = RX_PSF_TERMS;
+    int n = 0;
+    for (int i = 0; i < job->n; i++) {
+        const rx_psf_point *p = &job->points[i];
+        if (!p->star || p->reserved || !(p->chi2 < HUGE_VAL))
+            continue;
+        s.list[s.n].fitted = p->kept;
+        n += p->kept;
+        stars[s.n++] = i;
+    }
 #pragma omp parallel for schedule(dynamic, 4) num_threads(job->nthreads)
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < s.n; i++) {
         const rx_psf_point *p = &job->points[stars[i]];
         rx_psf_model_terms(&model, p->x, p->y, s.list[i].terms);
         s.list[i].fold = (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)p->source));
@@ -286,7 +312,9 @@ rx_status rx_psf_vary(rx_psf_job *job, const int *stars, int n, int highest, rx_
         rx_psf_variation part = next;
         hold_out(&s, next.nterms, part.c, chi2);
         double mean = 0.0, square = 0.0;
-        for (int i = 0; i < n && degree > 0; i++) {
+        for (int i = 0; i < s.n && degree > 0; i++) {
+            if (!s.list[i].fitted)
+                continue;
             const double gain = MOST_GAIN * (asinh(least[i] / MOST_GAIN) - asinh(chi2[i] / MOST_GAIN));
             mean += gain / n;
             square += gain * gain / n;
@@ -299,14 +327,16 @@ rx_status rx_psf_vary(rx_psf_job *job, const int *stars, int n, int highest, rx_
                 degree, mean, error, best.degree);
         if (degree == 0 || mean > error) {
             best = next;
-            memcpy(least, chi2, (size_t)n * sizeof *least);
+            memcpy(least, chi2, (size_t)s.n * sizeof *least);
         }
     }
     if (fit_all(&s, best.nterms, best.c))
-        judge(job, &s, &best);
+        judge(job, &s, work, &best);
     job->variation = best;
 exit:
     free(least);
+    free(work);
+    free(stars);
     free(s.list);
     free(s.weights);
     free(s.normal);

@@ -711,7 +711,9 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     /* light that the PSF has in the wrong place weighs more where less of the light is seen; where the core is hidden
      * (saturated stars) the flux is extrapolated from wings, and as wrong as these fit badly */
     const double seen = fmax(s->inside - s->masked, 1e-3);
-    s->fluxerr = hypot(s->fluxerr, w->input->image.psf->quality.flux_error * s->flux / seen);
+    const rx_psf *psf = w->input->image.psf;
+    s->fluxerr =
+        hypot(s->fluxerr, rx_psf_flux_error(psf, w->subjects[i].x, w->subjects[i].y) * s->flux / seen);
     if ((s->flags & RX_TPHOT_MASKED) != 0)
         s->fluxerr *= sqrt(fmax(s->chi2, 1.0));
     if (rx_footprint_peak(&w->subjects[i].footprint) * fabs(s->flux) > RUNAWAY * (double)w->canvas.brightest)

@@ -25,7 +25,7 @@
  * and of photons, the neighbours, the local background and, of extended sources, what the freedom of the
  * profile costs and what Spergel's profiles are found to be wrong by (0.8 %, steep ones up to 5 %: those miss
  * light in their wings, Sersic's n > 2.6 is 5 % too faint). That of the PSF, which all
- * fluxes of a tile share, is added where it is known (rx_psf_quality.flux_error, over the share of the light that is seen), not to S/N and
+ * fluxes of a tile share, is added where it is known (rx_psf_flux_error(), over the share of the light that is seen), not to S/N and
  * covariances. In a crowd points lose the light that neighbours too near to be seen add on average, and their errors hold how much
  * that varies (unseen.h); S/N does not. Where more than 10 % of the light is hidden, the error grows by sqrt(chi2). */
 #ifndef RX_TEMPLATE_TEMPLATE_H

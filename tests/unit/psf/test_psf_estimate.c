@@ -24,6 +24,7 @@ typedef struct field {
     double fwhm, beta, ratio, angle;
     double halo;   /* share of a star's light in an exponential of scale 1.5 FWHM */
     double varies; /* share by which the FWHM grows from the left to the right */
+    double corner; /* share by which it grows towards the upper right corner, within 110 pixels */
 } field;
 
 static double uniform(uint64_t stream, uint64_t i)
@@ -83,12 +84,24 @@ static void measure_source(const field *f, rx_source *s, double radius, double r
     s->b = 2.0 * ratio;
 }
 
+static double width_at(const field *f, double x, double y)
+{
+    const double u = (x - SIDE) / 110.0, v = (y - SIDE) / 110.0;
+    return f->fwhm * (1.0 + f->varies * (x / SIDE - 0.5)) * (1.0 + f->corner * exp(-0.5 * (u * u + v * v)));
+}
+
 /* One object per cell: `nstars` stars first, galaxies (wider, of all ellipticities) in most other cells. */
-static void make_field_of(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot,
-                          double halo, double varies)
+static void make_varied(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot,
+                        double halo, double varies, double corner)
 {
     size_t n = (size_t)SIDE * SIDE;
-    *f = (field){.fwhm = fwhm, .beta = beta, .ratio = ratio, .angle = angle, .halo = halo, .varies = varies};
+    *f = (field){.fwhm = fwhm,
+                 .beta = beta,
+                 .ratio = ratio,
+                 .angle = angle,
+                 .halo = halo,
+                 .varies = varies,
+                 .corner = corner};
     f->tile = (rx_tile){.name = "field.fits",
                         .width = SIDE,
                         .height = SIDE,
@@ -117,7 +130,7 @@ static void make_field_of(field *f, double fwhm, double beta, double ratio, doub
         s->peak = pow(10.0, 2.2 + 2.0 * uniform(3, (uint64_t)c));
         double wide = star ? 1.0 : 1.2 + 1.3 * uniform(4, (uint64_t)c),
                q = star ? ratio : 0.5 + 0.5 * uniform(5, (uint64_t)c);
-        add_profile(f, s->x, s->y, s->peak, wide * fwhm * (1.0 + varies * (s->x / SIDE - 0.5)), q,
+        add_profile(f, s->x, s->y, s->peak, wide * width_at(f, s->x, s->y), q,
                     star ? angle : 3.0 * uniform(6, (uint64_t)c));
         s->class_star = wide; /* kept for measuring */
         s->b = q;
@@ -147,6 +160,12 @@ static void make_field_of(field *f, double fwhm, double beta, double ratio, doub
     }
 }
 
+static void make_field_of(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot,
+                          double halo, double varies)
+{
+    make_varied(f, fwhm, beta, ratio, angle, nstars, hot, halo, varies, 0.0);
+}
+
 static void make_field(field *f, double fwhm, double beta, double ratio, double angle, int nstars, int hot)
 {
     make_field_of(f, fwhm, beta, ratio, angle, nstars, hot, 0.0, 0.0);
@@ -164,7 +183,7 @@ static void free_field(field *f)
 static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
 {
     rx_psf_params par = {
-        .type = type, .beta = 4.765, .min_stars = 1, .min_snr = 20.0, .max_degree = 4, .nthreads = nthreads};
+        .type = type, .beta = 4.765, .min_stars = 1, .min_snr = 20.0, .max_degree = 6, .nthreads = nthreads};
     const rx_image tile = rx_tile_image(&f->tile);
     rx_image image = rx_image_on_sky(&tile, &f->background);
     image.hide = RX_HIDE_RESTORED;
@@ -360,6 +379,64 @@ static void test_varies(void **state)
     free_field(&f);
 }
 
+/* A width that grows by half from one side to the other: its second derivative is not enough. */
+static void test_varies_much(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    make_field_of(&f, 4.0, 3.5, 1.0, 0.0, 95, 0, 0.0, 0.4);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s\n", psf->description);
+    for (int k = 0; k < 3; k++) {
+        const double x = 30.0 + 290.0 * k;
+        assert_int_equal(
+            rx_psf_moffat(4.0 * (1.0 + 0.4 * (x / SIDE - 0.5)), 3.5, 1.0, 0.0, psf->size, &truth, NULL),
+            RX_OK);
+        print_message("%g: %.5f %.5f\n", x, encircled(psf, x, 320.0, 2.5), encircled(truth, 0.0, 0.0, 2.5));
+        assert_near(encircled(psf, x, 320.0, 2.5), encircled(truth, 0.0, 0.0, 2.5), 0.003);
+        rx_psf_free(truth);
+    }
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* Bright stars say the width to a thousandth: the light within a radius of a constant PSF. */
+static void test_bright_stars(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    make_field_of(&f, 4.0, 3.0, 0.9, 0.4, 95, 0, 0.0, 0.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s\n", psf->description);
+    assert_int_equal(rx_psf_moffat(4.0, 3.0, 0.9, 0.4, psf->size, &truth, NULL), RX_OK);
+    print_message("%.5f %.5f, %.5f\n", encircled(psf, 320.0, 320.0, 2.5), encircled(truth, 0.0, 0.0, 2.5),
+                  psf->quality.flux_error);
+    assert_near(encircled(psf, 320.0, 320.0, 2.5), encircled(truth, 0.0, 0.0, 2.5), 0.001);
+    assert_between(psf->quality.flux_error, 1e-5, 0.0028); /* measured, no floor */
+    rx_psf_free(truth);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* A corner whose few stars are wider than any polynomial follows: fluxes there have larger errors. */
+static void test_bad_corner(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    make_varied(&f, 3.5, 4.0, 1.0, 0.0, 95, 0, 0.0, 0.0, 0.25);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s: %.4f, corners %.4f %.4f, middle %.4f\n", psf->description, psf->quality.flux_error,
+                  rx_psf_flux_error(psf, 0, 0), rx_psf_flux_error(psf, SIDE - 1, SIDE - 1),
+                  rx_psf_flux_error(psf, 320, 320));
+    assert_true(rx_psf_flux_error(psf, SIDE - 1, SIDE - 1) > 0.03);
+    assert_between(rx_psf_flux_error(psf, 320, 320), psf->quality.flux_error, 0.01);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -403,7 +480,7 @@ static void test_too_few(void **state)
     assert_non_null(strstr(err.text, "needs 5"));
     assert_non_null(strstr(err.text, "PSF_FWHM"));
     const rx_psf_params most = {
-        .type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 4, .min_snr = 20.0, .max_degree = 4};
+        .type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 4, .min_snr = 20.0, .max_degree = 6};
     const rx_image tile = rx_tile_image(&f.tile);
     rx_image image = rx_image_on_sky(&tile, &f.background);
     image.hide = RX_HIDE_RESTORED;
@@ -676,6 +753,9 @@ int main(void)
         cmocka_unit_test(test_saturated_stars),
         cmocka_unit_test(test_halo),
         cmocka_unit_test(test_varies),
+        cmocka_unit_test(test_varies_much),
+        cmocka_unit_test(test_bright_stars),
+        cmocka_unit_test(test_bad_corner),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
         cmocka_unit_test(test_specks),
