@@ -22,7 +22,8 @@ middle. predicted: the magnitude that such a fit finds, less the true one; mean,
 
 mag: MAG_TEMPLATE of bright stars (S/N above 100, unsaturated, no neighbour of 0.5 % of their flux within 2 FWHM) less the
 true one of all their light: median, scatter, and the worst median of the corners (a fifth of the side). pull: (flux -
-true) / error, median; width: 1.4826 times the median of its size. CPU: user seconds of rextract, or of source-extractor and
+true) / error, median; width: 1.4826 times the median of its size. limit: 1 sigma of dT/T and de of the best that the usable
+stars allow (Cramer and Rao's bound; their photons and those of the sky, profile and neighbours known). CPU: user seconds of rextract, or of source-extractor and
 psfex together, on a machine that others used as well.
 """
 import json
@@ -296,10 +297,11 @@ def case(folder, name, seed, ways):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "out.param").write_text(COLUMNS.replace(" ", "\n") + "\n")
     x, y, flux = simulate(folder, truth, density, galaxies, seed)
-    usable = int(((psf_truth.signal_to_noise(truth, flux) > 20) & (flux < saturates(truth))).sum())
+    usable = (psf_truth.signal_to_noise(truth, flux) > 20) & (flux < saturates(truth))
+    bound = psf_truth.limits(truth, x[usable], y[usable], flux[usable])
     rows = []
     for way in ways:
-        row = {"case": name, "seed": seed, "way": way, "stars": len(x), "usable": usable}
+        row = {"case": name, "seed": seed, "way": way, "stars": len(x), "usable": int(usable.sum())} | bound
         try:
             model, facts = measure(folder, truth, way)
             row |= facts | against_truth(model, truth) | photometry(folder, truth, x, y, flux)
@@ -655,21 +657,22 @@ def answer(folder, tile, keys, x=(), y=(), flux=()):
 # --- the page
 
 def held(a):
-    """Which of the goals a tile with 100 usable stars or more misses."""
+    """Which of the goals a tile with 100 usable stars or more misses, and which of them its stars cannot show: off by no more
+    than twice what they allow."""
     if "failed" in a:
-        return [a["failed"]]
-    wrong = []
-    if abs(a["dT/T"]) > LIMITS["dT/T"]:
-        wrong.append(f"dT/T {a['dT/T']:+.4f}")
-    if max(abs(a["de1"]), abs(a["de2"])) > LIMITS["de"]:
-        wrong.append(f"de {a['de1']:+.5f}, {a['de2']:+.5f}")
+        return [a["failed"]], []
+    wrong, beyond = [], []
+    for goal, limit, text, values in (("dT/T", "limit dT/T", "dT/T {:+.4f}", [a["dT/T"]]),
+                                      ("de", "limit de", "de {:+.5f}, {:+.5f}", [a["de1"], a["de2"]])):
+        if max(map(abs, values)) > LIMITS[goal]:
+            (wrong if max(map(abs, values)) > 2 * a.get(limit, 0) else beyond).append(text.format(*values))
     if a.get("mag") is not None and abs(a["mag"]) > LIMITS["mean"]:
         wrong.append(f"fluxes {a['mag']:+.4f} mag")
     if abs(a["predicted corner mag"]) > LIMITS["corner"]:
         wrong.append(f"a corner {a['predicted corner mag']:+.3f} mag")
     if a.get("pull width") is not None and abs(a["pull width"] - 1) > LIMITS["pull"]:
         wrong.append(f"pulls {a['pull width']:.2f}")
-    return wrong
+    return wrong, beyond
 
 
 def table(head, rows):
@@ -679,7 +682,7 @@ def table(head, rows):
 def truth_page(rows, out):
     version = subprocess.run([find("rextract"), "-v"], capture_output=True, text=True).stdout.split("\n")[0]
     by = {key(a): a for a in rows if "failed" not in a}
-    judged = [(a, held(a)) for a in rows if a["way"] == "AUTO" and a["usable"] >= 100]
+    judged = [(a, *held(a)) for a in rows if a["way"] == "AUTO" and a["usable"] >= 100]
     lines = []
     for way in dict.fromkeys(a["way"] for a in by.values()):
         mine = [a for a in by.values() if a["way"] == way]
@@ -696,10 +699,15 @@ def truth_page(rows, out):
             f"Seeds {', '.join(sorted({str(a['seed']) for a in rows}))}; {version}. Stars drawn here and by rextract-simulate"
             f" differ by {drawing_error(Path(out) / 'check'):.0e} of the peak at most.", "", *table(HEAD, map(line_of, rows)),
             "Goals, on tiles with 100 usable stars or more (S/N above 20, not saturated): |dT/T| 1e-3, |de| 2e-4, median flux"
-            " 0.003 mag, every corner 0.01 mag, pulls 1 +- 0.15.", "",
-            *table(["tile", "seed", "usable stars", "AUTO misses"],
-                   [f"| {a['case']} | {a['seed']} | {a['usable']} | {'; '.join(w) or 'nothing'} |" for a, w in judged]),
-            f"{sum(not w for _, w in judged)} of {len(judged)} tiles miss nothing. Medians over all tiles:", "",
+            " 0.003 mag, every corner 0.01 mag, pulls 1 +- 0.15. A goal below twice the limit is not one that these stars can show;"
+            " what is above the goal but not above twice the limit stands apart.", "",
+            *table(["tile", "seed", "usable stars", "limit dT/T (1e-3)", "limit de (1e-4)", "AUTO misses", "within twice the limit"],
+                   [f"| {a['case']} | {a['seed']} | {a['usable']} | {number(1e3 * a.get('limit dT/T', np.nan), '.2f')} | "
+                    f"{number(1e4 * a.get('limit de', np.nan), '.1f')} | {'; '.join(w) or 'nothing'} | {'; '.join(b)} |"
+                    for a, w, b in judged]),
+            f"{sum(not w for _, w, _ in judged)} of {len(judged)} tiles miss nothing; on"
+            f" {sum(a.get('limit de', 0) > LIMITS['de'] for a, _, _ in judged)} of them 1 sigma of de is above its goal for any"
+            " method. Medians over all tiles:", "",
             *table(["PSF", "tiles", *(f"size of {k}" for k in ("dT/T", "residual", "growth", "mag")), "bright stars",
                     "median pull", "width", "CPU s in all"], lines),
             f"AUTO is as good as psfex's model or better, of {len(duels)} tiles that both do: {better}.", ""]

@@ -158,6 +158,46 @@ def signal_to_noise(truth, flux):
     return flux / np.sqrt(SIGMA**2 / (middle**2).sum() + flux / GAIN)
 
 
+def limits(truth, x, y, flux):
+    """Cramer and Rao's bound, 1 sigma, of the mean over the tile of dT/T and of the ellipticities, from stars with flux, place,
+    size and ellipse free, profile and neighbours known; size and ellipse are polynomials over the tile of the truth's degree
+    (4 for a bad corner). No method does better."""
+    half, (fwhm, e, angle) = int(np.ceil(4 * truth.fwhm + 2)), truth.shape(truth.side / 2, truth.side / 2)
+
+    def stamp(s=0.0, e1=0.0, e2=0.0, dx=0.0, dy=0.0):
+        k = e * np.exp(2j * angle) + e1 + 1j * e2
+        shape = fwhm * np.exp(s), abs(k), 0.5 * np.angle(k)
+        return quadrature(lambda u, v: truth.density(u, v, shape), half, dx, dy, 4 if fwhm > 2.2 else 7)
+
+    h, plain = 1e-3, stamp()
+    steps = [{name: h} for name in ("dx", "dy", "s", "e1", "e2")]
+    slopes = [(stamp(**a) - stamp(**{k: -v for k, v in a.items()})) / (2 * h) for a in steps]
+    change = np.array([(np.array(moments(plain + h * d, truth.fwhm)) - moments(plain, truth.fwhm)) / h for d in slopes[2:]]).T
+    change[0] /= moments(plain, truth.fwhm)[0]
+
+    def information(f):
+        g = np.array([plain, *(f * d for d in slopes)]).reshape(6, -1)
+        a = g / (SIGMA**2 + f * plain.ravel() / GAIN) @ g.T
+        return a[3:, 3:] - a[3:, :3] @ np.linalg.solve(a[:3, :3], a[:3, 3:])
+
+    grid = np.geomspace(flux.min(), flux.max(), 12)
+    known = np.array([information(f) for f in grid])
+    each = np.array([[np.interp(np.log(flux), np.log(grid), known[:, a, b]) for b in range(3)] for a in range(3)])
+    degree = {"CONSTANT": 0, "LINEAR": 1, "QUADRATIC": 2, "CORNER": 4}[truth.varies]
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+
+    def terms(u, v):
+        return np.array([np.polynomial.legendre.legval(u, [0] * i + [1]) * np.polynomial.legendre.legval(v, [0] * j + [1])
+                         for i, j in powers])
+
+    at = terms(2 * x / (truth.side - 1) - 1, 2 * y / (truth.side - 1) - 1)
+    n, axis = len(powers), (np.arange(12) + 0.5) / 6 - 1
+    covariance = np.linalg.inv(np.einsum("in,jn,abn->iajb", at, at, each).reshape(3 * n, 3 * n)).reshape(n, 3, n, 3)
+    mean = terms(np.tile(axis, 12), np.repeat(axis, 12)).mean(1)
+    size, e1, e2 = np.sqrt(np.diag(change @ np.einsum("i,iajb,j->ab", mean, covariance, mean) @ change.T))
+    return {"limit dT/T": size, "limit de": max(e1, e2)}
+
+
 # --- judging a PSF
 
 def moments(stamp, weight_fwhm):
