@@ -152,7 +152,7 @@ if [ "$active" = 1 ]; then
     timeout 300 "$program" tile.fits $known $check -SELF_CHECK_COUNT 60 -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII \
         -CATALOG_NAME test.cat -VERBOSE_TYPE QUIET >../out 2>../err
     echo $? >../code
-    awk '!($1 > 0.5 && $1 <= 1) { print "P_REAL", $0 }
+    awk '!($1 > 0 && $1 <= 1) { print "P_REAL", $0 }
          $3 != "nan" { n++; if (!($3 > 0 && $4 > $3)) print }
          END { if (!n) print "no errors" }' test.cat >>../err
     leaves test.cat
