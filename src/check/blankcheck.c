@@ -316,18 +316,15 @@ rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankch
                               rx_error *err)
 {
     const rx_tphot *tphot = tile->templates.tphot;
-    if (tphot == NULL || check->realisations == 0 || check->quick)
+    if (tphot == NULL || check->realisations == 0 || check->quick || is_crowd(tile))
         return RX_OK;
-    const int crowd = is_crowd(tile);
     double *evidence = RX_NEW(double, (size_t)tphot->n);
     if (evidence == NULL)
         return rx_error_memory(err, (size_t)tphot->n * sizeof *evidence);
-    rx_preal_sample own = {.evidence = evidence,
-                           .pixels = crowd ? tphot->crowded * tphot->visible
-                                           : (1.0 - tphot->crowded) * check->sky * 1e6};
+    rx_preal_sample own = {.evidence = evidence, .pixels = (1.0 - tphot->crowded) * check->sky * 1e6};
     for (int i = 0; i < tphot->n; i++) {
         const rx_tphot_source *t = &tphot->list[i];
-        if (t->crowded == crowd && isfinite(t->snr) && !rx_preal_owes(t->evidence, t->snr))
+        if (!t->crowded && isfinite(t->snr) && !rx_preal_owes(t->evidence, t->snr))
             evidence[own.n++] = t->evidence;
     }
     rx_preal_fit(&tile->templates.preal, &own,

@@ -74,7 +74,8 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
 /* check->sky and ->real from its rate and `tile`, that restorer on the untouched tile. */
 void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
 
-/* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was. Pieces of
+/* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was, and in a crowd,
+ * where the light of others hides peaks that an empty sky shows. Pieces of
  * neighbours, which noise has none of, are left out of the comparison. Errors: RX_SYSTEM. */
 rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
                               rx_error *err);
