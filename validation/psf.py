@@ -432,10 +432,10 @@ def extract(folder, tile, way, fwhm=4.0):
                                  "seconds": made or seconds}
 
 
-def choose(rows, shape, limit, fwhm):
+def choose(rows, shape, limit, fwhm, least=20):
     """Places of bright, lone, unsaturated sources as wide as most of the 60 brightest: whatever a PSF takes for a star."""
     x, y, flux = (rows[k].astype(float) for k in ("X_IMAGE", "Y_IMAGE", "FLUX_AUTO"))
-    good = ((rows["FLAGS"] & 4 == 0) & (flux > 20 * rows["FLUXERR_AUTO"]) & (rows["FLUX_MAX"] + rows["BACKGROUND"] < limit)
+    good = ((rows["FLAGS"] & 4 == 0) & (flux > least * rows["FLUXERR_AUTO"]) & (rows["FLUX_MAX"] + rows["BACKGROUND"] < limit)
             & (np.minimum(x, y) > STACK + 1) & (x < shape[1] - STACK) & (y < shape[0] - STACK))
     at = np.column_stack([x, y])
     near = cKDTree(at).query_ball_point(at, 2.5 * fwhm)
@@ -477,7 +477,7 @@ def picture(stacks, fwhm, path):
     radii = np.arange(0.5, STACK + 0.25, 0.5)
     curves = [("stars", psf_truth.growth(image, radii))]
     curves += [(f"left by {way}", psf_truth.growth(left, radii)) for way, (_, left) in stacks.items()]
-    lines = [f"set terminal pngcairo size {300 * (len(panels) + 1)},330 font ',9'", f"set output '{path}'",
+    lines = [f"set terminal pngcairo noenhanced size {300 * (len(panels) + 1)},330 font ',9'", f"set output '{path}'",
              f"set multiplot layout 1,{len(panels) + 1}", "set size ratio -1; unset key; set tics out nomirror"]
     for name, values, limits in panels:
         lines += [f"set title '{name}'", f"set cbrange {limits}",
@@ -557,7 +557,8 @@ def real(out, ways=None):
                 height, wide = tile.pixels.shape
                 at = places_of(wide, height)
                 if places is None and len(found):
-                    places = choose(found, tile.pixels.shape, saturation, float(facts["cards"].get("RXTPFWHM", 4)))
+                    places = choose(found, tile.pixels.shape, saturation, float(facts["cards"].get("RXTPFWHM", 4)),
+                                    8 if tile.name in FLAT else 20)
                 if places is not None and len(places):
                     made, a["stacked"], a["points"] = stack(found, planes, places)
                     if made is not None:
