@@ -24,6 +24,29 @@ rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis)
     return psf;
 }
 
+static size_t samples_of(const rx_psf *psf)
+{
+    const size_t side = (size_t)rx_psf_fine_side(psf);
+    return (size_t)psf->nbasis * side * side;
+}
+
+int rx_psf_sample(rx_psf *psf, int fine)
+{
+    const size_t side = (size_t)fine * (size_t)(psf->size - 1) + 1;
+    psf->fine = fine;
+    psf->samples = rx_alloc((size_t)psf->nbasis * side, side * sizeof(float));
+    return psf->samples != NULL;
+}
+
+void rx_psf_pick(rx_psf *psf)
+{
+    const size_t size = (size_t)psf->size, side = (size_t)rx_psf_fine_side(psf), fine = (size_t)psf->fine;
+    for (size_t b = 0; b < (size_t)psf->nbasis; b++)
+        for (size_t j = 0; j < size; j++)
+            for (size_t i = 0; i < size; i++)
+                psf->basis[(b * size + j) * size + i] = psf->samples[(b * side + fine * j) * side + fine * i];
+}
+
 rx_psf *rx_psf_copy(const rx_psf *psf)
 {
     rx_psf *copy = rx_psf_new(psf->type, psf->size, psf->nbasis);
@@ -32,9 +55,16 @@ rx_psf *rx_psf_copy(const rx_psf *psf)
     float *basis = copy->basis;
     *copy = *psf;
     copy->basis = basis;
-    memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
+    copy->samples = NULL;
     copy->stars = NULL;
     copy->judged = NULL;
+    if (psf->samples != NULL && !rx_psf_sample(copy, psf->fine)) {
+        rx_psf_free(copy);
+        return NULL;
+    }
+    if (psf->samples != NULL)
+        memcpy(copy->samples, psf->samples, samples_of(psf) * sizeof(float));
+    memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
     if (psf->stars != NULL && psf->nstars > 0) {
         copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);
         if (copy->stars == NULL) {
@@ -54,9 +84,8 @@ static double power(double base, int exponent)
     return product;
 }
 
-void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)
+static void mix(const rx_psf *psf, const float *images, size_t n, double x, double y, float *stamp)
 {
-    size_t n = (size_t)psf->size * (size_t)psf->size;
     double coefficient[RX_PSF_MAX_BASIS];
     for (int b = 0; b < psf->nbasis; b++)
         coefficient[b] =
@@ -64,9 +93,20 @@ void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)
     for (size_t i = 0; i < n; i++) {
         double sum = 0.0;
         for (int b = 0; b < psf->nbasis; b++)
-            sum += coefficient[b] * (double)psf->basis[(size_t)b * n + i];
+            sum += coefficient[b] * (double)images[(size_t)b * n + i];
         stamp[i] = (float)sum;
     }
+}
+
+void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)
+{
+    mix(psf, psf->basis, (size_t)psf->size * (size_t)psf->size, x, y, stamp);
+}
+
+void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp)
+{
+    const size_t side = (size_t)rx_psf_fine_side(psf);
+    mix(psf, psf->samples != NULL ? psf->samples : psf->basis, side * side, x, y, stamp);
 }
 
 void rx_psf_free(rx_psf *psf)
@@ -74,6 +114,7 @@ void rx_psf_free(rx_psf *psf)
     if (psf == NULL)
         return;
     free(psf->basis);
+    free(psf->samples);
     free(psf->stars);
     rx_psf_judged_free(psf->judged);
     free(psf);

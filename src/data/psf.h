@@ -7,9 +7,14 @@
  * tile's pixels and already integrated over the pixel, odd in size, the centre in the
  * middle of pixel (size/2, size/2). Normalised: the sum of PSF(x, y) is 1 everywhere on
  * the tile (basis 0 sums to 1, the others to 0), negative wings included.
+ *
+ * Of a narrow PSF, which its pixels do not sample, the same is known between the pixels as well: `samples`, `fine`
+ * of them a pixel and every fine-th of them the basis, each the light of a pixel centred there.
  */
 #ifndef RX_DATA_PSF_H
 #define RX_DATA_PSF_H
+
+#include <stddef.h>
 
 #include "base/extern.h"
 
@@ -82,9 +87,11 @@ enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
 typedef struct rx_psf {
     rx_psf_type type;
-    int size;     /* odd, each basis image is [size][size] */
-    int nbasis;   /* 1 .. RX_PSF_MAX_BASIS */
-    float *basis; /* [nbasis][size][size] */
+    int size;       /* odd, each basis image is [size][size] */
+    int nbasis;     /* 1 .. RX_PSF_MAX_BASIS */
+    float *basis;   /* [nbasis][size][size] */
+    int fine;       /* of samples */
+    float *samples; /* [nbasis][side][side], side = rx_psf_fine_side(); NULL: none */
     int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
     double x0, y0, xs, ys;
     double fwhm;        /* pixels, at the tile's centre */
@@ -102,11 +109,28 @@ typedef struct rx_psf {
 /* Zeroed PSF with room for nbasis images of size x size; exponents 0, scales 1. NULL without memory. */
 rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis);
 
+/* `fine` samples a pixel, above 1: room for them in samples, zeroed. 0 without memory. */
+int rx_psf_sample(rx_psf *psf, int fine);
+static inline int rx_psf_fine(const rx_psf *psf)
+{
+    return psf->samples != NULL ? psf->fine : 1;
+}
+static inline int rx_psf_fine_side(const rx_psf *psf)
+{
+    return rx_psf_fine(psf) * (psf->size - 1) + 1;
+}
+
+/* basis = every fine-th of the samples. */
+void rx_psf_pick(rx_psf *psf);
+
 /* A copy that shares nothing; NULL without memory. */
 rx_psf *rx_psf_copy(const rx_psf *psf);
 
 /* stamp[size*size] = PSF at 0-based tile position (x, y). */
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
+
+/* stamp[side*side], side = rx_psf_fine_side(): the same with samples; without any it is rx_psf_at(). */
+void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp);
 
 /* Relative error of a point source's flux from the PSF there. */
 double rx_psf_flux_error(const rx_psf *psf, double x, double y);

@@ -12,17 +12,6 @@
 
 enum { HALF_MIN = 2, HALF_MAX = 127 };
 
-/* Doubles to basis 0, divided by their sum. */
-static void store_normalised(const double *values, rx_psf *psf)
-{
-    size_t n = (size_t)psf->size * (size_t)psf->size;
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++)
-        sum += values[i];
-    for (size_t i = 0; i < n; i++)
-        psf->basis[i] = (float)(values[i] / sum);
-}
-
 static int moffat_half_size(double fwhm, double beta, double ratio)
 {
     double radius = fmin(rx_moffat_radius_flux(beta, 1e-3), rx_moffat_radius_level(beta, 1e-5));
@@ -55,9 +44,11 @@ rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, in
         return status;
     if (size == 0)
         size = 2 * moffat_half_size(fwhm, beta, ratio) + 1;
+    const int fine = rx_psf_narrow_samples(fwhm * sqrt(ratio)),
+              side = fine * (size - 1) + 1; /* of the minor axis */
     rx_psf *psf = rx_psf_new(RX_PSF_MOFFAT, size, 1);
-    double *values = RX_NEW(double, (size_t)size *(size_t)size);
-    if (psf == NULL || values == NULL) {
+    double *values = RX_NEW(double, (size_t)side *(size_t)side), sum = 0.0;
+    if (psf == NULL || values == NULL || (fine > 1 && !rx_psf_sample(psf, fine))) {
         rx_psf_free(psf);
         free(values);
         return rx_error_memory(err, 0);
@@ -66,11 +57,17 @@ rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, in
     rx_moffat profile;
     rx_moffat_shape(fwhm, beta, ratio, angle, shape);
     rx_moffat_set(&profile, shape);
-    for (int j = 0; j < size; j++)
-        for (int i = 0; i < size; i++)
-            values[(size_t)j * (size_t)size + (size_t)i] =
-                rx_moffat_pixel(&profile, i - size / 2, j - size / 2, NULL);
-    store_normalised(values, psf);
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++)
+            values[j * side + i] =
+                rx_moffat_pixel(&profile, (double)(i - side / 2) / fine, (double)(j - side / 2) / fine, NULL);
+    for (int j = 0; j < side; j += fine)
+        for (int i = 0; i < side; i += fine)
+            sum += values[j * side + i];
+    for (int i = 0; i < side * side; i++)
+        (fine > 1 ? psf->samples : psf->basis)[i] = (float)(values[i] / sum);
+    if (fine > 1)
+        rx_psf_pick(psf);
     free(values);
     psf->fwhm = fwhm;
     psf->beta = beta;

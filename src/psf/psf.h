@@ -78,6 +78,14 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
 rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
                        rx_error *err);
 
+/* FWHM, pixels: below it pixels do not sample a PSF well enough to be shifted by parts of a pixel (Lanczos and Fourier
+ * leave 0.02 mag of scatter at 1.5, 0.001 at 2.5), and the PSF has samples between them; as many a pixel. */
+#define RX_PSF_NARROW 2.6
+static inline int rx_psf_narrow_samples(double fwhm)
+{
+    return !(fwhm < RX_PSF_NARROW) ? 1 : fwhm > 1.2 ? 2 : 4;
+}
+
 /* Side of a PSF at most, pixels: stamps are counted by int, and no PSF needs more. */
 enum { RX_PSF_LARGEST = 4095 };
 

@@ -58,7 +58,7 @@ static double profile_at(const model *m, double x, double y)
     return NAN;
 }
 
-static double profile(const model *m, int dx, int dy)
+static double profile(const model *m, double dx, double dy)
 {
     static const double at[4] = {-0.43056816, -0.16999052, 0.16999052, 0.43056816};
     static const double weight[4] = {0.17392742, 0.32607258, 0.32607258, 0.17392742};
@@ -69,26 +69,27 @@ static double profile(const model *m, int dx, int dy)
     return sum;
 }
 
-static rx_status draw(const void *source, int k, double x, double y, double *stamp, rx_error *err)
+/* The tables have steps of half a pixel. */
+static rx_status draw(const void *source, int k, double x, double y, int fine, double *stamp, rx_error *err)
 {
     static const int tables[] = {0, 1, 3, 6};
     const model *m = source;
     const double u = x / m->psfx - 1.0, v = y / m->psfy - 1.0; /* x, y from 0 */
     const double terms[6] = {1.0, u, v, 1.5 * u * u - 0.5, u * v, 1.5 * v * v - 0.5};
-    const int half = m->size / 2, side = m->cube->width;
+    const int half = fine * (m->size / 2), side = m->cube->width, step = 2 / fine;
     (void)k;
     (void)err;
     for (int dy = -half; dy <= half; dy++)
         for (int dx = -half; dx <= half; dx++) {
             double value = 0.0;
-            if (dx * dx + dy * dy < m->radius * m->radius) {
-                value = m->height * profile(m, dx, dy);
+            if (dx * dx + dy * dy < fine * fine * m->radius * m->radius) {
+                value = m->height * profile(m, (double)dx / fine, (double)dy / fine);
                 for (int t = 0; t < tables[m->order + 1]; t++)
                     value +=
                         terms[t] *
-                        (double)m->cube
-                            ->pixels[((size_t)t * (size_t)side + (size_t)(side / 2 + 2 * dy)) * (size_t)side +
-                                     (size_t)(side / 2 + 2 * dx)];
+                        (double)m->cube->pixels[((size_t)t * (size_t)side + (size_t)(side / 2 + step * dy)) *
+                                                    (size_t)side +
+                                                (size_t)(side / 2 + step * dx)];
             }
             *stamp++ = value;
         }
@@ -194,6 +195,7 @@ rx_status rx_psf_daophot(const rx_psf_params *par, const rx_fits_cube *cube, int
                                .type = RX_PSF_FILE,
                                .size = m.size,
                                .draw = draw,
+                               .finest = 2,
                                .model = &m,
                                .degree = {vary, vary}};
     RX_TRY(rx_psf_project(&src, width, height, dst, &degree, &misfit, err));

@@ -61,12 +61,13 @@ static int powers(const int degree[2], int most, int px[RX_PSF_MAX_BASIS], int p
  * them, and how far each degree is from the stamps. */
 typedef struct fit {
     const rx_psf_source *src;
+    int fine, side;      /* samples a pixel, of a stamp */
     int n, most, nterms; /* places, degree, terms of it */
     int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
     double (*at)[2];
     double *q;                     /* [nterms][n] */
     double (*r)[RX_PSF_MAX_BASIS]; /* [nterms]: from columns to the orthonormal ones */
-    double *images, *stamp;        /* [nterms][size][size], [size][size] */
+    double *images, *stamp;        /* [nterms][side][side], [side][side] */
     double first_sum, predicted[RX_PSF_MAX_DEGREE + 1], misfit[RX_PSF_MAX_DEGREE + 1];
 } fit;
 
@@ -100,14 +101,15 @@ static void orthonormalise(fit *f, const rx_psf *psf)
     }
 }
 
-/* f->stamp = the PSF at place k, sum 1. */
+/* f->stamp = the PSF at place k, sum 1 of whole pixels. */
 static rx_status draw(fit *f, int k, rx_error *err)
 {
-    const int pixels = f->src->size * f->src->size;
+    const int pixels = f->side * f->side;
     double sum = 0.0;
-    RX_TRY(f->src->draw(f->src->model, k, f->at[k][0], f->at[k][1], f->stamp, err));
-    for (int i = 0; i < pixels; i++)
-        sum += f->stamp[i];
+    RX_TRY(f->src->draw(f->src->model, k, f->at[k][0], f->at[k][1], f->fine, f->stamp, err));
+    for (int j = 0; j < f->side; j += f->fine)
+        for (int i = 0; i < f->side; i += f->fine)
+            sum += f->stamp[j * f->side + i];
     if (k == 0)
         f->first_sum = sum;
     if (!(sum > 0.05 * f->first_sum && f->first_sum > 0.0 && isfinite(sum)))
@@ -124,7 +126,7 @@ static rx_status draw(fit *f, int k, rx_error *err)
 /* What is left of stamp k after each degree, there and as predicted from the other places. */
 static void compare(fit *f, int k)
 {
-    const int pixels = f->src->size * f->src->size;
+    const int pixels = f->side * f->side;
     double peak = 0.0, leverage = 0.0;
     for (int i = 0; i < pixels; i++)
         peak = fmax(peak, f->stamp[i]);
@@ -177,10 +179,10 @@ static rx_status describe(rx_psf *psf, const char *file, int width, int height, 
     return RX_OK;
 }
 
-rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf **dst, int *degree,
+static rx_status project(const rx_psf_source *src, int fine, int width, int height, rx_psf **dst, int *degree,
                          double *misfit, rx_error *err)
 {
-    fit f = {.src = src};
+    fit f = {.src = src, .fine = fine, .side = fine * (src->size - 1) + 1};
     int varies[2], least = 0;
     rx_psf *psf = NULL;
     for (int axis = 0; axis < 2; axis++) {
@@ -191,13 +193,14 @@ rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf
     while (f.most < RX_PSF_MAX_DEGREE && powers(varies, f.most + 1, f.px, f.py) < src->n)
         f.most++;
     f.nterms = powers(varies, f.most, f.px, f.py);
-    const size_t pixels = (size_t)src->size * (size_t)src->size;
+    const size_t pixels = (size_t)f.side * (size_t)f.side;
     rx_status status = RX_OK;
     psf = rx_psf_new(src->type, src->size, f.nterms);
     f.images = rx_alloc((size_t)f.nterms, pixels * sizeof(double));
     f.stamp = RX_NEW(double, pixels);
     f.r = rx_alloc((size_t)f.nterms, sizeof *f.r);
-    if (psf == NULL || f.images == NULL || f.stamp == NULL || f.r == NULL) {
+    if (psf == NULL || f.images == NULL || f.stamp == NULL || f.r == NULL ||
+        (fine > 1 && !rx_psf_sample(psf, fine))) {
         status = rx_error_memory(err, pixels * (size_t)f.nterms * sizeof(double));
         goto exit;
     }
@@ -235,8 +238,10 @@ rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf
             for (int s = t + 1; s < psf->nbasis; s++)
                 value -= f.r[t][s] * f.images[(size_t)s * pixels + i];
             f.images[(size_t)t * pixels + i] = value /= f.r[t][t];
-            psf->basis[(size_t)t * pixels + i] = (float)value;
+            (fine > 1 ? psf->samples : psf->basis)[(size_t)t * pixels + i] = (float)value;
         }
+    if (fine > 1)
+        rx_psf_pick(psf);
     status = describe(psf, src->file, width, height, err);
     *degree = best;
     *misfit = f.misfit[best];
@@ -252,6 +257,17 @@ exit:
     }
     *dst = psf;
     return status;
+}
+
+rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf **dst, int *degree,
+                         double *misfit, rx_error *err)
+{
+    RX_TRY(project(src, 1, width, height, dst, degree, misfit, err));
+    const int asked = rx_psf_narrow_samples((*dst)->fwhm), fine = asked < src->finest ? asked : src->finest;
+    if (fine < 2)
+        return RX_OK;
+    rx_psf_free(*dst);
+    return project(src, fine, width, height, dst, degree, misfit, err);
 }
 
 /* --- what a file holds --- */

@@ -6,13 +6,14 @@
 #include "io/fits_read.h"
 #include "psf/psf.h"
 
-/* A PSF as a file has it. draw() makes its stamp [size][size] at place number k, 0-based position (x, y) of the
- * tile: pixel response included, of any sum. */
+/* A PSF as a file has it. draw() makes its stamp at place number k, 0-based position (x, y) of the tile, on `fine` samples
+ * a pixel, [fine (size - 1) + 1] a side: pixel response included, of any sum. */
 typedef struct rx_psf_source {
     const char *file, *what; /* "PSFEx model", for messages */
     rx_psf_type type;
     int size; /* odd */
-    rx_status (*draw)(const void *model, int k, double x, double y, double *stamp, rx_error *err);
+    rx_status (*draw)(const void *model, int k, double x, double y, int fine, double *stamp, rx_error *err);
+    int finest; /* samples a pixel that the file knows */
     const void *model;
     int degree[2]; /* in x and y, at least, of the polynomial to be fitted; below 0: it does not vary there */
     int n;         /* places where alone it is known; 0: it can be drawn anywhere */
@@ -22,7 +23,7 @@ typedef struct rx_psf_source {
 
 /* The least-squares polynomial through the stamps, each divided by its sum: at Chebyshev points of the tile, of the
  * lowest degree that is good to 1e-4 of the peak there, or at the places. It reproduces the constant 1 exactly, so that basis 0 sums to 1 and the others to 0. fwhm and
- * ellipticity are set. *degree: of the polynomial; *misfit: largest difference from a stamp, of its peak. */
+ * ellipticity are set; where the PSF is narrow (RX_PSF_NARROW) it has samples, as far as the file knows them. *degree: of the polynomial; *misfit: largest difference from a stamp, of its peak. */
 rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf **dst, int *degree,
                          double *misfit, rx_error *err);
 

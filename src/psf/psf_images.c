@@ -88,10 +88,11 @@ static rx_status choose_side(images *im, int asked, int width, int height, rx_er
     return rx_psf_check_size(im->file, said, said, width, height, err);
 }
 
-static rx_status draw(const void *model, int k, double x, double y, double *stamp, rx_error *err)
+static rx_status draw(const void *model, int k, double x, double y, int fine, double *stamp, rx_error *err)
 {
     const images *im = model;
     const rx_fits_cube *cube = im->cube;
+    const int side = fine * (im->size - 1) + 1;
     (void)x;
     (void)y;
     const rx_psf_raster src = {.pixels =
@@ -101,9 +102,9 @@ static rx_status draw(const void *model, int k, double x, double y, double *stam
                                .centre_x = 0.5 * (cube->width - 1),
                                .centre_y = 0.5 * (cube->height - 1),
                                .box = im->integrated ? im->sampling : 0.0};
-    RX_TRY(rx_psf_resample(&src, im->sampling, RX_LANCZOS_MAX, stamp, im->size, err));
+    RX_TRY(rx_psf_resample(&src, im->sampling / fine, RX_LANCZOS_MAX, stamp, side, err));
     double sum = 0.0;
-    for (int i = 0; i < im->size * im->size; i++)
+    for (int i = 0; i < side * side; i++)
         sum += stamp[i];
     return sum > 0.0 ? RX_OK
                      : rx_error_at(err, RX_INPUT, im->file, -1, 0,
@@ -155,7 +156,8 @@ static int places_of_header(images *im)
     if (n == cube->planes)
         return im->effective = 1;
     if (!rx_cards_number(cube->cards, cube->ncards, "NXPSFS", &nx) ||
-        !rx_cards_number(cube->cards, cube->ncards, "NYPSFS", &ny) || !(nx >= 1.0) || nx * ny != cube->planes)
+        !rx_cards_number(cube->cards, cube->ncards, "NYPSFS", &ny) ||
+        !(nx >= 1.0 && nx <= cube->planes && nx == floor(nx)) || nx * ny != cube->planes)
         return 0;
     for (n = 0; n < cube->planes; n++) {
         snprintf(key, sizeof key, "IPSFX%02d", n % (int)nx + 1);
@@ -252,6 +254,7 @@ rx_status rx_psf_images(const rx_psf_params *par, const rx_fits_cube *cube, int 
                                .type = RX_PSF_FILE,
                                .size = im.size,
                                .draw = draw,
+                               .finest = (int)(im.sampling + 1e-6),
                                .model = &im,
                                .n = cube->planes,
                                .at = (const double(*)[2])im.at};

@@ -389,39 +389,48 @@ static double lowest(const double *sums, size_t stride, int nterms, const int *p
     return least;
 }
 
-/* Basis images: the terms on the pixels, as monomials of the position; sums 1, 0, 0, ... */
-static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_error *err)
+/* Basis images: the terms on the pixels (of a narrow PSF on samples between them, too), as monomials of the position; sums
+ * 1, 0, 0, ... */
+static rx_status build(const rx_psf_job *job, double fwhm, double radius, rx_psf **dst, rx_error *err)
 {
     const rx_psf_model *model = &job->model;
-    const int reach = (int)radius, size = 2 * reach + 1, half = model->half < reach ? model->half : reach;
-    const int core = 2 * half + 1;
-    const size_t n = (size_t)size * (size_t)size, nodes = (size_t)model->side * (size_t)model->side;
+    const int fine = rx_psf_narrow_samples(fwhm), reach = (int)radius, size = 2 * reach + 1,
+              side = fine * (size - 1) + 1, middle = side / 2;
+    const int half = model->half < reach ? model->half : reach, core = 2 * half + 1;
+    const size_t n = (size_t)side * (size_t)side, nodes = (size_t)model->side * (size_t)model->side;
     rx_psf *psf = rx_psf_new(RX_PSF_AUTO, size, model->nterms);
     float *stamp = RX_NEW(float, (size_t)core *(size_t)core), *work = RX_NEW(float, rx_psf_model_work(model));
     double *sums = RX_NEW(double, (size_t)model->nterms *n);
     rx_status status = RX_OK;
-    if (psf == NULL || stamp == NULL || work == NULL || sums == NULL) {
+    if (psf == NULL || stamp == NULL || work == NULL || sums == NULL ||
+        (fine > 1 && !rx_psf_sample(psf, fine))) {
         status = rx_error_memory(err, (size_t)model->nterms * n * sizeof(double));
         goto exit;
     }
     int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
     rx_psf_model_powers(model->degree, px, py);
-    for (int k = 0; k < model->nterms; k++) {
-        rx_psf_model_stamp(model, model->c + (size_t)k * nodes, 0.0, 0.0, half, stamp, NULL, NULL, work);
+    const double most2 = radius * radius * fine * fine;
+    for (int k = 0; k < model->nterms * fine * fine; k++) {
+        const int term = k / (fine * fine), phase = k % (fine * fine), a = phase % fine - (fine - 1) / 2,
+                  c = phase / fine - (fine - 1) / 2; /* samples from the pixels' centres */
+        rx_psf_model_stamp(model, model->c + (size_t)term * nodes, -(double)a / fine, -(double)c / fine, half,
+                           stamp, NULL, NULL, work);
         for (int b = 0; b < model->nterms; b++) {
-            const double factor = POWERS[px[k]][px[b]] * POWERS[py[k]][py[b]];
+            const double factor = POWERS[px[term]][px[b]] * POWERS[py[term]][py[b]];
             for (int j = -half; j <= half && factor != 0.0; j++)
-                for (int i = -half; i <= half; i++)
-                    if (i * i + j * j <= radius * radius)
-                        sums[(size_t)b * n + (size_t)(j + reach) * (size_t)size + (size_t)(i + reach)] +=
+                for (int i = -half; i <= half; i++) {
+                    const int x = fine * i + a, y = fine * j + c;
+                    if (x * x + y * y <= most2 && abs(x) <= fine * half && abs(y) <= fine * half)
+                        sums[(size_t)b * n + (size_t)(y + middle) * (size_t)side + (size_t)(x + middle)] +=
                             factor * (double)stamp[(size_t)(j + half) * (size_t)core + (size_t)(i + half)];
+                }
         }
     }
-    for (int j = -reach; j <= reach; j++)
-        for (int i = -reach; i <= reach; i++)
-            if ((abs(i) > half || abs(j) > half) && i * i + j * j <= radius * radius)
-                sums[(size_t)(j + reach) * (size_t)size + (size_t)(i + reach)] +=
-                    (double)rx_psf_model_wing(model, hypot(i, j));
+    for (int j = -middle; j <= middle; j++)
+        for (int i = -middle; i <= middle; i++)
+            if ((abs(i) > fine * half || abs(j) > fine * half) && i * i + j * j <= most2)
+                sums[(size_t)(j + middle) * (size_t)side + (size_t)(i + middle)] +=
+                    (double)rx_psf_model_wing(model, hypot((double)i / fine, (double)j / fine));
     for (size_t i = 0; i < n; i++) { /* nothing below 0 anywhere */
         double most = 0.0;
         sums[i] = fmax(sums[i], 0.0);
@@ -434,24 +443,29 @@ static rx_status build(const rx_psf_job *job, double radius, rx_psf **dst, rx_er
             sums[(size_t)b * n + i] *= sums[i] / -least;
     }
     double whole = 0.0;
-    for (size_t i = 0; i < n; i++)
-        whole += sums[i];
+    for (int j = 0; j < side; j += fine)
+        for (int i = 0; i < side; i += fine)
+            whole += sums[j * side + i];
     psf->nbasis = 0;
     for (int b = 0; b < model->nterms; b++) {
         const double *term = sums + (size_t)b * n;
         double sum = 0.0, moved = 0.0;
-        for (size_t i = 0; i < n && b > 0; i++) {
-            sum += term[i];
-            moved += fabs(term[i]);
-        }
+        for (int j = 0; j < side && b > 0; j += fine)
+            for (int i = 0; i < side; i += fine) {
+                sum += term[j * side + i];
+                moved += fabs(term[j * side + i]);
+            }
         if (b > 0 && moved < LEAST_TERM * whole)
             continue;
+        float *image = (fine > 1 ? psf->samples : psf->basis) + (size_t)psf->nbasis * n;
         for (size_t i = 0; i < n; i++)
-            psf->basis[(size_t)psf->nbasis * n + i] = (float)((term[i] - sum / whole * sums[i]) / whole);
+            image[i] = (float)((term[i] - sum / whole * sums[i]) / whole);
         psf->px[psf->nbasis] = px[b];
         psf->py[psf->nbasis++] = py[b];
         psf->quality.degree = px[b] + py[b] > psf->quality.degree ? px[b] + py[b] : psf->quality.degree;
     }
+    if (fine > 1)
+        rx_psf_pick(psf);
     psf->x0 = model->x0;
     psf->y0 = model->y0;
     psf->xs = model->xs;
@@ -621,7 +635,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         goto exit;
     }
     if (status == RX_OK)
-        status = build(&job, radius, dst, err);
+        status = build(&job, moffat->fwhm, radius, dst, err);
     if (status == RX_OK) {
         rx_psf_quality *q = &(*dst)->quality;
         snprintf(q->how, sizeof q->how, "PIXELS");

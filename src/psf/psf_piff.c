@@ -345,17 +345,17 @@ static void grid_at(const model *m, double x, double y, double terms[3][WORLD_TE
         m->now[middle * side + middle] = 1.0 / (m->scale * m->scale) - sum;
 }
 
-static rx_status draw(const void *source, int k, double x, double y, double *stamp, rx_error *err)
+static rx_status draw(const void *source, int k, double x, double y, int fine, double *stamp, rx_error *err)
 {
     const model *m = source;
-    const int half = m->size / 2;
+    const int half = fine * (m->size / 2);
     double terms[3][WORLD_TERMS], j[2][2];
     (void)k;
     (void)err;
     world_terms(&m->world, x + 1.0, y + 1.0, terms);
     for (int axis = 0; axis < 2; axis++)
         for (int by = 0; by < 2; by++)
-            j[axis][by] = world_value(&m->world, axis, 1 + by, terms) / m->scale;
+            j[axis][by] = world_value(&m->world, axis, 1 + by, terms) / m->scale / fine;
     grid_at(m, x + 1.0, y + 1.0, terms);
     for (int dy = -half; dy <= half; dy++)
         for (int dx = -half; dx <= half; dx++)
@@ -450,6 +450,7 @@ rx_status rx_psf_piff(const rx_psf_params *par, const rx_table *table, int width
                                .type = RX_PSF_FILE,
                                .size = m.size,
                                .draw = draw,
+                               .finest = (int)(pixel / m.scale + 0.1),
                                .model = &m,
                                .degree = {own, own}};
     status = rx_psf_project(&src, width, height, dst, &degree, &misfit, err);

@@ -32,7 +32,8 @@ typedef struct model {
     double sampling;           /* tile pixels per model pixel */
     float *mask;               /* [nterms][height][width] */
     int size;                  /* of the stamps */
-    double *images;            /* [nterms][size][size]: the mask on the tile's pixels */
+    int fine, side;            /* samples a pixel, 1, 2 or 4, and their stamps' side */
+    double *images;            /* [nterms][side][side]: the mask on these */
 } model;
 
 /* A number from the header or, in merged tables, from the column of that name; 0 when absent. */
@@ -265,28 +266,32 @@ static double term(double x, double y, int px, int py)
     return value;
 }
 
-static rx_status draw(const void *source, int k, double x, double y, double *stamp, rx_error *err)
+static rx_status draw(const void *source, int k, double x, double y, int fine, double *stamp, rx_error *err)
 {
     const model *m = source;
-    const size_t pixels = (size_t)m->size * (size_t)m->size;
+    const int side = fine * (m->size - 1) + 1, step = m->fine / fine;
+    const size_t pixels = (size_t)m->side * (size_t)m->side;
     int px[RX_PSF_MAX_BASIS], py[RX_PSF_MAX_BASIS];
     (void)k;
     (void)err;
     term_powers(m, px, py);
-    memset(stamp, 0, pixels * sizeof *stamp);
+    memset(stamp, 0, (size_t)side * (size_t)side * sizeof *stamp);
     for (int t = 0; t < m->nterms; t++) {
         const double *image = m->images + (size_t)t * pixels;
         const double factor =
             term((x + 1.0 - m->zero[0]) / m->scale[0], (y + 1.0 - m->zero[1]) / m->scale[1], px[t], py[t]);
-        for (size_t i = 0; i < pixels; i++)
-            stamp[i] += factor * image[i];
+        for (int j = 0; j < side; j++)
+            for (int i = 0; i < side; i++)
+                stamp[j * side + i] += factor * image[step * j * m->side + step * i];
     }
     return RX_OK;
 }
 
 static rx_status resample_model(model *m, rx_error *err)
 {
-    const size_t pixels = (size_t)m->size * (size_t)m->size;
+    m->fine = m->sampling > 0.5 + 1e-6 ? 1 : m->sampling > 0.25 + 1e-6 ? 2 : 4;
+    m->side = m->fine * (m->size - 1) + 1;
+    const size_t pixels = (size_t)m->side * (size_t)m->side;
     rx_status status = RX_OK;
     m->images = rx_alloc((size_t)m->nterms, pixels * sizeof(double));
     if (m->images == NULL)
@@ -298,7 +303,8 @@ static rx_status resample_model(model *m, rx_error *err)
                                      .height = m->height,
                                      .centre_x = m->width / 2,
                                      .centre_y = m->height / 2};
-        status = rx_psf_resample(&stamp, 1.0 / m->sampling, 4, m->images + (size_t)t * pixels, m->size, err);
+        status = rx_psf_resample(&stamp, 1.0 / m->sampling / m->fine, 4, m->images + (size_t)t * pixels,
+                                 m->side, err);
     }
     return status;
 }
@@ -324,6 +330,7 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
         .type = RX_PSF_PSFEX,
         .size = m.size,
         .draw = draw,
+        .finest = m.fine,
         .model = &m,
         .degree = {m.degree[0] > 0 ? m.degree[0] : -1, m.degree[1] > 0 ? m.degree[1] : -1}};
     if (status == RX_OK)
@@ -348,22 +355,28 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
 
 /* --- writing --- */
 
-/* Image of psf for X^px Y^py, NULL when it has none. */
+/* Image of psf for X^px Y^py, with samples where there are, NULL when it has none. */
 static const float *image_of(const rx_psf *psf, int px, int py)
 {
     for (int b = 0; b < psf->nbasis; b++)
         if (psf->px[b] == px && psf->py[b] == py)
-            return psf->basis + (size_t)b * (size_t)psf->size * (size_t)psf->size;
+            return psf->samples != NULL ? psf->samples + (size_t)b * (size_t)rx_psf_fine_side(psf) *
+                                                             (size_t)rx_psf_fine_side(psf)
+                                        : psf->basis + (size_t)b * (size_t)psf->size * (size_t)psf->size;
     return NULL;
 }
 
-/* A row or column of n values in halves of a step, 2 n - 1, by the sinc function: the values themselves stay. */
+/* A row or column of n values in halves of a step, 2 n - 1, by Lanczos interpolation: the values themselves stay. */
 static void halve(const double *src, int n, int stride, double *dst, int to)
 {
+    double weights[2 * RX_LANCZOS_MAX];
+    rx_lanczos_weights(0.5, RX_LANCZOS_MAX, weights);
     for (int i = 0; i < 2 * n - 1; i++) {
         double value = i % 2 == 0 ? src[(size_t)(i / 2) * (size_t)stride] : 0.0;
-        for (int k = 0; k < n && i % 2 != 0; k++)
-            value += src[(size_t)k * (size_t)stride] * sin(M_PI * (0.5 * i - k)) / (M_PI * (0.5 * i - k));
+        for (int k = 0; k < 2 * RX_LANCZOS_MAX && i % 2 != 0; k++) {
+            const int at = i / 2 + 1 - RX_LANCZOS_MAX + k;
+            value += at >= 0 && at < n ? weights[k] * src[(size_t)at * (size_t)stride] : 0.0;
+        }
         dst[(size_t)i * (size_t)to] = value;
     }
 }
@@ -394,7 +407,8 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
         return rx_error_set(err, RX_INPUT, "a PSF of degree %d cannot be written for PSFEx's readers, %d can",
                             m.degree[0], RX_PSF_MAX_DEGREE);
     const int n = term_powers(&m, px, py);
-    const int steps = psf != NULL && psf->fwhm < NARROW ? 2 : 1;
+    const int known = psf != NULL ? rx_psf_fine(psf) : 1; /* steps a pixel */
+    const int steps = known == 1 && psf != NULL && psf->fwhm < NARROW ? 2 : known;
     const int side = steps * (p->size - 1) + 1;
     const size_t pixels = (size_t)side * (size_t)side;
     rx_table *table = rx_table_new(1);
@@ -412,9 +426,10 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
     }
     for (int t = 0; t < n; t++) {
         const float *image = psf != NULL ? image_of(p, px[t], py[t]) : &none;
-        for (int i = 0; i < p->size * p->size && image != NULL; i++)
+        const int own = known * (p->size - 1) + 1;
+        for (int i = 0; i < own * own && image != NULL; i++)
             values[i] = (double)image[i];
-        if (image != NULL && steps == 2)
+        if (image != NULL && steps > known)
             halve_pixels(values, values + pixels, p->size);
         for (size_t i = 0; i < pixels && image != NULL; i++)
             mask[(size_t)t * pixels + i] = (float)values[i];

@@ -6,10 +6,10 @@
 
 #include "base/memory.h"
 
-/* Windowed sinc (Lanczos): weights, sum 1, of the 2 order samples from the returned index on around
- * `position`. */
-static int lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX])
+int rx_lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX])
 {
+    const double least = -1e6, most = 1e6; /* beyond any image, and no number is one */
+    position = position > least ? fmin(position, most) : least;
     int first = (int)floor(position) - order + 1;
     double sum = 0.0;
     for (int k = 0; k < 2 * order; k++) {
@@ -41,8 +41,8 @@ static void resample_line(const line *src, double centre, double step, double bo
         double sum = 0.0;
         for (int p = 0; p < points; p++) {
             double weights[2 * RX_LANCZOS_MAX];
-            int first = lanczos_weights(centre + (i - dst->n / 2) * step + (p - 0.5 * (points - 1)) * apart,
-                                        order, weights);
+            int first = rx_lanczos_weights(
+                centre + (i - dst->n / 2) * step + (p - 0.5 * (points - 1)) * apart, order, weights);
             for (int k = 0; k < 2 * order; k++)
                 if (first + k >= 0 && first + k < src->n)
                     sum += weights[k] * src->values[(size_t)(first + k) * (size_t)src->stride];
@@ -78,7 +78,7 @@ exit:
 double rx_psf_interpolate(const double *image, int side, double x, double y, int order)
 {
     double wx[2 * RX_LANCZOS_MAX], wy[2 * RX_LANCZOS_MAX], sum = 0.0;
-    const int left = lanczos_weights(x, order, wx), low = lanczos_weights(y, order, wy);
+    const int left = rx_lanczos_weights(x, order, wx), low = rx_lanczos_weights(y, order, wy);
     for (int j = 0; j < 2 * order; j++)
         for (int i = 0; i < 2 * order; i++)
             if (left + i >= 0 && left + i < side && low + j >= 0 && low + j < side)

@@ -6,6 +6,10 @@
 
 enum { RX_LANCZOS_MAX = 12 };
 
+/* Windowed sinc (Lanczos): weights, sum 1, of the 2 order samples from the returned index on around `position`; a position
+ * that is no number or beyond +-1e6 lies outside of every image. */
+int rx_lanczos_weights(double position, int order, double weights[2 * RX_LANCZOS_MAX]);
+
 /* An image on its own grid; (centre_x, centre_y) is the point that shall come to lie on the middle
  * of a pixel. With a box above 1 the pixels of dst are means over squares of that side (source pixels), where
  * those of src count as integrals over themselves: for a whole number the mean of as many, as in binning. */

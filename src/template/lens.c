@@ -23,6 +23,9 @@ static int same_psf(const rx_psf *a, const rx_psf *b)
            memcmp(a->py, b->py, sizeof a->py) == 0 && memcmp(a->basis, b->basis, n * sizeof(float)) == 0;
 }
 
+/* Where the tile's PSF is known on m samples a pixel, a plane has m^2 spectra of it: pieces [b][a], those of the
+ * frequencies (u + a n, v + b n) of m n, signed as these are. Shifted and multiplied each by itself, their sum is what
+ * the pixels have, exactly, however little they sample the PSF. */
 struct rx_matching {
     float *restored, *kernel; /* spectra of the restored image's PSF and of the kernel */
     int made;                 /* at the domain's place */
@@ -34,6 +37,8 @@ typedef struct domain {
     int made; /* size.optics, at (x, y) where PSFs vary */
     double x, y;
     rx_matching matching;
+    rx_fft *fine; /* of side m n, with its planes; NULL for m = 1 */
+    float *fine_plane, *fine_half;
 } domain;
 
 struct rx_lens {
@@ -54,7 +59,8 @@ rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx
     *lens = (rx_lens){.tile = tile, .image = image != NULL ? image : tile};
     lens->same = image == NULL || same_psf(tile, image);
     lens->varies = tile->nbasis > 1 || lens->image->nbasis > 1;
-    const size_t side = (size_t)(tile->size > lens->image->size ? tile->size : lens->image->size);
+    const int tile_side = rx_psf_fine_side(tile);
+    const size_t side = (size_t)(tile_side > lens->image->size ? tile_side : lens->image->size);
     lens->stamp = RX_NEW(float, side *side);
     if (lens->stamp != NULL)
         return RX_OK;
@@ -66,6 +72,9 @@ rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx
 static void clear_domain(domain *d)
 {
     rx_fft_free(d->size.fft);
+    rx_fft_free(d->fine);
+    free(d->fine_plane);
+    free(d->fine_half);
     free(d->size.optics);
     free(d->matching.restored);
     free(d->matching.kernel);
@@ -105,17 +114,28 @@ int rx_lens_side(const rx_lens *lens, double reach)
 static rx_status open_domain(const rx_lens *lens, int n, domain *d, rx_error *err)
 {
     rx_lens_size *size = &d->size;
+    const int m = rx_psf_fine(lens->tile);
     *d = (domain){.size = {.n = n}, .lens = lens};
     rx_status status = rx_fft_new(n, n, 1, &size->fft, err);
-    if (status != RX_OK)
+    if (status == RX_OK && m > 1)
+        status = rx_fft_new(m * n, m * n, 1, &d->fine, err);
+    if (status != RX_OK) {
+        rx_fft_free(size->fft);
         return status;
-    size->optics = rx_fft_complex(size->fft);
+    }
+    size->optics =
+        m > 1 ? RX_NEW(float, (size_t)(m * m) * rx_fft_complex_size(size->fft)) : rx_fft_complex(size->fft);
+    if (m > 1) {
+        d->fine_plane = rx_fft_real(d->fine);
+        d->fine_half = rx_fft_complex(d->fine);
+    }
     d->matching.restored = rx_fft_complex(size->fft);
     d->matching.kernel = rx_fft_complex(size->fft);
-    size->phase = RX_NEW(double, 2 * n + 2);
-    size->column = RX_NEW(float, (PLANES + 4) * n);
+    size->phase = RX_NEW(double, 2 * m * n + 2);
+    size->column = RX_NEW(float, (PLANES + 2 + 2 * m) * n);
     int missing = size->optics == NULL || d->matching.restored == NULL || d->matching.kernel == NULL ||
-                  size->phase == NULL || size->column == NULL;
+                  size->phase == NULL || size->column == NULL ||
+                  (m > 1 && (d->fine_plane == NULL || d->fine_half == NULL));
     for (int i = 0; i < PLANES; i++) {
         size->half[i] = rx_fft_complex(size->fft);
         size->plane[i] = rx_fft_real(size->fft);
@@ -145,6 +165,32 @@ static rx_status find_domain(rx_lens *lens, int n, domain **dst, rx_error *err)
     return status;
 }
 
+/* A frequency u of `whole`, as it is signed. */
+static int signed_frequency(int u, int whole)
+{
+    return u <= whole / 2 ? u : u - whole;
+}
+
+/* The pieces of the spectrum of the tile's PSF from that of its samples. */
+static void cut_pieces(domain *d, int m)
+{
+    const int n = d->size.n, whole = m * n;
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(d->size.fft),
+                 from = 2 * (size_t)rx_fft_stride_complex(d->fine);
+    for (int piece = 0; piece < m * m; piece++)
+        for (int u = 0; u <= n / 2; u++) {
+            const int x = signed_frequency(u + piece % m * n, whole);
+            const float *src = d->fine_half + (size_t)abs(x) * from;
+            float *dst =
+                d->size.optics + (size_t)piece * rx_fft_complex_size(d->size.fft) + (size_t)u * stride;
+            for (int v = 0; v < n; v++) {
+                const int y = v + piece / m * n, at = x < 0 && y > 0 ? whole - y : y;
+                dst[2 * v] = src[2 * at];
+                dst[2 * v + 1] = x < 0 ? -src[2 * at + 1] : src[2 * at + 1];
+            }
+        }
+}
+
 rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **dst, rx_error *err)
 {
     domain *d = NULL;
@@ -156,8 +202,12 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **ds
     d->x = x;
     d->y = y;
     if (!d->made) {
-        rx_psf_at(lens->tile, x, y, lens->stamp);
-        rx_convolve_spectrum(d->size.fft, lens->stamp, lens->tile->size, d->size.plane[0], d->size.optics);
+        const int m = rx_psf_fine(lens->tile);
+        rx_psf_fine_at(lens->tile, x, y, lens->stamp);
+        rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, lens->stamp, rx_psf_fine_side(lens->tile),
+                             m > 1 ? d->fine_plane : d->size.plane[0], m > 1 ? d->fine_half : d->size.optics);
+        if (m > 1)
+            cut_pieces(d, m);
         d->made = 1;
     }
     d->size.first = 0;
@@ -171,27 +221,32 @@ const rx_matching *rx_lens_matching(rx_lens_size *size)
     domain *d = (domain *)size;
     const rx_lens *lens = d->lens;
     rx_matching *m = &d->matching;
-    if (!m->made) {
+    if (!m->made && !lens->same) {
+        float *work = size->plane[PLANES - 1];
         rx_psf_at(lens->image, d->x, d->y, lens->stamp);
-        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, size->plane[PLANES - 1], m->restored);
-        if (!lens->same)
-            rx_convolve_divide(size->fft, size->optics, m->restored, DELTA, m->kernel);
+        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, work, m->restored);
+        if (rx_psf_fine(lens->tile) > 1) { /* of whole pixels, as the restored ones are */
+            rx_psf_at(lens->tile, d->x, d->y, lens->stamp);
+            rx_convolve_spectrum(size->fft, lens->stamp, lens->tile->size, work, m->kernel);
+        }
+        rx_convolve_divide(size->fft, rx_psf_fine(lens->tile) > 1 ? m->kernel : size->optics, m->restored,
+                           DELTA, m->kernel);
         m->made = 1;
     }
     return m;
 }
 
-/* exp(-2 pi i u shift / n) for the first `count`, u signed as the frequency is. */
-static void fill_phase(int n, int count, double shift, double *phase)
+/* exp(-2 pi i u shift / n) for the first `count` of `whole`, u signed as the frequency is. */
+static void fill_phase(int n, int whole, int count, double shift, double *phase)
 {
-    for (int u = 0; u < count && u <= n / 2; u++) {
+    for (int u = 0; u < count && u <= whole / 2; u++) {
         const double angle = -6.283185307179586 * u * shift / n;
         phase[2 * u] = cos(angle);
         phase[2 * u + 1] = sin(angle);
     }
-    for (int u = n / 2 + 1; u < count; u++) {
-        phase[2 * u] = phase[2 * (n - u)];
-        phase[2 * u + 1] = -phase[2 * (n - u) + 1];
+    for (int u = whole / 2 + 1; u < count; u++) {
+        phase[2 * u] = phase[2 * (whole - u)];
+        phase[2 * u + 1] = -phase[2 * (whole - u) + 1];
     }
 }
 
@@ -208,9 +263,18 @@ RX_WIDE static void shift_column(const float *base, const float *py, double xr, 
     }
 }
 
-/* dst (pairs) = (re, im) * factor. */
-RX_WIDE static void put_column(const float *re, const float *im, const float *factor, int count, float *dst)
+/* dst (pairs) (+)= (re, im) * factor. */
+RX_WIDE static void put_column(const float *re, const float *im, const float *factor, int count, int add,
+                               float *dst)
 {
+    if (add) {
+#pragma omp simd
+        for (int u = 0; u < count; u++) {
+            dst[2 * u] += re[u] * factor[u];
+            dst[2 * u + 1] += im[u] * factor[u];
+        }
+        return;
+    }
 #pragma omp simd
     for (int u = 0; u < count; u++) {
         dst[2 * u] = re[u] * factor[u];
@@ -221,33 +285,45 @@ RX_WIDE static void put_column(const float *re, const float *im, const float *fa
 void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy,
                     const rx_matching *restored, int count)
 {
-    const int n = size->n, used = n / 2 + 1;
-    const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft);
-    const float *base = restored != NULL ? restored->restored : size->optics;
+    const rx_lens *lens = ((const domain *)size)->lens;
+    const int through = restored != NULL && !lens->same; /* the restored image's */
+    const int n = size->n, used = n / 2 + 1, m = through ? 1 : rx_psf_fine(lens->tile), whole = m * n;
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft),
+                 plane = rx_fft_complex_size(size->fft);
+    const float *base = through ? restored->restored : size->optics;
     float *py = size->column + (size_t)(PLANES + 2) * (size_t)n, *columns[PLANES + 2], *negative[PLANES];
     double *px = size->phase;
     rx_spergel_form form;
     for (int i = 0; i < PLANES + 2; i++)
         columns[i] = size->column + (size_t)i * (size_t)n;
-    for (int i = 0; i < PLANES; i++)
-        negative[i] = columns[i] + used;
     if (profile != NULL)
         rx_spergel_set(profile, &form);
-    fill_phase(n, n, n / 2 + dy, px);
-    for (int v = 0; v < 2 * n; v++)
+    fill_phase(n, whole, whole, n / 2 + dy, px);
+    for (int v = 0; v < 2 * whole; v++)
         py[v] = (float)px[v];
-    fill_phase(n, used, n / 2 + dx, px);
+    fill_phase(n, whole, m > 1 ? whole : used, n / 2 + dx, px);
     for (int v = 0; v < n; v++)
         columns[0][v] = 1;
-    for (int u = 0; u < used; u++) {
-        const size_t k = (size_t)u * stride;
-        shift_column(base + k, py, px[2 * u], px[2 * u + 1], n, columns[PLANES], columns[PLANES + 1]);
-        if (profile != NULL) {
-            rx_spergel_column(&form, (double)u / n, 1.0 / n, 0, used, count, columns);
-            rx_spergel_column(&form, (double)u / n, 1.0 / n, used - n, n - used, count, negative);
+    for (int piece = 0; piece < m * m; piece++) {
+        const int a = piece % m * n, b = piece / m * n, room = whole / 2 + 1 - b;
+        const int positive = room < 0 ? 0 : room < n ? room : n; /* frequencies of a column */
+        for (int i = 0; i < PLANES; i++)
+            negative[i] = columns[i] + positive;
+        for (int u = 0; u < used; u++) {
+            const size_t k = (size_t)u * stride;
+            shift_column(base + (size_t)piece * plane + k, py + 2 * b, px[2 * (u + a)], px[2 * (u + a) + 1],
+                         n, columns[PLANES], columns[PLANES + 1]);
+            if (profile != NULL) {
+                const double fx = (double)signed_frequency(u + a, whole) / n;
+                if (positive > 0)
+                    rx_spergel_column(&form, fx, 1.0 / n, b, positive, count, columns);
+                if (positive < n)
+                    rx_spergel_column(&form, fx, 1.0 / n, b + positive - whole, n - positive, count,
+                                      negative);
+            }
+            for (int i = 0; i < count; i++)
+                put_column(columns[PLANES], columns[PLANES + 1], columns[i], n, piece > 0, size->half[i] + k);
         }
-        for (int i = 0; i < count; i++)
-            put_column(columns[PLANES], columns[PLANES + 1], columns[i], n, size->half[i] + k);
     }
     for (int i = 0; i < count; i++)
         rx_fft_inverse_part(size->fft, size->half[i], size->first, size->last, size->plane[i]);

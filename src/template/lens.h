@@ -4,7 +4,7 @@
  *
  * A rendered plane has the place (x, y) of the source at pixel (n/2 + x - cx, n/2 + y - cy), (cx, cy) the
  * whole pixel nearest to it; the sum is 1, and light beyond the domain comes back on the other side. Shifts
- * are exact as far as the PSF is sampled well enough. */
+ * are exact where the PSF is known between the pixels, and else as far as these sample it. */
 #ifndef RX_TEMPLATE_LENS_H
 #define RX_TEMPLATE_LENS_H
 
@@ -22,8 +22,8 @@ typedef struct rx_lens_size {
     float *optics;
     int first, last;           /* rows that are rendered, first <= row < last; the caller's choice */
     float *half[5], *plane[5]; /* work */
-    double *phase;             /* [n + 1][2] */
-    float *column;             /* [9][n] */
+    double *phase;             /* [m n + 1][2], m: samples a pixel */
+    float *column;             /* [7 + 2 m][n] */
 } rx_lens_size;
 
 /* The PSF-matching kernel, which takes the restored image's PSF to the tile's, and the restored PSF itself,

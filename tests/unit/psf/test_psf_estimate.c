@@ -354,6 +354,29 @@ static void test_halo(void **state)
     free_field(&f);
 }
 
+/* A PSF that pixels do not sample is known between them, too, from where the stars lie in theirs. */
+static void test_narrow(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    make_field_of(&f, 1.6, 4.0, 0.95, 0.3, 95, 0, 0.0, 0.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("%s\n", psf->description);
+    assert_string_equal(psf->quality.how, "PIXELS");
+    assert_int_equal(rx_psf_fine(psf), 2);
+    assert_int_equal(rx_psf_moffat(1.6, 4.0, 0.95, 0.3, psf->size, &truth, NULL), RX_OK);
+    const int side = rx_psf_fine_side(psf), middle = side / 2;
+    const double peak = (double)truth->samples[middle * side + middle];
+    for (int j = -6; j <= 6; j++)
+        for (int i = -6; i <= 6; i++)
+            assert_near((double)psf->samples[(middle + j) * side + middle + i] / peak,
+                        (double)truth->samples[(middle + j) * side + middle + i] / peak, 0.01);
+    rx_psf_free(truth);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
 /* Width that grows over the tile: the light within a radius falls. */
 static void test_varies(void **state)
 {
@@ -756,6 +779,7 @@ int main(void)
         cmocka_unit_test(test_varies_much),
         cmocka_unit_test(test_bright_stars),
         cmocka_unit_test(test_bad_corner),
+        cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
         cmocka_unit_test(test_specks),

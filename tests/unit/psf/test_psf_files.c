@@ -746,6 +746,68 @@ static void test_model_of_a_merged_table(void **state)
     }
 }
 
+/* A position far off, or no number, lies outside. */
+static void test_hostile_positions(void **state)
+{
+    (void)state;
+    static const double at[] = {1e300, -1e300, 3e9, -3e9, HUGE_VAL, -HUGE_VAL, NAN};
+    static double image[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+    for (size_t i = 0; i < sizeof at / sizeof *at; i++) {
+        assert_near(rx_psf_interpolate(image, 3, at[i], 1.0, 3), 0.0, 0.0);
+        assert_near(rx_psf_interpolate(image, 3, 1.0, at[i], 3), 0.0, 0.0);
+    }
+    assert_near(rx_psf_interpolate(image, 3, 1.0, 1.0, 3), 1.0, 1e-12);
+}
+
+/* Narrow PSFs of files that know them finer than the tile's pixels keep their samples, and are written and read with them;
+ * wide ones, and those of whole pixels, have none. */
+static void test_samples(void **state)
+{
+    (void)state;
+    enum { SIDE = 61 }; /* 4 samples a pixel */
+    static float image[SIDE * SIDE];
+    for (int wide = 0; wide < 2; wide++) {
+        const double sigma = wide ? 1.3 : 0.65;
+        rx_psf *psf, *back;
+        rx_table *table;
+        rx_text cards = {0};
+        rx_fits_writer *writer;
+        for (int i = 0; i < SIDE * SIDE; i++)
+            image[i] =
+                (float)exp(-(pow(i % SIDE - 30.0, 2.0) + pow(i / SIDE - 30.0, 2.0)) / 32.0 / sigma / sigma);
+        write_image(in_folder("psf.fits"), image, SIDE, SIDE);
+        const rx_psf_params par = {
+            .file = in_folder("psf.fits"), .sampling = 4.0, .integrate = RX_PSF_INTERPOLATE};
+        assert_int_equal(rx_psf_file(&par, 100, 100, NULL, &psf, NULL), RX_OK);
+        assert_int_equal(rx_psf_fine(psf), wide ? 1 : 2);
+        const int n = psf->size;
+        assert_int_equal(rx_psf_fine_side(psf), wide ? n : 2 * n - 1);
+        for (int i = 0; i < 2 * n - 1 && !wide; i++)
+            assert_near((double)psf->samples[(n - 1) * (2 * n - 1) + i],
+                        exp(-0.125 * pow(i - n + 1, 2.0) / sigma / sigma) / (2.0 * M_PI * sigma * sigma),
+                        1e-3);
+        assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
+        unlink(in_folder("model.psf"));
+        assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
+        assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
+        assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+        rx_table_free(table);
+        rx_text_free(&cards);
+        assert_int_equal(
+            rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &back, NULL),
+            RX_OK);
+        assert_int_equal(rx_psf_fine(back), rx_psf_fine(psf));
+        assert_int_equal(back->size, n);
+        for (int i = 0; i < (2 * n - 1) * (2 * n - 1) && !wide; i++)
+            assert_near((double)back->samples[i], (double)psf->samples[i], 1e-6);
+        rx_psf *copy = rx_psf_copy(psf);
+        assert_int_equal(rx_psf_fine(copy), rx_psf_fine(psf));
+        rx_psf_free(copy);
+        rx_psf_free(psf);
+        rx_psf_free(back);
+    }
+}
+
 /* A PSF that is written for PSFEx's readers comes back the same; terms that it lacks are images of zeros. */
 static void test_written_model(void **state)
 {
@@ -811,6 +873,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_box),
         cmocka_unit_test(test_written_model),
+        cmocka_unit_test(test_hostile_positions),
+        cmocka_unit_test(test_samples),
         cmocka_unit_test(test_image_sizes),
         cmocka_unit_test(test_image_cut_to_size),
         cmocka_unit_test(test_image_refused),
