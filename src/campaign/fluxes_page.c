@@ -261,8 +261,8 @@ static void add_scene(page *g, int s)
 
 static void add_goals(page *g, const rx_goal_verdict *verdicts)
 {
-    static const char *const columns[] = {"words", "run", "verdict"}, *const found[] = {"claim", "run",
-                                                                                        "found"};
+    static const char *const columns[] = {"words", "run", "verdict"}, *const found[] = {"words", "run",
+                                                                                        "verdict", "found"};
     const int n = RX_FLUXES_GOALS * g->m->results->nruns;
     int held = 0, broken = 0;
     char word[32], sentence[96];

@@ -216,10 +216,11 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     if (status != RX_OK && err != NULL && err->where[0] == '\0')
         snprintf(err->where, sizeof err->where, "%s", measured.name), err->hdu = measured.hdu;
     if (status == RX_OK && dst->tphot->least > measured.global_noise)
-        rx_log_warning(log,
-                       "%s[%d]: its noise, %.3g ADU a pixel, is less than its rounding or a millionth of its "
-                       "brightest light; templates take %.3g",
-                       measured.name, measured.hdu, measured.global_noise, dst->tphot->least);
+        rx_log_warning(
+            log,
+            "%s[%d]: its noise, %.3g ADU a pixel, is less than its rounding or two millionths of its "
+            "brightest light; templates take %.3g",
+            measured.name, measured.hdu, measured.global_noise, dst->tphot->least);
     if (status == RX_OK)
         status = rx_template_extra_append(&w.extra, dst->tphot, sources, err);
     if (status == RX_OK) {

@@ -15,7 +15,7 @@ enum { SIDE = 16, TOGETHER = 16, MOST = SIDE * TOGETHER };
 
 enum { KEPT = 4 }; /* times what is usual: images up to that size have their data kept */
 
-static const float EXACT = 1e-6f, ROUNDED = 0.288675f; /* 1 / sqrt(12) */
+static const float EXACT = 2e-6f, ROUNDED = 0.288675f; /* 1 / sqrt(12) */
 
 /* What a block holds: nothing, pixels and noise, the model, too. */
 enum { BARE, FILLED, DRAWN };
@@ -122,11 +122,30 @@ static void read_pixels(const rx_image *image, int y, int x, int n, float *data,
     open_pixels(&from, n, data, noise, weight);
 }
 
-/* The brightest light of two neighbours, for one pixel is no star; sigma at least EXACT of that, or the noise of rounding to the
- * steps that the pixels are in. */
+/* Bins of a float's exponent and first two bits, which order positive ones. */
+enum { BINS = 1024, BIN_SHIFT = 21, PAIRS = 100 };
+
+static int bin_of(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return (int)(bits >> BIN_SHIFT);
+}
+
+static float value_of(int bin)
+{
+    const uint32_t bits = (uint32_t)bin << BIN_SHIFT;
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Sigma is at least EXACT of the light of the PAIRS-th brightest two neighbours (of small tiles, of a thousandth of them: a few hot
+ * pixels say nothing of a tile's noise), or the noise of rounding to the steps that the pixels are in. */
 static void look_through(const rx_image *image, rx_canvas *canvas)
 {
     float data[MOST], noise[MOST], weight[MOST], brightest = 0, step = FLT_MAX;
+    long count[BINS] = {0}, pairs = 0, above = 0;
     for (int y = 0; y < image->height; y++)
         for (int x = 0; x < image->width; x += MOST) {
             const int n = rx_least(MOST, image->width - x);
@@ -138,9 +157,19 @@ static void look_through(const rx_image *image, rx_canvas *canvas)
                 step = (weight[i] * weight[i - 1] > 0) & (by > 0) & (by < step) ? by : step;
                 brightest = both > brightest ? both : brightest;
             }
+            for (int i = 1; i < n; i++) {
+                const float both = fminf(data[i], data[i - 1]);
+                if (both > 0)
+                    count[bin_of(both)]++;
+                pairs++;
+            }
         }
+    const long rank = pairs / 1000 < PAIRS ? pairs / 1000 + 1 : PAIRS;
+    int bin = BINS - 1;
+    while (bin > 0 && (above += count[bin]) < rank)
+        bin--;
     canvas->brightest = brightest;
-    canvas->floor = fmaxf(EXACT * brightest, step < FLT_MAX ? step * ROUNDED : 0);
+    canvas->floor = fmaxf(EXACT * value_of(bin), step < FLT_MAX ? step * ROUNDED : 0);
 }
 
 void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)

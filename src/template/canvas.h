@@ -57,7 +57,7 @@ struct rx_canvas {
     rx_sheet scale;  /* of sigma; nx 0: 1 */
     float brightest; /* light of two neighbours, ADU above the level */
     float
-        floor; /* sigma at least: pixels in steps have the noise of rounding, and no model is exact to a millionth of the
+        floor; /* sigma at least: pixels in steps have the noise of rounding, and no model is exact to two millionths of the
                        brightest light */
 };
 
