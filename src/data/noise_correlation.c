@@ -8,14 +8,15 @@
 
 #include "base/least.h"
 
-enum { REACH = RX_NOISE_REACH, SIDE = RX_NOISE_SIDE, FAR = 4 };
+enum { REACH = RX_NOISE_REACH, SIDE = RX_NOISE_SIDE };
 
 static const double LEAST = 0.1; /* of a factor: a measured correlation may be none that noise can have */
 
-static const double VISIBLE = 0.3; /* of the PSF's own correlation at FAR, to be distinguished from noise */
-static const double MOST = 0.9;    /* of the variance that faint light can be */
-static const double SENSE = 0.7;   /* resampling lowers the noise of no sum by more */
-static const double LITTLE = 0.03; /* what is left of noise that is none */
+static const double FAR = 3.0;   /* pixels: resampling leaves next to nothing at larger lags */
+static const double CLEAR = 5.0; /* errors of a share of light */
+static const double MOST = 0.85; /* of the variance that faint light can be */
+static const double SENSE = 0.7; /* resampling lowers the noise of no sum by more */
+static const double LITTLE = 0.03, LITTLE_ERRORS = 4.0; /* what is left of noise that is none */
 
 static const double SIGNIFICANT = 5.0, DIFFERENT = 0.15; /* of quadrants: errors, share */
 
@@ -52,58 +53,108 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
     return noise;
 }
 
+/* What is light in measured correlations, share L + floor + (1 - share - floor) of the noise's. */
+typedef struct faint_light {
+    double share, error, floor;
+} faint_light;
+
+/* By least squares at lags of `from` pixels and more, where the noise is taken to have none. */
+static faint_light fit_light(const rx_noise_correlation *noise, double (*light)[SIDE], double from)
+{
+    double n = 0.0, l = 0.0, ll = 0.0, m = 0.0, lm = 0.0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++) {
+            const double one = light[dy + REACH][dx + REACH], at = noise->measured[dy + REACH][dx + REACH];
+            if (dx * dx + dy * dy < from * from)
+                continue;
+            n++;
+            l += one;
+            ll += one * one;
+            m += at;
+            lm += one * at;
+        }
+    const double power = ll - l * l / n;
+    faint_light fit = {.share = (lm - l * m / n) / power, .error = noise->error * sqrt(2.0 / power)};
+    fit.floor = (m - fit.share * l) / n;
+    return fit;
+}
+
+/* noise = (measured - light) / what is left of the variance; returns the largest of the nearest 8, in size. */
+static double take_off(double (*light)[SIDE], const faint_light *of, rx_noise_correlation *noise)
+{
+    const double left = 1.0 - of->share - of->floor;
+    double largest = 0.0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++) {
+            double *at = &noise->at[dy + REACH][dx + REACH];
+            const double one = of->share * light[dy + REACH][dx + REACH] + of->floor;
+            if (dx == 0 && dy == 0)
+                continue;
+            *at = (noise->measured[dy + REACH][dx + REACH] - one) / left;
+            if (abs(dx) <= 1 && abs(dy) <= 1)
+                largest = fmax(largest, fabs(*at));
+            if (fabs(*at) < 3.0 * noise->error)
+                *at = 0.0;
+        }
+    return largest;
+}
+
+/* A quadrant's own share may be half as much, or half more. */
+static void take_off_quadrants(const faint_light *of, double near, rx_noise_correlation *noise)
+{
+    const double left = 1.0 - of->share - of->floor, lags = (2 * RX_NOISE_NEAR + 1) * (2 * RX_NOISE_NEAR + 1);
+    for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
+        const double was = noise->quadrant[q],
+                     error = hypot(2.0 * was * noise->quadrant_error[q], 0.5 * of->share * near);
+        noise->quadrant[q] =
+            sqrt(fmax((was * was - of->share * near - of->floor * lags) / left, LEAST * LEAST));
+        noise->quadrant_error[q] = error / left / (2.0 * noise->quadrant[q]);
+    }
+}
+
+static int is_light(const faint_light *fit)
+{
+    return fit->share > CLEAR * fit->error && fit->share + fit->floor < MOST;
+}
+
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height)
 {
-    double light[SIDE][SIDE], cross = 0.0, square = 0.0, near = 0.0;
+    double light[SIDE][SIDE], near = 0.0;
     const double power = overlap(psf, width, height, 0, 0);
-    if (!noise->correlated || noise->origin != RX_NOISE_MEASURED || !(power > 0.0) ||
-        overlap(psf, width, height, FAR, 0) < VISIBLE * power ||
-        overlap(psf, width, height, 0, FAR) < VISIBLE * power)
+    if (!noise->correlated || noise->origin != RX_NOISE_MEASURED || !(power > 0.0))
         return 0.0;
     for (int dy = -REACH; dy <= REACH; dy++)
         for (int dx = -REACH; dx <= REACH; dx++) {
             const double l = light[dy + REACH][dx + REACH] = overlap(psf, width, height, dx, dy) / power;
             near += abs(dx) <= RX_NOISE_NEAR && abs(dy) <= RX_NOISE_NEAR ? l : 0.0;
-            if (dx * dx + dy * dy < FAR * FAR)
-                continue;
-            cross += l * noise->at[dy + REACH][dx + REACH];
-            square += l * l;
         }
-    const double share = fmin(cross / square, MOST);
-    if (!(share > 0.0))
-        return 0.0;
-    double largest = 0.0;
     rx_noise_correlation rest = *noise;
-    for (int i = 0; i < SIDE * SIDE; i++) {
-        double *at = &rest.at[i / SIDE][i % SIDE];
-        if (i == SIDE * SIDE / 2)
-            continue;
-        *at = (*at - share * light[i / SIDE][i % SIDE]) / (1.0 - share);
-        if (fabs(*at) < 3.0 * noise->error)
-            *at = 0.0;
-        largest = fmax(largest, fabs(*at));
+    faint_light fit = fit_light(noise, light, 1.0);
+    const int white =
+        is_light(&fit) && take_off(light, &fit, &rest) < fmax(LITTLE, LITTLE_ERRORS * noise->error);
+    if (!white) {
+        /* smoothing reaches farther, but fades */
+        const faint_light beyond = fit_light(noise, light, FAR + 1.0);
+        fit = fit_light(noise, light, FAR);
+        fit.share = fmin(fit.share, beyond.share + 2.0 * beyond.error);
+        if (!is_light(&fit))
+            return 0.0;
+        take_off(light, &fit, &rest);
+        if (rx_noise_factor_wide(&rest) < SENSE) /* it was not light */
+            return 0.0;
+    } else {
+        rest = rx_noise_white(RX_NOISE_MEASURED);
+        memcpy(rest.measured, noise->measured, sizeof rest.measured);
+        rest.error = noise->error;
+        rest.pixels = noise->pixels;
+        rest.scale = noise->scale;
+        memcpy(rest.quadrant, noise->quadrant, sizeof rest.quadrant);
+        memcpy(rest.quadrant_error, noise->quadrant_error, sizeof rest.quadrant_error);
     }
-    if (rx_noise_factor_wide(&rest) < SENSE) /* it was not light */
-        return 0.0;
     *noise = rest;
-    for (int q = 0; q < RX_NOISE_QUADRANTS;
-         q++) { /* a quadrant's own share may be half as much, or half more */
-        const double was = noise->quadrant[q],
-                     error = hypot(2.0 * was * noise->quadrant_error[q], 0.5 * share * near);
-        noise->quadrant[q] = sqrt(fmax((was * was - share * near) / (1.0 - share), LEAST * LEAST));
-        noise->quadrant_error[q] = error / (1.0 - share) / (2.0 * noise->quadrant[q]);
-    }
-    if (largest < LITTLE) {
-        const rx_noise_correlation measured = *noise;
-        *noise = rx_noise_white(RX_NOISE_MEASURED);
-        noise->error = measured.error;
-        noise->pixels = measured.pixels;
-        noise->scale = measured.scale;
-        memcpy(noise->quadrant, measured.quadrant, sizeof noise->quadrant);
-        memcpy(noise->quadrant_error, measured.quadrant_error, sizeof noise->quadrant_error);
-    }
-    noise->scale *= sqrt(1.0 - share);
-    return share;
+    take_off_quadrants(&fit, near, noise);
+    noise->scale *= sqrt(1.0 - fit.share - fit.floor);
+    return fit.share;
 }
 
 double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, int width, int height)

@@ -35,9 +35,11 @@ typedef struct rx_noise_correlation {
     rx_noise_origin origin;
     int correlated;                          /* 0: independent within the errors, and `at` says so exactly */
     double at[RX_NOISE_SIDE][RX_NOISE_SIDE]; /* [dy + RX_NOISE_REACH][dx + RX_NOISE_REACH] */
-    double error;                            /* 1 sigma of one of them, 0 where not measured */
-    double scale;                            /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
-    long pixels;                             /* behind the measurement */
+    double measured[RX_NOISE_SIDE]
+                   [RX_NOISE_SIDE]; /* with what is within its error of 0; all 0: not measured */
+    double error;                   /* 1 sigma of one of them, 0 where not measured */
+    double scale;                   /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
+    long pixels;                    /* behind the measurement */
     /* sqrt(sum at), over lags of 3 pixels, of x low y low, x high y low, x low y high, x high y high; NAN with too
      * little sky; and 1 sigma */
     double quadrant[RX_NOISE_QUADRANTS], quadrant_error[RX_NOISE_QUADRANTS];
@@ -49,9 +51,11 @@ rx_noise_correlation rx_noise_white(rx_noise_origin origin);
 /* White noise convolved with kernel[height][width], cut at the reach. */
 rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int height);
 
-/* Measured on a crowded tile, the light of sources too faint to be found hangs together as the PSF does. Where that is
- * wide enough to be distinguished from noise (above 0.3 at a lag of 4 pixels, which no resampling reaches), its share is fitted
- * at lags of 4 pixels and more, and taken off, unless what is left would be noise that sums up to next to nothing. psf[height][width]. Returns the share, 0 where nothing was done. */
+/* Measured on a crowded tile, the light of sources too faint to be found hangs together as the PSF does. Its share (and a
+ * constant, that of sky taken off with it) is fitted to what was measured, at all lags: where it leaves nothing at the nearest 8,
+ * pixels are independent. Else, noise being short, at lags of 3 pixels and more, and taken off, unless what is left would be
+ * noise that sums up to next to nothing. A share below 5 of its errors is none, one above 0.85 is smoothed noise.
+ * psf[height][width]. Returns the share, 0 where nothing was done. */
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height);
 
 /* f of profile[height][width], at least 0.1; 1 for noise NULL, uncorrelated noise, or a profile of zeros. */

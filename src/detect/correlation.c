@@ -254,6 +254,7 @@ static rx_noise_correlation combine(const cell *cells, const int *which, int n, 
     const double sum_error = sqrt(2.0 * ((2 * NEAR + 1) * (2 * NEAR + 1) - 1)) * noise.error;
     noise.correlated =
         largest > fmax(4.0 * noise.error, LEAST) || fabs(sum) > fmax(5.0 * sum_error, LEAST_SUM);
+    memcpy(noise.measured, noise.at, sizeof noise.at);
     for (int i = 0; i < RX_NOISE_SIDE * RX_NOISE_SIDE; i++) {
         double *at = &noise.at[i / RX_NOISE_SIDE][i % RX_NOISE_SIDE];
         if (i != RX_NOISE_SIDE * RX_NOISE_SIDE / 2 && (!noise.correlated || fabs(*at) < 3.0 * noise.error))
