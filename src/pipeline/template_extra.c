@@ -39,7 +39,8 @@ typedef struct search {
     rx_leftover leftover;
     double norm; /* of the filter: S/N in it is that times its peak's over the noise of a pixel */
     double threshold;
-    place *taken;             /* [look->n] by y */
+    int ntaken;
+    place *taken;             /* [ntaken] by y */
     unsigned char *saturated; /* [extra->sources->n] by segment - 1: holds saturated pixels */
 } search;
 
@@ -86,15 +87,18 @@ static int by_y(const void *one, const void *other)
     return (a->y > b->y) - (a->y < b->y);
 }
 
-static rx_status sort_taken(const rx_tphot_look *look, place **dst, rx_error *err)
+static rx_status sort_taken(search *of, rx_error *err)
 {
-    place *taken = RX_NEW(place, (size_t)look->n);
-    if (taken == NULL)
-        return rx_error_memory(err, (size_t)look->n * sizeof *taken);
+    const rx_tphot_look *look = of->look;
+    const size_t n = (size_t)look->n + (size_t)look->nseconds;
+    of->taken = RX_NEW(place, n);
+    if (of->taken == NULL)
+        return rx_error_memory(err, n * sizeof *of->taken);
     for (int i = 0; i < look->n; i++)
-        taken[i] = (place){look->at[i][1], look->at[i][0]};
-    qsort(taken, (size_t)look->n, sizeof *taken, by_y);
-    *dst = taken;
+        of->taken[of->ntaken++] = (place){look->at[i][1], look->at[i][0]};
+    for (int i = 0; i < look->nseconds; i++)
+        of->taken[of->ntaken++] = (place){look->seconds[i][1], look->seconds[i][0]};
+    qsort(of->taken, n, sizeof *of->taken, by_y);
     return RX_OK;
 }
 
@@ -102,7 +106,7 @@ static rx_status sort_taken(const rx_tphot_look *look, place **dst, rx_error *er
  * ray for instance, which is no point. */
 static int on_a_source(const search *of, const rx_source *s, double apart)
 {
-    int first = 0, end = of->look->n;
+    int first = 0, end = of->ntaken;
     while (first < end) {
         const int middle = first + (end - first) / 2;
         if (of->taken[middle].y > s->y - apart)
@@ -110,7 +114,7 @@ static int on_a_source(const search *of, const rx_source *s, double apart)
         else
             first = middle + 1;
     }
-    for (int i = first; i < of->look->n && of->taken[i].y < s->y + apart; i++)
+    for (int i = first; i < of->ntaken && of->taken[i].y < s->y + apart; i++)
         if (hypot(s->x - of->taken[i].x, s->y - of->taken[i].y) < apart)
             return 1;
     return 0;
@@ -219,6 +223,30 @@ static rx_status collect(const rx_sources *band, int from, rx_template_extra *ex
     return status;
 }
 
+/* The second ones of pairs, which share the pixels of the first, join them: one pixel each. */
+static rx_status add_seconds(const rx_tphot_look *look, double threshold, rx_sources *found, rx_error *err)
+{
+    const size_t all = (size_t)found->n + (size_t)look->nseconds;
+    const double square = 1 / 12.0;
+    rx_source *list = rx_regrow(found->list, all, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, all * sizeof *list);
+    found->list = list;
+    for (int i = 0; i < look->nseconds; i++) {
+        const double x = look->seconds[i][0], y = look->seconds[i][1];
+        rx_source *s = &list[found->n++];
+        *s = (rx_source){.number = found->n, .segment = found->n, .npix = 1, .isoarea = 1, .x = x, .y = y};
+        s->xmin = s->xmax = s->xpeak = (int)fmin(fmax(x + 0.5, 0), found->width - 1);
+        s->ymin = s->ymax = s->ypeak = (int)fmin(fmax(y + 0.5, 0), found->height - 1);
+        s->x2 = s->y2 = square;
+        s->cxx = s->cyy = 1 / square;
+        s->a = s->b = sqrt(square);
+        s->analysis_threshold =
+            threshold * sqrt((double)rx_canvas_variance(look->canvas, s->xpeak, s->ypeak));
+    }
+    return RX_OK;
+}
+
 /* Those from `first` on. */
 static rx_status positions(const rx_sources *found, int first, double (**dst)[2], int *n, rx_error *err)
 {
@@ -300,7 +328,7 @@ static rx_status find_all(search *of, rx_error *err)
     rx_template_extra *extra = of->extra;
     const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
     const int rows = (BAND / width / STEP + 1) * STEP;
-    rx_status status = sort_taken(of->look, &of->taken, err);
+    rx_status status = sort_taken(of, err);
     if (status == RX_OK)
         status = mark_saturated(extra, &of->saturated, err);
     if (status != RX_OK)
@@ -349,6 +377,8 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (
                               .nthreads = extra->nthreads},
                  .threshold = threshold};
     status = find_all(&of, err);
+    if (status == RX_OK)
+        status = add_seconds(look, threshold, extra->found, err);
     if (status == RX_OK)
         status = positions(extra->found, before, dst, n, err);
     free(of.taken);

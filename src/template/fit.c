@@ -325,7 +325,7 @@ RX_WIDE static double pair_normal(const double *p, rx_lens_size *size, const rx_
 }
 
 double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_lens_size *size,
-                   const rx_patch *patch)
+                   const rx_patch *patch, double pair[2][3])
 {
     const double x0 = fit->p[RX_FIT_X], y0 = fit->p[RX_FIT_Y], half = 0.5 * fit->p[RX_FIT_FLUX];
     double best[PAIR] = {half, x0 + dx, y0 + dy, half, x0 - dx, y0 - dy}, p[PAIR], step[PAIR];
@@ -356,6 +356,8 @@ double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_lens
         if (gain < 0.05)
             break;
     }
+    if (pair != NULL)
+        memcpy(pair, best, sizeof best);
     return best[0] > 0 && best[3] > 0 ? chi2 : HUGE_VAL;
 }
 

@@ -19,6 +19,9 @@ static const double SURE = 0.02;     /* a probability below that is none */
 static const double UNTRIED = -3.0;  /* evidence for a profile where a round size gained too little to try */
 static const double MUCH = 100.0;    /* chi2 */
 static const double PAIR_ODDS = 4.0; /* 2 ln of the odds, in a crowd, that what is not a point is two */
+/* Of a pair where it is not crowded: S/N of both together and of the fainter one, chi2 by which a profile must be worse,
+ * errors of chi2 within which that of the pair must be what noise leaves. */
+static const double PAIR_SNR = 50.0, PAIR_FAINTER = 5.0, PAIR_BETTER = 20.0, PAIR_FITS = 5.0;
 static const double WIDEST_GUESS = 2.0;
 enum { ITERATIONS = 12 };
 
@@ -252,26 +255,58 @@ static void render_patch_only(const job *j)
     j->size->last = j->patch.corner + j->patch.side + 1;
 }
 
+/* Two points where nearly all pairs are chance: they have to be much better than the profile, and to leave nothing. */
+static int is_clear_pair(const job *j, const rx_fit *point, const rx_fit *profile, double chi2,
+                         double pair[2][3])
+{
+    const size_t pixels = (size_t)j->patch.side * (size_t)j->patch.side;
+    const double grain = j->before->grain, error = sqrt(rx_fit_variance(point, RX_FIT_FLUX));
+    double used = 0;
+    for (size_t k = 0; k < pixels; k++)
+        used += j->patch.weight[k] > 0;
+    if (pair[0][0] < pair[1][0])
+        for (int k = 0; k < 3; k++) {
+            const double swap = pair[0][k];
+            pair[0][k] = pair[1][k];
+            pair[1][k] = swap;
+        }
+    return pair[1][0] > PAIR_FAINTER * error && chi2 + PAIR_BETTER < profile->chi2 &&
+           chi2 * grain * grain < used + PAIR_FITS * sqrt(2 * used);
+}
+
 /* Do two points describe it as well as that profile? In a crowd what looks extended is most often two stars; the second
- * one then shows in what the point of the first leaves. */
-static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile)
+ * one then shows in what the point of the first leaves. Elsewhere it stays what it is until look() splits it. */
+static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
 {
     const rx_spergel shape = rx_fit_profile(profile);
     const double angle = 0.5 * atan2(shape.g2, shape.g1), fwhm = j->view->fwhm;
     const double apart = fmin(fmax(shape.radius, 0.25 * fwhm), fwhm);
-    if (!rx_crowding_at(j->view->crowd, j->cx, j->cy))
+    const int crowded = rx_crowding_at(j->view->crowd, j->cx, j->cy);
+    const double flux = point->p[RX_FIT_FLUX], variance = rx_fit_variance(point, RX_FIT_FLUX);
+    if (!crowded &&
+        (point->chi2 - profile->chi2 < PAIR_BETTER || flux * flux < PAIR_SNR * PAIR_SNR * variance))
         return 0;
+    double pair[2][3];
     const double chi2 =
-        rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch);
+        rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch, pair);
     rx_lens_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
                    1); /* plane 0 as it was */
-    return chi2 < profile->chi2 + PAIR_ODDS;
+    if (crowded)
+        return chi2 < profile->chi2 + PAIR_ODDS;
+    after->paired = is_clear_pair(j, point, profile, chi2, pair);
+    for (int i = 0; i < 2 && after->paired; i++) {
+        after->pair[i][0] = pair[i][0];
+        after->pair[i][1] = pair[i][1] + j->cx;
+        after->pair[i][2] = pair[i][2] + j->cy;
+    }
+    return 0;
 }
 
 /* Point against profile on the same pixels. */
 static void choose(const job *j, rx_subject *after)
 {
     rx_fit point, profile;
+    after->paired = 0;
     render_patch_only(j);
     const int ran_away = fit_point(j, &point);
     take_point(j, &point, ran_away, after);
@@ -280,7 +315,7 @@ static void choose(const job *j, rx_subject *after)
     if (size_gain(j, &point) < WORTH + WORTH_ODDS * penalty(j->par))
         return;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
-    if (usable(&profile, &point) && !is_pair(j, &point, &profile))
+    if (usable(&profile, &point) && !is_pair(j, &point, &profile, after))
         take_profile(j, &point, &profile, after);
 }
 

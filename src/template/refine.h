@@ -46,9 +46,11 @@ typedef struct rx_subject {
                              too high by that / 2 * fluxerr^2 / flux */
     double presence;      /* what rx_tphot_source.evidence will be */
     int flags;
-    int added; /* number among those that were added; -1: listed */
-    int moved; /* since its footprint was made */
-    int still; /* nothing has changed around it since it was fitted */
+    int added;         /* number among those that were added; -1: listed */
+    int moved;         /* since its footprint was made */
+    int paired;        /* not in a crowd, and two points describe it, no profile does: */
+    double pair[2][3]; /* flux, x, y of both, the brighter one first */
+    int still;         /* nothing has changed around it since it was fitted */
     /* from the source list; segment 0: not listed */
     int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;

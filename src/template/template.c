@@ -444,20 +444,53 @@ static double (*positions(const work *w))[2]
     return at;
 }
 
-/* Adds what shows in the residual: *count points. */
-static rx_status look(work *w, int *count, rx_error *err)
+/* What two points describe becomes the brighter one; the others, seconds[*count][2], are to be added. */
+static void split(work *w, double (*seconds)[2], int *count)
 {
-    double(*found)[2] = NULL, (*at)[2] = positions(w);
-    if (at == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *at);
+    for (int i = 0; i < w->n; i++) {
+        rx_subject *s = &w->subjects[i];
+        s->moved = s->paired && !in_crowd(w, s);
+        s->paired = 0;
+        if (!s->moved)
+            continue;
+        s->kind = RX_TPHOT_POINT;
+        s->point = s->star = s->lift = 1;
+        s->profile = (rx_spergel){.nu = s->profile.nu};
+        s->flux = s->pair[0][0];
+        s->x = s->x0 = s->pair[0][1];
+        s->y = s->y0 = s->pair[0][2];
+        seconds[*count][0] = s->pair[1][1];
+        seconds[(*count)++][1] = s->pair[1][2];
+    }
+}
+
+/* Adds what shows in the residual, and the second points of pairs: *count points, *seen of them in the residual. */
+static rx_status look(work *w, int *count, int *seen, rx_error *err)
+{
+    double(*found)[2] = NULL, (*at)[2] = positions(w),
+    (*seconds)[2] = rx_alloc((size_t)w->n, sizeof *seconds);
+    int nseconds = 0;
+    rx_status status = RX_OK;
+    if (at == NULL || seconds == NULL) {
+        status = rx_error_memory(err, 2 * (size_t)w->n * sizeof *at);
+        goto exit;
+    }
+    if (w->par->crowding != RX_CROWDING_NO)
+        split(w, seconds, &nseconds);
     /* what did not hold in the first passes may once its surroundings are right */
     const int n = w->passes <= TRIED ? w->n : w->n + w->ngone;
-    const rx_tphot_look view = {&w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, n};
-    rx_status status = w->input->more(w->input->user, &view, &found, count, err);
-    if (status == RX_OK)
-        status = add_points(w, (const double(*)[2])found, *count, err);
+    const rx_tphot_look view = {
+        &w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, n, (const double(*)[2])seconds,
+        nseconds};
+    RX_TRY_EXIT(w->input->more(w->input->user, &view, &found, count, err));
+    *seen = *count - nseconds;
+    if (nseconds > 0)
+        RX_TRY_EXIT(refine(w, 0, 1, 1, 0, err));
+    RX_TRY_EXIT(add_points(w, (const double(*)[2])found, *count, err));
+exit:
     free(found);
     free(at);
+    free(seconds);
     return status;
 }
 
@@ -517,14 +550,14 @@ static int movable(const work *w)
  * times of what is near that. */
 static rx_status look_again(work *w, rx_error *err)
 {
-    int count = 0, dropped = 0;
+    int count = 0, seen = 0, dropped = 0;
     do {
         RX_TRY(rx_interrupt_check(err));
-        RX_TRY(look(w, &count, err));
+        RX_TRY(look(w, &count, &seen, err));
         if (count == 0)
             break;
         unsettle(w);
-        if (w->passes > 1 && w->passes % WHOLE != 0)
+        if (seen == 0 || (w->passes > 1 && w->passes % WHOLE != 0))
             RX_TRY(settle(w, count, dropped, err));
         w->passes++;
         for (int i = 0; i < w->n; i++)

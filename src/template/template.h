@@ -154,6 +154,9 @@ typedef struct rx_tphot_look {
     int again;                       /* looks before this one: from the second on only there */
     const double (*at)[2];           /* [n] x, y of the sources as they are fitted now */
     int n;
+    const double (*seconds)
+        [2]; /* [nseconds] x, y of the fainter ones of pairs that a fit has split: last in what is given */
+    int nseconds;
 } rx_tphot_look;
 
 /* Sources that only show in the residual: called after the first fit and, where the tile is crowded, again until nothing is

@@ -183,7 +183,7 @@ static void best_of(const double stars[2][3], double disk, double chi2[3])
         .high = {[RX_FIT_RADIUS] = 2, [RX_FIT_G1] = 0.8, [RX_FIT_G2] = 0.8, [RX_FIT_NU] = 2.3}};
     rx_fit_run(&profile, size, &patch);
     chi2[1] = profile.chi2;
-    chi2[2] = rx_fit_pair(&point, 1, 0.4, 6, size, &patch);
+    chi2[2] = rx_fit_pair(&point, 1, 0.4, 6, size, &patch, NULL);
     rx_lens_free(lens);
     rx_psf_free(psf);
 }
@@ -263,6 +263,72 @@ static void test_passes(void **state)
         assert_near(t->list[i].flux, 500, 4 * t->list[i].fluxerr);
     rx_tphot_free(t);
     field_close(&f);
+}
+
+/* Only what fits have split. */
+static rx_status show_seconds(void *user, const rx_tphot_look *look, double (**dst)[2], int *n, rx_error *err)
+{
+    int *calls = user;
+    (void)err;
+    *n = look->nseconds;
+    *dst = rx_alloc((size_t)*n, sizeof **dst);
+    assert_non_null(*dst);
+    memcpy(*dst, look->seconds, (size_t)*n * sizeof **dst);
+    calls[0]++;
+    return RX_OK;
+}
+
+/* Where it is not crowded: a pair 0.8 FWHM apart is two points, a star, a galaxy and a pair too near to be split are what they
+ * were, the latter marked by its class; with CROWDING N all are, and so is a tile without pairs, to the byte. */
+static void test_clear_pair(void **state)
+{
+    (void)state;
+    rx_tphot_source before[3];
+    for (int turn = 0; turn < 4; turn++) { /* no pair; one, as AUTO, without, and as NO has it */
+        field f;
+        int calls = 0;
+        rx_tphot_params par = rx_tphot_defaults();
+        rx_tphot *t = NULL;
+        field_open(&f, 256, 256, 4, 1, 4);
+        field_noise(&f, 3);
+        field_star(&f, 60, 60, 2000);
+        field_disk(&f, 190, 60, 6000, 3, 0.7, 30);
+        field_star(&f, 60, 190, 2000);
+        field_star(&f, 60.4, 190.8, 1500);
+        if (turn > 1) {
+            field_star(&f, 190, 190, 2000);
+            field_star(&f, 192.6, 191.8, 1400);
+        }
+        field_list(&f, 60, 60, 6, 1.7, 1.7, 0);
+        field_list(&f, 190, 60, 9, 3, 2.4, 30);
+        field_list(&f, 60, 190.4, 6, 1.8, 1.7, 0);
+        if (turn > 1)
+            field_list(&f, 191.1, 190.7, 8, 2.2, 1.8, 35);
+        field_restore_none(&f);
+        rx_tphot_input input = field_input(&f);
+        input.more = show_seconds;
+        input.user = &calls;
+        par.crowding = turn == 1 || turn == 3 ? RX_CROWDING_NO : RX_CROWDING_AUTO;
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        assert_int_equal(calls, 1);
+        assert_int_equal(t->n, turn == 0 || turn == 1 ? 3 : turn == 2 ? 5 : 4);
+        assert_int_equal(t->list[1].kind, RX_TPHOT_PROFILE);
+        if (turn == 0)
+            memcpy(before, t->list, sizeof before);
+        if (turn == 1)
+            for (int i = 0; i < 3; i++)
+                assert_memory_equal(&t->list[i].flux, &before[i].flux, sizeof before[i].flux);
+        if (turn == 2) {
+            assert_near(t->list[3].flux, 2000, 4 * t->list[3].fluxerr);
+            assert_near(t->list[4].flux, 1400, 4 * t->list[4].fluxerr);
+            assert_near(t->list[4].x, 192.6, 0.3);
+            assert_near(t->list[4].y, 191.8, 0.3);
+        }
+        if (turn == 3)
+            assert_int_equal(t->list[3].kind, RX_TPHOT_PROFILE);
+        rx_tphot_free(t);
+        field_close(&f);
+    }
 }
 
 static int falling(const void *one, const void *other)
@@ -410,8 +476,8 @@ static void test_unseen(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_cells), cmocka_unit_test(test_extended), cmocka_unit_test(test_sky_and_noise),
-        cmocka_unit_test(test_pair),  cmocka_unit_test(test_passes),   cmocka_unit_test(test_least_noise),
-        cmocka_unit_test(test_unseen)};
+        cmocka_unit_test(test_cells),  cmocka_unit_test(test_extended),  cmocka_unit_test(test_sky_and_noise),
+        cmocka_unit_test(test_pair),   cmocka_unit_test(test_passes),    cmocka_unit_test(test_least_noise),
+        cmocka_unit_test(test_unseen), cmocka_unit_test(test_clear_pair)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
