@@ -169,7 +169,8 @@ void rx_findings_show_contests(rx_findings *f, long from, const char *title, int
 rx_status rx_findings_end(rx_findings *f, const char *folder, const char *shown, rx_log *log, rx_text *brief,
                           rx_error *err)
 {
-    const rx_report_files files = {folder, shown, f->record->figures, NULL, log};
+    const rx_report_files files = {
+        .folder = folder, .shown = shown, .figures = f->record->figures, .log = log};
     rx_report_section(f->report, "record", "What made this page");
     rx_text command = {0};
     rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)f->record->seed, f->record->command);

@@ -147,6 +147,22 @@ void rx_report_note(rx_report *r, const char *html)
     rx_page_note(&r->body, html);
 }
 
+void rx_report_lines(rx_report *r, const char *words)
+{
+    char *copy = rx_strdup(words), *line = copy;
+    r->failed = r->failed || copy == NULL;
+    rx_text_add(&r->body, "<pre>");
+    while (line != NULL && *line != '\0') {
+        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
+        *end = '\0';
+        rx_escape_html(&r->body, line);
+        rx_text_add(&r->body, "\n");
+        line = next;
+    }
+    rx_text_add(&r->body, "</pre>\n");
+    free(copy);
+}
+
 void rx_report_fold(rx_report *r, const char *title)
 {
     rx_text_add(&r->body, "<details><summary><b>");
@@ -269,7 +285,8 @@ static rx_status write_tables(const rx_report *r, const rx_report_files *files, 
 
 static bool has_failed(const rx_report *r)
 {
-    bool failed = r->failed || r->head.failed || r->links.failed || r->body.failed || r->brief.failed;
+    bool failed = r->failed || r->figures.script.failed || r->head.failed || r->links.failed ||
+                  r->body.failed || r->brief.failed;
     for (int i = 0; i < r->ntables; i++)
         failed = failed || r->table[i].failed;
     return failed;
@@ -281,9 +298,10 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
     rx_status status = RX_OK;
     if (has_failed(r))
         return rx_error_memory(err, sizeof *r);
-    if (files->figures)
+    const bool draws = files->figures && r->figures.n > 0 && r->figures.script.length > 0;
+    if (draws)
         status = rx_figures_start(&r->figures, files->gnuplot, files->folder, files->shown, err);
-    else
+    else if (!files->figures)
         snprintf(r->figures.note, sizeof r->figures.note, "figures were not asked for");
     if (status == RX_OK) { /* while gnuplot draws */
         write_json(&text, r);
@@ -291,14 +309,16 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
     }
     if (status == RX_OK)
         status = write_tables(r, files, err);
-    if (status == RX_OK && files->figures)
+    if (status == RX_OK && draws)
         status = rx_figures_finish(&r->figures, files->gnuplot, err);
     if (status != RX_OK)
         return status;
-    if (files->figures && r->figures.note[0] != '\0')
+    if (draws && r->figures.note[0] != '\0')
         rx_log_warning(files->log, "report without figures: %s", r->figures.note);
+    rx_text_free(&r->figures.script);
     write_html(&text, r);
-    status = rx_report_file(files->folder, files->shown, "report.html", &text, err);
+    status = rx_report_file(files->folder, files->shown, files->page != NULL ? files->page : "report.html",
+                            &text, err);
     if (status == RX_OK && brief != NULL && r->brief.data != NULL)
         rx_text_add(brief, r->brief.data);
     return status;

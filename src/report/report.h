@@ -91,10 +91,13 @@ void rx_report_heading(rx_report *report, const char *title, const char *unit);
 void rx_report_paragraph(rx_report *report, const char *html);
 void rx_report_sentence(rx_report *report, const char *words); /* a paragraph of words from outside */
 void rx_report_note(rx_report *report, const char *html);      /* small: how to read it */
+void rx_report_lines(rx_report *report, const char *words); /* words from outside, their lines as they are */
 /* What is folded away until rx_report_unfold(). */
 void rx_report_fold(rx_report *report, const char *title);
 void rx_report_unfold(rx_report *report);
-/* Figures are added to this, and stand where rx_report_place() names the beginning of their ids. */
+/* Figures are added to this, and stand where rx_report_place() names the beginning of their ids. Those of
+ * another report may be put here: they are not drawn again when their script is empty, as it is after
+ * rx_report_write(). */
 rx_figures *rx_report_figures_of(rx_report *report);
 void rx_report_place(rx_report *report, const char *prefix);
 rx_text *rx_report_brief_of(rx_report *report); /* lines for the terminal, to be added to */
@@ -113,6 +116,8 @@ long rx_report_rows(const rx_report_table *table);
 
 typedef struct rx_report_view {
     long from, to;            /* rows */
+    long most;                /* of rows as they are: the page says how many there are, and where; 0: all */
+    int without_empty;        /* of rows as they are: columns that say nothing in any of them are left out */
     const char *title, *unit; /* NULL: none */
     const char *note;         /* words; NULL: none */
     int ncolumns;             /* shown ones; 0: all */
@@ -131,6 +136,7 @@ void rx_report_show(rx_report *report, const rx_report_table *table, const rx_re
 typedef struct rx_report_files {
     const char *folder, *shown; /* as it is, and as errors name it */
     int figures;                /* 0: none are drawn */
+    const char *page;           /* file; NULL: report.html */
     const char *gnuplot;        /* program; NULL: "gnuplot" */
     rx_log *log;                /* warned where gnuplot is missing */
 } rx_report_files;

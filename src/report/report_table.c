@@ -203,9 +203,11 @@ static int column_of(const rx_report_table *t, const char *name)
 static const char *mark_of(const char *words)
 {
     static const char *const marks[][2] = {
-        {"reproduced", RX_MARK_GOOD},   {"held", RX_MARK_GOOD},           {"not reproduced", RX_MARK_BAD},
-        {"not held", RX_MARK_BAD},      {"undecided", RX_MARK_OPEN},      {"not yet testable", RX_MARK_OPEN},
-        {"not measured", RX_MARK_PALE}, {"not tested here", RX_MARK_PALE}};
+        {"reproduced", RX_MARK_GOOD},    {"held", RX_MARK_GOOD},
+        {"not reproduced", RX_MARK_BAD}, {"not held", RX_MARK_BAD},
+        {"undecided", RX_MARK_OPEN},     {"not yet testable", RX_MARK_OPEN},
+        {"not measured", RX_MARK_PALE},  {"not tested here", RX_MARK_PALE},
+        {"NONE", RX_MARK_PALE}};
     for (size_t i = 0; i < sizeof marks / sizeof *marks; i++)
         if (strcmp(words, marks[i][0]) == 0)
             return marks[i][1];
@@ -221,7 +223,10 @@ static void html_cell(rx_text *dst, const rx_report_table *t, int column, long r
         rx_page_cell_text(dst, words_at(t, column, row));
         break;
     case RX_REPORT_VERDICT:
-        rx_page_cell_verdict(dst, mark_of(words_at(t, column, row)), words_at(t, column, row));
+        if (words_at(t, column, row)[0] == '\0')
+            rx_page_cell_text(dst, NULL);
+        else
+            rx_page_cell_verdict(dst, mark_of(words_at(t, column, row)), words_at(t, column, row));
         break;
     case RX_REPORT_COUNT:
         rx_page_cell_count(dst, (long)number_at(t, column, 0, row));
@@ -328,6 +333,47 @@ static int shown(const rx_report_table *t, const rx_report_view *v, int i)
     return v->ncolumns > 0 ? column_of(t, v->columns[i]) : i;
 }
 
+/* Would the page have nothing but dashes? */
+static bool is_empty(const rx_report_table *t, int column, long from, long to)
+{
+    const rx_report_kind kind = t->columns[column].kind;
+    bool empty = kind != RX_REPORT_COUNT;
+    for (long row = from; row < to && empty; row++)
+        empty = is_words(kind)               ? words_at(t, column, row)[0] == '\0'
+                : kind == RX_REPORT_ESTIMATE ? estimate_at(t, column, row).n == 0
+                                             : isnan(number_at(t, column, 0, row));
+    return empty;
+}
+
+static void html_rows(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
+{
+    const long to = v->most > 0 && v->to - v->from > v->most ? v->from + v->most : v->to;
+    const int n = v->ncolumns > 0 ? v->ncolumns : t->ncolumns;
+    rx_page_row(dst, NULL);
+    for (int i = 0; i < n; i++) {
+        const int column = shown(t, v, i);
+        const rx_report_column *c = &t->columns[column];
+        rx_text heading = {0};
+        if (v->without_empty && is_empty(t, column, v->from, to))
+            continue;
+        rx_text_printf(&heading, c->unit != NULL && c->unit[0] != '\0' ? "%s [%s]" : "%s", heading_of(c),
+                       c->unit);
+        rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT, heading.data != NULL ? heading.data : "");
+        dst->failed = dst->failed || heading.failed;
+        rx_text_free(&heading);
+    }
+    rx_page_row_end(dst);
+    for (long k = v->from; k < to; k++) {
+        rx_page_row(dst, NULL);
+        for (int i = 0; i < n; i++) {
+            const int column = shown(t, v, i);
+            if (!v->without_empty || !is_empty(t, column, v->from, to))
+                html_cell(dst, t, column, k, t->columns[column].digits);
+        }
+        rx_page_row_end(dst);
+    }
+}
+
 static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)
 {
     char label[160];
@@ -366,30 +412,16 @@ void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_repor
         rx_text_add(dst, "</p>\n");
     }
     rx_page_table_begin(dst);
-    if (pivot_of(t, v, &p)) {
+    const bool is_pivot = pivot_of(t, v, &p);
+    if (is_pivot)
         html_pivot(dst, t, v, &p);
-    } else {
-        const int n = v->ncolumns > 0 ? v->ncolumns : t->ncolumns;
-        rx_page_row(dst, NULL);
-        for (int i = 0; i < n; i++) {
-            const rx_report_column *c = &t->columns[shown(t, v, i)];
-            rx_text heading = {0};
-            rx_text_printf(&heading, c->unit != NULL && c->unit[0] != '\0' ? "%s [%s]" : "%s", heading_of(c),
-                           c->unit);
-            rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT,
-                         heading.data != NULL ? heading.data : "");
-            dst->failed = dst->failed || heading.failed;
-            rx_text_free(&heading);
-        }
-        rx_page_row_end(dst);
-        for (long k = v->from; k < v->to; k++) {
-            rx_page_row(dst, NULL);
-            for (int i = 0; i < n; i++)
-                html_cell(dst, t, shown(t, v, i), k, t->columns[shown(t, v, i)].digits);
-            rx_page_row_end(dst);
-        }
-    }
+    else
+        html_rows(dst, t, v);
     rx_page_table_end(dst);
+    if (!is_pivot && v->most > 0 && v->to - v->from > v->most)
+        rx_text_printf(dst, "<p class=\"r\">%ld of %ld rows. All are in %s%s.</p>\n", v->most,
+                       v->to - v->from, t->where & RX_REPORT_IN_FILE ? t->table->name : "summary",
+                       t->where & RX_REPORT_IN_FILE ? ".ecsv" : ".json");
 }
 
 void rx_report_table_brief(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
@@ -435,6 +467,8 @@ void rx_report_table_json(rx_json *j, const rx_report_table *t)
                 rx_json_string(j, c->name, words_at(t, i, k)[0] != '\0' ? words_at(t, i, k) : NULL);
             else if (c->kind == RX_REPORT_ESTIMATE)
                 rx_json_estimate(j, c->name, &e);
+            else if (c->kind == RX_REPORT_COUNT && number_at(t, i, 0, k) >= 0)
+                rx_json_count(j, c->name, (uint64_t)number_at(t, i, 0, k)); /* every digit */
             else
                 rx_json_number(j, c->name, number_at(t, i, 0, k));
             if (c->kind == RX_REPORT_P)

@@ -5,11 +5,11 @@ librextract_la_SOURCES += \
 	src/survey/replay_record.c src/survey/replay_record.h \
 	src/survey/plan_run.c src/survey/plan_run.h \
 	src/survey/rollup.c src/survey/rollup.h \
-	src/survey/rollup_page.c \
+	src/survey/rollup_figures.c \
+	src/survey/rollup_junit.c \
 	src/survey/rollup_report.c src/survey/rollup_report.h \
 	src/survey/rollup_run.c src/survey/rollup_run.h \
 	src/survey/rollup_sky.c \
-	src/survey/rollup_tables.c \
 	src/survey/survey.c src/survey/survey.h \
 	src/survey/tile_record.c src/survey/tile_record.h \
 	src/survey/tile_run.c src/survey/tile_run.h

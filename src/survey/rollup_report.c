@@ -1,55 +1,350 @@
-/* The files of a survey's report. */
+/* The report of a survey: its tables, and the page. */
 #include "survey/rollup_report.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
-#include "base/interrupt.h"
-#include "base/memory.h"
+#include "report/report.h"
+#include "validate/page.h"
 #include "validate/report_file.h"
 
-static rx_status write_files(const rx_rollup *rollup, const rx_figures *figures, const char *folder,
-                             const char *shown, rx_error *err)
-{
-    static const struct {
-        const char *name;
-        void (*write)(rx_text *dst, const rx_rollup *rollup);
-    } files[] = {{"summary.json", rx_rollup_json}, {"tiles.ecsv", rx_rollup_tiles},
-                 {"bins.ecsv", rx_rollup_bins},    {"psfs.ecsv", rx_rollup_psfs},
-                 {"psf_rho.ecsv", rx_rollup_rho},  {"junit.xml", rx_rollup_junit}};
-    rx_status status = RX_OK;
-    rx_text text = {0};
-    for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {
-        files[i].write(&text, rollup);
-        status = rx_report_file(folder, shown, files[i].name, &text, err);
+enum { ROWS_SHOWN = 200, NCELL = 5 };
+
+static const char CENTRE[] = "of the centre", ERROR[] = "1 sigma";
+
+/* What every table of a run ends with: put_cell(). */
+#define CELL                                                                                                 \
+    {"recall", RX_REPORT_ESTIMATE, 3, "", "share of references found", NULL},                                \
+        {"precision", RX_REPORT_ESTIMATE, 3, "", "share of detections that are references", NULL},           \
+        {"pairs", RX_REPORT_COUNT, 0, "", "matches with both magnitudes", NULL},                             \
+        {"bias_mag", RX_REPORT_NUMBER, 4, "mag", "median of m - m0", "bias"},                                \
+    {                                                                                                        \
+        "scatter_mag", RX_REPORT_NUMBER, 4, "mag", "sigma_MAD of m - m0", "scatter"                          \
     }
-    if (status != RX_OK)
-        return status;
-    rx_rollup_html(&text, rollup, figures);
-    return rx_report_file(folder, shown, "report.html", &text, err);
+
+static const rx_report_column RUNS[] = {
+    {.name = "run", .heading = "restorer"},
+    {"images", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"done_by_another", RX_REPORT_COUNT, 0, "", "images that another restorer did", "by another restorer"},
+    {"outside", RX_REPORT_COUNT, 0, "", "images that it was not made for", "not made for"},
+    {"flux_scale_off", RX_REPORT_COUNT, 0, "", "images with a wrong flux scale", "flux scale off"},
+    {"threshold_raised", RX_REPORT_COUNT, 0, "", "images whose DETECT_THRESH was raised", "threshold raised"},
+    {"not_explained", RX_REPORT_COUNT, 0, "", "images that the restored one does not explain",
+     "not explained"},
+    {"sources", RX_REPORT_COUNT, 0, "", "in the catalogues", NULL},
+    CELL,
+};
+
+static const rx_report_column BINS[] = {
+    {.name = "run", .help = "restorer"},
+    {"mag_low", RX_REPORT_NUMBER, 1, "mag", "from", NULL},
+    {"mag_high", RX_REPORT_NUMBER, 1, "mag", "below", NULL},
+    CELL,
+};
+
+static const rx_report_column NOT_FINE[] = {
+    {.name = "tile", .help = "name"},
+    {.name = "image", .help = "file"},
+    {"exit_status", RX_REPORT_NUMBER, 0, "", "none: without a record", "exit status"},
+    {.name = "error", .heading = "why"},
+};
+
+static const rx_report_column PSFS[] = {
+    {.name = "tile", .help = "name"},
+    {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
+    {.name = "how", .help = "how its PSF came about (RXPSFHOW)", .heading = "PSF"},
+    {.name = "library", .help = "file of PSF_LIBRARY", .heading = "of PSF_LIBRARY"},
+    {"stars", RX_REPORT_COUNT, 0, "", "that it was fitted to", NULL},
+    {"reserved", RX_REPORT_COUNT, 0, "", "stars that were not fitted, for what follows", NULL},
+    {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from the PSF", "error of fluxes"},
+    {"growth", RX_REPORT_NUMBER, 4, "", "curve of growth, largest stars - PSF", NULL},
+    {"residual", RX_REPORT_NUMBER, 4, "", "stacked stars - PSF, largest, share of the peak", NULL},
+    {"dt", RX_REPORT_NUMBER, 4, "", "mean (T - T of PSF) / T", NULL},
+    {"dt_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
+    {"de1", RX_REPORT_NUMBER, 4, "", "mean e1 - e1 of PSF, along the tile's pixels", NULL},
+    {"de1_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
+    {"de2", RX_REPORT_NUMBER, 4, "", "mean e2 - e2 of PSF", NULL},
+    {"de2_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
+};
+
+static const rx_report_column RHO[] = {
+    {"arcmin_low", RX_REPORT_NUMBER, 2, "arcmin", "between two stars, from", NULL},
+    {"arcmin_high", RX_REPORT_NUMBER, 2, "arcmin", "below", NULL},
+    {"pairs", RX_REPORT_NUMBER, 0, "", "of reserved stars", NULL},
+    {"rho1", RX_REPORT_NUMBER, 6, "", "mean of Re(de conj(de))", NULL},
+    {"rho1_error", RX_REPORT_NUMBER, 6, "", ERROR, NULL},
+    {"rho_t", RX_REPORT_NUMBER, 6, "", "mean of the product of both dT/T", NULL},
+    {"rho_t_error", RX_REPORT_NUMBER, 6, "", ERROR, NULL},
+};
+
+static const rx_report_column TILES[] = {
+    {.name = "tile", .help = "name"},
+    {.name = "image", .help = "file"},
+    {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
+    {.name = "run", .help = "restorer that was asked for", .heading = "restorer"},
+    {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
+    {.name = "why", .help = "why that was another one"},
+    {.name = "outside", .help = "what the restorer was not made for", .heading = "not made for"},
+    {"flux_scale", RX_REPORT_NUMBER, 4, "", "restored against untouched pixels", "flux scale"},
+    {"flux_scale_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
+    {.name = "flux_scale_is", .help = "right or off; empty: not measured"},
+    {"false_per_mpixel", RX_REPORT_NUMBER, 1, "", "false detections on the tile's noise", NULL},
+    {"threshold_raised", RX_REPORT_NUMBER, 2, "", "DETECT_THRESH was multiplied by this for them", NULL},
+    {"not_explained", RX_REPORT_NUMBER, 2, "", "share of cells that the restored image does not explain",
+     NULL},
+    {"off", RX_REPORT_NUMBER, 1, "", "errors that it lies off the survey in what is worst", NULL},
+    {.name = "worst_in", .help = "what that is", .heading = "in"},
+    {"verdict", RX_REPORT_VERDICT, 0, "", "of the gates", "gates"},
+    {"alpha_j2000", RX_REPORT_NUMBER, 5, "deg", CENTRE, NULL},
+    {"delta_j2000", RX_REPORT_NUMBER, 5, "deg", CENTRE, NULL},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", "FWHM"},
+    {"sky", RX_REPORT_NUMBER, 3, "adu", "level", NULL},
+    {"noise", RX_REPORT_NUMBER, 3, "adu", "of a pixel", NULL},
+    {"sources", RX_REPORT_COUNT, 0, "", "in the catalogue", NULL},
+    CELL,
+};
+
+#define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
+
+static void put_cell(rx_cell dst[NCELL], const rx_rollup_cell *cell)
+{
+    const rx_cell values[NCELL] = {rx_cell_estimate(cell->recall), rx_cell_estimate(cell->precision),
+                                   rx_cell_number((double)cell->pairs), rx_cell_number(cell->bias),
+                                   rx_cell_number(cell->scatter)};
+    for (int i = 0; i < NCELL; i++)
+        dst[i] = values[i];
 }
 
-rx_status rx_rollup_report(const rx_rollup *rollup, int wanted, const char *folder, const char *shown,
+/* Restorers over all tiles, and by magnitude in a table of its own. */
+static rx_report_table *add_runs(rx_report *report, const rx_rollup *r)
+{
+    rx_report_table *runs = rx_report_table_add(report, "runs", COUNT(RUNS), RUNS, RX_REPORT_IN_JSON);
+    rx_report_table *bins = rx_report_table_add(report, "bins", COUNT(BINS), BINS, RX_REPORT_EVERYWHERE);
+    for (int i = 0; i < r->nruns; i++) {
+        const rx_rollup_run *run = &r->run[i];
+        const long counts[] = {run->tiles,  run->by_others,   run->outside, run->flux_off,
+                               run->raised, run->unexplained, run->sources};
+        rx_cell row[COUNT(RUNS)] = {rx_cell_words(run->name)};
+        for (int k = 0; k < COUNT(counts); k++)
+            row[1 + k] = rx_cell_number((double)counts[k]);
+        put_cell(row + 1 + COUNT(counts), &run->whole);
+        rx_report_row(runs, row);
+        for (int b = run->first; b <= run->last; b++) {
+            rx_cell bin[COUNT(BINS)] = {rx_cell_words(run->name), rx_cell_number(0.5 * (b + RX_TALLY_LOW)),
+                                        rx_cell_number(0.5 * (b + 1 + RX_TALLY_LOW))};
+            put_cell(bin + 3, &run->bin[b]);
+            rx_report_row(bins, bin);
+        }
+    }
+    return runs;
+}
+
+/* Tiles that have failed or whose gates have, then those without a record. */
+static rx_report_table *add_not_fine(rx_report *report, const rx_rollup *r)
+{
+    rx_report_table *t =
+        rx_report_table_add(report, "not_fine", COUNT(NOT_FINE), NOT_FINE, RX_REPORT_IN_JSON);
+    for (int i = 0; i < r->ntiles; i++) {
+        const rx_rollup_tile *tile = r->tile[i];
+        if (tile->status != RX_OK)
+            rx_report_row(t, (rx_cell[]){rx_cell_words(tile->name), rx_cell_words(tile->image),
+                                         rx_cell_number(tile->status), rx_cell_words(tile->what)});
+    }
+    for (int i = 0; i < r->nmissing; i++)
+        rx_report_row(
+            t, (rx_cell[]){rx_cell_words(NULL), rx_cell_words(rx_tiles_image(r->tiles, r->missing[i])),
+                           rx_cell_number(NAN), rx_cell_words("no record: it was not run, or was killed")});
+    return t;
+}
+
+/* First those that are not from several stars of their own. */
+static rx_report_table *add_psfs(rx_report *report, const rx_rollup *r)
+{
+    rx_report_table *t = rx_report_table_add(report, "psfs", COUNT(PSFS), PSFS, RX_REPORT_EVERYWHERE);
+    rx_report_table *rho = rx_report_table_add(report, "psf_rho", COUNT(RHO), RHO, RX_REPORT_EVERYWHERE);
+    for (int lower = 1; lower >= 0; lower--)
+        for (int i = 0; i < r->npsfs; i++) {
+            const rx_psf_account *p = &r->psf[i].psf;
+            if (rx_psf_account_is_lower(p) != lower)
+                continue;
+            const double numbers[] = {p->stars, p->reserved, p->flux_error > 0 ? p->flux_error : NAN,
+                                      p->growth, p->residual};
+            rx_cell row[COUNT(PSFS)] = {rx_cell_words(r->psf[i].tile->name), rx_cell_number(r->psf[i].hdu),
+                                        rx_cell_words(p->how), rx_cell_words(p->library)};
+            for (int k = 0; k < COUNT(numbers); k++)
+                row[4 + k] = rx_cell_number(numbers[k]);
+            for (int k = 0; k < 3; k++) {
+                row[4 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->off[k] : NAN);
+                row[5 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->error[k] : NAN);
+            }
+            rx_report_row(t, row);
+        }
+    for (int k = 0; k < RX_RHO_BINS; k++)
+        rx_report_row(rho, (rx_cell[]){rx_cell_number(rx_rho_edge(k)), rx_cell_number(rx_rho_edge(k + 1)),
+                                       rx_cell_number(r->rho[k].pairs), rx_cell_number(r->rho[k].e),
+                                       rx_cell_number(r->rho[k].e_error), rx_cell_number(r->rho[k].t),
+                                       rx_cell_number(r->rho[k].t_error)});
+    return t;
+}
+
+static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r)
+{
+    rx_report_table *t = rx_report_table_add(report, "tiles", COUNT(TILES), TILES, RX_REPORT_EVERYWHERE);
+    for (int i = 0; i < r->nrows; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const rx_run_guard *guard = &row->guard;
+        const char *run = r->run[row->run].name;
+        const bool measured = row->flux.n > 0;
+        rx_cell cells[COUNT(TILES)] = {
+            rx_cell_words(row->tile->name),
+            rx_cell_words(row->tile->image),
+            rx_cell_number(row->hdu),
+            rx_cell_words(run),
+            rx_cell_words(row->by[0] != '\0' ? row->by : run),
+            rx_cell_words(row->why),
+            rx_cell_words(row->outside),
+            rx_cell_number(measured ? row->flux.wide : NAN),
+            rx_cell_number(measured ? row->flux.wide_error : NAN),
+            rx_cell_words(!measured                         ? ""
+                          : rx_fluxcheck_is_off(&row->flux) ? "off"
+                                                            : "right"),
+            rx_cell_number(guard->known ? guard->false_per_mpixel : NAN),
+            rx_cell_number(guard->known ? guard->raised : NAN),
+            rx_cell_number(guard->known ? guard->unexplained : NAN),
+            rx_cell_number(row->off),
+            rx_cell_words(row->what),
+            rx_cell_words(rx_verdict_name(row->verdict)),
+            rx_cell_number(row->alpha),
+            rx_cell_number(row->delta),
+            rx_cell_number(row->fwhm),
+            rx_cell_number(row->sky),
+            rx_cell_number(row->noise),
+            rx_cell_number((double)row->sources),
+        };
+        put_cell(cells + COUNT(TILES) - NCELL, &row->cell);
+        rx_report_row(t, cells);
+    }
+    return t;
+}
+
+static void add_facts(rx_report *report, const rx_rollup *r)
+{
+    const struct {
+        const char *name;
+        int n;
+    } counts[] = {
+        {"all_tiles", r->ntiles + r->nmissing}, {"fine", r->fine},         {"failed", r->failed},
+        {"without_record", r->nmissing},        {"gate_failed", r->gates}, {"gate_undecided", r->undecided},
+        {"psf_not_from_stars", r->lower}};
+    char word[64], sentence[200];
+    rx_report_fact(report, "format", "rextract survey 2");
+    if (r->mag_low < r->mag_high) {
+        rx_report_fact_number(report, "mag_low", r->mag_low);
+        rx_report_fact_number(report, "mag_high", r->mag_high);
+    } else {
+        rx_report_fact(report, "mag_low", NULL);
+        rx_report_fact(report, "mag_high", NULL);
+    }
+    for (int i = 0; i < COUNT(counts); i++)
+        rx_report_fact_number(report, counts[i].name, counts[i].n);
+    snprintf(word, sizeof word, "%d of %d tiles are fine:", r->fine, r->ntiles + r->nmissing);
+    snprintf(
+        sentence, sizeof sentence,
+        "%d failed, %d without a record, %d with a quality gate that failed, %d with one that is undecided.",
+        r->failed, r->nmissing, r->gates, r->undecided);
+    rx_report_verdict(report,
+                      r->failed + r->nmissing + r->gates > 0 ? RX_MARK_BAD
+                      : r->undecided > 0                     ? RX_MARK_OPEN
+                                                             : RX_MARK_GOOD,
+                      word, sentence);
+}
+
+static void show(rx_report *report, const rx_report_table *t, long to, int ncolumns,
+                 const char *const *columns)
+{
+    rx_report_show(
+        report, t,
+        &(rx_report_view){
+            .to = to, .most = ROWS_SHOWN, .without_empty = 1, .ncolumns = ncolumns, .columns = columns});
+}
+
+static void show_figures(rx_report *report, const rx_rollup *r)
+{
+    bool compared = false;
+    for (int i = 0; i < r->nrows; i++)
+        compared = compared || r->row[i].compared;
+    rx_rollup_figures(rx_report_figures_of(report), r);
+    rx_report_section(report, "figures", "Figures");
+    if (!compared)
+        rx_report_paragraph(report, "No tile was compared with a reference catalogue.");
+    if (rx_report_figures_of(report)->n > 0)
+        rx_report_place(report, "");
+}
+
+static void show_psfs(rx_report *report, const rx_rollup *r, const rx_report_table *psfs)
+{
+    static const char *const columns[] = {"tile", "hdu", "how", "library", "flux_error"};
+    char sentence[160];
+    if (r->npsfs == 0)
+        return;
+    rx_report_section(report, "psfs", "PSFs");
+    snprintf(sentence, sizeof sentence,
+             "%d of %d images have a PSF that is not from several stars of their own (RXPSFHOW).", r->lower,
+             r->npsfs);
+    rx_report_sentence(report, sentence);
+    if (r->lower > 0)
+        show(report, psfs, r->lower, COUNT(columns), columns);
+    rx_report_note(
+        report,
+        "Correlation of residuals: of stars that no PSF was fitted to, between pairs: &rho;<sub>1</sub> = "
+        "&lt;Re(&delta;e &delta;e*)&gt;, &rho;<sub>T</sub> the same of &delta;T/T; of pairs in "
+        "one image, and of pairs of images that do not overlap. Errors are from image to image. What is not "
+        "0 within them, the PSFs miss alike over that angle. Numbers: psf_rho.ecsv, and of all PSFs: "
+        "psfs.ecsv.");
+}
+
+rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, const char *shown,
                            rx_log *log, rx_error *err)
 {
-    rx_figures *figures = RX_NEW(rx_figures, 1);
-    if (figures == NULL)
-        return rx_error_memory(err, sizeof *figures);
-    rx_status status = RX_OK;
-    if (wanted) {
-        rx_rollup_figures(figures, rollup);
-        if (figures->n > 0)
-            status = rx_figures_draw(figures, NULL, folder, shown, err);
-        if (status == RX_OK && figures->note[0] != '\0')
-            rx_log_warning(log, "report without figures: %s", figures->note);
-    } else {
-        snprintf(figures->note, sizeof figures->note, "figures were not asked for");
+    static const char *const columns[] = {
+        "tile",   "hdu",       "run",   "done_by",  "why",         "outside", "verdict", "off",    "worst_in",
+        "recall", "precision", "pairs", "bias_mag", "scatter_mag", "fwhm",    "noise",   "sources"};
+    static const char *const why[] = {"image", "exit_status", "error"};
+    const rx_report_files files = {.folder = folder, .shown = shown, .figures = figures, .log = log};
+    rx_text junit = {0};
+    char range[120];
+    rx_report *report = rx_report_new("Survey: ", "all tiles");
+    if (report == NULL)
+        return rx_error_memory(err, 0);
+    add_facts(report, r);
+    show_figures(report, r);
+    rx_report_section(report, "overview", "Restorers");
+    const rx_report_table *runs = add_runs(report, r);
+    show(report, runs, rx_report_rows(runs), 0, NULL);
+    if (r->mag_low < r->mag_high) {
+        snprintf(range, sizeof range, "Recall, precision and errors of magnitudes %g to %g (MAG_RANGE).",
+                 r->mag_low, r->mag_high);
+        rx_report_note(report, range);
     }
-    if (status == RX_OK)
-        status = rx_interrupt_check(err);
-    if (status == RX_OK)
-        status = write_files(rollup, figures, folder, shown, err);
-    rx_figures_free(figures);
-    free(figures);
+    const rx_report_table *psfs = add_psfs(report, r), *not_fine = add_not_fine(report, r);
+    rx_report_section(report, "failures", "Tiles that are not fine");
+    if (rx_report_rows(not_fine) > 0)
+        show(report, not_fine, rx_report_rows(not_fine), COUNT(why), why);
+    else
+        rx_report_paragraph(report, "None.");
+    show_psfs(report, r, psfs);
+    rx_report_section(report, "tiles", "Tiles, worst first");
+    show(report, add_tiles(report, r), r->nrows, COUNT(columns), columns);
+    rx_report_note(
+        report,
+        "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
+        "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
+        "and depth count as well. A flux scale that is off (restored against untouched pixels, more than "
+        "1 % and 5 errors) counts by its errors from 1, with or without a reference.");
+    rx_status status = rx_report_write(report, &files, NULL, err);
+    rx_report_free(report);
+    if (status == RX_OK) {
+        rx_rollup_junit(&junit, r);
+        status = rx_report_file(folder, shown, "junit.xml", &junit, err);
+    }
     return status;
 }

@@ -13,18 +13,11 @@
 rx_status rx_rollup_report(const rx_rollup *rollup, int figures, const char *folder, const char *shown,
                            rx_log *log, rx_error *err);
 
-/* The parts, each one file. */
-void rx_rollup_html(rx_text *dst, const rx_rollup *rollup, const rx_figures *figures);
-void rx_rollup_json(rx_text *dst, const rx_rollup *rollup);
-void rx_rollup_tiles(rx_text *dst, const rx_rollup *rollup);
-void rx_rollup_bins(rx_text *dst, const rx_rollup *rollup);
-void rx_rollup_psfs(rx_text *dst, const rx_rollup *rollup);
-void rx_rollup_rho(rx_text *dst, const rx_rollup *rollup);
 /* JUnit's XML: a test case per tile; failure: a gate that fails, error: a tile that failed or has no record,
  * skipped: a gate that cannot be decided. */
 void rx_rollup_junit(rx_text *dst, const rx_rollup *rollup);
 
-/* Completeness, purity and bias by magnitude, and what rx_rollup_sky() adds. */
+/* Completeness, purity and bias by magnitude, what rx_rollup_sky() adds, and residuals of PSFs by angle. */
 void rx_rollup_figures(rx_figures *dst, const rx_rollup *rollup);
 
 /* Completeness and bias over the sky, by images or, where they are many, by cells. */

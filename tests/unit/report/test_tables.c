@@ -50,7 +50,7 @@ static rx_report *make(rx_report_table **t)
 
 static void write_report(void **state, rx_report *r, rx_text *brief)
 {
-    const rx_report_files files = {*state, "the report", 0, NULL, NULL};
+    const rx_report_files files = {.folder = *state, .shown = "the report"};
     assert_int_equal(rx_report_write(r, &files, brief, NULL), RX_OK);
 }
 
@@ -195,10 +195,61 @@ static void pivots_of_two_keys(void **state)
     holds(state, "report.html", page);
 }
 
+/* What a page leaves out of the rows as they are: those beyond `most`, columns that say nothing; a long whole
+ * number keeps its digits. */
+static void what_a_page_leaves_out(void **state)
+{
+    static const char *const page[] = {"<tr><th class=\"t\">word</th><th>n</th></tr>\n<tr><td "
+                                       "class=\"t\">a</td><td>12345678901</td></tr>\n<tr><td "
+                                       "class=\"t\">&ndash;</td><td>1</td></tr>\n</table></div>\n<p "
+                                       "class=\"r\">2 of 3 rows. All are in t.ecsv.</p>",
+                                       "<pre>two\n&lt;lines&gt;\n</pre>", NULL};
+    static const char *const json[] = {"\"n\": 12345678901, ", NULL};
+    static const rx_report_column columns[] = {{.name = "word"},
+                                               {.name = "nothing"},
+                                               {"n", RX_REPORT_COUNT, 0, "", "", NULL},
+                                               {"value", RX_REPORT_NUMBER, 1, "", "", NULL},
+                                               {"share", RX_REPORT_ESTIMATE, 1, "", "", NULL},
+                                               {.name = "verdict", .kind = RX_REPORT_VERDICT}};
+    rx_report *r = rx_report_new("", "x");
+    rx_report_table *t = rx_report_table_add(r, "t", 6, columns, RX_REPORT_EVERYWHERE);
+    for (int k = 0; k < 3; k++)
+        rx_report_row(t,
+                      (rx_cell[]){rx_cell_words(k == 0 ? "a" : NULL), rx_cell_words(k < 2 ? "" : "b"),
+                                  rx_cell_number(k == 0 ? 12345678901.0 : k), rx_cell_number(k < 2 ? NAN : 1),
+                                  rx_cell_estimate((rx_estimate){NAN, 0, 1, k < 2 ? 0 : 1}),
+                                  rx_cell_words(k < 2 ? "" : "PASS")});
+    rx_report_show(r, t, &(rx_report_view){.to = 3, .most = 2, .without_empty = 1});
+    rx_report_lines(r, "two\n<lines>\n");
+    const rx_report_files files = {.folder = *state, .shown = "the report", .page = "other.html"};
+    assert_int_equal(rx_report_write(r, &files, NULL, NULL), RX_OK);
+    rx_report_free(r);
+    holds(state, "other.html", page);
+    holds(state, "summary.json", json);
+}
+
+/* Figures that another report has drawn are not drawn again. */
+static void figures_are_kept(void **state)
+{
+    static const char *const page[] = {"<svg>drawn before</svg>", NULL};
+    const rx_report_files files = {
+        .folder = *state, .shown = "the report", .figures = 1, .gnuplot = "/no/such"};
+    rx_report *r = rx_report_new("", "x");
+    rx_figures *figures = rx_report_figures_of(r);
+    rx_figure_add(figures, "one", "One", "", RX_FIGURE_CHART);
+    rx_text_free(&figures->script);
+    figures->figure[0].svg = strdup("<svg>drawn before</svg>");
+    rx_report_place(r, "one");
+    assert_int_equal(rx_report_write(r, &files, NULL, NULL), RX_OK);
+    assert_string_equal(figures->note, "");
+    rx_report_free(r);
+    holds(state, "report.html", page);
+}
+
 static void a_folder_that_is_not_there(void **state)
 {
     rx_error err = RX_ERROR_NONE;
-    const rx_report_files files = {"/no/such", "the report", 0, NULL, NULL};
+    const rx_report_files files = {.folder = "/no/such", .shown = "the report"};
     rx_report_table *t;
     rx_report *r = make(&t);
     (void)state;
@@ -214,6 +265,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(tables_stand_where_they_are_asked_for, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(tables_grow, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(pivots_of_two_keys, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(what_a_page_leaves_out, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(figures_are_kept, make_scratch, remove_scratch),
         cmocka_unit_test(a_folder_that_is_not_there),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,18 +1,9 @@
 /* A survey of three tiles worked out by hand. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
-#include "../files.h"
 #include "../near.h"
+#include "../scratch.h"
+
+#include <math.h>
+
 #include "survey/rollup.h"
 #include "survey/rollup_report.h"
 
@@ -71,6 +62,30 @@ static void drop(survey *s)
     rx_rollup_free(&s->rollup);
     rx_settings_free(s->settings);
     rx_tiles_free(s->tiles);
+}
+
+/* Writes the report without figures. */
+static void write_report(void **state, const rx_rollup *r)
+{
+    assert_int_equal(rx_rollup_report(r, 0, *state, "the report", NULL, NULL), RX_OK);
+}
+
+static char *read_part(void **state, const char *name)
+{
+    char path[1024], *text = NULL;
+    path_in(state, name, path);
+    assert_int_equal(rx_text_read_file(path, 1 << 26, &text, NULL, NULL), RX_OK);
+    return text;
+}
+
+/* Does a file of the report hold all words? */
+static void holds(void **state, const char *name, const char *const *words)
+{
+    char *text = read_part(state, name);
+    for (; *words != NULL; words++)
+        if (strstr(text, *words) == NULL)
+            fail_msg("%s lacks %s", name, *words);
+    free(text);
 }
 
 static void sums(void **state)
@@ -139,29 +154,27 @@ static void a_range_of_magnitudes(void **state)
 
 static void files_for_programs(void **state)
 {
+    static const char *const junit[] = {"tests=\"6\" failures=\"1\" errors=\"3\" skipped=\"0\"",
+                                        "<failure message=\"a &lt;gate&gt; &amp; FAILED\"/>", NULL};
+    static const char *const json[] = {
+        "\"without_record\": 2",
+        "{\"tile\": null, \"image\": \"e.fits\", \"exit_status\": null, \"error\": \"no record",
+        "{\"run\": \"NONE\", \"mag_low\": 18, \"mag_high\": 18.5, \"recall\": {\"value\": 0.766666667,",
+        NULL};
+    static const char *const page[] = {"<b class=\"v FAIL\">2 of 6 tiles are fine:</b>",
+                                       "a &lt;gate&gt; &amp; FAILED", NULL};
+    static const char *const tiles[] = {"{name: 'off', ", /* else YAML takes it for false */
+                                        ",nan,0,1,0,nan,0,1,0,0,nan,nan\n", NULL};
     survey s;
-    rx_text junit = {0}, json = {0}, html = {0}, tiles = {0};
-    rx_figures *figures = calloc(1, sizeof *figures);
-    (void)state;
-    assert_non_null(figures);
     make(&s, "0,0");
-    rx_rollup_junit(&junit, &s.rollup);
-    assert_non_null(strstr(junit.data, "tests=\"6\" failures=\"1\" errors=\"3\" skipped=\"0\""));
-    assert_non_null(strstr(junit.data, "<failure message=\"a &lt;gate&gt; &amp; FAILED\"/>"));
-    rx_rollup_json(&json, &s.rollup);
-    assert_non_null(strstr(json.data, "\"without_record\": 2"));
-    rx_rollup_html(&html, &s.rollup, figures);
-    assert_non_null(strstr(html.data, "a &lt;gate&gt; &amp; FAILED"));
-    assert_null(strstr(html.data, "<gate>"));
-    rx_rollup_tiles(&tiles, &s.rollup);
-    assert_non_null(strstr(tiles.data, "{name: 'off', ")); /* else YAML takes it for false */
-    assert_non_null(strstr(tiles.data, ",nan,0,1,0,nan,0,1,0,0,nan,nan\n"));
-    assert_false(junit.failed || json.failed || html.failed || tiles.failed);
-    rx_text_free(&tiles);
-    rx_text_free(&junit);
-    rx_text_free(&json);
-    rx_text_free(&html);
-    free(figures);
+    write_report(state, &s.rollup);
+    holds(state, "junit.xml", junit);
+    holds(state, "summary.json", json);
+    holds(state, "report.html", page);
+    holds(state, "tiles.ecsv", tiles);
+    char *html = read_part(state, "report.html");
+    assert_null(strstr(html, "<gate>"));
+    free(html);
     drop(&s);
 }
 
@@ -176,10 +189,14 @@ static void psfs(void **state)
                       c[] = "TILE c.fits c\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 21 3 0 1 0\n"
                             "PSF PIXELS \"\" 40 5 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
                             "STARS 5 200 10 3 0.05\nRHO 3 10 -100 500\nRUN RL 95 0\nEND\n";
-    rx_text texts[2][4] = {0};
-    rx_figures *figures = calloc(1, sizeof *figures);
-    (void)state;
-    assert_non_null(figures);
+    static const char *const names[] = {"summary.json", "psfs.ecsv", "psf_rho.ecsv", "report.html"};
+    static const char *const words[][3] = {
+        {"\"psf_not_from_stars\": 1", "\"how\": \"LIBRARY\", \"library\": \"<x>.psf\"", NULL},
+        /* the one of a lower rung comes first */
+        {"de2_error\n\"b\",0,\"LIBRARY\",\"<x>.psf\",25,0,0.05,0,0,nan,nan,nan,nan,nan,nan\n", NULL},
+        {"\n32,64,50,", NULL},
+        {"1 of 3 images have a PSF that is not from several stars", "&lt;x&gt;.psf", NULL}};
+    char *texts[2][4] = {{NULL}};
     for (int order = 0; order < 2; order++) {
         rx_rollup r = {0};
         char path[] = "/tmp/rextract-rollup-XXXXXX", text[2000];
@@ -200,26 +217,17 @@ static void psfs(void **state)
         assert_near(r.rho[7].pairs, 50, 0);
         assert_near(r.rho[7].t, 20000e-8 / 50, 1e-15);
         assert_near(r.rho[7].e, 200e-8 / 50, 1e-15);
-        rx_rollup_json(&texts[order][0], &r);
-        rx_rollup_psfs(&texts[order][1], &r);
-        rx_rollup_rho(&texts[order][2], &r);
-        rx_rollup_html(&texts[order][3], &r, figures);
+        write_report(state, &r);
+        for (int i = 0; i < 4; i++)
+            texts[order][i] = read_part(state, names[i]);
         rx_rollup_free(&r);
     }
     for (int i = 0; i < 4; i++) {
-        assert_false(texts[0][i].failed);
-        assert_string_equal(texts[0][i].data, texts[1][i].data);
+        assert_string_equal(texts[0][i], texts[1][i]);
+        holds(state, names[i], words[i]);
+        free(texts[0][i]);
+        free(texts[1][i]);
     }
-    assert_non_null(strstr(texts[0][0].data, "\"psf_not_from_stars\": 1"));
-    assert_non_null(strstr(texts[0][0].data, "\"how\": \"LIBRARY\", \"library\": \"<x>.psf\""));
-    assert_non_null(strstr(texts[0][1].data,
-                           "\n\"b\",0,\"LIBRARY\",\"<x>.psf\",25,0,0.05,0,0,nan,nan,nan,nan,nan,nan\n"));
-    assert_non_null(strstr(texts[0][2].data, "\n32,64,50,"));
-    assert_non_null(strstr(texts[0][3].data, "1 of 3 images have a PSF that is not from several stars"));
-    assert_non_null(strstr(texts[0][3].data, "&lt;x&gt;.psf"));
-    for (int i = 0; i < 8; i++)
-        rx_text_free(&texts[i / 4][i % 4]);
-    free(figures);
 }
 
 /* What another restorer did, and a flux scale that is off, with and without a reference. */
@@ -231,13 +239,29 @@ static void whose_work_and_flux_scale(void **state)
                                "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
                                "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nOUTSIDE \"noise "
                                "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.25\nEND\n";
+    static const char *const junit[] = {
+        "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is &lt;2; </system-out></testcase>",
+        "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950",
+        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; ",
+        "HDU 0: NET: DETECT_THRESH was raised 1.25 times",
+        "HDU 0: NET: 25 % of the tile are not explained",
+        NULL};
+    static const char *const json[] = {"\"done_by_another\": 1",
+                                       "\"flux_scale_off\": 1",
+                                       "\"outside\": 1,",
+                                       "\"outside\": \"noise factor 3.2 is above 3\"",
+                                       "\"threshold_raised\": 1,",
+                                       "\"false_per_mpixel\": 9.5, \"threshold_raised\": 1.25",
+                                       "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\"",
+                                       "\"flux_scale_is\": \"off\"",
+                                       NULL};
+    static const char *const page[] = {"<td class=\"t\">RL</td><td class=\"t\">FWHM 1.5 is &lt;2</td>",
+                                       "flux scale off", "<th class=\"t\">not made for</th>",
+                                       "<td class=\"t\">noise factor 3.2 is above 3</td>", NULL};
+    static const char *const tiles[] = {",1.05,0.005,\"off\",", ",\"noise factor 3.2 is above 3\",", NULL};
     rx_rollup r = {0};
-    rx_text junit = {0}, json = {0}, html = {0}, tiles = {0};
-    rx_figures *figures = calloc(1, sizeof *figures);
     char path[] = "/tmp/rextract-rollup-XXXXXX";
     int file = mkstemp(path);
-    (void)state;
-    assert_non_null(figures);
     assert_true(file >= 0);
     close(file);
     write_text(path, text);
@@ -259,36 +283,12 @@ static void whose_work_and_flux_scale(void **state)
     assert_near(r.row[0].off, 10, 1e-9);
     for (int i = 1; i < r.nrows; i++)
         assert_true(isnan(r.row[i].off));
-    rx_rollup_junit(&junit, &r);
-    assert_non_null(strstr(junit.data, "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is "
-                                       "&lt;2; </system-out></testcase>"));
-    assert_non_null(
-        strstr(junit.data, "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950"));
-    assert_non_null(strstr(junit.data, "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; "));
-    assert_non_null(strstr(junit.data, "HDU 0: NET: DETECT_THRESH was raised 1.25 times"));
-    assert_non_null(strstr(junit.data, "HDU 0: NET: 25 % of the tile are not explained"));
     assert_int_equal(r.run[1].unexplained, 1);
-    rx_rollup_json(&json, &r);
-    assert_non_null(strstr(json.data, "\"done_by_another\": 1"));
-    assert_non_null(strstr(json.data, "\"flux_scale_off\": 1"));
-    assert_non_null(strstr(json.data, "\"outside\": 1,"));
-    assert_non_null(strstr(json.data, "\"outside\": \"noise factor 3.2 is above 3\""));
-    assert_non_null(strstr(json.data, "\"threshold_raised\": 1,"));
-    assert_non_null(strstr(json.data, "\"false_per_mpixel\": 9.5, \"threshold_raised\": 1.25"));
-    assert_non_null(strstr(json.data, "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\""));
-    assert_non_null(strstr(json.data, "\"flux_scale_is\": \"off\""));
-    rx_rollup_html(&html, &r, figures);
-    assert_non_null(strstr(html.data, "RL: FWHM 1.5 is &lt;2"));
-    assert_non_null(strstr(html.data, "flux scale off"));
-    assert_non_null(strstr(html.data, "itself, not made for: noise factor 3.2 is above 3"));
-    rx_rollup_tiles(&tiles, &r);
-    assert_non_null(strstr(tiles.data, ",1.05,0.005,\"off\","));
-    assert_non_null(strstr(tiles.data, ",\"noise factor 3.2 is above 3\","));
-    rx_text_free(&tiles);
-    rx_text_free(&junit);
-    rx_text_free(&json);
-    rx_text_free(&html);
-    free(figures);
+    write_report(state, &r);
+    holds(state, "junit.xml", junit);
+    holds(state, "summary.json", json);
+    holds(state, "report.html", page);
+    holds(state, "tiles.ecsv", tiles);
     rx_rollup_free(&r);
 }
 
@@ -338,10 +338,10 @@ static void many_tiles(void **state)
 {
     enum { MANY = 9000 };
     rx_rollup r = {0};
-    rx_text html = {0}, table = {0};
+    static const char *const page[] = {"200 of 3000 rows. All are in summary.json.",
+                                       "200 of 9000 rows. All are in tiles.ecsv.", NULL};
     rx_figures *figures = calloc(1, sizeof *figures);
     rx_tally *tally = calloc(1, sizeof *tally);
-    (void)state;
     assert_non_null(figures);
     assert_non_null(tally);
     tally->bin[96] = (rx_tally_bin){.references = 10, .found = 9, .detections = 9, .right = 9};
@@ -363,19 +363,19 @@ static void many_tiles(void **state)
     }
     assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
     rx_rollup_figures(figures, &r);
-    rx_rollup_html(&html, &r, figures);
-    rx_rollup_tiles(&table, &r);
-    assert_false(html.failed || table.failed || figures->script.failed);
-    assert_non_null(strstr(html.data, "200 of 3000 rows. All are in junit.xml"));
-    assert_non_null(strstr(html.data, "200 of 9000 rows. All are in tiles.ecsv"));
-    assert_non_null(strstr(html.data, "mean of the images in a cell"));
-    assert_true(html.length < 500000 && figures->script.length < 500000);
+    assert_false(figures->script.failed);
+    assert_true(figures->script.length < 500000);
+    assert_non_null(strstr(figures->figure[3].reading, "mean of the images in a cell"));
+    write_report(state, &r);
+    holds(state, "report.html", page);
+    char *html = read_part(state, "report.html"), *table = read_part(state, "tiles.ecsv");
+    assert_true(strlen(html) < 500000);
     long lines = 0;
-    for (const char *c = table.data; *c != '\0'; c++)
+    for (const char *c = table; *c != '\0'; c++)
         lines += *c == '\n';
     assert_true(lines > MANY);
-    rx_text_free(&html);
-    rx_text_free(&table);
+    free(html);
+    free(table);
     rx_figures_free(figures);
     free(figures);
     free(tally);
@@ -388,11 +388,11 @@ int main(void)
         cmocka_unit_test(sums),
         cmocka_unit_test(worst_come_first),
         cmocka_unit_test(a_range_of_magnitudes),
-        cmocka_unit_test(files_for_programs),
-        cmocka_unit_test(psfs),
-        cmocka_unit_test(whose_work_and_flux_scale),
+        cmocka_unit_test_setup_teardown(files_for_programs, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(psfs, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(whose_work_and_flux_scale, make_scratch, remove_scratch),
         cmocka_unit_test(records_are_sorted_and_merged),
-        cmocka_unit_test(many_tiles),
+        cmocka_unit_test_setup_teardown(many_tiles, make_scratch, remove_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
