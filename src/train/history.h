@@ -3,7 +3,6 @@
 #ifndef RX_TRAIN_HISTORY_H
 #define RX_TRAIN_HISTORY_H
 
-#include "base/text.h"
 #include "train/selection.h"
 #include "train/step.h"
 
@@ -37,10 +36,5 @@ void rx_history_free(rx_history *history); /* content only */
 /* Appends a copy of the epoch and its bins[nbins]. Errors: RX_SYSTEM. */
 rx_status rx_history_add(rx_history *history, const rx_epoch *epoch, const rx_epoch_bin *bins, rx_error *err);
 rx_status rx_history_copy(const rx_history *src, rx_history *dst, rx_error *err); /* dst's content is freed */
-
-/* ECSV tables: a row per epoch; a row per epoch and bin. Memory trouble shows in dst->failed. */
-void rx_history_log(const rx_history *history, const char *name, rx_text *dst);
-void rx_history_dictionaries(const rx_history *history, const rx_selection *grid, const char *name,
-                             rx_text *dst);
 
 #endif

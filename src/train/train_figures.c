@@ -179,10 +179,19 @@ void rx_train_figures(rx_figures *dst, const rx_history *history, const rx_selec
                  "images that "
                  "the next epoch trains on.");
     }
-    heat_map(dst, last, grid, offsetof(rx_epoch_bin, loss), 1, "last-loss", "Test loss, last epoch", "");
-    heat_map(dst, last, grid, offsetof(rx_epoch_bin, recall), 1, "last-recall", "Recall, last epoch", "");
-    heat_map(dst, last, grid, offsetof(rx_epoch_bin, bias), 100, "last-bias",
-             "Median error of fluxes (%), last epoch", "");
-    heat_map(dst, last, grid, offsetof(rx_epoch_bin, scatter), 100, "last-scatter",
-             "Scatter of fluxes (%), last epoch", "");
+    const struct {
+        const char *id, *title;
+        size_t offset;
+        double factor;
+    } maps[] = {
+        {"last-loss", "Test loss", offsetof(rx_epoch_bin, loss), 1},
+        {"last-recall", "Recall", offsetof(rx_epoch_bin, recall), 1},
+        {"last-bias", "Median error of fluxes (%)", offsetof(rx_epoch_bin, bias), 100},
+        {"last-scatter", "Scatter of fluxes (%)", offsetof(rx_epoch_bin, scatter), 100},
+    };
+    for (size_t i = 0; i < sizeof maps / sizeof *maps; i++) {
+        char title[64];
+        snprintf(title, sizeof title, "%s, epoch %ld", maps[i].title, history->n);
+        heat_map(dst, last, grid, maps[i].offset, maps[i].factor, maps[i].id, title, "");
+    }
 }

@@ -4,19 +4,20 @@
 
 #include "config/train_config.h"
 #include "train/state.h"
+#include "validate/figure.h"
 
 typedef struct rx_train_output {
     const rx_train_config *config;
-    char *settings; /* of the checkpoint, owned */
-    rx_text page;   /* the last one made */
+    char *settings;     /* of the checkpoint, owned */
+    rx_figures figures; /* the last ones drawn */
 } rx_train_output;
 
 /* Errors: RX_USAGE, RX_SYSTEM: outputs that cannot be written are told before the work. */
 rx_status rx_train_output_open(const rx_train_config *config, rx_train_output *dst, rx_error *err);
 void rx_train_output_close(rx_train_output *output); /* content only */
 
-/* At the end of an epoch: model, checkpoint and folder; a new page when there is none yet, when the training
- * is over, and every PLOT_EPOCHS. The model is that of the best epoch, with its dictionary. */
+/* At the end of an epoch: model, checkpoint and folder; new figures when there are none yet, when the
+ * training is over, and every PLOT_EPOCHS. The model is that of the best epoch, with its dictionary. */
 rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, const rx_train_state *state,
                                 int last, rx_error *err);
 

@@ -1,125 +1,218 @@
-/* The page of a training. */
+/* The report of a training. */
 #include "train/train_page.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "report/report.h"
 #include "train/train_figures.h"
-#include "validate/escape.h"
 #include "validate/page.h"
 
-/* The words of -INFO, but for their first line: the digest is that of the file. */
-static void write_model(rx_text *dst, const rx_model *model)
+enum { EPOCHS_SHOWN = 50 };
+
+static const char RECALL[] = "of test stars of S/N above 5",
+                  BIAS[] = "median relative error of the flux of isolated test stars of S/N above 12",
+                  SCATTER[] = "1.4826 MAD of the same";
+
+static const rx_report_column LOG[] = {
+    {"epoch", RX_REPORT_COUNT, 0, "", "from 1", NULL},
+    {"steps", RX_REPORT_NUMBER, 0, "", "steps of the optimiser so far", NULL},
+    {"patches", RX_REPORT_NUMBER, 0, "", "training images so far", "images"},
+    {"rate", RX_REPORT_NUMBER, 6, "", "learning rate of the last step", NULL},
+    {"gradient", RX_REPORT_NUMBER, 3, "", "mean norm of the gradient before clipping", NULL},
+    {"loss", RX_REPORT_NUMBER, 5, "", "weighted sum of the terms, mean over the training images", NULL},
+    {"idt_restore", RX_REPORT_NUMBER, 5, "", "RESTORE(blurred) against sharp", NULL},
+    {"idt_psf", RX_REPORT_NUMBER, 5, "", "PSF(sharp) against blurred", NULL},
+    {"rec_restore", RX_REPORT_NUMBER, 5, "", "RESTORE(PSF(sharp)) against sharp", NULL},
+    {"rec_psf", RX_REPORT_NUMBER, 5, "", "PSF(RESTORE(blurred)) against blurred", NULL},
+    {"ffl", RX_REPORT_NUMBER, 5, "", "focal frequency loss", NULL},
+    {"test_loss", RX_REPORT_NUMBER, 5, "", "RESTORE(blurred) against sharp, test images, mean over the bins",
+     "test loss"},
+    {"input_loss", RX_REPORT_NUMBER, 5, "", "the blurred test images themselves against sharp", "unrestored"},
+    {"recall", RX_REPORT_NUMBER, 3, "", RECALL, NULL},
+    {"bias", RX_REPORT_NUMBER, 4, "", BIAS, "error of fluxes"},
+    {"scatter", RX_REPORT_NUMBER, 4, "", SCATTER, NULL},
+    {"validation", RX_REPORT_NUMBER, 5, "",
+     "RESTORE(blurred) against sharp, validation images, the same in every epoch", NULL},
+};
+
+static const rx_report_column DICTIONARY[] = {
+    {"epoch", RX_REPORT_COUNT, 0, "", "from 1", NULL},
+    {"fwhm_low", RX_REPORT_NUMBER, 2, "pix", "bin, from", NULL},
+    {"fwhm_high", RX_REPORT_NUMBER, 2, "pix", "bin, to", NULL},
+    {"sigma_low", RX_REPORT_NUMBER, 2, "",
+     "bin, from: noise where the brightest 0.1 % of the blurred pixels begin at 255", NULL},
+    {"sigma_high", RX_REPORT_NUMBER, 2, "", "bin, to", NULL},
+    {"loss", RX_REPORT_NUMBER, 5, "", "mean test loss", NULL},
+    {"list", RX_REPORT_NUMBER, 5, "", "the same normalised, which decides the counts of the next epoch",
+     NULL},
+    {"train", RX_REPORT_NUMBER, 0, "", "training images of this epoch", NULL},
+    {"test", RX_REPORT_NUMBER, 0, "", "test images of this epoch", NULL},
+    {"recall", RX_REPORT_NUMBER, 3, "", RECALL, NULL},
+    {"bias", RX_REPORT_NUMBER, 4, "", BIAS, NULL},
+    {"scatter", RX_REPORT_NUMBER, 4, "", SCATTER, NULL},
+};
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
+
+static void add_numbers(rx_report_table *t, int n, const double *values)
 {
-    rx_text words = {0};
-    rx_model_describe(model, &words);
-    rx_page_section(dst, "model", "Model");
-    rx_text_add(dst, "<pre>");
-    for (char *line = words.data; line != NULL && *line != '\0';) {
-        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
-        *end = '\0';
-        if (line != words.data) {
-            rx_escape_html(dst, line);
-            rx_text_add(dst, "\n");
+    rx_cell row[COUNT(LOG)];
+    for (int i = 0; i < n; i++)
+        row[i] = rx_cell_number(values[i]);
+    rx_report_row(t, row);
+}
+
+static rx_report_table *add_log(rx_report *report, const rx_history *h)
+{
+    rx_report_table *t = rx_report_table_add(report, "log", COUNT(LOG), LOG, RX_REPORT_EVERYWHERE);
+    for (long e = 0; e < h->n; e++) {
+        const rx_epoch *x = &h->epoch[e];
+        const double values[COUNT(LOG)] = {(double)e + 1,
+                                           x->steps,
+                                           x->patches,
+                                           x->rate,
+                                           x->norm,
+                                           x->losses.total,
+                                           x->losses.idt_restore,
+                                           x->losses.idt_psf,
+                                           x->losses.rec_restore,
+                                           x->losses.rec_psf,
+                                           x->losses.ffl,
+                                           x->test_loss,
+                                           x->input_loss,
+                                           x->recall,
+                                           x->bias,
+                                           x->scatter,
+                                           x->validation};
+        add_numbers(t, COUNT(values), values);
+    }
+    return t;
+}
+
+static void add_dictionary(rx_report *report, const rx_history *h, const rx_selection *grid)
+{
+    rx_report_table *t =
+        rx_report_table_add(report, "dictionary", COUNT(DICTIONARY), DICTIONARY, RX_REPORT_IN_FILE);
+    for (long e = 0; e < h->n; e++)
+        for (int b = 0; b < h->nbins; b++) {
+            const rx_epoch_bin *x = &h->bin[e * h->nbins + b];
+            double fwhm[2], sigma[2];
+            rx_selection_bin(grid, b, fwhm, sigma);
+            const double values[COUNT(DICTIONARY)] = {(double)e + 1, fwhm[0],   fwhm[1], sigma[0],
+                                                      sigma[1],      x->loss,   x->list, x->train,
+                                                      x->test,       x->recall, x->bias, x->scatter};
+            add_numbers(t, COUNT(values), values);
         }
-        line = next;
-    }
-    rx_text_add(dst, "</pre>\n");
-    dst->failed = dst->failed || words.failed;
-    rx_text_free(&words);
 }
 
-static void write_epochs(rx_text *dst, const rx_history *history)
+/* Do the parameters that are kept beat the images as they are? */
+static void add_verdict(rx_report *report, const rx_model *model, const rx_history *h)
 {
-    static const char *const heads[] = {"epoch",      "images", "loss",     "test loss",  "unrestored",
-                                        "validation", "recall", "flux [%]", "scatter [%]"};
-    rx_page_section(dst, "epochs", "Epochs");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    for (size_t i = 0; i < sizeof heads / sizeof *heads; i++)
-        rx_page_head(dst, RX_RIGHT, heads[i]);
-    rx_page_row_end(dst);
-    /* the last fifty: the whole is in log.ecsv */
-    for (long e = history->n > 50 ? history->n - 50 : 0; e < history->n; e++) {
-        const rx_epoch *x = &history->epoch[e];
-        rx_page_row(dst, NULL);
-        rx_page_cell_count(dst, e + 1);
-        rx_page_cell_count(dst, (long)x->patches);
-        rx_page_cell_number(dst, x->losses.total, 5);
-        rx_page_cell_number(dst, x->test_loss, 5);
-        rx_page_cell_number(dst, x->input_loss, 5);
-        rx_page_cell_number(dst, x->validation, 5);
-        rx_page_cell_number(dst, x->recall, 3);
-        rx_page_cell_number(dst, 100 * x->bias, 2);
-        rx_page_cell_number(dst, 100 * x->scatter, 2);
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
-    rx_page_note(dst, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
-                      "dictionary.ecsv.");
+    char sentence[200];
+    const long best = model->best >= 1 && model->best <= h->n ? model->best : h->n;
+    const rx_epoch *x = &h->epoch[best - 1];
+    const bool better = x->test_loss < x->input_loss;
+    snprintf(sentence, sizeof sentence,
+             "Test loss %.4g against %.4g, epoch %ld of %ld, the lowest in validation; the training %s.",
+             x->test_loss, x->input_loss, best, h->n, model->ended ? "has ended" : "has not ended");
+    rx_report_verdict(report, better ? RX_MARK_GOOD : RX_MARK_BAD,
+                      better ? "Better than unrestored images." : "No better than unrestored images.",
+                      sentence);
 }
 
-/* "KEYWORD value" lines, folded away. */
-static void write_settings(rx_text *dst, const char *settings)
+typedef const char *pair[2];
+
+/* "KEYWORD value" lines; `copy` is cut into the words. */
+static pair *split(char *copy, int *n)
 {
-    int n = 0, capacity = 1;
-    char *copy = rx_strdup(settings);
-    for (const char *c = settings; *c != '\0'; c++)
+    int capacity = 1;
+    for (const char *c = copy; *c != '\0'; c++)
         capacity += *c == '\n';
-    const char *(*pairs)[2] = rx_alloc((size_t)capacity, sizeof *pairs);
-    if (copy == NULL || pairs == NULL) {
-        dst->failed = true;
-        goto exit;
-    }
-    for (char *line = copy; *line != '\0' && n < capacity;) {
+    pair *pairs = rx_alloc((size_t)capacity, sizeof *pairs);
+    *n = 0;
+    for (char *line = copy; pairs != NULL && *line != '\0';) {
         char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
         *end = '\0';
         char *value = line + strcspn(line, " ");
         if (*value != '\0')
             *value++ = '\0';
-        pairs[n][0] = line;
-        pairs[n++][1] = value;
+        pairs[*n][0] = line;
+        pairs[(*n)++][1] = value;
         line = next;
     }
-    rx_page_record(dst, n, (const char *const(*)[2])pairs);
-exit:
-    free(copy);
-    free(pairs);
+    return pairs;
 }
 
-rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_text *dst,
-                              rx_error *err)
+/* The words of -INFO, but for their first line: the digest is that of the file. */
+static void add_model(rx_report *report, const char *words)
 {
-    rx_figures figures;
+    const char *line = words + strcspn(words, "\n");
+    rx_report_section(report, "model", "Model");
+    rx_report_lines(report, *line != '\0' ? line + 1 : line);
+}
+
+rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, const char *folder,
+                              const char *shown, rx_error *err)
+{
+    static const char *const columns[] = {"epoch",      "patches", "loss", "test_loss", "input_loss",
+                                          "validation", "recall",  "bias", "scatter"};
+    const rx_report_files files = {
+        .folder = folder, .shown = shown, .figures = page->figures, .page = "training.html"};
+    const rx_history *h = page->history;
+    rx_report *report = rx_report_new("Training: ", page->model->name);
+    rx_text words = {0};
+    char *settings = rx_strdup(page->settings);
+    pair *pairs = NULL;
+    int npairs = 0;
     rx_status status = RX_OK;
-    rx_figures_begin(&figures);
+    if (settings != NULL)
+        pairs = split(settings, &npairs);
+    rx_model_describe(page->model, &words);
+    if (report == NULL || pairs == NULL || words.failed) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    rx_report_fact(report, "format", "rextract training 1");
+    rx_report_fact(report, "model", page->model->name);
+    rx_report_fact_number(report, "best_epoch", (double)page->model->best);
+    rx_report_fact(report, "ended", page->model->ended ? "yes" : "no");
+    add_verdict(report, page->model, h);
+    rx_figures *figures = rx_report_figures_of(report);
+    if (drawn->n > 0) {
+        rx_figures_free(figures);
+        *figures = *drawn;
+        *drawn = (rx_figures){0};
+    } else if (page->figures) {
+        rx_train_figures(figures, h, page->selection);
+    }
     if (page->figures) {
-        rx_train_figures(&figures, page->history, page->selection);
-        status = rx_figures_draw(&figures, NULL, folder, shown, err);
+        rx_report_section(report, "curves", "Curves");
+        rx_report_place(report, "curve-");
+        rx_report_section(report, "dictionary", "Dictionary");
+        rx_report_place(report, "list-");
+        rx_report_place(report, "last-");
     }
-    if (status == RX_OK) {
-        rx_page_begin(dst, "Training: ", page->model->name);
-        rx_page_links_begin(dst);
-        rx_page_link(dst, page->figures, "curves", "Curves");
-        rx_page_link(dst, page->figures, "dictionary", "Dictionary");
-        rx_page_link(dst, true, "epochs", "Epochs");
-        rx_page_link(dst, true, "model", "Model");
-        rx_page_links_end(dst);
-        if (page->figures) {
-            rx_page_section(dst, "curves", "Curves");
-            rx_page_figures(dst, &figures, "curve-");
-            rx_page_section(dst, "dictionary", "Dictionary");
-            rx_page_figures(dst, &figures, "list-");
-            rx_page_figures(dst, &figures, "last-");
-        }
-        write_epochs(dst, page->history);
-        write_model(dst, page->model);
-        write_settings(dst, page->settings);
-        rx_page_end(dst);
-        if (dst->failed)
-            status = rx_error_memory(err, 0);
-    }
-    rx_figures_free(&figures);
+    rx_report_section(report, "epochs", "Epochs");
+    rx_report_show(report, add_log(report, h),
+                   &(rx_report_view){.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0,
+                                     .to = h->n,
+                                     .ncolumns = COUNT(columns),
+                                     .columns = columns});
+    rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
+                           "dictionary.ecsv.");
+    add_dictionary(report, h, page->selection);
+    add_model(report, words.data);
+    rx_report_record(report, npairs, (const char *const(*)[2])pairs);
+    status = rx_report_write(report, &files, NULL, err);
+    *drawn = *figures;
+    *figures = (rx_figures){0};
+exit:
+    rx_report_free(report);
+    rx_text_free(&words);
+    free(pairs);
+    free(settings);
     return status;
 }

@@ -1,10 +1,10 @@
-/* training.html: how a training went, in curves, heat maps of the dictionary and a table. */
+/* The report of a training: curves, heat maps of the dictionary, a row for every epoch and bin. */
 #ifndef RX_TRAIN_TRAIN_PAGE_H
 #define RX_TRAIN_TRAIN_PAGE_H
 
-#include "base/text.h"
 #include "nn/model.h"
 #include "train/history.h"
+#include "validate/figure.h"
 
 typedef struct rx_train_page {
     const rx_history *history;     /* one epoch at least */
@@ -14,8 +14,10 @@ typedef struct rx_train_page {
     int figures;                   /* 1: by gnuplot */
 } rx_train_page;
 
-/* `folder`: where gnuplot works in a folder of its own; `shown` in errors. Errors: RX_SYSTEM. */
-rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_text *dst,
-                              rx_error *err);
+/* training.html, summary.json, log.ecsv and dictionary.ecsv into the existing folder (`shown` in errors). The
+ * page's figures are those in `drawn`, or where there are none new ones, which are left there; to be freed with
+ * rx_figures_free(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
+rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, const char *folder,
+                              const char *shown, rx_error *err);
 
 #endif

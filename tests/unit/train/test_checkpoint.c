@@ -16,6 +16,7 @@
 #include "../scratch.h"
 #include "nn/psfnet.h"
 #include "train/checkpoint.h"
+#include "train/train_page.h"
 
 static const char SETTINGS[] = "SEED 1\nWIDTH 4\n";
 enum { NBINS = 2, EPOCHS = 3 };
@@ -301,21 +302,54 @@ static void copies_are_independent(void **state)
     rx_train_state_free(b);
 }
 
+static char *part_of(void **state, const char *name)
+{
+    char path[1024], *text = NULL;
+    path_in(state, name, path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
+    return text;
+}
+
 static void tables_have_a_row_for_everything(void **state)
 {
-    rx_text log = {0}, dictionaries = {0};
+    rx_figures figures = {.n = 1};
+    snprintf(figures.figure[0].id, sizeof figures.figure[0].id, "curve-loss");
+    figures.figure[0].title = strdup("Loss");
+    figures.figure[0].reading = strdup("");
+    figures.figure[0].svg = strdup("<svg>drawn before</svg>");
+    rx_model *model = make_model(1);
     rx_train_state *s = make_state(1);
-    (void)state;
     fill(s, 1);
-    rx_history_log(&s->history, "name", &log);
-    rx_history_dictionaries(&s->history, &s->selection, "name", &dictionaries);
-    assert_non_null(strstr(log.data, "\nepoch,steps,patches,rate,gradient,loss,"));
-    assert_non_null(strstr(log.data, "\n3,"));
-    assert_null(strstr(log.data, "\n4,"));
-    assert_non_null(strstr(dictionaries.data, "\n1,2,5,1,15,"));
-    assert_non_null(strstr(dictionaries.data, "\n3,5,8,1,15,0,0,0,0,nan,0,"));
-    rx_text_free(&log);
-    rx_text_free(&dictionaries);
+    model->best = 2;
+    s->history.epoch[1].test_loss = 1.5;
+    s->history.epoch[1].input_loss = 2.5;
+    assert_int_equal(rx_train_page_write(&(rx_train_page){.history = &s->history,
+                                                          .selection = &s->selection,
+                                                          .model = model,
+                                                          .settings = SETTINGS,
+                                                          .figures = 1},
+                                         &figures, *state, "the folder", NULL),
+                     RX_OK);
+    char *log = part_of(state, "log.ecsv"), *dictionaries = part_of(state, "dictionary.ecsv"),
+         *page = part_of(state, "training.html"), *json = part_of(state, "summary.json");
+    assert_non_null(strstr(log, "\nepoch,steps,patches,rate,gradient,loss,"));
+    assert_non_null(strstr(log, "\n3,"));
+    assert_null(strstr(log, "\n4,"));
+    assert_non_null(strstr(dictionaries, "\n1,2,5,1,15,"));
+    assert_non_null(strstr(dictionaries, "\n3,5,8,1,15,0,0,0,0,nan,0,"));
+    assert_non_null(
+        strstr(page, "Better than unrestored images.</b> Test loss 1.5 against 2.5, epoch 2 of 3,"));
+    assert_non_null(strstr(page, "<svg>drawn before</svg>"));
+    assert_string_equal(figures.figure[0].svg, "<svg>drawn before</svg>");
+    assert_non_null(strstr(page, "<td class=\"t\">WIDTH</td><td class=\"t\">4</td>"));
+    assert_non_null(strstr(json, "\"best_epoch\": 2,"));
+    assert_non_null(strstr(json, "\"test_loss\": 1.5, \"input_loss\": 2.5,"));
+    free(log);
+    free(dictionaries);
+    free(page);
+    free(json);
+    rx_figures_free(&figures);
+    rx_model_free(model);
     rx_train_state_free(s);
 }
 
