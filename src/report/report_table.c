@@ -328,11 +328,6 @@ static void label_of(char *dst, size_t size, const rx_report_table *t, const key
              k->n > 1 ? words_at(t, k->column[1], row) : "");
 }
 
-static int shown(const rx_report_table *t, const rx_report_view *v, int i)
-{
-    return v->ncolumns > 0 ? column_of(t, v->columns[i]) : i;
-}
-
 /* Would the page have nothing but dashes? */
 static bool is_empty(const rx_report_table *t, int column, long from, long to)
 {
@@ -348,14 +343,17 @@ static bool is_empty(const rx_report_table *t, int column, long from, long to)
 static void html_rows(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
 {
     const long to = v->most > 0 && v->to - v->from > v->most ? v->from + v->most : v->to;
-    const int n = v->ncolumns > 0 ? v->ncolumns : t->ncolumns;
+    const int all = v->ncolumns > 0 ? v->ncolumns : t->ncolumns;
+    int *columns = RX_NEW(int, (size_t)all), n = 0;
+    dst->failed = dst->failed || columns == NULL;
+    for (int i = 0; i < all && columns != NULL; i++) {
+        columns[n] = v->ncolumns > 0 ? column_of(t, v->columns[i]) : i;
+        n += !v->without_empty || !is_empty(t, columns[n], v->from, to);
+    }
     rx_page_row(dst, NULL);
     for (int i = 0; i < n; i++) {
-        const int column = shown(t, v, i);
-        const rx_report_column *c = &t->columns[column];
+        const rx_report_column *c = &t->columns[columns[i]];
         rx_text heading = {0};
-        if (v->without_empty && is_empty(t, column, v->from, to))
-            continue;
         rx_text_printf(&heading, c->unit != NULL && c->unit[0] != '\0' ? "%s [%s]" : "%s", heading_of(c),
                        c->unit);
         rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT, heading.data != NULL ? heading.data : "");
@@ -365,13 +363,11 @@ static void html_rows(rx_text *dst, const rx_report_table *t, const rx_report_vi
     rx_page_row_end(dst);
     for (long k = v->from; k < to; k++) {
         rx_page_row(dst, NULL);
-        for (int i = 0; i < n; i++) {
-            const int column = shown(t, v, i);
-            if (!v->without_empty || !is_empty(t, column, v->from, to))
-                html_cell(dst, t, column, k, t->columns[column].digits);
-        }
+        for (int i = 0; i < n; i++)
+            html_cell(dst, t, columns[i], k, t->columns[columns[i]].digits);
         rx_page_row_end(dst);
     }
+    free(columns);
 }
 
 static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)

@@ -261,10 +261,13 @@ static void add_facts(rx_report *report, const rx_rollup *r)
 static void show(rx_report *report, const rx_report_table *t, long to, int ncolumns,
                  const char *const *columns)
 {
-    rx_report_show(
-        report, t,
-        &(rx_report_view){
-            .to = to, .most = ROWS_SHOWN, .without_empty = 1, .ncolumns = ncolumns, .columns = columns});
+    if (to > 0)
+        rx_report_show(
+            report, t,
+            &(rx_report_view){
+                .to = to, .most = ROWS_SHOWN, .without_empty = 1, .ncolumns = ncolumns, .columns = columns});
+    else
+        rx_report_paragraph(report, "None.");
 }
 
 static void show_figures(rx_report *report, const rx_rollup *r)
@@ -327,10 +330,7 @@ rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, 
     }
     const rx_report_table *psfs = add_psfs(report, r), *not_fine = add_not_fine(report, r);
     rx_report_section(report, "failures", "Tiles that are not fine");
-    if (rx_report_rows(not_fine) > 0)
-        show(report, not_fine, rx_report_rows(not_fine), COUNT(why), why);
-    else
-        rx_report_paragraph(report, "None.");
+    show(report, not_fine, rx_report_rows(not_fine), COUNT(why), why);
     show_psfs(report, r, psfs);
     rx_report_section(report, "tiles", "Tiles, worst first");
     show(report, add_tiles(report, r), r->nrows, COUNT(columns), columns);

@@ -311,10 +311,3 @@ rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err)
     remove_work(dst);
     return status;
 }
-
-rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
-                          rx_error *err)
-{
-    const rx_status status = rx_figures_start(dst, program, folder, shown, err);
-    return status == RX_OK ? rx_figures_finish(dst, program, err) : status;
-}

@@ -3,7 +3,8 @@
  *
  *   rx_figures f; rx_figures_begin(&f);
  *   rx_figure_add(&f, "recall", "Recall", "how to read it", RX_FIGURE_CHART);   then one rx_plot_...(&f, ...)
- *   rx_figures_draw(&f, NULL, folder, shown, err);     f.figure[i].svg, or f.note says why there are none
+ *   rx_figures_start(&f, NULL, folder, shown, err);
+ *   rx_figures_finish(&f, NULL, err);                  f.figure[i].svg, or f.note says why there are none
  *   rx_figures_free(&f);
  */
 #ifndef RX_VALIDATE_FIGURE_H
@@ -48,16 +49,13 @@ void rx_figures_free(rx_figures *figures); /* content only; waits for a gnuplot 
 int rx_method_color(const char *name);
 
 /* Announce the figure that the next rx_plot_... call draws; id is made fit for a file name. Beyond
- * RX_FIGURES_MAX, or without memory, script.failed is set and rx_figures_draw fails. */
+ * RX_FIGURES_MAX, or without memory, script.failed is set and rx_figures_start fails. */
 void rx_figure_add(rx_figures *dst, const char *id, const char *title, const char *reading,
                    rx_figure_kind kind);
 
 /* Run gnuplot (`program` NULL or "" = "gnuplot") in a temporary folder made inside `folder` (`shown` in
- * errors) and removed again. Without gnuplot dst->note says so and the status is RX_OK. Errors: RX_SYSTEM. */
-rx_status rx_figures_draw(rx_figures *dst, const char *program, const char *folder, const char *shown,
-                          rx_error *err);
-
-/* The two halves of it, between which there is time for other work while gnuplot draws. */
+ * errors) and removed again; between the two there is time for other work while gnuplot draws. Without gnuplot
+ * dst->note says so and the status is RX_OK. Errors: RX_SYSTEM. */
 rx_status rx_figures_start(rx_figures *dst, const char *program, const char *folder, const char *shown,
                            rx_error *err);
 rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err);

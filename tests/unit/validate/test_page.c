@@ -241,6 +241,13 @@ static void add_all(rx_figures *f)
     add_curves(f, "curves-nothing", -1, true);
 }
 
+static rx_status draw(rx_figures *f, const char *program, const char *folder, const char *shown,
+                      rx_error *err)
+{
+    const rx_status status = rx_figures_start(f, program, folder, shown, err);
+    return status == RX_OK ? rx_figures_finish(f, program, err) : status;
+}
+
 static void figures_are_drawn(void **state)
 {
     static rx_figures first, second;
@@ -253,8 +260,8 @@ static void figures_are_drawn(void **state)
     make_folder(folder);
     add_all(&first);
     add_all(&second);
-    assert_int_equal(rx_figures_draw(&first, NULL, folder, "the report", NULL), RX_OK);
-    assert_int_equal(rx_figures_draw(&second, "", folder, "the report", NULL), RX_OK);
+    assert_int_equal(draw(&first, NULL, folder, "the report", NULL), RX_OK);
+    assert_int_equal(draw(&second, "", folder, "the report", NULL), RX_OK);
     assert_int_equal(clear_folder(folder), 0);
     assert_string_equal(first.note, "");
     assert_int_equal(first.n, 11);
@@ -288,7 +295,7 @@ static void figures_that_cannot_be(void **state)
     (void)state;
     make_folder(folder);
     add_all(&f);
-    assert_int_equal(rx_figures_draw(&f, "no-such-gnuplot", folder, "the report", &err), RX_OK);
+    assert_int_equal(draw(&f, "no-such-gnuplot", folder, "the report", &err), RX_OK);
     assert_non_null(strstr(f.note, "no-such-gnuplot"));
     rx_text page = {0};
     rx_page_figures(&page, &f, "");
@@ -299,11 +306,11 @@ static void figures_that_cannot_be(void **state)
     for (int i = 0; i <= RX_FIGURES_MAX; i++)
         rx_figure_add(&f, "again", "", "", RX_FIGURE_CHART);
     assert_int_equal(f.n, RX_FIGURES_MAX);
-    assert_int_equal(rx_figures_draw(&f, NULL, folder, "the report", &err), RX_SYSTEM);
+    assert_int_equal(draw(&f, NULL, folder, "the report", &err), RX_SYSTEM);
     rx_figures_free(&f);
     assert_int_equal(clear_folder(folder), 0);
     add_all(&f);
-    assert_int_equal(rx_figures_draw(&f, NULL, folder, "the report", &err), RX_SYSTEM);
+    assert_int_equal(draw(&f, NULL, folder, "the report", &err), RX_SYSTEM);
     assert_string_equal(err.where, "the report");
     rx_figures_free(&f);
 }
