@@ -257,7 +257,8 @@ static void write_html(rx_text *dst, const rx_report *r)
     rx_page_links_end(dst);
     for (int i = 0; i <= r->nplaces; i++) {
         const size_t end = i < r->nplaces ? r->place[i].at : r->body.length;
-        rx_text_add_bytes(dst, r->body.data + done, end - done);
+        if (end > done)
+            rx_text_add_bytes(dst, r->body.data + done, end - done);
         if (i < r->nplaces)
             rx_page_figures(dst, &r->figures, r->place[i].prefix);
         done = end;
