@@ -540,8 +540,17 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
                               "PSF_TYPE AUTO found only one star; what is stated is believed more");
         if (!is_stated(params, field))
             return library_psf(params, &why, field, log, err);
-        rx_psf_free(field->psf);
+        rx_psf *own = field->psf;
         field->psf = NULL;
+        status = stated_psf(params, &why, field, log, err);
+        if (status != RX_OK || field->psf != NULL) {
+            rx_psf_free(own);
+            return status;
+        }
+        field->psf = own; /* what was stated could not be read */
+        field->unrestorable = 0;
+        rx_log_warning(log, "%s[%d]: the PSF stays that of its one star", image.name, image.hdu);
+        return RX_OK;
     }
     if (status == RX_INPUT)
         return stated_psf(params, &why, field, log, err);

@@ -20,17 +20,19 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
     return preal;
 }
 
-/* ln(R / F) */
+/* ln(R / F); below LEAST F is that of the noise at a given place, no longer of its peaks. */
 static double log_odds(const rx_preal *preal, double evidence)
 {
     const double e = fmin(fmax(evidence, LEAST * LEAST), 1e6);
     return log(preal->bright * BRIGHT / (preal->peaks * e * (e - 1.0))) + 0.5 * e + preal->shift +
-           0.5 * preal->slope * (e - PIVOT);
+           0.5 * preal->slope * (e - PIVOT) + 0.5 * fmin(evidence - LEAST * LEAST, 0.0);
 }
 
 double rx_preal_of(const rx_preal *preal, double evidence)
 {
-    return isnan(evidence) ? NAN : 1.0 / (1.0 + exp(-log_odds(preal, evidence)));
+    if (!(evidence > 0.0))
+        return isnan(evidence) ? NAN : 0.0;
+    return 1.0 / (1.0 + exp(-log_odds(preal, evidence)));
 }
 
 int rx_preal_doubtful(const rx_preal *preal, double evidence)
@@ -40,7 +42,7 @@ int rx_preal_doubtful(const rx_preal *preal, double evidence)
 
 double rx_preal_limit(const rx_preal *preal)
 {
-    double low = LEAST, high = 100.0;
+    double low = 0.0, high = 100.0;
     for (int i = 0; i < 40; i++) {
         const double s = 0.5 * (low + high);
         if (rx_preal_doubtful(preal, s * s))
@@ -107,6 +109,10 @@ void rx_preal_fit(rx_preal *preal, const rx_preal_sample *tile, const rx_preal_s
         const double det = now[3] * now[5] - now[4] * now[4];
         double dshift = (now[5] * now[1] - now[4] * now[2]) / det,
                dslope = (now[3] * now[2] - now[4] * now[1]) / det;
+        if (preal->slope <= LEAST_SLOPE && dslope < 0.0) { /* at its bound: the shift alone */
+            dshift = now[1] / now[3];
+            dslope = 0.0;
+        }
         rx_preal there;
         int halvings = 0;
         do {

@@ -12,6 +12,7 @@
 
 enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
 static const double MOST = 0.6;        /* of a stretch */
+static const double LEAST_AREA = 0.04; /* that a stretch may leave of the profile's */
 static const double OUTLIER = 3.0;     /* sigmas from which a star's weight falls */
 static const double MOST_GAIN = 10.0;  /* chi2 of a star that counts for more as its logarithm only */
 static const double MOST_ERROR = 0.05; /* of s, of a star that says how wrong the polynomial is */
@@ -24,9 +25,9 @@ double rx_psf_spline_at(const float *c, int side, double x, double y)
     int first[2];
     for (int d = 0; d < 2; d++) {
         const double t = at[d] - floor(at[d]), s = 1.0 - t;
-        first[d] = (int)floor(at[d]) - 1;
-        if (first[d] < 0 || first[d] + 3 >= side)
+        if (!(at[d] >= 1.0 && at[d] < side - 2))
             return 0.0;
+        first[d] = (int)floor(at[d]) - 1;
         weight[d][0] = s * s * s / 6.0;
         weight[d][1] = (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0;
         weight[d][2] = (4.0 - 3.0 * s * s * (2.0 - s)) / 6.0;
@@ -43,6 +44,8 @@ double rx_psf_stretched(const float *c, int side, double x, double y, const doub
 {
     const double xx = 1.0 + a[0] + 0.5 * a[1], yy = 1.0 + a[0] - 0.5 * a[1], xy = 0.5 * a[2],
                  det = xx * yy - xy * xy;
+    if (!(xx + yy > 0.0 && det > LEAST_AREA)) /* longer than any PSF; beyond, light would be negative */
+        return 0.0;
     return rx_psf_spline_at(c, side, (yy * x - xy * y) / det, (xx * y - xy * x) / det) / det;
 }
 

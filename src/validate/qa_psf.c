@@ -134,7 +134,7 @@ static void map_figure(rx_figures *dst, const rx_report *r, int what)
 {
     const rx_psf_judged *judged = r->input->psf.psf->judged;
     const double range = range_of(judged, what);
-    char id[16], title[48];
+    char id[24], title[96];
     snprintf(id, sizeof id, "psf-map%d", what);
     snprintf(title, sizeof title, "%s over the tile", NAMES[what]);
     rx_figure_add(dst, id, title,

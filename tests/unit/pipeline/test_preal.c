@@ -42,7 +42,9 @@ static void the_curve_is_the_ratio_of_two_densities(void **state)
     }
     assert_near(rx_preal_of(&preal, 1e6), 1, 1e-12);
     assert_near(rx_preal_of(&preal, INFINITY), 1, 1e-12);
-    assert_near(rx_preal_of(&preal, 0), rx_preal_of(&preal, 6.25), 1e-12);
+    assert_near(rx_preal_of(&preal, 0), 0, 0); /* no light, no source */
+    const double odds = rx_preal_of(&preal, 6.25) / (1 - rx_preal_of(&preal, 6.25)), less = odds * exp(-2.0);
+    assert_near(rx_preal_of(&preal, 2.25), less / (1 + less), 1e-12);
     assert_true(isnan(rx_preal_of(&preal, NAN)));
     const double limit = rx_preal_limit(&preal);
     assert_near(rx_preal_of(&preal, limit * limit), 0.5, 1e-6);
