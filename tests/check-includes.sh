@@ -27,11 +27,11 @@ simulate  io num psf
 catalog   io num psf
 validate  io num psf
 report    validate io num
-train     nn stage pipeline simulate par validate config io num psf
+train     report nn stage pipeline simulate par validate config io num psf
 pipeline  nn psf restore detect measure template catalog config num io
 check     pipeline simulate validate restore measure num io
 stage     check pipeline io num nn psf restore detect measure template catalog validate simulate config
-survey    stage pipeline par validate io config
+survey    report stage pipeline par validate io config
 campaign  stage check pipeline simulate report validate restore catalog config io nn num psf
 programs  stage survey campaign train par validate simulate config catalog
 END

@@ -364,7 +364,7 @@ def fluxes(ours, theirs, truth, limit):
                          found[0]["FLUX_TEMPLATE"] / star["FLUX"] - 1))
     rows = np.array(rows)
     print(len(rows), "stars; mean", rows.mean(0), "largest", abs(rows).max(0))
-    raise SystemExit(not (len(rows) >= 8 and (abs(rows.mean(0)) < (limit, limit, 2e-4, 4e-3)).all()
+    raise SystemExit(not (len(rows) >= 8 and (abs(rows.mean(0)) < (limit, limit, 2e-4, 8e-3)).all()
                           and (abs(rows).max(0)[:3] < (3 * limit, 3 * limit, 1e-3)).all()))
 
 
