@@ -1,6 +1,7 @@
 /* The models that PSFEx writes (.psf).
  *
  *   PSF(x, y) = sum_i m_i(X, Y) mask_i,  X = (x - POLZERO) / POLSCAL with FITS coordinates (1-based)
+ *   POLSCAL is the whole range of the stars, so that X is within +-0.5
  *   m_i: 1, X, X^2, .. X^d, Y, X Y, .. X^(d-1) Y, .. Y^d   (SExtractor's order of a group of two)
  *
  * mask_i are sampled in steps of PSF_SAMP tile pixels but already hold the tile pixel's own
@@ -432,7 +433,7 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
         if (image != NULL && steps > known)
             halve_pixels(values, values + pixels, p->size);
         for (size_t i = 0; i < pixels && image != NULL; i++)
-            mask[(size_t)t * pixels + i] = (float)values[i];
+            mask[(size_t)t * pixels + i] = (float)ldexp(values[i], px[t] + py[t]); /* of (2 X)^px (2 Y)^py */
     }
     free(values);
     table->nrows = 1;
@@ -451,11 +452,11 @@ rx_status rx_psf_psfex_table(const rx_psf *psf, rx_table **dst, rx_text *cards, 
     rx_card_integer(cards, "POLGRP1", 1, "group of the first");
     rx_card_text(cards, "POLNAME1", "X_IMAGE", "first variable");
     rx_card_number(cards, "POLZERO1", p->x0 + 1.0, "X_IMAGE of its origin");
-    rx_card_number(cards, "POLSCAL1", p->xs, "X_IMAGE of its unit");
+    rx_card_number(cards, "POLSCAL1", 2.0 * p->xs, "range of X_IMAGE, its unit");
     rx_card_integer(cards, "POLGRP2", 1, "group of the second");
     rx_card_text(cards, "POLNAME2", "Y_IMAGE", "second variable");
     rx_card_number(cards, "POLZERO2", p->y0 + 1.0, "Y_IMAGE of its origin");
-    rx_card_number(cards, "POLSCAL2", p->ys, "Y_IMAGE of its unit");
+    rx_card_number(cards, "POLSCAL2", 2.0 * p->ys, "range of Y_IMAGE, its unit");
     rx_card_integer(cards, "POLNGRP", 1, "groups");
     rx_card_integer(cards, "POLDEG1", m.degree[0], "degree of the polynomial");
     rx_card_number(cards, "PSF_FWHM", p->fwhm, "FWHM at the centre of the image (pixels)");

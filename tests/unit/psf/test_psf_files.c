@@ -505,6 +505,28 @@ static void test_real_models(void **state)
         }
         compare_model(path, files[i].width, files[i].height, 2e-4);
     }
+    /* psfex's POLSCAL is the range of the stars over the tile; so is ours */
+    char path[1024];
+    rx_table *table, *own;
+    rx_text cards = {0};
+    rx_psf *psf;
+    snprintf(path, sizeof path, "%s/%s", data, files[2].name);
+    assert_int_equal(
+        rx_psf_psfex(&(rx_psf_params){.file = path}, files[2].width, files[2].height, NULL, &psf, NULL),
+        RX_OK);
+    assert_int_equal(rx_psf_psfex_table(psf, &own, &cards, NULL), RX_OK);
+    assert_int_equal(rx_fits_read_table(path, 0, &table, NULL), RX_OK);
+    for (int axis = 0; axis < 2; axis++) {
+        const char *key = axis == 0 ? "POLSCAL1" : "POLSCAL2";
+        double theirs, ours;
+        assert_int_equal(rx_cards_number(table->cards, table->ncards, key, &theirs), 1);
+        assert_int_equal(rx_cards_number(cards.data, (long)cards.length / 80, key, &ours), 1);
+        assert_near(ours / theirs, 1.0, 0.05);
+    }
+    rx_table_free(table);
+    rx_table_free(own);
+    rx_text_free(&cards);
+    rx_psf_free(psf);
 }
 
 /* Oversampled twice, linear in x and y, terms that do not sum to zero. */
@@ -611,6 +633,62 @@ static void test_extrapolation_is_told(void **state)
         if ((strstr(text, said) != NULL) != (beyond > 0.5))
             fail_msg("'%s' is said of %g", text, beyond);
     }
+}
+
+static void write_model(const rx_psf *psf)
+{
+    rx_table *table;
+    rx_text cards = {0};
+    rx_fits_writer *writer;
+    assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
+    unlink(in_folder("model.psf"));
+    assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
+    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
+    rx_table_free(table);
+    rx_text_free(&cards);
+}
+
+/* A model that we write says the range of its tile as psfex does: read for a tile of the same size it is not warned of, and
+ * is the same. */
+static void test_own_range(void **state)
+{
+    (void)state;
+    enum { SIDE = 21, LENGTH = 100 };
+    static const double at[][2] = {{0, 0}, {37, 61}, {99, 99}};
+    float one[SIDE * SIDE], two[SIDE * SIDE];
+    char text[1000];
+    double scale;
+    rx_table *table;
+    rx_psf *psf = rx_psf_new(RX_PSF_AUTO, SIDE, 3), *back;
+    assert_non_null(psf);
+    psf->x0 = psf->y0 = psf->xs = psf->ys = 0.5 * (LENGTH - 1);
+    psf->px[1] = psf->py[1] = psf->px[2] = 1;
+    gaussian(psf->basis, SIDE, SIDE, 10, 10, 1.0);
+    for (int t = 1; t < 3; t++) {
+        gaussian(psf->basis + t * SIDE * SIDE, SIDE, SIDE, 10 + 0.1 * t, 10 - 0.2 * t, 1.0);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            psf->basis[t * SIDE * SIDE + i] -= psf->basis[i];
+    }
+    psf->fwhm = 4.0;
+    write_model(psf);
+    assert_int_equal(rx_fits_read_table(in_folder("model.psf"), 0, &table, NULL), RX_OK);
+    assert_int_equal(rx_cards_number(table->cards, table->ncards, "POLSCAL1", &scale), 1);
+    assert_near(scale, LENGTH - 1, 1e-9);
+    rx_table_free(table);
+    back = read_aloud(RX_PSF_PSFEX, "model.psf", text, sizeof text);
+    assert_null(strstr(text, "beyond"));
+    for (int k = 0; k < 3; k++) {
+        double sum = 0.0;
+        rx_psf_at(psf, at[k][0], at[k][1], one);
+        rx_psf_at(back, at[k][0], at[k][1], two);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            sum += (double)one[i];
+        for (int i = 0; i < SIDE * SIDE; i++)
+            assert_near(two[i], (double)one[i] / sum, 1e-6);
+    }
+    rx_psf_free(psf);
+    rx_psf_free(back);
 }
 
 static void refuse_model(const psfex_spec *spec, const float *mask, const char *what)
@@ -769,9 +847,6 @@ static void test_samples(void **state)
     for (int wide = 0; wide < 2; wide++) {
         const double sigma = wide ? 1.3 : 0.65;
         rx_psf *psf, *back;
-        rx_table *table;
-        rx_text cards = {0};
-        rx_fits_writer *writer;
         for (int i = 0; i < SIDE * SIDE; i++)
             image[i] =
                 (float)exp(-(pow(i % SIDE - 30.0, 2.0) + pow(i / SIDE - 30.0, 2.0)) / 32.0 / sigma / sigma);
@@ -786,13 +861,7 @@ static void test_samples(void **state)
             assert_near((double)psf->samples[(n - 1) * (2 * n - 1) + i],
                         exp(-0.125 * pow(i - n + 1, 2.0) / sigma / sigma) / (2.0 * M_PI * sigma * sigma),
                         1e-3);
-        assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
-        unlink(in_folder("model.psf"));
-        assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
-        assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
-        assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
-        rx_table_free(table);
-        rx_text_free(&cards);
+        write_model(psf);
         assert_int_equal(
             rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 100, 100, NULL, &back, NULL),
             RX_OK);
@@ -817,7 +886,6 @@ static void test_written_model(void **state)
     rx_psf *psf = rx_psf_new(RX_PSF_AUTO, SIDE, TERMS), *back;
     rx_table *table;
     rx_text cards = {0};
-    rx_fits_writer *writer;
     assert_non_null(psf);
     psf->x0 = 40.0;
     psf->y0 = 30.5;
@@ -839,14 +907,7 @@ static void test_written_model(void **state)
             image[i] -= (float)sum * psf->basis[i];
     }
     for (psf->fwhm = 4.0; psf->fwhm > 1.0; psf->fwhm -= 2.0) { /* in pixels, in halves of them */
-        assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
-        unlink(in_folder("model.psf"));
-        assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
-        assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
-        assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
-        rx_table_free(table);
-        rx_text_free(&cards);
-        cards = (rx_text){0};
+        write_model(psf);
         assert_int_equal(
             rx_psf_psfex(&(rx_psf_params){.file = in_folder("model.psf")}, 90, 70, NULL, &back, NULL), RX_OK);
         assert_int_equal(back->size, SIDE);
@@ -882,6 +943,7 @@ int main(void)
         cmocka_unit_test(test_resample),
         cmocka_unit_test(test_light_off_centre_is_told),
         cmocka_unit_test(test_extrapolation_is_told),
+        cmocka_unit_test(test_own_range),
         cmocka_unit_test(test_real_models),
         cmocka_unit_test(test_made_model),
         cmocka_unit_test(test_model_refused),
