@@ -145,3 +145,13 @@ double rx_psf_flux_error(const rx_psf *psf, double x, double y)
                  (1.0 - share[1]) * ((1.0 - share[0]) * e[0][cell[0]] + share[0] * e[0][cell[0] + 1]) +
                      share[1] * ((1.0 - share[0]) * e[1][cell[0]] + share[0] * e[1][cell[0] + 1]));
 }
+
+double rx_psf_flux_error_mean(const rx_psf *psf)
+{
+    const rx_psf_quality *q = &psf->quality;
+    double square = q->flux_error * q->flux_error;
+    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
+        square +=
+            pow(q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS], 2.0) / (RX_PSF_CELLS * RX_PSF_CELLS);
+    return sqrt(square);
+}

@@ -135,6 +135,9 @@ void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp);
 /* Relative error of a point source's flux from the PSF there. */
 double rx_psf_flux_error(const rx_psf *psf, double x, double y);
 
+/* The same over the tile, root mean square: RXPSFERR, and what reports, records and roll-ups say. */
+double rx_psf_flux_error_mean(const rx_psf *psf);
+
 void rx_psf_free(rx_psf *psf); /* NULL is fine */
 
 RX_END_DECLS

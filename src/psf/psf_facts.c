@@ -28,14 +28,11 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     rx_record_add(facts, "RXPSFDEG", "degree of its polynomial over the tile", "%d", q->degree);
     rx_record_add(facts, "RXPSFRAD", "radius within which its sum is 1, pixels", "%.1f", q->radius);
     rx_record_add(facts, "RXPSFOUT", "share of a star's light beyond, estimated", "%.5f", q->beyond);
-    double square = 0.0, largest = q->flux_error;
-    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++) {
-        const double local = q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS];
-        square += local * local / (RX_PSF_CELLS * RX_PSF_CELLS);
-        largest = fmax(largest, hypot(q->flux_error, local));
-    }
+    double largest = q->flux_error;
+    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
+        largest = fmax(largest, hypot(q->flux_error, q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS]));
     rx_record_add(facts, "RXPSFERR", "relative error of fluxes from the PSF", "%.5f",
-                  sqrt(q->flux_error * q->flux_error + square));
+                  rx_psf_flux_error_mean(psf));
     rx_record_add(facts, "RXPSFERX", "the largest of it over the tile", "%.5f", largest);
     if (strcmp(q->how, "LIBRARY") == 0) /* its stars are not this tile's */
         return;

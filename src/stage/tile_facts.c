@@ -59,7 +59,7 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
     snprintf(dst->how, sizeof dst->how, "%s", q->how);
     snprintf(dst->library, sizeof dst->library, "%s", q->library);
     dst->stars = psf->nstars;
-    dst->flux_error = q->flux_error;
+    dst->flux_error = rx_psf_flux_error_mean(psf);
     dst->growth = q->growth;
     dst->residual = q->residual;
     dst->reserved = q->reserved;

@@ -250,7 +250,7 @@ void rx_report_psf_page(rx_text *dst, const rx_report *r, const rx_figures *figu
     if (psf->nstars > 0)
         row(dst, "stars that it was fitted to", psf->nstars, NAN, 0);
     if (q->radius > 0.0)
-        row(dst, "relative error of fluxes from it", q->flux_error, NAN, 4);
+        row(dst, "relative error of fluxes from it", rx_psf_flux_error_mean(psf), NAN, 4);
     if (is_judged(r)) {
         row(dst, "stars reserved to judge it", q->reserved, NAN, 0);
         row(dst, "their mean (T - T of PSF) / T", q->trace[0], q->trace[1], 5);
@@ -307,7 +307,7 @@ void rx_report_psf_json(rx_json *json, const rx_report *r)
     rx_json_string(json, "library", q->library[0] != '\0' ? q->library : NULL);
     rx_json_number(json, "fwhm", psf->fwhm);
     rx_json_number(json, "stars", psf->nstars);
-    rx_json_number(json, "flux_error", q->radius > 0.0 ? q->flux_error : NAN);
+    rx_json_number(json, "flux_error", q->radius > 0.0 ? rx_psf_flux_error_mean(psf) : NAN);
     if (is_judged(r)) {
         rx_json_number(json, "reserved", q->reserved);
         rx_json_number(json, "dt", q->trace[0]);

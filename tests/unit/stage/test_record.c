@@ -5,12 +5,18 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "base/printable.h"
 #include "io/fits_read.h"
+#include "psf/psf.h"
 #include "stage/provenance.h"
+#include "stage/tile_facts.h"
+#include "validate/qa_writers.h"
 
 static const char *find(const rx_record *record, const char *name)
 {
@@ -103,12 +109,56 @@ static void cards_are_whole(void **state)
     rx_record_free(&record);
 }
 
+/* Header, report, summary.json and the tile's record say the same mean error of fluxes from the PSF, local errors and all. */
+static void one_error_of_the_psf(void **state)
+{
+    (void)state;
+    rx_psf psf = {.fwhm = 3.0, .quality = {.how = "PIXELS", .radius = 20.0, .flux_error = 0.003}};
+    psf.quality.flux_errors[0][0] = 0.05;
+    psf.quality.flux_errors[4][2] = 0.02;
+    const double mean = sqrt(0.003 * 0.003 + (0.05 * 0.05 + 0.02 * 0.02) / 25.0);
+    char text[60];
+    rx_record cards = {0};
+    rx_psf_facts(&psf, &cards);
+    assert_near(strtod(find(&cards, "RXPSFERR"), NULL), mean, 5.1e-6);
+    assert_near(strtod(find(&cards, "RXPSFERX"), NULL), hypot(0.003, 0.05), 5.1e-6);
+    rx_record_free(&cards);
+
+    const rx_qa_input input = {.psf = {.psf = &psf}};
+    const rx_report report = {.input = &input};
+    const rx_figures none = {0};
+    rx_text page = {0}, summary = {0};
+    rx_json json = rx_json_on(&summary);
+    rx_report_psf_page(&page, &report, &none);
+    snprintf(text, sizeof text, "relative error of fluxes from it</td><td>%.4f</td>", mean);
+    if (strstr(page.data, text) == NULL)
+        fail_msg("'%s' is not in '%s'", text, page.data);
+    rx_json_object(&json, NULL, false);
+    rx_report_psf_json(&json, &report);
+    rx_json_end(&json);
+    const char *said = strstr(summary.data, "\"flux_error\": ");
+    assert_non_null(said);
+    assert_near(strtod(said + strlen("\"flux_error\": "), NULL), mean, 1e-6);
+    rx_text_free(&page);
+    rx_text_free(&summary);
+
+    rx_tile tile = {.width = 100, .height = 100};
+    rx_background plain = {0};
+    const rx_field field = {.tile = &tile, .psf = &psf, .plain = &plain};
+    rx_tile_facts facts = {0};
+    rx_extension_facts *e;
+    assert_int_equal(rx_tile_facts_add(&facts, &field, NULL, 0, 0, &e, NULL), RX_OK);
+    assert_near(e->psf.flux_error, mean, 1e-12);
+    rx_tile_facts_free(&facts);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_run_is_recorded_without_threads),
         cmocka_unit_test(cards_are_whole),
         cmocka_unit_test(history_is_lossless),
+        cmocka_unit_test(one_error_of_the_psf),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
