@@ -280,9 +280,17 @@ rx_status rx_psf_library_find(const rx_psf_library *library, const rx_psf_origin
         q->library_compared = compared;
         q->flux_error = hypot(q->flux_error, compared > 0 ? sqrt(fluxes / compared) : ASSUMED);
         psf->fwhm_error = compared > 0 ? sqrt(widths / compared) : ASSUMED * psf->fwhm;
+        static const char *const unstated[] = {"", "CCD", "filter", "CCD and filter"};
+        const int lacks = (tile->ccd[0] == '\0') + 2 * (tile->filter[0] == '\0');
+        if (lacks > 0)
+            rx_log_warning(
+                log,
+                "%s: neither its header nor the tile's states the %s; it may be of another: state it there",
+                list[first].path, unstated[lacks]);
         snprintf(psf->description, sizeof psf->description,
-                 "of PSF_LIBRARY: %.60s, FWHM %.3f +- %.3f px, ellipticity %.3f, degree %d", q->library,
-                 psf->fwhm, psf->fwhm_error, psf->ellipticity, q->degree);
+                 "of PSF_LIBRARY: %.50s, FWHM %.3f +- %.3f px, ellipticity %.3f, degree %d%s%s%s", q->library,
+                 psf->fwhm, psf->fwhm_error, psf->ellipticity, q->degree, lacks > 0 ? ", " : "",
+                 unstated[lacks], lacks > 0 ? " not stated" : "");
         *dst = psf;
         psf = NULL;
     }

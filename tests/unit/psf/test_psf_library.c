@@ -114,6 +114,26 @@ static int remove_folder(void **state)
     return 0;
 }
 
+/* What finding a PSF for a tile says, of that CCD and filter. */
+static rx_psf *find_aloud(const char *ccd, const char *filter, char *text, size_t room)
+{
+    const rx_psf_library library = {.folder = folder, .days = 1.0, .degrees = 1.0};
+    rx_psf_origin tile = {.mjd = 100.0, .alpha = 10.0, .delta = 0.0, .width = 200, .height = 300};
+    rx_error err = {0};
+    rx_log log;
+    rx_psf *psf = NULL;
+    FILE *stream = tmpfile();
+    assert_non_null(stream);
+    snprintf(tile.ccd, sizeof tile.ccd, "%s", ccd);
+    snprintf(tile.filter, sizeof tile.filter, "%s", filter);
+    rx_log_init(&log, "test", stream, RX_NORMAL);
+    assert_int_equal(rx_psf_library_find(&library, &tile, &log, &psf, &err), RX_OK);
+    rewind(stream);
+    text[fread(text, 1, room - 1, stream)] = '\0';
+    fclose(stream);
+    return psf;
+}
+
 static rx_psf *find(double mjd, double alpha, double days, double degrees)
 {
     const rx_psf_library library = {.folder = folder, .days = days, .degrees = degrees};
@@ -152,6 +172,32 @@ static void test_nearest(void **state)
     assert_true(isnan(psf->quality.library_days));
     rx_psf_free(psf);
     assert_null(find(NAN, NAN, 1.0, 2.0)); /* nothing says that any of them is near */
+}
+
+/* A CCD or filter that neither states is warned of; one that one of them states is no match. */
+static void test_not_stated(void **state)
+{
+    (void)state;
+    char text[2000];
+    add_model("any.psf", 3.0, 100.0, 10.0, "", 200, 0);
+    rx_psf *psf = find_aloud("", "", text, sizeof text);
+    assert_non_null(psf);
+    if (strstr(text, "any.psf: neither its header nor the tile's states the CCD and filter") == NULL)
+        fail_msg("'%s'", text);
+    assert_non_null(strstr(psf->description, ", CCD and filter not stated"));
+    rx_psf_free(psf);
+    assert_null(find_aloud("cam 7", "", text, sizeof text));
+    assert_null(find_aloud("", "r", text, sizeof text));
+    add_model("of_ccd.psf", 3.5, 100.0, 10.0, "cam 7", 200, 0);
+    psf = find_aloud("cam 7", "", text, sizeof text);
+    assert_string_equal(psf->quality.library, "of_ccd.psf");
+    if (strstr(text, "of_ccd.psf: neither its header nor the tile's states the filter") == NULL)
+        fail_msg("'%s'", text);
+    rx_psf_free(psf);
+    psf = find_aloud("", "", text, sizeof text);
+    assert_string_equal(psf->quality.library, "any.psf");
+    assert_int_equal(psf->quality.library_compared, 0);
+    rx_psf_free(psf);
 }
 
 /* The error of fluxes: what two Moffats differ by in a fit, and the model's own. */
@@ -242,6 +288,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_origin),
         cmocka_unit_test_setup_teardown(test_nearest, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_not_stated, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_error, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_small_tile, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_refused, make_folder, remove_folder),
