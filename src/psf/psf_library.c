@@ -3,6 +3,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -119,7 +120,7 @@ static double distance(const rx_psf_library *library, const rx_psf_origin *tile,
         strcmp(own.ccd, tile->ccd) != 0 || strcmp(own.filter, tile->filter) != 0)
         return HUGE_VAL;
     /* where on the CCD a tile of another size lies is not known */
-    if (((int)width != tile->width || (int)height != tile->height) &&
+    if ((width != tile->width || height != tile->height) &&
         !(rx_cards_number(cards, n, "POLDEG1", &terms) && terms == 0.0))
         return HUGE_VAL;
     rx_cards_number(cards, n, "RXLMJD", &own.mjd);
@@ -188,24 +189,36 @@ static rx_status read_model(const entry *e, const rx_psf_origin *tile, rx_log *l
     const int least = tile->width < tile->height ? tile->width : tile->height;
     rx_psf_params par = {.type = RX_PSF_PSFEX, .file = e->path, .extension = 1};
     double side = 0.0, step = 1.0;
-    char *cards = NULL;
+    char *cards = NULL, text[80];
     long n = 0;
     RX_TRY(rx_fits_read_header(e->path, 1, &cards, &n, err));
     rx_cards_number(cards, n, "PSFAXIS1", &side);
     rx_cards_number(cards, n, "PSF_SAMP", &step);
     if (side * step > least)
         par.size = least - 1 + least % 2;
-    const rx_status status = rx_psf_psfex(&par, tile->width, tile->height, log, dst, err);
+    struct {
+        const char *key;
+        double low, high, value;
+    } card[] = {{"ACCEPTED", 0, INT_MAX, 0}, {"RXPSFDEG", 0, RX_PSF_MAX_DEGREE, 0},
+                {"RXPSFOUT", 0, 1, 0},       {"RXPSFERR", 0, 1, 0},
+                {"RXLNX", 1, INT_MAX, 0},    {"RXLNY", 1, INT_MAX, 0}};
+    rx_status status = RX_OK;
+    for (size_t i = 0; i < sizeof card / sizeof *card && status == RX_OK; i++)
+        if (rx_cards_text(cards, n, card[i].key, text, sizeof text) &&
+            !(rx_cards_number(cards, n, card[i].key, &card[i].value) && card[i].value >= card[i].low &&
+              card[i].value <= card[i].high))
+            status = rx_error_at(err, RX_INPUT, e->path, -1, 0,
+                                 "%s = %s is not in %.10g to %.10g; make this model again", card[i].key, text,
+                                 card[i].low, card[i].high);
+    if (status == RX_OK)
+        status = rx_psf_psfex(&par, tile->width, tile->height, log, dst, err);
     if (status == RX_OK) {
         rx_psf_quality *q = &(*dst)->quality;
-        double stars = 0.0, degree = 0.0;
-        rx_cards_number(cards, n, "ACCEPTED", &stars);
-        rx_cards_number(cards, n, "RXPSFDEG", &degree);
-        rx_cards_number(cards, n, "RXPSFOUT", &q->beyond);
-        rx_cards_number(cards, n, "RXPSFERR", &q->flux_error);
-        q->degree = (int)degree;
+        (*dst)->nstars = (int)card[0].value;
+        q->degree = (int)card[1].value;
+        q->beyond = card[2].value;
+        q->flux_error = card[3].value;
         q->radius = (*dst)->size / 2;
-        (*dst)->nstars = (int)stars;
     }
     free(cards);
     return status;

@@ -321,7 +321,7 @@ static void choose_radius(const rx_psf_job *job, const float *stamp, double leas
     const double all = core + light_beyond(model, half, slope);
     for (*radius = fmin(half, end); *radius < end && light_beyond(model, *radius, slope) > least * all;)
         *radius += 1.0;
-    *beyond = light_beyond(model, *radius, slope) / all;
+    *beyond = fmax(light_beyond(model, *radius, slope) / all, 0.0); /* measured wings may be below 0 */
 }
 
 rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *beyond, double *error,

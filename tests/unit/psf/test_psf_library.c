@@ -200,6 +200,35 @@ static void test_not_stated(void **state)
     rx_psf_free(psf);
 }
 
+/* A number in a model's header that cannot be right: the model is left out, and the card named. */
+static void test_hostile_cards(void **state)
+{
+    (void)state;
+    static const char *const bad[][2] = {{"RXPSFERR", "-1E30"}, {"RXPSFERR", "1.5"},   {"RXPSFERR", "NaN"},
+                                         {"RXPSFOUT", "-0.1"},  {"RXPSFOUT", "1E30"},  {"RXPSFDEG", "-1E300"},
+                                         {"RXPSFDEG", "9"},     {"ACCEPTED", "1E300"}, {"ACCEPTED", "-1"},
+                                         {"RXLNX", "1E300"},    {"RXLNY", "-1E300"}};
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        char path[256], card[81], text[2000], said[120];
+        add_model("a.psf", 3.0, 100.0, 10.0, "", 200, 0);
+        snprintf(path, sizeof path, "%s/a.psf", folder);
+        FILE *file = fopen(path, "r+b");
+        assert_non_null(file);
+        do
+            assert_int_equal(fread(card, 1, 80, file), 80);
+        while (strncmp(card, bad[k][0], strlen(bad[k][0])) != 0);
+        fseek(file, -80, SEEK_CUR);
+        fprintf(file, "%-8s= %20s%50s", bad[k][0], bad[k][1], "");
+        assert_int_equal(fclose(file), 0);
+        snprintf(said, sizeof said, "a.psf: left out of PSF_LIBRARY: %s = %s is not in ", bad[k][0],
+                 bad[k][1]);
+        assert_null(find_aloud("", "", text, sizeof text));
+        if (strstr(text, said) == NULL)
+            fail_msg("'%s' does not say '%s'", text, said);
+        unlink(path);
+    }
+}
+
 /* The error of fluxes: what two Moffats differ by in a fit, and the model's own. */
 static void test_error(void **state)
 {
@@ -289,6 +318,7 @@ int main(void)
         cmocka_unit_test(test_origin),
         cmocka_unit_test_setup_teardown(test_nearest, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_not_stated, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_hostile_cards, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_error, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_small_tile, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_refused, make_folder, remove_folder),
