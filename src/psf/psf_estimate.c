@@ -458,26 +458,71 @@ static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err
     return status;
 }
 
-/* From which level of the pixels on (ADU) stars are flattened; 0: nowhere. */
-static rx_status find_limit(rx_star_search *search, double radius, rx_log *log, double *limit, rx_error *err)
+/* From which level of the pixels on (ADU) stars, of that half-light radius, are flattened, and how many there are; as it
+ * was where none are. */
+static rx_status find_limit(const rx_star_search *search, double radius, double *limit, int *flattened,
+                            rx_error *err)
 {
-    const rx_image *image = search->image;
-    const rx_map sky = rx_image_sky(image);
+    const rx_star_search all = {.par = search->par, .image = search->image, .sources = search->sources};
     rx_star_list candidates = {.n = 0};
-    *limit = 0.0;
-    search->level = 0;
-    RX_TRY(rx_stars_candidates(search, &candidates, err));
-    rx_status status = rx_stars_flattened(search, radius, &candidates, err);
+    RX_TRY(rx_stars_candidates(&all, &candidates, err));
+    rx_status status = rx_stars_flattened(&all, radius, &candidates, err);
     if (status == RX_OK && candidates.flattened > 0) {
-        *limit = candidates.limit + (double)rx_map_at(&sky, image->width / 2, image->height / 2);
-        rx_log_warning(log,
-                       "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft "
-                       "saturation: the PSF is made without them, and does not fit them; give "
-                       "SATUR_LEVEL %.4g to have them flagged",
-                       rx_psf_type_name(search->par->type), candidates.flattened, *limit, *limit);
+        *limit = candidates.limit;
+        *flattened = candidates.flattened;
     }
     rx_star_list_free(&candidates);
     return status;
+}
+
+/* Again without those that reach the limit. Below it stars are flattened, too, the less the fainter: half as bright ones
+ * are taken, as long as they are narrower by more than the error of their width. */
+static rx_status search_below(rx_star_search *search, int needed, int enough, attempt *best, int *without,
+                              rx_error *err)
+{
+    rx_status status = RX_OK;
+    int narrower = 1, most = 0;
+    double error = 0.0;
+    *without = 0;
+    for (search->share = 1.0; narrower && status == RX_OK; search->share *= 0.5) {
+        attempt a = {.kept = 0};
+        status = search_stars(search, needed, enough, &a, &most, err);
+        if (status == RX_OK)
+            status = width_error(a.stars, a.list.n, 1.0, &error, err);
+        narrower = a.kept > 0 && (!*without || a.shape[0] < best->shape[0] - error);
+        if (status == RX_OK && narrower) {
+            attempt swap = *best;
+            *best = a;
+            a = swap;
+            *without = 1;
+        }
+        free_attempt(&a);
+    }
+    return status;
+}
+
+/* Of soft saturation; *limit in ADU, 0: none. */
+static rx_status leave_out_flattened(rx_star_search *search, int needed, int enough, attempt *best,
+                                     rx_log *log, double *limit, rx_error *err)
+{
+    int flattened = 0, without = 1;
+    RX_TRY(find_limit(search, best->radius, limit, &flattened, err));
+    if (flattened == 0)
+        return RX_OK;
+    search->limit = *limit;
+    if (needed > 0)
+        RX_TRY(search_below(search, needed, enough, best, &without, err));
+    RX_TRY(find_limit(search, best->radius, limit, &flattened, err));
+    rx_log_warning(
+        log,
+        "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation: "
+        "the PSF %s; give SATUR_LEVEL %.4g and, where the header has SATUR_KEY, a SATUR_KEY that it "
+        "lacks to have them flagged",
+        rx_psf_type_name(search->par->type), flattened, *limit,
+        without ? "is made without them, and does not fit them"
+                : "may be too wide: without them there are too few stars for it",
+        *limit);
+    return RX_OK;
 }
 
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
@@ -491,7 +536,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     const char *how = "MOFFAT";
     double limit = 0.0;
     *dst = NULL;
-    rx_status status = search_stars(&search, needed, needed > 10 ? needed : 10, &best, &most, err);
+    const int enough = needed > 10 ? needed : 10;
+    rx_status status = search_stars(&search, needed, enough, &best, &most, err);
     if (status == RX_OK && best.kept == 0 && ladder) {
         status = search_few(&search, &best, err);
         if (status == RX_OK && best.kept < par->min_stars)
@@ -512,11 +558,11 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     }
     if (status == RX_OK && best.kept == 0)
         status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
+    if (status == RX_OK)
+        status = leave_out_flattened(&search, free_shape == RX_MOFFAT_SHAPE ? needed : 0, enough, &best, log,
+                                     &limit, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
-        status = find_limit(&search, best.radius, log, &limit, err);
-    }
-    if (status == RX_OK) {
         if (best.scatter > 0.15)
             rx_log_warning(
                 log,

@@ -94,22 +94,28 @@ rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, r
     const char *listed = search->par->stars_file;
     const int all = listed == NULL || listed[0] == '\0';
     int half_light = 0;
-    *dst =
-        (rx_star_list){.list = RX_NEW(rx_candidate, (size_t)sources->n + 1), .limit = highest_peak(search)};
+    const double highest = highest_peak(search);
+    *dst = (rx_star_list){.list = RX_NEW(rx_candidate, (size_t)sources->n + 1), .limit = HUGE_VAL};
     if (dst->list == NULL)
         return rx_error_memory(err, 0);
     for (int i = 1; i < sources->nradii; i++)
         if (fabs(sources->flux_fraction[i] - 0.5) < fabs(sources->flux_fraction[half_light] - 0.5))
             half_light = i;
-    for (int i = 0; i < sources->n; i++)
-        if ((all || sources->list[i].number_assoc > 0) &&
-            usable(search, &sources->list[i], half_light, &dst->list[dst->n])) {
-            dst->list[dst->n].source = i;
-            if (sources->list[i].peak < dst->limit)
-                dst->n++;
-            else
-                dst->flattened++;
+    for (int i = 0; i < sources->n; i++) {
+        const rx_source *s = &sources->list[i];
+        rx_candidate *star = &dst->list[dst->n];
+        if ((!all && s->number_assoc <= 0) || !usable(search, s, half_light, star))
+            continue;
+        const double sky = sky_level(search, (int)lround(s->x), (int)lround(s->y));
+        star->source = i;
+        star->level = s->peak + sky;
+        if (s->peak >= highest) {
+            dst->limit = fmin(dst->limit, star->level);
+            dst->flattened++;
+        } else if (!(search->limit > 0.0) || s->peak < search->share * (search->limit - sky)) {
+            dst->n++;
         }
+    }
     return RX_OK;
 }
 
@@ -129,7 +135,7 @@ rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_sta
     int flat = 0, kept = 0;
     if (n < 5 * EIGHT)
         return RX_OK;
-    double(*sorted)[3] = rx_alloc((size_t)n, sizeof *sorted), *values = RX_NEW(double, n), spread[2];
+    double(*sorted)[4] = rx_alloc((size_t)n, sizeof *sorted), *values = RX_NEW(double, n), spread[2];
     if (sorted == NULL || values == NULL) {
         free(sorted);
         free(values);
@@ -137,9 +143,10 @@ rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_sta
     }
     for (int i = 0; i < n; i++) {
         const rx_source *s = &search->sources->list[list->list[i].source];
-        sorted[i][0] = log(s->peak);
+        sorted[i][0] = list->list[i].level;
         sorted[i][1] = log(list->list[i].radius / radius);
-        sorted[i][2] = log(s->flux_auto);
+        sorted[i][2] = log(s->peak);
+        sorted[i][3] = log(s->flux_auto);
     }
     qsort(sorted, (size_t)n, sizeof *sorted, by_first);
     for (; flat + EIGHT <= n / 2; flat += EIGHT) {
@@ -150,13 +157,13 @@ rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_sta
     }
     for (int k = 0; k < 2 && flat > 0; k++) {
         for (int i = 0; i < flat; i++)
-            values[i] = sorted[i][2 * k];
+            values[i] = sorted[i][2 + k];
         spread[k] = rx_sigma_mad(values, (size_t)flat, NULL);
     }
     if (flat > 0 && spread[1] > steeper * spread[0]) {
-        list->limit = exp(sorted[flat][0]);
+        list->limit = sorted[flat][0];
         for (int i = 0; i < n; i++)
-            if (search->sources->list[list->list[i].source].peak <= list->limit)
+            if (list->list[i].level <= list->limit)
                 list->list[kept++] = list->list[i];
         list->flattened += n - kept;
         list->n = kept;

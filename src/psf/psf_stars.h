@@ -9,13 +9,13 @@ typedef struct rx_candidate {
     int source; /* index in the source list */
     double snr;
     double radius; /* half-light radius, pixels */
+    double level;  /* of its peak with the sky there, ADU */
 } rx_candidate;
 
 typedef struct rx_star_list {
     int n;
     rx_candidate *list;
-    double
-        limit; /* peaks above the sky from which on sources are flattened: soft saturation; HUGE_VAL: none */
+    double limit; /* ADU of the pixels from which on sources are flattened: soft saturation; HUGE_VAL: none */
     int flattened; /* sources that were left out for it */
 } rx_star_list;
 
@@ -24,12 +24,13 @@ void rx_star_list_free(rx_star_list *stars);
 enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 9 };
 
 /* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
- * fields) lets in close neighbours and blends. */
+ * fields) lets in close neighbours and blends. Above `share` of the way from the sky to `limit` (ADU; 0: none) it takes none. */
 typedef struct rx_star_search {
     const rx_psf_params *par;
     const rx_image *image;
     const rx_sources *sources;
     int level;
+    double limit, share;
 } rx_star_search;
 
 /* Sources that are bright, unsaturated, unmasked, roundish and wider than a hot pixel; rx_star_list_free(). Errors,

@@ -27,6 +27,8 @@ typedef struct field {
     double corner; /* share by which it grows towards the upper right corner, within 110 pixels */
 } field;
 
+static double steep = 1.0; /* the more, the more faint ones */
+
 static double uniform(uint64_t stream, uint64_t i)
 {
     return rx_random_uniform(7, stream, i);
@@ -127,7 +129,7 @@ static void make_varied(field *f, double fwhm, double beta, double ratio, double
         int star = c * nstars / (CELLS * CELLS) != (c + 1) * nstars / (CELLS * CELLS);
         s->x = (c % CELLS + 0.3 + 0.4 * uniform(1, (uint64_t)c)) * CELL;
         s->y = (c / CELLS + 0.3 + 0.4 * uniform(2, (uint64_t)c)) * CELL;
-        s->peak = pow(10.0, 2.2 + 2.0 * uniform(3, (uint64_t)c));
+        s->peak = pow(10.0, 2.2 + 2.0 * pow(uniform(3, (uint64_t)c), steep));
         double wide = star ? 1.0 : 1.2 + 1.3 * uniform(4, (uint64_t)c),
                q = star ? ratio : 0.5 + 0.5 * uniform(5, (uint64_t)c);
         add_profile(f, s->x, s->y, s->peak, wide * width_at(f, s->x, s->y), q,
@@ -693,6 +695,38 @@ static void test_soft_saturation(void **state)
     free_field(&f);
 }
 
+/* Stars of all brightnesses through 1200 tanh(f / 1200): the profile is of those that are not flattened, and the limit is where they
+ * are, whatever the sky at the tile's centre. */
+static void test_flattened(void **state)
+{
+    (void)state;
+    static const rx_psf_type types[] = {RX_PSF_MOFFAT_FIT, RX_PSF_AUTO};
+    const size_t centre = (size_t)(SIDE / 2) * SIDE + SIDE / 2;
+    const float level = 1200.0F;
+    field f;
+    rx_psf *psf;
+    steep = 2.0;
+    make_field(&f, 4.0, 4.0, 1.0, 0.0, 100, 0);
+    steep = 1.0;
+    for (size_t i = 0; i < (size_t)SIDE * SIDE; i++)
+        if (f.tile.pixels[i] > 100.0F)
+            f.tile.pixels[i] = 100.0F + level * tanhf((f.tile.pixels[i] - 100.0F) / level);
+    for (int k = 0; k < f.sources.n; k++) {
+        measure_source(&f, &f.sources.list[k], 10.0, 1.0);
+        f.sources.list[k].peak = (double)level * tanh(f.sources.list[k].peak / (double)level);
+    }
+    f.background.level[centre] += 5000.0F;
+    f.tile.pixels[centre] += 5000.0F;
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(estimate_as(&f, types[k], 1, &psf, NULL), RX_OK);
+        print_message("limit %g: %s\n", psf->quality.limit, psf->description);
+        assert_near(psf->fwhm, 4.0, types[k] == RX_PSF_MOFFAT_FIT ? 0.02 : 0.15);
+        assert_between(psf->quality.limit, 400.0, 1200.0);
+        rx_psf_free(psf);
+    }
+    free_field(&f);
+}
+
 static int listed(const field *f, const rx_source *s)
 {
     (void)f;
@@ -787,6 +821,7 @@ int main(void)
         cmocka_unit_test(test_bleeding),
         cmocka_unit_test(test_borders),
         cmocka_unit_test(test_soft_saturation),
+        cmocka_unit_test(test_flattened),
         cmocka_unit_test(test_list),
         cmocka_unit_test(test_bound),
     };
