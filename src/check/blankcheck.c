@@ -128,17 +128,17 @@ static int is_crowd(const rx_result *tile)
     return tile->templates.tphot->crowded > 0.5;
 }
 
-/* Evidence of what was fitted to the noise, but for pieces of it. */
 static rx_status keep_fitted(const rx_tphot *tphot, rx_blankcheck *dst, rx_error *err)
 {
     const size_t n = (size_t)dst->nfitted + (size_t)tphot->n;
-    double *grown = rx_regrow(dst->evidence, n, sizeof *grown);
+    double(*grown)[2] = rx_regrow(dst->fitted, n, sizeof *grown);
     if (grown == NULL)
         return rx_error_memory(err, n * sizeof *grown);
-    dst->evidence = grown;
-    for (int i = 0; i < tphot->n; i++)
-        if (isfinite(tphot->list[i].snr) && !rx_preal_owes(tphot->list[i].evidence, tphot->list[i].snr))
-            grown[dst->nfitted++] = tphot->list[i].evidence;
+    dst->fitted = grown;
+    for (int i = 0; i < tphot->n; i++, dst->nfitted++) {
+        grown[dst->nfitted][0] = tphot->list[i].evidence;
+        grown[dst->nfitted][1] = tphot->list[i].snr;
+    }
     return RX_OK;
 }
 
@@ -156,8 +156,6 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
         const rx_tphot *tphot = result.templates.tphot;
         dst->mpixels += searched(params, &result, 0);
         dst->false_detections += tphot == NULL ? result.sources->n : drop ? 0 : tphot->nlisted;
-        for (int i = 0; drop && tphot != NULL && i < tphot->n; i++)
-            dst->false_detections += !rx_preal_doubtful(&in->tile->templates.preal, tphot->list[i].evidence);
         dst->realisations++;
         if (tphot != NULL)
             status = keep_fitted(tphot, dst, err);
@@ -312,29 +310,50 @@ void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile
                                     .n = n};
 }
 
-rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
+/* Of what was fitted, but for pieces of it. */
+static void add_evidence(double evidence, double snr, rx_preal_sample *dst, double *room)
+{
+    if (isfinite(snr) && !rx_preal_owes(evidence, snr))
+        room[dst->n++] = evidence;
+}
+
+static rx_status fit_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
+                           rx_error *err)
+{
+    const rx_tphot *tphot = tile->templates.tphot;
+    const size_t n = (size_t)tphot->n + (size_t)check->nfitted;
+    double *evidence = RX_NEW(double, n), *of_noise = evidence + tphot->n;
+    if (evidence == NULL)
+        return rx_error_memory(err, n * sizeof *evidence);
+    rx_preal_sample own = {.evidence = evidence,
+                           .pixels = (1.0 - tphot->crowded) * searched(params, tile, 1) * 1e6},
+                    noise = {.evidence = of_noise, .pixels = check->mpixels * 1e6};
+    for (int i = 0; i < tphot->n; i++)
+        if (!tphot->list[i].crowded)
+            add_evidence(tphot->list[i].evidence, tphot->list[i].snr, &own, evidence);
+    for (int i = 0; i < check->nfitted; i++)
+        add_evidence(check->fitted[i][0], check->fitted[i][1], &noise, of_noise);
+    rx_preal_fit(&tile->templates.preal, &own, &noise);
+    free(evidence);
+    return RX_OK;
+}
+
+rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
                               rx_error *err)
 {
     const rx_tphot *tphot = tile->templates.tphot;
-    if (tphot == NULL || check->realisations == 0 || check->quick || is_crowd(tile))
+    if (tphot == NULL || check->realisations == 0 || check->quick)
         return RX_OK;
-    double *evidence = RX_NEW(double, (size_t)tphot->n);
-    if (evidence == NULL)
-        return rx_error_memory(err, (size_t)tphot->n * sizeof *evidence);
-    rx_preal_sample own = {.evidence = evidence, .pixels = (1.0 - tphot->crowded) * check->sky * 1e6};
-    for (int i = 0; i < tphot->n; i++) {
-        const rx_tphot_source *t = &tphot->list[i];
-        if (!t->crowded && isfinite(t->snr) && !rx_preal_owes(t->evidence, t->snr))
-            evidence[own.n++] = t->evidence;
-    }
-    rx_preal_fit(&tile->templates.preal, &own,
-                 &(rx_preal_sample){check->evidence, check->nfitted, check->mpixels * 1e6});
-    free(evidence);
+    if (!is_crowd(tile))
+        RX_TRY(fit_preal(params, check, tile, err));
+    for (int i = 0; params->templates.drop && i < check->nfitted; i++)
+        check->false_detections += !rx_preal_doubtful(&tile->templates.preal, check->fitted[i][0]);
+    set_rate(check);
     return rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err);
 }
 
 void rx_blankcheck_free(rx_blankcheck *check)
 {
-    free(check->evidence);
+    free(check->fitted);
     *check = (rx_blankcheck){0};
 }

@@ -33,7 +33,8 @@ typedef struct rx_blankcheck {
     /* Of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise alone: pieces and
      * ghosts of real sources count as real. n: detections, 0 = none */
     rx_estimate real;
-    double *evidence; /* [nfitted] of what was found on noise and fitted, where the tile itself was; owned */
+    double (*fitted)
+        [2]; /* [nfitted] evidence and S/N of what was fitted to noise, where the tile itself was; owned */
     int nfitted;
 } rx_blankcheck;
 
@@ -58,8 +59,8 @@ typedef struct rx_blank_input {
 } rx_blank_input;
 
 /* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile, they are
- * fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP what the tile's P_REAL would drop does not
- * count. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+ * fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP these are counted by rx_blankcheck_preal().
+ * Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
                             rx_blankcheck *dst, rx_error *err);
 
@@ -76,8 +77,9 @@ void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile
 
 /* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was, and in a crowd,
  * where the light of others hides peaks that an empty sky shows. Pieces of
- * neighbours, which noise has none of, are left out of the comparison. Errors: RX_SYSTEM. */
-rx_status rx_blankcheck_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
+ * neighbours, which noise has none of, are left out of the comparison. With INVENTED_TYPE DROP what is marked is dropped, and of
+ * what was fitted to noise the rest are the false detections. Errors: RX_SYSTEM. */
+rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
                               rx_error *err);
 void rx_blankcheck_free(rx_blankcheck *check); /* content only */
 

@@ -209,39 +209,43 @@ rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, c
     return RX_OK;
 }
 
+int rx_checks_drop(const rx_checks *checks)
+{
+    return checks != NULL && checks->blank;
+}
+
 rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *params, const rx_restorer *kind,
-                        const rx_result *before, rx_log *log, rx_check_results *dst, rx_error *err)
+                        rx_result *tile, rx_log *log, rx_check_results *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     if (checks != NULL && checks->plan != NULL) {
         rx_selfcheck_plan plan = *checks->plan;
         plan.params.detect = params->detect;
-        status = rx_selfcheck_run(&plan, kind, before, log, &dst->self, err);
+        status = rx_selfcheck_run(&plan, kind, tile, log, &dst->self, err);
     }
     if (status == RX_OK && checks != NULL && checks->blank) {
         const rx_blankcheck quick = dst->blank;
         status = rx_blankcheck_run(
-            params, &(rx_blank_input){kind, checks->field, &checks->noise, checks->par->blank_check, before},
+            params, &(rx_blank_input){kind, checks->field, &checks->noise, checks->par->blank_check, tile},
             log, &dst->blank, err);
         dst->blank.raised = quick.raised;
         dst->blank.asked = quick.asked;
     }
-    if (status == RX_OK && dst->blank.realisations > 0)
-        rx_blankcheck_judge(params, before, &dst->blank);
-    return status;
+    if (status != RX_OK || dst->blank.realisations == 0)
+        return status;
+    RX_TRY(rx_blankcheck_preal(params, &dst->blank, tile, err));
+    rx_blankcheck_judge(params, tile, &dst->blank);
+    return RX_OK;
 }
 
-rx_status rx_checks_apply(const rx_pipeline_params *params, const rx_check_results *results, rx_result *tile,
-                          rx_error *err)
+void rx_checks_apply(const rx_check_results *results, rx_result *tile)
 {
-    RX_TRY(rx_blankcheck_preal(params, &results->blank, tile, err));
     for (int i = 0; i < tile->sources->n; i++) {
         rx_source_template *fit = &tile->sources->list[i].fit;
         rx_conformal_at(results->self.errors, fit->flux / fit->fluxerr, fit->blend, fit->injected);
         for (int level = 0; level < RX_CONFORMAL_LEVELS; level++)
             fit->injected[level] *= fit->fluxerr;
     }
-    return RX_OK;
 }
 
 void rx_check_results_free(rx_check_results *results)

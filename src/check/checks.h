@@ -31,15 +31,17 @@ void rx_checks_free(rx_checks *checks);
 rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, const rx_field *field,
                           rx_pipeline_params *params, rx_log *log, rx_blankcheck *dst, rx_error *err);
 
-/* `before`: the restorer on the untouched tile, with `params`; dst->blank: as the guard left it. The content of *dst is
+/* Will the tile's noise say what INVENTED_TYPE DROP drops? Then rx_checks_run() does it, and nothing may be dropped before. */
+int rx_checks_drop(const rx_checks *checks);
+
+/* `tile`: the restorer on the untouched tile, with `params`; gets P_REAL and its marks by the tile's noise.
+ * dst->blank: as the guard left it. The content of *dst is
  * freed by rx_check_results_free(), also after an error. checks NULL: no check but the guard. */
 rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *params, const rx_restorer *kind,
-                        const rx_result *before, rx_log *log, rx_check_results *dst, rx_error *err);
+                        rx_result *tile, rx_log *log, rx_check_results *dst, rx_error *err);
 
-/* What they say of the sources themselves: P_REAL and its marks by the tile's noise, MAGERR_INJECTED by what was injected. Errors:
- * RX_SYSTEM. */
-rx_status rx_checks_apply(const rx_pipeline_params *params, const rx_check_results *results, rx_result *tile,
-                          rx_error *err);
+/* MAGERR_INJECTED of the sources by what was injected. */
+void rx_checks_apply(const rx_check_results *results, rx_result *tile);
 void rx_check_results_free(rx_check_results *results);
 
 /* Header facts RXSC* and RXBLK*; an end of an interval that is not finite is left out. checks: may be NULL. */

@@ -210,7 +210,7 @@ static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *
     return status;
 }
 
-static rx_status run_checks(rx_run *run, const rx_checks *checks, const work *w, rx_log *log, rx_error *err)
+static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_log *log, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
     rx_text text = {0};
@@ -262,8 +262,11 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->checks = (rx_check_results){0};
     rx_status status =
         rx_checks_guard(&options->check, run->kind, detect, &w.params, log, &run->checks.blank, err);
-    if (status == RX_OK)
+    if (status == RX_OK) {
+        w.params.templates.drop = options->pipeline.templates.drop && !rx_checks_drop(in->checks);
         status = rx_field_extract(&w.params, run->kind, detect, measure, log, &w.result, err);
+        w.params.templates.drop = options->pipeline.templates.drop;
+    }
     if (status != RX_OK)
         return status;
     rx_sources *sources = w.result.sources;
@@ -286,10 +289,9 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     if (status != RX_OK)
         goto exit;
     status = run_checks(run, in->checks, &w, log, err);
-    if (status == RX_OK)
-        status = rx_checks_apply(&w.params, &run->checks, &w.result, err);
     if (status != RX_OK)
         goto exit;
+    rx_checks_apply(&run->checks, &w.result);
     account_templates(run, &w, log);
     tell_sources(run, &w, log);
     rx_result_facts(&w.result, &facts);
