@@ -15,7 +15,7 @@ static const double LEAST = 0.1; /* of a factor: a measured correlation may be n
 static const double FAR = 3.0;   /* pixels: resampling leaves next to nothing at larger lags */
 static const double CLEAR = 5.0; /* errors of a share of light */
 static const double MOST = 0.85; /* of the variance that faint light can be */
-static const double SENSE = 0.7; /* resampling lowers the noise of no sum by more */
+static const double LESS = 0.95; /* of a share that leaves too little */
 static const double LITTLE = 0.03, LITTLE_ERRORS = 4.0; /* what is left of noise that is none */
 
 static const double SIGNIFICANT = 5.0, DIFFERENT = 0.15; /* of quadrants: errors, share */
@@ -139,9 +139,12 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
         fit.share = fmin(fit.share, beyond.share + 2.0 * beyond.error);
         if (!is_light(&fit))
             return 0.0;
-        take_off(light, &fit, &rest);
-        if (rx_noise_factor_wide(&rest) < SENSE) /* it was not light */
-            return 0.0;
+        /* resampling lowers the noise of no wide sum: so much was not light */
+        for (take_off(light, &fit, &rest); rx_noise_factor_wide(&rest) < 1.0; take_off(light, &fit, &rest)) {
+            fit.share *= LESS;
+            if (fit.share < CLEAR * fit.error)
+                return 0.0;
+        }
     } else {
         rest = rx_noise_white(RX_NOISE_MEASURED);
         memcpy(rest.measured, noise->measured, sizeof rest.measured);

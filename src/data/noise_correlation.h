@@ -53,8 +53,8 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
 
 /* Measured on a crowded tile, the light of sources too faint to be found hangs together as the PSF does. Its share (and a
  * constant, that of sky taken off with it) is fitted to what was measured, at all lags: where it leaves nothing at the nearest 8,
- * pixels are independent. Else, noise being short, at lags of 3 pixels and more, and taken off, unless what is left would be
- * noise that sums up to next to nothing. A share below 5 of its errors is none, one above 0.85 is smoothed noise.
+ * pixels are independent. Else, noise being short, at lags of 3 pixels and more, and taken off, as far as what is
+ * left sums up to no less than independent pixels do. A share below 5 of its errors is none, one above 0.85 is smoothed noise.
  * psf[height][width]. Returns the share, 0 where nothing was done. */
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height);
 

@@ -311,6 +311,32 @@ static void test_crowds_are_no_noise(void **state)
         }
 }
 
+/* Half of the variance is light, of stars a little wider than the PSF, over noise that a shift by 0.15 pixels has smoothed: more
+ * is not taken off than leaves wide sums those of independent pixels. */
+static void test_most_is_light(void **state)
+{
+    (void)state;
+    enum { SIZE = 41 };
+    const float kernel[4] = {0.7225f, 0.1275f, 0.1275f, 0.0225f};
+    const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 2, 2);
+    rx_noise_correlation mixed = noise;
+    float psf[SIZE * SIZE];
+    for (int i = 0; i < SIZE * SIZE; i++)
+        psf[i] = (float)exp(-(pow(i % SIZE - SIZE / 2.0 + 0.5, 2) + pow(i / SIZE - SIZE / 2.0 + 0.5, 2)) /
+                            (2 * 1.7 * 1.7));
+    mixed.origin = RX_NOISE_MEASURED;
+    mixed.error = 0.005;
+    for (int dy = -MID; dy <= MID; dy++)
+        for (int dx = -MID; dx <= MID; dx++)
+            mixed.at[MID + dy][MID + dx] = mixed.measured[MID + dy][MID + dx] =
+                0.5 * noise.at[MID + dy][MID + dx] + 0.5 * exp(-(dx * dx + dy * dy) / (4 * 1.8 * 1.8));
+    assert_true(rx_noise_without_light(&mixed, psf, SIZE, SIZE) > 0.3);
+    print_message("factor %.3f of %.3f\n", rx_noise_factor(&mixed, psf, SIZE, SIZE),
+                  rx_noise_factor(&noise, psf, SIZE, SIZE));
+    assert_true(rx_noise_factor_wide(&mixed) >= 1.0);
+    assert_close(rx_noise_factor(&mixed, psf, SIZE, SIZE), rx_noise_factor(&noise, psf, SIZE, SIZE), 0.3);
+}
+
 /* A moving average that is not the same in x and y, nor along the two diagonals. */
 enum { K = 3 };
 static const float KERNEL[K * K] = {0.1f, 0.3f, 0.2f, 0.5f, 1.0f, 0.3f, 0.0f, 0.6f, 0.4f};
@@ -464,6 +490,7 @@ int main(void)
         cmocka_unit_test(test_factor_of_a_kernel),
         cmocka_unit_test(test_faint_light_is_no_noise),
         cmocka_unit_test(test_crowds_are_no_noise),
+        cmocka_unit_test(test_most_is_light),
         cmocka_unit_test(test_sources_that_are_known),
         cmocka_unit_test(test_resampled_images),
     };
