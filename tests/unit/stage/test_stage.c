@@ -455,7 +455,7 @@ static void gates_decide_the_status(void **state)
                                 {NULL, NULL}};
     write_text("gates.qa", "recall all >= 0.2 0.95\n");
     assert_int_equal(run_stage("tile.fits", settings, NULL), RX_OK);
-    write_text("gates.qa", "recall all >= 0.999 0.95\nrecall all >= 0.2 0.95\n");
+    write_text("gates.qa", "recall all <= 0.2 0.95\nrecall all >= 0.2 0.95\n");
     assert_int_equal(run_stage("tile.fits", settings, NULL), RX_GATE_FAIL);
     assert_int_equal(access("qa/report.html", R_OK), 0);
 }
