@@ -145,6 +145,23 @@ if [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+begin 'what is dropped with a blank check is what is flagged by it'
+make_fits tile tile.fits && printf 'NUMBER\nX_IMAGE\nFLUX_TEMPLATE\nP_REAL\n' >my.param
+if [ "$active" = 1 ]; then
+    list_files >../before
+    code=0
+    for kind in FLAG DROP; do
+        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME $kind.cat -TEMPLATE_TYPE POINT \
+            -CROWDING N -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -BLANK_CHECK 6 -INVENTED_TYPE $kind -VERBOSE_TYPE QUIET >>../out 2>>../err || code=$?
+    done
+    echo $code >../code
+    awk '$4 >= 0.5' FLAG.cat | cut -c 11- >../kept
+    cut -c 11- DROP.cat | diff ../kept - >>../err
+    if [ "$(wc -l <../kept)" -le 4 ] || [ "$(wc -l <../kept)" -ge "$(($(wc -l <FLAG.cat) - 4))" ]; then wc -l ../kept FLAG.cat >>../err; fi
+    leaves FLAG.cat DROP.cat
+    judge 0 ''
+fi
+
 begin 'errors from injected objects are numbers, the wider the surer'
 make_fits tile tile.fits && printf 'P_REAL\nSNR_TEMPLATE\nMAGERR_INJECTED\nMAGERR95_INJECTED\n' >my.param
 if [ "$active" = 1 ]; then
