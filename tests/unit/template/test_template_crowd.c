@@ -82,7 +82,7 @@ static void test_cells(void **state)
 static void test_extended(void **state)
 {
     (void)state;
-    static double at[W * H / 400][2], light[W * H / 400][2];
+    static double at[(W / 20 + 1) * (H / 20 + 1)][2], light[(W / 20 + 1) * (H / 20 + 1)][2];
     uint8_t cells[8 * 5];
     rx_crowding crowd = {.width = W, .height = H, .nx = 8, .ny = 5, .cells = cells, .n = 8 * 5};
     int n = 0;
