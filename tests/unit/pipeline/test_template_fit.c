@@ -190,7 +190,8 @@ static void a_crowd_is_looked_at_again(void **state)
     assert_true(d[0].fit.tphot->crowded == 0 && d[1].fit.tphot->crowded == 1);
     assert_true(d[0].fit.tphot->passes <= 2 && d[1].fit.tphot->passes > 2);
     assert_true(found[0] < 0.6 * s.nstars && found[1] > 0.93 * s.nstars);
-    assert_true(others[1] < 0.05 * s.nstars && d[1].fit.chi2 < 0.25 * d[0].fit.chi2);
+    assert_true(others[1] < 0.05 * s.nstars);
+    assert_near(d[1].fit.chi2 / d[0].fit.chi2, 0.18, 0.17);
     const rx_sources *one = d[1].result.sources, *two = d[2].result.sources;
     assert_int_equal(one->n, d[1].fit.tphot->n);
     for (int i = 0; i < one->n; i++)
