@@ -18,6 +18,9 @@
 #include "psf/psf_stars.h"
 
 static const double model_error = 0.02;
+/* Error of fluxes, relative, where the shape is assumed: median of small tiles with Kolmogorov and other PSFs,
+ * validation/results/psf (small). */
+static const double FEW_STARS = 0.05;
 
 typedef struct fitted_star {
     const rx_source *source;
@@ -577,6 +580,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         (*dst)->quality.limit = limit;
     if (status == RX_OK && par->type == RX_PSF_AUTO)
         snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
+    if (status == RX_OK && free_shape < RX_MOFFAT_SHAPE) /* an exponent that no star says */
+        (*dst)->quality.flux_error = FEW_STARS;
     if (status == RX_OK && found != NULL) {
         memcpy(found->shape, best.shape, sizeof found->shape);
         found->radius = best.radius;
