@@ -304,7 +304,7 @@ static const char READING[] =
     "mag; <b>told "
     "apart</b>: both were found, each nearer to its place than half the separation, so that the flux of an "
     "object means "
-    "something. <b>Marked</b>: FLAGS_RESTORE calls the source made up. <b>Goals</b> are held against FIELD, "
+    "something. <b>Marked</b>: FLAGS_RESTORE calls the source spurious. <b>Goals</b> are held against FIELD, "
     "PAIRS and "
     "INJECTED under conditions in which restorers are given the truth; undecided: beyond the limit, but by "
     "less than "

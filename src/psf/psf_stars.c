@@ -69,7 +69,7 @@ static int usable(const rx_star_search *v, const rx_source *s, int radius_index,
 }
 
 /* Detectors and plates that saturate softly, or at an unknown level, pile peaks up just below it while sources go on
- * growing. Peaks follow a falling power law otherwise, so that 80 % of the highest is reached by one or two: where a
+ * growing. Peaks of a sky follow a falling power law, so that 80 % of the highest is reached by one or two: where a
  * tenth of all sources reach it, 20 sigmas above the sky or more, only peaks below 70 % of it are trusted. */
 static double highest_peak(const rx_star_search *search)
 {

@@ -1,4 +1,4 @@
-/* Neighbours in a crowd that are too near to be told apart: what they add to a star's flux, and to its error. */
+/* Neighbours in a crowd that are too near to be resolved: what they add to a star's flux, and to its error. */
 #ifndef RX_TEMPLATE_UNSEEN_H
 #define RX_TEMPLATE_UNSEEN_H
 

@@ -139,7 +139,7 @@ static void map_figure(rx_figures *dst, const rx_report *r, int what)
     snprintf(title, sizeof title, "%s over the tile", NAMES[what]);
     rx_figure_add(dst, id, title,
                   what == 0 ? "Blue: stars are smaller than the PSF; red: larger. Colours that flock are a "
-                              "PSF that varies otherwise than the model."
+                              "PSF that varies in another way than the model."
                             : "",
                   RX_FIGURE_CHART);
     rx_plot_begin(dst,
