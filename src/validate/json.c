@@ -89,12 +89,6 @@ void rx_json_string(rx_json *json, const char *key, const char *value)
         rx_text_add(json->text, "null");
 }
 
-void rx_json_bool(rx_json *json, const char *key, bool value)
-{
-    before(json, key);
-    rx_text_add(json->text, value ? "true" : "false");
-}
-
 void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e)
 {
     rx_json_object(json, key, true);

@@ -33,7 +33,6 @@ void rx_json_end(rx_json *json);
 void rx_json_number(rx_json *json, const char *key, double value);
 void rx_json_count(rx_json *json, const char *key, uint64_t value);     /* whole, every digit */
 void rx_json_string(rx_json *json, const char *key, const char *value); /* NULL = null */
-void rx_json_bool(rx_json *json, const char *key, bool value);
 /* {"value": , "low": , "high": , "n": }; an end that is not bounded is null. */
 void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e);
 /* [v, v, ...] on one line. */

@@ -329,7 +329,6 @@ static void json_to_the_byte(void **state)
     rx_json_array(&json, "list", false);
     rx_json_object(&json, NULL, true);
     rx_json_number(&json, "x", -0.0);
-    rx_json_bool(&json, "yes", true);
     rx_json_numbers(&json, "values", 3, values);
     rx_json_end(&json);
     rx_json_estimate(&json, NULL, &(rx_estimate){0.5, 0.25, INFINITY, 7});
@@ -343,7 +342,7 @@ static void json_to_the_byte(void **state)
                        "  \"none\": null,\n"
                        "  \"seed\": 18446744073709551615,\n"
                        "  \"list\": [\n"
-                       "    {\"x\": 0, \"yes\": true, \"values\": [1, null, 0.1]},\n"
+                       "    {\"x\": 0, \"values\": [1, null, 0.1]},\n"
                        "    {\"value\": 0.5, \"low\": 0.25, \"high\": null, \"n\": 7}\n"
                        "  ],\n"
                        "  \"empty\": [],\n"
