@@ -25,15 +25,15 @@ measure   num
 template  num
 simulate  io num psf
 catalog   io num psf
-validate  io num psf
-report    validate io num
-train     report nn stage pipeline simulate par validate config io num psf
+quality   io num psf
+report    quality io num psf
+train     report nn stage pipeline simulate par quality config io num psf
 pipeline  nn psf restore detect measure template catalog config num io
-check     pipeline simulate validate restore measure num io
-stage     check pipeline io num nn psf restore detect measure template catalog validate simulate config
-survey    report stage pipeline par validate io config
-campaign  stage check pipeline simulate report validate restore catalog config io nn num psf
-programs  stage survey campaign train par validate simulate config catalog
+check     pipeline simulate quality restore measure num io
+stage     check pipeline io num nn psf restore detect measure template catalog quality simulate config
+survey    report stage pipeline par quality io config
+campaign  stage check pipeline simulate report quality restore catalog config io nn num psf
+programs  stage survey campaign train par quality simulate config catalog
 END
 
 # Header (as a pattern), what it belongs to, and the folders that may include it.
@@ -42,7 +42,7 @@ cat >"$scratch/libraries" <<'END'
 ^zlib        zlib      io
 ^(wcslib/|wcs|wcshdr|wcsfix) wcslib io
 ^fftw        FFTW      num
-^gsl/        GSL       num validate base
+^gsl/        GSL       num quality base
 ^sep\.h      sep       detect measure
 ^mpi\.h      MPI       par
 ^expat       expat     catalog
@@ -110,8 +110,8 @@ match(code, /(^|[^A-Za-z0-9_.>])(printf|vprintf|puts|putchar|perror|gsl_error_de
 match(code, folder == "stage" ? standard_error : standard_streams) {
     complain("library code never prints; use the log or return an error")
 }
-match(code, /(^|[^A-Za-z0-9_.>])(system|popen|fork|vfork|exec[lv][pe]*|posix_spawnp?)[ \t]*\(/) && folder != "validate" {
-    complain("only validate/ runs another program (gnuplot)")
+match(code, /(^|[^A-Za-z0-9_.>])(system|popen|fork|vfork|exec[lv][pe]*|posix_spawnp?)[ \t]*\(/) && folder != "report" {
+    complain("only report/ runs another program (gnuplot)")
 }
 # An error object of one's own hides the caller's stop (base/error.h) from all that is below.
 folder !~ /^(base|par|survey|campaign|train)$/ && code ~ /RX_ERROR_NONE/ {

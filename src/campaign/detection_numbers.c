@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "validate/hypothesis.h"
-#include "validate/pr.h"
+#include "quality/hypothesis.h"
+#include "quality/pr.h"
 
 static const double LEVEL = 0.95;
 

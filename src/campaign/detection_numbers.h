@@ -11,7 +11,7 @@
 #include "campaign/campaign_report.h"
 #include "campaign/detection.h"
 #include "campaign/findings.h"
-#include "validate/binomial.h"
+#include "quality/binomial.h"
 
 /* One method on the tiles of one scene under one condition; rx_detection_unit() says what the numbers are. */
 typedef struct rx_detection_tally {

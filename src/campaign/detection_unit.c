@@ -8,7 +8,7 @@
 #include "campaign/unit_row.h"
 #include "check/quality.h"
 #include "pipeline/pipeline.h"
-#include "validate/match.h"
+#include "quality/match.h"
 
 /* What one unit works on. */
 typedef struct work {

@@ -3,7 +3,7 @@
 
 #include <stdio.h>
 
-#include "validate/page.h"
+#include "report/page.h"
 
 static const rx_report_column CELLS[] = {
     {.name = "scene", .help = "what was on the tiles"},

@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 #include "num/stats.h"
-#include "validate/hypothesis.h"
+#include "quality/hypothesis.h"
 
 static const double LEVEL = 0.95, SIGMAS = 1.96;
 static const double MEDIAN_ERROR = 1.2533, MAD_ERROR = 1.1664;

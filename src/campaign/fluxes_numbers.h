@@ -23,7 +23,7 @@
 
 #include "campaign/campaign_report.h"
 #include "campaign/fluxes.h"
-#include "validate/binomial.h"
+#include "quality/binomial.h"
 
 /* The tiles of one scene under one condition. */
 typedef struct rx_fluxes_set {

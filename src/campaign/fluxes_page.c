@@ -4,7 +4,7 @@
 
 #include "campaign/findings.h"
 #include "campaign/fluxes_numbers.h"
-#include "validate/page.h"
+#include "report/page.h"
 
 static const char *const ABOUT[RX_FLUXES_SCENES] = {
     [RX_FLUXES_FIELD] = "Stars and galaxies, all that the population puts on a tile.",

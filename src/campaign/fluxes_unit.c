@@ -9,7 +9,7 @@
 #include "check/quality.h"
 #include "check/selfcheck.h"
 #include "pipeline/pipeline.h"
-#include "validate/match.h"
+#include "quality/match.h"
 
 static const double STRONG = 7.0, WEAK = 5.0;
 /* A detection is a piece of the nearest galaxy within so many half-light radii and FWHM. */

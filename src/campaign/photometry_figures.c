@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "campaign/photometry_numbers.h"
-#include "validate/figure.h"
+#include "report/figure.h"
 
 /* FIGURE_FIELDS: the first ones; the page of a long list of conditions stays readable. */
 enum { CURVES = 6, POINTS_MAX = 250, FEW = 5, FIELDS_WITH_CURVES = 2, FIGURE_FIELDS = 12 };

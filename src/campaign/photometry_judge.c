@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "validate/match.h"
+#include "quality/match.h"
 
 rx_status rx_known_new(long n, rx_known *dst, rx_error *err)
 {

@@ -7,8 +7,8 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
-#include "validate/completeness.h"
-#include "validate/evaluate.h"
+#include "quality/completeness.h"
+#include "quality/evaluate.h"
 
 static const double LEVEL = 0.95;
 

@@ -18,8 +18,8 @@
 #include "base/error.h"
 #include "campaign/findings.h"
 #include "campaign/results.h"
-#include "validate/hypothesis.h"
-#include "validate/pr.h"
+#include "quality/hypothesis.h"
+#include "quality/pr.h"
 
 /* One restorer on one set: value, 95 % interval and how many stars are behind it. */
 typedef struct rx_photometry_cell {

@@ -3,8 +3,8 @@
 #include <stdio.h>
 
 #include "campaign/photometry_numbers.h"
-#include "validate/bootstrap.h"
-#include "validate/page.h"
+#include "quality/bootstrap.h"
+#include "report/page.h"
 
 static const rx_quantity QUANTITIES[RX_CELL_QUANTITIES] = {
     [RX_CELL_RECALL] = {"recall", "", "share of the stars found, whole list", 3, 0},

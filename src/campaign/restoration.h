@@ -13,10 +13,10 @@
 #include "campaign/kind.h"
 #include "campaign/results.h"
 #include "config/campaign_config.h"
+#include "quality/image_metrics.h"
 #include "restore/restore.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
-#include "validate/image_metrics.h"
 
 /* One column of the tables: a restorer, tuned or as the STAGE. keywords have it. */
 typedef struct rx_method {

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "campaign/restoration_numbers.h"
-#include "validate/figure.h"
+#include "report/figure.h"
 
 enum { SHOWN_SIDE = 128, PICTURE_WIDTH = 200 };
 

@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "campaign/paper.h"
 #include "campaign/results.h"
-#include "validate/figure.h"
-#include "validate/hypothesis.h"
+#include "quality/hypothesis.h"
+#include "report/figure.h"
 
 typedef enum rx_quality { RX_PSNR, RX_SSIM, RX_QUALITIES } rx_quality;
 

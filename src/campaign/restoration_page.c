@@ -5,9 +5,9 @@
 
 #include "campaign/findings.h"
 #include "campaign/restoration_numbers.h"
-#include "validate/bootstrap.h"
-#include "validate/escape.h"
-#include "validate/page.h"
+#include "quality/bootstrap.h"
+#include "report/escape.h"
+#include "report/page.h"
 
 static const rx_quantity QUALITIES[RX_QUALITIES] = {
     [RX_PSNR] = {"psnr", "dB", "mean over the scenes, t interval", 2, 0},

@@ -12,9 +12,9 @@
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
 #include "pipeline/preal.h"
+#include "quality/hypothesis.h"
 #include "simulate/inject.h"
 #include "simulate/sky_noise.h"
-#include "validate/hypothesis.h"
 
 enum {
     GLANCE_SIDE = 512, /* pixels of a window, */

@@ -17,7 +17,7 @@
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "pipeline/pipeline.h"
-#include "validate/binomial.h"
+#include "quality/binomial.h"
 
 typedef struct rx_blankcheck {
     int realisations; /* 0: was not run */

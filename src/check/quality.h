@@ -7,7 +7,7 @@
 #include "data/restored.h"
 #include "data/sources.h"
 #include "data/tile.h"
-#include "validate/qa.h"
+#include "quality/qa.h"
 
 /* The detections of one restorer as the report wants them; free with rx_qa_list_free(). */
 rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, const rx_sources *sources,

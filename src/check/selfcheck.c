@@ -14,10 +14,10 @@
 #include "check/selfcheck_numbers.h"
 #include "io/tile.h"
 #include "measure/aperture.h"
+#include "quality/match.h"
 #include "simulate/inject.h"
 #include "simulate/render.h"
 #include "simulate/scene.h"
-#include "validate/match.h"
 
 /* Streams of random numbers, one per round from here. */
 static const uint64_t SCENES = UINT64_C(0x53434e0000000000), PHOTONS = UINT64_C(0x5350480000000000);

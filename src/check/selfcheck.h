@@ -24,9 +24,9 @@
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "pipeline/pipeline.h"
+#include "quality/binomial.h"
+#include "quality/qa.h"
 #include "simulate/optics.h"
-#include "validate/binomial.h"
-#include "validate/qa.h"
 
 /* What all restorers of a field share, so that they meet the same pixels. */
 typedef struct rx_selfcheck_plan {

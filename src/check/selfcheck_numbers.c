@@ -6,8 +6,8 @@
 
 #include "base/memory.h"
 #include "measure/aperture.h"
-#include "validate/evaluate.h"
-#include "validate/metrics.h"
+#include "quality/evaluate.h"
+#include "quality/metrics.h"
 
 static const double LEVEL = 0.95;
 static const double CLEAR = 1.5; /* S/N 20 is so many magnitudes brighter than the limit at S/N 5 */

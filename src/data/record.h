@@ -19,7 +19,7 @@ typedef struct rx_record { /* all 0: empty */
 void rx_record_add(rx_record *record, const char *name, const char *comment, const char *format, ...)
     RX_PRINTF(4, 5);
 
-/* Name and value of each entry, as validate/ shows them: *dst[record->n] points into the record, the array is
+/* Name and value of each entry, as report/ shows them: *dst[record->n] points into the record, the array is
  * the caller's to free. */
 rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err);
 

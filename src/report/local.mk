@@ -1,3 +1,19 @@
 librextract_la_SOURCES += \
+	src/report/brief.c \
+	src/report/ecsv.c src/report/ecsv.h \
+	src/report/escape.c src/report/escape.h \
+	src/report/figure.c src/report/figure.h \
+	src/report/gnuplot.c src/report/gnuplot.h \
+	src/report/json.c src/report/json.h \
+	src/report/page.c src/report/page.h \
+	src/report/plot.c \
+	src/report/qa.c \
+	src/report/qa_figures.c \
+	src/report/qa_json.c \
+	src/report/qa_page.c \
+	src/report/qa_psf.c \
+	src/report/qa_tables.c \
+	src/report/qa_writers.h \
 	src/report/report.c src/report/report.h \
+	src/report/report_file.c src/report/report_file.h \
 	src/report/report_table.c src/report/report_table.h

@@ -7,10 +7,10 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "report/escape.h"
+#include "report/page.h"
+#include "report/report_file.h"
 #include "report/report_table.h"
-#include "validate/escape.h"
-#include "validate/page.h"
-#include "validate/report_file.h"
 
 enum { TABLES_MAX = 64, ENTRIES_MAX = 48, PLACES_MAX = 64, PREFIX = 32 };
 

@@ -22,7 +22,7 @@
 
 #include "base/log.h"
 #include "data/table.h"
-#include "validate/figure.h"
+#include "report/figure.h"
 
 typedef enum rx_report_kind {
     RX_REPORT_WORDS,

@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "validate/ecsv.h"
-#include "validate/escape.h"
-#include "validate/json.h"
-#include "validate/page.h"
+#include "report/ecsv.h"
+#include "report/escape.h"
+#include "report/json.h"
+#include "report/page.h"
 
 enum { PARTS_MAX = 4 };
 

@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
+#include "report/json.h"
 #include "report/report.h"
-#include "validate/json.h"
 
 /* An entry of the head: a text, numbers, or null. */
 typedef struct rx_report_entry {

@@ -5,7 +5,7 @@
 #include "base/text.h"
 #include "data/record.h"
 #include "pipeline/domain.h"
-#include "validate/qa.h"
+#include "quality/qa.h"
 
 /* Header facts RXNET*; nothing for RX_DOMAIN_NONE, and what is not known is left out. */
 void rx_domain_facts(const rx_domain *domain, rx_record *facts);

@@ -11,8 +11,8 @@
 #include "config/kernel.h"
 #include "io/tile.h"
 #include "pipeline/params.h"
+#include "quality/qa.h"
 #include "stage/reference.h"
-#include "validate/qa.h"
 
 typedef struct rx_options {
     rx_pipeline_params pipeline;

@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "data/table.h"
 #include "data/tile.h"
-#include "validate/qa.h"
+#include "quality/qa.h"
 
 typedef struct rx_reference_params {
     const char *name;   /* REFERENCE_NAME */

@@ -4,10 +4,10 @@
 
 #include "base/error.h"
 #include "pipeline/field.h"
+#include "quality/qa.h"
+#include "quality/rho.h"
+#include "quality/tally.h"
 #include "stage/extract.h"
-#include "validate/qa.h"
-#include "validate/rho.h"
-#include "validate/tally.h"
 
 /* What the program says of its own work. */
 typedef struct rx_run_guard {

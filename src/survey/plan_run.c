@@ -6,8 +6,8 @@
 #include "base/interrupt.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
+#include "report/json.h"
 #include "stage/plan.h"
-#include "validate/json.h"
 
 /* A record of a tile, survey/tile_record.h: its counts in bins of magnitude for every restorer. */
 static const double RECORD_BYTES = 65536;

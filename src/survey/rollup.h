@@ -10,8 +10,8 @@
 #include "base/hash.h"
 #include "config/survey_config.h"
 #include "config/tiles.h"
+#include "quality/binomial.h"
 #include "survey/tile_record.h"
-#include "validate/binomial.h"
 
 /* What is counted in a range of magnitudes, as shares and errors. Intervals: Clopper-Pearson, 0.95. */
 typedef struct rx_rollup_cell {

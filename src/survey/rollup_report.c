@@ -3,9 +3,9 @@
 
 #include <stdio.h>
 
+#include "report/page.h"
 #include "report/report.h"
-#include "validate/page.h"
-#include "validate/report_file.h"
+#include "report/report_file.h"
 
 enum { ROWS_SHOWN = 200, NCELL = 5 };
 

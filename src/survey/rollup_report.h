@@ -5,8 +5,8 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "report/figure.h"
 #include "survey/rollup.h"
-#include "validate/figure.h"
 
 /* Into the existing folder (`shown` in errors): report.html, summary.json, tiles.ecsv, bins.ecsv,
  * psfs.ecsv, psf_rho.ecsv and junit.xml. No dates, no paths but those of the records. figures 0: no gnuplot. */

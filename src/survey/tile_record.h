@@ -10,13 +10,13 @@
  *   EXTENSION hdu width height alpha delta fwhm sky noise verdict      alpha, delta: deg J2000; nan = unknown
  *   PSF "PIXELS" "" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW, RXPSFLIB ...; only where known
  *   STARS n t e1 e2 reach             sums of residuals of reserved stars, and of their pairs by angle:
- *   RHO k pairs tt ee                 validate/rho.h
+ *   RHO k pairs tt ee                 quality/rho.h
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue
  *   DONE "RL" "FWHM ..."              restorer that did it instead of the one of RUN, and why; only then
  *   OUTSIDE "FWHM ..."                what of the tile the restorer was not made for; only then
  *   FLUX n diameter wide error auto error    restored over untouched fluxes (pipeline/fluxcheck.h); only where measured
  *   GUARD false raised unexplained    per Mpixel of the tile's noise, factor of DETECT_THRESH, share of cells; only where known
- *   BIN k references found detections right step:count ...             validate/tally.h; bins that count
+ *   BIN k references found detections right step:count ...             quality/tally.h; bins that count
  *   END                                                                nothing are left out
  */
 #ifndef RX_SURVEY_TILE_RECORD_H

@@ -2,8 +2,8 @@
 #ifndef RX_TRAIN_TRAIN_FIGURES_H
 #define RX_TRAIN_TRAIN_FIGURES_H
 
+#include "report/figure.h"
 #include "train/history.h"
-#include "validate/figure.h"
 
 /* Curves (ids curve-...), heat maps of the dictionary's list at some epochs (list-...), and of what the last
  * one knows of each bin (last-...). The history has an epoch at least. Memory trouble shows in

@@ -3,8 +3,8 @@
 #define RX_TRAIN_TRAIN_OUTPUT_H
 
 #include "config/train_config.h"
+#include "report/figure.h"
 #include "train/state.h"
-#include "validate/figure.h"
 
 typedef struct rx_train_output {
     const rx_train_config *config;

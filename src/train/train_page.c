@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "report/page.h"
 #include "report/report.h"
 #include "train/train_figures.h"
-#include "validate/page.h"
 
 enum { EPOCHS_SHOWN = 50 };
 

@@ -3,8 +3,8 @@
 #define RX_TRAIN_TRAIN_PAGE_H
 
 #include "nn/model.h"
+#include "report/figure.h"
 #include "train/history.h"
-#include "validate/figure.h"
 
 typedef struct rx_train_page {
     const rx_history *history;     /* one epoch at least */

@@ -18,7 +18,7 @@
 #include "nn/psfnet.h"
 #include "stage/provenance.h"
 #include "train/checkpoint.h"
-#include "validate/metrics.h"
+#include "quality/metrics.h"
 
 enum { SIDE = 12 };
 

@@ -11,7 +11,7 @@
 #include "fuzz.h"
 #include "io/fits_file.h"
 #include "measure/starclass.h"
-#include "validate/gates.h"
+#include "quality/gates.h"
 
 static const rx_keytable *const *tables(void)
 {

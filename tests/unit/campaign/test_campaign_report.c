@@ -18,7 +18,7 @@
 #include "campaign/photometry_numbers.h"
 #include "campaign/restoration_numbers.h"
 #include "made_results.h"
-#include "validate/page.h"
+#include "report/page.h"
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 

@@ -7,7 +7,7 @@
 #include "campaign/restoration.h"
 #include "num/convolve.h"
 #include "num/stats.h"
-#include "validate/image_metrics.h"
+#include "quality/image_metrics.h"
 
 static const char *const SMALL[] = {"SCENE_SIDE",  "64",   "FWHM_RANGE",   "4,5",   "SIGMA_RANGE", "2,2",
                                     "SCENES_FWHM", "2,3",  "SCENES_SIGMA", "3,4",   "TUNE_SCENES", "2",

@@ -24,10 +24,10 @@
 #include "check/selfcheck.h"
 #include "io/fits_write.h"
 #include "pipeline/pipeline.h"
+#include "quality/match.h"
 #include "simulate/render.h"
 #include "simulate/scene.h"
 #include "stage/stage.h"
-#include "validate/match.h"
 
 enum { SIDE = 400 };
 

@@ -14,9 +14,9 @@
 #include "base/printable.h"
 #include "io/fits_read.h"
 #include "psf/psf.h"
+#include "report/qa_writers.h"
 #include "stage/provenance.h"
 #include "stage/tile_facts.h"
-#include "validate/qa_writers.h"
 
 static const char *find(const rx_record *record, const char *name)
 {

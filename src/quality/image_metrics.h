@@ -1,0 +1,38 @@
+/* How near an image comes to its reference.
+ *
+ *   MSE  = 1/(N M) sum (img - ref)^2            (the paper prints no square; see Wang et al. 2004)
+ *   PSNR = 20 log10(max(ref) / sqrt(MSE)) dB
+ *   SSIM = mean of (2 mu_a mu_b + C1)(2 cov + C2) / ((mu_a^2 + mu_b^2 + C1)(var_a + var_b + C2)), 11 x 11
+ * Gaussian window of sigma 1.5, population moments, C1 = (K1 L)^2, C2 = (K2 L)^2, K1 = K2 = 0.001 (paper), L
+ * = max(ref) - min(ref); only windows wholly inside count (Wang, Bovik, Sheikh, Simoncelli 2004, IEEE Trans.
+ * Image Proc. 13, 600). The same as skimage's structural_similarity with gaussian_weights, sigma 1.5,
+ * use_sample_covariance=False on doubles, which leaves the same border out; agrees to 1e-9.
+ *
+ * All [height][width], row by row. Pixels that are not finite make the answer NAN.
+ */
+#ifndef RX_QUALITY_IMAGE_METRICS_H
+#define RX_QUALITY_IMAGE_METRICS_H
+
+#include "base/error.h"
+
+/* PSNR is +infinity for equal images, NAN when max(ref) <= 0. */
+double rx_image_mse(int width, int height, const float *image, const float *reference);
+double rx_image_psnr(int width, int height, const float *image, const float *reference);
+
+/* k1, k2: 0.001 for the paper's; range: L, 0 = max - min of the reference. Errors, *dst NAN: RX_USAGE below
+ * 11 x 11 pixels, RX_INPUT a reference without contrast, RX_SYSTEM memory. */
+rx_status rx_image_ssim(int width, int height, const float *image, const float *reference, double k1,
+                        double k2, double range, double *dst, rx_error *err);
+
+/* A reference that many images are held against: its own part is worked out once, the answers are those of
+ * the functions above to the bit. `pixels` is not copied and has to outlive it. Any number of threads may use
+ * one. Errors of _new as rx_image_ssim's; of _ssim, *dst NAN: RX_SYSTEM memory. */
+typedef struct rx_image_reference rx_image_reference;
+rx_status rx_image_reference_new(int width, int height, const float *pixels, double k1, double k2,
+                                 double range, rx_image_reference **dst, rx_error *err);
+void rx_image_reference_free(rx_image_reference *reference); /* NULL is fine */
+double rx_reference_psnr(const rx_image_reference *reference, const float *image);
+rx_status rx_reference_ssim(const rx_image_reference *reference, const float *image, double *dst,
+                            rx_error *err);
+
+#endif

@@ -1,0 +1,16 @@
+librextract_la_SOURCES += \
+	src/quality/binomial.c src/quality/binomial.h \
+	src/quality/bootstrap.c src/quality/bootstrap.h \
+	src/quality/completeness.c src/quality/completeness.h \
+	src/quality/evaluate.c src/quality/evaluate.h \
+	src/quality/gates.c src/quality/gates.h \
+	src/quality/hypothesis.c src/quality/hypothesis.h \
+	src/quality/image_metrics.c src/quality/image_metrics.h \
+	src/quality/match.c src/quality/match.h \
+	src/quality/metrics.c src/quality/metrics.h \
+	src/quality/pr.c src/quality/pr.h \
+	src/quality/qa.h \
+	src/quality/rho.c src/quality/rho.h \
+	src/quality/sample.c src/quality/sample.h \
+	src/quality/tally.c src/quality/tally.h \
+	src/quality/wilcoxon.c

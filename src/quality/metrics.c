@@ -1,0 +1,231 @@
+/* Measuring the metrics over a range of magnitudes. */
+#include "quality/metrics.h"
+#include "quality/hypothesis.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <strings.h>
+
+#include "base/memory.h"
+#include "data/psf.h"
+#include "quality/bootstrap.h"
+
+#define RX_METRIC_ROW(id, name, unit, whole, help) {name, unit, help, whole},
+static const rx_metric_row rows[RX_METRIC_COUNT] = {RX_METRICS(RX_METRIC_ROW)};
+#undef RX_METRIC_ROW
+
+const rx_metric_row *rx_metric_get(rx_metric metric)
+{
+    return &rows[metric];
+}
+
+int rx_metric_find(const char *name)
+{
+    for (int i = 0; i < RX_METRIC_COUNT; i++)
+        if (strcasecmp(rows[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+/* What is measured where, handed down. */
+typedef struct range {
+    const rx_evaluation *e;
+    int whole;
+    double low, high, level;
+    rx_resampling by;
+    rx_metric only;
+    double *scratch; /* [run.n] */
+} range;
+
+static int wanted(const range *r, rx_metric metric)
+{
+    return r->only == RX_METRIC_COUNT || r->only == metric;
+}
+
+static int inside(const range *r, double mag)
+{
+    return r->whole || (mag >= r->low && mag < r->high);
+}
+
+static void measure_shares(const range *r, rx_estimate *out)
+{
+    const rx_evaluation *e = r->e;
+    long found = 0, references = 0, right = 0, detections = 0;
+    for (long i = 0; i < e->input->truth.n; i++) {
+        if (e->truth_role[i] == RX_ROLE_IGNORED || !inside(r, e->truth_mag[i]))
+            continue;
+        references++;
+        found += e->truth_role[i] == RX_ROLE_MATCHED;
+    }
+    for (long j = 0; j < e->run->list.n; j++) {
+        if (e->run_role[j] == RX_ROLE_IGNORED || !inside(r, e->run_mag[j]))
+            continue;
+        detections++;
+        right += e->run_role[j] == RX_ROLE_MATCHED;
+    }
+    out[RX_METRIC_RECALL] = rx_binomial_interval(found, references, r->level);
+    out[RX_METRIC_PRECISION] = rx_binomial_interval(right, detections, r->level);
+}
+
+/* Finite values of a column, of matches in the range of reference magnitude, into the scratch. */
+static long gather(const range *r, const double *column, double scale, double shift)
+{
+    const rx_evaluation *e = r->e;
+    long n = 0;
+    for (long j = 0; j < e->run->list.n; j++)
+        if (e->run_role[j] == RX_ROLE_MATCHED && inside(r, e->truth_mag[e->origin[j]]) && isfinite(column[j]))
+            r->scratch[n++] = scale * (column[j] + shift);
+    return n;
+}
+
+static void measure_robust(const range *r, rx_estimate *out)
+{
+    const rx_evaluation *e = r->e;
+    const double arcsec = e->input->pixel_scale > 0 ? e->input->pixel_scale : NAN;
+    const struct {
+        const double *column;
+        double scale, shift;
+        rx_metric median, sigma;
+    } todo[] = {
+        {e->dmag, 1, 0, RX_METRIC_BIAS_MAG, RX_METRIC_SCATTER_MAG},
+        {e->ratio, 100, -1, RX_METRIC_BIAS_PERCENT, RX_METRIC_SCATTER_PERCENT},
+        {e->dx, 1, 0, RX_METRIC_DX, RX_METRIC_SCATTER_X},
+        {e->dy, 1, 0, RX_METRIC_DY, RX_METRIC_SCATTER_Y},
+        {e->dx, arcsec, 0, RX_METRIC_DX_ARCSEC, RX_METRIC_SCATTER_X_ARCSEC},
+        {e->dy, arcsec, 0, RX_METRIC_DY_ARCSEC, RX_METRIC_SCATTER_Y_ARCSEC},
+        {e->pull, 1, 0, RX_METRIC_PULL_MEDIAN, RX_METRIC_PULL_WIDTH},
+    };
+    for (size_t k = 0; k < sizeof todo / sizeof *todo; k++) {
+        if (!wanted(r, todo[k].median) && !wanted(r, todo[k].sigma))
+            continue;
+        long n = isnan(todo[k].scale) ? 0 : gather(r, todo[k].column, todo[k].scale, todo[k].shift);
+        rx_robust_estimates(r->scratch, n, r->level, &out[todo[k].median], &out[todo[k].sigma]);
+    }
+}
+
+typedef struct sample {
+    long n;
+    const double *values;
+} sample;
+
+static double resampled_mean(const void *data, const uint32_t *counts)
+{
+    const sample *in = data;
+    double sum = 0;
+    for (long i = 0; i < in->n; i++)
+        sum += counts[i] * in->values[i];
+    return sum / (double)in->n;
+}
+
+/* Mean of 100 |F/F0 - 1|, F multiplied by `factor`. */
+static rx_status measure_magerr(const range *r, double factor, rx_estimate *dst, rx_error *err)
+{
+    long n = isfinite(factor) ? gather(r, r->e->ratio, factor, 0) : 0;
+    double sum = 0;
+    *dst = (rx_estimate){NAN, 0, INFINITY, n};
+    if (n == 0)
+        return RX_OK;
+    for (long i = 0; i < n; i++) {
+        r->scratch[i] = 100 * fabs(r->scratch[i] - 1);
+        sum += r->scratch[i];
+    }
+    dst->value = sum / (double)n;
+    if (n < RX_BOOTSTRAP_FEWEST)
+        return RX_OK;
+    return rx_bootstrap_interval(r->by, 3, n, resampled_mean, &(sample){n, r->scratch}, r->level, dst, err);
+}
+
+/* Counted references with their magnitude and whether they are found. */
+static rx_status measure_depth(const range *r, rx_estimate *out, rx_error *err)
+{
+    const rx_evaluation *e = r->e;
+    rx_status status = RX_OK;
+    long n = 0;
+    double *mag = RX_NEW(double, (size_t)e->input->truth.n);
+    unsigned char *found = RX_NEW(unsigned char, (size_t)e->input->truth.n);
+    if (mag == NULL || found == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    for (long i = 0; i < e->input->truth.n; i++) {
+        if (e->truth_role[i] == RX_ROLE_IGNORED)
+            continue;
+        mag[n] = e->truth_mag[i];
+        found[n++] = e->truth_role[i] == RX_ROLE_MATCHED;
+    }
+    if (wanted(r, RX_METRIC_MAG50))
+        status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->by, &out[RX_METRIC_MAG50], err);
+    if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
+        status = rx_completeness(&e->bins, n, mag, found, 0.9, r->level, r->by, &out[RX_METRIC_MAG90], err);
+exit:
+    free(mag);
+    free(found);
+    return status;
+}
+
+/* Metrics that exist for everything only; the evaluation holds two of them at its own level. */
+static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
+{
+    const rx_evaluation *e = r->e;
+    long n = 0;
+    rx_estimate sigma;
+    rx_status status = RX_OK;
+    if (wanted(r, RX_METRIC_MAG50) || wanted(r, RX_METRIC_MAG90))
+        status = measure_depth(r, out, err);
+    out[RX_METRIC_AP] = e->pr.ap;
+    out[RX_METRIC_ZP_OFFSET] = e->offset;
+    const rx_qa_flux *flux = &e->run->flux;
+    if (flux->n > 1) {
+        const double half = rx_student_quantile(1 - r->level, (double)(flux->n - 1)) * flux->wide_error;
+        out[RX_METRIC_FLUX_SCALE] = (rx_estimate){flux->wide, flux->wide - half, flux->wide + half, flux->n};
+    }
+    const rx_psf *psf = e->input->psf.psf;
+    if (psf != NULL && psf->quality.reserved > 1) {
+        const rx_psf_quality *q = &psf->quality;
+        const double found[][2] = {{q->trace[0], q->trace[1]},
+                                   {q->shape[0][0], q->shape[0][1]},
+                                   {q->shape[1][0], q->shape[1][1]},
+                                   {q->growth, q->growth_error}};
+        for (int k = 0; k < 4; k++) {
+            const double half = rx_student_quantile(1 - r->level, q->reserved - 1.0) * found[k][1];
+            out[RX_METRIC_PSF_DT + k] =
+                (rx_estimate){found[k][0], found[k][0] - half, found[k][0] + half, q->reserved};
+        }
+    }
+    if (status != RX_OK || r->level == e->level)
+        return status;
+    for (long j = 0; j < e->run->list.n; j++)
+        if (e->bright[j])
+            r->scratch[n++] = e->dmag[j];
+    rx_robust_estimates(r->scratch, n, r->level, &out[RX_METRIC_ZP_OFFSET], &sigma);
+    if (wanted(r, RX_METRIC_AP))
+        status = rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err);
+    return status;
+}
+
+rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
+                             double level, rx_resampling by, rx_metric only, rx_estimate *estimate,
+                             rx_error *err)
+{
+    rx_status status = RX_OK;
+    range r = {evaluation, whole, low, high, level, by, only, NULL};
+    r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
+    if (r.scratch == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < RX_METRIC_COUNT; i++)
+        estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
+    measure_shares(&r, estimate);
+    measure_robust(&r, estimate);
+    if (wanted(&r, RX_METRIC_MAGERR))
+        status = measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err);
+    double factor = pow(10, 0.4 * evaluation->offset.value);
+    if (status == RX_OK && wanted(&r, RX_METRIC_MAGERR_SHIFTED))
+        status = measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err);
+    if (status == RX_OK && whole)
+        status = measure_whole(&r, estimate, err);
+    for (int i = 0; i < RX_METRIC_COUNT; i++)
+        if (!wanted(&r, (rx_metric)i))
+            estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
+    free(r.scratch);
+    return status;
+}

@@ -1,0 +1,37 @@
+/* Samples: fit for a test or not. */
+#include "quality/sample.h"
+
+#include <math.h>
+
+#include "base/memory.h"
+
+rx_status rx_sample_check(long n, const double *values, long fewest, const char *which, rx_error *err)
+{
+    if (n < fewest)
+        return rx_error_set(err, RX_USAGE, "a test needs %ld values or more, the %s sample has %ld", fewest,
+                            which, n);
+    for (long i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return rx_error_set(err, RX_INPUT,
+                                "value %ld of the %s sample is not finite; leave it out before the test",
+                                i + 1, which);
+    return RX_OK;
+}
+
+rx_status rx_sample_difference(long n, const double *a, const double *b, long fewest, double **dst,
+                               rx_error *err)
+{
+    *dst = NULL;
+    rx_status status = rx_sample_check(n, a, fewest, "first", err);
+    if (status == RX_OK)
+        status = rx_sample_check(n, b, fewest, "second", err);
+    if (status != RX_OK)
+        return status;
+    double *difference = RX_NEW(double, (size_t)n);
+    if (difference == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *difference);
+    for (long i = 0; i < n; i++)
+        difference[i] = a[i] - b[i];
+    *dst = difference;
+    return RX_OK;
+}

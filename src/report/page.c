@@ -1,0 +1,257 @@
+/* HTML in the house style. */
+#include "report/page.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "report/escape.h"
+
+static const char STYLE[] =
+    "body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1100px;margin:0 "
+    "auto;padding:1em 1.5em}h1{font-size:1.6em;margin:.3em 0}h2{font-size:1.25em;margin:2em 0 "
+    ".5em;border-bottom:1px solid #ddd}nav "
+    "a{margin-right:1em}a{color:#0b5394}table{border-collapse:collapse;margin:.7em "
+    "0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid "
+    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;"
+    "white-space:normal}td "
+    "small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 "
+    "1em;max-width:64em}.f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 "
+    "520px}figure.p{flex:0 1 300px}figure.l{flex:0 1 1060px}figure svg{width:100%;height:auto}figcaption "
+    "b{display:block}figcaption{color:#555;font-size:.9em}.PASS{color:#1b7a2b}.FAIL{color:#b3261e}."
+    "INSUFFICIENT{color:#9a6700}.pale{color:#777}b.v{font-size:1.2em}.w{overflow-x:auto}";
+
+void rx_page_begin(rx_text *dst, const char *kind, const char *title)
+{
+    rx_text_add(dst, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta "
+                     "name=\"viewport\" content=\"width=device-width\">\n<title>");
+    rx_escape_html(dst, kind);
+    rx_escape_html(dst, title);
+    rx_text_printf(dst, "</title>\n<style>%s</style></head>\n<body>\n<h1>", STYLE);
+    rx_escape_html(dst, kind);
+    rx_escape_html(dst, title);
+    rx_text_add(dst, "</h1>\n");
+}
+
+void rx_page_end(rx_text *dst)
+{
+    rx_text_add(dst, "</body></html>\n");
+}
+
+void rx_page_links_begin(rx_text *dst)
+{
+    rx_text_add(dst, "<nav>");
+}
+
+void rx_page_link(rx_text *dst, bool there, const char *id, const char *text)
+{
+    if (!there)
+        return;
+    rx_text_printf(dst, "<a href=\"#%s\">", id);
+    rx_escape_html(dst, text);
+    rx_text_add(dst, "</a>");
+}
+
+void rx_page_links_end(rx_text *dst)
+{
+    rx_text_add(dst, "</nav>\n");
+}
+
+void rx_page_section(rx_text *dst, const char *id, const char *text)
+{
+    rx_text_printf(dst, "<h2 id=\"%s\">", id);
+    rx_escape_html(dst, text);
+    rx_text_add(dst, "</h2>\n");
+}
+
+void rx_page_heading(rx_text *dst, const char *text, const char *unit)
+{
+    rx_text_add(dst, "<h3>");
+    rx_escape_html(dst, text);
+    rx_page_unit(dst, unit);
+    rx_text_add(dst, "</h3>\n");
+}
+
+void rx_page_unit(rx_text *dst, const char *unit)
+{
+    if (unit == NULL || unit[0] == '\0')
+        return;
+    rx_text_add(dst, " [");
+    rx_escape_html(dst, unit);
+    rx_text_add(dst, "]");
+}
+
+void rx_page_paragraph(rx_text *dst, const char *html)
+{
+    rx_text_printf(dst, "<p>%s</p>\n", html);
+}
+
+void rx_page_note(rx_text *dst, const char *html)
+{
+    rx_text_printf(dst, "<p class=\"r\">%s</p>\n", html);
+}
+
+void rx_page_table_begin(rx_text *dst)
+{
+    rx_text_add(dst, "<div class=\"w\"><table>\n");
+}
+
+void rx_page_table_end(rx_text *dst)
+{
+    rx_text_add(dst, "</table></div>\n");
+}
+
+void rx_page_row(rx_text *dst, const char *mark)
+{
+    if (mark != NULL && mark[0] != '\0')
+        rx_text_printf(dst, "<tr class=\"%s\">", mark);
+    else
+        rx_text_add(dst, "<tr>");
+}
+
+void rx_page_row_end(rx_text *dst)
+{
+    rx_text_add(dst, "</tr>\n");
+}
+
+void rx_page_head(rx_text *dst, rx_align align, const char *text)
+{
+    rx_text_add(dst, align == RX_LEFT ? "<th class=\"t\">" : "<th>");
+    rx_escape_html(dst, text);
+    rx_text_add(dst, "</th>");
+}
+
+void rx_page_cell_html(rx_text *dst, rx_align align, const char *html)
+{
+    rx_text_printf(dst, "<td%s>%s</td>", align == RX_LEFT ? " class=\"t\"" : "", html);
+}
+
+void rx_page_cell_text(rx_text *dst, const char *text)
+{
+    rx_text_add(dst, "<td class=\"t\">");
+    if (text != NULL && text[0] != '\0')
+        rx_escape_html(dst, text);
+    else
+        rx_text_add(dst, "&ndash;");
+    rx_text_add(dst, "</td>");
+}
+
+void rx_page_number(rx_text *dst, double value, int digits)
+{
+    if (isnan(value))
+        rx_text_add(dst, "&ndash;");
+    else if (isinf(value))
+        rx_text_add(dst, value > 0 ? "&infin;" : "&minus;&infin;");
+    else if (fabs(value) >= (digits > 0 ? 1e6 : 1e15)) /* whole numbers keep their digits */
+        rx_text_printf(dst, "%.3g", value);
+    else if (fabs(value) < 0.5 * pow(10, -digits))
+        rx_text_printf(dst, "%.*f", digits, 0.0); /* never -0.00 */
+    else
+        rx_text_printf(dst, "%.*f", digits, value);
+}
+
+void rx_page_estimate(rx_text *dst, const rx_estimate *e, int digits)
+{
+    if (e->n == 0) {
+        rx_text_add(dst, "&ndash;");
+        return;
+    }
+    rx_page_number(dst, e->value, digits);
+    rx_text_add(dst, " <small>[");
+    rx_page_number(dst, e->low, digits);
+    rx_text_add(dst, ", ");
+    rx_page_number(dst, e->high, digits);
+    rx_text_printf(dst, "] n=%ld</small>", e->n);
+}
+
+/* Mantissa and exponent from the logarithm where the number itself is too small for a double. */
+void rx_page_p(rx_text *dst, double p, double ln_p)
+{
+    if (isnan(p) || isnan(ln_p)) {
+        rx_text_add(dst, "&ndash;");
+    } else if (p >= 0.001) {
+        rx_text_printf(dst, "%.2g", p);
+    } else if (isinf(ln_p)) { /* where no more is known than that p vanished */
+        rx_text_add(dst, "&lt;10<sup>&minus;307</sup>");
+    } else {
+        double decades = ln_p / M_LN10, exponent = floor(decades);
+        double mantissa = round(pow(10, decades - exponent) * 10) / 10;
+        if (mantissa >= 10) {
+            mantissa /= 10;
+            exponent += 1;
+        }
+        rx_text_printf(dst, "%.1f&middot;10<sup>&minus;%.0f</sup>", mantissa, -exponent);
+    }
+}
+
+void rx_page_cell_number(rx_text *dst, double value, int digits)
+{
+    rx_text_add(dst, "<td>");
+    rx_page_number(dst, value, digits);
+    rx_text_add(dst, "</td>");
+}
+
+void rx_page_cell_count(rx_text *dst, long n)
+{
+    rx_text_printf(dst, "<td>%ld</td>", n);
+}
+
+void rx_page_cell_estimate(rx_text *dst, const rx_estimate *e, int digits)
+{
+    rx_text_add(dst, "<td>");
+    rx_page_estimate(dst, e, digits);
+    rx_text_add(dst, "</td>");
+}
+
+void rx_page_cell_p(rx_text *dst, double p, double ln_p)
+{
+    rx_text_add(dst, "<td>");
+    rx_page_p(dst, p, ln_p);
+    rx_text_add(dst, "</td>");
+}
+
+void rx_page_cell_verdict(rx_text *dst, const char *mark, const char *text)
+{
+    rx_text_printf(dst, "<td class=\"t %s\"><b>", mark);
+    rx_escape_html(dst, text);
+    rx_text_add(dst, "</b></td>");
+}
+
+void rx_page_figure(rx_text *dst, const rx_figure *figure)
+{
+    static const char *const frame[] = {"<figure>", "<figure class=\"p\">", "<figure class=\"l\">"};
+    bool picture = figure->kind == RX_FIGURE_PICTURE;
+    rx_text_add(dst, frame[figure->kind]);
+    rx_text_add(dst, figure->svg != NULL ? figure->svg : "<p>not drawn</p>");
+    rx_text_add(dst, picture ? "<figcaption>" : "<figcaption><b>");
+    rx_escape_html(dst, figure->title);
+    rx_text_add(dst, picture ? "" : "</b>");
+    rx_escape_html(dst, figure->reading);
+    rx_text_add(dst, "</figcaption></figure>\n");
+}
+
+void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix)
+{
+    if (figures->note[0] != '\0') {
+        rx_text_add(dst, "<p><b>No figures:</b> ");
+        rx_escape_html(dst, figures->note);
+        rx_text_add(dst, ". The tables are complete.</p>\n");
+        return;
+    }
+    rx_text_add(dst, "<div class=\"f\">\n");
+    for (int i = 0; i < figures->n; i++)
+        if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0)
+            rx_page_figure(dst, &figures->figure[i]);
+    rx_text_add(dst, "</div>\n");
+}
+
+void rx_page_record(rx_text *dst, int n, const char *const (*pairs)[2])
+{
+    rx_text_add(dst, "<details><summary>configuration and inputs</summary><table>\n");
+    for (int i = 0; i < n; i++) {
+        rx_text_add(dst, "<tr>");
+        rx_page_cell_text(dst, pairs[i][0]);
+        rx_page_cell_text(dst, pairs[i][1]);
+        rx_text_add(dst, "</tr>\n");
+    }
+    rx_text_add(dst, "</table></details>\n");
+}

@@ -1,0 +1,189 @@
+/* The common kinds of plots: curves, boxes, grey-scale pictures. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "report/escape.h"
+#include "report/figure.h"
+
+enum { MAX_POINTS = 2000, LONG_LABELS = 72 };
+
+static int style_of(int color)
+{
+    return (color % RX_PALETTE + RX_PALETTE) % RX_PALETTE + 1;
+}
+
+static bool has_ends(const rx_curve *c)
+{
+    return c->kind == RX_CURVE_BARS || c->kind == RX_CURVE_BAND;
+}
+
+/* $d<k>: x, y and, where the kind has them, low and high. */
+static void curve_block(rx_text *dst, const rx_axes *axes, const rx_curve *c, int k)
+{
+    bool many = c->kind == RX_CURVE_LINE || c->kind == RX_CURVE_STEPS || c->kind == RX_CURVE_DOTS;
+    long skip = many ? (c->n - 1) / MAX_POINTS + 1 : 1;
+    rx_text_printf(dst, "$d%d << EOD\n", k);
+    for (long i = 0; i < c->n; i++) {
+        if (i % skip != 0 && i + 1 != c->n)
+            continue;
+        rx_plot_value(dst, c->x[i]);
+        if (has_ends(c))
+            rx_plot_interval(dst, c->y[i], c->low[i], c->high[i], axes->y0, axes->y1);
+        else
+            rx_plot_value(dst, c->y[i]);
+        rx_text_add(dst, "\n");
+    }
+    rx_text_add(dst, "EOD\n");
+}
+
+static void curve_command(rx_text *dst, const rx_curve *c, int k)
+{
+    static const char *const with[] = {"lines",  "linespoints", "yerrorlines", "linespoints",
+                                       "fsteps", "points",      "points"};
+    int style = style_of(c->color);
+    if (c->kind == RX_CURVE_BAND)
+        rx_text_printf(dst, ", $d%d using 1:3:4 with filledcurves lc rgb color(%d, 200) notitle", k, style);
+    rx_text_printf(dst, ", $d%d using %s with %s", k, c->kind == RX_CURVE_BARS ? "1:2:3:4" : "1:2",
+                   with[c->kind]);
+    if (c->color < 0)
+        rx_text_add(dst, " lc rgb '#808080' dt 3");
+    else if (c->kind == RX_CURVE_DOTS)
+        rx_text_printf(dst, " ls %d lc rgb color(%d, 190) pt 7 ps 0.25", style, style);
+    else
+        rx_text_printf(dst, " ls %d%s", style, c->dashed ? " dt 2" : "");
+    rx_plot_title(dst, c->name);
+}
+
+/* Leave the axes as other figures expect them. */
+static void plot_end(rx_text *dst, const rx_axes *axes)
+{
+    rx_text_printf(dst, "\n%s", axes->log_x || axes->log_y ? "unset logscale\n" : "");
+}
+
+void rx_plot_curves(rx_figures *dst, const rx_axes *axes, int n, const rx_curve *curves)
+{
+    rx_text *script = &dst->script;
+    for (int k = 0; k < n; k++)
+        curve_block(script, axes, &curves[k], k);
+    rx_plot_begin(dst, axes);
+    rx_text_add(script, "plot NaN notitle"); /* never seen: keeps the command whole without curves */
+    for (int k = 0; k < n; k++)
+        curve_command(script, &curves[k], k);
+    plot_end(script, axes);
+}
+
+/* Names of the groups in place of numbers; slanted when they would not fit. */
+static void group_tics(rx_text *dst, int ngroups, const char *const *groups)
+{
+    char plain[64];
+    size_t letters = 0;
+    for (int g = 0; g < ngroups; g++)
+        letters += strlen(groups[g]) + 1;
+    rx_text_printf(dst, "set grid noxtics\nset xtics %s (", letters > LONG_LABELS ? "rotate by -40" : "");
+    for (int g = 0; g < ngroups; g++) {
+        rx_escape_plain(plain, sizeof plain, groups[g]);
+        rx_text_printf(dst, "%s'%s' %d", g > 0 ? ", " : "", plain, g);
+    }
+    rx_text_add(dst, ")\n");
+}
+
+/* $d<method>: x, low, q1, median, q3, high, mean, width. */
+static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const rx_five_numbers *boxes)
+{
+    rx_text_printf(dst, "$d%d << EOD\n", method);
+    for (int g = 0; g < ngroups; g++) {
+        const rx_five_numbers *b = &boxes[(size_t)g * (size_t)nmethods + (size_t)method];
+        if (b->n == 0)
+            continue;
+        rx_plot_value(dst, g + 0.8 * ((method + 0.5) / nmethods - 0.5));
+        rx_plot_value(dst, b->low);
+        rx_plot_value(dst, b->q1);
+        rx_plot_value(dst, b->median);
+        rx_plot_value(dst, b->q3);
+        rx_plot_value(dst, b->high);
+        rx_plot_value(dst, b->mean);
+        rx_plot_value(dst, 0.8 * 0.75 / nmethods);
+        rx_text_add(dst, "\n");
+    }
+    rx_text_add(dst, "EOD\n");
+}
+
+/* Range that holds every whisker, a little more on either side. */
+static void box_range(int n, const rx_five_numbers *boxes, rx_axes *axes)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < n; i++)
+        if (boxes[i].n > 0) {
+            low = fmin(low, fmin(boxes[i].low, boxes[i].mean));
+            high = fmax(high, fmax(boxes[i].high, boxes[i].mean));
+        }
+    if (!(low <= high)) {
+        low = 0;
+        high = 1;
+    }
+    if (axes->log_y) {
+        axes->y0 = low / 1.1;
+        axes->y1 = high * 1.1;
+        return;
+    }
+    double margin = high > low ? 0.05 * (high - low) : fmax(0.05 * fabs(high), 0.5);
+    axes->y0 = low - margin;
+    axes->y1 = high + margin;
+}
+
+void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char *const *groups, int nmethods,
+                   const char *const *methods, const int *colors, const rx_five_numbers *boxes)
+{
+    rx_text *script = &dst->script;
+    rx_axes used = *axes;
+    used.x0 = -0.55;
+    used.x1 = ngroups - 0.45;
+    used.log_x = false;
+    if (!(used.y0 < used.y1))
+        box_range(ngroups * nmethods, boxes, &used);
+    for (int m = 0; m < nmethods; m++)
+        box_block(script, ngroups, nmethods, m, boxes);
+    rx_plot_begin(dst, &used);
+    group_tics(script, ngroups, groups);
+    rx_text_add(script, "plot NaN notitle");
+    for (int m = 0; m < nmethods; m++) {
+        int style = style_of(colors != NULL ? colors[m] : m);
+        rx_text_printf(script,
+                       ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 "
+                       "border",
+                       m, style);
+        rx_plot_title(script, methods[m]);
+        rx_text_printf(script,
+                       ", $d%d using 1:4:4:4:4:8 with candlesticks ls %d lw 2.4 notitle, $d%d using 1:7 with "
+                       "points pt 6 ps 0.45 lw 1 lc rgb '#202020' notitle",
+                       m, style, m);
+    }
+    rx_text_add(script, "\nset xtics norotate autofreq\nset grid xtics");
+    plot_end(script, &used);
+}
+
+void rx_plot_picture(rx_figures *dst, int width, int height, const float *pixels, double low, double high,
+                     double soft, int side)
+{
+    rx_text *script = &dst->script;
+    if (dst->n == 0 || width <= 0 || height <= 0)
+        return;
+    const char *id = dst->figure[dst->n - 1].id;
+    double black = soft > 0 ? asinh(low / soft) : low, white = soft > 0 ? asinh(high / soft) : high;
+    rx_text_printf(script,
+                   "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background "
+                   "'#ffffff'\nset output '%s.svg'\n$picture << EOD\n",
+                   side, (int)((double)side * height / width + 0.5), id);
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++) {
+            double v = pixels[(size_t)y * (size_t)width + (size_t)x];
+            rx_text_printf(script, "%.4g ", !isfinite(v) ? black : soft > 0 ? asinh(v / soft) : v);
+        }
+        rx_text_add(script, "\n");
+    }
+    rx_text_printf(script,
+                   "EOD\nset cbrange [%.6g:%.6g]\nset xrange [-0.5:%.1f]\nset yrange [-0.5:%.1f]\nplot "
+                   "$picture matrix with image notitle\n",
+                   black, white > black ? white : black + 1, width - 0.5, height - 0.5);
+}

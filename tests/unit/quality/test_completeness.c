@@ -1,0 +1,158 @@
+/* Completeness magnitudes: hand-made bins, limits, and the truth of a simulated error function. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#include "../near.h"
+#include "base/random.h"
+#include "quality/completeness.h"
+
+#define BY ((rx_resampling){3, 2})
+
+static const rx_bins bins = {.n = 5, .edge = {18, 19, 20, 21, 22, 23}};
+
+static void bin_of_a_magnitude(void **state)
+{
+    (void)state;
+    assert_int_equal(rx_bins_index(&bins, 18), 0);
+    assert_int_equal(rx_bins_index(&bins, 18.999), 0);
+    assert_int_equal(rx_bins_index(&bins, 19), 1);
+    assert_int_equal(rx_bins_index(&bins, 22.999), 4);
+    assert_int_equal(rx_bins_index(&bins, 23), -1);
+    assert_int_equal(rx_bins_index(&bins, 17.999), -1);
+    assert_int_equal(rx_bins_index(&bins, NAN), -1);
+}
+
+/* found[i] of total[i] references, all of magnitude mag[i]. */
+static rx_estimate of_counts(int n, const double *mag, const int *found, const int *total, double share)
+{
+    double m[200];
+    unsigned char f[200];
+    long all = 0;
+    rx_estimate e;
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < total[i]; k++, all++) {
+            m[all] = mag[i];
+            f[all] = k < found[i];
+        }
+    assert_int_equal(rx_completeness(&bins, all, m, f, share, 0.95, BY, &e, NULL), RX_OK);
+    return e;
+}
+
+static void interpolates(void **state)
+{
+    const double mag[] = {18.5, 19.5, 20.5, 21.5, 22.5};
+    const int total[] = {10, 10, 10, 10, 10}, falls[] = {10, 8, 6, 2, 0}, dips[] = {10, 4, 8, 2, 0};
+    (void)state;
+    assert_near(of_counts(5, mag, falls, total, 0.5).value, 20.5 + 0.1 / 0.4, 1e-9);
+    assert_near(of_counts(5, mag, falls, total, 0.9).value, 18.5 + 0.1 / 0.2, 1e-9);
+    /* a rise is levelled: 0.4 and 0.8 are 0.6 twice */
+    assert_near(of_counts(5, mag, dips, total, 0.5).value, 20.5 + 0.1 / 0.4, 1e-9);
+    assert_near(of_counts(5, mag, dips, total, 0.9).value, 18.5 + 0.1 / 0.4, 1e-9);
+}
+
+static void limits(void **state)
+{
+    const double mag[] = {18.5, 19.5, 20.5};
+    const int total[] = {10, 10, 10}, all[] = {10, 10, 9}, none[] = {1, 0, 0}, few[] = {1, 1, 2};
+    (void)state;
+    rx_estimate e = of_counts(3, mag, all, total, 0.5);
+    assert_in_range((long)(1000 * e.value), 20500, 20500 + 5000 / 36 + 1); /* the end of its narrow bin */
+    assert_true(isinf(e.high));
+    e = of_counts(3, mag, none, total, 0.5);
+    assert_in_range((long)(1000 * e.value), 18500 - 5000 / 36 - 1, 18500);
+    assert_true(isinf(e.low));
+    assert_true(isnan(of_counts(3, mag, few, few, 0.5).value));
+}
+
+/* Found with a probability that falls through one half at 21.3. */
+static void finds_the_truth(void **state)
+{
+    enum { N = 4000 };
+    static double mag[N];
+    static unsigned char found[N];
+    rx_bins fine = {.n = 10};
+    rx_estimate e, again;
+    (void)state;
+    for (int i = 0; i <= 10; i++)
+        fine.edge[i] = 18 + 0.5 * i;
+    for (int i = 0; i < N; i++) {
+        mag[i] = 18 + 5 * rx_random_uniform(1, 0, (uint64_t)i);
+        found[i] = rx_random_uniform(1, 1, (uint64_t)i) < 0.5 * erfc((mag[i] - 21.3) / 0.6);
+    }
+    assert_int_equal(rx_completeness(&fine, N, mag, found, 0.5, 0.95, BY, &e, NULL), RX_OK);
+    assert_near(e.value, 21.3, 0.06);
+    assert_true(e.low < 21.3 && 21.3 < e.high && e.high - e.low < 0.2);
+    assert_int_equal(rx_completeness(&fine, N, mag, found, 0.5, 0.95, BY, &again, NULL), RX_OK);
+    assert_memory_equal(&e, &again, sizeof e);
+}
+
+/* Steep curves, few references, wide bins of the tables: neither biased nor surer than it may be. */
+static void holds_the_truth(void **state)
+{
+    enum { ROUNDS = 120 };
+    static const int sizes[] = {100, 400, 1000};
+    static const rx_bins wide = {.n = 3, .edge = {-3, -1.5, 0, 1.5}};
+    static double mag[1000];
+    static unsigned char found[1000];
+    const double truth = 0.12 * log(0.985 / 0.9 - 1); /* 0.985 / (1 + exp(m / 0.12)) = 0.9 */
+    (void)state;
+    for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
+        double sum = 0, inside = 0;
+        for (uint64_t round = 0; round < ROUNDS; round++) {
+            rx_estimate e;
+            for (int i = 0; i < sizes[s]; i++) {
+                mag[i] = -3 + 4.5 * rx_random_uniform(7 + s, round, 2 * (uint64_t)i);
+                found[i] =
+                    rx_random_uniform(7 + s, round, 2 * (uint64_t)i + 1) < 0.985 / (1 + exp(mag[i] / 0.12));
+            }
+            assert_int_equal(rx_completeness(&wide, sizes[s], mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+            sum += e.value / ROUNDS;
+            inside += (e.low <= truth && truth <= e.high) / (double)ROUNDS;
+        }
+        assert_near(sum, truth, 0.06);
+        assert_true(inside >= 0.8); /* percentile intervals are a little short, bootstrap.h */
+    }
+}
+
+/* What is complete to the end of the reference has a lower limit, and no upper one. */
+static void open_interval(void **state)
+{
+    double mag[100];
+    unsigned char found[100];
+    rx_estimate e;
+    (void)state;
+    for (int i = 0; i < 100; i++) {
+        mag[i] = 18 + 0.05 * i;
+        found[i] = 1;
+    }
+    assert_int_equal(rx_completeness(&bins, 100, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_near(e.value, 23, 1e-9);
+    assert_true(e.low > 22.5);
+    assert_true(isinf(e.high) && e.high > 0);
+    for (int i = 0; i < 100; i++)
+        found[i] = 0;
+    assert_int_equal(rx_completeness(&bins, 100, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_near(e.value, 18, 1e-9);
+    assert_true(e.high < 18.5);
+    assert_true(isinf(e.low) && e.low < 0);
+    assert_int_equal(rx_completeness(&bins, 3, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_true(isnan(e.value));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bin_of_a_magnitude),
+        cmocka_unit_test(interpolates),
+        cmocka_unit_test(limits),
+        cmocka_unit_test(finds_the_truth),
+        cmocka_unit_test(open_interval),
+        cmocka_unit_test(holds_the_truth),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,409 @@
+/* A tile small enough to work out by hand: roles, shares, differences, zero point, chance. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "../near.h"
+#include "base/random.h"
+#include "data/psf.h"
+#include "quality/gates.h"
+#include "quality/metrics.h"
+
+enum { SIDE = 100 };
+
+/* References: found, found, missed, under the mask, outside, of unknown magnitude (out of the count). */
+static double tx[] = {10, 20, 30, 50, 200, 40}, ty[] = {10, 20, 30, 50, 10, 40};
+static double tmag[] = {18, 19, 20, 18, 18, 99};
+/* Detections: of 0, of 1, of the masked one, false, of the one of unknown magnitude, on masked pixels. */
+static double dx[] = {10.3, 20, 50.2, 70, 40, 52}, dy[] = {10, 19.5, 50, 70, 40.1, 52};
+static double dmag[] = {18.1, 18.9, 18, 19.5, 22, 21}, derror[] = {0.01, 0.2, 0.01, 0.1, 0.1, 0.1};
+static double dscore[] = {50, 40, 60, 5, 10, 1};
+
+static void make_input(rx_qa_input *input, rx_qa_run *run, unsigned char *mask)
+{
+    memset(mask, 0, SIDE * SIDE);
+    for (int y = 45; y < 56; y++)
+        memset(mask + y * SIDE + 45, 1, 11);
+    *run = (rx_qa_run){.name = "NONE", .law_scale = 1, .law_power = 0.5};
+    run->list = (rx_qa_list){.n = 6, .x = dx, .y = dy, .mag = dmag, .mag_error = derror, .score = dscore};
+    *input = (rx_qa_input){.tile = "t", .reference = "r", .width = SIDE, .height = SIDE, .mask = mask};
+    input->truth = (rx_qa_list){.n = 6, .x = tx, .y = ty, .mag = tmag};
+    input->pixel_scale = 0.5;
+    input->nruns = 1;
+    input->runs = run;
+}
+
+static const rx_qa_params params = {
+    .match_radius = 1, .mag_low = 18, .mag_high = 21, .mag_step = 1, .by = {1, 2}};
+
+static void evaluate(const rx_qa_params *par, const rx_qa_input *input, rx_evaluation *e)
+{
+    rx_bins bins;
+    assert_int_equal(rx_evaluate_bins(par, input, &bins, NULL), RX_OK);
+    assert_int_equal(rx_evaluate(par, input, 0, &bins, 0.95, e, NULL), RX_OK);
+}
+
+static void roles(void **state)
+{
+    static const unsigned char truth[] = {RX_ROLE_MATCHED, RX_ROLE_MATCHED, RX_ROLE_UNMATCHED,
+                                          RX_ROLE_IGNORED, RX_ROLE_IGNORED, RX_ROLE_IGNORED};
+    static const unsigned char found[] = {RX_ROLE_MATCHED,   RX_ROLE_MATCHED, RX_ROLE_IGNORED,
+                                          RX_ROLE_UNMATCHED, RX_ROLE_IGNORED, RX_ROLE_IGNORED};
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_memory_equal(e.truth_role, truth, sizeof truth);
+    assert_memory_equal(e.run_role, found, sizeof found);
+    assert_int_equal(e.references, 3);
+    assert_int_equal(e.references_ignored, 3);
+    assert_int_equal(e.detections, 3);
+    assert_int_equal(e.detections_ignored, 3);
+    assert_int_equal(e.matched, 2);
+    /* falling score: 50 hit, 40 hit, 5 false */
+    assert_near(e.pr.ap.value, 2.0 / 3.0, 1e-15);
+    rx_evaluation_free(&e);
+}
+
+static void shares_and_differences(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate m[RX_METRIC_COUNT];
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_near(m[RX_METRIC_RECALL].value, 2.0 / 3.0, 1e-15);
+    assert_int_equal(m[RX_METRIC_RECALL].n, 3);
+    assert_near(m[RX_METRIC_PRECISION].value, 2.0 / 3.0, 1e-15);
+    assert_int_equal(m[RX_METRIC_BIAS_MAG].n, 2);
+    assert_near(m[RX_METRIC_BIAS_MAG].value, 0, 1e-12);
+    assert_near(m[RX_METRIC_SCATTER_MAG].value, 0.14826, 1e-12);
+    assert_near(m[RX_METRIC_MAGERR].value, 50 * (1 - pow(10, -0.04) + pow(10, 0.04) - 1), 1e-9);
+    assert_near(m[RX_METRIC_BIAS_PERCENT].value, 50 * (pow(10, -0.04) + pow(10, 0.04) - 2), 1e-9);
+    assert_near(m[RX_METRIC_DX].value, 0.15, 1e-12);  /* of 0.3 and 0 */
+    assert_near(m[RX_METRIC_DY].value, -0.25, 1e-12); /* of 0 and -0.5 */
+    assert_near(m[RX_METRIC_SCATTER_Y].value, 1.4826 * 0.25, 1e-12);
+    assert_near(m[RX_METRIC_SCATTER_Y_ARCSEC].value, 1.4826 * 0.125, 1e-12);
+    assert_near(m[RX_METRIC_PULL_MEDIAN].value, 0.5 * (0.1 / 0.01 - 0.1 / 0.2), 1e-9);
+    assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.1, 1e-12); /* the second is too uncertain to count */
+    assert_int_equal(m[RX_METRIC_ZP_OFFSET].n, 1);
+    assert_true(isinf(m[RX_METRIC_BIAS_MAG].high));
+    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_int_equal(m[RX_METRIC_RECALL].n, 1);
+    assert_int_equal(m[RX_METRIC_PRECISION].n, 2); /* 18.1 and 18.9 as measured */
+    assert_near(m[RX_METRIC_BIAS_MAG].value, 0.1, 1e-12);
+    assert_int_equal(m[RX_METRIC_AP].n, 0); /* exists for all only */
+    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_near(m[RX_METRIC_PRECISION].value, 0, 0);
+    assert_near(m[RX_METRIC_RECALL].value, 1, 0);
+    rx_evaluation_free(&e);
+}
+
+/* Of the PSF, of the same stars for every run. */
+static void psf_metrics(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate m[RX_METRIC_COUNT];
+    const rx_psf psf = {.quality = {.how = "PIXELS",
+                                    .reserved = 11,
+                                    .trace = {0.004, 0.001},
+                                    .shape = {{-0.002, 0.0005}, {0.001, 0.0005}},
+                                    .growth = -0.012,
+                                    .growth_error = 0.002}};
+    const rx_gate gate = {.metric = RX_METRIC_PSF_DT, .op = RX_GATE_IN, .value = -0.01, .value_high = 0.01},
+                  growth = {
+                      .metric = RX_METRIC_PSF_GROWTH, .op = RX_GATE_IN, .value = -0.01, .value_high = 0.01};
+    (void)state;
+    make_input(&input, &run, mask);
+    input.psf = (rx_qa_psf){.psf = &psf, .zeropoint = 25};
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_near(m[RX_METRIC_PSF_DT].value, 0.004, 0);
+    assert_near(m[RX_METRIC_PSF_DT].high - 0.004, 2.2281388519649385 * 0.001, 1e-9);
+    assert_near(m[RX_METRIC_PSF_DE1].low + 0.002, -2.2281388519649385 * 0.0005, 1e-9);
+    assert_near(m[RX_METRIC_PSF_DE2].value, 0.001, 0);
+    assert_near(m[RX_METRIC_PSF_GROWTH].value, -0.012, 0);
+    assert_int_equal(m[RX_METRIC_PSF_GROWTH].n, 11);
+    assert_int_equal(rx_gate_judge(&gate, &m[RX_METRIC_PSF_DT]), RX_VERDICT_PASS);
+    assert_int_equal(rx_gate_judge(&growth, &m[RX_METRIC_PSF_GROWTH]), RX_VERDICT_INSUFFICIENT);
+    rx_evaluation_free(&e);
+    input.psf.psf = NULL;
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_int_equal(m[RX_METRIC_PSF_DT].n, 0);
+    rx_evaluation_free(&e);
+}
+
+/* Marked: one that is right, the false one, and one that does not count. */
+/* Without any reference; its interval is Student's, and gates decide by it. */
+static void flux_scale(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate m[RX_METRIC_COUNT];
+    const rx_gate gate = {
+        .metric = RX_METRIC_FLUX_SCALE, .op = RX_GATE_IN, .value = 0.99, .value_high = 1.01};
+    static const struct {
+        double wide, error;
+        rx_verdict verdict;
+    } cases[] = {{1.0080, 0.0005, RX_VERDICT_PASS},
+                 {1.0095, 0.0005, RX_VERDICT_INSUFFICIENT},
+                 {1.0120, 0.0005, RX_VERDICT_FAIL},
+                 {0.9880, 0.0005, RX_VERDICT_FAIL}};
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        run.flux = (rx_qa_flux){.n = 11, .wide = cases[i].wide, .wide_error = cases[i].error};
+        assert_int_equal(
+            rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL),
+            RX_OK);
+        const rx_estimate *scale = &m[RX_METRIC_FLUX_SCALE];
+        assert_int_equal(scale->n, 11);
+        assert_near(scale->value, cases[i].wide, 1e-15);
+        assert_near(scale->high - scale->value, 2.2281388519649385 * 0.0005, 1e-9); /* t of 10 at 0.975 */
+        assert_near(scale->value - scale->low, 2.2281388519649385 * 0.0005, 1e-9);
+        assert_int_equal(rx_gate_judge(&gate, scale), cases[i].verdict);
+    }
+    run.flux = (rx_qa_flux){0};
+    assert_int_equal(
+        rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL), RX_OK);
+    assert_int_equal(rx_gate_judge(&gate, &m[RX_METRIC_FLUX_SCALE]), RX_VERDICT_INSUFFICIENT);
+    rx_evaluation_free(&e);
+}
+
+static void made_up_detections(void **state)
+{
+    static const struct {
+        unsigned char made_up[6];
+        long marked, matched;
+        double without; /* them: matched / detections */
+    } cases[] = {{{0, 0, 0, 0, 0, 0}, 0, 0, 2.0 / 3.0},
+                 {{1, 0, 0, 1, 1, 0}, 2, 1, 1.0},
+                 {{0, 0, 1, 1, 1, 1}, 1, 0, 1.0},
+                 {{1, 1, 0, 0, 0, 0}, 2, 2, 0.0},
+                 {{1, 1, 0, 1, 0, 0}, 3, 2, NAN}};
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_int_equal(e.made_up + e.made_up_matched, 0);
+    assert_near(rx_evaluation_precision_without(&e), 2.0 / 3.0, 1e-15);
+    rx_evaluation_free(&e);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        unsigned char made_up[6];
+        memcpy(made_up, cases[i].made_up, sizeof made_up);
+        run.list.made_up = made_up;
+        evaluate(&params, &input, &e);
+        assert_int_equal(e.detections, 3); /* marks take nobody out of the count */
+        assert_int_equal(e.matched, 2);
+        assert_int_equal(e.made_up, cases[i].marked);
+        assert_int_equal(e.made_up_matched, cases[i].matched);
+        if (isnan(cases[i].without))
+            assert_true(isnan(rx_evaluation_precision_without(&e)));
+        else
+            assert_near(rx_evaluation_precision_without(&e), cases[i].without, 1e-15);
+        rx_evaluation_free(&e);
+    }
+}
+
+/* Asked for one metric, the answer is that of all, and nothing else. */
+static void one_metric_alone(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    rx_estimate all[RX_METRIC_COUNT], one[RX_METRIC_COUNT];
+    (void)state;
+    make_input(&input, &run, mask);
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, RX_METRIC_COUNT, all, NULL),
+                     RX_OK);
+    for (int k = 0; k < RX_METRIC_COUNT; k++) {
+        assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, (rx_metric)k, one, NULL),
+                         RX_OK);
+        for (int i = 0; i < RX_METRIC_COUNT; i++)
+            if (i == k)
+                assert_memory_equal(&one[i], &all[i], sizeof one[i]);
+            else
+                assert_int_equal(one[i].n, 0);
+    }
+    rx_evaluation_free(&e);
+}
+
+/* With fluxes a negative one, which has no magnitude, still counts in the flux error. */
+static void negative_flux_counts(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    double flux[6], error[6], mag[6];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_evaluation e;
+    (void)state;
+    make_input(&input, &run, mask);
+    for (int i = 0; i < 6; i++) {
+        flux[i] = pow(10, -0.4 * (dmag[i] - 25));
+        error[i] = 2;
+        mag[i] = dmag[i];
+    }
+    double truth0 = pow(10, -0.4 * (18 - 25.0)), truth1 = pow(10, -0.4 * (19 - 25.0));
+    flux[1] = -truth1;
+    mag[1] = 99;
+    run.list.flux = flux;
+    run.list.flux_error = error;
+    run.list.mag = mag;
+    evaluate(&params, &input, &e);
+    assert_near(e.ratio[0], flux[0] / truth0, 1e-9);
+    assert_near(e.ratio[1], -1, 1e-9);
+    assert_true(isnan(e.dmag[1]));
+    assert_near(e.pull[1], -2 * truth1 / 2, 1e-6);
+    assert_true(e.pull_in_flux);
+    rx_evaluation_free(&e);
+}
+
+/* Everything 0.2 mag too faint: magerr says so as it stands, magerr_shifted is free of it. */
+static void zero_point_is_told_not_hidden(void **state)
+{
+    enum { N = 50 };
+    double x[N], y[N], mag[N], shifted[N];
+    rx_estimate m[RX_METRIC_COUNT];
+    rx_evaluation e;
+    (void)state;
+    for (int i = 0; i < N; i++) {
+        x[i] = 5 + 10 * (i % 10);
+        y[i] = 5 + 10 * (i / 10); /* five rows */
+        mag[i] = 18 + 0.05 * i;
+        shifted[i] = mag[i] + 0.2;
+    }
+    rx_qa_run run = {.name = "A", .list = {.n = N, .x = x, .y = y, .mag = shifted}};
+    rx_qa_input input = {.width = SIDE, .height = SIDE, .truth = {.n = N, .x = x, .y = y, .mag = mag}};
+    input.nruns = 1;
+    input.runs = &run;
+    evaluate(&params, &input, &e);
+    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+                     RX_OK);
+    assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.2, 1e-9);
+    assert_near(m[RX_METRIC_MAGERR].value, 100 * (1 - pow(10, -0.08)), 1e-9);
+    assert_near(m[RX_METRIC_MAGERR_SHIFTED].value, 0, 1e-9);
+    assert_near(m[RX_METRIC_RECALL].low, pow(0.025, 1.0 / N), 1e-9); /* all of N found */
+    rx_evaluation_free(&e);
+}
+
+/* Unrelated lists: Poisson expectation, a little less because each source can be used once. */
+static void chance_matches(void **state)
+{
+    enum { N = 2000 };
+    static double x[2][N], y[2][N], mag[N];
+    rx_evaluation e;
+    (void)state;
+    for (int i = 0; i < N; i++)
+        for (int k = 0; k < 2; k++) {
+            x[k][i] = 500 * rx_random_uniform(8, (uint64_t)k, (uint64_t)(2 * i));
+            y[k][i] = 500 * rx_random_uniform(8, (uint64_t)k, (uint64_t)(2 * i + 1));
+        }
+    rx_qa_run run = {.name = "A", .list = {.n = N, .x = x[0], .y = y[0], .mag = mag}};
+    rx_qa_input input = {.width = 500, .height = 500, .truth = {.n = N, .x = x[1], .y = y[1], .mag = mag}};
+    rx_qa_params par = {.match_radius = 2, .mag_low = -1, .mag_high = 1};
+    input.nruns = 1;
+    input.runs = &run;
+    evaluate(&par, &input, &e);
+    double expected = N * (1 - exp(-N * acos(-1.0) * 4 / 250000.0));
+    assert_true(e.chance < expected && e.chance > 0.88 * expected);
+    rx_evaluation_free(&e);
+}
+
+static void bins_from_data_and_keys(void **state)
+{
+    static unsigned char mask[SIDE * SIDE];
+    rx_qa_input input;
+    rx_qa_run run;
+    rx_bins bins;
+    rx_error err = RX_ERROR_NONE;
+    (void)state;
+    make_input(&input, &run, mask);
+    rx_qa_params par = {.match_radius = 1};
+    assert_int_equal(rx_evaluate_bins(&par, &input, &bins, NULL), RX_OK);
+    assert_int_equal(bins.n, 6); /* 18 to 21 by 0.5: masked, outside and unknown ones do not count */
+    assert_near(bins.edge[0], 18, 0);
+    assert_near(bins.edge[6], 21, 0);
+    par = (rx_qa_params){.mag_low = 18, .mag_high = 19.2, .mag_step = 0.5};
+    assert_int_equal(rx_evaluate_bins(&par, &input, &bins, NULL), RX_OK);
+    assert_int_equal(bins.n, 3);
+    assert_near(bins.edge[3], 19.2, 0);
+    par = (rx_qa_params){.mag_low = 0, .mag_high = 30, .mag_step = 0.1};
+    assert_int_equal(rx_evaluate_bins(&par, &input, &bins, &err), RX_USAGE);
+    input.truth.n = 0;
+    par = (rx_qa_params){.match_radius = 1};
+    assert_int_equal(rx_evaluate_bins(&par, &input, &bins, NULL), RX_OK);
+    assert_true(bins.n >= 1);
+    tmag[0] = -40; /* a wild value widens the bins, never breaks them */
+    input.truth.n = 6;
+    assert_int_equal(rx_evaluate_bins(&par, &input, &bins, NULL), RX_OK);
+    assert_true(bins.n <= RX_MAX_BINS && bins.edge[0] <= -40 && bins.edge[bins.n] > 20);
+    tmag[0] = 18;
+}
+
+static void robust_estimates(void **state)
+{
+    /* numpy: median 3.5; scipy: median_abs_deviation 2 */
+    double values[] = {9, 1, 4, 2, 8, 3, 7, 2, 5, 1};
+    double few[] = {1, 2, 3};
+    rx_estimate median, sigma;
+    (void)state;
+    rx_robust_estimates(values, 10, 0.95, &median, &sigma);
+    assert_near(median.value, 3.5, 1e-15);
+    assert_near(median.low, 1, 0); /* rank 2 of 10 */
+    assert_near(median.high, 8, 0);
+    assert_near(sigma.value, 1.4826 * 2, 1e-12);
+    assert_near(sigma.low, 1.4826 * 0.5, 1e-12);
+    assert_near(sigma.high, 1.4826 * 4.5, 1e-12);
+    rx_robust_estimates(few, 3, 0.95, &median, &sigma);
+    assert_near(median.value, 2, 0);
+    assert_true(isinf(median.low) && isinf(median.high));
+    rx_robust_estimates(few, 0, 0.95, &median, &sigma);
+    assert_true(isnan(median.value) && isnan(sigma.value));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(roles),
+        cmocka_unit_test(shares_and_differences),
+        cmocka_unit_test(psf_metrics),
+        cmocka_unit_test(flux_scale),
+        cmocka_unit_test(made_up_detections),
+        cmocka_unit_test(one_metric_alone),
+        cmocka_unit_test(negative_flux_counts),
+        cmocka_unit_test(zero_point_is_told_not_hidden),
+        cmocka_unit_test(chance_matches),
+        cmocka_unit_test(bins_from_data_and_keys),
+        cmocka_unit_test(robust_estimates),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

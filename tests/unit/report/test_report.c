@@ -1,0 +1,470 @@
+/* The whole report: files, verdicts, hostile names, same bytes, missing gnuplot, interruption. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <dirent.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/interrupt.h"
+#include "base/random.h"
+#include "quality/qa.h"
+
+#include "../near.h"
+
+enum { N = 300, SIDE = 400, RUNS = 2, PICTURE = 24 };
+#define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
+
+typedef struct scene {
+    double x[N], y[N], mag[N];
+    double rx[RUNS][N], ry[RUNS][N], rmag[RUNS][N], flux[RUNS][N], error[RUNS][N], magerr[RUNS][N],
+        score[RUNS][N];
+    float pixels[PICTURE * PICTURE];
+    rx_qa_run run[RUNS];
+    rx_qa_picture picture;
+    rx_qa_input input;
+} scene;
+
+static const char *const record[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"CATALOG_NAME", HOSTILE}};
+
+static void make_run(scene *s, int k)
+{
+    long n = 0;
+    for (int i = 0; i < N; i++) {
+        double f0 = pow(10, -0.4 * (s->mag[i] - 25)),
+               f = f0 + 5 * rx_random_normal(1, (uint64_t)(10 + k), (uint64_t)i);
+        if (f < 20 || rx_random_uniform(1, (uint64_t)(30 + k), (uint64_t)i) < 0.1)
+            continue;
+        s->rx[k][n] = s->x[i] + 0.1 * rx_random_normal(2, (uint64_t)k, (uint64_t)i);
+        s->ry[k][n] = s->y[i] + 0.1 * rx_random_normal(3, (uint64_t)k, (uint64_t)i);
+        s->rmag[k][n] = 25 - 2.5 * log10(f);
+        s->flux[k][n] = f;
+        s->error[k][n] = 5;
+        s->magerr[k][n] = 1.0857 * 5 / f;
+        s->score[k][n++] = f / 5;
+    }
+    s->run[k] =
+        (rx_qa_run){.name = k == 0 ? "NONE" : HOSTILE, .settings = HOSTILE, .psf = "Moffat", .law_scale = 1};
+    s->run[k].list =
+        (rx_qa_list){.n = n, .x = s->rx[k], .y = s->ry[k], .mag = s->rmag[k], .flux = s->flux[k]};
+    s->run[k].list.flux_error = s->error[k];
+    s->run[k].list.mag_error = s->magerr[k];
+    s->run[k].list.score = s->score[k];
+    s->run[k].seconds = 1.5 * k;
+}
+
+static int make_scene(void **state)
+{
+    scene *s = calloc(1, sizeof *s);
+    if (s == NULL)
+        return -1;
+    for (int i = 0; i < N; i++) {
+        s->x[i] = SIDE * rx_random_uniform(1, 0, (uint64_t)i);
+        s->y[i] = SIDE * rx_random_uniform(1, 1, (uint64_t)i);
+        s->mag[i] = 18 + 4 * rx_random_uniform(1, 2, (uint64_t)i);
+    }
+    for (int k = 0; k < RUNS; k++)
+        make_run(s, k);
+    for (int i = 0; i < PICTURE * PICTURE; i++)
+        s->pixels[i] = (float)rx_random_normal(4, 0, (uint64_t)i);
+    s->pixels[7] = NAN;
+    s->picture = (rx_qa_picture){HOSTILE, PICTURE, PICTURE, s->pixels, 1};
+    s->input = (rx_qa_input){.tile = HOSTILE, .reference = HOSTILE, .width = SIDE, .height = SIDE};
+    s->input.pixel_scale = 0.4;
+    s->input.score_name = "S/N";
+    s->input.truth = (rx_qa_list){.n = N, .x = s->x, .y = s->y, .mag = s->mag};
+    s->input.nruns = RUNS;
+    s->input.runs = s->run;
+    s->input.npictures = 1;
+    s->input.pictures = &s->picture;
+    s->input.nrecord = 2;
+    s->input.record = record;
+    *state = s;
+    return 0;
+}
+
+static int free_scene(void **state)
+{
+    free(*state);
+    return 0;
+}
+
+static void make_folder(char folder[256])
+{
+    const char *base = getenv("TMPDIR");
+    snprintf(folder, 256, "%s/rextract-report-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+    assert_non_null(mkdtemp(folder));
+}
+
+/* Files in a folder; removes them and the folder when asked. */
+static int count_files(const char *folder, int clear)
+{
+    int n = 0;
+    DIR *open = opendir(folder);
+    assert_non_null(open);
+    for (struct dirent *e; (e = readdir(open)) != NULL;)
+        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) {
+            n++;
+            if (clear)
+                unlinkat(dirfd(open), e->d_name, 0);
+        }
+    closedir(open);
+    if (clear)
+        assert_int_equal(rmdir(folder), 0);
+    return n;
+}
+
+static char *slurp(const char *folder, const char *name)
+{
+    char path[512];
+    char *data = NULL;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    assert_int_equal(rx_text_read_file(path, 1 << 26, &data, NULL, NULL), RX_OK);
+    return data;
+}
+
+static int have(const char *command)
+{
+    return system(command) == 0;
+}
+
+static const rx_qa_params params = {.match_radius = 1, .figures = 1, .by = {5, 2}};
+static const char *const files[] = {"report.html", "summary.json", "bins.ecsv", "matches_NONE.ecsv",
+                                    "pr_NONE.ecsv"};
+enum { FILES = 3 + 2 * RUNS };
+
+static void writes_all_files(void **state)
+{
+    scene *s = *state;
+    char folder[256];
+    rx_verdict verdict = RX_VERDICT_FAIL;
+    rx_text brief = {0};
+    make_folder(folder);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, &verdict, &brief, NULL),
+                     RX_OK);
+    assert_int_equal(verdict, RX_VERDICT_NONE);
+    assert_int_equal(count_files(folder, 0), FILES);
+    assert_non_null(strstr(brief.data, "NONE"));
+    assert_null(strchr(brief.data, '\xff'));
+    char *page = slurp(folder, "report.html");
+    assert_null(strstr(page, "<script"));
+    assert_non_null(strstr(page, "&lt;script&gt;alert(&#39;x&#39;)"));
+    assert_non_null(strstr(page, "</html>"));
+    if (have("gnuplot --version >/dev/null 2>&1")) {
+        assert_null(strstr(page, "No figures"));
+        assert_non_null(strstr(page, "<svg"));
+        assert_null(strstr(page, "not drawn"));
+        assert_null(strstr(page, "GNUPLOT"));
+    } else {
+        print_message("gnuplot is absent: figures not looked at\n");
+    }
+    free(page);
+    rx_text_free(&brief);
+    count_files(folder, 1);
+}
+
+static void same_input_same_bytes(void **state)
+{
+    scene *s = *state;
+    char first[256], second[256];
+    make_folder(first);
+    make_folder(second);
+    assert_int_equal(rx_qa_report(&params, &s->input, first, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    s->run[1].seconds = 77; /* timings are not part of the files */
+    assert_int_equal(rx_qa_report(&params, &s->input, second, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char *a = slurp(first, files[i]), *b = slurp(second, files[i]);
+        assert_string_equal(a, b);
+        assert_null(strstr(a, first)); /* nor is the path */
+        free(a);
+        free(b);
+    }
+    count_files(first, 1);
+    count_files(second, 1);
+}
+
+/* Opened by what users open them with. */
+static void other_programs_read_it(void **state)
+{
+    scene *s = *state;
+    char folder[256], command[2048];
+    make_folder(folder);
+    rx_qa_params par = params;
+    par.figures = 0;
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    if (have("python3 -c 'import json' 2>/dev/null")) {
+        snprintf(command, sizeof command,
+                 "python3 -c \"import json; d = json.load(open('%s/summary.json')); r = d['runs'][0];"
+                 "assert r['references'] + r['references_ignored'] == %d and 0.7 < "
+                 "r['all']['recall']['value'] < 1;"
+                 "assert r['all']['recall']['low'] < r['all']['recall']['value'];"
+                 "assert len(r['bins']) == 8 and d['verdict'] == 'NONE' and len(d['runs']) == %d;"
+                 "assert len(d['comparisons']) == 1 and d['record'][0]['value'] == 'NONE,RL'\"",
+                 folder, N, RUNS);
+        assert_int_equal(system(command), 0);
+    } else {
+        print_message("python3 is absent: JSON not parsed\n");
+    }
+    if (have("/usr/bin/python3 -c 'import astropy' 2>/dev/null")) {
+        snprintf(command, sizeof command,
+                 "/usr/bin/python3 -c \"from astropy.table import Table; f = '%s/';"
+                 "b = Table.read(f + 'bins.ecsv'); assert len(b) == %d * 9 and b['bias_mag'].unit == 'mag';"
+                 "m = Table.read(f + 'matches_NONE.ecsv'); k = m['state'] == 'matched';"
+                 "assert abs(m['x'][k] - m['x_ref'][k] - m['dx'][k]).max() < 1e-5;"
+                 "assert (m['reference'] > 0).sum() == %d;"
+                 "p = Table.read(f + 'pr_NONE.ecsv'); assert p['matched'][-1] == k.sum()\"",
+                 folder, RUNS, N);
+        assert_int_equal(system(command), 0);
+    } else {
+        print_message("astropy is absent: ECSV not opened\n");
+    }
+    count_files(folder, 1);
+}
+
+static int occurrences(const char *text, const char *what)
+{
+    int n = 0;
+    for (; (text = strstr(text, what)) != NULL; text += strlen(what))
+        n++;
+    return n;
+}
+
+/* 20 detections stand where nothing is, every second of them is marked, and so are 5 others. */
+static void made_up_sources_have_their_section(void **state)
+{
+    scene *s = *state;
+    char folder[256], command[2048];
+    static unsigned char made_up[N];
+    rx_qa_params par = params;
+    par.figures = 0;
+    for (int i = 0; i < 20; i++) {
+        s->rx[0][i] = s->ry[0][i] = 1 + 0.01 * i;
+        made_up[i] = i % 2 == 0;
+    }
+    memset(made_up + 20, 1, 5);
+    for (int tested = 0; tested < 2; tested++) {
+        make_folder(folder);
+        s->run[0].list.made_up = tested ? made_up : NULL;
+        s->run[0].tested = tested;
+        s->run[0].made_up_per_mpixel = 123.4;
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+        char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
+        char *table = slurp(folder, "matches_NONE.ecsv");
+        assert_int_equal(occurrences(page, "<h2 id=\"made-up\">Invented or real</h2>"), tested);
+        assert_int_equal(occurrences(page, "href=\"#made-up\""), tested);
+        assert_int_equal(occurrences(json, "\"made_up\""), tested); /* of the other run nothing is known */
+        assert_int_equal(occurrences(page, "<td>123.4</td><td>"), tested);
+        assert_int_equal(occurrences(page, "<td>15</td>"), tested);
+        assert_int_equal(occurrences(table, "made_up"), 2); /* declaration and heading */
+        free(page);
+        free(json);
+        free(table);
+        snprintf(
+            command, sizeof command,
+            "python3 -c \"import json; r = json.load(open('%s/summary.json'))['runs'][0]; m = r['made_up'];"
+            "assert m['marked'] == 15 and m['matched'] == 5 and m['per_mpixel'] == 123.4;"
+            "p = (r['matched'] - 5) / (r['detections'] - 15); assert abs(m['precision_without'] - p) < 1e-9;"
+            "assert p > r['all']['precision']['value'] + 0.01\"",
+            folder);
+        if (tested && have("python3 -c 'import json' 2>/dev/null"))
+            assert_int_equal(system(command), 0);
+        count_files(folder, 1);
+    }
+}
+
+static void without_gnuplot(void **state)
+{
+    static const char *const programs[] = {"no-such-gnuplot", "/no/such/gnuplot", "false"};
+    scene *s = *state;
+    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
+        char folder[256], told[4096] = "";
+        rx_qa_params par = params;
+        rx_log log;
+        FILE *stream = fmemopen(told, sizeof told, "w");
+        make_folder(folder);
+        par.gnuplot = programs[i];
+        rx_log_init(&log, "test", stream, RX_NORMAL);
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", &log, NULL, NULL, NULL), RX_OK);
+        fclose(stream);
+        assert_non_null(strstr(told, "without figures"));
+        assert_non_null(strstr(told, programs[i]));
+        assert_int_equal(count_files(folder, 0), FILES);
+        char *page = slurp(folder, "report.html");
+        assert_non_null(strstr(page, "No figures"));
+        assert_null(strstr(page, "<svg"));
+        free(page);
+        count_files(folder, 1);
+    }
+}
+
+static rx_verdict verdict_of(scene *s, const char *gates_text, char **json)
+{
+    char folder[256], path[300];
+    rx_qa_params par = params;
+    rx_gates *gates = NULL;
+    rx_verdict verdict = RX_VERDICT_NONE;
+    par.figures = 0;
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/x.qa", folder);
+    FILE *file = fopen(path, "w");
+    fputs(gates_text, file);
+    fclose(file);
+    assert_int_equal(rx_gates_read(path, &gates, NULL), RX_OK);
+    par.gates = gates;
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, &verdict, NULL, NULL), RX_OK);
+    if (json != NULL)
+        *json = slurp(folder, "summary.json");
+    rx_gates_free(gates);
+    count_files(folder, 1);
+    return verdict;
+}
+
+static void gates_reach_the_verdict(void **state)
+{
+    scene *s = *state;
+    char *json;
+    assert_int_equal(verdict_of(s, "recall 18:20 >= 0.7\ndx all in -0.1:0.1", &json), RX_VERDICT_PASS);
+    assert_non_null(strstr(json, "\"verdict\": \"PASS\""));
+    free(json);
+    assert_int_equal(verdict_of(s, "recall all >= 0.7\nrecall all >= 0.99 0.95 NONE", NULL), RX_VERDICT_FAIL);
+    assert_int_equal(verdict_of(s, "mag50 all > 15\nrecall 18:18.1 >= 0.9", NULL), RX_VERDICT_INSUFFICIENT);
+    assert_int_equal(verdict_of(s, "recall 30:31 >= 0.1", NULL), RX_VERDICT_INSUFFICIENT);
+    assert_int_equal(verdict_of(s, "recall all >= 0.1 0.95 NETWORK", &json), RX_VERDICT_INSUFFICIENT);
+    assert_non_null(strstr(json, "\"run\": null"));
+    free(json);
+}
+
+static void names_that_collide(void **state)
+{
+    scene *s = *state;
+    char folder[256];
+    rx_qa_params par = params;
+    par.figures = 0;
+    s->run[1].name = "none";
+    make_folder(folder);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(count_files(folder, 1), FILES);
+}
+
+static void nothing_to_compare(void **state)
+{
+    scene *s = *state;
+    char folder[256];
+    s->input.truth.n = 0;
+    s->run[0].list.n = 0;
+    make_folder(folder);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(count_files(folder, 1), FILES);
+}
+
+static void folder_that_is_not_there(void **state)
+{
+    scene *s = *state;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(
+        rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err), RX_SYSTEM);
+    assert_string_equal(err.where, "the report"); /* the name that the user knows, and only that */
+    assert_null(strstr(err.text, "/no/such"));
+    rx_qa_params bare = params;
+    bare.figures = 0;
+    assert_int_equal(rx_qa_report(&bare, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err),
+                     RX_SYSTEM);
+    assert_string_equal(err.where, "the report/summary.json");
+}
+
+static void interruption_leaves_nothing(void **state)
+{
+    scene *s = *state;
+    char folder[256];
+    sigset_t term;
+    sigemptyset(&term);
+    sigaddset(&term, SIGTERM);
+    make_folder(folder);
+    rx_interrupt_block();
+    raise(SIGTERM);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL),
+                     RX_INTERRUPTED);
+    assert_int_equal(sigtimedwait(&term, NULL, &(struct timespec){0}), SIGTERM);
+    assert_int_equal(count_files(folder, 1), 0);
+}
+
+/* The text of the terminal for two lists, of one reference each with these magnitudes. */
+static void brief_of_two(double shift, rx_text *brief)
+{
+    double x[4] = {50, 150, 250, 350}, y[4] = {50, 50, 50, 50}, mag[4] = {18, 19, 20, 21};
+    const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
+    double measured[2][4];
+    char folder[256];
+    rx_verdict verdict;
+    rx_qa_run run[2] = {{.name = "SHORT", .seconds = 1}, {.name = "DEEP", .seconds = 2}};
+    rx_qa_input input = {
+        .tile = "t", .reference = "r", .width = SIDE, .height = SIDE, .nruns = 2, .runs = run};
+    const rx_qa_params plain = {.match_radius = 1, .by = {5, 2}};
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 4; i++)
+            measured[k][i] = mag[i] + shift - 2.5 * log10(ratio[k][i]);
+        run[k].list = (rx_qa_list){.n = k == 0 ? 2 : 4, .x = x, .y = y, .mag = measured[k]};
+    }
+    input.truth = (rx_qa_list){.n = 4, .x = x, .y = y, .mag = mag};
+    make_folder(folder);
+    assert_int_equal(rx_qa_report(&plain, &input, folder, "the report", NULL, &verdict, brief, NULL), RX_OK);
+    count_files(folder, 1);
+}
+
+static void errors_are_compared_on_common_sources(void **state)
+{
+    (void)state;
+    const char *const names[] = {"SHORT", "DEEP"};
+    const double own[] = {10.0, 52.5}, common[] = {10.0, 5.0};
+    rx_text brief = {0};
+    brief_of_two(0.0, &brief);
+    for (int k = 0; k < 2; k++) {
+        double errors[2] = {NAN, NAN};
+        const char *line = strstr(brief.data, names[k]);
+        assert_non_null(line);
+        assert_int_equal(sscanf(line, "%*s %*s %*s %*s %*s %*s %lf %lf", &errors[0], &errors[1]), 2);
+        assert_near(errors[0], own[k], 0.006);
+        assert_near(errors[1], common[k], 0.006);
+    }
+    assert_non_null(strstr(brief.data, "of the 2 sources that every list has"));
+    assert_null(strstr(brief.data, "zero point"));
+    rx_text_free(&brief);
+}
+
+static void senseless_errors_are_named(void **state)
+{
+    (void)state;
+    rx_text brief = {0};
+    brief_of_two(-25.0, &brief);
+    assert_non_null(strstr(brief.data, "not the same zero point; give MAG_ZEROPOINT"));
+    assert_null(strstr(brief.data, "00000"));
+    rx_text_free(&brief);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, make_scene, free_scene)
+    const struct CMUnitTest tests[] = {
+        TEST(errors_are_compared_on_common_sources),
+        TEST(senseless_errors_are_named),
+        TEST(writes_all_files),
+        TEST(same_input_same_bytes),
+        TEST(other_programs_read_it),
+        TEST(without_gnuplot),
+        TEST(gates_reach_the_verdict),
+        TEST(names_that_collide),
+        TEST(made_up_sources_have_their_section),
+        TEST(nothing_to_compare),
+        TEST(folder_that_is_not_there),
+        TEST(interruption_leaves_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
