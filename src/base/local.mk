@@ -2,7 +2,7 @@ librextract_la_SOURCES += \
 	src/base/error.c \
 	src/base/hash.c \
 	src/base/interrupt.c \
-	src/base/least.h \
+	src/base/min_max.h \
 	src/base/lines.c \
 	src/base/log.c \
 	src/base/arena.c src/base/arena.h \
@@ -14,7 +14,7 @@ librextract_la_SOURCES += \
 	src/base/text.c \
 	src/base/threads.c
 librextract_la_SOURCES += src/base/interrupt.h src/base/lines.h src/base/memory.h src/base/names.h \
-	src/base/random.h src/base/threads.h src/base/wide.h
+	src/base/random.h src/base/threads.h src/base/simd.h
 
 rx_basedir = $(pkgincludedir)/base
 rx_base_HEADERS = src/base/error.h src/base/extern.h src/base/hash.h src/base/log.h src/base/text.h

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* One block; in a loop over blocks the compiler makes vectors of them. */
 static inline void philox(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t *w0, uint32_t *w1,
@@ -32,7 +32,7 @@ void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t 
     philox(seed, stream, counter, out, out + 1, out + 2, out + 3);
 }
 
-RX_WIDE static void make_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out)
+RX_SIMD static void make_blocks(uint64_t seed, uint64_t stream, uint64_t first, size_t n, uint32_t *out)
 {
 #pragma omp simd
     for (size_t i = 0; i < n; i++)

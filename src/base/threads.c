@@ -9,7 +9,7 @@
 
 #include "base/memory.h"
 
-int rx_threads_wanted(int wanted)
+int rx_threads_count(int wanted)
 {
     const int all = omp_get_max_threads();
     if (wanted > 0)
@@ -90,7 +90,7 @@ static int possible(int n)
 
 int rx_threads_had(int wanted, rx_log *log)
 {
-    const int n = rx_threads_wanted(wanted);
+    const int n = rx_threads_count(wanted);
     if (n == 1)
         return 1;
     int had = 1 + possible(n - 1);

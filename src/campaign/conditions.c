@@ -117,7 +117,7 @@ static void tell(const rx_condition *c, rx_background *sky)
     sky->global_sigma *= 1 + c->noise_error;
 }
 
-void rx_condition_tell(const rx_condition *c, rx_field *field)
+void rx_condition_apply(const rx_condition *c, rx_field *field)
 {
     if (c->sky_error == 0.0 && c->noise_error == 0.0)
         return;

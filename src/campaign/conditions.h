@@ -35,6 +35,6 @@ rx_status rx_condition_psf(const rx_condition *condition, const rx_simulate_conf
                            const rx_simulation *simulation, rx_psf **dst, rx_error *err);
 
 /* Sky and noise of a prepared field become those that restorers are told. */
-void rx_condition_tell(const rx_condition *condition, rx_field *field);
+void rx_condition_apply(const rx_condition *condition, rx_field *field);
 
 #endif

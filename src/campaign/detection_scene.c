@@ -224,7 +224,7 @@ rx_status rx_detection_tile_make(const rx_detection_state *state, int condition,
     if (status == RX_OK && scene == RX_SCENE_PLATEAU)
         status = put_plateau(state, sky, number, dst->field, err);
     if (status == RX_OK)
-        rx_condition_tell(&state->condition[condition], dst->field);
+        rx_condition_apply(&state->condition[condition], dst->field);
     rx_tile_free(tile);
     if (status != RX_OK)
         rx_detection_tile_free(dst);

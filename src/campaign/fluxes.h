@@ -62,7 +62,7 @@ typedef enum rx_flux_kind {
 
 const char *rx_flux_name(rx_flux_kind kind);
 
-typedef enum rx_company { RX_ISOLATED, RX_BLENDED, RX_NEITHER } rx_company;
+typedef enum rx_blend_state { RX_ISOLATED, RX_BLENDED, RX_NEITHER } rx_blend_state;
 
 enum { RX_FLUXES_RUNS = 8 };
 
@@ -74,7 +74,7 @@ typedef struct rx_fluxes_object {
     double
         bound; /* error of the flux of a star in a matched filter, noise of sky and photons, over the flux */
     int galaxy;
-    rx_company company;
+    rx_blend_state company;
     long partner; /* BLENDED: the nearest object it is blended with, PAIRS: the other member; else -1 */
 } rx_fluxes_object;
 
@@ -136,7 +136,7 @@ void rx_fluxes_company(long n, rx_fluxes_object *object, long nothers, const dou
 enum {
     RX_PROP_SNR,
     RX_PROP_GALAXY,
-    RX_PROP_COMPANY,
+    RX_PROP_BLEND_STATE,
     RX_PROP_BOUND,
     RX_PROP_PARTNER, /* number in the unit's list of objects, -1 none */
     RX_PROP_APART,   /* from the partner, FWHM; else 0 */

@@ -186,10 +186,10 @@ static int takes_part(const rx_fluxes_results *r, const rx_fluxes_set *set, cons
 {
     const float *prop = set->prop + i * RX_FLUXES_PROPS;
     const rx_snr_bin *bin = rx_snr_bin_get(p->bin);
-    const rx_company company = (rx_company)prop[RX_PROP_COMPANY];
-    const rx_company asked = p->crowd == RX_CROWD_ISOLATED  ? RX_ISOLATED
-                             : p->crowd == RX_CROWD_NEITHER ? RX_NEITHER
-                                                            : RX_BLENDED;
+    const rx_blend_state company = (rx_blend_state)prop[RX_PROP_BLEND_STATE];
+    const rx_blend_state asked = p->crowd == RX_CROWD_ISOLATED  ? RX_ISOLATED
+                                 : p->crowd == RX_CROWD_NEITHER ? RX_NEITHER
+                                                                : RX_BLENDED;
     if ((int)prop[RX_PROP_GALAXY] != p->galaxy || company != asked ||
         !((double)prop[RX_PROP_SNR] >= bin->low) || !((double)prop[RX_PROP_SNR] < bin->high))
         return 0;

@@ -370,7 +370,7 @@ rx_status rx_fluxes_tile_make(const rx_fluxes_state *state, int condition, rx_fl
     for (long i = 0; status == RX_OK && scene == RX_FLUXES_PAIRS && i < dst->n; i++)
         dst->object[i].partner = i ^ 1;
     if (status == RX_OK && !injected)
-        rx_condition_tell(&state->condition[condition], dst->field);
+        rx_condition_apply(&state->condition[condition], dst->field);
     rx_tile_free(tile);
     if (status != RX_OK)
         rx_fluxes_tile_free(dst);

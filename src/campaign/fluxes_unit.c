@@ -180,14 +180,14 @@ static void count_pieces(const work *w, const finding *f, long i, double pieces[
         }
         if (nearest == i && least <= PIECE_RADII * w->tile->object[i].radius + PIECE_FWHM * w->sky->fwhm) {
             pieces[0]++;
-            pieces[1] += !rx_source_made_up(&f->sources->list[k]);
+            pieces[1] += !rx_source_is_spurious(&f->sources->list[k]);
         }
     }
 }
 
 static double state_of(const rx_source *s)
 {
-    return (s->fit.restore & RX_RESTORE_ADDED ? 2 : 0) + (rx_source_made_up(s) ? 1 : 0);
+    return (s->fit.restore & RX_RESTORE_ADDED ? 2 : 0) + (rx_source_is_spurious(s) ? 1 : 0);
 }
 
 static void add_object(const work *w, const finding *f, long i)
@@ -216,7 +216,7 @@ static void add_tallies(const work *w, const finding *f)
     double tally[RX_FLUXES_TALLIES] = {0};
     for (int k = 0; k < f->sources->n; k++) {
         const rx_source *s = &f->sources->list[k];
-        const int kept = !rx_source_made_up(s);
+        const int kept = !rx_source_is_spurious(s);
         if (!f->use[k] || f->excluded[k] >= 0)
             continue;
         if (f->taken[k] < 0) {
@@ -260,7 +260,7 @@ static void add_props(const work *w)
         const double prop[RX_FLUXES_PROPS] = {
             [RX_PROP_SNR] = o->snr,
             [RX_PROP_GALAXY] = o->galaxy,
-            [RX_PROP_COMPANY] = o->company,
+            [RX_PROP_BLEND_STATE] = o->company,
             [RX_PROP_BOUND] = o->bound,
             [RX_PROP_PARTNER] = o->partner >= 0 ? (double)number[o->partner] : -1,
             [RX_PROP_APART] = hypot(o->x - other->x, o->y - other->y) / w->sky->fwhm,

@@ -321,7 +321,7 @@ rx_status rx_photometry_tile_make(const rx_photometry_state *state, const rx_pho
         tile = NULL; /* the field's */
     }
     if (status == RX_OK)
-        rx_condition_tell(&sky->condition, dst->field);
+        rx_condition_apply(&sky->condition, dst->field);
     if (status == RX_OK && dst->field->unrestorable && needs_psf(state))
         status = rx_error_set(err, RX_INPUT,
                               "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "

@@ -21,7 +21,7 @@
 #include "base/log.h"
 #include "campaign/conditions.h"
 #include "campaign/journal.h"
-#include "campaign/photometry_judge.h"
+#include "campaign/photometry_match.h"
 #include "config/campaign_config.h"
 #include "data/noise_correlation.h"
 #include "pipeline/field.h"

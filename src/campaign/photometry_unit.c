@@ -137,7 +137,7 @@ static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky
                        const rx_photometry_tile *tile, const rx_qa_list *list, const rx_qa_list *blank,
                        rx_unit_row *r, rx_error *err)
 {
-    const rx_judge_stars stars = {tile->n, tile->x, tile->y, tile->flux};
+    const rx_photometry_stars stars = {tile->n, tile->x, tile->y, tile->flux};
     const rx_known *known = sky->injected ? &sky->before : &tile->known;
     double radius = 0, nfalse = (double)blank->n;
     long *found = RX_NEW(long, (size_t)tile->n);
@@ -146,7 +146,7 @@ static rx_status judge(const rx_photometry_state *state, const rx_photometry_sky
     if (found == NULL || is_false == NULL)
         status = rx_error_memory(err, (size_t)tile->n * sizeof *found);
     if (status == RX_OK)
-        status = rx_photometry_judge(&stars, known, list->n, list->x, list->y, radius, found, is_false, err);
+        status = rx_photometry_match(&stars, known, list->n, list->x, list->y, radius, found, is_false, err);
     if (status != RX_OK)
         goto exit;
     for (long i = 0; i < tile->n; i++)

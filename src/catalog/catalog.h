@@ -50,7 +50,7 @@ rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, r
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
 
 /* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... tell what to measure. */
-void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2]);
+void rx_columns_requested(const rx_column_list *list, const char *name, int dim[2]);
 int rx_columns_has(const rx_column_list *list, const char *name);
 
 /* Is a column chosen whose name contains `part`? "_APER" stands for all aperture columns. */

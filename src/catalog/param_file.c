@@ -225,7 +225,7 @@ static const rx_column_choice *find_choice(const rx_column_list *list, const cha
     return NULL;
 }
 
-void rx_columns_wanted(const rx_column_list *list, const char *name, int dim[2])
+void rx_columns_requested(const rx_column_list *list, const char *name, int dim[2])
 {
     const rx_column_choice *choice = find_choice(list, name);
     dim[0] = choice != NULL ? choice->dim[0] : 0;

@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "base/interrupt.h"
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "io/tile.h"
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
@@ -216,7 +216,7 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
 /* The window, of nine places, that hides least; the middle one where they are equal. */
 static rx_replica_part quick_window(const rx_tile *tile, int side)
 {
-    rx_replica_part best = {.width = rx_least(tile->width, side), .height = rx_least(tile->height, side)};
+    rx_replica_part best = {.width = rx_min_int(tile->width, side), .height = rx_min_int(tile->height, side)};
     static const int order[] = {1, 0, 2};
     long most = -1;
     for (int k = 0; k < 9; k++) {

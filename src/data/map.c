@@ -4,7 +4,7 @@
 #include <float.h>
 #include <string.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 
 enum { PIECE = 64 }; /* pixels of a row whose noise is held beside their level */
 enum { ROWS = 16 };  /* made at a time */
@@ -49,7 +49,7 @@ rx_map rx_background_noise(const rx_background *sky)
 }
 
 /* No noise where there is no pixel, some noise where there is one. */
-RX_WIDE static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
+RX_SIMD static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
 {
     const float usual = sky->usual_sigma;
 #pragma omp simd

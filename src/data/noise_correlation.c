@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
+#include "base/min_max.h"
 
 enum { REACH = RX_NOISE_REACH, SIDE = RX_NOISE_SIDE };
 
@@ -33,8 +33,8 @@ rx_noise_correlation rx_noise_white(rx_noise_origin origin)
 static double overlap(const float *h, int width, int height, int dx, int dy)
 {
     double sum = 0.0;
-    for (int y = rx_most(0, -dy); y < rx_least(height, height - dy); y++)
-        for (int x = rx_most(0, -dx); x < rx_least(width, width - dx); x++)
+    for (int y = rx_max_int(0, -dy); y < rx_min_int(height, height - dy); y++)
+        for (int x = rx_max_int(0, -dx); x < rx_min_int(width, width - dx); x++)
             sum += (double)h[(size_t)y * (size_t)width + (size_t)x] *
                    (double)h[(size_t)(y + dy) * (size_t)width + (size_t)(x + dx)];
     return sum;

@@ -6,9 +6,9 @@
 
 #include "base/memory.h"
 
-int rx_source_made_up(const rx_source *source)
+int rx_source_is_spurious(const rx_source *source)
 {
-    return (source->fit.restore & (RX_RESTORE_INVENTED | RX_RESTORE_SHRED)) != 0;
+    return (source->fit.restore & (RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED)) != 0;
 }
 
 /* Row `from` of the planes and tables that go with the list to row `to`. */

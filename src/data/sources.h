@@ -46,9 +46,9 @@ enum {
 };
 
 /* FLAGS_RESTORE: what the untouched pixels say of a source, and whose work it is. INVENTED and SHRED mark it
- * as spurious; see rx_source_made_up(). */
+ * as spurious; see rx_source_is_spurious(). */
 enum {
-    RX_RESTORE_INVENTED = 1, /* not significant on them: P_REAL below 0.5 */
+    RX_RESTORE_SPURIOUS = 1, /* not significant on them: P_REAL below 0.5 */
     RX_RESTORE_SHRED = 2,    /* the same where a neighbour's own model takes its light */
     RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
     RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
@@ -162,7 +162,7 @@ typedef struct rx_sources {
 } rx_sources;
 
 /* 1: the untouched pixels do not want this source. */
-int rx_source_made_up(const rx_source *source);
+int rx_source_is_spurious(const rx_source *source);
 
 /* Keep the sources with keep[i] != 0: list, vignets, assoc rows and segmentation map in step; numbers and
  * segments are given anew from 1, the segments of those that go become sky. Errors: RX_SYSTEM. */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* Where a row lies between two rows of meshes: `first` and the next, with the weights of their values and of
  * their derivatives. */
@@ -119,7 +119,7 @@ void rx_splines_free(rx_splines *splines)
 }
 
 /* n pixels between the nodes at v[0] and v[1]. */
-RX_WIDE static void fill_between(const float *v, const float *d, const float *place, int n, float *dst)
+RX_SIMD static void fill_between(const float *v, const float *d, const float *place, int n, float *dst)
 {
     const float v0 = v[0], v1 = v[1], d0 = d[0], d1 = d[1];
 #pragma omp simd

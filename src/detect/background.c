@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "data/map.h"
 #include "detect/libsep.h"
 #include "detect/mesh.h"
@@ -173,11 +173,11 @@ static rx_status hide_sources(const rx_background_params *par, const rx_image *s
         }
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < height; y++)
-        for (int v = rx_most(y - REACH, 0); v <= rx_least(y + REACH, height - 1); v++)
+        for (int v = rx_max_int(y - REACH, 0); v <= rx_min_int(y + REACH, height - 1); v++)
             for (int x = 0; x < width; x++)
                 if (out[(size_t)v * (size_t)width + (size_t)x])
-                    memset(dst + (size_t)y * (size_t)width + (size_t)rx_most(x - REACH, 0), 1,
-                           (size_t)(rx_least(x + REACH, width - 1) - rx_most(x - REACH, 0) + 1));
+                    memset(dst + (size_t)y * (size_t)width + (size_t)rx_max_int(x - REACH, 0), 1,
+                           (size_t)(rx_min_int(x + REACH, width - 1) - rx_max_int(x - REACH, 0) + 1));
 exit:
     rx_background_free(sky);
     free(filtered);

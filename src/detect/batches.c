@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "detect/cutouts.h"
-#include "detect/summits.h"
+#include "detect/deblendable.h"
 
 enum { SMALL, PLAIN, BLEND };
 enum { PLAIN_AREA = 1 << 17, BLEND_AREA = 1 << 15 }; /* pixels of a packed image: it stays in the cache */
@@ -21,7 +21,7 @@ static rx_status sort_out(const rx_detect_params *par, const rx_groups *groups, 
     const int part = par->min_area < LEAST_PART ? par->min_area : LEAST_PART;
 #pragma omp parallel num_threads(par->nthreads > 0 ? par->nthreads : 1)
     {
-        rx_summits work = {0};
+        rx_deblendable work = {0};
         rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         rx_status own = RX_OK;
 #pragma omp for schedule(dynamic, 64)
@@ -31,10 +31,10 @@ static rx_status sort_out(const rx_detect_params *par, const rx_groups *groups, 
             if (groups->list[i].size < par->min_area || own != RX_OK)
                 continue;
             if (par->deblend_levels > 1)
-                own = rx_summits_split(groups, i, part, par->deblend_contrast, &work, &splits, &trouble);
+                own = rx_deblendable_test(groups, i, part, par->deblend_contrast, &work, &splits, &trouble);
             kind[i] = splits ? BLEND : PLAIN;
         }
-        rx_summits_free(&work);
+        rx_deblendable_free(&work);
         if (own != RX_OK) {
 #pragma omp critical(rx_batches_status)
             {

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "num/stats.h"
 
 enum {
@@ -49,16 +49,16 @@ typedef struct place {
 
 static place place_of(const rx_image *image, int nx, int ny, int k)
 {
-    const int width = rx_least(CELL, image->width), height = rx_least(CELL, image->height);
+    const int width = rx_min_int(CELL, image->width), height = rx_min_int(CELL, image->height);
     const int i = k % nx, j = k / nx;
     place p = {.width = width, .height = height};
     /* evenly, from border to border */
     p.x = nx > 1 ? (int)((long)(image->width - width) * i / (nx - 1)) : (image->width - width) / 2;
     p.y = ny > 1 ? (int)((long)(image->height - height) * j / (ny - 1)) : (image->height - height) / 2;
-    p.left = rx_most(p.x - REACH, 0);
-    p.low = rx_most(p.y - REACH, 0);
-    p.across = rx_least(p.x + width + REACH, image->width) - p.left;
-    p.up = rx_least(p.y + height + REACH, image->height) - p.low;
+    p.left = rx_max_int(p.x - REACH, 0);
+    p.low = rx_max_int(p.y - REACH, 0);
+    p.across = rx_min_int(p.x + width + REACH, image->width) - p.left;
+    p.up = rx_min_int(p.y + height + REACH, image->height) - p.low;
     return p;
 }
 
@@ -108,9 +108,9 @@ static void leave_out(double middle, double limit, int reach, room *r)
         if (!r->out[i])
             continue;
         const int x = i % WINDOW, y = i / WINDOW;
-        for (int v = rx_most(y - reach, 0); v <= rx_least(y + reach, WINDOW - 1); v++)
-            memset(&r->good[v * WINDOW + rx_most(x - reach, 0)], 0,
-                   (size_t)(rx_least(x + reach, WINDOW - 1) - rx_most(x - reach, 0) + 1));
+        for (int v = rx_max_int(y - reach, 0); v <= rx_min_int(y + reach, WINDOW - 1); v++)
+            memset(&r->good[v * WINDOW + rx_max_int(x - reach, 0)], 0,
+                   (size_t)(rx_min_int(x + reach, WINDOW - 1) - rx_max_int(x - reach, 0) + 1));
     }
 }
 
@@ -154,8 +154,8 @@ static double mean_product(const place *p, const room *r, int dx, int dy)
     double sum = 0.0;
     long pairs = 0;
     const int x0 = p->x - p->left, y0 = p->y - p->low;
-    const int first = rx_most(x0, -dx), end = rx_least(x0 + p->width, p->across - dx);
-    for (int y = y0; y < rx_least(y0 + p->height, p->up - dy); y++) {
+    const int first = rx_max_int(x0, -dx), end = rx_min_int(x0 + p->width, p->across - dx);
+    for (int y = y0; y < rx_min_int(y0 + p->height, p->up - dy); y++) {
         const float *a = r->z + y * WINDOW, *b = a + dy * WINDOW + dx;
         const unsigned char *u = r->good + y * WINDOW, *v = u + dy * WINDOW + dx;
         float row = 0.0f;
@@ -300,9 +300,9 @@ static void judge_quadrant(const cell *cells, const int *which, int n, int q, do
 rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,
                                  rx_noise_correlation *dst, rx_error *err)
 {
-    const int nx = rx_least(rx_most(image->width / CELL, 1), GRID),
-              ny = rx_least(rx_most(image->height / CELL, 1), GRID), n = nx * ny;
-    const int threads = rx_most(rx_least(nthreads, n), 1);
+    const int nx = rx_min_int(rx_max_int(image->width / CELL, 1), GRID),
+              ny = rx_min_int(rx_max_int(image->height / CELL, 1), GRID), n = nx * ny;
+    const int threads = rx_max_int(rx_min_int(nthreads, n), 1);
     rx_status status = RX_OK;
     cell *cells = RX_NEW(cell, (size_t)n);
     room *rooms = RX_NEW(room, (size_t)threads);

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 
 enum { LEAST_WIDTH = 64 };
 static const float NOTHING = 1e30f;         /* noise where there is no pixel */
@@ -116,12 +116,12 @@ static void fill_unfiltered(const rx_threshold *image, const rx_groups *groups,
     const rx_group *g = &groups->list[cut->group];
     const size_t row = (size_t)dst->width;
     const int dx = g->xmin - cut->x, dy = g->ymin - cut->y; /* from the packed image to the tile */
-    const int left = rx_most(rx_most(cut->x - dst->ring, 0), -dx);
+    const int left = rx_max_int(rx_max_int(cut->x - dst->ring, 0), -dx);
     const int right =
-        rx_least(rx_least(cut->x + g->xmax - g->xmin + dst->ring + 1, dst->width), image->width - dx);
-    const int low = rx_most(rx_most(cut->y - dst->ring, 0), -dy);
+        rx_min_int(rx_min_int(cut->x + g->xmax - g->xmin + dst->ring + 1, dst->width), image->width - dx);
+    const int low = rx_max_int(rx_max_int(cut->y - dst->ring, 0), -dy);
     const int high =
-        rx_least(rx_least(cut->y + g->ymax - g->ymin + dst->ring + 1, dst->height), image->height - dy);
+        rx_min_int(rx_min_int(cut->y + g->ymax - g->ymin + dst->ring + 1, dst->height), image->height - dy);
     for (int v = low; v < high; v++)
         memcpy(dst->pixels + (size_t)v * row + (size_t)left,
                unfiltered->pixels + (size_t)(v + dy) * (size_t)image->width + (size_t)(left + dx),
@@ -140,8 +140,8 @@ static void fence(const rx_groups *groups, const rx_unfiltered *unfiltered, cons
     const rx_group *g = &groups->list[cut->group];
     const int dx = g->xmin - cut->x, dy = g->ymin - cut->y;
     for (const rx_span *s = groups->spans + g->first; s < groups->spans + g->first + g->nspans; s++)
-        for (int v = rx_most(s->y - dy - 1, 0); v <= s->y - dy + 1 && v < dst->height; v++)
-            for (int u = rx_most(s->x0 - dx - 1, 0); u <= s->x1 - dx && u < dst->width; u++) {
+        for (int v = rx_max_int(s->y - dy - 1, 0); v <= s->y - dy + 1 && v < dst->height; v++)
+            for (int u = rx_max_int(s->x0 - dx - 1, 0); u <= s->x1 - dx && u < dst->width; u++) {
                 const size_t k = (size_t)v * (size_t)dst->width + (size_t)u;
                 if (dst->noise[k] == NOTHING)
                     dst->noise[k] = fmaxf(g->lowest, filtered[k]) / (float)unfiltered->threshold * ROUNDING;
@@ -171,7 +171,7 @@ rx_status rx_cutouts_make(const rx_threshold *image, const rx_groups *groups, co
     const bool noisy = image->noise != NULL || unfiltered != NULL;
     *dst = (rx_cutouts){.n = n, .ring = 1};
     if (unfiltered != NULL)
-        dst->ring += rx_most(unfiltered->kernel->width, unfiltered->kernel->height) / 2;
+        dst->ring += rx_max_int(unfiltered->kernel->width, unfiltered->kernel->height) / 2;
     item *items = RX_NEW(item, (size_t)n);
     dst->list = RX_NEW(rx_cutout, (size_t)n);
     if (items == NULL || dst->list == NULL) {

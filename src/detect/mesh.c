@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 
 enum { MAX_LEVELS = 4096, MAX_ROUNDS = 100, PART = 64 };
 static const double LEAST_GOOD = 0.5;             /* of a mesh's pixels */
@@ -55,7 +55,7 @@ typedef struct moments {
 } moments;
 
 /* Of the values from low to high. What is outside adds 0: no branch depends on noise, and vectors do it. */
-RX_WIDE static moments measure_moments(const float *values, int n, float low, float high)
+RX_SIMD static moments measure_moments(const float *values, int n, float low, float high)
 {
     moments m = {0};
     double sum = 0.0, squares = 0.0;
@@ -77,7 +77,7 @@ RX_WIDE static moments measure_moments(const float *values, int n, float low, fl
 }
 
 /* Levels of width `scale` from `zero`; fills the histogram and its running sums. */
-RX_WIDE static void fill_histogram(workspace *work, int n, int levels, float zero, float scale)
+RX_SIMD static void fill_histogram(workspace *work, int n, int levels, float zero, float scale)
 {
     const float shift = (float)(0.499999 - (double)(zero / scale));
     memset(work->histogram, 0, ((size_t)levels + 1) * sizeof *work->histogram);
@@ -176,7 +176,7 @@ static void measure_mesh(workspace *work, int n, int area, rx_mesh_level how, fl
 }
 
 /* The n pixels are finite and none is hidden, as nearly all rows are. */
-RX_WIDE static bool all_good(const float *pixels, const uint8_t *mask, int mask_bits, int n)
+RX_SIMD static bool all_good(const float *pixels, const uint8_t *mask, int mask_bits, int n)
 {
     int bad = 0;
 #pragma omp simd reduction(| : bad)
@@ -299,8 +299,8 @@ static float box_median(const sep_bkg *mesh, const float *values, int half_width
                         float *box)
 {
     const int x = m % mesh->nx, y = m / mesh->nx;
-    const int rx = rx_least(half_width, rx_least(x, mesh->nx - 1 - x));
-    const int ry = rx_least(half_height, rx_least(y, mesh->ny - 1 - y));
+    const int rx = rx_min_int(half_width, rx_min_int(x, mesh->nx - 1 - x));
+    const int ry = rx_min_int(half_height, rx_min_int(y, mesh->ny - 1 - y));
     int n = 0;
     for (int v = y - ry; v <= y + ry; v++)
         for (int u = x - rx; u <= x + rx; u++)
@@ -311,8 +311,8 @@ static float box_median(const sep_bkg *mesh, const float *values, int half_width
 /* Running medians where they are at least the filter's threshold away, and the medians of all. */
 static rx_status smooth(const rx_background_params *par, sep_bkg *mesh, rx_error *err)
 {
-    const size_t n = (size_t)mesh->n, half_width = (size_t)(rx_least(par->filter_width, mesh->nx * 2) / 2),
-                 half_height = (size_t)(rx_least(par->filter_height, mesh->ny * 2) / 2);
+    const size_t n = (size_t)mesh->n, half_width = (size_t)(rx_min_int(par->filter_width, mesh->nx * 2) / 2),
+                 half_height = (size_t)(rx_min_int(par->filter_height, mesh->ny * 2) / 2);
     const size_t room = (2 * half_width + 1) * (2 * half_height + 1);
     rx_status status = RX_OK;
     float *level = RX_NEW(float, n), *sigma = RX_NEW(float, n), *box = RX_NEW(float, room);
@@ -379,8 +379,8 @@ rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image
         return rx_error_memory(err, sizeof *mesh);
     mesh->w = image->width;
     mesh->h = image->height;
-    mesh->bw = rx_least(par->mesh_width, mesh->w);
-    mesh->bh = rx_least(par->mesh_height, mesh->h);
+    mesh->bw = rx_min_int(par->mesh_width, mesh->w);
+    mesh->bh = rx_min_int(par->mesh_height, mesh->h);
     mesh->nx = (mesh->w - 1) / mesh->bw + 1;
     mesh->ny = (mesh->h - 1) / mesh->bh + 1;
     mesh->n = mesh->nx * mesh->ny;

@@ -22,7 +22,7 @@ rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err)
 static rx_status unpack(gzFile from, const char *path, int to, char *piece, int64_t *size, rx_error *err)
 {
     int64_t place = 0, most = 64 * (int64_t)PIECE; /* asked for as it grows, for a header may lie */
-    while (rx_fits_walk_wanted(to, *size, &place) > *size) {
+    while (rx_fits_walk_selected(to, *size, &place) > *size) {
         int failed = Z_OK;
         if (*size + PIECE > most) {
             most *= 2;

@@ -248,7 +248,7 @@ rx_status rx_fits_walk(int file, const char *path, rx_error *err)
     return status;
 }
 
-int64_t rx_fits_walk_wanted(int file, int64_t size, int64_t *place)
+int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
 {
     source s = {.plain = file};
     rx_fits_layout header;

@@ -44,7 +44,7 @@ rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err);
 /* How many bytes from its beginning a file must have so that the walk through its headers can go on, when
  * `size` of them are there; no more than `size` where it has ended. *place, 0 at first, is where it goes on
  * with more bytes. */
-int64_t rx_fits_walk_wanted(int file, int64_t size, int64_t *place);
+int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place);
 
 /* Is it the disk that makes cfitsio fail with that status? Then nothing more may be read: cfitsio keeps the
  * block that it could not read as if it had. */

@@ -421,7 +421,7 @@ rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
     return RX_OK;
 }
 
-void rx_outputs_tell(const rx_outputs *outputs, const char *more, rx_log *log)
+void rx_outputs_log(const rx_outputs *outputs, const char *more, rx_log *log)
 {
     rx_text names = {0};
     for (size_t i = 0; i < outputs->n; i++)

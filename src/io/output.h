@@ -33,7 +33,7 @@ void rx_output_remove(const char *path);
 rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err);
 
 /* The last line of a run: what was committed, and `more` (may be NULL), as the user wrote the names. */
-void rx_outputs_tell(const rx_outputs *outputs, const char *more, rx_log *log);
+void rx_outputs_log(const rx_outputs *outputs, const char *more, rx_log *log);
 
 /* Remove what was not committed and free. NULL is fine. */
 void rx_outputs_free(rx_outputs *outputs);

@@ -10,8 +10,8 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/simd.h"
 #include "base/text.h"
-#include "base/wide.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/fits_read.h"
@@ -213,7 +213,7 @@ const char *rx_tile_checksum(rx_tile *tile)
 }
 
 /* No pixel is bad or saturated, as in nearly all rows. */
-RX_WIDE static bool all_good(const float *pixels, size_t n, double saturation)
+RX_SIMD static bool all_good(const float *pixels, size_t n, double saturation)
 {
     int bad = 0;
 #pragma omp simd reduction(| : bad)

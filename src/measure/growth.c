@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* ROOM: for the samples of a pixel, whole vectors of them. */
 enum { RINGS = 64, SAMPLES = 25, ROOM = 28 };
@@ -32,7 +32,7 @@ static inline int64_t count_within(const double *distance2, double edge2)
 
 /* Spread a pixel over the rings it touches; edge2[i]: squared radius where ring i begins. The samples of each
  * ring are counted, which takes no root for any of them and adds to a ring once. */
-RX_WIDE static void add_to_rings(const double *edge2, double *rings, double value, double dx, double dy,
+RX_SIMD static void add_to_rings(const double *edge2, double *rings, double value, double dx, double dy,
                                  double per_pixel)
 {
     const double share = value / SAMPLES, near_x = fmax(fabs(dx) - OUTERMOST, 0.0),

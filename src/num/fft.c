@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* Columns transformed together, and rows turned into pieces of columns together: eight complex numbers are
  * one cache line. */
@@ -164,7 +164,7 @@ int rx_fft_stride_complex(const rx_fft *fft)
 }
 
 /* s *= kernel, or its complex conjugate for sign = -1; n complex numbers. */
-RX_WIDE static void multiply(size_t n, const fftwf_complex *kernel, float sign, fftwf_complex *s)
+RX_SIMD static void multiply(size_t n, const fftwf_complex *kernel, float sign, fftwf_complex *s)
 {
     const float *restrict k = (const float *)kernel;
     float *restrict z = (float *)s;

@@ -69,7 +69,7 @@ rx_status rx_pipeline_defaults(rx_pipeline_params *dst, rx_error *err)
         return status;
     *dst = (rx_pipeline_params){.restorer = rx_restorer_find(config->restore_type.v[0])};
     rx_pipeline_fill(dst, &config->settings);
-    rx_pipeline_threads(dst, rx_threads_wanted(config->nthreads));
+    rx_pipeline_threads(dst, rx_threads_count(config->nthreads));
     set_filter(dst, config->filter);
     rx_config_free(config);
     return RX_OK;
@@ -93,7 +93,7 @@ rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const ch
     else if (strcasecmp(name, "FILTER") == 0)
         set_filter(params, config->filter);
     else if (strcasecmp(name, "NTHREADS") == 0)
-        rx_pipeline_threads(params, rx_threads_wanted(config->nthreads));
+        rx_pipeline_threads(params, rx_threads_count(config->nthreads));
     else if (strcasecmp(name, "PIXEL_SCALE") == 0)
         params->stated_scale = config->pixel_scale;
     else

@@ -83,7 +83,7 @@ static rx_status restore_image(work *w, rx_error *err)
     if (!w->params->judge_residual || restored->reblurred == NULL || strcmp(restored->name, "NET") != 0)
         return RX_OK;
     const rx_image image = rx_field_restorable(w->detect);
-    RX_TRY(rx_residual_judge(&image, restored, w->params->nthreads, &result->residual, err));
+    RX_TRY(rx_residual_flag(&image, restored, w->params->nthreads, &result->residual, err));
     if (!w->params->restore.keep_reblurred) {
         free(restored->reblurred);
         restored->reblurred = NULL;

@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 
 enum { CELL = RX_RESIDUAL_CELL, HALF = CELL / 2 };
 
@@ -25,8 +25,8 @@ typedef struct sums {
 static void sum_cell(const rx_image *image, const rx_restored *restored, int cx, int cy, sums *dst)
 {
     const rx_map sky = rx_image_sky(image);
-    const int x0 = cx * CELL, y0 = cy * CELL, n = rx_least(CELL, image->width - x0),
-              rows = rx_least(CELL, image->height - y0);
+    const int x0 = cx * CELL, y0 = cy * CELL, n = rx_min_int(CELL, image->width - x0),
+              rows = rx_min_int(CELL, image->height - y0);
     *dst = (sums){0};
     for (int y = y0; y < y0 + rows; y++) {
         float level_room[CELL], sigma_room[CELL];
@@ -54,8 +54,8 @@ static void sum_cell(const rx_image *image, const rx_restored *restored, int cx,
     }
 }
 
-rx_status rx_residual_judge(const rx_image *image, const rx_restored *restored, int nthreads,
-                            rx_residual *dst, rx_error *err)
+rx_status rx_residual_flag(const rx_image *image, const rx_restored *restored, int nthreads, rx_residual *dst,
+                           rx_error *err)
 {
     const int nx = (image->width + CELL - 1) / CELL, ny = (image->height + CELL - 1) / CELL, n = nx * ny;
     long boxes = 0, dark = 0;

@@ -29,8 +29,8 @@ typedef struct rx_residual {
 } rx_residual;
 
 /* restored->reblurred is given. The same bytes for any nthreads. Errors: RX_SYSTEM. */
-rx_status rx_residual_judge(const rx_image *image, const rx_restored *restored, int nthreads,
-                            rx_residual *dst, rx_error *err);
+rx_status rx_residual_flag(const rx_image *image, const rx_restored *restored, int nthreads, rx_residual *dst,
+                           rx_error *err);
 void rx_residual_free(rx_residual *residual); /* content only */
 
 /* Is the pixel in a cell that is not explained; in a dark box? */

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "detect/filter.h"
-#include "template/leftover.h"
+#include "template/template_residual.h"
 
 /* Of the light that the models have around a pixel, so much counts as noise: profiles and PSFs miss by a few
  * per cent, and so do positions; of a bright source that is many sigmas, all over its face and round it. */
@@ -35,8 +35,8 @@ typedef struct place {
 /* What one call looks for and where. */
 typedef struct search {
     rx_template_extra *extra;
-    const rx_tphot_look *look;
-    rx_leftover leftover;
+    const rx_tphot_search *look;
+    rx_template_residual leftover;
     double norm; /* of the filter: S/N in it is that times its peak's over the noise of a pixel */
     double threshold;
     int ntaken;
@@ -76,7 +76,7 @@ static float *matched_filter(const rx_psf *psf, int width, int height, int *side
 
 /* What stands alone was there to be seen on the restored image: whether it is a source is for the detection
  * threshold to say. */
-static int hidden(const rx_leftover_spot *spot)
+static int hidden(const rx_template_residual_pixel *spot)
 {
     return spot->light > HIDDEN / sqrt(spot->weight);
 }
@@ -89,7 +89,7 @@ static int by_y(const void *one, const void *other)
 
 static rx_status sort_taken(search *of, rx_error *err)
 {
-    const rx_tphot_look *look = of->look;
+    const rx_tphot_search *look = of->look;
     const size_t n = (size_t)look->n + (size_t)look->nseconds;
     of->taken = RX_NEW(place, n);
     if (of->taken == NULL)
@@ -143,7 +143,7 @@ static int in_a_saturated_star(const search *of, const rx_source *s)
 }
 
 /* Is it one that is looked for: in a crowd all that is significant, elsewhere, in the first look, what models hide? */
-static int wanted(const search *of, const rx_source *s, const rx_leftover_spot *spot)
+static int wanted(const search *of, const rx_source *s, const rx_template_residual_pixel *spot)
 {
     const double fwhm = of->extra->psf->fwhm;
     if (rx_crowding_at(of->look->crowd, s->xpeak, s->ypeak))
@@ -156,18 +156,18 @@ static int wanted(const search *of, const rx_source *s, const rx_leftover_spot *
  * peak before the filter. */
 static rx_status choose(const search *of, int from, int to, rx_sources *found, rx_error *err)
 {
-    const rx_leftover *leftover = &of->leftover;
+    const rx_template_residual *leftover = &of->leftover;
     const int width = leftover->canvas->width, height = leftover->canvas->height;
     const double margin = BORDER * of->extra->psf->fwhm;
     unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
-    rx_leftover_spot *spots = RX_NEW(rx_leftover_spot, (size_t)found->n);
+    rx_template_residual_pixel *spots = RX_NEW(rx_template_residual_pixel, (size_t)found->n);
     rx_status status = RX_OK;
     if (keep == NULL || spots == NULL)
         status = rx_error_memory(err, (size_t)found->n * (sizeof *spots + 1));
     for (int i = 0; i < found->n && status == RX_OK; i++)
-        spots[i] = (rx_leftover_spot){.x = found->list[i].xpeak, .y = found->list[i].ypeak};
+        spots[i] = (rx_template_residual_pixel){.x = found->list[i].xpeak, .y = found->list[i].ypeak};
     if (status == RX_OK)
-        status = rx_leftover_look(leftover, spots, found->n, err);
+        status = rx_template_residual_at(leftover, spots, found->n, err);
     if (status != RX_OK)
         goto exit;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(of->extra->nthreads)
@@ -224,7 +224,7 @@ static rx_status collect(const rx_sources *band, int from, rx_template_extra *ex
 }
 
 /* The second ones of pairs, which share the pixels of the first, join them: one pixel each. */
-static rx_status add_seconds(const rx_tphot_look *look, double threshold, rx_sources *found, rx_error *err)
+static rx_status add_seconds(const rx_tphot_search *look, double threshold, rx_sources *found, rx_error *err)
 {
     const size_t all = (size_t)found->n + (size_t)look->nseconds;
     const double square = 1 / 12.0;
@@ -242,7 +242,7 @@ static rx_status add_seconds(const rx_tphot_look *look, double threshold, rx_sou
         s->cxx = s->cyy = 1 / square;
         s->a = s->b = sqrt(square);
         s->analysis_threshold =
-            threshold * sqrt((double)rx_canvas_variance(look->canvas, s->xpeak, s->ypeak));
+            threshold * sqrt((double)rx_fit_image_variance(look->canvas, s->xpeak, s->ypeak));
     }
     return RX_OK;
 }
@@ -275,7 +275,7 @@ static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx
     if (filtered == NULL || noise == NULL || mask == NULL)
         status = rx_error_memory(err, npixels * (2 * sizeof *filtered + 1));
     else
-        status = rx_leftover_filter(&of->leftover, from, to, filtered, noise, mask, err);
+        status = rx_template_residual_filter(&of->leftover, from, to, filtered, noise, mask, err);
     par.threshold = par.analysis_threshold = of->threshold;
     par.absolute = par.analysis_absolute = 0;
     par.min_area = 1;
@@ -342,11 +342,11 @@ static rx_status find_all(search *of, rx_error *err)
     return status;
 }
 
-rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
+rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double (**dst)[2], int *n,
                                  rx_error *err)
 {
     rx_template_extra *extra = user;
-    rx_canvas *canvas = look->canvas;
+    rx_fit_image *canvas = look->canvas;
     const int before = extra->found != NULL ? extra->found->n : 0;
     int side = 0;
     float *stamp = matched_filter(extra->psf, canvas->width, canvas->height, &side);

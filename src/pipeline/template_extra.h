@@ -34,7 +34,7 @@ typedef struct rx_template_extra {
  * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
  * taken, nor in a source with saturated pixels. In a crowd all that is significant is looked for, at crowd_threshold where
  * that is lower, with a hundredth of that light as noise. What is found in later looks follows what was found before. Errors: RX_SYSTEM, RX_USAGE. */
-rx_status rx_template_extra_find(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
+rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double (**dst)[2], int *n,
                                  rx_error *err);
 
 /* Append what was found, as far as tphot still holds it, to the list that the templates were made of: numbers and segments go

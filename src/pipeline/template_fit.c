@@ -143,15 +143,15 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
         return rx_error_memory(err, (size_t)sources->n);
     for (int i = 0; i < sources->n; i++) {
         rx_source_template *t = &sources->list[i].fit;
-        t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_INVENTED | RX_RESTORE_SHRED);
+        t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED);
         if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr)) {
             t->restore |= RX_RESTORE_UNTESTED;
         } else {
             t->preal = rx_preal_of(&fit->preal, t->evidence);
             if (rx_preal_doubtful(&fit->preal, t->evidence))
-                t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_INVENTED;
+                t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
-        keep[i] = !rx_source_made_up(&sources->list[i]);
+        keep[i] = !rx_source_is_spurious(&sources->list[i]);
         marked += !keep[i];
     }
     fit->invented = fit->dropped + marked;

@@ -18,7 +18,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "num/stats.h"
 #include "psf/psf_stretch.h"
 
@@ -276,7 +276,7 @@ typedef struct system_of {
     size_t room_size;
 } system_of;
 
-RX_WIDE static void add_scaled(const float *src, float factor, size_t n, float *dst)
+RX_SIMD static void add_scaled(const float *src, float factor, size_t n, float *dst)
 {
 #pragma omp simd
     for (size_t i = 0; i < n; i++)

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 
 rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst,
                            rx_error *err)
@@ -80,7 +80,7 @@ void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double te
         terms[k] = in_x[px[k]] * in_y[py[k]];
 }
 
-RX_WIDE void rx_psf_model_mix(const rx_psf_model *model, const float *planes,
+RX_SIMD void rx_psf_model_mix(const rx_psf_model *model, const float *planes,
                               const double terms[RX_PSF_TERMS], int nterms, float *dst)
 {
     const size_t n = (size_t)model->side * (size_t)model->side;
@@ -116,7 +116,7 @@ size_t rx_psf_model_work(const rx_psf_model *model)
     return 2 * (size_t)model->side * (size_t)(2 * model->half + 1);
 }
 
-RX_WIDE void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
+RX_SIMD void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
                                 float *stamp, float *gx, float *gy, float *work)
 {
     const int m = model->m, n = 2 * half + 1, rows = m * (n - 1) + 4;
@@ -153,7 +153,7 @@ RX_WIDE void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, d
     }
 }
 
-RX_WIDE void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy,
+RX_SIMD void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy,
                                  float *nodes, float *work)
 {
     const int m = model->m, n = 2 * model->half + 1, rows = m * (n - 1) + 4;

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "num/convolve.h"
 
 static const double NEGLIGIBLE = 1e-6;
@@ -250,8 +250,8 @@ static int read_line(void *user, int j, float *line)
 {
     const block *b = user;
     const int margin = b->blur->margin, side = rx_fft_width(b->work->fft), left = b->x - margin;
-    const int y = b->y - margin + j, first = rx_most(left, b->from_x->begin),
-              last = rx_least(b->x + b->width + margin, b->from_x->end);
+    const int y = b->y - margin + j, first = rx_max_int(left, b->from_x->begin),
+              last = rx_min_int(b->x + b->width + margin, b->from_x->end);
     if (j >= b->height + 2 * margin || y < b->from_y->begin || y >= b->from_y->end)
         return 0;
     memset(line, 0, (size_t)(first - left) * sizeof *line);
@@ -274,8 +274,8 @@ static int read_weighted(void *user, int j, float *line)
     const rx_blur *blur = b->blur;
     if (!read_line(user, j, line))
         return 0;
-    const int left = b->x - blur->margin, first = rx_most(left, b->from_x->begin),
-              last = rx_least(b->x + b->width + blur->margin, b->from_x->end);
+    const int left = b->x - blur->margin, first = rx_max_int(left, b->from_x->begin),
+              last = rx_min_int(b->x + b->width + blur->margin, b->from_x->end);
     const float c = blur->cy[b->term][b->y + j], *cx = blur->cx[b->term] + (first + blur->margin);
     float *sky = line + (first - left);
 #pragma omp simd
@@ -343,8 +343,8 @@ static void run_one(block b, rx_blur_work *work, const rx_blur_axis *to_x, const
     b.work = work;
     b.x = to_x->begin + k % to_x->n * to_x->step;
     b.y = to_y->begin + k / to_x->n * to_y->step;
-    b.width = rx_least(to_x->step, to_x->end - b.x);
-    b.height = rx_least(to_y->step, to_y->end - b.y);
+    b.width = rx_min_int(to_x->step, to_x->end - b.x);
+    b.height = rx_min_int(to_y->step, to_y->end - b.y);
     run(&b);
 }
 

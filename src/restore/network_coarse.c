@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "num/convolve.h"
 
 enum { MOST_RADIUS = 16 }; /* of the Gaussian, cells */
@@ -110,7 +110,7 @@ static inline void coarse_cell(const float *low, const float *high, int i, int c
 }
 
 /* The row between the cells' rows low and high. */
-RX_WIDE static void coarse_row(const float *low, const float *high, int nx, int cell, float fy, int x, int n,
+RX_SIMD static void coarse_row(const float *low, const float *high, int nx, int cell, float fy, int x, int n,
                                float *dst)
 {
     float fx = 0;

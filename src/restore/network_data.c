@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "data/map.h"
 #include "num/convolve.h"
 
@@ -98,7 +98,7 @@ exit:
     return status;
 }
 
-RX_WIDE static void to_units(int n, const float *restrict pixels, const float *restrict level,
+RX_SIMD static void to_units(int n, const float *restrict pixels, const float *restrict level,
                              const float *restrict unit, const uint8_t *restrict mask, float *restrict x)
 {
 #pragma omp simd

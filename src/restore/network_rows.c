@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 #include "nn/rl_step.h"
 
 /* What the ends of a transform are given. */
@@ -102,7 +102,7 @@ static int read_ratio(void *user, int y, float *line)
 enum { TOGETHER = 64 };
 
 /* r of n pixels. */
-RX_WIDE static void ratios(int n, const float *restrict x, const float *restrict m,
+RX_SIMD static void ratios(int n, const float *restrict x, const float *restrict m,
                            const uint8_t *restrict mask, float pedestal, float *restrict r)
 {
     for (int first = 0; first < n; first += TOGETHER) {
@@ -142,7 +142,7 @@ static void write_ratio(void *user, int y, float *line)
 }
 
 /* rx_rl_update() of n pixels, at most TOGETHER. */
-RX_WIDE static void update_some(int n, const float *restrict f, const float *restrict c,
+RX_SIMD static void update_some(int n, const float *restrict f, const float *restrict c,
                                 const float *restrict q, float *restrict next)
 {
     float gain[TOGETHER];

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "data/map.h"
 
 enum { CELL = 8, ROUNDS = 64 };
@@ -38,7 +38,7 @@ static frame frame_of(const rx_network_input *input, const float *m, float error
 }
 
 /* r and the variance of n pixels, of the sky, of the photons of m and of its error. */
-RX_WIDE static void residuals(const frame *f, int n, const float *restrict m, const float *restrict unit,
+RX_SIMD static void residuals(const frame *f, int n, const float *restrict m, const float *restrict unit,
                               const float *restrict sigma, float *restrict r, float *restrict variance)
 {
     const float photon = (float)f->photon, error = f->error;
@@ -137,7 +137,7 @@ rx_status rx_network_sky(const rx_network_input *input, const float *m, double f
     return status;
 }
 
-RX_WIDE static void to_adu(int n, const float *restrict unit, const float *restrict sky, float *restrict v)
+RX_SIMD static void to_adu(int n, const float *restrict unit, const float *restrict sky, float *restrict v)
 {
 #pragma omp simd
     for (int i = 0; i < n; i++) {

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "data/map.h"
 #include "num/convolve.h"
 
@@ -39,7 +39,7 @@ typedef struct noise_maker {
 } noise_maker;
 
 /* sum[n] = weights[2 radius + 1] along the line, whose first value belongs to -radius. */
-RX_WIDE static void along(const float *restrict line, const float *restrict weights, int radius, int n,
+RX_SIMD static void along(const float *restrict line, const float *restrict weights, int radius, int n,
                           float *restrict sum)
 {
     for (int x = 0; x < n; x += TOGETHER) {
@@ -53,7 +53,7 @@ RX_WIDE static void along(const float *restrict line, const float *restrict weig
 }
 
 /* sum[n] of the rows first .. last (from the one at `rows`, COLUMNS apart), each with its weight. */
-RX_WIDE static void across(const float *rows, const float *restrict weights, int first, int last, int n,
+RX_SIMD static void across(const float *rows, const float *restrict weights, int first, int last, int n,
                            float *restrict sum)
 {
     for (int x = 0; x < n; x += TOGETHER) {
@@ -67,7 +67,7 @@ RX_WIDE static void across(const float *rows, const float *restrict weights, int
 }
 
 /* How bright n pixels are, in sigmas, and which of them are seen. Returns how many are hidden. */
-RX_WIDE static int brightness(int n, const float *restrict pixels, const float *restrict level,
+RX_SIMD static int brightness(int n, const float *restrict pixels, const float *restrict level,
                               const float *restrict sigma, const uint8_t *restrict mask, float *restrict line,
                               float *restrict good)
 {
@@ -105,7 +105,7 @@ static void sum_row(const noise_maker *j, int x0, int y, int n, int row, sums *s
         along(good, j->weights, r, n, s->den[row]);
 }
 
-RX_WIDE static void make_noise(int n, const float *restrict num, const float *restrict den,
+RX_SIMD static void make_noise(int n, const float *restrict num, const float *restrict den,
                                const uint8_t *restrict mask, const float *restrict sigma, float factor,
                                float *restrict map)
 {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "data/map.h"
 #include "num/stats.h"
 
@@ -101,7 +101,7 @@ static double choose_pedestal(const rx_restore_params *par, double median, doubl
     return fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median);
 }
 
-RX_WIDE static void make_data(int n, const float *restrict pixels, const float *level, double pedestal,
+RX_SIMD static void make_data(int n, const float *restrict pixels, const float *level, double pedestal,
                               const uint8_t *restrict mask, float *dst)
 {
 #pragma omp simd
@@ -129,7 +129,7 @@ static inline double relative(float sigma, double median)
     return (sigma > 0) & (sigma <= FLT_MAX) ? held : 1;
 }
 
-RX_WIDE static void make_weight(int n, const float *sigma, double median, const uint8_t *restrict mask,
+RX_SIMD static void make_weight(int n, const float *sigma, double median, const uint8_t *restrict mask,
                                 float *dst)
 {
 #pragma omp simd
@@ -150,7 +150,7 @@ const float *rx_prepared_weight(const rx_prepared *prepared, int y, int x, int n
     return room;
 }
 
-RX_WIDE static void make_variance(int n, const float *sigma, double median, double unit,
+RX_SIMD static void make_variance(int n, const float *sigma, double median, double unit,
                                   const uint8_t *restrict mask, float *dst)
 {
 #pragma omp simd

@@ -8,9 +8,9 @@
 #include <string.h>
 
 #include "base/interrupt.h"
-#include "base/least.h"
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
@@ -31,7 +31,7 @@ static void plan_strips(const rx_blur *blur, int whole, rx_rl *rl)
 {
     enum { BLOCKS_OF_A_THREAD = 4 };
     const int wanted = BLOCKS_OF_A_THREAD * blur->nwork, across = blur->sky_x.n;
-    rl->strip = whole ? blur->sky_y.n : rx_least((wanted + across - 1) / across, blur->sky_y.n);
+    rl->strip = whole ? blur->sky_y.n : rx_min_int((wanted + across - 1) / across, blur->sky_y.n);
     const size_t rows =
         (size_t)rl->strip * (size_t)blur->sky_y.step + 2 * (size_t)blur->margin + (size_t)blur->tile_y.step;
     rl->kept = whole || rows > (size_t)blur->height ? blur->height : (int)rows;
@@ -130,7 +130,7 @@ static void make_model(rx_rl *rl, int end)
     if (end <= rl->made)
         return;
     rx_blur_apply_rows(rl->blur, &(rx_blur_lines){read_object, write_model, rl}, first, last);
-    rl->made = rx_least(last * step, rl->prepared->height);
+    rl->made = rx_min_int(last * step, rl->prepared->height);
 }
 
 void rx_rl_model(rx_rl *rl)
@@ -193,7 +193,7 @@ static float damp(float residual, float variance, float scale)
 }
 
 /* dst = W (d - m) / m */
-RX_WIDE static void plain_residual(const float *restrict data, const float *restrict weight,
+RX_SIMD static void plain_residual(const float *restrict data, const float *restrict weight,
                                    const float *restrict model, int n, float *restrict dst)
 {
 #pragma omp simd
@@ -238,7 +238,7 @@ static void read_residual(void *user, int y, int x, int n, float *line)
 }
 
 /* f moves by its change, where that is known. */
-RX_WIDE static void move(const float *restrict change, const float *restrict norm, float bound, int n,
+RX_SIMD static void move(const float *restrict change, const float *restrict norm, float bound, int n,
                          float *restrict f)
 {
 #pragma omp simd
@@ -262,9 +262,9 @@ void rx_rl_update(rx_rl *rl)
     const rx_blur_axis *sky = &rl->blur->sky_y;
     /* What is not made of the model yet reads only rows of the object that have not moved. */
     for (int first = 0; first < sky->n; first += rl->strip) {
-        const int last = rx_least(first + rl->strip, sky->n);
-        make_model(rl, rx_least(rx_least(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
-                                rl->prepared->height));
+        const int last = rx_min_int(first + rl->strip, sky->n);
+        make_model(rl, rx_min_int(rx_min_int(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
+                                  rl->prepared->height));
         rx_blur_adjoint_rows(rl->blur, &(rx_blur_lines){read_residual, move_object, rl}, first, last);
     }
     rl->made = 0;

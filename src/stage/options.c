@@ -184,7 +184,7 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     rx_columns_clip(dst->columns, "FLUX_RADIUS", par->nradii, "PHOT_FLUXFRAC", log);
     rx_columns_clip(dst->columns, "IMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
     rx_columns_clip(dst->columns, "NIMAFLAGS_ISO", dst->tile[0].nflags, "FLAG_IMAGE", log);
-    rx_columns_wanted(dst->columns, "VIGNET", vignet);
+    rx_columns_requested(dst->columns, "VIGNET", vignet);
     par->vignet_width = vignet[0];
     par->vignet_height = vignet[1];
 }
@@ -278,7 +278,7 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     dst->reference.flux_zeropoint = NAN;
     rx_fill_all(rows, (int)COUNT(rows), &cfg->settings, dst);
     rx_pipeline_fill(pipeline, &cfg->settings);
-    rx_pipeline_threads(pipeline, cfg->plan ? rx_threads_wanted(cfg->nthreads) /* the run may be elsewhere */
+    rx_pipeline_threads(pipeline, cfg->plan ? rx_threads_count(cfg->nthreads) /* the run may be elsewhere */
                                             : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);

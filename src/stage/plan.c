@@ -8,8 +8,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "base/names.h"
 #include "data/restorers.h"
 #include "data/table.h"
@@ -414,8 +414,8 @@ static double guard(const load *l, const rx_restorer *kind)
     enum { SIDE = 1024 };
     rx_tile_shape shape = *l->shape;
     load window = *l;
-    shape.width = rx_least(shape.width, SIDE);
-    shape.height = rx_least(shape.height, SIDE);
+    shape.width = rx_min_int(shape.width, SIDE);
+    shape.height = rx_min_int(shape.height, SIDE);
     window.shape = &shape;
     window.pixels = plan_pixels(&shape);
     window.sources = l->sources * window.pixels / fmax(l->pixels, 1);
@@ -518,7 +518,7 @@ static double template_seconds(const load *l)
 static double rounds(const load *l, const rx_restorer *kind)
 {
     const rx_options *options = l->job->options;
-    double n = rx_most(options->check.blank_check, 0);
+    double n = rx_max_int(options->check.blank_check, 0);
     if (guarded(l, kind))
         n += fmin(5.0 * 512 * 512 / fmax(l->pixels, 1), 2.0);
     if (options->check.self_check)

@@ -180,7 +180,7 @@ static rx_status rx_simulation_build(const rx_simulate_config *config, const rx_
     simulation->sharp_fwhm = config->sharp_fwhm;
     simulation->alpha = config->sky_center.v[0];
     simulation->delta = config->sky_center.v[1];
-    simulation->nthreads = rx_threads_wanted(config->nthreads);
+    simulation->nthreads = rx_threads_count(config->nthreads);
     simulation->noise = noise_params(config);
     simulation->coadd = coadd_params(config);
     if (ground->with_optics) {
@@ -879,7 +879,7 @@ static rx_status finish(job *job, rx_error *err)
     if (status == RX_OK)
         status = rx_outputs_commit(job->outputs, err);
     if (status == RX_OK)
-        rx_outputs_tell(job->outputs, NULL, job->log);
+        rx_outputs_log(job->outputs, NULL, job->log);
     return status;
 }
 

@@ -256,8 +256,8 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
         status = run_all(j, err);
     if (status == RX_OK) {
         if (facts != NULL) /* -REPLAY wants none, and keeps no output */
-            rx_outputs_tell(j->outputs,
-                            strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
+            rx_outputs_log(j->outputs,
+                           strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
         status = verdict_status(j->verdict, options->qa_name, err);
     }
 exit:

@@ -175,7 +175,7 @@ static rx_status write_all(const rx_rollup *rollup, const rx_survey_config *conf
         status = rx_outputs_commit(outputs, err);
     if (status == RX_OK) {
         tell(rollup, log);
-        rx_outputs_tell(outputs, NULL, log);
+        rx_outputs_log(outputs, NULL, log);
     }
     rx_outputs_free(outputs);
     return status;

@@ -21,7 +21,7 @@ static rx_status write_file(const char *path, const rx_text *text, rx_log *log, 
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     if (status == RX_OK)
-        rx_outputs_tell(outputs, NULL, log);
+        rx_outputs_log(outputs, NULL, log);
     rx_outputs_free(outputs);
     return status;
 }

@@ -3,7 +3,7 @@
 #define RX_TEMPLATE_BLENDS_H
 
 #include "base/error.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 /* Two templates that overlap: strength = <a, b> / sqrt(<a, a> <b, b>). */
 typedef struct rx_blend_link {

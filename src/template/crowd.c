@@ -3,8 +3,8 @@
 
 #include <stdlib.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 
 static const double COVERED = 0.05; /* share of the pixels */
 static const double BEAMS = 70.0;   /* areas of FWHM^2 a source */
@@ -22,7 +22,7 @@ int rx_crowding_at(const rx_crowding *crowd, int x, int y)
 }
 
 /* Visible and covered pixels and sources of every cell. */
-static rx_status count(rx_canvas *canvas, const double (*at)[2], int n, const rx_crowding *crowd,
+static rx_status count(rx_fit_image *canvas, const double (*at)[2], int n, const rx_crowding *crowd,
                        long (*sums)[3], rx_error *err)
 {
     for (int i = 0; i < n; i++) {
@@ -31,11 +31,12 @@ static rx_status count(rx_canvas *canvas, const double (*at)[2], int n, const rx
             sums[cell_of(crowd, x, y)][2]++;
     }
     for (int from = 0, to; from < crowd->height; from = to) {
-        to = from + rx_canvas_rows(canvas) < crowd->height ? from + rx_canvas_rows(canvas) : crowd->height;
-        RX_TRY(rx_canvas_show_rows(canvas, from, to, err));
+        to = from + rx_fit_image_rows(canvas) < crowd->height ? from + rx_fit_image_rows(canvas)
+                                                              : crowd->height;
+        RX_TRY(rx_fit_image_load_rows(canvas, from, to, err));
         for (int y = from; y < to; y++)
             for (int x = 0; x < crowd->width; x++) {
-                const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
+                const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
                 long *sum = sums[cell_of(crowd, x, y)];
                 sum[0] += canvas->weight[k] > 0;
                 sum[1] += canvas->weight[k] > 0 && canvas->model[k] > canvas->sigma[k];
@@ -44,7 +45,7 @@ static rx_status count(rx_canvas *canvas, const double (*at)[2], int n, const rx
     return RX_OK;
 }
 
-rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, double fwhm, int mode,
+rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err)
 {
     *dst = (rx_crowding){.width = canvas->width,
@@ -61,8 +62,8 @@ rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, doub
     for (int y = 0; y < dst->ny && status == RX_OK; y++)
         for (int x = 0; x < dst->nx; x++) {
             long sum[3] = {0};
-            for (int v = rx_most(y - 1, 0); v <= rx_least(y + 1, dst->ny - 1); v++)
-                for (int u = rx_most(x - 1, 0); u <= rx_least(x + 1, dst->nx - 1); u++)
+            for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, dst->ny - 1); v++)
+                for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, dst->nx - 1); u++)
                     for (int j = 0; j < 3; j++)
                         sum[j] += sums[v * dst->nx + u][j];
             const double area = (double)sum[0];
@@ -92,8 +93,8 @@ rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int
     for (int y = 0; y < crowd->ny; y++)
         for (int x = 0; x < crowd->nx; x++) {
             double sum[2] = {0};
-            for (int v = rx_most(y - 1, 0); v <= rx_least(y + 1, crowd->ny - 1); v++)
-                for (int u = rx_most(x - 1, 0); u <= rx_least(x + 1, crowd->nx - 1); u++)
+            for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, crowd->ny - 1); v++)
+                for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, crowd->nx - 1); u++)
                     for (int j = 0; j < 2; j++)
                         sum[j] += sums[v * crowd->nx + u][j];
             uint8_t *cell = &crowd->cells[y * crowd->nx + x];

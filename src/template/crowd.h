@@ -4,7 +4,7 @@
 #define RX_TEMPLATE_CROWD_H
 
 #include "base/error.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 /* Cells of the image, [ny][nx], 1 where crowded. */
 typedef struct rx_crowding {
@@ -17,7 +17,7 @@ typedef struct rx_crowding {
  * on more than a twentieth of the visible pixels, and sources are more than one in 70 areas of FWHM^2: a galaxy covers a cell,
  * too, and is no crowd. at[n]: x, y of the sources. mode RX_CROWDING_NO: none is, RX_CROWDING_YES:
  * all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
-rx_status rx_crowding_find(rx_canvas *canvas, const double (*at)[2], int n, double fwhm, int mode,
+rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err);
 
 /* Cells in and around which more than four fifths of the light is extended, once pairs are no profiles any more, are no crowd: a

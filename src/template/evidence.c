@@ -9,14 +9,14 @@ static const double OVERLAP = 0.3, BLEND = 0.2;
 static const double LUMPS = 0.3; /* of a large galaxy's light, on the scale of a source */
 
 /* The brighter member with most light under the template of i; -1: none. *light: in units of i's flux. */
-static int brightest_over(const rx_subject *subjects, const int *member, int n, int i, double *light)
+static int brightest_over(const rx_fit_source *subjects, const int *member, int n, int i, double *light)
 {
-    const rx_subject *one = &subjects[member[i]];
+    const rx_fit_source *one = &subjects[member[i]];
     const double power = rx_footprint_product(&one->footprint, &one->footprint, NULL);
     int found = -1;
     *light = 0;
     for (int j = 0; j < n && power > 0; j++) {
-        const rx_subject *other = &subjects[member[j]];
+        const rx_fit_source *other = &subjects[member[j]];
         if (j == i || !(other->flux > one->flux))
             continue;
         const double under =
@@ -29,11 +29,11 @@ static int brightest_over(const rx_subject *subjects, const int *member, int n, 
     return found;
 }
 
-rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *members, const int *member,
-                           int n, int i)
+rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
+                                       const int *member, int n, int i)
 {
     const double flux = subjects[member[i]].flux, variance = members[member[i]].variance;
-    rx_rival rival = {.one = member[i], .other = -1};
+    rx_fit_neighbour rival = {.one = member[i], .other = -1};
     rival.alone = flux > 0 && variance > 0 ? flux * flux / variance : 0;
     if (!(rival.alone > 0))
         return rival;
@@ -43,14 +43,15 @@ rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *me
     return rival;
 }
 
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                         const rx_subject *subjects, const rx_rival *rival, double *evidence, rx_error *err)
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                         const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
+                         rx_error *err)
 {
     double rise = 0;
     *evidence = rival->alone;
     if (rival->other < 0)
         return RX_OK;
-    const rx_subject *other = &subjects[rival->other];
+    const rx_fit_source *other = &subjects[rival->other];
     rx_status status = rx_refine_alone(par, view, lens, other, &subjects[rival->one], &rise, err);
     if (status != RX_OK || !isfinite(rise))
         return status;

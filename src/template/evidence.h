@@ -7,16 +7,16 @@
 #include "template/refine.h"
 
 /* Who may have the light of a source, too. */
-typedef struct rx_rival {
+typedef struct rx_fit_neighbour {
     int one;      /* index of the source */
     double alone; /* its flux^2 / variance; 0 where one of them is not above 0 */
     int other;    /* index of that subject, -1: nobody */
     double light; /* of it under the template of the source, in fluxes of the source */
-} rx_rival;
+} rx_fit_neighbour;
 
 /* Of member i of a group of n after its last fit: subjects[member[..]] and members[member[..]]. */
-rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *members, const int *member,
-                           int n, int i);
+rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
+                                       const int *member, int n, int i);
 
 /* Subject rival->one, of which the canvas shows rx_refine_alone_window() of its rival where it has one. Without a
  * brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
@@ -34,7 +34,8 @@ rx_rival rx_evidence_rival(const rx_subject *subjects, const rx_joint_member *me
  *
  * Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is the least
  * contrast of arms in simulate/scene.h. par: never frozen. Errors: RX_SYSTEM. */
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                         const rx_subject *subjects, const rx_rival *rival, double *evidence, rx_error *err);
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                         const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
+                         rx_error *err);
 
 #endif

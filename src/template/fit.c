@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 
 enum { CHUNK = 64 }; /* pixels of a row that are summed up together */
 
@@ -15,12 +15,12 @@ rx_spergel rx_fit_profile(const rx_fit *fit)
                         expm1(fit->p[RX_FIT_NU])};
 }
 
-static void render(const rx_fit *fit, rx_lens_size *size, int gradient)
+static void render(const rx_fit *fit, rx_template_domain *size, int gradient)
 {
     const rx_spergel profile = rx_fit_profile(fit);
     const int extended = fit->n == RX_FIT_ALL;
-    rx_lens_render(size, extended ? &profile : NULL, fit->p[RX_FIT_X], fit->p[RX_FIT_Y], NULL,
-                   extended && gradient ? 5 : 1);
+    rx_template_domain_render(size, extended ? &profile : NULL, fit->p[RX_FIT_X], fit->p[RX_FIT_Y], NULL,
+                              extended && gradient ? 5 : 1);
 }
 
 /* x [n] = a^-1 b by Cholesky, a [n][n] overwritten; 0 when not definite. */
@@ -71,7 +71,7 @@ double rx_fit_log_determinant(const rx_fit *fit)
 }
 
 /* Flux of the linear fit of plane 0; *power = its inverse variance. */
-static double linear_flux(const rx_lens_size *size, const rx_patch *patch, double *power)
+static double linear_flux(const rx_template_domain *size, const rx_patch *patch, double *power)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
     double td = 0, tt = 0;
@@ -99,7 +99,7 @@ static inline double prior_part(const rx_fit *fit)
     return sum;
 }
 
-RX_WIDE static double chi2_of(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch)
+RX_SIMD static double chi2_of(const rx_fit *fit, const rx_template_domain *size, const rx_patch *patch)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
     const double flux = fit->p[RX_FIT_FLUX];
@@ -142,7 +142,7 @@ static inline void add_stretch(int n, float (*g)[CHUNK], const float *w, const f
 
 /* Derivatives of the model on a stretch whose first pixel is k on the planes, shifts by central differences
  * of the template; and what is left of the data. */
-static inline void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k, const double *data,
+static inline void slopes(const rx_fit *fit, const rx_template_domain *size, size_t k, const double *data,
                           int count, float (*g)[CHUNK], float *r)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
@@ -162,8 +162,8 @@ static inline void slopes(const rx_fit *fit, const rx_lens_size *size, size_t k,
 }
 
 /* Normal matrix (lower triangle) and gradient from the planes. */
-RX_WIDE static void normal(const rx_fit *fit, const rx_lens_size *size, const rx_patch *patch, double *a,
-                           double *b)
+RX_SIMD static void normal(const rx_fit *fit, const rx_template_domain *size, const rx_patch *patch,
+                           double *a, double *b)
 {
     const int n = fit->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
@@ -236,7 +236,7 @@ static double promise(const rx_fit *fit, const double *a, const double *b)
 }
 
 /* Steps until nothing more is to be had; returns whether plane 0 holds the template of fit->p. */
-static int descend(rx_fit *fit, rx_lens_size *size, const rx_patch *patch, double *a, double *b)
+static int descend(rx_fit *fit, rx_template_domain *size, const rx_patch *patch, double *a, double *b)
 {
     /* of chi2: a last step of a tenth of a sigma is followed by a far smaller one; one of a thirtieth is not
      * worth a rendering; after one of a third no new derivatives are */
@@ -269,7 +269,7 @@ static int descend(rx_fit *fit, rx_lens_size *size, const rx_patch *patch, doubl
     return current;
 }
 
-void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
+void rx_fit_run(rx_fit *fit, rx_template_domain *size, const rx_patch *patch)
 {
     double a[RX_FIT_ALL * RX_FIT_ALL], b[RX_FIT_ALL], power;
     limit(fit);
@@ -286,17 +286,17 @@ void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
 enum { PAIR = 6, PAIR_STEPS = 15 }; /* flux, x and y of the one, then of the other */
 
 /* Two points: normal matrix and gradient; returns chi2. */
-RX_WIDE static double pair_normal(const double *p, rx_lens_size *size, const rx_patch *patch, double *a,
+RX_SIMD static double pair_normal(const double *p, rx_template_domain *size, const rx_patch *patch, double *a,
                                   double *b)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
     float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
     double chi2 = 0;
-    rx_lens_render(size, NULL, p[1], p[2], NULL, 1);
+    rx_template_domain_render(size, NULL, p[1], p[2], NULL, 1);
     float *first = size->plane[0];
     size->plane[0] = size->plane[1];
     size->plane[1] = first;
-    rx_lens_render(size, NULL, p[4], p[5], NULL, 1);
+    rx_template_domain_render(size, NULL, p[4], p[5], NULL, 1);
     memset(a, 0, sizeof(double) * PAIR * PAIR);
     memset(b, 0, sizeof(double) * PAIR);
     for (size_t j = 0; j < side; j++)
@@ -324,7 +324,7 @@ RX_WIDE static double pair_normal(const double *p, rx_lens_size *size, const rx_
     return chi2;
 }
 
-double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_lens_size *size,
+double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_template_domain *size,
                    const rx_patch *patch, double pair[2][3])
 {
     const double x0 = fit->p[RX_FIT_X], y0 = fit->p[RX_FIT_Y], half = 0.5 * fit->p[RX_FIT_FLUX];
@@ -367,7 +367,7 @@ static const double MOST_GAIN = 4.0;
 
 /* The fit moved by `by` along its shape's direction: flux, weight over the Gaussian's there; -1: no such
  * thing. */
-static double node(const rx_fit *fit, const double *direction, double by, rx_lens_size *size,
+static double node(const rx_fit *fit, const double *direction, double by, rx_template_domain *size,
                    const rx_patch *patch, double *flux)
 {
     rx_fit moved = *fit;
@@ -382,7 +382,7 @@ static double node(const rx_fit *fit, const double *direction, double by, rx_len
     return power > 0 && gain < MOST_GAIN ? exp(0.5 * gain) / sqrt(power) : -1;
 }
 
-rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch)
+rx_fit_mean rx_fit_average(const rx_fit *fit, rx_template_domain *size, const rx_patch *patch)
 {
     static const double nodes[3] = {0, 1.7320508075688772, -1.7320508075688772};
     static const double shares[3] = {2.0 / 3, 1.0 / 6, 1.0 / 6};

@@ -2,9 +2,9 @@
 #ifndef RX_TEMPLATE_FIT_H
 #define RX_TEMPLATE_FIT_H
 
-#include "template/lens.h"
 #include "template/patch.h"
 #include "template/spergel.h"
+#include "template/template_otf.h"
 
 /* Order of the parameters; a point has the first three. */
 enum { RX_FIT_FLUX, RX_FIT_X, RX_FIT_Y, RX_FIT_RADIUS, RX_FIT_G1, RX_FIT_G2, RX_FIT_NU, RX_FIT_ALL };
@@ -25,7 +25,7 @@ typedef struct rx_fit {
 
 /* From fit->p on. Plane 0 of the domain holds the template of fit->p afterwards. The flux is that of the
  * linear fit at the start, whatever p says. */
-void rx_fit_run(rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
+void rx_fit_run(rx_fit *fit, rx_template_domain *size, const rx_patch *patch);
 
 /* Profile of the parameters. */
 rx_spergel rx_fit_profile(const rx_fit *fit);
@@ -39,7 +39,7 @@ double rx_fit_variance(const rx_fit *fit, int j);
 /* Chi2 of the two points, both brighter than 0, that describe the patch best, found from fit's position, its flux in halves,
  * dx, dy to either side; neither goes farther than `room` from there. pair: flux, x, y of each; NULL: not asked for.
  * HUGE_VAL: there is no such pair. Planes 0 and 1 are lost. */
-double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_lens_size *size,
+double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_template_domain *size,
                    const rx_patch *patch, double pair[2][3]);
 
 /* Averages over what the shape may be, where its posterior is not the Gaussian around the best fit: flux
@@ -55,6 +55,6 @@ typedef struct rx_fit_mean {
  * exp(-chi2 / 2) over the Gaussian's, times the width that the flux has there. Where a node is better than
  * the best fit by more than a posterior's skewness explains, the best fit and its variance. Plane 0 is lost.
  */
-rx_fit_mean rx_fit_average(const rx_fit *fit, rx_lens_size *size, const rx_patch *patch);
+rx_fit_mean rx_fit_average(const rx_fit *fit, rx_template_domain *size, const rx_patch *patch);
 
 #endif

@@ -5,11 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 #include "num/normal.h"
-#include "template/grain.h"
+#include "template/correlated.h"
 #include "template/patch.h"
 
 enum { MANY = 16 }; /* unknowns that are worth several threads */
@@ -82,11 +82,11 @@ static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst,
 }
 
 /* sum w T and sum w T (data - model) over a footprint. */
-RX_WIDE static void project(const rx_footprint *f, const rx_canvas *canvas, double *weight, double *value)
+RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *canvas, double *weight, double *value)
 {
     double sum_w = 0, sum_v = 0;
     for (int j = 0; j < f->height; j++) {
-        const size_t row = rx_canvas_row(canvas, f->y0 + j) + (size_t)f->x0;
+        const size_t row = rx_fit_image_row(canvas, f->y0 + j) + (size_t)f->x0;
         const float *t = f->values + (size_t)j * (size_t)f->width;
         const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
 #pragma omp simd reduction(+ : sum_w, sum_v)
@@ -100,11 +100,11 @@ RX_WIDE static void project(const rx_footprint *f, const rx_canvas *canvas, doub
     *value = sum_v;
 }
 
-RX_WIDE static void sum_box(const rx_footprint *f, const rx_canvas *canvas, double sums[3])
+RX_SIMD static void sum_box(const rx_footprint *f, const rx_fit_image *canvas, double sums[3])
 {
     double sum = 0, value = 0, count = 0;
     for (int y = f->y0; y < f->y0 + f->height; y++) {
-        const size_t row = rx_canvas_row(canvas, y) + (size_t)f->x0;
+        const size_t row = rx_fit_image_row(canvas, y) + (size_t)f->x0;
         const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
 #pragma omp simd reduction(+ : sum, value, count)
         for (int i = 0; i < f->width; i++) {
@@ -119,23 +119,23 @@ RX_WIDE static void sum_box(const rx_footprint *f, const rx_canvas *canvas, doub
 }
 
 /* What holds the footprints. */
-static rx_window window_of(const rx_canvas *canvas, int n, const rx_joint_member *m)
+static rx_window window_of(const rx_fit_image *canvas, int n, const rx_joint_member *m)
 {
     rx_window w = {canvas->width, canvas->height, 0, 0};
     for (int i = 0; i < n; i++) {
         const rx_footprint *f = m[i].footprint;
         if (f->width == 0)
             continue;
-        w.x0 = rx_least(f->x0, w.x0);
-        w.y0 = rx_least(f->y0, w.y0);
-        w.x1 = rx_most(f->x0 + f->width, w.x1);
-        w.y1 = rx_most(f->y0 + f->height, w.y1);
+        w.x0 = rx_min_int(f->x0, w.x0);
+        w.y0 = rx_min_int(f->y0, w.y0);
+        w.x1 = rx_max_int(f->x0 + f->width, w.x1);
+        w.y1 = rx_max_int(f->y0 + f->height, w.y1);
     }
     return w;
 }
 
 /* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
-static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *canvas, double sums[3],
+static rx_status sum_union(int n, const rx_joint_member *m, const rx_fit_image *canvas, double sums[3],
                            rx_error *err)
 {
     const rx_window w = window_of(canvas, n, m);
@@ -153,7 +153,7 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *can
         for (int y = f->y0; y < f->y0 + f->height; y++)
             for (int x = f->x0; x < f->x0 + f->width; x++) {
                 uint8_t *s = &seen[(size_t)(y - w.y0) * side + (size_t)(x - w.x0)];
-                const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
+                const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
                 const double weight = *s ? 0 : canvas->weight[k];
                 *s = 1;
                 if (!(weight > 0))
@@ -168,7 +168,8 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_canvas *can
 }
 
 /* Columns of the fluxes of members with data, then of the shifts of those that may move. */
-static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m, equations *e, rx_error *err)
+static rx_status list_columns(const rx_fit_image *canvas, int n, rx_joint_member *m, equations *e,
+                              rx_error *err)
 {
     e->columns = RX_NEW(column, 3 * (size_t)n);
     e->slopes = RX_NEW(rx_footprint, 2 * (size_t)n);
@@ -203,7 +204,7 @@ static rx_status list_columns(const rx_canvas *canvas, int n, rx_joint_member *m
 }
 
 /* Of the unknown i: sum w T (d - M), and the matrix up to its diagonal and for the background. */
-static void fill_column(const rx_joint_params *par, const rx_canvas *canvas, size_t i, equations *e)
+static void fill_column(const rx_joint_params *par, const rx_fit_image *canvas, size_t i, equations *e)
 {
     const size_t last = e->ncolumns, size = e->n;
     const column *c = &e->columns[i];
@@ -219,7 +220,7 @@ static void fill_column(const rx_joint_params *par, const rx_canvas *canvas, siz
 }
 
 /* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
-static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n, const rx_joint_member *m,
+static rx_status fill(const rx_joint_params *par, const rx_fit_image *canvas, int n, const rx_joint_member *m,
                       equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
@@ -255,25 +256,26 @@ static rx_status fill(const rx_joint_params *par, const rx_canvas *canvas, int n
 }
 
 /* Column i of B. */
-static rx_status fill_noise(const rx_canvas *canvas, const rx_window *all, size_t i, equations *e,
+static rx_status fill_noise(const rx_fit_image *canvas, const rx_window *all, size_t i, equations *e,
                             rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
     const double wide = rx_noise_factor_wide(canvas->correlation);
-    rx_grain grain;
-    RX_TRY(rx_grain_new(canvas, e->columns[i].footprint, all, &grain, err));
+    rx_correlated grain;
+    RX_TRY(rx_correlated_new(canvas, e->columns[i].footprint, all, &grain, err));
     for (size_t j = 0; j <= i; j++)
-        e->noise[i * size + j] = e->noise[j * size + i] = rx_grain_product(&grain, e->columns[j].footprint);
+        e->noise[i * size + j] = e->noise[j * size + i] =
+            rx_correlated_covariance(&grain, e->columns[j].footprint);
     if (e->columns[i].what != 0)
         e->noise[i * size + i] += e->columns[i].precision * e->columns[i].precision / e->columns[i].prior;
     if (size > last) /* the background is far wider than the noise's reach */
         e->noise[i * size + last] = e->noise[last * size + i] = wide * wide * e->a[i * size + last];
-    rx_grain_clear(&grain);
+    rx_correlated_clear(&grain);
     return RX_OK;
 }
 
 /* dst = a b, all [n][n]. */
-RX_WIDE static void multiply(const double *a, const double *b, size_t n, double *dst)
+RX_SIMD static void multiply(const double *a, const double *b, size_t n, double *dst)
 {
     memset(dst, 0, n * n * sizeof *dst);
     for (size_t i = 0; i < n; i++)
@@ -287,7 +289,7 @@ RX_WIDE static void multiply(const double *a, const double *b, size_t n, double 
 
 /* covariance = A^-1, zero in rows and columns of what is held, becomes A^-1 B A^-1: B the covariance of b, to
  * which priors contribute by as much as they count. */
-static rx_status correlate(const rx_joint_params *par, const rx_canvas *canvas, int n,
+static rx_status correlate(const rx_joint_params *par, const rx_fit_image *canvas, int n,
                            const rx_joint_member *m, equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
@@ -369,8 +371,8 @@ static void store(const equations *e, int singular, rx_joint_member *m, int n, d
     }
 }
 
-rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       double *background, double *covariance, rx_error *err)
+rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, int n,
+                       rx_joint_member *members, double *background, double *covariance, rx_error *err)
 {
     equations e = {0};
     int singular = 0;

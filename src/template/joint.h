@@ -3,7 +3,7 @@
 #define RX_TEMPLATE_JOINT_H
 
 #include "base/error.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 typedef struct rx_joint_params {
     double background_sigma; /* of the prior, in sigmas of a pixel; 0: none fitted */
@@ -31,7 +31,7 @@ typedef struct rx_joint_member {
 /* n members; data are what the model of all others leaves. Weights are those of independent pixels, variances
  * those of the noise as canvas->correlation has it (grain.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
  * wanted. Errors: RX_SYSTEM. */
-rx_status rx_joint_fit(const rx_joint_params *par, const rx_canvas *canvas, int n, rx_joint_member *members,
-                       double *background, double *covariance, rx_error *err);
+rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, int n,
+                       rx_joint_member *members, double *background, double *covariance, rx_error *err);
 
 #endif

@@ -5,10 +5,10 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* count pixels from k on. */
-RX_WIDE static void cut_row(const rx_canvas *canvas, ptrdiff_t k, int count, double *restrict data,
+RX_SIMD static void cut_row(const rx_fit_image *canvas, ptrdiff_t k, int count, double *restrict data,
                             double *restrict weight)
 {
     const float *w = canvas->weight + k, *d = canvas->data + k, *m = canvas->model + k;
@@ -19,7 +19,7 @@ RX_WIDE static void cut_row(const rx_canvas *canvas, ptrdiff_t k, int count, dou
     }
 }
 
-rx_status rx_patch_cut(const rx_canvas *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+rx_status rx_patch_cut(const rx_fit_image *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
                        rx_error *err)
 {
     if (half > domain / 2 - 2) /* neighbours are asked for derivatives */
@@ -36,7 +36,7 @@ rx_status rx_patch_cut(const rx_canvas *canvas, int cx, int cy, int half, int do
         const int y = patch->y0 + j;
         if (y < 0 || y >= canvas->height)
             continue;
-        const ptrdiff_t k = (ptrdiff_t)rx_canvas_row(canvas, y) + patch->x0;
+        const ptrdiff_t k = (ptrdiff_t)rx_fit_image_row(canvas, y) + patch->x0;
         cut_row(canvas, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
                 patch->weight + (size_t)j * side + (size_t)first);
     }
@@ -73,7 +73,7 @@ void rx_patch_clear(rx_patch *patch)
     *patch = (rx_patch){0};
 }
 
-RX_WIDE static int any_above(const float *row, int count, double level)
+RX_SIMD static int any_above(const float *row, int count, double level)
 {
     float most = 0;
 #pragma omp simd reduction(max : most)
@@ -84,7 +84,7 @@ RX_WIDE static int any_above(const float *row, int count, double level)
     return most > level;
 }
 
-rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width, int height,
+rx_status rx_footprint_crop(const rx_template_plane *plane, double level, int width, int height,
                             rx_footprint *dst, rx_error *err)
 {
     const int n = plane->n, x0 = plane->cx - n / 2, y0 = plane->cy - n / 2;
@@ -134,7 +134,7 @@ double rx_footprint_peak(const rx_footprint *f)
     return (double)peak;
 }
 
-RX_WIDE double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas)
+RX_SIMD double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *canvas)
 {
     const int x0 = a->x0 > b->x0 ? a->x0 : b->x0, y0 = a->y0 > b->y0 ? a->y0 : b->y0;
     const int x1 = a->x0 + a->width < b->x0 + b->width ? a->x0 + a->width : b->x0 + b->width;
@@ -148,7 +148,7 @@ RX_WIDE double rx_footprint_product(const rx_footprint *a, const rx_footprint *b
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x];
         } else {
-            const float *w = canvas->weight + rx_canvas_row(canvas, y);
+            const float *w = canvas->weight + rx_fit_image_row(canvas, y);
 #pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x] * w[x];

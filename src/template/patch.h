@@ -2,8 +2,8 @@
 #ifndef RX_TEMPLATE_PATCH_H
 #define RX_TEMPLATE_PATCH_H
 
-#include "template/canvas.h"
-#include "template/lens.h"
+#include "template/fit_image.h"
+#include "template/template_otf.h"
 
 /* Pixel (i, j) of the patch is pixel (x0 + i, y0 + j) of the image and (corner + i, corner + j) of a plane of
  * the domain. */
@@ -15,7 +15,7 @@ typedef struct rx_patch {
 
 /* data - model of the pixels within `half` of the whole pixel (cx, cy). Free with rx_patch_clear(). Errors:
  * RX_SYSTEM. */
-rx_status rx_patch_cut(const rx_canvas *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+rx_status rx_patch_cut(const rx_fit_image *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
                        rx_error *err);
 /* Footprint times flux onto the data where there is weight. */
 void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux);
@@ -24,21 +24,21 @@ void rx_patch_dim(rx_patch *patch, double factor);
 void rx_patch_clear(rx_patch *patch);
 
 /* A rendered plane, its pixel (n/2, n/2) on (cx, cy) of the image. */
-typedef struct rx_lens_plane {
+typedef struct rx_template_plane {
     const float *values; /* [n][n] in rows of stride */
     int n;
     size_t stride;
     int cx, cy;
-} rx_lens_plane;
+} rx_template_plane;
 
 /* Crop it to where it is above `level` and inside the image of width x height pixels. Errors: RX_SYSTEM. */
-rx_status rx_footprint_crop(const rx_lens_plane *plane, double level, int width, int height,
+rx_status rx_footprint_crop(const rx_template_plane *plane, double level, int width, int height,
                             rx_footprint *dst, rx_error *err);
 
 /* Its largest value, at least 0. */
 double rx_footprint_peak(const rx_footprint *footprint);
 
 /* sum over common pixels of a b; with `canvas` weighted. */
-double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_canvas *canvas);
+double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *canvas);
 
 #endif

@@ -29,9 +29,9 @@ enum { ITERATIONS = 12 };
 typedef struct job {
     const rx_refine_params *par;
     const rx_refine_view *view;
-    const rx_subject *before;
+    const rx_fit_source *before;
     int cx, cy; /* whole pixel in the middle of the domain */
-    rx_lens_size *size;
+    rx_template_domain *size;
     rx_patch patch;
 } job;
 
@@ -94,7 +94,7 @@ static int fit_point(const job *j, rx_fit *fit)
  * halo of a bright star, or what the sky level lacks, for their outskirts, at twenty times their flux. */
 static double widest(const job *j)
 {
-    const rx_subject *s = j->before;
+    const rx_fit_source *s = j->before;
     const double seen = 0.5 * sqrt((s->xmax - s->xmin + 1.0) * (s->ymax - s->ymin + 1.0));
     return fmax(WIDEST_GUESS * s->guess, seen + 0.5 * j->view->fwhm);
 }
@@ -103,14 +103,14 @@ static double widest(const job *j)
 static void fit_profile(const job *j, double flux, rx_fit *fit)
 {
     const rx_spergel *last = &j->before->profile;
-    const rx_usual *usual = j->par->usual;
+    const rx_tile_prior *usual = j->par->usual;
     *fit = (rx_fit){.n = RX_FIT_ALL};
     set_position(j, 0.5 * j->before->guess, fit);
     fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
     fit->p[RX_FIT_G1] = last->g1;
     fit->p[RX_FIT_G2] = last->g2;
     fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : EXPONENTIAL);
-    fit->prior[RX_FIT_RADIUS] = rx_usual_centre(usual, &usual->radius, flux);
+    fit->prior[RX_FIT_RADIUS] = rx_prior_scaling_mean(usual, &usual->radius, flux);
     fit->width[RX_FIT_RADIUS] = usual->radius.width;
     fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
     fit->high[RX_FIT_RADIUS] = log(fmin(widest(j), 0.25 * j->size->n));
@@ -136,13 +136,13 @@ static double position_gain(const rx_fit *fit)
     return sum;
 }
 
-static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_subject *after)
+static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_fit_source *after)
 {
     after->kind = RX_TPHOT_POINT;
     after->point = after->star = after->lift = 1;
     after->chi2_gain = after->variance = after->misfit = 0;
     after->evidence = UNTRIED;
-    after->size = after->slope = (rx_usual_word){0, 0};
+    after->size = after->slope = (rx_likelihood){0, 0};
     after->profile = (rx_spergel){.nu = EXPONENTIAL};
     after->x = fit->p[RX_FIT_X] + j->cx;
     after->y = fit->p[RX_FIT_Y] + j->cy;
@@ -168,9 +168,9 @@ static double penalty(const rx_refine_params *par)
     return par->star_penalty + 2 * log(par->usual->star_odds);
 }
 
-static rx_usual_word say(const rx_fit *fit, int j)
+static rx_likelihood say(const rx_fit *fit, int j)
 {
-    return rx_usual_say(fit->p[j], rx_fit_variance(fit, j), fit->prior[j], fit->width[j]);
+    return rx_likelihood_of(fit->p[j], rx_fit_variance(fit, j), fit->prior[j], fit->width[j]);
 }
 
 /* Relative error of the flux of a profile for being Spergel's: found on simulated galaxies of Sersic's
@@ -183,7 +183,7 @@ static double misfit(double nu)
 
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
-static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
+static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_fit_source *after)
 {
     after->chi2_gain = point->chi2 - profile->chi2;
     const rx_fit_mean mean = rx_fit_average(profile, j->size, &j->patch);
@@ -193,7 +193,7 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
     after->evidence = evidence;
     after->size = say(profile, RX_FIT_RADIUS);
     after->slope = say(profile, RX_FIT_NU);
-    after->star = rx_usual_star(evidence, penalty(j->par));
+    after->star = rx_point_probability(evidence, penalty(j->par));
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
@@ -219,15 +219,16 @@ static void take_profile(const job *j, const rx_fit *point, const rx_fit *profil
  * - T), T' a profile of the usual radius. Stars are many and a profile's fit is long. */
 static double size_gain(const job *j, const rx_fit *point)
 {
-    const rx_usual *usual = j->par->usual;
-    const rx_spergel round = {.radius = exp(rx_usual_centre(usual, &usual->radius, point->p[RX_FIT_FLUX])),
+    const rx_tile_prior *usual = j->par->usual;
+    const rx_spergel round = {.radius =
+                                  exp(rx_prior_scaling_mean(usual, &usual->radius, point->p[RX_FIT_FLUX])),
                               .nu = EXPONENTIAL};
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
     /* the point, which has been fitted, moves to plane 1 */
     float *swap = j->size->plane[0];
     j->size->plane[0] = j->size->plane[1];
     j->size->plane[1] = swap;
-    rx_lens_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], NULL, 1);
+    rx_template_domain_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], NULL, 1);
     const double flux = point->p[RX_FIT_FLUX];
     double tt = 0, td = 0, dd = 0, tr = 0, dr = 0;
     for (size_t v = 0; v < side; v++) {
@@ -276,7 +277,7 @@ static int is_clear_pair(const job *j, const rx_fit *point, const rx_fit *profil
 
 /* Do two points describe it as well as that profile? In a crowd what looks extended is most often two stars; the second
  * one then shows in what the point of the first leaves. Elsewhere it stays what it is until look() splits it. */
-static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_subject *after)
+static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_fit_source *after)
 {
     const rx_spergel shape = rx_fit_profile(profile);
     const double angle = 0.5 * atan2(shape.g2, shape.g1), fwhm = j->view->fwhm;
@@ -289,8 +290,8 @@ static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_
     double pair[2][3];
     const double chi2 =
         rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch, pair);
-    rx_lens_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
-                   1); /* plane 0 as it was */
+    rx_template_domain_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
+                              1); /* plane 0 as it was */
     if (crowded)
         return chi2 < profile->chi2 + PAIR_ODDS;
     after->paired = is_clear_pair(j, point, profile, chi2, pair);
@@ -303,7 +304,7 @@ static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_
 }
 
 /* Point against profile on the same pixels. */
-static void choose(const job *j, rx_subject *after)
+static void choose(const job *j, rx_fit_source *after)
 {
     rx_fit point, profile;
     after->paired = 0;
@@ -320,9 +321,9 @@ static void choose(const job *j, rx_subject *after)
 }
 
 /* Light below that is not worth a pixel. */
-static double crop_level(const job *j, const rx_subject *after, const rx_lens_plane *plane)
+static double crop_level(const job *j, const rx_fit_source *after, const rx_template_plane *plane)
 {
-    const rx_canvas *canvas = j->view->canvas;
+    const rx_fit_image *canvas = j->view->canvas;
     float highest = 0;
     for (size_t v = 0; v < (size_t)plane->n; v++) {
         const float *row = plane->values + v * plane->stride;
@@ -333,26 +334,26 @@ static double crop_level(const job *j, const rx_subject *after, const rx_lens_pl
     const double peak = highest;
     const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
     const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
-    const double noise = FAINT * sqrt(rx_canvas_variance(canvas, x, y));
+    const double noise = FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
     const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
 }
 
 /* Plane 0: the point and the profile in their shares. */
-static void render(const job *j, const rx_subject *after)
+static void render(const job *j, const rx_fit_source *after)
 {
     const double dx = after->x - j->cx, dy = after->y - j->cy;
     const size_t cells = (size_t)j->size->n * (size_t)rx_fft_stride_real(j->size->fft);
     const float share = (float)after->point;
     if (after->kind == RX_TPHOT_POINT || after->point > 0) {
-        rx_lens_render(j->size, NULL, dx, dy, NULL, 1);
+        rx_template_domain_render(j->size, NULL, dx, dy, NULL, 1);
         if (after->kind == RX_TPHOT_POINT)
             return;
         float *swap = j->size->plane[0];
         j->size->plane[0] = j->size->plane[1];
         j->size->plane[1] = swap;
     }
-    rx_lens_render(j->size, &after->profile, dx, dy, NULL, 1);
+    rx_template_domain_render(j->size, &after->profile, dx, dy, NULL, 1);
     if (after->point > 0)
         for (size_t k = 0; k < cells; k++)
             j->size->plane[0][k] += share * (j->size->plane[1][k] - j->size->plane[0][k]);
@@ -379,7 +380,7 @@ static double shape_error(double power, double variance)
     return power * variance > 1 && isfinite(power * variance) ? sqrt(power * variance) : 1;
 }
 
-static rx_status finish(job *j, rx_subject *after, rx_error *err)
+static rx_status finish(job *j, rx_fit_source *after, rx_error *err)
 {
     j->size->first = 0;
     j->size->last = j->size->n;
@@ -400,11 +401,11 @@ static rx_status finish(job *j, rx_subject *after, rx_error *err)
         }
         after->flux = flux;
     }
-    const rx_lens_plane plane = {.values = j->size->plane[0],
-                                 .n = j->size->n,
-                                 .stride = (size_t)rx_fft_stride_real(j->size->fft),
-                                 .cx = j->cx,
-                                 .cy = j->cy};
+    const rx_template_plane plane = {.values = j->size->plane[0],
+                                     .n = j->size->n,
+                                     .stride = (size_t)rx_fft_stride_real(j->size->fft),
+                                     .cx = j->cx,
+                                     .cy = j->cy};
     RX_TRY(rx_footprint_crop(&plane, crop_level(j, after, &plane), j->view->canvas->width,
                              j->view->canvas->height, &after->footprint, err));
     const rx_footprint *f = &after->footprint;
@@ -419,7 +420,7 @@ static int looks(const rx_refine_params *par)
 }
 
 /* Half-light radius that room is made for. */
-static double radius_of(const rx_refine_params *par, const rx_subject *subject)
+static double radius_of(const rx_refine_params *par, const rx_fit_source *subject)
 {
     return !par->extended && subject->profile.radius <= 0 ? 0 : fmax(subject->guess, subject->profile.radius);
 }
@@ -430,7 +431,7 @@ static int half_of(const rx_refine_view *view, double radius)
     return (int)ceil(2.0 * view->fwhm + 3.0 * radius) + 2;
 }
 
-static int half_alone(const rx_refine_view *view, const rx_subject *subject, const rx_subject *other)
+static int half_alone(const rx_refine_view *view, const rx_fit_source *subject, const rx_fit_source *other)
 {
     const double radius = fmax(subject->guess, subject->profile.radius);
     const double away = hypot(other->x - subject->x, other->y - subject->y);
@@ -438,7 +439,7 @@ static int half_alone(const rx_refine_view *view, const rx_subject *subject, con
 }
 
 /* So many pixels to all sides of the one that the source is on, where there are any. */
-static rx_window window_around(const rx_canvas *canvas, const rx_subject *subject, int half)
+static rx_window window_around(const rx_fit_image *canvas, const rx_fit_source *subject, int half)
 {
     const int x = (int)lround(subject->x), y = (int)lround(subject->y);
     return (rx_window){x > half ? x - half : 0, y > half ? y - half : 0,
@@ -446,18 +447,18 @@ static rx_window window_around(const rx_canvas *canvas, const rx_subject *subjec
                        y + half < canvas->height ? y + half + 1 : canvas->height};
 }
 
-rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view, const rx_lens *lens,
-                           const rx_subject *subject)
+rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
+                           const rx_template_otf *lens, const rx_fit_source *subject)
 {
     const double radius = radius_of(par, subject);
-    const int half = half_of(view, radius), domain = rx_lens_side(lens, FAR * radius) / 2;
+    const int half = half_of(view, radius), domain = rx_template_otf_side(lens, FAR * radius) / 2;
     if (!looks(par))
         return (rx_window){0, 0, 0, 0};
     return window_around(view->canvas, subject, par->substructure && domain > half ? domain : half);
 }
 
-rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *subject,
-                                 const rx_subject *other)
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *subject,
+                                 const rx_fit_source *other)
 {
     return window_around(view->canvas, subject, half_alone(view, subject, other));
 }
@@ -473,8 +474,8 @@ static rx_status cut_patch(job *j, int half, double grain, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                    const rx_subject *subject, rx_subject *after, rx_error *err)
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                    const rx_fit_source *subject, rx_fit_source *after, rx_error *err)
 {
     job j = {.par = par, .view = view, .before = subject};
     j.cx = (int)lround(subject->x);
@@ -483,8 +484,8 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
     const double radius = radius_of(par, subject);
-    rx_status status =
-        rx_lens_at(lens, rx_lens_side(lens, FAR * radius), subject->x, subject->y, &j.size, err);
+    rx_status status = rx_template_otf_at(lens, rx_template_otf_side(lens, FAR * radius), subject->x,
+                                          subject->y, &j.size, err);
     if (status == RX_OK && looks(par))
         status = cut_patch(&j, half_of(view, radius), subject->grain, err);
     if (status == RX_OK && !par->frozen)
@@ -507,8 +508,9 @@ static double best_chi2(const job *j)
     return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;
 }
 
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                          const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err)
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                          const rx_fit_source *subject, const rx_fit_source *other, double *rise,
+                          rx_error *err)
 {
     job j = {.par = par, .view = view, .before = subject};
     j.cx = (int)lround(subject->x);
@@ -516,8 +518,9 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     const double radius = fmax(subject->guess, subject->profile.radius);
     const int half = half_alone(view, subject, other);
     *rise = 0;
-    rx_status status = rx_lens_at(lens, rx_lens_side(lens, fmax(FAR * radius, half - view->fwhm)), subject->x,
-                                  subject->y, &j.size, err);
+    rx_status status =
+        rx_template_otf_at(lens, rx_template_otf_side(lens, fmax(FAR * radius, half - view->fwhm)),
+                           subject->x, subject->y, &j.size, err);
     if (status == RX_OK)
         status = cut_patch(&j, half, other->grain, err);
     if (status != RX_OK)

@@ -16,14 +16,14 @@
 #define RX_TEMPLATE_REFINE_H
 
 #include "base/error.h"
-#include "template/canvas.h"
 #include "template/crowd.h"
-#include "template/lens.h"
+#include "template/fit_image.h"
+#include "template/prior.h"
 #include "template/spergel.h"
-#include "template/usual.h"
+#include "template/template_otf.h"
 
 /* A source while it is being fitted. */
-typedef struct rx_subject {
+typedef struct rx_fit_source {
     rx_tphot_kind kind;
     double x, y;        /* now */
     double x0, y0;      /* as given: centre of the prior */
@@ -38,7 +38,7 @@ typedef struct rx_subject {
     double star, chi2_gain;
     double evidence; /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
                         evidences */
-    rx_usual_word size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
+    rx_likelihood size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
     double variance;           /* of the flux, shape free, ADU^2; 0: that at fixed shape */
     double misfit;             /* error of the flux because no galaxy is a Spergel profile, ADU */
     double shape_error;        /* error of the flux over that at fixed shape, >= 1 */
@@ -55,18 +55,18 @@ typedef struct rx_subject {
     int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;
     int xmin, xmax, ymin, ymax;
-} rx_subject;
+} rx_fit_source;
 
 typedef struct rx_refine_params {
     int extended, substructure;
     double star_penalty; /* without what is learnt */
-    const rx_usual *usual;
+    const rx_tile_prior *usual;
     int frozen; /* positions and profiles stay, only the footprint is made */
 } rx_refine_params;
 
 /* What every refinement sees; canvas->model holds the footprint of the subject with its flux. */
 typedef struct rx_refine_view {
-    const rx_canvas *canvas;
+    const rx_fit_image *canvas;
     const rx_restored *restored;
     const uint8_t *shape_mask; /* as rx_tphot_input has them; NULL: none */
     int shape_bits;
@@ -79,19 +79,20 @@ typedef struct rx_refine_view {
 double rx_refine_reach(double fwhm);
 
 /* What of the canvas rx_refine() reads. */
-rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view, const rx_lens *lens,
-                           const rx_subject *subject);
+rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
+                           const rx_template_otf *lens, const rx_fit_source *subject);
 
 /* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                    const rx_subject *subject, rx_subject *after, rx_error *err);
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                    const rx_fit_source *subject, rx_fit_source *after, rx_error *err);
 
 /* How much better the pixels are described with `other` than by `subject` alone: chi2 (priors included) of
  * the subject's best point or profile with the other's light put back into the data, less that with it taken
  * out. Errors: RX_SYSTEM. */
-rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_subject *subject,
-                                 const rx_subject *other); /* what of the canvas it reads */
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_lens *lens,
-                          const rx_subject *subject, const rx_subject *other, double *rise, rx_error *err);
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *subject,
+                                 const rx_fit_source *other); /* what of the canvas it reads */
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
+                          const rx_fit_source *subject, const rx_fit_source *other, double *rise,
+                          rx_error *err);
 
 #endif

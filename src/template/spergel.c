@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "base/wide.h"
+#include "base/simd.h"
 
 double rx_spergel_half_light(double nu, double *slope)
 {
@@ -96,7 +96,7 @@ static void along(double xx, double yy, double xy, double kx, double step, float
     poly[2] = (float)(yy * step * step);
 }
 
-RX_WIDE void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n,
+RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n,
                                int count, float *const *dst)
 {
     const float power = (float)form->power, slope = (float)form->slope;

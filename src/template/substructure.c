@@ -9,7 +9,7 @@ static const double CLEAR = 3.0;
 enum { KEPT = 4 }; /* plane */
 
 /* Of the model of all at that pixel, what is the subject's; on its own segment all. */
-static double share_of(const rx_refine_view *view, const rx_subject *s, size_t k, double own)
+static double share_of(const rx_refine_view *view, const rx_fit_source *s, size_t k, double own)
 {
     const int32_t segment = view->segments[k];
     if (segment == s->segment)
@@ -54,7 +54,7 @@ static float select_value(float *v, int n, int below)
  * few. work [n][n]. */
 static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, float *work)
 {
-    const rx_canvas *canvas = view->canvas;
+    const rx_fit_image *canvas = view->canvas;
     const int x0 = cx - n / 2 > 0 ? cx - n / 2 : 0, y0 = cy - n / 2 > 0 ? cy - n / 2 : 0;
     const int x1 = cx - n / 2 + n < canvas->width ? cx - n / 2 + n : canvas->width;
     const int y1 = cy - n / 2 + n < canvas->height ? cy - n / 2 + n : canvas->height;
@@ -100,7 +100,7 @@ static const float *read_noise(const rx_refine_view *view, int x0, int y0, int x
 
 /* What of the pixel k is free in D, *d; own: the profile's light there; at: its noise, NULL: the tile's.
  * Outside the segment only what neighbours' models leave. */
-static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t k, double own,
+static double free_pixel(const rx_refine_view *view, const rx_fit_source *s, size_t k, double own,
                          const float *at, double least_noise, float *d)
 {
     const rx_restored *restored = view->restored;
@@ -111,8 +111,9 @@ static double free_pixel(const rx_refine_view *view, const rx_subject *s, size_t
         return 0;
     const double v = restored->pixels[k] - own / share;
     const size_t width = (size_t)restored->width;
-    const double known =
-        at != NULL ? (double)*at : sqrt(rx_canvas_variance(view->canvas, (int)(k % width), (int)(k / width)));
+    const double known = at != NULL
+                             ? (double)*at
+                             : sqrt(rx_fit_image_variance(view->canvas, (int)(k % width), (int)(k / width)));
     const double noise = known > least_noise ? known : least_noise;
     if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
         return 0;
@@ -130,10 +131,10 @@ static int clip(int v, int least, int most)
 
 /* Plane 0 = D, the profile behind the restored PSF in it before. Returns what is free in it: near the
  * segment's box only. room [n][n]. */
-static double difference(const rx_refine_view *view, const rx_subject *s, int cx, int cy, double least_noise,
-                         float *room, rx_lens_size *size)
+static double difference(const rx_refine_view *view, const rx_fit_source *s, int cx, int cy,
+                         double least_noise, float *room, rx_template_domain *size)
 {
-    const rx_canvas *canvas = view->canvas;
+    const rx_fit_image *canvas = view->canvas;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     const int reach = (int)ceil(view->fwhm), left = cx - size->n / 2, low = cy - size->n / 2;
     const int right = left + size->n - 1, high = low + size->n - 1;
@@ -191,21 +192,21 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
     return both - alone;
 }
 
-int rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
-                        rx_lens_size *size, const rx_patch *patch, double *flux)
+int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject, int cx, int cy,
+                        rx_template_domain *size, const rx_patch *patch, double *flux)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
     if (subject->segment == 0 || subject->untouched || !(subject->flux > 0))
         return 0;
-    const rx_matching *matching = rx_lens_matching(size);
+    const rx_matching *matching = rx_template_domain_matching(size);
     /* a spectrum is larger than its plane, and nobody's now */
     const double noise = restored_noise(view, cx, cy, size->n, size->half[0]);
     float *own = size->plane[0]; /* kept as a plane that only derivatives need */
     size->plane[0] = size->plane[KEPT];
     size->plane[KEPT] = own;
-    rx_lens_render(size, &subject->profile, subject->x - cx, subject->y - cy, matching, 1);
+    rx_template_domain_render(size, &subject->profile, subject->x - cx, subject->y - cy, matching, 1);
     const double cost = 2 * difference(view, subject, cx, cy, noise, size->half[0], size) + 4;
-    rx_lens_blur(size, matching);
+    rx_template_domain_blur(size, matching);
     double both = 0, amount = 0, sum = 0;
     const double gain = fit_both(patch, own, size->plane[0], stride, &both, &amount);
     for (size_t j = 0; j < rows; j++)

@@ -17,7 +17,7 @@
  * and A, 0 <= A <= 1, of F' T + A K*D. Where that gains more than two for each pixel that D makes free use of
  * (Akaike 1974), plane 0 becomes the template of both, sum 1, *flux its flux, and 1 is returned; else 0, with
  * plane 0 and *flux as they were. Other planes are lost. (cx, cy): the pixel in the middle of the domain. */
-int rx_substructure_add(const rx_refine_view *view, const rx_subject *subject, int cx, int cy,
-                        rx_lens_size *size, const rx_patch *patch, double *flux);
+int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject, int cx, int cy,
+                        rx_template_domain *size, const rx_patch *patch, double *flux);
 
 #endif

@@ -7,23 +7,23 @@
 #include <string.h>
 
 #include "base/interrupt.h"
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "template/blends.h"
-#include "template/canvas.h"
 #include "template/crowd.h"
 #include "template/evidence.h"
+#include "template/fit_image.h"
+#include "template/fit_sources.h"
 #include "template/joint.h"
-#include "template/judge.h"
-#include "template/lens.h"
 #include "template/patch.h"
+#include "template/prior.h"
 #include "template/refine.h"
-#include "template/subjects.h"
+#include "template/residual_sky.h"
+#include "template/template_chi2.h"
+#include "template/template_otf.h"
 #include "template/tphot.h"
-#include "template/turns.h"
-#include "template/undersky.h"
 #include "template/unseen.h"
-#include "template/usual.h"
+#include "template/windows.h"
 
 static const double SMALL = 1e-4; /* pixels: nobody moves for less */
 static const double RUNAWAY =
@@ -41,16 +41,16 @@ typedef struct work {
                          their noise would be taken for structure and fitted away */
     const rx_tphot_input *input;
     int nthreads;
-    rx_canvas canvas;
-    rx_lens **lenses; /* [nthreads] */
+    rx_fit_image canvas;
+    rx_template_otf **lenses; /* [nthreads] */
     int n;
-    rx_subject *subjects;     /* [n] */
+    rx_fit_source *subjects;  /* [n] */
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
     double *covariances; /* of the last fit, [members][members] group after group; NULL: not asked for */
     size_t *place;       /* [groups] where a group begins there */
-    rx_usual usual;      /* among clear sources */
+    rx_tile_prior usual; /* among clear sources */
     double sky;          /* taken off the level so far, mean */
     rx_crowding crowd;   /* known after the first fit */
     int passes, nadded;  /* so far */
@@ -61,17 +61,17 @@ typedef struct work {
 static rx_status open_work(work *w, rx_error *err)
 {
     w->n = w->input->sources->n;
-    w->subjects = RX_NEW(rx_subject, w->n);
-    w->lenses = RX_NEW(rx_lens *, w->nthreads);
+    w->subjects = RX_NEW(rx_fit_source, w->n);
+    w->lenses = RX_NEW(rx_template_otf *, w->nthreads);
     if (w->subjects == NULL || w->lenses == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof(rx_subject));
+        return rx_error_memory(err, (size_t)w->n * sizeof(rx_fit_source));
     rx_status status = RX_OK;
-    rx_canvas_open(w->input, w->par->shown, w->nthreads, &w->canvas);
+    rx_fit_image_open(w->input, w->par->shown, w->nthreads, &w->canvas);
     /* no noise: it counts as much against that of sums of pixels as it would where pixels are independent */
     w->canvas.psf_error = w->par->psf_error / rx_noise_factor_wide(w->input->image.correlation);
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
-        status = rx_lens_new(w->input->image.psf, w->input->restored->psf, &w->lenses[i], err);
-    rx_subjects_start(w->par, w->input, w->subjects);
+        status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->lenses[i], err);
+    rx_fit_sources_start(w->par, w->input, w->subjects);
     return status;
 }
 
@@ -80,7 +80,7 @@ static void close_work(work *w)
     for (int i = 0; i < w->n && w->subjects != NULL; i++)
         free(w->subjects[i].footprint.values);
     for (int i = 0; i < w->nthreads && w->lenses != NULL; i++)
-        rx_lens_free(w->lenses[i]);
+        rx_template_otf_free(w->lenses[i]);
     free(w->subjects);
     free(w->lenses);
     free(w->members);
@@ -90,7 +90,7 @@ static void close_work(work *w)
     free(w->gone);
     rx_blends_clear(&w->blends);
     rx_crowding_clear(&w->crowd);
-    rx_canvas_clear(&w->canvas);
+    rx_fit_image_clear(&w->canvas);
 }
 
 /* The model is that of the subjects as they are now. */
@@ -101,7 +101,7 @@ static rx_status draw(work *w, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof *layers);
     for (int i = 0; i < w->n; i++)
         layers[i] = (rx_layer){w->subjects[i].footprint, w->subjects[i].flux};
-    rx_canvas_set(&w->canvas, layers, w->n);
+    rx_fit_image_set(&w->canvas, layers, w->n);
     return RX_OK;
 }
 
@@ -131,12 +131,12 @@ typedef struct refinement {
     rx_refine_params par;
     rx_refine_view view;
     int first, moved_only;
-    rx_subject *after; /* [n] */
+    rx_fit_source *after; /* [n] */
 } refinement;
 
 static int takes_part(const refinement *r, int i)
 {
-    const rx_subject *s = &r->w->subjects[i];
+    const rx_fit_source *s = &r->w->subjects[i];
     return i >= r->first && !s->still && (!r->moved_only || s->moved);
 }
 
@@ -157,7 +157,7 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
                     refine_view(w),
                     first,
                     moved_only,
-                    RX_NEW(rx_subject, w->n)};
+                    RX_NEW(rx_fit_source, w->n)};
     rx_window *windows = RX_NEW(rx_window, w->n);
     rx_status status = RX_OK;
     if (r.after == NULL || windows == NULL) {
@@ -167,7 +167,7 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
     for (int i = 0; i < w->n; i++)
         if (takes_part(&r, i))
             windows[i] = rx_refine_window(&r.par, &r.view, w->lenses[0], &w->subjects[i]);
-    status = rx_turns_take(&w->canvas, windows, w->n, 0, refine_one, &r, err);
+    status = rx_windows_run(&w->canvas, windows, w->n, 0, refine_one, &r, err);
     for (int i = 0; i < w->n; i++) {
         if (!takes_part(&r, i))
             continue;
@@ -232,7 +232,7 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
     if (members == NULL)
         return rx_error_memory(err, (size_t)m * sizeof *members);
     for (int i = 0; i < m; i++) {
-        const rx_subject *s = &w->subjects[w->blends.member[first + i]];
+        const rx_fit_source *s = &w->subjects[w->blends.member[first + i]];
         members[i] = (rx_joint_member){.footprint = &s->footprint,
                                        .before = s->flux,
                                        .grain = s->grain,
@@ -276,9 +276,9 @@ static rx_status fit_torn_group(void *user, int g, int thread, rx_error *err)
         return RX_OK;
     rx_status status = fit_group(w, g, w->nthreads, err);
     for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
-        rx_subject *s = &w->subjects[w->blends.member[k]];
+        rx_fit_source *s = &w->subjects[w->blends.member[k]];
         const double flux = found_flux(&w->members[w->blends.member[k]]);
-        status = rx_canvas_add(&w->canvas, &s->footprint, flux - s->flux, err);
+        status = rx_fit_image_add(&w->canvas, &s->footprint, flux - s->flux, err);
         s->flux = flux;
     }
     return status;
@@ -308,7 +308,7 @@ static rx_status fit_torn_groups(work *w, rx_window *windows, rx_error *err)
     rx_status status = draw(w, err);
     group_windows(w, 1, windows);
     if (status == RX_OK)
-        status = rx_turns_take(&w->canvas, windows, w->blends.ngroups, 1, fit_torn_group, w, err);
+        status = rx_windows_run(&w->canvas, windows, w->blends.ngroups, 1, fit_torn_group, w, err);
     return status;
 }
 
@@ -319,7 +319,7 @@ static rx_status fit_groups(work *w, rx_error *err)
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->blends.ngroups * sizeof *windows);
     group_windows(w, 0, windows);
-    rx_status status = rx_turns_take(&w->canvas, windows, w->blends.ngroups, 0, fit_whole_group, w, err);
+    rx_status status = rx_windows_run(&w->canvas, windows, w->blends.ngroups, 0, fit_whole_group, w, err);
     for (int i = 0; i < w->n && status == RX_OK; i++)
         if (!w->blends.torn[w->blends.group[i]])
             w->subjects[i].flux = found_flux(&w->members[i]);
@@ -370,17 +370,17 @@ static rx_status fit_all(work *w, rx_error *err)
 /* The sky between the models, in a crowd that of all pixels and its noise, and all fluxes on it. */
 static rx_status fit_on_sky(work *w, rx_error *err)
 {
-    const rx_undersky between = {.segments = w->input->sources->segments, .cell = w->par->sky_cell};
-    const rx_undersky crowd = {.crowd = &w->crowd, .cell = CROWD_CELL};
+    const rx_residual_sky between = {.segments = w->input->sources->segments, .cell = w->par->sky_cell};
+    const rx_residual_sky crowd = {.crowd = &w->crowd, .cell = CROWD_CELL};
     double mean = 0;
     RX_TRY(fit_all(w, err));
     if (w->par->sky_cell <= 0)
         return RX_OK;
-    RX_TRY(rx_undersky_subtract(&w->canvas, &between, &mean, err));
+    RX_TRY(rx_residual_sky_subtract(&w->canvas, &between, &mean, err));
     w->sky += mean;
     if (w->crowd.n > 0) {
-        RX_TRY(rx_undersky_subtract(&w->canvas, &crowd, &mean, err));
-        RX_TRY(rx_undersky_rescale(&w->canvas, &crowd, err));
+        RX_TRY(rx_residual_sky_subtract(&w->canvas, &crowd, &mean, err));
+        RX_TRY(rx_residual_sky_rescale(&w->canvas, &crowd, err));
         w->sky += mean;
     }
     return fit_groups(w, err);
@@ -390,17 +390,17 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
 {
     if (count <= 0)
         return RX_OK;
-    rx_subject *more = rx_regrow(w->subjects, (size_t)w->n + (size_t)count, sizeof *more);
+    rx_fit_source *more = rx_regrow(w->subjects, (size_t)w->n + (size_t)count, sizeof *more);
     if (more == NULL)
         return rx_error_memory(err, ((size_t)w->n + (size_t)count) * sizeof *more);
     const int first = w->n;
     w->subjects = more;
     for (int i = 0; i < count; i++)
-        w->subjects[w->n++] = rx_subject_extra(at[i][0], at[i][1], w->nadded++);
+        w->subjects[w->n++] = rx_fit_source_added(at[i][0], at[i][1], w->nadded++);
     return refine(w, first, 1, 0, 0, err);
 }
 
-static int in_crowd(const work *w, const rx_subject *s)
+static int in_crowd(const work *w, const rx_fit_source *s)
 {
     return rx_crowding_at(&w->crowd, (int)floor(s->x + 0.5), (int)floor(s->y + 0.5));
 }
@@ -414,7 +414,7 @@ static rx_status drop_weak(work *w, int *dropped, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof *gone);
     w->gone = gone;
     for (int i = 0; i < w->n; i++) {
-        const rx_subject *s = &w->subjects[i];
+        const rx_fit_source *s = &w->subjects[i];
         const rx_joint_member *m = &w->members[i];
         const int weak = s->added >= 0 && in_crowd(w, s) && !(m->flux > w->par->least * sqrt(m->variance));
         if (weak) {
@@ -448,7 +448,7 @@ static double (*positions(const work *w))[2]
 static void split(work *w, double (*seconds)[2], int *count)
 {
     for (int i = 0; i < w->n; i++) {
-        rx_subject *s = &w->subjects[i];
+        rx_fit_source *s = &w->subjects[i];
         s->moved = s->paired && !in_crowd(w, s);
         s->paired = 0;
         if (!s->moved)
@@ -479,7 +479,7 @@ static rx_status look(work *w, int *count, int *seen, rx_error *err)
         split(w, seconds, &nseconds);
     /* what did not hold in the first passes may once its surroundings are right */
     const int n = w->passes <= TRIED ? w->n : w->n + w->ngone;
-    const rx_tphot_look view = {
+    const rx_tphot_search view = {
         &w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, n, (const double(*)[2])seconds,
         nseconds};
     RX_TRY_EXIT(w->input->more(w->input->user, &view, &found, count, err));
@@ -503,14 +503,14 @@ typedef struct stirred {
 
 static int along(double position, const stirred *of, int n)
 {
-    return rx_least(rx_most((int)(position / of->cell), 0), n - 1);
+    return rx_min_int(rx_max_int((int)(position / of->cell), 0), n - 1);
 }
 
 static void mark(const stirred *of, double x, double y)
 {
     const int cx = along(x, of, of->nx), cy = along(y, of, of->ny);
-    for (int v = rx_most(cy - 1, 0); v <= rx_least(cy + 1, of->ny - 1); v++)
-        for (int u = rx_most(cx - 1, 0); u <= rx_least(cx + 1, of->nx - 1); u++)
+    for (int v = rx_max_int(cy - 1, 0); v <= rx_min_int(cy + 1, of->ny - 1); v++)
+        for (int u = rx_max_int(cx - 1, 0); u <= rx_min_int(cx + 1, of->nx - 1); u++)
             of->near[v * of->nx + u] = 1;
 }
 
@@ -613,18 +613,18 @@ exit:
 static rx_status learn_usual(work *w, rx_error *err)
 {
     const int n = w->input->sources->n;
-    rx_usual_case *cases = RX_NEW(rx_usual_case, n);
+    rx_prior_sample *cases = RX_NEW(rx_prior_sample, n);
     if (cases == NULL)
         return rx_error_memory(err, (size_t)n * sizeof *cases);
     for (int i = 0; i < n; i++) {
-        const rx_subject *s = &w->subjects[i];
-        cases[i] = (rx_usual_case){.flux = s->flux,
-                                   .snr = s->flux / sqrt(w->members[i].variance),
-                                   .evidence = s->evidence,
-                                   .radius = s->size,
-                                   .nu = s->slope};
+        const rx_fit_source *s = &w->subjects[i];
+        cases[i] = (rx_prior_sample){.flux = s->flux,
+                                     .snr = s->flux / sqrt(w->members[i].variance),
+                                     .evidence = s->evidence,
+                                     .radius = s->size,
+                                     .nu = s->slope};
     }
-    rx_usual_learn(cases, n, w->par->star_penalty, fmax(w->input->image.psf->fwhm, 1.0), &w->usual);
+    rx_tile_prior_fit(cases, n, w->par->star_penalty, fmax(w->input->image.psf->fwhm, 1.0), &w->usual);
     free(cases);
     return RX_OK;
 }
@@ -662,7 +662,7 @@ typedef struct weighing {
     work *w;
     rx_refine_params par;
     rx_refine_view view;
-    rx_rival *rivals; /* [n] */
+    rx_fit_neighbour *rivals; /* [n] */
 } weighing;
 
 static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
@@ -676,7 +676,7 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 /* Evidence of every source; long groups are no one thread's. */
 static rx_status weigh_evidence(work *w, rx_error *err)
 {
-    weighing g = {w, refine_params(w, 0, 0), refine_view(w), RX_NEW(rx_rival, w->n)};
+    weighing g = {w, refine_params(w, 0, 0), refine_view(w), RX_NEW(rx_fit_neighbour, w->n)};
     rx_window *windows = RX_NEW(rx_window, w->n);
     rx_status status = RX_OK;
     if (g.rivals == NULL || windows == NULL) {
@@ -687,11 +687,11 @@ static rx_status weigh_evidence(work *w, rx_error *err)
     for (int k = 0; k < w->n; k++) {
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
-        g.rivals[i] = rx_evidence_rival(w->subjects, w->members, w->blends.member + first, m, k - first);
+        g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
         if (g.rivals[i].other >= 0)
             windows[i] = rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);
     }
-    status = rx_turns_take(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
+    status = rx_windows_run(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
 exit:
     free(g.rivals);
     free(windows);
@@ -739,8 +739,8 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     s->crowded = in_crowd(w, &w->subjects[i]);
     s->blend = w->members[i].blend;
     s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
-    rx_subject_tell(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
-                    w->backgrounds[s->group], s);
+    rx_fit_source_result(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
+                         w->backgrounds[s->group], s);
     /* light that the PSF has in the wrong place weighs more where less of the light is seen; where the core is hidden
      * (saturated stars) the flux is extrapolated from wings, and as wrong as these fit badly */
     const double seen = fmax(s->inside - s->masked, 1e-3);
@@ -777,13 +777,13 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof *windows);
     for (int i = 0; i < w->n; i++)
         windows[i] = rx_footprint_window(&w->subjects[i].footprint);
-    rx_status status = rx_turns_take(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
+    rx_status status = rx_windows_run(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
     free(windows);
     if (status == RX_OK)
         status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
-    return status == RX_OK ? rx_judge(&w->canvas, w->par->keep_model, dst, err) : status;
+    return status == RX_OK ? rx_template_chi2(&w->canvas, w->par->keep_model, dst, err) : status;
 }
 
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)
@@ -799,7 +799,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     rx_tphot *tphot = RX_NEW(rx_tphot, 1);
     if (tphot == NULL)
         return rx_error_memory(err, sizeof *tphot);
-    w.usual = rx_usual_start(fmax(input->image.psf->fwhm, 1.0));
+    w.usual = rx_tile_prior_start(fmax(input->image.psf->fwhm, 1.0));
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);

@@ -144,12 +144,12 @@ typedef struct rx_tphot {
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
 } rx_tphot;
 
-struct rx_canvas;
+struct rx_fit_image;
 struct rx_crowding;
 
 /* The residual as it is looked at. */
-typedef struct rx_tphot_look {
-    struct rx_canvas *canvas;        /* data - model (canvas.h), which the callee shows where it looks */
+typedef struct rx_tphot_search {
+    struct rx_fit_image *canvas;     /* data - model (canvas.h), which the callee shows where it looks */
     const struct rx_crowding *crowd; /* where it is crowded (crowd.h) */
     int again;                       /* looks before this one: from the second on only there */
     const double (*at)[2];           /* [n] x, y of the sources as they are fitted now */
@@ -157,12 +157,12 @@ typedef struct rx_tphot_look {
     const double (*seconds)
         [2]; /* [nseconds] x, y of the fainter ones of pairs that a fit has split: last in what is given */
     int nseconds;
-} rx_tphot_look;
+} rx_tphot_search;
 
 /* Sources that only show in the residual: called after the first fit and, where the tile is crowded, again until nothing is
  * found or params.passes are done. The callee gives *dst = positions [*n][2] (x, y), from malloc() or rx_alloc(), which the
  * caller frees; NULL and 0 for none. They are added as points and everything is fitted again. */
-typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_look *look, double (**dst)[2], int *n,
+typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_search *look, double (**dst)[2], int *n,
                                    rx_error *err);
 
 typedef struct rx_tphot_input {

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 
 enum { RINGS = 12, FEWEST = 50 };
 static const double RING = 0.125; /* FWHM */
@@ -40,8 +40,8 @@ static int by_line(const void *one, const void *other)
 
 static int cell_of(const rx_crowding *crowd, double x, double y)
 {
-    const int cx = rx_least(rx_most((int)(x * crowd->nx / crowd->width), 0), crowd->nx - 1);
-    const int cy = rx_least(rx_most((int)(y * crowd->ny / crowd->height), 0), crowd->ny - 1);
+    const int cx = rx_min_int(rx_max_int((int)(x * crowd->nx / crowd->width), 0), crowd->nx - 1);
+    const int cy = rx_min_int(rx_max_int((int)(y * crowd->ny / crowd->height), 0), crowd->ny - 1);
     return cy * crowd->nx + cx;
 }
 
@@ -54,8 +54,9 @@ static void find_densities(const rx_crowding *crowd, const rx_tphot_source *list
     for (int k = 0; k < s->m; k++) {
         const int own = cell_of(crowd, list[s->entry[k]].x, list[s->entry[k]].y), cx = own % crowd->nx;
         double sum = 0, cells = 0;
-        for (int v = rx_most(own / crowd->nx - 1, 0); v <= rx_least(own / crowd->nx + 1, crowd->ny - 1); v++)
-            for (int u = rx_most(cx - 1, 0); u <= rx_least(cx + 1, crowd->nx - 1); u++)
+        for (int v = rx_max_int(own / crowd->nx - 1, 0); v <= rx_min_int(own / crowd->nx + 1, crowd->ny - 1);
+             v++)
+            for (int u = rx_max_int(cx - 1, 0); u <= rx_min_int(cx + 1, crowd->nx - 1); u++)
                 if (crowd->cells[v * crowd->nx + u]) {
                     sum += count[v * crowd->nx + u];
                     cells++;

@@ -7,7 +7,7 @@
 
 #include "nn/front.h"
 #include "num/convolve.h"
-#include "num/largest.h"
+#include "num/maximum_filter.h"
 
 enum {
     RADIUS = 8, /* of the Gaussian: rx_gauss_radius(FWHM) */
@@ -73,7 +73,7 @@ void rx_loss_weights(const float *input, int side, double floor, float *work, fl
     for (size_t k = 0; k < pixels; k++)
         work[k] = input[k] > 0 ? input[k] : 0;
     smooth(work, side, other, weight, work);
-    rx_largest(work, side, side, REACH, 1, other, weight);
+    rx_maximum_filter(work, side, side, REACH, 1, other, weight);
     for (size_t k = 0; k < pixels; k++)
         weight[k] = square / (square + weight[k] * weight[k]);
 }

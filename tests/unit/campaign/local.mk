@@ -2,8 +2,8 @@ check_PROGRAMS += tests/unit/campaign/test_journal
 tests_unit_campaign_test_journal_SOURCES = tests/unit/campaign/test_journal.c tests/unit/scratch.h
 check_PROGRAMS += tests/unit/campaign/test_units
 tests_unit_campaign_test_units_SOURCES = tests/unit/campaign/test_units.c tests/unit/scratch.h
-check_PROGRAMS += tests/unit/campaign/test_photometry_judge
-tests_unit_campaign_test_photometry_judge_SOURCES = tests/unit/campaign/test_photometry_judge.c
+check_PROGRAMS += tests/unit/campaign/test_photometry_match
+tests_unit_campaign_test_photometry_match_SOURCES = tests/unit/campaign/test_photometry_match.c
 check_PROGRAMS += tests/unit/campaign/test_photometry_unit
 tests_unit_campaign_test_photometry_unit_SOURCES = tests/unit/campaign/test_photometry_unit.c \
 	tests/unit/campaign/settings.h tests/unit/scratch.h

@@ -106,24 +106,24 @@ static void told_sky_and_noise(void **state)
                          .global_sigma = 35};
     rx_field shared = {.plain = &one, .restored = &one}, apart = {.plain = &one, .restored = &two};
     (void)state;
-    rx_condition_tell(&(rx_condition){.sky_error = 0.5}, &shared);
+    rx_condition_apply(&(rx_condition){.sky_error = 0.5}, &shared);
     assert_near(level_of(&one, 0), 95, 1e-5); /* too low: half a sigma of sky is left in the image */
     assert_near(level_of(&one, 1), 190, 1e-5);
     assert_near(one.global_level, 142.5, 1e-9);
     assert_near(noise_of(&one, 0), 10, 0);
-    rx_condition_tell(&(rx_condition){.noise_error = 0.2}, &apart);
+    rx_condition_apply(&(rx_condition){.noise_error = 0.2}, &apart);
     assert_near(level_of(&one, 1), 190, 1e-5);
     assert_near(noise_of(&one, 1), 24, 1e-5);
     assert_near(noise_of(&two, 0), 36, 1e-5);
     assert_near(two.global_sigma, 42, 1e-9);
     assert_near(level_of(&two, 0), 100, 0);
-    rx_condition_tell(&(rx_condition){.sky_error = 1}, &apart); /* a sigma as it was told */
+    rx_condition_apply(&(rx_condition){.sky_error = 1}, &apart); /* a sigma as it was told */
     assert_near(level_of(&one, 1), 166, 1e-4);
     assert_near(level_of(&two, 0), 64, 1e-4);
     rx_background flat = {.width = 2, .height = 1};
     rx_field both = {.plain = &flat, .restored = &flat};
     rx_background_flatten(&flat, 100, 10);
-    rx_condition_tell(&(rx_condition){.sky_error = 0.5, .noise_error = 0.2}, &both);
+    rx_condition_apply(&(rx_condition){.sky_error = 0.5, .noise_error = 0.2}, &both);
     assert_near(level_of(&flat, 1), 95, 1e-5);
     assert_near(noise_of(&flat, 1), 12, 1e-5);
 }

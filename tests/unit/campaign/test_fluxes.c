@@ -45,7 +45,7 @@ static void company_by_distance_and_brightness(void **state)
 {
     static const struct {
         double x, flux, radius;
-        rx_company company;
+        rx_blend_state company;
         long partner;
     } what[] = {{0, 100, 0, RX_BLENDED, 1},      {5.9, 20, 0, RX_BLENDED, 0},
                 {200, 1000, 0, RX_NEITHER, -1},  {204.8, 60, 0, RX_NEITHER, -1},
@@ -205,7 +205,7 @@ static void fill_field(rx_fluxes_set *set)
         const int galaxy = i == OBJECTS - 1;
         prop[RX_PROP_SNR] = galaxy ? 7 : 20;
         prop[RX_PROP_GALAXY] = (float)galaxy;
-        prop[RX_PROP_COMPANY] = RX_ISOLATED;
+        prop[RX_PROP_BLEND_STATE] = RX_ISOLATED;
         prop[RX_PROP_BOUND] = 0.05f;
         prop[RX_PROP_PARTNER] = -1;
         for (int run = 0; run < 2; run++) {
@@ -233,7 +233,7 @@ static void fill_pairs(rx_fluxes_set *set)
     for (int i = 0; i < PAIRED; i++) {
         float *prop = set->prop + i * RX_FLUXES_PROPS;
         prop[RX_PROP_SNR] = 50;
-        prop[RX_PROP_COMPANY] = RX_BLENDED;
+        prop[RX_PROP_BLEND_STATE] = RX_BLENDED;
         prop[RX_PROP_BOUND] = 0.02f;
         prop[RX_PROP_PARTNER] = (float)(i ^ 1);
         prop[RX_PROP_APART] = 0.6f;

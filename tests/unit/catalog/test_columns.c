@@ -77,18 +77,18 @@ static void param_files_as_users_have_them(void **state)
                    NULL, &list, NULL),
         RX_OK);
     assert_int_equal(list->n, 8);
-    rx_columns_wanted(list, "FLUX_APER", dim);
+    rx_columns_requested(list, "FLUX_APER", dim);
     assert_int_equal(dim[0], 3);
-    rx_columns_wanted(list, "VIGNET", dim);
+    rx_columns_requested(list, "VIGNET", dim);
     assert_int_equal(dim[0], 35);
     assert_int_equal(dim[1], 31);
-    rx_columns_wanted(list, "FLUX_RADIUS", dim);
+    rx_columns_requested(list, "FLUX_RADIUS", dim);
     assert_int_equal(dim[0], 1);
-    rx_columns_wanted(list, "MAG_APER", dim);
+    rx_columns_requested(list, "MAG_APER", dim);
     assert_int_equal(dim[0], 2);
-    rx_columns_wanted(list, "VECTOR_ASSOC", dim);
+    rx_columns_requested(list, "VECTOR_ASSOC", dim);
     assert_int_equal(dim[0], 3);
-    rx_columns_wanted(list, "MAG_AUTO", dim);
+    rx_columns_requested(list, "MAG_AUTO", dim);
     assert_int_equal(dim[0], 0);
     assert_true(rx_columns_has(list, "NUMBER"));
     assert_false(rx_columns_has(list, "MAG_AUTO"));

@@ -103,14 +103,14 @@ static void what_counts_as_made_up(void **state)
     static const struct {
         int flags, made_up;
     } cases[] = {{0, 0},
-                 {RX_RESTORE_INVENTED, 1},
+                 {RX_RESTORE_SPURIOUS, 1},
                  {RX_RESTORE_SHRED, 1},
                  {RX_RESTORE_UNTESTED, 0},
                  {RX_RESTORE_ADDED, 0},
-                 {RX_RESTORE_ADDED | RX_RESTORE_INVENTED, 1}};
+                 {RX_RESTORE_ADDED | RX_RESTORE_SPURIOUS, 1}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const rx_source source = {.fit.restore = cases[i].flags};
-        assert_int_equal(rx_source_made_up(&source), cases[i].made_up);
+        assert_int_equal(rx_source_is_spurious(&source), cases[i].made_up);
     }
 }
 

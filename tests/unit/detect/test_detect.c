@@ -1,7 +1,7 @@
 /* Detection: positions and shapes of known sources, masks, fragments, cleaning, limits. */
 #include "../near.h"
+#include "detect/deblendable.h"
 #include "detect/filter.h"
-#include "detect/summits.h"
 #include "field.h"
 
 #include <sep.h>
@@ -694,13 +694,13 @@ static void only_real_summits_split(void **state)
             f.pixels[60 * W + 73] *= 1.5f; /* a summit of one pixel */
         const rx_threshold image = {.width = W, .height = H, .filtered = f.pixels, .limit = 1.0f};
         rx_groups groups;
-        rx_summits work = {0};
+        rx_deblendable work = {0};
         int splits = -1;
         assert_int_equal(rx_groups_find(&image, 2, &groups, NULL), RX_OK);
         assert_int_equal(groups.n, 1);
-        assert_int_equal(rx_summits_split(&groups, 0, 3, 0.005, &work, &splits, NULL), RX_OK);
+        assert_int_equal(rx_deblendable_test(&groups, 0, 3, 0.005, &work, &splits, NULL), RX_OK);
         assert_int_equal(splits, apart);
-        rx_summits_free(&work);
+        rx_deblendable_free(&work);
         rx_groups_free(&groups);
         field_free(&f);
     }

@@ -4,10 +4,10 @@
 #include "data/map.h"
 #include "detect/batches.h"
 #include "detect/cutouts.h"
+#include "detect/deblendable.h"
 #include "detect/filter.h"
 #include "detect/groups.h"
 #include "detect/sep_extract.h"
-#include "detect/summits.h"
 #include "detect/threshold_noise.h"
 #include "field.h"
 
@@ -287,10 +287,10 @@ static double highest_contrast(const float *pixels, int min_area)
 
 static int splits(const rx_groups *groups, int min_area, double contrast)
 {
-    rx_summits work = {0};
+    rx_deblendable work = {0};
     int answer = -1;
-    assert_int_equal(rx_summits_split(groups, 0, min_area, contrast, &work, &answer, NULL), RX_OK);
-    rx_summits_free(&work);
+    assert_int_equal(rx_deblendable_test(groups, 0, min_area, contrast, &work, &answer, NULL), RX_OK);
+    rx_deblendable_free(&work);
     return answer;
 }
 
@@ -446,10 +446,10 @@ static void batches_hold_every_group_once(void **state)
             for (int i = 0; i < batch->n; i++) {
                 const int member = batches.members[used++];
                 const rx_group *g = &groups.list[member];
-                rx_summits work = {0};
+                rx_deblendable work = {0};
                 int apart = 0;
-                assert_int_equal(rx_summits_split(&groups, member, 3, 0.005, &work, &apart, NULL), RX_OK);
-                rx_summits_free(&work);
+                assert_int_equal(rx_deblendable_test(&groups, member, 3, 0.005, &work, &apart, NULL), RX_OK);
+                rx_deblendable_free(&work);
                 assert_int_equal(batch->blended, apart);
                 assert_true(g->size >= MIN_AREA);
                 if (i > 0 || goes_on)

@@ -186,7 +186,7 @@ static void decisions_by_keyword(void **state)
     rx_pipeline_params params;
     assert_int_equal(rx_pipeline_defaults(&params, NULL), RX_OK);
     assert_ptr_equal(params.restorer, rx_restorer_find("RL"));
-    assert_int_equal(params.nthreads, rx_threads_wanted(0));
+    assert_int_equal(params.nthreads, rx_threads_count(0));
     assert_int_equal(params.seeing_stated, false);
     assert_near(params.stated_scale, 0, 0);
     assert_int_equal(rx_pipeline_set(&params, "restore_type", "NONE", &err), RX_OK);

@@ -47,7 +47,7 @@ static rx_residual judge(const rx_image *image, int nthreads)
 {
     const rx_restored restored = {.width = W, .height = H, .reblurred = model, .mask = mask};
     rx_residual residual;
-    assert_int_equal(rx_residual_judge(image, &restored, nthreads, &residual, NULL), RX_OK);
+    assert_int_equal(rx_residual_flag(image, &restored, nthreads, &residual, NULL), RX_OK);
     return residual;
 }
 

@@ -321,8 +321,8 @@ static void what_is_made_up_is_marked_or_dropped(void **state)
         assert_int_equal(list->segments[150 * SIDE + 150], dropped ? 0 : last.segment);
         for (int i = 0; i < list->n; i++) {
             const rx_source *source = &list->list[i];
-            assert_int_equal(source->fit.restore, !dropped && i == 1 ? RX_RESTORE_INVENTED : 0);
-            assert_int_equal(rx_source_made_up(source), !dropped && i == 1);
+            assert_int_equal(source->fit.restore, !dropped && i == 1 ? RX_RESTORE_SPURIOUS : 0);
+            assert_int_equal(rx_source_is_spurious(source), !dropped && i == 1);
             assert_int_equal(list->segments[source->ypeak * SIDE + source->xpeak], source->segment);
             assert_int_equal(source->fit.entry, dropped && i > 0 ? i + 1 : i);
             assert_true(source->fit.flux == d.fit.tphot->list[source->fit.entry].flux);

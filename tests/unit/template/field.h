@@ -8,7 +8,7 @@
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/sources.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 #include "template/template.h"
 
 typedef struct field {

@@ -3,7 +3,7 @@ check_PROGRAMS += tests/unit/template/test_template tests/unit/template/test_tem
 	tests/unit/template/test_template_shapes tests/unit/template/test_template_pixels \
 	tests/unit/template/test_template_sources tests/unit/template/test_template_refine \
 	tests/unit/template/test_template_structure tests/unit/template/test_template_chain \
-	tests/unit/template/test_template_grain tests/unit/template/test_template_crowd
+	tests/unit/template/test_template_correlated tests/unit/template/test_template_crowd
 tests_unit_template_test_template_SOURCES = tests/unit/template/test_template.c tests/unit/template/field.c \
 	tests/unit/template/field.h
 tests_unit_template_test_template_parts_SOURCES = tests/unit/template/test_template_parts.c \
@@ -25,5 +25,5 @@ tests_unit_template_test_template_chain_SOURCES = tests/unit/template/test_templ
 	tests/unit/template/field.c tests/unit/template/field.h
 tests_unit_template_test_template_crowd_SOURCES = tests/unit/template/test_template_crowd.c \
 	tests/unit/template/field.c tests/unit/template/field.h
-tests_unit_template_test_template_grain_SOURCES = tests/unit/template/test_template_grain.c \
+tests_unit_template_test_template_correlated_SOURCES = tests/unit/template/test_template_correlated.c \
 	tests/unit/template/field.c tests/unit/template/field.h

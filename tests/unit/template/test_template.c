@@ -16,7 +16,7 @@
 #include "base/random.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 /* Nothing that blurs comparisons with closed forms: no background, no sky, a perfect PSF. */
 static rx_tphot_params plain_params(void)
@@ -259,16 +259,16 @@ static void test_forced(void **state)
 }
 
 /* The brightest pixel of the residual, once. */
-static rx_status look(void *user, const rx_tphot_look *at, double (**dst)[2], int *n, rx_error *err)
+static rx_status look(void *user, const rx_tphot_search *at, double (**dst)[2], int *n, rx_error *err)
 {
-    rx_canvas *canvas = at->canvas;
+    rx_fit_image *canvas = at->canvas;
     double most = -HUGE_VAL, sigma = 0;
     size_t best = 0;
     (*(int *)user)++;
     for (int y = 0; y < canvas->height; y++) {
-        assert_int_equal(rx_canvas_show_rows(canvas, y, y + 1, err), RX_OK);
+        assert_int_equal(rx_fit_image_load_rows(canvas, y, y + 1, err), RX_OK);
         for (int x = 0; x < canvas->width; x++) {
-            const size_t k = rx_canvas_row(canvas, y) + (size_t)x;
+            const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
             if (!((double)canvas->data[k] - (double)canvas->model[k] > most))
                 continue;
             most = (double)canvas->data[k] - (double)canvas->model[k];
@@ -286,7 +286,7 @@ static rx_status look(void *user, const rx_tphot_look *at, double (**dst)[2], in
 }
 
 /* Two places, whatever is there. */
-static rx_status look_twice(void *user, const rx_tphot_look *at, double (**dst)[2], int *n, rx_error *err)
+static rx_status look_twice(void *user, const rx_tphot_search *at, double (**dst)[2], int *n, rx_error *err)
 {
     (*(int *)user)++;
     (void)at;

@@ -14,21 +14,21 @@
 
 #include "base/memory.h"
 #include "template/evidence.h"
+#include "template/fit_sources.h"
 #include "template/joint.h"
+#include "template/prior.h"
 #include "template/refine.h"
-#include "template/subjects.h"
-#include "template/usual.h"
 
 enum { W = 110, H = 100, N = 3 };
 
 typedef struct chain {
     rx_tphot_params par;
     rx_tphot_input input;
-    rx_canvas canvas;
-    rx_lens *lens;
-    rx_usual usual;
+    rx_fit_image canvas;
+    rx_template_otf *lens;
+    rx_tile_prior usual;
     rx_refine_view view;
-    rx_subject s[N];
+    rx_fit_source s[N];
     rx_joint_member m[N];
     double background, covariance[N * N];
 } chain;
@@ -39,8 +39,8 @@ static void draw(chain *c)
     assert_non_null(layers);
     for (int i = 0; i < N; i++)
         layers[i] = (rx_layer){c->s[i].footprint, c->s[i].flux};
-    rx_canvas_set(&c->canvas, layers, N);
-    assert_int_equal(rx_canvas_show_rows(&c->canvas, 0, H, NULL), RX_OK);
+    rx_fit_image_set(&c->canvas, layers, N);
+    assert_int_equal(rx_fit_image_load_rows(&c->canvas, 0, H, NULL), RX_OK);
 }
 
 /* Each against the others as they were. */
@@ -50,7 +50,7 @@ static void refine(chain *c, int frozen, int moved_only)
                                   .star_penalty = c->par.star_penalty,
                                   .usual = &c->usual,
                                   .frozen = frozen};
-    rx_subject after[N];
+    rx_fit_source after[N];
     for (int i = 0; i < N; i++)
         if (!moved_only || c->s[i].moved)
             assert_int_equal(rx_refine(&par, &c->view, c->lens, &c->s[i], &after[i], NULL), RX_OK);
@@ -66,7 +66,7 @@ static void fit(chain *c)
 {
     const rx_joint_params par = {c->par.background_sigma, c->par.non_negative, 1};
     for (int i = 0; i < N; i++) {
-        rx_subject *s = &c->s[i];
+        rx_fit_source *s = &c->s[i];
         c->m[i] = (rx_joint_member){.grain = 1,
                                     .footprint = &s->footprint,
                                     .before = s->flux,
@@ -124,13 +124,13 @@ static void test_chain(void **state)
         assert_int_equal(rx_tphot_run(&c.par, &c.input, &t, NULL), RX_OK);
         assert_int_equal(t->ngroups, 1);
 
-        rx_canvas_open(&c.input, (size_t)W * H, 1, &c.canvas);
-        assert_int_equal(rx_canvas_show_rows(&c.canvas, 0, H, NULL), RX_OK);
-        assert_int_equal(rx_lens_new(f.psf, f.restored->psf, &c.lens, NULL), RX_OK);
-        c.usual = rx_usual_start(4);
+        rx_fit_image_open(&c.input, (size_t)W * H, 1, &c.canvas);
+        assert_int_equal(rx_fit_image_load_rows(&c.canvas, 0, H, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_new(f.psf, f.restored->psf, &c.lens, NULL), RX_OK);
+        c.usual = rx_tile_prior_start(4);
         c.view = (rx_refine_view){
             .canvas = &c.canvas, .restored = f.restored, .segments = f.sources->segments, .fwhm = 4};
-        rx_subjects_start(&c.par, &c.input, c.s);
+        rx_fit_sources_start(&c.par, &c.input, c.s);
         refine(&c, 1, 0);
         held += fit_and_shift(&c);
         refine(&c, 0, 0);
@@ -141,13 +141,13 @@ static void test_chain(void **state)
         const rx_refine_params par = {
             .extended = extended, .star_penalty = c.par.star_penalty, .usual = &c.usual};
         for (int i = 0; i < N; i++) {
-            const rx_rival rival = rx_evidence_rival(c.s, c.m, (int[]){0, 1, 2}, N, i);
+            const rx_fit_neighbour rival = rx_evidence_neighbour(c.s, c.m, (int[]){0, 1, 2}, N, i);
             assert_int_equal(rx_evidence_of(&par, &c.view, c.lens, c.s, &rival, &c.s[i].presence, NULL),
                              RX_OK);
         }
         for (int i = 0; i < N; i++) {
             rx_tphot_source told = {.blend = c.m[i].blend, .flags = c.m[i].flags};
-            rx_subject_tell(&c.canvas, f.sources->segments, &c.s[i], &c.m[i], c.background, &told);
+            rx_fit_source_result(&c.canvas, f.sources->segments, &c.s[i], &c.m[i], c.background, &told);
             const rx_tphot_source *s = &t->list[i];
             const double got[] = {s->x,     s->y,    s->flux,   s->fluxerr,  s->snr,        s->chi2,
                                   s->blend, s->star, s->radius, s->evidence, s->background, s->shape_error};
@@ -169,8 +169,8 @@ static void test_chain(void **state)
         for (int i = 0; i < N; i++)
             free(c.s[i].footprint.values);
         rx_tphot_free(t);
-        rx_lens_free(c.lens);
-        rx_canvas_clear(&c.canvas);
+        rx_template_otf_free(c.lens);
+        rx_fit_image_clear(&c.canvas);
         field_close(&f);
     }
 }
@@ -256,13 +256,13 @@ static void test_learning(void **state)
 {
     (void)state;
     enum { ACROSS = 5, M = ACROSS * ACROSS, CELL = 44, SIDE = ACROSS * CELL };
-    static rx_subject s[M], after[M];
+    static rx_fit_source s[M], after[M];
     field f;
-    rx_canvas canvas;
-    rx_lens *lens = NULL;
+    rx_fit_image canvas;
+    rx_template_otf *lens = NULL;
     rx_tphot *t = NULL;
     rx_joint_member m[M];
-    static rx_usual_case cases[M];
+    static rx_prior_sample cases[M];
     double background[M];
     field_open(&f, SIDE, SIDE, 3, 1, M);
     for (int i = 0; i < M; i++) {
@@ -282,17 +282,17 @@ static void test_learning(void **state)
     assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
     assert_int_equal(t->ngroups, M);
 
-    rx_usual usual = rx_usual_start(3);
-    rx_canvas_open(&input, (size_t)SIDE * SIDE, 1, &canvas);
-    assert_int_equal(rx_lens_new(f.psf, f.restored->psf, &lens, NULL), RX_OK);
+    rx_tile_prior usual = rx_tile_prior_start(3);
+    rx_fit_image_open(&input, (size_t)SIDE * SIDE, 1, &canvas);
+    assert_int_equal(rx_template_otf_new(f.psf, f.restored->psf, &lens, NULL), RX_OK);
     const rx_refine_view view = {
         .canvas = &canvas, .restored = f.restored, .segments = f.sources->segments, .fwhm = 3};
-    rx_subjects_start(&par, &input, s);
+    rx_fit_sources_start(&par, &input, s);
     for (int round = 0; round < 3; round++) {
         const rx_refine_params how = {.extended = 1, .usual = &usual, .frozen = round == 0};
         const rx_joint_params joint = {par.background_sigma, 0, 1};
         for (int turn = 0; turn < 2; turn++) { /* shapes, then fluxes */
-            assert_int_equal(rx_canvas_show_rows(&canvas, 0, SIDE, NULL), RX_OK);
+            assert_int_equal(rx_fit_image_load_rows(&canvas, 0, SIDE, NULL), RX_OK);
             for (int i = 0; i < M && turn == 0; i++)
                 assert_int_equal(rx_refine(&how, &view, lens, &s[i], &after[i], NULL), RX_OK);
             for (int i = 0; i < M && turn == 0; i++) {
@@ -309,23 +309,23 @@ static void test_learning(void **state)
                 s[i].flux = turn == 1 ? m[i].flux : s[i].flux;
                 layers[i] = (rx_layer){s[i].footprint, s[i].flux};
             }
-            rx_canvas_set(&canvas, layers, M);
+            rx_fit_image_set(&canvas, layers, M);
         }
         for (int i = 0; i < M; i++)
-            cases[i] = (rx_usual_case){.flux = s[i].flux,
-                                       .snr = s[i].flux / sqrt(m[i].variance),
-                                       .evidence = s[i].evidence,
-                                       .radius = s[i].size,
-                                       .nu = s[i].slope};
+            cases[i] = (rx_prior_sample){.flux = s[i].flux,
+                                         .snr = s[i].flux / sqrt(m[i].variance),
+                                         .evidence = s[i].evidence,
+                                         .radius = s[i].size,
+                                         .nu = s[i].slope};
         if (round > 0)
-            rx_usual_learn(cases, M, par.star_penalty, 3, &usual);
+            rx_tile_prior_fit(cases, M, par.star_penalty, 3, &usual);
     }
     assert_true(usual.star_odds < 0.9);
     assert_near(t->star_odds, usual.star_odds, 1e-9);
     for (int i = 0; i < M; i++) {
         rx_tphot_source told = {0};
-        assert_int_equal(rx_canvas_show_rows(&canvas, 0, SIDE, NULL), RX_OK);
-        rx_subject_tell(&canvas, f.sources->segments, &s[i], &m[i], background[i], &told);
+        assert_int_equal(rx_fit_image_load_rows(&canvas, 0, SIDE, NULL), RX_OK);
+        rx_fit_source_result(&canvas, f.sources->segments, &s[i], &m[i], background[i], &told);
         const rx_tphot_source *got = &t->list[i];
         assert_close(got->x, told.x, 1e-9);
         assert_close(got->flux, told.flux, 1e-9);
@@ -335,8 +335,8 @@ static void test_learning(void **state)
         free(s[i].footprint.values);
     }
     rx_tphot_free(t);
-    rx_lens_free(lens);
-    rx_canvas_clear(&canvas);
+    rx_template_otf_free(lens);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 

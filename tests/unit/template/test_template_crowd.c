@@ -17,20 +17,20 @@
 #include "psf/psf.h"
 #include "template/crowd.h"
 #include "template/fit.h"
-#include "template/undersky.h"
+#include "template/residual_sky.h"
 #include "template/unseen.h"
 
 enum { W = 512, H = 320, LEFT = 192 };
 
 /* Light of 3 sigma on every eighth pixel of the columns below LEFT, and on all from `from` on. */
-static void shade(rx_canvas *canvas, float *values, int from)
+static void shade(rx_fit_image *canvas, float *values, int from)
 {
     rx_layer *layer = rx_alloc(1, sizeof *layer);
     assert_non_null(layer);
     for (int k = 0; k < W * H; k++)
         values[k] = (k % W < LEFT && k % 8 == 0) || k % W >= from ? 3.0f : 0.0f;
     *layer = (rx_layer){{0, 0, W, H, values, 1}, 1};
-    rx_canvas_set(canvas, layer, 1);
+    rx_fit_image_set(canvas, layer, 1);
 }
 
 /* Sources every 20 pixels to the left, FWHM 4: one in 25 areas; one galaxy to the right. */
@@ -38,7 +38,7 @@ static void test_cells(void **state)
 {
     (void)state;
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     static float values[W * H];
     static double at[W * H][2];
     int n = 0;
@@ -54,7 +54,7 @@ static void test_cells(void **state)
     at[n++][1] = 150;
     for (int rows = 40; rows <= H; rows += H - 40) {
         rx_crowding crowd;
-        rx_canvas_open(&input, (size_t)W * (size_t)rows, 2, &canvas);
+        rx_fit_image_open(&input, (size_t)W * (size_t)rows, 2, &canvas);
         shade(&canvas, values, 384);
         assert_int_equal(
             rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
@@ -73,7 +73,7 @@ static void test_cells(void **state)
             rx_crowding_find(&canvas, (const double(*)[2])at, 0, 4, RX_CROWDING_YES, &crowd, NULL), RX_OK);
         assert_int_equal(crowd.n, 8 * 5);
         rx_crowding_clear(&crowd);
-        rx_canvas_clear(&canvas);
+        rx_fit_image_clear(&canvas);
     }
     field_close(&f);
 }
@@ -109,10 +109,10 @@ static void test_sky_and_noise(void **state)
 {
     (void)state;
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     uint8_t cells[8 * 5] = {0};
     const rx_crowding crowd = {.width = W, .height = H, .nx = 8, .ny = 5, .cells = cells, .n = 20};
-    const rx_undersky where = {.crowd = &crowd, .cell = 64};
+    const rx_residual_sky where = {.crowd = &crowd, .cell = 64};
     double mean = 0;
     for (int k = 0; k < 8 * 5; k++)
         cells[k] = k % 8 < 4;
@@ -124,13 +124,13 @@ static void test_sky_and_noise(void **state)
     }
     field_restore_none(&f);
     const rx_tphot_input input = field_input(&f);
-    rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(&canvas, &where, &mean, NULL), RX_OK);
+    rx_fit_image_open(&input, (size_t)W * H, 2, &canvas);
+    assert_int_equal(rx_residual_sky_subtract(&canvas, &where, &mean, NULL), RX_OK);
     for (int turn = 0; turn < 2; turn++) { /* once is enough */
-        assert_int_equal(rx_undersky_rescale(&canvas, &where, NULL), RX_OK);
-        assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
+        assert_int_equal(rx_residual_sky_rescale(&canvas, &where, NULL), RX_OK);
+        assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
         for (int y = 0; y < H; y++) {
-            const size_t row = rx_canvas_row(&canvas, y);
+            const size_t row = rx_fit_image_row(&canvas, y);
             for (int x = 0; x < 224; x++)
                 assert_near(canvas.sigma[row + (size_t)x], 1, 0.08);
             for (int x = 288; x < W; x++)
@@ -140,7 +140,7 @@ static void test_sky_and_noise(void **state)
         }
     }
     assert_near(mean, 1, 0.01);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -150,12 +150,12 @@ enum { HALF = 16, SIDE = 2 * HALF + 1 };
 static void best_of(const double stars[2][3], double disk, double chi2[3])
 {
     rx_psf *psf = NULL;
-    rx_lens *lens = NULL;
-    rx_lens_size *size = NULL;
+    rx_template_otf *lens = NULL;
+    rx_template_domain *size = NULL;
     double block[2 * SIDE * SIDE];
     assert_int_equal(rx_psf_moffat(4, 4.765, 1, 0, 41, &psf, NULL), RX_OK);
-    assert_int_equal(rx_lens_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 15), 0, 0, &size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 15), 0, 0, &size, NULL), RX_OK);
     const rx_patch patch = {
         .side = SIDE, .corner = size->n / 2 - HALF, .data = block, .weight = block + SIDE * SIDE};
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
@@ -165,8 +165,8 @@ static void best_of(const double stars[2][3], double disk, double chi2[3])
     }
     const rx_spergel shape = {3, 0.3, 0.1, 0.5};
     for (int i = 0; i < 3; i++) {
-        rx_lens_render(size, i == 2 ? &shape : NULL, i < 2 ? stars[i][0] : 0.3, i < 2 ? stars[i][1] : -0.2,
-                       NULL, 1);
+        rx_template_domain_render(size, i == 2 ? &shape : NULL, i < 2 ? stars[i][0] : 0.3,
+                                  i < 2 ? stars[i][1] : -0.2, NULL, 1);
         for (int k = 0; k < SIDE * SIDE; k++)
             block[k] += (i < 2 ? stars[i][2] : disk) *
                         (double)size->plane[0][(size_t)(k / SIDE + patch.corner) * stride +
@@ -184,7 +184,7 @@ static void best_of(const double stars[2][3], double disk, double chi2[3])
     rx_fit_run(&profile, size, &patch);
     chi2[1] = profile.chi2;
     chi2[2] = rx_fit_pair(&point, 1, 0.4, 6, size, &patch, NULL);
-    rx_lens_free(lens);
+    rx_template_otf_free(lens);
     rx_psf_free(psf);
 }
 
@@ -214,7 +214,7 @@ enum { FAINT = sizeof faint / sizeof *faint };
 static const double nothing[2] = {128.3, 20.6};
 
 /* One star each look, and a place where nothing is, until that is said to be known. */
-static rx_status show_one(void *user, const rx_tphot_look *look, double (**dst)[2], int *n, rx_error *err)
+static rx_status show_one(void *user, const rx_tphot_search *look, double (**dst)[2], int *n, rx_error *err)
 {
     int *calls = user, known = 0; /* looks; those with `nothing` */
     (void)err;
@@ -266,7 +266,8 @@ static void test_passes(void **state)
 }
 
 /* Only what fits have split. */
-static rx_status show_seconds(void *user, const rx_tphot_look *look, double (**dst)[2], int *n, rx_error *err)
+static rx_status show_seconds(void *user, const rx_tphot_search *look, double (**dst)[2], int *n,
+                              rx_error *err)
 {
     int *calls = user;
     (void)err;
@@ -344,7 +345,7 @@ static void test_least_noise(void **state)
     (void)state;
     for (int rounded = 0; rounded < 2; rounded++) {
         field f;
-        rx_canvas canvas;
+        rx_fit_image canvas;
         rx_tphot *t = NULL;
         rx_tphot_params par = rx_tphot_defaults();
         field_open(&f, 128, 128, 4, 0.05, 2);
@@ -360,7 +361,7 @@ static void test_least_noise(void **state)
         field_list(&f, 57, 63, 4, 1.7, 1.7, 0);
         field_restore_none(&f);
         const rx_tphot_input input = field_input(&f);
-        rx_canvas_open(&input, 128 * 128, 2, &canvas);
+        rx_fit_image_open(&input, 128 * 128, 2, &canvas);
         static float pair[128 * 127];
         for (int k = 0; k < 128 * 127; k++) {
             const float *both = &f.pixels[k / 127 * 128 + k % 127];
@@ -372,8 +373,8 @@ static void test_least_noise(void **state)
         assert_near(canvas.floor, floor, 1e-4 * floor);
         if (!rounded)
             assert_near(canvas.floor, 1.8e-6 * bright, 0.22e-6 * bright);
-        assert_near(sqrt((double)rx_canvas_variance(&canvas, 100, 100)), (double)canvas.floor, 1e-6);
-        rx_canvas_clear(&canvas);
+        assert_near(sqrt((double)rx_fit_image_variance(&canvas, 100, 100)), (double)canvas.floor, 1e-6);
+        rx_fit_image_clear(&canvas);
         for (int i = 0; i < 3; i++)
             f.mask[20 * 128 + 20 + i] = RX_MASK_BAD;
         par.crowding = RX_CROWDING_YES;

@@ -15,8 +15,8 @@
 #include "base/random.h"
 #include "psf/psf.h"
 #include "template/fit.h"
+#include "template/prior.h"
 #include "template/spergel.h"
-#include "template/usual.h"
 
 /* Columns in single precision against the doubles. */
 static void test_column(void **state)
@@ -56,7 +56,7 @@ static void test_usual(void **state)
 {
     (void)state;
     enum { N = 900 };
-    rx_usual_case *cases = RX_NEW(rx_usual_case, N);
+    rx_prior_sample *cases = RX_NEW(rx_prior_sample, N);
     assert_non_null(cases);
     double pivot = 0;
     for (uint64_t i = 0; i < N; i++) {
@@ -64,36 +64,36 @@ static void test_usual(void **state)
         const int point = i % 3 == 0;
         const double radius = 0.7 + 0.4 * u + 0.5 * rx_random_normal(3, 2, i);
         const double nu = 0.2 + 0.6 * rx_random_normal(3, 3, i);
-        cases[i] = (rx_usual_case){.flux = flux, .snr = flux / 5, .evidence = point ? -20 : 30};
+        cases[i] = (rx_prior_sample){.flux = flux, .snr = flux / 5, .evidence = point ? -20 : 30};
         if (!point) {
-            cases[i].radius = (rx_usual_word){radius + 0.3 * rx_random_normal(3, 4, i), 1 / 0.09};
-            cases[i].nu = (rx_usual_word){nu + 0.3 * rx_random_normal(3, 5, i), 1 / 0.09};
+            cases[i].radius = (rx_likelihood){radius + 0.3 * rx_random_normal(3, 4, i), 1 / 0.09};
+            cases[i].nu = (rx_likelihood){nu + 0.3 * rx_random_normal(3, 5, i), 1 / 0.09};
         }
         pivot += log(flux) / N;
     }
-    rx_usual usual = rx_usual_start(4);
-    rx_usual_learn(cases, 19, 0, 4, &usual);
+    rx_tile_prior usual = rx_tile_prior_start(4);
+    rx_tile_prior_fit(cases, 19, 0, 4, &usual);
     assert_true(usual.star_odds == 1 && usual.radius.mean == log(2.4) && usual.radius.slope == 0);
-    rx_usual_learn(cases, N, 0, 4, &usual);
+    rx_tile_prior_fit(cases, N, 0, 4, &usual);
     assert_near(usual.star_odds, 0.5, 0.02);
     assert_near(usual.pivot, pivot, 1e-12);
     /* 600 sources: means known to 0.025, the slope to 0.05 */
-    assert_near(rx_usual_centre(&usual, &usual.radius, 224), 0.7, 0.08);
+    assert_near(rx_prior_scaling_mean(&usual, &usual.radius, 224), 0.7, 0.08);
     assert_near(usual.radius.slope, 0.4, 0.15);
     assert_near(usual.radius.width / 1.4, 0.5, 0.06); /* used 1.4 times as wide */
     assert_near(usual.nu.mean, 0.2, 0.08);
     assert_near(usual.nu.width, 0.6, 0.06);
     /* a prior goes in and comes out */
-    const rx_usual_word word = rx_usual_say((4 * 2.0 + 1 * 0.5) / 5, 1 / 5.0, 0.5, 1);
+    const rx_likelihood word = rx_likelihood_of((4 * 2.0 + 1 * 0.5) / 5, 1 / 5.0, 0.5, 1);
     assert_near(word.mean, 2, 1e-12);
     assert_near(word.precision, 4, 1e-12);
-    assert_true(rx_usual_say(1, 1, 1, 1).precision == 0);
+    assert_true(rx_likelihood_of(1, 1, 1, 1).precision == 0);
     free(cases);
 }
 
 typedef struct patch {
-    rx_lens *lens;
-    rx_lens_size *size;
+    rx_template_otf *lens;
+    rx_template_domain *size;
     rx_patch patch;
     rx_psf *psf;
 } patch;
@@ -104,9 +104,10 @@ static void open_patch(patch *p, double flux, uint64_t seed)
     enum { HALF = 20 };
     const rx_spergel truth = {3, 0, 0, 0.5};
     assert_int_equal(rx_psf_moffat(4, 3.5, 1, 0, 25, &p->psf, NULL), RX_OK);
-    assert_int_equal(rx_lens_new(p->psf, NULL, &p->lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_at(p->lens, rx_lens_side(p->lens, 15), 0, 0, &p->size, NULL), RX_OK);
-    rx_lens_render(p->size, &truth, 0, 0, NULL, 1);
+    assert_int_equal(rx_template_otf_new(p->psf, NULL, &p->lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_at(p->lens, rx_template_otf_side(p->lens, 15), 0, 0, &p->size, NULL),
+                     RX_OK);
+    rx_template_domain_render(p->size, &truth, 0, 0, NULL, 1);
     const int side = 2 * HALF + 1, corner = p->size->n / 2 - HALF;
     const size_t stride = (size_t)rx_fft_stride_real(p->size->fft);
     p->patch = (rx_patch){.side = side, .corner = corner};
@@ -123,7 +124,7 @@ static void open_patch(patch *p, double flux, uint64_t seed)
 static void close_patch(patch *p)
 {
     rx_patch_clear(&p->patch);
-    rx_lens_free(p->lens);
+    rx_template_otf_free(p->lens);
     rx_psf_free(p->psf);
 }
 
@@ -149,7 +150,7 @@ static double exact_mean(const rx_fit *best, const patch *p)
         const double r = best->p[RX_FIT_RADIUS] - 3 + 6 * k / 240.0;
         const rx_spergel profile = {exp(r), 0, 0, 0.5};
         double tt = 0, td = 0, dd = 0;
-        rx_lens_render(p->size, &profile, best->p[RX_FIT_X], best->p[RX_FIT_Y], NULL, 1);
+        rx_template_domain_render(p->size, &profile, best->p[RX_FIT_X], best->p[RX_FIT_Y], NULL, 1);
         for (int i = 0; i < p->patch.side * p->patch.side; i++) {
             const double t = p->size->plane[0][(size_t)(i / p->patch.side + p->patch.corner) * stride +
                                                (size_t)(i % p->patch.side + p->patch.corner)];

@@ -19,14 +19,14 @@
 #include "psf/moffat.h"
 #include "psf/psf.h"
 #include "template/blends.h"
-#include "template/canvas.h"
 #include "template/fit.h"
+#include "template/fit_image.h"
 #include "template/joint.h"
-#include "template/leftover.h"
-#include "template/lens.h"
 #include "template/patch.h"
+#include "template/residual_sky.h"
 #include "template/spergel.h"
-#include "template/undersky.h"
+#include "template/template_otf.h"
+#include "template/template_residual.h"
 
 /* An exponential disk holds half of its light within 1.67835 scale lengths; gradients against differences. */
 static void test_spergel(void **state)
@@ -72,24 +72,24 @@ static void test_kernel(void **state)
     for (int k = 0; k < 3; k++) {
         static const double fwhm[3] = {2.5, 4, 6};
         rx_psf *tile = NULL, *narrow = rx_psf_new(RX_PSF_GAUSS, 11, 1);
-        rx_lens *lens;
-        rx_lens_size *size = NULL;
+        rx_template_otf *lens;
+        rx_template_domain *size = NULL;
         float weights[11];
         assert_int_equal(rx_psf_moffat(fwhm[k], 3.5, 1, 0, 41, &tile, NULL), RX_OK);
         assert_non_null(narrow);
         rx_gauss_weights(2, 5, weights);
         for (int i = 0; i < 121; i++)
             narrow->basis[i] = weights[i / 11] * weights[i % 11];
-        assert_int_equal(rx_lens_new(tile, narrow, &lens, NULL), RX_OK);
-        assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 3), 10, 10, &size, NULL), RX_OK);
-        const rx_matching *matching = rx_lens_matching(size);
-        rx_lens_render(size, NULL, 0.3, -0.2, matching, 1);
-        rx_lens_blur(size, matching);
+        assert_int_equal(rx_template_otf_new(tile, narrow, &lens, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 3), 10, 10, &size, NULL), RX_OK);
+        const rx_matching *matching = rx_template_domain_matching(size);
+        rx_template_domain_render(size, NULL, 0.3, -0.2, matching, 1);
+        rx_template_domain_blur(size, matching);
         const size_t stride = (size_t)rx_fft_stride_real(size->fft), n = (size_t)size->n;
         float *blurred = RX_NEW(float, n *stride);
         assert_non_null(blurred);
         memcpy(blurred, size->plane[0], n * stride * sizeof(float));
-        rx_lens_render(size, NULL, 0.3, -0.2, NULL, 1);
+        rx_template_domain_render(size, NULL, 0.3, -0.2, NULL, 1);
         double peak = 0, worst = 0, sum = 0;
         for (size_t y = 0; y < n; y++)
             for (size_t x = 0; x < n; x++) {
@@ -100,7 +100,7 @@ static void test_kernel(void **state)
         assert_near(sum, 1, 1e-5);
         assert_true(worst < (k == 0 ? 5e-3 : 1e-3) * peak);
         free(blurred);
-        rx_lens_free(lens);
+        rx_template_otf_free(lens);
         rx_psf_free(tile);
         rx_psf_free(narrow);
     }
@@ -113,7 +113,7 @@ static void test_joint(void **state)
     (void)state;
     enum { W = 24, H = 20, COLUMNS = 6, ROWS = W * H + 3 };
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     field_open(&f, W, H, 3, 1, 0);
     for (int k = 0; k < W * H; k++) {
         f.pixels[k] = (float)(5 * rx_random_normal(3, 1, (uint64_t)k));
@@ -121,14 +121,14 @@ static void test_joint(void **state)
         f.mask[k] = k % 11 == 0;
     }
     const rx_tphot_input input = field_input(&f);
-    rx_canvas_open(&input, (size_t)W * H, 1, &canvas);
+    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
     rx_footprint t[3] = {boxed(2, 2, 10, 9, 1), boxed(8, 5, 12, 10, 2), boxed(0, 0, W, H, 3)};
     rx_layer *layers = RX_NEW(rx_layer, 3);
     assert_non_null(layers);
     for (int i = 0; i < 3; i++)
         layers[i] = (rx_layer){t[i], (double[3]){3, -2, 1}[i]};
-    rx_canvas_set(&canvas, layers, 3);
-    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
+    rx_fit_image_set(&canvas, layers, 3);
+    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
     rx_joint_member m[3];
     for (int i = 0; i < 3; i++)
         m[i] = (rx_joint_member){.grain = 1, .footprint = &t[i], .before = layers[i].flux};
@@ -184,7 +184,7 @@ static void test_joint(void **state)
     free(a);
     free(b);
     free(w);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -236,8 +236,8 @@ static void test_canvas(void **state)
     (void)state;
     enum { W = 90, H = 200, ROWS = 30, N = 12 };
     field f;
-    rx_canvas all, some;
-    rx_canvas *both[2] = {&all, &some};
+    rx_fit_image all, some;
+    rx_fit_image *both[2] = {&all, &some};
     rx_footprint t[N];
     field_open(&f, W, H, 3, 1, 0);
     for (int k = 0; k < W * H; k++) {
@@ -255,29 +255,30 @@ static void test_canvas(void **state)
         assert_non_null(layers);
         for (int k = 0; k < N - 2; k++)
             layers[k] = (rx_layer){t[k], 2 + k};
-        rx_canvas_open(&input, (size_t)(i == 0 ? H : ROWS) * W, 1 + i, both[i]);
+        rx_fit_image_open(&input, (size_t)(i == 0 ? H : ROWS) * W, 1 + i, both[i]);
         both[i]->psf_error = 0.1;
-        assert_int_equal(rx_canvas_rows(both[i]), i == 0 ? H : ROWS);
-        rx_canvas_set(both[i], layers, N - 2);
-        assert_int_equal(rx_canvas_show_rows(both[i], 0, ROWS, NULL), RX_OK);
+        assert_int_equal(rx_fit_image_rows(both[i]), i == 0 ? H : ROWS);
+        rx_fit_image_set(both[i], layers, N - 2);
+        assert_int_equal(rx_fit_image_load_rows(both[i], 0, ROWS, NULL), RX_OK);
         for (int turn = 0; turn < 2; turn++) {
-            rx_sheet sheet;
-            assert_int_equal(rx_sheet_open(W, H, 40, &sheet, NULL), RX_OK);
+            rx_sky_mesh sheet;
+            assert_int_equal(rx_sky_mesh_open(W, H, 40, &sheet, NULL), RX_OK);
             assert_true(sheet.nx == 2 && sheet.ny == 5);
             for (int k = 0; k < 10; k++)
                 sheet.value[k] = rx_random_normal(5, (uint64_t)turn, (uint64_t)k);
-            assert_int_equal(rx_canvas_take_off(both[i], &sheet, NULL), RX_OK);
-            assert_int_equal(rx_canvas_add(both[i], &t[N - 2 + turn], -0.7, NULL), RX_OK);
+            assert_int_equal(rx_fit_image_subtract(both[i], &sheet, NULL), RX_OK);
+            assert_int_equal(rx_fit_image_add(both[i], &t[N - 2 + turn], -0.7, NULL), RX_OK);
         }
     }
-    assert_int_equal(rx_canvas_show_rows(&all, 0, H, NULL), RX_OK);
+    assert_int_equal(rx_fit_image_load_rows(&all, 0, H, NULL), RX_OK);
     for (int from = H - ROWS; from >= 0; from -= 17) {
         const rx_window windows[2] = {{0, from, 40, from + 20}, {35, from + 3, W, from + ROWS}};
-        assert_int_equal(rx_canvas_show(&some, windows, NULL, 2, NULL), RX_OK);
+        assert_int_equal(rx_fit_image_load(&some, windows, NULL, 2, NULL), RX_OK);
         assert_true(some.room == (size_t)ROWS * W);
         for (int y = from; y < from + ROWS; y++)
             for (int x = 0; x < W; x++) {
-                const size_t k = rx_canvas_row(&some, y) + (size_t)x, m = rx_canvas_row(&all, y) + (size_t)x;
+                const size_t k = rx_fit_image_row(&some, y) + (size_t)x,
+                             m = rx_fit_image_row(&all, y) + (size_t)x;
                 if ((x >= 40 || y >= from + 20) && (x < 35 || y < from + 3))
                     continue;
                 assert_true(some.data[k] == all.data[m] && some.model[k] == all.model[m] &&
@@ -285,13 +286,13 @@ static void test_canvas(void **state)
             }
     }
     assert_true(all.weight[0] == 0 && all.weight[40] == 0 && all.weight[19] == 0);
-    assert_true(rx_canvas_variance(&some, 40, 0) == 0 && rx_canvas_variance(&some, 13, 0) == 0);
-    assert_true(rx_canvas_variance(&some, 1, 0) == f.sigma[1] * f.sigma[1]);
-    assert_int_equal(rx_canvas_show_rows(&some, 10, 10 + 3 * ROWS, NULL), RX_OK); /* more than usual */
-    assert_memory_equal(some.model + rx_canvas_row(&some, 10), all.model + 10 * W,
+    assert_true(rx_fit_image_variance(&some, 40, 0) == 0 && rx_fit_image_variance(&some, 13, 0) == 0);
+    assert_true(rx_fit_image_variance(&some, 1, 0) == f.sigma[1] * f.sigma[1]);
+    assert_int_equal(rx_fit_image_load_rows(&some, 10, 10 + 3 * ROWS, NULL), RX_OK); /* more than usual */
+    assert_memory_equal(some.model + rx_fit_image_row(&some, 10), all.model + 10 * W,
                         sizeof(float) * 3 * ROWS * W);
     for (int i = 0; i < 2; i++)
-        rx_canvas_clear(both[i]);
+        rx_fit_image_clear(both[i]);
     for (int i = 0; i < N; i++)
         free(t[i].values);
     field_close(&f);
@@ -303,7 +304,7 @@ static void test_undersky(void **state)
     (void)state;
     enum { W = 400, H = 300 };
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     double mean;
     field_open(&f, W, H, 3, 1, 3);
     for (int k = 0; k < W * H; k++)
@@ -316,11 +317,12 @@ static void test_undersky(void **state)
         f.pixels[k] = f.mask[k] ? NAN : f.pixels[k];
     }
     const rx_tphot_input input = field_input(&f);
-    rx_canvas_open(&input, (size_t)W * H, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(
-                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
-                     RX_OK);
-    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
+    rx_fit_image_open(&input, (size_t)W * H, 2, &canvas);
+    assert_int_equal(
+        rx_residual_sky_subtract(&canvas, &(rx_residual_sky){.segments = f.sources->segments, .cell = 100},
+                                 &mean, NULL),
+        RX_OK);
+    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
     assert_near(mean, 0.3, 0.02);
     double sum[2] = {0}, n[2] = {0};
     for (int k = 0; k < W * H; k++)
@@ -330,7 +332,7 @@ static void test_undersky(void **state)
         }
     assert_near(sum[0] / n[0], 0, 0.02);
     assert_near(sum[1] / n[1], 0, 0.02);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -344,7 +346,7 @@ typedef struct scene {
 } scene;
 
 /* L of one pixel by its definition. */
-static double largest_light(const rx_leftover *of, const scene *s, int x, int y)
+static double largest_light(const rx_template_residual *of, const scene *s, int x, int y)
 {
     double most = 0;
     for (int k = 0; k < LW * LH; k++)
@@ -354,7 +356,8 @@ static double largest_light(const rx_leftover *of, const scene *s, int x, int y)
 }
 
 /* Filtered residual and noise of one pixel, by their definitions. */
-static void filter_plainly(const rx_leftover *of, const scene *s, int x, int y, double *value, double *noise)
+static void filter_plainly(const rx_template_residual *of, const scene *s, int x, int y, double *value,
+                           double *noise)
 {
     double square = 0, norm = 0;
     *value = 0;
@@ -389,13 +392,13 @@ static void set_scene(scene *s)
 }
 
 /* The scene on a canvas with room for so many rows. */
-static void show_scene(const rx_tphot_input *input, scene *s, int rows, int nthreads, rx_canvas *canvas)
+static void show_scene(const rx_tphot_input *input, scene *s, int rows, int nthreads, rx_fit_image *canvas)
 {
     rx_layer *layer = RX_NEW(rx_layer, 1);
     assert_non_null(layer);
     *layer = (rx_layer){{.width = LW, .height = LH, .values = s->model, .inside = 1}, 1};
-    rx_canvas_open(input, (size_t)rows * LW, nthreads, canvas);
-    rx_canvas_set(canvas, layer, 1);
+    rx_fit_image_open(input, (size_t)rows * LW, nthreads, canvas);
+    rx_fit_image_set(canvas, layer, 1);
 }
 
 /* Strips, borders and hidden pixels against the definition; the same bytes for any number of threads and of
@@ -406,9 +409,9 @@ static void test_leftover(void **state)
     static scene s;
     static float filtered[2][LW * LH], noise[2][LW * LH];
     static uint8_t mask[LW * LH];
-    static rx_leftover_spot spots[2][LW * LH];
+    static rx_template_residual_pixel spots[2][LW * LH];
     float filter[LSIDE * LSIDE];
-    rx_canvas canvas[2];
+    rx_fit_image canvas[2];
     set_scene(&s);
     for (int i = 0; i < LSIDE * LSIDE; i++)
         filter[i] = (i % 3 == 0 ? -1.0f : 1.0f) / (LSIDE * LSIDE);
@@ -420,21 +423,21 @@ static void test_leftover(void **state)
                                             .noise = rx_map_plane(s.sigma, LW),
                                             .mask = s.mask,
                                             .hide = 1}};
-    rx_leftover of = {.grain = 1,
-                      .pixels = s.pixels,
-                      .level = rx_map_plane(s.level, LW),
-                      .reach = 2,
-                      .model_error = 0.3,
-                      .filter = filter,
-                      .side = LSIDE};
+    rx_template_residual of = {.grain = 1,
+                               .pixels = s.pixels,
+                               .level = rx_map_plane(s.level, LW),
+                               .reach = 2,
+                               .model_error = 0.3,
+                               .filter = filter,
+                               .side = LSIDE};
     for (int i = 0; i < 2; i++) {
         show_scene(&input, &s, i == 0 ? LH : 20, i == 0 ? 1 : 3, &canvas[i]);
         of.canvas = &canvas[i];
         of.nthreads = canvas[i].nthreads;
-        assert_int_equal(rx_leftover_filter(&of, 0, LH, filtered[i], noise[i], mask, NULL), RX_OK);
+        assert_int_equal(rx_template_residual_filter(&of, 0, LH, filtered[i], noise[i], mask, NULL), RX_OK);
         for (int k = 0; k < LW * LH; k++)
-            spots[i][k] = (rx_leftover_spot){.x = k % LW, .y = k / LW};
-        assert_int_equal(rx_leftover_look(&of, spots[i], LW * LH, NULL), RX_OK);
+            spots[i][k] = (rx_template_residual_pixel){.x = k % LW, .y = k / LW};
+        assert_int_equal(rx_template_residual_at(&of, spots[i], LW * LH, NULL), RX_OK);
     }
     assert_memory_equal(filtered[0], filtered[1], sizeof filtered[0]);
     assert_memory_equal(noise[0], noise[1], sizeof noise[0]);
@@ -453,17 +456,17 @@ static void test_leftover(void **state)
         assert_true(spots[1][k].sigma == spots[0][k].sigma);
         assert_close(spots[0][k].weight, s.weight[k], 1e-6);
     }
-    assert_int_equal(rx_leftover_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
+    assert_int_equal(rx_template_residual_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
     assert_memory_equal(filtered[0] + 64 * LW, filtered[1], (size_t)(LH - 64) * LW * sizeof(float));
     for (int i = 0; i < 2; i++)
-        rx_canvas_clear(&canvas[i]);
+        rx_fit_image_clear(&canvas[i]);
     for (int k = 0; k < LW * LH; k += 31) { /* one alone: nothing else has been shown before */
-        rx_leftover_spot spot = {.x = k % LW, .y = k / LW};
+        rx_template_residual_pixel spot = {.x = k % LW, .y = k / LW};
         show_scene(&input, &s, LH, 1, &canvas[0]);
         of.canvas = &canvas[0];
-        assert_int_equal(rx_leftover_look(&of, &spot, 1, NULL), RX_OK);
+        assert_int_equal(rx_template_residual_at(&of, &spot, 1, NULL), RX_OK);
         assert_true(spot.light == spots[0][k].light);
-        rx_canvas_clear(&canvas[0]);
+        rx_fit_image_clear(&canvas[0]);
     }
 }
 
@@ -483,18 +486,19 @@ static void test_narrow_star(void **state)
     for (int i = 0; i < 41 * 41; i++)
         sum += rx_moffat_pixel(&truth, i % 41 - 20, i / 41 - 20, NULL);
     for (int way = 0; way < 3; way++) { /* the star, almost the star, the star without samples */
-        rx_lens *lens = NULL;
+        rx_template_otf *lens = NULL;
         if (way == 2) {
             free(psf->samples);
             psf->samples = NULL;
         }
-        assert_int_equal(rx_lens_new(psf, NULL, &lens, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
         for (int k = 0; k < 9; k++) {
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
             const rx_spergel dot = {0.01, 0.0, 0.0, 0.5};
-            rx_lens_size *size = NULL;
-            assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 1.0), 0, 0, &size, NULL), RX_OK);
-            rx_lens_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
+            rx_template_domain *size = NULL;
+            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0), 0, 0, &size, NULL),
+                             RX_OK);
+            rx_template_domain_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
             const int stride = rx_fft_stride_real(size->fft), middle = size->n / 2;
             for (int j = -12; j <= 12; j++)
                 for (int i = -12; i <= 12; i++)
@@ -502,7 +506,7 @@ static void test_narrow_star(void **state)
                         fmax(worst[way], fabs((double)size->plane[0][(middle + j) * stride + middle + i] -
                                               rx_moffat_pixel(&truth, i - dx, j - dy, NULL) / sum));
         }
-        rx_lens_free(lens);
+        rx_template_otf_free(lens);
     }
     const double peak = (double)psf->basis[20 * 41 + 20];
     assert_near(worst[0] / peak, 0.0, 5e-4);

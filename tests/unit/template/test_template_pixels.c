@@ -15,13 +15,13 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "template/blends.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 #include "template/joint.h"
-#include "template/judge.h"
 #include "template/patch.h"
-#include "template/sheet.h"
-#include "template/turns.h"
-#include "template/undersky.h"
+#include "template/residual_sky.h"
+#include "template/sky_mesh.h"
+#include "template/template_chi2.h"
+#include "template/windows.h"
 
 enum { W = 290, H = 70, N = 14, LATER = 2, SHEETS = 2 };
 
@@ -89,26 +89,26 @@ static void scene_open(scene *s)
 }
 
 /* late: not looked at before the skies are off. */
-static void scene_show(scene *s, int rows, int nthreads, int late, rx_canvas *canvas)
+static void scene_show(scene *s, int rows, int nthreads, int late, rx_fit_image *canvas)
 {
     rx_layer *layers = RX_NEW(rx_layer, N - LATER);
     assert_non_null(layers);
     for (int k = 0; k < N - LATER; k++)
         layers[k] = (rx_layer){s->t[k], s->flux[k]};
-    rx_canvas_open(&s->input, (size_t)rows * W, nthreads, canvas);
+    rx_fit_image_open(&s->input, (size_t)rows * W, nthreads, canvas);
     canvas->psf_error = 0.1;
-    assert_int_equal(rx_canvas_rows(canvas), rows);
-    rx_canvas_set(canvas, layers, N - LATER);
+    assert_int_equal(rx_fit_image_rows(canvas), rows);
+    rx_fit_image_set(canvas, layers, N - LATER);
     if (!late)
-        assert_int_equal(rx_canvas_show_rows(canvas, 0, rows, NULL), RX_OK);
+        assert_int_equal(rx_fit_image_load_rows(canvas, 0, rows, NULL), RX_OK);
     for (int i = 0; i < SHEETS; i++) {
-        rx_sheet sheet;
-        assert_int_equal(rx_sheet_open(W, H, 40, &sheet, NULL), RX_OK);
+        rx_sky_mesh sheet;
+        assert_int_equal(rx_sky_mesh_open(W, H, 40, &sheet, NULL), RX_OK);
         assert_int_equal(sheet.nx, 7);
         assert_int_equal(sheet.ny, 2);
         memcpy(sheet.value, s->cells[i], sizeof s->cells[i]);
-        assert_int_equal(rx_canvas_take_off(canvas, &sheet, NULL), RX_OK);
-        assert_int_equal(rx_canvas_add(canvas, &s->t[N - LATER + i], s->flux[N - LATER + i], NULL), RX_OK);
+        assert_int_equal(rx_fit_image_subtract(canvas, &sheet, NULL), RX_OK);
+        assert_int_equal(rx_fit_image_add(canvas, &s->t[N - LATER + i], s->flux[N - LATER + i], NULL), RX_OK);
     }
 }
 
@@ -119,18 +119,18 @@ static void scene_close(scene *s)
     field_close(&s->f);
 }
 
-static void check_window(const scene *s, rx_canvas *canvas, rx_window w)
+static void check_window(const scene *s, rx_fit_image *canvas, rx_window w)
 {
-    assert_int_equal(rx_canvas_show(canvas, &w, NULL, 1, NULL), RX_OK);
+    assert_int_equal(rx_fit_image_load(canvas, &w, NULL, 1, NULL), RX_OK);
     for (int y = w.y0; y < w.y1; y++)
         for (int x = w.x0; x < w.x1; x++) {
-            const size_t k = rx_canvas_row(canvas, y) + (size_t)x, p = (size_t)y * W + (size_t)x;
+            const size_t k = rx_fit_image_row(canvas, y) + (size_t)x, p = (size_t)y * W + (size_t)x;
             const double sigma = s->weight[p] > 0 ? (double)s->f.sigma[p] : 0;
             assert_near(canvas->data[k], s->data[p], 3e-5);
             assert_near(canvas->model[k], s->model[p], 1e-4);
             assert_near(canvas->weight[k], s->weight[p], 1e-5 * s->weight[p]);
             assert_near(canvas->sigma[k], sigma, 0);
-            assert_near(rx_canvas_variance(canvas, x, y), sigma * sigma, 1e-6);
+            assert_near(rx_fit_image_variance(canvas, x, y), sigma * sigma, 1e-6);
         }
 }
 
@@ -141,7 +141,7 @@ static void test_definition(void **state)
     static scene s;
     scene_open(&s);
     for (int i = 0; i < 6; i++) {
-        rx_canvas canvas;
+        rx_fit_image canvas;
         const int rows = (int[3]){H, 33, 17}[i % 3], from = H > rows ? H - rows - 1 : 0;
         scene_show(&s, rows, 1 + i % 3, i / 3, &canvas);
         check_window(&s, &canvas, (rx_window){0, 0, W, rows});
@@ -151,7 +151,7 @@ static void test_definition(void **state)
         check_window(&s, &canvas, (rx_window){280, 1, W, 8});
         rx_tphot tphot = {0};
         double chi2 = 0, visible = 0;
-        assert_int_equal(rx_judge(&canvas, 1, &tphot, NULL), RX_OK);
+        assert_int_equal(rx_template_chi2(&canvas, 1, &tphot, NULL), RX_OK);
         for (int k = 0; k < W * H; k++) {
             const double r = s.weight[k] > 0 ? s.data[k] - s.model[k] : 0;
             assert_near(tphot.model[k], s.model[k], 1e-4);
@@ -165,7 +165,7 @@ static void test_definition(void **state)
         assert_near(tphot.visible, visible, 0);
         free(tphot.model);
         free(tphot.residual);
-        rx_canvas_clear(&canvas);
+        rx_fit_image_clear(&canvas);
     }
     const rx_window window = rx_footprint_window(&(rx_footprint){.x0 = 3, .y0 = 5, .width = 7, .height = 11});
     assert_memory_equal(&window, &((rx_window){3, 5, 10, 16}), sizeof window);
@@ -184,7 +184,7 @@ static void test_patch(void **state)
                  {100, 30, 20, 30, 27},
                  {100, 30, 14, 30, 27}};
     static scene s;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     scene_open(&s);
     scene_show(&s, H, 1, 0, &canvas);
     check_window(&s, &canvas, (rx_window){0, 0, W, H});
@@ -223,7 +223,7 @@ static void test_patch(void **state)
         assert_close(rx_footprint_product(&s.t[i - 1], &s.t[i], NULL), plain, 1e-9);
         assert_close(rx_footprint_product(&s.t[i], &s.t[i - 1], &canvas), weighted, 1e-5);
     }
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     scene_close(&s);
 }
 
@@ -257,7 +257,7 @@ static void test_crop(void **state)
                                   x >= box.x1 ? x + 1 : box.x1, y >= box.y1 ? y + 1 : box.y1};
             }
         }
-        const rx_lens_plane rendered = {plane, SIDE, STRIDE, at[i][0], at[i][1]};
+        const rx_template_plane rendered = {plane, SIDE, STRIDE, at[i][0], at[i][1]};
         assert_int_equal(rx_footprint_crop(&rendered, 0.001, WIDTH, HEIGHT, &f, NULL), RX_OK);
         assert_near(f.inside, 1 - outside, 1e-6);
         assert_int_equal(f.width, box.x1 > box.x0 ? box.x1 - box.x0 : 0);
@@ -279,7 +279,7 @@ static void test_tilted_sky(void **state)
     (void)state;
     enum { WIDTH = 400, HEIGHT = 300 };
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     double mean;
     field_open(&f, WIDTH, HEIGHT, 3, 1, 3);
     field_list(&f, 49.5, 49.5, 30, 1, 1, 0); /* in the middle of a cell, as all that is hidden */
@@ -295,11 +295,12 @@ static void test_tilted_sky(void **state)
         for (int x = 300; x < WIDTH && y >= 200; x++)
             f.mask[y * WIDTH + x] = x % 5 != 0 || y % 5 != 0;
     rx_tphot_input input = field_input(&f);
-    rx_canvas_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(
-                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
-                     RX_OK);
-    assert_int_equal(rx_canvas_show_rows(&canvas, 0, HEIGHT, NULL), RX_OK);
+    rx_fit_image_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
+    assert_int_equal(
+        rx_residual_sky_subtract(&canvas, &(rx_residual_sky){.segments = f.sources->segments, .cell = 100},
+                                 &mean, NULL),
+        RX_OK);
+    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, HEIGHT, NULL), RX_OK);
     /* the corner's cell has the mean of its three neighbours: its plane's value + 2/3 of a step in x and y */
     const double corner = (-0.01 + 0.02) * 100 * 2 / 3;
     assert_near(mean, 3 + corner / 12, 1e-5);
@@ -310,14 +311,15 @@ static void test_tilted_sky(void **state)
         const double u = fmin(fmax(x, 49.5), 349.5), v = fmin(fmax(y, 49.5), 249.5);
         assert_near(canvas.data[k], 0.01 * (x - u) - 0.02 * (y - v), 2e-5);
     }
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     memset(f.mask, 1, WIDTH * HEIGHT); /* nothing is known: nothing is taken off */
-    rx_canvas_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
-    assert_int_equal(rx_undersky_subtract(
-                         &canvas, &(rx_undersky){.segments = f.sources->segments, .cell = 100}, &mean, NULL),
-                     RX_OK);
+    rx_fit_image_open(&input, (size_t)WIDTH * HEIGHT, 2, &canvas);
+    assert_int_equal(
+        rx_residual_sky_subtract(&canvas, &(rx_residual_sky){.segments = f.sources->segments, .cell = 100},
+                                 &mean, NULL),
+        RX_OK);
     assert_near(mean, 0, 0);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -328,17 +330,17 @@ static void test_clipping(void **state)
     enum { SIDE = 100, PIXELS = SIDE * SIDE };
     for (uint64_t seed = 1; seed <= 8; seed++) {
         field f;
-        rx_canvas canvas;
+        rx_fit_image canvas;
         double mean, middle = 0, limit = HUGE_VAL;
         field_open(&f, SIDE, SIDE, 3, 1, 0);
         for (int k = 0; k < PIXELS; k++)
             f.pixels[k] = (float)(5 * pow(fabs(rx_random_normal(seed, 0, (uint64_t)k)), 1.5) - 3);
         const rx_tphot_input input = field_input(&f);
-        rx_canvas_open(&input, PIXELS, 1, &canvas);
-        assert_int_equal(rx_undersky_subtract(&canvas,
-                                              &(rx_undersky){.segments = f.sources->segments, .cell = SIDE},
-                                              &mean, NULL),
-                         RX_OK);
+        rx_fit_image_open(&input, PIXELS, 1, &canvas);
+        assert_int_equal(
+            rx_residual_sky_subtract(
+                &canvas, &(rx_residual_sky){.segments = f.sources->segments, .cell = SIDE}, &mean, NULL),
+            RX_OK);
         for (int round = 0, before = -1, n = 0; round < 10 && n != before; round++) {
             double sum = 0, square = 0;
             before = n;
@@ -355,19 +357,19 @@ static void test_clipping(void **state)
             limit = 3 * sqrt(square / n);
         }
         assert_near(mean, middle, 1e-6);
-        rx_canvas_clear(&canvas);
+        rx_fit_image_clear(&canvas);
         for (int less = 0; less < 2; less++) { /* 5 % of the pixels are enough */
             for (int k = 0; k < PIXELS; k++) {
                 f.pixels[k] = 2;
                 f.mask[k] = k % 20 != 0 || (less && k == 0);
             }
-            rx_canvas_open(&input, PIXELS, 1, &canvas);
+            rx_fit_image_open(&input, PIXELS, 1, &canvas);
             assert_int_equal(
-                rx_undersky_subtract(&canvas, &(rx_undersky){.segments = f.sources->segments, .cell = SIDE},
-                                     &mean, NULL),
+                rx_residual_sky_subtract(
+                    &canvas, &(rx_residual_sky){.segments = f.sources->segments, .cell = SIDE}, &mean, NULL),
                 RX_OK);
             assert_near(mean, less ? 0 : 2, 1e-12);
-            rx_canvas_clear(&canvas);
+            rx_fit_image_clear(&canvas);
         }
         field_close(&f);
     }
@@ -483,7 +485,7 @@ static void test_alone(void **state)
 {
     (void)state;
     static scene s;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     const rx_joint_params par = {.background_sigma = 0.3}, held = {.non_negative = 1};
     scene_open(&s);
     scene_show(&s, H, 1, 0, &canvas);
@@ -515,7 +517,7 @@ static void test_alone(void **state)
         assert_int_equal(m.flags, td < 0 ? RX_TPHOT_BOUND : 0);
         assert_near(background, 0, 0);
     }
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     scene_close(&s);
 }
 
@@ -574,7 +576,7 @@ static void test_together(void **state)
 {
     (void)state;
     static scene s;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     rx_joint_member m[2][N];
     double background[2], covariance[2][N * N];
     scene_open(&s);
@@ -605,12 +607,12 @@ static void test_together(void **state)
         assert_true(most > 0);
         assert_close(m[0][i].alone, 1 / rx_footprint_product(&s.t[i], &s.t[i], &canvas), 1e-9);
     }
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     scene_close(&s);
 }
 
 typedef struct visit {
-    const rx_canvas *canvas;
+    const rx_fit_image *canvas;
     const rx_window *windows;
     int n, last;
 } visit;
@@ -618,12 +620,12 @@ typedef struct visit {
 static rx_status visit_one(void *user, int i, int thread, rx_error *err)
 {
     visit *v = user;
-    const rx_canvas *c = v->canvas;
+    const rx_fit_image *c = v->canvas;
     (void)err;
     assert_int_equal(thread, 0);
     assert_true(v->windows[i].y0 >= c->top);
     assert_true(v->windows[i].y1 <= c->top + c->rows);
-    assert_int_equal(c->rows, rx_canvas_rows(c)); /* never more than usual */
+    assert_int_equal(c->rows, rx_fit_image_rows(c)); /* never more than usual */
     assert_true(v->windows[i].y0 >= v->last);
     v->last = v->windows[i].y0;
     v->n++;
@@ -636,7 +638,7 @@ static void test_turns(void **state)
     (void)state;
     enum { WINDOWS = 60 };
     static scene s;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     rx_window windows[WINDOWS];
     scene_open(&s);
     scene_show(&s, 20, 1, 0, &canvas);
@@ -645,9 +647,9 @@ static void test_turns(void **state)
         windows[i] = (rx_window){i, y, i + 20, y + 1 + i % 10};
     }
     visit v = {&canvas, windows, 0, 0};
-    assert_int_equal(rx_turns_take(&canvas, windows, WINDOWS, 0, visit_one, &v, NULL), RX_OK);
+    assert_int_equal(rx_windows_run(&canvas, windows, WINDOWS, 0, visit_one, &v, NULL), RX_OK);
     assert_int_equal(v.n, WINDOWS);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     scene_close(&s);
 }
 
@@ -669,16 +671,16 @@ static void test_turns_stop(void **state)
     for (int in_order = 0; in_order < 2; in_order++) {
         int asked = 0;
         rx_error err = RX_ERROR_NONE;
-        rx_canvas canvas;
+        rx_fit_image canvas;
         scene_show(&s, 20, 1, 0, &canvas);
         visit v = {&canvas, windows, 0, 0};
         err.stop = at_the_fifth;
         err.user = &asked;
-        assert_int_equal(rx_turns_take(&canvas, windows, WINDOWS, in_order, visit_one, &v, &err),
+        assert_int_equal(rx_windows_run(&canvas, windows, WINDOWS, in_order, visit_one, &v, &err),
                          RX_INTERRUPTED);
         assert_string_equal(err.text, "stopped by the caller");
         assert_in_range(v.n, 1, 4);
-        rx_canvas_clear(&canvas);
+        rx_fit_image_clear(&canvas);
     }
     scene_close(&s);
 }

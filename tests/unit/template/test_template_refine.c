@@ -17,10 +17,10 @@
 #include "psf/psf.h"
 #include "template/evidence.h"
 #include "template/fit.h"
+#include "template/fit_sources.h"
 #include "template/patch.h"
+#include "template/prior.h"
 #include "template/refine.h"
-#include "template/subjects.h"
-#include "template/usual.h"
 
 enum { W = 120, H = 110 };
 
@@ -28,9 +28,9 @@ enum { W = 120, H = 110 };
 typedef struct stage {
     field f;
     rx_tphot_input input;
-    rx_canvas canvas;
-    rx_lens *lens, *other;
-    rx_usual usual;
+    rx_fit_image canvas;
+    rx_template_otf *lens, *other;
+    rx_tile_prior usual;
     rx_refine_params par;
     rx_refine_view view;
 } stage;
@@ -38,11 +38,11 @@ typedef struct stage {
 static void stage_open(stage *s)
 {
     s->input = field_input(&s->f);
-    rx_canvas_open(&s->input, (size_t)W * H, 1, &s->canvas);
-    assert_int_equal(rx_canvas_show_rows(&s->canvas, 0, H, NULL), RX_OK);
-    assert_int_equal(rx_lens_new(s->f.psf, s->f.restored->psf, &s->lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_new(s->f.psf, s->f.restored->psf, &s->other, NULL), RX_OK);
-    s->usual = (rx_usual){
+    rx_fit_image_open(&s->input, (size_t)W * H, 1, &s->canvas);
+    assert_int_equal(rx_fit_image_load_rows(&s->canvas, 0, H, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(s->f.psf, s->f.restored->psf, &s->lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(s->f.psf, s->f.restored->psf, &s->other, NULL), RX_OK);
+    s->usual = (rx_tile_prior){
         .star_odds = 1.5, .pivot = log(300), .radius = {log(2.2), 0.3, 0.8}, .nu = {log(1.4), 0, 0.4}};
     s->par = (rx_refine_params){.extended = 1, .star_penalty = 0.5, .usual = &s->usual};
     s->view = (rx_refine_view){.canvas = &s->canvas,
@@ -53,9 +53,9 @@ static void stage_open(stage *s)
 
 static void stage_close(stage *s)
 {
-    rx_lens_free(s->lens);
-    rx_lens_free(s->other);
-    rx_canvas_clear(&s->canvas);
+    rx_template_otf_free(s->lens);
+    rx_template_otf_free(s->other);
+    rx_fit_image_clear(&s->canvas);
     field_close(&s->f);
 }
 
@@ -79,9 +79,9 @@ static void vary(field *f)
     f->psf = psf;
 }
 
-static rx_subject subject_at(double x, double y, double guess)
+static rx_fit_source subject_at(double x, double y, double guess)
 {
-    rx_subject s = rx_subject_extra(x, y, -1);
+    rx_fit_source s = rx_fit_source_added(x, y, -1);
     s.flags = 0;
     s.segment = 1;
     s.guess = guess;
@@ -93,7 +93,7 @@ static rx_subject subject_at(double x, double y, double guess)
 }
 
 /* The fit that refine.h tells of; flux: of the point, for a profile. */
-static rx_fit own_fit(const stage *g, const rx_subject *s, int n, double flux, rx_lens_size *size,
+static rx_fit own_fit(const stage *g, const rx_fit_source *s, int n, double flux, rx_template_domain *size,
                       const rx_patch *patch)
 {
     const double room = n == RX_FIT_ALL ? 0.5 * s->guess : 0, most = 0.75 + 0.3 * g->view.fwhm + room;
@@ -127,7 +127,8 @@ static rx_fit own_fit(const stage *g, const rx_subject *s, int n, double flux, r
 }
 
 /* The point, where it was given if its position has run away. */
-static rx_fit own_point(const stage *g, const rx_subject *s, rx_lens_size *size, const rx_patch *patch)
+static rx_fit own_point(const stage *g, const rx_fit_source *s, rx_template_domain *size,
+                        const rx_patch *patch)
 {
     rx_fit fit = own_fit(g, s, RX_FIT_POINT, 0, size, patch);
     if (fit.at_limit != 0) {
@@ -147,17 +148,19 @@ static double gain_of(const rx_fit *fit)
     return sum;
 }
 
-static rx_lens_size *own_size(const stage *g, const rx_subject *s, double reach, int half, rx_patch *patch)
+static rx_template_domain *own_size(const stage *g, const rx_fit_source *s, double reach, int half,
+                                    rx_patch *patch)
 {
-    rx_lens_size *size = NULL;
-    assert_int_equal(rx_lens_at(g->other, rx_lens_side(g->other, reach), s->x, s->y, &size, NULL), RX_OK);
+    rx_template_domain *size = NULL;
+    assert_int_equal(
+        rx_template_otf_at(g->other, rx_template_otf_side(g->other, reach), s->x, s->y, &size, NULL), RX_OK);
     assert_int_equal(
         rx_patch_cut(&g->canvas, (int)lround(s->x), (int)lround(s->y), half, size->n, patch, NULL), RX_OK);
     return size;
 }
 
 /* Inverse variance of a fixed template of both shapes, and that its pixels are those of the footprint. */
-static double check_template(const rx_subject *after, int cx, int cy, rx_lens_size *size,
+static double check_template(const rx_fit_source *after, int cx, int cy, rx_template_domain *size,
                              const rx_patch *patch)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
@@ -169,7 +172,8 @@ static double check_template(const rx_subject *after, int cx, int cy, rx_lens_si
         const double share = turn == 0 ? after->point : 1 - after->point;
         if (share <= 0)
             continue;
-        rx_lens_render(size, turn == 0 ? NULL : &after->profile, after->x - cx, after->y - cy, NULL, 1);
+        rx_template_domain_render(size, turn == 0 ? NULL : &after->profile, after->x - cx, after->y - cy,
+                                  NULL, 1);
         for (size_t k = 0; k < (size_t)size->n * stride; k++)
             t[k] += (float)share * size->plane[0][k];
     }
@@ -217,7 +221,7 @@ static void test_choice(void **state)
         const double flux = i < 12 ? 40 * pow(1.2, i) : 9000, guess = i == 13 ? 4 : 1.5;
         const double radius = i == 12 ? 9 : i == 13 ? 12 : 1.8;
         stage g;
-        rx_subject s = subject_at(60.2, 50.7, guess), after;
+        rx_fit_source s = subject_at(60.2, 50.7, guess), after;
         rx_patch patch;
         field_open(&g.f, W, H, 4, 1, 1);
         if (i < 15 || i == 17)
@@ -235,7 +239,7 @@ static void test_choice(void **state)
         if (i % 2) /* of an earlier round */
             s.profile = (rx_spergel){1.4, 0.1, 0.05, 0.7};
         assert_int_equal(rx_refine(&g.par, &g.view, g.lens, &s, &after, NULL), RX_OK);
-        rx_lens_size *size = own_size(&g, &s, 4 * guess, (int)ceil(8 + 3 * guess) + 2, &patch);
+        rx_template_domain *size = own_size(&g, &s, 4 * guess, (int)ceil(8 + 3 * guess) + 2, &patch);
         const rx_fit point = own_point(&g, &s, size, &patch);
         const rx_fit profile = own_fit(&g, &s, RX_FIT_ALL, point.p[0], size, &patch);
         const rx_fit_mean mean = rx_fit_average(&profile, size, &patch);
@@ -277,7 +281,7 @@ static void test_choice(void **state)
             assert_near(got[k], want[k], 1e-6 * fabs(want[k]) + 1e-12);
         for (int k = 0; k < 2; k++) { /* priors taken out */
             const int j = k ? RX_FIT_NU : RX_FIT_RADIUS;
-            const rx_usual_word *word = k ? &after.slope : &after.size;
+            const rx_likelihood *word = k ? &after.slope : &after.size;
             const double prior = 1 / pow(profile.width[j], 2), all = 1 / rx_fit_variance(&profile, j);
             const int says = all - prior > 1e-3 * prior;
             assert_near(word->precision, says ? all - prior : 0, 1e-6 * all);
@@ -313,7 +317,7 @@ static void test_points(void **state)
         static const double at[4][2] = {{60.4, 50.4}, {60.4, 50.4}, {64.1, 50.5}, {2.3, 107.6}};
         const double given[2] = {i == 3 ? 2.2 : 60.2, i == 3 ? 107.5 : 50.7};
         stage g;
-        rx_subject s = subject_at(given[0], given[1], 0), after;
+        rx_fit_source s = subject_at(given[0], given[1], 0), after;
         rx_patch patch;
         field_open(&g.f, W, H, 4, 1, 1);
         field_star(&g.f, at[i][0], at[i][1], i == 1 ? 1e5 : 2000);
@@ -321,7 +325,7 @@ static void test_points(void **state)
         field_restore_none(&g.f);
         stage_open(&g);
         const int cx = (int)lround(given[0]), cy = (int)lround(given[1]), lost = i == 2;
-        rx_lens_size *size = own_size(&g, &s, 0, 10, &patch);
+        rx_template_domain *size = own_size(&g, &s, 0, 10, &patch);
         const rx_fit point = own_point(&g, &s, size, &patch);
         const rx_spergel round = {
             exp(g.usual.radius.mean + g.usual.radius.slope * (log(point.p[0]) - g.usual.pivot)), 0, 0, 0.5};
@@ -329,7 +333,7 @@ static void test_points(void **state)
         double sums[5] = {0}, *t = RX_NEW(double, patch.side *patch.side);
         assert_non_null(t);
         for (int turn = 0; turn < 2; turn++) {
-            rx_lens_render(size, turn == 0 ? NULL : &round, point.p[1], point.p[2], NULL, 1);
+            rx_template_domain_render(size, turn == 0 ? NULL : &round, point.p[1], point.p[2], NULL, 1);
             for (int k = 0; k < patch.side * patch.side; k++) {
                 const double v = size->plane[0][(size_t)(patch.corner + k / patch.side) * stride +
                                                 (size_t)(patch.corner + k % patch.side)];
@@ -396,17 +400,19 @@ static void test_level(void **state)
     g.par.frozen = 1;
     for (uint64_t i = 0; i < CASES; i++) {
         const double radius = 1 + rx_random_uniform(2, 1, i), x = 40 + 30 * rx_random_uniform(2, 2, i);
-        rx_subject s = subject_at(x, 50.7, radius), after;
-        rx_lens_size *size = NULL;
+        rx_fit_source s = subject_at(x, 50.7, radius), after;
+        rx_template_domain *size = NULL;
         s.kind = RX_TPHOT_PROFILE;
         s.point = 0;
         s.profile = (rx_spergel){radius, 0.1, -0.2, 0.5};
         s.flux = (i % 3 == 0 ? 0.1 : i % 3 == 1 ? 300 : 1e7) * (1 + rx_random_uniform(2, 3, i));
         assert_int_equal(rx_refine(&g.par, &g.view, g.lens, &s, &after, NULL), RX_OK);
-        assert_int_equal(rx_lens_at(g.other, rx_lens_side(g.other, 4 * radius), x, 50.7, &size, NULL), RX_OK);
+        assert_int_equal(
+            rx_template_otf_at(g.other, rx_template_otf_side(g.other, 4 * radius), x, 50.7, &size, NULL),
+            RX_OK);
         const int cx = (int)lround(x), n = size->n;
         const size_t stride = (size_t)rx_fft_stride_real(size->fft);
-        rx_lens_render(size, &s.profile, x - cx, 50.7 - 51, NULL, 1);
+        rx_template_domain_render(size, &s.profile, x - cx, 50.7 - 51, NULL, 1);
         double peak = 0;
         for (int k = 0; k < n * n; k++)
             peak = fmax(peak, size->plane[0][(size_t)(k / n) * stride + (size_t)(k % n)]);
@@ -435,11 +441,11 @@ static void test_windows(void **state)
     field_open(&g.f, W, H, 4, 1, 1);
     field_restore_none(&g.f);
     stage_open(&g);
-    const rx_subject s = subject_at(59.6, 50.4, 2.5), corner = subject_at(4.4, 106.7, 2.5),
-                     far = subject_at(59.6, 80.7, 1);
+    const rx_fit_source s = subject_at(59.6, 50.4, 2.5), corner = subject_at(4.4, 106.7, 2.5),
+                        far = subject_at(59.6, 80.7, 1);
     const rx_refine_params restored = {.extended = 1, .substructure = 1},
                            frozen = {.extended = 1, .frozen = 1};
-    const int half = rx_lens_side(g.lens, 10) / 2;
+    const int half = rx_template_otf_side(g.lens, 10) / 2;
     const rx_window want[] = {{42, 32, 79, 69},
                               {0, 89, 23, H},
                               {60 - half, 0, 61 + half, 51 + half},
@@ -472,7 +478,7 @@ static void test_rivals(void **state)
     (void)state;
     static const double flux[3] = {4000, 250, 9000};
     stage g;
-    rx_subject s[3] = {{0}};
+    rx_fit_source s[3] = {{0}};
     field_open(&g.f, W, H, 4, 1, 1);
     field_disk(&g.f, 50.4, 50.4, flux[0], 4, 0.7, 0.5);
     field_star(&g.f, 55.3, 52.4, flux[1]);
@@ -484,7 +490,7 @@ static void test_rivals(void **state)
     stage_open(&g);
     for (int k = 0; k < 3; k++) { /* each from what the ones before leave */
         const int i = (int[]){2, 0, 1}[k];
-        const rx_subject begin =
+        const rx_fit_source begin =
             subject_at((double[]){50.2, 55.3, 95.3}[i], (double[]){50.7, 52.4, 90.4}[i], i ? 0 : 4);
         assert_int_equal(rx_refine(&g.par, &g.view, g.lens, &begin, &s[i], NULL), RX_OK);
         s[i].flux = flux[i];
@@ -494,24 +500,24 @@ static void test_rivals(void **state)
         assert_non_null(layers);
         for (int j = 0; j < 3; j++)
             layers[j] = (rx_layer){s[j].footprint, s[j].flux};
-        rx_canvas_set(&g.canvas, layers, 3);
-        assert_int_equal(rx_canvas_show_rows(&g.canvas, 0, H, NULL), RX_OK);
+        rx_fit_image_set(&g.canvas, layers, 3);
+        assert_int_equal(rx_fit_image_load_rows(&g.canvas, 0, H, NULL), RX_OK);
     }
     s[0].point = 0.2;
     const rx_joint_member m[3] = {{.variance = 400}, {.variance = 225, .blend = 0.1}, {.variance = 400}};
     const int member[3] = {0, 1, 2};
-    const rx_rival rival = rx_evidence_rival(s, m, member, 3, 1);
+    const rx_fit_neighbour rival = rx_evidence_neighbour(s, m, member, 3, 1);
     const double light = flux[0] / flux[1] * overlap(&s[1].footprint, &s[0].footprint) /
                          overlap(&s[1].footprint, &s[1].footprint);
     assert_int_equal(rival.other, 0);
     assert_close(rival.light, light, 1e-9);
-    assert_int_equal(rx_evidence_rival(s, m, (int[]){2, 0, 1}, 3, 2).other, 0);
-    assert_int_equal(rx_evidence_rival(s, m, member, 3, 0).other, -1);
-    const rx_rival none = rx_evidence_rival(s, m, member, 3, 2);
+    assert_int_equal(rx_evidence_neighbour(s, m, (int[]){2, 0, 1}, 3, 2).other, 0);
+    assert_int_equal(rx_evidence_neighbour(s, m, member, 3, 0).other, -1);
+    const rx_fit_neighbour none = rx_evidence_neighbour(s, m, member, 3, 2);
     assert_int_equal(none.other, -1);
     /* 0.3 of its flux under its template make a rival, or a coefficient of 0.2 */
     for (int k = 0; k < 4; k++) {
-        rx_subject less[3];
+        rx_fit_source less[3];
         rx_joint_member close[3];
         memcpy(less, s, sizeof less);
         memcpy(close, m, sizeof close);
@@ -525,7 +531,7 @@ static void test_rivals(void **state)
             scaled.values[p] = (float)(s[0].footprint.values[p] * 0.3 / under * (k % 2 ? 1.0005 : 0.9995));
         less[0].footprint = scaled;
         close[1].blend = k < 2 ? 0.1 : 0.2;
-        assert_int_equal(rx_evidence_rival(less, close, member, 3, 1).other, k == 0 ? -1 : 0);
+        assert_int_equal(rx_evidence_neighbour(less, close, member, 3, 1).other, k == 0 ? -1 : 0);
         free(scaled.values);
     }
     double evidence, rise = 0;
@@ -541,7 +547,7 @@ static void test_rivals(void **state)
         rx_patch patch;
         const double radius = fmax(4, s[0].profile.radius), away = hypot(s[1].x - s[0].x, s[1].y - s[0].y);
         const int half = (int)ceil(fmax(8 + 3 * radius, away + 6)) + 2;
-        rx_lens_size *size = own_size(&g, &s[0], fmax(4 * radius, half - 4), half, &patch);
+        rx_template_domain *size = own_size(&g, &s[0], fmax(4 * radius, half - 4), half, &patch);
         rx_patch_add(&patch, &s[0].footprint, flux[0]);
         if (with)
             rx_patch_add(&patch, &s[1].footprint, flux[1]);

@@ -16,8 +16,8 @@
 #include "base/random.h"
 #include "psf/psf.h"
 #include "template/fit.h"
-#include "template/lens.h"
 #include "template/spergel.h"
+#include "template/template_otf.h"
 
 static const double PI = 3.14159265358979323846;
 enum { STAMP = 25 };
@@ -61,17 +61,17 @@ static void test_rendering(void **state)
     static const double sigma = 2, dx = 0.3, dy = -0.4;
     const rx_spergel shape = {3, 0.2, -0.3, 0.5};
     rx_psf *psf = gauss(&sigma, 1);
-    rx_lens *lens = NULL;
-    rx_lens_size *size = NULL;
-    assert_int_equal(rx_lens_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_side(lens, 5), 40); /* 25 + 4 + 2 * 5 = 39 */
-    assert_int_equal(rx_lens_side(lens, 5.1), 42);
-    assert_int_equal(rx_lens_side(lens, 13), 56);
-    assert_int_equal(rx_lens_at(lens, rx_lens_side(lens, 13), 0, 0, &size, NULL), RX_OK);
+    rx_template_otf *lens = NULL;
+    rx_template_domain *size = NULL;
+    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_side(lens, 5), 40); /* 25 + 4 + 2 * 5 = 39 */
+    assert_int_equal(rx_template_otf_side(lens, 5.1), 42);
+    assert_int_equal(rx_template_otf_side(lens, 13), 56);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13), 0, 0, &size, NULL), RX_OK);
     const int n = size->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int point = 0; point < 2; point++) {
-        rx_lens_render(size, point ? NULL : &shape, dx, dy, NULL, point ? 1 : 5);
+        rx_template_domain_render(size, point ? NULL : &shape, dx, dy, NULL, point ? 1 : 5);
         for (int what = 0; what < (point ? 1 : 5); what++)
             for (int k = 0; k < n * n; k += 37) {
                 const int i = k % n, j = k / n;
@@ -88,13 +88,13 @@ static void test_rendering(void **state)
     size->last = 31;
     for (size_t k = 0; k < (size_t)n * stride; k++)
         size->plane[0][k] = 7;
-    rx_lens_render(size, NULL, dx, dy, NULL, 1);
+    rx_template_domain_render(size, NULL, dx, dy, NULL, 1);
     for (int j = 20; j < 31; j++)
         for (int i = 0; i < n; i++)
             assert_near(size->plane[0][(size_t)j * stride + (size_t)i], all[(size_t)j * stride + (size_t)i],
                         1e-8);
     free(all);
-    rx_lens_free(lens);
+    rx_template_otf_free(lens);
     rx_psf_free(psf);
 }
 
@@ -106,7 +106,7 @@ static void test_place(void **state)
     static const double wide[3] = {2.2, 2.6, 3}, narrow[3] = {1.5, 1.7, 2};
     static const double at[3][2] = {{10, 20}, {60, 20}, {60, 90}};
     rx_psf *psf[2] = {gauss(wide, 3), gauss(narrow, 3)};
-    rx_lens *lens = NULL;
+    rx_template_otf *lens = NULL;
     float stamp[STAMP * STAMP];
     for (int k = 0; k < 2; k++) { /* b0 + x/100 (b1 - b0) + y/100 (b2 - b0) */
         const int cells = STAMP * STAMP;
@@ -115,16 +115,16 @@ static void test_place(void **state)
         psf[k]->px[1] = psf[k]->py[2] = 1;
         psf[k]->xs = psf[k]->ys = 100;
     }
-    assert_int_equal(rx_lens_new(psf[0], psf[1], &lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(psf[0], psf[1], &lens, NULL), RX_OK);
     for (int place = 0; place < 3; place++) {
-        rx_lens_size *size = NULL;
-        assert_int_equal(rx_lens_at(lens, 48, at[place][0], at[place][1], &size, NULL), RX_OK);
-        const rx_matching *matching = rx_lens_matching(size);
+        rx_template_domain *size = NULL;
+        assert_int_equal(rx_template_otf_at(lens, 48, at[place][0], at[place][1], &size, NULL), RX_OK);
+        const rx_matching *matching = rx_template_domain_matching(size);
         const size_t stride = (size_t)rx_fft_stride_real(size->fft);
         for (int turn = 0; turn < 3; turn++) { /* tile's, restored image's, that blurred */
-            rx_lens_render(size, NULL, 0, 0, turn == 0 ? NULL : matching, 1);
+            rx_template_domain_render(size, NULL, 0, 0, turn == 0 ? NULL : matching, 1);
             if (turn == 2)
-                rx_lens_blur(size, matching);
+                rx_template_domain_blur(size, matching);
             rx_psf_at(psf[turn == 1], at[place][0], at[place][1], stamp);
             for (int k = 0; k < STAMP * STAMP; k++) {
                 const int i = 24 + k % STAMP - STAMP / 2, j = 24 + k / STAMP - STAMP / 2;
@@ -133,7 +133,7 @@ static void test_place(void **state)
             }
         }
     }
-    rx_lens_free(lens);
+    rx_template_otf_free(lens);
     rx_psf_free(psf[0]);
     rx_psf_free(psf[1]);
 }
@@ -142,8 +142,8 @@ enum { HALF = 45, PIXELS = (2 * HALF + 1) * (2 * HALF + 1) };
 
 typedef struct bench {
     rx_psf *psf;
-    rx_lens *lens;
-    rx_lens_size *size;
+    rx_template_otf *lens;
+    rx_template_domain *size;
     rx_patch patch; /* wider than a stretch of the fit's sums */
 } bench;
 
@@ -152,7 +152,7 @@ static void template_of(const bench *b, int n, const double *p, double *t)
 {
     const rx_spergel profile = {exp(p[RX_FIT_RADIUS]), p[RX_FIT_G1], p[RX_FIT_G2], exp(p[RX_FIT_NU]) - 1};
     const size_t stride = (size_t)rx_fft_stride_real(b->size->fft);
-    rx_lens_render(b->size, n == RX_FIT_ALL ? &profile : NULL, p[RX_FIT_X], p[RX_FIT_Y], NULL, 1);
+    rx_template_domain_render(b->size, n == RX_FIT_ALL ? &profile : NULL, p[RX_FIT_X], p[RX_FIT_Y], NULL, 1);
     for (int k = 0; k < PIXELS; k++)
         t[k] = b->size->plane[0][(size_t)(k / b->patch.side + b->size->n / 2 - HALF) * stride +
                                  (size_t)(k % b->patch.side + b->size->n / 2 - HALF)];
@@ -163,8 +163,9 @@ static void bench_open(bench *b, const double *truth, double noise)
 {
     static const double sigma = 1.7;
     b->psf = gauss(&sigma, 1);
-    assert_int_equal(rx_lens_new(b->psf, NULL, &b->lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_at(b->lens, rx_lens_side(b->lens, 50), 0, 0, &b->size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(b->psf, NULL, &b->lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_at(b->lens, rx_template_otf_side(b->lens, 50), 0, 0, &b->size, NULL),
+                     RX_OK);
     b->patch = (rx_patch){.side = 2 * HALF + 1, .corner = b->size->n / 2 - HALF};
     b->patch.data = RX_NEW(double, 2 * PIXELS);
     assert_non_null(b->patch.data);
@@ -180,7 +181,7 @@ static void bench_open(bench *b, const double *truth, double noise)
 static void bench_close(bench *b)
 {
     rx_patch_clear(&b->patch);
-    rx_lens_free(b->lens);
+    rx_template_otf_free(b->lens);
     rx_psf_free(b->psf);
 }
 

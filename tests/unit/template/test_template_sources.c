@@ -15,9 +15,9 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/lsq.h"
+#include "template/fit_sources.h"
+#include "template/prior.h"
 #include "template/refine.h"
-#include "template/subjects.h"
-#include "template/usual.h"
 
 enum { W = 120, H = 110 };
 
@@ -27,7 +27,7 @@ static void test_guess(void **state)
     (void)state;
     static uint8_t hidden[W * H];
     field f;
-    rx_subject s[3];
+    rx_fit_source s[3];
     field_open(&f, W, H, 5, 1, 3);
     field_restore_none(&f);
     f.restored->psf->fwhm = 3;
@@ -46,7 +46,7 @@ static void test_guess(void **state)
     rx_tphot_input input = field_input(&f);
     input.shape_mask = hidden;
     input.shape_bits = 2;
-    rx_subjects_start(&par, &input, s);
+    rx_fit_sources_start(&par, &input, s);
     for (int i = 0; i < 3; i++) {
         double flux = 0;
         for (int k = 0; k < W * H; k++)
@@ -67,7 +67,7 @@ static void test_guess(void **state)
         assert_near(s[i].profile.g2, i == 1 ? 0 : 0.2 * sin(1.4), 1e-9);
         assert_near(s[i].profile.nu, 0.5, 0);
     }
-    const rx_subject extra = rx_subject_extra(3.25, 7.5, 4);
+    const rx_fit_source extra = rx_fit_source_added(3.25, 7.5, 4);
     assert_near(extra.x, 3.25, 0);
     assert_near(extra.y, 7.5, 0);
     assert_near(extra.x0, 3.25, 0);
@@ -89,7 +89,7 @@ static void test_guess(void **state)
     given[1] = (rx_tphot_source){.kind = RX_TPHOT_POINT, .x = 61, .y = 43, .ratio = 1, .index = 0.75};
     const rx_tphot shapes = {.n = 3, .nlisted = 3, .list = given};
     input.shapes = &shapes;
-    rx_subjects_start(&par, &input, s);
+    rx_fit_sources_start(&par, &input, s);
     assert_int_equal(s[1].kind, RX_TPHOT_POINT);
     assert_near(s[1].profile.radius, 0, 0);
     assert_near(s[1].profile.nu, 0.75, 0);
@@ -107,7 +107,7 @@ static void test_told(void **state)
 {
     (void)state;
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     field_open(&f, W, H, 3, 1, 1);
     field_list(&f, 50, 60, 2, 1, 1, 0);
     float values[63];
@@ -124,9 +124,9 @@ static void test_told(void **state)
     }
     f.sources->segments[58 * W + 47] = 9; /* a neighbour's */
     const rx_tphot_input input = field_input(&f);
-    rx_canvas_open(&input, (size_t)W * H, 1, &canvas);
-    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
-    rx_subject s = {
+    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
+    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
+    rx_fit_source s = {
         .kind = RX_TPHOT_PIXELS,
         .x = 50.3,
         .y = 60.2,
@@ -149,7 +149,7 @@ static void test_told(void **state)
         int n = 0;
         s.kind = turn == 1 ? RX_TPHOT_POINT : RX_TPHOT_PIXELS;
         s.flux = turn == 2 ? 20 : 300;
-        rx_subject_tell(&canvas, f.sources->segments, &s, &m, 0.7, &t);
+        rx_fit_source_result(&canvas, f.sources->segments, &s, &m, 0.7, &t);
         for (int k = 0; k < 63; k++)
             peak = fmax(peak, values[k]);
         for (int k = 0; k < 63; k++) {
@@ -189,7 +189,7 @@ static void test_told(void **state)
         assert_int_equal(t.kind, s.kind);
         assert_int_equal(t.flags, RX_TPHOT_BOUND | RX_TPHOT_BORDER | (masked > 0.1 ? RX_TPHOT_MASKED : 0));
     }
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -199,33 +199,34 @@ static void test_learnt(void **state)
 {
     (void)state;
     enum { N = 300, ROWS = N + 2 };
-    static rx_usual_case cases[N];
+    static rx_prior_sample cases[N];
     static double a[ROWS * 2], b[ROWS], w[ROWS], rest[N];
     for (uint64_t i = 0; i < N; i++) {
         const double flux = 100 * pow(8, rx_random_uniform(3, 1, i)), u = log(flux / 224);
-        cases[i] = (rx_usual_case){.flux = flux, .snr = flux / 5, .evidence = 8 * rx_random_normal(3, 6, i)};
-        cases[i].radius = (rx_usual_word){0.7 + 0.4 * u + 0.5 * rx_random_normal(3, 2, i), 1 / 0.04};
-        cases[i].nu = (rx_usual_word){0.2 + 0.6 * rx_random_normal(3, 3, i), i % 9 == 0 ? 0 : 1 / 0.04};
+        cases[i] =
+            (rx_prior_sample){.flux = flux, .snr = flux / 5, .evidence = 8 * rx_random_normal(3, 6, i)};
+        cases[i].radius = (rx_likelihood){0.7 + 0.4 * u + 0.5 * rx_random_normal(3, 2, i), 1 / 0.04};
+        cases[i].nu = (rx_likelihood){0.2 + 0.6 * rx_random_normal(3, 3, i), i % 9 == 0 ? 0 : 1 / 0.04};
     }
-    const rx_usual begin = rx_usual_start(4);
+    const rx_tile_prior begin = rx_tile_prior_start(4);
     assert_near(begin.star_odds, 1, 0);
     assert_near(begin.radius.mean, log(0.6 * 4), 1e-12);
     assert_near(begin.radius.width, 1, 0);
     assert_near(begin.nu.mean, log(1.5), 1e-12);
     assert_near(begin.nu.width, 0.5, 0);
-    rx_usual usual = begin;
-    rx_usual_learn(cases, N, 0.7, 4, &usual);
-    assert_near(rx_usual_centre(&usual, &usual.radius, 150),
+    rx_tile_prior usual = begin;
+    rx_tile_prior_fit(cases, N, 0.7, 4, &usual);
+    assert_near(rx_prior_scaling_mean(&usual, &usual.radius, 150),
                 usual.radius.mean + usual.radius.slope * (log(150) - usual.pivot), 1e-12);
     double sum = 0, clear = 0, points = 1, others = 1;
     for (int of_nu = 0; of_nu < 2; of_nu++) {
-        const rx_usual_law *law = of_nu ? &usual.nu : &usual.radius,
-                           *start = of_nu ? &begin.nu : &begin.radius;
+        const rx_prior_scaling *law = of_nu ? &usual.nu : &usual.radius,
+                               *start = of_nu ? &begin.nu : &begin.radius;
         const double width = law->width / (of_nu ? 1 : 1.4); /* used 1.4 times as wide */
         double x[2], c[4], total = 5, square = 5 * start->width * start->width;
         memset(a, 0, sizeof a);
         for (int i = 0; i < N; i++) {
-            const rx_usual_word *word = of_nu ? &cases[i].nu : &cases[i].radius;
+            const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
             const int used = cases[i].snr > 15 && cases[i].snr < 150 && word->precision > 0;
             const double odds = usual.star_odds * exp(0.5 * 0.7 - 0.5 * cases[i].evidence),
                          u = log(cases[i].flux) - usual.pivot;
@@ -259,9 +260,9 @@ static void test_learnt(void **state)
     assert_near(usual.pivot, sum / clear, 1e-12);
     assert_near(usual.star_odds, points / others, 1e-6);
     assert_true(usual.star_odds > 0.3);
-    assert_near(rx_usual_star(3, 1), 1 / (1 + exp(1)), 1e-12);
-    assert_near(rx_usual_star(-200, 0), 1 / (1 + exp(-40)), 1e-15);
-    const rx_usual_word word = rx_usual_say(1.5, 0.1, 0.3, 0.7);
+    assert_near(rx_point_probability(3, 1), 1 / (1 + exp(1)), 1e-12);
+    assert_near(rx_point_probability(-200, 0), 1 / (1 + exp(-40)), 1e-15);
+    const rx_likelihood word = rx_likelihood_of(1.5, 0.1, 0.3, 0.7);
     assert_near(word.precision, 10 - 1 / 0.49, 1e-12);
     assert_near(word.mean, (15 - 0.3 / 0.49) / (10 - 1 / 0.49), 1e-12);
 }

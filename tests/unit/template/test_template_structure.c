@@ -15,9 +15,9 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/convolve.h"
-#include "template/lens.h"
 #include "template/patch.h"
 #include "template/substructure.h"
+#include "template/template_otf.h"
 
 enum { W = 150, H = 110, CX = 60, CY = 20, HALF = 20, SIDE = 2 * HALF + 1, MOST = 160 };
 
@@ -27,13 +27,13 @@ static const double FWHM = 4, FLUX = 3000;
 typedef struct scene {
     field f;
     rx_tphot_input input;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     rx_refine_view view;
-    rx_subject s;
+    rx_fit_source s;
     uint8_t hidden[W * H];
     float given[W * H]; /* noise of the restored pixels */
-    rx_lens *lens, *other;
-    rx_lens_size *size, *own;
+    rx_template_otf *lens, *other;
+    rx_template_domain *size, *own;
     const rx_matching *matching;
     rx_patch patch;
     float d[MOST * MOST], t[MOST * MOST], kd[MOST * MOST]; /* [n][n]: D, T, K * D */
@@ -45,7 +45,7 @@ static int by_value(const void *a, const void *b)
     return (*(const double *)a > *(const double *)b) - (*(const double *)a < *(const double *)b);
 }
 
-static void read_plane(const rx_lens_size *size, float *dst)
+static void read_plane(const rx_template_domain *size, float *dst)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int k = 0; k < size->n * size->n; k++)
@@ -66,23 +66,25 @@ static void scene_open(scene *s)
     f->restored->psf = narrow;
     field_list(f, CX + 0.3, CY - 0.4, 6, 3, 2, 0.3);
     field_list(f, CX + 10, CY + 3, 5, 3, 2, 0.3);
-    s->s = (rx_subject){.kind = RX_TPHOT_PROFILE,
-                        .x = CX + 0.3,
-                        .y = CY - 0.4,
-                        .profile = {2.5, 0.2, -0.1, 0.6},
-                        .flux = FLUX,
-                        .segment = 1,
-                        .xmin = CX - 6,
-                        .xmax = CX + 6,
-                        .ymin = CY - 19,
-                        .ymax = CY + 5};
-    assert_int_equal(rx_lens_new(f->psf, narrow, &s->lens, NULL), RX_OK);
-    assert_int_equal(rx_lens_new(f->psf, narrow, &s->other, NULL), RX_OK);
-    assert_int_equal(rx_lens_at(s->lens, rx_lens_side(s->lens, 10), s->s.x, s->s.y, &s->size, NULL), RX_OK);
-    assert_int_equal(rx_lens_at(s->other, s->size->n, s->s.x, s->s.y, &s->own, NULL), RX_OK);
+    s->s = (rx_fit_source){.kind = RX_TPHOT_PROFILE,
+                           .x = CX + 0.3,
+                           .y = CY - 0.4,
+                           .profile = {2.5, 0.2, -0.1, 0.6},
+                           .flux = FLUX,
+                           .segment = 1,
+                           .xmin = CX - 6,
+                           .xmax = CX + 6,
+                           .ymin = CY - 19,
+                           .ymax = CY + 5};
+    assert_int_equal(rx_template_otf_new(f->psf, narrow, &s->lens, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(f->psf, narrow, &s->other, NULL), RX_OK);
+    assert_int_equal(
+        rx_template_otf_at(s->lens, rx_template_otf_side(s->lens, 10), s->s.x, s->s.y, &s->size, NULL),
+        RX_OK);
+    assert_int_equal(rx_template_otf_at(s->other, s->size->n, s->s.x, s->s.y, &s->own, NULL), RX_OK);
     assert_true(s->size->n <= MOST);
-    s->matching = rx_lens_matching(s->own);
-    rx_lens_render(s->own, &s->s.profile, 0.3, -0.4, s->matching, 1);
+    s->matching = rx_template_domain_matching(s->own);
+    rx_template_domain_render(s->own, &s->s.profile, 0.3, -0.4, s->matching, 1);
     read_plane(s->own, s->t);
     rx_layer *layer = RX_NEW(rx_layer, 1);
     float *model = RX_NEW(float, W *H);
@@ -108,10 +110,10 @@ static void scene_open(scene *s)
     f->restored->pixels[(CY + 10) * W + CX] += 300; /* beyond the surroundings */
     f->restored->mask[(CY + 10) * W + CX] = s->hidden[(CY + 10) * W + CX] = 0;
     s->input = field_input(f);
-    rx_canvas_open(&s->input, W * H, 1, &s->canvas);
+    rx_fit_image_open(&s->input, W * H, 1, &s->canvas);
     *layer = (rx_layer){{.width = W, .height = H, .values = model, .inside = 1}, 1};
-    rx_canvas_set(&s->canvas, layer, 1);
-    assert_int_equal(rx_canvas_show_rows(&s->canvas, 0, H, NULL), RX_OK);
+    rx_fit_image_set(&s->canvas, layer, 1);
+    assert_int_equal(rx_fit_image_load_rows(&s->canvas, 0, H, NULL), RX_OK);
     s->view = (rx_refine_view){.canvas = &s->canvas,
                                .restored = f->restored,
                                .shape_mask = s->hidden,
@@ -123,10 +125,10 @@ static void scene_open(scene *s)
 static void scene_close(scene *s)
 {
     rx_patch_clear(&s->patch);
-    rx_lens_free(s->lens);
-    rx_lens_free(s->other);
+    rx_template_otf_free(s->lens);
+    rx_template_otf_free(s->other);
     free(s->canvas.layers[0].footprint.values);
-    rx_canvas_clear(&s->canvas);
+    rx_fit_image_clear(&s->canvas);
     field_close(&s->f);
 }
 
@@ -150,7 +152,7 @@ static void define(scene *s)
     }
     qsort(below, (size_t)count, sizeof *below, by_value);
     const double around = 1.4826 * below[(count - 1) / 2];
-    rx_lens_render(s->own, &s->s.profile, 0.3, -0.4, s->matching, 1);
+    rx_template_domain_render(s->own, &s->s.profile, 0.3, -0.4, s->matching, 1);
     s->cost = 4;
     for (int k = 0; k < n * n; k++) {
         const int x = CX - n / 2 + k % n, y = CY - n / 2 + k / n, p = y * W + x;
@@ -177,9 +179,9 @@ static void define(scene *s)
         s->cost += 2 * sure;
         s->d[k] = *at = (float)(sure * v);
     }
-    rx_lens_blur(s->own, s->matching);
+    rx_template_domain_blur(s->own, s->matching);
     read_plane(s->own, s->kd);
-    rx_lens_render(s->own, &s->s.profile, 0.3, -0.4, NULL, 1);
+    rx_template_domain_render(s->own, &s->s.profile, 0.3, -0.4, NULL, 1);
     read_plane(s->own, s->t);
 }
 
@@ -214,7 +216,7 @@ static void products(const scene *s, double sums[5])
 
 static int add(scene *s, double *flux)
 {
-    rx_lens_render(s->size, &s->s.profile, 0.3, -0.4, NULL, 1);
+    rx_template_domain_render(s->size, &s->s.profile, 0.3, -0.4, NULL, 1);
     *flux = -1;
     return rx_substructure_add(&s->view, &s->s, CX, CY, s->size, &s->patch, flux);
 }

@@ -84,9 +84,9 @@ static void networks_follow_the_keywords(void **state)
     assert_int_equal(model->seed, 3);
     rx_model_free(model);
     rx_train_config_free(config);
-    assert_int_equal(rx_threads_wanted(3), 3);
-    assert_int_equal(rx_threads_wanted(-1), 1);
-    assert_true(rx_threads_wanted(0) >= 1);
+    assert_int_equal(rx_threads_count(3), 3);
+    assert_int_equal(rx_threads_count(-1), 1);
+    assert_true(rx_threads_count(0) >= 1);
 }
 
 /* --- gradients --- */

@@ -1,5 +1,5 @@
 /* First guesses and last words. */
-#include "template/subjects.h"
+#include "template/fit_sources.h"
 
 #include <math.h>
 
@@ -11,7 +11,7 @@ static const double CUT = 1.3; /* what a segment's threshold cuts off an exponen
 static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
 
 /* Second moments of the segment less those of the PSF that it was found behind. */
-static void guess_shape(const rx_source *s, double fwhm, rx_subject *subject)
+static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *subject)
 {
     const double blur = fwhm / GAUSS;
     const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
@@ -38,7 +38,7 @@ static double segment_flux(const rx_tphot_input *input, const rx_source *s)
     return isfinite(sum) && sum > 0 ? sum : 0;
 }
 
-static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
+static void keep_shape(const rx_tphot_source *from, rx_fit_source *subject)
 {
     const double g = (1 - from->ratio) / (1 + from->ratio);
     subject->x = from->x;
@@ -55,28 +55,28 @@ static void keep_shape(const rx_tphot_source *from, rx_subject *subject)
     subject->chi2_gain = from->chi2_gain;
 }
 
-void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_subject *subjects)
+void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *subjects)
 {
     const rx_psf *psf = input->restored->psf != NULL ? input->restored->psf : input->image.psf;
     for (int i = 0; i < input->sources->n; i++) {
         const rx_source *s = &input->sources->list[i];
-        rx_subject *subject = &subjects[i];
-        *subject = (rx_subject){.kind = RX_TPHOT_POINT,
-                                .x = s->x,
-                                .y = s->y,
-                                .profile = {.nu = 0.5},
-                                .star = 1,
-                                .point = 1,
-                                .shape_error = 1,
-                                .lift = 1,
-                                .grain = 1,
-                                .added = -1,
-                                .segment = s->segment,
-                                .untouched = s->untouched,
-                                .xmin = s->xmin,
-                                .xmax = s->xmax,
-                                .ymin = s->ymin,
-                                .ymax = s->ymax};
+        rx_fit_source *subject = &subjects[i];
+        *subject = (rx_fit_source){.kind = RX_TPHOT_POINT,
+                                   .x = s->x,
+                                   .y = s->y,
+                                   .profile = {.nu = 0.5},
+                                   .star = 1,
+                                   .point = 1,
+                                   .shape_error = 1,
+                                   .lift = 1,
+                                   .grain = 1,
+                                   .added = -1,
+                                   .segment = s->segment,
+                                   .untouched = s->untouched,
+                                   .xmin = s->xmin,
+                                   .xmax = s->xmax,
+                                   .ymin = s->ymin,
+                                   .ymax = s->ymax};
         if (par->extended)
             guess_shape(s, s->untouched ? input->image.psf->fwhm : psf->fwhm, subject);
         if (input->shapes != NULL)
@@ -89,26 +89,26 @@ void rx_subjects_start(const rx_tphot_params *par, const rx_tphot_input *input, 
     }
 }
 
-rx_subject rx_subject_extra(double x, double y, int added)
+rx_fit_source rx_fit_source_added(double x, double y, int added)
 {
-    return (rx_subject){.kind = RX_TPHOT_POINT,
-                        .x = x,
-                        .y = y,
-                        .x0 = x,
-                        .y0 = y,
-                        .profile = {.nu = 0.5},
-                        .star = 1,
-                        .point = 1,
-                        .shape_error = 1,
-                        .lift = 1,
-                        .grain = 1,
-                        .added = added,
-                        .flags = RX_TPHOT_EXTRA};
+    return (rx_fit_source){.kind = RX_TPHOT_POINT,
+                           .x = x,
+                           .y = y,
+                           .x0 = x,
+                           .y0 = y,
+                           .profile = {.nu = 0.5},
+                           .star = 1,
+                           .point = 1,
+                           .shape_error = 1,
+                           .lift = 1,
+                           .grain = 1,
+                           .added = added,
+                           .flags = RX_TPHOT_EXTRA};
 }
 
 /* Reduced chi2 of the pixels of the segment and of the free ones where the template is bright; the share of
  * the template under the mask. */
-static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s,
+static void judge_pixels(const rx_fit_image *canvas, const int32_t *segments, const rx_fit_source *s,
                          double background, rx_tphot_source *dst)
 {
     static const double bright = 0.1;
@@ -117,7 +117,7 @@ static void judge_pixels(const rx_canvas *canvas, const int32_t *segments, const
     double chi2 = 0;
     for (int j = 0; j < f->height; j++)
         for (int i = 0; i < f->width; i++) {
-            const size_t k = rx_canvas_row(canvas, f->y0 + j) + (size_t)(f->x0 + i);
+            const size_t k = rx_fit_image_row(canvas, f->y0 + j) + (size_t)(f->x0 + i);
             const int32_t owner = segments[(size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)(f->x0 + i)];
             const double t = f->values[(size_t)j * (size_t)f->width + (size_t)i], w = canvas->weight[k];
             if (!(w > 0)) {
@@ -143,8 +143,8 @@ static double climb(double flux, double error, double gain)
     return fmin(0.5 * gain * error * error / flux, 0.5 * error);
 }
 
-void rx_subject_tell(const rx_canvas *canvas, const int32_t *segments, const rx_subject *s,
-                     const rx_joint_member *member, double background, rx_tphot_source *dst)
+void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, const rx_fit_source *s,
+                          const rx_joint_member *member, double background, rx_tphot_source *dst)
 {
     const double error = sqrt(member->variance), g = hypot(s->profile.g1, s->profile.g2);
     dst->kind = s->kind;

@@ -1,5 +1,5 @@
 /* Pixels rise out of the water one by one, the brightest first; what stands is a forest of trees. */
-#include "detect/summits.h"
+#include "detect/deblendable.h"
 
 #include <stdbool.h>
 #include <stdlib.h>
@@ -10,11 +10,11 @@
 static const double ROUNDING = 1.0 - 1e-4; /* the deblender adds up in single precision */
 enum { DIGITS = 4, RADIX = 256 };
 
-static rx_status make_room(rx_summits *work, size_t n, rx_error *err)
+static rx_status make_room(rx_deblendable *work, size_t n, rx_error *err)
 {
     if (n <= work->room)
         return RX_OK;
-    rx_summits_free(work);
+    rx_deblendable_free(work);
     n += n / 2;
     work->values = RX_NEW(float, n);
     work->order = RX_NEW(uint64_t, n);
@@ -24,7 +24,7 @@ static rx_status make_room(rx_summits *work, size_t n, rx_error *err)
     work->sum = RX_NEW(double, n);
     if (work->values == NULL || work->order == NULL || work->spare == NULL || work->parent == NULL ||
         work->size == NULL || work->sum == NULL) {
-        rx_summits_free(work);
+        rx_deblendable_free(work);
         return rx_error_memory(err, n * sizeof(double));
     }
     work->room = n;
@@ -32,7 +32,7 @@ static rx_status make_room(rx_summits *work, size_t n, rx_error *err)
 }
 
 /* The group in its box; returns the sum of its values. */
-static double cut(const rx_groups *groups, int group, int width, rx_summits *work)
+static double cut(const rx_groups *groups, int group, int width, rx_deblendable *work)
 {
     const rx_group *g = &groups->list[group];
     double sum = 0.0;
@@ -55,7 +55,7 @@ static void set_around(int width, int around[8])
 }
 
 /* Lists the pixels, and tells whether two of them have no higher neighbour. */
-static bool list_pixels(const rx_groups *groups, const rx_group *g, int width, rx_summits *work, int *n)
+static bool list_pixels(const rx_groups *groups, const rx_group *g, int width, rx_deblendable *work, int *n)
 {
     int around[8], summits = 0;
     set_around(width, around);
@@ -76,7 +76,7 @@ static bool list_pixels(const rx_groups *groups, const rx_group *g, int width, r
 }
 
 /* Ascending by the upper half, digit by digit. */
-static void sort(rx_summits *work, int n)
+static void sort(rx_deblendable *work, int n)
 {
     for (int digit = 0; digit < DIGITS; digit++) {
         const int shift = 32 + 8 * digit;
@@ -101,12 +101,12 @@ static int find_root(int *parent, int i)
 }
 
 /* Does it count as a part of its own, at the threshold `level`? */
-static bool stands(const rx_summits *work, int root, double level, int min_area, double flux)
+static bool stands(const rx_deblendable *work, int root, double level, int min_area, double flux)
 {
     return work->size[root] >= min_area && work->sum[root] - level * work->size[root] > flux;
 }
 
-static bool flood(rx_summits *work, int n, int width, int min_area, double flux)
+static bool flood(rx_deblendable *work, int n, int width, int min_area, double flux)
 {
     int around[8];
     set_around(width, around);
@@ -139,8 +139,8 @@ static bool flood(rx_summits *work, int n, int width, int min_area, double flux)
     return false;
 }
 
-rx_status rx_summits_split(const rx_groups *groups, int group, int min_area, double contrast,
-                           rx_summits *work, int *splits, rx_error *err)
+rx_status rx_deblendable_test(const rx_groups *groups, int group, int min_area, double contrast,
+                              rx_deblendable *work, int *splits, rx_error *err)
 {
     const rx_group *g = &groups->list[group];
     const int width = g->xmax - g->xmin + 3, height = g->ymax - g->ymin + 3;
@@ -157,7 +157,7 @@ rx_status rx_summits_split(const rx_groups *groups, int group, int min_area, dou
     return RX_OK;
 }
 
-void rx_summits_free(rx_summits *work)
+void rx_deblendable_free(rx_deblendable *work)
 {
     free(work->values);
     free(work->order);
@@ -165,5 +165,5 @@ void rx_summits_free(rx_summits *work)
     free(work->parent);
     free(work->size);
     free(work->sum);
-    *work = (rx_summits){0};
+    *work = (rx_deblendable){0};
 }

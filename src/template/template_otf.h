@@ -5,18 +5,18 @@
  * A rendered plane has the place (x, y) of the source at pixel (n/2 + x - cx, n/2 + y - cy), (cx, cy) the
  * whole pixel nearest to it; the sum is 1, and light beyond the domain comes back on the other side. Shifts
  * are exact where the PSF is known between the pixels, and else as far as these sample it. */
-#ifndef RX_TEMPLATE_LENS_H
-#define RX_TEMPLATE_LENS_H
+#ifndef RX_TEMPLATE_TEMPLATE_OTF_H
+#define RX_TEMPLATE_TEMPLATE_OTF_H
 
 #include "base/error.h"
 #include "data/psf.h"
 #include "num/fft.h"
 #include "template/spergel.h"
 
-typedef struct rx_lens rx_lens;
+typedef struct rx_template_otf rx_template_otf;
 
-/* A domain with the spectrum of the tile's PSF at a place; only rx_lens_at() hands one out. */
-typedef struct rx_lens_size {
+/* A domain with the spectrum of the tile's PSF at a place; only rx_template_otf_at() hands one out. */
+typedef struct rx_template_domain {
     int n;
     rx_fft *fft;
     float *optics;
@@ -24,34 +24,35 @@ typedef struct rx_lens_size {
     float *half[5], *plane[5]; /* work */
     double *phase;             /* [m n + 1][2], m: samples a pixel */
     float *column;             /* [7 + 2 m][n] */
-} rx_lens_size;
+} rx_template_domain;
 
 /* The PSF-matching kernel, which takes the restored image's PSF to the tile's, and the restored PSF itself,
- * both at the place of a domain; only rx_lens_matching() hands one out. */
+ * both at the place of a domain; only rx_template_domain_matching() hands one out. */
 typedef struct rx_matching rx_matching;
 
 /* tile, image: PSF of the fitted and of the restored image, which must outlive the lens; image NULL: the same
- * as the tile's. Free with rx_lens_free(). Errors: RX_SYSTEM. */
-rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx_error *err);
-void rx_lens_free(rx_lens *lens); /* NULL is fine */
+ * as the tile's. Free with rx_template_otf_free(). Errors: RX_SYSTEM. */
+rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_template_otf **dst, rx_error *err);
+void rx_template_otf_free(rx_template_otf *lens); /* NULL is fine */
 
 /* Side of the domain for light that reaches `reach` pixels from the source before it is blurred. */
-int rx_lens_side(const rx_lens *lens, double reach);
+int rx_template_otf_side(const rx_template_otf *lens, double reach);
 
-/* The domain of side n (from rx_lens_side()) with the PSF at tile position (x, y); valid until
+/* The domain of side n (from rx_template_otf_side()) with the PSF at tile position (x, y); valid until
  * the next call; all rows will be rendered. Errors: RX_SYSTEM. */
-rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **dst, rx_error *err);
+rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, rx_template_domain **dst,
+                             rx_error *err);
 
 /* The kernel there, valid as long as the domain is. Planes other than 0 are lost. */
-const rx_matching *rx_lens_matching(rx_lens_size *size);
+const rx_matching *rx_template_domain_matching(rx_template_domain *size);
 
 /* Planes 0 .. count - 1 of the domain (count 1 or 5) = the profile (NULL: a point) (dx, dy) off the middle,
  * and its derivatives by ln radius, g1, g2, ln(1 + nu), through the tile's PSF (restored NULL) or the
  * restored image's. */
-void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy,
-                    const rx_matching *restored, int count);
+void rx_template_domain_render(rx_template_domain *size, const rx_spergel *profile, double dx, double dy,
+                               const rx_matching *restored, int count);
 
 /* Plane 0 (real, [n][n] in rows of rx_fft_stride_real()) blurred by the kernel. */
-void rx_lens_blur(rx_lens_size *size, const rx_matching *matching);
+void rx_template_domain_blur(rx_template_domain *size, const rx_matching *matching);
 
 #endif

@@ -1,5 +1,5 @@
 /* The sky under modelled sources, and its noise. */
-#include "template/undersky.h"
+#include "template/residual_sky.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -15,21 +15,21 @@ enum { CLIPPINGS = 10 };
 
 /* What one cell is measured on. */
 typedef struct cells {
-    const rx_undersky *where;
-    const rx_canvas *canvas;
+    const rx_residual_sky *where;
+    const rx_fit_image *canvas;
     int noise; /* not the sky */
-    rx_sheet *sheet;
+    rx_sky_mesh *sheet;
 } cells;
 
 /* data - model of the free pixels of [x0, x1) x [y0, y1), or that over its error where models are faint; returns how many. */
 static long gather(const cells *of, int x0, int x1, int y0, int y1, double *dst)
 {
-    const rx_canvas *c = of->canvas;
+    const rx_fit_image *c = of->canvas;
     long n = 0;
     for (int y = y0; y < y1; y++) {
         const int32_t *segment =
             of->where->segments != NULL ? of->where->segments + (size_t)y * (size_t)c->width : NULL;
-        const size_t row = rx_canvas_row(c, y);
+        const size_t row = rx_fit_image_row(c, y);
         for (int x = x0; x < x1; x++) {
             const size_t k = row + (size_t)x;
             const double rest = (double)c->data[k] - c->model[k], weight = c->weight[k], sigma = c->sigma[k];
@@ -78,8 +78,8 @@ static int edge(int i, int n, int size)
 /* The cells of lines first .. end - 1, whose pixels are shown. */
 static rx_status measure_cells(const cells *of, int first, int end, rx_error *err)
 {
-    const rx_canvas *c = of->canvas;
-    rx_sheet *m = of->sheet;
+    const rx_fit_image *c = of->canvas;
+    rx_sky_mesh *m = of->sheet;
     /* the widest cell has one pixel more than the narrowest; one more is written to before it is known not to
      * count */
     const size_t room = ((size_t)(c->width / m->nx) + 1) * ((size_t)(c->height / m->ny) + 1) + 1;
@@ -88,7 +88,7 @@ static rx_status measure_cells(const cells *of, int first, int end, rx_error *er
     {
         double *values = rx_alloc(room, sizeof(double));
         if (values == NULL) {
-#pragma omp critical(rx_undersky_failure)
+#pragma omp critical(rx_residual_sky_failure)
             failed = rx_error_memory(err, room * sizeof(double));
         }
 #pragma omp for schedule(dynamic)
@@ -111,16 +111,16 @@ static rx_status measure_cells(const cells *of, int first, int end, rx_error *er
 }
 
 /* As many lines of cells at a time as fit in memory. */
-static rx_status measure_all(const cells *of, rx_canvas *c, rx_error *err)
+static rx_status measure_all(const cells *of, rx_fit_image *c, rx_error *err)
 {
-    const rx_sheet *m = of->sheet;
-    const int rows = rx_canvas_rows(c);
+    const rx_sky_mesh *m = of->sheet;
+    const int rows = rx_fit_image_rows(c);
     rx_status status = RX_OK;
     for (int first = 0, end; first < m->ny && status == RX_OK; first = end) {
         const int from = edge(first, m->ny, c->height);
         for (end = first + 1; end < m->ny && edge(end + 1, m->ny, c->height) - from <= rows;)
             end++;
-        status = rx_canvas_show_rows(c, from, edge(end, m->ny, c->height), err);
+        status = rx_fit_image_load_rows(c, from, edge(end, m->ny, c->height), err);
         if (status == RX_OK)
             status = measure_cells(of, first, end, err);
     }
@@ -128,7 +128,7 @@ static rx_status measure_all(const cells *of, rx_canvas *c, rx_error *err)
 }
 
 /* Cells that are not known take the mean of known neighbours, in rounds; `lacking` when there is none at all. */
-static void fill_holes(rx_sheet *m, double lacking, double *next)
+static void fill_holes(rx_sky_mesh *m, double lacking, double *next)
 {
     const size_t cells = (size_t)m->nx * (size_t)m->ny;
     for (int round = 0; round < m->nx + m->ny; round++) {
@@ -160,10 +160,10 @@ static void fill_holes(rx_sheet *m, double lacking, double *next)
 }
 
 /* *sheet is cleared after an error. */
-static rx_status measure(rx_canvas *canvas, const rx_undersky *where, int noise, rx_sheet *sheet,
+static rx_status measure(rx_fit_image *canvas, const rx_residual_sky *where, int noise, rx_sky_mesh *sheet,
                          rx_error *err)
 {
-    rx_status status = rx_sheet_open(canvas->width, canvas->height, where->cell, sheet, err);
+    rx_status status = rx_sky_mesh_open(canvas->width, canvas->height, where->cell, sheet, err);
     if (status != RX_OK)
         return status;
     const size_t count = (size_t)sheet->nx * (size_t)sheet->ny;
@@ -173,26 +173,27 @@ static rx_status measure(rx_canvas *canvas, const rx_undersky *where, int noise,
     if (status == RX_OK)
         fill_holes(sheet, noise, next);
     else
-        rx_sheet_clear(sheet);
+        rx_sky_mesh_clear(sheet);
     free(next);
     return status;
 }
 
-rx_status rx_undersky_subtract(rx_canvas *canvas, const rx_undersky *where, double *mean, rx_error *err)
+rx_status rx_residual_sky_subtract(rx_fit_image *canvas, const rx_residual_sky *where, double *mean,
+                                   rx_error *err)
 {
-    rx_sheet sheet;
+    rx_sky_mesh sheet;
     RX_TRY(measure(canvas, where, 0, &sheet, err));
     double sum = 0;
     for (int i = 0; i < sheet.nx * sheet.ny; i++)
         sum += sheet.value[i];
     *mean = sum / (sheet.nx * sheet.ny);
-    return rx_canvas_take_off(canvas, &sheet, err);
+    return rx_fit_image_subtract(canvas, &sheet, err);
 }
 
-rx_status rx_undersky_rescale(rx_canvas *canvas, const rx_undersky *where, rx_error *err)
+rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *where, rx_error *err)
 {
-    rx_sheet sheet;
+    rx_sky_mesh sheet;
     RX_TRY(measure(canvas, where, 1, &sheet, err));
-    rx_canvas_rescale(canvas, &sheet);
+    rx_fit_image_rescale(canvas, &sheet);
     return RX_OK;
 }

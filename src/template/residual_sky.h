@@ -1,28 +1,29 @@
 /* What the sky level still lacks once sources are modelled: a background that was measured around sources
  * holds some of their wings. */
-#ifndef RX_TEMPLATE_UNDERSKY_H
-#define RX_TEMPLATE_UNDERSKY_H
+#ifndef RX_TEMPLATE_RESIDUAL_SKY_H
+#define RX_TEMPLATE_RESIDUAL_SKY_H
 
 #include "base/error.h"
-#include "template/canvas.h"
 #include "template/crowd.h"
+#include "template/fit_image.h"
 
 /* What is measured: the sky between sources, or in a crowd, where no pixel is free of them, the sky and the noise of all
  * pixels. */
-typedef struct rx_undersky {
+typedef struct rx_residual_sky {
     const int32_t *segments;  /* [height][width] free where 0; NULL: all are */
     const rx_crowding *crowd; /* only in these cells; NULL: everywhere */
     int cell;                 /* pixels */
-} rx_undersky;
+} rx_residual_sky;
 
 /* canvas->data less the smooth part of data - model: in cells of about `cell` pixels the mean over pixels in
  * no segment, clipped at 3 of their sigmas until nothing more goes; cells with too few of them take the mean
  * of their neighbours; bilinear between the cells' centres. *mean: what was taken off on average. The same
  * for any nthreads. Errors: RX_SYSTEM. */
-rx_status rx_undersky_subtract(rx_canvas *canvas, const rx_undersky *where, double *mean, rx_error *err);
+rx_status rx_residual_sky_subtract(rx_fit_image *canvas, const rx_residual_sky *where, double *mean,
+                                   rx_error *err);
 
 /* canvas->sigma times the width of (data - model) / error of those pixels, clipped alike, in which models are fainter than
  * the sky's noise. Errors: RX_SYSTEM. */
-rx_status rx_undersky_rescale(rx_canvas *canvas, const rx_undersky *where, rx_error *err);
+rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *where, rx_error *err);
 
 #endif

@@ -5,8 +5,8 @@
  * from it. A detection that is left over is false, unless it belongs to a known object, whatever its
  * brightness (it lies within the object's own radius, or where `covered` says so): then it is neither right
  * nor wrong. */
-#ifndef RX_CAMPAIGN_PHOTOMETRY_JUDGE_H
-#define RX_CAMPAIGN_PHOTOMETRY_JUDGE_H
+#ifndef RX_CAMPAIGN_PHOTOMETRY_MATCH_H
+#define RX_CAMPAIGN_PHOTOMETRY_MATCH_H
 
 #include "base/error.h"
 
@@ -22,15 +22,15 @@ typedef struct rx_known {
 rx_status rx_known_new(long n, rx_known *dst, rx_error *err);
 void rx_known_free(rx_known *known); /* content only */
 
-typedef struct rx_judge_stars {
+typedef struct rx_photometry_stars {
     long n;
     const double *x, *y;
     double flux; /* of every star */
-} rx_judge_stars;
+} rx_photometry_stars;
 
 /* n detections at x, y. found[stars->n]: the detection of each star, or -1. is_false[n]: 1 or 0. */
-rx_status rx_photometry_judge(const rx_judge_stars *stars, const rx_known *known, long n, const double *x,
-                              const double *y, double radius, long *found, unsigned char *is_false,
-                              rx_error *err);
+rx_status rx_photometry_match(const rx_photometry_stars *stars, const rx_known *known, long n,
+                              const double *x, const double *y, double radius, long *found,
+                              unsigned char *is_false, rx_error *err);
 
 #endif

@@ -1,5 +1,5 @@
 /* The residual filtered by strips, no plane in between. */
-#include "template/leftover.h"
+#include "template/template_residual.h"
 
 #include <math.h>
 #include <omp.h>
@@ -8,16 +8,16 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
-#include "num/largest.h"
-#include "template/turns.h"
+#include "base/simd.h"
+#include "num/maximum_filter.h"
+#include "template/windows.h"
 
 enum { STRIP = 64, TOGETHER = 64 }; /* rows of a strip; pixels of a row whose sums grow together */
 
 /* Rows of a strip and of what its filter reaches, with side / 2 empty pixels at either end of a row; what
  * lies beyond the border is 0, and open. */
 typedef struct strip {
-    const rx_leftover *of;
+    const rx_template_residual *of;
     int top; /* row of the image that is its first */
     size_t stride;
     float *residual, *variance; /* [STRIP + side][stride] */
@@ -28,15 +28,15 @@ typedef struct strip {
 
 /* What many threads look at. */
 typedef struct looker {
-    const rx_leftover *of;
-    rx_leftover_spot *spots;
+    const rx_template_residual *of;
+    rx_template_residual_pixel *spots;
 } looker;
 
 /* light[n] of the models in the pixels from (x, y) on. */
-static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
+static void light_of(const rx_template_residual *of, int y, int x, int n, float *light)
 {
-    const rx_canvas *s = of->canvas;
-    const size_t at = rx_canvas_row(s, y) + (size_t)x;
+    const rx_fit_image *s = of->canvas;
+    const size_t at = rx_fit_image_row(s, y) + (size_t)x;
     const float *pixels = of->pixels + (size_t)y * (size_t)s->width + (size_t)x;
     const float *level = rx_map_row(&of->level, y, x, n, light);
     for (int i = 0; i < n; i++) {
@@ -46,16 +46,16 @@ static void light_of(const rx_leftover *of, int y, int x, int n, float *light)
     }
 }
 
-static float variance_of(const rx_leftover *of, int x, int y, float light)
+static float variance_of(const rx_template_residual *of, int x, int y, float light)
 {
-    const size_t k = rx_canvas_row(of->canvas, y) + (size_t)x;
+    const size_t k = rx_fit_image_row(of->canvas, y) + (size_t)x;
     const float error = (float)(rx_crowding_at(of->crowd, x, y) ? of->crowd_error : of->model_error) * light;
     const float grain = (float)of->grain;
     return grain * grain / of->canvas->weight[k] + error * error;
 }
 
 /* L of the pixel (x, y), around which the canvas is shown. */
-static double light_around(const rx_leftover *of, int x, int y)
+static double light_around(const rx_template_residual *of, int x, int y)
 {
     const int width = of->canvas->width, height = of->canvas->height;
     const int end = x + of->reach < width ? x + of->reach + 1 : width;
@@ -74,8 +74,8 @@ static double light_around(const rx_leftover *of, int x, int y)
 static rx_status look_at(void *user, int i, int thread, rx_error *err)
 {
     const looker *l = user;
-    rx_leftover_spot *spot = &l->spots[i];
-    const size_t k = rx_canvas_row(l->of->canvas, spot->y) + (size_t)spot->x;
+    rx_template_residual_pixel *spot = &l->spots[i];
+    const size_t k = rx_fit_image_row(l->of->canvas, spot->y) + (size_t)spot->x;
     (void)thread;
     (void)err;
     spot->light = light_around(l->of, spot->x, spot->y);
@@ -84,7 +84,8 @@ static rx_status look_at(void *user, int i, int thread, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_leftover_look(const rx_leftover *of, rx_leftover_spot *spots, int n, rx_error *err)
+rx_status rx_template_residual_at(const rx_template_residual *of, rx_template_residual_pixel *spots, int n,
+                                  rx_error *err)
 {
     const int width = of->canvas->width, height = of->canvas->height, reach = of->reach;
     looker user = {of, spots};
@@ -97,12 +98,12 @@ rx_status rx_leftover_look(const rx_leftover *of, rx_leftover_spot *spots, int n
                                  x + reach < width ? x + reach + 1 : width,
                                  y + reach < height ? y + reach + 1 : height};
     }
-    const rx_status status = rx_turns_take(of->canvas, windows, n, 0, look_at, &user, err);
+    const rx_status status = rx_windows_run(of->canvas, windows, n, 0, look_at, &user, err);
     free(windows);
     return status;
 }
 
-static rx_status open_strip(const rx_leftover *of, strip *s, rx_error *err)
+static rx_status open_strip(const rx_template_residual *of, strip *s, rx_error *err)
 {
     const size_t width = (size_t)of->canvas->width, rows = STRIP + (size_t)of->side;
     const size_t lit = (rows + 2 * (size_t)of->reach) * width;
@@ -128,8 +129,8 @@ static void close_strip(strip *s)
 
 static void fill_row(strip *s, int y, const float *most, size_t at)
 {
-    const rx_canvas *state = s->of->canvas;
-    const size_t width = (size_t)state->width, row = rx_canvas_row(state, y);
+    const rx_fit_image *state = s->of->canvas;
+    const size_t width = (size_t)state->width, row = rx_fit_image_row(state, y);
     for (size_t x = 0; x < width; x++) {
         const bool open = state->weight[row + x] > 0;
         s->residual[at + x] = open ? state->data[row + x] - state->model[row + x] : 0;
@@ -142,7 +143,7 @@ static void fill_row(strip *s, int y, const float *most, size_t at)
 /* For the rows `from` .. to - 1 of the image. */
 static void fill_strip(strip *s, int from, int to)
 {
-    const rx_leftover *of = s->of;
+    const rx_template_residual *of = s->of;
     const int width = of->canvas->width, height = of->canvas->height, half = of->side / 2;
     const int low = from - half > 0 ? from - half : 0, high = to + half < height ? to + half : height;
     const int dark = low - of->reach > 0 ? low - of->reach : 0;
@@ -156,10 +157,10 @@ static void fill_strip(strip *s, int from, int to)
     s->hidden = false;
     for (int y = dark; y < bright; y++)
         light_of(of, y, 0, width, s->own + (size_t)(y - dark) * (size_t)width);
-    rx_largest_in_rows(s->own, width, bright - dark, of->reach, 1, s->light);
+    rx_maximum_filter_in_rows(s->own, width, bright - dark, of->reach, 1, s->light);
     float *most = s->own; /* that is needed no more */
     for (int y = low; y < high; y++) {
-        rx_largest_over_rows(s->light, width, bright - dark, of->reach, 0, y - dark, width, most);
+        rx_maximum_filter_over_rows(s->light, width, bright - dark, of->reach, 0, y - dark, width, most);
         fill_row(s, y, most, (size_t)(y - from + half) * s->stride + (size_t)half);
     }
 }
@@ -180,9 +181,9 @@ typedef struct target {
 } target;
 
 /* count pixels from x on of row y. */
-RX_WIDE static void filter_piece(const strip *s, int y, int x, int count, const target *dst)
+RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const target *dst)
 {
-    const rx_leftover *of = s->of;
+    const rx_template_residual *of = s->of;
     const size_t to = (size_t)(y - dst->first) * (size_t)of->canvas->width + (size_t)x;
     float *filtered = dst->filtered + to, *noise = dst->noise + to;
     uint8_t *mask = dst->mask + to;
@@ -197,7 +198,7 @@ RX_WIDE static void filter_piece(const strip *s, int y, int x, int count, const 
                 add_row(s->open + at, count, fabsf(k), norm);
         }
     for (int m = 0; m < count; m++) {
-        mask[m] = !(of->canvas->weight[rx_canvas_row(of->canvas, y) + (size_t)(x + m)] > 0);
+        mask[m] = !(of->canvas->weight[rx_fit_image_row(of->canvas, y) + (size_t)(x + m)] > 0);
         filtered[m] = mask[m] ? 0 : sum[m];
         noise[m] = mask[m] ? 0 : sqrtf(square[m] / (s->hidden ? norm[m] : 1));
     }
@@ -205,7 +206,8 @@ RX_WIDE static void filter_piece(const strip *s, int y, int x, int count, const 
 
 /* Rows from .. to - 1, a multiple of a strip from the first of the planes, which are shown with what reaches
  * them. */
-static rx_status filter_rows(const rx_leftover *of, int from, int to, const target *dst, rx_error *err)
+static rx_status filter_rows(const rx_template_residual *of, int from, int to, const target *dst,
+                             rx_error *err)
 {
     const int width = of->canvas->width, strips = (to - from + STRIP - 1) / STRIP;
     rx_status failed = RX_OK;
@@ -215,7 +217,7 @@ static rx_status filter_rows(const rx_leftover *of, int from, int to, const targ
         rx_error own = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         const rx_status status = open_strip(of, &s, &own);
         if (status != RX_OK) {
-#pragma omp critical(rx_leftover_failure)
+#pragma omp critical(rx_template_residual_failure)
             {
                 failed = status;
                 rx_error_take(err, &own);
@@ -236,18 +238,18 @@ static rx_status filter_rows(const rx_leftover *of, int from, int to, const targ
     return failed;
 }
 
-rx_status rx_leftover_filter(const rx_leftover *of, int from, int to, float *filtered, float *noise,
-                             uint8_t *mask, rx_error *err)
+rx_status rx_template_residual_filter(const rx_template_residual *of, int from, int to, float *filtered,
+                                      float *noise, uint8_t *mask, rx_error *err)
 {
     const int height = of->canvas->height, around = of->side / 2 + of->reach;
-    const int room = rx_canvas_rows(of->canvas) - 2 * around;
+    const int room = rx_fit_image_rows(of->canvas) - 2 * around;
     const int rows = room > STRIP ? room / STRIP * STRIP : STRIP;
     const target dst = {from, filtered, noise, mask};
     rx_status status = RX_OK;
     for (int y = from, end; y < to && status == RX_OK; y = end) {
-        end = y + rows < to && rx_canvas_rows(of->canvas) < height ? y + rows : to;
-        status = rx_canvas_show_rows(of->canvas, y > around ? y - around : 0,
-                                     end + around < height ? end + around : height, err);
+        end = y + rows < to && rx_fit_image_rows(of->canvas) < height ? y + rows : to;
+        status = rx_fit_image_load_rows(of->canvas, y > around ? y - around : 0,
+                                        end + around < height ? end + around : height, err);
         if (status == RX_OK)
             status = filter_rows(of, y, end, &dst, err);
     }

@@ -1,12 +1,12 @@
 /* Rendering behind a PSF, by Fourier transforms on small domains. */
-#include "template/lens.h"
+#include "template/template_otf.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "num/convolve.h"
 
 /* The kernel's regularisation, see num/convolve.h. What it divides is light that has been through the
@@ -32,8 +32,8 @@ struct rx_matching {
 };
 
 typedef struct domain {
-    rx_lens_size size; /* first: rx_lens_matching() is handed this part */
-    const rx_lens *lens;
+    rx_template_domain size; /* first: rx_template_domain_matching() is handed this part */
+    const rx_template_otf *lens;
     int made; /* size.optics, at (x, y) where PSFs vary */
     double x, y;
     rx_matching matching;
@@ -41,7 +41,7 @@ typedef struct domain {
     float *fine_plane, *fine_half;
 } domain;
 
-struct rx_lens {
+struct rx_template_otf {
     const rx_psf *tile, *image;
     int same; /* they are the same PSF: the kernel is a point */
     int varies;
@@ -50,13 +50,13 @@ struct rx_lens {
     float *stamp;
 };
 
-rx_status rx_lens_new(const rx_psf *tile, const rx_psf *image, rx_lens **dst, rx_error *err)
+rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_template_otf **dst, rx_error *err)
 {
-    rx_lens *lens = RX_NEW(rx_lens, 1);
+    rx_template_otf *lens = RX_NEW(rx_template_otf, 1);
     *dst = lens;
     if (lens == NULL)
         return rx_error_memory(err, sizeof *lens);
-    *lens = (rx_lens){.tile = tile, .image = image != NULL ? image : tile};
+    *lens = (rx_template_otf){.tile = tile, .image = image != NULL ? image : tile};
     lens->same = image == NULL || same_psf(tile, image);
     lens->varies = tile->nbasis > 1 || lens->image->nbasis > 1;
     const int tile_side = rx_psf_fine_side(tile);
@@ -86,7 +86,7 @@ static void clear_domain(domain *d)
     }
 }
 
-void rx_lens_free(rx_lens *lens)
+void rx_template_otf_free(rx_template_otf *lens)
 {
     if (lens == NULL)
         return;
@@ -97,7 +97,7 @@ void rx_lens_free(rx_lens *lens)
     free(lens);
 }
 
-int rx_lens_side(const rx_lens *lens, double reach)
+int rx_template_otf_side(const rx_template_otf *lens, double reach)
 {
     /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at
      * once */
@@ -111,9 +111,9 @@ int rx_lens_side(const rx_lens *lens, double reach)
     return rx_fft_good_size(need);
 }
 
-static rx_status open_domain(const rx_lens *lens, int n, domain *d, rx_error *err)
+static rx_status open_domain(const rx_template_otf *lens, int n, domain *d, rx_error *err)
 {
-    rx_lens_size *size = &d->size;
+    rx_template_domain *size = &d->size;
     const int m = rx_psf_fine(lens->tile);
     *d = (domain){.size = {.n = n}, .lens = lens};
     rx_status status = rx_fft_new(n, n, 1, &size->fft, err);
@@ -148,7 +148,7 @@ static rx_status open_domain(const rx_lens *lens, int n, domain *d, rx_error *er
     return RX_OK;
 }
 
-static rx_status find_domain(rx_lens *lens, int n, domain **dst, rx_error *err)
+static rx_status find_domain(rx_template_otf *lens, int n, domain **dst, rx_error *err)
 {
     for (int i = 0; i < lens->ndomains; i++)
         if (lens->domains[i].size.n == n) {
@@ -191,7 +191,8 @@ static void cut_pieces(domain *d, int m)
         }
 }
 
-rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **dst, rx_error *err)
+rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, rx_template_domain **dst,
+                             rx_error *err)
 {
     domain *d = NULL;
     rx_status status = find_domain(lens, n, &d, err);
@@ -216,10 +217,10 @@ rx_status rx_lens_at(rx_lens *lens, int n, double x, double y, rx_lens_size **ds
     return RX_OK;
 }
 
-const rx_matching *rx_lens_matching(rx_lens_size *size)
+const rx_matching *rx_template_domain_matching(rx_template_domain *size)
 {
     domain *d = (domain *)size;
-    const rx_lens *lens = d->lens;
+    const rx_template_otf *lens = d->lens;
     rx_matching *m = &d->matching;
     if (!m->made && !lens->same) {
         float *work = size->plane[PLANES - 1];
@@ -251,7 +252,7 @@ static void fill_phase(int n, int whole, int count, double shift, double *phase)
 }
 
 /* re, im [count] = base (as pairs) * py * (one of x's phases): the shifted PSF's spectrum in a column. */
-RX_WIDE static void shift_column(const float *base, const float *py, double xr, double xi, int count,
+RX_SIMD static void shift_column(const float *base, const float *py, double xr, double xi, int count,
                                  float *re, float *im)
 {
     const float c = (float)xr, s = (float)xi;
@@ -264,7 +265,7 @@ RX_WIDE static void shift_column(const float *base, const float *py, double xr, 
 }
 
 /* dst (pairs) (+)= (re, im) * factor. */
-RX_WIDE static void put_column(const float *re, const float *im, const float *factor, int count, int add,
+RX_SIMD static void put_column(const float *re, const float *im, const float *factor, int count, int add,
                                float *dst)
 {
     if (add) {
@@ -282,10 +283,10 @@ RX_WIDE static void put_column(const float *re, const float *im, const float *fa
     }
 }
 
-void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, double dy,
-                    const rx_matching *restored, int count)
+void rx_template_domain_render(rx_template_domain *size, const rx_spergel *profile, double dx, double dy,
+                               const rx_matching *restored, int count)
 {
-    const rx_lens *lens = ((const domain *)size)->lens;
+    const rx_template_otf *lens = ((const domain *)size)->lens;
     const int through = restored != NULL && !lens->same; /* the restored image's */
     const int n = size->n, used = n / 2 + 1, m = through ? 1 : rx_psf_fine(lens->tile), whole = m * n;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft),
@@ -329,7 +330,7 @@ void rx_lens_render(rx_lens_size *size, const rx_spergel *profile, double dx, do
         rx_fft_inverse_part(size->fft, size->half[i], size->first, size->last, size->plane[i]);
 }
 
-void rx_lens_blur(rx_lens_size *size, const rx_matching *matching)
+void rx_template_domain_blur(rx_template_domain *size, const rx_matching *matching)
 {
     if (!((const domain *)size)->lens->same)
         rx_convolve(size->fft, matching->kernel, size->plane[0], size->half[0], size->plane[0]);

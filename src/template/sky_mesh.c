@@ -1,11 +1,11 @@
 /* Bilinear skies. */
-#include "template/sheet.h"
+#include "template/sky_mesh.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/simd.h"
 
 /* The cell before pixel x of `size` among n, and how far behind its centre the pixel is. */
 static int place_of(int x, int n, int size, double *off)
@@ -16,16 +16,16 @@ static int place_of(int x, int n, int size, double *off)
     return first;
 }
 
-rx_status rx_sheet_open(int width, int height, int cell, rx_sheet *sheet, rx_error *err)
+rx_status rx_sky_mesh_open(int width, int height, int cell, rx_sky_mesh *sheet, rx_error *err)
 {
     const int nx = (width + cell / 2) / cell, ny = (height + cell / 2) / cell;
-    *sheet = (rx_sheet){.width = width, .height = height, .nx = nx > 1 ? nx : 1, .ny = ny > 1 ? ny : 1};
+    *sheet = (rx_sky_mesh){.width = width, .height = height, .nx = nx > 1 ? nx : 1, .ny = ny > 1 ? ny : 1};
     const size_t cells = (size_t)sheet->nx * (size_t)sheet->ny;
     sheet->value = RX_NEW(double, cells);
     sheet->first = RX_NEW(int, (size_t)width);
     sheet->off = RX_NEW(double, (size_t)width);
     if (sheet->value == NULL || sheet->first == NULL || sheet->off == NULL) {
-        rx_sheet_clear(sheet);
+        rx_sky_mesh_clear(sheet);
         return rx_error_memory(err, cells * sizeof(double) + 2 * (size_t)width * sizeof(double));
     }
     for (int x = 0; x < width; x++)
@@ -33,16 +33,16 @@ rx_status rx_sheet_open(int width, int height, int cell, rx_sheet *sheet, rx_err
     return RX_OK;
 }
 
-void rx_sheet_clear(rx_sheet *sheet)
+void rx_sky_mesh_clear(rx_sky_mesh *sheet)
 {
     free(sheet->value);
     free(sheet->first);
     free(sheet->off);
-    *sheet = (rx_sheet){0};
+    *sheet = (rx_sky_mesh){0};
 }
 
 /* Between four centres, left and right ones below and above the row; `up` from the ones to the others. */
-RX_WIDE static void take_off_between(const double below[2], const double above[2], double up,
+RX_SIMD static void take_off_between(const double below[2], const double above[2], double up,
                                      const double *off, int n, const float *weight, float *data)
 {
     const double low = below[0], low_step = below[1] - below[0];
@@ -54,7 +54,7 @@ RX_WIDE static void take_off_between(const double below[2], const double above[2
     }
 }
 
-void rx_sheet_take_off(const rx_sheet *sheet, int y, int x, int n, const float *weight, float *data)
+void rx_sky_mesh_subtract(const rx_sky_mesh *sheet, int y, int x, int n, const float *weight, float *data)
 {
     double up;
     const int line = place_of(y, sheet->ny, sheet->height, &up),
@@ -70,7 +70,7 @@ void rx_sheet_take_off(const rx_sheet *sheet, int y, int x, int n, const float *
     }
 }
 
-void rx_sheet_scale(const rx_sheet *sheet, int y, int x, int n, float *values)
+void rx_sky_mesh_multiply(const rx_sky_mesh *sheet, int y, int x, int n, float *values)
 {
     double up;
     const int line = place_of(y, sheet->ny, sheet->height, &up);

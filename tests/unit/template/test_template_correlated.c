@@ -14,9 +14,9 @@
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "template/grain.h"
+#include "template/correlated.h"
 #include "template/joint.h"
-#include "template/leftover.h"
+#include "template/template_residual.h"
 
 enum { KERNEL = 5, HALF = KERNEL / 2 };
 
@@ -72,7 +72,7 @@ static void test_covariance(void **state)
     enum { W = 30, H = 26 };
     const rx_noise_correlation noise = correlation();
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     field_open(&f, W, H, 3, 1, 0);
     for (int k = 0; k < W * H; k++) {
         f.sigma[k] = (float)(0.5 + rx_random_uniform(3, 2, (uint64_t)k));
@@ -81,11 +81,11 @@ static void test_covariance(void **state)
     rx_tphot_input input = field_input(&f);
     input.image.correlation = &noise;
     input.image.gain = 2;
-    rx_canvas_open(&input, (size_t)W * H, 1, &canvas);
+    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
     /* a sum of many pixels has the photon noise that it would have had before */
     assert_near(canvas.gain / pow(rx_noise_factor_wide(&noise), 2), 2, 1e-9);
     rx_footprint t[2] = {boxed(2, 2, 14, 12, 1), boxed(10, 8, 16, 15, 2)};
-    assert_int_equal(rx_canvas_show_rows(&canvas, 0, H, NULL), RX_OK);
+    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
     rx_joint_member m[2];
     for (int i = 0; i < 2; i++)
         m[i] = (rx_joint_member){.footprint = &t[i], .grain = 1};
@@ -125,7 +125,7 @@ static void test_covariance(void **state)
     assert_true(m[0].variance > 2 * i[0]);
     for (int k = 0; k < 2; k++)
         free(t[k].values);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     field_close(&f);
 }
 
@@ -253,7 +253,7 @@ static void test_leftover(void **state)
     uint8_t *mask = RX_NEW(uint8_t, W * H);
     double sum = 0, size = 0, power = 0, square = 0;
     field f;
-    rx_canvas canvas;
+    rx_fit_image canvas;
     assert_true(filtered != NULL && sigma != NULL && mask != NULL);
     field_open(&f, W, H, 3, 2, 0);
     add_noise(&f, 11);
@@ -271,18 +271,18 @@ static void test_leftover(void **state)
     }
     rx_tphot_input input = field_input(&f);
     input.image.correlation = &noise;
-    rx_canvas_open(&input, (size_t)W * H, 1, &canvas);
-    const rx_leftover of = {.canvas = &canvas,
-                            .pixels = f.pixels,
-                            .reach = 1,
-                            .grain = rx_noise_factor(&noise, filter, SIDE, SIDE),
-                            .filter = filter,
-                            .side = SIDE};
-    assert_int_equal(rx_leftover_filter(&of, 0, H, filtered, sigma, mask, NULL), RX_OK);
+    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
+    const rx_template_residual of = {.canvas = &canvas,
+                                     .pixels = f.pixels,
+                                     .reach = 1,
+                                     .grain = rx_noise_factor(&noise, filter, SIDE, SIDE),
+                                     .filter = filter,
+                                     .side = SIDE};
+    assert_int_equal(rx_template_residual_filter(&of, 0, H, filtered, sigma, mask, NULL), RX_OK);
     for (int k = 0; k < W * H; k++)
         square += pow((double)filtered[k] / ((double)sigma[k] * sqrt(power)), 2) / (W * H);
     assert_near(sqrt(square), 1, 0.03);
-    rx_canvas_clear(&canvas);
+    rx_fit_image_clear(&canvas);
     free(filtered);
     free(sigma);
     free(mask);

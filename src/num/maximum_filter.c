@@ -1,5 +1,5 @@
 /* The largest value in a square neighbourhood. */
-#include "num/largest.h"
+#include "num/maximum_filter.h"
 
 #include <string.h>
 
@@ -11,7 +11,7 @@ static void raise_line(const float *restrict src, int n, float *restrict dst)
         dst[k] = src[k] > dst[k] ? src[k] : dst[k];
 }
 
-void rx_largest_in_rows(const float *src, int width, int height, int reach, int nthreads, float *dst)
+void rx_maximum_filter_in_rows(const float *src, int width, int height, int reach, int nthreads, float *dst)
 {
     const size_t stride = (size_t)width;
 #pragma omp parallel for num_threads(nthreads) schedule(static) if (nthreads > 1)
@@ -26,8 +26,8 @@ void rx_largest_in_rows(const float *src, int width, int height, int reach, int 
     }
 }
 
-void rx_largest_over_rows(const float *rows, int width, int height, int reach, int x, int y, int n,
-                          float *dst)
+void rx_maximum_filter_over_rows(const float *rows, int width, int height, int reach, int x, int y, int n,
+                                 float *dst)
 {
     const int first = y > reach ? y - reach : 0, last = height - 1 - y > reach ? y + reach : height - 1;
     const float *column = rows + (size_t)x;
@@ -36,10 +36,12 @@ void rx_largest_over_rows(const float *rows, int width, int height, int reach, i
         raise_line(column + (size_t)k * (size_t)width, n, dst);
 }
 
-void rx_largest(const float *src, int width, int height, int reach, int nthreads, float *scratch, float *dst)
+void rx_maximum_filter(const float *src, int width, int height, int reach, int nthreads, float *scratch,
+                       float *dst)
 {
-    rx_largest_in_rows(src, width, height, reach, nthreads, scratch);
+    rx_maximum_filter_in_rows(src, width, height, reach, nthreads, scratch);
 #pragma omp parallel for num_threads(nthreads) schedule(static) if (nthreads > 1)
     for (int y = 0; y < height; y++)
-        rx_largest_over_rows(scratch, width, height, reach, 0, y, width, dst + (size_t)y * (size_t)width);
+        rx_maximum_filter_over_rows(scratch, width, height, reach, 0, y, width,
+                                    dst + (size_t)y * (size_t)width);
 }

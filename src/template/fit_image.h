@@ -1,14 +1,14 @@
 /* The pixels that are fitted, with what is known of them and what is modelled so far.
  *
  * Only some rows of the tile are in memory at a time, and of these only the blocks that were asked for with
- * rx_canvas_show() hold what they should: pixels and noise are read from the input again, and the model is
+ * rx_fit_image_load() hold what they should: pixels and noise are read from the input again, and the model is
  * drawn again, where rows come back. A pixel has the same bits whenever and with whatever others it is shown.
  */
-#ifndef RX_TEMPLATE_CANVAS_H
-#define RX_TEMPLATE_CANVAS_H
+#ifndef RX_TEMPLATE_FIT_IMAGE_H
+#define RX_TEMPLATE_FIT_IMAGE_H
 
 #include "base/error.h"
-#include "template/sheet.h"
+#include "template/sky_mesh.h"
 #include "template/template.h"
 
 /* Part of a template on the image: values[height][width], its first pixel at (x0, y0), inside the image;
@@ -25,14 +25,14 @@ typedef struct rx_layer {
     double flux;
 } rx_layer;
 
-typedef struct rx_canvas rx_canvas;
+typedef struct rx_fit_image rx_fit_image;
 
 /* Pixels x0 <= x < x1, y0 <= y < y1 inside the image; none where an end is not above its start. */
 typedef struct rx_window {
     int x0, y0, x1, y1;
 } rx_window;
 
-struct rx_canvas {
+struct rx_fit_image {
     int width, height; /* of the image */
     int top, rows;     /* in memory: rows top .. top + rows - 1 */
     float *data;       /* [rows][width] pixels - level - sheets; 0 where hidden */
@@ -52,10 +52,10 @@ struct rx_canvas {
     int columns, lines;
     rx_layer *layers; /* [nlayers + nadded] of room for nroom */
     int nlayers, nadded, nroom;
-    rx_sheet *sheets;
+    rx_sky_mesh *sheets;
     int nsheets;
-    rx_sheet scale;  /* of sigma; nx 0: 1 */
-    float brightest; /* light of two neighbours, ADU above the level */
+    rx_sky_mesh scale; /* of sigma; nx 0: 1 */
+    float brightest;   /* light of two neighbours, ADU above the level */
     float
         floor; /* sigma at least: pixels in steps have the noise of rounding, and no model is exact to two millionths of the
                        brightest light */
@@ -63,43 +63,44 @@ struct rx_canvas {
 
 /* Of the input, which must live as long; psf_error 0, no model, nothing shown. usual: pixels to be held in
  * memory; of images of up to four times as many the data are kept besides, which saves time. Free the
- * contents with rx_canvas_clear(). */
-void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas);
-void rx_canvas_clear(rx_canvas *canvas);
+ * contents with rx_fit_image_clear(). */
+void rx_fit_image_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_fit_image *canvas);
+void rx_fit_image_clear(rx_fit_image *canvas);
 
 /* So many rows fit in memory, at least one; all of the image where they do. */
-int rx_canvas_rows(const rx_canvas *canvas);
+int rx_fit_image_rows(const rx_fit_image *canvas);
 
 /* The windows which[0 .. n - 1] (NULL: the first n) can be read until the next call; more memory than usual
  * is taken where they need it. Errors: RX_SYSTEM. */
-rx_status rx_canvas_show(rx_canvas *canvas, const rx_window *windows, const int *which, int n, rx_error *err);
+rx_status rx_fit_image_load(rx_fit_image *canvas, const rx_window *windows, const int *which, int n,
+                            rx_error *err);
 
 /* All of the rows from <= y < to. */
-rx_status rx_canvas_show_rows(rx_canvas *canvas, int from, int to, rx_error *err);
+rx_status rx_fit_image_load_rows(rx_fit_image *canvas, int from, int to, rx_error *err);
 
 /* Where row y begins in the planes. */
-static inline size_t rx_canvas_row(const rx_canvas *canvas, int y)
+static inline size_t rx_fit_image_row(const rx_fit_image *canvas, int y)
 {
     return (size_t)(y - canvas->top) * (size_t)canvas->width;
 }
 
 /* Variance of the sky in any pixel of the image, ADU^2; 0 where hidden. */
-float rx_canvas_variance(const rx_canvas *canvas, int x, int y);
+float rx_fit_image_variance(const rx_fit_image *canvas, int x, int y);
 
 rx_window rx_footprint_window(const rx_footprint *footprint);
 
 /* From now on model = sum of n layers, added in their order in every pixel, and the weights that follow from
  * it. The list, from rx_alloc(), is the canvas's from now on; values of footprints must live as long as
  * anything is shown. */
-void rx_canvas_set(rx_canvas *canvas, rx_layer *layers, int n);
+void rx_fit_image_set(rx_fit_image *canvas, rx_layer *layers, int n);
 
 /* model += flux * footprint, with the same lifetime; the weights stay as they are. Errors: RX_SYSTEM. */
-rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux, rx_error *err);
+rx_status rx_fit_image_add(rx_fit_image *canvas, const rx_footprint *footprint, double flux, rx_error *err);
 
 /* data -= sheet, which is the canvas's from now on. Errors: RX_SYSTEM; the sheet is cleared then. */
-rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err);
+rx_status rx_fit_image_subtract(rx_fit_image *canvas, rx_sky_mesh *sheet, rx_error *err);
 
 /* sigma *= sheet, which is the canvas's from now on; nothing is shown any more. */
-void rx_canvas_rescale(rx_canvas *canvas, rx_sheet *sheet);
+void rx_fit_image_rescale(rx_fit_image *canvas, rx_sky_mesh *sheet);
 
 #endif

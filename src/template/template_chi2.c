@@ -1,14 +1,14 @@
 /* What is left of the pixels. */
-#include "template/judge.h"
+#include "template/template_chi2.h"
 
 #include <stdlib.h>
 
 #include "base/memory.h"
 
 /* chi2 and number of the visible pixels of row y. */
-static void judge_row(const rx_canvas *c, int y, double sums[2])
+static void judge_row(const rx_fit_image *c, int y, double sums[2])
 {
-    const size_t first = rx_canvas_row(c, y);
+    const size_t first = rx_fit_image_row(c, y);
     for (size_t k = first; k < first + (size_t)c->width; k++) {
         if (!(c->weight[k] > 0))
             continue;
@@ -19,9 +19,9 @@ static void judge_row(const rx_canvas *c, int y, double sums[2])
     }
 }
 
-static void keep_row(const rx_canvas *c, int y, rx_tphot *dst)
+static void keep_row(const rx_fit_image *c, int y, rx_tphot *dst)
 {
-    const size_t first = rx_canvas_row(c, y), to = (size_t)y * (size_t)c->width;
+    const size_t first = rx_fit_image_row(c, y), to = (size_t)y * (size_t)c->width;
     for (size_t x = 0; x < (size_t)c->width; x++) {
         dst->model[to + x] = c->model[first + x];
         dst->residual[to + x] = c->weight[first + x] > 0 ? c->data[first + x] - c->model[first + x] : 0;
@@ -29,7 +29,7 @@ static void keep_row(const rx_canvas *c, int y, rx_tphot *dst)
 }
 
 /* Rows are added up in their order. */
-rx_status rx_judge(rx_canvas *canvas, int keep, rx_tphot *dst, rx_error *err)
+rx_status rx_template_chi2(rx_fit_image *canvas, int keep, rx_tphot *dst, rx_error *err)
 {
     const size_t pixels = (size_t)canvas->width * (size_t)canvas->height;
     double(*rows)[2] = rx_alloc((size_t)canvas->height, sizeof *rows);
@@ -41,9 +41,9 @@ rx_status rx_judge(rx_canvas *canvas, int keep, rx_tphot *dst, rx_error *err)
     if (rows == NULL || (keep && (dst->model == NULL || dst->residual == NULL)))
         status = rx_error_memory(err, (size_t)canvas->height * sizeof *rows + 2 * pixels * sizeof(float));
     for (int from = 0, to; from < canvas->height && status == RX_OK; from = to) {
-        to = from + rx_canvas_rows(canvas);
+        to = from + rx_fit_image_rows(canvas);
         to = to < canvas->height ? to : canvas->height;
-        status = rx_canvas_show_rows(canvas, from, to, err);
+        status = rx_fit_image_load_rows(canvas, from, to, err);
 #pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
         for (int y = from; y < to; y++) {
             if (status != RX_OK)

@@ -1,12 +1,12 @@
 /* The pixels against all models. */
-#ifndef RX_TEMPLATE_JUDGE_H
-#define RX_TEMPLATE_JUDGE_H
+#ifndef RX_TEMPLATE_TEMPLATE_CHI2_H
+#define RX_TEMPLATE_TEMPLATE_CHI2_H
 
 #include "base/error.h"
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 /* chi2 and visible of *dst, and with keep model and residual, too, which are planes of the whole image. The
  * same for any nthreads. Errors: RX_SYSTEM. */
-rx_status rx_judge(rx_canvas *canvas, int keep, rx_tphot *dst, rx_error *err);
+rx_status rx_template_chi2(rx_fit_image *canvas, int keep, rx_tphot *dst, rx_error *err);
 
 #endif

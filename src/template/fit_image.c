@@ -1,14 +1,14 @@
 /* Data, variance and model of what is looked at. */
-#include "template/canvas.h"
+#include "template/fit_image.h"
 
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/least.h"
 #include "base/memory.h"
-#include "base/wide.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 
 /* A block, and how many neighbours of a line are made at once, by one thread. */
 enum { SIDE = 16, TOGETHER = 16, MOST = SIDE * TOGETHER };
@@ -34,20 +34,20 @@ typedef struct plan {
     int *list;     /* layers of the runs */
 } plan;
 
-void rx_canvas_clear(rx_canvas *canvas)
+void rx_fit_image_clear(rx_fit_image *canvas)
 {
     free(canvas->planes);
     free(canvas->kept);
     free(canvas->state);
     free(canvas->layers);
     for (int i = 0; i < canvas->nsheets; i++)
-        rx_sheet_clear(&canvas->sheets[i]);
+        rx_sky_mesh_clear(&canvas->sheets[i]);
     free(canvas->sheets);
-    rx_sheet_clear(&canvas->scale);
-    *canvas = (rx_canvas){0};
+    rx_sky_mesh_clear(&canvas->scale);
+    *canvas = (rx_fit_image){0};
 }
 
-int rx_canvas_rows(const rx_canvas *canvas)
+int rx_fit_image_rows(const rx_fit_image *canvas)
 {
     const size_t rows = canvas->usual / (size_t)canvas->width;
     return rows < 1 ? 1 : rows < (size_t)canvas->height ? (int)rows : canvas->height;
@@ -74,7 +74,7 @@ typedef struct piece {
 } piece;
 
 /* n pixels less their level. */
-RX_WIDE static void open_pixels(const piece *from, int n, float *restrict data, float *restrict noise,
+RX_SIMD static void open_pixels(const piece *from, int n, float *restrict data, float *restrict noise,
                                 float *restrict weight)
 {
     const float *pixels = from->pixels, *level = from->level, *sigmas = from->sigmas;
@@ -95,7 +95,7 @@ static int has_level(const rx_image *image)
     return image->with_sky && rx_map_given(&image->level);
 }
 
-float rx_canvas_variance(const rx_canvas *canvas, int x, int y)
+float rx_fit_image_variance(const rx_fit_image *canvas, int x, int y)
 {
     const rx_image *image = &canvas->input->image;
     const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
@@ -142,13 +142,13 @@ static float value_of(int bin)
 
 /* Sigma is at least EXACT of the light of the PAIRS-th brightest two neighbours (of small tiles, of a thousandth of them: a few hot
  * pixels say nothing of a tile's noise), or the noise of rounding to the steps that the pixels are in. */
-static void look_through(const rx_image *image, rx_canvas *canvas)
+static void look_through(const rx_image *image, rx_fit_image *canvas)
 {
     float data[MOST], noise[MOST], weight[MOST], brightest = 0, step = FLT_MAX;
     long count[BINS] = {0}, pairs = 0, above = 0;
     for (int y = 0; y < image->height; y++)
         for (int x = 0; x < image->width; x += MOST) {
-            const int n = rx_least(MOST, image->width - x);
+            const int n = rx_min_int(MOST, image->width - x);
             const float *pixels = image->pixels + (size_t)y * (size_t)image->width + (size_t)x;
             read_pixels(image, y, x, n, data, noise, weight);
 #pragma omp simd reduction(max : brightest) reduction(min : step)
@@ -172,11 +172,11 @@ static void look_through(const rx_image *image, rx_canvas *canvas)
     canvas->floor = fmaxf(EXACT * value_of(bin), step < FLT_MAX ? step * ROUNDED : 0);
 }
 
-void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_canvas *canvas)
+void rx_fit_image_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_fit_image *canvas)
 {
     const rx_noise_correlation *noise = input->image.correlation;
     const double wide = rx_noise_factor_wide(noise);
-    *canvas = (rx_canvas){
+    *canvas = (rx_fit_image){
         .width = input->image.width,
         .height = input->image.height,
         /* resampling keeps the photon noise of wide sums and lowers that of a pixel, as the sky's */
@@ -189,11 +189,11 @@ void rx_canvas_open(const rx_tphot_input *input, size_t usual, int nthreads, rx_
 }
 
 /* n pixels of row y from x on. */
-static void fill_pixels(rx_canvas *canvas, int y, int x, int n)
+static void fill_pixels(rx_fit_image *canvas, int y, int x, int n)
 {
     const rx_image *image = &canvas->input->image;
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-    const size_t to = rx_canvas_row(canvas, y) + (size_t)x;
+    const size_t to = rx_fit_image_row(canvas, y) + (size_t)x;
     if (canvas->kept != NULL) {
         float sigmas[MOST];
         const piece from = {.pixels = canvas->kept + at,
@@ -205,32 +205,32 @@ static void fill_pixels(rx_canvas *canvas, int y, int x, int n)
     }
     read_pixels(image, y, x, n, canvas->data + to, canvas->sigma + to, canvas->weight + to);
     for (int i = 0; i < canvas->nsheets; i++)
-        rx_sheet_take_off(&canvas->sheets[i], y, x, n, canvas->weight + to, canvas->data + to);
+        rx_sky_mesh_subtract(&canvas->sheets[i], y, x, n, canvas->weight + to, canvas->data + to);
 }
 
-static void fill_piece(rx_canvas *canvas, int y, int x, int n)
+static void fill_piece(rx_fit_image *canvas, int y, int x, int n)
 {
-    float *sigma = canvas->sigma + rx_canvas_row(canvas, y) + x;
+    float *sigma = canvas->sigma + rx_fit_image_row(canvas, y) + x;
     fill_pixels(canvas, y, x, n);
     if (canvas->scale.nx > 0)
-        rx_sheet_scale(&canvas->scale, y, x, n, sigma);
+        rx_sky_mesh_multiply(&canvas->scale, y, x, n, sigma);
     for (int i = 0; i < n; i++)
         sigma[i] = sigma[i] > 0 && sigma[i] < canvas->floor ? canvas->floor : sigma[i];
 }
 
-static void keep_piece(rx_canvas *canvas, int y, int x, int n)
+static void keep_piece(rx_fit_image *canvas, int y, int x, int n)
 {
     float noise[MOST], weight[MOST];
     float *data = canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x;
     read_pixels(&canvas->input->image, y, x, n, data, noise, weight);
     for (int i = 0; i < canvas->nsheets; i++)
-        rx_sheet_take_off(&canvas->sheets[i], y, x, n, weight, data);
+        rx_sky_mesh_subtract(&canvas->sheets[i], y, x, n, weight, data);
     for (int i = 0; i < n; i++)
         data[i] = weight[i] > 0 ? data[i] : NAN;
 }
 
 /* The data of an image that is too large to be shown as a whole, but not much. */
-static rx_status keep_data(rx_canvas *canvas, rx_error *err)
+static rx_status keep_data(rx_fit_image *canvas, rx_error *err)
 {
     const size_t pixels = (size_t)canvas->width * (size_t)canvas->height;
     if (canvas->kept != NULL || pixels <= canvas->usual || pixels / KEPT > canvas->usual)
@@ -245,7 +245,7 @@ static rx_status keep_data(rx_canvas *canvas, rx_error *err)
     return RX_OK;
 }
 
-RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
+RX_SIMD static void weigh(rx_fit_image *canvas, size_t from, size_t to)
 {
     const float photons = canvas->gain > 0.0 ? (float)(1.0 / canvas->gain) : 0.0f;
     const float error = (float)(canvas->psf_error * canvas->psf_error);
@@ -260,7 +260,7 @@ RX_WIDE static void weigh(rx_canvas *canvas, size_t from, size_t to)
 }
 
 /* The part of a layer that lies in the window, which is in memory. */
-static void draw_layer(rx_canvas *canvas, const rx_layer *layer, const rx_window *w)
+static void draw_layer(rx_fit_image *canvas, const rx_layer *layer, const rx_window *w)
 {
     const rx_footprint *f = &layer->footprint;
     const float flux = (float)layer->flux;
@@ -268,7 +268,7 @@ static void draw_layer(rx_canvas *canvas, const rx_layer *layer, const rx_window
     const int x1 = f->x0 + f->width < w->x1 ? f->x0 + f->width : w->x1;
     const int y1 = f->y0 + f->height < w->y1 ? f->y0 + f->height : w->y1;
     for (int y = y0; y < y1; y++) {
-        float *restrict dst = canvas->model + rx_canvas_row(canvas, y) + x0;
+        float *restrict dst = canvas->model + rx_fit_image_row(canvas, y) + x0;
         const float *restrict src = f->values + (size_t)(y - f->y0) * (size_t)f->width + (x0 - f->x0);
 #pragma omp simd
         for (int x = 0; x < x1 - x0; x++)
@@ -276,7 +276,7 @@ static void draw_layer(rx_canvas *canvas, const rx_layer *layer, const rx_window
     }
 }
 
-static rx_window window_of(const rx_canvas *canvas, const run *blocks)
+static rx_window window_of(const rx_fit_image *canvas, const run *blocks)
 {
     const int x = blocks->first % canvas->columns * SIDE, right = x + SIDE * blocks->count;
     const int y = canvas->top + blocks->first / canvas->columns * SIDE, end = canvas->top + canvas->rows;
@@ -285,7 +285,7 @@ static rx_window window_of(const rx_canvas *canvas, const run *blocks)
 
 /* First and last lines and columns of blocks that a window in memory lies in, last ones exclusive; no line
  * where it is empty or elsewhere. */
-static rx_window blocks_of(const rx_canvas *canvas, const rx_window *w)
+static rx_window blocks_of(const rx_fit_image *canvas, const rx_window *w)
 {
     const int end = canvas->top + canvas->rows;
     const int y0 = w->y0 > canvas->top ? w->y0 : canvas->top, y1 = w->y1 < end ? w->y1 : end;
@@ -295,7 +295,7 @@ static rx_window blocks_of(const rx_canvas *canvas, const rx_window *w)
                        (y1 - 1 - canvas->top) / SIDE + 1};
 }
 
-static void make_run(rx_canvas *canvas, const plan *p, int i)
+static void make_run(rx_fit_image *canvas, const plan *p, int i)
 {
     const rx_window w = window_of(canvas, &p->runs[i]);
     const size_t n = (size_t)(w.x1 - w.x0);
@@ -303,22 +303,22 @@ static void make_run(rx_canvas *canvas, const plan *p, int i)
     for (int y = w.y0; y < w.y1; y++) {
         if (*state == BARE)
             fill_piece(canvas, y, w.x0, w.x1 - w.x0);
-        memset(canvas->model + rx_canvas_row(canvas, y) + w.x0, 0, n * sizeof(float));
+        memset(canvas->model + rx_fit_image_row(canvas, y) + w.x0, 0, n * sizeof(float));
     }
     size_t k = p->start[i];
     for (; k < p->start[i + 1] && p->list[k] < canvas->nlayers; k++)
         draw_layer(canvas, &canvas->layers[p->list[k]], &w);
     for (int y = w.y0; y < w.y1; y++)
-        weigh(canvas, rx_canvas_row(canvas, y) + (size_t)w.x0, rx_canvas_row(canvas, y) + (size_t)w.x1);
+        weigh(canvas, rx_fit_image_row(canvas, y) + (size_t)w.x0, rx_fit_image_row(canvas, y) + (size_t)w.x1);
     for (; k < p->start[i + 1]; k++) /* what came later has no say in the weights */
         draw_layer(canvas, &canvas->layers[p->list[k]], &w);
     memset(state, DRAWN, (size_t)p->runs[i].count);
 }
 
 /* Rows in memory, those asked for first; nothing of them is known any more. */
-static rx_status move_to(rx_canvas *canvas, int from, int to, rx_error *err)
+static rx_status move_to(rx_fit_image *canvas, int from, int to, rx_error *err)
 {
-    const int usual = rx_canvas_rows(canvas), rows = to - from > usual ? to - from : usual;
+    const int usual = rx_fit_image_rows(canvas), rows = to - from > usual ? to - from : usual;
     const size_t width = (size_t)canvas->width, need = (size_t)rows * width;
     if (need > canvas->room) {
         free(canvas->planes);
@@ -349,7 +349,7 @@ static rx_status move_to(rx_canvas *canvas, int from, int to, rx_error *err)
 }
 
 /* The blocks of the windows that are not drawn yet: wanted, then in runs. */
-static void list_runs(rx_canvas *canvas, const rx_window *windows, const int *which, int n, plan *p)
+static void list_runs(rx_fit_image *canvas, const rx_window *windows, const int *which, int n, plan *p)
 {
     const int blocks = canvas->columns * canvas->lines;
     for (int i = 0; i < blocks; i++)
@@ -374,7 +374,7 @@ static void list_runs(rx_canvas *canvas, const rx_window *windows, const int *wh
 }
 
 /* The layers of each of these runs, counted, then listed in their order. */
-static rx_status list_layers(const rx_canvas *canvas, plan *p, rx_error *err)
+static rx_status list_layers(const rx_fit_image *canvas, plan *p, rx_error *err)
 {
     size_t *at = RX_NEW(size_t, (size_t)p->n + 1);
     p->start = RX_NEW(size_t, (size_t)p->n + 1);
@@ -409,7 +409,8 @@ static rx_status list_layers(const rx_canvas *canvas, plan *p, rx_error *err)
     return p->list != NULL ? RX_OK : rx_error_memory(err, p->start[p->n] * sizeof *p->list);
 }
 
-rx_status rx_canvas_show(rx_canvas *canvas, const rx_window *windows, const int *which, int n, rx_error *err)
+rx_status rx_fit_image_load(rx_fit_image *canvas, const rx_window *windows, const int *which, int n,
+                            rx_error *err)
 {
     int from = canvas->height, to = 0;
     for (int i = 0; i < n; i++) {
@@ -450,12 +451,12 @@ exit:
     return status;
 }
 
-rx_status rx_canvas_show_rows(rx_canvas *canvas, int from, int to, rx_error *err)
+rx_status rx_fit_image_load_rows(rx_fit_image *canvas, int from, int to, rx_error *err)
 {
-    return rx_canvas_show(canvas, &(rx_window){0, from, canvas->width, to}, NULL, 1, err);
+    return rx_fit_image_load(canvas, &(rx_window){0, from, canvas->width, to}, NULL, 1, err);
 }
 
-void rx_canvas_set(rx_canvas *canvas, rx_layer *layers, int n)
+void rx_fit_image_set(rx_fit_image *canvas, rx_layer *layers, int n)
 {
     free(canvas->layers);
     canvas->layers = layers;
@@ -465,7 +466,7 @@ void rx_canvas_set(rx_canvas *canvas, rx_layer *layers, int n)
         canvas->state[i] = canvas->state[i] == BARE ? BARE : FILLED;
 }
 
-rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double flux, rx_error *err)
+rx_status rx_fit_image_add(rx_fit_image *canvas, const rx_footprint *footprint, double flux, rx_error *err)
 {
     const int n = canvas->nlayers + canvas->nadded;
     const rx_window all = {0, canvas->top, canvas->width, canvas->top + canvas->rows};
@@ -483,11 +484,11 @@ rx_status rx_canvas_add(rx_canvas *canvas, const rx_footprint *footprint, double
     return RX_OK;
 }
 
-rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err)
+rx_status rx_fit_image_subtract(rx_fit_image *canvas, rx_sky_mesh *sheet, rx_error *err)
 {
-    rx_sheet *more = rx_regrow(canvas->sheets, (size_t)canvas->nsheets + 1, sizeof *more);
+    rx_sky_mesh *more = rx_regrow(canvas->sheets, (size_t)canvas->nsheets + 1, sizeof *more);
     if (more == NULL) {
-        rx_sheet_clear(sheet);
+        rx_sky_mesh_clear(sheet);
         return rx_error_memory(err, ((size_t)canvas->nsheets + 1) * sizeof *more);
     }
     canvas->sheets = more;
@@ -497,27 +498,27 @@ rx_status rx_canvas_take_off(rx_canvas *canvas, rx_sheet *sheet, rx_error *err)
         for (int b = line * canvas->columns; b < (line + 1) * canvas->columns; b++) {
             const rx_window w = window_of(canvas, &(run){b, 1});
             for (int y = w.y0; y < w.y1 && canvas->state[b] != BARE; y++) {
-                const size_t at = rx_canvas_row(canvas, y) + (size_t)w.x0;
-                rx_sheet_take_off(sheet, y, w.x0, w.x1 - w.x0, canvas->weight + at, canvas->data + at);
+                const size_t at = rx_fit_image_row(canvas, y) + (size_t)w.x0;
+                rx_sky_mesh_subtract(sheet, y, w.x0, w.x1 - w.x0, canvas->weight + at, canvas->data + at);
             }
         }
 #pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
     for (int y = 0; y < canvas->height; y++)
         for (int x = 0; x < canvas->width && canvas->kept != NULL; x += MOST) {
             const int n = x + MOST < canvas->width ? MOST : canvas->width - x;
-            rx_sheet_take_off(sheet, y, x, n, NULL,
-                              canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x);
+            rx_sky_mesh_subtract(sheet, y, x, n, NULL,
+                                 canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x);
         }
     return RX_OK;
 }
 
 static const double LEAST_SCALE = 0.05; /* of the noise; at most 1 over that */
 
-void rx_canvas_rescale(rx_canvas *canvas, rx_sheet *sheet)
+void rx_fit_image_rescale(rx_fit_image *canvas, rx_sky_mesh *sheet)
 {
     for (int i = 0; i < canvas->scale.nx * canvas->scale.ny; i++)
         sheet->value[i] = fmax(LEAST_SCALE, fmin(sheet->value[i] * canvas->scale.value[i], 1 / LEAST_SCALE));
-    rx_sheet_clear(&canvas->scale);
+    rx_sky_mesh_clear(&canvas->scale);
     canvas->scale = *sheet;
     memset(canvas->state, BARE, (size_t)canvas->columns * (size_t)canvas->lines);
 }

@@ -1,5 +1,5 @@
 /* Batches of windows. */
-#include "template/turns.h"
+#include "template/windows.h"
 
 #include <omp.h>
 #include <stdlib.h>
@@ -52,13 +52,14 @@ static int end_of_batch(const rx_window *windows, const int *order, int n, int f
     return n;
 }
 
-static rx_status take_one(rx_turn turn, void *user, int i, int thread, rx_error *err)
+static rx_status take_one(rx_window_job turn, void *user, int i, int thread, rx_error *err)
 {
     const rx_status status = rx_interrupt_check(err);
     return status == RX_OK ? turn(user, i, thread, err) : status;
 }
 
-static rx_status take_batch(int nthreads, const int *order, int n, rx_turn turn, void *user, rx_error *err)
+static rx_status take_batch(int nthreads, const int *order, int n, rx_window_job turn, void *user,
+                            rx_error *err)
 {
     rx_status failed = RX_OK;
 #pragma omp parallel for schedule(dynamic, TOGETHER) num_threads(nthreads)
@@ -66,7 +67,7 @@ static rx_status take_batch(int nthreads, const int *order, int n, rx_turn turn,
         rx_error own = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         const rx_status status = take_one(turn, user, order[k], omp_get_thread_num(), &own);
         if (status != RX_OK) {
-#pragma omp critical(rx_turns_failure)
+#pragma omp critical(rx_windows_failure)
             {
                 failed = status;
                 rx_error_take(err, &own);
@@ -76,10 +77,10 @@ static rx_status take_batch(int nthreads, const int *order, int n, rx_turn turn,
     return failed;
 }
 
-rx_status rx_turns_take(rx_canvas *canvas, const rx_window *windows, int n, int in_order, rx_turn turn,
-                        void *user, rx_error *err)
+rx_status rx_windows_run(rx_fit_image *canvas, const rx_window *windows, int n, int in_order,
+                         rx_window_job turn, void *user, rx_error *err)
 {
-    const int rows = rx_canvas_rows(canvas);
+    const int rows = rx_fit_image_rows(canvas);
     int *order = RX_NEW(int, (size_t)n), *batch = RX_NEW(int, (size_t)n + 1), batches = 0;
     rx_status status = order == NULL || batch == NULL ? rx_error_memory(err, 2 * (size_t)n * sizeof *order)
                                                       : sort_windows(windows, n, in_order, order, err);
@@ -94,7 +95,7 @@ rx_status rx_turns_take(rx_canvas *canvas, const rx_window *windows, int n, int 
     for (int k = 0; k < batches && status == RX_OK; k++) {
         const int b = upwards ? batches - 1 - k : k, m = batch[b + 1] - batch[b];
         const int *own = order + batch[b];
-        status = rx_canvas_show(canvas, windows, own, m, err);
+        status = rx_fit_image_load(canvas, windows, own, m, err);
         if (status == RX_OK && !in_order)
             status = take_batch(canvas->nthreads, own, m, turn, user, err);
         for (int i = 0; in_order && i < m && status == RX_OK; i++)

@@ -1,5 +1,5 @@
 /* Which detections are right and which are false. */
-#include "campaign/photometry_judge.h"
+#include "campaign/photometry_match.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -43,9 +43,9 @@ static int belongs(const rx_known *known, double x, double y)
     return 0;
 }
 
-rx_status rx_photometry_judge(const rx_judge_stars *stars, const rx_known *known, long n, const double *x,
-                              const double *y, double radius, long *found, unsigned char *is_false,
-                              rx_error *err)
+rx_status rx_photometry_match(const rx_photometry_stars *stars, const rx_known *known, long n,
+                              const double *x, const double *y, double radius, long *found,
+                              unsigned char *is_false, rx_error *err)
 {
     const size_t all = (size_t)stars->n + (size_t)known->n;
     long used = stars->n;

@@ -1,5 +1,5 @@
 /* Learning from clear sources. */
-#include "template/usual.h"
+#include "template/prior.h"
 
 #include <math.h>
 
@@ -14,48 +14,48 @@ static const double SLOPE_WIDTH = 0.3, LEAST_WIDTH = 0.15; /* of the law's slope
 static const double WIDER = 1.4;
 enum { STEPS = 20, LEAST = 20 };
 
-rx_usual rx_usual_start(double fwhm)
+rx_tile_prior rx_tile_prior_start(double fwhm)
 {
-    return (rx_usual){.star_odds = 1,
-                      .radius = {log(USUAL_RADIUS * fwhm), 0, RADIUS_WIDTH},
-                      .nu = {log1p(USUAL_NU), 0, NU_WIDTH}};
+    return (rx_tile_prior){.star_odds = 1,
+                           .radius = {log(USUAL_RADIUS * fwhm), 0, RADIUS_WIDTH},
+                           .nu = {log1p(USUAL_NU), 0, NU_WIDTH}};
 }
 
-double rx_usual_centre(const rx_usual *usual, const rx_usual_law *law, double flux)
+double rx_prior_scaling_mean(const rx_tile_prior *usual, const rx_prior_scaling *law, double flux)
 {
     return law->mean + (flux > 0 && law->slope != 0 ? law->slope * (log(flux) - usual->pivot) : 0);
 }
 
-double rx_usual_star(double evidence, double penalty)
+double rx_point_probability(double evidence, double penalty)
 {
     return 1 / (1 + exp(0.5 * fmin(fmax(evidence - penalty, -80), 80)));
 }
 
-rx_usual_word rx_usual_say(double value, double variance, double centre, double width)
+rx_likelihood rx_likelihood_of(double value, double variance, double centre, double width)
 {
     const double prior = 1 / (width * width), all = 1 / variance, own = all - prior;
     if (!isfinite(value) || !isfinite(all) || !(own > 1e-3 * prior))
-        return (rx_usual_word){0, 0};
-    return (rx_usual_word){(value * all - centre * prior) / own, own};
+        return (rx_likelihood){0, 0};
+    return (rx_likelihood){(value * all - centre * prior) / own, own};
 }
 
-static int is_clear(const rx_usual_case *c)
+static int is_clear(const rx_prior_sample *c)
 {
     return c->snr > CLEAR && c->snr < BRIGHT;
 }
 
 /* One step for one law: what each source is under it, and the law of these. */
-static void learn_law(const rx_usual_case *cases, int n, double penalty, const rx_usual *usual, int of_nu,
-                      const rx_usual_law *start, rx_usual_law *law)
+static void learn_law(const rx_prior_sample *cases, int n, double penalty, const rx_tile_prior *usual,
+                      int of_nu, const rx_prior_scaling *start, rx_prior_scaling *law)
 {
     const double prior = 1 / (law->width * law->width), sloped = of_nu ? 0 : 1;
     const double stiff = pow(start->width / SLOPE_WIDTH, 2);
     double w1 = ALREADY, wu = 0, wuu = stiff, wy = ALREADY * start->mean, wuy = 0;
     for (int i = 0; i < n; i++) {
-        const rx_usual_word *word = of_nu ? &cases[i].nu : &cases[i].radius;
+        const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
         if (!is_clear(&cases[i]) || !(word->precision > 0))
             continue;
-        const double w = 1 - rx_usual_star(cases[i].evidence, penalty);
+        const double w = 1 - rx_point_probability(cases[i].evidence, penalty);
         const double u = sloped * (log(cases[i].flux) - usual->pivot);
         const double centre = law->mean + law->slope * u;
         const double y = (word->precision * word->mean + prior * centre) / (word->precision + prior);
@@ -66,13 +66,13 @@ static void learn_law(const rx_usual_case *cases, int n, double penalty, const r
         wuy += w * u * y;
     }
     const double det = w1 * wuu - wu * wu;
-    rx_usual_law next = {(wuu * wy - wu * wuy) / det, sloped * (w1 * wuy - wu * wy) / det, 0};
+    rx_prior_scaling next = {(wuu * wy - wu * wuy) / det, sloped * (w1 * wuy - wu * wy) / det, 0};
     double square = ALREADY * start->width * start->width;
     for (int i = 0; i < n; i++) {
-        const rx_usual_word *word = of_nu ? &cases[i].nu : &cases[i].radius;
+        const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
         if (!is_clear(&cases[i]) || !(word->precision > 0))
             continue;
-        const double w = 1 - rx_usual_star(cases[i].evidence, penalty);
+        const double w = 1 - rx_point_probability(cases[i].evidence, penalty);
         const double u = sloped * (log(cases[i].flux) - usual->pivot);
         const double centre = law->mean + law->slope * u;
         const double y = (word->precision * word->mean + prior * centre) / (word->precision + prior);
@@ -83,13 +83,13 @@ static void learn_law(const rx_usual_case *cases, int n, double penalty, const r
     *law = next;
 }
 
-static double learn_odds(const rx_usual_case *cases, int n, double penalty)
+static double learn_odds(const rx_prior_sample *cases, int n, double penalty)
 {
     double points = 1, others = 1;
     for (int i = 0; i < n; i++) {
         if (!is_clear(&cases[i]))
             continue;
-        const double star = rx_usual_star(cases[i].evidence, penalty);
+        const double star = rx_point_probability(cases[i].evidence, penalty);
         points += star;
         others += 1 - star;
     }
@@ -97,9 +97,10 @@ static double learn_odds(const rx_usual_case *cases, int n, double penalty)
     return fmin(fmax(points / others, 1 / MOST_ODDS), MOST_ODDS);
 }
 
-void rx_usual_learn(const rx_usual_case *cases, int n, double star_penalty, double fwhm, rx_usual *usual)
+void rx_tile_prior_fit(const rx_prior_sample *cases, int n, double star_penalty, double fwhm,
+                       rx_tile_prior *usual)
 {
-    const rx_usual start = rx_usual_start(fwhm);
+    const rx_tile_prior start = rx_tile_prior_start(fwhm);
     double sum = 0;
     int clear = 0;
     for (int i = 0; i < n; i++)

@@ -1,18 +1,18 @@
 /* What the models leave of the image, seen through a filter, and how much of it is noise. */
-#ifndef RX_TEMPLATE_LEFTOVER_H
-#define RX_TEMPLATE_LEFTOVER_H
+#ifndef RX_TEMPLATE_TEMPLATE_RESIDUAL_H
+#define RX_TEMPLATE_TEMPLATE_RESIDUAL_H
 
 #include <stdint.h>
 
 #include "base/error.h"
-#include "template/canvas.h"
 #include "template/crowd.h"
+#include "template/fit_image.h"
 
 /* r = data - model at visible pixels (weight > 0), 0 elsewhere
  * sigma^2 = grain^2 / weight + (model_error L)^2, L the largest light of the models, pixels - level - r and at
  * least 0, in the square of 2 reach + 1 pixels around, hidden pixels left out */
-typedef struct rx_leftover {
-    rx_canvas *canvas;
+typedef struct rx_template_residual {
+    rx_fit_image *canvas;
     const float *pixels;      /* [height][width] ADU, of the tile */
     rx_map level;             /* ADU */
     int reach;                /* pixels */
@@ -23,22 +23,23 @@ typedef struct rx_leftover {
     const float *filter;      /* [side][side], sum of the absolute values 1 */
     int side;                 /* odd */
     int nthreads;
-} rx_leftover;
+} rx_template_residual;
 
 /* At visible pixels filtered = sum k r, row by row of the filter, and noise = sqrt(sum |k| sigma^2 / sum
  * |k|), the sums over visible pixels; beyond the border all is 0. mask = 1 at the others, with filtered and
  * noise 0. All [to - from][width], of the rows from <= y < to. Errors: RX_SYSTEM. */
-rx_status rx_leftover_filter(const rx_leftover *of, int from, int to, float *filtered, float *noise,
-                             uint8_t *mask, rx_error *err);
+rx_status rx_template_residual_filter(const rx_template_residual *of, int from, int to, float *filtered,
+                                      float *noise, uint8_t *mask, rx_error *err);
 
 /* A visible pixel before the filter. */
-typedef struct rx_leftover_spot {
+typedef struct rx_template_residual_pixel {
     int x, y;            /* given */
     double light, sigma; /* found: L and sigma */
     float weight;        /* of the canvas */
-} rx_leftover_spot;
+} rx_template_residual_pixel;
 
 /* Errors: RX_SYSTEM, RX_INTERRUPTED. */
-rx_status rx_leftover_look(const rx_leftover *of, rx_leftover_spot *spots, int n, rx_error *err);
+rx_status rx_template_residual_at(const rx_template_residual *of, rx_template_residual_pixel *spots, int n,
+                                  rx_error *err);
 
 #endif
