@@ -79,7 +79,7 @@ result 'two threads and two generators: the same bytes' $? difference
 
 # noise and skies as surveys deliver them
 surveys="-EPOCHS 1 -FWHM_RANGE 2,5 -SMOOTHED_NOISE 0.3 -RESAMPLED_NOISE 0.3 -UNEVEN_NOISE 0.5 -SKY_OFFSETS 0.5 -SKY_WAVES 0.5
-    -DARK_SKY 0.5 -DEFECTS 0.5 -PSF_ERRORS 0.5"
+    -DARK_SKY 0.5 -DEFECTS 0.5 -PSF_ERRORS 0.5 -PSF_HALOS 0.5"
 # shellcheck disable=SC2086 # a list
 training survey $surveys -NTHREADS 1
 result 'a training on what surveys deliver' $? survey.log

@@ -136,11 +136,13 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
             "Moffat exponents from %g to %g and ellipticities to %g: 1.1 to 1000, the smaller "
             "first, and 0 to 0.8 are possible",
             par->beta[0], par->beta[1], par->ellipticity);
-    if (!is_within(par->density, 1.0, 1e6) || !is_within(par->nebulae, 0.0, 1.0))
-        return rx_error_set(err, RX_USAGE,
-                            "a spread of densities of %g and a share of nebulae of %g: 1 or more, and 0 to 1 "
-                            "are possible",
-                            par->density, par->nebulae);
+    if (!is_within(par->density, 1.0, 1e6) || !is_within(par->nebulae, 0.0, 1.0) ||
+        !is_within(par->halos, 0.0, 1.0))
+        return rx_error_set(
+            err, RX_USAGE,
+            "a spread of densities of %g and shares of nebulae and halos of %g and %g: 1 or more, and "
+            "0 to 1 are possible",
+            par->density, par->nebulae, par->halos);
     if (!is_range(par->photon, 0.0, 1e6) || !is_within(par->sky_error, 0.0, 1e6) ||
         !is_within(par->noise_error, 0.0, 10.0) || !is_within(par->psf_error, 0.0, 1.0))
         return rx_error_set(err, RX_USAGE,
@@ -158,8 +160,14 @@ static rx_status check_psf(const rx_scenes *s, rx_error *err)
     const int wrong = par->survey.psf > 0.0;
     const double widest = s->grid.fwhm[1] * exp(FARTHEST * (par->psf_error + (wrong ? RX_SURVEY_FWHM : 0.0)));
     const double beta = par->beta[0] * (wrong ? exp(-FARTHEST * RX_SURVEY_BETA) : 1.0);
-    const double ratio = 1.0 - par->ellipticity - (wrong ? FARTHEST * RX_SURVEY_RATIO : 0.0);
-    rx_status status = rx_psf_moffat(widest, fmax(beta, BETA_LEAST), ratio, 0.0, 0, &psf, err);
+    const rx_scenes_field_data worst = {.fwhm = widest,
+                                        .beta = fmax(beta, BETA_LEAST),
+                                        .ratio = 1.0 - par->ellipticity -
+                                                 (wrong ? FARTHEST * RX_SURVEY_RATIO : 0.0),
+                                        .halo = par->halos > 0.0 ? RX_SCENES_HALO : 0.0,
+                                        .halo_fwhm = fmax(RX_SCENES_HALO_FWHM, s->grid.fwhm[1]),
+                                        .halo_beta = RX_SCENES_HALO_BETA};
+    rx_status status = rx_scenes_psf(&worst, &psf, err);
     if (status == RX_OK && psf->size > s->window)
         status = rx_error_set(err, RX_USAGE,
                               "a PSF of FWHM %.3g has %d pixels and does not fit a patch and its frame, %d "
@@ -311,9 +319,7 @@ static rx_status colour(rx_scenes *s, const draft *d, rx_error *err)
     const rx_scenes_field_data *field = d->field;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
     rx_psf *psf = NULL;
-    rx_status status = rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_scenes_psf(field, &psf, err));
     rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->x, s->coloured);
     rx_psf_free(psf);
     rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured);
@@ -397,21 +403,22 @@ static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
 /* K' and the filter of w, from the PSF as it is told. */
 static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *dst, rx_error *err)
 {
-    const rx_scenes_field_data *field = d->field;
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
     const rx_survey *survey = &d->survey;
-    const double fwhm = field->fwhm * exp(error_of(d->key, DRAW_TOLD, s->par.psf_error)) * survey->fwhm;
-    const double beta = fmax(field->beta * survey->beta, BETA_LEAST);
-    const double ratio = fmin(field->ratio + survey->ratio, 1.0);
-    rx_status status = rx_psf_moffat(fwhm, beta, ratio, field->angle, 0, &psf, err);
+    rx_scenes_field_data given = *d->field; /* its numbers */
+    given.fwhm *= exp(error_of(d->key, DRAW_TOLD, s->par.psf_error)) * survey->fwhm;
+    given.beta = fmax(given.beta * survey->beta, BETA_LEAST);
+    given.ratio = fmin(given.ratio + survey->ratio, 1.0);
+    given.halo = survey->no_halo ? 0.0 : given.halo;
+    rx_status status = rx_scenes_psf(&given, &psf, err);
     if (status == RX_OK)
         status = rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1,
                                     dst->kernel, err);
     if (status == RX_OK)
         status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size, front->target_fwhm, front->tikhonov, work,
                                     s->spectrum, err);
-    dst->fwhm = (float)fwhm;
+    dst->fwhm = (float)given.fwhm;
     rx_psf_free(psf);
     return status;
 }

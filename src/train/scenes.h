@@ -21,6 +21,9 @@
  * galaxies and templates each; the slope of the stars' counts is the keyword's +- 0.1, the share in clumps
  * uniform between 0 and the keyword's. Distances of pairs follow the FWHM of the field.
  *
+ * PSFs with a halo: 2 to 15 % of the light (uniform) in a second, round Moffat of 2 to 6 times the FWHM (log-uniform, at
+ * most 16 pixels) and beta 3 to 5, as scattering, a turbulent atmosphere or charge diffusion leave it.
+ *
  * Nebulae: 1 to 3 Gaussians of half-light radius 12..80 pixels (log-uniform), ratio 0.3..1, their centres
  * 0.01..3 times (log-uniform) the brightness, which is then found again. Bright stars: 30 % of the fields have
  * 1 to 3 of them, peaks of 2..RX_NOISE_LEVEL_PEAK times (log-uniform) that brightness, which stays as it is: rare ones
@@ -47,7 +50,8 @@
  *   defects  Cosmic rays (simulate/cosmic_rays.h), 3 in a patch on average, a noise unit being 5..100
  *            electrons, and up to two bad columns or parts of them, 1..30 noise units above or below
  *            (log-uniform). In x alone.
- *   psf      On top of psf_error: errors of 3 % in FWHM, 0.03 in b/a, 5 % in beta (rms).
+ *   psf      On top of psf_error: errors of 3 % in FWHM, 0.03 in b/a, 5 % in beta (rms); of every other PSF that
+ *            has a halo, nothing is known of the halo.
  *
  * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
  * share index / places come from one field, and the same index in successive epochs that share epoch / uses
@@ -83,6 +87,7 @@ typedef struct rx_scenes_params {
     double density;     /* counts are multiplied by density^u, u uniform in -1 .. 1; 1 = as given */
     double nebulae;     /* share of fields with smooth nebulae on top */
     double photon[2];   /* q: photon noise per noise unit of flux, log-uniform (uniform when from 0) */
+    double halos;       /* share of fields whose PSF has a halo */
     double sky_error;   /* rms of a constant left in x, noise units */
     double noise_error; /* rms of ln(noise as told / true) */
     double psf_error;   /* rms of ln(FWHM as told / true) */

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "psf/psf.h"
+#include "psf/moffat.h"
 #include "simulate/render.h"
 #include "train/scenes_parts.h"
 
@@ -26,7 +26,10 @@ enum {
     DRAW_BRIGHT,
     DRAW_BRIGHTS,
     DRAW_NEBULA = 16, /* and the following ones: NEBULA_SLOTS for each */
-    DRAW_STAR = 64    /* STAR_SLOTS for each bright star */
+    DRAW_STAR = 64,   /* STAR_SLOTS for each bright star */
+    DRAW_HALO = 96,   /* whether, its share */
+    DRAW_HALO_FWHM = 98,
+    DRAW_HALO_BETA
 };
 enum { NEBULAE_MOST = 3, NEBULA_SLOTS = 8, BRIGHT_MOST = 3, STAR_SLOTS = 4 };
 
@@ -34,6 +37,7 @@ static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SL
                     BRIGHT_FIELDS = 0.3;
 /* FWHM beyond the border in which objects still lie: their light is part of the tile's background. */
 static const double BORDER = 2.0;
+static const double HALO_LEAST = 0.02, HALO_WIDTH[2] = {2.0, 6.0} /* FWHM */, HALO_BETA = 5.0;
 
 double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
 {
@@ -174,20 +178,64 @@ static void cut_negative(size_t n, float *pixels)
         pixels[i] = pixels[i] > 0.0f ? pixels[i] : 0.0f;
 }
 
-static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const rx_optics *optics,
+/* What a field is seen through: core and halo, NULL without one. */
+typedef struct two_optics {
+    rx_optics *core, *halo;
+} two_optics;
+
+static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const two_optics *optics,
                         rx_scenes_field_data *field, rx_error *err)
 {
-    const rx_optics *both[2] = {optics, sky->simulation->target};
-    float *images[2] = {field->blurred, field->sharp};
     const size_t n = (size_t)field->side * (size_t)field->side;
-    rx_status status = rx_render(scene, 2, both, images, 1, err);
+    if (optics->halo == NULL) {
+        const rx_optics *both[2] = {optics->core, sky->simulation->target};
+        float *images[2] = {field->blurred, field->sharp};
+        RX_TRY(rx_render(scene, 2, both, images, 1, err));
+    } else {
+        float *core = RX_NEW(float, 2 * n), *halo = core + n;
+        if (core == NULL)
+            return rx_error_memory(err, 2 * n * sizeof *core);
+        const rx_optics *all[3] = {optics->core, optics->halo, sky->simulation->target};
+        float *images[3] = {core, halo, field->sharp};
+        const rx_status status = rx_render(scene, 3, all, images, 1, err);
+        for (size_t i = 0; i < n; i++)
+            field->blurred[i] += (float)(1.0 - field->halo) * core[i] + (float)field->halo * halo[i];
+        free(core);
+        if (status != RX_OK)
+            return status;
+    }
     cut_negative(n, field->blurred);
     cut_negative(n, field->sharp);
+    return RX_OK;
+}
+
+rx_status rx_scenes_psf(const rx_scenes_field_data *field, rx_psf **dst, rx_error *err)
+{
+    rx_psf *halo = NULL;
+    *dst = NULL;
+    RX_TRY(rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, dst, err));
+    if (!(field->halo > 0.0))
+        return RX_OK;
+    /* As much of the halo as rx_psf_moffat() keeps of a PSF, 1e-3 of all light being cut off. */
+    const double radius =
+        0.5 * field->halo_fwhm * rx_moffat_radius_flux(field->halo_beta, fmin(1e-3 / field->halo, 0.5));
+    const int least = (*dst)->size, size = 2 * (int)ceil(radius) + 1;
+    rx_psf_free(*dst);
+    *dst = NULL;
+    RX_TRY(
+        rx_psf_moffat(field->halo_fwhm, field->halo_beta, 1.0, 0.0, size > least ? size : least, &halo, err));
+    const rx_status status =
+        rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, halo->size, dst, err);
+    if (status == RX_OK)
+        for (int i = 0; i < halo->size * halo->size; i++)
+            (*dst)->basis[i] = (float)((1.0 - field->halo) * (double)(*dst)->basis[i] +
+                                       field->halo * (double)halo->basis[i]);
+    rx_psf_free(halo);
     return status;
 }
 
 static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *field,
-                          rx_optics **optics, rx_error *err)
+                          two_optics *optics, rx_error *err)
 {
     const rx_scenes_params *par = sky->par;
     rx_psf *psf = NULL;
@@ -195,12 +243,18 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
     field->beta = rx_scenes_uniform(key, DRAW_BETA, par->beta[0], par->beta[1]);
     field->ratio = 1.0 - rx_scenes_uniform(key, DRAW_ELLIPTICITY, 0.0, par->ellipticity);
     field->angle = rx_scenes_uniform(key, DRAW_ANGLE, 0.0, M_PI);
-    rx_status status = rx_optics_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0.0,
-                                        field->side, field->side, optics, err);
-    if (status == RX_OK)
-        status = rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, err);
-    if (status != RX_OK)
-        return status;
+    if (rx_scenes_uniform(key, DRAW_HALO, 0.0, 1.0) < par->halos) {
+        field->halo = rx_scenes_uniform(key, DRAW_HALO + 1, HALO_LEAST, RX_SCENES_HALO);
+        field->halo_fwhm =
+            fmin(field->fwhm * rx_scenes_log_uniform(key, DRAW_HALO_FWHM, HALO_WIDTH[0], HALO_WIDTH[1]),
+                 fmax(RX_SCENES_HALO_FWHM, field->fwhm));
+        field->halo_beta = rx_scenes_uniform(key, DRAW_HALO_BETA, RX_SCENES_HALO_BETA, HALO_BETA);
+        RX_TRY(rx_optics_moffat(field->halo_fwhm, field->halo_beta, 1.0, 0.0, 0.0, field->side, field->side,
+                                &optics->halo, err));
+    }
+    RX_TRY(rx_optics_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0.0, field->side,
+                            field->side, &optics->core, err));
+    RX_TRY(rx_scenes_psf(field, &psf, err));
     double sum = 0.0;
     for (int i = 0; i < psf->size * psf->size; i++)
         sum += (double)psf->basis[i] * (double)psf->basis[i];
@@ -213,7 +267,7 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
 /* What a second scene adds; `make` decides by what is there. */
 typedef rx_status maker(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst, rx_error *err);
 
-static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, const rx_optics *optics,
+static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, const two_optics *optics,
                      rx_scenes_field_data *field, rx_error *err)
 {
     rx_scene *scene = NULL;
@@ -226,7 +280,7 @@ static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, c
     return status;
 }
 
-static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const rx_optics *optics,
+static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const two_optics *optics,
                       rx_scenes_field_data *field, rx_error *err)
 {
     rx_scene *scene = NULL;
@@ -254,7 +308,7 @@ rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_s
                                rx_error *err)
 {
     const size_t n = (size_t)sky->side * (size_t)sky->side;
-    rx_optics *optics = NULL;
+    two_optics optics = {NULL, NULL};
     *dst = (rx_scenes_field_data){.side = sky->side};
     dst->sharp = RX_NEW(float, n);
     dst->blurred = RX_NEW(float, n);
@@ -264,8 +318,9 @@ rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_s
     }
     rx_status status = draw_psf(sky, key, dst, &optics, err);
     if (status == RX_OK)
-        status = fill(sky, key, optics, dst, err);
-    rx_optics_free(optics);
+        status = fill(sky, key, &optics, dst, err);
+    rx_optics_free(optics.core);
+    rx_optics_free(optics.halo);
     if (status != RX_OK)
         rx_scenes_field_clear(dst);
     return status;

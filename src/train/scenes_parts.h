@@ -3,6 +3,7 @@
 #define RX_TRAIN_SCENES_PARTS_H
 
 #include "num/fft.h"
+#include "psf/psf.h"
 #include "stage/simulation.h"
 #include "train/scenes.h"
 
@@ -12,8 +13,9 @@ typedef struct rx_scenes_field_data {
     long used;       /* when last */
     int side;        /* FIELD_SIDE + 2 frame */
     double fwhm, beta, ratio, angle;
-    double peak;  /* highest pixel of the PSF centred on it */
-    double norm;  /* sqrt of the sum of the squared PSF */
+    double halo, halo_fwhm, halo_beta; /* share of the light in a second, round Moffat; 0: none */
+    double peak;                       /* highest pixel of the PSF centred on it */
+    double norm;                       /* sqrt of the sum of the squared PSF */
     double level; /* brightness (nn/noise_level.h) in units of flux: 255/sigma of the noise; 0: no light */
     float *sharp, *blurred; /* [side][side], not negative */
     long nstars;
@@ -39,6 +41,13 @@ typedef struct rx_scenes_sky {
 rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *dst,
                                rx_error *err);
 void rx_scenes_field_clear(rx_scenes_field_data *field);
+
+/* The PSF of these numbers of a field (only its fwhm .. halo_beta are read) as a stamp of sum 1. */
+rx_status rx_scenes_psf(const rx_scenes_field_data *field, rx_psf **dst, rx_error *err);
+/* Largest halo that fields have: share, and FWHM in pixels; smallest beta. */
+#define RX_SCENES_HALO 0.15
+#define RX_SCENES_HALO_FWHM 16.0
+#define RX_SCENES_HALO_BETA 3.0
 
 /* Uniform in from .. to, and log-uniform (uniform when `from` is not above 0): number `slot` of the key. */
 double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to);
@@ -92,6 +101,7 @@ typedef struct rx_survey {
         double x, y, xx, yy, xy, depth;
     } hole[RX_SURVEY_MOST];        /* exponent: xx dx^2 ... */
     double sky, fwhm, ratio, beta; /* offset; what the PSF as told is wrong by: factors, minor axis added */
+    int no_halo;                   /* its halo is not in the PSF as told */
     rx_scenes_key key;
 } rx_survey;
 

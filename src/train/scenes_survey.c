@@ -32,7 +32,8 @@ enum {
     DRAW_EDGE = 64, /* SLOTS for each, and so on */
     DRAW_WAVE = 96,
     DRAW_HOLE = 128,
-    DRAW_COLUMN = 160
+    DRAW_COLUMN = 160,
+    DRAW_NO_HALO = 192
 };
 enum { SLOTS = 8, EDGES = 2, WAVES = 3, HOLES = 3, COLUMNS = 2 };
 #define COSMIC_SEED 0x636f736d69630000u
@@ -166,6 +167,7 @@ void rx_survey_draw(const rx_scenes_survey *par, rx_scenes_key key, int window, 
         dst->fwhm = exp(deviate(key, DRAW_FWHM, RX_SURVEY_FWHM));
         dst->ratio = deviate(key, DRAW_RATIO, RX_SURVEY_RATIO);
         dst->beta = exp(deviate(key, DRAW_BETA, RX_SURVEY_BETA));
+        dst->no_halo = happens(key, DRAW_NO_HALO, 0.5);
     }
 }
 

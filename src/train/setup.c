@@ -160,6 +160,7 @@ rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *
                 .side = config->patch,
                 .field_side = config->patch * config->field_patches,
                 .uses = config->field_uses,
+                .halos = config->psf_halos,
                 .beta = {config->beta_range.v[0], config->beta_range.v[1]},
                 .ellipticity = config->psf_ellipticity,
                 .density = config->density_spread,

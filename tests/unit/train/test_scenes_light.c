@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../near.h"
 #include "nn/deblur.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
@@ -73,8 +74,7 @@ static void filter_field(const scenes_test *t, const rx_scenes_field_data *field
     rx_psf *psf = NULL;
     const int side = field->side, twice = 2 * side;
     assert_int_equal(rx_fft_new(twice, twice, 1, &fft, NULL), RX_OK);
-    assert_int_equal(rx_psf_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0, &psf, NULL),
-                     RX_OK);
+    assert_int_equal(rx_scenes_psf(field, &psf, NULL), RX_OK);
     float *work = rx_fft_real(fft), *half = rx_fft_complex(fft), *spectrum = rx_fft_complex(fft);
     assert_int_equal(rx_deblur_tikhonov(fft, psf->basis, psf->size, t->par.front.target_fwhm,
                                         t->par.front.tikhonov, work, spectrum, NULL),
@@ -233,6 +233,37 @@ static void test_relative_psf(void **state)
     rx_simulate_config_free(t.config);
 }
 
+/* A PSF with a halo: what is given of it leads from the true image to the blurred one, within what a stamp of K pixels
+ * holds of a halo; and its core has the less light. */
+static void test_halos(void **state)
+{
+    (void)state;
+    scenes_test t = scenes_test_open(1.0, 15.0), with;
+    t.par.side = t.par.field_side = 128;
+    with = t;
+    with.par.halos = 1.0;
+    rx_scenes *scenes = scenes_test_make(&with);
+    rx_sample *s = rx_sample_new(128);
+    for (uint32_t bin = 0; bin < 5; bin++) {
+        rx_scenes_field_data plain, field;
+        make_field(&t, bin, &plain);
+        make_field(&with, bin, &field);
+        assert_near(plain.halo, 0.0, 0.0);
+        assert_true(field.halo >= 0.02 && field.halo <= RX_SCENES_HALO);
+        assert_true(field.halo_fwhm >= 1.99 * field.fwhm && field.halo_fwhm <= RX_SCENES_HALO_FWHM);
+        assert_near(field.fwhm, plain.fwhm, 0.0);
+        assert_true(field.peak < (1.0 - 0.75 * field.halo) * plain.peak);
+        assert_true(field.peak > (1.0 - field.halo) * plain.peak);
+        scenes_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
+        assert_true(check_kernel(s) < (s->true_fwhm < 2.5f ? 0.02 : 6e-3));
+        rx_scenes_field_clear(&plain);
+        rx_scenes_field_clear(&field);
+    }
+    rx_sample_free(s);
+    rx_scenes_free(scenes);
+    rx_simulate_config_free(t.config);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -240,6 +271,7 @@ int main(void)
         cmocka_unit_test(test_level),
         cmocka_unit_test(test_patches_are_fainter_than_fields),
         cmocka_unit_test(test_relative_psf),
+        cmocka_unit_test(test_halos),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
