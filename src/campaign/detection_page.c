@@ -199,7 +199,6 @@ rx_status rx_detection_report(const rx_detection_results *results, const rx_camp
         goto exit;
     rx_detection_verdicts(&m, verdicts, &nverdicts);
     rx_findings_claims(&f, nverdicts, verdicts);
-    rx_findings_tables(&f);
     rx_report_sentence(f.report, results->about);
     for (int kind = 0; kind < RX_SCENE_KINDS; kind++)
         for (int s = 0; s < results->nscenes; s++) {
@@ -213,7 +212,6 @@ rx_status rx_detection_report(const rx_detection_results *results, const rx_camp
     rx_report_paragraph(f.report, READING);
     status = rx_findings_end(&f, folder, shown, log, brief, err);
 exit:
-    rx_claim_verdicts_free(nverdicts, verdicts);
     rx_detection_numbers_free(&m);
     return status;
 }

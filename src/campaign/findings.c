@@ -79,7 +79,7 @@ void rx_findings_claim(rx_findings *f, const rx_finding_claim *c)
                    c->run != NULL && c->found != NULL ? c->found : "");
 }
 
-void rx_findings_claims(rx_findings *f, int n, const rx_claim_verdict *verdicts)
+void rx_findings_claims(rx_findings *f, int n, rx_claim_verdict *verdicts)
 {
     static const char *const columns[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
     int count[4] = {0};
@@ -104,6 +104,9 @@ void rx_findings_claims(rx_findings *f, int n, const rx_claim_verdict *verdicts)
                    "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
                    "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
                    "summary.json.");
+    f->cells = rx_report_table_add(f->report, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
+    f->contests = rx_report_table_add(f->report, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
+    rx_claim_verdicts_free(n, verdicts);
 }
 
 void rx_findings_show_claims(rx_findings *f, int ncolumns, const char *const *columns)
@@ -111,12 +114,6 @@ void rx_findings_show_claims(rx_findings *f, int ncolumns, const char *const *co
     rx_report_show(
         f->report, f->claims,
         &(rx_report_view){.to = rx_report_rows(f->claims), .ncolumns = ncolumns, .columns = columns});
-}
-
-void rx_findings_tables(rx_findings *f)
-{
-    f->cells = rx_report_table_add(f->report, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
-    f->contests = rx_report_table_add(f->report, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
 }
 
 void rx_findings_cell(rx_findings *f, const rx_finding *where, const rx_quantity *quantity,
@@ -144,12 +141,13 @@ void rx_findings_show(rx_findings *f, long from, const rx_quantity *quantity, in
 
 void rx_findings_contest(rx_findings *f, const rx_contest *c)
 {
+    const double ln_holm = c->holm == 0.0 ? c->ln_p + log(c->ntests) : log(c->holm);
     rx_report_row(f->contests,
                   (rx_cell[]){rx_cell_words(c->scene), rx_cell_words(c->condition),
                               rx_cell_words(c->quantity), rx_cell_words(c->first), rx_cell_words(c->second),
                               rx_cell_words(c->test), rx_cell_estimate(c->difference),
                               rx_cell_number(c->statistic), rx_cell_number(c->dof), rx_cell_p(c->p, c->ln_p),
-                              rx_cell_p(c->holm, log(c->holm)), rx_cell_words(c->winner),
+                              rx_cell_p(c->holm, ln_holm), rx_cell_words(c->winner),
                               rx_cell_number(c->effect), rx_cell_number(c->only_first),
                               rx_cell_number(c->only_second)});
 }

@@ -38,6 +38,7 @@ typedef struct rx_contest {
     const char *winner;             /* where that is below 0.05; NULL: undecided */
     rx_estimate difference;         /* first - second */
     double only_first, only_second; /* things found by one of both alone */
+    int ntests; /* that holm adjusts for: where it is below the smallest double, its logarithm is from ln_p */
 } rx_contest;
 
 /* Head of the report: type ("detection"), title, command, seed. Errors: RX_SYSTEM (memory). */
@@ -52,11 +53,9 @@ typedef struct rx_finding_claim {
 void rx_findings_claim(rx_findings *findings, const rx_finding_claim *claim);
 void rx_findings_show_claims(rx_findings *findings, int ncolumns, const char *const *columns);
 
-/* Those of the paper: a section, and the count of them as the page's verdict. */
-void rx_findings_claims(rx_findings *findings, int n, const rx_claim_verdict *verdicts);
-
-/* The tables of cells and contests. */
-void rx_findings_tables(rx_findings *findings);
+/* Those of the paper: a section, and the count of them as the page's verdict; then the tables of cells and
+ * contests, empty. The words of the verdicts are freed. */
+void rx_findings_claims(rx_findings *findings, int n, rx_claim_verdict *verdicts);
 
 /* Adds cells; those from row `from` on, all of one scene and quantity, become a table of conditions against
  * runs, and lines of the terminal where `brief`. */

@@ -144,6 +144,7 @@ static void add_pair(page *g, int f, int pair)
                                                      .ln_p = log(found->p),
                                                      .effect = NAN,
                                                      .holm = found->holm,
+                                                     .ntests = field->nsets,
                                                      .winner = winner_name(m, pair, found->winner),
                                                      .difference = none,
                                                      .only_first = (double)found->only_first,
@@ -166,6 +167,7 @@ static void add_pair(page *g, int f, int pair)
                                                      .ln_p = tests[i]->ln_p,
                                                      .effect = tests[i]->effect,
                                                      .holm = i ? d->holm_wilcoxon : d->holm,
+                                                     .ntests = field->nsets,
                                                      .winner = i ? NULL : winner_name(m, pair, d->winner),
                                                      .difference = i ? none : d->paired.difference,
                                                      .only_first = NAN,
@@ -339,7 +341,6 @@ rx_status rx_photometry_report(const rx_photometry_results *results, const rx_ca
     rx_report_fact_numbers(report, "precisions", m.nprecisions, m.precision);
     rx_photometry_verdicts(&m, verdicts, &nverdicts);
     rx_findings_claims(&g.f, nverdicts, verdicts);
-    rx_findings_tables(&g.f);
     rx_report_table *runs = rx_report_table_add(report, "runs", LENGTH(RUNS), RUNS, RX_REPORT_IN_JSON);
     g.sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_EVERYWHERE);
     g.cuts = rx_report_table_add(report, "cuts", LENGTH(CUTS), CUTS, RX_REPORT_EVERYWHERE);
@@ -356,7 +357,6 @@ rx_status rx_photometry_report(const rx_photometry_results *results, const rx_ca
     write_reading(report);
     status = rx_findings_end(&g.f, folder, shown, log, brief, err);
 exit:
-    rx_claim_verdicts_free(nverdicts, verdicts);
     rx_photometry_numbers_free(&m);
     return status;
 }

@@ -248,6 +248,8 @@ static void add_contests(rx_findings *f, const rx_restoration_numbers *m, int b,
                     .second = second,
                     .only_first = NAN,
                     .only_second = NAN};
+    for (int i = 0; i < m->results->nbins; i++)
+        c.ntests += m->results->bins[i].by_sigma == m->results->bins[b].by_sigma;
     for (int i = 0; i < 3; i++) {
         c.test = names[i];
         c.statistic = tests[i]->statistic;
@@ -261,7 +263,7 @@ static void add_contests(rx_findings *f, const rx_restoration_numbers *m, int b,
         rx_findings_contest(f, &c);
     }
     rx_findings_contest(f, &(rx_contest){c.scene, bin, c.quantity, first, second, "bootstrap", NAN, NAN, NAN,
-                                         NAN, NAN, NAN, NULL, d->bootstrap, NAN, NAN});
+                                         NAN, NAN, NAN, NULL, d->bootstrap, NAN, NAN, 0});
 }
 
 /* Tables and figures of one binned quantity. */
@@ -431,7 +433,6 @@ rx_status rx_restoration_report(const rx_restoration_results *results, const rx_
     rx_report_fact_number(f.report, "tune_choices_at_end", ends);
     rx_restoration_verdicts(&m, verdicts, &nverdicts);
     rx_findings_claims(&f, nverdicts, verdicts);
-    rx_findings_tables(&f);
     rx_restoration_figures(rx_report_figures_of(f.report), &m);
     rx_report_table *boxes =
         rx_report_table_add(f.report, "boxes", LENGTH(BOXES), BOXES, RX_REPORT_EVERYWHERE);
@@ -452,7 +453,6 @@ rx_status rx_restoration_report(const rx_restoration_results *results, const rx_
     write_reading(f.report);
     status = rx_findings_end(&f, folder, shown, log, brief, err);
 exit:
-    rx_claim_verdicts_free(nverdicts, verdicts);
     rx_restoration_numbers_free(&m);
     return status;
 }

@@ -15,6 +15,7 @@
 #include "../near.h"
 #include "base/text.h"
 #include "campaign/campaign_report.h"
+#include "campaign/findings.h"
 #include "campaign/photometry_numbers.h"
 #include "campaign/restoration_numbers.h"
 #include "made_results.h"
@@ -290,6 +291,27 @@ static void adjusted_p_is_shown(void **state)
     assert_int_equal(clear(folder), RESTORATION_FILES);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
+}
+
+/* p and Holm's p below the smallest double: the logarithm of the latter is that of p times the number of tests. */
+static void logarithm_of_a_vanished_holm(void **state)
+{
+    char folder[256];
+    double ln = NAN;
+    rx_findings f;
+    (void)state;
+    make_folder(folder);
+    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, &plain, NULL), RX_OK);
+    rx_findings_claims(&f, 0, NULL);
+    rx_findings_contest(&f, &(rx_contest){.test = "paired t", .p = 0, .ln_p = -800, .holm = 0, .ntests = 4});
+    assert_int_equal(rx_findings_end(&f, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *json = slurp(folder, "summary.json");
+    const char *at = strstr(json, "\"ln_holm\": ");
+    assert_non_null(at);
+    assert_int_equal(sscanf(at, "\"ln_holm\": %lf", &ln), 1);
+    assert_near(ln, -800 + log(4), 1e-6);
+    free(json);
+    clear(folder);
 }
 
 /* Where tuning took an end of what was tried, page, summary and terminal say so. */
@@ -685,6 +707,7 @@ int main(void)
         cmocka_unit_test(bins_lie_where_their_noise_level_is),
         cmocka_unit_test(words_follow_the_numbers),
         cmocka_unit_test(adjusted_p_is_shown),
+        cmocka_unit_test(logarithm_of_a_vanished_holm),
         cmocka_unit_test(ends_of_tuning_are_told),
         cmocka_unit_test(odd_restoration_results),
         cmocka_unit_test(photometry_agrees_with_scipy),
