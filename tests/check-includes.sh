@@ -32,8 +32,8 @@ pipeline  nn psf restore detect measure template catalog config num io
 check     pipeline simulate quality restore measure num io
 stage     check pipeline io num nn psf restore detect measure template catalog quality simulate config
 survey    report stage pipeline par quality io config
-campaign  stage check pipeline simulate report quality restore catalog config io nn num psf
-programs  stage survey campaign train par quality simulate config catalog
+lab       stage check pipeline simulate report quality restore catalog config io nn num psf
+programs  stage survey lab train par quality simulate config catalog
 END
 
 # Header (as a pattern), what it belongs to, and the folders that may include it.
@@ -114,7 +114,7 @@ match(code, /(^|[^A-Za-z0-9_.>])(system|popen|fork|vfork|exec[lv][pe]*|posix_spa
     complain("only report/ runs another program (gnuplot)")
 }
 # An error object of one's own hides the caller's stop (base/error.h) from all that is below.
-folder !~ /^(base|par|survey|campaign|train)$/ && code ~ /RX_ERROR_NONE/ {
+folder !~ /^(base|par|survey|lab|train)$/ && code ~ /RX_ERROR_NONE/ {
     complain("hides the stop of the caller; use rx_error_part(err)")
 }
 folder != "base" && code ~ /\*err = / && code !~ /RX_ERROR_NONE/ {

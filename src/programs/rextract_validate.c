@@ -1,6 +1,6 @@
 /* rextract-validate: a campaign file in; a report of what each restorer is worth out. */
-#include "campaign/campaign.h"
 #include "config/campaign_config.h"
+#include "lab/campaign.h"
 #include "programs/program.h"
 
 static const char usage[] = "usage: rextract-validate [-c] FILE [-KEYWORD VALUE]...\n"

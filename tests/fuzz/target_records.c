@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "campaign/journal.h"
 #include "fuzz.h"
 #include "io/output.h"
+#include "lab/journal.h"
 #include "nn/psfnet.h"
 #include "survey/rollup_report.h"
 #include "train/checkpoint.h"

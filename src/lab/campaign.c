@@ -1,0 +1,198 @@
+/* A campaign from its settings to its report. */
+#include "lab/campaign.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/threads.h"
+#include "io/output.h"
+#include "lab/facts.h"
+#include "lab/journal.h"
+#include "lab/kind.h"
+#include "lab/units.h"
+
+static const rx_campaign_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,
+                                                &rx_kind_fluxes};
+
+typedef struct job {
+    const rx_campaign_config *config;
+    const rx_campaign_kind *kind;
+    rx_log *log;
+    int k, n; /* SHARD */
+    int nthreads;
+    void *state;
+    rx_journal_facts facts;
+    long nunits;
+    rx_unit_place *places;
+    rx_unit_values *values;
+    rx_journal *journal;
+} job;
+
+/* Name of the journal of shard k of n, to be freed. */
+static char *journal_name(const job *j, int k)
+{
+    const char *name = j->config->journal_name;
+    const size_t size = strlen(name) + 16;
+    char *path = RX_NEW(char, size);
+    if (path != NULL && j->n > 1)
+        snprintf(path, size, "%s.%d", name, k);
+    else if (path != NULL)
+        snprintf(path, size, "%s", name);
+    return path;
+}
+
+/* Can the report be written at all: asked before the work. */
+static rx_status check_output(const job *j, rx_error *err)
+{
+    rx_outputs *outputs = NULL;
+    const char *temporary;
+    rx_status status = rx_outputs_new(&outputs, err);
+    if (status == RX_OK)
+        status = rx_outputs_folder(outputs, j->config->output_name, &temporary, err);
+    rx_outputs_free(outputs);
+    return status;
+}
+
+static rx_status open_kind(job *j, rx_error *err)
+{
+    rx_status status = j->kind->open(j->config, j->nthreads, j->log, &j->state, err);
+    if (status == RX_OK)
+        status = rx_facts_collect(j->config, &j->facts, err);
+    if (status == RX_OK)
+        status = j->kind->facts(j->state, &j->facts, err);
+    if (status == RX_OK)
+        status = rx_units_places(j->kind, j->state, &j->nunits, &j->places, err);
+    if (status != RX_OK)
+        return status;
+    j->values = RX_NEW(rx_unit_values, (size_t)j->nunits + 1);
+    return j->values != NULL ? RX_OK : rx_error_memory(err, (size_t)j->nunits * sizeof *j->values);
+}
+
+/* The units of this shard that no earlier run has done. */
+static rx_status work(job *j, rx_error *err)
+{
+    char *path = journal_name(j, j->k);
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    long missing = 0, all = 0;
+    rx_status status = rx_journal_open(path, &j->facts, j->nunits, j->values, &j->journal, err);
+    free(path);
+    if (status != RX_OK)
+        return status;
+    rx_units_count(j->nunits, j->places, j->values, j->k, j->n, &missing, &all);
+    rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
+    if (missing == 0)
+        return RX_OK;
+    if (j->kind->prepare != NULL)
+        status = j->kind->prepare(j->state, j->log, err);
+    if (status != RX_OK)
+        return status;
+    return rx_units_run(j->kind, j->state, j->nunits, j->places, j->k, j->n, j->nthreads, j->journal,
+                        j->values, j->log, err);
+}
+
+/* The journals of all shards; what is missing is said shard by shard. */
+static rx_status merge(job *j, rx_error *err)
+{
+    rx_text missing = {0};
+    rx_status status = RX_OK;
+    int *found = RX_NEW(int, (size_t)j->n + 1);
+    if (found == NULL)
+        return rx_error_memory(err, 0);
+    for (int k = 1; status == RX_OK && k <= j->n; k++) {
+        char *path = journal_name(j, k);
+        status = path == NULL ? rx_error_memory(err, 0)
+                              : rx_journal_read(path, &j->facts, j->nunits, j->values, &found[k], err);
+        free(path);
+    }
+    for (int k = 1; status == RX_OK && k <= j->n; k++) {
+        long lacking, all;
+        rx_units_count(j->nunits, j->places, j->values, k, j->n, &lacking, &all);
+        if (lacking > 0)
+            rx_text_printf(&missing, "%sshard %d/%d lacks %ld of %ld units%s", missing.length > 0 ? ", " : "",
+                           k, j->n, lacking, all, found[k] ? "" : " (no journal)");
+    }
+    if (missing.failed)
+        status = rx_error_memory(err, 0);
+    else if (status == RX_OK && missing.length > 0)
+        status = rx_error_at(err, RX_INPUT, j->config->journal_name, -1, 0,
+                             "%.600s; finish that first, then merge again", missing.data);
+    rx_text_free(&missing);
+    free(found);
+    return status;
+}
+
+static void tell_brief(rx_log *log, const rx_text *brief)
+{
+    for (const char *line = brief->data; line != NULL && *line != '\0';) {
+        const int n = (int)strcspn(line, "\n");
+        rx_log_info(log, "%.*s", n, line);
+        line += n + (line[n] == '\n');
+    }
+}
+
+static rx_status report(const job *j, rx_error *err)
+{
+    rx_outputs *outputs = NULL;
+    rx_facts_record record = {0};
+    rx_text brief = {0};
+    const char *folder = NULL;
+    rx_status status = rx_facts_record_make(j->config, j->kind->title, &record, err);
+    if (status == RX_OK)
+        status = rx_outputs_new(&outputs, err);
+    if (status == RX_OK)
+        status = rx_outputs_folder(outputs, j->config->output_name, &folder, err);
+    if (status == RX_OK)
+        status = j->kind->report(j->state, j->values, &record.record, folder, j->config->output_name, j->log,
+                                 &brief, err);
+    if (status == RX_OK)
+        status = rx_outputs_commit(outputs, err);
+    if (status == RX_OK) {
+        tell_brief(j->log, &brief);
+        rx_log_info(j->log, "the report is %s/report.html", j->config->output_name);
+    }
+    rx_text_free(&brief);
+    rx_facts_record_free(&record);
+    rx_outputs_free(outputs);
+    return status;
+}
+
+static rx_status run(job *j, rx_error *err)
+{
+    const int with_report = j->n == 1 || j->config->merge;
+    rx_status status = with_report ? check_output(j, err) : RX_OK;
+    if (status == RX_OK)
+        status = open_kind(j, err);
+    if (status == RX_OK)
+        status = j->config->merge ? merge(j, err) : work(j, err);
+    if (status != RX_OK)
+        return status;
+    if (with_report)
+        return report(j, err);
+    rx_log_info(j->log,
+                "shard %d/%d is complete; once all %d are, the same command with -SHARD 1/%d -MERGE Y "
+                "writes the report",
+                j->k, j->n, j->n, j->n);
+    return RX_OK;
+}
+
+rx_status rx_campaign_run(const rx_campaign_config *config, rx_log *log, rx_error *err)
+{
+    job j = {.config = config, .log = log, .nthreads = rx_threads_had(config->nthreads, log)};
+    for (size_t i = 0; i < sizeof KINDS / sizeof KINDS[0]; i++)
+        if (strcmp(KINDS[i]->name, config->campaign_type) == 0)
+            j.kind = KINDS[i];
+    if (j.kind == NULL)
+        return rx_error_set(err, RX_USAGE, "CAMPAIGN_TYPE %s is not known here", config->campaign_type);
+    rx_status status = rx_campaign_config_shard(config, &j.k, &j.n, err);
+    if (status == RX_OK)
+        status = run(&j, err);
+    rx_journal_close(j.journal);
+    rx_unit_values_free(j.nunits, j.values);
+    free(j.places);
+    rx_journal_facts_free(&j.facts);
+    j.kind->close(j.state);
+    return status;
+}

@@ -1,0 +1,123 @@
+/* What the numbers of a detection campaign say about this program's goals. */
+#include <math.h>
+
+#include "lab/detection_numbers.h"
+
+/* Where restorers are told the truth. */
+static int counts(const rx_detection_numbers *m, int condition, int scene, rx_detection_scene kind)
+{
+    return rx_condition_true(&m->results->condition[condition]) &&
+           m->results->set[condition * m->results->nscenes + scene].scene == kind;
+}
+
+static const rx_estimate *value(const rx_detection_numbers *m, int condition, int scene, int column, int q)
+{
+    return &rx_detection_cell_of(m, condition, scene, column)->value[q];
+}
+
+/* ap and the recall at the first precision of both lists, against one rival. */
+static int above(const rx_detection_numbers *m, int rival, rx_claim_verdict *v)
+{
+    const rx_detection_results *r = m->results;
+    static const char *const names[] = {"ap", "recall"};
+    int wins = 0, all = 0, sure = 0, fights = 0;
+    rx_text lost = {0};
+    for (int c = 0; c < r->nconditions; c++)
+        for (int s = 0; s < r->nscenes; s++) {
+            if (!counts(m, c, s, RX_SCENE_STARS) && !counts(m, c, s, RX_SCENE_GALAXIES))
+                continue;
+            for (int q = 0; q < 1 + (r->nprecisions > 0); q++) {
+                const double own = value(m, c, s, m->net, q)->value;
+                const double other = value(m, c, s, m->rival[rival], q)->value;
+                all++;
+                wins += own > other;
+                if (!(own > other))
+                    rx_text_printf(&lost, "%s%s of %s at FWHM %g (%.3f against %.3f)",
+                                   lost.length > 0 ? ", " : "", names[q],
+                                   rx_detection_scene_name(r->set[c * r->nscenes + s].scene),
+                                   r->set[c * r->nscenes + s].fwhm, own, other);
+            }
+            const rx_detection_duel *duel = rx_detection_duel_of(m, c, s, rival);
+            fights++;
+            sure += duel->only_first > duel->only_second && duel->p < 0.05;
+        }
+    rx_text_printf(&v->said,
+                   "NET against %s: above in %d of %d numbers; more objects found, McNemar's p below "
+                   "0.05, in %d of %d lists",
+                   rx_detection_column_name(m, m->rival[rival]), wins, all, sure, fights);
+    if (lost.length > 0)
+        rx_text_printf(&v->said, "; not above: %s", lost.data);
+    rx_text_add(&v->said, ". ");
+    v->said.failed |= lost.failed;
+    rx_text_free(&lost);
+    return all > 0 ? wins == all : -1;
+}
+
+static void judge_lists(const rx_detection_numbers *m, rx_claim_verdict *v)
+{
+    int holds = 1, judged = 0;
+    for (int k = 0; k < m->nrivals; k++) {
+        const int one = above(m, k, v);
+        judged |= one >= 0;
+        holds = holds && one != 0;
+    }
+    if (judged)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
+static void judge_pairs(const rx_detection_numbers *m, rx_claim_verdict *v)
+{
+    const int rival = m->matched >= 0 ? m->matched : m->none;
+    int holds = 1, judged = 0;
+    for (int c = 0; c < m->results->nconditions && rival >= 0; c++)
+        for (int s = 0; s < m->results->nscenes; s++) {
+            if (!counts(m, c, s, RX_SCENE_PAIRS))
+                continue;
+            /* the better one of the unrestored images */
+            const double own = value(m, c, s, m->net, 0)->value;
+            const double other =
+                fmax(value(m, c, s, rival, 0)->value, m->none >= 0 ? value(m, c, s, m->none, 0)->value : 0);
+            judged = 1;
+            holds = holds && own > 0 && own >= 2 * other;
+            rx_text_printf(&v->said, "FWHM %g: %.3f against %.3f. ",
+                           m->results->set[c * m->results->nscenes + s].fwhm, own, other);
+        }
+    if (judged)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
+static void judge_plateau(const rx_detection_numbers *m, rx_claim_verdict *v)
+{
+    const double limit = 0.01;
+    int holds = 1, judged = 0;
+    for (int c = 0; c < m->results->nconditions; c++)
+        for (int s = 0; s < m->results->nscenes; s++) {
+            if (!counts(m, c, s, RX_SCENE_PLATEAU))
+                continue;
+            const double two = value(m, c, s, m->net, 0)->value, four = value(m, c, s, m->net, 1)->value;
+            judged = 1;
+            holds = holds && two < limit && four < limit;
+            rx_text_printf(&v->said, "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ",
+                           m->results->set[c * m->results->nscenes + s].fwhm, two, four);
+        }
+    if (judged)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
+void rx_detection_verdicts(const rx_detection_numbers *m, rx_claim_verdict *verdicts, int *n)
+{
+    static const rx_claim_id asked[] = {RX_CLAIM_LISTS, RX_CLAIM_PAIRS, RX_CLAIM_PLATEAU};
+    *n = (int)(sizeof asked / sizeof *asked);
+    for (int i = 0; i < *n; i++) {
+        rx_claim_verdict *v = &verdicts[i];
+        *v = (rx_claim_verdict){asked[i], RX_NOT_YET_TESTABLE, {0}};
+        if (m->net < 0)
+            rx_text_add(&v->said, "NET did not take part. ");
+        else if (v->claim == RX_CLAIM_LISTS)
+            judge_lists(m, v);
+        else if (v->claim == RX_CLAIM_PAIRS)
+            judge_pairs(m, v);
+        else
+            judge_plateau(m, v);
+    }
+}

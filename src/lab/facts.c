@@ -1,0 +1,196 @@
+/* Settings and inputs of a campaign as names and values. */
+#include "lab/facts.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
+
+/* How the work is done and where it goes: decides nothing. */
+static const char *const WORKING[] = {"NTHREADS",     "VERBOSE_TYPE", "OUTPUT_NAME",
+                                      "JOURNAL_NAME", "SHARD",        "MERGE"};
+/* Used by the report alone: may change after the work is done. */
+static const char *const REPORTING[] = {"QA_FIGURES", "EXAMPLES", "PRECISIONS"};
+/* Outputs and lists of the other programs that a campaign never makes or reads. */
+static const char *const UNUSED[] = {"CATALOG_NAME",    "CATALOG_TYPE", "PARAMETERS_NAME", "CHECKIMAGE_TYPE",
+                                     "CHECKIMAGE_NAME", "ASSOC_NAME",   "REFERENCE_NAME",  "QA_NAME",
+                                     "QA_GATES",        "XML_NAME",     "IMAGE_NAME",      "SHARP_NAME",
+                                     "TRUTH_NAME",      "TRUTH_TYPE",   "FLAG_NAME",       "HEADER_SUFFIX"};
+/* How keywords that name files end. */
+static const char *const FILES[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"};
+
+static int among(const char *const *list, size_t n, const char *name)
+{
+    for (size_t i = 0; i < n; i++)
+        if (strcmp(list[i], name) == 0)
+            return 1;
+    return 0;
+}
+
+/* The name without the prefix of its program. */
+static const char *bare(const char *name)
+{
+    const char *dot = strchr(name, '.');
+    return dot != NULL ? dot + 1 : name;
+}
+
+static int names_file(const char *name)
+{
+    const size_t length = strlen(name);
+    for (size_t i = 0; i < COUNT(FILES); i++) {
+        const size_t n = strlen(FILES[i]);
+        if (length > n && strcmp(name + length - n, FILES[i]) == 0)
+            return 1;
+    }
+    return 0;
+}
+
+/* A fact for each file in a list of names apart by commas; [hdu] after a name belongs to the fact. */
+static void add_files(rx_journal_facts *facts, const char *name, const char *value)
+{
+    char *copy = rx_strdup(value);
+    if (copy == NULL) {
+        facts->lines.failed = true;
+        return;
+    }
+    for (char *rest, *item = strtok_r(copy, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
+        char text[160], digest[RX_HASH_TEXT];
+        int there = 0;
+        char *bracket = strchr(item, '[');
+        if (bracket != NULL)
+            *bracket = '\0';
+        if (rx_hash_file(item, digest, &there, NULL) == RX_OK && there) {
+            const char *part = bracket != NULL ? value + (bracket + 1 - copy) : "";
+            const int length = bracket != NULL ? (int)strcspn(part, "]") : 0;
+            snprintf(text, sizeof text, "%s%s%.*s", digest, length > 0 ? " " : "", length, part);
+            rx_journal_fact(facts, name, text);
+        }
+    }
+    free(copy);
+}
+
+static void visit_fact(void *user, const char *name, const char *value, const char *help)
+{
+    (void)help;
+    const char *keyword = bare(name);
+    if (among(WORKING, COUNT(WORKING), keyword) || among(REPORTING, COUNT(REPORTING), keyword) ||
+        (keyword != name && among(UNUSED, COUNT(UNUSED), keyword)))
+        return;
+    if (names_file(keyword))
+        add_files(user, name, value);
+    else
+        rx_journal_fact(user, name, value);
+}
+
+rx_status rx_facts_collect(const rx_campaign_config *config, rx_journal_facts *dst, rx_error *err)
+{
+    rx_journal_fact(dst, "version", RX_VERSION);
+    if (!rx_settings_visit(&config->settings, visit_fact, dst) || dst->lines.failed)
+        return rx_error_memory(err, dst->lines.length);
+    return RX_OK;
+}
+
+rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *dst, rx_error *err)
+{
+    char digest[RX_HASH_TEXT];
+    rx_hash sum;
+    rx_hash_begin(&sum);
+    if (templates == NULL)
+        return RX_OK;
+    for (int i = 0; i < templates->n; i++) {
+        const rx_template *one = &templates->list[i];
+        const size_t n = (size_t)one->width * (size_t)one->height;
+        const double numbers[] = {one->width, one->pixel_scale, one->fwhm};
+        rx_hash_add(&sum, numbers, sizeof numbers);
+        rx_hash_add(&sum, one->pixels, n * sizeof *one->pixels);
+    }
+    rx_hash_text(&sum, digest);
+    rx_journal_fact(dst, "templates", digest);
+    return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
+}
+
+rx_status rx_facts_model(const rx_model *model, rx_journal_facts *dst, rx_error *err)
+{
+    if (model != NULL)
+        rx_journal_fact(dst, "model", model->digest);
+    return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
+}
+
+/* --- for the report --- */
+
+static void add_pair(rx_facts_record *record, const char *name, const char *value)
+{
+    if (record->n == record->capacity) {
+        const int capacity = record->capacity > 0 ? 2 * record->capacity : 256;
+        void *pairs = rx_regrow(record->pairs, (size_t)capacity, sizeof *record->pairs);
+        if (pairs == NULL) {
+            record->failed = 1;
+            return;
+        }
+        record->pairs = pairs;
+        record->capacity = capacity;
+    }
+    char **pair = record->pairs[record->n++];
+    pair[0] = rx_strdup(name);
+    pair[1] = rx_strdup(value);
+    if (pair[0] == NULL || pair[1] == NULL)
+        record->failed = 1;
+}
+
+typedef struct visitor {
+    const rx_campaign_config *config;
+    rx_facts_record *record;
+} visitor;
+
+/* An argument as a shell takes it. */
+static void add_argument(rx_text *command, const char *name, const char *value)
+{
+    const int plain = value[0] != '\0' && strspn(value, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                                        "0123456789_.,/:+-@%=") == strlen(value);
+    rx_text_printf(command, " -%s %s%s%s", name, plain ? "" : "'", value, plain ? "" : "'");
+}
+
+static void visit_record(void *user, const char *name, const char *value, const char *help)
+{
+    (void)help;
+    const visitor *v = user;
+    const char *keyword = bare(name);
+    if (among(WORKING, COUNT(WORKING), keyword) || (keyword != name && among(UNUSED, COUNT(UNUSED), keyword)))
+        return;
+    add_pair(v->record, name, value);
+    if (rx_settings_was_set(&v->config->settings, name) == RX_FROM_COMMAND)
+        add_argument(&v->record->command, name, value);
+}
+
+rx_status rx_facts_record_make(const rx_campaign_config *config, const char *title, rx_facts_record *dst,
+                               rx_error *err)
+{
+    visitor v = {config, dst};
+    rx_text_add(&dst->command, "rextract-validate");
+    if (config->settings.file != NULL)
+        rx_text_printf(&dst->command, " -c %s", config->settings.file);
+    add_pair(dst, "version", RX_VERSION);
+    if (!rx_settings_visit(&config->settings, visit_record, &v) || dst->failed || dst->command.failed)
+        return rx_error_memory(err, 0);
+    dst->record = (rx_campaign_record){.title = title,
+                                       .command = dst->command.data,
+                                       .seed = (uint64_t)config->seed,
+                                       .n = dst->n,
+                                       .pairs = (const char *const(*)[2])dst->pairs,
+                                       .figures = config->qa_figures};
+    return RX_OK;
+}
+
+void rx_facts_record_free(rx_facts_record *record)
+{
+    for (int i = 0; i < record->n; i++) {
+        free(record->pairs[i][0]);
+        free(record->pairs[i][1]);
+    }
+    free(record->pairs);
+    rx_text_free(&record->command);
+    *record = (rx_facts_record){0};
+}

@@ -1,0 +1,185 @@
+/* The report of a campaign of any kind. */
+#include "lab/findings.h"
+
+#include <stdio.h>
+
+#include "report/page.h"
+
+static const rx_report_column CELLS[] = {
+    {.name = "scene", .help = "what was on the tiles"},
+    {.name = "condition", .help = "seeing, magnitude, or what restorers were given wrong"},
+    {.name = "run", .help = "restorer or method"},
+    {.name = "quantity", .help = "what was measured"},
+    {.name = "value", .kind = RX_REPORT_ESTIMATE, .help = "of the quantity"},
+    {.name = "setting", .help = "the best of several settings: which one it is"},
+};
+
+static const rx_report_column CONTESTS[] = {
+    {.name = "scene"},
+    {.name = "condition"},
+    {.name = "quantity", .help = "what is compared"},
+    {.name = "first", .help = "run"},
+    {.name = "second", .help = "run"},
+    {.name = "test"},
+    {"difference", RX_REPORT_ESTIMATE, 3, "", "first - second", NULL},
+    {"statistic", RX_REPORT_NUMBER, 2, "", "", NULL},
+    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom", NULL},
+    {"p", RX_REPORT_P, 0, "", "two-sided", NULL},
+    {"holm", RX_REPORT_P, 0, "", "p adjusted for the conditions", NULL},
+    {.name = "winner", .help = "where the adjusted p is below 0.05"},
+    {"effect", RX_REPORT_NUMBER, 2, "", "size of the effect: d_z of paired t, Cohen's d of two samples",
+     NULL},
+    {"only_first", RX_REPORT_NUMBER, 0, "", "things that only the first found", NULL},
+    {"only_second", RX_REPORT_NUMBER, 0, "", "things that only the second found", NULL},
+};
+
+static const rx_report_column CLAIMS[] = {
+    {.name = "claim"},
+    {.name = "words", .help = "what is claimed", .heading = "claim or goal"},
+    {.name = "place", .help = "where in the paper"},
+    {.name = "reproduced_when"},
+    {.name = "run", .help = "whose numbers are judged, where it is one", .heading = "restorer"},
+    {.name = "verdict", .kind = RX_REPORT_VERDICT},
+    {.name = "found", .help = "what was found", .heading = "what was found"},
+};
+
+enum {
+    NCELLS = sizeof CELLS / sizeof *CELLS,
+    NCONTESTS = sizeof CONTESTS / sizeof *CONTESTS,
+    NCLAIMS = sizeof CLAIMS / sizeof *CLAIMS
+};
+
+rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about,
+                            const rx_campaign_record *record, rx_error *err)
+{
+    char seed[32];
+    rx_report *r = rx_report_new("Validation: ", record->title);
+    *dst = (rx_findings){.record = record, .report = r};
+    if (r == NULL)
+        return rx_error_memory(err, 0);
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)record->seed);
+    rx_report_fact(r, "format", "rextract-campaign 2");
+    rx_report_fact(r, "type", type);
+    rx_report_fact(r, "title", record->title);
+    rx_report_fact(r, "command", record->command);
+    rx_report_fact(r, "seed", seed);
+    rx_report_fact_number(r, "interval_level", 0.95);
+    rx_report_fact(r, "about", about);
+    dst->claims = rx_report_table_add(r, "claims", NCLAIMS, CLAIMS, RX_REPORT_IN_JSON);
+    return RX_OK;
+}
+
+void rx_findings_claim(rx_findings *f, const rx_finding_claim *c)
+{
+    rx_report_row(f->claims,
+                  (rx_cell[]){rx_cell_words(c->name), rx_cell_words(c->words), rx_cell_words(c->place),
+                              rx_cell_words(c->when), rx_cell_words(c->run), rx_cell_words(c->verdict),
+                              rx_cell_words(c->found)});
+    rx_text_printf(&f->brief, "%-24s %-8s %-18s %s\n", c->name, c->run != NULL ? c->run : "", c->verdict,
+                   c->run != NULL && c->found != NULL ? c->found : "");
+}
+
+void rx_findings_claims(rx_findings *f, int n, rx_claim_verdict *verdicts)
+{
+    static const char *const columns[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
+    int count[4] = {0};
+    char word[32], sentence[160];
+    for (int i = 0; i < n; i++) {
+        const rx_claim *claim = rx_claim_get(verdicts[i].claim);
+        count[verdicts[i].state]++;
+        rx_findings_claim(f,
+                          &(rx_finding_claim){claim->name, claim->words, claim->place, claim->test, NULL,
+                                              rx_claim_state_name(verdicts[i].state), verdicts[i].said.data});
+    }
+    snprintf(word, sizeof word, "%d reproduced", count[RX_REPRODUCED]);
+    snprintf(sentence, sizeof sentence, "of %d claims and goals; %d are not, %d could not be tested.", n,
+             count[RX_NOT_REPRODUCED], count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED]);
+    rx_report_verdict(f->report, count[RX_NOT_REPRODUCED] > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
+    rx_report_section(f->report, "claims", "The paper's claims, and our goals");
+    rx_findings_show_claims(f, 2, columns);
+    rx_report_fold(f->report, "What was found");
+    rx_findings_show_claims(f, 3, found);
+    rx_report_unfold(f->report);
+    rx_report_note(f->report,
+                   "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
+                   "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
+                   "summary.json.");
+    f->cells = rx_report_table_add(f->report, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
+    f->contests = rx_report_table_add(f->report, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
+    rx_claim_verdicts_free(n, verdicts);
+}
+
+void rx_findings_show_claims(rx_findings *f, int ncolumns, const char *const *columns)
+{
+    rx_report_show(
+        f->report, f->claims,
+        &(rx_report_view){.to = rx_report_rows(f->claims), .ncolumns = ncolumns, .columns = columns});
+}
+
+void rx_findings_cell(rx_findings *f, const rx_finding *where, const rx_quantity *quantity,
+                      const rx_estimate *value)
+{
+    rx_report_row(f->cells, (rx_cell[]){rx_cell_words(where->scene), rx_cell_words(where->condition),
+                                        rx_cell_words(where->run), rx_cell_words(quantity->name),
+                                        rx_cell_estimate(*value), rx_cell_words(where->setting)});
+}
+
+void rx_findings_show(rx_findings *f, long from, const rx_quantity *quantity, int brief)
+{
+    rx_report_show(f->report, f->cells,
+                   &(rx_report_view){.from = from,
+                                     .to = rx_report_rows(f->cells),
+                                     .title = quantity->name,
+                                     .unit = quantity->unit,
+                                     .note = quantity->help,
+                                     .rows = {"condition"},
+                                     .across = {"run"},
+                                     .value = "value",
+                                     .digits = quantity->digits,
+                                     .in_brief = brief});
+}
+
+void rx_findings_contest(rx_findings *f, const rx_contest *c)
+{
+    const double ln_holm = c->holm == 0.0 ? c->ln_p + log(c->ntests) : log(c->holm);
+    rx_report_row(f->contests,
+                  (rx_cell[]){rx_cell_words(c->scene), rx_cell_words(c->condition),
+                              rx_cell_words(c->quantity), rx_cell_words(c->first), rx_cell_words(c->second),
+                              rx_cell_words(c->test), rx_cell_estimate(c->difference),
+                              rx_cell_number(c->statistic), rx_cell_number(c->dof), rx_cell_p(c->p, c->ln_p),
+                              rx_cell_p(c->holm, ln_holm), rx_cell_words(c->winner),
+                              rx_cell_number(c->effect), rx_cell_number(c->only_first),
+                              rx_cell_number(c->only_second)});
+}
+
+void rx_findings_show_contests(rx_findings *f, long from, const char *title, int ncolumns,
+                               const char *const *columns)
+{
+    if (rx_report_rows(f->contests) > from)
+        rx_report_show(f->report, f->contests,
+                       &(rx_report_view){.from = from,
+                                         .to = rx_report_rows(f->contests),
+                                         .title = title,
+                                         .ncolumns = ncolumns,
+                                         .columns = columns});
+}
+
+rx_status rx_findings_end(rx_findings *f, const char *folder, const char *shown, rx_log *log, rx_text *brief,
+                          rx_error *err)
+{
+    const rx_report_files files = {
+        .folder = folder, .shown = shown, .figures = f->record->figures, .log = log};
+    rx_report_section(f->report, "record", "What made this page");
+    rx_text command = {0};
+    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)f->record->seed, f->record->command);
+    rx_report_sentence(f->report, command.data);
+    rx_text_free(&command);
+    rx_report_record(f->report, f->record->n, f->record->pairs);
+    rx_text_add(rx_report_brief_of(f->report), f->brief.data != NULL ? f->brief.data : "");
+    rx_report_brief_of(f->report)->failed |= f->brief.failed;
+    const rx_status status = rx_report_write(f->report, &files, brief, err);
+    rx_report_free(f->report);
+    rx_text_free(&f->brief);
+    *f = (rx_findings){0};
+    return status;
+}

@@ -1,0 +1,289 @@
+/* What template photometry is held against: limits, and whether the numbers keep them. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "lab/fluxes_numbers.h"
+
+/* Fewer objects decide nothing. */
+enum { FEWEST = 20 };
+
+typedef struct goal {
+    const char *name;
+    const char *words;
+    double low, high; /* of the number */
+} goal;
+
+static const goal GOALS[RX_FLUXES_GOALS] = {
+    [RX_GOAL_BIAS_ISOLATED] =
+        {"bias, isolated",
+         "Isolated stars and galaxies of S/N above 10: median error of MAG_TEMPLATE within "
+         "0.01 mag, each kind at each seeing",
+         -0.01, 0.01},
+    [RX_GOAL_BIAS_BINS] = {"bias, by S/N", "The same in every single bin of S/N above 10", -0.01, 0.01},
+    [RX_GOAL_BIAS_APART] =
+        {"bias, told apart",
+         "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are told "
+         "apart from it: within 0.02 mag",
+         -0.02, 0.02},
+    [RX_GOAL_BIAS_BLENDED] = {"bias, blended", "The same whether or not they are told apart: within 0.02 mag",
+                              -0.02, 0.02},
+    [RX_GOAL_PULL] = {"pulls, median", "Isolated stars of S/N 5 to 100: median pull within 0.1", -0.1, 0.1},
+    [RX_GOAL_WIDTH] = {"pulls, width",
+                       "Isolated stars of S/N 5 to 100: robust width of the pulls 0.95 to 1.05", 0.95, 1.05},
+    [RX_GOAL_BOUND] = {"scatter",
+                       "Isolated stars of S/N above 10: scatter at most 1.1 times that of a matched filter",
+                       0, 1.1},
+    [RX_GOAL_MAGERR] =
+        {"MagErr",
+         "Isolated stars that all restorers found: mean |error| in percent at or below the least of "
+         "AUTO and apertures of any restorer, in every bin of S/N (number: its ratio)",
+         0, 1},
+    [RX_GOAL_PAIRS] =
+        {"pairs",
+         "Close pairs told apart: median |error| of the flux ratio at or below that of AUTO on NONE "
+         "and on RL, at every separation (number: its ratio to the lower one)",
+         0, 1},
+};
+
+const char *rx_goal_name(rx_fluxes_goal goal)
+{
+    return GOALS[goal].name;
+}
+
+const char *rx_goal_words(rx_fluxes_goal goal)
+{
+    return GOALS[goal].words;
+}
+
+const char *rx_goal_state_name(rx_goal_state state)
+{
+    static const char *const names[] = {"held", "not held", "undecided", "not measured"};
+    return names[state];
+}
+
+/* --- one number --- */
+
+typedef struct judge {
+    rx_goal_verdict *verdict;
+    double worst; /* how far beyond (or within: negative) its limit the worst number is */
+    char where[256];
+    rx_estimate value;
+    int broken; /* numbers beyond a limit by more than their error */
+} judge;
+
+static void hold(judge *j, const rx_estimate *e, const char *where)
+{
+    const goal *g = &GOALS[j->verdict->goal];
+    if (e->n < FEWEST || !isfinite(e->value))
+        return;
+    const double beyond = fmax(e->value - g->high, g->low - e->value);
+    j->verdict->all++;
+    j->verdict->held += beyond <= 0;
+    j->broken += e->low > g->high || e->high < g->low;
+    if (j->verdict->all == 1 || beyond > j->worst) {
+        j->worst = beyond;
+        j->value = *e;
+        snprintf(j->where, sizeof j->where, "%s", where);
+    }
+}
+
+static void finish(judge *j)
+{
+    rx_goal_verdict *v = j->verdict;
+    v->state = v->all == 0         ? RX_GOAL_NOT_MEASURED
+               : v->held == v->all ? RX_GOAL_HELD
+               : j->broken > 0     ? RX_GOAL_NOT_HELD
+                                   : RX_GOAL_UNDECIDED;
+    if (v->all > 0)
+        rx_text_printf(&v->said, "%d of %d numbers held; the worst is %.4g [%.4g, %.4g] (%ld objects): %s",
+                       v->held, v->all, j->value.value, j->value.low, j->value.high, j->value.n, j->where);
+}
+
+/* --- goals --- */
+
+static const char *kind_name(int galaxy)
+{
+    return galaxy ? "galaxies" : "stars";
+}
+
+static void place_words(const rx_fluxes_results *r, const rx_fluxes_place *p, char *dst, size_t size)
+{
+    char condition[96];
+    rx_fluxes_condition_name(r, p->condition, condition, sizeof condition);
+    snprintf(dst, size, "%s of %s, %s, S/N %s", kind_name(p->galaxy),
+             rx_fluxes_scene_name(r->set[p->scene].scene), condition, rx_snr_bin_get(p->bin)->name);
+}
+
+/* The population on a tile whose restorers are told the truth. */
+static int counts(const rx_fluxes_results *r, int condition, int scene)
+{
+    const rx_fluxes_scene kind = r->set[scene].scene;
+    return rx_condition_true(&r->condition[condition]) &&
+           (kind == RX_FLUXES_FIELD || kind == RX_FLUXES_PAIRS || kind == RX_FLUXES_INJECTED);
+}
+
+/* One number of TEMPLATE's cell of every scene and seeing. */
+static void judge_cells(const rx_fluxes_numbers *m, judge *j, rx_fluxes_place p, int kinds,
+                        const rx_estimate *(*number)(const rx_fluxes_cell *))
+{
+    char where[160];
+    p.run = j->verdict->run;
+    p.flux = RX_FLUX_TEMPLATE;
+    for (p.condition = 0; p.condition < m->results->nconditions; p.condition++)
+        for (p.scene = 0; p.scene < m->results->nscenes; p.scene++)
+            for (p.galaxy = 0; p.galaxy < kinds; p.galaxy++) {
+                if (!counts(m->results, p.condition, p.scene))
+                    continue;
+                place_words(m->results, &p, where, sizeof where);
+                hold(j, number(rx_fluxes_cell_of(m, &p)), where);
+            }
+}
+
+static const rx_estimate *bias_of(const rx_fluxes_cell *cell)
+{
+    return &cell->bias;
+}
+
+static const rx_estimate *pull_of(const rx_fluxes_cell *cell)
+{
+    return &cell->pull;
+}
+
+static const rx_estimate *width_of(const rx_fluxes_cell *cell)
+{
+    return &cell->width;
+}
+
+static const rx_estimate *bound_of(const rx_fluxes_cell *cell)
+{
+    return &cell->bound;
+}
+
+/* e over a number that is taken as exact. */
+static rx_estimate over(const rx_estimate *e, double other)
+{
+    return (rx_estimate){e->value / other, e->low / other, e->high / other, e->n};
+}
+
+/* Against the least of all other fluxes in the same bin, on the same stars. */
+static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
+{
+    const rx_fluxes_results *r = m->results;
+    char where[160], name[64];
+    rx_fluxes_place p = {.sample = RX_SAMPLE_COMMON, .crowd = RX_CROWD_ISOLATED};
+    for (p.condition = 0; p.condition < r->nconditions; p.condition++)
+        for (p.scene = 0; p.scene < r->nscenes; p.scene++)
+            for (p.bin = 0; p.bin < RX_SNR_SINGLE; p.bin++) {
+                double best = HUGE_VAL;
+                if (!counts(r, p.condition, p.scene))
+                    continue;
+                for (p.run = 0; p.run < r->nruns; p.run++)
+                    for (int flux = 0; flux < RX_FLUX_TEMPLATE; flux++) {
+                        p.flux = (rx_flux_kind)flux;
+                        const double other = rx_fluxes_cell_of(m, &p)->magerr.value;
+                        if (other < best) {
+                            best = other;
+                            snprintf(name, sizeof name, ", against %s %s", r->run[p.run],
+                                     rx_flux_name(p.flux));
+                        }
+                    }
+                p.run = j->verdict->run;
+                p.flux = RX_FLUX_TEMPLATE;
+                if (!isfinite(best))
+                    continue;
+                place_words(r, &p, where, sizeof where);
+                const rx_estimate ratio = over(&rx_fluxes_cell_of(m, &p)->magerr, best);
+                char both[sizeof where + sizeof name];
+                snprintf(both, sizeof both, "%s%s", where, name);
+                hold(j, &ratio, both);
+            }
+}
+
+/* The lower median |error| of AUTO on NONE and on RL. */
+static double best_auto(const rx_fluxes_numbers *m, rx_pair_place p)
+{
+    double best = HUGE_VAL;
+    for (p.run = 0; p.run < m->results->nruns; p.run++) {
+        const rx_estimate *other = &rx_pair_cell_of(m, &p, RX_FLUX_AUTO)->size;
+        const char *name = m->results->run[p.run];
+        const int rival = strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0;
+        if (rival && other->n >= FEWEST)
+            best = fmin(best, other->value);
+    }
+    return best;
+}
+
+static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
+{
+    const rx_fluxes_results *r = m->results;
+    char where[160], condition[96];
+    rx_pair_place p = {.sample = RX_SAMPLE_DETECTED, .run = j->verdict->run};
+    for (p.condition = 0; p.condition < r->nconditions; p.condition++)
+        for (p.scene = 0; p.scene < r->nscenes; p.scene++)
+            for (p.bin = 0; p.bin < RX_PAIR_BINS; p.bin++) {
+                const double best = best_auto(m, p);
+                if (!counts(r, p.condition, p.scene) || !isfinite(best))
+                    continue;
+                rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                snprintf(where, sizeof where, "%s, %g to %g FWHM", condition, RX_PAIR_EDGE[p.bin],
+                         RX_PAIR_EDGE[p.bin + 1]);
+                const rx_estimate ratio = over(&rx_pair_cell_of(m, &p, RX_FLUX_TEMPLATE)->size, best);
+                hold(j, &ratio, where);
+            }
+}
+
+static void judge_goal(const rx_fluxes_numbers *m, judge *j)
+{
+    rx_fluxes_place p = {.sample = RX_SAMPLE_ALL, .crowd = RX_CROWD_ISOLATED, .bin = RX_SNR_ABOVE_10};
+    switch (j->verdict->goal) {
+    case RX_GOAL_BIAS_ISOLATED:
+        judge_cells(m, j, p, 2, bias_of);
+        break;
+    case RX_GOAL_BIAS_BINS:
+        for (p.bin = 1; p.bin < RX_SNR_SINGLE; p.bin++) /* the first one is below 10 */
+            judge_cells(m, j, p, 2, bias_of);
+        break;
+    case RX_GOAL_BIAS_APART:
+        p.crowd = RX_CROWD_APART;
+        judge_cells(m, j, p, 2, bias_of);
+        break;
+    case RX_GOAL_BIAS_BLENDED:
+        p.crowd = RX_CROWD_BLENDED;
+        judge_cells(m, j, p, 2, bias_of);
+        break;
+    case RX_GOAL_PULL:
+    case RX_GOAL_WIDTH:
+        p.bin = RX_SNR_5_100;
+        judge_cells(m, j, p, 1, j->verdict->goal == RX_GOAL_PULL ? pull_of : width_of);
+        break;
+    case RX_GOAL_BOUND:
+        judge_cells(m, j, p, 1, bound_of);
+        break;
+    case RX_GOAL_MAGERR:
+        judge_magerr(m, j);
+        break;
+    case RX_GOAL_PAIRS:
+        judge_pairs(m, j);
+        break;
+    case RX_FLUXES_GOALS:
+        break;
+    }
+}
+
+void rx_fluxes_verdicts(const rx_fluxes_numbers *m, rx_goal_verdict *verdicts)
+{
+    const int runs = m->results->nruns;
+    for (int i = 0; i < RX_FLUXES_GOALS * runs; i++) {
+        judge j = {.verdict = &verdicts[i]};
+        verdicts[i] = (rx_goal_verdict){.goal = (rx_fluxes_goal)(i / runs), .run = i % runs};
+        judge_goal(m, &j);
+        finish(&j);
+    }
+}
+
+void rx_goal_verdicts_free(int n, rx_goal_verdict *verdicts)
+{
+    for (int i = 0; i < n; i++)
+        rx_text_free(&verdicts[i].said);
+}

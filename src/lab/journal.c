@@ -1,0 +1,429 @@
+/* The journal of a campaign. */
+#include "lab/journal.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+
+static const char MAGIC[] = "rextract-validate journal 2\n";
+
+struct rx_journal {
+    int file;
+    char *path;
+    off_t size;                /* of what is whole */
+    char digest[RX_HASH_TEXT]; /* of the header */
+};
+
+void rx_journal_digest(const char *header, const char *bytes, size_t n, char dst[RX_HASH_TEXT])
+{
+    rx_hash sum;
+    rx_hash_begin(&sum);
+    rx_hash_add(&sum, header, strlen(header));
+    rx_hash_add(&sum, bytes, n);
+    rx_hash_text(&sum, dst);
+}
+
+void rx_unit_values_free(long nunits, rx_unit_values *values)
+{
+    for (long u = 0; values != NULL && u < nunits; u++)
+        free(values[u].v);
+    free(values);
+}
+
+/* --- header --- */
+
+void rx_journal_fact(rx_journal_facts *facts, const char *name, const char *value)
+{
+    rx_text_printf(&facts->lines, "= %s ", name);
+    for (const char *c = value; *c != '\0'; c++)
+        rx_text_add_bytes(&facts->lines, *c == '\n' || *c == '\r' ? " " : c, 1);
+    rx_text_add(&facts->lines, "\n");
+}
+
+void rx_journal_facts_free(rx_journal_facts *facts)
+{
+    rx_text_free(&facts->lines);
+}
+
+static rx_status make_header(const rx_journal_facts *facts, rx_text *dst, char digest[RX_HASH_TEXT],
+                             rx_error *err)
+{
+    rx_text_add(dst, MAGIC);
+    if (facts->lines.data != NULL)
+        rx_text_add(dst, facts->lines.data);
+    if (facts->lines.failed || dst->failed)
+        return rx_error_memory(err, dst->length);
+    rx_journal_digest("", dst->data, dst->length, digest);
+    rx_text_printf(dst, "* %s\n", digest);
+    return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
+}
+
+static size_t line_length(const char *line)
+{
+    const char *end = strchr(line, '\n');
+    return end != NULL ? (size_t)(end - line) : strlen(line);
+}
+
+/* Name of the fact in a line "= NAME value", and where its value begins. */
+static int name_of(const char *line, char *name, size_t size, const char **value)
+{
+    if (line[0] != '=' || line[1] != ' ')
+        return 0;
+    size_t n = strcspn(line + 2, " \n");
+    snprintf(name, size, "%.*s", (int)(n < size ? n : size - 1), line + 2);
+    *value = line + 2 + n + (line[2 + n] == ' ');
+    return 1;
+}
+
+/* The line of that fact in a header, or NULL. */
+static const char *find_fact(const char *lines, const char *name)
+{
+    size_t n = strlen(name);
+    for (const char *line = lines; *line != '\0'; line += line_length(line) + (strchr(line, '\n') != NULL))
+        if (strncmp(line, "= ", 2) == 0 && strncmp(line + 2, name, n) == 0 && line[2 + n] == ' ')
+            return line + 3 + n;
+    return NULL;
+}
+
+/* Say which setting differs. */
+static rx_status other_settings(const char *path, const char *old, const char *wanted, rx_error *err)
+{
+    static const char advice[] =
+        "give the old settings, or another JOURNAL_NAME for the new ones, or delete the journal";
+    for (const char *line = wanted; *line == '='; line += line_length(line) + 1) {
+        char name[128];
+        const char *value;
+        if (!name_of(line, name, sizeof name, &value))
+            break;
+        const char *was = find_fact(old, name);
+        int n = (int)line_length(value);
+        if (was != NULL && line_length(was) == (size_t)n && strncmp(was, value, (size_t)n) == 0)
+            continue;
+        if (was == NULL)
+            return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun without %s, which is now %.*s; %s",
+                               name, n > 80 ? 80 : n, value, advice);
+        int m = (int)line_length(was);
+        return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun with %s %.*s, now it is %.*s; %s", name,
+                           m > 80 ? 80 : m, was, n > 80 ? 80 : n, value, advice);
+    }
+    return rx_error_at(err, RX_USAGE, path, -1, 0, "belongs to a campaign of other settings; %s", advice);
+}
+
+/* RX_OK with *used = length of the header, or 0 when the file is empty or holds a torn header of ours. */
+static rx_status check_header(const char *path, const char *text, size_t length, const rx_text *header,
+                              size_t *used, rx_error *err)
+{
+    *used = 0;
+    if (length >= header->length && memcmp(text, header->data, header->length) == 0) {
+        *used = header->length;
+        return RX_OK;
+    }
+    if (length < header->length && memcmp(text, header->data, length) == 0)
+        return RX_OK;
+    const size_t magic = sizeof MAGIC - 1;
+    if (length < magic || memcmp(text, MAGIC, magic) != 0)
+        return rx_error_at(err, RX_USAGE, path, -1, 0,
+                           "is no journal of this version of rextract-validate and is left alone; give "
+                           "another JOURNAL_NAME");
+    return other_settings(path, text + magic, header->data + magic, err);
+}
+
+/* --- lines of units --- */
+
+static void add_number(rx_text *dst, double value)
+{
+    char text[40];
+    if (isnan(value)) {
+        rx_text_add(dst, " nan"); /* never "-nan": the sign says nothing */
+        return;
+    }
+    const int is_float = fabs(value) <= FLT_MAX && (double)(float)value == value;
+    snprintf(text, sizeof text, "%.9g", value);
+    if (strtod(text, NULL) != value && is_float)
+        strcat(text, "f"); /* nine digits name a float, not a double */
+    else if (strtod(text, NULL) != value)
+        snprintf(text, sizeof text, "%.17g", value);
+    rx_text_printf(dst, " %s", text);
+}
+
+static void make_line(const char *header, long unit, const rx_unit_values *values, rx_text *dst)
+{
+    rx_text_printf(dst, "%ld %ld", unit, values->n);
+    for (long i = 0; i < values->n; i++)
+        add_number(dst, values->v[i]);
+    if (dst->failed)
+        return;
+    char digest[RX_HASH_TEXT];
+    rx_journal_digest(header, dst->data, dst->length, digest);
+    rx_text_printf(dst, " %s\n", digest);
+}
+
+/* One line without its end: RX_OK with the values, RX_INPUT when it is not whole (err untouched), RX_SYSTEM.
+ */
+static rx_status parse_line(const char *header, char *line, size_t length, long nunits, long *unit,
+                            rx_unit_values *dst, rx_error *err)
+{
+    if (length <= RX_HASH_TEXT || line[length - RX_HASH_TEXT] != ' ' || strlen(line) != length)
+        return RX_INPUT;
+    const size_t content = length - RX_HASH_TEXT; /* before the blank and the digits */
+    char *end, digest[RX_HASH_TEXT];
+    rx_journal_digest(header, line, content, digest);
+    if (strcmp(digest, line + content + 1) != 0)
+        return RX_INPUT;
+    line[content] = '\0';
+    *unit = strtol(line, &end, 10);
+    const long n = strtol(end, &end, 10);
+    if (*unit < 0 || *unit >= nunits || n < 0 || (size_t)n > length)
+        return RX_INPUT;
+    dst->n = n;
+    dst->v = RX_NEW(double, (size_t)n + 1);
+    if (dst->v == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof(double));
+    for (long i = 0; i < n; i++) {
+        char *number = end;
+        dst->v[i] = strtod(number, &end);
+        if (*end == 'f') {
+            dst->v[i] = (float)dst->v[i];
+            end++;
+        }
+        if (end == number) {
+            free(dst->v);
+            return RX_INPUT;
+        }
+    }
+    return RX_OK;
+}
+
+static int same_values(const rx_unit_values *a, const rx_unit_values *b)
+{
+    if (a->n != b->n)
+        return 0;
+    for (long i = 0; i < a->n; i++)
+        if (a->v[i] != b->v[i] && !(isnan(a->v[i]) && isnan(b->v[i])))
+            return 0;
+    return 1;
+}
+
+/* Put a line's values in place; a unit may be there twice, with the same values. */
+static rx_status keep(const char *path, long number, long unit, rx_unit_values *found, rx_unit_values *values,
+                      rx_error *err)
+{
+    if (values[unit].v == NULL) {
+        values[unit] = *found;
+        return RX_OK;
+    }
+    const int same = same_values(&values[unit], found);
+    free(found->v);
+    if (same)
+        return RX_OK;
+    return rx_error_at(err, RX_INPUT, path, -1, number,
+                       "has other values for unit %ld than another line or journal; delete one of them",
+                       unit);
+}
+
+/* All lines from `text` on, line `number` of the file; *whole = bytes up to the end of the last good line. */
+static rx_status parse_lines(const char *path, const char *header, char *text, long number, long nunits,
+                             rx_unit_values *values, size_t *whole, rx_error *err)
+{
+    const char *begin = text;
+    long bad = 0;
+    *whole = 0;
+    for (char *end; (end = strchr(text, '\n')) != NULL; text = end + 1, number++) {
+        *end = '\0';
+        long unit = 0;
+        rx_unit_values found = {0};
+        rx_status status = parse_line(header, text, (size_t)(end - text), nunits, &unit, &found, err);
+        if (status == RX_SYSTEM)
+            return status;
+        if (status != RX_OK) {
+            bad = bad > 0 ? bad : number;
+            continue;
+        }
+        if (bad > 0) {
+            free(found.v);
+            return rx_error_at(
+                err, RX_INPUT, path, -1, bad,
+                "is damaged, and whole lines follow; delete this line, its unit is done again");
+        }
+        status = keep(path, number, unit, &found, values, err);
+        if (status != RX_OK)
+            return status;
+        *whole = (size_t)(end + 1 - begin);
+    }
+    return RX_OK;
+}
+
+/* --- files --- */
+
+static rx_status cannot(const char *path, const char *what, rx_error *err)
+{
+    return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be %s: %s", what, strerror(errno));
+}
+
+/* The whole file; NUL bytes (blocks that never reached the disk) become '?', which no line holds. */
+static rx_status read_all(int file, const char *path, char **text, size_t *length, rx_error *err)
+{
+    struct stat info;
+    if (fstat(file, &info) != 0)
+        return cannot(path, "read", err);
+    if (!S_ISREG(info.st_mode))
+        return rx_error_at(err, RX_USAGE, path, -1, 0, "is no plain file; give another JOURNAL_NAME");
+    const size_t size = (size_t)info.st_size;
+    char *data = RX_NEW(char, size + 1);
+    if (data == NULL)
+        return rx_error_memory(err, size);
+    size_t got = 0;
+    for (ssize_t n; got < size; got += (size_t)n)
+        if ((n = pread(file, data + got, size - got, (off_t)got)) <= 0) {
+            free(data);
+            return cannot(path, "read", err);
+        }
+    for (size_t i = 0; i < size; i++)
+        if (data[i] == '\0')
+            data[i] = '?';
+    *text = data;
+    *length = size;
+    return RX_OK;
+}
+
+static long count_lines(const char *text, size_t length)
+{
+    long n = 0;
+    for (size_t i = 0; i < length; i++)
+        n += text[i] == '\n';
+    return n;
+}
+
+/* Read an open journal: *whole = bytes that are good, 0 when even the header is to be written. */
+static rx_status load(int file, const char *path, const rx_text *header, const char *digest, long nunits,
+                      rx_unit_values *values, size_t *whole, rx_error *err)
+{
+    char *text = NULL;
+    size_t length = 0, lines = 0;
+    rx_status status = read_all(file, path, &text, &length, err);
+    if (status == RX_OK)
+        status = check_header(path, text, length, header, whole, err);
+    if (status == RX_OK && *whole > 0) {
+        status = parse_lines(path, digest, text + *whole, count_lines(text, *whole) + 1, nunits, values,
+                             &lines, err);
+        *whole += lines;
+    }
+    free(text);
+    return status;
+}
+
+/* Everything or nothing. */
+static rx_status append(rx_journal *journal, const char *text, size_t length, rx_error *err)
+{
+    size_t done = 0;
+    while (done < length) {
+        ssize_t n = pwrite(journal->file, text + done, length - done, journal->size + (off_t)done);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            break;
+        done += (size_t)n;
+    }
+    if (done < length || fdatasync(journal->file) != 0) {
+        rx_status status = cannot(journal->path, "written", err);
+        if (ftruncate(journal->file, journal->size) != 0) {
+            /* the torn line is cut off when the journal is opened again */
+        }
+        return status;
+    }
+    journal->size += (off_t)length;
+    return RX_OK;
+}
+
+static rx_status lock(const char *path, int file, rx_error *err)
+{
+    if (flock(file, LOCK_EX | LOCK_NB) == 0)
+        return RX_OK;
+    if (errno != EWOULDBLOCK)
+        return cannot(path, "locked", err);
+    return rx_error_at(err, RX_SYSTEM, path, -1, 0,
+                       "is in use by another rextract-validate; wait for it, or divide the work with SHARD");
+}
+
+rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long nunits,
+                          rx_unit_values *values, rx_journal **dst, rx_error *err)
+{
+    rx_text header = {0};
+    rx_journal *journal = RX_NEW(rx_journal, 1);
+    if (journal == NULL)
+        return rx_error_memory(err, sizeof *journal);
+    size_t whole = 0;
+    journal->file = -1;
+    journal->path = rx_strdup(path);
+    rx_status status = journal->path == NULL ? rx_error_memory(err, strlen(path))
+                                             : make_header(facts, &header, journal->digest, err);
+    if (status != RX_OK)
+        goto exit;
+    journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    status = journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err);
+    if (status == RX_OK)
+        status = load(journal->file, path, &header, journal->digest, nunits, values, &whole, err);
+    if (status != RX_OK)
+        goto exit;
+    journal->size = (off_t)whole;
+    if (ftruncate(journal->file, journal->size) != 0)
+        status = cannot(path, "written", err);
+    else if (whole == 0)
+        status = append(journal, header.data, header.length, err);
+exit:
+    rx_text_free(&header);
+    if (status == RX_OK)
+        *dst = journal;
+    else
+        rx_journal_close(journal);
+    return status;
+}
+
+rx_status rx_journal_append(rx_journal *journal, long unit, const rx_unit_values *values, rx_error *err)
+{
+    rx_text line = {0};
+    make_line(journal->digest, unit, values, &line);
+    rx_status status =
+        line.failed ? rx_error_memory(err, line.length) : append(journal, line.data, line.length, err);
+    rx_text_free(&line);
+    return status;
+}
+
+void rx_journal_close(rx_journal *journal)
+{
+    if (journal == NULL)
+        return;
+    if (journal->file >= 0)
+        close(journal->file);
+    free(journal->path);
+    free(journal);
+}
+
+rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long nunits,
+                          rx_unit_values *values, int *found, rx_error *err)
+{
+    rx_text header = {0};
+    char digest[RX_HASH_TEXT];
+    size_t whole = 0;
+    *found = 0;
+    int file = open(path, O_RDONLY | O_CLOEXEC);
+    if (file < 0)
+        return errno == ENOENT ? RX_OK : cannot(path, "opened", err);
+    *found = 1;
+    rx_status status = make_header(facts, &header, digest, err);
+    if (status == RX_OK)
+        status = load(file, path, &header, digest, nunits, values, &whole, err);
+    rx_text_free(&header);
+    close(file);
+    return status;
+}

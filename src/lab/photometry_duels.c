@@ -1,0 +1,454 @@
+/* Duels between restorers on the same stars, and what they say about the paper's claims. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "lab/photometry_numbers.h"
+
+static const double SIGNIFICANT = 0.05, LOW_SNR = 10;
+
+static rx_photometry_duel *duel_at(rx_photometry_numbers *m, int field, int set, int pair)
+{
+    return &m->duel[((size_t)field * (size_t)m->nsets + (size_t)set) * (size_t)m->npairs + (size_t)pair];
+}
+
+/* Stars that only one of two restorers has above its own threshold. */
+static void compare_found(const rx_photometry_set *set, rx_run_pair pair, double first_score,
+                          double second_score, rx_found_duel *dst)
+{
+    *dst = (rx_found_duel){0};
+    for (long i = 0; i < set->nstars; i++) {
+        /* NAN, not found, is below every threshold */
+        int first = set->run[pair.first].stars[i].score >= first_score;
+        int second = set->run[pair.second].stars[i].score >= second_score;
+        dst->only_first += first && !second;
+        dst->only_second += second && !first;
+    }
+    dst->p = rx_mcnemar(dst->only_first, dst->only_second);
+}
+
+static int differ(long n, const double *a, const double *b)
+{
+    for (long i = 1; i < n; i++)
+        if (a[i] - b[i] != a[0] - b[0])
+            return 1;
+    return 0;
+}
+
+static rx_status compare_errors(const rx_photometry_set *set, rx_run_pair pair, double *a, double *b,
+                                rx_photometry_duel *dst, rx_error *err)
+{
+    const rx_test none = {NAN, NAN, NAN, NAN, NAN, {NAN, NAN, NAN, 0}};
+    long n = 0;
+    for (long i = 0; i < set->nstars; i++) {
+        double first = 100 * fabs((double)set->run[pair.first].stars[i].ratio - 1);
+        double second = 100 * fabs((double)set->run[pair.second].stars[i].ratio - 1);
+        if (isfinite(first) && isfinite(second)) {
+            a[n] = first;
+            b[n++] = second;
+        }
+    }
+    dst->paired = dst->wilcoxon = none;
+    if (!differ(n, a, b))
+        return RX_OK;
+    rx_status status = rx_test_paired(n, a, b, &dst->paired, err);
+    return status != RX_OK ? status : rx_test_wilcoxon(n, a, b, &dst->wilcoxon, err);
+}
+
+/* The p-values that Holm adjusts over the sets of a field. */
+enum { FOUND, PAIRED, WILCOXON, COMPLETE };
+
+static const double *p_of(const rx_photometry_duel *d, int which)
+{
+    switch (which) {
+    case FOUND:
+        return &d->found.p;
+    case PAIRED:
+        return &d->paired.p;
+    case WILCOXON:
+        return &d->wilcoxon.p;
+    default:
+        return &d->complete[which - COMPLETE].p;
+    }
+}
+
+static double *holm_of(rx_photometry_duel *d, int which)
+{
+    switch (which) {
+    case FOUND:
+        return &d->found.holm;
+    case PAIRED:
+        return &d->holm;
+    case WILCOXON:
+        return &d->holm_wilcoxon;
+    default:
+        return &d->complete[which - COMPLETE].holm;
+    }
+}
+
+static rx_status adjust(rx_photometry_numbers *m, int field, int pair, int which, double *p, double *adjusted,
+                        rx_error *err)
+{
+    long n = 0;
+    int nsets = m->results->fields[field].nsets;
+    rx_status status = RX_OK;
+    for (int k = 0; k < nsets; k++)
+        if (!isnan(*p_of(duel_at(m, field, k, pair), which)))
+            p[n++] = *p_of(duel_at(m, field, k, pair), which);
+    if (n > 0)
+        status = rx_holm(n, p, adjusted, err);
+    n = 0;
+    for (int k = 0; k < nsets && status == RX_OK; k++) {
+        rx_photometry_duel *d = duel_at(m, field, k, pair);
+        *holm_of(d, which) = isnan(*p_of(d, which)) ? NAN : adjusted[n++];
+    }
+    return status;
+}
+
+static void decide_found(rx_found_duel *d)
+{
+    if (d->holm < SIGNIFICANT)
+        d->winner = d->only_first > d->only_second ? 1 : -1;
+}
+
+static rx_status compare_pair(rx_photometry_numbers *m, int f, int pair, double *a, double *b, rx_error *err)
+{
+    const rx_photometry_field *field = &m->results->fields[f];
+    rx_run_pair two = m->pair[pair];
+    const rx_photometry_cut *first = rx_photometry_whole_of(m, f, two.first)->cut;
+    const rx_photometry_cut *second = rx_photometry_whole_of(m, f, two.second)->cut;
+    rx_status status = RX_OK;
+    for (int k = 0; k < field->nsets && status == RX_OK; k++) {
+        rx_photometry_duel *d = duel_at(m, f, k, pair);
+        compare_found(&field->sets[k], two, -INFINITY, -INFINITY, &d->found);
+        for (int p = 0; p < m->nprecisions; p++)
+            compare_found(&field->sets[k], two, first[p].score, second[p].score, &d->complete[p]);
+        status = compare_errors(&field->sets[k], two, a, b, d, err);
+    }
+    for (int which = 0; which < COMPLETE + m->nprecisions && status == RX_OK; which++)
+        status = adjust(m, f, pair, which, a, b, err);
+    for (int k = 0; k < field->nsets && status == RX_OK; k++) {
+        rx_photometry_duel *d = duel_at(m, f, k, pair);
+        decide_found(&d->found);
+        for (int p = 0; p < m->nprecisions; p++)
+            decide_found(&d->complete[p]);
+        if (d->holm < SIGNIFICANT)
+            d->winner = d->paired.difference.value < 0 ? 1 : -1;
+    }
+    return status;
+}
+
+rx_status rx_photometry_duels_make(rx_photometry_numbers *m, int f, rx_error *err)
+{
+    const rx_photometry_field *field = &m->results->fields[f];
+    size_t most = (size_t)field->nsets + 1;
+    rx_status status = RX_OK;
+    for (int k = 0; k < field->nsets; k++)
+        most = (size_t)field->sets[k].nstars > most ? (size_t)field->sets[k].nstars : most;
+    double *a = RX_NEW(double, most), *b = RX_NEW(double, most);
+    if (a == NULL || b == NULL)
+        status = rx_error_memory(err, most * sizeof *a);
+    for (int pair = 0; pair < m->npairs && status == RX_OK; pair++)
+        status = compare_pair(m, f, pair, a, b, err);
+    free(a);
+    free(b);
+    return status;
+}
+
+/* ---- words ---- */
+
+/* What a sentence is about: stars found (whole lists), found at a precision (0.. = which), errors. */
+enum { ABOUT_ERRORS = -2, ABOUT_FOUND = -1 };
+
+static int winner_of(const rx_photometry_duel *d, int about)
+{
+    if (about == ABOUT_ERRORS)
+        return d->winner;
+    return about == ABOUT_FOUND ? d->found.winner : d->complete[about].winner;
+}
+
+/* Sets with this outcome; low: only those of low S/N. */
+static int count(const rx_photometry_numbers *m, int f, int pair, int about, int winner, int low)
+{
+    const rx_photometry_field *field = &m->results->fields[f];
+    int n = 0;
+    for (int k = 0; k < field->nsets; k++)
+        if (!low || field->sets[k].snr < LOW_SNR)
+            n += winner_of(rx_photometry_duel_of(m, f, k, pair), about) == winner;
+    return n;
+}
+
+/* "20 to 21.5, 22.5" */
+static void mags_in_words(rx_text *dst, const rx_photometry_numbers *m, int f, int pair, int about,
+                          int winner)
+{
+    const rx_photometry_field *field = &m->results->fields[f];
+    int any = 0;
+    for (int k = 0; k < field->nsets; k++) {
+        if (winner_of(rx_photometry_duel_of(m, f, k, pair), about) != winner)
+            continue;
+        int last = k;
+        while (last + 1 < field->nsets &&
+               winner_of(rx_photometry_duel_of(m, f, last + 1, pair), about) == winner)
+            last++;
+        rx_text_printf(dst, "%s%g", any ? ", " : "", field->sets[k].mag);
+        if (last > k)
+            rx_text_printf(dst, " to %g", field->sets[last].mag);
+        any = 1;
+        k = last;
+    }
+}
+
+static void sentence(rx_text *dst, const rx_photometry_numbers *m, int f, int pair, int about)
+{
+    static const struct {
+        int winner;
+        const char *found, *errors;
+    } outcomes[] = {{1, "more at magnitude", "smaller at magnitude"},
+                    {-1, "fewer at magnitude", "larger at magnitude"},
+                    {0, "no clear difference at", "no clear difference at"}};
+    const rx_photometry_results *r = m->results;
+    int any = 0;
+    rx_text_printf(dst, "%s against %s, ", r->run[m->pair[pair].first], r->run[m->pair[pair].second]);
+    if (about == ABOUT_ERRORS)
+        rx_text_add(dst, "flux errors: ");
+    else if (about == ABOUT_FOUND)
+        rx_text_add(dst, "stars found, whole lists: ");
+    else
+        rx_text_printf(dst, "stars found at precision %g: ", m->precision[about]);
+    for (size_t i = 0; i < sizeof outcomes / sizeof *outcomes; i++)
+        if (count(m, f, pair, about, outcomes[i].winner, 0) > 0) {
+            rx_text_printf(dst, "%s%s ", any++ ? "; " : "",
+                           about == ABOUT_ERRORS ? outcomes[i].errors : outcomes[i].found);
+            mags_in_words(dst, m, f, pair, about, outcomes[i].winner);
+        }
+    rx_text_add(dst, ". ");
+}
+
+void rx_photometry_pair_words(rx_text *dst, const rx_photometry_numbers *m, int field, int pair)
+{
+    for (int about = ABOUT_FOUND; about < m->nprecisions; about++)
+        sentence(dst, m, field, pair, about);
+    sentence(dst, m, field, pair, ABOUT_ERRORS);
+}
+
+/* ---- verdicts ---- */
+
+static int pair_of(const rx_photometry_numbers *m, int a, int b, int *sign)
+{
+    for (int i = 0; i < m->npairs && a >= 0 && b >= 0; i++) {
+        *sign = m->pair[i].first == a ? 1 : -1;
+        if ((m->pair[i].first == a && m->pair[i].second == b) ||
+            (m->pair[i].first == b && m->pair[i].second == a))
+            return i;
+    }
+    return -1;
+}
+
+/* a beats b somewhere and loses nowhere, on this field. */
+static int beats(const rx_photometry_numbers *m, int f, int a, int b, int about, int low)
+{
+    int sign = 1, pair = pair_of(m, a, b, &sign);
+    return pair >= 0 && count(m, f, pair, about, sign, low) > 0 && count(m, f, pair, about, -sign, low) == 0;
+}
+
+/* The same on every field and at every precision. */
+static int finds_more(const rx_photometry_numbers *m, int a, int b, int low)
+{
+    int all = m->results->nfields > 0;
+    for (int f = 0; f < m->results->nfields; f++)
+        for (int p = 0; p < m->nprecisions && !m->results->fields[f].misled; p++)
+            all = all && beats(m, f, a, b, p, low);
+    return all;
+}
+
+static int errs_less(const rx_photometry_numbers *m, int a, int b)
+{
+    int all = m->results->nfields > 0;
+    for (int f = 0; f < m->results->nfields; f++)
+        all = all && (m->results->fields[f].misled || beats(m, f, a, b, ABOUT_ERRORS, 0));
+    return all;
+}
+
+static void tell(rx_text *dst, const rx_photometry_numbers *m, int a, int b, int errors)
+{
+    int sign, pair = pair_of(m, a, b, &sign);
+    for (int f = 0; f < m->results->nfields && pair >= 0; f++) {
+        if (m->results->fields[f].misled)
+            continue;
+        rx_text_printf(dst, "Field %s: ", m->results->fields[f].name);
+        for (int p = 0; p < m->nprecisions && !errors; p++)
+            sentence(dst, m, f, pair, p);
+        if (errors)
+            sentence(dst, m, f, pair, ABOUT_ERRORS);
+    }
+}
+
+static void judge_restored(const rx_photometry_numbers *m, rx_claim_verdict *v)
+{
+    int others = 0, holds = 1;
+    for (int run = 0; run < m->results->nruns && m->none >= 0; run++) {
+        if (run == m->none || m->results->templates[run]) /* the same list */
+            continue;
+        others++;
+        holds = holds && finds_more(m, run, m->none, 0);
+        tell(&v->said, m, run, m->none, 0);
+    }
+    if (others > 0)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+    else
+        rx_text_add(&v->said, "NONE and a restorer must both take part. ");
+}
+
+/* The network against NONE and against every other restorer, or what the others do where it is absent. */
+static void judge_net(const rx_photometry_numbers *m, int low, int errors, rx_claim_verdict *v)
+{
+    int holds = 1, rivals = 0;
+    if (m->net < 0)
+        rx_text_add(&v->said, "NET did not take part. ");
+    for (int run = 0; run < m->results->nruns; run++) {
+        int a = m->net >= 0 ? m->net : run, b = m->net >= 0 ? run : m->none;
+        if (a == b || (errors && b != m->none) || m->results->templates[run])
+            continue;
+        rivals++;
+        holds = holds && (errors ? errs_less(m, a, b) : finds_more(m, a, b, low));
+        if (m->net >= 0 || errors || low)
+            tell(&v->said, m, a, b, errors);
+    }
+    if (m->net >= 0 && rivals > 0)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
+/* One field: MagErr against RL, bias and scatter against the unrestored image; what fails is said. */
+static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *said)
+{
+    const double sure_snr = 12, most_bias = 1, most_scatter = 1.5;
+    const rx_photometry_field *field = &m->results->fields[f];
+    int holds = 1;
+    for (int k = 0; k < field->nsets; k++) {
+        const rx_photometry_cell *net = rx_photometry_cell_of(m, f, k, m->net);
+        const rx_photometry_cell *none = rx_photometry_cell_of(m, f, k, m->none);
+        const rx_photometry_cell *other = rx_photometry_cell_of(m, f, k, rl);
+        const double bias = fabs(net->bias_percent.value);
+        const double scatter = net->scatter_percent.value / none->scatter_percent.value;
+        rx_text lost = {0};
+        if (net->magerr.value > other->magerr.value)
+            rx_text_printf(&lost, " MagErr %.2f %% (RL %.2f %%)", net->magerr.value, other->magerr.value);
+        if (field->sets[k].snr > sure_snr && !(bias < most_bias))
+            rx_text_printf(&lost, " bias %.2f %%", net->bias_percent.value);
+        if (field->sets[k].snr > sure_snr && !(scatter <= most_scatter))
+            rx_text_printf(&lost, " scatter %.2f times NONE's", scatter);
+        if (lost.length > 0)
+            rx_text_printf(said, "Field %s, magnitude %g:%s. ", field->name, field->sets[k].mag, lost.data);
+        holds = holds && lost.length == 0;
+        said->failed |= lost.failed;
+        rx_text_free(&lost);
+    }
+    return holds;
+}
+
+static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
+{
+    int rl = -1, holds = 1, fields = 0;
+    for (int run = 0; run < m->results->nruns; run++)
+        if (strcmp(m->results->run[run], "RL") == 0)
+            rl = run;
+    if (m->net < 0 || m->none < 0 || rl < 0) {
+        rx_text_add(&v->said, "NET, RL and NONE must all take part. ");
+        return;
+    }
+    for (int f = 0; f < m->results->nfields; f++) {
+        if (m->results->fields[f].misled)
+            continue;
+        fields++;
+        holds = fluxes_hold(m, f, rl, &v->said) && holds;
+    }
+    if (fields > 0)
+        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
+
+/* MagErr of a run less that of another one on the stars that all runs found, and the error of that. */
+static double errs_more(const rx_photometry_results *r, const rx_photometry_set *set, int run, int other,
+                        double *error, double *magerr, long *n)
+{
+    double sum = 0, square = 0;
+    *n = 0;
+    *magerr = 0;
+    for (long i = 0; i < set->nstars; i++) {
+        int all = 1;
+        for (int k = 0; k < r->nruns; k++)
+            all = all && isfinite(set->run[k].stars[i].ratio);
+        if (!all)
+            continue;
+        const double a = 100 * fabs((double)set->run[run].stars[i].ratio - 1);
+        const double d = a - 100 * fabs((double)set->run[other].stars[i].ratio - 1);
+        *magerr += a;
+        sum += d;
+        square += d * d;
+        ++*n;
+    }
+    const double count = (double)*n, mean = sum / count;
+    *magerr /= count;
+    *error = sqrt(fmax(square / count - mean * mean, 0) / (count - 1));
+    return mean;
+}
+
+/* One magnitude; 1: held, 0: not, and what is lost is said. */
+static int templates_hold(const rx_photometry_numbers *m, int f, int k, int run, rx_text *said)
+{
+    const rx_photometry_results *r = m->results;
+    const rx_photometry_set *set = &r->fields[f].sets[k];
+    int holds = 1;
+    for (int other = 0; other < r->nruns; other++) {
+        double error, magerr;
+        long n;
+        const double more = r->templates[other] ? 0 : errs_more(r, set, run, other, &error, &magerr, &n);
+        if (r->templates[other] || n < 2 || !(more > 1.96 * error))
+            continue;
+        holds = 0;
+        rx_text_printf(said, "Field %s, magnitude %g: %s %.2f %%, %s %.2f %%. ", r->fields[f].name, set->mag,
+                       r->run[run], magerr, r->run[other], magerr - more);
+    }
+    return holds;
+}
+
+static void judge_templates(const rx_photometry_numbers *m, rx_claim_verdict *v)
+{
+    const rx_photometry_results *r = m->results;
+    int held = 0, all = 0;
+    for (int run = 0; run < r->nruns; run++)
+        for (int f = 0; f < r->nfields && r->templates[run]; f++)
+            for (int k = 0; k < r->fields[f].nsets && !r->fields[f].misled; k++) {
+                all++;
+                held += templates_hold(m, f, k, run, &v->said);
+            }
+    if (all > 0)
+        v->state = held == all ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+    if (all > 0)
+        rx_text_printf(&v->said, "Held in %d of %d sets of stars. ", held, all);
+    else
+        rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
+}
+
+void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *verdicts, int *n)
+{
+    static const rx_claim_id asked[] = {RX_CLAIM_RESTORED_BETTER, RX_CLAIM_NET_BEST, RX_CLAIM_LOW_SNR,
+                                        RX_CLAIM_ACCURACY,        RX_CLAIM_SPEED,    RX_CLAIM_FLUXES,
+                                        RX_CLAIM_TEMPLATES};
+    *n = (int)(sizeof asked / sizeof *asked);
+    for (int i = 0; i < *n; i++) {
+        rx_claim_verdict *v = &verdicts[i];
+        *v = (rx_claim_verdict){asked[i], RX_NOT_YET_TESTABLE, {0}};
+        if (v->claim == RX_CLAIM_RESTORED_BETTER)
+            judge_restored(m, v);
+        else if (v->claim == RX_CLAIM_SPEED)
+            v->state = RX_NOT_TESTED;
+        else if (v->claim == RX_CLAIM_FLUXES)
+            judge_fluxes(m, v);
+        else if (v->claim == RX_CLAIM_TEMPLATES)
+            judge_templates(m, v);
+        else
+            judge_net(m, v->claim == RX_CLAIM_LOW_SNR, v->claim == RX_CLAIM_ACCURACY, v);
+    }
+}

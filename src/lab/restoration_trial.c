@@ -1,0 +1,218 @@
+/* Scenes of the restoration campaign.
+ *
+ * The population is that of the SIM. keywords. The brightest galaxy (or template) takes the place of the
+ * galaxy images of the paper: it is moved to the middle and drawn so large that it fills the scene, at its
+ * own surface brightness; all others stay as they are, small and fainter than the main one. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "lab/restoration.h"
+#include "nn/noise_level.h"
+#include "num/convolve.h"
+#include "psf/psf.h"
+#include "simulate/noise.h"
+#include "simulate/optics.h"
+#include "simulate/render.h"
+#include "simulate/scene.h"
+
+/* Half-light radius of the main galaxy, in sides of the scene; its place, sides from the middle. */
+static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
+/* Mean surface brightness of any other object, at most so many of the main galaxy's. */
+static const double OTHERS = 0.5;
+static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
+
+/* What random numbers are for: their streams never meet. */
+enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
+
+static uint64_t seed_for(const rx_restoration *state, uint64_t purpose)
+{
+    uint32_t words[4];
+    rx_random_block((uint64_t)state->config->seed, 0x726573746f7265, purpose, words);
+    return (uint64_t)words[0] << 32 | words[1];
+}
+
+/* Number of a scene: the same whatever the number of scenes per bin. */
+static uint64_t stream_of(const rx_restoration *state, const rx_restoration_unit *unit)
+{
+    const rx_restoration_range *bin = &state->bins[unit->bin];
+    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma;
+    return which << 40 | (uint64_t)(unit->tune != 0) << 36 | (uint64_t)unit->index;
+}
+
+static void draw_quantities(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst)
+{
+    const rx_restoration_range *bin = &state->bins[unit->bin];
+    const uint64_t seed = seed_for(state, DRAW_QUANTITIES), stream = stream_of(state, unit);
+    const double binned = bin->low + (bin->high - bin->low) * rx_random_uniform(seed, stream, 0);
+    const double other =
+        bin->other_low + (bin->other_high - bin->other_low) * rx_random_uniform(seed, stream, 1);
+    dst->fwhm = bin->by_sigma ? other : binned;
+    dst->sigma = bin->by_sigma ? binned : other;
+}
+
+static void enlarge(rx_object *object, double factor)
+{
+    object->radius *= factor;
+    object->bulge_radius *= factor;
+    object->disk_radius *= factor;
+    object->bar_radius *= factor;
+    object->stretch *= factor;
+    object->flux *= factor * factor;
+}
+
+static double brightness(const rx_object *object, double least_radius)
+{
+    const double radius = fmax(object->radius, least_radius);
+    return object->flux / (radius * radius);
+}
+
+/* See the head of this file. */
+static void compose(const rx_restoration *state, uint64_t seed, uint64_t stream, rx_scene *scene)
+{
+    const double side = state->side;
+    rx_object *main = NULL;
+    for (long i = 0; i < scene->n; i++)
+        if (scene->objects[i].type != RX_OBJECT_STAR && (main == NULL || scene->objects[i].flux > main->flux))
+            main = &scene->objects[i];
+    if (main == NULL || !(main->radius > 0))
+        return;
+    const double radius =
+        side * (FILL_LOW + (FILL_HIGH - FILL_LOW) * rx_random_uniform(seed, stream, UINT64_C(1) << 62));
+    enlarge(main, radius / main->radius);
+    main->x =
+        0.5 * (side - 1) + PLACE * side * (2 * rx_random_uniform(seed, stream, (UINT64_C(1) << 62) + 1) - 1);
+    main->y =
+        0.5 * (side - 1) + PLACE * side * (2 * rx_random_uniform(seed, stream, (UINT64_C(1) << 62) + 2) - 1);
+    const double limit = OTHERS * brightness(main, 0);
+    for (long i = 0; i < scene->n; i++) {
+        rx_object *other = &scene->objects[i];
+        const double bright = brightness(other, state->simulation->sharp_fwhm);
+        if (other != main && bright > limit)
+            other->flux *= limit / bright;
+    }
+}
+
+static rx_status make_scene(const rx_restoration *state, uint64_t stream, rx_scene **dst, rx_error *err)
+{
+    rx_scene_params par = state->simulation->scene;
+    par.seed = seed_for(state, DRAW_SCENE);
+    par.stream = stream;
+    rx_status status = rx_scene_make(&par, state->simulation->templates, dst, err);
+    if (status == RX_OK)
+        compose(state, par.seed, stream, *dst);
+    return status;
+}
+
+static void scale(float *plane, size_t n, double factor)
+{
+    for (size_t i = 0; i < n; i++)
+        plane[i] = (float)(plane[i] * factor);
+}
+
+/* The PSF as a restorer is given it; one that is larger than the scene is cut to it. */
+static rx_status known_psf(const rx_restoration *state, const rx_optics *optics, rx_psf **dst, rx_error *err)
+{
+    rx_status status = rx_optics_on_pixels(optics, dst, err);
+    if (status != RX_OK || (*dst)->size <= state->side)
+        return status;
+    const rx_simulate_config *sim = state->config->sim;
+    rx_psf_free(*dst);
+    *dst = NULL;
+    return rx_psf_moffat(optics->fwhm, sim->psf_beta, sim->psf_ratio, sim->psf_angle * M_PI / 180.0,
+                         state->side - 1 + state->side % 2, dst, err);
+}
+
+static rx_status expose(const rx_restoration *state, uint64_t stream, const rx_scene *scene, rx_trial *dst,
+                        rx_error *err)
+{
+    const rx_simulate_config *sim = state->config->sim;
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    rx_optics *optics = NULL;
+    float *noise = RX_NEW(float, n);
+    rx_status status = noise == NULL ? rx_error_memory(err, n * sizeof *noise)
+                                     : rx_optics_moffat(dst->fwhm, sim->psf_beta, sim->psf_ratio,
+                                                        sim->psf_angle * M_PI / 180.0, 0, state->side,
+                                                        state->side, &optics, err);
+    if (status == RX_OK)
+        status = rx_render(scene, 2, (const rx_optics *const[]){optics, state->simulation->target},
+                           (float *const[]){dst->image, dst->sharp}, 1, err);
+    if (status == RX_OK)
+        status = known_psf(state, optics, &dst->psf, err);
+    if (status != RX_OK)
+        goto exit;
+    double peak = 0;
+    for (size_t i = 0; i < n; i++)
+        peak = fmax(peak, dst->sharp[i]);
+    const double factor = peak > 0 ? state->config->scene_peak / peak : 0;
+    scale(dst->sharp, n, factor);
+    scale(dst->image, n, factor);
+    memcpy(noise, dst->image, n * sizeof *noise);
+    dst->level = rx_noise_level(rx_brightness(noise, n, 0) / dst->sigma);
+    rx_noise_normals(seed_for(state, DRAW_NOISE), stream, 0, (long)n, noise);
+    for (size_t i = 0; i < n; i++)
+        dst->image[i] += (float)(dst->sigma * noise[i]);
+exit:
+    rx_optics_free(optics);
+    free(noise);
+    return status;
+}
+
+rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst,
+                        rx_error *err)
+{
+    const size_t n = (size_t)state->side * (size_t)state->side;
+    const uint64_t stream = stream_of(state, unit);
+    rx_scene *scene = NULL;
+    *dst = (rx_trial){.image = RX_NEW(float, n), .sharp = RX_NEW(float, n)};
+    draw_quantities(state, unit, dst);
+    rx_status status = dst->image == NULL || dst->sharp == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
+                                                                : make_scene(state, stream, &scene, err);
+    if (status == RX_OK)
+        status = expose(state, stream, scene, dst, err);
+    if (status == RX_OK)
+        status = rx_image_reference_new(state->side, state->side, dst->sharp, K_SSIM, K_SSIM, 0,
+                                        &dst->reference, err);
+    rx_scene_free(scene);
+    if (status != RX_OK)
+        rx_trial_free(dst);
+    return status;
+}
+
+void rx_trial_free(rx_trial *trial)
+{
+    free(trial->image);
+    free(trial->sharp);
+    rx_image_reference_free(trial->reference);
+    rx_psf_free(trial->psf);
+    *trial = (rx_trial){0};
+}
+
+rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, const rx_restorer *restorer,
+                           int niter, float *dst, rx_error *err)
+{
+    rx_restored *restored = NULL;
+    rx_restore_params par = state->options->pipeline.restore;
+    if (niter > 0) {
+        par.rl_niter = niter;
+        par.rl_stop_discrepancy = 0;
+        par.rl_denoise = 0;
+        par.rl_denoise_by_psf = 0;
+    }
+    rx_background sky = {.width = state->side, .height = state->side};
+    rx_background_flatten(&sky, 0, trial->sigma);
+    const rx_image image = {.name = "scene",
+                            .width = state->side,
+                            .height = state->side,
+                            .pixels = trial->image,
+                            .noise = rx_background_noise(&sky),
+                            .saturation = HUGE_VAL,
+                            .psf = trial->psf};
+    rx_status status = restorer->run(&par, &image, NULL, &restored, err);
+    if (status == RX_OK)
+        memcpy(dst, restored->pixels, (size_t)state->side * (size_t)state->side * sizeof *dst);
+    rx_restored_free(restored);
+    return status;
+}

@@ -1,0 +1,725 @@
+/* The reports of campaigns: numbers against scipy and by hand, verdicts, files, escapes, odd results. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <dirent.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "../near.h"
+#include "base/text.h"
+#include "lab/campaign_report.h"
+#include "lab/findings.h"
+#include "lab/photometry_numbers.h"
+#include "lab/restoration_numbers.h"
+#include "made_results.h"
+#include "report/page.h"
+
+#define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
+
+static const char *const pairs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"OUTPUT_NAME", HOSTILE}};
+static const rx_campaign_record plain = {HOSTILE, "rextract-validate -c " HOSTILE, 7, 2, pairs, 0};
+static const made_restoration small = {0, 0, 0, 24, 13, 4, 32, 1};
+static const made_photometry stars = {2, 2, 7, 3, 30, 0.3};
+
+/* Files of a report. */
+enum { RESTORATION_FILES = 7, PHOTOMETRY_FILES = 7 };
+
+static void make_folder(char folder[256])
+{
+    const char *base = getenv("TMPDIR");
+    snprintf(folder, 256, "%s/rextract-campaign-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+    assert_non_null(mkdtemp(folder));
+}
+
+static int clear(const char *folder)
+{
+    int n = 0;
+    DIR *open = opendir(folder);
+    assert_non_null(open);
+    for (struct dirent *e; (e = readdir(open)) != NULL;)
+        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) {
+            n++;
+            unlinkat(dirfd(open), e->d_name, 0);
+        }
+    closedir(open);
+    assert_int_equal(rmdir(folder), 0);
+    return n;
+}
+
+static char *slurp(const char *folder, const char *name)
+{
+    char path[512];
+    char *data = NULL;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    assert_int_equal(rx_text_read_file(path, 1 << 26, &data, NULL, NULL), RX_OK);
+    return data;
+}
+
+/* python3 that has scipy, run on a script of this folder; 0 and a line when there is none. */
+static int python(const char *script, const char *folder)
+{
+    const char *top = getenv("srcdir");
+    char command[1024];
+    if (system("/usr/bin/python3 -c 'import numpy, scipy.stats' 2>/dev/null") != 0) {
+        print_message("/usr/bin/python3 with scipy is absent: %s not run\n", script);
+        return 0;
+    }
+    snprintf(command, sizeof command, "/usr/bin/python3 '%s/tests/unit/lab/%s' '%s' >&2",
+             top != NULL ? top : ".", script, folder);
+    assert_int_equal(system(command), 0);
+    return 1;
+}
+
+/* ---- restoration ---- */
+
+static void restoration_agrees_with_scipy(void **state)
+{
+    char folder[256];
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){1, 1, -1, 24, 7, 5, 32, 1});
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    python("check_restoration.py", folder);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
+    rx_restoration_results_free(r);
+}
+
+/* Four scenes worked out by hand: RL - SMOOTHED = 1, 2, 3, 2: mean 2, s = sqrt(2/3), t = 2 / (s / 2) =
+ * sqrt(24). */
+static void four_scenes_by_hand(void **state)
+{
+    static const double smoothed[] = {20, 21, 22, 23}, rl[] = {21, 23, 25, 25};
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 4, 1, 0, 32, 0});
+    rx_restoration_numbers m;
+    memcpy(r->bins[0].method[1].psnr, smoothed, sizeof smoothed);
+    memcpy(r->bins[0].method[2].psnr, rl, sizeof rl);
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
+    assert_int_equal(m.pair[m.chief].first, 2);
+    assert_int_equal(m.pair[m.chief].second, 1);
+    assert_near(d->paired.statistic, sqrt(24), 1e-12);
+    assert_near(d->paired.effect, 2 / sqrt(2.0 / 3), 1e-12);
+    assert_near(d->two_sample.dof, 6, 0);
+    /* variances 5/3 and 11/3, pooled 8/3: t = 2 / sqrt(8/3 * 2/4) */
+    assert_near(d->two_sample.statistic, 2 / sqrt(8.0 / 6), 1e-12);
+    assert_near(d->holm, d->paired.p, 1e-15); /* one bin: nothing to adjust */
+    assert_int_equal(d->winner, 1);
+    assert_near(rx_quality_mean(&m, 0, RX_PSNR, 2)->value, 23.5, 1e-12);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
+/* scipy.stats.t.sf(t, dof) * 2 of all printed columns: two do not fit. */
+static void the_papers_own_numbers(void **state)
+{
+    int n = 0, fits = 0;
+    (void)state;
+    for (int i = 0; i < RX_PAPER_TABLES; i++) {
+        const rx_paper_table *table = rx_paper_table_get(i);
+        assert_int_equal(table->number, i + 1);
+        assert_ptr_equal(rx_paper_table_of(table->by_sigma, table->ssim), table);
+        for (int k = 0; k < table->n; k++, n++) {
+            double p, ln_p;
+            int fit = rx_paper_column_fits(table, &table->column[k], &p, &ln_p);
+            fits += fit;
+            assert_near(ln_p, log(p), 1e-9);
+            if (!fit)
+                assert_true(table->number == 3 && (table->column[k].bin == 2 || table->column[k].bin == 25));
+        }
+    }
+    assert_int_equal(n, 30);
+    assert_int_equal(fits, 28);
+    const rx_paper_column *c = rx_paper_column_at(rx_paper_table_of(1, 1), 2);
+    double p, ln_p;
+    assert_int_equal(rx_paper_column_fits(rx_paper_table_of(1, 1), c, &p, &ln_p), 0);
+    assert_near(p, 0.09311549953989567, 1e-9);
+    assert_null(rx_paper_column_at(rx_paper_table_of(1, 1), 3));
+}
+
+/* The first duel asks what deconvolution earned, and what NET earned once it is there; no method meets itself
+ * or another one twice. */
+static void who_meets_whom(void **state)
+{
+    static const char *const without[][2] = {{"RL", "SMOOTHED"},
+                                             {"RL", "BLURRED"},
+                                             {"RL_FLAT", "RL"},
+                                             {"SMOOTHED", "BLURRED"},
+                                             {"RL_FLAT", "BLURRED"}},
+                             *const with[][2] = {
+                                 {"NET", "RL"},           {"NET", "RL_FLAT"},     {"RL", "SMOOTHED"},
+                                 {"RL", "BLURRED"},       {"NET", "SMOOTHED"},    {"RL_FLAT", "RL"},
+                                 {"SMOOTHED", "BLURRED"}, {"RL_FLAT", "BLURRED"}, {"NET", "BLURRED"}};
+    (void)state;
+    for (int net = 0; net < 2; net++) {
+        rx_restoration_numbers m;
+        rx_restoration_results *r = make_restoration(&(made_restoration){net, 1, 1, 4, 1, 0, 32, 0});
+        assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+        assert_int_equal(m.npairs, net ? 9 : 5);
+        assert_int_equal(m.chief, 0);
+        for (int p = 0; p < m.npairs; p++) {
+            assert_string_equal(r->method[m.pair[p].first], (net ? with : without)[p][0]);
+            assert_string_equal(r->method[m.pair[p].second], (net ? with : without)[p][1]);
+        }
+        for (int a = 0; a < r->nmethods; a++)
+            for (int b = 0; b < a; b++)
+                assert_int_not_equal(rx_method_color(r->method[a]), rx_method_color(r->method[b]));
+        rx_restoration_numbers_free(&m);
+        rx_restoration_results_free(r);
+    }
+    assert_int_equal(rx_method_color("never heard of"), RX_PALETTE - 1);
+}
+
+static rx_claim_state restoration_state(const made_restoration *how, rx_claim_id claim)
+{
+    rx_claim_verdict verdict[RX_CLAIM_COUNT];
+    rx_claim_state state = RX_NOT_TESTED;
+    int n = 0;
+    rx_restoration_numbers m;
+    rx_restoration_results *r = make_restoration(how);
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    rx_restoration_verdicts(&m, verdict, &n);
+    for (int i = 0; i < n; i++)
+        if (verdict[i].claim == claim)
+            state = verdict[i].state;
+    rx_claim_verdicts_free(n, verdict);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+    return state;
+}
+
+static void claims_about_the_network(void **state)
+{
+    static const made_restoration best = {1, 5, 5, 24, 13, 24, 32, 0},
+                                  once_worse = {1, 5, -2, 24, 13, 24, 32, 0};
+    (void)state;
+    assert_int_equal(restoration_state(&small, RX_CLAIM_EVERY_BIN), RX_NOT_YET_TESTABLE);
+    assert_int_equal(restoration_state(&small, RX_CLAIM_ALL_P), RX_NOT_YET_TESTABLE);
+    assert_int_equal(restoration_state(&small, RX_CLAIM_BEYOND), RX_NOT_YET_TESTABLE);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_EVERY_BIN), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_ALL_P), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_INSIDE), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_BEYOND), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_SPEED), RX_NOT_TESTED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_RL), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_FLAT), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&small, RX_CLAIM_ABOVE_RL), RX_NOT_YET_TESTABLE);
+    /* the bin of 14 pixels is beyond the training range */
+    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_EVERY_BIN), RX_NOT_REPRODUCED);
+    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_INSIDE), RX_REPRODUCED);
+    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_BEYOND), RX_NOT_REPRODUCED);
+}
+
+/* What is inside is said on the model's scale, not by sigma: bins of FWHM 2 to 5 and 14 here, their levels set. */
+static void bins_lie_where_their_noise_level_is(void **state)
+{
+    static const made_restoration how = {1, 3, 5, 24, 4, 0, 32, 0};
+    static const struct {
+        double level;
+        int inside, fainter;
+    } cases[] = {{0.5, 0, 0}, {4, 1, 0}, {33, 1, 1}};
+    (void)state;
+    rx_restoration_numbers m;
+    rx_restoration_results *r = make_restoration(&how);
+    for (int b = 0; b < 3; b++)
+        for (long i = 0; i < r->bins[b].nscenes; i++)
+            r->bins[b].level[i] = cases[b].level;
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    for (int b = 0; b < 3; b++) {
+        assert_near(m.level[b].median, cases[b].level, 0);
+        assert_int_equal(m.inside[b], cases[b].inside);
+        assert_int_equal(m.fainter[b], cases[b].fainter);
+        assert_int_equal(rx_bin_is_beyond(&m, b), !cases[b].inside || cases[b].fainter);
+    }
+    rx_restoration_numbers_free(&m);
+    r->level_trained[0] = r->level_trained[1] = 0; /* no model */
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    for (int b = 0; b < 3; b++)
+        assert_int_equal(rx_bin_is_beyond(&m, b), 0);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
+/* A bin in which one is clearly better, one in which it is worse, one undecided. */
+static void words_follow_the_numbers(void **state)
+{
+    rx_text words = {0};
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 6, 3, 0, 32, 0});
+    rx_restoration_numbers m;
+    for (int b = 0; b < 3; b++)
+        for (int i = 0; i < 6; i++) {
+            double shift[] = {2, -1, 0}, wobble = 0.1 * (i % 2 ? 1 : -1);
+            r->bins[b].method[1].psnr[i] = 20 + i;
+            r->bins[b].method[2].psnr[i] = 20 + i + shift[b] + wobble;
+        }
+    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    rx_restoration_pair_words(&words, &m, m.chief);
+    assert_non_null(strstr(
+        words.data, "PSNR by FWHM, RL against SMOOTHED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
+                    "of 3 bins (3 px, by 1 dB); no clear difference in 1 of 3 bins (4 px). "));
+    rx_text_free(&words);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
+/* With one bin nothing is adjusted: p stands in the page twice side by side. */
+static void adjusted_p_is_shown(void **state)
+{
+    char folder[256];
+    rx_text cells = {0};
+    rx_restoration_numbers m;
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
+    assert_int_equal(rx_restoration_numbers_make(r, plain.seed, &m, NULL), RX_OK);
+    const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
+    for (int i = 0; i < 2; i++)
+        rx_page_cell_p(&cells, d->paired.p, d->paired.ln_p);
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *page = slurp(folder, "report.html");
+    assert_non_null(strstr(page, cells.data));
+    free(page);
+    rx_text_free(&cells);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
+    rx_restoration_numbers_free(&m);
+    rx_restoration_results_free(r);
+}
+
+/* p and Holm's p below the smallest double: the logarithm of the latter is that of p times the number of tests. */
+static void logarithm_of_a_vanished_holm(void **state)
+{
+    char folder[256];
+    double ln = NAN;
+    rx_findings f;
+    (void)state;
+    make_folder(folder);
+    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, &plain, NULL), RX_OK);
+    rx_findings_claims(&f, 0, NULL);
+    rx_findings_contest(&f, &(rx_contest){.test = "paired t", .p = 0, .ln_p = -800, .holm = 0, .ntests = 4});
+    assert_int_equal(rx_findings_end(&f, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *json = slurp(folder, "summary.json");
+    const char *at = strstr(json, "\"ln_holm\": ");
+    assert_non_null(at);
+    assert_int_equal(sscanf(at, "\"ln_holm\": %lf", &ln), 1);
+    assert_near(ln, -800 + log(4), 1e-6);
+    free(json);
+    clear(folder);
+}
+
+/* Where tuning took an end of what was tried, page, summary and terminal say so. */
+static void ends_of_tuning_are_told(void **state)
+{
+    char folder[256];
+    rx_text brief = {0};
+    (void)state;
+    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
+    char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
+    assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
+    assert_non_null(strstr(json, "filter 0.7 FWHM"));
+    assert_non_null(strstr(page, "In 1 of 6 choices the best lies at an end"));
+    assert_non_null(strstr(json, "\"tune_choices_at_end\": 1"));
+    assert_non_null(strstr(json, "filter 0.9 FWHM (at an end of what was tried)"));
+    assert_null(strstr(json, "filter 0.5 FWHM (at"));
+    assert_non_null(strstr(brief.data, "in 1 of 6 choices"));
+    free(page);
+    free(json);
+    rx_text_free(&brief);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
+    rx_restoration_results_free(r);
+}
+
+/* One scene, no spread, infinite PSNR, no bins: no number is invented and nothing breaks. */
+static void odd_restoration_results(void **state)
+{
+    static const made_restoration odd[] = {{0, 0, 0, 1, 2, 1, 32, 0},
+                                           {1, 0, 0, 2, 1, 0, 32, 1},
+                                           {0, 0, 0, 0, 1, 1, 32, 0},
+                                           {0, 0, 0, 3, 0, 0, 32, 0}};
+    (void)state;
+    for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
+        char folder[256];
+        rx_restoration_results *r = make_restoration(&odd[k]);
+        if (r->nbins > 0 && r->bins[0].nscenes > 0) {
+            r->bins[0].method[0].psnr[0] = INFINITY;
+            r->bins[0].method[1].ssim[0] = NAN;
+        }
+        make_folder(folder);
+        assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+        char *json = slurp(folder, "summary.json");
+        assert_null(strstr(json, "inf"));
+        assert_null(strstr(json, ": nan"));
+        free(json);
+        assert_int_equal(clear(folder), RESTORATION_FILES);
+        rx_restoration_results_free(r);
+    }
+}
+
+/* ---- photometry ---- */
+
+static void write_raw(const rx_photometry_results *r, const char *folder)
+{
+    char path[300];
+    snprintf(path, sizeof path, "%s/raw.csv", folder);
+    FILE *out = fopen(path, "w");
+    assert_non_null(out);
+    for (int f = 0; f < r->nfields; f++)
+        for (int k = 0; k < r->fields[f].nsets; k++)
+            for (int run = 0; run < r->nruns; run++) {
+                const rx_photometry_set *set = &r->fields[f].sets[k];
+                for (long i = 0; i < set->nstars; i++) {
+                    const rx_star_result *s = &set->run[run].stars[i];
+                    fprintf(out, "%d,%d,%d,1,%.9g,%.9g,%.9g,%g\n", f, k, run, (double)s->score,
+                            (double)s->ratio, (double)s->pull, (double)s->crowded);
+                }
+                for (long i = 0; i < set->run[run].nfalse; i++)
+                    fprintf(out, "%d,%d,%d,0,%.9g,0,0,0\n", f, k, run, (double)set->run[run].false_scores[i]);
+            }
+    fclose(out);
+}
+
+static void photometry_agrees_with_scipy(void **state)
+{
+    char folder[256];
+    (void)state;
+    rx_photometry_results *r = make_photometry(&(made_photometry){3, 2, 6, 4, 25, 0.3});
+    make_folder(folder);
+    write_raw(r, folder);
+    assert_int_equal(rx_photometry_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    python("check_photometry.py", folder);
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES + 1);
+    rx_photometry_results_free(r);
+}
+
+/* The depth of a field of many magnitudes: of 80, the 70 brightest found. */
+static void depth_of_many_magnitudes(void **state)
+{
+    enum { SETS = 80, FOUND = 70, STARS = 4 };
+    rx_photometry_numbers m;
+    (void)state;
+    rx_photometry_results *r = make_photometry(&(made_photometry){1, 1, SETS, 1, STARS, 0});
+    for (int k = 0; k < SETS; k++)
+        for (int i = 0; i < STARS; i++)
+            r->fields[0].sets[k].run[0].stars[i] =
+                k < FOUND ? (rx_star_result){9, 1, 0, 0} : (rx_star_result){NAN, NAN, NAN, 0};
+    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+    const rx_estimate *mag50 = &rx_photometry_whole_of(&m, 0, 0)->mag50;
+    assert_int_equal(mag50->n, SETS * STARS);
+    assert_near(mag50->value, r->fields[0].sets[FOUND].mag, 1.0);
+    rx_photometry_numbers_free(&m);
+    rx_photometry_results_free(r);
+}
+
+/* Four stars, scores 9 8 7 -, two false detections of 7.5 and 6: precision is 2/2 down to 8, 3/4 at 7, 3/5
+ * at 6. */
+static void thresholds_by_hand(void **state)
+{
+    static const float scores[] = {9, 8, 7, NAN}, false_scores[] = {6, 7.5F};
+    (void)state;
+    rx_photometry_results *r = make_photometry(&(made_photometry){1, 1, 1, 1, 4, 0});
+    rx_photometry_set *set = &r->fields[0].sets[0];
+    rx_photometry_numbers m;
+    for (int i = 0; i < 4; i++) {
+        float ratio = isnan(scores[i]) ? NAN : (float)(1 + 0.25 * (i - 1)); /* 0.75, 1, 1.25 */
+        set->run[0].stars[i] = (rx_star_result){scores[i], ratio, ratio - 1, 0};
+    }
+    assert_true(set->run[0].nfalse >= 2);
+    memcpy(set->run[0].false_scores, false_scores, sizeof false_scores);
+    set->run[0].nfalse = 2;
+    r->nprecisions = 3;
+    r->precision[0] = 0.7;
+    r->precision[1] = 0.9;
+    r->precision[2] = 0.5;
+    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+    const rx_photometry_whole *w = rx_photometry_whole_of(&m, 0, 0);
+    const rx_photometry_cell *c = rx_photometry_cell_of(&m, 0, 0, 0);
+    assert_near(w->cut[0].score, 7, 0);
+    assert_near(c->complete[0].value, 0.75, 1e-12);
+    assert_near(w->cut[0].precision.value, 0.75, 1e-12);
+    assert_int_equal(w->cut[0].whole_list, 0);
+    assert_near(w->cut[1].score, 8, 0);
+    assert_near(c->complete[1].value, 0.5, 1e-12);
+    assert_near(w->cut[2].score, 6, 0);
+    assert_int_equal(w->cut[2].whole_list, 1);
+    assert_near(c->recall.value, 0.75, 1e-12);
+    assert_near(c->precision.value, 0.6, 1e-12);
+    assert_near(c->ap.value, 0.25 + 0.25 + 0.25 * 0.75, 1e-12);
+    assert_near(c->magerr.value, 100 * 0.5 / 3, 1e-5);
+    assert_near(c->bias_percent.value, 0, 1e-12);
+    rx_photometry_numbers_free(&m);
+    /* surest of all is a false detection: no threshold gives more than 3/4 */
+    set->run[0].false_scores[1] = 100;
+    r->precision[1] = 0.99;
+    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+    assert_true(isinf(rx_photometry_whole_of(&m, 0, 0)->cut[1].score));
+    assert_near(rx_photometry_cell_of(&m, 0, 0, 0)->complete[1].value, 0, 0);
+    rx_photometry_numbers_free(&m);
+    rx_photometry_results_free(r);
+}
+
+static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id claim)
+{
+    rx_claim_verdict verdict[RX_CLAIM_COUNT];
+    rx_claim_state state = RX_NOT_TESTED;
+    int n = 0;
+    rx_photometry_numbers m;
+    rx_photometry_results *r = make_photometry(how);
+    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+    rx_photometry_verdicts(&m, verdict, &n);
+    for (int i = 0; i < n; i++)
+        if (verdict[i].claim == claim)
+            state = verdict[i].state;
+    rx_claim_verdicts_free(n, verdict);
+    rx_photometry_numbers_free(&m);
+    rx_photometry_results_free(r);
+    return state;
+}
+
+/* Of two runs on the same stars the second one is that of template photometry. */
+static void claim_of_templates(void **state)
+{
+    static const made_photometry two = {2, 1, 4, 4, 50, 0.4};
+    (void)state;
+    for (int better = 0; better < 2; better++) {
+        rx_claim_verdict verdict[RX_CLAIM_COUNT];
+        rx_claim_state found = RX_NOT_TESTED, restored = RX_NOT_TESTED;
+        rx_photometry_numbers m;
+        int n = 0;
+        rx_photometry_results *r = make_photometry(&two);
+        r->templates[1] = 1;
+        for (int s = 0; s < 4; s++)
+            for (long i = 0; i < r->fields[0].sets[s].nstars; i++) {
+                rx_star_result *a = &r->fields[0].sets[s].run[0].stars[i];
+                rx_star_result *b = &r->fields[0].sets[s].run[1].stars[i];
+                const float error = i % 2 ? 0.1f : 0.12f;
+                a->score = b->score = 20;
+                a->ratio = 1 + error;
+                b->ratio = 1 - error * (better || s != 3 ? 0.5f : 1.5f);
+            }
+        assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
+        rx_photometry_verdicts(&m, verdict, &n);
+        for (int i = 0; i < n; i++) {
+            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
+                found = verdict[i].state;
+            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
+                assert_non_null(strstr(verdict[i].said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
+            if (verdict[i].claim == RX_CLAIM_RESTORED_BETTER)
+                restored = verdict[i].state;
+        }
+        assert_int_equal(found, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
+        assert_int_equal(restored, RX_NOT_YET_TESTABLE); /* templates restore nothing */
+        rx_claim_verdicts_free(n, verdict);
+        rx_photometry_numbers_free(&m);
+        rx_photometry_results_free(r);
+    }
+}
+
+static void claims_about_photometry(void **state)
+{
+    static const made_photometry deeper = {3, 1, 8, 4, 50, 0.4}, shallower = {3, 1, 8, 4, 50, -0.4},
+                                 rl_only = {2, 1, 8, 4, 50, 0.4}, alone = {1, 1, 8, 4, 50, 0};
+    (void)state;
+    assert_int_equal(photometry_state(&deeper, RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
+    assert_int_equal(photometry_state(&deeper, RX_CLAIM_NET_BEST), RX_REPRODUCED);
+    assert_int_equal(photometry_state(&deeper, RX_CLAIM_LOW_SNR), RX_REPRODUCED);
+    assert_int_equal(photometry_state(&deeper, RX_CLAIM_ACCURACY), RX_NOT_REPRODUCED); /* made noisier */
+    assert_int_equal(photometry_state(&shallower, RX_CLAIM_RESTORED_BETTER), RX_NOT_REPRODUCED);
+    assert_int_equal(photometry_state(&shallower, RX_CLAIM_NET_BEST), RX_NOT_REPRODUCED);
+    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
+    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_NET_BEST), RX_NOT_YET_TESTABLE);
+    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_ACCURACY), RX_NOT_YET_TESTABLE);
+    assert_int_equal(photometry_state(&alone, RX_CLAIM_RESTORED_BETTER), RX_NOT_YET_TESTABLE);
+}
+
+static void odd_photometry_results(void **state)
+{
+    static const made_photometry odd[] = {
+        {1, 1, 1, 1, 1, 0}, {2, 1, 0, 1, 1, 0}, {2, 1, 2, 1, 0, 0}, {2, 0, 0, 1, 1, 0}};
+    (void)state;
+    for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
+        char folder[256];
+        rx_photometry_results *r = make_photometry(&odd[k]);
+        for (int f = 0; f < r->nfields; f++)
+            for (int s = 0; s < r->fields[f].nsets; s++)
+                r->fields[f].sets[s].run[0].nfalse = 0;
+        make_folder(folder);
+        rx_text brief = {0};
+        assert_int_equal(rx_photometry_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
+        char *json = slurp(folder, "summary.json");
+        assert_null(strstr(json, "inf,"));
+        assert_null(strstr(json, "nan,"));
+        free(json);
+        rx_text_free(&brief);
+        assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+        rx_photometry_results_free(r);
+    }
+}
+
+/* ---- both ---- */
+
+static void check_page(const char *folder)
+{
+    char command[700];
+    char *page = slurp(folder, "report.html");
+    assert_null(strstr(page, "<script"));
+    assert_null(strchr(page, '\xff'));
+    assert_non_null(strstr(page, "&lt;script&gt;alert(&#39;x&#39;)"));
+    assert_non_null(strstr(page, "No figures"));
+    assert_non_null(strstr(page, "</html>"));
+    assert_null(strstr(page, folder));
+    free(page);
+    if (system("xmllint --version >/dev/null 2>&1") != 0) {
+        print_message("xmllint is absent: HTML not parsed\n");
+        return;
+    }
+    /* libxml2's parser is older than HTML 5: it does not know some tags, all else must be right */
+    snprintf(
+        command, sizeof command,
+        "! xmllint --html --noout '%s/report.html' 2>&1 | grep 'error' | grep -v 'Tag [a-z]* invalid' >&2",
+        folder);
+    assert_int_equal(system(command), 0);
+}
+
+static void check_tables(const char *folder, const char *files)
+{
+    char command[900];
+    if (system("/usr/bin/python3 -c 'import astropy' 2>/dev/null") != 0) {
+        print_message("astropy is absent: ECSV not opened\n");
+        return;
+    }
+    snprintf(command, sizeof command,
+             "/usr/bin/python3 -c \"import json; from astropy.table import Table; "
+             "json.load(open('%s/summary.json'));"
+             "[print(f, len(Table.read('%s/' + f + '.ecsv'))) for f in '%s'.split()]\" >&2",
+             folder, folder, files);
+    assert_int_equal(system(command), 0);
+}
+
+static void pages_are_sound(void **state)
+{
+    char folder[256];
+    (void)state;
+    rx_restoration_results *r = make_restoration(&small);
+    rx_photometry_results *p = make_photometry(&stars);
+    snprintf(p->fields[0].about, sizeof p->fields[0].about, "%s", HOSTILE);
+    make_folder(folder);
+    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    check_page(folder);
+    check_tables(folder, "bins cells boxes contests scenes");
+    assert_int_equal(clear(folder), RESTORATION_FILES);
+    make_folder(folder);
+    assert_int_equal(rx_photometry_report(p, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    check_page(folder);
+    check_tables(folder, "sets cells contests cuts curves");
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+    rx_restoration_results_free(r);
+    rx_photometry_results_free(p);
+}
+
+static void same_results_same_bytes(void **state)
+{
+    static const char *const files[] = {"report.html", "summary.json", "cells.ecsv", "contests.ecsv",
+                                        "scenes.ecsv"};
+    char folder[2][256];
+    rx_campaign_record drawn = plain;
+    (void)state;
+    drawn.figures = 1;
+    rx_restoration_results *r = make_restoration(&small);
+    for (int i = 0; i < 2; i++) {
+        rx_text brief = {0};
+        make_folder(folder[i]);
+        assert_int_equal(rx_restoration_report(r, &drawn, folder[i], "the report", NULL, &brief, NULL),
+                         RX_OK);
+        assert_non_null(strstr(brief.data, "RL_FLAT"));
+        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
+        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against BLURRED: "));
+        rx_text_free(&brief);
+    }
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        char *a = slurp(folder[0], files[k]), *b = slurp(folder[1], files[k]);
+        assert_string_equal(a, b);
+        if (k == 0 && system("gnuplot --version >/dev/null 2>&1") == 0) {
+            assert_null(strstr(a, "No figures"));
+            assert_null(strstr(a, "not drawn"));
+            assert_non_null(strstr(a, "<svg"));
+        }
+        free(a);
+        free(b);
+    }
+    assert_int_equal(clear(folder[0]), RESTORATION_FILES);
+    assert_int_equal(clear(folder[1]), RESTORATION_FILES);
+    rx_restoration_results_free(r);
+}
+
+static void photometry_has_figures(void **state)
+{
+    char folder[256];
+    rx_campaign_record drawn = plain;
+    (void)state;
+    drawn.figures = 1;
+    rx_photometry_results *p = make_photometry(&stars);
+    p->fields[1].sets[0].run[0].stars[0].ratio = 0; /* no magnitude */
+    make_folder(folder);
+    assert_int_equal(rx_photometry_report(p, &drawn, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *page = slurp(folder, "report.html");
+    if (system("gnuplot --version >/dev/null 2>&1") == 0) {
+        assert_null(strstr(page, "not drawn"));
+        assert_non_null(strstr(page, "<svg"));
+    } else {
+        print_message("gnuplot is absent: figures not looked at\n");
+    }
+    free(page);
+    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+    rx_photometry_results_free(p);
+}
+
+static void folder_that_is_not_there(void **state)
+{
+    rx_error err = RX_ERROR_NONE;
+    (void)state;
+    rx_restoration_results *r = make_restoration(&small);
+    rx_photometry_results *p = make_photometry(&stars);
+    assert_int_equal(rx_restoration_report(r, &plain, "/no/such", "the report", NULL, NULL, &err), RX_SYSTEM);
+    assert_string_equal(err.where, "the report/summary.json");
+    assert_int_equal(rx_photometry_report(p, &plain, "/no/such", "the report", NULL, NULL, &err), RX_SYSTEM);
+    assert_null(strstr(err.text, "/no/such"));
+    rx_restoration_results_free(r);
+    rx_photometry_results_free(p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(restoration_agrees_with_scipy),
+        cmocka_unit_test(four_scenes_by_hand),
+        cmocka_unit_test(who_meets_whom),
+        cmocka_unit_test(the_papers_own_numbers),
+        cmocka_unit_test(claims_about_the_network),
+        cmocka_unit_test(bins_lie_where_their_noise_level_is),
+        cmocka_unit_test(words_follow_the_numbers),
+        cmocka_unit_test(adjusted_p_is_shown),
+        cmocka_unit_test(logarithm_of_a_vanished_holm),
+        cmocka_unit_test(ends_of_tuning_are_told),
+        cmocka_unit_test(odd_restoration_results),
+        cmocka_unit_test(photometry_agrees_with_scipy),
+        cmocka_unit_test(depth_of_many_magnitudes),
+        cmocka_unit_test(thresholds_by_hand),
+        cmocka_unit_test(claims_about_photometry),
+        cmocka_unit_test(claim_of_templates),
+        cmocka_unit_test(odd_photometry_results),
+        cmocka_unit_test(pages_are_sound),
+        cmocka_unit_test(same_results_same_bytes),
+        cmocka_unit_test(photometry_has_figures),
+        cmocka_unit_test(folder_that_is_not_there),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,398 @@
+/* The campaign of fluxes: company of objects, scenes as they are described, objects that come out as they
+ * went in, numbers of made results, verdicts. */
+#include "../near.h"
+#include "settings.h"
+
+#include <math.h>
+
+#include "config/keyword.h"
+#include "lab/fluxes_numbers.h"
+
+static const char *const SMALL[] = {"SIM.IMAGE_SIZE",
+                                    "224",
+                                    "SEEING",
+                                    "3",
+                                    "SCENE_TILES",
+                                    "1",
+                                    "RESTORE_TYPE",
+                                    "NONE,RL",
+                                    "STAGE.RL_NITER",
+                                    "10",
+                                    "SIM.PAIR_DISTANCE",
+                                    "0.5,3",
+                                    "SIM.PIXEL_SCALE",
+                                    "0.396",
+                                    "FLUX_SCENES",
+                                    "FIELD,PAIRS,BLANK,RINGS,SHREDS",
+                                    "STAGE.DETECT_THRESH",
+                                    "2",
+                                    NULL};
+
+static rx_fluxes_state *open_campaign(const rx_campaign_config *config)
+{
+    void *state = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_kind_fluxes.open(config, 1, NULL, &state, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return state;
+}
+
+/* --- company --- */
+
+/* FWHM 4: a pair within 1.5 FWHM and 2 mag; one that is 1.2 FWHM from a star 3 mag brighter; one with a faint
+ * thing beside it, one with a source of the tile beside it, one alone. */
+static void company_by_distance_and_brightness(void **state)
+{
+    static const struct {
+        double x, flux, radius;
+        rx_blend_state company;
+        long partner;
+    } what[] = {{0, 100, 0, RX_BLENDED, 1},      {5.9, 20, 0, RX_BLENDED, 0},
+                {200, 1000, 0, RX_NEITHER, -1},  {204.8, 60, 0, RX_NEITHER, -1},
+                {400, 1000, 0, RX_ISOLATED, -1}, {408, 9, 0, RX_NEITHER, -1},
+                {600, 100, 0, RX_NEITHER, -1},   {800, 100, 3, RX_NEITHER, -1},
+                {816, 50, 0, RX_NEITHER, -1},    {1000, 100, 0, RX_ISOLATED, -1}};
+    enum { N = sizeof what / sizeof *what };
+    const double others[][3] = {{611, 0, 90}, {1011, 0, 0.5}};
+    rx_fluxes_object object[N];
+    (void)state;
+    for (int i = 0; i < N; i++)
+        object[i] = (rx_fluxes_object){.x = what[i].x, .flux = what[i].flux, .radius = what[i].radius};
+    rx_fluxes_company(N, object, 2, others, 4);
+    for (int i = 0; i < N; i++) {
+        if (object[i].company != what[i].company || object[i].partner != what[i].partner)
+            fail_msg("object %d: company %d, partner %ld", i, (int)object[i].company, object[i].partner);
+    }
+    /* ten times as bright: one more FWHM */
+    rx_fluxes_object two[] = {{.x = 0, .flux = 10}, {.x = 15.9, .flux = 100}, {.x = 100, .flux = 1}};
+    rx_fluxes_company(3, two, 0, NULL, 4);
+    assert_int_equal(two[0].company, RX_NEITHER);
+    two[1].x = 16.1;
+    rx_fluxes_company(3, two, 0, NULL, 4);
+    assert_int_equal(two[0].company, RX_ISOLATED);
+}
+
+/* --- tiles --- */
+
+static void check_pairs(const rx_fluxes_tile *tile)
+{
+    int galaxies = 0;
+    assert_true(tile->n >= 8 && tile->n % 2 == 0);
+    for (long i = 0; i < tile->n; i += 2) {
+        const rx_fluxes_object *a = &tile->object[i], *b = a + 1;
+        const double apart = hypot(a->x - b->x, a->y - b->y) / 3.0;
+        const double mags = 2.5 * log10(a->flux / b->flux);
+        assert_true(apart >= 0.499 && apart <= 3.001);
+        assert_true(mags >= -1e-6 && mags <= 2.001);
+        assert_int_equal(a->partner, i + 1);
+        assert_int_equal(b->partner, i);
+        galaxies += a->galaxy + b->galaxy;
+        for (long k = 0; k < i; k += 2)
+            assert_true(hypot(a->x - tile->object[k].x, a->y - tile->object[k].y) >= 23.9);
+    }
+    assert_true(galaxies > 0 && galaxies < tile->n);
+}
+
+static void scenes_are_as_described(void **state)
+{
+    (void)state;
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_fluxes_state *campaign = open_campaign(config);
+    const double sigma = campaign->sky[0].sigma, root = sqrt(campaign->sky[0].area);
+    assert_int_equal(rx_fluxes_units(campaign), 5);
+    for (int s = 0; s < campaign->nscenes; s++) {
+        rx_fluxes_tile tile;
+        rx_error err = RX_ERROR_NONE;
+        if (rx_fluxes_tile_make(campaign, 0, campaign->scene[s], 0, &tile, &err) != RX_OK)
+            fail_msg("%s: %s", rx_fluxes_scene_name(campaign->scene[s]), err.text);
+        assert_int_equal(tile.n == 0, campaign->scene[s] == RX_FLUXES_BLANK);
+        for (long i = 0; i < tile.n; i++) {
+            const rx_fluxes_object *o = &tile.object[i];
+            if (campaign->scene[s] != RX_FLUXES_FIELD && campaign->scene[s] != RX_FLUXES_PAIRS)
+                assert_int_equal(o->galaxy, campaign->scene[s] == RX_FLUXES_SHREDS);
+            if (!o->galaxy) /* without photon noise the bound is 1 over the S/N */
+                assert_near(o->bound * o->snr, 1, 0.01);
+            if (campaign->scene[s] == RX_FLUXES_RINGS)
+                assert_true(o->snr > 299 && o->snr < 30100);
+            if (campaign->scene[s] == RX_FLUXES_SHREDS)
+                assert_true(o->flux / (sigma * root) > 299 && o->flux / (sigma * root) < 3010);
+        }
+        if (campaign->scene[s] == RX_FLUXES_PAIRS)
+            check_pairs(&tile);
+        rx_fluxes_tile_free(&tile);
+    }
+    rx_kind_fluxes.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* Bright stars are found with their flux by template photometry; lengths are what the format says; the same
+ * bytes on one thread and on four. */
+static void units_give_what_is_known(void **state)
+{
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_fluxes_state *campaign = open_campaign(config);
+    long n = 0, again = 0;
+    rx_unit_values *values = run_units(state, "one", &rx_kind_fluxes, campaign, 1, &n);
+    rx_unit_values *more = run_units(state, "four", &rx_kind_fluxes, campaign, 4, &again);
+    assert_int_equal(n, 5);
+    assert_int_equal(again, n);
+    assert_same_values(n, values, more);
+    for (long u = 0; u < n; u++) {
+        const double *v = values[u].v;
+        const long objects = (long)v[0];
+        assert_near(v[1], 1e-6 * 224 * 224, 1e-7);
+        v += 2 + RX_FLUXES_PROPS * objects;
+        for (int run = 0; run < campaign->nruns; run++) {
+            long found = 0;
+            for (long i = 0; i < objects; i++, v += RX_FLUXES_COLUMNS) {
+                found += !isnan(v[RX_FOUND]);
+                if (campaign->scene[u] != RX_FLUXES_RINGS)
+                    continue;
+                assert_near(v[RX_FOUND], 0, 0); /* detected, not marked */
+                assert_near(v[RX_RATIO + RX_FLUX_TEMPLATE], 1, 0.03);
+                assert_true(v[RX_ERROR + RX_FLUX_TEMPLATE] > 0 && v[RX_ERROR + RX_FLUX_TEMPLATE] < 0.01);
+            }
+            assert_int_equal(found, (long)v[RX_TALLY_RIGHT]);
+            assert_true(v[RX_TALLY_RIGHT_KEPT] <= v[RX_TALLY_RIGHT]);
+            assert_true(v[RX_TALLY_FALSE_KEPT] <= v[RX_TALLY_FALSE]);
+            v += RX_FLUXES_TALLIES;
+        }
+        assert_ptr_equal(v, values[u].v + values[u].n);
+    }
+    rx_unit_values_free(n, values);
+    rx_unit_values_free(n, more);
+    rx_kind_fluxes.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+static void settings_that_make_no_sense(void **state)
+{
+    static const struct {
+        const char *pairs[9], *says;
+    } wrong[] = {
+        {{"CAMPAIGN_TYPE", "FLUXES", "FLUX_SCENES", "INJECTED", NULL}, "TILE_NAME"},
+        {{"CAMPAIGN_TYPE", "FLUXES", "FLUX_SCENES", "INJECTED,FIELD", "TILE_NAME", "a.fits", NULL},
+         "INJECTED stands alone"},
+        {{"CAMPAIGN_TYPE", "FLUXES", "FLUX_SCENES", "INJECTED", "TILE_NAME", "a.fits", "SEEING", "3", NULL},
+         "INJECTED stands alone"},
+        {{"CAMPAIGN_TYPE", "FLUXES", "FLUX_SCENES", "FIELD,FIELD", NULL}, "FIELD is named twice"},
+        {{"FLUXES", "AUTO,AUTO", NULL}, "AUTO is named twice"},
+        {{"SHRED_SNR", "300,30", NULL}, "300 is above 30"}};
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        rx_error err = RX_ERROR_NONE;
+        rx_campaign_config *config = make_settings(wrong[i].pairs);
+        assert_int_equal(rx_campaign_relations(&config->settings, &err), RX_USAGE);
+        if (strstr(err.text, wrong[i].says) == NULL || strchr(err.text, '\n') != NULL)
+            fail_msg("%s", err.text);
+        rx_campaign_config_free(config);
+    }
+}
+
+/* --- made results: a FIELD and a PAIRS of one condition, two restorers --- */
+
+enum { OBJECTS = 42, PAIRED = 44 };
+
+/* FIELD: 41 isolated stars of S/N 20, bound 0.05; number i has r = 1.02 + 0.01 (i - 20) with TEMPLATE of the
+ * first restorer and an error of 0.1; the second one has r = 1.02 for all and misses the first ten. The last
+ * object is a galaxy of S/N 7, which both find with r = 0.5. AUTO is twice TEMPLATE's. */
+static void fill_field(rx_fluxes_set *set)
+{
+    set->n = OBJECTS;
+    set->mpixels = 2;
+    for (int i = 0; i < OBJECTS; i++) {
+        float *prop = set->prop + i * RX_FLUXES_PROPS;
+        const int galaxy = i == OBJECTS - 1;
+        prop[RX_PROP_SNR] = galaxy ? 7 : 20;
+        prop[RX_PROP_GALAXY] = (float)galaxy;
+        prop[RX_PROP_BLEND_STATE] = RX_ISOLATED;
+        prop[RX_PROP_BOUND] = 0.05f;
+        prop[RX_PROP_PARTNER] = -1;
+        for (int run = 0; run < 2; run++) {
+            float *v = set->run[run] + i * RX_FLUXES_COLUMNS;
+            const double r = galaxy ? 0.5 : run == 0 ? 1.02 + 0.01 * (i - 20) : 1.02;
+            v[RX_FOUND] = run == 1 && i < 10 ? NAN : 0;
+            for (int k = 0; k < RX_FLUX_KINDS; k++) {
+                v[RX_RATIO + k] = (float)(k == RX_FLUX_TEMPLATE ? r : 2 * r);
+                v[RX_ERROR + k] = 0.1f;
+            }
+        }
+    }
+    const double tally[RX_FLUXES_TALLIES] = {
+        [RX_TALLY_RIGHT] = 90,     [RX_TALLY_RIGHT_KEPT] = 81, [RX_TALLY_FALSE] = 30,
+        [RX_TALLY_FALSE_KEPT] = 9, [RX_TALLY_WEAK] = 20,       [RX_TALLY_WEAK_KEPT] = 15,
+        [RX_TALLY_STRONG] = 70,    [RX_TALLY_STRONG_KEPT] = 66};
+    memcpy(set->tally[0], tally, sizeof tally);
+}
+
+/* PAIRS: 22 pairs 0.6 FWHM apart, the second member 1 mag fainter, of which the first restorer tells 20
+ * apart: r of the first members 1.1, of the second ones 0.9; TEMPLATE 1 and 1. */
+static void fill_pairs(rx_fluxes_set *set)
+{
+    set->n = PAIRED;
+    for (int i = 0; i < PAIRED; i++) {
+        float *prop = set->prop + i * RX_FLUXES_PROPS;
+        prop[RX_PROP_SNR] = 50;
+        prop[RX_PROP_BLEND_STATE] = RX_BLENDED;
+        prop[RX_PROP_BOUND] = 0.02f;
+        prop[RX_PROP_PARTNER] = (float)(i ^ 1);
+        prop[RX_PROP_APART] = 0.6f;
+        prop[RX_PROP_MAGS] = i % 2 ? 1 : -1;
+        for (int run = 0; run < 2; run++) {
+            float *v = set->run[run] + i * RX_FLUXES_COLUMNS;
+            v[RX_FOUND] = run == 1 || i == 0 ? NAN : i == 3 ? 2 : 0;
+            v[RX_BOTH] = run == 0 && i >= 2;
+            for (int k = 0; k < RX_FLUX_KINDS; k++) {
+                v[RX_RATIO + k] = k == RX_FLUX_TEMPLATE ? 1 : i % 2 ? 0.9f : 1.1f;
+                v[RX_ERROR + k] = 0.02f;
+            }
+        }
+    }
+}
+
+static rx_fluxes_results *make_results(void)
+{
+    static const char *const names[] = {"NONE", "NET"};
+    static const rx_fluxes_scene scenes[] = {RX_FLUXES_FIELD, RX_FLUXES_PAIRS};
+    rx_fluxes_results *r = calloc(1, sizeof *r);
+    r->nruns = 2;
+    r->nconditions = 1;
+    r->nscenes = 2;
+    r->condition = calloc(1, sizeof *r->condition);
+    r->set = calloc(2, sizeof *r->set);
+    for (int run = 0; run < 2; run++)
+        snprintf(r->run[run], sizeof r->run[run], "%s", names[run]);
+    for (int s = 0; s < 2; s++) {
+        r->set[s].scene = scenes[s];
+        r->set[s].fwhm = 4;
+        r->set[s].ntiles = 1;
+        r->set[s].mpixels = 1;
+        r->set[s].prop = calloc(PAIRED * RX_FLUXES_PROPS, sizeof(float));
+        for (int run = 0; run < 2; run++)
+            r->set[s].run[run] = calloc(PAIRED * RX_FLUXES_COLUMNS, sizeof(float));
+    }
+    fill_field(&r->set[0]);
+    fill_pairs(&r->set[1]);
+    return r;
+}
+
+/* By hand: the median of 1.02 + 0.01 (i - 20), i = 0..40, is 1.02, the median of |i - 20| is 10. */
+static void cells_by_hand(void **state)
+{
+    (void)state;
+    rx_fluxes_results *r = make_results();
+    rx_fluxes_numbers m;
+    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
+    rx_fluxes_place p = {.bin = RX_SNR_ABOVE_10, .flux = RX_FLUX_TEMPLATE};
+    const rx_fluxes_cell *cell = rx_fluxes_cell_of(&m, &p);
+    const double mad = 1.4826 * 0.1, mag = 2.5 / log(10);
+    assert_int_equal(cell->bias.n, 41);
+    assert_near(cell->bias.value, -2.5 * log10(1.02), 1e-6);
+    assert_near(cell->bias.low, -2.5 * log10(1.02 + 1.96 * 1.2533 * mad / sqrt(41)), 1e-6);
+    assert_near(cell->scatter.value, mad * mag, 1e-6);
+    assert_near(cell->bound.value, mad / 0.05, 1e-4);
+    assert_near(cell->pull.value, 0.2, 1e-5);
+    assert_near(cell->width.value, 1.4826, 1e-4);
+    /* |0.02 + 0.01 k|, k = -20..20: 0.01 (sum of 1..22 and of 1..18) */
+    assert_near(cell->magerr.value, (253 + 171) / 41.0, 1e-3);
+    p.bin = 2; /* S/N 20 to 50 */
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
+    p.bin = 1; /* 10 to 20 */
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 0);
+    p.bin = RX_SNR_ABOVE_10;
+    p.sample = RX_SAMPLE_COMMON; /* numbers 10 to 40 */
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 31);
+    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(1.07), 1e-6);
+    p.flux = RX_FLUX_AUTO;
+    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(2.14), 1e-6);
+    p = (rx_fluxes_place){.galaxy = 1, .bin = 0, .run = 1, .flux = RX_FLUX_TEMPLATE};
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 1);
+    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(0.5), 1e-6);
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bound.n, 0);
+    rx_fluxes_numbers_free(&m);
+    rx_fluxes_results_free(r);
+}
+
+static void pairs_and_invented_by_hand(void **state)
+{
+    (void)state;
+    rx_fluxes_results *r = make_results();
+    rx_fluxes_numbers m;
+    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
+    const rx_pair_place all = {.scene = 1, .sample = RX_SAMPLE_ALL};
+    const rx_pair_place detected = {.scene = 1, .sample = RX_SAMPLE_DETECTED};
+    assert_near(rx_pair_share(&m, &all)->value, 21.0 / 22, 1e-12);
+    assert_near(rx_pair_share(&m, &detected)->value, 20.0 / 22, 1e-12);
+    assert_near(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .run = 1})->value, 0, 1e-12);
+    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .bin = 1})->n, 0);
+    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 0})->n, 0); /* no pairs in FIELD */
+    const rx_pair_cell *cell = rx_pair_cell_of(&m, &all, RX_FLUX_AUTO);
+    assert_int_equal(cell->ratio.n, 21);
+    assert_near(cell->ratio.value, -2.5 * log10(0.9 / 1.1), 1e-6);
+    assert_near(cell->size.value, -2.5 * log10(0.9 / 1.1), 1e-6);
+    const double share = pow(10, -0.4);
+    assert_near(cell->total.value, -2.5 * log10((1.1 + 0.9 * share) / (1 + share)), 1e-6);
+    assert_near(rx_pair_cell_of(&m, &detected, RX_FLUX_TEMPLATE)->size.value, 0, 1e-9);
+    /* blended: 43 are found, of 42 the partner, too */
+    rx_fluxes_place p = {.scene = 1, .crowd = RX_CROWD_BLENDED, .bin = RX_SNR_ABOVE_10};
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 43);
+    p.crowd = RX_CROWD_APART;
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 42);
+    p.sample = RX_SAMPLE_DETECTED;
+    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
+    const rx_invented_cell *v = rx_invented_of(&m, 0, 0, 0);
+    assert_near(v->per_mpixel[0].value, 15, 1e-12);
+    assert_near(v->per_mpixel[1].value, 4.5, 1e-12);
+    assert_near(v->precision[0].value, 0.75, 1e-12);
+    assert_near(v->precision[1].value, 0.9, 1e-12);
+    assert_near(v->flagged_weak.value, 0.25, 1e-12);
+    assert_near(v->flagged_strong.value, 4.0 / 70, 1e-12);
+    rx_fluxes_numbers_free(&m);
+    rx_fluxes_results_free(r);
+}
+
+/* The first restorer's bias of -0.0215 mag is within its error of the limit, the second one's has none. Its
+ * pairs are better than those of AUTO. */
+static void verdicts_follow_the_numbers(void **state)
+{
+    (void)state;
+    rx_fluxes_results *r = make_results();
+    rx_fluxes_numbers m;
+    rx_goal_verdict v[RX_FLUXES_GOALS * 2];
+    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
+    rx_fluxes_verdicts(&m, v);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED].state, RX_GOAL_UNDECIDED);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED + 1].state, RX_GOAL_NOT_HELD);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].state, RX_GOAL_NOT_HELD);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].all, 1);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_APART].state, RX_GOAL_HELD);
+    assert_int_equal(v[2 * RX_GOAL_BIAS_APART + 1].state, RX_GOAL_NOT_MEASURED);
+    assert_int_equal(v[2 * RX_GOAL_BOUND].state, RX_GOAL_NOT_HELD); /* 2.97 */
+    assert_int_equal(v[2 * RX_GOAL_MAGERR].state, RX_GOAL_HELD);
+    assert_int_equal(v[2 * RX_GOAL_PAIRS].state, RX_GOAL_HELD);
+    assert_int_equal(v[2 * RX_GOAL_PAIRS + 1].state, RX_GOAL_NOT_MEASURED);
+    assert_non_null(strstr(v[2 * RX_GOAL_BIAS_ISOLATED + 1].said.data, "stars of FIELD"));
+    rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
+    /* what restorers are told wrongly is no matter of the goals */
+    r->condition[0].psf_error = 0.05;
+    rx_fluxes_verdicts(&m, v);
+    for (int i = 0; i < RX_FLUXES_GOALS * 2; i++)
+        assert_int_equal(v[i].state, RX_GOAL_NOT_MEASURED);
+    rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
+    rx_fluxes_numbers_free(&m);
+    rx_fluxes_results_free(r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(company_by_distance_and_brightness),
+        cmocka_unit_test(scenes_are_as_described),
+        cmocka_unit_test_setup_teardown(units_give_what_is_known, make_scratch, remove_scratch),
+        cmocka_unit_test(settings_that_make_no_sense),
+        cmocka_unit_test(cells_by_hand),
+        cmocka_unit_test(pairs_and_invented_by_hand),
+        cmocka_unit_test(verdicts_follow_the_numbers),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

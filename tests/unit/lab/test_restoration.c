@@ -1,0 +1,340 @@
+/* The restoration campaign: scenes, tuning, scores and results. */
+#include "../near.h"
+#include "settings.h"
+
+#include <math.h>
+
+#include "lab/restoration.h"
+#include "num/convolve.h"
+#include "num/stats.h"
+#include "quality/image_metrics.h"
+
+static const char *const SMALL[] = {"SCENE_SIDE",  "64",   "FWHM_RANGE",   "4,5",   "SIGMA_RANGE", "2,2",
+                                    "SCENES_FWHM", "2,3",  "SCENES_SIGMA", "3,4",   "TUNE_SCENES", "2",
+                                    "TUNE_NITER",  "2,10", "TUNE_FILTER",  "0,0.5", NULL};
+
+static rx_restoration *open_campaign(const rx_campaign_config *config)
+{
+    void *state = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_kind_restoration.open(config, 1, NULL, &state, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return state;
+}
+
+static void make_trial(const rx_restoration *state, int bin, int tune, long index, rx_trial *dst)
+{
+    rx_error err = RX_ERROR_NONE;
+    const rx_restoration_unit unit = {bin, tune, index};
+    if (rx_trial_make(state, &unit, dst, &err) != RX_OK)
+        fail_msg("%s", err.text);
+}
+
+static double highest(const float *plane, size_t n)
+{
+    double value = -HUGE_VAL;
+    for (size_t i = 0; i < n; i++)
+        value = fmax(value, plane[i]);
+    return value;
+}
+
+/* What 0.1 % exceed. */
+static double bright(const float *plane, size_t n)
+{
+    double *values = calloc(n, sizeof *values);
+    for (size_t i = 0; i < n; i++)
+        values[i] = (double)plane[i];
+    const double value = rx_quantile(values, n, 0.999);
+    free(values);
+    return value;
+}
+
+/* Noise from second differences along rows, in which a well sampled scene hardly shows. */
+static double noise_of(const rx_restoration *state, const float *image)
+{
+    const int side = state->side;
+    double *differences = calloc((size_t)side * (size_t)side, sizeof(double));
+    size_t n = 0;
+    for (int y = 0; y < side; y++)
+        for (int x = 1; x < side - 1; x++) {
+            const float *p = image + (size_t)y * (size_t)side + x;
+            differences[n++] = ((double)p[-1] - 2.0 * p[0] + p[1]) / sqrt(6.0);
+        }
+    const double sigma = rx_sigma_mad(differences, n, NULL);
+    free(differences);
+    return sigma;
+}
+
+static void scenes_are_what_bins_say(void **state)
+{
+    (void)state;
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_restoration *campaign = open_campaign(config);
+    const size_t n = (size_t)campaign->side * (size_t)campaign->side;
+    assert_int_equal(campaign->nbins, 3);
+    double sum[2] = {0, 0};
+    enum { SCENES = 24 };
+    for (int bin = 1; bin <= 2; bin++) { /* FWHM 5, sigma 2 */
+        for (long i = 0; i < SCENES; i++) {
+            rx_trial trial;
+            make_trial(campaign, bin, 0, i, &trial);
+            const double binned = bin == 1 ? trial.fwhm : trial.sigma;
+            const double other = bin == 1 ? trial.sigma : trial.fwhm;
+            assert_true(binned >= (bin == 1 ? 4.5 : 1.5) && binned <= (bin == 1 ? 5.5 : 2.5));
+            assert_true(other >= (bin == 1 ? 1 : 2) && other <= (bin == 1 ? 15 : 8));
+            sum[bin - 1] += binned / SCENES;
+            assert_near(highest(trial.sharp, n), 255.0, 1e-3);
+            assert_near(trial.level / (255.0 * trial.sigma / bright(trial.image, n)), 1.0,
+                        0.02 + 2.0 * trial.level / 255.0); /* the image has noise */
+            assert_true(trial.level > 1.1 * trial.sigma);  /* what is blurred is fainter */
+            if (trial.fwhm > 4) /* 3900 differences, of which every third is independent: 3 % and the scene */
+                assert_near(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.12);
+            rx_trial_free(&trial);
+        }
+    }
+    assert_near(sum[0], 5.0, 4 * 0.2887 / sqrt(SCENES)); /* mean of a uniform one, 4 sigma */
+    assert_near(sum[1], 2.0, 4 * 0.2887 / sqrt(SCENES));
+    rx_kind_restoration.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* The scenes of SMALL are the first ones of PAPER, and none of them is tuned on. */
+static void scenes_do_not_depend_on_their_number(void **state)
+{
+    (void)state;
+    rx_campaign_config *small = make_settings(SMALL), *paper = make_settings(SMALL);
+    assert_int_equal(rx_settings_set(&paper->settings, "SIZE", "PAPER", NULL, NULL), RX_OK);
+    rx_restoration *a = open_campaign(small), *b = open_campaign(paper);
+    const size_t bytes = (size_t)a->side * (size_t)a->side * sizeof(float);
+    assert_int_equal(a->nunits, 2 * (2 + 2) + 2 + 3);
+    assert_int_equal(b->nunits, 2 * (2 + 3) + 2 + 4);
+    rx_trial one, two, three;
+    make_trial(a, 1, 0, 1, &one);
+    make_trial(b, 1, 0, 1, &two);
+    make_trial(a, 1, 1, 1, &three);
+    assert_memory_equal(one.image, two.image, bytes);
+    assert_memory_equal(one.sharp, two.sharp, bytes);
+    assert_true(memcmp(one.sharp, three.sharp, bytes) != 0);
+    assert_true(one.fwhm != three.fwhm);
+    rx_trial_free(&one);
+    rx_trial_free(&two);
+    rx_trial_free(&three);
+    rx_kind_restoration.close(a);
+    rx_kind_restoration.close(b);
+    rx_campaign_config_free(small);
+    rx_campaign_config_free(paper);
+}
+
+static void threads_do_not_matter(void **state)
+{
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_restoration *campaign = open_campaign(config);
+    rx_unit_values *values[3];
+    long n = 0;
+    for (int t = 0; t < 3; t++) {
+        char name[32];
+        snprintf(name, sizeof name, "threads%d", t + 1);
+        values[t] = run_units(state, name, &rx_kind_restoration, campaign, t + 1, &n);
+    }
+    assert_int_equal(n, campaign->nunits);
+    assert_same_values(n, values[0], values[1]);
+    assert_same_values(n, values[0], values[2]);
+    for (int t = 0; t < 3; t++)
+        rx_unit_values_free(n, values[t]);
+    rx_kind_restoration.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* Mean score of a candidate over the two tuning scenes of a bin. */
+static double mean_of(const rx_restoration *campaign, const rx_unit_values *values, int bin, long candidate,
+                      int metric)
+{
+    double sum = 0;
+    for (long u = 0; u < campaign->nunits; u++)
+        if (campaign->units[u].bin == bin && campaign->units[u].tune)
+            sum += values[u].v[2 * candidate + metric] / 2;
+    return sum;
+}
+
+static void tuning_takes_the_best(void **state)
+{
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_restoration *campaign = open_campaign(config);
+    long n = 0;
+    rx_unit_values *values = run_units(state, "tuning", &rx_kind_restoration, campaign, 2, &n);
+    const long candidates = rx_tuning_count(campaign);
+    assert_string_equal(campaign->method[0].name, "BLURRED");
+    assert_string_equal(campaign->method[1].name, "SMOOTHED");
+    assert_string_equal(campaign->method[2].name, "RL");
+    assert_string_equal(campaign->method[3].name, "RL_FLAT");
+    for (int bin = 0; bin < campaign->nbins; bin++) {
+        for (int m = 1; m <= 3; m++) {
+            for (int metric = 0; metric < 2; metric++) {
+                const long best = rx_tuning_choose(campaign, bin, &campaign->method[m], metric, values);
+                const double score = mean_of(campaign, values, bin, best, metric);
+                rx_tuning tuning;
+                rx_tuning_get(campaign, 4.0, best, &tuning);
+                assert_int_equal(tuning.threshold >= 0, m == 3);
+                assert_int_equal(tuning.niter == 0, m == 1);
+                for (long c = 0; c < candidates; c++) {
+                    rx_tuning_get(campaign, 4.0, c, &tuning);
+                    if ((tuning.threshold >= 0) == (m == 3) && (tuning.niter == 0) == (m == 1))
+                        assert_true(mean_of(campaign, values, bin, c, metric) <= score);
+                }
+            }
+        }
+    }
+    /* filters: of 0, of half the PSF's FWHM, and of the target PSF */
+    rx_tuning tuning;
+    double widths[3];
+    for (int f = 0; f < 3; f++) {
+        rx_tuning_get(campaign, 5.0, (3 + f) * candidates / 9, &tuning);
+        widths[f] = tuning.filter;
+        assert_int_equal(tuning.niter, 2);
+    }
+    assert_near(widths[0], 0, 0);
+    assert_near(widths[1], 2.5, 1e-12);
+    assert_near(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
+    assert_non_null(strstr(tuning.text, "filter 2 pixels"));
+    /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
+    assert_true(rx_tuning_at_end(campaign, candidates / 3) && rx_tuning_at_end(campaign, candidates - 1));
+    config->tune_niter.n = 3;
+    config->tune_niter.v[2] = 5;
+    assert_false(rx_tuning_at_end(campaign, candidates));
+    assert_true(rx_tuning_at_end(campaign, candidates + candidates / 9));
+    assert_false(rx_tuning_at_end(campaign, candidates + 2 * candidates / 9));
+    assert_true(rx_tuning_at_end(campaign, candidates / 3));
+    /* the highest threshold, on 5 iterations and no filter */
+    assert_true(rx_tuning_at_end(campaign, candidates + 5));
+    assert_false(rx_tuning_at_end(campaign, candidates + 4));
+    /* nothing is lower than one iteration */
+    config->tune_niter.v[0] = 1;
+    assert_false(rx_tuning_at_end(campaign, candidates / 3));
+    /* without iterations only the filter counts */
+    assert_false(rx_tuning_at_end(campaign, 0));
+    assert_true(rx_tuning_at_end(campaign, candidates / 9));
+    rx_unit_values_free(n, values);
+    rx_kind_restoration.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* What the journal holds is what the metrics say of the pictures; the results put it in order. */
+static void results_are_the_scores(void **state)
+{
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_restoration *campaign = open_campaign(config);
+    const int side = campaign->side;
+    rx_restoration_results *results = NULL;
+    rx_error err = RX_ERROR_NONE;
+    long n = 0;
+    rx_unit_values *values = run_units(state, "results", &rx_kind_restoration, campaign, 2, &n);
+    assert_int_equal(rx_restoration_collect(campaign, values, &results, &err), RX_OK);
+    assert_int_equal(results->nmethods, 4);
+    assert_int_equal(results->nbins, 3);
+    assert_int_equal(results->bins[2].by_sigma, 1);
+    assert_int_equal(results->bins[2].nscenes, 3);
+    assert_string_equal(results->bins[0].method[0].settings_psnr, "");
+    assert_int_equal(strncmp(results->bins[0].method[1].settings_psnr, "filter", 6), 0);
+    assert_non_null(strstr(results->bins[0].method[2].settings_psnr, "RL_NITER"));
+    assert_non_null(strstr(results->bins[0].method[3].settings_ssim, "sky below"));
+    for (int b = 0; b < 3; b++) {
+        assert_int_equal(results->bins[b].method[0].end_psnr + results->bins[b].method[0].end_ssim, 0);
+        /* of two numbers of iterations both are ends */
+        assert_int_equal(results->bins[b].method[2].end_psnr + results->bins[b].method[2].end_ssim, 2);
+    }
+    float *plane = calloc((size_t)side * (size_t)side, sizeof *plane);
+    for (int b = 0; b < 3; b++) {
+        const rx_restoration_bin *bin = &results->bins[b];
+        const long i = bin->nscenes - 1;
+        rx_trial trial;
+        make_trial(campaign, b, 0, i, &trial);
+        assert_true(bin->fwhm[i] == trial.fwhm && bin->sigma[i] == trial.sigma);
+        for (int m = 0; m < 4; m++) {
+            double ssim;
+            for (int metric = 0; metric < 2; metric++) {
+                assert_int_equal(rx_restoration_picture(campaign, b, &trial, &campaign->method[m], metric,
+                                                        values, plane, &err),
+                                 RX_OK);
+                if (m == 1) { /* SMOOTHED: the filter, and nothing else */
+                    rx_tuning tuning;
+                    rx_tuning_get(campaign, trial.fwhm,
+                                  rx_tuning_choose(campaign, b, &campaign->method[m], metric, values),
+                                  &tuning);
+                    assert_int_equal(rx_gauss_masked(side, side, tuning.filter, NULL, 1, trial.image, &err),
+                                     RX_OK);
+                }
+                if (m <= 1)
+                    assert_memory_equal(plane, trial.image, (size_t)side * (size_t)side * sizeof *plane);
+                if (m == 1) {
+                    rx_trial_free(&trial);
+                    make_trial(campaign, b, 0, i, &trial);
+                }
+                assert_int_equal(rx_image_ssim(side, side, plane, trial.sharp, 0.001, 0.001, 0, &ssim, &err),
+                                 RX_OK);
+                if (metric == 0)
+                    assert_true(bin->method[m].psnr[i] == rx_image_psnr(side, side, plane, trial.sharp));
+                else
+                    assert_true(bin->method[m].ssim[i] == ssim);
+            }
+        }
+        /* tuned on other scenes, RL is still better than doing nothing to a blurred and noisy image */
+        assert_true(bin->method[2].psnr[i] > bin->method[0].psnr[i]);
+        rx_trial_free(&trial);
+    }
+    assert_int_equal(results->nexamples, 3); /* one per bin at most */
+    const rx_restoration_example *example = &results->examples[0];
+    assert_int_equal(example->nplanes, 5);
+    assert_string_equal(example->title[0], "BLURRED");
+    assert_string_equal(example->title[1], "SMOOTHED");
+    assert_string_equal(example->title[2], "RL");
+    assert_string_equal(example->title[4], "SHARP");
+    assert_near(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
+    free(plane);
+    rx_restoration_results_free(results);
+    rx_unit_values_free(n, values);
+    rx_kind_restoration.close(campaign);
+    rx_campaign_config_free(config);
+}
+
+/* Restorers without iterations to tune are one method, as the STAGE. keywords have them. */
+static void methods_come_from_the_table(void **state)
+{
+    (void)state;
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_error err = RX_ERROR_NONE;
+    void *pointer = NULL;
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL_BLIND,NONE", NULL, NULL), RX_OK);
+    rx_restoration *campaign = open_campaign(config);
+    assert_int_equal(campaign->nmethods, 2);
+    assert_string_equal(campaign->method[0].name, "RL_BLIND");
+    assert_string_equal(campaign->method[1].name, "BLURRED");
+    assert_int_equal(campaign->nunits, 2 + 2 + 3); /* nothing is tuned */
+    rx_kind_restoration.close(campaign);
+    /* SMOOTHED comes with NONE, where something is tuned, wherever the two are named */
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL", NULL, NULL), RX_OK);
+    campaign = open_campaign(config);
+    assert_int_equal(campaign->nmethods, 2);
+    assert_string_equal(campaign->method[1].name, "RL_FLAT");
+    rx_kind_restoration.close(campaign);
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE", NULL, NULL), RX_OK);
+    campaign = open_campaign(config);
+    assert_int_equal(campaign->nmethods, 4);
+    assert_string_equal(campaign->method[2].name, "BLURRED");
+    assert_string_equal(campaign->method[3].name, "SMOOTHED");
+    assert_int_equal(campaign->ntuned, 1);
+    rx_kind_restoration.close(campaign);
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE,RL", NULL, NULL), RX_OK);
+    assert_int_equal(rx_kind_restoration.open(config, 1, NULL, &pointer, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "RL twice"));
+    rx_campaign_config_free(config);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(scenes_are_what_bins_say), cmocka_unit_test(scenes_do_not_depend_on_their_number),
+        cmocka_unit_test(threads_do_not_matter),    cmocka_unit_test(tuning_takes_the_best),
+        cmocka_unit_test(results_are_the_scores),   cmocka_unit_test(methods_come_from_the_table),
+    };
+    return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
+}
