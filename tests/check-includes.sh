@@ -135,6 +135,10 @@ while read -r header; do
         sed "s;.*;src/$header:1: is installed, & is not;"
 done <"$scratch/installed" >>"$scratch/found"
 
+# Campaigns, training, ranks and surveys are for programs, no part of librextract.
+grep -nE '^librextract_la_SOURCES' src/lab/local.mk src/par/local.mk src/survey/local.mk src/train/local.mk |
+    sed 's/^\([^:]*:[0-9]*\):.*/\1: goes into librextract; librextract-lab or librextract-train is for programs/' >>"$scratch/found"
+
 # Variables that can change: symbols in .data, .bss and their thread-local forms. Constant tables
 # of pointers live in .data.rel.ro and are fine. Sanitizers add symbols of their own, so their
 # builds are left out.

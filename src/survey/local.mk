@@ -1,4 +1,4 @@
-librextract_la_SOURCES += \
+librextract_lab_la_SOURCES += \
 	src/survey/outcome.c src/survey/outcome.h \
 	src/survey/replay.c src/survey/replay.h \
 	src/survey/replay_compare.c src/survey/replay_compare.h \
