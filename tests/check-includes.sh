@@ -42,7 +42,7 @@ cat >"$scratch/libraries" <<'END'
 ^zlib        zlib      io
 ^(wcslib/|wcs|wcshdr|wcsfix) wcslib io
 ^fftw        FFTW      num
-^gsl/        GSL       num quality base
+^gsl/        GSL       num
 ^sep\.h      sep       detect measure
 ^mpi\.h      MPI       par
 ^expat       expat     catalog

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "quality/hypothesis.h"
+#include "num/special.h"
 
 static const rx_paper_table tables[RX_PAPER_TABLES] = {
     {.number = 1,

@@ -13,13 +13,6 @@ typedef struct rx_estimate {
     long n; /* sources behind it */
 } rx_estimate;
 
-/* Regularised incomplete beta function I_x(a, b), a and b > 0 (continued fraction, DLMF 8.17.22). */
-double rx_incomplete_beta(double a, double b, double x);
-
-/* Its continued fraction, I_x(a, b) a B(a, b) / (x^a (1 - x)^b), for logarithms of tiny values; modified
- * Lentz method (Lentz 1976, Appl. Opt. 15, 668), fast for x < (a+1)/(a+b+2), to be used only there. */
-double rx_beta_fraction(double a, double b, double x);
-
 /* P(X <= k) for X ~ Binomial(n, p). */
 double rx_binomial_below(long k, long n, double p);
 

@@ -1,62 +1,19 @@
-/* Student's t in its forms, Holm's correction, Poisson limits, box plots. Wilcoxon is in wilcoxon.c. */
+/* Tests by Student's t, Holm's correction, Poisson limits, box plots. Wilcoxon is in wilcoxon.c. */
 #include "quality/hypothesis.h"
 
 #include <float.h>
-#include <gsl/gsl_errno.h>
-#include <gsl/gsl_sf_gamma.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "num/special.h"
 #include "num/stats.h"
 #include "quality/bootstrap.h"
 #include "quality/sample.h"
 
 static const double LEVEL = 0.95;
-
-/* With x = dof / (dof + t^2), p = I_x(dof/2, 1/2): DLMF 8.17 and Abramowitz & Stegun 26.7.1. Everything in
- * logarithms, so that nothing underflows; 1 - x is t^2 / (dof + t^2), never a difference. */
-double rx_student_p(double t, double dof, double *ln_p)
-{
-    const double a = 0.5 * dof, b = 0.5;
-    double unused, *ln = ln_p != NULL ? ln_p : &unused;
-    *ln = NAN;
-    if (isnan(t) || !(dof > 0) || isinf(dof))
-        return NAN;
-    *ln = t == 0 ? 0 : -INFINITY;
-    if (t == 0 || isinf(t))
-        return t == 0 ? 1 : 0;
-    double ratio = fabs(t) / sqrt(dof); /* t^2 / dof may overflow, its logarithm not */
-    double ln_x = ratio < 1e100 ? -log1p(ratio * ratio) : -2 * log(ratio);
-    double ln_y = 2 * log(ratio) + ln_x;
-    double ln_front = a * ln_x + b * ln_y - gsl_sf_lnbeta(a, b), x = exp(ln_x), y = exp(ln_y);
-    if (x < (a + 1) / (a + b + 2))
-        *ln = ln_front + log(rx_beta_fraction(a, b, x) / a);
-    else
-        *ln = log1p(-exp(ln_front) * rx_beta_fraction(b, a, y) / b);
-    return exp(*ln);
-}
-
-double rx_student_quantile(double p, double dof)
-{
-    double low = 0, high = 1;
-    if (!(p >= 0 && p <= 1) || !(dof > 0))
-        return NAN;
-    if (p == 0)
-        return INFINITY;
-    while (rx_student_p(high, dof, NULL) > p && high < 1e300)
-        high *= 2;
-    for (int i = 0; i < 60; i++) {
-        double middle = 0.5 * (low + high);
-        if (rx_student_p(middle, dof, NULL) > p)
-            low = middle;
-        else
-            high = middle;
-    }
-    return 0.5 * (low + high);
-}
 
 /* A sample reduced to what t tests need. */
 typedef struct moments {
@@ -201,26 +158,7 @@ rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err)
     return RX_OK;
 }
 
-/* Mean for which `count` or fewer (upper) or `count` or more events have probability `tail`. P(N >= k) is the
- * regularised incomplete gamma function P(k, mean), which grows with the mean. */
-static double poisson_mean(long count, double tail, bool upper)
-{
-    double shape = (double)count + (upper ? 1 : 0), low = 0, high = 2 * shape + 10;
-    gsl_set_error_handler_off(); /* a tail that underflows is 0, which serves */
-    while (upper && gsl_sf_gamma_inc_Q(shape, high) > tail)
-        high *= 2;
-    for (int i = 0; i < 80; i++) {
-        double middle = 0.5 * (low + high);
-        bool below =
-            upper ? gsl_sf_gamma_inc_Q(shape, middle) > tail : gsl_sf_gamma_inc_P(shape, middle) < tail;
-        if (below)
-            low = middle;
-        else
-            high = middle;
-    }
-    return 0.5 * (low + high);
-}
-
+/* P(N >= k) of a Poisson mean is P(k, mean), P(N <= k) is Q(k + 1, mean): num/special.h. */
 rx_estimate rx_poisson_interval(long count, double level)
 {
     double tail = 0.5 * (1 - level);
@@ -228,8 +166,8 @@ rx_estimate rx_poisson_interval(long count, double level)
     if (count < 0 || !(level > 0 && level < 1))
         return (rx_estimate){NAN, NAN, NAN, count};
     if (count > 0)
-        e.low = poisson_mean(count, tail, false);
-    e.high = poisson_mean(count, tail, true);
+        e.low = rx_gamma_p_inverse((double)count, tail);
+    e.high = rx_gamma_q_inverse((double)count + 1, tail);
     return e;
 }
 
@@ -244,7 +182,7 @@ rx_estimate rx_poisson_rate(long count, double extent, double level)
 
 double rx_poisson_upper(long count, double level)
 {
-    return count >= 0 && level > 0 && level < 1 ? poisson_mean(count, 1 - level, true) : NAN;
+    return count >= 0 ? rx_gamma_q_inverse((double)count + 1, 1 - level) : NAN;
 }
 
 rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst, rx_error *err)

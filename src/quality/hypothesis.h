@@ -46,19 +46,12 @@ rx_status rx_paired_bootstrap(long n, const double *a, const double *b, double l
 rx_status rx_holm(long n, const double *p, double *adjusted, rx_error *err);
 
 /* Interval of a Poisson mean from `count` events (exact, Garwood 1936, Biometrika 28, 437), two-sided at
- * `level`; and the one-sided upper limit at `level`. Accuracy 1e-12 relative for counts up to 1e6. n of the
+ * `level`; and the one-sided upper limit at `level`. Accuracy 1e-11 relative for counts up to 1e6. n of the
  * estimate is the count. */
 rx_estimate rx_poisson_interval(long count, double level);
 /* The same of a rate, count events in `extent` of whatever it is. */
 rx_estimate rx_poisson_rate(long count, double extent, double level);
 double rx_poisson_upper(long count, double level);
-
-/* p of Student's t, two-sided, and its logarithm (may be NULL): for the numbers that papers print. NAN when t
- * is NAN or dof not positive. */
-double rx_student_p(double t, double dof, double *ln_p);
-
-/* t with rx_student_p(t, dof) = p, positive, for p in 0..1: half width of intervals in standard errors. */
-double rx_student_quantile(double p, double dof);
 
 /* Box plot: quartiles (linear interpolation, as numpy's default), whiskers at the last value within 1.5 IQR
  * of the box (Tukey 1977). Errors: RX_USAGE n < 1, RX_INPUT a value that is not finite, RX_SYSTEM memory. */

@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "data/psf.h"
+#include "num/special.h"
 #include "quality/bootstrap.h"
 
 #define RX_METRIC_ROW(id, name, unit, whole, help) {name, unit, help, whole},

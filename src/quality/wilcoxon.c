@@ -1,11 +1,11 @@
 /* Wilcoxon's signed-rank test and the estimate that belongs to it. */
-#include <gsl/gsl_sf_erf.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "num/special.h"
 #include "num/stats.h"
 #include "quality/hypothesis.h"
 #include "quality/sample.h"
@@ -159,7 +159,7 @@ static void judge(const ranks *r, rx_test *dst)
     double width = sqrt(all * (2 * n + 1) / 12 - r->ties / 48);
     double away = dst->statistic - 0.5 * all;
     double z = (away < 0 ? away + 0.5 : away) / width;
-    dst->ln_p = fmin(0, gsl_sf_log_erfc(fabs(z) * M_SQRT1_2));
+    dst->ln_p = rx_normal_log_p(z);
     dst->p = exp(dst->ln_p);
 }
 

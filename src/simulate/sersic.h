@@ -27,7 +27,4 @@ void rx_sersic_set(double n, rx_sersic *dst);
 /* Share of the flux within R half-light radii, 0..1. */
 double rx_sersic_within(const rx_sersic *profile, double radius);
 
-/* P(a, x), a > 0; relative accuracy 1e-12. */
-double rx_gamma_within(double a, double x);
-
 #endif

@@ -7,3 +7,5 @@ check_PROGRAMS += tests/unit/num/test_lsq
 tests_unit_num_test_lsq_SOURCES = tests/unit/num/test_lsq.c
 check_PROGRAMS += tests/unit/num/test_normal
 tests_unit_num_test_normal_SOURCES = tests/unit/num/test_normal.c
+check_PROGRAMS += tests/unit/num/test_special
+tests_unit_num_test_special_SOURCES = tests/unit/num/test_special.c

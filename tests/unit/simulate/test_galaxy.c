@@ -49,19 +49,6 @@ static void test_profiles(void **state)
     }
 }
 
-/* scipy.special.gammainc(a, x) on both sides of x = a + 1. */
-static void test_gamma(void **state)
-{
-    (void)state;
-    const double cases[][3] = {{1, 0.1, 0.09516258196404},   {2, 2.5, 0.71270250481635},
-                               {2, 3.5, 0.86411177459957},   {8, 7.669, 0.4999639336683},
-                               {8, 20, 0.99922140991749},    {0.6, 0.3, 0.48758310878069},
-                               {20, 10, 0.0034543419758568}, {20, 35, 0.99767549339216}};
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        assert_true(fabs(rx_gamma_within(cases[i][0], cases[i][1]) / cases[i][2] - 1.0) < 1e-11);
-    assert_true(rx_gamma_within(2.0, 0.0) == 0.0);
-}
-
 /* --- grids --- */
 
 /* n x n cells of 1/3 pixel around pixel position 0, 0. */
@@ -443,10 +430,16 @@ static void test_reach(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_profiles), cmocka_unit_test(test_gamma), cmocka_unit_test(test_flux),
-        cmocka_unit_test(test_cells),    cmocka_unit_test(test_shape), cmocka_unit_test(test_components_add),
-        cmocka_unit_test(test_arms),     cmocka_unit_test(test_bar),   cmocka_unit_test(test_extremes),
-        cmocka_unit_test(test_clipped),  cmocka_unit_test(test_reach),
+        cmocka_unit_test(test_profiles),
+        cmocka_unit_test(test_flux),
+        cmocka_unit_test(test_cells),
+        cmocka_unit_test(test_shape),
+        cmocka_unit_test(test_components_add),
+        cmocka_unit_test(test_arms),
+        cmocka_unit_test(test_bar),
+        cmocka_unit_test(test_extremes),
+        cmocka_unit_test(test_clipped),
+        cmocka_unit_test(test_reach),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,133 @@
+/* Distributions by GSL's special functions. */
+#include "num/special.h"
+
+#include <gsl/gsl_errno.h>
+#include <gsl/gsl_sf_erf.h>
+#include <gsl/gsl_sf_gamma.h>
+#include <gsl/gsl_sf_hyperg.h>
+#include <math.h>
+#include <stdbool.h>
+
+double rx_beta_inc(double a, double b, double x)
+{
+    if (!(a > 0 && b > 0) || isnan(x))
+        return NAN;
+    if (x <= 0 || x >= 1)
+        return x >= 1;
+    gsl_set_error_handler_off(); /* a tail that underflows is 0, which serves */
+    return gsl_sf_beta_inc(a, b, x);
+}
+
+double rx_gamma_p(double a, double x)
+{
+    if (!(a > 0) || isnan(x))
+        return NAN;
+    gsl_set_error_handler_off();
+    return x > 0 ? gsl_sf_gamma_inc_P(a, x) : 0;
+}
+
+double rx_gamma_q(double a, double x)
+{
+    if (!(a > 0) || isnan(x))
+        return NAN;
+    gsl_set_error_handler_off();
+    return x > 0 ? gsl_sf_gamma_inc_Q(a, x) : 1;
+}
+
+double rx_gamma_log(double a)
+{
+    int sign;
+    return lgamma_r(a, &sign);
+}
+
+/* With x = dof / (dof + t^2), p = I_x(dof/2, 1/2): DLMF 8.17 and Abramowitz & Stegun 26.7.1; 1 - x is
+ * t^2 / (dof + t^2), never a difference. Where p underflows, its logarithm is that of
+ * x^a (1-x)^b / (a B(a, b)) 2F1(a + b, 1; a + 1; x), DLMF 8.17.8. */
+double rx_student_p(double t, double dof, double *ln_p)
+{
+    const double a = 0.5 * dof, b = 0.5, least = 1e-250;
+    double unused, *ln = ln_p != NULL ? ln_p : &unused;
+    *ln = NAN;
+    if (isnan(t) || !(dof > 0) || isinf(dof))
+        return NAN;
+    *ln = t == 0 ? 0 : -INFINITY;
+    if (t == 0 || isinf(t))
+        return t == 0 ? 1 : 0;
+    double ratio = fabs(t) / sqrt(dof); /* t^2 / dof may overflow, its logarithm not */
+    double ln_x = ratio < 1e100 ? -log1p(ratio * ratio) : -2 * log(ratio);
+    double ln_y = 2 * log(ratio) + ln_x, x = exp(ln_x), y = exp(ln_y), p = rx_beta_inc(a, b, x);
+    if (p > 0.5)
+        *ln = log1p(-rx_beta_inc(b, a, y));
+    else if (p > least)
+        *ln = log(p);
+    else
+        *ln = a * ln_x + b * ln_y - gsl_sf_lnbeta(a, b) + log(gsl_sf_hyperg_2F1(a + b, 1, a + 1, x) / a);
+    return exp(*ln);
+}
+
+double rx_normal_log_p(double z)
+{
+    gsl_set_error_handler_off();
+    return fmin(0, gsl_sf_log_erfc(fabs(z) * M_SQRT1_2));
+}
+
+static double student_p(double dof, double unused, double t)
+{
+    (void)unused;
+    return rx_student_p(t, dof, NULL);
+}
+
+static double gamma_p(double a, double unused, double x)
+{
+    (void)unused;
+    return rx_gamma_p(a, x);
+}
+
+static double gamma_q(double a, double unused, double x)
+{
+    (void)unused;
+    return rx_gamma_q(a, x);
+}
+
+/* x >= 0 with f(a, b, x) = target, f growing with x or falling: the bracket from 0 to high is first doubled
+ * until it holds the root, then halved until no double lies between its ends. */
+static double root(double (*f)(double, double, double), double a, double b, double target, bool grows,
+                   double high)
+{
+    double low = 0;
+    while (high < 1e300 && (grows ? f(a, b, high) < target : f(a, b, high) > target))
+        high *= 2;
+    for (;;) {
+        double middle = 0.5 * (low + high);
+        if (middle <= low || middle >= high)
+            return middle;
+        if (grows ? f(a, b, middle) < target : f(a, b, middle) > target)
+            low = middle;
+        else
+            high = middle;
+    }
+}
+
+double rx_beta_inverse(double a, double b, double q)
+{
+    if (!(a > 0 && b > 0 && q >= 0 && q <= 1))
+        return NAN;
+    return root(rx_beta_inc, a, b, q, true, 1);
+}
+
+double rx_gamma_p_inverse(double a, double p)
+{
+    return a > 0 && p > 0 && p < 1 ? root(gamma_p, a, 0, p, true, 2 * a + 10) : NAN;
+}
+
+double rx_gamma_q_inverse(double a, double q)
+{
+    return a > 0 && q > 0 && q < 1 ? root(gamma_q, a, 0, q, false, 2 * a + 10) : NAN;
+}
+
+double rx_student_quantile(double p, double dof)
+{
+    if (!(p >= 0 && p <= 1) || !(dof > 0))
+        return NAN;
+    return p == 0 ? INFINITY : root(student_p, dof, 0, p, false, 1);
+}

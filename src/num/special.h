@@ -1,0 +1,33 @@
+/* Distributions: beta, gamma (Poisson), Student's t, the normal tail. GSL's functions behind one header; their
+ * inverses are found by bisection to neighbouring doubles, since GSL's own (gsl_cdf_*_Pinv of 2.7) end without a
+ * root for shapes of some hundred and more. No function has state or fails: an argument outside of the range
+ * gives NAN. */
+#ifndef RX_NUM_SPECIAL_H
+#define RX_NUM_SPECIAL_H
+
+/* Regularised incomplete beta function I_x(a, b), a, b > 0: 0 below x = 0, 1 above x = 1. Accuracy 1e-11 for
+ * a, b up to 1e6. */
+double rx_beta_inc(double a, double b, double x);
+/* x in 0..1 with I_x(a, b) = q. */
+double rx_beta_inverse(double a, double b, double q);
+
+/* Regularised incomplete gamma functions P(a, x) and Q = 1 - P, a > 0; P is 0 below x = 0. Relative accuracy
+ * 1e-12 for a up to 100. */
+double rx_gamma_p(double a, double x);
+double rx_gamma_q(double a, double x);
+/* x >= 0 with P(a, x) = p or with Q(a, x) = q, p and q between 0 and 1. */
+double rx_gamma_p_inverse(double a, double p);
+double rx_gamma_q_inverse(double a, double q);
+/* Logarithm of the gamma function, a > 0; unlike lgamma() it writes no variable that threads share. */
+double rx_gamma_log(double a);
+
+/* p of Student's t, two-sided, and its logarithm (may be NULL), which does not underflow: for the numbers that
+ * papers print. NAN when t is NAN or dof not positive. */
+double rx_student_p(double t, double dof, double *ln_p);
+/* t with rx_student_p(t, dof) = p, positive, for p in 0..1: half width of intervals in standard errors. */
+double rx_student_quantile(double p, double dof);
+
+/* Logarithm of the two-sided p of a normal deviate z. */
+double rx_normal_log_p(double z);
+
+#endif
