@@ -88,17 +88,12 @@ static rx_status take_line(void *user, const char *line, rx_error *err)
     return status;
 }
 
-static rx_status add_part(rx_replay_record *record, int hdu, const char *digest, rx_error *err)
+static rx_status add_part(rx_replay_record *record, const char *digest, rx_error *err)
 {
-    int *hdus = rx_regrow(record->hdus, (size_t)record->nparts + 1, sizeof *hdus);
-    if (hdus != NULL)
-        record->hdus = hdus;
     char(*digests)[RX_HASH_TEXT] = rx_regrow(record->digests, (size_t)record->nparts + 1, sizeof *digests);
-    if (digests != NULL)
-        record->digests = digests;
-    if (hdus == NULL || digests == NULL)
+    if (digests == NULL)
         return rx_error_memory(err, 0);
-    hdus[record->nparts] = hdu;
+    record->digests = digests;
     snprintf(digests[record->nparts++], RX_HASH_TEXT, "%s", digest);
     return RX_OK;
 }
@@ -145,7 +140,7 @@ static rx_status read_hdu(reading *r, int hdu, char version[72], rx_error *err)
     if (r->first > 0)
         keep_made(r->record, r->first);
     status = rx_fits_digest_hdu(r->path, hdu, digest, err);
-    return status == RX_OK ? add_part(r->record, hdu, digest, err) : status;
+    return status == RX_OK ? add_part(r->record, digest, err) : status;
 }
 
 static rx_status read_fits(reading *r, rx_error *err)
@@ -164,12 +159,8 @@ static rx_status read_fits(reading *r, rx_error *err)
 
 /* --- text --- */
 
-/* The line ends at *end, which becomes 0 for the time being. */
-typedef rx_status (*line_taker)(reading *r, char *line, rx_hash *rows, int *in_table, rx_error *err);
-
-static rx_status take_ascii(reading *r, char *line, rx_hash *rows, int *in_table, rx_error *err)
+static rx_status take_ascii(reading *r, const char *line, rx_hash *rows, rx_error *err)
 {
-    (void)in_table;
     if (line[0] == '#')
         return line[1] == ' ' ? take_line(r, line + 2, err) : RX_OK;
     rx_hash_add(rows, line, strlen(line));
@@ -202,7 +193,7 @@ static size_t without_number(const char *name, size_t length)
     return numbered && strspn(name + plain, "0123456789") == length - plain ? plain : length;
 }
 
-/* Of a VOTable that nobody has laid out anew: PARAMs and rows stand in lines of their own. */
+/* Of a VOTable that no one has laid out anew: PARAMs and rows stand in lines of their own. */
 static rx_status take_votable(reading *r, char *line, rx_hash *rows, int *in_table, rx_error *err)
 {
     static const char param[] = "  <PARAM name=\"",
@@ -216,7 +207,7 @@ static rx_status take_votable(reading *r, char *line, rx_hash *rows, int *in_tab
         char digest[RX_HASH_TEXT];
         *in_table = 0;
         rx_hash_text(rows, digest);
-        return add_part(r->record, -1, digest, err);
+        return add_part(r->record, digest, err);
     }
     if (*in_table) {
         rx_hash_add(rows, line, strlen(line));
@@ -246,18 +237,17 @@ static rx_status read_text(reading *r, rx_error *err)
     rx_hash rows;
     rx_status status = rx_text_read_file(r->path, MAX_TEXT_BYTES, &text, NULL, err);
     rx_hash_begin(&rows);
-    r->record->format = text != NULL && strncmp(text, "<?xml", 5) == 0 ? RX_REPLAY_VOTABLE : RX_REPLAY_ASCII;
+    const bool votable = text != NULL && strncmp(text, "<?xml", 5) == 0;
     for (char *line = text; status == RX_OK && line != NULL && *line != '\0';) {
         char *end = strchr(line, '\n');
         if (end != NULL)
             *end = '\0';
-        status = r->record->format == RX_REPLAY_VOTABLE ? take_votable(r, line, &rows, &in_table, err)
-                                                        : take_ascii(r, line, &rows, &in_table, err);
+        status = votable ? take_votable(r, line, &rows, &in_table, err) : take_ascii(r, line, &rows, err);
         line = end != NULL ? end + 1 : NULL;
     }
-    if (status == RX_OK && r->record->format == RX_REPLAY_ASCII) {
+    if (status == RX_OK && !votable) {
         rx_hash_text(&rows, digest);
-        status = add_part(r->record, -1, digest, err);
+        status = add_part(r->record, digest, err);
     }
     if (!r->complete)
         forget_lines(r->record, 0);
@@ -305,8 +295,8 @@ rx_status rx_replay_record_read(const char *path, rx_replay_record **dst, rx_err
     const size_t n = file != NULL ? fread(head, 1, sizeof head, file) : 0;
     if (file != NULL)
         fclose(file);
-    const int fits = n == sizeof head && memcmp(head, "SIMPLE", sizeof head) == 0;
-    rx_status status = fits ? read_fits(&r, err) : read_text(&r, err);
+    record->fits = n == sizeof head && memcmp(head, "SIMPLE", sizeof head) == 0;
+    rx_status status = record->fits ? read_fits(&r, err) : read_text(&r, err);
     if (status == RX_OK)
         status = check_lines(&r, err);
     if (status == RX_OK)
@@ -322,7 +312,6 @@ void rx_replay_record_free(rx_replay_record *record)
         return;
     forget_lines(record, 0);
     free(record->lines);
-    free(record->hdus);
     free(record->digests);
     free(record);
 }

@@ -3,6 +3,8 @@
 #ifndef RX_SURVEY_REPLAY_RECORD_H
 #define RX_SURVEY_REPLAY_RECORD_H
 
+#include <stdbool.h>
+
 #include "base/error.h"
 #include "base/hash.h"
 #include "config/config.h"
@@ -12,15 +14,12 @@ typedef struct rx_replay_line {
     char *name, *value; /* owned */
 } rx_replay_line;
 
-typedef enum rx_replay_format { RX_REPLAY_FITS, RX_REPLAY_ASCII, RX_REPLAY_VOTABLE } rx_replay_format;
-
 typedef struct rx_replay_record {
-    rx_replay_format format;
+    bool fits; /* not a text */
     int n;
     rx_replay_line *lines;         /* from RECORD to END; of further HDUs what they have made */
     int intact;                    /* END fits to what stands above it, in every HDU */
     int nparts;                    /* parts of the file that hold rows or pixels */
-    int *hdus;                     /* [nparts] of FITS: their HDUs */
     char (*digests)[RX_HASH_TEXT]; /* [nparts] of the rows or pixels as they are in the file now */
 } rx_replay_record;
 
