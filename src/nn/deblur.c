@@ -55,23 +55,16 @@ static rx_status check_sum(const float *psf, int size, rx_error *err)
     return RX_OK;
 }
 
-/* K' of the stamp on the domain of fft, around the origin, as a real plane. ku[width/2+1], kv[height]. */
-static void relative_plane(const rx_fft *fft, const float *psf, int size, double target_fwhm, float *ku,
-                           float *kv, float *spectrum, float *plane)
+/* The target's spectra ku[width/2+1] and, after it, kv[height] on the domain of fft; the caller's to free. */
+static float *target_spectra(const rx_fft *fft, double fwhm)
 {
     const int w = rx_fft_width(fft), h = rx_fft_height(fft);
-    const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
-    rx_convolve_spectrum(fft, psf, size, plane, spectrum);
-    target_spectrum(target_fwhm, w, w / 2 + 1, ku);
-    target_spectrum(target_fwhm, h, h, kv);
-    for (int u = 0; u <= w / 2; u++)
-        for (int v = 0; v < h; v++) {
-            const double k = (double)ku[u] * kv[v], gain = (1 + DELTA) * k / (k * k + DELTA);
-            float *z = spectrum + (size_t)u * stride + 2 * (size_t)v;
-            z[0] = (float)(z[0] * gain);
-            z[1] = (float)(z[1] * gain);
-        }
-    rx_fft_inverse(fft, spectrum, plane);
+    float *ku = RX_NEW(float, (size_t)(w / 2 + 1 + h));
+    if (ku == NULL)
+        return NULL;
+    target_spectrum(fwhm, w, w / 2 + 1, ku);
+    target_spectrum(fwhm, h, h, ku + w / 2 + 1);
+    return ku;
 }
 
 /* *dst: real plane of *fft with K' around the origin; both are the caller's. */
@@ -86,20 +79,29 @@ static rx_status make_relative(const float *psf, int size, double target_fwhm, i
         status = rx_fft_new(side, side, 1, fft, err);
     if (status != RX_OK)
         return status;
-    float *plane = rx_fft_real(*fft), *spectrum = rx_fft_complex(*fft);
-    float *ku = RX_NEW(float, side), *kv = RX_NEW(float, side);
-    if (plane == NULL || spectrum == NULL || ku == NULL || kv == NULL) {
+    const size_t stride = 2 * (size_t)rx_fft_stride_complex(*fft);
+    float *plane = rx_fft_real(*fft), *spectrum = rx_fft_complex(*fft),
+          *ku = target_spectra(*fft, target_fwhm);
+    if (plane == NULL || spectrum == NULL || ku == NULL) {
         status = rx_error_memory(err, 0);
         goto exit;
     }
-    relative_plane(*fft, psf, size, target_fwhm, ku, kv, spectrum, plane);
+    const float *kv = ku + side / 2 + 1;
+    rx_convolve_spectrum(*fft, psf, size, spectrum);
+    for (int u = 0; u <= side / 2; u++)
+        for (int v = 0; v < side; v++) {
+            const double k = (double)ku[u] * kv[v], gain = (1 + DELTA) * k / (k * k + DELTA);
+            float *z = spectrum + (size_t)u * stride + 2 * (size_t)v;
+            z[0] = (float)(z[0] * gain);
+            z[1] = (float)(z[1] * gain);
+        }
+    rx_fft_inverse(*fft, spectrum, plane);
     *dst = plane;
     plane = NULL;
 exit:
     free(plane);
     free(spectrum);
     free(ku);
-    free(kv);
     if (status != RX_OK) {
         rx_fft_free(*fft);
         *fft = NULL;
@@ -181,43 +183,30 @@ rx_status rx_deblur_relative_size(const float *psf, int size, double target_fwhm
     return status;
 }
 
-/* relative: the stamp is K', and O = K' K. The target's spectra lie in `work` once the stamp's is known. */
-static rx_status tikhonov(const rx_fft *fft, const float *stamp, int size, int relative, double target_fwhm,
-                          double epsilon, float *work, float *spectrum, rx_error *err)
+rx_status rx_deblur_tikhonov(const rx_fft *fft, const float *stamp, int size, const rx_tikhonov *filter,
+                             float *spectrum, rx_error *err)
 {
     const int w = rx_fft_width(fft), h = rx_fft_height(fft);
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(fft);
-    const double pixels = (double)w * h;
-    rx_status status = check_stamp(stamp, size, err);
-    if (status != RX_OK)
-        return status;
+    const double pixels = (double)w * h, epsilon = filter->epsilon;
+    RX_TRY(check_stamp(stamp, size, err));
     if (size > w || size > h || h < 2 || w < 2)
         return rx_error_set(err, RX_INPUT, "a PSF of %d pixels does not fit into %d x %d; give a smaller one",
                             size, w, h);
-    rx_convolve_spectrum(fft, stamp, size, work, spectrum);
-    float *ku = work, *kv = work + rx_fft_stride_real(fft);
-    target_spectrum(target_fwhm, w, w / 2 + 1, ku);
-    target_spectrum(target_fwhm, h, h, kv);
+    float *ku = target_spectra(fft, filter->target_fwhm);
+    if (ku == NULL)
+        return rx_error_memory(err, 0);
+    const float *kv = ku + w / 2 + 1;
+    rx_convolve_spectrum(fft, stamp, size, spectrum);
     for (int u = 0; u <= w / 2; u++)
         for (int v = 0; v < h; v++) {
             float *z = spectrum + (size_t)u * stride + 2 * (size_t)v;
-            const double k = (double)ku[u] * kv[v], optics = pixels * (relative ? k : 1);
+            const double k = (double)ku[u] * kv[v], optics = pixels * (filter->relative ? k : 1);
             const double re = z[0] * optics, im = z[1] * optics;
             const double gain = (1 + epsilon) * k / ((re * re + im * im + epsilon) * pixels);
             z[0] = (float)(re * gain);
             z[1] = (float)(-im * gain);
         }
+    free(ku);
     return RX_OK;
-}
-
-rx_status rx_deblur_tikhonov(const rx_fft *fft, const float *psf, int size, double target_fwhm,
-                             double epsilon, float *work, float *spectrum, rx_error *err)
-{
-    return tikhonov(fft, psf, size, 0, target_fwhm, epsilon, work, spectrum, err);
-}
-
-rx_status rx_deblur_tikhonov_relative(const rx_fft *fft, const float *relative, int size, double target_fwhm,
-                                      double epsilon, float *work, float *spectrum, rx_error *err)
-{
-    return tikhonov(fft, relative, size, 1, target_fwhm, epsilon, work, spectrum, err);
 }

@@ -34,16 +34,16 @@ rx_status rx_deblur_relative(const float *psf, int size, double target_fwhm, int
 rx_status rx_deblur_relative_size(const float *psf, int size, double target_fwhm, int largest, int *dst,
                                   rx_error *err);
 
-/* spectrum (complex plane of fft, made by the caller) of the Tikhonov filter, ready for rx_convolve():
- * includes 1/(width height). `work`: real plane, overwritten. psf must fit into the domain. Allocates
- * nothing. Its adjoint is rx_correlate(). Errors: RX_INPUT (a PSF that is not finite, or larger than the
- * domain). */
-rx_status rx_deblur_tikhonov(const rx_fft *fft, const float *psf, int size, double target_fwhm,
-                             double epsilon, float *work, float *spectrum, rx_error *err);
+typedef struct rx_tikhonov {
+    double target_fwhm, epsilon;
+    int relative; /* 1: the stamp is the relative PSF, O = K' * K */
+} rx_tikhonov;
 
-/* The same from the relative PSF: O = K' * K. */
-rx_status rx_deblur_tikhonov_relative(const rx_fft *fft, const float *relative, int size, double target_fwhm,
-                                      double epsilon, float *work, float *spectrum, rx_error *err);
+/* spectrum (complex plane of fft, made by the caller) of the Tikhonov filter, ready for rx_convolve():
+ * includes 1/(width height). The stamp must fit into the domain. Its adjoint is rx_correlate(). Errors:
+ * RX_INPUT (a PSF that is not finite, or larger than the domain), RX_SYSTEM. */
+rx_status rx_deblur_tikhonov(const rx_fft *fft, const float *stamp, int size, const rx_tikhonov *filter,
+                             float *spectrum, rx_error *err);
 
 /* How far the Tikhonov filter reaches (in x or y): beyond it the filter's values sum (absolutely) to less
  * than 1e-3, for epsilon 0.02 and Moffat PSFs of FWHM up to 8, beta 3 to 5: 8e-4 at FWHM 8 and beta 3 (where

@@ -63,7 +63,7 @@ void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size)
     for (size_t k = 0; k < (size_t)size * (size_t)size; k++)
         sum += stamp[k];
     step->sum = (float)sum;
-    rx_convolve_spectrum(step->fft, stamp, size, step->work, step->kernel);
+    rx_convolve_spectrum(step->fft, stamp, size, step->kernel);
 }
 
 void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out)

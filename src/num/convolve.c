@@ -8,18 +8,30 @@
 
 #include "base/memory.h"
 
-void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float *work, float *spectrum)
+/* A stamp around the origin of a cyclic plane. */
+typedef struct stamp_rows {
+    const float *stamp;
+    int size, width, height;
+} stamp_rows;
+
+static int read_stamp(void *user, int y, float *line)
 {
-    const int w = rx_fft_width(fft), h = rx_fft_height(fft), centre = size / 2;
-    const size_t stride = (size_t)rx_fft_stride_real(fft);
-    const double scale = 1.0 / ((double)w * h);
-    memset(work, 0, stride * (size_t)h * sizeof *work);
-    for (int j = 0; j < size; j++)
-        for (int i = 0; i < size; i++) {
-            size_t y = (size_t)((j - centre + h) % h), x = (size_t)((i - centre + w) % w);
-            work[y * stride + x] = (float)(stamp[(size_t)j * size + i] * scale);
-        }
-    rx_fft_forward(fft, work, spectrum);
+    const stamp_rows *s = user;
+    const int centre = s->size / 2, j = (y + centre) % s->height;
+    const double scale = 1.0 / ((double)s->width * s->height);
+    if (j >= s->size)
+        return 0;
+    memset(line, 0, (size_t)s->width * sizeof *line);
+    for (int i = 0; i < s->size; i++)
+        line[(i - centre + s->width) % s->width] =
+            (float)(s->stamp[(size_t)j * (size_t)s->size + (size_t)i] * scale);
+    return 1;
+}
+
+void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum)
+{
+    stamp_rows rows = {stamp, size, rx_fft_width(fft), rx_fft_height(fft)};
+    rx_fft_forward_rows(fft, read_stamp, &rows, spectrum);
 }
 
 /* n complex numbers: d (+)= k s with the sign of Im k given. */

@@ -13,9 +13,9 @@
 #include "num/fft.h"
 
 /* spectrum (a complex plane) of the stamp[size][size], centre moved to the origin, divided
- * by width*height so that the unnormalised inverse needs no further factor. `work` is a real
- * plane, overwritten. size <= width, height; odd. */
-void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float *work, float *spectrum);
+ * by width*height so that the unnormalised inverse needs no further factor. size <= width,
+ * height; odd. */
+void rx_convolve_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum);
 
 /* dst (+)= kernel * src, conj(kernel) * src when `conjugate`; dst may be src. */
 void rx_convolve_multiply(const rx_fft *fft, const float *kernel, const float *src, bool conjugate, bool add,

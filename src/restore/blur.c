@@ -22,11 +22,12 @@ static const struct {
                {1600, 6.5}, {2048, 7.3}, {3200, 7.5}, {4096, 7.8}, {6400, 8.5}, {8192, 9.0}};
 static const double COST_OF_OTHERS = 9;
 
-struct rx_blur_work {
-    rx_fft *fft;
-    float *half;       /* complex */
-    float *sum, *back; /* complex and real, of a varying PSF */
-};
+/* ---- terms and planes of a domain ---- */
+
+int rx_psf_varies(const rx_psf *psf)
+{
+    return psf->nbasis > 1 || psf->px[0] != 0 || psf->py[0] != 0;
+}
 
 static double clamp(double v, double low, double high)
 {
@@ -49,6 +50,162 @@ static double largest(const float *values, size_t n)
         max = fmax(max, fabs(values[i]));
     return max;
 }
+
+/* The coefficients of one basis image into cx, cy[n]; *most: the largest product. */
+static rx_status set_coefficients(rx_blur_kernel *k, const rx_psf *psf, int basis, double *most,
+                                  rx_error *err)
+{
+    const int w = k->width + 2 * k->margin, h = k->height + 2 * k->margin, i = k->n;
+    if (k->cx[i] == NULL)
+        k->cx[i] = RX_NEW(float, (size_t)w);
+    if (k->cy[i] == NULL)
+        k->cy[i] = RX_NEW(float, (size_t)h);
+    if (k->cx[i] == NULL || k->cy[i] == NULL)
+        return rx_error_memory(err, (size_t)(w + h) * sizeof(float));
+    for (int x = 0; x < w; x++)
+        k->cx[i][x] = (float)polynomial(x, k->margin, k->width, psf->x0, psf->xs, psf->px[basis]);
+    for (int y = 0; y < h; y++)
+        k->cy[i][y] = (float)polynomial(y, k->margin, k->height, psf->y0, psf->ys, psf->py[basis]);
+    *most = largest(k->cx[i], (size_t)w) * largest(k->cy[i], (size_t)h);
+    return RX_OK;
+}
+
+rx_status rx_blur_kernel_make(const rx_fft *fft, const rx_psf *psf, int width, int height,
+                              rx_blur_kernel *dst, rx_error *err)
+{
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    const double peak = largest(psf->basis, n);
+    *dst = (rx_blur_kernel){.width = width, .height = height, .margin = psf->size / 2};
+    for (int i = 0; i < psf->nbasis; i++) {
+        const float *stamp = psf->basis + n * (size_t)i;
+        double most = 0;
+        rx_status status = set_coefficients(dst, psf, i, &most, err);
+        if (status != RX_OK)
+            return status;
+        if (!(most * largest(stamp, n) > NEGLIGIBLE * peak))
+            continue;
+        if (psf->px[i] != 0 || psf->py[i] != 0 || dst->n > 0)
+            dst->varies = 1;
+        float *spectrum = dst->spectrum[dst->n++] = rx_fft_complex(fft);
+        if (spectrum == NULL)
+            return rx_error_memory(err, rx_fft_complex_size(fft) * sizeof *spectrum);
+        rx_convolve_spectrum(fft, stamp, psf->size, spectrum);
+    }
+    if (dst->n == 0)
+        return rx_error_set(err, RX_INPUT, "the PSF vanishes on the tile; give another one");
+    return RX_OK;
+}
+
+void rx_blur_kernel_clear(rx_blur_kernel *kernel)
+{
+    for (int i = 0; i < RX_PSF_MAX_BASIS; i++) {
+        free(kernel->spectrum[i]);
+        free(kernel->cx[i]);
+        free(kernel->cy[i]);
+    }
+}
+
+rx_status rx_blur_domain_make(int width, int height, int nthreads, int varies, rx_blur_domain *dst,
+                              rx_error *err)
+{
+    rx_status status = rx_fft_new(width, height, nthreads, &dst->fft, err);
+    if (status != RX_OK)
+        return status;
+    dst->half = rx_fft_complex(dst->fft);
+    dst->sum = varies ? rx_fft_complex(dst->fft) : NULL;
+    dst->back = varies ? rx_fft_real(dst->fft) : NULL;
+    if (dst->half == NULL || (varies && (dst->sum == NULL || dst->back == NULL)))
+        return rx_error_memory(err, rx_fft_complex_size(dst->fft) * sizeof(float));
+    return RX_OK;
+}
+
+void rx_blur_domain_clear(rx_blur_domain *domain)
+{
+    rx_fft_free(domain->fft);
+    free(domain->half);
+    free(domain->sum);
+    free(domain->back);
+}
+
+/* ---- on a domain ---- */
+
+/* One term of a varying PSF on its way. */
+typedef struct weighted {
+    const rx_blur_kernel *kernel;
+    const rx_blur_domain *domain;
+    const rx_blur_rows *rows;
+    int term;
+} weighted;
+
+static int read_weighted(void *user, int j, float *line)
+{
+    const weighted *w = user;
+    const rx_blur_kernel *kernel = w->kernel;
+    if (!w->rows->read(w->rows->user, j, line))
+        return 0;
+    const int margin = kernel->margin, x = w->domain->x, first = rx_max_int(x, -margin),
+              last = rx_min_int(x + rx_fft_width(w->domain->fft), kernel->width + margin);
+    const float c = kernel->cy[w->term][w->domain->y + j + margin],
+                *cx = kernel->cx[w->term] + (first + margin);
+    float *sky = line + (first - x);
+#pragma omp simd
+    for (int i = 0; i < last - first; i++)
+        sky[i] *= c * cx[i];
+    return 1;
+}
+
+/* Adds the weighted term to the sum, which is given away with the last one. */
+static void write_weighted(void *user, int j, float *line)
+{
+    const weighted *w = user;
+    const rx_blur_kernel *kernel = w->kernel;
+    const int left = w->rows->left, n = w->rows->right - left, margin = kernel->margin;
+    const float c = kernel->cy[w->term][w->domain->y + j + margin],
+                *cx = kernel->cx[w->term] + (w->domain->x + left + margin), *part = line + left;
+    float *row = w->domain->back + (size_t)j * (size_t)rx_fft_stride_real(w->domain->fft), *sum = row + left;
+    if (w->term == 0)
+        memset(sum, 0, (size_t)n * sizeof *sum);
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        sum[i] += c * cx[i] * part[i];
+    if (w->term == kernel->n - 1)
+        w->rows->write(w->rows->user, j, row);
+}
+
+void rx_blur_domain_apply(const rx_blur_kernel *kernel, const rx_blur_domain *domain,
+                          const rx_blur_rows *rows)
+{
+    weighted w = {kernel, domain, rows, 0};
+    if (!kernel->varies) {
+        rx_fft_filter_rows(domain->fft, rows->read, kernel->spectrum[0], false, domain->half, rows->top,
+                           rows->bottom, rows->write, rows->user);
+        return;
+    }
+    for (w.term = 0; w.term < kernel->n; w.term++) {
+        rx_fft_forward_rows(domain->fft, read_weighted, &w, domain->half);
+        rx_convolve_multiply(domain->fft, kernel->spectrum[w.term], domain->half, false, w.term > 0,
+                             domain->sum);
+    }
+    rx_fft_inverse_rows(domain->fft, domain->sum, rows->top, rows->bottom, rows->write, rows->user);
+}
+
+void rx_blur_domain_adjoint(const rx_blur_kernel *kernel, const rx_blur_domain *domain,
+                            const rx_blur_rows *rows)
+{
+    weighted w = {kernel, domain, rows, 0};
+    if (!kernel->varies) {
+        rx_fft_filter_rows(domain->fft, rows->read, kernel->spectrum[0], true, domain->half, rows->top,
+                           rows->bottom, rows->write, rows->user);
+        return;
+    }
+    rx_fft_forward_rows(domain->fft, rows->read, rows->user, domain->sum);
+    for (w.term = 0; w.term < kernel->n; w.term++) {
+        rx_convolve_multiply(domain->fft, kernel->spectrum[w.term], domain->sum, true, false, domain->half);
+        rx_fft_inverse_rows(domain->fft, domain->half, rows->top, rows->bottom, write_weighted, &w);
+    }
+}
+
+/* ---- the blocks of a tile ---- */
 
 rx_status rx_blur_check(const rx_psf *psf, int width, int height, rx_error *err)
 {
@@ -76,49 +233,6 @@ rx_status rx_blur_check(const rx_psf *psf, int width, int height, rx_error *err)
     return RX_OK;
 }
 
-/* The coefficients of one basis image into blur->cx, cy[nterms]; *peak is the largest product. */
-static rx_status set_coefficients(rx_blur *blur, const rx_psf *psf, int basis, double *peak, rx_error *err)
-{
-    const int w = blur->width + 2 * blur->margin, h = blur->height + 2 * blur->margin, i = blur->nterms;
-    if (blur->cx[i] == NULL)
-        blur->cx[i] = RX_NEW(float, (size_t)w);
-    if (blur->cy[i] == NULL)
-        blur->cy[i] = RX_NEW(float, (size_t)h);
-    if (blur->cx[i] == NULL || blur->cy[i] == NULL)
-        return rx_error_memory(err, (size_t)(w + h) * sizeof(float));
-    for (int x = 0; x < w; x++)
-        blur->cx[i][x] = (float)polynomial(x, blur->margin, blur->width, psf->x0, psf->xs, psf->px[basis]);
-    for (int y = 0; y < h; y++)
-        blur->cy[i][y] = (float)polynomial(y, blur->margin, blur->height, psf->y0, psf->ys, psf->py[basis]);
-    *peak = largest(blur->cx[i], (size_t)w) * largest(blur->cy[i], (size_t)h);
-    return RX_OK;
-}
-
-static rx_status add_terms(rx_blur *blur, const rx_psf *psf, rx_error *err)
-{
-    const size_t n = (size_t)psf->size * (size_t)psf->size;
-    const double peak = largest(psf->basis, n);
-    const rx_fft *fft = blur->work[0].fft;
-    for (int i = 0; i < psf->nbasis; i++) {
-        const float *stamp = psf->basis + n * (size_t)i;
-        double most = 0;
-        rx_status status = set_coefficients(blur, psf, i, &most, err);
-        if (status != RX_OK)
-            return status;
-        if (!(most * largest(stamp, n) > NEGLIGIBLE * peak))
-            continue;
-        if (psf->px[i] != 0 || psf->py[i] != 0 || blur->nterms > 0)
-            blur->varies = 1;
-        float *kernel = blur->kernel[blur->nterms++] = rx_fft_complex(fft);
-        if (kernel == NULL)
-            return rx_error_memory(err, rx_fft_complex_size(fft) * sizeof *kernel);
-        rx_convolve_spectrum(fft, stamp, psf->size, blur->plane, kernel);
-    }
-    if (blur->nterms == 0)
-        return rx_error_set(err, RX_INPUT, "the PSF vanishes on the tile; give another one");
-    return RX_OK;
-}
-
 static rx_blur_axis cut(int begin, int end, int most)
 {
     const int n = (end - begin + most - 1) / most;
@@ -143,45 +257,6 @@ static int choose_domain(int length, int margin)
     return best;
 }
 
-/* Blocks, and the threads' planes; where there are fewer blocks than threads, these share each transform. */
-static rx_status make_blocks(rx_blur *blur, int nthreads, rx_error *err)
-{
-    const int margin = blur->margin, threads = nthreads < 1 ? 1 : nthreads;
-    const int side_x = choose_domain(blur->width + 2 * margin, margin),
-              side_y = choose_domain(blur->height + 2 * margin, margin);
-    blur->tile_x = cut(0, blur->width, side_x - 2 * margin);
-    blur->tile_y = cut(0, blur->height, side_y - 2 * margin);
-    blur->sky_x = cut(-margin, blur->width + margin, side_x - 2 * margin);
-    blur->sky_y = cut(-margin, blur->height + margin, side_y - 2 * margin);
-    blur->nwork = blur->tile_x.n * blur->tile_y.n >= threads ? threads : 1;
-    blur->work = RX_NEW(rx_blur_work, (size_t)blur->nwork);
-    if (blur->work == NULL)
-        return rx_error_memory(err, 0);
-    for (int i = 0; i < blur->nwork; i++) {
-        rx_blur_work *work = &blur->work[i];
-        rx_status status = rx_fft_new(side_x, side_y, blur->nwork > 1 ? 1 : threads, &work->fft, err);
-        if (status != RX_OK)
-            return status;
-        if ((work->half = rx_fft_complex(work->fft)) == NULL)
-            return rx_error_memory(err, rx_fft_complex_size(work->fft) * sizeof(float));
-    }
-    blur->plane = rx_fft_real(blur->work[0].fft);
-    return blur->plane != NULL ? RX_OK : rx_error_memory(err, 0);
-}
-
-/* What a PSF that varies needs besides. */
-static rx_status make_sums(rx_blur *blur, rx_error *err)
-{
-    for (int i = 0; i < blur->nwork && blur->varies; i++) {
-        rx_blur_work *work = &blur->work[i];
-        work->sum = rx_fft_complex(work->fft);
-        work->back = rx_fft_real(work->fft);
-        if (work->sum == NULL || work->back == NULL)
-            return rx_error_memory(err, rx_fft_complex_size(work->fft) * sizeof(float));
-    }
-    return RX_OK;
-}
-
 rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx_blur **dst, rx_error *err)
 {
     *dst = NULL;
@@ -191,15 +266,26 @@ rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx
     rx_blur *blur = RX_NEW(rx_blur, 1);
     if (blur == NULL)
         return rx_error_memory(err, sizeof *blur);
+    const int margin = psf->size / 2, threads = nthreads < 1 ? 1 : nthreads;
+    const int side_x = choose_domain(width + 2 * margin, margin),
+              side_y = choose_domain(height + 2 * margin, margin);
     blur->width = width;
     blur->height = height;
-    blur->size = psf->size;
-    blur->margin = psf->size / 2;
-    status = make_blocks(blur, nthreads, err);
+    blur->margin = margin;
+    blur->tile_x = cut(0, width, side_x - 2 * margin);
+    blur->tile_y = cut(0, height, side_y - 2 * margin);
+    blur->sky_x = cut(-margin, width + margin, side_x - 2 * margin);
+    blur->sky_y = cut(-margin, height + margin, side_y - 2 * margin);
+    /* where there are fewer blocks than threads, these share each transform */
+    blur->nwork = blur->tile_x.n * blur->tile_y.n >= threads ? threads : 1;
+    blur->work = RX_NEW(rx_blur_domain, (size_t)blur->nwork);
+    if (blur->work == NULL)
+        status = rx_error_memory(err, 0);
+    for (int i = 0; i < blur->nwork && status == RX_OK; i++)
+        status = rx_blur_domain_make(side_x, side_y, blur->nwork > 1 ? 1 : threads, rx_psf_varies(psf),
+                                     &blur->work[i], err);
     if (status == RX_OK)
-        status = add_terms(blur, psf, err);
-    if (status == RX_OK)
-        status = make_sums(blur, err);
+        status = rx_blur_kernel_make(blur->work[0].fft, psf, width, height, &blur->kernel, err);
     if (status != RX_OK) {
         rx_blur_free(blur);
         return status;
@@ -212,44 +298,32 @@ void rx_blur_free(rx_blur *blur)
 {
     if (blur == NULL)
         return;
-    for (int i = 0; i < RX_PSF_MAX_BASIS; i++) {
-        free(blur->kernel[i]);
-        free(blur->cx[i]);
-        free(blur->cy[i]);
-    }
-    for (int i = 0; i < blur->nwork && blur->work != NULL; i++) {
-        rx_fft_free(blur->work[i].fft);
-        free(blur->work[i].half);
-        free(blur->work[i].sum);
-        free(blur->work[i].back);
-    }
+    rx_blur_kernel_clear(&blur->kernel);
+    for (int i = 0; i < blur->nwork && blur->work != NULL; i++)
+        rx_blur_domain_clear(&blur->work[i]);
     free(blur->work);
-    free(blur->plane);
     free(blur);
 }
 
 void rx_blur_replace(rx_blur *blur, const float *stamp)
 {
-    rx_convolve_spectrum(blur->work[0].fft, stamp, blur->size, blur->plane, blur->kernel[0]);
+    rx_convolve_spectrum(blur->work[0].fft, stamp, 2 * blur->margin + 1, blur->kernel.spectrum[0]);
 }
 
-/* ---- one block ---- */
-
+/* Blocks of what is made, from pieces of rows of the other. */
 typedef struct block {
     const rx_blur *blur;
-    const rx_blur_work *work;
     const rx_blur_lines *lines;
+    const rx_blur_axis *from_x, *from_y, *to_x, *to_y;
+    int adjoint;
     int x, y, width, height; /* of what is made */
-    const rx_blur_axis *from_x, *from_y;
-    int term; /* of a varying PSF */
-    int last; /* term: the sum is complete */
 } block;
 
 /* Row j of the domain, that is row y - margin + j. */
 static int read_line(void *user, int j, float *line)
 {
     const block *b = user;
-    const int margin = b->blur->margin, side = rx_fft_width(b->work->fft), left = b->x - margin;
+    const int margin = b->blur->margin, side = rx_fft_width(b->blur->work[0].fft), left = b->x - margin;
     const int y = b->y - margin + j, first = rx_max_int(left, b->from_x->begin),
               last = rx_min_int(b->x + b->width + margin, b->from_x->end);
     if (j >= b->height + 2 * margin || y < b->from_y->begin || y >= b->from_y->end)
@@ -267,112 +341,61 @@ static void write_line(void *user, int j, float *line)
     b->lines->write(b->lines->user, b->y - margin + j, b->x, b->width, line + margin);
 }
 
-/* The same of the term's weighted sky. */
-static int read_weighted(void *user, int j, float *line)
+static void run_one(block b, const rx_blur_domain *work, int k)
 {
-    const block *b = user;
-    const rx_blur *blur = b->blur;
-    if (!read_line(user, j, line))
-        return 0;
-    const int left = b->x - blur->margin, first = rx_max_int(left, b->from_x->begin),
-              last = rx_min_int(b->x + b->width + blur->margin, b->from_x->end);
-    const float c = blur->cy[b->term][b->y + j], *cx = blur->cx[b->term] + (first + blur->margin);
-    float *sky = line + (first - left);
-#pragma omp simd
-    for (int x = 0; x < last - first; x++)
-        sky[x] *= c * cx[x];
-    return 1;
+    const int margin = b.blur->margin;
+    b.x = b.to_x->begin + k % b.to_x->n * b.to_x->step;
+    b.y = b.to_y->begin + k / b.to_x->n * b.to_y->step;
+    b.width = rx_min_int(b.to_x->step, b.to_x->end - b.x);
+    b.height = rx_min_int(b.to_y->step, b.to_y->end - b.y);
+    rx_blur_domain domain = *work;
+    domain.x = b.x - margin;
+    domain.y = b.y - margin;
+    const rx_blur_rows rows = {.read = read_line,
+                               .write = write_line,
+                               .user = &b,
+                               .left = margin,
+                               .right = margin + b.width,
+                               .top = margin,
+                               .bottom = margin + b.height};
+    (b.adjoint ? rx_blur_domain_adjoint : rx_blur_domain_apply)(&b.blur->kernel, &domain, &rows);
 }
 
-/* Adds the weighted term to the sum, which is given away with the last one. */
-static void write_weighted(void *user, int j, float *line)
-{
-    const block *b = user;
-    const rx_blur *blur = b->blur;
-    const int y = b->y - blur->margin + j;
-    const float c = blur->cy[b->term][y + blur->margin], *cx = blur->cx[b->term] + (b->x + blur->margin);
-    float *sum = b->work->back + (size_t)j * (size_t)rx_fft_stride_real(b->work->fft) + blur->margin;
-    const float *part = line + blur->margin;
-    if (b->term == 0)
-        memset(sum, 0, (size_t)b->width * sizeof *sum);
-#pragma omp simd
-    for (int x = 0; x < b->width; x++)
-        sum[x] += c * cx[x] * part[x];
-    if (b->last)
-        b->lines->write(b->lines->user, y, b->x, b->width, sum);
-}
-
-static void apply_block(block *b)
-{
-    const rx_blur *blur = b->blur;
-    const rx_blur_work *work = b->work;
-    const int first = blur->margin, last = first + b->height;
-    if (!blur->varies) {
-        rx_fft_filter_rows(work->fft, read_line, blur->kernel[0], false, work->half, first, last, write_line,
-                           b);
-        return;
-    }
-    for (b->term = 0; b->term < blur->nterms; b->term++) {
-        rx_fft_forward_rows(work->fft, read_weighted, b, work->half);
-        rx_convolve_multiply(work->fft, blur->kernel[b->term], work->half, false, b->term > 0, work->sum);
-    }
-    rx_fft_inverse_rows(work->fft, work->sum, first, last, write_line, b);
-}
-
-static void adjoin_block(block *b)
-{
-    const rx_blur *blur = b->blur;
-    const rx_blur_work *work = b->work;
-    const int first = blur->margin, last = first + b->height;
-    if (!blur->varies) {
-        rx_fft_filter_rows(work->fft, read_line, blur->kernel[0], true, work->half, first, last, write_line,
-                           b);
-        return;
-    }
-    rx_fft_forward_rows(work->fft, read_line, b, work->sum);
-    for (b->term = 0; b->term < blur->nterms; b->term++) {
-        b->last = b->term == blur->nterms - 1;
-        rx_convolve_multiply(work->fft, blur->kernel[b->term], work->sum, true, false, work->half);
-        rx_fft_inverse_rows(work->fft, work->half, first, last, write_weighted, b);
-    }
-}
-
-static void run_one(block b, rx_blur_work *work, const rx_blur_axis *to_x, const rx_blur_axis *to_y, int k,
-                    void (*run)(block *))
-{
-    b.work = work;
-    b.x = to_x->begin + k % to_x->n * to_x->step;
-    b.y = to_y->begin + k / to_x->n * to_y->step;
-    b.width = rx_min_int(to_x->step, to_x->end - b.x);
-    b.height = rx_min_int(to_y->step, to_y->end - b.y);
-    run(&b);
-}
-
-static void run_blocks(block b, const rx_blur_axis *to_x, const rx_blur_axis *to_y, int first, int last,
-                       void (*run)(block *))
+static void run_blocks(block b, int first, int last)
 {
     const rx_blur *blur = b.blur;
-    const int begin = first * to_x->n, end = last * to_x->n;
+    const int begin = first * b.to_x->n, end = last * b.to_x->n;
     if (blur->nwork == 1) { /* within a region, even of one, each transform would be given new threads */
         for (int k = begin; k < end; k++)
-            run_one(b, blur->work, to_x, to_y, k, run);
+            run_one(b, blur->work, k);
         return;
     }
 #pragma omp parallel for schedule(dynamic, 1) num_threads(blur->nwork)
     for (int k = begin; k < end; k++)
-        run_one(b, &blur->work[omp_get_thread_num()], to_x, to_y, k, run);
+        run_one(b, &blur->work[omp_get_thread_num()], k);
 }
 
 void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
 {
-    const block b = {.blur = blur, .lines = lines, .from_x = &blur->sky_x, .from_y = &blur->sky_y};
-    run_blocks(b, &blur->tile_x, &blur->tile_y, first, last, apply_block);
+    run_blocks((block){.blur = blur,
+                       .lines = lines,
+                       .from_x = &blur->sky_x,
+                       .from_y = &blur->sky_y,
+                       .to_x = &blur->tile_x,
+                       .to_y = &blur->tile_y},
+               first, last);
 }
 
 void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last)
 {
-    const block b = {.blur = blur, .lines = lines, .from_x = &blur->tile_x, .from_y = &blur->tile_y};
-    run_blocks(b, &blur->sky_x, &blur->sky_y, first, last, adjoin_block);
+    run_blocks((block){.blur = blur,
+                       .lines = lines,
+                       .from_x = &blur->tile_x,
+                       .from_y = &blur->tile_y,
+                       .to_x = &blur->sky_x,
+                       .to_y = &blur->sky_y,
+                       .adjoint = 1},
+               first, last);
 }
 
 void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines)

@@ -1,4 +1,5 @@
-/* The blur K of a tile and its adjoint, for a PSF that may vary over the tile:
+/* The blur K of a tile and its adjoint, for a PSF that may vary over the tile; the one operator of
+ * Richardson-Lucy (a whole tile, below) and of what stands around the network (network_optics.h):
  *
  *   K f   (x) = sum_y PSF_y(x - y) f(y)         = sum_i (B_i * (c_i f))(x)
  *   K^T r (y) = sum_x PSF_y(x - y) r(x)         = sum_i c_i(y) (B_i correlated with r)(y)
@@ -27,25 +28,65 @@
 #include "data/psf.h"
 #include "num/fft.h"
 
+/* The operator's terms on one cyclic domain. */
+typedef struct rx_blur_kernel {
+    int width, height;                                  /* of the tile */
+    int margin;                                         /* PSF radius */
+    int n, varies;                                      /* terms; 0: one term with c = 1 */
+    float *spectrum[RX_PSF_MAX_BASIS];                  /* of B_i */
+    float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* c_i = cx[x + margin] cy[y + margin] */
+} rx_blur_kernel;
+
+/* Planes of one thread, and where they lie: pixel (0, 0) of the domain is tile pixel (x, y). */
+typedef struct rx_blur_domain {
+    rx_fft *fft;
+    int x, y;
+    float *half;       /* complex */
+    float *sum, *back; /* complex and real, of a varying PSF */
+} rx_blur_domain;
+
+/* What goes into a domain and comes out of it, row by row as in num/fft.h, `read` once for each term. Rows
+ * top .. bottom - 1 are written, columns left .. right - 1 of them mean something. */
+typedef struct rx_blur_rows {
+    rx_fft_read read;
+    rx_fft_write write;
+    void *user;
+    int left, right, top, bottom;
+} rx_blur_rows;
+
+int rx_psf_varies(const rx_psf *psf); /* 1: the PSF is not the same everywhere */
+
+/* Of that PSF on a tile; fft may be any of the domains' of that size. What is made belongs to *dst even after
+ * an error. Errors: RX_INPUT (a PSF that vanishes), RX_SYSTEM. */
+rx_status rx_blur_kernel_make(const rx_fft *fft, const rx_psf *psf, int width, int height,
+                              rx_blur_kernel *dst, rx_error *err);
+void rx_blur_kernel_clear(rx_blur_kernel *kernel); /* of zeros is fine */
+
+rx_status rx_blur_domain_make(int width, int height, int nthreads, int varies, rx_blur_domain *dst,
+                              rx_error *err);
+void rx_blur_domain_clear(rx_blur_domain *domain);
+
+/* K and K^T on the domain: what wraps around is the caller's to keep out. What is read is 0 beyond the margin
+ * around the tile, and nothing is written beyond it. */
+void rx_blur_domain_apply(const rx_blur_kernel *kernel, const rx_blur_domain *domain,
+                          const rx_blur_rows *rows);
+void rx_blur_domain_adjoint(const rx_blur_kernel *kernel, const rx_blur_domain *domain,
+                            const rx_blur_rows *rows);
+
+/* ---- a whole tile ---- */
+
 /* Blocks of one axis: `n` of `step` pixels from `begin` on, the last one to `end`. */
 typedef struct rx_blur_axis {
     int begin, end, step, n;
 } rx_blur_axis;
 
-typedef struct rx_blur_work rx_blur_work; /* planes of one thread */
-
 typedef struct rx_blur {
     int width, height; /* of the tile */
     int margin;
-    int size; /* of the PSF stamps */
-    int nterms;
-    int varies; /* 0: one term with c = 1 */
     rx_blur_axis tile_x, tile_y, sky_x, sky_y;
-    float *kernel[RX_PSF_MAX_BASIS];                    /* spectra of B_i on a block's domain */
-    float *cx[RX_PSF_MAX_BASIS], *cy[RX_PSF_MAX_BASIS]; /* c_i = cx[x + margin] cy[y + margin] */
-    int nwork;                                          /* blocks at a time */
-    rx_blur_work *work;
-    float *plane; /* real, for spectra in the making */
+    rx_blur_kernel kernel;
+    int nwork; /* blocks at a time */
+    rx_blur_domain *work;
 } rx_blur;
 
 /* Pieces of rows, asked for and given by any of the blur's threads, in any order, some asked for twice: n
@@ -63,7 +104,7 @@ rx_status rx_blur_check(const rx_psf *psf, int width, int height, rx_error *err)
 rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx_blur **dst, rx_error *err);
 void rx_blur_free(rx_blur *blur);
 
-/* Another constant PSF stamp[size][size] in place of the present one (which must be constant). */
+/* Another constant PSF, of the size of the present one (which must be constant). */
 void rx_blur_replace(rx_blur *blur, const float *stamp);
 
 /* K: reads rows of the sky, writes rows of the tile. */

@@ -10,7 +10,6 @@ librextract_la_SOURCES += src/restore/noise_map.c src/restore/noise_map.h
 librextract_la_SOURCES += src/restore/network.c src/restore/network.h
 librextract_la_SOURCES += src/restore/network_blocks.c src/restore/network_blocks.h
 librextract_la_SOURCES += src/restore/network_forward.c src/restore/network_forward.h
-librextract_la_SOURCES += src/restore/network_rows.c src/restore/network_rows.h
 librextract_la_SOURCES += src/restore/network_coarse.c src/restore/network_coarse.h
 librextract_la_SOURCES += src/restore/network_data.c src/restore/network_data.h
 librextract_la_SOURCES += src/restore/network_sky.c src/restore/network_sky.h

@@ -46,7 +46,7 @@
  * Memory: a mask and three planes, 13 bytes a pixel, which become pixels and sigma, and support where it is
  * asked for (nothing else has the size of the tile but `reblurred`, where that is), of tall tiles less: what
  * the network or a step has read goes as its result comes (down to two planes and a part), per thread some
- * rows of a network (22 MB for NET_BLOCK 2048) and seven FFT planes of 1024 x 1024 pixels at most, and 40 kB
+ * rows of a network (22 MB for NET_BLOCK 2048) and six FFT planes of 1024 x 1024 pixels at most, and 40 kB
  * per node of a varying PSF (every 512 pixels). Networks together stay below 1 GiB: beyond that blocks are
  * smaller, or fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
  *

@@ -119,21 +119,6 @@ static int overlap(int plane_width, int x, int width, int *before)
     return n > 0 ? n : 0;
 }
 
-void rx_blocks_read(const float *plane, int plane_width, int plane_height, const rx_blocks_window *window,
-                    float *dst)
-{
-    const int x = window->x, y = window->y, width = window->width;
-    int before = 0;
-    const int n = overlap(plane_width, x, width, &before);
-    for (int j = 0; j < window->height; j++) {
-        float *line = dst + (size_t)j * window->stride;
-        memset(line, 0, (size_t)width * sizeof *line);
-        if (n > 0 && y + j >= 0 && y + j < plane_height)
-            memcpy(line + before, plane + (size_t)(y + j) * plane_width + (x + before),
-                   (size_t)n * sizeof *line);
-    }
-}
-
 static int good_row(const uint8_t *restrict mask, int n, float *restrict dst)
 {
     int good = 0;

@@ -57,10 +57,8 @@ typedef struct rx_blocks_window {
     int x, y, width, height, stride;
 } rx_blocks_window;
 
-/* dst[height][stride] = that part of plane[plane_height][plane_width], 0 beyond it. rx_blocks_good(): 1 where
- * mask[][] is 0, 0 elsewhere and beyond; returns how many are 0. */
-void rx_blocks_read(const float *plane, int plane_width, int plane_height, const rx_blocks_window *window,
-                    float *dst);
+/* dst[height][stride] = 1 where that part of mask[plane_height][plane_width] is 0, 0 elsewhere and beyond;
+ * returns how many are 0. */
 long rx_blocks_good(const uint8_t *mask, int plane_width, int plane_height, const rx_blocks_window *window,
                     float *dst);
 

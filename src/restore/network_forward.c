@@ -91,7 +91,7 @@ static void give(void *user, int y, int n, float *rows)
         }
         stretch_row(f, f->x, e->y + y + v, x, width, data);
         stretch_row(f, f->base, e->y + y + v, x, width, copy);
-        rx_network_optics_fwhm_row(f->optics, e->y + y + v, x, width, fwhm);
+        rx_otf_fwhm_row(&f->optics->grid, e->y + y + v, x, width, fwhm);
         for (int u = 0; u < width; u++)
             fwhm[u] = rx_front_fwhm(fwhm[u]);
         interleave(width, data, copy, fwhm, rows + (size_t)v * width * 3);

@@ -7,64 +7,37 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 #include "nn/rl_step.h"
 #include "num/convolve.h"
-#include "restore/network_otf.h"
-#include "restore/network_rows.h"
+#include "restore/stamp.h"
 
 static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
 
 struct rx_network_optics_work {
-    rx_fft *fft;
-    int x0, y0;            /* where its domain begins, tile pixels */
-    float *a, *b;          /* real planes */
-    float *c, *d;          /* likewise, for a PSF that varies */
-    float *half;           /* complex plane */
-    float *sum, *spectrum; /* likewise, for a PSF that varies */
+    rx_blur_domain domain;
+    float *a, *b;    /* real planes */
+    float *spectrum; /* complex, of a node's filter, for a PSF that varies */
 };
 
-static void work_free(rx_network_optics_work *work)
-{
-    free(work->a);
-    free(work->b);
-    free(work->c);
-    free(work->d);
-    free(work->half);
-    free(work->sum);
-    free(work->spectrum);
-    rx_fft_free(work->fft);
-}
-
-static rx_status work_new(int width, int height, int varies, rx_network_optics_work *dst, rx_error *err)
-{
-    rx_status status = rx_fft_new(width, height, 1, &dst->fft, err);
-    if (status != RX_OK)
-        return status;
-    dst->a = rx_fft_real(dst->fft);
-    dst->b = rx_fft_real(dst->fft);
-    dst->half = rx_fft_complex(dst->fft);
-    int made = dst->a != NULL && dst->b != NULL && dst->half != NULL;
-    if (varies) {
-        dst->c = rx_fft_real(dst->fft);
-        dst->d = rx_fft_real(dst->fft);
-        dst->sum = rx_fft_complex(dst->fft);
-        dst->spectrum = rx_fft_complex(dst->fft);
-        made &= dst->c != NULL && dst->d != NULL && dst->sum != NULL && dst->spectrum != NULL;
-    }
-    return made ? RX_OK : rx_error_memory(err, 7 * (size_t)width * (size_t)height * sizeof(float));
-}
+/* ---- making ---- */
 
 void rx_network_optics_free(rx_network_optics *optics)
 {
     if (optics == NULL)
         return;
-    for (int i = 0; i < optics->nthreads && optics->work != NULL; i++)
-        work_free(&optics->work[i]);
-    rx_otf_free(&optics->relative);
+    for (int i = 0; i < optics->nthreads && optics->work != NULL; i++) {
+        rx_blur_domain_clear(&optics->work[i].domain);
+        free(optics->work[i].a);
+        free(optics->work[i].b);
+        free(optics->work[i].spectrum);
+    }
+    rx_blur_kernel_clear(&optics->relative);
+    rx_blur_kernel_clear(&optics->tikhonov);
+    rx_otf_grid_clear(&optics->grid);
+    free(optics->inside);
     free(optics->work);
-    free(optics->tikhonov);
-    free(optics->filters);
-    free(optics->fwhm);
     free(optics);
 }
 
@@ -89,10 +62,9 @@ static int team_of(const rx_network_optics *optics)
 static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_radius, rx_error *err)
 {
     const rx_blocks *blocks = optics->blocks;
+    const int varies = rx_psf_varies(optics->psf), filters = optics->grid.filters != NULL;
     rx_status status = RX_OK;
-    optics->halo = 2 * step_radius > psf_radius ? 2 * step_radius : psf_radius;
-    if (optics->filters != NULL && optics->halo < RX_TIKHONOV_REACH)
-        optics->halo = RX_TIKHONOV_REACH;
+    optics->halo = rx_max_int(2 * step_radius, rx_max_int(psf_radius, filters ? RX_TIKHONOV_REACH : 0));
     const int w = rx_fft_good_size(blocks->width + 2 * optics->halo),
               h = rx_fft_good_size(blocks->height + 2 * optics->halo);
     optics->work = RX_NEW(rx_network_optics_work, (size_t)optics->nthreads);
@@ -100,49 +72,55 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
         return rx_error_memory(err, 0);
 #pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int i = 0; i < optics->nthreads; i++) {
+        rx_network_optics_work *work = &optics->work[i];
         rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
-        const rx_status made = work_new(w, h, rx_otf_varies(optics->psf), &optics->work[i], &why);
+        rx_status made = rx_blur_domain_make(w, h, 1, varies, &work->domain, &why);
+        if (made == RX_OK) {
+            work->a = rx_fft_real(work->domain.fft);
+            work->b = rx_fft_real(work->domain.fft);
+            work->spectrum = varies && filters ? rx_fft_complex(work->domain.fft) : NULL;
+            if (work->a == NULL || work->b == NULL || (varies && filters && work->spectrum == NULL))
+                made = rx_error_memory(&why, 3 * (size_t)w * (size_t)h * sizeof(float));
+        }
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
     return status;
 }
 
-/* The spectrum of the only filter of a PSF that does not vary. */
+/* The only filter of a PSF that does not vary. */
 static rx_status make_tikhonov(rx_network_optics *optics, const rx_fft *fft, rx_error *err)
 {
-    if (optics->filters == NULL || optics->nx > 1 || optics->ny > 1)
+    if (optics->grid.filters == NULL || optics->grid.nx > 1 || optics->grid.ny > 1)
         return RX_OK;
-    optics->tikhonov = rx_fft_complex(fft);
-    if (optics->tikhonov == NULL)
+    optics->tikhonov.spectrum[0] = rx_fft_complex(fft);
+    if (optics->tikhonov.spectrum[0] == NULL)
         return rx_error_memory(err, 0);
-    rx_otf_spectrum(fft, optics->filters, 2 * RX_TIKHONOV_REACH + 1, optics->tikhonov);
+    optics->tikhonov.n = 1;
+    rx_convolve_spectrum(fft, optics->grid.filters, 2 * RX_TIKHONOV_REACH + 1, optics->tikhonov.spectrum[0]);
     return RX_OK;
 }
 
-/* The filter of the copy and the relative PSF, each by a thread where there are two. */
-static rx_status make_spectra(rx_network_optics *optics, const float *relative, int size, rx_error *err)
+static rx_status make_relative(rx_network_optics *optics, const rx_fft *fft, const rx_psf *relative,
+                               rx_error *err)
 {
-    const int other = optics->nthreads > 1; /* an rx_fft is used by one thread at a time */
-    rx_status status = RX_OK;
-#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
-    for (int task = 0; task < 2; task++) {
-        rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
-        const rx_status made =
-            task == 0 ? make_tikhonov(optics, optics->work[0].fft, &why)
-                      : rx_otf_new(optics->work[other].fft, optics, relative, size, &optics->relative, &why);
-        if (made != RX_OK)
-            take_error(made, &why, &status, err);
-    }
-    return status;
+    const size_t n = (size_t)relative->size + 1;
+    RX_TRY(rx_blur_kernel_make(fft, relative, optics->width, optics->height, &optics->relative, err));
+    if (optics->relative.varies)
+        return RX_OK;
+    optics->inside = RX_NEW(double, n *n);
+    if (optics->inside == NULL)
+        return rx_error_memory(err, n * n * sizeof(double));
+    rx_stamp_inside(relative->basis, relative->size, optics->inside);
+    return RX_OK;
 }
 
 rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, double epsilon,
                                 const rx_blocks *blocks, int nthreads, rx_network_optics **dst, rx_error *err)
 {
     const rx_psf *psf = image->psf;
-    float *relative = NULL;
-    int size = 0;
+    rx_psf relative = *psf;
+    relative.basis = NULL;
     *dst = NULL;
     rx_network_optics *optics = RX_NEW(rx_network_optics, 1);
     if (optics == NULL)
@@ -152,15 +130,27 @@ rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, doubl
     optics->nthreads = rx_blocks_threads(blocks, nthreads);
     optics->blocks = blocks;
     optics->psf = psf;
-    optics->target_fwhm = target_fwhm;
-    rx_status status = rx_network_optics_nodes(optics, epsilon, err);
+    rx_status status = rx_otf_grid_make(psf, image->width, image->height,
+                                        &(rx_tikhonov){target_fwhm, epsilon, 0}, &optics->grid, err);
     if (status == RX_OK)
-        status = rx_otf_relative(psf, target_fwhm, image->width, image->height, &relative, &size, err);
+        status = rx_otf_relative(psf, target_fwhm, image->width, image->height, &relative.basis,
+                                 &relative.size, err);
     if (status == RX_OK)
-        status = make_work(optics, size / 2, psf->size / 2, err);
-    if (status == RX_OK)
-        status = make_spectra(optics, relative, size, err);
-    free(relative);
+        status = make_work(optics, relative.size / 2, psf->size / 2, err);
+    if (status == RX_OK) {
+        /* each by a thread where there are two; an rx_fft is used by one thread at a time */
+        const int other = optics->nthreads > 1;
+#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
+        for (int task = 0; task < 2; task++) {
+            rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
+            const rx_status made =
+                task == 0 ? make_tikhonov(optics, optics->work[0].domain.fft, &why)
+                          : make_relative(optics, optics->work[other].domain.fft, &relative, &why);
+            if (made != RX_OK)
+                take_error(made, &why, &status, err);
+        }
+    }
+    free(relative.basis);
     if (status != RX_OK) {
         rx_network_optics_free(optics);
         return status;
@@ -169,142 +159,289 @@ rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, doubl
     return RX_OK;
 }
 
-/* dst (+)= c_i src, planes of the domain. */
-static void weigh(const rx_network_optics *optics, const rx_otf *otf, int i,
-                  const rx_network_optics_work *work, const float *src, int add, float *dst)
-{
-    const rx_fft *fft = work->fft;
-    const size_t stride = (size_t)rx_fft_stride_real(fft);
-    const int w = rx_fft_width(fft);
-    for (int v = 0; v < rx_fft_height(fft); v++) {
-        const float cy = otf->cy[i][rx_otf_clamp(work->y0 + v, optics->height)];
-        const float *s = src + (size_t)v * stride;
-        float *d = dst + (size_t)v * stride;
-        for (int u = 0; u < w; u++) {
-            const float value = cy * otf->cx[i][rx_otf_clamp(work->x0 + u, optics->width)] * s[u];
-            d[u] = add ? d[u] + value : value;
-        }
-    }
-}
+/* ---- blocks ---- */
 
-/* dst = K src; `scratch` is a real plane, src stays. */
-static void apply(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work,
-                  const float *src, float *scratch, float *dst)
-{
-    if (!otf->varies) {
-        rx_convolve(work->fft, otf->spectrum[0], src, work->half, dst);
-        return;
-    }
-    for (int i = 0; i < otf->n; i++) {
-        weigh(optics, otf, i, work, src, 0, scratch);
-        rx_fft_forward(work->fft, scratch, work->half);
-        rx_convolve_multiply(work->fft, otf->spectrum[i], work->half, false, i > 0, work->sum);
-    }
-    rx_fft_inverse(work->fft, work->sum, dst);
-}
-
-/* dst = K^T src; scratch not dst. */
-static void adjoint(const rx_network_optics *optics, const rx_otf *otf, rx_network_optics_work *work,
-                    const float *src, float *scratch, float *dst)
-{
-    if (!otf->varies) {
-        rx_correlate(work->fft, otf->spectrum[0], src, work->half, dst);
-        return;
-    }
-    rx_fft_forward(work->fft, src, work->sum);
-    for (int i = 0; i < otf->n; i++) {
-        rx_convolve_multiply(work->fft, otf->spectrum[i], work->sum, true, false, work->half);
-        rx_fft_inverse(work->fft, work->half, scratch);
-        weigh(optics, otf, i, work, scratch, i > 0, dst);
-    }
-}
-
-/* What a task on blocks is given. */
-typedef struct job {
+/* What all blocks of a task are given, and one of them. */
+typedef struct task {
     const rx_network_optics *optics;
-    const float *f, *x;
+    const float *src, *x, *f; /* planes of the tile, like dst */
     const uint8_t *mask;
+    float pedestal;
+    const rx_blur_kernel *kernel;
     float *dst;
-    double pedestal;
-    const rx_otf *plain; /* the tile's PSF */
-} job;
+    rx_network_optics_work *work;
+    int left, right, top, bottom; /* the block's part of the tile, without right and bottom */
+    long good, seen;              /* pixels of the domain: not masked, on the tile */
+    int masked;                   /* K'^T W is not that of a tile without masks */
+    int node;                     /* of the grid */
+} task;
 
-/* The part of the block at (x, y) that lies on the tile. */
-typedef struct part {
-    int x0, y0, x1, y1;
-} part;
-
-static part part_of(const rx_network_optics *optics, int x, int y)
+static task task_of(const void *user, int thread, int x, int y)
 {
-    const rx_blocks *blocks = optics->blocks;
-    return (part){x > 0 ? x : 0, y > 0 ? y : 0,
-                  x + blocks->width < optics->width ? x + blocks->width : optics->width,
-                  y + blocks->height < optics->height ? y + blocks->height : optics->height};
+    task t = *(const task *)user;
+    const rx_network_optics *optics = t.optics;
+    t.work = &optics->work[thread];
+    t.work->domain.x = x - optics->halo;
+    t.work->domain.y = y - optics->halo;
+    t.left = rx_max_int(x, 0);
+    t.top = rx_max_int(y, 0);
+    t.right = rx_min_int(x + optics->blocks->width, optics->width);
+    t.bottom = rx_min_int(y + optics->blocks->height, optics->height);
+    return t;
 }
 
-/* The planes of a thread for the block at (x, y). */
-static rx_network_optics_work *work_at(const rx_network_optics *optics, int thread, int x, int y)
+/* Columns of the domain that lie on the tile: from <= i < to; 0: row y does not. */
+static int on_tile(const task *t, int y, int *from, int *to)
 {
-    rx_network_optics_work *work = &optics->work[thread];
-    work->x0 = x - optics->halo;
-    work->y0 = y - optics->halo;
-    return work;
+    const int x0 = t->work->domain.x, row = t->work->domain.y + y, w = rx_fft_width(t->work->domain.fft);
+    *from = rx_max_int(-x0, 0);
+    *to = rx_min_int(t->optics->width - x0, w);
+    return row >= 0 && row < t->optics->height && *from < *to;
 }
 
-static rx_blocks_window domain_of(const rx_network_optics_work *work)
+/* Where pixel i of the domain's row y lies in a plane of the tile, and in one of the domain. */
+static size_t in_tile(const task *t, int y, int i)
 {
-    return (rx_blocks_window){work->x0, work->y0, rx_fft_width(work->fft), rx_fft_height(work->fft),
-                              rx_fft_stride_real(work->fft)};
+    return (size_t)(t->work->domain.y + y) * (size_t)t->optics->width + (size_t)(t->work->domain.x + i);
 }
 
-static void read_domain(const job *j, const rx_network_optics_work *work, const float *plane, float *dst)
+static float *in_domain(const task *t, float *plane, int y, int i)
 {
-    const rx_blocks_window window = domain_of(work);
-    rx_blocks_read(plane, j->optics->width, j->optics->height, &window, dst);
+    return plane + (size_t)y * (size_t)rx_fft_stride_real(t->work->domain.fft) + (size_t)i;
 }
 
-static long read_good(const job *j, const rx_network_optics_work *work, float *dst)
+static void clear_beyond(const task *t, int from, int to, float *line)
 {
-    const rx_blocks_window window = domain_of(work);
-    return rx_blocks_good(j->mask, j->optics->width, j->optics->height, &window, dst);
+    memset(line, 0, (size_t)from * sizeof *line);
+    memset(line + to, 0, (size_t)(rx_fft_width(t->work->domain.fft) - to) * sizeof *line);
 }
 
-static rx_rows rows_of(const rx_network_optics *optics, const rx_network_optics_work *work, const part *p)
+/* The block's part of the tile comes of it. */
+static rx_blur_rows rows_of(task *t, rx_fft_read read, rx_fft_write write)
 {
-    return (rx_rows){.fft = work->fft,
-                     .width = optics->width,
-                     .height = optics->height,
-                     .x0 = work->x0,
-                     .y0 = work->y0,
-                     .left = p->x0,
-                     .right = p->x1,
-                     .top = p->y0,
-                     .bottom = p->y1,
-                     .half = work->half,
-                     .a = work->a,
-                     .b = work->b};
+    const int x = t->work->domain.x, y = t->work->domain.y;
+    return (rx_blur_rows){.read = read,
+                          .write = write,
+                          .user = t,
+                          .left = t->left - x,
+                          .right = t->right - x,
+                          .top = t->top - y,
+                          .bottom = t->bottom - y};
 }
 
-/* w += hat_node (T_node * x); x is given as its transform in work->sum. */
-static void add_node(const job *j, rx_network_optics_work *work, int node, const part *p)
+/* ---- into the transform ---- */
+
+static int read_tile(void *user, int y, float *line)
 {
-    const rx_network_optics *optics = j->optics;
-    const int side = 2 * RX_TIKHONOV_REACH + 1, nx = node % optics->nx, ny = node / optics->nx;
-    const size_t stride = (size_t)rx_fft_stride_real(work->fft);
-    rx_otf_spectrum(work->fft, optics->filters + (size_t)node * side * side, side, work->spectrum);
-    rx_convolve_multiply(work->fft, work->spectrum, work->sum, false, false, work->half);
-    rx_fft_inverse(work->fft, work->half, work->b);
-    for (int y = p->y0; y < p->y1; y++) {
-        const double hat_y = optics->ny == 1 ? 1 : 1 - fabs(y / optics->step_y - ny);
-        const float *src = work->b + (size_t)(y - work->y0) * stride;
-        float *dst = j->dst + (size_t)y * optics->width;
-        for (int x = p->x0; x < p->x1 && hat_y > 0; x++) {
-            const double hat_x = optics->nx == 1 ? 1 : 1 - fabs(x / optics->step_x - nx);
-            if (hat_x > 0)
-                dst[x] += (float)(hat_x * hat_y) * src[x - work->x0];
-        }
+    const task *t = user;
+    int from = 0, to = 0;
+    if (!on_tile(t, y, &from, &to))
+        return 0;
+    clear_beyond(t, from, to, line);
+    memcpy(line + from, t->src + in_tile(t, y, from), (size_t)(to - from) * sizeof *line);
+    return 1;
+}
+
+static int read_light(void *user, int y, float *line)
+{
+    const task *t = user;
+    int from = 0, to = 0;
+    if (!on_tile(t, y, &from, &to))
+        return 0;
+    clear_beyond(t, from, to, line);
+    const float *f = t->f + in_tile(t, y, from);
+#pragma omp simd
+    for (int i = from; i < to; i++)
+        line[i] = rx_rl_light(f[i - from]);
+    return 1;
+}
+
+static int read_good(void *user, int y, float *line)
+{
+    const task *t = user;
+    int from = 0, to = 0;
+    if (!on_tile(t, y, &from, &to))
+        return 0;
+    clear_beyond(t, from, to, line);
+    const uint8_t *mask = t->mask + in_tile(t, y, from);
+#pragma omp simd
+    for (int i = from; i < to; i++)
+        line[i] = mask[i - from] == 0 ? 1 : 0;
+    return 1;
+}
+
+static int read_ratio(void *user, int y, float *line)
+{
+    const task *t = user;
+    int from = 0, to = 0;
+    if (!on_tile(t, y, &from, &to))
+        return 0;
+    memcpy(line, in_domain(t, t->work->a, y, 0), (size_t)rx_fft_width(t->work->domain.fft) * sizeof *line);
+    return 1;
+}
+
+/* ---- out of it ---- */
+
+/* One choice in a loop, and none whose other side is the neutral element of what follows: else a compiler
+ * makes branches of them, not vectors. */
+enum { TOGETHER = 64 };
+
+/* r of n pixels. */
+RX_SIMD static void ratios(int n, const float *restrict x, const float *restrict m,
+                           const uint8_t *restrict mask, float pedestal, float *restrict r)
+{
+    for (int first = 0; first < n; first += TOGETHER) {
+        const int count = n - first < TOGETHER ? n - first : TOGETHER;
+        float ratio[TOGETHER];
+#pragma omp simd
+        for (int i = 0; i < count; i++)
+            ratio[i] = rx_rl_ratio(x[first + i], m[first + i], 1, pedestal);
+#pragma omp simd
+        for (int i = 0; i < count; i++)
+            r[first + i] = mask[first + i] != 0 ? 0 : ratio[i];
     }
 }
+
+static long good_pixels(int n, const uint8_t *mask)
+{
+    long good = 0;
+    for (int i = 0; i < n; i++)
+        good += mask[i] == 0;
+    return good;
+}
+
+/* r into a, and how many pixels are good. */
+static void write_ratio(void *user, int y, float *line)
+{
+    task *t = user;
+    int from = 0, to = 0;
+    if (!on_tile(t, y, &from, &to))
+        return;
+    float *r = in_domain(t, t->work->a, y, 0);
+    const float *x = t->x + in_tile(t, y, from);
+    const uint8_t *mask = t->mask + in_tile(t, y, from);
+    clear_beyond(t, from, to, r);
+    ratios(to - from, x, line + from, mask, t->pedestal, r + from);
+    t->good += good_pixels(to - from, mask);
+    t->seen += to - from;
+}
+
+/* rx_rl_update() of n pixels, at most TOGETHER. */
+RX_SIMD static void update_some(int n, const float *restrict f, const float *restrict c,
+                                const float *restrict q, float *restrict next)
+{
+    float gain[TOGETHER];
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = c[i] / (q[i] >= RX_RL_SHARE ? q[i] : RX_RL_SHARE);
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = c[i] < RX_RL_MOST * q[i] ? gain[i] : RX_RL_MOST;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = q[i] >= RX_RL_SHARE ? gain[i] : 1;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        gain[i] = f[i] > 0 ? gain[i] : 1;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        next[i] = f[i] * gain[i];
+}
+
+/* q: NULL for ones, as the stamp sums to 1 and so does K'^T W far from masks and borders. */
+static void update(int n, const float *f, const float *c, const float *q, float *next)
+{
+    float ones[TOGETHER];
+    for (int i = 0; i < TOGETHER; i++)
+        ones[i] = 1;
+    for (int i = 0; i < n; i += TOGETHER)
+        update_some(n - i < TOGETHER ? n - i : TOGETHER, f + i, c + i, q != NULL ? q + i : ones, next + i);
+}
+
+static int within(int i, int least, int most)
+{
+    return i < least ? least : i > most ? most : i;
+}
+
+/* K'^T W of n pixels of the tile's row y from x on where nothing is masked: the part of the stamp that lies
+ * on the tile. Returns 0 where that is all of it. */
+static int share_on_tile(const task *t, int y, int x, int n, float *q)
+{
+    const rx_network_optics *o = t->optics;
+    const int radius = o->relative.margin, size = 2 * radius + 1;
+    const int top = within(radius - y, 0, size), bottom = within(o->height - y + radius, 0, size);
+    const double *first = o->inside + (size_t)top * (size_t)(size + 1),
+                 *last = o->inside + (size_t)bottom * (size_t)(size + 1);
+    const int whole = bottom - top == size;
+    if (whole && x >= radius && x + n + radius <= o->width)
+        return 0;
+    const float middle = whole ? 1 : (float)(last[size] - first[size]);
+    for (int i = 0; i < n; i++)
+        q[i] = middle;
+    for (int i = 0; i < n; i++) {
+        const int left = within(radius - (x + i), 0, size),
+                  right = within(o->width - (x + i) + radius, 0, size);
+        if (right - left < size)
+            q[i] = (float)(last[right] - first[right] - (last[left] - first[left]));
+        else /* on to where the border on the right comes near */
+            i = within(o->width - radius - x - 1, i, n);
+    }
+    return 1;
+}
+
+static void write_update(void *user, int y, float *line)
+{
+    const task *t = user;
+    const int from = t->left - t->work->domain.x, n = t->right - t->left;
+    const size_t k = in_tile(t, y, from);
+    float *q = in_domain(t, t->work->b, y, from);
+    const int weighted =
+        t->masked || (t->optics->inside != NULL && share_on_tile(t, t->work->domain.y + y, t->left, n, q));
+    update(n, t->f + k, line + from, weighted ? q : NULL, t->dst + k);
+}
+
+static void write_tile(void *user, int y, float *line)
+{
+    const task *t = user;
+    const int from = t->left - t->work->domain.x;
+    memcpy(t->dst + in_tile(t, y, from), line + from, (size_t)(t->right - t->left) * sizeof *line);
+}
+
+static void write_domain(void *user, int y, float *line)
+{
+    const task *t = user;
+    const int from = t->left - t->work->domain.x;
+    memcpy(in_domain(t, t->work->b, y, from), line + from, (size_t)(t->right - t->left) * sizeof *line);
+}
+
+static void write_support(void *user, int y, float *line)
+{
+    const task *t = user;
+    const int from = t->left - t->work->domain.x, n = t->right - t->left;
+    float *dst = t->dst + in_tile(t, y, from);
+    for (int i = 0; i < n; i++) {
+        const float share = 1 - line[from + i];
+        dst[i] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
+    }
+}
+
+/* The node's filter, whose weight falls from 1 at the node to 0 at the next ones. */
+static void write_node(void *user, int y, float *line)
+{
+    const task *t = user;
+    const rx_otf_grid *grid = &t->optics->grid;
+    const int row = t->work->domain.y + y, nx = t->node % grid->nx, ny = t->node / grid->nx;
+    const double hat_y = grid->ny == 1 ? 1 : 1 - fabs(row / grid->step_y - ny);
+    const float *src = line - t->work->domain.x;
+    float *dst = t->dst + (size_t)row * (size_t)t->optics->width;
+    for (int x = t->left; x < t->right && hat_y > 0; x++) {
+        const double hat_x = grid->nx == 1 ? 1 : 1 - fabs(x / grid->step_x - nx);
+        if (hat_x > 0)
+            dst[x] += (float)(hat_x * hat_y) * src[x];
+    }
+}
+
+/* ---- tasks ---- */
 
 static int node_below(double v, double step, int n)
 {
@@ -312,109 +449,63 @@ static int node_below(double v, double step, int n)
     return i < n - 1 ? i : n - 1;
 }
 
+static rx_status filter_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    task t = task_of(user, thread, bx, by);
+    const rx_blur_rows rows = rows_of(&t, read_tile, write_tile);
+    (void)err;
+    rx_blur_domain_apply(t.kernel, &t.work->domain, &rows);
+    return RX_OK;
+}
+
 static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error *err)
 {
-    const job *j = user;
-    const rx_network_optics *optics = j->optics;
-    rx_network_optics_work *work = work_at(optics, thread, bx, by);
-    const part p = part_of(optics, bx, by);
+    task t = task_of(user, thread, bx, by);
+    const rx_otf_grid *grid = &t.optics->grid;
+    const rx_blur_domain *domain = &t.work->domain;
+    const rx_blur_rows rows = rows_of(&t, read_tile, write_node);
+    const int side = 2 * RX_TIKHONOV_REACH + 1;
     (void)err;
-    if (optics->tikhonov != NULL) {
-        const rx_rows rows = rows_of(optics, work, &p);
-        rx_rows_filter(&rows, optics->tikhonov, j->x, j->dst);
-        return RX_OK;
-    }
-    read_domain(j, work, j->x, work->a);
-    rx_fft_forward(work->fft, work->a, work->sum);
-    for (int y = p.y0; y < p.y1; y++)
-        memset(j->dst + (size_t)y * optics->width + p.x0, 0, (size_t)(p.x1 - p.x0) * sizeof(float));
-    const int last_x = node_below(p.x1 - 1, optics->step_x, optics->nx) + 1,
-              last_y = node_below(p.y1 - 1, optics->step_y, optics->ny) + 1;
-    for (int ny = node_below(p.y0, optics->step_y, optics->ny); ny <= last_y && ny < optics->ny; ny++)
-        for (int nx = node_below(p.x0, optics->step_x, optics->nx); nx <= last_x && nx < optics->nx; nx++)
-            add_node(j, work, ny * optics->nx + nx, &p);
+    rx_fft_forward_rows(domain->fft, read_tile, &t, domain->sum);
+    for (int y = t.top; y < t.bottom; y++)
+        memset(t.dst + (size_t)y * (size_t)t.optics->width + t.left, 0,
+               (size_t)(t.right - t.left) * sizeof(float));
+    const int last_x = node_below(t.right - 1, grid->step_x, grid->nx) + 1,
+              last_y = node_below(t.bottom - 1, grid->step_y, grid->ny) + 1;
+    for (int ny = node_below(t.top, grid->step_y, grid->ny); ny <= last_y && ny < grid->ny; ny++)
+        for (int nx = node_below(t.left, grid->step_x, grid->nx); nx <= last_x && nx < grid->nx; nx++) {
+            t.node = ny * grid->nx + nx;
+            rx_convolve_spectrum(domain->fft, grid->filters + (size_t)t.node * side * side, side,
+                                 t.work->spectrum);
+            rx_convolve_multiply(domain->fft, t.work->spectrum, domain->sum, false, false, domain->half);
+            rx_fft_inverse_rows(domain->fft, domain->half, rows.top, rows.bottom, write_node, &t);
+        }
     return RX_OK;
 }
 
 rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w,
                                      const rx_blocks_progress *progress, rx_error *err)
 {
-    job j = {.optics = optics, .x = x, .dst = w};
-    return rx_blocks_run(optics->blocks, optics->nthreads, tikhonov_block, &j, progress, err);
-}
-
-static void light(int n, float *f)
-{
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        f[i] = rx_rl_light(f[i]);
-}
-
-/* m becomes r; weight NULL: 1. */
-static void ratios(int n, const float *restrict x, const float *restrict weight, float pedestal,
-                   float *restrict m)
-{
-    if (weight == NULL) {
-#pragma omp simd
-        for (int i = 0; i < n; i++)
-            m[i] = rx_rl_ratio(x[i], m[i], 1, pedestal);
-        return;
-    }
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        m[i] = rx_rl_ratio(x[i], m[i], weight[i], pedestal);
-}
-
-/* q NULL: 1. */
-static void update(int n, const float *restrict f, const float *restrict c, const float *restrict q,
-                   float *restrict next)
-{
-    if (q == NULL) {
-#pragma omp simd
-        for (int i = 0; i < n; i++)
-            next[i] = rx_rl_update(f[i], c[i], 1);
-        return;
-    }
-#pragma omp simd
-    for (int i = 0; i < n; i++)
-        next[i] = rx_rl_update(f[i], c[i], q[i]);
+    task t = {.optics = optics, .src = x, .dst = w, .kernel = &optics->tikhonov};
+    return rx_blocks_run(optics->blocks, optics->nthreads,
+                         optics->tikhonov.n > 0 ? filter_block : tikhonov_block, &t, progress, err);
 }
 
 static rx_status step_block(void *user, int thread, int bx, int by, rx_error *err)
 {
-    const job *j = user;
-    const rx_network_optics *optics = j->optics;
-    const rx_otf *otf = &optics->relative;
-    rx_network_optics_work *work = work_at(optics, thread, bx, by);
-    const int w = rx_fft_width(work->fft), h = rx_fft_height(work->fft);
-    const size_t stride = (size_t)rx_fft_stride_real(work->fft);
-    const part p = part_of(optics, bx, by);
+    task t = task_of(user, thread, bx, by);
+    const rx_blur_domain *domain = &t.work->domain;
+    const int w = rx_fft_width(domain->fft), h = rx_fft_height(domain->fft);
     (void)err;
-    if (!otf->varies) {
-        const rx_rows rows = rows_of(optics, work, &p);
-        const rx_rows_kernel kernel = {otf->spectrum[0], otf->inside, otf->radius};
-        rx_rows_step(&rows, &kernel, j->f, j->x, j->mask, (float)j->pedestal, j->dst);
-        return RX_OK;
+    rx_blur_domain_apply(t.kernel, domain, &(rx_blur_rows){read_light, write_ratio, &t, 0, w, 0, h});
+    /* of a varying PSF the border counts as well */
+    t.masked = t.good < (t.optics->inside != NULL ? t.seen : (long)w * h);
+    if (t.masked) {
+        const rx_blur_rows rows = rows_of(&t, read_good, write_domain);
+        rx_blur_domain_adjoint(t.kernel, domain, &rows);
     }
-    read_domain(j, work, j->f, work->a);
-    for (int v = 0; v < h; v++)
-        light(w, work->a + (size_t)v * stride);
-    apply(optics, otf, work, work->a, work->c, work->b);
-    read_domain(j, work, j->x, work->c);
-    const long bad = read_good(j, work, work->d);
-    for (int v = 0; v < h; v++) {
-        const size_t row = (size_t)v * stride;
-        ratios(w, work->c + row, bad > 0 ? work->d + row : NULL, (float)j->pedestal, work->b + row);
-    }
-    adjoint(optics, otf, work, work->b, work->a, work->c);
-    /* the stamps sum to 1 everywhere: without masks so does K'^T W */
-    if (bad > 0)
-        adjoint(optics, otf, work, work->d, work->a, work->b);
-    for (int y = p.y0; y < p.y1; y++) {
-        const size_t row = (size_t)(y - work->y0) * stride + (size_t)(p.x0 - work->x0);
-        const size_t k = (size_t)y * optics->width + (size_t)p.x0;
-        update(p.x1 - p.x0, j->f + k, work->c + row, bad > 0 ? work->b + row : NULL, j->dst + k);
-    }
+    const rx_blur_rows rows = rows_of(&t, read_ratio, write_update);
+    rx_blur_domain_adjoint(t.kernel, domain, &rows);
     return RX_OK;
 }
 
@@ -422,68 +513,53 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_netwo
                                  double pedestal, float *f, float *next, const rx_blocks_progress *progress,
                                  rx_error *err)
 {
-    job j = {.optics = optics, .f = f, .x = input->x, .mask = input->mask, .pedestal = pedestal, .dst = next};
+    task t = {.optics = optics,
+              .f = f,
+              .x = input->x,
+              .mask = input->mask,
+              .pedestal = (float)pedestal,
+              .kernel = &optics->relative,
+              .dst = next};
     const rx_blocks_spent spent = {f, optics->width, optics->halo};
-    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &j, &spent, progress, err);
-}
-
-static rx_status reblur_block(void *user, int thread, int bx, int by, rx_error *err)
-{
-    const job *j = user;
-    const rx_network_optics *optics = j->optics;
-    rx_network_optics_work *work = work_at(optics, thread, bx, by);
-    const part p = part_of(optics, bx, by);
-    (void)err;
-    if (!optics->relative.varies) {
-        const rx_rows rows = rows_of(optics, work, &p);
-        rx_rows_filter(&rows, optics->relative.spectrum[0], j->f, j->dst);
-        return RX_OK;
-    }
-    read_domain(j, work, j->f, work->a);
-    apply(optics, &optics->relative, work, work->a, work->c, work->b);
-    for (int y = p.y0; y < p.y1; y++)
-        memcpy(j->dst + (size_t)y * optics->width + p.x0,
-               work->b + (size_t)(y - work->y0) * rx_fft_stride_real(work->fft) + (p.x0 - work->x0),
-               (size_t)(p.x1 - p.x0) * sizeof(float));
-    return RX_OK;
+    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &t, &spent, progress, err);
 }
 
 rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
                                    const rx_blocks_progress *progress, rx_error *err)
 {
-    job j = {.optics = optics, .f = f, .dst = dst};
-    return rx_blocks_run(optics->blocks, optics->nthreads, reblur_block, &j, progress, err);
+    task t = {.optics = optics, .src = f, .dst = dst, .kernel = &optics->relative};
+    return rx_blocks_run(optics->blocks, optics->nthreads, filter_block, &t, progress, err);
 }
 
 static rx_status support_block(void *user, int thread, int bx, int by, rx_error *err)
 {
-    const job *j = user;
-    const rx_network_optics *optics = j->optics;
-    rx_network_optics_work *work = work_at(optics, thread, bx, by);
-    const part p = part_of(optics, bx, by);
+    task t = task_of(user, thread, bx, by);
+    const rx_blur_domain *domain = &t.work->domain;
+    const int w = rx_fft_width(domain->fft), h = rx_fft_height(domain->fft);
+    const rx_blur_rows rows = rows_of(&t, read_good, write_support);
+    int from = 0, to = 0;
     (void)err;
-    const long bad = read_good(j, work, work->a);
-    if (bad > 0)
-        adjoint(optics, j->plain, work, work->a, work->c, work->b);
-    for (int y = p.y0; y < p.y1; y++)
-        for (int x = p.x0; x < p.x1; x++) {
-            const float share =
-                bad > 0 ? 1 - work->b[(size_t)(y - work->y0) * rx_fft_stride_real(work->fft) + (x - work->x0)]
-                        : 0;
-            j->dst[(size_t)y * optics->width + x] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
-        }
+    for (int y = 0; y < h; y++)
+        if (on_tile(&t, y, &from, &to))
+            t.good += good_pixels(to - from, t.mask + in_tile(&t, y, from));
+    if (t.good < (long)w * h)
+        rx_blur_domain_adjoint(t.kernel, domain, &rows);
+    else
+        for (int y = t.top; y < t.bottom; y++)
+            memset(t.dst + (size_t)y * (size_t)t.optics->width + t.left, 0,
+                   (size_t)(t.right - t.left) * sizeof(float));
     return RX_OK;
 }
 
 rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8_t *mask, float *support,
                                     const rx_blocks_progress *progress, rx_error *err)
 {
-    const rx_psf *psf = optics->psf;
-    rx_otf plain = {0};
-    job j = {.optics = optics, .mask = mask, .dst = support, .plain = &plain};
-    rx_status status = rx_otf_new(optics->work->fft, optics, psf->basis, psf->size, &plain, err);
+    rx_blur_kernel plain = {0};
+    task t = {.optics = optics, .mask = mask, .dst = support, .kernel = &plain};
+    rx_status status = rx_blur_kernel_make(optics->work->domain.fft, optics->psf, optics->width,
+                                           optics->height, &plain, err);
     if (status == RX_OK)
-        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &j, progress, err);
-    rx_otf_free(&plain);
+        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &t, progress, err);
+    rx_blur_kernel_clear(&plain);
     return status;
 }

@@ -1,33 +1,31 @@
-/* What rx_network_optics is made of: spectra and coefficients of a PSF, Tikhonov filters at nodes. */
+/* What is made of a tile's PSF for the optics around the network (network_optics.h): the relative PSF, and
+ * Tikhonov filters and FWHM at the nodes of a grid on the tile (nn/deblur.h). */
 #ifndef RX_RESTORE_NETWORK_OTF_H
 #define RX_RESTORE_NETWORK_OTF_H
 
-#include "restore/network_optics.h"
+#include "data/psf.h"
+#include "nn/deblur.h"
 
-static inline int rx_otf_clamp(int i, int n)
-{
-    return i < 0 ? 0 : i < n ? i : n - 1;
-}
+typedef struct rx_otf_grid {
+    int width, height; /* of the tile */
+    int nx, ny;        /* nodes; 1 x 1 for a constant PSF */
+    double step_x, step_y;
+    float *filters; /* [ny][nx] Tikhonov filters of 2 RX_TIKHONOV_REACH + 1 pixels a side; NULL: not made */
+    float *fwhm;    /* [ny][nx] pixels */
+} rx_otf_grid;
 
-/* spectrum as rx_convolve_spectrum() makes it, to the bit, without a plane. */
-void rx_otf_spectrum(const rx_fft *fft, const float *stamp, int size, float *spectrum);
+/* epsilon <= 0: no filters. What is made belongs to *dst even after an error. Errors: RX_INPUT (no usable
+ * PSF), RX_SYSTEM. */
+rx_status rx_otf_grid_make(const rx_psf *psf, int width, int height, const rx_tikhonov *filter,
+                           rx_otf_grid *dst, rx_error *err);
+void rx_otf_grid_clear(rx_otf_grid *grid); /* of zeros is fine */
 
-/* 1: the PSF is not the same everywhere. */
-int rx_otf_varies(const rx_psf *psf);
-
-/* stamps [nbasis][size][size] with the polynomials of optics->psf on its tile. Terms that nowhere reach 1e-6 of the first
- * stamp's peak are left out. Errors: RX_SYSTEM. */
-rx_status rx_otf_new(const rx_fft *fft, const rx_network_optics *optics, const float *stamps, int size,
-                     rx_otf *dst, rx_error *err);
-void rx_otf_free(rx_otf *otf);
+/* dst[n]: FWHM at tile pixels x .. x + n - 1 of row y, beyond the border that on it. */
+void rx_otf_fwhm_row(const rx_otf_grid *grid, int y, int x, int n, float *dst);
 
 /* *stamps [psf->nbasis][*size][*size], the caller's to free: the relative PSF of nn/deblur.h, basis image by
  * basis image, scaled so that the first sums to 1 and the others to 0. */
 rx_status rx_otf_relative(const rx_psf *psf, double target_fwhm, int width, int height, float **stamps,
                           int *size, rx_error *err);
-
-/* nx .. fwhm of optics, whose psf, width, height, target and nthreads are set; what it made so far belongs to
- * optics even after an error. */
-rx_status rx_network_optics_nodes(rx_network_optics *optics, double epsilon, rx_error *err);
 
 #endif

@@ -179,3 +179,18 @@ rx_psf *rx_stamp_gauss(double fwhm)
     }
     return psf;
 }
+
+void rx_stamp_inside(const float *stamp, int size, double *inside)
+{
+    const int stride = size + 1;
+    for (int i = 0; i < stride; i++)
+        inside[i] = 0;
+    for (int j = 0; j < size; j++) {
+        double row = 0;
+        inside[(j + 1) * stride] = 0;
+        for (int i = 0; i < size; i++) {
+            row += stamp[j * size + i];
+            inside[(j + 1) * stride + i + 1] = inside[j * stride + i + 1] + row;
+        }
+    }
+}

@@ -25,6 +25,10 @@ void rx_stamp_centroid(const float *stamp, int size, double fwhm, double *dx, do
  * `work` holds size*size floats. */
 void rx_stamp_shift(float *stamp, int size, double dx, double dy, float *work);
 
+/* inside[j][i], [size + 1][size + 1]: the sum of the first j rows and i columns, from which follows how much of
+ * the stamp lies on the tile near a border. */
+void rx_stamp_inside(const float *stamp, int size, double *inside);
+
 /* A constant PSF from a stamp, its FWHM and ellipticity measured; or the
  * Gaussian of RL_DENOISE (FWHM in pixels before the pixel's own width, <= 0: a single pixel).
  * Both are the caller's; without memory RX_SYSTEM and NULL. */

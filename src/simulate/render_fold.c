@@ -16,7 +16,6 @@ struct rx_kernels {
     int n, width, height;
     const rx_optics *const *optics;
     rx_fft **ffts;   /* [n] */
-    float **work;    /* [n], real planes */
     float ***planes; /* [n][nbasis]: kept spectra, NULL = not (yet) kept */
     float **scratch; /* [n]: the spectrum of an image that is not kept */
     size_t left;     /* bytes that may still be kept */
@@ -33,14 +32,11 @@ void rx_kernels_free(rx_kernels *k)
             free(k->planes[i][b]);
         if (k->planes != NULL)
             free(k->planes[i]);
-        if (k->work != NULL)
-            free(k->work[i]);
         if (k->scratch != NULL)
             free(k->scratch[i]);
     }
     free(k->ffts);
     free(k->planes);
-    free(k->work);
     free(k->scratch);
     free(k);
 }
@@ -57,9 +53,8 @@ rx_status rx_kernels_new(int n, const rx_optics *const *optics, int width, int h
         .n = n, .width = width, .height = height, .optics = optics, .left = keep ? KEEP_BYTES : 0};
     k->ffts = RX_NEW(rx_fft *, (size_t)n);
     k->planes = RX_NEW(float **, (size_t)n);
-    k->work = RX_NEW(float *, (size_t)n);
     k->scratch = RX_NEW(float *, (size_t)n);
-    if (k->ffts == NULL || k->planes == NULL || k->work == NULL || k->scratch == NULL)
+    if (k->ffts == NULL || k->planes == NULL || k->scratch == NULL)
         status = rx_error_memory(err, 0);
     for (int i = 0; i < n && status == RX_OK; i++) {
         int cells = optics[i]->oversampling;
@@ -67,9 +62,8 @@ rx_status rx_kernels_new(int n, const rx_optics *const *optics, int width, int h
         if (status != RX_OK)
             break;
         k->planes[i] = RX_NEW(float *, (size_t)optics[i]->nbasis);
-        k->work[i] = rx_fft_real(k->ffts[i]);
         k->scratch[i] = rx_fft_complex(k->ffts[i]);
-        if (k->planes[i] == NULL || k->work[i] == NULL || k->scratch[i] == NULL)
+        if (k->planes[i] == NULL || k->scratch[i] == NULL)
             status = rx_error_memory(err, 0);
     }
     if (status == RX_OK)
@@ -98,7 +92,7 @@ static const float *find_spectrum(rx_kernels *k, int i, int image)
         k->left -= bytes;
     } else
         plane = k->scratch[i];
-    rx_convolve_spectrum(fft, stamp, o->size, k->work[i], plane);
+    rx_convolve_spectrum(fft, stamp, o->size, plane);
     return plane;
 }
 

@@ -38,7 +38,7 @@ typedef struct domain {
     double x, y;
     rx_matching matching;
     rx_fft *fine; /* of side m n, with its planes; NULL for m = 1 */
-    float *fine_plane, *fine_half;
+    float *fine_half;
 } domain;
 
 struct rx_template_otf {
@@ -73,7 +73,6 @@ static void clear_domain(domain *d)
 {
     rx_fft_free(d->size.fft);
     rx_fft_free(d->fine);
-    free(d->fine_plane);
     free(d->fine_half);
     free(d->size.optics);
     free(d->matching.restored);
@@ -126,7 +125,6 @@ static rx_status open_domain(const rx_template_otf *lens, int n, domain *d, rx_e
     size->optics =
         m > 1 ? RX_NEW(float, (size_t)(m * m) * rx_fft_complex_size(size->fft)) : rx_fft_complex(size->fft);
     if (m > 1) {
-        d->fine_plane = rx_fft_real(d->fine);
         d->fine_half = rx_fft_complex(d->fine);
     }
     d->matching.restored = rx_fft_complex(size->fft);
@@ -134,8 +132,7 @@ static rx_status open_domain(const rx_template_otf *lens, int n, domain *d, rx_e
     size->phase = RX_NEW(double, 2 * m * n + 2);
     size->column = RX_NEW(float, (PLANES + 2 + 2 * m) * n);
     int missing = size->optics == NULL || d->matching.restored == NULL || d->matching.kernel == NULL ||
-                  size->phase == NULL || size->column == NULL ||
-                  (m > 1 && (d->fine_plane == NULL || d->fine_half == NULL));
+                  size->phase == NULL || size->column == NULL || (m > 1 && d->fine_half == NULL);
     for (int i = 0; i < PLANES; i++) {
         size->half[i] = rx_fft_complex(size->fft);
         size->plane[i] = rx_fft_real(size->fft);
@@ -206,7 +203,7 @@ rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, r
         const int m = rx_psf_fine(lens->tile);
         rx_psf_fine_at(lens->tile, x, y, lens->stamp);
         rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, lens->stamp, rx_psf_fine_side(lens->tile),
-                             m > 1 ? d->fine_plane : d->size.plane[0], m > 1 ? d->fine_half : d->size.optics);
+                             m > 1 ? d->fine_half : d->size.optics);
         if (m > 1)
             cut_pieces(d, m);
         d->made = 1;
@@ -223,12 +220,11 @@ const rx_matching *rx_template_domain_matching(rx_template_domain *size)
     const rx_template_otf *lens = d->lens;
     rx_matching *m = &d->matching;
     if (!m->made && !lens->same) {
-        float *work = size->plane[PLANES - 1];
         rx_psf_at(lens->image, d->x, d->y, lens->stamp);
-        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, work, m->restored);
+        rx_convolve_spectrum(size->fft, lens->stamp, lens->image->size, m->restored);
         if (rx_psf_fine(lens->tile) > 1) { /* of whole pixels, as the restored ones are */
             rx_psf_at(lens->tile, d->x, d->y, lens->stamp);
-            rx_convolve_spectrum(size->fft, lens->stamp, lens->tile->size, work, m->kernel);
+            rx_convolve_spectrum(size->fft, lens->stamp, lens->tile->size, m->kernel);
         }
         rx_convolve_divide(size->fft, rx_psf_fine(lens->tile) > 1 ? m->kernel : size->optics, m->restored,
                            DELTA, m->kernel);

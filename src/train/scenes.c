@@ -320,7 +320,7 @@ static rx_status colour(rx_scenes *s, const draft *d, rx_error *err)
     const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
     rx_psf *psf = NULL;
     RX_TRY(rx_scenes_psf(field, &psf, err));
-    rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->x, s->coloured);
+    rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->coloured);
     rx_psf_free(psf);
     rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured);
     for (size_t y = 0; y < w; y++)
@@ -401,7 +401,7 @@ static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
 }
 
 /* K' and the filter of w, from the PSF as it is told. */
-static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *dst, rx_error *err)
+static rx_status tell_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error *err)
 {
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
@@ -416,8 +416,8 @@ static rx_status tell_psf(rx_scenes *s, const draft *d, float *work, rx_sample *
         status = rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1,
                                     dst->kernel, err);
     if (status == RX_OK)
-        status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size, front->target_fwhm, front->tikhonov, work,
-                                    s->spectrum, err);
+        status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size,
+                                    &(rx_tikhonov){front->target_fwhm, front->tikhonov, 0}, s->spectrum, err);
     dst->fwhm = (float)given.fwhm;
     rx_psf_free(psf);
     return status;
@@ -483,7 +483,7 @@ static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
     const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft);
     rx_survey_draw(&s->par.survey, d->key, s->window, side, field->fwhm, &d->survey);
-    RX_TRY(tell_psf(s, d, s->x, dst, err));
+    RX_TRY(tell_psf(s, d, dst, err));
     RX_TRY(draw_noise(s, d, err));
     expose(s, d, dst);
     cut(field->sharp, (size_t)field->side, x0, y0, side, d->scale, dst->y);

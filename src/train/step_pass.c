@@ -209,8 +209,8 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
         find_inside(pass, sample);
     if (!with_filter)
         return RX_OK;
-    return rx_deblur_tikhonov_relative(pass->fft, pass->kernel, pass->kernel_size, front->target_fwhm,
-                                       front->tikhonov, pass->work, pass->tikhonov, err);
+    return rx_deblur_tikhonov(pass->fft, pass->kernel, pass->kernel_size,
+                              &(rx_tikhonov){front->target_fwhm, front->tikhonov, 1}, pass->tikhonov, err);
 }
 
 /* ---- RESTORE ---- */

@@ -259,7 +259,8 @@ static void tikhonov_against_numpy(void **state)
     for (int k = 0; k < 31 * 31; k++)
         psf[k] = gy[k / 31] * gx[k % 31];
     rx_bench b = bench_new(48, 40);
-    assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 31, TARGET, 0.02, b.work, b.spectrum, NULL), RX_OK);
+    assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 31, &(rx_tikhonov){TARGET, 0.02, 0}, b.spectrum, NULL),
+                     RX_OK);
     impulse(&b);
     for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {
         const double value =
@@ -297,8 +298,9 @@ static void tikhonov_reach_and_flux(void **state)
         for (int beta = 3; beta <= 5; beta += 2) {
             float *psf = moffat(2 + 2 * f, beta, 1, 0, 0, 127);
             double sum;
-            assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 127, TARGET, 0.02, b.work, b.spectrum, NULL),
-                             RX_OK);
+            assert_int_equal(
+                rx_deblur_tikhonov(b.fft, psf, 127, &(rx_tikhonov){TARGET, 0.02, 0}, b.spectrum, NULL),
+                RX_OK);
             const double beyond = beyond_reach(&b, &sum);
             if (beyond > most[f])
                 fail_msg("FWHM %d beta %d: %.2e beyond %d pixels", 2 + 2 * f, beta, beyond,
@@ -316,9 +318,10 @@ static void tikhonov_from_relative(void **state)
     rx_bench a = bench_new(96, 80), b = bench_new(96, 80);
     float *psf = moffat(4, 3.5, 0.8, 0.7, -0.2, SIZE), *relative = RX_NEW(float, SIZE *SIZE);
     assert_int_equal(rx_deblur_relative(psf, SIZE, TARGET, SIZE, 1, relative, NULL), RX_OK);
-    assert_int_equal(rx_deblur_tikhonov(a.fft, psf, SIZE, TARGET, 0.02, a.work, a.spectrum, NULL), RX_OK);
+    assert_int_equal(rx_deblur_tikhonov(a.fft, psf, SIZE, &(rx_tikhonov){TARGET, 0.02, 0}, a.spectrum, NULL),
+                     RX_OK);
     assert_int_equal(
-        rx_deblur_tikhonov_relative(b.fft, relative, SIZE, TARGET, 0.02, b.work, b.spectrum, NULL), RX_OK);
+        rx_deblur_tikhonov(b.fft, relative, SIZE, &(rx_tikhonov){TARGET, 0.02, 1}, b.spectrum, NULL), RX_OK);
     impulse(&a);
     impulse(&b);
     double worst = 0, peak = 0;
@@ -344,7 +347,8 @@ static void what_cannot_be_is_said(void **state)
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "column 3 of row 2"));
     assert_int_equal(rx_deblur_relative_size(psf, 3, TARGET, 3, &size, &err), RX_INPUT);
-    assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 3, TARGET, 0.02, b.work, b.spectrum, &err), RX_INPUT);
+    assert_int_equal(rx_deblur_tikhonov(b.fft, psf, 3, &(rx_tikhonov){TARGET, 0.02, 0}, b.spectrum, &err),
+                     RX_INPUT);
     psf[5] = 0;
     psf[0] = NAN;
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
@@ -356,7 +360,8 @@ static void what_cannot_be_is_said(void **state)
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 1, out, &err), RX_INPUT);
     assert_int_equal(rx_deblur_relative(psf, 3, TARGET, 3, 0, out, &err), RX_OK);
     float *large = moffat(3, 3, 1, 0, 0, 9);
-    assert_int_equal(rx_deblur_tikhonov(b.fft, large, 9, TARGET, 0.02, b.work, b.spectrum, &err), RX_INPUT);
+    assert_int_equal(rx_deblur_tikhonov(b.fft, large, 9, &(rx_tikhonov){TARGET, 0.02, 0}, b.spectrum, &err),
+                     RX_INPUT);
     free(large);
     bench_free(&b);
 }

@@ -80,7 +80,7 @@ static void check_operator(const rx_psf *psf, int varies)
 {
     rx_blur *blur = NULL;
     assert_int_equal(rx_blur_new(psf, W, H, 2, &blur, NULL), RX_OK);
-    assert_int_equal(blur->varies, varies);
+    assert_int_equal(blur->kernel.varies, varies);
     float *f = rx_blur_sky(blur), *ktr = rx_blur_sky(blur);
     float kf[W * H], r[W * H];
     fill(0, rx_blur_sky_size(blur), f);

@@ -21,7 +21,7 @@ static double input(const rx_network_forward *f, int c, int x, int y)
 {
     float fwhm;
     if (c == 2) {
-        rx_network_optics_fwhm_row(f->optics, y, x, 1, &fwhm);
+        rx_otf_fwhm_row(&f->optics->grid, y, x, 1, &fwhm);
         return (fwhm - 5.0) / 3;
     }
     return x < 0 || y < 0 || x >= W || y >= H ? 0 : stretch((c == 0 ? f->x : f->base)[y * W + x]);

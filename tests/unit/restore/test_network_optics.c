@@ -10,8 +10,9 @@
 #include "nn/rl_step.h"
 #include "num/convolve.h"
 #include "restore/blur.h"
+#include "restore/network_optics.h"
 #include "restore/network_otf.h"
-#include "restore/network_rows.h"
+#include "restore/stamp.h"
 #include "sky.h"
 
 enum { WIDTH = 190, HEIGHT = 150, AREA = WIDTH * HEIGHT };
@@ -75,10 +76,10 @@ static rx_fft *whole(int margin)
 
 static void put(const rx_fft *fft, int margin, const float *plane, float *dst)
 {
-    rx_blocks_read(
-        plane, WIDTH, HEIGHT,
-        &(rx_blocks_window){-margin, -margin, rx_fft_width(fft), rx_fft_height(fft), rx_fft_stride_real(fft)},
-        dst);
+    const size_t stride = (size_t)rx_fft_stride_real(fft);
+    memset(dst, 0, stride * (size_t)rx_fft_height(fft) * sizeof *dst);
+    for (int y = 0; y < HEIGHT; y++)
+        memcpy(dst + (size_t)(y + margin) * stride + margin, plane + (size_t)y * WIDTH, WIDTH * sizeof *dst);
 }
 
 static float at(const rx_fft *fft, int margin, const float *plane, int k)
@@ -98,8 +99,9 @@ static void tikhonov_is_that_of_the_whole(void **state)
         float *plane = rx_fft_real(fft), *work = rx_fft_real(fft), *spectrum = rx_fft_complex(fft),
               *half = rx_fft_complex(fft);
         put(fft, MARGIN, b->x, plane);
-        assert_int_equal(rx_deblur_tikhonov(fft, b->psf->basis, b->psf->size, 2, 0.02, work, spectrum, NULL),
-                         RX_OK);
+        assert_int_equal(
+            rx_deblur_tikhonov(fft, b->psf->basis, b->psf->size, &(rx_tikhonov){2, 0.02, 0}, spectrum, NULL),
+            RX_OK);
         rx_convolve(fft, spectrum, plane, half, plane);
         assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, NULL), RX_OK);
         for (int k = 0; k < AREA; k++)
@@ -119,13 +121,13 @@ static void tikhonov_of_a_varying_psf(void **state)
     (void)state;
     bench *b = bench_new(4, 0.3);
     assert_int_equal(rx_network_optics_tikhonov(b->optics, b->x, b->made, NULL, NULL), RX_OK);
-    const int nx = b->optics->nx, side = 2 * RX_TIKHONOV_REACH + 1;
+    const int nx = b->optics->grid.nx, side = 2 * RX_TIKHONOV_REACH + 1;
     assert_int_equal(nx, 5);
-    const float *first = b->optics->filters, *second = first + side * side;
-    const double places[] = {0, 0.5 * b->optics->step_x};
+    const float *first = b->optics->grid.filters, *second = first + side * side;
+    const double places[] = {0, 0.5 * b->optics->grid.step_x};
     for (int p = 0; p < 2; p++) {
         const int x = (int)places[p], y = 0;
-        const double share = x / b->optics->step_x;
+        const double share = x / b->optics->grid.step_x;
         double sum = 0;
         for (int v = -RX_TIKHONOV_REACH; v <= RX_TIKHONOV_REACH; v++)
             for (int u = -RX_TIKHONOV_REACH; u <= RX_TIKHONOV_REACH; u++) {
@@ -136,9 +138,9 @@ static void tikhonov_of_a_varying_psf(void **state)
         assert_near(b->made[x], sum, 1e-3);
     }
     float row[WIDTH + 20];
-    rx_network_optics_fwhm_row(b->optics, 75, -10, WIDTH + 20, row);
+    rx_otf_fwhm_row(&b->optics->grid, 75, -10, WIDTH + 20, row);
     assert_near(row[0], row[10], 0);
-    assert_near(row[10], b->optics->fwhm[0], 1e-4);
+    assert_near(row[10], b->optics->grid.fwhm[0], 1e-4);
     assert_near(row[WIDTH + 9] / row[10], 1.3 / 0.7, 0.07); /* of stamps, with the pixel's own width */
     bench_free(b);
 }
@@ -270,7 +272,7 @@ static void sums_of_a_stamp(void **state)
         stamp[k] = (float)(1 + sin(k));
     for (int k = 0; k < STRIDE * STRIDE; k++)
         inside[k] = 99;
-    rx_rows_inside(stamp, RADIUS, inside);
+    rx_stamp_inside(stamp, 2 * RADIUS + 1, inside);
     for (int k = 0; k < STRIDE * STRIDE; k++) {
         double sum = 0;
         for (int i = 0; i < 25; i++)
@@ -339,7 +341,7 @@ static void widths_between_nodes(void **state)
     float row[WIDTH + 20];
     bench *b = bench_new(4, -0.3);
     const rx_network_optics *o = b->optics;
-    const int area = b->psf->size * b->psf->size, nx = o->nx, ny = o->ny;
+    const int area = b->psf->size * b->psf->size, nx = o->grid.nx, ny = o->grid.ny;
     float *stamp = calloc((size_t)area, sizeof *stamp);
     double centre = 0, here = 0;
     assert_int_equal(ny, 5);
@@ -348,23 +350,23 @@ static void widths_between_nodes(void **state)
     for (int k = 0; k < nx * ny; k++) {
         rx_psf_at(b->psf, k % nx * (WIDTH - 1.0) / (nx - 1), k / nx * (HEIGHT - 1.0) / (ny - 1), stamp);
         assert_int_equal(rx_stamp_fwhm(stamp, b->psf->size, &here, NULL, NULL), RX_OK);
-        assert_near(o->fwhm[k], b->psf->fwhm * here / centre, 1e-5);
+        assert_near(o->grid.fwhm[k], b->psf->fwhm * here / centre, 1e-5);
     }
     for (int y = -7; y < HEIGHT + 10; y += 13) {
-        rx_network_optics_fwhm_row(o, y, -10, WIDTH + 20, row);
+        rx_otf_fwhm_row(&o->grid, y, -10, WIDTH + 20, row);
         for (int i = 0; i < WIDTH + 20; i++) {
             const double u = fmax(0, fmin(WIDTH - 1, i - 10)) / (WIDTH - 1) * (nx - 1),
                          v = fmax(0, fmin(HEIGHT - 1, y)) / (HEIGHT - 1) * (ny - 1);
             double value = 0;
             for (int k = 0; k < nx * ny; k++)
-                value += fmax(0, 1 - fabs(u - k % nx)) * fmax(0, 1 - fabs(v - k / nx)) * o->fwhm[k];
+                value += fmax(0, 1 - fabs(u - k % nx)) * fmax(0, 1 - fabs(v - k / nx)) * o->grid.fwhm[k];
             assert_near(row[i], value, 1e-5);
         }
     }
     free(stamp);
     bench_free(b);
     b = bench_new(4, 0);
-    rx_network_optics_fwhm_row(b->optics, 20, -10, WIDTH + 20, row);
+    rx_otf_fwhm_row(&b->optics->grid, 20, -10, WIDTH + 20, row);
     for (int i = 0; i < WIDTH + 20; i++)
         assert_near(row[i], b->psf->fwhm, 1e-6);
     bench_free(b);

@@ -110,7 +110,7 @@ void field_disk(field *f, double x, double y, double flux, double radius, double
             stamp[(size_t)j * (size_t)(big - 1) + (size_t)i] =
                 (float)(value / moffat_sum(f->fwhm * CELLS) / (sum / flux));
         }
-    rx_convolve_spectrum(fft, stamp, big - 1, work, kernel);
+    rx_convolve_spectrum(fft, stamp, big - 1, kernel);
     rx_convolve(fft, kernel, grid, half, grid);
     for (int j = 0; j < SIDE; j++)
         for (int i = 0; i < SIDE; i++) {

@@ -76,8 +76,9 @@ static void filter_field(const scenes_test *t, const rx_scenes_field_data *field
     assert_int_equal(rx_fft_new(twice, twice, 1, &fft, NULL), RX_OK);
     assert_int_equal(rx_scenes_psf(field, &psf, NULL), RX_OK);
     float *work = rx_fft_real(fft), *half = rx_fft_complex(fft), *spectrum = rx_fft_complex(fft);
-    assert_int_equal(rx_deblur_tikhonov(fft, psf->basis, psf->size, t->par.front.target_fwhm,
-                                        t->par.front.tikhonov, work, spectrum, NULL),
+    assert_int_equal(rx_deblur_tikhonov(fft, psf->basis, psf->size,
+                                        &(rx_tikhonov){t->par.front.target_fwhm, t->par.front.tikhonov, 0},
+                                        spectrum, NULL),
                      RX_OK);
     for (int y = 0; y < twice; y++)
         for (int x = 0; x < twice; x++) {

@@ -379,7 +379,7 @@ static void filter(const rx_sample *sample, const float *y, float *dst)
         sum += kernel[k] = sample->kernel[(k / CUT + SKIP) * RX_SAMPLE_KERNEL + k % CUT + SKIP];
     for (int k = 0; k < CUT * CUT; k++)
         kernel[k] = (float)(kernel[k] / sum);
-    assert_int_equal(rx_deblur_tikhonov_relative(fft, kernel, CUT, 2, 0.02, plane, spectrum, NULL), RX_OK);
+    assert_int_equal(rx_deblur_tikhonov(fft, kernel, CUT, &(rx_tikhonov){2, 0.02, 1}, spectrum, NULL), RX_OK);
     assert_int_equal(rx_fft_stride_real(fft), SIDE);
     memcpy(plane, y, PIXELS * sizeof *y);
     rx_convolve(fft, spectrum, plane, half, plane);
