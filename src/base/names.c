@@ -49,18 +49,19 @@ bool rx_name_split_images(const char *images, char **detect, char **measure)
     return false;
 }
 
-/* Cut `ending` off where the name is more than that. */
-static void cut_ending(char *name, const char *ending)
+/* What an image's name ends in is cut off where the name is more than that. */
+static void cut_endings(char *name)
 {
-    const size_t length = strlen(name), n = strlen(ending);
-    if (length > n && strcasecmp(name + length - n, ending) == 0)
-        name[length - n] = '\0';
+    static const char *const endings[] = {".fz", ".gz", ".bz2", ".z", ".fits", ".fit", ".fts"};
+    for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
+        const size_t length = strlen(name), n = strlen(endings[i]);
+        if (length > n && strcasecmp(name + length - n, endings[i]) == 0)
+            name[length - n] = '\0';
+    }
 }
 
 char *rx_name_stem(const char *image)
 {
-    static const char *const packed[] = {".fz", ".gz", ".bz2", ".z"}, *const plain[] = {".fits", ".fit",
-                                                                                        ".fts"};
     char *detect, *measure;
     if (!rx_name_split_images(image, &detect, &measure))
         return NULL;
@@ -72,11 +73,19 @@ char *rx_name_stem(const char *image)
     const char *slash = strrchr(detect, '/');
     if (slash != NULL)
         memmove(detect, slash + 1, strlen(slash));
-    for (size_t i = 0; i < sizeof packed / sizeof packed[0]; i++)
-        cut_ending(detect, packed[i]);
-    for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++)
-        cut_ending(detect, plain[i]);
+    cut_endings(detect);
     return detect;
+}
+
+char *rx_name_psf(const char *image)
+{
+    const size_t room = strlen(image) + 5;
+    char *name = malloc(room);
+    if (name == NULL)
+        return NULL;
+    snprintf(name, room, "%s", image);
+    cut_endings(name);
+    return strcat(name, ".psf");
 }
 
 /* "a/b", with one slash between. */

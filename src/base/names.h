@@ -17,6 +17,10 @@ bool rx_name_split_images(const char *images, char **detect, char **measure);
  * first. NULL without memory; the caller frees. */
 char *rx_name_stem(const char *image);
 
+/* "night/a.psf" of "night/a.fits.fz": the PSF beside an image, as PSFEx leaves it there; a plain file name. NULL
+ * without memory; the caller frees. */
+char *rx_name_psf(const char *image);
+
 /* The one name of a file that is there, or will be: absolute, without links (of one that leads to nothing,
  * what it leads to), "." and ".."; the plain one where its folder is not there. Two names of the same file
  * give the same. NULL without memory; the caller frees. */

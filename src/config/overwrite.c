@@ -243,11 +243,25 @@ static void add_visited(void *user, const char *key, const char *name)
         add(user, name);
 }
 
+/* Outputs of the run against files that it reads, and folders that it replaces against all of them. */
+static rx_status check_outputs(const rx_config *config, inputs *list, const char *record, rx_error *err)
+{
+    file_check check = {.list = list, .record = record, .err = err};
+    rx_status status = rx_overwrite_visit(config, check_visited, &check, err);
+    if (status == RX_OK)
+        status = check.status;
+    visit_files(config, add_visited, list);
+    if (status == RX_OK && config->reference_name[0] != '\0')
+        status = check_folder(list, "QA_NAME", config->qa_name, err);
+    if (status == RX_OK && config->self_check)
+        status = check_folder(list, "SELF_CHECK_NAME", config->self_check_name, err);
+    return status;
+}
+
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
     inputs list = {0};
-    file_check check = {.list = &list, .err = err};
     char *detect = NULL, *measure = NULL, *record = NULL;
     if (!rx_name_split_images(image, &detect, &measure))
         return rx_error_memory(err, strlen(image));
@@ -255,19 +269,18 @@ rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_
     add(&list, measure);
     add_stage(&list, config);
     if (config->record_name[0] != '\0')
-        check.record = record = rx_name_real(config->record_name);
-    rx_status status = rx_overwrite_visit(config, check_visited, &check, err);
-    if (status == RX_OK)
-        status = check.status;
-    visit_files(config, add_visited, &list);
-    if (status == RX_OK && config->reference_name[0] != '\0')
-        status = check_folder(&list, "QA_NAME", config->qa_name, err);
-    if (status == RX_OK && config->self_check)
-        status = check_folder(&list, "SELF_CHECK_NAME", config->self_check_name, err);
+        record = rx_name_real(config->record_name);
+    rx_status status = check_outputs(config, &list, record, err);
     free(record);
     free(detect);
     free(measure);
     return status;
+}
+
+rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err)
+{
+    inputs list = {.n = 1, .name = {name}};
+    return check_outputs(config, &list, NULL, err);
 }
 
 static void add_simulate(inputs *list, const rx_simulate_config *config)

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "base/text.h"
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
@@ -17,6 +18,7 @@
 #include "io/tile.h"
 #include "io/wcs.h"
 #include "pipeline/field_noise.h"
+#include "psf/psf_files.h"
 #include "psf/psf_library.h"
 
 static int any_saturated(const rx_image *image)
@@ -357,19 +359,15 @@ static double header_fwhm(const rx_tile *tile, double scale, const char **key)
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
 
-/* NAME.psf of NAME.fits (.fit, .fts, compressed), where such a file lies. */
-static int beside(const rx_field *field, rx_text *dst)
+/* The PSF file beside the image, to be freed; NULL: there is none, or no memory (*failed). */
+static char *beside(const rx_field *field, bool *failed)
 {
-    static const char *const ends[] = {".gz", ".fz", ".bz2", ".Z", ".fits", ".fit", ".fts"};
-    if (field->tile == NULL || field->tile->name == NULL)
-        return 0;
-    size_t n = strlen(field->tile->name);
-    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
-        const size_t end = strlen(ends[i]);
-        n -= n > end && strncmp(field->tile->name + n - end, ends[i], end) == 0 ? end : 0;
-    }
-    rx_text_printf(dst, "%.*s.psf", (int)n, field->tile->name);
-    return !dst->failed && access(dst->data, R_OK) == 0;
+    char *path = field->tile != NULL && field->tile->name != NULL ? rx_name_psf(field->tile->name) : NULL;
+    *failed = path == NULL && field->tile != NULL && field->tile->name != NULL;
+    if (path == NULL || access(path, R_OK) == 0)
+        return path;
+    free(path);
+    return NULL;
 }
 
 /* The PSF file beside the image, as PSFEx leaves it there; where there is none, or none of use, field->psf stays NULL. */
@@ -378,18 +376,19 @@ static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *wh
 {
     const rx_image *image = &field->image;
     rx_psf_params par = params->psf;
-    rx_text path = {0};
     rx_error local = rx_error_part(err);
-    rx_status status = RX_OK;
-    if (!rx_psf_type_measured(par.type) || !beside(field, &path))
-        goto exit;
+    bool failed = false;
+    char *path = rx_psf_type_measured(par.type) ? beside(field, &failed) : NULL;
+    if (path == NULL)
+        return failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_record_add(&field->inputs, "PSF_NAME", "", "%s", path);
     par.type = RX_PSF_FILE;
-    par.file = path.data;
+    par.file = path;
     par.extension = image->extension;
     par.sampling = 0.0;
     par.integrate = RX_PSF_INTEGRATE_AUTO;
-    const char *name = strrchr(path.data, '/') != NULL ? strrchr(path.data, '/') + 1 : path.data;
-    status = rx_psf_file(&par, image->width, image->height, log, &field->psf, &local);
+    const char *name = rx_psf_base_name(path);
+    rx_status status = rx_psf_file(&par, image->width, image->height, log, &field->psf, &local);
     if (status == RX_INPUT) {
         rx_log_warning(log, "%s[%d]: %s beside it is no PSF of it: %s", image->name, image->hdu, name,
                        local.text);
@@ -404,8 +403,7 @@ static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *wh
         rx_log_warning(log, "%s[%d]: %.*s; the PSF is that of %s beside the image", image->name, image->hdu,
                        (int)strcspn(why->text, ";"), why->text, name);
     }
-exit:
-    rx_text_free(&path);
+    free(path);
     return status;
 }
 
@@ -414,10 +412,10 @@ static int is_stated(const rx_pipeline_params *params, const rx_field *field)
 {
     const char *key;
     const double scale = pixel_scale(params, &field->image);
-    rx_text path = {0};
-    const int file = beside(field, &path);
-    rx_text_free(&path);
-    return file || params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
+    bool failed;
+    char *file = beside(field, &failed);
+    free(file);
+    return file != NULL || params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
            (params->seeing_stated && scale > 0.0);
 }
 
@@ -432,7 +430,7 @@ static rx_status library_psf(const rx_pipeline_params *params, const rx_error *w
         !rx_psf_type_measured(params->psf.type))
         return RX_OK;
     rx_psf_origin_of(field->tile, &origin);
-    RX_TRY(rx_psf_library_find(library, &origin, log, &found, err));
+    RX_TRY(rx_psf_library_find(library, &origin, log, &field->inputs, &found, err));
     if (found == NULL) {
         rx_log_info(
             log, "%s[%d]: PSF_LIBRARY has no PSF of CCD '%s' and filter '%s' within %g days and %g degrees",
@@ -685,6 +683,7 @@ void rx_field_free(rx_field *field)
     rx_background_free(field->plain);
     rx_psf_free(field->psf);
     rx_tile_free(field->tile);
+    rx_record_free(&field->inputs);
     free(field->mask);
     free(field);
 }

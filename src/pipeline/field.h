@@ -6,6 +6,7 @@
 #include "base/extern.h"
 #include "base/log.h"
 #include "data/image.h"
+#include "data/record.h"
 #include "data/sources.h"
 #include "pipeline/params.h"
 
@@ -26,7 +27,8 @@ typedef struct rx_field {
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */
     double
         psf_bound; /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
-    int unrestorable;                       /* neither stars nor what was stated give a PSF */
+    rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
+    int unrestorable; /* neither stars nor what was stated give a PSF */
     double background_seconds, psf_seconds; /* wall clock of preparing it */
 } rx_field;
 

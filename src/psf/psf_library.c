@@ -252,7 +252,7 @@ static rx_status flux_off(const rx_psf *used, const rx_psf *true_psf, const rx_p
 }
 
 rx_status rx_psf_library_find(const rx_psf_library *library, const rx_psf_origin *tile, rx_log *log,
-                              rx_psf **dst, rx_error *err)
+                              rx_record *read, rx_psf **dst, rx_error *err)
 {
     entry list[NEIGHBOURS + 2];
     rx_psf *psf = NULL;
@@ -260,6 +260,8 @@ rx_status rx_psf_library_find(const rx_psf_library *library, const rx_psf_origin
     double fluxes = 0.0, widths = 0.0;
     *dst = NULL;
     rx_status status = look_through(library, tile, log, list, &n, err);
+    for (int i = 0; i < n && read != NULL; i++)
+        rx_record_add(read, "PSF_LIBRARY", "", "%s", list[i].path);
     for (int i = 0; i < n && status == RX_OK; i++) {
         rx_psf *other = NULL;
         rx_error why = rx_error_part(err);

@@ -29,9 +29,10 @@ int rx_psf_library_takes(const rx_psf *psf);
 /* The model of the same CCD and filter that is nearest in time and place, in units of the limits; of two as near the one
  * whose file name comes first. A CCD or filter that only one of the two states is another; where neither states it the
  * model is taken with a warning, and its description says so. Of time and place what either does not state does not
- * count, but one of them both must state. *dst NULL: the library has none. Its flux_error and fwhm_error hold, in
+ * count, but one of them both must state. *dst NULL: the library has none. The files of all models that were looked at are added to `read` (may be
+ * NULL) as PSF_LIBRARY. Its flux_error and fwhm_error hold, in
  * quadrature, how much the next nearest models differ from it. Errors: RX_USAGE (the folder cannot be read), RX_SYSTEM. */
 rx_status rx_psf_library_find(const rx_psf_library *library, const rx_psf_origin *tile, rx_log *log,
-                              rx_psf **dst, rx_error *err);
+                              rx_record *read, rx_psf **dst, rx_error *err);
 
 #endif

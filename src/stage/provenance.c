@@ -67,6 +67,24 @@ rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_
     return status == RX_OK && record->failed ? rx_error_memory(err, 0) : status;
 }
 
+rx_status rx_record_file(rx_record *record, const char *key, const char *name, rx_error *err)
+{
+    char digest[RX_HASH_TEXT];
+    int there = 0;
+    RX_TRY(rx_input_digest(key, name, digest, &there, err));
+    if (!there)
+        return rx_error_at(err, RX_INPUT, name, -1, 0, "was removed after it was read (%s)", key);
+    const size_t used = strlen(digest) + strlen(key) + 2;
+    for (int i = 0; i < record->n; i++) {
+        const char *value = record->pairs[i][1];
+        if (strcmp(record->pairs[i][0], "READ") == 0 && strlen(value) > used &&
+            strcmp(value + used, name) == 0 && strncmp(value + strlen(digest) + 1, key, strlen(key)) == 0)
+            return RX_OK;
+    }
+    add_input(record, key, name, digest);
+    return record->failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
 void rx_record_product(rx_record *products, const char *digest, int part, const char *name)
 {
     rx_record_add(products, "MADE", "digest of pixels or rows, part and name of an output", "%s %d %s",

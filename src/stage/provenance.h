@@ -34,6 +34,9 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
 rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_options *options,
                            const char *detect, const char *measure, rx_error *err);
 
+/* One more file, unless it is there already. Errors: as above. */
+rx_status rx_record_file(rx_record *record, const char *key, const char *name, rx_error *err);
+
 void rx_record_product(rx_record *products, const char *digest, int part, const char *name);
 
 /* dst (empty) = the whole record of the output of that name: that of the run, the products, the end. Free it

@@ -110,13 +110,26 @@ static int is_recorded(const rx_options *options)
            options->check.self_check || options->write_psf;
 }
 
-/* After the first image was read, which finds what is wrong with a file sooner than its digest. */
-static rx_status record_inputs(job *job, rx_error *err)
+/* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only
+ * the stars of this image, or their lack, made inputs. */
+static rx_status record_inputs(job *job, const rx_field *detect, const rx_field *measure, rx_error *err)
 {
-    if (job->inputs_recorded || !is_recorded(job->options))
-        return RX_OK;
+    const rx_field *fields[] = {detect, measure};
+    const int recorded = is_recorded(job->options);
+    if (recorded && !job->inputs_recorded)
+        RX_TRY(rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err));
     job->inputs_recorded = 1;
-    return rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err);
+    for (int role = 0; role < 2; role++) {
+        const rx_record *read = fields[role] != NULL ? &fields[role]->inputs : NULL;
+        if (read != NULL && read->failed)
+            return rx_error_memory(err, 0);
+        for (int i = 0; read != NULL && i < read->n; i++) {
+            RX_TRY(rx_config_check_read(job->config, read->pairs[i][1], err));
+            if (recorded)
+                RX_TRY(rx_record_file(&job->record, read->pairs[i][0], read->pairs[i][1], err));
+        }
+    }
+    return RX_OK;
 }
 
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
@@ -145,7 +158,7 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     if (status == RX_OK)
         status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
     if (status == RX_OK)
-        status = record_inputs(job, err);
+        status = record_inputs(job, detect, measure, err);
     if (status == RX_OK)
         status = rx_library_add(options, detect, &job->record, job->outputs, job->log, err);
     const rx_extraction_input work = {.options = options,

@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "base/names.h"
@@ -34,6 +36,12 @@ typedef struct replay {
     int compared, different;
     rx_text first; /* what differs first, for the error */
 } replay;
+
+static const char *file_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash != NULL ? slash + 1 : path;
+}
 
 /* Keywords that change no result. */
 static const char *const harmless[] = {"NTHREADS", "VERBOSE_TYPE", "NET_BLOCK", "MEMORY_PIXSTACK", NULL};
@@ -146,6 +154,38 @@ static rx_status divert(replay *r, char **name, rx_error *err)
     return RX_OK;
 }
 
+/* The library as the run saw it: a folder of links to the models that it looked at, whatever else is there by now. */
+static rx_status restore_library(replay *r, rx_error *err)
+{
+    rx_text folder = {0};
+    rx_replay_item item;
+    rx_text_printf(&folder, "%s/library", r->folder);
+    rx_status status = folder.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK && mkdir(folder.data, 0700) != 0)
+        status = rx_error_at(err, RX_SYSTEM, folder.data, -1, 0, "cannot be made: %s", strerror(errno));
+    for (int i = 0; i < r->record->n && status == RX_OK; i++) {
+        if (strcmp(r->record->lines[i].name, "READ") != 0 ||
+            !rx_replay_item_read(r->record->lines[i].value, &item) || strcmp(item.key, "PSF_LIBRARY") != 0)
+            continue;
+        rx_text path = {0};
+        char *real = rx_name_real(item.name);
+        rx_text_printf(&path, "%s/%s", folder.data, file_name(item.name));
+        if (real == NULL || path.failed)
+            status = rx_error_memory(err, 0);
+        else if (symlink(real, path.data) != 0)
+            status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be made: %s", strerror(errno));
+        rx_text_free(&path);
+        free(real);
+    }
+    if (status != RX_OK) {
+        rx_text_free(&folder);
+        return status;
+    }
+    free(r->config->psf_library);
+    r->config->psf_library = folder.data;
+    return RX_OK;
+}
+
 static rx_status divert_outputs(replay *r, rx_error *err)
 {
     rx_config *config = r->config;
@@ -170,7 +210,7 @@ static rx_status divert_outputs(replay *r, rx_error *err)
     config->record_name[0] = '\0';
     if (strcmp(config->psf_library_type, "WRITE") == 0)
         config->psf_library[0] = '\0';
-    return RX_OK;
+    return config->psf_library[0] != '\0' ? restore_library(r, err) : RX_OK;
 }
 
 /* Is `name` that output with that tag? Then *dst is where it went. */
@@ -243,10 +283,16 @@ static void check_itself(replay *r)
     }
 }
 
-static int has_line(const rx_replay_record *record, const char *name, const char *value)
+/* Does the record have that file? Models of PSF_LIBRARY are read by links to them, elsewhere. */
+static int has_read(const rx_replay_record *record, const rx_replay_item *one)
 {
+    rx_replay_item item;
     for (int i = 0; i < record->n; i++)
-        if (strcmp(record->lines[i].name, name) == 0 && strcmp(record->lines[i].value, value) == 0)
+        if (strcmp(record->lines[i].name, "READ") == 0 &&
+            rx_replay_item_read(record->lines[i].value, &item) && strcmp(item.digest, one->digest) == 0 &&
+            strcmp(item.key, one->key) == 0 &&
+            (strcmp(item.key, "PSF_LIBRARY") == 0 ? strcmp(file_name(item.name), file_name(one->name)) == 0
+                                                  : strcmp(item.name, one->name) == 0))
             return 1;
     return 0;
 }
@@ -257,13 +303,11 @@ static void compare_inputs(replay *r)
     rx_replay_item item;
     for (int i = 0; i < r->again->n; i++)
         if (strcmp(r->again->lines[i].name, "READ") == 0 &&
-            !has_line(r->record, "READ", r->again->lines[i].value) &&
-            rx_replay_item_read(r->again->lines[i].value, &item))
+            rx_replay_item_read(r->again->lines[i].value, &item) && !has_read(r->record, &item))
             differs(r, "%.200s (%s) is read now, and was not then", item.name, item.key);
     for (int i = 0; i < r->record->n; i++)
         if (strcmp(r->record->lines[i].name, "READ") == 0 &&
-            !has_line(r->again, "READ", r->record->lines[i].value) &&
-            rx_replay_item_read(r->record->lines[i].value, &item))
+            rx_replay_item_read(r->record->lines[i].value, &item) && !has_read(r->again, &item))
             differs(r, "%.200s (%s) was read then, and is not now", item.name, item.key);
 }
 

@@ -100,14 +100,15 @@ static rx_status add_part(rx_replay_record *record, const char *digest, rx_error
 
 /* --- FITS --- */
 
-/* What the record of a further HDU has beyond that of the first: the lines MADE. */
-static void keep_made(rx_replay_record *record, int from)
+/* What the record of a further HDU has beyond that of the first: lines MADE, and READ of the PSF of that image. */
+static void keep_further(rx_replay_record *record, int from)
 {
     int kept = from;
     for (int i = from; i < record->n; i++) {
-        int known = strcmp(record->lines[i].name, "MADE") != 0;
+        const char *name = record->lines[i].name;
+        int known = strcmp(name, "MADE") != 0 && strcmp(name, "READ") != 0;
         for (int k = 0; k < kept && !known; k++)
-            known = strcmp(record->lines[k].name, "MADE") == 0 &&
+            known = strcmp(record->lines[k].name, name) == 0 &&
                     strcmp(record->lines[k].value, record->lines[i].value) == 0;
         if (known) {
             free(record->lines[i].name);
@@ -138,7 +139,7 @@ static rx_status read_hdu(reading *r, int hdu, char version[72], rx_error *err)
     }
     r->record->intact &= r->intact;
     if (r->first > 0)
-        keep_made(r->record, r->first);
+        keep_further(r->record, r->first);
     status = rx_fits_digest_hdu(r->path, hdu, digest, err);
     return status == RX_OK ? add_part(r->record, digest, err) : status;
 }

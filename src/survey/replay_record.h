@@ -17,9 +17,9 @@ typedef struct rx_replay_line {
 typedef struct rx_replay_record {
     bool fits; /* not a text */
     int n;
-    rx_replay_line *lines;         /* from RECORD to END; of further HDUs what they have made */
-    int intact;                    /* END fits to what stands above it, in every HDU */
-    int nparts;                    /* parts of the file that hold rows or pixels */
+    rx_replay_line *lines; /* from RECORD to END; of further HDUs what they have read and made besides */
+    int intact;            /* END fits to what stands above it, in every HDU */
+    int nparts;            /* parts of the file that hold rows or pixels */
     char (*digests)[RX_HASH_TEXT]; /* [nparts] of the rows or pixels as they are in the file now */
 } rx_replay_record;
 

@@ -119,6 +119,36 @@ models
 stars tile.fits 1 -SKY_CENTER 150.18,2
 rung "$read -PSF_LIBRARY_MAX 1,0.01" 'RXPSFHOW = WIDTH'
 
+begin 'PSF_LIBRARY: models are inputs of the run, and a replay takes them again'
+models
+stars tile.fits 0 -SKY_CENTER 150.18,2
+rung "$read" 'READ = [0-9a-f]{32} PSF_LIBRARY library/model1_0-.*\.psf' 'READ = [0-9a-f]{32} PSF_LIBRARY library/model2_0-.*\.psf'
+expect 0 '' -REPLAY test.cat
+stars near.fits 60 -SEED 3 -PSF_FWHM 3.5 -SKY_CENTER 150.18,2
+if [ "$active" = 1 ]; then
+    run near.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE NONE -PSF_LIBRARY library -PSF_LIBRARY_TYPE WRITE -VERBOSE_TYPE QUIET
+    cp test.cat first.cat
+fi
+expect 0 '' -REPLAY first.cat
+rung "$read" 'RXPSFLIB = near_0-.*'
+[ "$active" = 0 ] || rm library/model1_0-*.psf
+expect 3 'library/model1_0-.*\.psf: is not there \(PSF_LIBRARY of the run that wrote first\.cat\)' -REPLAY first.cat
+
+begin 'PSF_LIBRARY: no model that was read is replaced'
+models
+stars tile.fits 0 -SKY_CENTER 150.18,2
+[ "$active" = 0 ] || mv library/model2_0-*.psf library/two.psf
+expect 2 'CHECKIMAGE_NAME library/two\.psf is also read, as library/two\.psf; give the output another name' tile.fits -c /dev/null $read \
+    -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME library/two.psf
+
+begin 'PSF file beside the image is an input of the run'
+make_fits flat tile.fits && make_fits psf tile.psf
+rung '-RL_NITER 2' 'RXPSFHOW = BESIDE' 'READ = [0-9a-f]{32} PSF_NAME tile\.psf'
+expect 0 '' -REPLAY test.cat
+expect 2 'CHECKIMAGE_NAME tile\.psf is also read, as tile\.psf' tile.fits -c /dev/null -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME tile.psf
+[ "$active" = 0 ] || printf ' ' >>tile.psf
+expect 3 'tile\.psf: has changed since it was read \(PSF_NAME of the run that wrote test\.cat\)' -REPLAY test.cat
+
 begin 'PSF_LIBRARY: a run that writes reads nothing'
 models
 stars tile.fits 0 -SKY_CENTER 150.18,2

@@ -127,7 +127,7 @@ static rx_psf *find_aloud(const char *ccd, const char *filter, char *text, size_
     snprintf(tile.ccd, sizeof tile.ccd, "%s", ccd);
     snprintf(tile.filter, sizeof tile.filter, "%s", filter);
     rx_log_init(&log, "test", stream, RX_NORMAL);
-    assert_int_equal(rx_psf_library_find(&library, &tile, &log, &psf, &err), RX_OK);
+    assert_int_equal(rx_psf_library_find(&library, &tile, &log, NULL, &psf, &err), RX_OK);
     rewind(stream);
     text[fread(text, 1, room - 1, stream)] = '\0';
     fclose(stream);
@@ -141,7 +141,7 @@ static rx_psf *find(double mjd, double alpha, double days, double degrees)
         .ccd = "cam 7", .mjd = mjd, .alpha = alpha, .delta = 0.0, .width = 200, .height = 300};
     rx_error err = {0};
     rx_psf *psf = NULL;
-    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, &psf, &err), RX_OK);
+    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, NULL, &psf, &err), RX_OK);
     return psf;
 }
 
@@ -266,7 +266,7 @@ static void test_small_tile(void **state)
     const rx_psf_origin tile = {
         .ccd = "cam 7", .mjd = 100.0, .alpha = 10.0, .delta = 0.0, .width = 30, .height = 64};
     add_model("a.psf", 3.0, 100.0, 10.0, "cam 7", 200, 0);
-    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, &psf, &err), RX_OK);
+    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, NULL, &psf, &err), RX_OK);
     assert_int_equal(psf->size, 29);
     assert_near(psf->quality.radius, 14.0, 1e-12);
     rx_psf_free(psf);
@@ -280,7 +280,7 @@ static void test_refused(void **state)
     char path[256];
     const rx_psf_library library = {.folder = "/nonexistent", .days = 1.0, .degrees = 1.0};
     const rx_psf_origin tile = {.mjd = 100.0, .alpha = NAN, .delta = NAN, .width = 200, .height = 300};
-    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, &psf, &err), RX_USAGE);
+    assert_int_equal(rx_psf_library_find(&library, &tile, NULL, NULL, &psf, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "PSF_LIBRARY"));
     /* files that are no PSFs are left out */
     snprintf(path, sizeof path, "%s/bad.psf", folder);
