@@ -2,7 +2,11 @@
 #include "quality/rho.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+
+#include "base/interrupt.h"
+#include "base/memory.h"
 
 static const double FIRST = 0.25; /* arcmin; each bin is twice as wide as the one before */
 
@@ -71,18 +75,46 @@ static void add(sums *dst, double n, double tt, double ee)
     }
 }
 
-void rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS])
+/* An image with the direction of its centre. */
+typedef struct placed {
+    const rx_rho *image;
+    double at[3];
+} placed;
+
+/* By declination; of one centre by all that is summed. */
+static int by_delta(const void *left, const void *right)
 {
-    const double unit = RX_RHO_UNIT * RX_RHO_UNIT, most = rx_rho_edge(RX_RHO_BINS) / 60.0;
+    const rx_rho *a = ((const placed *)left)->image, *b = ((const placed *)right)->image;
+    if (a->delta != b->delta)
+        return a->delta > b->delta ? 1 : -1;
+    if (a->alpha != b->alpha)
+        return a->alpha > b->alpha ? 1 : -1;
+    return memcmp(a, b, sizeof *a);
+}
+
+rx_status rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS], rx_error *err)
+{
+    const double unit = RX_RHO_UNIT * RX_RHO_UNIT, most = rx_rho_edge(RX_RHO_BINS) / 60.0, deg = M_PI / 180.0;
+    const double farthest = cos(deg * most) - 1e-12; /* of directions, beyond the last bin */
     sums all[RX_RHO_BINS];
-    memset(all, 0, sizeof all);
+    rx_status status = RX_OK;
+    placed *sorted = RX_NEW(placed, (size_t)(n > 0 ? n : 1));
+    if (sorted == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *sorted);
     for (int i = 0; i < n; i++) {
-        const rx_rho *a = images[i];
+        const double alpha = deg * images[i]->alpha, delta = deg * images[i]->delta;
+        sorted[i] = (placed){images[i], {cos(delta) * cos(alpha), cos(delta) * sin(alpha), sin(delta)}};
+    }
+    qsort(sorted, (size_t)n, sizeof *sorted, by_delta);
+    memset(all, 0, sizeof all);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        const rx_rho *a = sorted[i].image;
         for (int k = 0; k < RX_RHO_BINS; k++)
             add(&all[k], (double)a->pairs[k], (double)a->tt[k], (double)a->ee[k]);
-        for (int j = 0; j < i; j++) {
-            const rx_rho *b = images[j];
-            if (fabs(a->delta - b->delta) >= most)
+        for (int j = i - 1; j >= 0 && a->delta - sorted[j].image->delta < most; j--) {
+            const rx_rho *b = sorted[j].image;
+            const double *u = sorted[i].at, *v = sorted[j].at;
+            if (u[0] * v[0] + u[1] * v[1] + u[2] * v[2] < farthest)
                 continue;
             const double apart = angle(a->alpha, a->delta, b->alpha, b->delta);
             const int k = apart > a->reach + b->reach ? bin_of(60.0 * apart) : -1;
@@ -90,7 +122,9 @@ void rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS])
                 add(&all[k], (double)a->n * (double)b->n, (double)a->t * (double)b->t,
                     (double)a->e1 * (double)b->e1 + (double)a->e2 * (double)b->e2);
         }
+        status = rx_interrupt_check(err);
     }
+    free(sorted);
     for (int k = 0; k < RX_RHO_BINS; k++) {
         const sums *s = &all[k];
         double mean[2], error[2];
@@ -103,4 +137,5 @@ void rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS])
         }
         dst[k] = (rx_rho_bin){s->n, mean[0] * unit, error[0] * unit, mean[1] * unit, error[1] * unit};
     }
+    return status;
 }

@@ -7,6 +7,8 @@
 #ifndef RX_QUALITY_RHO_H
 #define RX_QUALITY_RHO_H
 
+#include "base/error.h"
+
 #define RX_RHO_UNIT 1e-4
 enum { RX_RHO_BINS = 11 };
 
@@ -37,8 +39,9 @@ int rx_rho_units(double residual);
 /* dst's centre is given. */
 void rx_rho_of(int n, const rx_rho_star *stars, rx_rho *dst);
 
-/* Pairs within images, and between images that do not overlap: these at the angle of the centres. images[n] by any order
- * that is the same from run to run. */
-void rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS]);
+/* Pairs within images, and between images that do not overlap: these at the angle of the centres, the same numbers for
+ * any order of images[n]. Only images nearer than the largest angle in declination are compared. Errors: RX_SYSTEM,
+ * RX_INTERRUPTED. */
+rx_status rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_BINS], rx_error *err);
 
 #endif

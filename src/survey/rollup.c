@@ -238,9 +238,9 @@ static rx_status correlate(rx_rollup *r, rx_error *err)
     for (int i = 0; i < r->npsfs; i++)
         if (r->psf[i].psf.rho.n > 0)
             images[n++] = &r->psf[i].psf.rho;
-    rx_rho_all(n, images, r->rho);
+    const rx_status status = rx_rho_all(n, images, r->rho, err);
     free(images);
-    return RX_OK;
+    return status;
 }
 
 rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *path, int64_t at,

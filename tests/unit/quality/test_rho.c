@@ -2,6 +2,7 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -44,10 +45,11 @@ static void test_one_image(void **state)
     rx_rho rho = {.alpha = 150.0, .delta = 0.0};
     const rx_rho *images[1] = {&rho};
     rx_rho_bin bins[RX_RHO_BINS];
+    rx_error err = {0};
     (void)state;
     make_stars(150.0, 0.01, 3, stars);
     rx_rho_of(STARS, stars, &rho);
-    rx_rho_all(1, images, bins);
+    assert_int_equal(rx_rho_all(1, images, bins, &err), RX_OK);
     for (int k = 0; k < RX_RHO_BINS; k++) {
         double n = 0.0, t = 0.0, e = 0.0;
         for (int i = 0; i < STARS; i++)
@@ -67,7 +69,7 @@ static void test_one_image(void **state)
         assert_true(isnan(bins[k].t_error)); /* one image says nothing of its scatter */
     }
     assert_int_equal(rho.n, STARS);
-    assert_true(rho.reach > 0.03 && rho.reach < 0.0708);
+    assert_between(rho.reach, 0.03, 0.0708);
 }
 
 /* Images 1 deg apart: all their pairs at the angle of their centres; overlapping ones: none. */
@@ -77,6 +79,7 @@ static void test_pairs_of_images(void **state)
     rx_rho rho[3] = {{.alpha = 150.0}, {.alpha = 151.0}, {.alpha = 150.01}};
     const rx_rho *images[3] = {&rho[0], &rho[1], &rho[2]}, *turned[3] = {&rho[2], &rho[0], &rho[1]};
     rx_rho_bin bins[RX_RHO_BINS], again[RX_RHO_BINS];
+    rx_error err = {0};
     (void)state;
     make_stars(150.0, 0.02, 1, a);
     make_stars(151.0, 0.02, 2, b);
@@ -84,7 +87,7 @@ static void test_pairs_of_images(void **state)
     rx_rho_of(STARS, a, &rho[0]);
     rx_rho_of(STARS, b, &rho[1]);
     rx_rho_of(STARS, c, &rho[2]);
-    rx_rho_all(2, images, bins);
+    assert_int_equal(rx_rho_all(2, images, bins, &err), RX_OK);
     double t = 0.0, e = 0.0;
     for (int i = 0; i < STARS; i++)
         for (int j = 0; j < STARS; j++) {
@@ -96,8 +99,8 @@ static void test_pairs_of_images(void **state)
     assert_near(bins[7].e, e / STARS / STARS, 1e-13);
     assert_true(bins[7].t > 3e-4);
     assert_true(isfinite(bins[3].t_error)); /* two images */
-    rx_rho_all(3, images, bins);
-    rx_rho_all(3, turned, again);
+    assert_int_equal(rx_rho_all(3, images, bins, &err), RX_OK);
+    assert_int_equal(rx_rho_all(3, turned, again, &err), RX_OK);
     assert_near(bins[7].pairs, 2 * STARS * STARS, 0);
     double within = 0.0;
     for (int k = 0; k < 7; k++)
@@ -109,6 +112,66 @@ static void test_pairs_of_images(void **state)
             assert_near(again[k].t, bins[k].t, 0);
             assert_near(again[k].e, bins[k].e, 0);
         }
+}
+
+static bool at_the_tenth(void *asked)
+{
+    return ++*(int *)asked >= 10;
+}
+
+/* A whole sky of 20,000 images, in any order, against all 200 million pairs of them. */
+static void test_many_images(void **state)
+{
+    enum { MANY = 20000 };
+    rx_rho *rho = calloc(MANY, sizeof *rho);
+    const rx_rho **images = calloc(MANY, sizeof *images);
+    double(*at)[3] = calloc(MANY, sizeof *at), pairs[RX_RHO_BINS] = {0}, t[RX_RHO_BINS] = {0};
+    rx_rho_bin bins[RX_RHO_BINS];
+    rx_error err = {0};
+    unsigned seed = 5;
+    (void)state;
+    assert_non_null(rho);
+    assert_non_null(images);
+    assert_non_null(at);
+    for (int i = 0; i < MANY; i++) {
+        const double z = 2.0 * uniform(&seed) - 1.0, alpha = 360.0 * uniform(&seed);
+        rho[i] = (rx_rho){.n = 10,
+                          .t = (long)(2000.0 * uniform(&seed)) - 1000,
+                          .alpha = alpha,
+                          .delta = 180.0 / M_PI * asin(z),
+                          .reach = 0.1};
+        at[i][0] = sqrt(1.0 - z * z) * cos(M_PI / 180.0 * alpha);
+        at[i][1] = sqrt(1.0 - z * z) * sin(M_PI / 180.0 * alpha);
+        at[i][2] = z;
+        images[i] = &rho[i];
+    }
+    for (int i = 0; i < MANY; i++)
+        for (int j = 0; j < i; j++) {
+            const double cosine = at[i][0] * at[j][0] + at[i][1] * at[j][1] + at[i][2] * at[j][2];
+            if (cosine < 0.98)
+                continue;
+            const double apart = 60.0 * 180.0 / M_PI * acos(fmin(cosine, 1.0));
+            for (int k = 0; k < RX_RHO_BINS; k++)
+                if (apart > 12.0 && apart >= rx_rho_edge(k) && apart < rx_rho_edge(k + 1)) {
+                    pairs[k] += 100.0;
+                    t[k] += 1e-8 * (double)rho[i].t * (double)rho[j].t;
+                }
+        }
+    assert_int_equal(rx_rho_all(MANY, images, bins, &err), RX_OK);
+    assert_true(pairs[RX_RHO_BINS - 1] > 5e7);
+    int asked = 0;
+    rx_error stopped = {.stop = at_the_tenth, .user = &asked};
+    rx_rho_bin none[RX_RHO_BINS];
+    assert_int_equal(rx_rho_all(MANY, images, none, &stopped), RX_INTERRUPTED);
+    assert_in_range(asked, 10, 20);
+    for (int k = 0; k < RX_RHO_BINS; k++) {
+        assert_near(bins[k].pairs, pairs[k], 0);
+        if (pairs[k] > 0.0)
+            assert_close(bins[k].t, t[k] / pairs[k], 1e-9);
+    }
+    free(at);
+    free(images);
+    free(rho);
 }
 
 static void test_units(void **state)
@@ -124,6 +187,7 @@ static void test_units(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_image),
-                                       cmocka_unit_test(test_pairs_of_images), cmocka_unit_test(test_units)};
+                                       cmocka_unit_test(test_pairs_of_images),
+                                       cmocka_unit_test(test_many_images), cmocka_unit_test(test_units)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
