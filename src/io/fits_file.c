@@ -17,9 +17,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
-#include "io/fits_tiles.h"
-#include "io/fits_unpack.h"
-#include "io/fits_walk.h"
+#include "io/guard/guard.h"
 
 /* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
  * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */

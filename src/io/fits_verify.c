@@ -9,7 +9,7 @@
 
 #include "io/fits_read.h"
 #include "io/fits_sum.h"
-#include "io/fits_walk.h"
+#include "io/guard/guard.h"
 
 enum { CARD = 80, BLOCK = 2880 };
 

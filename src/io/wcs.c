@@ -12,8 +12,8 @@
 
 #include "base/memory.h"
 #include "io/fits_read.h"
+#include "io/guard/guard.h"
 #include "io/sky.h"
-#include "io/wcs_guard.h"
 
 enum { CHUNK = 64, CARD = 80 };
 

@@ -9,7 +9,7 @@
 
 #include <fitsio.h>
 
-#include "io/fits_walk.h"
+#include "io/guard/guard.h"
 
 enum { BLOCK = 2880, CARD = 80, FILES = 2 };
 

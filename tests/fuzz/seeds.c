@@ -16,9 +16,9 @@
 #include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "nn/psfnet.h"
+#include "quality/metrics.h"
 #include "stage/provenance.h"
 #include "train/checkpoint.h"
-#include "quality/metrics.h"
 
 enum { SIDE = 12 };
 

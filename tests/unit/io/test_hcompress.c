@@ -1,5 +1,5 @@
 /* Streams made by cfitsio, and read by it with memory behind them that nobody may read. */
-#include "io/fits_hcompress.h"
+#include "io/guard/guard.h"
 
 #include <fitsio.h>
 #include <math.h>

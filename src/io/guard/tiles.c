@@ -1,5 +1,5 @@
 /* Damaged compressed images. */
-#include "io/fits_tiles.h"
+#include "io/guard/guard.h"
 
 #include <limits.h>
 #include <stdbool.h>
@@ -10,7 +10,6 @@
 #include <zlib.h>
 
 #include "base/memory.h"
-#include "io/fits_hcompress.h"
 
 typedef struct bits {
     const unsigned char *data;

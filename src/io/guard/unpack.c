@@ -1,5 +1,5 @@
 /* Files packed with gzip. */
-#include "io/fits_unpack.h"
+#include "io/guard/guard.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -8,7 +8,6 @@
 #include <zlib.h>
 
 #include "base/memory.h"
-#include "io/fits_walk.h"
 
 enum { PIECE = 1 << 20 };
 

@@ -1,7 +1,7 @@
 /* The H-transform's coefficients lie in four quadrants of the plane; each sends its bit planes, from the
  * highest on, as they are or as a quadtree: a word of four bits says which quarters hold a one, and only
  * those are sent at the next level. The signs of all that are not zero follow. */
-#include "io/fits_hcompress.h"
+#include "io/guard/guard.h"
 
 #include <stdbool.h>
 #include <stdlib.h>

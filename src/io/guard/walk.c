@@ -1,5 +1,5 @@
 /* From header to header through a FITS file. */
-#include "io/fits_walk.h"
+#include "io/guard/guard.h"
 
 #include <errno.h>
 #include <fitsio2.h> /* ffgbyt() */

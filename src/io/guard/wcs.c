@@ -1,5 +1,5 @@
 /* Headers that do not say what they mean, mended for wcslib. */
-#include "io/wcs_guard.h"
+#include "io/guard/guard.h"
 
 #include <ctype.h>
 #include <stdio.h>
