@@ -5,6 +5,7 @@
                                    simulated tiles (psf_truth.py): FOLDER/truth.json
     psf.py real FOLDER             real tiles: FOLDER/real.json and pictures
     psf.py small FOLDER [SEED]     small and empty tiles: FOLDER/small.json
+    psf.py few FOLDER [SEED[,SEED...]]  tiles of few stars, and of a stated FWHM: FOLDER/few.json
     psf.py page FOLDER             FOLDER/psf.md from the json files that are there
 
 RX_PROGRAM names rextract (default: build/rextract, else rextract in the root), RX_SHARED_DATA the folder of real tiles.
@@ -655,6 +656,49 @@ def answer(folder, tile, keys, x=(), y=(), flux=()):
     return {"cards": {k: v for k, v in head.items() if k.startswith(keep)}, "said": warned(log), "mag": off}
 
 
+# --- tiles of few stars: errors of fluxes on the lower rungs
+
+KINDS = ("MOFFAT 2.5", "MOFFAT 3.5", "MOFFAT 4.765", "HALO", "KOLMOGOROV", "SPIKES")
+FEW = [(1, 150), (2, 150), (3, 200), (4, 200), (6, 250), (7, 250), (8, 250)]  # bright stars, side
+STATED = 0.1  # 1 sigma of the FWHM that the header states
+
+
+def few(out, seeds="1"):
+    """FWHM 4; bright stars have S/N 30 to 300, ten times as many are fainter. Each tile twice: by PSF_TYPE AUTO, and by the
+    header's FWHM alone, which is off by 10 % (1 sigma). Bright lone stars of the catalogue against the truth."""
+    folder = Path(out) / "few"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "out.param").write_text(COLUMNS.replace(" ", "\n") + "\n")
+    rows = []
+    for seed in map(int, seeds.split(",")):
+        for number_of, kind in enumerate(KINDS):
+            for stars, side in FEW:
+                rng = np.random.default_rng([seed, number_of, stars])
+                truth = Truth(kind, 4.0, 0.1, side=side)
+                floor = psf_truth.SIGMA / np.sqrt((truth.stamp(0, 0, 20)**2).sum())
+                x, y = np.hstack([rng.uniform(12, side - 13, (2, stars)), rng.uniform(0, side - 1, (2, 10 * stars))])
+                flux = floor * 10**np.hstack([rng.uniform(np.log10(30), np.log10(300), stars),
+                                              rng.uniform(0.3, 1.2, 10 * stars)])
+                head = fits.Header([("FWHM", 4.0 * (1 + STATED * rng.standard_normal()), "[pixel] of stars")])
+                fits.writeto(folder / "tile.fits", psf_truth.expose(psf_truth.draw(truth, x, y, flux), rng), head,
+                             overwrite=True)
+                bright = np.flatnonzero(lonely(x, y, flux, 2.5 * truth.fwhm)[:stars])
+                for way in ("AUTO", "MOFFAT"):
+                    call(folder, find("rextract"), "tile.fits", *keywords(
+                        RESTORE_TYPE="NONE", PSF_TYPE=way, CATALOG_TYPE="FITS_1.0", CATALOG_NAME="out.cat",
+                        PARAMETERS_NAME="out.param", GAIN=GAIN, SATUR_LEVEL=SATURATION, NTHREADS=1))
+                    found, head = fits.getdata(folder / "out.cat", 1, header=True)
+                    if "RXPSFERR" not in head or not len(found):
+                        continue
+                    distance, k = cKDTree(np.column_stack([found["X_IMAGE"], found["Y_IMAGE"]]) - 1.0).query(
+                        np.column_stack([x, y])[bright])
+                    k, true = k[distance < 1.5], flux[bright][distance < 1.5]
+                    off, error = found["FLUX_TEMPLATE"][k] - true, found["FLUXERR_TEMPLATE"][k]
+                    rows.append({"kind": kind, "seed": seed, "stars": stars, "how": head["RXPSFHOW"],
+                                 "error": head["RXPSFERR"], "off": (off / true).tolist(), "pull": (off / error).tolist()})
+    (Path(out) / "few.json").write_text(json.dumps(rows, default=plain) + "\n")
+
+
 # --- the page
 
 def held(a):
@@ -761,17 +805,33 @@ def small_page(rows, _):
                     "what it says"], lines)]
 
 
+def few_page(rows, _):
+    lines = []
+    for how in sorted({a["how"] for a in rows}):
+        for kind in (*KINDS, ""):
+            mine = [a for a in rows if a["how"] == how and kind in a["kind"] and a["off"]]
+            off, pull = (np.array([v for a in mine for v in a[k]]) for k in ("off", "pull"))
+            if len(off):
+                lines.append(f"| {how} | {kind or 'all'} | {len(mine)} | {len(off)} | {100 * np.median(off):+.1f} | "
+                             f"{100 * np.sqrt((off**2).mean()):.1f} | {width(pull):.2f} | "
+                             f"{np.median([a['error'] for a in mine]):.3f} |")
+    return ["## Few stars, or a stated FWHM", "",
+            f"Seeds {', '.join(sorted({str(a['seed']) for a in rows}))}. FWHM 4, tiles of 150 to 250 pixels with one to eight bright"
+            " stars; STATED has the header's FWHM alone, which is 10 % off (1 sigma). RXPSFERR is part of the error in pulls.", "",
+            *table(["RXPSFHOW", "true PSF", "tiles", "stars", "flux - truth (%), median", "rms", "pulls' width", "RXPSFERR"], lines)]
+
+
 def page(out):
     out = Path(out)
     text = ["# The PSF that is measured on a tile", "", *__doc__[__doc__.index("What the columns"):].splitlines(), ""]
-    for name, write in (("truth", truth_page), ("real", real_page), ("small", small_page)):
+    for name, write in (("truth", truth_page), ("real", real_page), ("small", small_page), ("few", few_page)):
         if (out / f"{name}.json").exists():
             text += write(json.loads((out / f"{name}.json").read_text()), out)
     (out / "psf.md").write_text("\n".join(text).rstrip() + "\n")
 
 
 if __name__ == "__main__":
-    programs = {"truth": truth, "real": real, "small": small, "page": page}
+    programs = {"truth": truth, "real": real, "small": small, "few": few, "page": page}
     if len(sys.argv) < 3 or sys.argv[1] not in programs:
         sys.exit(__doc__)
     programs[sys.argv[1]](*sys.argv[2:])

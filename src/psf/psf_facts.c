@@ -7,6 +7,14 @@
 void rx_psf_facts(const rx_psf *psf, rx_record *facts)
 {
     const rx_psf_quality *q = &psf->quality;
+    const double error = rx_psf_flux_error_mean(psf);
+    double largest = q->flux_error;
+    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
+        largest = fmax(largest, hypot(q->flux_error, q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS]));
+    if (error > 0.0 || q->radius > 0.0) {
+        rx_record_add(facts, "RXPSFERR", "relative error of fluxes from the PSF", "%.5f", error);
+        rx_record_add(facts, "RXPSFERX", "the largest of it over the tile", "%.5f", largest);
+    }
     if (q->how[0] == '\0')
         return;
     rx_record_add(facts, "RXPSFHOW", "how the PSF came about", "%s", q->how);
@@ -28,12 +36,6 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     rx_record_add(facts, "RXPSFDEG", "degree of its polynomial over the tile", "%d", q->degree);
     rx_record_add(facts, "RXPSFRAD", "radius within which its sum is 1, pixels", "%.1f", q->radius);
     rx_record_add(facts, "RXPSFOUT", "share of a star's light beyond, estimated", "%.5f", q->beyond);
-    double largest = q->flux_error;
-    for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
-        largest = fmax(largest, hypot(q->flux_error, q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS]));
-    rx_record_add(facts, "RXPSFERR", "relative error of fluxes from the PSF", "%.5f",
-                  rx_psf_flux_error_mean(psf));
-    rx_record_add(facts, "RXPSFERX", "the largest of it over the tile", "%.5f", largest);
     if (strcmp(q->how, "LIBRARY") == 0) /* its stars are not this tile's */
         return;
     rx_record_add(facts, "RXPSFCOG", "curve of growth, largest stars - PSF", "%.5f", q->growth);

@@ -199,9 +199,11 @@ static rx_status read_model(const entry *e, const rx_psf_origin *tile, rx_log *l
     struct {
         const char *key;
         double low, high, value;
-    } card[] = {{"ACCEPTED", 0, INT_MAX, 0}, {"RXPSFDEG", 0, RX_PSF_MAX_DEGREE, 0},
-                {"RXPSFOUT", 0, 1, 0},       {"RXPSFERR", 0, 1, 0},
-                {"RXLNX", 1, INT_MAX, 0},    {"RXLNY", 1, INT_MAX, 0}};
+    } card[] = {{"ACCEPTED", 0, INT_MAX, 0},
+                {"RXPSFDEG", 0, RX_PSF_MAX_DEGREE, 0},
+                {"RXPSFOUT", 0, 1, 0},
+                {"RXLNX", 1, INT_MAX, 0},
+                {"RXLNY", 1, INT_MAX, 0}};
     rx_status status = RX_OK;
     for (size_t i = 0; i < sizeof card / sizeof *card && status == RX_OK; i++)
         if (rx_cards_text(cards, n, card[i].key, text, sizeof text) &&
@@ -217,7 +219,6 @@ static rx_status read_model(const entry *e, const rx_psf_origin *tile, rx_log *l
         (*dst)->nstars = (int)card[0].value;
         q->degree = (int)card[1].value;
         q->beyond = card[2].value;
-        q->flux_error = card[3].value;
         q->radius = (*dst)->size / 2;
     }
     free(cards);

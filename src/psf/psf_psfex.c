@@ -31,6 +31,7 @@ typedef struct model {
     int first;                 /* axis (0 x, 1 y) whose power varies fastest from term to term */
     double zero[2], scale[2];  /* x, y */
     double sampling;           /* tile pixels per model pixel */
+    double flux_error;         /* RXPSFERR, 0: not stated */
     float *mask;               /* [nterms][height][width] */
     int size;                  /* of the stamps */
     int fine, side;            /* samples a pixel, 1, 2 or 4, and their stamps' side */
@@ -238,6 +239,7 @@ static rx_status read_table(const char *file, int extension, rx_table **dst, rx_
 static rx_status read_model(const char *file, int extension, model *m, rx_error *err)
 {
     rx_table *table = NULL;
+    char text[80];
     *m = (model){.file = file, .sampling = 1.0};
     rx_status status = read_table(file, extension, &table, err);
     if (status == RX_OK && table->nrows != 1)
@@ -253,6 +255,12 @@ static rx_status read_model(const char *file, int extension, model *m, rx_error 
     if (status == RX_OK && !(m->sampling >= 0.02 && m->sampling <= 50.0))
         status = rx_error_at(err, RX_INPUT, file, -1, 0, "PSF_SAMP = %g of the PSFEx model cannot be right",
                              m->sampling);
+    if (status == RX_OK && table->cards != NULL && /* of a model that PSF_TYPE AUTO made */
+        rx_cards_text(table->cards, table->ncards, "RXPSFERR", text, sizeof text) &&
+        !(rx_cards_number(table->cards, table->ncards, "RXPSFERR", &m->flux_error) && m->flux_error >= 0.0 &&
+          m->flux_error <= 1.0))
+        status = rx_error_at(err, RX_INPUT, file, -1, 0,
+                             "RXPSFERR = %s is not in 0 to 1; make this model again", text);
     rx_table_free(table);
     return status;
 }
@@ -345,6 +353,7 @@ rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *
                                                     axis == 0 ? width : height));
         rx_psf_warn_beyond(par->file, src.what, beyond, log);
         rx_psf_warn_misfit(&src, misfit, log);
+        (*dst)->quality.flux_error = m.flux_error;
         snprintf((*dst)->description, sizeof(*dst)->description,
                  "PSFEx model %.60s, degree %d, FWHM %.3f px, ellipticity %.3f", rx_psf_base_name(par->file),
                  model_degree(&m), (*dst)->fwhm, (*dst)->ellipticity);

@@ -249,7 +249,7 @@ void rx_report_psf_page(rx_text *dst, const rx_report *r, const rx_figures *figu
     row(dst, "FWHM at the centre, pixels", psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN, 3);
     if (psf->nstars > 0)
         row(dst, "stars that it was fitted to", psf->nstars, NAN, 0);
-    if (q->radius > 0.0)
+    if (rx_psf_flux_error_mean(psf) > 0.0)
         row(dst, "relative error of fluxes from it", rx_psf_flux_error_mean(psf), NAN, 4);
     if (is_judged(r)) {
         row(dst, "stars reserved to judge it", q->reserved, NAN, 0);
@@ -307,7 +307,7 @@ void rx_report_psf_json(rx_json *json, const rx_report *r)
     rx_json_string(json, "library", q->library[0] != '\0' ? q->library : NULL);
     rx_json_number(json, "fwhm", psf->fwhm);
     rx_json_number(json, "stars", psf->nstars);
-    rx_json_number(json, "flux_error", q->radius > 0.0 ? rx_psf_flux_error_mean(psf) : NAN);
+    rx_json_number(json, "flux_error", rx_psf_flux_error_mean(psf) > 0.0 ? rx_psf_flux_error_mean(psf) : NAN);
     if (is_judged(r)) {
         rx_json_number(json, "reserved", q->reserved);
         rx_json_number(json, "dt", q->trace[0]);

@@ -37,7 +37,7 @@ rung '' 'RXPSF = AUTO: pixels .*' 'RXFWHM = (2\.9|3\.0).*' 'RXPSFHOW = PIXELS' '
 
 begin 'PSF of three stars'
 stars tile.fits 4
-rung '' 'RXPSFHOW = MOFFAT_BETA' 'RXPSFNST = [234]'
+rung '' 'RXPSFHOW = MOFFAT_BETA' 'RXPSFNST = [234]' 'RXPSFERR = 0\.05.*'
 
 begin 'PSF of one star'
 stars tile.fits 1
@@ -45,7 +45,16 @@ rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
 
 begin 'PSF of one star, and a stated seeing'
 stars tile.fits 1
-rung '-SEEING_FWHM 1.2' 'RXPSFHOW = STATED' 'RXPSF = .*FWHM 3\.030.*from SEEING_FWHM'
+rung '-SEEING_FWHM 1.2' 'RXPSFHOW = STATED' 'RXPSF = .*FWHM 3\.030.*from SEEING_FWHM' 'RXPSFERR = 0\.11.*'
+
+begin 'PSF of one star, and a file beside it that is no PSF'
+stars tile.fits 1
+[ "$active" = 0 ] || echo 'no PSF' >tile.psf
+rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
+
+begin 'PSF of six stars'
+stars tile.fits 7 -SEED 4
+rung '' 'RXPSFHOW = MOFFAT' 'RXPSFNST = [567]' 'RXPSFERR = 0\.04[0-9]*[1-9].*'
 
 begin 'PSF without stars or words'
 make_fits flat tile.fits
@@ -190,6 +199,23 @@ begin 'PSF_LIBRARY that is not there'
 make_fits tile tile.fits
 expect 2 '^rextract: absent: cannot be read as PSF_LIBRARY: No such file or directory; give a folder that is there$' tile.fits \
     -PSF_LIBRARY absent
+
+begin 'PSF_LIBRARY that is a file'
+make_fits tile tile.fits
+[ "$active" = 0 ] || echo 'no folder' >library
+expect 2 '^rextract: library: is a file, and PSF_LIBRARY a folder of .psf files' tile.fits -PSF_LIBRARY library
+
+begin 'model of PSF_LIBRARY beside the image'
+models
+stars tile.fits 0
+[ "$active" = 0 ] || mv library/model1_0-*.psf tile.psf
+rung '' 'RXPSFHOW = BESIDE' 'RXPSFERR = 0\.00[0-9]*[1-9].*'
+
+begin 'model of PSF_LIBRARY by PSF_TYPE PSFEX'
+models
+stars tile.fits 0
+[ "$active" = 0 ] || mv library/model1_0-*.psf my.psf
+rung '-PSF_TYPE PSFEX -PSF_NAME my.psf' 'RXPSFERR = 0\.00[0-9]*[1-9].*'
 
 begin 'PSF_LIBRARY_TYPE of another word'
 make_fits tile tile.fits

@@ -497,7 +497,10 @@ static void test_too_few(void **state)
         assert_int_equal(estimate(&f, &psf, &err), RX_OK);
         assert_string_equal(psf->quality.how, steps[k].how);
         assert_near(psf->fwhm / 3.0, 1.0, 0.05);
-        assert_near(psf->quality.flux_error, k > 0 ? 0.05 : 0.0, 0.0);
+        if (k > 0)
+            assert_near(psf->quality.flux_error, 0.05, 0.0);
+        else /* what seven noisy stars leave open of the shape, beside what a Moffat is wrong by */
+            assert_between(psf->quality.flux_error, 0.04 + 1e-6, 0.06);
         assert_between(psf->nstars, 1, steps[k].stars);
         rx_psf_free(psf);
     }
