@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -296,6 +297,24 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                        cfg->catalog_name, cfg->catalog_type);
 }
 
+static rx_status check_library(const char *folder, int write, rx_error *err)
+{
+    struct stat found;
+    if (stat(folder, &found) == 0 && !S_ISDIR(found.st_mode))
+        return rx_error_at(
+            err, RX_USAGE, folder, -1, 0,
+            "is a file, and PSF_LIBRARY a folder of .psf files; give that, or PSF_TYPE PSFEX and "
+            "PSF_NAME for a single model");
+    if (access(folder, (write ? W_OK : R_OK) | X_OK) != 0)
+        return rx_error_at(err, RX_USAGE, folder, -1, 0,
+                           "cannot be %s as PSF_LIBRARY: %s; give a folder that %s",
+                           write ? "written" : "read", strerror(errno),
+                           errno == ENOENT ? "is there"
+                           : write         ? "you may write to"
+                                           : "you may read");
+    return RX_OK;
+}
+
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
     rx_options *options = RX_NEW(rx_options, 1);
@@ -315,10 +334,8 @@ rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options *
         measure_options(cfg, log, options);
         status = checkimage_options(cfg, log, options, err);
     }
-    if (status == RX_OK && cfg->psf_library[0] != '\0' && access(cfg->psf_library, R_OK | X_OK) != 0)
-        status =
-            rx_error_at(err, RX_USAGE, cfg->psf_library, -1, 0,
-                        "cannot be read as PSF_LIBRARY: %s; give a folder that is there", strerror(errno));
+    if (status == RX_OK && cfg->psf_library[0] != '\0')
+        status = check_library(cfg->psf_library, options->pipeline.psf.library.write, err);
     if (status == RX_OK)
         status = assoc_options(cfg, options, err);
     if (status == RX_OK)
