@@ -55,6 +55,7 @@ typedef struct rx_psf_quality {
     double growth_radius; /* pixels, where */
     double growth_error;  /* of it, 1 sigma */
     double residual;      /* stacked stars - PSF, largest within a FWHM, share of the peak */
+    int neighbours;       /* sources that the joint fit of a crowd took off around its stars; 0: not done */
     double limit;         /* ADU: stars with such pixels are flattened, and left out; 0: none */
     /* LIBRARY: name of the file; how far that tile is, NAN not known; models that say how much they differ */
     char library[160];

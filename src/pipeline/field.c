@@ -17,6 +17,7 @@
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
+#include "pipeline/crowd_psf.h"
 #include "pipeline/field_noise.h"
 #include "psf/psf_files.h"
 #include "psf/psf_library.h"
@@ -532,6 +533,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
         rx_sources_free(stars);
         return status;
     }
+    field->nstars = stars->n;
     status = rx_psf_make(&par, &image, stars, log, &field->psf, &why);
     if (status == RX_INPUT)
         field->psf_bound = rx_psf_bound(&par, &image, stars);
@@ -600,9 +602,23 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     field->psf_seconds = rx_seconds() - begun;
     if (status == RX_OK && image->psf == NULL && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
+    const rx_noise_correlation noise = field->noise;
     field->image.psf = field->psf;
     if (status == RX_OK)
         status = make_effective_noise(field, log, err);
+    if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
+        field->nstars > 0) {
+        begun = rx_seconds();
+        rx_psf *psf = NULL;
+        status = rx_psf_between(params, field, log, &psf, err);
+        if (psf != NULL) {
+            rx_psf_free(field->psf);
+            field->image.psf = field->psf = psf;
+            field->noise = noise;
+            status = make_effective_noise(field, log, err);
+        }
+        field->psf_seconds += rx_seconds() - begun;
+    }
     if (status == RX_OK)
         say_noise(field, log);
     return status;

@@ -28,6 +28,7 @@ typedef struct rx_field {
     double
         psf_bound; /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
+    int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */
     double background_seconds, psf_seconds; /* wall clock of preparing it */
 } rx_field;

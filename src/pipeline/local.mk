@@ -1,5 +1,6 @@
 librextract_la_SOURCES += \
 	src/pipeline/coordinates.c src/pipeline/coordinates.h \
+	src/pipeline/crowd_psf.c src/pipeline/crowd_psf.h \
 	src/pipeline/domain.c src/pipeline/domain.h \
 	src/pipeline/facts.c \
 	src/pipeline/field.c src/pipeline/field.h src/pipeline/field_noise.h \

@@ -29,6 +29,9 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
         rx_record_add(facts, "RXPSFLN", "models compared for RXPSFERR; 0: 10 % assumed", "%d",
                       q->library_compared);
     }
+    if (q->neighbours > 0)
+        rx_record_add(facts, "RXPSFNBR", "neighbours taken off its stars, a crowd's fit", "%d",
+                      q->neighbours);
     if (q->limit > 0.0)
         rx_record_add(facts, "RXPSFLIM", "stars that reach this are flattened, ADU", "%.6g", q->limit);
     if (!(q->radius > 0.0))

@@ -722,6 +722,61 @@ static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
     return RX_OK;
 }
 
+static const double ISOLATED_SNR = 20.0;
+
+typedef struct bright {
+    double x, y, flux;
+    int i;
+} bright;
+
+static int by_flux(const void *one, const void *other)
+{
+    const bright *a = one, *b = other;
+    return a->flux != b->flux ? (a->flux < b->flux) - (a->flux > b->flux) : (a->i > b->i) - (a->i < b->i);
+}
+
+/* The model without points that have no brighter one within par->isolate: these stand on their own in pixels - model. */
+static rx_status isolate(work *w, rx_error *err)
+{
+    const double cell = w->par->isolate;
+    const int nx = (int)(w->canvas.width / cell) + 1, ny = (int)(w->canvas.height / cell) + 1;
+    bright *list = RX_NEW(bright, w->n);
+    int *last = RX_NEW(int, (size_t)nx *(size_t)ny), *next = RX_NEW(int, w->n), n = 0;
+    rx_layer *layers = RX_NEW(rx_layer, w->n);
+    if (list == NULL || last == NULL || next == NULL || layers == NULL) {
+        free(list);
+        free(last);
+        free(next);
+        free(layers);
+        return rx_error_memory(err, (size_t)w->n * sizeof *list);
+    }
+    for (int i = 0; i < w->n; i++) {
+        const rx_fit_source *s = &w->subjects[i];
+        layers[i] = (rx_layer){s->footprint, s->flux};
+        if (s->flux > ISOLATED_SNR * sqrt(w->members[i].variance))
+            list[n++] = (bright){s->x, s->y, s->flux, i};
+    }
+    qsort(list, (size_t)n, sizeof *list, by_flux);
+    for (int k = 0; k < n; k++) { /* the brightest first, each against those before it; lists end with 0 */
+        const int cx = rx_min_int(rx_max_int((int)(list[k].x / cell), 0), nx - 1),
+                  cy = rx_min_int(rx_max_int((int)(list[k].y / cell), 0), ny - 1);
+        int alone = w->subjects[list[k].i].kind == RX_TPHOT_POINT;
+        for (int v = rx_max_int(cy - 1, 0); v <= rx_min_int(cy + 1, ny - 1); v++)
+            for (int u = rx_max_int(cx - 1, 0); u <= rx_min_int(cx + 1, nx - 1); u++)
+                for (int j = last[v * nx + u]; j > 0 && alone; j = next[j - 1])
+                    alone = hypot(list[j - 1].x - list[k].x, list[j - 1].y - list[k].y) > cell;
+        next[k] = last[cy * nx + cx];
+        last[cy * nx + cx] = k + 1;
+        if (alone)
+            layers[list[k].i].flux = 0;
+    }
+    rx_fit_image_set(&w->canvas, layers, w->n);
+    free(list);
+    free(last);
+    free(next);
+    return RX_OK;
+}
+
 typedef struct telling {
     work *w;
     rx_tphot *dst;
@@ -783,6 +838,8 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
         status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
+    if (status == RX_OK && w->par->isolate > 0)
+        status = isolate(w, err);
     return status == RX_OK ? rx_template_chi2(&w->canvas, w->par->keep_model, dst, err) : status;
 }
 

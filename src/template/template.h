@@ -81,9 +81,12 @@ typedef struct rx_tphot_params {
                        the priors of radius and index are what is usual among them (usual.h) */
     int covariance; /* fill rx_tphot.pairs */
     int keep_model; /* fill rx_tphot.model and .residual */
-    size_t shown;   /* pixels of the image that are worked on at a time, more where a group reaches farther:
+    double
+        isolate; /* pixels: the model kept is without points of S/N above 20 that have none brighter within that radius, so that
+                       pixels - model shows these as if they were alone; 0: of all */
+    size_t shown; /* pixels of the image that are worked on at a time, more where a group reaches farther:
                        32 bytes each; the result does not depend on it */
-    int nthreads;   /* < 1 counts as 1; the result does not depend on it */
+    int nthreads; /* < 1 counts as 1; the result does not depend on it */
 } rx_tphot_params;
 
 /* What the next floor starts from. */

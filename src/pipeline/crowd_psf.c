@@ -1,0 +1,107 @@
+/* The PSF of a crowd. */
+#include "pipeline/crowd_psf.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "pipeline/pipeline.h"
+
+enum { PASSES = 3 };
+static const double BEAMS = 30.0;  /* areas of FWHM^2 a source that is detected: fewer are no such crowd */
+static const double CROWDED = 0.5; /* of the tile */
+static const double ALONE = 5.0;   /* FWHM */
+
+/* By how much fluxes of points change, relative. */
+static rx_status change(const rx_psf *before, const rx_psf *after, const rx_image *image, double *dst,
+                        rx_error *err)
+{
+    const double x = 0.5 * (image->width - 1), y = 0.5 * (image->height - 1);
+    const int half = (before->size < after->size ? before->size : after->size) / 2;
+    const size_t n[2] = {(size_t)before->size * (size_t)before->size,
+                         (size_t)after->size * (size_t)after->size};
+    float *a = RX_NEW(float, n[0]), *b = RX_NEW(float, n[1]);
+    double aa = 0, ab = 0;
+    const rx_status status = a == NULL || b == NULL ? rx_error_memory(err, (n[0] + n[1]) * sizeof *a) : RX_OK;
+    if (status == RX_OK) {
+        rx_psf_at(before, x, y, a);
+        rx_psf_at(after, x, y, b);
+    }
+    for (int v = -half; v <= half && status == RX_OK; v++)
+        for (int u = -half; u <= half; u++) {
+            const double p = a[(before->size / 2 + v) * before->size + before->size / 2 + u],
+                         q = b[(after->size / 2 + v) * after->size + after->size / 2 + u];
+            aa += p * p;
+            ab += p * q;
+        }
+    *dst = ab / aa - 1.0;
+    free(a);
+    free(b);
+    return status;
+}
+
+/* On the pixels without the model. What this changes, once more might change as much: an error of all fluxes. */
+static rx_status measure(const rx_pipeline_params *params, const rx_field *field, const rx_tphot *fit,
+                         rx_log *log, rx_psf **dst, rx_error *err)
+{
+    const size_t n = (size_t)field->image.width * (size_t)field->image.height;
+    rx_image image = field->image;
+    rx_pipeline_params par = *params;
+    rx_field *between = NULL;
+    float *pixels = RX_NEW(float, n);
+    if (pixels == NULL)
+        return rx_error_memory(err, n * sizeof *pixels);
+    for (size_t i = 0; i < n; i++)
+        pixels[i] = image.pixels[i] - (image.mask != NULL && image.mask[i] != 0 ? 0.0f : fit->model[i]);
+    image.pixels = pixels;
+    image.hide = RX_HIDE_PLAIN; /* what is saturated still is */
+    image.psf = NULL;
+    par.templates.wanted = 0;
+    par.noise.origin = RX_NOISE_WHITE;
+    double by = 0;
+    rx_status status = rx_field_new(&par, RX_FIELD_PSF, &image, NULL, &between, err);
+    const int found =
+        status == RX_OK && between->psf != NULL && strcmp(between->psf->quality.how, "PIXELS") == 0;
+    if (found)
+        status = change(field->psf, between->psf, &image, &by, err);
+    if (found && status == RX_OK) {
+        *dst = between->psf;
+        between->psf = NULL;
+        (*dst)->quality.neighbours = fit->n;
+        (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, by);
+        rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s", image.name,
+                    image.hdu, by, (*dst)->description);
+    }
+    rx_field_free(between);
+    free(pixels);
+    return status;
+}
+
+rx_status rx_psf_between(const rx_pipeline_params *params, const rx_field *field, rx_log *log, rx_psf **dst,
+                         rx_error *err)
+{
+    const rx_psf *psf = field->psf;
+    const double area = (double)field->image.width * (double)field->image.height;
+    rx_pipeline_params par = *params;
+    rx_result result;
+    *dst = NULL;
+    if (!par.templates.wanted || par.templates.par.crowding == RX_CROWDING_NO ||
+        strcmp(psf->quality.how, "PIXELS") != 0 || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
+        return RX_OK;
+    par.judge_residual = 0;
+    par.templates.drop = 0;
+    par.templates.par.covariance = 0;
+    par.templates.par.keep_model = 1;
+    par.templates.par.isolate = ALONE * psf->fwhm;
+    if (par.templates.par.passes > PASSES)
+        par.templates.par.passes = PASSES;
+    par.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    par.measure.vignet_width = par.measure.vignet_height = 0;
+    rx_status status = rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err);
+    if (status == RX_OK && result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
+        status = measure(params, field, result.templates.tphot, log, dst, err);
+    if (status == RX_OK)
+        rx_result_free(&result);
+    return status;
+}
