@@ -1,5 +1,5 @@
 /* Digests of what was read and written: XXH3 with 128 bits (xxHash 0.8, by Yann Collet), from the library's
- * header. It tells chance from sameness, not friend from forger: anyone can change a file and its digest. As
+ * header. It shows accidental change, not forgery: anyone can change a file and its digest. As
  * every input of a run is digested it must be fast, which a cryptographic one is not.
  *
  * As text a digest is what `xxh128sum` prints. */

@@ -194,7 +194,7 @@ static void join(waiting *of, int n)
     }
 }
 
-/* Hints first, then what was said first, until `room` lines hold the others and the line that tells it. The number of
+/* Hints first, then what was said first, until `room` lines hold the others and the line that says so. The number of
  * lines that are left out. */
 static int leave_out(waiting *of, int n, int lines, int room)
 {

@@ -23,7 +23,7 @@ void *rx_regrow(void *ptr, size_t count, size_t size);
  * whole pages, their memory is the system's until then. */
 void rx_memory_spend(void *ptr, size_t from, size_t to);
 
-/* What has been freed in small blocks goes back to the system, as far as its C library can tell it to. */
+/* What has been freed in small blocks goes back to the system, as far as its C library can make it. */
 void rx_memory_trim(void);
 
 /* Copy of a string; NULL when memory is out or text is NULL. */

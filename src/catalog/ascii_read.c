@@ -42,7 +42,7 @@ typedef struct ascii {
     const char *names; /* the line that may name the values, or NULL */
     bool named;        /* it is no comment, and no comment counts any more */
     int nvalues;       /* in each line of data; 0 before the first */
-    bool commas;       /* they part the values, as told by the first line */
+    bool commas;       /* they separate the values, as in the first line */
     long nrows;
 } ascii;
 

@@ -49,7 +49,7 @@ rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, r
 /* The columns of config/default.param, for a run without any .param file. */
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
 
-/* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... tell what to measure. */
+/* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... say what to measure. */
 void rx_columns_requested(const rx_column_list *list, const char *name, int dim[2]);
 int rx_columns_has(const rx_column_list *list, const char *name);
 

@@ -1,4 +1,4 @@
-/* Reading a catalogue whatever its format, told by its first bytes. */
+/* Reading a catalogue whatever its format, known by its first bytes. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* SELF_CHECK and BLANK_CHECK in a run: prepared once per extension, run for every restorer, told in the log,
+/* SELF_CHECK and BLANK_CHECK in a run: prepared once per extension, run for every restorer, reported in the log,
  * in headers and in the report. */
 #ifndef RX_CHECK_CHECKS_H
 #define RX_CHECK_CHECKS_H
@@ -54,7 +54,7 @@ typedef struct rx_checks_page {
     const rx_qa_run *about; /* who they are; lists and PSF are filled in here */
     const rx_check_results *const *results;
     const rx_record *record;
-    const char *folder, *shown; /* where it goes, and the name that is told */
+    const char *folder, *shown; /* where it goes, and the name that messages show */
 } rx_checks_page;
 
 /* Nothing when no check was run. */

@@ -9,7 +9,7 @@
  * in the un-injected run of the same restorer (one to one, nearest first, within MATCH_RADIUS) and less than
  * half of the light in its footprint was injected; light is that of the tile's own pixels above the sky. All
  * others are new. An injected object is found when a new detection lies within MATCH_RADIUS of it, one to
- * one. So a star injected on top of a brighter one, and not told apart from it, is lost; on top of a fainter
+ * one. So a star injected on top of a brighter one, and not resolved from it, is lost; on top of a fainter
  * one it is found, and the detection gets RX_FLAG_CROWDED. A new detection without an injected object
  * (a neighbour broken up, say) counts against the share of the new ones that was injected. That share is no purity
  * of the tile's catalogue: its own false detections are old, and do not count (stage/blankcheck.h). */
@@ -102,7 +102,7 @@ rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kin
                            rx_log *log, rx_selfcheck *dst, rx_error *err);
 void rx_selfcheck_free(rx_selfcheck *check);
 
-/* What tells new detections of a tile with injected objects from those that were there before. */
+/* What distinguishes new detections of a tile with injected objects from those that were there before. */
 typedef struct rx_sift {
     const rx_sources *before, *after;
     const rx_image *image; /* after the injection, with its sky */

@@ -13,7 +13,7 @@
 static const double BRIGHTER = 3.0, FAINTER = 1.5;
 enum { PER_BIN = 50, FEWEST_BINS = 3, MOST_BINS = 18 };
 
-/* Options of the rounds: what the numbers need is measured, what nobody reads is not. The wide aperture is
+/* Options of the rounds: what the numbers need is measured, what no one reads is not. The wide aperture is
  * the last one. */
 static void own_params(const rx_pipeline_params *params, const rx_check_params *check, double diameter,
                        rx_pipeline_params *dst)

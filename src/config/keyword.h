@@ -53,7 +53,7 @@ struct rx_keytable {
     size_t size; /* of the struct that begins with rx_settings */
     rx_plain plain;
     const char *default_file; /* read where no other is named; NULL = none */
-    bool describes;           /* -INFO FILE tells what is in a file that the program made */
+    bool describes;           /* -INFO FILE shows what is in a file that the program made */
     struct {
         const char *prefix;
         const rx_keytable *(*table)(void);

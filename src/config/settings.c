@@ -166,7 +166,7 @@ exit:
     return status;
 }
 
-/* Remember which file is read: lines are told with it. */
+/* Remember which file is read: lines are reported with it. */
 static rx_status keep_name(rx_settings *settings, const char *path, rx_error *err)
 {
     char *name = rx_strdup(path);

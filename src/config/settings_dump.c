@@ -135,7 +135,7 @@ static void man_range(rx_text *dst, const rx_keyword *key)
         rx_text_printf(dst, "A list of %d.\n", key->nmax);
 }
 
-/* Are there keywords of SExtractor's in the table, so that own ones must be told apart? */
+/* Are there keywords of SExtractor's in the table, so that own ones must be marked? */
 static bool is_mixed(const rx_keytable *table)
 {
     for (int row = 0; row < table->nrows; row++)

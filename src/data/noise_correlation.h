@@ -1,4 +1,4 @@
-/* How the noise of neighbouring pixels hangs together: what resampling, stacking and drizzling leave.
+/* How the noise of neighbouring pixels is correlated: what resampling, stacking and drizzling leave.
  *
  *   at(dx, dy) = <n(x, y) n(x + dx, y + dy)> / <n^2>     1 at (0, 0), at(-dx, -dy) = at(dx, dy); 0 beyond the reach
  *
@@ -51,7 +51,7 @@ rx_noise_correlation rx_noise_white(rx_noise_origin origin);
 /* White noise convolved with kernel[height][width], cut at the reach. */
 rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int height);
 
-/* Measured on a crowded tile, the light of sources too faint to be found hangs together as the PSF does. Its share (and a
+/* Measured on a crowded tile, the light of sources too faint to be found is correlated as the PSF is. Its share (and a
  * constant, that of sky taken off with it) is fitted to what was measured, at all lags: where it leaves nothing at the nearest 8,
  * pixels are independent. Else, noise being short, at lags of 3 pixels and more, and taken off, as far as what is
  * left sums up to no less than independent pixels do. A share below 5 of its errors is none, one above 0.85 is smoothed noise.

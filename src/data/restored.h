@@ -19,7 +19,7 @@ typedef struct rx_restored {
     float *support;   /* share (0..1), PSF-weighted, of the pixels a value was made from that are masked or
                          beyond the border; NULL unless asked for (keep_support) and for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be
-                         held against input - level; NULL unless asked for (keep_reblurred) and for NONE */
+                         compared with input - level; NULL unless asked for (keep_reblurred) and for NONE */
     rx_map noise;     /* of a pixel, for detection, ADU: the input's (NONE), or what noise_maker makes of the
                          input and `mask`; the input's owners must live as long; none: measure it on pixels */
     rx_map_maker *noise_maker; /* owned; NULL where there is none */

@@ -50,7 +50,7 @@ enum {
 enum {
     RX_RESTORE_SPURIOUS = 1, /* not significant on them: P_REAL below 0.5 */
     RX_RESTORE_SHRED = 2,    /* the same where a neighbour's own model takes its light */
-    RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be told apart */
+    RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be separated */
     RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
     RX_RESTORE_OTHER = 16,   /* not by the restorer that was asked for (RESTORE_FALLBACK) */
     RX_RESTORE_UNEXPLAINED =

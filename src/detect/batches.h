@@ -8,7 +8,7 @@
 
 typedef struct rx_batch {
     int first, n; /* in `members` */
-    int blended;  /* its groups may fall apart */
+    int blended;  /* its groups may be deblended */
     long pixels;  /* of all its groups */
 } rx_batch;
 

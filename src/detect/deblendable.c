@@ -54,7 +54,7 @@ static void set_around(int width, int around[8])
     memcpy(around, places, sizeof places);
 }
 
-/* Lists the pixels, and tells whether two of them have no higher neighbour. */
+/* Lists the pixels, and says whether two of them have no higher neighbour. */
 static bool list_pixels(const rx_groups *groups, const rx_group *g, int width, rx_deblendable *work, int *n)
 {
     int around[8], summits = 0;

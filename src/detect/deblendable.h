@@ -1,4 +1,4 @@
-/* Can a group fall apart when the threshold rises? Most cannot, and need no deblending. */
+/* Can a group split when the threshold rises? Most cannot, and need no deblending. */
 #ifndef RX_DETECT_DEBLENDABLE_H
 #define RX_DETECT_DEBLENDABLE_H
 

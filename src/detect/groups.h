@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 
-/* The filtered image and what its pixels are held against. */
+/* The filtered image and what its pixels are compared with. */
 typedef struct rx_threshold {
     int width, height;
     const float *filtered; /* [height][width]; of no use once there are groups, which have their own values */

@@ -29,7 +29,7 @@ typedef struct rx_extraction {
     int flags;               /* out: RX_FLAG_ bits for every source when a limit could not be met */
 } rx_extraction;
 
-/* Groups that cannot fall apart and those that may are packed into small images by fixed rules, and sep works
+/* Groups that cannot split and those that may are packed into small images by fixed rules, and sep works
  * on these in `par->nthreads` threads; its random numbers, by which it shares out the pixels between the
  * parts of a blend, begin anew with each of them. A matched filter is sep's own: the whole tile at once.
  * Gives up only without memory. Free with rx_detections_free(). */

@@ -45,7 +45,7 @@ int rx_claim_take(const char *lock)
 
 void rx_claim_drop(int claim, const char *lock)
 {
-    unlink(lock); /* while it is held: nobody else can have made another of this name */
+    unlink(lock); /* while it is held: no other process can have made another of this name */
     close(claim);
 }
 

@@ -1,8 +1,8 @@
 /* Whose a temporary output is. It is written as ".NAME.rx-NUMBER.tmp" beside its place, and as long as the
  * process that writes it lives, that process holds a lock (flock) on the empty file ".NAME.rx-NUMBER.lock":
- * what a killed one has left can be told from the work of another process, and removed. The kernel drops the
+ * what a killed one has left can be distinguished from the work of another process, and removed. The kernel drops the
  * lock with the process, so that neither process numbers nor names of machines have to be trusted. Where the
- * file system has no locks, nobody gets one, and nothing is ever removed; where locks do not reach other
+ * file system has no locks, no process gets one, and nothing is ever removed; where locks do not reach other
  * machines (NFS with local_lock), two machines must not write the same output at once. */
 #ifndef RX_IO_CLAIM_H
 #define RX_IO_CLAIM_H
@@ -19,7 +19,7 @@ void rx_claim_drop(int claim, const char *lock);
  * ".NAME.rx-NUMBER.tmp.old" for one that never came goes back to `path`. Failures are ignored. */
 void rx_claim_sweep(const char *path, const char *stem);
 
-/* A folder for what nobody shall see: `name` ends in XXXXXX, which become letters that are free (mkdtemp),
+/* A folder for what no one shall see: `name` ends in XXXXXX, which become letters that are free (mkdtemp),
  * and the lock is held on the folder itself. Folders of such names whose processes are dead are removed
  * before, as above. Returns the descriptor, for rx_claim_remove(), or -1 with errno. */
 int rx_claim_folder(char *name);

@@ -47,7 +47,7 @@ static rx_status no_header(const char *path, int failed, rx_error *err)
                        "its header has no END: the file is cut off or damaged, fetch it again");
 }
 
-/* What the first bytes tell when the file is not FITS; NULL when it may be. */
+/* What the first bytes say when the file is not FITS; NULL when it may be. */
 static const char *not_fits(const unsigned char *head, size_t n)
 {
     static const char lfs[] = "version https://git-lfs";
@@ -191,7 +191,7 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
     char literal[RX_FITS_LITERAL];
     int failed = 0;
     const int file = open(path, O_RDONLY | O_CLOEXEC);
-    rx_status status = file >= 0 ? rx_fits_walk(file, path, err) : RX_OK; /* cfitsio tells why */
+    rx_status status = file >= 0 ? rx_fits_walk(file, path, err) : RX_OK; /* cfitsio says why */
     if (file >= 0)
         close(file);
     if (status != RX_OK)
@@ -478,7 +478,7 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
     return RX_OK;
 }
 
-/* cfitsio takes a scale that it cannot read as none: fluxes would be wrong and nobody told. */
+/* cfitsio takes a scale that it cannot read as none: fluxes would be wrong without a word. */
 static rx_status check_scale(fitsfile *file, const char *path, int hdu, rx_error *err)
 {
     static const char *const keys[] = {"BSCALE", "BZERO"};

@@ -111,9 +111,10 @@ static rx_status verify_hdu(verifier *v, int *more, rx_error *err)
         sum = rx_fits_sum_bytes(sum, v->block, BLOCK);
     }
     if (!head.has_checksum || !head.has_datasum)
-        return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
-                           "has no %s, so that nobody can tell whether it is whole; fetch or make it again",
-                           head.has_checksum ? "DATASUM" : "CHECKSUM");
+        return rx_error_at(
+            err, RX_INPUT, v->path, v->hdu, 0,
+            "has no %s, so that it cannot be checked whether it is whole; fetch or make it again",
+            head.has_checksum ? "DATASUM" : "CHECKSUM");
     char *end;
     if (strtoull(head.datasum, &end, 10) != data || *end != '\0')
         return damaged(v, "DATASUM does not fit the data", err);

@@ -42,7 +42,7 @@ static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *sha
     return RX_OK;
 }
 
-/* All usable HDUs; those that are not are told, the reason of the first is kept for the case of none. */
+/* All usable HDUs; those that are not are logged, the reason of the first is kept for the case of none. */
 static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hdus, int count, int *n,
                           rx_error *err)
 {

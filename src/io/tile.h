@@ -28,7 +28,7 @@ typedef struct rx_tile_params {
 /* The image HDUs a name selects: `tile.fits` all 2-D images (primary and extensions, compressed
  * ones too), `tile.fits[2]`, `tile.fits[SCI,1]`, `tile.fits[1][1:512,1:512]` that one.
  * *hdus (numbers from 0) to be freed. No 2-D image: RX_INPUT. HDUs that are skipped
- * (3-D, 1-D, tables) are told through log. */
+ * (3-D, 1-D, tables) are named in the log. */
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err);
 
 /* What the header says of an image that rx_tile_read() would read. */
@@ -41,7 +41,7 @@ typedef struct rx_tile_shape {
 } rx_tile_shape;
 
 /* Shapes of the images that `name` selects, from headers alone; *dst to be freed. Errors as rx_tile_list()
- * and rx_tile_read() have them as far as headers tell. */
+ * and rx_tile_read() have them as far as headers say. */
 rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int *n, rx_error *err);
 
 /* Read one of them. `extension` counts from 1 among those processed. Values of header keys come from

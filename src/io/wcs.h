@@ -12,7 +12,7 @@ RX_BEGIN_DECLS
 typedef struct rx_wcs rx_wcs;
 
 /* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header
- * has no celestial coordinates; what was ignored or repaired is told in note (may be NULL). */
+ * has no celestial coordinates; what was ignored or repaired is said in note (may be NULL). */
 rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
                             size_t note_size, rx_error *err);
 void rx_wcs_free(rx_wcs *wcs);

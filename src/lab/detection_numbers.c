@@ -92,10 +92,10 @@ static void growth_quantity(int q, rx_quantity *dst)
 void rx_quantity_get(const rx_detection_results *r, rx_detection_scene scene, int q, rx_quantity *dst)
 {
     static const char *const pairs[][2] = {
-        {"resolved", "share of the pairs told apart, at the first precision's cut"},
+        {"resolved", "share of the pairs resolved, at the first precision's cut"},
         {"resolved_close", "the same, separations below 0.75 FWHM"},
         {"resolved_wide", "the same, separations from 0.75 FWHM"},
-        {"resolved_whole", "share of the pairs told apart, whole list"}};
+        {"resolved_whole", "share of the pairs resolved, whole list"}};
     static const char *const blank[][2] = {{"false_cut", "false detections at the last precision's cut"},
                                            {"false_whole", "false detections, whole list"}};
     static const char *const rings[][2] = {

@@ -66,7 +66,7 @@ typedef struct rx_detection_numbers {
     int ncolumns;            /* nmethods, and one more with RL */
     rx_detection_cell *cell; /* [nconditions][nscenes][ncolumns] */
     int net, matched, none;  /* columns, -1 none */
-    int nrivals, rival[4];   /* columns that `hero` is held against */
+    int nrivals, rival[4];   /* columns that `hero` is compared with */
     int hero;                /* NET, else RL at its best; -1 none */
     rx_detection_duel *duel; /* [nconditions][nscenes][4], STARS and GALAXIES */
 } rx_detection_numbers;

@@ -32,7 +32,7 @@ static const char *const ABOUT[RX_SCENE_KINDS] = {
         "no star of the least S/N, nor a fainter one, is false.",
     [RX_SCENE_GALAXIES] = "Galaxies alone. A galaxy in two pieces is one right and one false detection.",
     [RX_SCENE_PAIRS] =
-        "Close pairs of stars: told apart when there are two detections, each nearer than half the "
+        "Close pairs of stars: resolved when there are two detections, each nearer than half the "
         "separation to its star, both above the threshold.",
     [RX_SCENE_BLANK] = "Noise without any object: all that is found is invented.",
     [RX_SCENE_RINGS] = "Bright stars and nothing else: what is found around them is invented.",
@@ -136,7 +136,7 @@ static void add_scene(rx_findings *f, const rx_detection_numbers *m, int s)
         rx_report_unfold(f->report);
 }
 
-/* ap and recall over the seeing, where restorers are told the truth. */
+/* ap and recall over the seeing, where restorers are given the truth. */
 static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
 {
     const rx_detection_results *r = m->results;

@@ -185,7 +185,7 @@ static rx_status expose(const rx_detection_state *state, const rx_detection_sky 
     return status;
 }
 
-/* The noise goes, the plateau comes; sky and noise are told as they were. */
+/* The noise goes, the plateau comes; sky and noise are given as they were. */
 static rx_status put_plateau(const rx_detection_state *state, const rx_detection_sky *sky, long number,
                              rx_field *field, rx_error *err)
 {

@@ -3,7 +3,7 @@
 
 #include "lab/detection_numbers.h"
 
-/* Where restorers are told the truth. */
+/* Where restorers are given the truth. */
 static int counts(const rx_detection_numbers *m, int condition, int scene, rx_detection_scene kind)
 {
     return rx_condition_true(&m->results->condition[condition]) &&

@@ -1,7 +1,7 @@
 /* Which detections are right and which are false, when stars are put among what is there already.
  *
  * Stars and the known objects at least as bright as they are compete for the detections, one to one, nearest
- * first, within the matching radius: a star on top of a brighter object is found only when it is told apart
+ * first, within the matching radius: a star on top of a brighter object is found only when it is resolved
  * from it. A detection that is left over is false, unless it belongs to a known object, whatever its
  * brightness (it lies within the object's own radius, or where `covered` says so): then it is neither right
  * nor wrong. */

@@ -62,7 +62,7 @@ static rx_status open_simulated(rx_photometry_state *state, rx_log *log, rx_phot
     if (find && dst->condition.psf_error != 0.0)
         return rx_error_set(
             err, RX_USAGE,
-            "PSF_ERROR says what PSF restorers are told, STAGE.PSF_TYPE that they find it; leave "
+            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; leave "
             "out one of them");
     rx_status status = rx_condition_simulation(&dst->condition, config->sim, log, &dst->simulation, err);
     if (status != RX_OK)

@@ -7,7 +7,7 @@
  * with the tile's own PSF (of the STAGE. keywords, measured on the untouched tile by default), which the
  * restorers are given too, and with the photon noise of its gain. Its noise is the same on every tile, and
  * what is found on it before the injection, by any restorer, is known and neither right nor false: of that,
- * nobody can tell faint sources from peaks of the noise. So every tile comes with a blank one, a realisation
+ * faint sources cannot be distinguished from peaks of the noise. So every tile comes with a blank one, a realisation
  * of the tile's own noise without any source, whose detections are all false.
  *
  * (This header does not include lab/results.h, which names a struct as pipeline/photometry.h a function.)

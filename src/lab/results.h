@@ -59,7 +59,7 @@ typedef struct rx_star_result {
     float score;   /* detection S/N that found it; NAN = not found */
     float ratio;   /* F / F0, NAN = not found */
     float pull;    /* (F - F0) / error */
-    float crowded; /* 1: FLAGS tells of a neighbour or a blend */
+    float crowded; /* 1: FLAGS shows a neighbour or a blend */
 } rx_star_result;
 
 /* One restorer on one set. Stars are in the same order for every restorer: pairs can be compared. */
@@ -81,7 +81,7 @@ typedef struct rx_photometry_set {
 typedef struct rx_photometry_field {
     char name[64];   /* "simulated", "sdss r-000094-1-0012" */
     char about[600]; /* one line for the report: FWHM, noise, what else is on it */
-    int misled;      /* restorers were told a wrong PSF, sky or noise: no claim speaks of that */
+    int misled;      /* restorers were given a wrong PSF, sky or noise: no claim speaks of that */
     int nsets;
     rx_photometry_set *sets; /* bright to faint */
 } rx_photometry_field;

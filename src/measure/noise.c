@@ -182,7 +182,7 @@ rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int
     rx_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
     plain.gain = 0.0;
     plain.law = NULL;
-    /* segment -1 belongs to nobody: every source is a neighbour */
+    /* segment -1 belongs to no source: every source is a neighbour */
     rx_view view = {.image = &plain,
                     .radii = &plain,
                     .sources = sources,

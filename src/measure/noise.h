@@ -1,4 +1,4 @@
-/* Noise against aperture area on source-free sky: correlated noise told by empty apertures. */
+/* Noise against aperture area on source-free sky: correlated noise measured by empty apertures. */
 #ifndef RX_MEASURE_NOISE_H
 #define RX_MEASURE_NOISE_H
 

@@ -146,7 +146,7 @@ static void add_cards(const rx_model *model, rx_text *dst)
     rx_card_integer(dst, "NEXTEND", tables, "number of tables that follow");
     rx_card_text(dst, "RXNAME", model->name, "name");
     rx_card_text(dst, "RXDIGEST", digest, "of front, nodes and parameters");
-    rx_card_text(dst, "RXMODE", rx_mode_name(f->mode), "what the network is told");
+    rx_card_text(dst, "RXMODE", rx_mode_name(f->mode), "what the network is given");
     rx_card_number(dst, "RXTFWHM", f->target_fwhm, "[pix] FWHM of the output's Gaussian PSF");
     rx_card_number(dst, "RXTIKH", f->tikhonov, "regularisation of the deconvolved copy");
     rx_card_integer(dst, "RXRLSTEP", f->rl_steps, "Richardson-Lucy steps after the network");

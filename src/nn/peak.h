@@ -1,4 +1,4 @@
-/* What this machine convolves at most: the measure that a network's speed is held against. */
+/* What this machine convolves at most: the measure that a network's speed is compared with. */
 #ifndef RX_NN_PEAK_H
 #define RX_NN_PEAK_H
 

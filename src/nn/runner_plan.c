@@ -1,7 +1,7 @@
 /* The plan of a runner: which reals its planes hold, which share memory, which convolutions it needs.
  *
  * Without gradients a plane's memory is free again after its last use, and a sum is written over the plane
- * that is added where nobody needs that any more. With gradients all values stay, and only gradients share.
+ * that is added where no layer needs that any more. With gradients all values stay, and only gradients share.
  */
 #include <string.h>
 

@@ -106,7 +106,7 @@ rx_status rx_ranks_send(rx_ranks *ranks, int to, int tag, const void *data, size
     return rx_ranks_give(ranks, to, tag, copy, size, err);
 }
 
-/* To the first `count` ranks, once; whoever cannot be told will see that this rank is gone. */
+/* To the first `count` ranks, once; a rank that cannot be reached will see that this rank is gone. */
 static void tell_failure(rx_ranks *ranks, const rx_error *why, int count)
 {
     if (ranks->told)

@@ -4,7 +4,7 @@
  * is a rank; otherwise rx_ranks_start() makes `generators` threads beside the caller, who is rank 0. Messages
  * between two ranks of one tag arrive in order. Each rank calls these functions from one thread.
  *
- * Nobody waits for a rank that is gone: a rank that fails tells the others (rx_ranks_fail), and one that just
+ * No rank waits for one that is gone: a rank that fails informs the others (rx_ranks_fail), and one that just
  * ends is noticed; whoever waits for a message or a sum then gets an error, which stays. */
 #ifndef RX_PAR_RANKS_H
 #define RX_PAR_RANKS_H
@@ -54,7 +54,7 @@ rx_status rx_ranks_send(rx_ranks *ranks, int to, int tag, const void *data, size
 rx_status rx_ranks_give(rx_ranks *ranks, int to, int tag, void *data, size_t size, rx_error *err);
 /* wait 0: dst->data NULL, size 0, from -1 when nothing is there. Data are aligned to 64 bytes or as they were
  * given. Errors: RX_INTERRUPTED while waiting (only on rank 0 as the single trainer: several must agree when
- * to stop, and generators are told); RX_SYSTEM or what a failed rank said. */
+ * to stop, and generators are informed); RX_SYSTEM or what a failed rank said. */
 rx_status rx_ranks_receive(rx_ranks *ranks, int wait, rx_message *dst, rx_error *err);
 
 /* Tell every other rank that this one cannot go on; their next receive or sum returns this error. Does

@@ -1,8 +1,8 @@
 /* Ranks as processes under MPI; without it, the words for a single process.
  *
  * Everything travels on MPI_COMM_WORLD, the kind of message being the MPI tag. BYE is the last word of a
- * process, sent by rx_par_end() and read by nobody but rx_par_end(): until then it can be probed, which shows
- * that its sender is gone. No send and no receive blocks, so that computing ranks hold nobody up, and waiting
+ * process, sent by rx_par_end() and read by rx_par_end() alone: until then it can be probed, which shows
+ * that its sender is gone. No send and no receive blocks, so that computing ranks hold no other up, and waiting
  * sleeps between looks: MPI's own waiting would take a core from those that compute. */
 #include "par/ranks_parts.h"
 
@@ -156,7 +156,7 @@ static rx_status begin_receive(mpi_link *link, MPI_Message *message, const MPI_S
 {
     int size = 0;
     incoming *place = &link->place[link->used];
-    rx_status status = check(MPI_Get_count(about, MPI_BYTE, &size), "tell the size of a message", err);
+    rx_status status = check(MPI_Get_count(about, MPI_BYTE, &size), "find the size of a message", err);
     rx_parcel *parcel = status == RX_OK ? RX_NEW(rx_parcel, 1) : NULL;
     void *data = parcel ? rx_alloc((size_t)size, 1) : NULL;
     if (status == RX_OK && !data)

@@ -42,7 +42,7 @@ static rx_status send_parcel(rx_ranks *ranks, int to, rx_parcel *parcel, rx_erro
         rx_parcels_add(&all->boxes[to].parcels, parcel);
     pthread_cond_signal(&all->boxes[to].filled);
     pthread_mutex_unlock(&all->lock);
-    if (!keep) /* nobody is there to read it */
+    if (!keep) /* no rank is there to read it */
         rx_parcel_free(parcel);
     return RX_OK;
 }

@@ -171,7 +171,7 @@ static void say_noise(const rx_field *field, rx_log *log)
     if (rx_noise_is_structure(noise))
         rx_log_warning(
             log,
-            "%s[%d]: its noise hangs together more than any resampling leaves it: wide sums of pixels have "
+            "%s[%d]: its noise is correlated more than any resampling leaves it: wide sums of pixels have "
             "%.1f times that of independent ones (RXNWIDE; limit %g): fringes, light that fills the tile, or "
             "smoothing; thresholds and errors rise with it, every source has FLAGS_RESTORE 128",
             image->name, image->hdu, rx_noise_factor_wide(noise), RX_NOISE_RESAMPLED);

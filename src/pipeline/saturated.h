@@ -6,8 +6,8 @@
  * restored image, the source as it was found and measured on the untouched image joins the list, and the
  * restored image shows the untouched pixels there. What else is found in touch with such a segment and holds
  * the peak of no other source of NONE's is a piece of the star's wings: no source, and untouched pixels, too.
- * So neighbours that NONE tells from the star are restored and measured as everywhere; of companions that only
- * a restorer would tell from the star there are no more than NONE has. */
+ * So neighbours that NONE separates from the star are restored and measured as everywhere; of companions that only
+ * a restorer would separate from the star there are no more than NONE has. */
 #ifndef RX_PIPELINE_SATURATED_H
 #define RX_PIPELINE_SATURATED_H
 

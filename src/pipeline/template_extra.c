@@ -102,7 +102,7 @@ static rx_status sort_taken(search *of, rx_error *err)
     return RX_OK;
 }
 
-/* Too near a source to be told apart from it: what a template leaves there is its own error, that of a cosmic
+/* Too near a source to be resolved from it: what a template leaves there is its own error, that of a cosmic
  * ray for instance, which is no point. */
 static int on_a_source(const search *of, const rx_source *s, double apart)
 {

@@ -93,7 +93,7 @@ static void orthonormalise(fit *f, const rx_psf *psf)
             for (int k = 0; k < f->n; k++)
                 column[k] -= share * q[k];
         }
-        /* a term that the places do not tell from those before it is left out */
+        /* a term that the places do not separate from those before it is left out */
         const double norm = sqrt(dot(column, column, f->n)), known = norm > 1e-9 * before;
         f->r[t][t] = known ? norm : 1.0;
         for (int k = 0; k < f->n; k++)

@@ -156,7 +156,7 @@ static double at_star(const star *s, const double *c, int nterms)
     return sum;
 }
 
-/* c [nterms] of the stars outside the fold (-1: of all), which leave their factor in work; 0: they do not tell. */
+/* c [nterms] of the stars outside the fold (-1: of all), which leave their factor in work; 0: they do not say. */
 static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
 {
     memset(s->normal, 0, sizeof(double) * (size_t)nterms * (size_t)nterms);

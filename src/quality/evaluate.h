@@ -49,7 +49,7 @@ rx_status rx_evaluate(const rx_qa_params *par, const rx_qa_input *input, int run
                       double level, rx_evaluation *dst, rx_error *err);
 void rx_evaluation_free(rx_evaluation *evaluation); /* content only */
 
-/* Precision of the detections that count and are not marked as made up; NAN without any. */
+/* Precision of the detections that count and are not marked as spurious; NAN without any. */
 double rx_evaluation_precision_without(const rx_evaluation *evaluation);
 
 /* Median and sigma_MAD of n finite values (reordered), intervals by order statistics: the rank interval of

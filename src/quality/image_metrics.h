@@ -24,7 +24,7 @@ double rx_image_psnr(int width, int height, const float *image, const float *ref
 rx_status rx_image_ssim(int width, int height, const float *image, const float *reference, double k1,
                         double k2, double range, double *dst, rx_error *err);
 
-/* A reference that many images are held against: its own part is worked out once, the answers are those of
+/* A reference that many images are compared with: its own part is worked out once, the answers are those of
  * the functions above to the bit. `pixels` is not copied and has to outlive it. Any number of threads may use
  * one. Errors of _new as rx_image_ssim's; of _ssim, *dst NAN: RX_SYSTEM memory. */
 typedef struct rx_image_reference rx_image_reference;

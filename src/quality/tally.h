@@ -4,7 +4,7 @@
  * Magnitude bins are those of a fixed grid, half a magnitude wide: bin k holds k/2 <= magnitude < (k + 1)/2.
  * Errors go into a histogram each: the median and sigma_MAD of all tiles come from it to a fraction of its
  * step, which medians of medians would not give. Its steps are 0.005 mag wide up to 0.5 mag from 0, then 0.05
- * up to 3, then 0.5 up to 50: a zero point that is wrong is told as well.
+ * up to 3, then 0.5 up to 50: a zero point that is wrong is reported as well.
  */
 #ifndef RX_QUALITY_TALLY_H
 #define RX_QUALITY_TALLY_H

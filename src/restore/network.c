@@ -20,7 +20,7 @@
 /* Of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit. Large domains have little halo;
  * small tiles need two of them to be shared among threads. */
 enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
-static const double UNKNOWN_FWHM = 5; /* pixels, of a PSF that nobody knows: middle of the usual seeing */
+static const double UNKNOWN_FWHM = 5; /* pixels, of an unknown PSF: middle of common seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
 static const double FULL_WELL_NOISE = 1.0 / 500;
 /* sigmas, with a PSF; what FFTs round may tip over the rounding of a bfloat16 in an INFORMED model, which is
@@ -166,7 +166,7 @@ static rx_status set_noise(const network *n, rx_error *err)
     return status;
 }
 
-/* A Gaussian of the usual seeing tells what the mask has taken where the PSF is not known. The data go. */
+/* A Gaussian of common seeing says what the mask has taken where the PSF is not known. The data go. */
 static rx_status make_support(network *n, int wanted, rx_error *err)
 {
     const rx_blocks_progress progress = {n->log, 0.95, 1};

@@ -28,7 +28,7 @@ int rx_blocks_threads(const rx_blocks *blocks, int nthreads);
 /* One block: it begins at tile pixel (x, y); thread 0 .. nthreads - 1. */
 typedef rx_status (*rx_blocks_task)(void *user, int thread, int x, int y, rx_error *err);
 
-/* Where to tell of progress: from `begin` to `end`, shares of the whole job. */
+/* Where to report progress: from `begin` to `end`, shares of the whole job. */
 typedef struct rx_blocks_progress {
     rx_log *log;
     double begin, end;
@@ -39,7 +39,7 @@ typedef struct rx_blocks_progress {
 rx_status rx_blocks_run(const rx_blocks *blocks, int nthreads, rx_blocks_task task, void *user,
                         const rx_blocks_progress *progress, rx_error *err);
 
-/* A plane of the tile that blocks read up to `halo` pixels around themselves, and nobody after them before it
+/* A plane of the tile that blocks read up to `halo` pixels around themselves, and none after them before it
  * is written again. */
 typedef struct rx_blocks_spent {
     float *plane; /* from rx_alloc(), [height][width] of the tile */

@@ -16,7 +16,7 @@ typedef struct rx_network_forward {
     const float *x;                  /* data */
     const float *base;               /* what the output is added to: Tikhonov copy (INFORMED), or x */
     float *v;
-    float *spent;         /* base, where nobody reads it afterwards: its memory goes as v comes; else NULL */
+    float *spent;         /* base, where it is not read afterwards: its memory goes as v comes; else NULL */
     rx_stream_cost *cost; /* [nnodes], summed over threads; NULL: not measured */
 } rx_network_forward;
 

@@ -1,7 +1,7 @@
 /* Noise for detection on a restored image.
  *
  * A restorer that knows what the sky looks like leaves next to none of its noise on empty sky: so many sigmas
- * of that say nothing. What a threshold has to be held against is the noise of the input, and beside bright
+ * of that say nothing. What a threshold has to be compared with is the noise of the input, and beside bright
  * objects what the restorer makes of their wings:
  *
  *   sigma(x) sqrt(1 + (0.1 env(x))^2)

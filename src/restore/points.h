@@ -1,4 +1,4 @@
-/* Point-like sources of an image that is being restored: what tells image and PSF apart.
+/* Point-like sources of an image that is being restored: what separates image and PSF.
  *
  * A peak is the highest f within 2 pixels, stands 10 sigma above the sky in the data, has no masked
  * pixel within the radius R = max(2, FWHM) and none of a tenth of its height as neighbour within 2 R. Its

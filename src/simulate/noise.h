@@ -39,7 +39,7 @@ rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, flo
 void rx_noise_normals(uint64_t seed, uint64_t stream, uint64_t first, long n, float *dst);
 
 /* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means; above 1e12
- * the rounded normal of that width, as nobody could tell). 0 for a mean that is not above 0. number < 2^48.
+ * the rounded normal of that width, which cannot be distinguished). 0 for a mean that is not above 0. number < 2^48.
  */
 double rx_noise_poisson(double mean, uint64_t seed, uint64_t stream, uint64_t number);
 

@@ -1,4 +1,4 @@
-/* What the files of the optics share and nobody else needs. */
+/* What the files of the optics share and no other needs. */
 #ifndef RX_SIMULATE_OPTICS_PARTS_H
 #define RX_SIMULATE_OPTICS_PARTS_H
 

@@ -1,4 +1,4 @@
-/* What the files of the renderer share and nobody else needs. */
+/* What the files of the renderer share and no other needs. */
 #ifndef RX_SIMULATE_RENDER_PARTS_H
 #define RX_SIMULATE_RENDER_PARTS_H
 

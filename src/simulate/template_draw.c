@@ -1,7 +1,7 @@
 /* Drawing a template: flipped, turned, stretched, onto the grid of cells.
  *
  * The template is a surface brightness by cubic B-splines around its pixels (not by interpolation: the spline
- * is smooth and nowhere negative, and its blur, 1/3 pixel^2 per axis, is told by rx_template_blur()). Splines
+ * is smooth and nowhere negative, and its blur, 1/3 pixel^2 per axis, is given by rx_template_blur()). Splines
  * of a whole grid sum to 1 everywhere, so nothing is lost between pixels, however far they are stretched. A
  * cell larger than 0.9 template pixels is the mean of equal parts that are not: no pixel falls between the
  * cells. The sum over all cells is the flux to 1e-3, the rest being what the lattice of cells does not see of

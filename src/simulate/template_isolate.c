@@ -115,7 +115,7 @@ static long brightest(const workshop *w)
     return best;
 }
 
-/* Everything above the edge that hangs together with pixel `seed`; the number of pixels. */
+/* Everything above the edge that is connected with pixel `seed`; the number of pixels. */
 static long flood(workshop *w, long seed)
 {
     float edge = (float)(EDGE * w->wide_sigma);

@@ -21,7 +21,7 @@
 
 enum { MOST_LIST_BYTES = 1 << 24, NAME = 1024, MOST_PSF = 129 };
 
-/* What is read, and what it is told. */
+/* What is read, and what is known of it. */
 typedef struct reading {
     rx_templates *all;
     int room;

@@ -28,7 +28,7 @@ typedef struct rx_templates {
  * 0) is a catalogue of GalSim's RealGalaxy layout: images and PSFs are in the files that it names, beside it,
  * with PIXEL_SCALE and the sky NOISE_MEAN of the catalogue; in a folder it speaks for all other files. The
  * PSF of a plain file a_b.fits is a_b_psf.fits or a_psf.fits, on the same scale; names that end so are no
- * templates. The object is cut out as template_isolate.h says. Templates below min_snr are left out, told
+ * templates. The object is cut out as template_isolate.h says. Templates below min_snr are left out, reported
  * through log, as are PSFs that no profile fits (their template then has fwhm 0). Errors: RX_INPUT naming the
  * file, or when no template is left; RX_SYSTEM memory. */
 rx_status rx_templates_read(const char *name, double pixel_scale, double min_snr, rx_log *log,

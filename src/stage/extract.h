@@ -32,7 +32,7 @@ typedef struct rx_run {
     rx_restored *restored;
     rx_sources *sources;
     rx_check_results checks;
-    struct rx_tally *tally;     /* of whoever wants the counts of the report; NULL: nobody */
+    struct rx_tally *tally;     /* for a caller that needs the counts of the report; NULL: none does */
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */

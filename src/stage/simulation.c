@@ -954,7 +954,7 @@ static rx_status complete_cards(const rx_options *options, const rx_simulation *
     return RX_OK;
 }
 
-/* Pixels that the added light brought to the saturation level, as the flag map tells them. */
+/* Pixels that the added light brought to the saturation level, as the flag map has them. */
 static void mark_saturated(const rx_tile *tile, uint8_t *defects)
 {
     const size_t n = (size_t)tile->width * (size_t)tile->height;

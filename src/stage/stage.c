@@ -51,7 +51,7 @@ static int any_needs_psf(const rx_options *options)
     return 0;
 }
 
-/* Open the outputs first: an unwritable folder is told before the work, not after it. */
+/* Open the outputs first: an unwritable folder is reported before the work, not after it. */
 static rx_status open_runs(job *job, int nextensions, rx_error *err)
 {
     const rx_options *options = job->options;
@@ -102,7 +102,7 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     return status;
 }
 
-/* Is there an output that tells what was read? */
+/* Is there an output that says what was read? */
 static int is_recorded(const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||

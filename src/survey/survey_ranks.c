@@ -41,7 +41,7 @@ static rx_status take_ready(const account *a, rx_message *message, int *interrup
     return status;
 }
 
-/* Rank 0: answers each that is ready with a tile; who gets none waits until all are told to end, as a rank
+/* Rank 0: answers each that is ready with a tile; one that gets none waits until all shall end, as a rank
  * that is gone means trouble to those who still work. */
 static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
 {

@@ -53,7 +53,7 @@ static rx_status fill_cells(const rx_footprint *const *f, int n, int width, int 
     return RX_OK;
 }
 
-/* Do the boxes meet, and is this the one cell that tells of it: that of the intersection's first corner? */
+/* Do the boxes meet, and is this the one cell that counts it: that of the intersection's first corner? */
 static int meet(const rx_footprint *a, const rx_footprint *b, int cx, int cy)
 {
     const int x0 = a->x0 > b->x0 ? a->x0 : b->x0, y0 = a->y0 > b->y0 ? a->y0 : b->y0;

@@ -1,4 +1,4 @@
-/* Noise that hangs together (data/noise_correlation.h) in fits whose weights w do not know of it. Of noise
+/* Noise that is correlated (data/noise_correlation.h) in fits whose weights w do not know of it. Of noise
  * n_i = u_i / sqrt(w_i), u of that correlation, the sums a fit goes by have
  *
  *   Cov(sum_i w_i S_i n_i, sum_j w_j T_j n_j) = sum_ij S_i sqrt(w_i) at(i - j) sqrt(w_j) T_j

@@ -10,7 +10,7 @@
 typedef struct rx_fit_neighbour {
     int one;      /* index of the source */
     double alone; /* its flux^2 / variance; 0 where one of them is not above 0 */
-    int other;    /* index of that subject, -1: nobody */
+    int other;    /* index of that source, -1: none */
     double light; /* of it under the template of the source, in fluxes of the source */
 } rx_fit_neighbour;
 

@@ -45,7 +45,7 @@ struct rx_fit_image {
     int nthreads;
     /* its own */
     const rx_tphot_input *input;
-    size_t usual, room; /* pixels in memory: as many as that, if nobody needs more; as many as there are */
+    size_t usual, room; /* pixels in memory: as many as that, if no window needs more; as many as there are */
     float *planes;      /* [4][room] */
     float *kept;        /* [height][width] data, NAN where hidden; NULL: made anew whenever they are shown */
     uint8_t *state;     /* [lines][columns] of blocks */

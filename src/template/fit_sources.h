@@ -1,4 +1,4 @@
-/* From the source list to what is fitted, and back to what is told of it. */
+/* From the source list to what is fitted, and back to what is reported of it. */
 #ifndef RX_TEMPLATE_FIT_SOURCES_H
 #define RX_TEMPLATE_FIT_SOURCES_H
 

@@ -8,7 +8,7 @@
  * radius and nu as is usual on the tile (usual.h), to begin with 0.6 FWHM within a factor e and 1 + nu 1.5
  * within a factor exp(0.5). They are weak: a source of S/N 30 hardly feels them.
  *
- * Where the pixels cannot tell point from profile both are taken, each with the flux of its fit and its
+ * Where the pixels cannot distinguish point from profile both are taken, each with the flux of its fit and its
  * probability: that of a point is p = 1 / (1 + exp((chi2 gain - Occam's factor - star_penalty) / 2)). A
  * choice would take galaxies of S/N 10 for stars half of the time, 20 to 40 % too faint, and say nothing of
  * it in the error. */

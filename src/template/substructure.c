@@ -199,7 +199,7 @@ int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject
     if (subject->segment == 0 || subject->untouched || !(subject->flux > 0))
         return 0;
     const rx_matching *matching = rx_template_domain_matching(size);
-    /* a spectrum is larger than its plane, and nobody's now */
+    /* a spectrum is larger than its plane, and is free now */
     const double noise = restored_noise(view, cx, cy, size->n, size->half[0]);
     float *own = size->plane[0]; /* kept as a plane that only derivatives need */
     size->plane[0] = size->plane[KEPT];

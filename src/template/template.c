@@ -25,7 +25,7 @@
 #include "template/unseen.h"
 #include "template/windows.h"
 
-static const double SMALL = 1e-4; /* pixels: nobody moves for less */
+static const double SMALL = 1e-4; /* pixels: no source moves for less */
 static const double RUNAWAY =
     1e3;                  /* times the brightest light that is seen no star is, not even a saturated one */
 enum { SHIFTS = 2 };      /* joint moves of the positions in groups after each fit */

@@ -15,7 +15,7 @@
  *            restored image
  *   PIXELS   PROFILE plus what the restored pixels of the source's segment and its surroundings have beyond
  *            the profile, blurred by the kernel restored PSF -> tile's PSF; the profile goes on outside
- * chosen by the pixels (chi2 with penalties); where they cannot tell, PROFILE holds a point, too, in
+ * chosen by the pixels (chi2 with penalties); where they cannot decide, PROFILE holds a point, too, in
  * proportion to the probabilities. So the outskirts that no segment holds are never cut off.
  *
  * Where the noise of the image is correlated (rx_image.correlation) the weights stay, and errors, S/N, evidence
@@ -49,7 +49,7 @@ enum {
     RX_TPHOT_BORDER = 2,    /* more than 1 % of the template lies beyond the border */
     RX_TPHOT_MASKED = 4,    /* more than 10 % of the template lies on masked pixels */
     RX_TPHOT_BOUND = 8,     /* held at flux 0, or the profile ended at a limit */
-    RX_TPHOT_SINGULAR = 16, /* its group could not be told apart; fluxes of its members are arbitrary */
+    RX_TPHOT_SINGULAR = 16, /* its group could not be separated; fluxes of its members are arbitrary */
     RX_TPHOT_NO_DATA = 32,  /* no usable pixel under the template: flux and error are NAN */
     RX_TPHOT_POSITION = 64, /* the fit of the position failed, the given one was kept */
     RX_TPHOT_EXTRA = 128    /* not of the source list: added for what showed in the residual */
@@ -170,9 +170,10 @@ typedef rx_status (*rx_tphot_more)(void *user, const rx_tphot_search *look, doub
 
 typedef struct rx_tphot_input {
     const rx_restored *restored; /* where shapes come from; its psf NULL: that of the tile */
-    const uint8_t *shape_mask;   /* [height][width]: more of its pixels that tell no shape; NULL: none */
-    int shape_bits;              /* that hide them there */
-    const rx_sources *sources;   /* detected on it, with segments */
+    const uint8_t
+        *shape_mask; /* [height][width]: more of its pixels that say nothing of a shape; NULL: none */
+    int shape_bits;  /* that hide them there */
+    const rx_sources *sources; /* detected on it, with segments */
     /* What is fitted, same grid, with its PSF; another tile than the restored one for forced photometry. A pixel whose
      * noise is not above 0 counts as hidden. */
     rx_image image;

@@ -1,13 +1,13 @@
 /* Two kinds of rank, as in the paper: generators make images, the trainer takes them (par/ranks.h).
  *
- * For each epoch the trainer tells the counts per bin as soon as Eq. 4 gives them. Each generator makes its
+ * For each epoch the trainer sends the counts per bin as soon as Eq. 4 gives them. Each generator makes its
  * share of the epoch's images, a field's worth of one bin after the other (cheapest), in the order in which
  * the trainer will first need one of them, signals ("TRUE" in the paper) when its share is complete, and goes
  * on at once with images that the next epoch will probably need (the counts of this one and an eighth more,
  * low indices of every bin), which it keeps until the next counts are known, then sends or drops.
  *
  * Every image of an epoch may be needed before its end, so one epoch must fit: `ahead` bounds the images that
- * wait at the trainer and those made for the next epoch together; the trainer tells how far it is. Twice an
+ * wait at the trainer and those made for the next epoch together; the trainer says how far it is. Twice an
  * epoch's images never hold a generator up.
  *
  * The validation images are asked for once, before the first epoch, as an epoch of its own that has test
@@ -36,7 +36,7 @@ typedef struct rx_feed_params {
 /* Trainer's side. Generators (ranks that par says are generators) run rx_feed_generate() meanwhile. `ranks`
  * must outlive the feed. Errors: RX_USAGE (ahead below an epoch), RX_SYSTEM. */
 rx_status rx_feed_new(const rx_feed_params *par, rx_ranks *ranks, rx_feed **dst, rx_error *err);
-void rx_feed_free(rx_feed *feed); /* tells generators to end */
+void rx_feed_free(rx_feed *feed); /* makes generators end */
 
 /* Begin an epoch, any number: its counts (selection->train, test) and its order of training images, order[n],
  * a permutation of all of selection->train. With several training ranks all call it alike. Images of an epoch
@@ -52,15 +52,15 @@ rx_status rx_feed_epoch(rx_feed *feed, uint32_t epoch, const rx_selection *selec
 rx_status rx_feed_next(rx_feed *feed, long at, rx_sample **dst, rx_error *err);
 long rx_feed_ready(const rx_feed *feed);    /* images waiting, for the log */
 double rx_feed_waited(const rx_feed *feed); /* seconds spent waiting for images */
-/* Rank 0 knows, of what generators have told so far: generators whose share of this epoch is complete; images
+/* Rank 0 knows, of what generators have reported so far: generators whose share of this epoch is complete; images
  * made for a next epoch that did not need them. */
 int rx_feed_complete(const rx_feed *feed);
 long rx_feed_dropped(const rx_feed *feed);
-/* What rank 0 has been told of the generators' work: images, and the seconds of all generators that they
+/* What rank 0 knows of the generators' work: images, and the seconds of all generators that they
  * took. */
 void rx_feed_drawn(const rx_feed *feed, long *images, double *seconds);
 
-/* A generator's whole life. Returns RX_OK when the trainer is done or gone; an error of its own has been told
+/* A generator's whole life. Returns RX_OK when the trainer is done or gone; an error of its own has been reported
  * to the training ranks (it is what they return). */
 rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *log, rx_error *err);
 

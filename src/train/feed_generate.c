@@ -29,7 +29,7 @@ typedef struct generator {
     rx_sample **kept;   /* [then.next] made for the next one */
     long used;          /* images of this epoch that the trainer has taken */
     long made, dropped; /* of this epoch */
-    long drawn;         /* images made since the last message that told of them */
+    long drawn;         /* images made since the last message that counted them */
     double seconds;     /* that took */
 } generator;
 
@@ -242,7 +242,7 @@ static rx_status begin_epoch(generator *gen, const rx_message *message, rx_error
 {
     rx_feed_counts *counts = &gen->now.counts;
     if (message->size < sizeof *counts)
-        return rx_error_set(err, RX_SYSTEM, "an epoch was told in %zu bytes", message->size);
+        return rx_error_set(err, RX_SYSTEM, "the message of an epoch has %zu bytes", message->size);
     memcpy(counts, message->data, sizeof *counts);
     const rx_pick *order = (const rx_pick *)((const char *)message->data + sizeof *counts);
     long n = (long)((message->size - sizeof *counts) / sizeof *order);

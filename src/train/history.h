@@ -6,7 +6,7 @@
 #include "train/selection.h"
 #include "train/step.h"
 
-/* One bin in one epoch. Ratios are NAN where no star tells. */
+/* One bin in one epoch. Ratios are NAN without a star. */
 typedef struct rx_epoch_bin {
     double loss;                  /* mean of the identity term of RESTORE over its test images */
     double list;                  /* normalised (Eq. 4): decides the counts of the next epoch */

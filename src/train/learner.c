@@ -149,7 +149,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
                              err);
 }
 
-/* All samples; of several errors that of the first sample is told. */
+/* All samples; of several errors that of the first sample is reported. */
 static rx_status share(rx_learner *l, work *function, rx_sample *const *samples, int n, void *dst,
                        rx_error *err)
 {

@@ -1,6 +1,6 @@
 /* One training image: a patch of a simulated field, blurred and noisy, with its sharp truth.
  *
- * All planes are in units of the noise of the sky of that patch as it is told (train/scenes.h). Content
+ * All planes are in units of the noise of the sky of that patch as it is given (train/scenes.h). Content
  * depends on (seed, epoch, set, bin, index) alone, never on who makes it, when, or how many others there are:
  * that is what makes training repeatable for any number of threads and ranks. */
 #ifndef RX_TRAIN_SAMPLE_H
@@ -24,11 +24,11 @@ typedef struct rx_sample_id {
 typedef struct rx_sample {
     rx_sample_id id;
     int side;   /* P */
-    float fwhm; /* of the PSF as the network is told, pixels (the true one where no error is simulated) */
+    float fwhm; /* of the PSF as the network is given, pixels (the true one where no error is simulated) */
     float true_fwhm;
     float sigma; /* of the bin's scale */
     /* Stars whose centres are 8 pixels or more from the border pixels, brightest first, for recall and bias:
-     * x, y from 0 (pixels of the patch), flux (noise as told), S/N of a matched filter (true noise of the
+     * x, y from 0 (pixels of the patch), flux (noise as given), S/N of a matched filter (true noise of the
      * sky) */
     int nstars;
     float star[RX_SAMPLE_STARS][4];
@@ -36,7 +36,7 @@ typedef struct rx_sample {
     float *w;       /* [P][P] Tikhonov copy of x, filtered before the patch was cut from its field */
     float *y;       /* [P][P] truth through the target PSF */
     float *blurred; /* [P][P] truth through the true PSF, without noise */
-    float *kernel;  /* [RX_SAMPLE_KERNEL][RX_SAMPLE_KERNEL] relative PSF K' as told (nn/deblur.h) */
+    float *kernel;  /* [RX_SAMPLE_KERNEL][RX_SAMPLE_KERNEL] relative PSF K' as given (nn/deblur.h) */
 } rx_sample;
 
 /* One allocation of rx_sample_bytes(side): header, then planes; a sample travels between ranks as these bytes

@@ -18,7 +18,7 @@
 
 /* What is drawn for a sample: its slot; for a field beyond what scenes_field.c draws: the turn of each place.
  */
-enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_TOLD };
+enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_GIVEN };
 enum { DRAW_TURN = 1024, TURNS = 8 };
 
 enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the patch's border */
@@ -43,8 +43,8 @@ typedef struct draft {
     const rx_scenes_field_data *field;
     rx_scenes_key key;
     int x0, y0;   /* of the window in the field */
-    double scale; /* told noise units per unit of the field's flux */
-    double told;  /* noise as told / true */
+    double scale; /* given noise units per unit of the field's flux */
+    double given; /* noise as given / true */
     rx_survey survey;
 } draft;
 
@@ -152,7 +152,7 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
     return check_survey(&par->survey, err);
 }
 
-/* The widest PSF that may be told has to fit the window. */
+/* The widest PSF that may be given has to fit the window. */
 static rx_status check_psf(const rx_scenes *s, rx_error *err)
 {
     const rx_scenes_params *par = &s->par;
@@ -356,8 +356,8 @@ static void expose(rx_scenes *s, draft *d, rx_sample *dst)
     const double sky = error_of(d->key, DRAW_SKY, par->sky_error) + d->survey.sky;
     const double scale = field->level > 0.0 ? RX_NOISE_LEVEL_SCALE / (bin_sigma * field->level) : 0.0;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
-    d->told = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
-    d->scale = scale / d->told;
+    d->given = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
+    d->scale = scale / d->given;
     dst->sigma = (float)bin_sigma;
     dst->true_fwhm = (float)field->fwhm;
     for (size_t y = 0; y < w; y++) {
@@ -366,7 +366,7 @@ static void expose(rx_scenes *s, draft *d, rx_sample *dst)
         float *x = s->x + y * stride;
         for (size_t i = 0; i < w; i++) {
             float v = (float)scale * light[i];
-            x[i] = (v + sqrtf(1.0f + (float)photon * v) * normal[i] + (float)sky) / (float)d->told;
+            x[i] = (v + sqrtf(1.0f + (float)photon * v) * normal[i] + (float)sky) / (float)d->given;
         }
     }
 }
@@ -396,18 +396,18 @@ static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
         star[0] = (float)x;
         star[1] = (float)y;
         star[2] = (float)flux;
-        star[3] = (float)(flux * d->told * field->norm);
+        star[3] = (float)(flux * d->given * field->norm);
     }
 }
 
-/* K' and the filter of w, from the PSF as it is told. */
-static rx_status tell_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error *err)
+/* K' and the filter of w, from the PSF as it is given. */
+static rx_status give_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error *err)
 {
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
     const rx_survey *survey = &d->survey;
     rx_scenes_field_data given = *d->field; /* its numbers */
-    given.fwhm *= exp(error_of(d->key, DRAW_TOLD, s->par.psf_error)) * survey->fwhm;
+    given.fwhm *= exp(error_of(d->key, DRAW_GIVEN, s->par.psf_error)) * survey->fwhm;
     given.beta = fmax(given.beta * survey->beta, BETA_LEAST);
     given.ratio = fmin(given.ratio + survey->ratio, 1.0);
     given.halo = survey->no_halo ? 0.0 : given.halo;
@@ -429,10 +429,10 @@ static void add(rx_scenes *s, const draft *d, int true_light, rx_sample *dst)
     const int w = s->window, side = dst->side, frame = (w - side) / 2, stride = rx_fft_stride_real(s->fft);
     for (int y = 0; y < w; y++)
         for (int x = 0; x < w; x++)
-            s->x[y * stride + x] += s->normal[y * w + x] / (float)d->told;
+            s->x[y * stride + x] += s->normal[y * w + x] / (float)d->given;
     for (int y = 0; true_light && y < side; y++)
         for (int x = 0; x < side; x++) {
-            const float light = s->normal[(y + frame) * w + x + frame] / (float)d->told;
+            const float light = s->normal[(y + frame) * w + x + frame] / (float)d->given;
             dst->y[y * side + x] += light;
             dst->blurred[y * side + x] += light;
         }
@@ -483,7 +483,7 @@ static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
     const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
     const size_t stride = (size_t)rx_fft_stride_real(s->fft);
     rx_survey_draw(&s->par.survey, d->key, s->window, side, field->fwhm, &d->survey);
-    RX_TRY(tell_psf(s, d, dst, err));
+    RX_TRY(give_psf(s, d, dst, err));
     RX_TRY(draw_noise(s, d, err));
     expose(s, d, dst);
     cut(field->sharp, (size_t)field->side, x0, y0, side, d->scale, dst->y);

@@ -7,9 +7,9 @@
  *   sigma  uniform in the bin's range; it sets the scale: the brightness of the field (nn/noise_level.h) is
  *          255/sigma noise units. No light at all: only noise.
  *   x      (v + sqrt(1 + q v) n + sky) / r: v the blurred light in true noise units, n normal, q photon
- *          noise, sky normal of rms sky_error, r noise as told over true, ln r normal; the other planes
+ *          noise, sky normal of rms sky_error, r noise as given over true, ln r normal; the other planes
  *          are divided by r too.
- *   w, K'  from the PSF as told, with an error of its FWHM, ln(told / true) normal. w is filtered on a
+ *   w, K'  from the PSF as given, with an error of its FWHM, ln(given / true) normal. w is filtered on a
  *          window that holds RX_SCENES_FRAME pixels of the field's light around the patch: it is right to
  *          the patch's border, to about 1e-3 of the brightest pixels nearby.
  *
@@ -89,8 +89,8 @@ typedef struct rx_scenes_params {
     double photon[2];   /* q: photon noise per noise unit of flux, log-uniform (uniform when from 0) */
     double halos;       /* share of fields whose PSF has a halo */
     double sky_error;   /* rms of a constant left in x, noise units */
-    double noise_error; /* rms of ln(noise as told / true) */
-    double psf_error;   /* rms of ln(FWHM as told / true) */
+    double noise_error; /* rms of ln(noise as given / true) */
+    double psf_error;   /* rms of ln(FWHM as given / true) */
     rx_scenes_survey survey;
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */

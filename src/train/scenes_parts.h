@@ -100,8 +100,8 @@ typedef struct rx_survey {
     struct {
         double x, y, xx, yy, xy, depth;
     } hole[RX_SURVEY_MOST];        /* exponent: xx dx^2 ... */
-    double sky, fwhm, ratio, beta; /* offset; what the PSF as told is wrong by: factors, minor axis added */
-    int no_halo;                   /* its halo is not in the PSF as told */
+    double sky, fwhm, ratio, beta; /* offset; what the PSF as given is wrong by: factors, minor axis added */
+    int no_halo;                   /* its halo is not in the PSF as given */
     rx_scenes_key key;
 } rx_survey;
 

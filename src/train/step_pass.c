@@ -182,7 +182,7 @@ static void cut_kernel(rx_pass *pass, const float *kernel)
 }
 
 /* Light from beyond the patch, and what the cyclic domain brings round, is a difference between the blurred
- * field and the blurred patch; an error of the PSF that is told makes a small one as well. */
+ * field and the blurred patch; an error of the PSF that is given makes a small one as well. */
 static void find_inside(rx_pass *pass, const rx_sample *sample)
 {
     const float faint = 0.5f, share = 0.25f; /* noise sigmas; of the pixel's light */

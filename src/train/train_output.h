@@ -12,7 +12,7 @@ typedef struct rx_train_output {
     rx_figures figures; /* the last ones drawn */
 } rx_train_output;
 
-/* Errors: RX_USAGE, RX_SYSTEM: outputs that cannot be written are told before the work. */
+/* Errors: RX_USAGE, RX_SYSTEM: outputs that cannot be written are reported before the work. */
 rx_status rx_train_output_open(const rx_train_config *config, rx_train_output *dst, rx_error *err);
 void rx_train_output_close(rx_train_output *output); /* content only */
 

@@ -49,7 +49,7 @@ typedef struct batch_sums {
 
 static void generate(void *user, rx_ranks *ranks)
 {
-    /* its errors are told to the trainer */
+    /* its errors go to the trainer */
     rx_feed_generate(user, ranks, NULL, NULL);
 }
 

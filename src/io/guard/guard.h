@@ -57,7 +57,7 @@ bool rx_fits_is_unreadable(int failed);
 
 /* --- unpack.c: files packed with gzip --- */
 
-/* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the packed file tell of;
+/* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the packed file announce;
  * what it unpacks to beyond them, which may be gigabytes out of kilobytes, is left where it is. Errors:
  * RX_INPUT (cannot be opened, cut off, damaged), RX_SYSTEM. */
 rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err);
