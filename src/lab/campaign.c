@@ -10,22 +10,22 @@
 #include "io/output.h"
 #include "lab/facts.h"
 #include "lab/journal.h"
-#include "lab/kind.h"
+#include "lab/kinds.h"
 #include "lab/units.h"
 
-static const rx_campaign_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,
-                                                &rx_kind_fluxes};
+static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,
+                                           &rx_kind_fluxes};
 
 typedef struct job {
     const rx_campaign_config *config;
-    const rx_campaign_kind *kind;
+    const rx_lab_kind *kind;
     rx_log *log;
     int k, n; /* SHARD */
     int nthreads;
-    void *state;
+    rx_lab *lab;
     rx_journal_facts facts;
-    long nunits;
     rx_unit_place *places;
+    rx_unit_work work;
     rx_unit_values *values;
     rx_journal *journal;
 } job;
@@ -55,19 +55,24 @@ static rx_status check_output(const job *j, rx_error *err)
     return status;
 }
 
-static rx_status open_kind(job *j, rx_error *err)
+static rx_status open_lab(job *j, rx_error *err)
 {
-    rx_status status = j->kind->open(j->config, j->nthreads, j->log, &j->state, err);
+    rx_status status = rx_lab_open(j->kind, j->config, j->nthreads, j->log, &j->lab, err);
     if (status == RX_OK)
         status = rx_facts_collect(j->config, &j->facts, err);
     if (status == RX_OK)
-        status = j->kind->facts(j->state, &j->facts, err);
-    if (status == RX_OK)
-        status = rx_units_places(j->kind, j->state, &j->nunits, &j->places, err);
+        status = rx_lab_facts(j->lab, &j->facts, err);
     if (status != RX_OK)
         return status;
-    j->values = RX_NEW(rx_unit_values, (size_t)j->nunits + 1);
-    return j->values != NULL ? RX_OK : rx_error_memory(err, (size_t)j->nunits * sizeof *j->values);
+    const long n = j->lab->nunits;
+    j->places = RX_NEW(rx_unit_place, (size_t)n + 1);
+    j->values = RX_NEW(rx_unit_values, (size_t)n + 1);
+    if (j->places == NULL || j->values == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *j->values);
+    for (long u = 0; u < n; u++)
+        j->places[u] = rx_lab_place(j->lab, u);
+    j->work = (rx_unit_work){j->kind->title, n, j->places, j->k, j->n, j->lab, rx_lab_do_unit};
+    return RX_OK;
 }
 
 /* The units of this shard that no earlier run has done. */
@@ -77,20 +82,19 @@ static rx_status work(job *j, rx_error *err)
     if (path == NULL)
         return rx_error_memory(err, 0);
     long missing = 0, all = 0;
-    rx_status status = rx_journal_open(path, &j->facts, j->nunits, j->values, &j->journal, err);
+    rx_status status = rx_journal_open(path, &j->facts, j->work.n, j->values, &j->journal, err);
     free(path);
     if (status != RX_OK)
         return status;
-    rx_units_count(j->nunits, j->places, j->values, j->k, j->n, &missing, &all);
+    rx_units_count(&j->work, j->values, &missing, &all);
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
     if (missing == 0)
         return RX_OK;
     if (j->kind->prepare != NULL)
-        status = j->kind->prepare(j->state, j->log, err);
+        status = j->kind->prepare(j->lab, j->log, err);
     if (status != RX_OK)
         return status;
-    return rx_units_run(j->kind, j->state, j->nunits, j->places, j->k, j->n, j->nthreads, j->journal,
-                        j->values, j->log, err);
+    return rx_units_run(&j->work, j->nthreads, j->journal, j->values, j->log, err);
 }
 
 /* The journals of all shards; what is missing is said shard by shard. */
@@ -104,12 +108,14 @@ static rx_status merge(job *j, rx_error *err)
     for (int k = 1; status == RX_OK && k <= j->n; k++) {
         char *path = journal_name(j, k);
         status = path == NULL ? rx_error_memory(err, 0)
-                              : rx_journal_read(path, &j->facts, j->nunits, j->values, &found[k], err);
+                              : rx_journal_read(path, &j->facts, j->work.n, j->values, &found[k], err);
         free(path);
     }
     for (int k = 1; status == RX_OK && k <= j->n; k++) {
+        rx_unit_work shard = j->work;
         long lacking, all;
-        rx_units_count(j->nunits, j->places, j->values, k, j->n, &lacking, &all);
+        shard.k = k;
+        rx_units_count(&shard, j->values, &lacking, &all);
         if (lacking > 0)
             rx_text_printf(&missing, "%sshard %d/%d lacks %ld of %ld units%s", missing.length > 0 ? ", " : "",
                            k, j->n, lacking, all, found[k] ? "" : " (no journal)");
@@ -145,8 +151,10 @@ static rx_status report(const job *j, rx_error *err)
     if (status == RX_OK)
         status = rx_outputs_folder(outputs, j->config->output_name, &folder, err);
     if (status == RX_OK)
-        status = j->kind->report(j->state, j->values, &record.record, folder, j->config->output_name, j->log,
-                                 &brief, err);
+        status = rx_lab_collect(j->lab, j->values, err);
+    if (status == RX_OK)
+        status = j->kind->report(
+            j->lab, &(rx_lab_output){&record.record, folder, j->config->output_name, j->log, &brief}, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     if (status == RX_OK) {
@@ -164,7 +172,7 @@ static rx_status run(job *j, rx_error *err)
     const int with_report = j->n == 1 || j->config->merge;
     rx_status status = with_report ? check_output(j, err) : RX_OK;
     if (status == RX_OK)
-        status = open_kind(j, err);
+        status = open_lab(j, err);
     if (status == RX_OK)
         status = j->config->merge ? merge(j, err) : work(j, err);
     if (status != RX_OK)
@@ -190,9 +198,9 @@ rx_status rx_campaign_run(const rx_campaign_config *config, rx_log *log, rx_erro
     if (status == RX_OK)
         status = run(&j, err);
     rx_journal_close(j.journal);
-    rx_unit_values_free(j.nunits, j.values);
+    rx_unit_values_free(j.work.n, j.values);
     free(j.places);
     rx_journal_facts_free(&j.facts);
-    j.kind->close(j.state);
+    rx_lab_close(j.lab);
     return status;
 }

@@ -1,376 +1,295 @@
-/* The detection campaign: settings, units and results. */
+/* The detection campaign: runs, scenes, and one tile through every run. */
 #include "lab/detection.h"
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "data/psf.h"
-#include "lab/detection_numbers.h"
-#include "lab/facts.h"
+#include "base/min_max.h"
+#include "check/quality.h"
 #include "lab/stage_options.h"
-#include "num/convolve.h"
+#include "pipeline/pipeline.h"
 
-static const char *const SCENES[RX_SCENE_KINDS] = {"STARS", "GALAXIES", "PAIRS",    "BLANK",
-                                                   "RINGS", "PLATEAU",  "OUTSKIRTS"};
+static const rx_lab_column TILE[] = {RX_DETECTION_TILE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column OBJECT[] = {RX_DETECTION_OBJECT_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FOUND[] = {RX_DETECTION_FOUND_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column PHASES[] = {RX_DETECTION_PHASES_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column GALAXY[] = {RX_DETECTION_GALAXY_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column GROWTH[] = {RX_DETECTION_GROWTH_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FALSE_ONES[] = {RX_DETECTION_FALSE_COLUMNS(RX_LAB_COLUMN)};
 
-const char *rx_detection_scene_name(rx_detection_scene scene)
+const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES] = {
+    [RX_DETECTION_TILE] = {"tile", RX_DETECTION_TILE_WIDTH, 0, TILE, NULL, 0},
+    [RX_DETECTION_OBJECT] = {"object", RX_DETECTION_OBJECT_WIDTH, RX_DETECTION_FOUND_WIDTH, OBJECT, FOUND, 0},
+    [RX_DETECTION_PLATEAU] = {"plateau", 0, RX_DETECTION_PHASES_WIDTH, NULL, PHASES, 0},
+    [RX_DETECTION_GROWTH] = {"growth", RX_DETECTION_GALAXY_WIDTH, RX_DETECTION_GROWTH_WIDTH, GALAXY, GROWTH,
+                             0},
+    [RX_DETECTION_FALSE] = {"false", RX_DETECTION_FALSE_WIDTH, 0, FALSE_ONES, NULL, 0},
+};
+
+int rx_detection_table(rx_scene_id id)
 {
-    return SCENES[scene];
-}
-
-int rx_detection_scene_is_list(rx_detection_scene scene)
-{
-    return scene == RX_SCENE_STARS || scene == RX_SCENE_GALAXIES;
-}
-
-long rx_detection_units(const rx_detection_state *state)
-{
-    return state->nconditions * state->nscenes * state->ntiles;
-}
-
-/* --- open --- */
-
-static rx_status add_method(rx_detection_state *state, const rx_detection_method *method, rx_error *err)
-{
-    if (state->nmethods == RX_DETECTION_METHODS)
-        return rx_error_set(err, RX_USAGE,
-                            "RESTORE_TYPE, TUNE_NITER and TUNE_FILTER give more than %d methods; name fewer",
-                            RX_DETECTION_METHODS);
-    state->method[state->nmethods++] = *method;
-    return RX_OK;
+    return id == RX_SCENE_PLATEAU     ? RX_DETECTION_PLATEAU
+           : id == RX_SCENE_OUTSKIRTS ? RX_DETECTION_GROWTH
+                                      : RX_DETECTION_OBJECT;
 }
 
 /* RL with every number of iterations and every filter that is tried. */
-static rx_status add_tuned(rx_detection_state *state, const rx_restorer *restorer, rx_error *err)
+static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
-    const rx_ints *niter = &state->config->tune_niter;
-    const rx_reals *filter = &state->config->tune_filter;
+    const rx_campaign_config *config = lab->config;
     rx_status status = RX_OK;
-    for (int i = 0; i < niter->n; i++)
-        for (int k = 0; k < filter->n && status == RX_OK; k++) {
-            rx_detection_method method = {
-                .restorer = restorer, .tuned = 1, .niter = niter->v[i], .filter = filter->v[k]};
-            snprintf(method.name, sizeof method.name, "RL %d %g", method.niter, method.filter);
-            status = add_method(state, &method, err);
+    for (int i = 0; status == RX_OK && i < config->restore_type.n; i++) {
+        rx_lab_run run = {0};
+        RX_TRY(rx_lab_restorer(config->restore_type.v[i], &run.restorer, err));
+        run.tuned = strcmp(run.restorer->name, "RL") == 0;
+        snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
+        if (!run.tuned)
+            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
+        if (status == RX_OK && strcmp(run.name, "NONE") == 0) {
+            run.matched = 1;
+            snprintf(run.name, sizeof run.name, "MATCHED");
+            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
         }
-    return status;
-}
-
-static rx_status set_methods(rx_detection_state *state, rx_error *err)
-{
-    const rx_words *words = &state->config->restore_type;
-    rx_status status = RX_OK;
-    for (int i = 0; status == RX_OK && i < words->n; i++) {
-        rx_detection_method method = {.restorer = rx_restorer_find(words->v[i])};
-        if (method.restorer == NULL)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", words->v[i]);
-        if (strcmp(method.restorer->name, "RL") == 0) {
-            status = add_tuned(state, method.restorer, err);
-            continue;
-        }
-        snprintf(method.name, sizeof method.name, "%s", method.restorer->name);
-        status = add_method(state, &method, err);
-        if (status == RX_OK && strcmp(method.name, "NONE") == 0) {
-            method.matched = 1;
-            snprintf(method.name, sizeof method.name, "MATCHED");
-            status = add_method(state, &method, err);
+        for (int k = 0; run.tuned && k < config->tune_niter.n * config->tune_filter.n && status == RX_OK;
+             k++) {
+            run.niter = config->tune_niter.v[k / config->tune_filter.n];
+            run.filter = config->tune_filter.v[k % config->tune_filter.n];
+            snprintf(run.name, sizeof run.name, "RL %d %g", run.niter, run.filter);
+            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
         }
     }
     return status;
 }
 
-static void set_scenes(rx_detection_state *state)
+rx_status rx_detection_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_words *words = &state->config->scenes;
-    for (int i = 0; i < words->n && state->nscenes < RX_SCENE_KINDS; i++)
-        for (int k = 0; k < RX_SCENE_KINDS; k++)
-            if (strcmp(words->v[i], SCENES[k]) == 0)
-                state->scene[state->nscenes++] = (rx_detection_scene)k;
+    /* numbered by their places here */
+    static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_GALAXIES, RX_SCENE_PAIRS,    RX_SCENE_BLANK,
+                                         RX_SCENE_RINGS, RX_SCENE_PLATEAU,  RX_SCENE_OUTSKIRTS};
+    const rx_words *words = &lab->config->scenes;
+    rx_status status = add_runs(lab, err);
+    for (int i = 0; i < words->n; i++)
+        for (int k = 0; status == RX_OK && k < (int)(sizeof scenes / sizeof *scenes); k++)
+            if (strcmp(words->v[i], rx_scene_name(scenes[k])) == 0)
+                status = rx_lab_add_scene(lab, scenes[k], k, 0, err);
+    return status == RX_OK ? rx_lab_skies_simulate(lab, log, err) : status;
 }
 
-/* Noise of a sky pixel, ADU. */
-static double sky_noise(const rx_noise_params *noise)
+/* --- one tile --- */
+
+typedef struct work {
+    const rx_lab *lab;
+    const rx_lab_sky *sky;
+    rx_scene_id scene;
+    rx_lab_tile tile;
+    rx_lab_table *table;
+} work;
+
+static double separation(const work *w, long pair)
 {
-    if (noise->type == RX_NOISE_GAUSS)
-        return noise->sigma;
-    return noise->type == RX_NOISE_CCD
-               ? sqrt(noise->sky * noise->gain + noise->read_noise * noise->read_noise) / noise->gain
-               : 0;
+    const rx_lab_object *a = &w->tile.objects.list[2 * pair];
+    return hypot(a[0].x - a[1].x, a[0].y - a[1].y);
 }
 
-rx_status rx_detection_area(const rx_psf *psf, int width, int height, double *dst, rx_error *err)
+/* Rows of the objects that are listed. */
+static rx_status add_objects(const work *w, rx_error *err)
 {
-    const size_t n = (size_t)psf->size * (size_t)psf->size;
-    float *stamp = RX_NEW(float, n);
-    double power = 0;
-    if (stamp == NULL)
-        return rx_error_memory(err, n * sizeof *stamp);
-    rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), stamp);
-    for (size_t i = 0; i < n; i++)
-        power += (double)stamp[i] * (double)stamp[i];
-    *dst = 1 / power;
-    free(stamp);
+    const rx_lab_objects *o = &w->tile.objects;
+    const rx_tile *tile = w->tile.field->tile;
+    double *row;
+    RX_TRY(rx_lab_rows_add(&w->table[RX_DETECTION_TILE], 1, &row, err));
+    row[RX_TILE_MPIXELS] = 1e-6 * (double)tile->width * (double)tile->height;
+    if (w->scene == RX_SCENE_PLATEAU)
+        return rx_lab_rows_add(&w->table[RX_DETECTION_PLATEAU], 1, &row, err);
+    for (long i = 0; i < o->n; i++) {
+        const int pair = w->scene == RX_SCENE_PAIRS;
+        if (pair ? i % 2 == 0 : w->scene != RX_SCENE_OUTSKIRTS && o->list[i].role != RX_LISTED)
+            continue;
+        RX_TRY(rx_lab_rows_add(&w->table[rx_detection_table(w->scene)], 1, &row, err));
+        row[RX_OBJECT_SNR] = pair ? fmin(o->list[i].snr, o->list[i - 1].snr) : o->list[i].snr;
+        if (pair)
+            row[RX_OBJECT_APART] = separation(w, i / 2) / w->sky->fwhm;
+    }
     return RX_OK;
 }
 
-static rx_status measure_area(const rx_simulation *simulation, rx_detection_sky *dst, rx_error *err)
+/* The detection nearest to an object, within the radius, or -1. */
+static long nearest_detection(const rx_qa_list *list, const rx_lab_object *o, double radius)
 {
-    rx_psf *psf = NULL;
-    rx_status status = rx_optics_on_pixels(simulation->optics, &psf, err);
-    if (status == RX_OK)
-        status = rx_detection_area(psf, simulation->scene.width, simulation->scene.height, &dst->area, err);
-    rx_psf_free(psf);
-    return status;
-}
-
-/* A Gaussian as wide as the PSF. */
-static rx_status make_kernel(rx_detection_sky *dst, rx_error *err)
-{
-    const int radius = rx_gauss_radius(dst->fwhm), side = 2 * radius + 1;
-    float *line = RX_NEW(float, (size_t)side);
-    dst->side = side;
-    dst->kernel = RX_NEW(float, (size_t)side *(size_t)side);
-    if (line != NULL && dst->kernel != NULL) {
-        rx_gauss_weights(dst->fwhm, radius, line);
-        for (int i = 0; i < side * side; i++)
-            dst->kernel[i] = line[i / side] * line[i % side];
+    long best = -1;
+    for (long k = 0; k < list->n; k++) {
+        const double d = hypot(list->x[k] - o->x, list->y[k] - o->y);
+        if (d <= radius) {
+            best = k;
+            radius = d;
+        }
     }
-    free(line);
-    return line != NULL && dst->kernel != NULL ? RX_OK : rx_error_memory(err, (size_t)side * sizeof(float));
+    return best;
 }
 
-rx_status rx_detection_sky_open(const rx_campaign_config *config, const rx_condition *condition, rx_log *log,
-                                rx_detection_sky *dst, rx_error *err)
+static void judge_pairs(const work *w, const rx_qa_list *list, double radius, int run)
 {
-    const rx_simulate_config *sim = config->sim;
-    rx_status status = rx_condition_simulation(condition, sim, log, &dst->simulation, err);
-    if (status != RX_OK)
-        return status;
-    dst->fwhm = dst->simulation->optics->fwhm;
-    dst->sigma = sky_noise(&dst->simulation->noise);
-    if (!(dst->sigma > 0))
-        return rx_error_set(err, RX_USAGE,
-                            "SIM.NOISE_TYPE, SIM.NOISE_SIGMA: the sky of a %s campaign needs noise",
-                            config->campaign_type);
-    status = measure_area(dst->simulation, dst, err);
-    if (status == RX_OK)
-        status = make_kernel(dst, err);
-    if (status == RX_OK)
-        status = rx_condition_psf(condition, sim, dst->simulation, &dst->told, err);
-    return status;
-}
-
-void rx_detection_sky_close(rx_detection_sky *sky)
-{
-    rx_simulation_free(sky->simulation);
-    rx_psf_free(sky->told);
-    free(sky->kernel);
-    *sky = (rx_detection_sky){0};
-}
-
-static void close_state(void *pointer)
-{
-    rx_detection_state *state = pointer;
-    if (state == NULL)
-        return;
-    for (int c = 0; state->sky != NULL && c < state->nconditions; c++)
-        rx_detection_sky_close(&state->sky[c]);
-    free(state->sky);
-    free(state->condition);
-    rx_options_free(state->options);
-    rx_config_free(state->stage);
-    free(state);
-}
-
-static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_log *log, void **dst,
-                            rx_error *err)
-{
-    (void)nthreads;
-    rx_detection_state *state = RX_NEW(rx_detection_state, 1);
-    if (state == NULL)
-        return rx_error_memory(err, sizeof *state);
-    const rx_ints *tiles = &config->scene_tiles;
-    state->config = config;
-    state->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
-    set_scenes(state);
-    rx_status status = rx_campaign_options(config, log, &state->stage, &state->options, err);
-    if (status == RX_OK)
-        status = set_methods(state, err);
-    if (status == RX_OK)
-        status = rx_conditions_make(config, &state->nconditions, &state->condition, err);
-    if (status == RX_OK) {
-        state->sky = RX_NEW(rx_detection_sky, (size_t)state->nconditions);
-        status = state->sky == NULL ? rx_error_memory(err, sizeof *state->sky) : RX_OK;
+    for (long p = 0; p < w->tile.objects.n / 2; p++) {
+        const rx_lab_object *o = &w->tile.objects.list[2 * p];
+        const double reach = fmin(radius, 0.5 * separation(w, p));
+        const long a = nearest_detection(list, o, reach), b = nearest_detection(list, o + 1, reach);
+        rx_lab_each(&w->table[RX_DETECTION_OBJECT], p, run)[RX_FOUND_SCORE] =
+            a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN;
     }
-    for (int c = 0; c < state->nconditions && status == RX_OK; c++)
-        status = rx_detection_sky_open(config, &state->condition[c], log, &state->sky[c], err);
-    if (status == RX_OK)
-        *dst = state;
-    else
-        close_state(state);
+}
+
+static rx_status judge_list(const work *w, const rx_qa_list *list, double radius, int run, rx_error *err)
+{
+    const rx_lab_objects *o = &w->tile.objects;
+    rx_matches m;
+    long row = 0;
+    RX_TRY(rx_lab_match(o, &(rx_match_list){list->n, list->x, list->y, NULL}, radius, &m, err));
+    for (long i = 0; i < o->n; i++)
+        if (o->list[i].role == RX_LISTED)
+            rx_lab_each(&w->table[RX_DETECTION_OBJECT], row++, run)[RX_FOUND_SCORE] =
+                m.found[i] >= 0 ? list->score[m.found[i]] : NAN;
+    rx_status status = RX_OK;
+    for (long k = 0; k < list->n && status == RX_OK; k++) {
+        double *one, least = HUGE_VAL;
+        if (m.outcome[k] != RX_IS_FALSE)
+            continue;
+        for (long i = 0; i < o->n; i++)
+            least = fmin(least, hypot(list->x[k] - o->list[i].x, list->y[k] - o->list[i].y));
+        status = rx_lab_rows_add(&w->table[RX_DETECTION_FALSE], 1, &one, err);
+        if (status != RX_OK)
+            break;
+        one[RX_FALSE_RUN] = run;
+        one[RX_FALSE_SCORE] = list->score[k];
+        one[RX_FALSE_DISTANCE] = w->scene == RX_SCENE_RINGS && o->n > 0 ? least / w->sky->fwhm : 0;
+    }
+    rx_matches_free(&m);
     return status;
 }
 
-/* --- facts, plan, units --- */
-
-static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
+static rx_status detect(const work *w, int run, rx_error *err)
 {
-    const rx_detection_state *state = pointer;
-    rx_status status = rx_facts_model(state->options->model, dst, err);
-    return status == RX_OK ? rx_facts_templates(state->sky[0].simulation->templates, dst, err) : status;
+    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
+    rx_result result;
+    rx_qa_list list = {0};
+    double radius = 0;
+    RX_TRY(rx_field_extract(&options.pipeline, w->lab->run[run].restorer, w->tile.field, NULL, NULL, &result,
+                            err));
+    rx_status status =
+        rx_quality_list(&options.check.quality, w->tile.field->tile, result.sources, &list, err);
+    if (status == RX_OK)
+        status = rx_quality_radius(&options.check.quality, w->tile.field->tile, &radius, err);
+    if (status == RX_OK && w->scene == RX_SCENE_PAIRS)
+        judge_pairs(w, &list, radius, run);
+    else if (status == RX_OK)
+        status = judge_list(w, &list, radius, run, err);
+    rx_qa_list_free(&list);
+    rx_result_free(&result);
+    return status;
 }
 
-static long units(const void *state)
+/* --- pixels --- */
+
+/* rms of the means of side x side phases about their mean, and their range, in the middle of a plateau. */
+static void phases(const rx_tile *tile, const float *pixels, int side, double *rms, double *range)
 {
-    return rx_detection_units(state);
+    double sum[16] = {0}, mean = 0, low = HUGE_VAL, high = -HUGE_VAL;
+    const int n = side * side, box = rx_min_int(tile->width, tile->height) / 16 * 4;
+    const int x0 = (tile->width - box) / 2, y0 = (tile->height - box) / 2;
+    for (int y = 0; y < box; y++)
+        for (int x = 0; x < box; x++)
+            sum[y % side * side + x % side] +=
+                (double)pixels[(size_t)(y0 + y) * (size_t)tile->width + (size_t)(x0 + x)];
+    for (int i = 0; i < n; i++) {
+        sum[i] /= (double)box * box / n;
+        mean += sum[i] / n;
+        low = fmin(low, sum[i]);
+        high = fmax(high, sum[i]);
+    }
+    *rms = 0;
+    for (int i = 0; i < n; i++)
+        *rms += (sum[i] - mean) * (sum[i] - mean) / n;
+    *rms = sqrt(*rms);
+    *range = high - low;
 }
 
-static rx_status do_unit(const void *state, long unit, const rx_unit_values *done, rx_unit_values *dst,
-                         rx_error *err)
+/* Sum within a radius; pixels on the edge with the share of 5 x 5 points that are inside. */
+static double aperture(const rx_tile *tile, const float *pixels, double x, double y, double radius)
+{
+    enum { FINE = 5 };
+    double sum = 0;
+    const int x0 = (int)fmax(floor(x - radius), 0), x1 = (int)fmin(ceil(x + radius), tile->width - 1);
+    const int y0 = (int)fmax(floor(y - radius), 0), y1 = (int)fmin(ceil(y + radius), tile->height - 1);
+    for (int v = y0; v <= y1; v++)
+        for (int u = x0; u <= x1; u++) {
+            int inside = 0;
+            for (int k = 0; k < FINE * FINE; k++)
+                inside += hypot(u - x + (k % FINE + 0.5) / FINE - 0.5,
+                                v - y + (k / FINE + 0.5) / FINE - 0.5) <= radius;
+            sum += (double)pixels[(size_t)v * (size_t)tile->width + (size_t)u] * inside / (FINE * FINE);
+        }
+    return sum;
+}
+
+static rx_status measure(const work *w, int run, rx_error *err)
+{
+    const rx_restorer *restorer = w->lab->run[run].restorer;
+    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
+    const rx_tile *tile = w->tile.field->tile;
+    const int plain = strcmp(restorer->name, "NONE") == 0;
+    rx_restored *restored = NULL;
+    rx_image image = plain ? rx_field_observed(w->tile.field) : rx_field_restorable(w->tile.field);
+    image.hide = options.pipeline.restore.mask_saturated ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
+    RX_TRY(restorer->run(&options.pipeline.restore, &image, NULL, &restored, err));
+    if (w->scene == RX_SCENE_PLATEAU) {
+        double *row = rx_lab_each(&w->table[RX_DETECTION_PLATEAU], 0, run);
+        phases(tile, restored->pixels, 2, &row[RX_PHASES_2], &row[RX_PHASES_RANGE]);
+        phases(tile, restored->pixels, 4, &row[RX_PHASES_4], &row[RX_PHASES_RANGE]);
+        for (int i = 0; i < RX_DETECTION_PHASES_WIDTH; i++)
+            row[i] /= w->sky->sigma;
+    }
+    for (long i = 0; w->scene == RX_SCENE_OUTSKIRTS && i < w->tile.objects.n; i++) {
+        const rx_lab_object *o = &w->tile.objects.list[i];
+        double *row = rx_lab_each(&w->table[RX_DETECTION_GROWTH], i, run);
+        const double r50 = hypot(o->radius, 0.5 * w->sky->fwhm);
+        for (int k = 0; k < RX_OUTSKIRT_RADII; k++) {
+            row[RX_GROWTH + k] = aperture(tile, restored->pixels, o->x, o->y, r50 * (1 << k)) / o->flux;
+            row[RX_GROWTH_TRUE + k] =
+                aperture(tile, w->tile.truth[!plain], o->x, o->y, r50 * (1 << k)) / o->flux;
+        }
+    }
+    rx_restored_free(restored);
+    return RX_OK;
+}
+
+rx_status rx_detection_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                            rx_lab_table *dst, rx_error *err)
 {
     (void)done;
-    return rx_detection_unit(state, unit, dst, err);
+    work w = {
+        .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
+    RX_TRY(rx_lab_tile_make(lab, unit, &w.tile, err));
+    const int pixels = w.scene == RX_SCENE_PLATEAU || w.scene == RX_SCENE_OUTSKIRTS;
+    rx_status status = add_objects(&w, err);
+    for (int run = 0; run < lab->nruns && status == RX_OK; run++)
+        status = pixels ? measure(&w, run, err) : detect(&w, run, err);
+    rx_lab_tile_free(&w.tile);
+    return status;
 }
 
-/* --- results --- */
-
-/* Room in a set for all its tiles; counts are set back to 0. */
-static rx_status size_set(const rx_detection_state *state, const rx_unit_values *tiles, rx_detection_set *set,
-                          rx_error *err)
+rx_status rx_detection_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
-    for (long t = 0; t < state->ntiles; t++) {
-        const double *v = tiles[t].v;
-        const long n = (long)v[0];
-        set->n += n;
-        v += 2 + RX_DETECTION_PROPS * n;
-        for (int m = 0; m < state->nmethods; m++) {
-            v += set->columns * n;
-            set->run[m].nfalse += (long)*v;
-            v += 1 + 2 * (long)*v;
-        }
-    }
-    int failed = (set->prop = RX_NEW(float, RX_DETECTION_PROPS *(size_t)set->n + 1)) == NULL;
-    for (int m = 0; m < state->nmethods; m++) {
-        rx_detection_tally *run = &set->run[m];
-        run->value = RX_NEW(float, (size_t)set->columns *(size_t)set->n + 1);
-        run->false_score = RX_NEW(float, (size_t)run->nfalse + 1);
-        run->false_distance = RX_NEW(float, (size_t)run->nfalse + 1);
-        failed |= run->value == NULL || run->false_score == NULL || run->false_distance == NULL;
-        run->nfalse = 0;
-    }
-    set->n = 0;
-    return failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
-static void take_tile(const rx_detection_state *state, const rx_unit_values *tile, rx_detection_set *set)
-{
-    const double *v = tile->v;
-    const long n = (long)v[0];
-    set->mpixels += v[1];
-    v += 2;
-    for (long i = 0; i < RX_DETECTION_PROPS * n; i++)
-        set->prop[RX_DETECTION_PROPS * set->n + i] = (float)*v++;
-    for (int m = 0; m < state->nmethods; m++) {
-        rx_detection_tally *run = &set->run[m];
-        for (long i = 0; i < set->columns * n; i++)
-            run->value[set->columns * set->n + i] = (float)*v++;
-        const long nfalse = (long)*v++;
-        for (long i = 0; i < nfalse; i++, v += 2) {
-            run->false_score[run->nfalse] = (float)v[0];
-            run->false_distance[run->nfalse++] = (float)v[1];
-        }
-    }
-    set->n += n;
-}
-
-static void describe(const rx_detection_state *state, rx_detection_results *dst)
-{
-    const rx_campaign_config *config = state->config;
-    const rx_simulate_config *sim = config->sim;
+    (void)all;
+    (void)err;
+    const rx_simulate_config *sim = lab->config->sim;
     snprintf(
-        dst->about, sizeof dst->about,
+        lab->about, sizeof lab->about,
         "%d x %d pixels, %ld tiles per scene and condition; Moffat PSF of beta %g, noise %s (sky %g ADU, "
         "sigma %.4g); per Mpixel %g stars of %g to %g mag in STARS, %g galaxies of %g to %g mag in GALAXIES",
-        state->sky[0].simulation->scene.width, state->sky[0].simulation->scene.height, state->ntiles,
-        sim->psf_beta, sim->noise_type, sim->sky_level, state->sky[0].sigma, sim->star_count,
-        sim->star_mag.v[0], sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0],
-        sim->galaxy_mag.v[1]);
-    dst->truth_snr = config->truth_snr;
-    for (int m = 0; m < state->nmethods; m++) {
-        snprintf(dst->method[m], sizeof dst->method[m], "%s", state->method[m].name);
-        dst->tuned[m] = state->method[m].tuned;
-    }
-    for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
-        dst->precision[dst->nprecisions++] = config->precisions.v[i];
-    const size_t used = strlen(dst->about);
-    rx_campaign_model_words(state->options, dst->about + used, sizeof dst->about - used);
+        lab->sky[0].width, lab->sky[0].height, lab->ntiles, sim->psf_beta, sim->noise_type, sim->sky_level,
+        lab->sky[0].sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1], sim->galaxy_count,
+        sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+    const size_t used = strlen(lab->about);
+    rx_campaign_model_words(lab->options, lab->about + used, sizeof lab->about - used);
+    return RX_OK;
 }
-
-static rx_status collect(const rx_detection_state *state, const rx_unit_values *all,
-                         rx_detection_results *dst, rx_error *err)
-{
-    dst->nmethods = state->nmethods;
-    dst->nscenes = state->nscenes;
-    describe(state, dst);
-    dst->set = RX_NEW(rx_detection_set, (size_t)state->nconditions * (size_t)state->nscenes);
-    dst->condition = RX_NEW(rx_condition, (size_t)state->nconditions);
-    if (dst->set == NULL || dst->condition == NULL)
-        return rx_error_memory(err, 0);
-    dst->nconditions = state->nconditions;
-    memcpy(dst->condition, state->condition, (size_t)state->nconditions * sizeof *dst->condition);
-    rx_status status = RX_OK;
-    for (int k = 0; k < state->nconditions * state->nscenes && status == RX_OK; k++) {
-        rx_detection_set *set = &dst->set[k];
-        const rx_unit_values *tiles = all + k * state->ntiles;
-        set->scene = state->scene[k % state->nscenes];
-        set->fwhm = state->sky[k / state->nscenes].fwhm;
-        set->columns = rx_detection_columns(set->scene);
-        set->ntiles = state->ntiles;
-        status = size_set(state, tiles, set, err);
-        for (long t = 0; t < state->ntiles && status == RX_OK; t++)
-            take_tile(state, &tiles[t], set);
-    }
-    return status;
-}
-
-void rx_detection_results_free(rx_detection_results *results)
-{
-    if (results == NULL)
-        return;
-    for (int k = 0; results->set != NULL && k < results->nconditions * results->nscenes; k++) {
-        for (int m = 0; m < results->nmethods; m++) {
-            free(results->set[k].run[m].value);
-            free(results->set[k].run[m].false_score);
-            free(results->set[k].run[m].false_distance);
-        }
-        free(results->set[k].prop);
-    }
-    free(results->set);
-    free(results->condition);
-    free(results);
-}
-
-static rx_status report(const void *state, const rx_unit_values *all, const rx_campaign_record *record,
-                        const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
-{
-    rx_detection_results *results = RX_NEW(rx_detection_results, 1);
-    if (results == NULL)
-        return rx_error_memory(err, sizeof *results);
-    rx_status status = collect(state, all, results, err);
-    if (status == RX_OK)
-        status = rx_detection_report(results, record, folder, shown, log, brief, err);
-    rx_detection_results_free(results);
-    return status;
-}
-
-const rx_campaign_kind rx_kind_detection = {.name = "DETECTION",
-                                            .title = "Detection campaign",
-                                            .open = open_state,
-                                            .close = close_state,
-                                            .facts = facts,
-                                            .units = units,
-                                            .unit = do_unit,
-                                            .report = report};

@@ -21,7 +21,7 @@ static const char *const GROWTH[] = {"r1", "r2", "r4", "r2_4"};
 
 /* --- quantities --- */
 
-int rx_quantity_count(const rx_detection_results *r, rx_detection_scene scene)
+int rx_quantity_count(const rx_lab *r, rx_scene_id scene)
 {
     switch (scene) {
     case RX_SCENE_STARS:
@@ -37,10 +37,9 @@ int rx_quantity_count(const rx_detection_results *r, rx_detection_scene scene)
         return 3;
     case RX_SCENE_OUTSKIRTS:
         return 4 * FAINT_BINS;
-    case RX_SCENE_KINDS:
-        break;
+    default:
+        return 0;
     }
-    return 0;
 }
 
 static void set_quantity(rx_quantity *dst, const char *name, const char *unit, int digits, int best,
@@ -51,7 +50,7 @@ static void set_quantity(rx_quantity *dst, const char *name, const char *unit, i
     snprintf(dst->help, sizeof dst->help, "%s", help);
 }
 
-static void list_quantity(const rx_detection_results *r, int q, rx_quantity *dst)
+static void list_quantity(const rx_lab *r, int q, rx_quantity *dst)
 {
     static const char *const whole[][3] = {
         {"recall_whole", "", "share of the objects found, whole list"},
@@ -89,7 +88,7 @@ static void growth_quantity(int q, rx_quantity *dst)
     set_quantity(dst, name, "", 3, 0, help);
 }
 
-void rx_quantity_get(const rx_detection_results *r, rx_detection_scene scene, int q, rx_quantity *dst)
+void rx_quantity_get(const rx_lab *r, rx_scene_id scene, int q, rx_quantity *dst)
 {
     static const char *const pairs[][2] = {
         {"resolved", "share of the pairs resolved, at the first precision's cut"},
@@ -108,7 +107,7 @@ void rx_quantity_get(const rx_detection_results *r, rx_detection_scene scene, in
         {"phases2", "rms of the means of the 2 x 2 phases, the worst tile"},
         {"phases4", "rms of the means of the 4 x 4 phases, the worst tile"},
         {"range4", "range of the means of the 4 x 4 phases, the worst tile"}};
-    if (rx_detection_scene_is_list(scene))
+    if (rx_scene_is_list(scene))
         list_quantity(r, q, dst);
     else if (scene == RX_SCENE_PAIRS)
         set_quantity(dst, pairs[q][0], "", 3, 1, pairs[q][1]);
@@ -125,14 +124,54 @@ void rx_quantity_get(const rx_detection_results *r, rx_detection_scene scene, in
 
 /* --- where things are --- */
 
-static rx_detection_set *set_of(const rx_detection_results *r, int condition, int scene)
+/* The tiles of one scene under one condition. */
+typedef struct set {
+    rx_scene_id scene;
+    double fwhm, mpixels;
+    long n; /* objects */
+    const rx_lab_table *object, *wrong;
+} set;
+
+static set set_of(const rx_lab *r, int condition, int scene)
 {
-    return &r->set[condition * r->nscenes + scene];
+    const rx_lab_table *table = rx_lab_set_of(r, condition, scene)->table;
+    const rx_scene_id id = r->scene[scene].id;
+    set s = {.scene = id,
+             .fwhm = r->sky[condition].fwhm,
+             .n = table[rx_detection_table(id)].n,
+             .object = &table[rx_detection_table(id)],
+             .wrong = &table[RX_DETECTION_FALSE]};
+    for (long t = 0; t < table[RX_DETECTION_TILE].n; t++)
+        s.mpixels += rx_lab_own(&table[RX_DETECTION_TILE], t)[RX_TILE_MPIXELS];
+    return s;
+}
+
+/* Of a detection of an object; NAN, not found, is below every score. */
+static double score_of(const set *s, long i, int run)
+{
+    return rx_lab_each(s->object, i, run)[RX_FOUND_SCORE];
+}
+
+/* False detections of a run with at least that score, and so far from an object. */
+static long false_in(const set *s, int run, double score, double low, double high)
+{
+    long n = 0;
+    for (long i = 0; i < s->wrong->n; i++) {
+        const double *v = rx_lab_own(s->wrong, i);
+        n += v[RX_FALSE_RUN] == run && v[RX_FALSE_SCORE] >= score && v[RX_FALSE_DISTANCE] >= low &&
+             v[RX_FALSE_DISTANCE] < high;
+    }
+    return n;
+}
+
+static long nfalse_of(const set *s, int run)
+{
+    return false_in(s, run, -HUGE_VAL, -HUGE_VAL, HUGE_VAL);
 }
 
 static rx_detection_cell *cell_at(const rx_detection_numbers *m, int condition, int scene, int column)
 {
-    return &m->cell[((size_t)condition * (size_t)m->results->nscenes + (size_t)scene) * (size_t)m->ncolumns +
+    return &m->cell[((size_t)condition * (size_t)m->lab->nscenes + (size_t)scene) * (size_t)m->ncolumns +
                     (size_t)column];
 }
 
@@ -145,45 +184,45 @@ const rx_detection_cell *rx_detection_cell_of(const rx_detection_numbers *m, int
 const rx_detection_duel *rx_detection_duel_of(const rx_detection_numbers *m, int condition, int scene,
                                               int rival)
 {
-    return &m->duel[(condition * m->results->nscenes + scene) * 4 + rival];
+    return &m->duel[(condition * m->lab->nscenes + scene) * 4 + rival];
 }
 
 const char *rx_detection_column_name(const rx_detection_numbers *m, int column)
 {
-    return column < 0 ? "" : column < m->results->nmethods ? m->results->method[column] : "RL";
+    return column < 0 ? "" : column < m->lab->nruns ? m->lab->run[column].name : "RL";
 }
 
 /* --- precision and recall --- */
 
 /* The curve of scenes first .. last of a condition that are lists; *objects of them. */
-static rx_status curve_of(const rx_detection_results *r, int condition, int first, int last, int method,
-                          long *objects, rx_pr *dst, rx_error *err)
+static rx_status curve_of(const rx_lab *r, int condition, int first, int last, int method, long *objects,
+                          rx_pr *dst, rx_error *err)
 {
     size_t room = 1;
     long n = 0;
     *objects = 0;
     for (int s = first; s <= last; s++) {
-        const rx_detection_set *set = set_of(r, condition, s);
-        if (rx_detection_scene_is_list(set->scene)) {
-            room += (size_t)(set->n + set->run[method].nfalse);
-            *objects += set->n;
+        const set one = set_of(r, condition, s);
+        if (rx_scene_is_list(one.scene)) {
+            room += (size_t)(one.n + one.wrong->n);
+            *objects += one.n;
         }
     }
     double *score = RX_NEW(double, room);
     unsigned char *right = RX_NEW(unsigned char, room);
     rx_status status = score == NULL || right == NULL ? rx_error_memory(err, room * sizeof *score) : RX_OK;
     for (int s = first; s <= last && status == RX_OK; s++) {
-        const rx_detection_set *set = set_of(r, condition, s);
-        const rx_detection_tally *run = &set->run[method];
-        if (!rx_detection_scene_is_list(set->scene))
+        const set one = set_of(r, condition, s);
+        if (!rx_scene_is_list(one.scene))
             continue;
-        for (long i = 0; i < set->n; i++)
-            if (!isnan(run->value[i])) {
+        for (long i = 0; i < one.n; i++)
+            if (!isnan(score_of(&one, i, method))) {
                 right[n] = 1;
-                score[n++] = run->value[i];
+                score[n++] = score_of(&one, i, method);
             }
-        for (long i = 0; i < run->nfalse; i++)
-            score[n++] = run->false_score[i]; /* right: 0 */
+        for (long i = 0; i < one.wrong->n; i++)
+            if (rx_lab_own(one.wrong, i)[RX_FALSE_RUN] == method)
+                score[n++] = rx_lab_own(one.wrong, i)[RX_FALSE_SCORE]; /* right: 0 */
     }
     if (status == RX_OK)
         status = rx_pr_make(n, score, right, *objects, dst, err);
@@ -202,23 +241,23 @@ static double cut_of(const rx_pr *pr, double wanted)
 }
 
 /* Objects of an S/N found with that score. */
-static rx_estimate recall_of(const rx_detection_set *set, int method, double score, double low, double high)
+static rx_estimate recall_of(const set *set, int method, double score, double low, double high)
 {
     long n = 0, found = 0;
     for (long i = 0; i < set->n; i++) {
-        const double snr = set->prop[RX_DETECTION_PROPS * i];
+        const double snr = rx_lab_own(set->object, i)[RX_OBJECT_SNR];
         if (snr < low || snr >= high)
             continue;
         n++;
-        found += set->run[method].value[i] >= score; /* NAN, not found, is below every score */
+        found += score_of(set, i, method) >= score;
     }
     return rx_binomial_interval(found, n, LEVEL);
 }
 
-static rx_status measure_list(const rx_detection_results *r, int condition, int scene, int method,
-                              uint64_t seed, rx_estimate *dst, rx_error *err)
+static rx_status measure_list(const rx_lab *r, int condition, int scene, int method, uint64_t seed,
+                              rx_estimate *dst, rx_error *err)
 {
-    const rx_detection_set *set = set_of(r, condition, scene);
+    const set own = set_of(r, condition, scene), *set = &own;
     rx_pr pr = {0};
     long objects = 0;
     rx_status status = curve_of(r, condition, scene, scene, method, &objects, &pr, err);
@@ -232,7 +271,7 @@ static rx_status measure_list(const rx_detection_results *r, int condition, int 
     }
     if (status == RX_OK) {
         *dst = recall_of(set, method, -HUGE_VAL, 0, HUGE_VAL);
-        const long found = (long)floor(dst->value * (double)dst->n + 0.5), nfalse = set->run[method].nfalse;
+        const long found = (long)floor(dst->value * (double)dst->n + 0.5), nfalse = nfalse_of(set, method);
         *++dst = rx_binomial_interval(found, found + nfalse, LEVEL);
         *++dst = rx_poisson_rate(nfalse, set->mpixels, LEVEL);
         for (int b = 0; b < SNR_BINS; b++)
@@ -244,45 +283,37 @@ static rx_status measure_list(const rx_detection_results *r, int condition, int 
 
 /* --- the other scenes --- */
 
-static rx_estimate resolved(const rx_detection_set *set, int method, double score, double low, double high)
+static rx_estimate resolved(const set *set, int method, double score, double low, double high)
 {
     long n = 0, found = 0;
     for (long i = 0; i < set->n; i++) {
-        const double apart = set->prop[RX_DETECTION_PROPS * i + 1];
+        const double apart = rx_lab_own(set->object, i)[RX_OBJECT_APART];
         if (apart < low || apart >= high)
             continue;
         n++;
-        found += set->run[method].value[i] >= score;
+        found += score_of(set, i, method) >= score;
     }
     return rx_binomial_interval(found, n, LEVEL);
 }
 
-static long false_in(const rx_detection_tally *run, double score, double low, double high)
-{
-    long n = 0;
-    for (long i = 0; i < run->nfalse; i++)
-        n += run->false_score[i] >= score && run->false_distance[i] >= low && run->false_distance[i] < high;
-    return n;
-}
-
-static void measure_rings(const rx_detection_set *set, int method, double cut, rx_estimate *dst)
+static void measure_rings(const set *set, int method, double cut, rx_estimate *dst)
 {
     const double unit = 1e-6 * M_PI * set->fwhm * set->fwhm * (double)set->n;
     for (int b = 0; b < RING_BINS; b++)
-        *dst++ = rx_poisson_rate(false_in(&set->run[method], cut, RING_EDGE[b], RING_EDGE[b + 1]),
+        *dst++ = rx_poisson_rate(false_in(set, method, cut, RING_EDGE[b], RING_EDGE[b + 1]),
                                  unit * (RING_EDGE[b + 1] * RING_EDGE[b + 1] - RING_EDGE[b] * RING_EDGE[b]),
                                  LEVEL);
-    *dst++ = rx_poisson_rate(false_in(&set->run[method], -HUGE_VAL, 0, RING_EDGE[RING_BINS]),
+    *dst++ = rx_poisson_rate(false_in(set, method, -HUGE_VAL, 0, RING_EDGE[RING_BINS]),
                              unit * RING_EDGE[RING_BINS] * RING_EDGE[RING_BINS], LEVEL);
     *dst = recall_of(set, method, -HUGE_VAL, 0, HUGE_VAL);
 }
 
-static void measure_plateau(const rx_detection_set *set, int method, rx_estimate *dst)
+static void measure_plateau(const set *set, int method, rx_estimate *dst)
 {
     for (int q = 0; q < 3; q++) {
         dst[q] = (rx_estimate){-HUGE_VAL, HUGE_VAL, -HUGE_VAL, set->n};
         for (long i = 0; i < set->n; i++) {
-            const double v = set->run[method].value[3 * i + q];
+            const double v = rx_lab_each(set->object, i, method)[q];
             dst[q].low = fmin(dst[q].low, v);
             dst[q].value = dst[q].high = fmax(dst[q].high, v);
         }
@@ -290,20 +321,20 @@ static void measure_plateau(const rx_detection_set *set, int method, rx_estimate
 }
 
 /* Mean of the measured over the mean of the true flux, bootstrap over galaxies. */
-static rx_status stacked(const rx_detection_set *set, int method, int part, double low, double high,
-                         uint64_t seed, double *work, rx_estimate *dst, rx_error *err)
+static rx_status stacked(const set *set, int method, int part, double low, double high, uint64_t seed,
+                         double *work, rx_estimate *dst, rx_error *err)
 {
     double truth = 0, *zero = work + set->n;
     long n = 0;
     *dst = (rx_estimate){NAN, NAN, NAN, 0};
     for (long i = 0; i < set->n; i++) {
-        const float *v = &set->run[method].value[2 * RX_OUTSKIRT_RADII * i], *t = v + RX_OUTSKIRT_RADII;
-        const double snr = set->prop[RX_DETECTION_PROPS * i];
+        const double *v = rx_lab_each(set->object, i, method), *t = v + RX_OUTSKIRT_RADII;
+        const double snr = rx_lab_own(set->object, i)[RX_OBJECT_SNR];
         if (snr < low || snr >= high)
             continue;
         zero[n] = 0;
-        work[n++] = part < RX_OUTSKIRT_RADII ? v[part] : v[2] - v[1];
-        truth += part < RX_OUTSKIRT_RADII ? t[part] : t[2] - t[1];
+        work[n++] = part < RX_OUTSKIRT_RADII ? v[part] : (double)((float)v[2] - (float)v[1]);
+        truth += part < RX_OUTSKIRT_RADII ? t[part] : (double)((float)t[2] - (float)t[1]);
     }
     if (n == 0)
         return RX_OK;
@@ -312,8 +343,7 @@ static rx_status stacked(const rx_detection_set *set, int method, int part, doub
     return rx_paired_bootstrap(n, work, zero, LEVEL, seed, dst, err);
 }
 
-static rx_status measure_outskirts(const rx_detection_set *set, int method, uint64_t seed, rx_estimate *dst,
-                                   rx_error *err)
+static rx_status measure_outskirts(const set *set, int method, uint64_t seed, rx_estimate *dst, rx_error *err)
 {
     double *work = RX_NEW(double, 2 * (size_t)set->n + 1);
     rx_status status = work == NULL ? rx_error_memory(err, (size_t)set->n * sizeof *work) : RX_OK;
@@ -327,8 +357,7 @@ static rx_status measure_outskirts(const rx_detection_set *set, int method, uint
 /* --- all of it --- */
 
 /* Cuts for every precision over the lists of a condition, and ap; no list: the whole. */
-static rx_status cuts_of(const rx_detection_results *r, int condition, int method, double *cuts, double *ap,
-                         rx_error *err)
+static rx_status cuts_of(const rx_lab *r, int condition, int method, double *cuts, double *ap, rx_error *err)
 {
     rx_pr pr = {0};
     long objects = 0;
@@ -343,12 +372,12 @@ static rx_status cuts_of(const rx_detection_results *r, int condition, int metho
 static rx_status measure_cell(rx_detection_numbers *m, int condition, int scene, int method,
                               const double *cuts, uint64_t seed, rx_error *err)
 {
-    const rx_detection_results *r = m->results;
-    const rx_detection_set *set = set_of(r, condition, scene);
+    const rx_lab *r = m->lab;
+    const set own = set_of(r, condition, scene), *set = &own;
     rx_estimate *dst = cell_at(m, condition, scene, method)->value;
     const double first = r->nprecisions > 0 ? cuts[0] : -HUGE_VAL;
     const double last = r->nprecisions > 0 ? cuts[r->nprecisions - 1] : -HUGE_VAL;
-    if (rx_detection_scene_is_list(set->scene))
+    if (rx_scene_is_list(set->scene))
         return measure_list(r, condition, scene, method, seed, dst, err);
     if (set->scene == RX_SCENE_OUTSKIRTS)
         return measure_outskirts(set, method, seed, dst, err);
@@ -358,8 +387,8 @@ static rx_status measure_cell(rx_detection_numbers *m, int condition, int scene,
         dst[2] = resolved(set, method, first, CLOSE, HUGE_VAL);
         dst[3] = resolved(set, method, -HUGE_VAL, 0, HUGE_VAL);
     } else if (set->scene == RX_SCENE_BLANK) {
-        dst[0] = rx_poisson_rate(false_in(&set->run[method], last, -HUGE_VAL, HUGE_VAL), set->mpixels, LEVEL);
-        dst[1] = rx_poisson_rate(set->run[method].nfalse, set->mpixels, LEVEL);
+        dst[0] = rx_poisson_rate(false_in(set, method, last, -HUGE_VAL, HUGE_VAL), set->mpixels, LEVEL);
+        dst[1] = rx_poisson_rate(nfalse_of(set, method), set->mpixels, LEVEL);
     } else if (set->scene == RX_SCENE_RINGS) {
         measure_rings(set, method, last, dst);
     } else {
@@ -371,34 +400,34 @@ static rx_status measure_cell(rx_detection_numbers *m, int condition, int scene,
 /* The column of RL at its best; `chosen`: the setting of the highest ap over the condition's lists. */
 static void fill_best(rx_detection_numbers *m, int condition, int chosen)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     for (int s = 0; s < r->nscenes; s++) {
         rx_detection_cell *best = cell_at(m, condition, s, m->best);
-        const rx_detection_scene scene = set_of(r, condition, s)->scene;
+        const rx_scene_id scene = r->scene[s].id;
         for (int q = 0; q < rx_quantity_count(r, scene); q++) {
             rx_quantity quantity;
             int from = chosen;
             rx_quantity_get(r, scene, q, &quantity);
-            for (int k = 0; k < r->nmethods && quantity.best; k++)
-                if (r->tuned[k] && cell_at(m, condition, s, k)->value[q].value >
-                                       cell_at(m, condition, s, from)->value[q].value)
+            for (int k = 0; k < r->nruns && quantity.best; k++)
+                if (r->run[k].tuned && cell_at(m, condition, s, k)->value[q].value >
+                                           cell_at(m, condition, s, from)->value[q].value)
                     from = k;
             best->value[q] = cell_at(m, condition, s, from)->value[q];
-            snprintf(best->chosen[q], sizeof best->chosen[q], "%s", r->method[from]);
+            snprintf(best->chosen[q], sizeof best->chosen[q], "%s", r->run[from].name);
         }
     }
 }
 
 static rx_status measure_condition(rx_detection_numbers *m, int condition, uint64_t seed, rx_error *err)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     double highest = -1;
     int chosen = -1;
     rx_status status = RX_OK;
-    for (int k = 0; k < r->nmethods && status == RX_OK; k++) {
+    for (int k = 0; k < r->nruns && status == RX_OK; k++) {
         double cuts[RX_PRECISIONS_MAX], ap;
         status = cuts_of(r, condition, k, cuts, &ap, err);
-        if (r->tuned[k] && (chosen < 0 || ap > highest)) {
+        if (r->run[k].tuned && (chosen < 0 || ap > highest)) {
             chosen = k;
             highest = ap;
         }
@@ -416,16 +445,16 @@ static int method_behind(const rx_detection_numbers *m, int condition, int scene
 {
     if (column != m->best)
         return column;
-    for (int k = 0; k < m->results->nmethods; k++)
-        if (strcmp(m->results->method[k], cell_at(m, condition, scene, column)->chosen[1]) == 0)
+    for (int k = 0; k < m->lab->nruns; k++)
+        if (strcmp(m->lab->run[k].name, cell_at(m, condition, scene, column)->chosen[1]) == 0)
             return k;
     return -1;
 }
 
 static rx_status fight(rx_detection_numbers *m, int condition, int scene, int rival, rx_error *err)
 {
-    const rx_detection_results *r = m->results;
-    const rx_detection_set *set = set_of(r, condition, scene);
+    const rx_lab *r = m->lab;
+    const set own = set_of(r, condition, scene), *set = &own;
     rx_detection_duel *dst = &m->duel[(condition * r->nscenes + scene) * 4 + rival];
     const int method[2] = {method_behind(m, condition, scene, m->hero),
                            method_behind(m, condition, scene, m->rival[rival])};
@@ -439,8 +468,8 @@ static rx_status fight(rx_detection_numbers *m, int condition, int scene, int ri
         rx_pr_free(&pr);
     }
     for (long i = 0; i < set->n && status == RX_OK; i++) {
-        const int first = set->run[method[0]].value[i] >= cut[0],
-                  second = set->run[method[1]].value[i] >= cut[1];
+        const int first = score_of(set, i, method[0]) >= cut[0],
+                  second = score_of(set, i, method[1]) >= cut[1];
         dst->only_first += first && !second;
         dst->only_second += second && !first;
     }
@@ -450,15 +479,15 @@ static rx_status fight(rx_detection_numbers *m, int condition, int scene, int ri
 
 static void choose_columns(rx_detection_numbers *m)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     m->best = m->net = m->matched = m->none = -1;
-    for (int k = 0; k < r->nmethods; k++) {
-        m->best = r->tuned[k] ? r->nmethods : m->best;
-        m->net = strcmp(r->method[k], "NET") == 0 ? k : m->net;
-        m->matched = strcmp(r->method[k], "MATCHED") == 0 ? k : m->matched;
-        m->none = strcmp(r->method[k], "NONE") == 0 ? k : m->none;
+    for (int k = 0; k < r->nruns; k++) {
+        m->best = r->run[k].tuned ? r->nruns : m->best;
+        m->net = strcmp(r->run[k].name, "NET") == 0 ? k : m->net;
+        m->matched = strcmp(r->run[k].name, "MATCHED") == 0 ? k : m->matched;
+        m->none = strcmp(r->run[k].name, "NONE") == 0 ? k : m->none;
     }
-    m->ncolumns = r->nmethods + (m->best >= 0);
+    m->ncolumns = r->nruns + (m->best >= 0);
     m->hero = m->net >= 0 ? m->net : m->best;
     const int rivals[] = {m->none, m->matched, m->best};
     for (int i = 0; i < 3 && m->hero >= 0; i++)
@@ -466,22 +495,22 @@ static void choose_columns(rx_detection_numbers *m)
             m->rival[m->nrivals++] = rivals[i];
 }
 
-rx_status rx_detection_numbers_make(const rx_detection_results *results, uint64_t seed,
-                                    rx_detection_numbers *dst, rx_error *err)
+rx_status rx_detection_numbers_make(const rx_lab *lab, uint64_t seed, rx_detection_numbers *dst,
+                                    rx_error *err)
 {
-    const size_t sets = (size_t)results->nconditions * (size_t)results->nscenes;
-    *dst = (rx_detection_numbers){.results = results};
+    const size_t sets = (size_t)lab->nconditions * (size_t)lab->nscenes;
+    *dst = (rx_detection_numbers){.lab = lab};
     choose_columns(dst);
     dst->cell = RX_NEW(rx_detection_cell, sets * (size_t)dst->ncolumns);
     dst->duel = RX_NEW(rx_detection_duel, sets * 4);
     rx_status status = RX_OK;
     if (dst->cell == NULL || dst->duel == NULL)
         status = rx_error_memory(err, sets * (size_t)dst->ncolumns * sizeof *dst->cell);
-    for (int c = 0; c < results->nconditions && status == RX_OK; c++) {
+    for (int c = 0; c < lab->nconditions && status == RX_OK; c++) {
         status = measure_condition(dst, c, seed, err);
-        for (int s = 0; s < results->nscenes; s++)
+        for (int s = 0; s < lab->nscenes; s++)
             for (int k = 0; k < dst->nrivals && status == RX_OK; k++)
-                if (results->nprecisions > 0 && rx_detection_scene_is_list(set_of(results, c, s)->scene))
+                if (lab->nprecisions > 0 && rx_scene_is_list(lab->scene[s].id))
                     status = fight(dst, c, s, k, err);
     }
     if (status != RX_OK)

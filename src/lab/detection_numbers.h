@@ -1,4 +1,4 @@
-/* Results of a detection campaign, and everything that its report says, as numbers.
+/* Everything that the report of a detection campaign says, as numbers.
  *
  * A method's cut for a precision P: the lowest score at which precision over STARS and GALAXIES of the
  * condition together is at least P (no such scenes: the whole list). RL at its best: for ap and the recalls
@@ -8,46 +8,13 @@
 #ifndef RX_LAB_DETECTION_NUMBERS_H
 #define RX_LAB_DETECTION_NUMBERS_H
 
-#include "lab/campaign_report.h"
 #include "lab/detection.h"
 #include "lab/findings.h"
 #include "quality/binomial.h"
 
-/* One method on the tiles of one scene under one condition; rx_detection_unit() says what the numbers are. */
-typedef struct rx_detection_tally {
-    float *value; /* [n][columns] */
-    long nfalse;
-    float *false_score, *false_distance; /* [nfalse] */
-} rx_detection_tally;
-
-typedef struct rx_detection_set {
-    rx_detection_scene scene;
-    double fwhm; /* true, pixels */
-    int columns;
-    long ntiles, n; /* objects */
-    double mpixels;
-    float *prop; /* [n][RX_DETECTION_PROPS] */
-    rx_detection_tally run[RX_DETECTION_METHODS];
-} rx_detection_set;
-
-typedef struct rx_detection_results {
-    int nmethods;
-    char method[RX_DETECTION_METHODS][RX_METHOD_NAME];
-    int tuned[RX_DETECTION_METHODS]; /* a setting of RL */
-    int nconditions, nscenes;
-    rx_condition *condition; /* [nconditions] */
-    rx_detection_set *set;   /* [nconditions][nscenes] */
-    double truth_snr;
-    int nprecisions;
-    double precision[RX_PRECISIONS_MAX];
-    char about[600];
-} rx_detection_results;
-
-void rx_detection_results_free(rx_detection_results *results); /* and the struct itself */
-
 /* How many quantities there are for a scene, and number q of them. */
-int rx_quantity_count(const rx_detection_results *results, rx_detection_scene scene);
-void rx_quantity_get(const rx_detection_results *results, rx_detection_scene scene, int q, rx_quantity *dst);
+int rx_quantity_count(const rx_lab *lab, rx_scene_id scene);
+void rx_quantity_get(const rx_lab *lab, rx_scene_id scene, int q, rx_quantity *dst);
 
 typedef struct rx_detection_cell {
     rx_estimate value[RX_QUANTITIES_MAX];
@@ -61,9 +28,9 @@ typedef struct rx_detection_duel {
 } rx_detection_duel;
 
 typedef struct rx_detection_numbers {
-    const rx_detection_results *results;
+    const rx_lab *lab;
     int best;                /* number of the column "RL" at its best; -1 without RL */
-    int ncolumns;            /* nmethods, and one more with RL */
+    int ncolumns;            /* nruns, and one more with RL */
     rx_detection_cell *cell; /* [nconditions][nscenes][ncolumns] */
     int net, matched, none;  /* columns, -1 none */
     int nrivals, rival[4];   /* columns that `hero` is compared with */
@@ -71,8 +38,8 @@ typedef struct rx_detection_numbers {
     rx_detection_duel *duel; /* [nconditions][nscenes][4], STARS and GALAXIES */
 } rx_detection_numbers;
 
-rx_status rx_detection_numbers_make(const rx_detection_results *results, uint64_t seed,
-                                    rx_detection_numbers *dst, rx_error *err);
+rx_status rx_detection_numbers_make(const rx_lab *lab, uint64_t seed, rx_detection_numbers *dst,
+                                    rx_error *err);
 void rx_detection_numbers_free(rx_detection_numbers *numbers); /* content only */
 
 const rx_detection_cell *rx_detection_cell_of(const rx_detection_numbers *numbers, int condition, int scene,
@@ -85,9 +52,6 @@ const char *rx_detection_column_name(const rx_detection_numbers *numbers, int co
 /* One verdict for each goal; verdicts[RX_CLAIM_COUNT], *n used. rx_claim_verdicts_free(). */
 void rx_detection_verdicts(const rx_detection_numbers *numbers, rx_claim_verdict *verdicts, int *n);
 
-/* As rx_photometry_report(). */
-rx_status rx_detection_report(const rx_detection_results *results, const rx_campaign_record *record,
-                              const char *folder, const char *shown, rx_log *log, rx_text *brief,
-                              rx_error *err);
+rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 
 #endif

@@ -8,40 +8,15 @@
 
 #include "base/memory.h"
 #include "lab/findings.h"
+#include "lab/kinds.h"
 
 enum { OPEN = 2 }; /* quantities of a scene that the page shows at once, and the terminal */
 
 /* 0: a single setting of RL, which the page leaves out. */
 static int is_shown(const rx_detection_numbers *m, int column)
 {
-    return column >= m->results->nmethods || !m->results->tuned[column];
+    return column >= m->lab->nruns || !m->lab->run[column].tuned;
 }
-
-/* "FWHM 4, sky +0.3 sigma"; of one seeing without a name: its width. */
-static void condition_name(const rx_detection_results *r, int condition, char *dst, size_t size)
-{
-    rx_condition named = r->condition[condition];
-    if (!(named.fwhm > 0))
-        named.fwhm = r->set[condition * r->nscenes].fwhm;
-    rx_condition_name(&named, dst, size);
-}
-
-static const char *const ABOUT[RX_SCENE_KINDS] = {
-    [RX_SCENE_STARS] =
-        "Stars alone, all that the population puts on a tile, blends and all. A detection that is "
-        "no star of the least S/N, nor a fainter one, is false.",
-    [RX_SCENE_GALAXIES] = "Galaxies alone. A galaxy in two pieces is one right and one false detection.",
-    [RX_SCENE_PAIRS] =
-        "Close pairs of stars: resolved when there are two detections, each nearer than half the "
-        "separation to its star, both above the threshold.",
-    [RX_SCENE_BLANK] = "Noise without any object: all that is found is invented.",
-    [RX_SCENE_RINGS] = "Bright stars and nothing else: what is found around them is invented.",
-    [RX_SCENE_PLATEAU] = "A bright, flat square without noise: what a restorer adds to it that repeats every "
-                         "second or fourth pixel.",
-    [RX_SCENE_OUTSKIRTS] =
-        "Faint galaxies: flux in round apertures at their true place on the restored pixels, "
-        "over what the same scene without noise has there (restored images: at the "
-        "target PSF). Below 1 flux was lost."};
 
 static const char READING[] =
     "Every number is followed by its 95 % interval and by how many objects (or counts) are behind it. Shares "
@@ -60,20 +35,20 @@ static const char READING[] =
 /* Cells of one quantity: conditions against runs. */
 static void add_quantity(rx_findings *f, const rx_detection_numbers *m, int s, int q)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     const long from = rx_report_rows(f->cells);
     rx_quantity quantity;
-    rx_quantity_get(r, r->set[s].scene, q, &quantity);
+    rx_quantity_get(r, r->scene[s].id, q, &quantity);
     for (int tuned = 0; tuned < 2; tuned++) { /* settings of RL come last: the page leaves them out */
         for (int c = 0; c < r->nconditions; c++)
             for (int k = 0; k < m->ncolumns; k++) {
                 char name[96];
                 if (is_shown(m, k) == tuned)
                     continue;
-                condition_name(r, c, name, sizeof name);
+                rx_lab_condition_name(r, c, name, sizeof name);
                 const rx_detection_cell *cell = rx_detection_cell_of(m, c, s, k);
                 rx_findings_cell(f,
-                                 &(rx_finding){rx_detection_scene_name(r->set[s].scene), name,
+                                 &(rx_finding){rx_scene_name(r->scene[s].id), name,
                                                rx_detection_column_name(m, k), cell->chosen[q]},
                                  &quantity, &cell->value[q]);
             }
@@ -86,14 +61,14 @@ static void add_quantity(rx_findings *f, const rx_detection_numbers *m, int s, i
 static void add_contests(rx_findings *f, const rx_detection_numbers *m, int s)
 {
     static const char *const columns[] = {"condition", "first", "second", "only_first", "only_second", "p"};
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     const long from = rx_report_rows(f->contests);
     char title[96];
     for (int c = 0; c < r->nconditions; c++)
         for (int k = 0; k < m->nrivals && r->nprecisions > 0; k++) {
             const rx_detection_duel *d = rx_detection_duel_of(m, c, s, k);
-            condition_name(r, c, title, sizeof title);
-            rx_findings_contest(f, &(rx_contest){.scene = rx_detection_scene_name(r->set[s].scene),
+            rx_lab_condition_name(r, c, title, sizeof title);
+            rx_findings_contest(f, &(rx_contest){.scene = rx_scene_name(r->scene[s].id),
                                                  .condition = title,
                                                  .quantity = "found at the first precision",
                                                  .first = rx_detection_column_name(m, m->hero),
@@ -117,36 +92,36 @@ static void add_contests(rx_findings *f, const rx_detection_numbers *m, int s)
 /* The first tables lie open, the rest is folded away. */
 static void add_scene(rx_findings *f, const rx_detection_numbers *m, int s)
 {
-    const rx_detection_scene scene = m->results->set[s].scene;
-    const int n = rx_quantity_count(m->results, scene);
+    const rx_scene_id scene = m->lab->scene[s].id;
+    const int n = rx_quantity_count(m->lab, scene);
     char prefix[32];
-    rx_report_section(f->report, rx_detection_scene_name(scene), rx_detection_scene_name(scene));
-    snprintf(prefix, sizeof prefix, "%s-", rx_detection_scene_name(scene));
-    if (rx_detection_scene_is_list(scene))
+    rx_report_section(f->report, rx_scene_name(scene), rx_scene_name(scene));
+    snprintf(prefix, sizeof prefix, "%s-", rx_scene_name(scene));
+    if (rx_scene_is_list(scene))
         rx_report_place(f->report, prefix);
-    rx_report_paragraph(f->report, ABOUT[scene]);
+    rx_report_paragraph(f->report, rx_scene_about(scene));
     for (int q = 0; q < n; q++) {
         if (q == OPEN)
             rx_report_fold(f->report, "More tables");
         add_quantity(f, m, s, q);
     }
-    if (rx_detection_scene_is_list(scene))
+    if (rx_scene_is_list(scene))
         add_contests(f, m, s);
     if (n > OPEN)
         rx_report_unfold(f->report);
 }
 
-/* ap and recall over the seeing, where restorers are given the truth. */
+/* ap and recall over the seeing, where restorers are told the truth. */
 static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     const size_t n = (size_t)r->nconditions;
     rx_quantity quantity;
     rx_curve curves[RX_METHODS_MAX];
     char id[RX_FIGURE_ID];
     int ncurves = 0;
     double low = HUGE_VAL, high = 0;
-    rx_quantity_get(r, r->set[s].scene, q, &quantity);
+    rx_quantity_get(r, r->scene[s].id, q, &quantity);
     double *data = RX_NEW(double, 4 * n * RX_METHODS_MAX);
     if (data == NULL) {
         dst->script.failed = true;
@@ -159,9 +134,9 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
         long points = 0;
         for (int c = 0; c < r->nconditions; c++) {
             const rx_estimate *e = &rx_detection_cell_of(m, c, s, k)->value[q];
-            if (!rx_condition_true(&r->condition[c]))
+            if (!rx_condition_true(&r->sky[c].condition))
                 continue;
-            x[points] = r->set[c * r->nscenes].fwhm + 0.03 * ncurves;
+            x[points] = r->sky[c].fwhm + 0.03 * ncurves;
             low = fmin(low, x[points]);
             high = fmax(high, x[points]);
             y[points] = e->value;
@@ -178,40 +153,49 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
     }
     const rx_axes axes = {
         "FWHM of the PSF (pixels)", quantity.name, low - 0.5, high + 0.5, 0, 1.02, false, false};
-    snprintf(id, sizeof id, "%s-%d", rx_detection_scene_name(r->set[s].scene), q);
+    snprintf(id, sizeof id, "%s-%d", rx_scene_name(r->scene[s].id), q);
     rx_figure_add(dst, id, quantity.name, quantity.help, RX_FIGURE_CHART);
     rx_plot_curves(dst, &axes, ncurves, curves);
     free(data);
 }
 
-rx_status rx_detection_report(const rx_detection_results *results, const rx_campaign_record *record,
-                              const char *folder, const char *shown, rx_log *log, rx_text *brief,
-                              rx_error *err)
+rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_detection_numbers m = {0};
     rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
     int nverdicts = 0;
     rx_findings f;
-    rx_status status = rx_detection_numbers_make(results, record->seed, &m, err);
+    rx_status status = rx_detection_numbers_make(lab, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&f, "detection", results->about, record, err);
+        status = rx_findings_begin(&f, "detection", lab->about, output, err);
     if (status != RX_OK)
         goto exit;
     rx_detection_verdicts(&m, verdicts, &nverdicts);
     rx_findings_claims(&f, nverdicts, verdicts);
-    rx_report_sentence(f.report, results->about);
-    for (int kind = 0; kind < RX_SCENE_KINDS; kind++)
-        for (int s = 0; s < results->nscenes; s++) {
-            if (results->set[s].scene != (rx_detection_scene)kind)
+    rx_report_sentence(f.report, lab->about);
+    for (int kind = 0; kind < RX_SCENE_IDS; kind++)
+        for (int s = 0; s < lab->nscenes; s++) {
+            if (lab->scene[s].id != (rx_scene_id)kind)
                 continue;
-            for (int q = 0; q < OPEN && rx_detection_scene_is_list(results->set[s].scene); q++)
+            for (int q = 0; q < OPEN && rx_scene_is_list(lab->scene[s].id); q++)
                 plot(rx_report_figures_of(f.report), &m, s, q);
             add_scene(&f, &m, s);
         }
     rx_report_section(f.report, "reading", "How to read this");
     rx_report_paragraph(f.report, READING);
-    status = rx_findings_end(&f, folder, shown, log, brief, err);
+    status = rx_findings_end(&f, err);
 exit:
     rx_detection_numbers_free(&m);
     return status;
 }
+
+const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
+                                       .title = "Detection campaign",
+                                       .tag = 0x6465746563,
+                                       .ntables = RX_DETECTION_TABLES,
+                                       .tables = rx_detection_tables,
+                                       .deep = 1,
+                                       .open = rx_detection_open,
+                                       .unit = rx_detection_unit,
+                                       .describe = rx_detection_describe,
+                                       .report = rx_detection_report};

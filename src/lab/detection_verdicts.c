@@ -3,11 +3,10 @@
 
 #include "lab/detection_numbers.h"
 
-/* Where restorers are given the truth. */
-static int counts(const rx_detection_numbers *m, int condition, int scene, rx_detection_scene kind)
+/* Where restorers are told the truth. */
+static int counts(const rx_detection_numbers *m, int condition, int scene, rx_scene_id kind)
 {
-    return rx_condition_true(&m->results->condition[condition]) &&
-           m->results->set[condition * m->results->nscenes + scene].scene == kind;
+    return rx_condition_true(&m->lab->sky[condition].condition) && m->lab->scene[scene].id == kind;
 }
 
 static const rx_estimate *value(const rx_detection_numbers *m, int condition, int scene, int column, int q)
@@ -18,7 +17,7 @@ static const rx_estimate *value(const rx_detection_numbers *m, int condition, in
 /* ap and the recall at the first precision of both lists, against one rival. */
 static int above(const rx_detection_numbers *m, int rival, rx_claim_verdict *v)
 {
-    const rx_detection_results *r = m->results;
+    const rx_lab *r = m->lab;
     static const char *const names[] = {"ap", "recall"};
     int wins = 0, all = 0, sure = 0, fights = 0;
     rx_text lost = {0};
@@ -33,9 +32,8 @@ static int above(const rx_detection_numbers *m, int rival, rx_claim_verdict *v)
                 wins += own > other;
                 if (!(own > other))
                     rx_text_printf(&lost, "%s%s of %s at FWHM %g (%.3f against %.3f)",
-                                   lost.length > 0 ? ", " : "", names[q],
-                                   rx_detection_scene_name(r->set[c * r->nscenes + s].scene),
-                                   r->set[c * r->nscenes + s].fwhm, own, other);
+                                   lost.length > 0 ? ", " : "", names[q], rx_scene_name(r->scene[s].id),
+                                   r->sky[c].fwhm, own, other);
             }
             const rx_detection_duel *duel = rx_detection_duel_of(m, c, s, rival);
             fights++;
@@ -69,8 +67,8 @@ static void judge_pairs(const rx_detection_numbers *m, rx_claim_verdict *v)
 {
     const int rival = m->matched >= 0 ? m->matched : m->none;
     int holds = 1, judged = 0;
-    for (int c = 0; c < m->results->nconditions && rival >= 0; c++)
-        for (int s = 0; s < m->results->nscenes; s++) {
+    for (int c = 0; c < m->lab->nconditions && rival >= 0; c++)
+        for (int s = 0; s < m->lab->nscenes; s++) {
             if (!counts(m, c, s, RX_SCENE_PAIRS))
                 continue;
             /* the better one of the unrestored images */
@@ -79,8 +77,7 @@ static void judge_pairs(const rx_detection_numbers *m, rx_claim_verdict *v)
                 fmax(value(m, c, s, rival, 0)->value, m->none >= 0 ? value(m, c, s, m->none, 0)->value : 0);
             judged = 1;
             holds = holds && own > 0 && own >= 2 * other;
-            rx_text_printf(&v->said, "FWHM %g: %.3f against %.3f. ",
-                           m->results->set[c * m->results->nscenes + s].fwhm, own, other);
+            rx_text_printf(&v->said, "FWHM %g: %.3f against %.3f. ", m->lab->sky[c].fwhm, own, other);
         }
     if (judged)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
@@ -90,15 +87,14 @@ static void judge_plateau(const rx_detection_numbers *m, rx_claim_verdict *v)
 {
     const double limit = 0.01;
     int holds = 1, judged = 0;
-    for (int c = 0; c < m->results->nconditions; c++)
-        for (int s = 0; s < m->results->nscenes; s++) {
+    for (int c = 0; c < m->lab->nconditions; c++)
+        for (int s = 0; s < m->lab->nscenes; s++) {
             if (!counts(m, c, s, RX_SCENE_PLATEAU))
                 continue;
             const double two = value(m, c, s, m->net, 0)->value, four = value(m, c, s, m->net, 1)->value;
             judged = 1;
             holds = holds && two < limit && four < limit;
-            rx_text_printf(&v->said, "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ",
-                           m->results->set[c * m->results->nscenes + s].fwhm, two, four);
+            rx_text_printf(&v->said, "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ", m->lab->sky[c].fwhm, two, four);
         }
     if (judged)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;

@@ -4,8 +4,8 @@
 
 #include "base/error.h"
 #include "config/campaign_config.h"
-#include "lab/campaign_report.h"
 #include "lab/journal.h"
+#include "lab/record.h"
 #include "nn/model.h"
 #include "simulate/templates.h"
 

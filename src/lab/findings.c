@@ -50,11 +50,12 @@ enum {
 };
 
 rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about,
-                            const rx_campaign_record *record, rx_error *err)
+                            const rx_lab_output *output, rx_error *err)
 {
+    const rx_campaign_record *record = output->record;
     char seed[32];
     rx_report *r = rx_report_new("Validation: ", record->title);
-    *dst = (rx_findings){.record = record, .report = r};
+    *dst = (rx_findings){.output = output, .report = r};
     if (r == NULL)
         return rx_error_memory(err, 0);
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)record->seed);
@@ -164,20 +165,22 @@ void rx_findings_show_contests(rx_findings *f, long from, const char *title, int
                                          .columns = columns});
 }
 
-rx_status rx_findings_end(rx_findings *f, const char *folder, const char *shown, rx_log *log, rx_text *brief,
-                          rx_error *err)
+rx_status rx_findings_end(rx_findings *f, rx_error *err)
 {
-    const rx_report_files files = {
-        .folder = folder, .shown = shown, .figures = f->record->figures, .log = log};
+    const rx_campaign_record *record = f->output->record;
+    const rx_report_files files = {.folder = f->output->folder,
+                                   .shown = f->output->shown,
+                                   .figures = record->figures,
+                                   .log = f->output->log};
     rx_report_section(f->report, "record", "What made this page");
     rx_text command = {0};
-    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)f->record->seed, f->record->command);
+    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)record->seed, record->command);
     rx_report_sentence(f->report, command.data);
     rx_text_free(&command);
-    rx_report_record(f->report, f->record->n, f->record->pairs);
+    rx_report_record(f->report, record->n, record->pairs);
     rx_text_add(rx_report_brief_of(f->report), f->brief.data != NULL ? f->brief.data : "");
     rx_report_brief_of(f->report)->failed |= f->brief.failed;
-    const rx_status status = rx_report_write(f->report, &files, brief, err);
+    const rx_status status = rx_report_write(f->report, &files, f->output->brief, err);
     rx_report_free(f->report);
     rx_text_free(&f->brief);
     *f = (rx_findings){0};

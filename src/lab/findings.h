@@ -3,8 +3,8 @@
 #ifndef RX_LAB_FINDINGS_H
 #define RX_LAB_FINDINGS_H
 
-#include "lab/campaign_report.h"
 #include "lab/paper.h"
+#include "lab/record.h"
 #include "report/report.h"
 
 /* A quantity, as tables and figures name it. */
@@ -18,7 +18,7 @@ typedef struct rx_quantity {
 } rx_quantity;
 
 typedef struct rx_findings {
-    const rx_campaign_record *record;
+    const rx_lab_output *output;
     rx_report *report; /* owned */
     rx_report_table *cells, *contests, *claims;
     rx_text brief; /* lines of the claims, the last ones of the terminal */
@@ -43,7 +43,7 @@ typedef struct rx_contest {
 
 /* Head of the report: type ("detection"), title, command, seed. Errors: RX_SYSTEM (memory). */
 rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about,
-                            const rx_campaign_record *record, rx_error *err);
+                            const rx_lab_output *output, rx_error *err);
 
 /* A claim or goal: in words, where in the paper, when it counts as reproduced, whose numbers (NULL: not one
  * run's), the verdict and what it is made of. */
@@ -69,7 +69,6 @@ void rx_findings_show_contests(rx_findings *findings, long from, const char *tit
                                const char *const *columns);
 
 /* Record and files; frees what findings hold, whatever comes out. As rx_report_write(). */
-rx_status rx_findings_end(rx_findings *findings, const char *folder, const char *shown, rx_log *log,
-                          rx_text *brief, rx_error *err);
+rx_status rx_findings_end(rx_findings *findings, rx_error *err);
 
 #endif

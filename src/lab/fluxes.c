@@ -1,22 +1,33 @@
-/* The campaign of fluxes: settings, units and results. */
+/* The campaign of fluxes: runs, scenes, the real tile, and one tile through every restorer. */
 #include "lab/fluxes.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "lab/facts.h"
-#include "lab/fluxes_numbers.h"
-#include "lab/stage_options.h"
+#include "check/quality.h"
+#include "check/selfcheck.h"
+#include "pipeline/domain.h"
+#include "pipeline/pipeline.h"
 
-static const char *const SCENES[RX_FLUXES_SCENES] = {"FIELD", "PAIRS",  "BLANK",
-                                                     "RINGS", "SHREDS", "INJECTED"};
+static const double STRONG = 7.0, WEAK = 5.0;
+/* A detection is a piece of the nearest galaxy within so many half-light radii and FWHM. */
+static const double PIECE_RADII = 3.0, PIECE_FWHM = 2.0;
 
-const char *rx_fluxes_scene_name(rx_fluxes_scene scene)
-{
-    return SCENES[scene];
-}
+/* What random numbers are for on a real tile. */
+enum { DRAW_SCENE = 1, DRAW_NOISE = 2 };
+
+static const rx_lab_column TILE[] = {RX_FLUXES_TILE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column TALLY[] = {RX_FLUXES_TALLY_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column OBJECT[] = {RX_FLUXES_OBJECT_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FOUND[] = {RX_FLUXES_FOUND_COLUMNS(RX_LAB_COLUMN)};
+
+const rx_lab_schema rx_fluxes_tables[RX_FLUXES_TABLES] = {
+    [RX_FLUXES_TILE] = {"tile", RX_FLUXES_TILE_WIDTH, RX_FLUXES_TALLIES, TILE, TALLY, 0},
+    [RX_FLUXES_OBJECT] = {"object", RX_FLUXES_PROPS, RX_FLUXES_COLUMNS, OBJECT, FOUND, 0},
+};
 
 const char *rx_flux_name(rx_flux_kind kind)
 {
@@ -24,241 +35,298 @@ const char *rx_flux_name(rx_flux_kind kind)
     return names[kind];
 }
 
-long rx_fluxes_units(const rx_fluxes_state *state)
-{
-    return state->nconditions * state->nscenes * state->ntiles;
-}
+/* --- the real tile --- */
 
-/* --- open --- */
-
-static rx_status set_runs(rx_fluxes_state *state, rx_error *err)
+static rx_status read_tile(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_words *words = &state->config->restore_type;
-    if (words->n > RX_FLUXES_RUNS)
-        return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names more than %d restorers; name fewer",
-                            RX_FLUXES_RUNS);
-    for (int i = 0; i < words->n; i++) {
-        state->run[i] = rx_restorer_find(words->v[i]);
-        if (state->run[i] == NULL)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", words->v[i]);
-        state->nruns = i + 1;
-    }
+    rx_simulate_config *own = NULL;
+    lab->sky = RX_NEW(rx_lab_sky, 1);
+    if (lab->sky == NULL)
+        return rx_error_memory(err, sizeof *lab->sky);
+    lab->nconditions = lab->nskies = 1;
+    RX_TRY(rx_lab_sky_read(lab, log, lab->sky, err));
+    rx_status status = rx_simulate_config_copy(lab->config->sim, &own, err);
+    if (status == RX_OK)
+        status = rx_settings_set(&own->settings, "PSF_TYPE", "AUTO", log, err);
+    if (status == RX_OK)
+        status = rx_simulation_for_tile(own, lab->options, lab->sky->field, log, &lab->sky->simulation, err);
+    rx_simulate_config_free(own);
+    if (status != RX_OK)
+        return status;
+    lab->sky->simulation->nthreads = 1;
+    lab->sky->simulation->scene.seed = rx_lab_seed(lab, DRAW_SCENE);
+    lab->sky->simulation->noise.seed = rx_lab_seed(lab, DRAW_NOISE);
     return RX_OK;
 }
 
-static void set_scenes(rx_fluxes_state *state)
+/* What every restorer finds on it. */
+rx_status rx_fluxes_prepare(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_words *words = &state->config->flux_scenes;
-    for (int i = 0; i < words->n && state->nscenes < RX_FLUXES_SCENES; i++)
-        for (int k = 0; k < RX_FLUXES_SCENES; k++)
-            if (strcmp(words->v[i], SCENES[k]) == 0)
-                state->scene[state->nscenes++] = (rx_fluxes_scene)k;
+    rx_lab_sky *sky = lab->sky;
+    if (sky->field == NULL)
+        return RX_OK;
+    rx_status status = rx_domain_noise(sky->field, &sky->model_noise, err);
+    for (int r = 0; r < lab->nruns && status == RX_OK; r++) {
+        rx_options options = rx_lab_options(lab, sky, &lab->run[r]);
+        rx_result result;
+        options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
+            options.pipeline.templates.par.nthreads = lab->nthreads;
+        status =
+            rx_field_extract(&options.pipeline, lab->run[r].restorer, sky->field, NULL, log, &result, err);
+        if (status != RX_OK)
+            break;
+        rx_sources_free(sky->before[r]);
+        sky->before[r] = result.sources;
+        result.sources = NULL;
+        rx_result_free(&result);
+    }
+    return status;
 }
 
-static void close_state(void *pointer)
+rx_status rx_fluxes_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    rx_fluxes_state *state = pointer;
-    if (state == NULL)
-        return;
-    for (int c = 0; state->sky != NULL && c < state->nconditions; c++)
-        rx_detection_sky_close(&state->sky[c]);
-    rx_fluxes_ground_close(&state->ground);
-    free(state->sky);
-    free(state->condition);
-    rx_options_free(state->options);
-    rx_config_free(state->stage);
-    free(state);
-}
-
-static rx_status open_skies(rx_fluxes_state *state, rx_log *log, rx_error *err)
-{
-    rx_status status = rx_conditions_make(state->config, &state->nconditions, &state->condition, err);
+    /* numbered by their places here */
+    static const rx_scene_id scenes[] = {RX_SCENE_FIELD, RX_SCENE_MIXED_PAIRS, RX_SCENE_BLANK,
+                                         RX_SCENE_RINGS, RX_SCENE_SHREDS,      RX_SCENE_INJECTED};
+    const rx_words *words = &lab->config->flux_scenes, *restorers = &lab->config->restore_type;
+    rx_status status = RX_OK;
+    for (int i = 0; i < restorers->n && status == RX_OK; i++) {
+        rx_lab_run run = {0};
+        RX_TRY(rx_lab_restorer(restorers->v[i], &run.restorer, err));
+        snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
+        status = rx_lab_add_run(lab, RX_FLUXES_RUNS, &run, err);
+    }
+    for (int i = 0; i < words->n; i++)
+        for (int k = 0; status == RX_OK && k < (int)(sizeof scenes / sizeof *scenes); k++)
+            if (strcmp(words->v[i], rx_scene_name(scenes[k])) == 0)
+                status = rx_lab_add_scene(lab, scenes[k], k, 0, err);
     if (status != RX_OK)
         return status;
-    state->sky = RX_NEW(rx_detection_sky, (size_t)state->nconditions);
-    if (state->sky == NULL)
-        return rx_error_memory(err, (size_t)state->nconditions * sizeof *state->sky);
-    if (state->scene[0] == RX_FLUXES_INJECTED) /* stands alone */
-        return rx_fluxes_ground_open(state, log, err);
-    for (int c = 0; c < state->nconditions && status == RX_OK; c++)
-        status = rx_detection_sky_open(state->config, &state->condition[c], log, &state->sky[c], err);
-    return status;
+    return lab->scene[0].id == RX_SCENE_INJECTED ? read_tile(lab, log, err)
+                                                 : rx_lab_skies_simulate(lab, log, err);
 }
 
-static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_log *log, void **dst,
-                            rx_error *err)
+/* --- one tile --- */
+
+typedef struct work {
+    const rx_lab *lab;
+    const rx_lab_sky *sky;
+    rx_scene_id scene;
+    rx_lab_tile tile;
+    double radius; /* of matching, pixels */
+    rx_lab_table *table;
+} work;
+
+/* What one restorer has found. */
+typedef struct finding {
+    const rx_sources *sources;
+    double *x, *y;      /* [sources->n] */
+    unsigned char *use; /* [sources->n] 1: it counts */
+    rx_matches matches;
+} finding;
+
+static rx_status add_props(const work *w, rx_error *err)
 {
-    rx_fluxes_state *state = RX_NEW(rx_fluxes_state, 1);
-    if (state == NULL)
-        return rx_error_memory(err, sizeof *state);
-    const rx_ints *tiles = &config->scene_tiles;
-    state->config = config;
-    state->nthreads = nthreads;
-    state->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
-    set_scenes(state);
-    rx_status status = set_runs(state, err);
+    const rx_lab_objects *o = &w->tile.objects;
+    const rx_tile *tile = w->tile.field->tile;
+    long *number = RX_NEW(long, (size_t)o->n), n = 0;
+    double *row = NULL;
+    rx_status status = number != NULL ? rx_lab_rows_add(&w->table[RX_FLUXES_TILE], 1, &row, err)
+                                      : rx_error_memory(err, (size_t)o->n * sizeof *number);
     if (status == RX_OK)
-        status = rx_campaign_options(config, log, &state->stage, &state->options, err);
-    if (status == RX_OK) {
-        state->options->pipeline.templates.wanted = 1;
-        state->options->pipeline.templates.drop = 0; /* what it would drop is counted */
-        state->options->pipeline.measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
-        status = open_skies(state, log, err);
+        row[RX_FLUXES_MPIXELS] = 1e-6 * (double)tile->width * (double)tile->height;
+    for (long i = 0; status == RX_OK && i < o->n; i++)
+        number[i] = o->list[i].role == RX_LISTED ? n++ : -1;
+    if (status == RX_OK)
+        status = rx_lab_rows_add(&w->table[RX_FLUXES_OBJECT], n, &row, err);
+    for (long i = 0; status == RX_OK && i < o->n; i++) {
+        const rx_lab_object *one = &o->list[i], *other = one->partner >= 0 ? &o->list[one->partner] : one;
+        if (one->role != RX_LISTED)
+            continue;
+        row[RX_PROP_SNR] = one->snr;
+        row[RX_PROP_GALAXY] = one->galaxy;
+        row[RX_PROP_BLEND_STATE] = one->company;
+        row[RX_PROP_BOUND] = one->bound;
+        if (other != one && other->role == RX_LISTED)
+            row[RX_PROP_PARTNER] = (double)(number[one->partner] - number[i]);
+        row[RX_PROP_APART] = hypot(one->x - other->x, one->y - other->y) / w->sky->fwhm;
+        row[RX_PROP_MAGS] = 2.5 * log10(other->flux / one->flux);
+        row += w->table[RX_FLUXES_OBJECT].width;
     }
-    if (status == RX_OK)
-        *dst = state;
-    else
-        close_state(state);
+    free(number);
     return status;
 }
 
-/* --- facts, plan, units --- */
-
-static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
+static void finding_free(finding *f)
 {
-    const rx_fluxes_state *state = pointer;
-    const rx_simulation *simulation = rx_fluxes_sky(state, 0, state->scene[0])->simulation;
-    rx_status status = rx_facts_model(state->options->model, dst, err);
-    return status == RX_OK ? rx_facts_templates(simulation->templates, dst, err) : status;
+    free(f->x);
+    free(f->y);
+    free(f->use);
+    rx_matches_free(&f->matches);
 }
 
-static long units(const void *state)
+static rx_status finding_make(const work *w, int run, const rx_sources *sources, finding *f, rx_error *err)
 {
-    return rx_fluxes_units(state);
+    const size_t m = (size_t)sources->n;
+    const rx_image image = rx_field_observed(w->tile.field);
+    const rx_sift sift = {.before = w->sky->before[run],
+                          .after = sources,
+                          .image = &image,
+                          .injected = w->tile.light,
+                          .radius = w->radius};
+    *f = (finding){sources, RX_NEW(double, m), RX_NEW(double, m), RX_NEW(unsigned char, m), {0}};
+    if (f->x == NULL || f->y == NULL || f->use == NULL)
+        return rx_error_memory(err, 2 * m * sizeof *f->x);
+    for (size_t i = 0; i < m; i++) {
+        f->x[i] = sources->list[i].x;
+        f->y[i] = sources->list[i].y;
+        f->use[i] = 1;
+    }
+    if (w->scene == RX_SCENE_INJECTED)
+        RX_TRY(rx_selfcheck_sift(&sift, f->use, err));
+    return rx_lab_match(&w->tile.objects, &(rx_match_list){sources->n, f->x, f->y, f->use}, w->radius,
+                        &f->matches, err);
 }
 
-static rx_status prepare(void *pointer, rx_log *log, rx_error *err)
+/* Is object i found, within that distance. */
+static int near_enough(const work *w, const finding *f, long i, double distance)
 {
-    rx_fluxes_state *state = pointer;
-    return state->ground.field != NULL ? rx_fluxes_ground_search(state, log, err) : RX_OK;
+    const rx_lab_object *o = &w->tile.objects.list[i];
+    const long k = f->matches.found[i];
+    return k >= 0 && hypot(f->x[k] - o->x, f->y[k] - o->y) <= distance;
 }
 
-static rx_status do_unit(const void *state, long unit, const rx_unit_values *done, rx_unit_values *dst,
-                         rx_error *err)
+/* An object and the one that it is blended with, both found, each nearer than half their separation. */
+static int resolved(const work *w, const finding *f, long i)
+{
+    const rx_lab_object *o = &w->tile.objects.list[i];
+    if (o->partner < 0)
+        return 0;
+    const rx_lab_object *other = &w->tile.objects.list[o->partner];
+    const double half = 0.5 * hypot(o->x - other->x, o->y - other->y);
+    return near_enough(w, f, i, half) && near_enough(w, f, o->partner, half);
+}
+
+/* Detections on a galaxy, all (0) or those without the mark (1): those that it is the nearest object of. */
+static void count_pieces(const work *w, const finding *f, long i, double pieces[2])
+{
+    const rx_lab_objects *o = &w->tile.objects;
+    for (int k = 0; k < f->sources->n; k++) {
+        long nearest = -1;
+        double least = HUGE_VAL;
+        for (long j = 0; j < o->n; j++) {
+            const double d = hypot(f->x[k] - o->list[j].x, f->y[k] - o->list[j].y);
+            if (d < least) {
+                least = d;
+                nearest = j;
+            }
+        }
+        if (nearest == i && least <= PIECE_RADII * o->list[i].radius + PIECE_FWHM * w->sky->fwhm) {
+            pieces[0]++;
+            pieces[1] += !rx_source_is_spurious(&f->sources->list[k]);
+        }
+    }
+}
+
+static void fill_object(const work *w, const finding *f, long i, double *row)
+{
+    const long found = f->matches.found[i];
+    const double truth = w->tile.objects.list[i].flux;
+    for (int k = 0; k < RX_BOTH; k++)
+        row[k] = NAN;
+    if (found >= 0) {
+        const rx_source *s = &f->sources->list[found];
+        const double flux[] = {s->flux_auto, s->flux_aper[0], s->flux_aper[1], s->fit.flux};
+        const double error[] = {s->fluxerr_auto, s->fluxerr_aper[0], s->fluxerr_aper[1], s->fit.fluxerr};
+        row[RX_FOUND] = (s->fit.restore & RX_RESTORE_ADDED ? 2 : 0) + (rx_source_is_spurious(s) ? 1 : 0);
+        for (int k = 0; k < RX_FLUX_KINDS; k++) {
+            row[RX_RATIO + k] = flux[k] / truth;
+            row[RX_ERROR + k] = error[k] / truth;
+        }
+    }
+    row[RX_BOTH] = resolved(w, f, i);
+    if (w->scene == RX_SCENE_SHREDS)
+        count_pieces(w, f, i, &row[RX_PIECES]);
+}
+
+static void fill_tallies(const work *w, const finding *f, double *tally)
+{
+    for (int k = 0; k < f->sources->n; k++) {
+        const rx_source *s = &f->sources->list[k];
+        const int kept = !rx_source_is_spurious(s);
+        if (f->matches.outcome[k] == RX_IS_FALSE) {
+            tally[RX_TALLY_FALSE]++;
+            tally[RX_TALLY_FALSE_KEPT] += kept;
+        }
+        if (f->matches.outcome[k] != RX_IS_RIGHT)
+            continue;
+        const double snr = w->tile.objects.list[f->matches.taken[k]].snr;
+        tally[RX_TALLY_RIGHT]++;
+        tally[RX_TALLY_RIGHT_KEPT] += kept;
+        tally[RX_TALLY_ADDED] += (s->fit.restore & RX_RESTORE_ADDED) != 0;
+        if (snr >= STRONG) {
+            tally[RX_TALLY_STRONG]++;
+            tally[RX_TALLY_STRONG_KEPT] += kept;
+        } else if (snr >= WEAK) {
+            tally[RX_TALLY_WEAK]++;
+            tally[RX_TALLY_WEAK_KEPT] += kept;
+        }
+    }
+}
+
+static rx_status measure(const work *w, int run, rx_error *err)
+{
+    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
+    rx_result result;
+    finding f;
+    long row = 0;
+    RX_TRY(rx_field_extract(&options.pipeline, w->lab->run[run].restorer, w->tile.field, NULL, NULL, &result,
+                            err));
+    rx_status status = finding_make(w, run, result.sources, &f, err);
+    for (long i = 0; status == RX_OK && i < w->tile.objects.n; i++)
+        if (w->tile.objects.list[i].role == RX_LISTED)
+            fill_object(w, &f, i, rx_lab_each(&w->table[RX_FLUXES_OBJECT], row++, run));
+    if (status == RX_OK)
+        fill_tallies(w, &f, rx_lab_each(&w->table[RX_FLUXES_TILE], 0, run));
+    finding_free(&f);
+    rx_result_free(&result);
+    return status;
+}
+
+rx_status rx_fluxes_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                         rx_lab_table *dst, rx_error *err)
 {
     (void)done;
-    return rx_fluxes_unit(state, unit, dst, err);
+    work w = {
+        .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
+    RX_TRY(rx_lab_tile_make(lab, unit, &w.tile, err));
+    rx_status status = rx_quality_radius(&lab->options->check.quality, w.tile.field->tile, &w.radius, err);
+    if (w.scene == RX_SCENE_SHREDS) /* the middle of a large galaxy is a wide place */
+        w.radius = fmax(w.radius, w.sky->fwhm);
+    if (status == RX_OK)
+        status = add_props(&w, err);
+    for (int k = 0; k < lab->nruns && status == RX_OK; k++)
+        status = measure(&w, k, err);
+    rx_lab_tile_free(&w.tile);
+    return status;
 }
 
-/* --- results --- */
-
-static rx_status size_set(const rx_fluxes_state *state, const rx_unit_values *tiles, rx_fluxes_set *set,
-                          rx_error *err)
+rx_status rx_fluxes_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
-    long n = 0;
-    for (long t = 0; t < state->ntiles; t++)
-        n += (long)tiles[t].v[0];
-    int failed = (set->prop = RX_NEW(float, RX_FLUXES_PROPS *(size_t)n + 1)) == NULL;
-    for (int r = 0; r < state->nruns; r++)
-        failed |= (set->run[r] = RX_NEW(float, RX_FLUXES_COLUMNS *(size_t)n + 1)) == NULL;
-    return failed ? rx_error_memory(err, (size_t)n * RX_FLUXES_COLUMNS * sizeof(float)) : RX_OK;
-}
-
-/* A tile's objects behind those of the tiles before; partners are counted on. */
-static void take_tile(const rx_fluxes_state *state, const rx_unit_values *tile, rx_fluxes_set *set)
-{
-    const double *v = tile->v;
-    const long n = (long)v[0];
-    set->mpixels += v[1];
-    v += 2;
-    for (long i = set->n; i < set->n + n; i++) {
-        float *prop = set->prop + i * RX_FLUXES_PROPS;
-        for (int p = 0; p < RX_FLUXES_PROPS; p++)
-            prop[p] = (float)*v++;
-        if (prop[RX_PROP_PARTNER] >= 0)
-            prop[RX_PROP_PARTNER] += (float)set->n;
-    }
-    for (int r = 0; r < state->nruns; r++) {
-        for (long i = 0; i < RX_FLUXES_COLUMNS * n; i++)
-            set->run[r][RX_FLUXES_COLUMNS * set->n + i] = (float)*v++;
-        for (int t = 0; t < RX_FLUXES_TALLIES; t++)
-            set->tally[r][t] += *v++;
-    }
-    set->n += n;
-}
-
-static void describe(const rx_fluxes_state *state, rx_fluxes_results *dst)
-{
-    const rx_simulate_config *sim = state->config->sim;
-    const rx_detection_sky *sky = rx_fluxes_sky(state, 0, state->scene[0]);
-    const rx_scene_params *scene = &sky->simulation->scene;
-    const int injected = state->scene[0] == RX_FLUXES_INJECTED;
+    (void)all;
+    (void)err;
+    const rx_simulate_config *sim = lab->config->sim;
+    const rx_lab_sky *sky = lab->sky;
+    const int injected = lab->scene[0].id == RX_SCENE_INJECTED;
     snprintf(
-        dst->about, sizeof dst->about,
+        lab->about, sizeof lab->about,
         "%s %d x %d pixels, %ld tiles per scene and condition; PSF %s, %s%s; sky noise %.4g ADU, gain %g; "
         "per Mpixel %g stars of %g to %g mag and %g galaxies of %g to %g mag",
-        injected ? "objects added to a real tile of" : "simulated tiles of", scene->width, scene->height,
-        state->ntiles, sky->simulation->optics->description,
+        injected ? "objects added to a real tile of" : "simulated tiles of", sky->simulation->scene.width,
+        sky->simulation->scene.height, lab->ntiles, sky->simulation->optics->description,
         injected ? "measured on it" : "known to the restorers (with the error named, where there is one)",
         injected || strcmp(sim->noise_type, "CCD") == 0 ? "" : ", no photon noise", sky->sigma,
         sky->simulation->noise.gain, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1],
         sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+    return RX_OK;
 }
-
-static rx_status collect(const rx_fluxes_state *state, const rx_unit_values *all, rx_fluxes_results *dst,
-                         rx_error *err)
-{
-    const int nsets = state->nconditions * state->nscenes;
-    rx_status status = RX_OK;
-    dst->nruns = state->nruns;
-    for (int r = 0; r < state->nruns; r++)
-        snprintf(dst->run[r], sizeof dst->run[r], "%s", state->run[r]->name);
-    dst->nscenes = state->nscenes;
-    dst->truth_snr = state->config->truth_snr;
-    dst->aperture = state->options->pipeline.measure.aperture_diameter[0];
-    describe(state, dst);
-    dst->condition = RX_NEW(rx_condition, (size_t)state->nconditions);
-    dst->set = RX_NEW(rx_fluxes_set, (size_t)nsets);
-    if (dst->condition == NULL || dst->set == NULL)
-        return rx_error_memory(err, (size_t)nsets * sizeof *dst->set);
-    dst->nconditions = state->nconditions;
-    memcpy(dst->condition, state->condition, (size_t)state->nconditions * sizeof *dst->condition);
-    for (int k = 0; k < nsets && status == RX_OK; k++) {
-        const rx_unit_values *tiles = all + k * state->ntiles;
-        rx_fluxes_set *set = &dst->set[k];
-        set->scene = state->scene[k % state->nscenes];
-        set->fwhm = rx_fluxes_sky(state, k / state->nscenes, set->scene)->fwhm;
-        set->ntiles = state->ntiles;
-        status = size_set(state, tiles, set, err);
-        for (long t = 0; t < state->ntiles && status == RX_OK; t++)
-            take_tile(state, &tiles[t], set);
-    }
-    return status;
-}
-
-void rx_fluxes_results_free(rx_fluxes_results *results)
-{
-    if (results == NULL)
-        return;
-    for (int k = 0; results->set != NULL && k < results->nconditions * results->nscenes; k++) {
-        for (int r = 0; r < RX_FLUXES_RUNS; r++)
-            free(results->set[k].run[r]);
-        free(results->set[k].prop);
-    }
-    free(results->set);
-    free(results->condition);
-    free(results);
-}
-
-static rx_status report(const void *state, const rx_unit_values *all, const rx_campaign_record *record,
-                        const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
-{
-    rx_fluxes_results *results = RX_NEW(rx_fluxes_results, 1);
-    if (results == NULL)
-        return rx_error_memory(err, sizeof *results);
-    rx_status status = collect(state, all, results, err);
-    if (status == RX_OK)
-        status = rx_fluxes_report(results, record, folder, shown, log, brief, err);
-    rx_fluxes_results_free(results);
-    return status;
-}
-
-const rx_campaign_kind rx_kind_fluxes = {.name = "FLUXES",
-                                         .title = "Campaign of fluxes",
-                                         .open = open_state,
-                                         .close = close_state,
-                                         .facts = facts,
-                                         .units = units,
-                                         .prepare = prepare,
-                                         .unit = do_unit,
-                                         .report = report};

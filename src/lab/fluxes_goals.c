@@ -107,20 +107,20 @@ static const char *kind_name(int galaxy)
     return galaxy ? "galaxies" : "stars";
 }
 
-static void place_words(const rx_fluxes_results *r, const rx_fluxes_place *p, char *dst, size_t size)
+static void place_words(const rx_lab *r, const rx_fluxes_place *p, char *dst, size_t size)
 {
     char condition[96];
-    rx_fluxes_condition_name(r, p->condition, condition, sizeof condition);
-    snprintf(dst, size, "%s of %s, %s, S/N %s", kind_name(p->galaxy),
-             rx_fluxes_scene_name(r->set[p->scene].scene), condition, rx_snr_bin_get(p->bin)->name);
+    rx_lab_condition_name(r, p->condition, condition, sizeof condition);
+    snprintf(dst, size, "%s of %s, %s, S/N %s", kind_name(p->galaxy), rx_scene_name(r->scene[p->scene].id),
+             condition, rx_snr_bin_get(p->bin)->name);
 }
 
 /* The population on a tile whose restorers are told the truth. */
-static int counts(const rx_fluxes_results *r, int condition, int scene)
+static int counts(const rx_lab *r, int condition, int scene)
 {
-    const rx_fluxes_scene kind = r->set[scene].scene;
-    return rx_condition_true(&r->condition[condition]) &&
-           (kind == RX_FLUXES_FIELD || kind == RX_FLUXES_PAIRS || kind == RX_FLUXES_INJECTED);
+    const rx_scene_id kind = r->scene[scene].id;
+    return rx_condition_true(&r->sky[condition].condition) &&
+           (kind == RX_SCENE_FIELD || kind == RX_SCENE_MIXED_PAIRS || kind == RX_SCENE_INJECTED);
 }
 
 /* One number of TEMPLATE's cell of every scene and seeing. */
@@ -130,12 +130,12 @@ static void judge_cells(const rx_fluxes_numbers *m, judge *j, rx_fluxes_place p,
     char where[160];
     p.run = j->verdict->run;
     p.flux = RX_FLUX_TEMPLATE;
-    for (p.condition = 0; p.condition < m->results->nconditions; p.condition++)
-        for (p.scene = 0; p.scene < m->results->nscenes; p.scene++)
+    for (p.condition = 0; p.condition < m->lab->nconditions; p.condition++)
+        for (p.scene = 0; p.scene < m->lab->nscenes; p.scene++)
             for (p.galaxy = 0; p.galaxy < kinds; p.galaxy++) {
-                if (!counts(m->results, p.condition, p.scene))
+                if (!counts(m->lab, p.condition, p.scene))
                     continue;
-                place_words(m->results, &p, where, sizeof where);
+                place_words(m->lab, &p, where, sizeof where);
                 hold(j, number(rx_fluxes_cell_of(m, &p)), where);
             }
 }
@@ -169,7 +169,7 @@ static rx_estimate over(const rx_estimate *e, double other)
 /* Against the least of all other fluxes in the same bin, on the same stars. */
 static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
 {
-    const rx_fluxes_results *r = m->results;
+    const rx_lab *r = m->lab;
     char where[160], name[64];
     rx_fluxes_place p = {.sample = RX_SAMPLE_COMMON, .crowd = RX_CROWD_ISOLATED};
     for (p.condition = 0; p.condition < r->nconditions; p.condition++)
@@ -184,7 +184,7 @@ static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
                         const double other = rx_fluxes_cell_of(m, &p)->magerr.value;
                         if (other < best) {
                             best = other;
-                            snprintf(name, sizeof name, ", against %s %s", r->run[p.run],
+                            snprintf(name, sizeof name, ", against %s %s", r->run[p.run].name,
                                      rx_flux_name(p.flux));
                         }
                     }
@@ -204,9 +204,9 @@ static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
 static double best_auto(const rx_fluxes_numbers *m, rx_pair_place p)
 {
     double best = HUGE_VAL;
-    for (p.run = 0; p.run < m->results->nruns; p.run++) {
+    for (p.run = 0; p.run < m->lab->nruns; p.run++) {
         const rx_estimate *other = &rx_pair_cell_of(m, &p, RX_FLUX_AUTO)->size;
-        const char *name = m->results->run[p.run];
+        const char *name = m->lab->run[p.run].name;
         const int rival = strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0;
         if (rival && other->n >= FEWEST)
             best = fmin(best, other->value);
@@ -216,7 +216,7 @@ static double best_auto(const rx_fluxes_numbers *m, rx_pair_place p)
 
 static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
 {
-    const rx_fluxes_results *r = m->results;
+    const rx_lab *r = m->lab;
     char where[160], condition[96];
     rx_pair_place p = {.sample = RX_SAMPLE_DETECTED, .run = j->verdict->run};
     for (p.condition = 0; p.condition < r->nconditions; p.condition++)
@@ -225,7 +225,7 @@ static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
                 const double best = best_auto(m, p);
                 if (!counts(r, p.condition, p.scene) || !isfinite(best))
                     continue;
-                rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                rx_lab_condition_name(r, p.condition, condition, sizeof condition);
                 snprintf(where, sizeof where, "%s, %g to %g FWHM", condition, RX_PAIR_EDGE[p.bin],
                          RX_PAIR_EDGE[p.bin + 1]);
                 const rx_estimate ratio = over(&rx_pair_cell_of(m, &p, RX_FLUX_TEMPLATE)->size, best);
@@ -273,7 +273,7 @@ static void judge_goal(const rx_fluxes_numbers *m, judge *j)
 
 void rx_fluxes_verdicts(const rx_fluxes_numbers *m, rx_goal_verdict *verdicts)
 {
-    const int runs = m->results->nruns;
+    const int runs = m->lab->nruns;
     for (int i = 0; i < RX_FLUXES_GOALS * runs; i++) {
         judge j = {.verdict = &verdicts[i]};
         verdicts[i] = (rx_goal_verdict){.goal = (rx_fluxes_goal)(i / runs), .run = i % runs};

@@ -39,7 +39,7 @@ const char *rx_fluxes_sample_name(int sample)
 
 /* --- where things are --- */
 
-static size_t cell_count(const rx_fluxes_results *r)
+static size_t cell_count(const rx_lab *r)
 {
     return (size_t)r->nconditions * (size_t)r->nscenes * RX_SAMPLES * 2 * RX_CROWDS * RX_SNR_BINS *
            (size_t)r->nruns * RX_FLUX_KINDS;
@@ -47,7 +47,7 @@ static size_t cell_count(const rx_fluxes_results *r)
 
 static rx_fluxes_cell *cell_at(const rx_fluxes_numbers *m, const rx_fluxes_place *p)
 {
-    const rx_fluxes_results *r = m->results;
+    const rx_lab *r = m->lab;
     size_t i = (size_t)p->condition * (size_t)r->nscenes + (size_t)p->scene;
     i = (i * RX_SAMPLES + (size_t)p->sample) * 2 + (size_t)p->galaxy;
     i = (i * RX_CROWDS + (size_t)p->crowd) * RX_SNR_BINS + (size_t)p->bin;
@@ -59,7 +59,7 @@ const rx_fluxes_cell *rx_fluxes_cell_of(const rx_fluxes_numbers *m, const rx_flu
     return cell_at(m, place);
 }
 
-static size_t pair_index(const rx_fluxes_results *r, const rx_pair_place *p)
+static size_t pair_index(const rx_lab *r, const rx_pair_place *p)
 {
     size_t i = (size_t)p->condition * (size_t)r->nscenes + (size_t)p->scene;
     i = (i * RX_PAIR_SAMPLES + (size_t)p->sample) * RX_PAIR_BINS + (size_t)p->bin;
@@ -68,27 +68,19 @@ static size_t pair_index(const rx_fluxes_results *r, const rx_pair_place *p)
 
 const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *m, const rx_pair_place *p, rx_flux_kind flux)
 {
-    return &m->pair[pair_index(m->results, p) * RX_FLUX_KINDS + (size_t)flux];
+    return &m->pair[pair_index(m->lab, p) * RX_FLUX_KINDS + (size_t)flux];
 }
 
 const rx_estimate *rx_pair_share(const rx_fluxes_numbers *m, const rx_pair_place *p)
 {
-    return &m->both[pair_index(m->results, p)];
+    return &m->both[pair_index(m->lab, p)];
 }
 
 const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *m, int condition, int scene, int run)
 {
-    return &m->invented[((size_t)condition * (size_t)m->results->nscenes + (size_t)scene) *
-                            (size_t)m->results->nruns +
+    return &m->invented[((size_t)condition * (size_t)m->lab->nscenes + (size_t)scene) *
+                            (size_t)m->lab->nruns +
                         (size_t)run];
-}
-
-void rx_fluxes_condition_name(const rx_fluxes_results *r, int condition, char *dst, size_t size)
-{
-    rx_condition named = r->condition[condition];
-    if (!(named.fwhm > 0))
-        named.fwhm = r->set[condition * r->nscenes].fwhm;
-    rx_condition_name(&named, dst, size);
 }
 
 /* --- statistics --- */
@@ -165,16 +157,21 @@ static void finish_cell(lists *l, int with_bound, rx_fluxes_cell *dst)
     dst->scatter.high *= MAG;
 }
 
-static const float *column(const rx_fluxes_set *set, int run, long i)
+static const double *column(const rx_lab_table *object, int run, long i)
 {
-    return set->run[run] + i * RX_FLUXES_COLUMNS;
+    return rx_lab_each(object, i, run);
+}
+
+static const rx_lab_table *objects_of(const rx_lab *r, int condition, int scene)
+{
+    return &rx_lab_set_of(r, condition, scene)->table[RX_FLUXES_OBJECT];
 }
 
 /* Found by that run, with all its fluxes. */
-static int measured(const rx_fluxes_set *set, int run, long i, rx_fluxes_sample sample)
+static int measured(const rx_lab_table *set, int run, long i, rx_fluxes_sample sample)
 {
-    const float *v = column(set, run, i);
-    const double state = (double)v[RX_FOUND]; /* NAN, not found, fails both */
+    const double *v = column(set, run, i);
+    const double state = v[RX_FOUND]; /* NAN, not found, fails both */
     int finite = sample == RX_SAMPLE_ALL ? state >= 0 : state < 2;
     for (int k = 0; k < RX_FLUX_KINDS; k++)
         finite = finite && isfinite(v[RX_RATIO + k]);
@@ -182,22 +179,22 @@ static int measured(const rx_fluxes_set *set, int run, long i, rx_fluxes_sample 
 }
 
 /* Is object i in the sample. */
-static int takes_part(const rx_fluxes_results *r, const rx_fluxes_set *set, const rx_fluxes_place *p, long i)
+static int takes_part(const rx_lab *r, const rx_lab_table *set, const rx_fluxes_place *p, long i)
 {
-    const float *prop = set->prop + i * RX_FLUXES_PROPS;
+    const double *prop = rx_lab_own(set, i);
     const rx_snr_bin *bin = rx_snr_bin_get(p->bin);
     const rx_blend_state company = (rx_blend_state)prop[RX_PROP_BLEND_STATE];
     const rx_blend_state asked = p->crowd == RX_CROWD_ISOLATED  ? RX_ISOLATED
                                  : p->crowd == RX_CROWD_NEITHER ? RX_NEITHER
                                                                 : RX_BLENDED;
-    if ((int)prop[RX_PROP_GALAXY] != p->galaxy || company != asked ||
-        !((double)prop[RX_PROP_SNR] >= bin->low) || !((double)prop[RX_PROP_SNR] < bin->high))
+    if ((int)prop[RX_PROP_GALAXY] != p->galaxy || company != asked || !(prop[RX_PROP_SNR] >= bin->low) ||
+        !(prop[RX_PROP_SNR] < bin->high))
         return 0;
     for (int run = 0; run < r->nruns; run++) {
         if (p->sample != RX_SAMPLE_COMMON && run != p->run)
             continue;
         if (!measured(set, run, i, p->sample) ||
-            (p->crowd == RX_CROWD_APART && !((double)column(set, run, i)[RX_BOTH] > 0.5)))
+            (p->crowd == RX_CROWD_APART && !(column(set, run, i)[RX_BOTH] > 0.5)))
             return 0;
     }
     return 1;
@@ -205,17 +202,17 @@ static int takes_part(const rx_fluxes_results *r, const rx_fluxes_set *set, cons
 
 static void fill_cell(const rx_fluxes_numbers *m, const rx_fluxes_place *p, lists *l)
 {
-    const rx_fluxes_results *r = m->results;
-    const rx_fluxes_set *set = &r->set[p->condition * r->nscenes + p->scene];
+    const rx_lab *r = m->lab;
+    const rx_lab_table *set = objects_of(r, p->condition, p->scene);
     l->n = l->npulls = 0;
     for (long i = 0; i < set->n; i++) {
         if (!takes_part(r, set, p, i))
             continue;
-        const float *v = column(set, p->run, i);
-        const double ratio = (double)v[RX_RATIO + p->flux], error = (double)v[RX_ERROR + p->flux];
+        const double *v = column(set, p->run, i);
+        const double ratio = v[RX_RATIO + p->flux], error = v[RX_ERROR + p->flux];
         l->ratio[l->n] = ratio;
         l->magerr[l->n] = 100 * fabs(ratio - 1);
-        l->bound[l->n++] = (ratio - 1) / (double)set->prop[i * RX_FLUXES_PROPS + RX_PROP_BOUND];
+        l->bound[l->n++] = (ratio - 1) / rx_lab_own(set, i)[RX_PROP_BOUND];
         if (error > 0 && isfinite(error))
             l->pull[l->npulls++] = (ratio - 1) / error;
     }
@@ -228,7 +225,7 @@ static void fill_set(const rx_fluxes_numbers *m, int condition, int scene, lists
         for (int galaxy = 0; galaxy < 2; galaxy++)
             for (int crowd = 0; crowd < RX_CROWDS; crowd++)
                 for (int bin = 0; bin < RX_SNR_BINS; bin++)
-                    for (int run = 0; run < m->results->nruns; run++)
+                    for (int run = 0; run < m->lab->nruns; run++)
                         for (int flux = 0; flux < RX_FLUX_KINDS; flux++)
                             fill_cell(m,
                                       &(rx_fluxes_place){condition, scene, (rx_fluxes_sample)sample, galaxy,
@@ -239,15 +236,12 @@ static void fill_set(const rx_fluxes_numbers *m, int condition, int scene, lists
 /* --- pairs --- */
 
 /* The other member when i is the first of a pair of that bin, else -1. */
-static long second_of(const rx_fluxes_set *set, long i, int bin)
+static long second_of(const rx_lab_table *set, long i, int bin)
 {
-    const float *prop = set->prop + i * RX_FLUXES_PROPS;
-    const long other = (long)prop[RX_PROP_PARTNER];
-    const double apart = (double)prop[RX_PROP_APART];
-    return set->scene == RX_FLUXES_PAIRS && other > i && apart >= RX_PAIR_EDGE[bin] &&
-                   apart < RX_PAIR_EDGE[bin + 1]
-               ? other
-               : -1;
+    const double *prop = rx_lab_own(set, i);
+    const long further = (long)prop[RX_PROP_PARTNER];
+    const double apart = prop[RX_PROP_APART];
+    return further > 0 && apart >= RX_PAIR_EDGE[bin] && apart < RX_PAIR_EDGE[bin + 1] ? i + further : -1;
 }
 
 static double least(double ratio)
@@ -256,7 +250,7 @@ static double least(double ratio)
 }
 
 /* Pairs of one place; *all of them, of which l holds one flux of the n that are told apart. */
-static long take_pairs(const rx_fluxes_set *set, const rx_pair_place *p, int flux, lists *l, long *all)
+static long take_pairs(const rx_lab_table *set, const rx_pair_place *p, int flux, lists *l, long *all)
 {
     long n = 0;
     *all = 0;
@@ -264,13 +258,13 @@ static long take_pairs(const rx_fluxes_set *set, const rx_pair_place *p, int flu
         const long k = second_of(set, i, p->bin);
         if (k < 0)
             continue;
-        const float *a = column(set, p->run, i), *b = column(set, p->run, k);
+        const double *a = column(set, p->run, i), *b = column(set, p->run, k);
         ++*all;
-        if (!((double)a[RX_BOTH] > 0.5) || !measured(set, p->run, i, p->sample) ||
+        if (!(a[RX_BOTH] > 0.5) || !measured(set, p->run, i, p->sample) ||
             !measured(set, p->run, k, p->sample))
             continue;
-        const double ra = (double)a[RX_RATIO + flux], rb = (double)b[RX_RATIO + flux];
-        const double share = pow(10, 0.4 * (double)set->prop[i * RX_FLUXES_PROPS + RX_PROP_MAGS]);
+        const double ra = a[RX_RATIO + flux], rb = b[RX_RATIO + flux];
+        const double share = pow(10, 0.4 * rx_lab_own(set, i)[RX_PROP_MAGS]);
         const double off = -2.5 * log10(least(rb) / least(ra));
         l->ratio[n] = off;
         l->bound[n] = fabs(off);
@@ -281,12 +275,13 @@ static long take_pairs(const rx_fluxes_set *set, const rx_pair_place *p, int flu
 
 static void fill_pairs(const rx_fluxes_numbers *m, const rx_pair_place *p, lists *l)
 {
-    const rx_fluxes_results *r = m->results;
-    const rx_fluxes_set *set = &r->set[p->condition * r->nscenes + p->scene];
+    const rx_lab *r = m->lab;
+    const rx_lab_table *set = objects_of(r, p->condition, p->scene);
     const size_t index = pair_index(r, p);
     for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
-        long all;
-        const long n = take_pairs(set, p, flux, l, &all);
+        long all = 0;
+        const int pairs = r->scene[p->scene].id == RX_SCENE_MIXED_PAIRS;
+        const long n = !pairs ? 0 : take_pairs(set, p, flux, l, &all);
         rx_pair_cell *cell = &m->pair[index * RX_FLUX_KINDS + (size_t)flux];
         rx_estimate unused;
         robust(l->ratio, n, &cell->ratio, &cell->scatter);
@@ -299,20 +294,26 @@ static void fill_pairs(const rx_fluxes_numbers *m, const rx_pair_place *p, lists
 /* --- invented sources --- */
 
 /* Mean number of detections on the galaxies that were found. */
-static rx_estimate pieces_of(const rx_fluxes_set *set, int run, int kept, lists *l)
+static rx_estimate pieces_of(const rx_lab_table *set, int run, int kept, lists *l)
 {
     long n = 0;
-    for (long i = 0; i < set->n && set->scene == RX_FLUXES_SHREDS; i++) {
-        const float *v = column(set, run, i);
+    for (long i = 0; i < set->n; i++) {
+        const double *v = column(set, run, i);
         if (!isnan(v[RX_FOUND]))
-            l->ratio[n++] = (double)v[RX_PIECES + kept];
+            l->ratio[n++] = v[RX_PIECES + kept];
     }
     return mean_of(l->ratio, n);
 }
 
-static void fill_invented(const rx_fluxes_set *set, int run, lists *l, rx_invented_cell *dst)
+static void fill_invented(const rx_lab *r, int condition, int scene, int run, lists *l, rx_invented_cell *dst)
 {
-    const double *t = set->tally[run];
+    const rx_lab_table *tile = &rx_lab_set_of(r, condition, scene)->table[RX_FLUXES_TILE];
+    double t[RX_FLUXES_TALLIES] = {0}, mpixels = 0;
+    for (long i = 0; i < tile->n; i++) {
+        mpixels += rx_lab_own(tile, i)[RX_FLUXES_MPIXELS];
+        for (int k = 0; k < RX_FLUXES_TALLIES; k++)
+            t[k] += rx_lab_each(tile, i, run)[k];
+    }
     const long weak = (long)t[RX_TALLY_WEAK], strong = (long)t[RX_TALLY_STRONG];
     dst->right[0] = (long)t[RX_TALLY_RIGHT];
     dst->right[1] = (long)t[RX_TALLY_RIGHT_KEPT];
@@ -320,9 +321,11 @@ static void fill_invented(const rx_fluxes_set *set, int run, lists *l, rx_invent
     dst->wrong[1] = (long)t[RX_TALLY_FALSE_KEPT];
     dst->added = (long)t[RX_TALLY_ADDED];
     for (int k = 0; k < 2; k++) {
-        dst->per_mpixel[k] = rx_poisson_rate(dst->wrong[k], set->mpixels, LEVEL);
+        dst->per_mpixel[k] = rx_poisson_rate(dst->wrong[k], mpixels, LEVEL);
         dst->precision[k] = rx_binomial_interval(dst->right[k], dst->right[k] + dst->wrong[k], LEVEL);
-        dst->pieces[k] = pieces_of(set, run, k, l);
+        dst->pieces[k] = r->scene[scene].id == RX_SCENE_SHREDS
+                             ? pieces_of(objects_of(r, condition, scene), run, k, l)
+                             : mean_of(l->ratio, 0);
     }
     dst->flagged_weak = rx_binomial_interval(weak - (long)t[RX_TALLY_WEAK_KEPT], weak, LEVEL);
     dst->flagged_strong = rx_binomial_interval(strong - (long)t[RX_TALLY_STRONG_KEPT], strong, LEVEL);
@@ -330,14 +333,16 @@ static void fill_invented(const rx_fluxes_set *set, int run, lists *l, rx_invent
 
 /* --- all --- */
 
-rx_status rx_fluxes_numbers_make(const rx_fluxes_results *r, rx_fluxes_numbers *dst, rx_error *err)
+rx_status rx_fluxes_numbers_make(const rx_lab *r, rx_fluxes_numbers *dst, rx_error *err)
 {
     const size_t sets = (size_t)r->nconditions * (size_t)r->nscenes, runs = (size_t)r->nruns;
     size_t most = 0;
     lists l = {0};
-    *dst = (rx_fluxes_numbers){.results = r};
+    *dst = (rx_fluxes_numbers){.lab = r};
     for (size_t s = 0; s < sets; s++)
-        most = (size_t)r->set[s].n > most ? (size_t)r->set[s].n : most;
+        most = (size_t)r->set[s].table[RX_FLUXES_OBJECT].n > most
+                   ? (size_t)r->set[s].table[RX_FLUXES_OBJECT].n
+                   : most;
     dst->cell = RX_NEW(rx_fluxes_cell, cell_count(r));
     dst->pair = RX_NEW(rx_pair_cell, sets * RX_PAIR_SAMPLES * RX_PAIR_BINS * runs * RX_FLUX_KINDS);
     dst->both = RX_NEW(rx_estimate, sets * RX_PAIR_SAMPLES * RX_PAIR_BINS * runs);
@@ -355,7 +360,7 @@ rx_status rx_fluxes_numbers_make(const rx_fluxes_results *r, rx_fluxes_numbers *
                         &(rx_pair_place){c, s, (rx_fluxes_sample)(k / RX_PAIR_BINS), k % RX_PAIR_BINS, run},
                         &l);
                 const size_t i = ((size_t)c * (size_t)r->nscenes + (size_t)s) * runs + (size_t)run;
-                fill_invented(&r->set[c * r->nscenes + s], run, &l, &dst->invented[i]);
+                fill_invented(r, c, s, run, &l, &dst->invented[i]);
             }
         }
     free(l.ratio);

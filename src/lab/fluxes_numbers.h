@@ -1,4 +1,4 @@
-/* Results of a campaign of fluxes, and everything that its report says, as numbers.
+/* Everything that the report of a campaign of fluxes says, as numbers.
  *
  * A cell holds objects of a kind, in a company, of a bin of true S/N, and one flux of one restorer, with
  * r = F / F0, F0 the true flux:
@@ -21,32 +21,9 @@
 #ifndef RX_LAB_FLUXES_NUMBERS_H
 #define RX_LAB_FLUXES_NUMBERS_H
 
-#include "lab/campaign_report.h"
 #include "lab/fluxes.h"
+#include "lab/record.h"
 #include "quality/binomial.h"
-
-/* The tiles of one scene under one condition. */
-typedef struct rx_fluxes_set {
-    rx_fluxes_scene scene;
-    double fwhm; /* true, pixels */
-    long ntiles, n;
-    double mpixels;
-    float *prop;                                     /* [n][RX_FLUXES_PROPS] */
-    float *run[RX_FLUXES_RUNS];                      /* [n][RX_FLUXES_COLUMNS] */
-    double tally[RX_FLUXES_RUNS][RX_FLUXES_TALLIES]; /* sums */
-} rx_fluxes_set;
-
-typedef struct rx_fluxes_results {
-    int nruns;
-    char run[RX_FLUXES_RUNS][RX_METHOD_NAME];
-    int nconditions, nscenes;
-    rx_condition *condition;    /* [nconditions] */
-    rx_fluxes_set *set;         /* [nconditions][nscenes] */
-    double truth_snr, aperture; /* diameter of the first aperture, pixels */
-    char about[600];
-} rx_fluxes_results;
-
-void rx_fluxes_results_free(rx_fluxes_results *results); /* and the struct itself */
 
 /* Bins of true S/N; those from RX_SNR_SINGLE on hold several others. */
 enum { RX_SNR_SINGLE = 6, RX_SNR_5_100 = 6, RX_SNR_ABOVE_10 = 7, RX_SNR_BINS = 8 };
@@ -112,14 +89,14 @@ typedef struct rx_invented_cell {
 } rx_invented_cell;
 
 typedef struct rx_fluxes_numbers {
-    const rx_fluxes_results *results;
+    const rx_lab *lab;
     rx_fluxes_cell *cell;
     rx_pair_cell *pair; /* [nconditions][nscenes][RX_PAIR_SAMPLES][RX_PAIR_BINS][nruns][RX_FLUX_KINDS] */
     rx_estimate *both;  /* share of the pairs, [nconditions][nscenes][RX_PAIR_SAMPLES][RX_PAIR_BINS][nruns] */
     rx_invented_cell *invented; /* [nconditions][nscenes][nruns] */
 } rx_fluxes_numbers;
 
-rx_status rx_fluxes_numbers_make(const rx_fluxes_results *results, rx_fluxes_numbers *dst, rx_error *err);
+rx_status rx_fluxes_numbers_make(const rx_lab *lab, rx_fluxes_numbers *dst, rx_error *err);
 void rx_fluxes_numbers_free(rx_fluxes_numbers *numbers); /* content only */
 
 const rx_fluxes_cell *rx_fluxes_cell_of(const rx_fluxes_numbers *numbers, const rx_fluxes_place *place);
@@ -132,9 +109,6 @@ const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *numbers, const rx_p
                                     rx_flux_kind flux);
 const rx_estimate *rx_pair_share(const rx_fluxes_numbers *numbers, const rx_pair_place *place);
 const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *numbers, int condition, int scene, int run);
-
-/* "FWHM 4, PSF +5 %"; of one seeing without a name: its width. */
-void rx_fluxes_condition_name(const rx_fluxes_results *results, int condition, char *dst, size_t size);
 
 /* What is held against a number: in FIELD, PAIRS and INJECTED, where restorers are told the truth. */
 typedef enum rx_fluxes_goal {
@@ -173,8 +147,6 @@ typedef struct rx_goal_verdict {
 void rx_fluxes_verdicts(const rx_fluxes_numbers *numbers, rx_goal_verdict *verdicts);
 void rx_goal_verdicts_free(int n, rx_goal_verdict *verdicts); /* content only */
 
-/* As rx_photometry_report(). */
-rx_status rx_fluxes_report(const rx_fluxes_results *results, const rx_campaign_record *record,
-                           const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err);
+rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 
 #endif

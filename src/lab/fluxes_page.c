@@ -4,27 +4,16 @@
 
 #include "lab/findings.h"
 #include "lab/fluxes_numbers.h"
+#include "lab/kinds.h"
 #include "report/page.h"
-
-static const char *const ABOUT[RX_FLUXES_SCENES] = {
-    [RX_FLUXES_FIELD] = "Stars and galaxies, all that the population puts on a tile.",
-    [RX_FLUXES_PAIRS] = "Pairs of stars or galaxies, up to 2 mag different, far from other pairs.",
-    [RX_FLUXES_BLANK] = "Noise without any object: all that is found is invented.",
-    [RX_FLUXES_RINGS] = "Bright stars and nothing else: what is found around them is invented.",
-    [RX_FLUXES_SHREDS] =
-        "Bright, large galaxies and nothing else: the detection nearest to the middle is the "
-        "galaxy, all other pieces are invented.",
-    [RX_FLUXES_INJECTED] =
-        "Stars and galaxies added to a real tile. What is on it already is neither right nor "
-        "wrong; its unresolved and undetected objects are part of the errors."};
 
 static int any_objects(const rx_fluxes_numbers *m, rx_fluxes_place p)
 {
     p.bin = 0;
     long n = 0;
-    for (p.condition = 0; p.condition < m->results->nconditions; p.condition++)
+    for (p.condition = 0; p.condition < m->lab->nconditions; p.condition++)
         for (p.bin = 0; p.bin < RX_SNR_BINS; p.bin++)
-            for (p.run = 0; p.run < m->results->nruns; p.run++)
+            for (p.run = 0; p.run < m->lab->nruns; p.run++)
                 n += rx_fluxes_cell_of(m, &p)->bias.n;
     return n > 0;
 }
@@ -106,7 +95,7 @@ typedef struct page {
 /* All objects of one kind and company on a scene. */
 static void add_cells(page *g, rx_fluxes_place p)
 {
-    const rx_fluxes_results *r = g->m->results;
+    const rx_lab *r = g->m->lab;
     char condition[96];
     for (p.condition = 0; p.condition < r->nconditions; p.condition++)
         for (p.bin = 0; p.bin < RX_SNR_BINS; p.bin++)
@@ -116,13 +105,13 @@ static void add_cells(page *g, rx_fluxes_place p)
                     const rx_fluxes_cell *c = rx_fluxes_cell_of(g->m, &p);
                     if (c->bias.n == 0)
                         continue;
-                    rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                    rx_lab_condition_name(r, p.condition, condition, sizeof condition);
                     rx_report_row(g->cells[p.sample],
-                                  (rx_cell[]){rx_cell_words(rx_fluxes_scene_name(r->set[p.scene].scene)),
+                                  (rx_cell[]){rx_cell_words(rx_scene_name(r->scene[p.scene].id)),
                                               rx_cell_words(p.galaxy ? "galaxy" : "star"),
                                               rx_cell_words(rx_crowd_name(p.crowd)), rx_cell_words(condition),
                                               rx_cell_words(rx_snr_bin_get(p.bin)->name),
-                                              rx_cell_words(r->run[p.run]),
+                                              rx_cell_words(r->run[p.run].name),
                                               rx_cell_words(rx_flux_name(p.flux)), rx_cell_estimate(c->bias),
                                               rx_cell_estimate(c->scatter), rx_cell_estimate(c->bound),
                                               rx_cell_estimate(c->pull), rx_cell_estimate(c->width),
@@ -174,7 +163,7 @@ static void add_crowd(page *g, int s, int galaxy, rx_crowd crowd)
 static void add_pairs(page *g, int s, rx_fluxes_sample sample)
 {
     static const rx_report_view how = {.rows = {"condition", "separation"}, .across = {"run", "flux"}};
-    const rx_fluxes_results *r = g->m->results;
+    const rx_lab *r = g->m->lab;
     const long from = rx_report_rows(g->pairs);
     rx_pair_place p = {.scene = s, .sample = sample};
     char condition[96], separation[32];
@@ -183,13 +172,13 @@ static void add_pairs(page *g, int s, rx_fluxes_sample sample)
             for (p.run = 0; p.run < r->nruns; p.run++)
                 for (int flux = 0; flux < RX_FLUX_KINDS; flux++) {
                     const rx_pair_cell *c = rx_pair_cell_of(g->m, &p, (rx_flux_kind)flux);
-                    rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+                    rx_lab_condition_name(r, p.condition, condition, sizeof condition);
                     snprintf(separation, sizeof separation, "%g to %g", RX_PAIR_EDGE[p.bin],
                              RX_PAIR_EDGE[p.bin + 1]);
                     rx_report_row(g->pairs,
                                   (rx_cell[]){rx_cell_words(rx_fluxes_sample_name(sample)),
                                               rx_cell_words(condition), rx_cell_words(separation),
-                                              rx_cell_words(r->run[p.run]),
+                                              rx_cell_words(r->run[p.run].name),
                                               rx_cell_words(rx_flux_name((rx_flux_kind)flux)),
                                               rx_cell_estimate(*rx_pair_share(g->m, &p)),
                                               rx_cell_estimate(c->size), rx_cell_estimate(c->ratio),
@@ -205,26 +194,26 @@ static void add_pairs(page *g, int s, rx_fluxes_sample sample)
 
 static void add_invented(page *g, int s)
 {
-    const rx_fluxes_results *r = g->m->results;
+    const rx_lab *r = g->m->lab;
     const long from = rx_report_rows(g->invented);
     char condition[96];
     for (int c = 0; c < r->nconditions; c++)
         for (int run = 0; run < r->nruns; run++) {
             const rx_invented_cell *v = rx_invented_of(g->m, c, s, run);
-            rx_fluxes_condition_name(r, c, condition, sizeof condition);
-            rx_report_row(
-                g->invented,
-                (rx_cell[]){rx_cell_words(rx_fluxes_scene_name(r->set[s].scene)), rx_cell_words(condition),
-                            rx_cell_words(r->run[run]), rx_cell_number((double)v->right[0]),
-                            rx_cell_number((double)v->wrong[0]), rx_cell_number((double)v->right[1]),
-                            rx_cell_number((double)v->wrong[1]), rx_cell_number((double)v->added),
-                            rx_cell_estimate(v->per_mpixel[0]), rx_cell_estimate(v->per_mpixel[1]),
-                            rx_cell_estimate(v->precision[0]), rx_cell_estimate(v->precision[1]),
-                            rx_cell_estimate(v->flagged_weak), rx_cell_estimate(v->flagged_strong),
-                            rx_cell_estimate(v->pieces[0]), rx_cell_estimate(v->pieces[1])});
+            rx_lab_condition_name(r, c, condition, sizeof condition);
+            rx_report_row(g->invented,
+                          (rx_cell[]){rx_cell_words(rx_scene_name(r->scene[s].id)), rx_cell_words(condition),
+                                      rx_cell_words(r->run[run].name), rx_cell_number((double)v->right[0]),
+                                      rx_cell_number((double)v->wrong[0]),
+                                      rx_cell_number((double)v->right[1]),
+                                      rx_cell_number((double)v->wrong[1]), rx_cell_number((double)v->added),
+                                      rx_cell_estimate(v->per_mpixel[0]), rx_cell_estimate(v->per_mpixel[1]),
+                                      rx_cell_estimate(v->precision[0]), rx_cell_estimate(v->precision[1]),
+                                      rx_cell_estimate(v->flagged_weak), rx_cell_estimate(v->flagged_strong),
+                                      rx_cell_estimate(v->pieces[0]), rx_cell_estimate(v->pieces[1])});
             rx_text_printf(rx_report_brief_of(g->f.report),
                            "%s %s %s: %ld true, %ld false; unmarked %ld true, %ld false\n",
-                           rx_fluxes_scene_name(r->set[s].scene), condition, r->run[run], v->right[0],
+                           rx_scene_name(r->scene[s].id), condition, r->run[run].name, v->right[0],
                            v->wrong[0], v->right[1], v->wrong[1]);
         }
     rx_report_show(
@@ -234,26 +223,32 @@ static void add_invented(page *g, int s)
 
 static void add_scene(page *g, int s)
 {
-    const rx_fluxes_results *r = g->m->results;
-    const rx_fluxes_scene scene = r->set[s].scene;
+    const rx_lab *r = g->m->lab;
+    const rx_scene_id scene = r->scene[s].id;
     char prefix[96];
-    rx_report_section(g->f.report, rx_fluxes_scene_name(scene), rx_fluxes_scene_name(scene));
-    snprintf(prefix, sizeof prefix, "%s-", rx_fluxes_scene_name(scene));
-    if (scene != RX_FLUXES_BLANK)
+    rx_report_section(g->f.report, rx_scene_name(scene), rx_scene_name(scene));
+    snprintf(prefix, sizeof prefix, "%s-", rx_scene_name(scene));
+    if (scene != RX_SCENE_BLANK)
         rx_report_place(g->f.report, prefix);
-    rx_report_paragraph(g->f.report, ABOUT[scene]);
+    rx_report_paragraph(g->f.report, rx_scene_about(scene));
     for (int c = 0; c < r->nconditions; c++) {
-        const rx_fluxes_set *set = &r->set[c * r->nscenes + s];
-        rx_fluxes_condition_name(r, c, prefix, sizeof prefix);
-        rx_report_row(g->sets, (rx_cell[]){rx_cell_words(prefix), rx_cell_words(rx_fluxes_scene_name(scene)),
-                                           rx_cell_number(set->fwhm), rx_cell_number((double)set->ntiles),
-                                           rx_cell_number((double)set->n), rx_cell_number(set->mpixels)});
+        const rx_lab_set *set = rx_lab_set_of(r, c, s);
+        const rx_lab_table *tile = &set->table[RX_FLUXES_TILE];
+        double mpixels = 0;
+        for (long t = 0; t < tile->n; t++)
+            mpixels += rx_lab_own(tile, t)[RX_FLUXES_MPIXELS];
+        rx_lab_condition_name(r, c, prefix, sizeof prefix);
+        rx_report_row(g->sets,
+                      (rx_cell[]){rx_cell_words(prefix), rx_cell_words(rx_scene_name(scene)),
+                                  rx_cell_number(r->sky[c].fwhm), rx_cell_number((double)set->ntiles),
+                                  rx_cell_number((double)set->table[RX_FLUXES_OBJECT].n),
+                                  rx_cell_number(mpixels)});
     }
-    if (scene == RX_FLUXES_PAIRS) {
+    if (scene == RX_SCENE_MIXED_PAIRS) {
         add_pairs(g, s, RX_SAMPLE_DETECTED);
         add_pairs(g, s, RX_SAMPLE_ALL);
     }
-    for (int crowd = 0; crowd < RX_CROWDS && scene != RX_FLUXES_BLANK; crowd++)
+    for (int crowd = 0; crowd < RX_CROWDS && scene != RX_SCENE_BLANK; crowd++)
         for (int galaxy = 0; galaxy < 2; galaxy++)
             add_crowd(g, s, galaxy, (rx_crowd)crowd);
     add_invented(g, s);
@@ -263,7 +258,7 @@ static void add_goals(page *g, const rx_goal_verdict *verdicts)
 {
     static const char *const columns[] = {"words", "run", "verdict"}, *const found[] = {"words", "run",
                                                                                         "verdict", "found"};
-    const int n = RX_FLUXES_GOALS * g->m->results->nruns;
+    const int n = RX_FLUXES_GOALS * g->m->lab->nruns;
     int held = 0, broken = 0;
     char word[32], sentence[96];
     for (int i = 0; i < n; i++) {
@@ -272,7 +267,7 @@ static void add_goals(page *g, const rx_goal_verdict *verdicts)
         broken += v->state == RX_GOAL_NOT_HELD;
         rx_findings_claim(&g->f, &(rx_finding_claim){.name = rx_goal_name(v->goal),
                                                      .words = rx_goal_words(v->goal),
-                                                     .run = g->m->results->run[v->run],
+                                                     .run = g->m->lab->run[v->run].name,
                                                      .verdict = rx_goal_state_name(v->state),
                                                      .found = v->said.data});
     }
@@ -317,7 +312,7 @@ enum { CURVES = 1 + RX_FLUXES_RUNS };
 /* Bias over S/N: TEMPLATE of every restorer, AUTO of the first. */
 static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
 {
-    const rx_fluxes_results *r = m->results;
+    const rx_lab *r = m->lab;
     static const double middle[RX_SNR_SINGLE] = {7.1, 14, 32, 71, 320, 2000};
     double data[CURVES][4][RX_SNR_SINGLE];
     rx_curve curves[CURVES];
@@ -326,7 +321,7 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
     for (int k = -1; k < r->nruns; k++, n++) {
         p.run = k < 0 ? 0 : k;
         p.flux = k < 0 ? RX_FLUX_AUTO : RX_FLUX_TEMPLATE;
-        snprintf(names[n], sizeof names[n], "%s %s", r->run[p.run], rx_flux_name(p.flux));
+        snprintf(names[n], sizeof names[n], "%s %s", r->run[p.run].name, rx_flux_name(p.flux));
         for (p.bin = 0; p.bin < RX_SNR_SINGLE; p.bin++) {
             const rx_estimate *e = &rx_fluxes_cell_of(m, &p)->bias;
             data[n][0][p.bin] = middle[p.bin] * (1 + 0.03 * n);
@@ -337,7 +332,7 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
         }
         curves[n] = (rx_curve){.name = names[n],
                                .kind = RX_CURVE_BARS,
-                               .color = rx_method_color(r->run[p.run]),
+                               .color = rx_method_color(r->run[p.run].name),
                                .dashed = k < 0,
                                .n = RX_SNR_SINGLE};
         curves[n].x = data[n][0];
@@ -348,11 +343,11 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
     if (points == 0)
         return;
     const rx_axes axes = {"S/N", "median error (mag)", 5, 4000, -0.1, 0.1, true, false};
-    rx_fluxes_condition_name(r, p.condition, condition, sizeof condition);
+    rx_lab_condition_name(r, p.condition, condition, sizeof condition);
     snprintf(title, sizeof title, "%s, %s, %s", p.galaxy ? "Galaxies" : "Stars", rx_crowd_name(p.crowd),
              condition);
-    snprintf(id, sizeof id, "%s-%d-%d-%d", rx_fluxes_scene_name(r->set[p.scene].scene), p.galaxy,
-             (int)p.crowd, p.condition);
+    snprintf(id, sizeof id, "%s-%d-%d-%d", rx_scene_name(r->scene[p.scene].id), p.galaxy, (int)p.crowd,
+             p.condition);
     rx_figure_add(dst, id, title, "", RX_FIGURE_CHART);
     rx_plot_curves(dst, &axes, n, curves);
 }
@@ -360,9 +355,9 @@ static void plot(rx_figures *dst, const rx_fluxes_numbers *m, rx_fluxes_place p)
 static void add_figures(rx_figures *dst, const rx_fluxes_numbers *m)
 {
     static const rx_crowd crowds[] = {RX_CROWD_ISOLATED, RX_CROWD_APART};
-    const rx_fluxes_results *r = m->results;
+    const rx_lab *r = m->lab;
     for (int s = 0; s < r->nscenes; s++)
-        for (int c = 0; c < r->nconditions && r->set[s].scene != RX_FLUXES_BLANK; c++)
+        for (int c = 0; c < r->nconditions && r->scene[s].id != RX_SCENE_BLANK; c++)
             for (int galaxy = 0; galaxy < 2; galaxy++)
                 for (int k = 0; k < 2 && dst->n < RX_FIGURES_MAX; k++) {
                     const rx_fluxes_place p = {.condition = c,
@@ -375,15 +370,14 @@ static void add_figures(rx_figures *dst, const rx_fluxes_numbers *m)
                 }
 }
 
-rx_status rx_fluxes_report(const rx_fluxes_results *results, const rx_campaign_record *record,
-                           const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
+rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_fluxes_numbers m = {0};
     rx_goal_verdict verdicts[RX_FLUXES_GOALS * RX_FLUXES_RUNS] = {0};
     page g = {.m = &m};
-    rx_status status = rx_fluxes_numbers_make(results, &m, err);
+    rx_status status = rx_fluxes_numbers_make(lab, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&g.f, "fluxes", results->about, record, err);
+        status = rx_findings_begin(&g.f, "fluxes", lab->about, output, err);
     if (status != RX_OK)
         goto exit;
     g.sets = rx_report_table_add(g.f.report, "sets", NSETS, SETS, RX_REPORT_IN_JSON);
@@ -399,15 +393,28 @@ rx_status rx_fluxes_report(const rx_fluxes_results *results, const rx_campaign_r
     g.invented = rx_report_table_add(g.f.report, "invented", NINVENTED, INVENTED, RX_REPORT_EVERYWHERE);
     rx_fluxes_verdicts(&m, verdicts);
     add_goals(&g, verdicts);
-    rx_report_sentence(g.f.report, results->about);
+    rx_report_sentence(g.f.report, lab->about);
     add_figures(rx_report_figures_of(g.f.report), &m);
-    for (int s = 0; s < results->nscenes; s++)
+    for (int s = 0; s < lab->nscenes; s++)
         add_scene(&g, s);
     rx_report_section(g.f.report, "reading", "How to read this");
     rx_report_paragraph(g.f.report, READING);
-    status = rx_findings_end(&g.f, folder, shown, log, brief, err);
+    status = rx_findings_end(&g.f, err);
 exit:
-    rx_goal_verdicts_free(RX_FLUXES_GOALS * results->nruns, verdicts);
+    rx_goal_verdicts_free(RX_FLUXES_GOALS * lab->nruns, verdicts);
     rx_fluxes_numbers_free(&m);
     return status;
 }
+
+const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
+                                    .title = "Campaign of fluxes",
+                                    .tag = 0x666c757865,
+                                    .ntables = RX_FLUXES_TABLES,
+                                    .tables = rx_fluxes_tables,
+                                    .deep = 1,
+                                    .fluxes = 1,
+                                    .open = rx_fluxes_open,
+                                    .prepare = rx_fluxes_prepare,
+                                    .unit = rx_fluxes_unit,
+                                    .describe = rx_fluxes_describe,
+                                    .report = rx_fluxes_report};

@@ -15,7 +15,7 @@
 
 #include "base/memory.h"
 
-static const char MAGIC[] = "rextract-validate journal 2\n";
+static const char MAGIC[] = "rextract-validate journal 3\n";
 
 struct rx_journal {
     int file;

@@ -1,6 +1,6 @@
 /* The journal of a campaign: what was done, a line per unit of work, written as the units finish.
  *
- *   rextract-validate journal 2
+ *   rextract-validate journal 3
  *   = NAME value                            everything that decides the results, a line each
  *   * digest                                base/hash.h, over the lines above: the header is complete
  *   unit n v1 v2 ... vn digest              numbers as text that reads back exactly; 0.1f is a float

@@ -1,31 +1,16 @@
-librextract_lab_la_SOURCES += src/lab/results.c src/lab/results.h
-librextract_lab_la_SOURCES += src/lab/journal.c src/lab/journal.h
-librextract_lab_la_SOURCES += src/lab/paper.c src/lab/paper.h
-librextract_lab_la_SOURCES += src/lab/restoration_numbers.c src/lab/restoration_numbers.h
-librextract_lab_la_SOURCES += src/lab/restoration_verdicts.c src/lab/restoration_figures.c
-librextract_lab_la_SOURCES += src/lab/restoration_page.c
-librextract_lab_la_SOURCES += src/lab/photometry_numbers.c src/lab/photometry_numbers.h
-librextract_lab_la_SOURCES += src/lab/photometry_duels.c src/lab/photometry_figures.c
-librextract_lab_la_SOURCES += src/lab/photometry_page.c
-librextract_lab_la_SOURCES += src/lab/campaign_report.h
-librextract_lab_la_SOURCES += src/lab/campaign.c src/lab/kind.h
-librextract_lab_la_SOURCES += src/lab/conditions.c src/lab/conditions.h
-librextract_lab_la_SOURCES += src/lab/stage_options.c src/lab/stage_options.h
-librextract_lab_la_SOURCES += src/lab/units.c src/lab/units.h src/lab/facts.c src/lab/facts.h
-librextract_lab_la_SOURCES += src/lab/restoration.c src/lab/restoration.h
-librextract_lab_la_SOURCES += src/lab/restoration_trial.c src/lab/restoration_tune.c
-librextract_lab_la_SOURCES += src/lab/photometry.c src/lab/photometry_sky.c src/lab/photometry_sky.h
-librextract_lab_la_SOURCES += src/lab/photometry_unit.c
-librextract_lab_la_SOURCES += src/lab/photometry_match.c src/lab/photometry_match.h
-librextract_lab_la_SOURCES += src/lab/detection.c src/lab/detection.h
-librextract_lab_la_SOURCES += src/lab/detection_scene.c src/lab/detection_unit.c
-librextract_lab_la_SOURCES += src/lab/detection_numbers.c src/lab/detection_numbers.h
-librextract_lab_la_SOURCES += src/lab/detection_page.c src/lab/detection_verdicts.c
-librextract_lab_la_SOURCES += src/lab/findings.c src/lab/findings.h
-librextract_lab_la_SOURCES += src/lab/unit_row.c src/lab/unit_row.h
-librextract_lab_la_SOURCES += src/lab/fluxes.c src/lab/fluxes.h
-librextract_lab_la_SOURCES += src/lab/fluxes_scene.c src/lab/fluxes_unit.c
-librextract_lab_la_SOURCES += src/lab/fluxes_numbers.c src/lab/fluxes_numbers.h
-librextract_lab_la_SOURCES += src/lab/fluxes_goals.c
-librextract_lab_la_SOURCES += src/lab/fluxes_page.c
-librextract_lab_la_SOURCES += src/lab/campaign.h
+librextract_lab_la_SOURCES += \
+	src/lab/campaign.c src/lab/campaign.h src/lab/kinds.h \
+	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/tile.c src/lab/match.c src/lab/match.h \
+	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
+	src/lab/facts.c src/lab/facts.h src/lab/record.h \
+	src/lab/conditions.c src/lab/conditions.h src/lab/stage_options.c src/lab/stage_options.h \
+	src/lab/findings.c src/lab/findings.h src/lab/paper.c src/lab/paper.h \
+	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
+	src/lab/results.c src/lab/results.h src/lab/restoration_numbers.c src/lab/restoration_numbers.h \
+	src/lab/restoration_verdicts.c src/lab/restoration_figures.c src/lab/restoration_page.c \
+	src/lab/photometry.c src/lab/photometry.h src/lab/photometry_numbers.c src/lab/photometry_numbers.h \
+	src/lab/photometry_duels.c src/lab/photometry_figures.c src/lab/photometry_page.c \
+	src/lab/detection.c src/lab/detection.h src/lab/detection_numbers.c src/lab/detection_numbers.h \
+	src/lab/detection_page.c src/lab/detection_verdicts.c \
+	src/lab/fluxes.c src/lab/fluxes.h src/lab/fluxes_numbers.c src/lab/fluxes_numbers.h \
+	src/lab/fluxes_goals.c src/lab/fluxes_page.c

@@ -1,64 +1,113 @@
-/* The photometry campaign: settings, units and results. */
+/* The photometry campaign: runs, fields, tiles, and one tile through every run. */
+#include "lab/photometry.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "lab/facts.h"
-#include "lab/kind.h"
-#include "lab/photometry_sky.h"
+#include "check/blankcheck.h"
+#include "check/quality.h"
+#include "check/replica.h"
 #include "lab/stage_options.h"
-#include "restore/restore.h"
+#include "pipeline/pipeline.h"
+#include "simulate/inject.h"
+#include "simulate/render.h"
+
+/* Test stars are so many FWHM apart, and so many from the border. */
+static const double APART = 6.0, INSIDE = 4.0;
+/* A detection belongs to a known galaxy within so many half-light radii. */
+static const double GALAXY_REACH = 2.0;
+static const double MPIXEL = 1024.0 * 1024.0; /* STARS_PER_TILE */
+
+/* What random numbers are for. */
+enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3, DRAW_BLANK = 4 };
+
+static const rx_lab_column TILE[] = {RX_PHOTOMETRY_TILE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column STAR[] = {RX_PHOTOMETRY_STAR_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FALSE_ONES[] = {RX_PHOTOMETRY_FALSE_COLUMNS(RX_LAB_COLUMN)};
+
+const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES] = {
+    [RX_PHOTOMETRY_TILE] = {"tile", RX_PHOTOMETRY_TILE_WIDTH, 0, TILE, NULL, 0},
+    [RX_PHOTOMETRY_STAR] = {"star", 0, RX_PHOTOMETRY_STAR_WIDTH, NULL, STAR, 0},
+    [RX_PHOTOMETRY_FALSE] = {"false", RX_PHOTOMETRY_FALSE_WIDTH, 0, FALSE_ONES, NULL, 0},
+};
 
 /* --- open --- */
 
 /* Every restorer with each of FLUXES. */
-static rx_status set_runs(rx_photometry_state *state, rx_error *err)
+static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
-    const rx_words *words = &state->config->restore_type, *fluxes = &state->config->fluxes;
-    for (int i = 0; i < words->n; i++) {
-        const rx_restorer *restorer = rx_restorer_find(words->v[i]);
-        if (restorer == NULL)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", words->v[i]);
-        for (int r = 0; r < state->nruns; r++)
-            if (state->run[r] == restorer)
-                return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
-        if (state->nruns + fluxes->n > RX_RUNS_MAX || state->nruns + fluxes->n > RX_METHODS_MAX)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE and FLUXES give more than %d runs; name fewer",
-                                RX_RUNS_MAX);
+    const rx_words *words = &lab->config->restore_type, *fluxes = &lab->config->fluxes;
+    for (int i = 0; i < words->n; i++)
         for (int f = 0; f < fluxes->n; f++) {
-            state->templates[state->nruns] = strcmp(fluxes->v[f], "TEMPLATE") == 0;
-            state->options->pipeline.templates.wanted |= state->templates[state->nruns];
-            state->run[state->nruns++] = restorer;
+            rx_lab_run run = {.templates = strcmp(fluxes->v[f], "TEMPLATE") == 0};
+            RX_TRY(rx_lab_restorer(words->v[i], &run.restorer, err));
+            for (int r = 0; r < lab->nruns - f; r++)
+                if (lab->run[r].restorer == run.restorer)
+                    return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
+            snprintf(run.name, sizeof run.name, "%s%s", run.restorer->name, run.templates ? " TEMPLATE" : "");
+            lab->options->pipeline.templates.wanted |= run.templates;
+            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX, &run, err));
         }
-    }
     return RX_OK;
 }
 
-static rx_status set_magnitudes(rx_photometry_state *state, rx_error *err)
+static rx_status add_magnitudes(rx_lab *lab, rx_error *err)
 {
-    const double *range = state->config->magnitudes.v;
+    const double *range = lab->config->magnitudes.v;
     const double steps = floor((range[1] - range[0]) / range[2] + 1e-6);
+    rx_status status = RX_OK;
     if (!(range[2] > 0) || range[1] < range[0] || steps > 1000)
         return rx_error_set(err, RX_USAGE,
                             "MAGNITUDES are <from>,<to>,<step> from bright to faint, at most 1000 steps");
-    state->nmags = (int)steps + 1;
-    state->mags = RX_NEW(double, (size_t)state->nmags);
-    if (state->mags == NULL)
-        return rx_error_memory(err, (size_t)state->nmags * sizeof *state->mags);
-    for (int i = 0; i < state->nmags; i++)
-        state->mags[i] = range[0] + i * range[2];
-    return RX_OK;
+    for (int i = 0; i <= (int)steps && status == RX_OK; i++)
+        status = rx_lab_add_scene(lab, RX_SCENE_MAGNITUDE, i, range[0] + i * range[2], err);
+    return status;
+}
+
+static rx_status simulate_sky(const rx_lab *lab, const rx_condition *condition, rx_log *log, rx_lab_sky *dst,
+                              rx_error *err)
+{
+    const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
+    if (find && condition->psf_error != 0.0)
+        return rx_error_set(
+            err, RX_USAGE,
+            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; leave "
+            "out one of them");
+    return rx_lab_sky_simulate(lab, condition, find, log, dst, err);
+}
+
+/* The first image of TILE_NAME, with its PSF whether a restorer needs it or not. */
+static rx_status read_sky(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_error *err)
+{
+    if (lab->config->tile_name[0] == '\0')
+        return rx_error_set(err, RX_USAGE,
+                            "FIELDS INJECTED needs TILE_NAME, the tile that stars are added to");
+    RX_TRY(rx_lab_sky_read(lab, log, dst, err));
+    RX_TRY(rx_optics_psf(dst->psf, &dst->optics, err));
+    const rx_tile *tile = dst->field->tile;
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    uint8_t *mask = RX_NEW(uint8_t, n);
+    dst->allowed = RX_NEW(unsigned char, n);
+    rx_status status = mask == NULL || dst->allowed == NULL ? rx_error_memory(err, 2 * n) : RX_OK;
+    for (size_t i = 0; i < n && status == RX_OK; i++)
+        mask[i] = tile->mask[i] & RX_HIDE_PLAIN;
+    if (status == RX_OK)
+        status =
+            rx_inject_allowed(RX_INJECT_AMONG, tile->width, tile->height, NULL, mask, 0, dst->allowed, err);
+    free(mask);
+    return status;
 }
 
 /* A sky for each condition of simulated fields, one of a real tile. */
-static rx_status set_skies(rx_photometry_state *state, rx_log *log, rx_error *err)
+static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_words *words = &state->config->fields;
+    const rx_words *words = &lab->config->fields;
     int n = 0;
     rx_condition *conditions = NULL;
-    rx_status status = rx_conditions_make(state->config, &n, &conditions, err);
+    rx_status status = rx_conditions_make(lab->config, &n, &conditions, err);
     for (int i = 0; status == RX_OK && i < words->n; i++) {
         const int injected = strcmp(words->v[i], "INJECTED") == 0;
         for (int k = 0; status == RX_OK && k < i; k++)
@@ -70,145 +119,380 @@ static rx_status set_skies(rx_photometry_state *state, rx_log *log, rx_error *er
                              "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave "
                              "them out, or INJECTED");
         for (int c = 0; status == RX_OK && c < (injected ? 1 : n); c++) {
-            if (state->nskies == RX_SKIES_MAX)
-                status = rx_error_set(err, RX_USAGE, "more than %d fields; give fewer numbers to SEEING",
-                                      RX_SKIES_MAX);
-            else
-                status = rx_photometry_sky_open(state, injected, &conditions[c], log,
-                                                &state->sky[state->nskies++], err);
+            rx_lab_sky *sky = rx_regrow(lab->sky, (size_t)lab->nskies + 1, sizeof *sky);
+            if (sky == NULL) {
+                status = rx_error_memory(err, sizeof *sky);
+                break;
+            }
+            lab->sky = sky;
+            sky += lab->nskies;
+            *sky = (rx_lab_sky){0};
+            lab->nconditions = ++lab->nskies;
+            status =
+                injected ? read_sky(lab, log, sky, err) : simulate_sky(lab, &conditions[c], log, sky, err);
         }
     }
     free(conditions);
     return status;
 }
 
-static void close_state(void *pointer)
+rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    rx_photometry_state *state = pointer;
-    if (state == NULL)
-        return;
-    for (int s = 0; s < state->nskies; s++)
-        rx_photometry_sky_close(&state->sky[s]);
-    rx_options_free(state->options);
-    rx_config_free(state->stage);
-    free(state->mags);
-    free(state);
+    RX_TRY(add_runs(lab, err));
+    RX_TRY(add_magnitudes(lab, err));
+    return add_fields(lab, log, err);
 }
 
-static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_log *log, void **dst,
+/* --- tiles --- */
+
+/* Test stars: nothing else, apart from each other, anywhere allowed. */
+static rx_status make_stars(const rx_lab *lab, const rx_lab_sky *sky, double mag, double zeropoint,
+                            uint64_t number, rx_scene **dst, rx_error *err)
+{
+    const double area = (double)sky->width * (double)sky->height;
+    const double least = fmin(sky->width, sky->height);
+    const rx_scene_params par = {
+        .width = sky->width,
+        .height = sky->height,
+        .zeropoint = zeropoint,
+        .pixel_scale = 1.0,
+        .galaxy_scale = 1.0,
+        .stars = {.count = fmax(floor(lab->config->stars_per_tile * area / MPIXEL + 0.5), 1),
+                  .mag_low = mag,
+                  .mag_high = mag},
+        .margin = -fmin(INSIDE * sky->fwhm, least / 4),
+        .least_distance = APART * sky->fwhm,
+        .allowed = sky->allowed,
+        .seed = rx_lab_seed(lab, DRAW_STARS),
+        .stream = number};
+    return rx_scene_make(&par, NULL, dst, err);
+}
+
+/* The stars, listed, then what else is known: `others` of a simulated sky, or what was found on a real tile. */
+static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,
+                              const rx_scene *others, rx_lab_tile *dst, rx_error *err)
+{
+    const long nothers = others != NULL ? others->n : sky->known.n;
+    double radius = 0;
+    dst->objects = (rx_lab_objects){.n = stars->n + nothers,
+                                    .list = RX_NEW(rx_lab_object, (size_t)(stars->n + nothers)),
+                                    .width = sky->width,
+                                    .height = sky->height,
+                                    .covered = sky->covered};
+    if (dst->objects.list == NULL)
+        return rx_error_memory(err, (size_t)dst->objects.n * sizeof *dst->objects.list);
+    rx_lab_object *object = dst->objects.list;
+    for (long i = 0; i < stars->n; i++)
+        *object++ = (rx_lab_object){.x = stars->objects[i].x,
+                                    .y = stars->objects[i].y,
+                                    .flux = stars->objects[i].flux,
+                                    .role = RX_LISTED};
+    if (others != NULL)
+        RX_TRY(rx_quality_radius(&lab->options->check.quality, dst->field->tile, &radius, err));
+    for (long i = 0; i < nothers; i++, object++) {
+        const rx_object *o = others != NULL ? &others->objects[i] : NULL;
+        *object = o == NULL
+                      ? sky->known.list[i]
+                      : (rx_lab_object){.x = o->x,
+                                        .y = o->y,
+                                        .flux = o->flux,
+                                        .reach = fmax(fmax(radius, sky->fwhm), GALAXY_REACH * o->radius)};
+        object->role = stars->n > 0 && object->flux < stars->objects[0].flux ? RX_OTHER : RX_RIVAL;
+    }
+    return RX_OK;
+}
+
+static rx_status join(const rx_scene *a, const rx_scene *b, rx_scene **dst, rx_error *err)
+{
+    rx_status status = rx_scene_new(a->width, a->height, a->n + b->n, dst, err);
+    if (status != RX_OK)
+        return status;
+    memcpy((*dst)->objects, a->objects, (size_t)a->n * sizeof *a->objects);
+    memcpy((*dst)->objects + a->n, b->objects, (size_t)b->n * sizeof *b->objects);
+    (*dst)->templates = a->templates;
+    return RX_OK;
+}
+
+/* A simulated tile: everything on it through the optics, then sky and noise. */
+static rx_status simulated_tile(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,
+                                uint64_t number, rx_tile **tile, rx_scene **others, rx_error *err)
+{
+    const rx_optics *optics = sky->simulation->optics;
+    const size_t n = (size_t)sky->width * (size_t)sky->height;
+    rx_simulated simulated = {.width = sky->width, .height = sky->height, .noise = sky->simulation->noise};
+    rx_scene_params par = sky->simulation->scene;
+    par.seed = rx_lab_seed(lab, DRAW_SKY);
+    par.stream = number;
+    simulated.image = RX_NEW(float, n);
+    simulated.defects = RX_NEW(uint8_t, n);
+    rx_status status = simulated.image == NULL || simulated.defects == NULL
+                           ? rx_error_memory(err, n * sizeof(float))
+                           : rx_scene_make(&par, sky->simulation->templates, others, err);
+    if (status == RX_OK)
+        status = join(*others, stars, &simulated.scene, err);
+    if (status == RX_OK)
+        status = rx_render(simulated.scene, 1, &optics, &simulated.image, 1, err);
+    if (status == RX_OK)
+        status = rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), number, &simulated, tile, err);
+    rx_simulated_free(&simulated);
+    return status;
+}
+
+static rx_status injected_tile(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,
+                               uint64_t number, rx_tile **tile, rx_error *err)
+{
+    const rx_tile *src = sky->field->tile;
+    const double gain = src->gain > 0 ? src->gain : lab->config->sim->gain;
+    rx_status status = rx_replica_new(src, NULL, tile, err);
+    if (status == RX_OK)
+        status = rx_inject(stars, sky->optics,
+                           &(rx_inject_params){.gain = gain,
+                                               .saturation = src->saturation,
+                                               .noise = &sky->noise,
+                                               .seed = rx_lab_seed(lab, DRAW_NOISE),
+                                               .stream = number},
+                           1, (*tile)->pixels, err);
+    if (status == RX_OK)
+        rx_replica_settle(*tile);
+    return status;
+}
+
+/* Those of one magnitude and tile are drawn alike in every field. */
+static uint64_t number_of(const rx_lab *lab, const rx_lab_unit *unit)
+{
+    return (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
+}
+
+rx_status rx_photometry_blank_make(const rx_lab *lab, const rx_lab_unit *unit, rx_field **dst, rx_error *err)
+{
+    const rx_lab_sky *sky = &lab->sky[unit->condition];
+    return rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL,
+                               rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit), dst, err);
+}
+
+rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
+{
+    const rx_lab_sky *sky = &lab->sky[unit->condition];
+    const double mag = lab->scene[unit->scene].mag;
+    const double zeropoint =
+        sky->field != NULL ? sky->field->tile->zeropoint : sky->simulation->scene.zeropoint;
+    rx_scene *stars = NULL, *others = NULL;
+    rx_tile *tile = NULL;
+    int needs_psf = 0;
+    for (int r = 0; r < lab->nruns; r++)
+        needs_psf |= lab->run[r].restorer->needs_psf;
+    *dst = (rx_lab_tile){0};
+    rx_status status = make_stars(lab, sky, mag, zeropoint, number_of(lab, unit), &stars, err);
+    for (long i = 0; status == RX_OK && i < stars->n; i++) {
+        stars->objects[i].mag = mag;
+        stars->objects[i].flux = pow(10.0, -0.4 * (mag - zeropoint));
+    }
+    if (status == RX_OK)
+        status = sky->field != NULL
+                     ? injected_tile(lab, sky, stars, number_of(lab, unit), &tile, err)
+                     : simulated_tile(lab, sky, stars, number_of(lab, unit), &tile, &others, err);
+    if (status == RX_OK) {
+        status = rx_field_prepare(&lab->options->pipeline, needs_psf ? RX_FIELD_PSF : 0, tile, sky->told,
+                                  NULL, &dst->field, err);
+        tile = NULL; /* the field's */
+    }
+    if (status == RX_OK)
+        status = know_objects(lab, sky, stars, others, dst, err);
+    if (status == RX_OK)
+        rx_condition_apply(&sky->condition, dst->field);
+    if (status == RX_OK && dst->field->unrestorable && needs_psf)
+        status = rx_error_set(err, RX_INPUT,
+                              "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "
+                              "leave it out, and restorers are given the true one");
+    rx_tile_free(tile);
+    rx_scene_free(stars);
+    rx_scene_free(others);
+    if (status != RX_OK)
+        rx_lab_tile_free(dst);
+    return status;
+}
+
+/* --- before the units: an untouched tile --- */
+
+static int is_known(const rx_lab_objects *known, double x, double y, double radius)
+{
+    for (long i = 0; i < known->n; i++)
+        if (hypot(x - known->list[i].x, y - known->list[i].y) <= radius)
+            return 1;
+    return 0;
+}
+
+/* Detections that no earlier restorer had, and the footprints of all. */
+static rx_status join_known(rx_lab_sky *sky, const rx_result *result, const rx_qa_list *list, double radius,
                             rx_error *err)
 {
-    rx_photometry_state *state = RX_NEW(rx_photometry_state, 1);
-    if (state == NULL)
-        return rx_error_memory(err, sizeof *state);
-    const rx_ints *tiles = &config->tiles;
-    state->config = config;
-    state->nthreads = nthreads;
-    state->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
-    rx_status status = rx_campaign_options(config, log, &state->stage, &state->options, err);
-    if (status == RX_OK)
-        status = set_runs(state, err);
-    if (status == RX_OK)
-        status = set_magnitudes(state, err);
-    if (status == RX_OK)
-        status = set_skies(state, log, err);
-    if (status == RX_OK)
-        *dst = state;
-    else
-        close_state(state);
+    const size_t n = (size_t)sky->width * (size_t)sky->height;
+    const rx_lab_objects before = sky->known;
+    rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before.n + list->n), sizeof *all);
+    if (sky->covered == NULL)
+        sky->covered = RX_NEW(unsigned char, n);
+    if (all != NULL)
+        sky->known.list = all;
+    if (all == NULL || sky->covered == NULL)
+        return rx_error_memory(err, n);
+    const rx_lab_objects earlier = {.n = before.n, .list = all};
+    for (long i = 0; i < list->n; i++)
+        if (!is_known(&earlier, list->x[i], list->y[i], radius))
+            all[sky->known.n++] = (rx_lab_object){
+                .x = list->x[i], .y = list->y[i], .flux = list->flux[i], .reach = fmax(radius, sky->fwhm)};
+    for (size_t i = 0; i < n; i++)
+        sky->covered[i] |= result->sources->segments[i] != 0;
+    return RX_OK;
+}
+
+static rx_status search(const rx_lab *lab, rx_lab_sky *sky, rx_log *log, rx_error *err)
+{
+    rx_options options = *lab->options;
+    double radius = 0;
+    options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
+        lab->nthreads;
+    rx_status status = rx_quality_radius(&options.check.quality, sky->field->tile, &radius, err);
+    sky->known.n = 0;
+    for (int r = 0; status == RX_OK && r < lab->nruns; r++) {
+        rx_result result;
+        rx_qa_list list = {0};
+        if (r > 0 && lab->run[r].restorer == lab->run[r - 1].restorer)
+            continue;
+        RX_TRY(
+            rx_field_extract(&options.pipeline, lab->run[r].restorer, sky->field, NULL, log, &result, err));
+        status = rx_quality_list(&options.check.quality, sky->field->tile, result.sources, &list, err);
+        if (status == RX_OK && r == 0)
+            status =
+                rx_blankcheck_noise(sky->field, result.sources->segments, lab->nthreads, &sky->noise, err);
+        if (status == RX_OK)
+            status = join_known(sky, &result, &list, radius, err);
+        rx_qa_list_free(&list);
+        rx_result_free(&result);
+    }
     return status;
 }
 
-/* --- facts, plan, units --- */
-
-static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
+rx_status rx_photometry_prepare(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_photometry_state *state = pointer;
-    rx_status status = rx_facts_model(state->options->model, dst, err);
-    for (int s = 0; status == RX_OK && s < state->nskies; s++)
-        if (state->sky[s].simulation != NULL)
-            status = rx_facts_templates(state->sky[s].simulation->templates, dst, err);
+    rx_status status = RX_OK;
+    for (int s = 0; status == RX_OK && s < lab->nskies; s++)
+        if (lab->sky[s].field != NULL)
+            status = search(lab, &lab->sky[s], log, err);
     return status;
 }
 
-static long units(const void *state)
+/* --- one tile --- */
+
+static double searched(const rx_tile *tile)
 {
-    return rx_photometry_units(state);
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t good = 0;
+    for (size_t i = 0; i < n; i++)
+        good += (tile->mask[i] & RX_HIDE_PLAIN) == 0;
+    return 1e-6 * (double)good;
 }
 
-static rx_status prepare(void *state, rx_log *log, rx_error *err)
+static rx_status add_false(rx_lab_table *table, int run, const rx_qa_list *list, const unsigned char *outcome,
+                           rx_error *err)
 {
-    return rx_photometry_prepare(state, log, err);
+    rx_status status = RX_OK;
+    for (long i = 0; i < list->n && status == RX_OK; i++) {
+        double *row;
+        if (outcome != NULL && outcome[i] != RX_IS_FALSE)
+            continue;
+        status = rx_lab_rows_add(&table[RX_PHOTOMETRY_FALSE], 1, &row, err);
+        if (status != RX_OK)
+            break;
+        row[RX_FALSE_STAR_RUN] = run;
+        row[RX_FALSE_STAR_SCORE] = list->score[i];
+        row[RX_FALSE_STAR_MAG] = list->mag[i];
+    }
+    return status;
 }
 
-static rx_status do_unit(const void *state, long unit, const rx_unit_values *done, rx_unit_values *dst,
-                         rx_error *err)
+/* blank: what was detected on the blank tile; n 0 where there is none. */
+static rx_status judge(const rx_lab *lab, const rx_lab_tile *tile, int run, const rx_qa_list *list,
+                       const rx_qa_list *blank, rx_lab_table *table, rx_error *err)
+{
+    double radius = 0;
+    rx_matches m;
+    RX_TRY(rx_quality_radius(&lab->options->check.quality, tile->field->tile, &radius, err));
+    RX_TRY(rx_lab_match(&tile->objects, &(rx_match_list){list->n, list->x, list->y, NULL}, radius, &m, err));
+    for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n; i++) {
+        double *row = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, run);
+        const double flux = tile->objects.list[i].flux;
+        const long found = m.found[i];
+        const double error = found >= 0 ? list->flux_error[found] : 0;
+        row[RX_STAR_SCORE] = found >= 0 ? list->score[found] : NAN;
+        row[RX_STAR_RATIO] = found >= 0 ? list->flux[found] / flux : NAN;
+        row[RX_STAR_PULL] = error > 0 ? (list->flux[found] - flux) / error : NAN;
+        row[RX_STAR_CROWDED] = found >= 0 && (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0;
+    }
+    rx_status status = add_false(table, run, list, m.outcome, err);
+    if (status == RX_OK)
+        status = add_false(table, run, blank, NULL, err);
+    rx_matches_free(&m);
+    return status;
+}
+
+/* One restorer, runs `first` and the ones after it that share it. blank NULL: there is none. */
+static rx_status measure(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab_tile *tile,
+                         const rx_field *blank, int first, rx_lab_table *table, rx_error *err)
+{
+    const rx_restorer *kind = lab->run[first].restorer;
+    const rx_pipeline_params *params = &lab->options->pipeline;
+    rx_result result = {0}, empty = {0};
+    rx_status status = rx_field_extract(params, kind, tile->field, NULL, NULL, &result, err);
+    if (status == RX_OK && blank != NULL)
+        status = rx_field_extract(params, kind, blank, NULL, NULL, &empty, err);
+    for (int k = first; status == RX_OK && k < lab->nruns && lab->run[k].restorer == kind; k++) {
+        const rx_options options = rx_lab_options(lab, sky, &lab->run[k]); /* the flux of the run */
+        rx_qa_list list = {0}, noise = {0};
+        status = rx_quality_list(&options.check.quality, tile->field->tile, result.sources, &list, err);
+        if (status == RX_OK && blank != NULL)
+            status = rx_quality_list(&options.check.quality, blank->tile, empty.sources, &noise, err);
+        if (status == RX_OK)
+            status = judge(lab, tile, k, &list, &noise, table, err);
+        rx_qa_list_free(&noise);
+        rx_qa_list_free(&list);
+    }
+    rx_result_free(&empty);
+    rx_result_free(&result);
+    return status;
+}
+
+rx_status rx_photometry_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                             rx_lab_table *dst, rx_error *err)
 {
     (void)done;
-    return rx_photometry_unit(state, unit, dst, err);
-}
-
-/* --- results --- */
-
-/* The values of a tile from v on are added to a set's lists, which have room. Returns the end. */
-static const double *take_run(const double *v, long nstars, long first_star, rx_photometry_tally *dst)
-{
-    for (long i = 0; i < nstars; i++, v += 4)
-        dst->stars[first_star + i] = (rx_star_result){(float)v[0], (float)v[1], (float)v[2], (float)v[3]};
-    const long nfalse = (long)*v++;
-    for (long i = 0; i < nfalse; i++, v += 2) {
-        dst->false_scores[dst->nfalse] = (float)v[0];
-        dst->false_mags[dst->nfalse++] = (float)v[1];
+    const rx_lab_sky *sky = &lab->sky[unit->condition];
+    rx_lab_tile tile;
+    rx_field *blank = NULL;
+    double *row;
+    long nstars = 0;
+    RX_TRY(rx_photometry_tile_make(lab, unit, &tile, err));
+    while (nstars < tile.objects.n && tile.objects.list[nstars].role == RX_LISTED)
+        nstars++;
+    rx_status status = sky->field != NULL ? rx_photometry_blank_make(lab, unit, &blank, err) : RX_OK;
+    if (status == RX_OK)
+        status = rx_lab_rows_add(&dst[RX_PHOTOMETRY_TILE], 1, &row, err);
+    if (status == RX_OK) {
+        const double zeropoint =
+            sky->field != NULL ? sky->field->tile->zeropoint : sky->simulation->scene.zeropoint;
+        const double flux = pow(10.0, -0.4 * (lab->scene[unit->scene].mag - zeropoint));
+        row[RX_FIELD_MPIXELS] = searched(tile.field->tile);
+        row[RX_FIELD_SNR] = flux * sqrt(sky->power) / tile.field->plain->global_sigma;
+        status = rx_lab_rows_add(&dst[RX_PHOTOMETRY_STAR], nstars, &row, err);
     }
-    return v;
-}
-
-/* Room for all tiles of a set; the numbers of false detections are set back to 0. */
-static rx_status size_set(const rx_photometry_state *state, const rx_unit_values *tiles,
-                          rx_photometry_set *dst, rx_error *err)
-{
-    for (long t = 0; t < state->ntiles; t++) {
-        const double *v = tiles[t].v;
-        const long nstars = (long)v[0];
-        dst->nstars += nstars;
-        v += 3;
-        for (int r = 0; r < state->nruns; r++) {
-            v += 4 * nstars;
-            dst->run[r].nfalse += (long)*v;
-            v += 1 + 2 * (long)*v;
-        }
-    }
-    int failed = 0;
-    for (int r = 0; r < state->nruns; r++) {
-        rx_photometry_tally *run = &dst->run[r];
-        run->stars = RX_NEW(rx_star_result, (size_t)dst->nstars);
-        run->false_scores = RX_NEW(float, (size_t)run->nfalse);
-        run->false_mags = RX_NEW(float, (size_t)run->nfalse);
-        failed |= run->stars == NULL || run->false_scores == NULL || run->false_mags == NULL;
-        run->nfalse = 0;
-    }
-    return failed ? rx_error_memory(err, (size_t)dst->nstars * sizeof(rx_star_result)) : RX_OK;
-}
-
-static rx_status collect_set(const rx_photometry_state *state, double mag, const rx_unit_values *tiles,
-                             rx_photometry_set *dst, rx_error *err)
-{
-    dst->mag = mag;
-    dst->ntiles = state->ntiles;
-    rx_status status = size_set(state, tiles, dst, err);
-    long star = 0;
-    for (long t = 0; status == RX_OK && t < state->ntiles; t++) {
-        const double *v = tiles[t].v;
-        const long nstars = (long)v[0];
-        dst->mpixels += v[1];
-        dst->snr += v[2] / (double)state->ntiles;
-        v += 3;
-        for (int r = 0; r < state->nruns; r++)
-            v = take_run(v, nstars, star, &dst->run[r]);
-        star += nstars;
-    }
+    for (int k = 0; status == RX_OK && k < lab->nruns; k++)
+        if (k == 0 || lab->run[k].restorer != lab->run[k - 1].restorer)
+            status = measure(lab, sky, &tile, blank, k, dst, err);
+    rx_field_free(blank);
+    rx_lab_tile_free(&tile);
     return status;
 }
+
+/* --- words --- */
 
 /* File name without folder and endings. */
 static void base_name(const char *path, char *dst, size_t size)
@@ -224,15 +508,14 @@ static void base_name(const char *path, char *dst, size_t size)
     }
 }
 
-static void describe_sky(const rx_photometry_state *state, const rx_photometry_sky *sky,
-                         rx_photometry_field *dst)
+static void describe_sky(const rx_lab *lab, rx_lab_sky *sky)
 {
-    const rx_campaign_config *config = state->config;
-    if (sky->injected) {
+    const rx_campaign_config *config = lab->config;
+    if (sky->field != NULL) {
         const rx_tile *tile = sky->field->tile;
-        base_name(config->tile_name, dst->name, sizeof dst->name);
+        base_name(config->tile_name, sky->name, sizeof sky->name);
         snprintf(
-            dst->about, sizeof dst->about,
+            sky->about, sizeof sky->about,
             "%d stars added to %d x %d real pixels, among the tile's own sources, again and again; PSF "
             "%s; noise %.4g, gain %g; what was found before the injection counts neither as right nor as "
             "false; false detections are those that the injection brings, and all on as many blank tiles: "
@@ -243,19 +526,19 @@ static void describe_sky(const rx_photometry_state *state, const rx_photometry_s
         return;
     }
     const rx_simulate_config *sim = config->sim;
-    rx_condition_name(&sky->condition, dst->name, sizeof dst->name);
-    if (dst->name[0] == '\0')
-        snprintf(dst->name, sizeof dst->name, "simulated");
-    dst->misled = !rx_condition_true(&sky->condition);
+    rx_condition_name(&sky->condition, sky->name, sizeof sky->name);
+    if (sky->name[0] == '\0')
+        snprintf(sky->name, sizeof sky->name, "simulated");
     snprintf(
-        dst->about, sizeof dst->about,
+        sky->about, sizeof sky->about,
         "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g mag "
         "and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
         sky->width, sky->height, sky->simulation->optics->description,
         sky->told != NULL ? "known to the restorers" : "found by the stage",
-        dst->misled ? " (or what is given of PSF, sky and noise, with the error named)" : "", sim->noise_type,
-        sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1],
-        sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+        !rx_condition_true(&sky->condition) ? " (or what is told of PSF, sky and noise, with the error named)"
+                                            : "",
+        sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],
+        sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
 }
 
 /* Settings of a restorer: the keywords that begin with its name, or with the first part of it. */
@@ -294,71 +577,20 @@ static void add_setting(void *user, const char *name, const char *value, const c
     snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", keyword, value);
 }
 
-static rx_status collect_field(const rx_photometry_state *state, int s, const rx_unit_values *all,
-                               rx_photometry_field *dst, rx_error *err)
+rx_status rx_photometry_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
-    describe_sky(state, &state->sky[s], dst);
-    dst->sets = RX_NEW(rx_photometry_set, (size_t)state->nmags);
-    if (dst->sets == NULL)
-        return rx_error_memory(err, (size_t)state->nmags * sizeof *dst->sets);
-    rx_status status = RX_OK;
-    for (int m = 0; status == RX_OK && m < state->nmags; m++) {
-        dst->nsets = m + 1;
-        status = collect_set(state, state->mags[m], all + (s * state->nmags + m) * state->ntiles,
-                             &dst->sets[m], err);
-    }
-    return status;
-}
-
-static rx_status collect(const rx_photometry_state *state, const rx_unit_values *all,
-                         rx_photometry_results *dst, rx_error *err)
-{
-    const rx_campaign_config *config = state->config;
-    rx_status status = RX_OK;
-    dst->nruns = state->nruns;
-    for (int r = 0; r < state->nruns; r++) {
-        snprintf(dst->run[r], sizeof dst->run[r], "%s%s", state->run[r]->name,
-                 state->templates[r] ? " TEMPLATE" : "");
-        dst->templates[r] = state->templates[r];
-        settings s = {state->run[r]->name, dst->settings[r], sizeof dst->settings[r]};
-        if (!rx_settings_visit(&config->stage->settings, add_setting, &s))
+    (void)all;
+    for (int r = 0; r < lab->nruns; r++) {
+        settings s = {lab->run[r].restorer->name, lab->run[r].settings, sizeof lab->run[r].settings};
+        s.text[0] = '\0';
+        if (!rx_settings_visit(&lab->config->stage->settings, add_setting, &s))
             return rx_error_memory(err, 0);
         if (strcmp(s.name, "NET") == 0) {
             const size_t used = strlen(s.text);
-            rx_campaign_model_words(state->options, s.text + used, s.size - used);
+            rx_campaign_model_words(lab->options, s.text + used, s.size - used);
         }
     }
-    for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
-        dst->precision[dst->nprecisions++] = config->precisions.v[i];
-    dst->fields = RX_NEW(rx_photometry_field, (size_t)state->nskies);
-    if (dst->fields == NULL)
-        return rx_error_memory(err, (size_t)state->nskies * sizeof *dst->fields);
-    for (int s = 0; status == RX_OK && s < state->nskies; s++) {
-        dst->nfields = s + 1;
-        status = collect_field(state, s, all, &dst->fields[s], err);
-    }
-    return status;
+    for (int s = 0; s < lab->nskies; s++)
+        describe_sky(lab, &lab->sky[s]);
+    return RX_OK;
 }
-
-static rx_status report(const void *state, const rx_unit_values *all, const rx_campaign_record *record,
-                        const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
-{
-    rx_photometry_results *results = RX_NEW(rx_photometry_results, 1);
-    if (results == NULL)
-        return rx_error_memory(err, sizeof *results);
-    rx_status status = collect(state, all, results, err);
-    if (status == RX_OK)
-        status = rx_photometry_report(results, record, folder, shown, log, brief, err);
-    rx_photometry_results_free(results);
-    return status;
-}
-
-const rx_campaign_kind rx_kind_photometry = {.name = "PHOTOMETRY",
-                                             .title = "Photometry campaign",
-                                             .open = open_state,
-                                             .close = close_state,
-                                             .facts = facts,
-                                             .units = units,
-                                             .prepare = prepare,
-                                             .unit = do_unit,
-                                             .report = report};

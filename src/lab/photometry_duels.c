@@ -10,7 +10,8 @@ static const double SIGNIFICANT = 0.05, LOW_SNR = 10;
 
 static rx_photometry_duel *duel_at(rx_photometry_numbers *m, int field, int set, int pair)
 {
-    return &m->duel[((size_t)field * (size_t)m->nsets + (size_t)set) * (size_t)m->npairs + (size_t)pair];
+    return &m->duel[((size_t)field * (size_t)m->lab->nscenes + (size_t)set) * (size_t)m->npairs +
+                    (size_t)pair];
 }
 
 /* Stars that only one of two restorers has above its own threshold. */
@@ -20,8 +21,8 @@ static void compare_found(const rx_photometry_set *set, rx_run_pair pair, double
     *dst = (rx_found_duel){0};
     for (long i = 0; i < set->nstars; i++) {
         /* NAN, not found, is below every threshold */
-        int first = set->run[pair.first].stars[i].score >= first_score;
-        int second = set->run[pair.second].stars[i].score >= second_score;
+        int first = rx_star_of(set, pair.first, i)[RX_STAR_SCORE] >= first_score;
+        int second = rx_star_of(set, pair.second, i)[RX_STAR_SCORE] >= second_score;
         dst->only_first += first && !second;
         dst->only_second += second && !first;
     }
@@ -42,8 +43,8 @@ static rx_status compare_errors(const rx_photometry_set *set, rx_run_pair pair, 
     const rx_test none = {NAN, NAN, NAN, NAN, NAN, {NAN, NAN, NAN, 0}};
     long n = 0;
     for (long i = 0; i < set->nstars; i++) {
-        double first = 100 * fabs((double)set->run[pair.first].stars[i].ratio - 1);
-        double second = 100 * fabs((double)set->run[pair.second].stars[i].ratio - 1);
+        double first = 100 * fabs(rx_star_of(set, pair.first, i)[RX_STAR_RATIO] - 1);
+        double second = 100 * fabs(rx_star_of(set, pair.second, i)[RX_STAR_RATIO] - 1);
         if (isfinite(first) && isfinite(second)) {
             a[n] = first;
             b[n++] = second;
@@ -91,7 +92,7 @@ static rx_status adjust(rx_photometry_numbers *m, int field, int pair, int which
                         rx_error *err)
 {
     long n = 0;
-    int nsets = m->results->fields[field].nsets;
+    const int nsets = m->lab->nscenes;
     rx_status status = RX_OK;
     for (int k = 0; k < nsets; k++)
         if (!isnan(*p_of(duel_at(m, field, k, pair), which)))
@@ -114,21 +115,21 @@ static void decide_found(rx_found_duel *d)
 
 static rx_status compare_pair(rx_photometry_numbers *m, int f, int pair, double *a, double *b, rx_error *err)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
     rx_run_pair two = m->pair[pair];
     const rx_photometry_cut *first = rx_photometry_whole_of(m, f, two.first)->cut;
     const rx_photometry_cut *second = rx_photometry_whole_of(m, f, two.second)->cut;
     rx_status status = RX_OK;
-    for (int k = 0; k < field->nsets && status == RX_OK; k++) {
+    for (int k = 0; k < m->lab->nscenes && status == RX_OK; k++) {
         rx_photometry_duel *d = duel_at(m, f, k, pair);
-        compare_found(&field->sets[k], two, -INFINITY, -INFINITY, &d->found);
+        const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
+        compare_found(&set, two, -INFINITY, -INFINITY, &d->found);
         for (int p = 0; p < m->nprecisions; p++)
-            compare_found(&field->sets[k], two, first[p].score, second[p].score, &d->complete[p]);
-        status = compare_errors(&field->sets[k], two, a, b, d, err);
+            compare_found(&set, two, first[p].score, second[p].score, &d->complete[p]);
+        status = compare_errors(&set, two, a, b, d, err);
     }
     for (int which = 0; which < COMPLETE + m->nprecisions && status == RX_OK; which++)
         status = adjust(m, f, pair, which, a, b, err);
-    for (int k = 0; k < field->nsets && status == RX_OK; k++) {
+    for (int k = 0; k < m->lab->nscenes && status == RX_OK; k++) {
         rx_photometry_duel *d = duel_at(m, f, k, pair);
         decide_found(&d->found);
         for (int p = 0; p < m->nprecisions; p++)
@@ -141,11 +142,10 @@ static rx_status compare_pair(rx_photometry_numbers *m, int f, int pair, double 
 
 rx_status rx_photometry_duels_make(rx_photometry_numbers *m, int f, rx_error *err)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
-    size_t most = (size_t)field->nsets + 1;
+    size_t most = (size_t)m->lab->nscenes + 1;
     rx_status status = RX_OK;
-    for (int k = 0; k < field->nsets; k++)
-        most = (size_t)field->sets[k].nstars > most ? (size_t)field->sets[k].nstars : most;
+    for (int k = 0; k < m->lab->nscenes; k++)
+        most += (size_t)rx_lab_set_of(m->lab, f, k)->table[RX_PHOTOMETRY_STAR].n;
     double *a = RX_NEW(double, most), *b = RX_NEW(double, most);
     if (a == NULL || b == NULL)
         status = rx_error_memory(err, most * sizeof *a);
@@ -171,10 +171,9 @@ static int winner_of(const rx_photometry_duel *d, int about)
 /* Sets with this outcome; low: only those of low S/N. */
 static int count(const rx_photometry_numbers *m, int f, int pair, int about, int winner, int low)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
     int n = 0;
-    for (int k = 0; k < field->nsets; k++)
-        if (!low || field->sets[k].snr < LOW_SNR)
+    for (int k = 0; k < m->lab->nscenes; k++)
+        if (!low || rx_photometry_set_of(m->lab, f, k).snr < LOW_SNR)
             n += winner_of(rx_photometry_duel_of(m, f, k, pair), about) == winner;
     return n;
 }
@@ -183,18 +182,17 @@ static int count(const rx_photometry_numbers *m, int f, int pair, int about, int
 static void mags_in_words(rx_text *dst, const rx_photometry_numbers *m, int f, int pair, int about,
                           int winner)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
     int any = 0;
-    for (int k = 0; k < field->nsets; k++) {
+    for (int k = 0; k < m->lab->nscenes; k++) {
         if (winner_of(rx_photometry_duel_of(m, f, k, pair), about) != winner)
             continue;
         int last = k;
-        while (last + 1 < field->nsets &&
+        while (last + 1 < m->lab->nscenes &&
                winner_of(rx_photometry_duel_of(m, f, last + 1, pair), about) == winner)
             last++;
-        rx_text_printf(dst, "%s%g", any ? ", " : "", field->sets[k].mag);
+        rx_text_printf(dst, "%s%g", any ? ", " : "", m->lab->scene[k].mag);
         if (last > k)
-            rx_text_printf(dst, " to %g", field->sets[last].mag);
+            rx_text_printf(dst, " to %g", m->lab->scene[last].mag);
         any = 1;
         k = last;
     }
@@ -208,9 +206,10 @@ static void sentence(rx_text *dst, const rx_photometry_numbers *m, int f, int pa
     } outcomes[] = {{1, "more at magnitude", "smaller at magnitude"},
                     {-1, "fewer at magnitude", "larger at magnitude"},
                     {0, "no clear difference at", "no clear difference at"}};
-    const rx_photometry_results *r = m->results;
+    const rx_lab *r = m->lab;
     int any = 0;
-    rx_text_printf(dst, "%s against %s, ", r->run[m->pair[pair].first], r->run[m->pair[pair].second]);
+    rx_text_printf(dst, "%s against %s, ", r->run[m->pair[pair].first].name,
+                   r->run[m->pair[pair].second].name);
     if (about == ABOUT_ERRORS)
         rx_text_add(dst, "flux errors: ");
     else if (about == ABOUT_FOUND)
@@ -256,28 +255,28 @@ static int beats(const rx_photometry_numbers *m, int f, int a, int b, int about,
 /* The same on every field and at every precision. */
 static int finds_more(const rx_photometry_numbers *m, int a, int b, int low)
 {
-    int all = m->results->nfields > 0;
-    for (int f = 0; f < m->results->nfields; f++)
-        for (int p = 0; p < m->nprecisions && !m->results->fields[f].misled; p++)
+    int all = m->lab->nconditions > 0;
+    for (int f = 0; f < m->lab->nconditions; f++)
+        for (int p = 0; p < m->nprecisions && rx_condition_true(&m->lab->sky[f].condition); p++)
             all = all && beats(m, f, a, b, p, low);
     return all;
 }
 
 static int errs_less(const rx_photometry_numbers *m, int a, int b)
 {
-    int all = m->results->nfields > 0;
-    for (int f = 0; f < m->results->nfields; f++)
-        all = all && (m->results->fields[f].misled || beats(m, f, a, b, ABOUT_ERRORS, 0));
+    int all = m->lab->nconditions > 0;
+    for (int f = 0; f < m->lab->nconditions; f++)
+        all = all && (!rx_condition_true(&m->lab->sky[f].condition) || beats(m, f, a, b, ABOUT_ERRORS, 0));
     return all;
 }
 
 static void tell(rx_text *dst, const rx_photometry_numbers *m, int a, int b, int errors)
 {
     int sign, pair = pair_of(m, a, b, &sign);
-    for (int f = 0; f < m->results->nfields && pair >= 0; f++) {
-        if (m->results->fields[f].misled)
+    for (int f = 0; f < m->lab->nconditions && pair >= 0; f++) {
+        if (!rx_condition_true(&m->lab->sky[f].condition))
             continue;
-        rx_text_printf(dst, "Field %s: ", m->results->fields[f].name);
+        rx_text_printf(dst, "Field %s: ", m->lab->sky[f].name);
         for (int p = 0; p < m->nprecisions && !errors; p++)
             sentence(dst, m, f, pair, p);
         if (errors)
@@ -288,8 +287,8 @@ static void tell(rx_text *dst, const rx_photometry_numbers *m, int a, int b, int
 static void judge_restored(const rx_photometry_numbers *m, rx_claim_verdict *v)
 {
     int others = 0, holds = 1;
-    for (int run = 0; run < m->results->nruns && m->none >= 0; run++) {
-        if (run == m->none || m->results->templates[run]) /* the same list */
+    for (int run = 0; run < m->lab->nruns && m->none >= 0; run++) {
+        if (run == m->none || m->lab->run[run].templates) /* the same list */
             continue;
         others++;
         holds = holds && finds_more(m, run, m->none, 0);
@@ -307,9 +306,9 @@ static void judge_net(const rx_photometry_numbers *m, int low, int errors, rx_cl
     int holds = 1, rivals = 0;
     if (m->net < 0)
         rx_text_add(&v->said, "NET did not take part. ");
-    for (int run = 0; run < m->results->nruns; run++) {
+    for (int run = 0; run < m->lab->nruns; run++) {
         int a = m->net >= 0 ? m->net : run, b = m->net >= 0 ? run : m->none;
-        if (a == b || (errors && b != m->none) || m->results->templates[run])
+        if (a == b || (errors && b != m->none) || m->lab->run[run].templates)
             continue;
         rivals++;
         holds = holds && (errors ? errs_less(m, a, b) : finds_more(m, a, b, low));
@@ -324,9 +323,8 @@ static void judge_net(const rx_photometry_numbers *m, int low, int errors, rx_cl
 static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *said)
 {
     const double sure_snr = 12, most_bias = 1, most_scatter = 1.5;
-    const rx_photometry_field *field = &m->results->fields[f];
     int holds = 1;
-    for (int k = 0; k < field->nsets; k++) {
+    for (int k = 0; k < m->lab->nscenes; k++) {
         const rx_photometry_cell *net = rx_photometry_cell_of(m, f, k, m->net);
         const rx_photometry_cell *none = rx_photometry_cell_of(m, f, k, m->none);
         const rx_photometry_cell *other = rx_photometry_cell_of(m, f, k, rl);
@@ -335,12 +333,13 @@ static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *s
         rx_text lost = {0};
         if (net->magerr.value > other->magerr.value)
             rx_text_printf(&lost, " MagErr %.2f %% (RL %.2f %%)", net->magerr.value, other->magerr.value);
-        if (field->sets[k].snr > sure_snr && !(bias < most_bias))
+        if (rx_photometry_set_of(m->lab, f, k).snr > sure_snr && !(bias < most_bias))
             rx_text_printf(&lost, " bias %.2f %%", net->bias_percent.value);
-        if (field->sets[k].snr > sure_snr && !(scatter <= most_scatter))
+        if (rx_photometry_set_of(m->lab, f, k).snr > sure_snr && !(scatter <= most_scatter))
             rx_text_printf(&lost, " scatter %.2f times NONE's", scatter);
         if (lost.length > 0)
-            rx_text_printf(said, "Field %s, magnitude %g:%s. ", field->name, field->sets[k].mag, lost.data);
+            rx_text_printf(said, "Field %s, magnitude %g:%s. ", m->lab->sky[f].name, m->lab->scene[k].mag,
+                           lost.data);
         holds = holds && lost.length == 0;
         said->failed |= lost.failed;
         rx_text_free(&lost);
@@ -351,15 +350,15 @@ static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *s
 static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
 {
     int rl = -1, holds = 1, fields = 0;
-    for (int run = 0; run < m->results->nruns; run++)
-        if (strcmp(m->results->run[run], "RL") == 0)
+    for (int run = 0; run < m->lab->nruns; run++)
+        if (strcmp(m->lab->run[run].name, "RL") == 0)
             rl = run;
     if (m->net < 0 || m->none < 0 || rl < 0) {
         rx_text_add(&v->said, "NET, RL and NONE must all take part. ");
         return;
     }
-    for (int f = 0; f < m->results->nfields; f++) {
-        if (m->results->fields[f].misled)
+    for (int f = 0; f < m->lab->nconditions; f++) {
+        if (!rx_condition_true(&m->lab->sky[f].condition))
             continue;
         fields++;
         holds = fluxes_hold(m, f, rl, &v->said) && holds;
@@ -369,8 +368,8 @@ static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
 }
 
 /* MagErr of a run less that of another one on the stars that all runs found, and the error of that. */
-static double errs_more(const rx_photometry_results *r, const rx_photometry_set *set, int run, int other,
-                        double *error, double *magerr, long *n)
+static double errs_more(const rx_lab *r, const rx_photometry_set *set, int run, int other, double *error,
+                        double *magerr, long *n)
 {
     double sum = 0, square = 0;
     *n = 0;
@@ -378,11 +377,11 @@ static double errs_more(const rx_photometry_results *r, const rx_photometry_set 
     for (long i = 0; i < set->nstars; i++) {
         int all = 1;
         for (int k = 0; k < r->nruns; k++)
-            all = all && isfinite(set->run[k].stars[i].ratio);
+            all = all && isfinite(rx_star_of(set, k, i)[RX_STAR_RATIO]);
         if (!all)
             continue;
-        const double a = 100 * fabs((double)set->run[run].stars[i].ratio - 1);
-        const double d = a - 100 * fabs((double)set->run[other].stars[i].ratio - 1);
+        const double a = 100 * fabs(rx_star_of(set, run, i)[RX_STAR_RATIO] - 1);
+        const double d = a - 100 * fabs(rx_star_of(set, other, i)[RX_STAR_RATIO] - 1);
         *magerr += a;
         sum += d;
         square += d * d;
@@ -397,29 +396,29 @@ static double errs_more(const rx_photometry_results *r, const rx_photometry_set 
 /* One magnitude; 1: held, 0: not, and what is lost is said. */
 static int templates_hold(const rx_photometry_numbers *m, int f, int k, int run, rx_text *said)
 {
-    const rx_photometry_results *r = m->results;
-    const rx_photometry_set *set = &r->fields[f].sets[k];
+    const rx_lab *r = m->lab;
+    const rx_photometry_set own = rx_photometry_set_of(r, f, k), *set = &own;
     int holds = 1;
     for (int other = 0; other < r->nruns; other++) {
         double error, magerr;
         long n;
-        const double more = r->templates[other] ? 0 : errs_more(r, set, run, other, &error, &magerr, &n);
-        if (r->templates[other] || n < 2 || !(more > 1.96 * error))
+        const double more = r->run[other].templates ? 0 : errs_more(r, set, run, other, &error, &magerr, &n);
+        if (r->run[other].templates || n < 2 || !(more > 1.96 * error))
             continue;
         holds = 0;
-        rx_text_printf(said, "Field %s, magnitude %g: %s %.2f %%, %s %.2f %%. ", r->fields[f].name, set->mag,
-                       r->run[run], magerr, r->run[other], magerr - more);
+        rx_text_printf(said, "Field %s, magnitude %g: %s %.2f %%, %s %.2f %%. ", r->sky[f].name, set->mag,
+                       r->run[run].name, magerr, r->run[other].name, magerr - more);
     }
     return holds;
 }
 
 static void judge_templates(const rx_photometry_numbers *m, rx_claim_verdict *v)
 {
-    const rx_photometry_results *r = m->results;
+    const rx_lab *r = m->lab;
     int held = 0, all = 0;
     for (int run = 0; run < r->nruns; run++)
-        for (int f = 0; f < r->nfields && r->templates[run]; f++)
-            for (int k = 0; k < r->fields[f].nsets && !r->fields[f].misled; k++) {
+        for (int f = 0; f < r->nconditions && r->run[run].templates; f++)
+            for (int k = 0; k < r->nscenes && rx_condition_true(&r->sky[f].condition); k++) {
                 all++;
                 held += templates_hold(m, f, k, run, &v->said);
             }

@@ -27,26 +27,25 @@ typedef struct curves {
 /* Bias with its scatter as a band, everything else with its interval. */
 static void fill(curves *c, const rx_photometry_numbers *m, int f, int run, const plan *p)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
-    size_t n = (size_t)field->nsets;
+    size_t n = (size_t)m->lab->nscenes;
     double *x = c->data + 4 * n * (size_t)run, *y = x + n, *low = y + n, *high = low + n;
-    double step = n > 1 ? field->sets[1].mag - field->sets[0].mag : 1;
+    double step = n > 1 ? m->lab->scene[1].mag - m->lab->scene[0].mag : 1;
     int band = p->precision < 0 && p->quantity == RX_CELL_BIAS_MAG;
-    for (int k = 0; k < field->nsets; k++) {
+    for (int k = 0; k < m->lab->nscenes; k++) {
         const rx_photometry_cell *cell = rx_photometry_cell_of(m, f, k, run);
         rx_estimate e = p->precision >= 0 ? cell->complete[p->precision] : *rx_cell_get(cell, p->quantity);
         if (e.n < FEW)
             e = (rx_estimate){NAN, NAN, NAN, 0};
-        x[k] = field->sets[k].mag + (band ? 0 : 0.06 * step * (run - 0.5 * (m->results->nruns - 1)));
+        x[k] = m->lab->scene[k].mag + (band ? 0 : 0.06 * step * (run - 0.5 * (m->lab->nruns - 1)));
         y[k] = e.value;
         low[k] = band ? e.value - cell->scatter_mag.value : e.low;
         high[k] = band ? e.value + cell->scatter_mag.value : e.high;
     }
-    c->curve[run] = (rx_curve){.name = m->results->run[run],
+    c->curve[run] = (rx_curve){.name = m->lab->run[run].name,
                                .kind = band ? RX_CURVE_BAND : RX_CURVE_BARS,
-                               .color = rx_method_color(m->results->run[run]),
-                               .dashed = strchr(m->results->run[run], ' ') != NULL,
-                               .n = field->nsets};
+                               .color = rx_method_color(m->lab->run[run].name),
+                               .dashed = strchr(m->lab->run[run].name, ' ') != NULL,
+                               .n = m->lab->nscenes};
     c->curve[run].x = x;
     c->curve[run].y = y;
     c->curve[run].low = low;
@@ -81,12 +80,11 @@ static void range(const curves *c, int nruns, const plan *p, rx_axes *axes)
 
 static void over_magnitudes(rx_figures *dst, const rx_photometry_numbers *m, int f, const plan *p)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
-    int nruns = m->results->nruns;
+    int nruns = m->lab->nruns;
     char id[RX_FIGURE_ID];
     curves *c = RX_NEW(curves, 1);
     if (c != NULL)
-        c->data = RX_NEW(double, 4 * (size_t)(field->nsets + 1) * (size_t)nruns);
+        c->data = RX_NEW(double, 4 * (size_t)(m->lab->nscenes + 1) * (size_t)nruns);
     if (c == NULL || c->data == NULL) {
         dst->script.failed = true;
         free(c);
@@ -94,10 +92,10 @@ static void over_magnitudes(rx_figures *dst, const rx_photometry_numbers *m, int
     }
     for (int run = 0; run < nruns; run++)
         fill(c, m, f, run, p);
-    double step = field->nsets > 1 ? field->sets[1].mag - field->sets[0].mag : 1;
+    double step = m->lab->nscenes > 1 ? m->lab->scene[1].mag - m->lab->scene[0].mag : 1;
     rx_axes axes = {.xlabel = "magnitude", .ylabel = p->title};
-    axes.x0 = c->ends[0] = field->sets[0].mag - 0.5 * step;
-    axes.x1 = c->ends[1] = field->sets[field->nsets - 1].mag + 0.5 * step;
+    axes.x0 = c->ends[0] = m->lab->scene[0].mag - 0.5 * step;
+    axes.x1 = c->ends[1] = m->lab->scene[m->lab->nscenes - 1].mag + 0.5 * step;
     range(c, nruns, p, &axes);
     int n = nruns;
     if (p->precision < 0 && p->quantity == RX_CELL_BIAS_MAG)
@@ -124,8 +122,8 @@ static long thin(const rx_pr *pr, double *x, double *y)
 static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int set)
 {
     const size_t room = POINTS_MAX + 2;
-    const rx_photometry_set *s = &m->results->fields[f].sets[set];
-    int nruns = m->results->nruns;
+    const rx_photometry_set own = rx_photometry_set_of(m->lab, f, set), *s = &own;
+    int nruns = m->lab->nruns;
     char id[RX_FIGURE_ID], title[96];
     rx_curve line[RX_METHODS_MAX];
     rx_axes axes = {"recall", "precision", 0, 1.02, 0, 1.02, false, false};
@@ -137,9 +135,9 @@ static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int se
     for (int run = 0; run < nruns; run++) {
         double *x = data + 2 * room * (size_t)run, *y = x + room;
         long n = thin(&rx_photometry_cell_of(m, f, set, run)->pr, x, y);
-        line[run] = (rx_curve){.name = m->results->run[run], .kind = RX_CURVE_LINE, .n = n, .x = x, .y = y};
-        line[run].color = rx_method_color(m->results->run[run]);
-        line[run].dashed = strchr(m->results->run[run], ' ') != NULL;
+        line[run] = (rx_curve){.name = m->lab->run[run].name, .kind = RX_CURVE_LINE, .n = n, .x = x, .y = y};
+        line[run].color = rx_method_color(m->lab->run[run].name);
+        line[run].dashed = strchr(m->lab->run[run].name, ' ') != NULL;
     }
     snprintf(id, sizeof id, "curve%d-%d", f, set);
     snprintf(title, sizeof title, "Magnitude %g (S/N %.3g)", s->mag, s->snr);
@@ -152,9 +150,9 @@ static void curve(rx_figures *dst, const rx_photometry_numbers *m, int f, int se
 static void six_curves(rx_figures *dst, const rx_photometry_numbers *m, int f)
 {
     const double nearly_all = 0.95;
-    int nsets = m->results->fields[f].nsets, lost = nsets;
+    int nsets = m->lab->nscenes, lost = nsets;
     for (int k = nsets - 1; k >= 0; k--)
-        for (int run = 0; run < m->results->nruns; run++)
+        for (int run = 0; run < m->lab->nruns; run++)
             if (rx_photometry_cell_of(m, f, k, run)->recall.value < nearly_all)
                 lost = k;
     int first = lost - 2 < nsets - CURVES ? lost - 2 : nsets - CURVES;
@@ -182,8 +180,8 @@ void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)
         {"ap", "Average precision", "Area under the steps of the precision-recall curve of each magnitude.",
          RX_CELL_AP, -1},
     };
-    for (int f = 0; f < m->results->nfields && f < FIGURE_FIELDS; f++) {
-        if (m->results->fields[f].nsets == 0)
+    for (int f = 0; f < m->lab->nconditions && f < FIGURE_FIELDS; f++) {
+        if (m->lab->nscenes == 0)
             continue;
         for (size_t i = 0; i < sizeof plans / sizeof *plans; i++)
             over_magnitudes(dst, m, f, &plans[i]);
@@ -197,7 +195,7 @@ void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *m)
                                     "the whole field is equal.",
                                     RX_CELL_RECALL, p});
         }
-        if (m->results->nfields <= FIELDS_WITH_CURVES)
+        if (m->lab->nconditions <= FIELDS_WITH_CURVES)
             six_curves(dst, m, f);
     }
 }

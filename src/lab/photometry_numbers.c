@@ -14,7 +14,7 @@ static const double LEVEL = 0.95;
 
 static size_t cell_slot(const rx_photometry_numbers *m, int field, int set, int run)
 {
-    return ((size_t)field * (size_t)m->nsets + (size_t)set) * (size_t)m->results->nruns + (size_t)run;
+    return ((size_t)field * (size_t)m->lab->nscenes + (size_t)set) * (size_t)m->lab->nruns + (size_t)run;
 }
 
 const rx_photometry_cell *rx_photometry_cell_of(const rx_photometry_numbers *m, int field, int set, int run)
@@ -24,17 +24,41 @@ const rx_photometry_cell *rx_photometry_cell_of(const rx_photometry_numbers *m, 
 
 const rx_photometry_whole *rx_photometry_whole_of(const rx_photometry_numbers *m, int field, int run)
 {
-    return &m->whole[(size_t)field * (size_t)m->results->nruns + (size_t)run];
+    return &m->whole[(size_t)field * (size_t)m->lab->nruns + (size_t)run];
 }
 
 const rx_photometry_duel *rx_photometry_duel_of(const rx_photometry_numbers *m, int field, int set, int pair)
 {
-    return &m->duel[((size_t)field * (size_t)m->nsets + (size_t)set) * (size_t)m->npairs + (size_t)pair];
+    return &m->duel[((size_t)field * (size_t)m->lab->nscenes + (size_t)set) * (size_t)m->npairs +
+                    (size_t)pair];
 }
 
-static int found(const rx_star_result *star)
+rx_photometry_set rx_photometry_set_of(const rx_lab *lab, int field, int set)
 {
-    return !isnan(star->score);
+    const rx_lab_table *table = rx_lab_set_of(lab, field, set)->table;
+    rx_photometry_set dst = {.mag = lab->scene[set].mag,
+                             .ntiles = table[RX_PHOTOMETRY_TILE].n,
+                             .nstars = table[RX_PHOTOMETRY_STAR].n,
+                             .star = &table[RX_PHOTOMETRY_STAR],
+                             .wrong = &table[RX_PHOTOMETRY_FALSE]};
+    for (long t = 0; t < dst.ntiles; t++) {
+        dst.mpixels += rx_lab_own(&table[RX_PHOTOMETRY_TILE], t)[RX_FIELD_MPIXELS];
+        dst.snr += rx_lab_own(&table[RX_PHOTOMETRY_TILE], t)[RX_FIELD_SNR] / (double)dst.ntiles;
+    }
+    return dst;
+}
+
+static int found(const double *star)
+{
+    return !isnan(star[RX_STAR_SCORE]);
+}
+
+static long nfalse_of(const rx_photometry_set *set, int run)
+{
+    long n = 0;
+    for (long i = 0; i < set->wrong->n; i++)
+        n += rx_lab_own(set->wrong, i)[RX_FALSE_STAR_RUN] == run;
+    return n;
 }
 
 /* Stars found with a score of at least `score`. */
@@ -42,7 +66,7 @@ static long found_above(const rx_photometry_set *set, int run, double score)
 {
     long n = 0;
     for (long i = 0; i < set->nstars; i++)
-        n += found(&set->run[run].stars[i]) && set->run[run].stars[i].score >= score;
+        n += rx_star_of(set, run, i)[RX_STAR_SCORE] >= score; /* NAN, not found, is below every score */
     return n;
 }
 
@@ -53,39 +77,40 @@ typedef struct scratch {
 } scratch;
 
 /* Detections of sets first..last of one run: score and whether it is a star. */
-static long detections(const rx_photometry_field *field, int first, int last, int run, scratch *s)
+static long detections(const rx_lab *lab, int field, int first, int last, int run, scratch *s)
 {
     long n = 0;
     for (int k = first; k <= last; k++) {
-        const rx_photometry_set *set = &field->sets[k];
-        for (long i = 0; i < set->nstars; i++)
-            if (found(&set->run[run].stars[i])) {
+        const rx_photometry_set set = rx_photometry_set_of(lab, field, k);
+        for (long i = 0; i < set.nstars; i++)
+            if (found(rx_star_of(&set, run, i))) {
                 s->mark[n] = 1;
-                s->value[n++] = set->run[run].stars[i].score;
+                s->value[n++] = rx_star_of(&set, run, i)[RX_STAR_SCORE];
             }
-        for (long i = 0; i < set->run[run].nfalse; i++) {
-            s->mark[n] = 0;
-            s->value[n++] = set->run[run].false_scores[i];
-        }
+        for (long i = 0; i < set.wrong->n; i++)
+            if (rx_lab_own(set.wrong, i)[RX_FALSE_STAR_RUN] == run) {
+                s->mark[n] = 0;
+                s->value[n++] = rx_lab_own(set.wrong, i)[RX_FALSE_STAR_SCORE];
+            }
     }
     return n;
 }
 
 typedef enum star_value { ERROR_PERCENT, ERROR_CLEAN, SIGNED_PERCENT, SIGNED_MAG, PULL } star_value;
 
-static double value_of(const rx_star_result *star, star_value kind)
+static double value_of(const double *star, star_value kind)
 {
     switch (kind) {
     case ERROR_PERCENT:
-        return 100 * fabs((double)star->ratio - 1);
+        return 100 * fabs(star[RX_STAR_RATIO] - 1);
     case ERROR_CLEAN:
-        return star->crowded > 0 ? NAN : 100 * fabs((double)star->ratio - 1);
+        return star[RX_STAR_CROWDED] > 0 ? NAN : 100 * fabs(star[RX_STAR_RATIO] - 1);
     case SIGNED_PERCENT:
-        return 100 * ((double)star->ratio - 1);
+        return 100 * (star[RX_STAR_RATIO] - 1);
     case SIGNED_MAG:
-        return star->ratio > 0 ? -2.5 * log10((double)star->ratio) : NAN;
+        return star[RX_STAR_RATIO] > 0 ? -2.5 * log10(star[RX_STAR_RATIO]) : NAN;
     case PULL:
-        return (double)star->pull;
+        return star[RX_STAR_PULL];
     }
     return NAN;
 }
@@ -94,7 +119,7 @@ static long gather(const rx_photometry_set *set, int run, star_value kind, doubl
 {
     long n = 0;
     for (long i = 0; i < set->nstars; i++) {
-        const rx_star_result *star = &set->run[run].stars[i];
+        const double *star = rx_star_of(set, run, i);
         double v = found(star) ? value_of(star, kind) : NAN;
         if (isfinite(v))
             dst[n++] = v;
@@ -117,17 +142,18 @@ static void robust_of(const rx_photometry_set *set, int run, star_value kind, sc
     rx_robust_estimates(s->value, n, LEVEL, median, sigma);
 }
 
-static rx_status measure_cell(const rx_photometry_field *field, int k, int run, uint64_t seed, scratch *s,
-                              rx_photometry_cell *dst, rx_error *err)
+static rx_status measure_cell(rx_photometry_numbers *m, int f, int k, int run, uint64_t seed, scratch *s,
+                              rx_error *err)
 {
-    const rx_photometry_set *set = &field->sets[k];
+    const rx_photometry_set own = rx_photometry_set_of(m->lab, f, k), *set = &own;
+    rx_photometry_cell *dst = &m->cell[cell_slot(m, f, k, run)];
     long nfound = 0, crowded = 0;
     for (long i = 0; i < set->nstars; i++) {
-        nfound += found(&set->run[run].stars[i]);
-        crowded += found(&set->run[run].stars[i]) && set->run[run].stars[i].crowded > 0;
+        nfound += found(rx_star_of(set, run, i));
+        crowded += found(rx_star_of(set, run, i)) && rx_star_of(set, run, i)[RX_STAR_CROWDED] > 0;
     }
     dst->recall = rx_binomial_interval(nfound, set->nstars, LEVEL);
-    dst->precision = rx_binomial_interval(nfound, nfound + set->run[run].nfalse, LEVEL);
+    dst->precision = rx_binomial_interval(nfound, nfound + nfalse_of(set, run), LEVEL);
     dst->crowded = rx_binomial_interval(crowded, nfound, LEVEL);
     robust_of(set, run, SIGNED_PERCENT, s, &dst->bias_percent, &dst->scatter_percent);
     robust_of(set, run, SIGNED_MAG, s, &dst->bias_mag, &dst->scatter_mag);
@@ -136,7 +162,8 @@ static rx_status measure_cell(const rx_photometry_field *field, int k, int run, 
     if (status == RX_OK)
         status = mean_of(set, run, ERROR_CLEAN, seed, s, &dst->magerr_clean, err);
     if (status == RX_OK)
-        status = rx_pr_make(detections(field, k, k, run, s), s->value, s->mark, set->nstars, &dst->pr, err);
+        status =
+            rx_pr_make(detections(m->lab, f, k, k, run, s), s->value, s->mark, set->nstars, &dst->pr, err);
     if (status == RX_OK)
         status = rx_pr_interval(&dst->pr, set->nstars, LEVEL, (rx_resampling){seed, 1}, &dst->ap, err);
     return status;
@@ -144,32 +171,37 @@ static rx_status measure_cell(const rx_photometry_field *field, int k, int run, 
 
 /* One bin from half a step above the brightest set to half a step below the faintest: completeness only asks
  * for the range. Sets go from bright to faint in equal steps. */
-static rx_bins range_of(const rx_photometry_field *field)
+static rx_bins range_of(const rx_lab *lab)
 {
-    if (field->nsets == 0)
+    if (lab->nscenes == 0)
         return (rx_bins){.n = 1, .edge = {0, 1}};
-    const double step = field->nsets > 1 ? field->sets[1].mag - field->sets[0].mag : 1;
+    const double step = lab->nscenes > 1 ? lab->scene[1].mag - lab->scene[0].mag : 1;
     return (rx_bins){
-        .n = 1, .edge = {field->sets[0].mag - 0.5 * step, field->sets[0].mag + (field->nsets - 0.5) * step}};
+        .n = 1, .edge = {lab->scene[0].mag - 0.5 * step, lab->scene[0].mag + (lab->nscenes - 0.5) * step}};
 }
 
 /* Magnitudes of 50 and 90 % completeness for stars found above `score`. */
-static rx_status depth(const rx_photometry_field *field, int run, double score, uint64_t seed, scratch *s,
-                       rx_estimate *mag50, rx_estimate *mag90, rx_error *err)
+typedef struct depths {
+    rx_estimate *mag50, *mag90;
+} depths;
+
+static rx_status depth(const rx_lab *lab, int f, int run, double score, uint64_t seed, scratch *s, depths dst,
+                       rx_error *err)
 {
-    const rx_bins bins = range_of(field);
+    const rx_bins bins = range_of(lab);
     long n = 0;
-    for (int k = 0; k < field->nsets; k++)
-        for (long i = 0; i < field->sets[k].nstars; i++) {
-            const rx_star_result *star = &field->sets[k].run[run].stars[i];
-            s->mark[n] = found(star) && star->score >= score;
-            s->value[n++] = field->sets[k].mag;
+    for (int k = 0; k < lab->nscenes; k++) {
+        const rx_photometry_set set = rx_photometry_set_of(lab, f, k);
+        for (long i = 0; i < set.nstars; i++) {
+            s->mark[n] = rx_star_of(&set, run, i)[RX_STAR_SCORE] >= score; /* NAN, not found, is below all */
+            s->value[n++] = set.mag;
         }
+    }
     rx_status status =
-        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (rx_resampling){seed, 1}, mag50, err);
+        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (rx_resampling){seed, 1}, dst.mag50, err);
     if (status == RX_OK)
-        status =
-            rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (rx_resampling){seed, 1}, mag90, err);
+        status = rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (rx_resampling){seed, 1}, dst.mag90,
+                                 err);
     return status;
 }
 
@@ -192,31 +224,33 @@ static void choose_cut(const rx_pr *pr, long nstars, double wanted, rx_photometr
 static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, uint64_t seed, scratch *s,
                                rx_error *err)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
-    rx_photometry_whole *dst = &m->whole[(size_t)f * (size_t)m->results->nruns + (size_t)run];
+    rx_photometry_whole *dst = &m->whole[(size_t)f * (size_t)m->lab->nruns + (size_t)run];
     long nstars = 0, nfound = 0, nfalse = 0;
     double mpixels = 0;
     rx_pr pr = {0};
-    for (int k = 0; k < field->nsets; k++) {
-        nstars += field->sets[k].nstars;
-        nfound += found_above(&field->sets[k], run, -INFINITY);
-        nfalse += field->sets[k].run[run].nfalse;
-        mpixels += field->sets[k].mpixels;
+    for (int k = 0; k < m->lab->nscenes; k++) {
+        const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
+        nstars += set.nstars;
+        nfound += found_above(&set, run, -INFINITY);
+        nfalse += nfalse_of(&set, run);
+        mpixels += set.mpixels;
     }
     dst->recall = rx_binomial_interval(nfound, nstars, LEVEL);
     dst->precision = rx_binomial_interval(nfound, nfound + nfalse, LEVEL);
     dst->false_per_mpixel = rx_poisson_rate(nfalse, mpixels, LEVEL);
-    rx_status status = depth(field, run, -INFINITY, seed, s, &dst->mag50, &dst->mag90, err);
+    rx_status status = depth(m->lab, f, run, -INFINITY, seed, s, (depths){&dst->mag50, &dst->mag90}, err);
     if (status == RX_OK)
-        status =
-            rx_pr_make(detections(field, 0, field->nsets - 1, run, s), s->value, s->mark, nstars, &pr, err);
+        status = rx_pr_make(detections(m->lab, f, 0, m->lab->nscenes - 1, run, s), s->value, s->mark, nstars,
+                            &pr, err);
     for (int p = 0; p < m->nprecisions && status == RX_OK; p++) {
         rx_photometry_cut *cut = &dst->cut[p];
         choose_cut(&pr, nstars, m->precision[p], cut);
-        status = depth(field, run, cut->score, seed, s, &cut->mag50, &cut->mag90, err);
-        for (int k = 0; k < field->nsets; k++)
-            m->cell[cell_slot(m, f, k, run)].complete[p] = rx_binomial_interval(
-                found_above(&field->sets[k], run, cut->score), field->sets[k].nstars, LEVEL);
+        status = depth(m->lab, f, run, cut->score, seed, s, (depths){&cut->mag50, &cut->mag90}, err);
+        for (int k = 0; k < m->lab->nscenes; k++) {
+            const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
+            m->cell[cell_slot(m, f, k, run)].complete[p] =
+                rx_binomial_interval(found_above(&set, run, cut->score), set.nstars, LEVEL);
+        }
     }
     rx_pr_free(&pr);
     return status;
@@ -224,23 +258,20 @@ static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, uint64_
 
 static rx_status measure_field(rx_photometry_numbers *m, int f, uint64_t seed, rx_error *err)
 {
-    const rx_photometry_field *field = &m->results->fields[f];
     size_t most = 1;
     rx_status status = RX_OK;
-    for (int run = 0; run < m->results->nruns; run++) {
-        size_t n = 1;
-        for (int k = 0; k < field->nsets; k++)
-            n += (size_t)(field->sets[k].nstars + field->sets[k].run[run].nfalse);
-        most = n > most ? n : most;
+    for (int k = 0; k < m->lab->nscenes; k++) {
+        const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
+        most += (size_t)(set.nstars + set.wrong->n);
     }
     scratch s = {RX_NEW(double, most), RX_NEW(double, most), RX_NEW(unsigned char, most)};
     if (!s.value || !s.zero || !s.mark)
         status = rx_error_memory(err, most * sizeof *s.value);
-    for (int run = 0; run < m->results->nruns && status == RX_OK; run++) {
-        for (int k = 0; k < field->nsets && status == RX_OK; k++) {
+    for (int run = 0; run < m->lab->nruns && status == RX_OK; run++) {
+        for (int k = 0; k < m->lab->nscenes && status == RX_OK; k++) {
             status = rx_interrupt_check(err);
             if (status == RX_OK)
-                status = measure_cell(field, k, run, seed, &s, &m->cell[cell_slot(m, f, k, run)], err);
+                status = measure_cell(m, f, k, run, seed, &s, err);
         }
         if (status == RX_OK)
             status = measure_whole(m, f, run, seed, &s, err);
@@ -253,34 +284,32 @@ static rx_status measure_field(rx_photometry_numbers *m, int f, uint64_t seed, r
 
 static void choose(rx_photometry_numbers *m)
 {
-    const rx_photometry_results *r = m->results;
+    const rx_lab *r = m->lab;
     m->none = m->net = -1;
     for (int i = 0; i < r->nruns; i++) {
-        m->none = strcmp(r->run[i], "NONE") == 0 ? i : m->none;
-        m->net = strcmp(r->run[i], "NET") == 0 ? i : m->net;
+        m->none = strcmp(r->run[i].name, "NONE") == 0 ? i : m->none;
+        m->net = strcmp(r->run[i].name, "NET") == 0 ? i : m->net;
         for (int j = 0; j < i; j++)
             m->pair[m->npairs++] = (rx_run_pair){i, j};
     }
-    for (int f = 0; f < r->nfields; f++)
-        m->nsets = r->fields[f].nsets > m->nsets ? r->fields[f].nsets : m->nsets;
     m->nprecisions = r->nprecisions > 0 ? r->nprecisions : 2;
     for (int p = 0; p < m->nprecisions; p++)
         m->precision[p] = r->nprecisions > 0 ? r->precision[p] : p == 0 ? 0.95 : 0.99;
 }
 
-rx_status rx_photometry_numbers_make(const rx_photometry_results *results, uint64_t seed,
-                                     rx_photometry_numbers *dst, rx_error *err)
+rx_status rx_photometry_numbers_make(const rx_lab *lab, uint64_t seed, rx_photometry_numbers *dst,
+                                     rx_error *err)
 {
     rx_status status = RX_OK;
-    *dst = (rx_photometry_numbers){.results = results};
+    *dst = (rx_photometry_numbers){.lab = lab};
     choose(dst);
-    size_t sets = (size_t)results->nfields * (size_t)dst->nsets;
-    dst->cell = RX_NEW(rx_photometry_cell, sets * (size_t)results->nruns);
-    dst->whole = RX_NEW(rx_photometry_whole, (size_t)results->nfields * (size_t)results->nruns);
+    size_t sets = (size_t)lab->nconditions * (size_t)lab->nscenes;
+    dst->cell = RX_NEW(rx_photometry_cell, sets * (size_t)lab->nruns);
+    dst->whole = RX_NEW(rx_photometry_whole, (size_t)lab->nconditions * (size_t)lab->nruns);
     dst->duel = RX_NEW(rx_photometry_duel, sets * (size_t)dst->npairs);
     if (!dst->cell || !dst->whole || !dst->duel)
         status = rx_error_memory(err, sets * sizeof *dst->cell);
-    for (int f = 0; f < results->nfields && status == RX_OK; f++)
+    for (int f = 0; f < lab->nconditions && status == RX_OK; f++)
         status = measure_field(dst, f, seed, err);
     if (status != RX_OK)
         rx_photometry_numbers_free(dst);
@@ -289,9 +318,9 @@ rx_status rx_photometry_numbers_make(const rx_photometry_results *results, uint6
 
 void rx_photometry_numbers_free(rx_photometry_numbers *m)
 {
-    for (int f = 0; m->cell != NULL && f < m->results->nfields; f++)
-        for (int k = 0; k < m->nsets; k++)
-            for (int run = 0; run < m->results->nruns; run++)
+    for (int f = 0; m->cell != NULL && f < m->lab->nconditions; f++)
+        for (int k = 0; k < m->lab->nscenes; k++)
+            for (int run = 0; run < m->lab->nruns; run++)
                 rx_pr_free(&m->cell[cell_slot(m, f, k, run)].pr);
     free(m->cell);
     free(m->whole);

@@ -17,9 +17,25 @@
 
 #include "base/error.h"
 #include "lab/findings.h"
-#include "lab/results.h"
+#include "lab/photometry.h"
 #include "quality/hypothesis.h"
 #include "quality/pr.h"
+
+/* Stars of one magnitude on a kind of field. */
+typedef struct rx_photometry_set {
+    double mag, snr; /* snr in a matched filter on this field, background-limited */
+    long ntiles, nstars;
+    double mpixels;
+    const rx_lab_table *star, *wrong;
+} rx_photometry_set;
+
+rx_photometry_set rx_photometry_set_of(const rx_lab *lab, int field, int set);
+
+/* Columns of star i through a run. */
+static inline const double *rx_star_of(const rx_photometry_set *set, int run, long i)
+{
+    return rx_lab_each(set->star, i, run);
+}
 
 /* One restorer on one set: value, 95 % interval and how many stars are behind it. */
 typedef struct rx_photometry_cell {
@@ -94,11 +110,10 @@ typedef struct rx_run_pair {
 enum { RX_RUN_PAIRS_MAX = RX_METHODS_MAX * (RX_METHODS_MAX - 1) / 2 };
 
 typedef struct rx_photometry_numbers {
-    const rx_photometry_results *results;
+    const rx_lab *lab;
     int none, net; /* runs of these names, -1 none */
     int npairs;
     rx_run_pair pair[RX_RUN_PAIRS_MAX]; /* the later run against each earlier one */
-    int nsets;                          /* most in a field */
     int nprecisions;
     double precision[RX_PRECISIONS_MAX];
     rx_photometry_cell *cell;   /* [nfields][nsets][nruns] */
@@ -106,9 +121,9 @@ typedef struct rx_photometry_numbers {
     rx_photometry_duel *duel;   /* [nfields][nsets][npairs] */
 } rx_photometry_numbers;
 
-/* Borrows the results. Without precisions in them: 0.95 and 0.99. */
-rx_status rx_photometry_numbers_make(const rx_photometry_results *results, uint64_t seed,
-                                     rx_photometry_numbers *dst, rx_error *err);
+/* Borrows the sets. Without precisions in them: 0.95 and 0.99. */
+rx_status rx_photometry_numbers_make(const rx_lab *lab, uint64_t seed, rx_photometry_numbers *dst,
+                                     rx_error *err);
 void rx_photometry_numbers_free(rx_photometry_numbers *numbers); /* content only */
 
 const rx_photometry_cell *rx_photometry_cell_of(const rx_photometry_numbers *numbers, int field, int set,
@@ -130,5 +145,7 @@ void rx_photometry_pair_words(rx_text *dst, const rx_photometry_numbers *numbers
 
 /* What photometry_numbers.c and photometry_duels.c share. */
 rx_status rx_photometry_duels_make(rx_photometry_numbers *numbers, int field, rx_error *err);
+
+rx_status rx_photometry_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 
 #endif

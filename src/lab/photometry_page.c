@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "lab/kinds.h"
 #include "lab/photometry_numbers.h"
 #include "quality/bootstrap.h"
 #include "report/page.h"
@@ -96,23 +97,23 @@ typedef struct page {
 /* Magnitudes against restorers. precision: completeness at that one instead of the quantity, -1: not. */
 static void add_quantity(page *g, int f, const rx_quantity *quantity, int q, int precision, int brief)
 {
-    const rx_photometry_field *field = &g->m->results->fields[f];
+    const rx_lab *lab = g->m->lab;
     const long from = rx_report_rows(g->f.cells);
     char mag[32];
-    for (int k = 0; k < field->nsets; k++)
-        for (int run = 0; run < g->m->results->nruns; run++) {
+    for (int k = 0; k < lab->nscenes; k++)
+        for (int run = 0; run < g->m->lab->nruns; run++) {
             const rx_photometry_cell *cell = rx_photometry_cell_of(g->m, f, k, run);
-            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
-            rx_findings_cell(&g->f, &(rx_finding){field->name, mag, g->m->results->run[run], NULL}, quantity,
-                             precision < 0 ? rx_cell_get(cell, (rx_cell_quantity)q)
-                                           : &cell->complete[precision]);
+            snprintf(mag, sizeof mag, "%g", lab->scene[k].mag);
+            rx_findings_cell(
+                &g->f, &(rx_finding){lab->sky[f].name, mag, g->m->lab->run[run].name, NULL}, quantity,
+                precision < 0 ? rx_cell_get(cell, (rx_cell_quantity)q) : &cell->complete[precision]);
         }
     rx_findings_show(&g->f, from, quantity, brief);
 }
 
 static const char *winner_name(const rx_photometry_numbers *m, int pair, int winner)
 {
-    return winner == 0 ? NULL : m->results->run[winner > 0 ? m->pair[pair].first : m->pair[pair].second];
+    return winner == 0 ? NULL : m->lab->run[winner > 0 ? m->pair[pair].first : m->pair[pair].second].name;
 }
 
 /* The same stars through two restorers: which finds more, whose errors are smaller. */
@@ -121,22 +122,22 @@ static void add_pair(page *g, int f, int pair)
     static const char *const columns[] = {"condition",  "quantity", "test", "only_first", "only_second",
                                           "difference", "p",        "holm", "winner"};
     const rx_photometry_numbers *m = g->m;
-    const rx_photometry_field *field = &m->results->fields[f];
+    const rx_lab *lab = m->lab;
     const rx_estimate none = {NAN, NAN, NAN, 0};
     const long from = rx_report_rows(g->f.contests);
     char mag[32], quantity[48], title[128];
     for (int which = -1; which < m->nprecisions; which++)
-        for (int k = 0; k < field->nsets; k++) {
+        for (int k = 0; k < lab->nscenes; k++) {
             const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
             const rx_found_duel *found = which < 0 ? &d->found : &d->complete[which];
-            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+            snprintf(mag, sizeof mag, "%g", lab->scene[k].mag);
             snprintf(quantity, sizeof quantity, "found at precision %g",
                      which < 0 ? NAN : m->precision[which]);
-            rx_findings_contest(&g->f, &(rx_contest){.scene = field->name,
+            rx_findings_contest(&g->f, &(rx_contest){.scene = lab->sky[f].name,
                                                      .condition = mag,
                                                      .quantity = which < 0 ? "found" : quantity,
-                                                     .first = m->results->run[m->pair[pair].first],
-                                                     .second = m->results->run[m->pair[pair].second],
+                                                     .first = m->lab->run[m->pair[pair].first].name,
+                                                     .second = m->lab->run[m->pair[pair].second].name,
                                                      .test = "McNemar",
                                                      .statistic = NAN,
                                                      .dof = NAN,
@@ -144,22 +145,22 @@ static void add_pair(page *g, int f, int pair)
                                                      .ln_p = log(found->p),
                                                      .effect = NAN,
                                                      .holm = found->holm,
-                                                     .ntests = field->nsets,
+                                                     .ntests = lab->nscenes,
                                                      .winner = winner_name(m, pair, found->winner),
                                                      .difference = none,
                                                      .only_first = (double)found->only_first,
                                                      .only_second = (double)found->only_second});
         }
-    for (int k = 0; k < field->nsets; k++) {
+    for (int k = 0; k < lab->nscenes; k++) {
         const rx_photometry_duel *d = rx_photometry_duel_of(m, f, k, pair);
         const rx_test *tests[] = {&d->paired, &d->wilcoxon};
-        snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+        snprintf(mag, sizeof mag, "%g", lab->scene[k].mag);
         for (int i = 0; i < 2; i++)
-            rx_findings_contest(&g->f, &(rx_contest){.scene = field->name,
+            rx_findings_contest(&g->f, &(rx_contest){.scene = lab->sky[f].name,
                                                      .condition = mag,
                                                      .quantity = "100 |F - F0| / F0",
-                                                     .first = m->results->run[m->pair[pair].first],
-                                                     .second = m->results->run[m->pair[pair].second],
+                                                     .first = m->lab->run[m->pair[pair].first].name,
+                                                     .second = m->lab->run[m->pair[pair].second].name,
                                                      .test = i ? "Wilcoxon" : "paired t",
                                                      .statistic = tests[i]->statistic,
                                                      .dof = tests[i]->dof,
@@ -167,14 +168,14 @@ static void add_pair(page *g, int f, int pair)
                                                      .ln_p = tests[i]->ln_p,
                                                      .effect = tests[i]->effect,
                                                      .holm = i ? d->holm_wilcoxon : d->holm,
-                                                     .ntests = field->nsets,
+                                                     .ntests = lab->nscenes,
                                                      .winner = i ? NULL : winner_name(m, pair, d->winner),
                                                      .difference = i ? none : d->paired.difference,
                                                      .only_first = NAN,
                                                      .only_second = NAN});
     }
     snprintf(title, sizeof title, "%.40s against %.40s, on the same stars",
-             m->results->run[m->pair[pair].first], m->results->run[m->pair[pair].second]);
+             m->lab->run[m->pair[pair].first].name, m->lab->run[m->pair[pair].second].name);
     rx_report_fold(g->f.report, title);
     rx_findings_show_contests(&g->f, from, NULL, LENGTH(columns), columns);
     rx_report_unfold(g->f.report);
@@ -186,14 +187,14 @@ static void add_cuts(page *g, int f)
     const long from = rx_report_rows(g->cuts);
     const rx_estimate none = {NAN, NAN, NAN, 0};
     rx_text *brief = rx_report_brief_of(g->f.report);
-    rx_text_printf(brief, "%s\n", m->results->fields[f].name);
+    rx_text_printf(brief, "%s\n", m->lab->sky[f].name);
     for (int p = -1; p < m->nprecisions; p++)
-        for (int run = 0; run < m->results->nruns; run++) {
+        for (int run = 0; run < m->lab->nruns; run++) {
             const rx_photometry_whole *w = rx_photometry_whole_of(m, f, run);
             const rx_photometry_cut *c = p < 0 ? NULL : &w->cut[p];
             const rx_estimate recall = c == NULL ? w->recall : c->recall;
-            rx_report_row(g->cuts, (rx_cell[]){rx_cell_words(m->results->fields[f].name),
-                                               rx_cell_words(m->results->run[run]),
+            rx_report_row(g->cuts, (rx_cell[]){rx_cell_words(m->lab->sky[f].name),
+                                               rx_cell_words(m->lab->run[run].name),
                                                rx_cell_number(p < 0 ? NAN : m->precision[p]),
                                                rx_cell_number(c == NULL ? -INFINITY : c->score),
                                                rx_cell_number(c == NULL || c->whole_list),
@@ -202,7 +203,7 @@ static void add_cuts(page *g, int f)
                                                rx_cell_estimate(c == NULL ? w->mag50 : c->mag50),
                                                rx_cell_estimate(c == NULL ? w->mag90 : c->mag90),
                                                rx_cell_estimate(c == NULL ? w->false_per_mpixel : none)});
-            rx_text_printf(brief, "%-14s %s %-5.3g recall %.3f precision %.3f\n", m->results->run[run],
+            rx_text_printf(brief, "%-14s %s %-5.3g recall %.3f precision %.3f\n", m->lab->run[run].name,
                            p < 0 ? "whole list  " : "at precision", p < 0 ? 0.0 : m->precision[p],
                            recall.value, c == NULL ? w->precision.value : c->precision.value);
         }
@@ -218,17 +219,17 @@ static void add_cuts(page *g, int f)
 
 static void add_curves(page *g, int f)
 {
-    const rx_photometry_field *field = &g->m->results->fields[f];
+    const rx_lab *lab = g->m->lab;
     char mag[32];
-    for (int k = 0; k < field->nsets; k++)
-        for (int run = 0; run < g->m->results->nruns; run++) {
+    for (int k = 0; k < lab->nscenes; k++)
+        for (int run = 0; run < g->m->lab->nruns; run++) {
             const rx_pr *pr = &rx_photometry_cell_of(g->m, f, k, run)->pr;
             const long skip = pr->n / CURVE_POINTS + 1;
-            snprintf(mag, sizeof mag, "%g", field->sets[k].mag);
+            snprintf(mag, sizeof mag, "%g", lab->scene[k].mag);
             for (long i = 0; i < pr->n; i++)
                 if (i % skip == 0 || i + 1 == pr->n)
-                    rx_report_row(g->curves, (rx_cell[]){rx_cell_words(field->name), rx_cell_words(mag),
-                                                         rx_cell_words(g->m->results->run[run]),
+                    rx_report_row(g->curves, (rx_cell[]){rx_cell_words(lab->sky[f].name), rx_cell_words(mag),
+                                                         rx_cell_words(g->m->lab->run[run].name),
                                                          rx_cell_number(pr->point[i].score),
                                                          rx_cell_number(pr->point[i].recall),
                                                          rx_cell_number(pr->point[i].precision)});
@@ -238,17 +239,17 @@ static void add_curves(page *g, int f)
 static void add_field(page *g, int f)
 {
     const rx_photometry_numbers *m = g->m;
-    const rx_photometry_field *field = &m->results->fields[f];
+    const rx_lab *lab = m->lab;
     const long from = rx_report_rows(g->sets);
     rx_text words = {0};
     char name[48];
     snprintf(name, sizeof name, "field%d", f);
-    rx_report_section(g->f.report, name, field->name);
+    rx_report_section(g->f.report, name, lab->sky[f].name);
     snprintf(name, sizeof name, "field%d-", f);
     rx_report_place(g->f.report, name);
     snprintf(name, sizeof name, "curve%d-", f);
     rx_report_place(g->f.report, name);
-    rx_report_sentence(g->f.report, field->about);
+    rx_report_sentence(g->f.report, lab->sky[f].about);
     rx_report_fold(g->f.report, "Pairs of restorers in words");
     for (int p = 0; p < m->npairs; p++) {
         const size_t before = words.length;
@@ -259,14 +260,14 @@ static void add_field(page *g, int f)
     rx_report_brief_of(g->f.report)->failed |= words.failed;
     rx_text_free(&words);
     add_cuts(g, f);
-    for (int k = 0; k < field->nsets; k++) {
-        const rx_photometry_set *set = &field->sets[k];
+    for (int k = 0; k < lab->nscenes; k++) {
+        const rx_photometry_set own = rx_photometry_set_of(lab, f, k), *set = &own;
         snprintf(name, sizeof name, "%g", set->mag);
         rx_report_row(g->sets,
-                      (rx_cell[]){rx_cell_words(field->name), rx_cell_words(name), rx_cell_number(set->mag),
-                                  rx_cell_number(set->snr), rx_cell_number((double)set->ntiles),
-                                  rx_cell_number((double)set->nstars), rx_cell_number(set->mpixels),
-                                  rx_cell_words(field->about)});
+                      (rx_cell[]){rx_cell_words(lab->sky[f].name), rx_cell_words(name),
+                                  rx_cell_number(set->mag), rx_cell_number(set->snr),
+                                  rx_cell_number((double)set->ntiles), rx_cell_number((double)set->nstars),
+                                  rx_cell_number(set->mpixels), rx_cell_words(lab->sky[f].about)});
     }
     for (int p = 0; p < m->nprecisions; p++) {
         rx_quantity q = {.unit = "", .digits = 3};
@@ -324,17 +325,15 @@ static void write_reading(rx_report *report)
     rx_report_paragraph(report, html);
 }
 
-rx_status rx_photometry_report(const rx_photometry_results *results, const rx_campaign_record *record,
-                               const char *folder, const char *shown, rx_log *log, rx_text *brief,
-                               rx_error *err)
+rx_status rx_photometry_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_photometry_numbers m = {0};
     rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
     int nverdicts = 0;
     page g = {.m = &m};
-    rx_status status = rx_photometry_numbers_make(results, record->seed, &m, err);
+    rx_status status = rx_photometry_numbers_make(lab, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&g.f, "photometry", NULL, record, err);
+        status = rx_findings_begin(&g.f, "photometry", NULL, output, err);
     if (status != RX_OK)
         goto exit;
     rx_report *report = g.f.report;
@@ -346,17 +345,28 @@ rx_status rx_photometry_report(const rx_photometry_results *results, const rx_ca
     g.cuts = rx_report_table_add(report, "cuts", LENGTH(CUTS), CUTS, RX_REPORT_EVERYWHERE);
     g.curves = rx_report_table_add(report, "curves", LENGTH(CURVES), CURVES, RX_REPORT_IN_FILE);
     rx_photometry_figures(rx_report_figures_of(report), &m);
-    for (int f = 0; f < results->nfields; f++)
+    for (int f = 0; f < lab->nconditions; f++)
         add_field(&g, f);
     rx_report_section(report, "runs", "Restorers");
-    for (int run = 0; run < results->nruns; run++)
+    for (int run = 0; run < lab->nruns; run++)
         rx_report_row(runs,
-                      (rx_cell[]){rx_cell_words(results->run[run]), rx_cell_words(results->settings[run])});
+                      (rx_cell[]){rx_cell_words(lab->run[run].name), rx_cell_words(lab->run[run].settings)});
     rx_report_show(report, runs, &(rx_report_view){.to = rx_report_rows(runs)});
     rx_report_section(report, "reading", "How to read this");
     write_reading(report);
-    status = rx_findings_end(&g.f, folder, shown, log, brief, err);
+    status = rx_findings_end(&g.f, err);
 exit:
     rx_photometry_numbers_free(&m);
     return status;
 }
+
+const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
+                                        .title = "Photometry campaign",
+                                        .tag = 0x70686f746f,
+                                        .ntables = RX_PHOTOMETRY_TABLES,
+                                        .tables = rx_photometry_tables,
+                                        .open = rx_photometry_open,
+                                        .prepare = rx_photometry_prepare,
+                                        .unit = rx_photometry_unit,
+                                        .describe = rx_photometry_describe,
+                                        .report = rx_photometry_report};

@@ -1,4 +1,4 @@
-/* The restoration campaign: its bins, units and results. */
+/* The restoration campaign: its runs, bins and results. */
 #include "lab/restoration.h"
 
 #include <math.h>
@@ -7,8 +7,9 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "lab/facts.h"
 #include "lab/stage_options.h"
+
+enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
 
 /* Restorers whose result depends on a number of iterations (RL_NITER): tuned per bin. */
 static const char *const TUNABLE[] = {"RL"};
@@ -21,19 +22,17 @@ static int is_tunable(const char *name)
     return 0;
 }
 
-/* --- open --- */
+static const rx_lab_column SCENE[] = {RX_RESTORATION_SCENE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column SCORE[] = {RX_RESTORATION_SCORE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column TUNING[] = {RX_RESTORATION_TUNING_COLUMNS(RX_LAB_COLUMN)};
 
-static rx_status add_method(rx_restoration *state, const char *name, const char *suffix,
-                            const rx_restorer *restorer, int tuned, rx_error *err)
-{
-    if (state->nmethods == RX_METHODS_MAX)
-        return rx_error_set(err, RX_USAGE, "RESTORE_TYPE gives more than %d methods; name fewer",
-                            RX_METHODS_MAX);
-    rx_method *method = &state->method[state->nmethods++];
-    *method = (rx_method){.restorer = restorer, .tuned = tuned, .flat = suffix[0] != '\0'};
-    snprintf(method->name, sizeof method->name, "%s%s", name, suffix);
-    return RX_OK;
-}
+const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
+    [RX_RESTORATION_SCENE] = {"scene", RX_RESTORATION_SCENE_WIDTH, RX_RESTORATION_SCORE_WIDTH, SCENE, SCORE,
+                              1},
+    [RX_RESTORATION_TUNING] = {"tuning", RX_RESTORATION_TUNING_WIDTH, 0, TUNING, NULL, 1},
+};
+
+/* --- open --- */
 
 /* The first of the restorers asked for that can be tuned, or NULL. */
 static const rx_restorer *first_tunable(const rx_words *words)
@@ -46,28 +45,30 @@ static const rx_restorer *first_tunable(const rx_words *words)
 
 /* NONE is the blurred image, and beside a tuned restorer also the blurred image through a filter, tuned as
  * the restorer's is: what is gained without any deconvolution. */
-static rx_status set_methods(rx_restoration *state, rx_error *err)
+static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
-    const rx_words *words = &state->config->restore_type;
+    const rx_words *words = &lab->config->restore_type;
     const rx_restorer *tunable = first_tunable(words);
     rx_status status = RX_OK;
     for (int i = 0; status == RX_OK && i < words->n; i++) {
-        const rx_restorer *restorer = rx_restorer_find(words->v[i]);
-        if (restorer == NULL)
-            return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", words->v[i]);
-        const int tuned = is_tunable(restorer->name);
-        const int none = strcmp(restorer->name, "NONE") == 0;
-        for (int m = 0; m < state->nmethods; m++)
-            if (state->method[m].restorer == restorer && !state->method[m].smooth)
+        rx_lab_run run = {.tuned = is_tunable(words->v[i])};
+        RX_TRY(rx_lab_restorer(words->v[i], &run.restorer, err));
+        const int none = strcmp(run.restorer->name, "NONE") == 0;
+        for (int m = 0; m < lab->nruns; m++)
+            if (lab->run[m].restorer == run.restorer && !lab->run[m].smooth)
                 return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
-        status = add_method(state, none ? "BLURRED" : restorer->name, "", restorer, tuned, err);
-        if (status == RX_OK && none && tunable != NULL) {
-            status = add_method(state, "SMOOTHED", "", tunable, 1, err);
-            state->method[state->nmethods - 1].smooth = 1;
+        snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : run.restorer->name);
+        status = rx_lab_add_run(lab, RX_METHODS_MAX, &run, err);
+        if (status == RX_OK && none && tunable != NULL)
+            status = rx_lab_add_run(
+                lab, RX_METHODS_MAX,
+                &(rx_lab_run){.name = "SMOOTHED", .restorer = tunable, .tuned = 1, .smooth = 1}, err);
+        if (status == RX_OK && run.tuned) {
+            run.flat = 1;
+            snprintf(run.name, sizeof run.name, "%s_FLAT", run.restorer->name);
+            status = rx_lab_add_run(lab, RX_METHODS_MAX, &run, err);
         }
-        if (status == RX_OK && tuned)
-            status = add_method(state, restorer->name, "_FLAT", restorer, tuned, err);
-        state->ntuned += tuned;
+        lab->ntuned += run.tuned;
     }
     return status;
 }
@@ -83,21 +84,21 @@ static long scene_count(const rx_campaign_config *config, const rx_ints *list)
 }
 
 /* Bins of one quantity, 1 wide, one centre per unit from the first to the last. */
-static void add_bins(rx_restoration *state, int by_sigma, const rx_reals *range, const rx_reals *other,
+static void add_bins(rx_lab *lab, int by_sigma, const rx_reals *range, const rx_reals *other,
                      const rx_ints *scenes)
 {
     for (int i = 0; i < bin_count(range); i++)
-        state->bins[state->nbins++] = (rx_restoration_range){.by_sigma = by_sigma,
-                                                             .low = fmax(range->v[0] + i - 0.5, 0),
-                                                             .high = range->v[0] + i + 0.5,
-                                                             .other_low = other->v[0],
-                                                             .other_high = other->v[1],
-                                                             .nscenes = scene_count(state->config, scenes)};
+        lab->bin[lab->nconditions++] = (rx_lab_bin){.by_sigma = by_sigma,
+                                                    .low = fmax(range->v[0] + i - 0.5, 0),
+                                                    .high = range->v[0] + i + 0.5,
+                                                    .other_low = other->v[0],
+                                                    .other_high = other->v[1],
+                                                    .nscenes = scene_count(lab->config, scenes)};
 }
 
-static rx_status set_bins(rx_restoration *state, rx_error *err)
+static rx_status set_bins(rx_lab *lab, rx_error *err)
 {
-    const rx_campaign_config *config = state->config;
+    const rx_campaign_config *config = lab->config;
     if (config->fwhm_range.v[1] < config->fwhm_range.v[0] ||
         config->sigma_range.v[1] < config->sigma_range.v[0] ||
         config->fwhm_trained.v[1] < config->fwhm_trained.v[0] ||
@@ -105,36 +106,18 @@ static rx_status set_bins(rx_restoration *state, rx_error *err)
         return rx_error_set(err, RX_USAGE,
                             "FWHM_RANGE, SIGMA_RANGE, FWHM_TRAINED and SIGMA_TRAINED go from low to high");
     const size_t n = (size_t)bin_count(&config->fwhm_range) + (size_t)bin_count(&config->sigma_range);
-    state->bins = RX_NEW(rx_restoration_range, n);
-    if (state->bins == NULL)
-        return rx_error_memory(err, n * sizeof *state->bins);
-    add_bins(state, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm);
-    add_bins(state, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma);
-    return RX_OK;
-}
-
-static rx_status set_units(rx_restoration *state, rx_error *err)
-{
-    const long tune = state->ntuned > 0 ? state->config->tune_scenes : 0;
-    for (int b = 0; b < state->nbins; b++)
-        state->nunits += tune + state->bins[b].nscenes;
-    state->units = RX_NEW(rx_restoration_unit, (size_t)state->nunits);
-    if (state->units == NULL)
-        return rx_error_memory(err, (size_t)state->nunits * sizeof *state->units);
-    rx_restoration_unit *unit = state->units;
-    for (int b = 0; b < state->nbins; b++) {
-        for (long i = 0; i < tune; i++)
-            *unit++ = (rx_restoration_unit){b, 1, i};
-        for (long i = 0; i < state->bins[b].nscenes; i++)
-            *unit++ = (rx_restoration_unit){b, 0, i};
-    }
+    lab->bin = RX_NEW(rx_lab_bin, n);
+    if (lab->bin == NULL)
+        return rx_error_memory(err, n * sizeof *lab->bin);
+    add_bins(lab, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm);
+    add_bins(lab, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma);
     return RX_OK;
 }
 
 /* The population on a scene, without stars unless they were asked for, and with one galaxy at least. */
-static rx_status set_simulation(rx_restoration *state, rx_log *log, rx_error *err)
+static rx_status set_simulation(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    const rx_campaign_config *config = state->config;
+    const rx_campaign_config *config = lab->config;
     rx_simulate_config *sim = NULL;
     char side[32];
     snprintf(side, sizeof side, "%d", config->scene_side);
@@ -148,11 +131,11 @@ static rx_status set_simulation(rx_restoration *state, rx_log *log, rx_error *er
                               "SIM.PSF_TYPE %s has no FWHM to vary in a restoration campaign; give MOFFAT",
                               sim->psf_type);
     if (status == RX_OK)
-        status = rx_simulation_from_config(sim, log, &state->simulation, err);
+        status = rx_simulation_from_config(sim, log, &lab->sky->simulation, err);
     rx_simulate_config_free(sim);
     if (status != RX_OK)
         return status;
-    rx_simulation *simulation = state->simulation;
+    rx_simulation *simulation = lab->sky->simulation;
     simulation->nthreads = 1;
     if (rx_settings_was_set(&config->settings, "SIM.STAR_COUNT") == RX_FROM_DEFAULT)
         simulation->scene.stars.count = 0;
@@ -163,87 +146,37 @@ static rx_status set_simulation(rx_restoration *state, rx_log *log, rx_error *er
     return RX_OK;
 }
 
-static void close_state(void *pointer)
+rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    rx_restoration *state = pointer;
-    if (state == NULL)
-        return;
-    rx_options_free(state->options);
-    rx_config_free(state->stage);
-    rx_simulation_free(state->simulation);
-    free(state->bins);
-    free(state->units);
-    free(state);
+    lab->sky = RX_NEW(rx_lab_sky, 1);
+    if (lab->sky == NULL)
+        return rx_error_memory(err, sizeof *lab->sky);
+    lab->nskies = 1;
+    RX_TRY(add_runs(lab, err));
+    RX_TRY(set_bins(lab, err));
+    RX_TRY(rx_lab_add_scene(lab, RX_SCENE_TUNING, 0, 0, err));
+    RX_TRY(rx_lab_add_scene(lab, RX_SCENE_TEST, 1, 0, err));
+    return set_simulation(lab, log, err);
 }
 
-static rx_status open_state(const rx_campaign_config *config, int nthreads, rx_log *log, void **dst,
-                            rx_error *err)
+rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                              rx_lab_table *dst, rx_error *err)
 {
-    (void)nthreads;
-    rx_restoration *state = RX_NEW(rx_restoration, 1);
-    if (state == NULL)
-        return rx_error_memory(err, sizeof *state);
-    state->config = config;
-    state->side = config->scene_side;
-    rx_status status = rx_campaign_options(config, log, &state->stage, &state->options, err);
-    if (status == RX_OK)
-        status = set_methods(state, err);
-    if (status == RX_OK)
-        status = set_bins(state, err);
-    if (status == RX_OK)
-        status = set_units(state, err);
-    if (status == RX_OK)
-        status = set_simulation(state, log, err);
-    if (status != RX_OK) {
-        close_state(state);
-        return status;
-    }
-    *dst = state;
-    return RX_OK;
-}
-
-/* --- facts, plan, units --- */
-
-/* Templates may come from a folder or a list: what was read counts. */
-static rx_status facts(const void *pointer, rx_journal_facts *dst, rx_error *err)
-{
-    const rx_restoration *state = pointer;
-    rx_status status = rx_facts_model(state->options->model, dst, err);
-    return status == RX_OK ? rx_facts_templates(state->simulation->templates, dst, err) : status;
-}
-
-static long units(const void *state)
-{
-    return ((const rx_restoration *)state)->nunits;
-}
-
-static rx_unit_place place(const void *state, long number)
-{
-    const rx_restoration_unit *unit = &((const rx_restoration *)state)->units[number];
-    return (rx_unit_place){unit->bin, !unit->tune};
-}
-
-static rx_status do_unit(const void *pointer, long number, const rx_unit_values *done, rx_unit_values *dst,
-                         rx_error *err)
-{
-    const rx_restoration *state = pointer;
-    const rx_restoration_unit *unit = &state->units[number];
     rx_trial trial;
-    rx_status status = rx_trial_make(state, unit, &trial, err);
-    if (status != RX_OK)
-        return status;
-    status = unit->tune ? rx_restoration_tune(state, &trial, dst, err)
-                        : rx_restoration_score(state, unit->bin, &trial, done, dst, err);
+    RX_TRY(rx_trial_make(lab, unit, &trial, err));
+    rx_status status = lab->scene[unit->scene].id == RX_SCENE_TUNING
+                           ? rx_restoration_tune(lab, &trial, dst, err)
+                           : rx_restoration_score(lab, unit->condition, &trial, done, dst, err);
     rx_trial_free(&trial);
     return status;
 }
 
 /* --- results --- */
 
-static rx_status collect_bin(const rx_restoration *state, int b, const rx_unit_values *all,
-                             rx_restoration_bin *dst, rx_error *err)
+static rx_status collect_bin(const rx_lab *lab, int b, const rx_unit_values *all, rx_restoration_bin *dst,
+                             rx_error *err)
 {
-    const rx_restoration_range *bin = &state->bins[b];
+    const rx_lab_bin *bin = &lab->bin[b];
     const size_t n = (size_t)bin->nscenes;
     *dst = (rx_restoration_bin){.by_sigma = bin->by_sigma,
                                 .low = bin->low,
@@ -255,43 +188,40 @@ static rx_status collect_bin(const rx_restoration *state, int b, const rx_unit_v
                                 .sigma = RX_NEW(double, n),
                                 .level = RX_NEW(double, n)};
     int failed = dst->fwhm == NULL || dst->sigma == NULL || dst->level == NULL;
-    for (int m = 0; m < state->nmethods; m++) {
-        const rx_method *method = &state->method[m];
+    for (int m = 0; m < lab->nruns; m++) {
+        const rx_lab_run *method = &lab->run[m];
         rx_method_scores *scores = &dst->method[m];
         scores->psnr = RX_NEW(double, n);
         scores->ssim = RX_NEW(double, n);
         failed |= scores->psnr == NULL || scores->ssim == NULL;
         for (int metric = 0; method->tuned && metric < 2; metric++) {
             rx_tuning tuning;
-            const long chosen = rx_tuning_choose(state, b, method, metric, all);
-            rx_tuning_get(state, 1.0, chosen, &tuning);
+            const long chosen = rx_tuning_choose(lab, b, method, metric, all);
+            rx_tuning_get(lab, 1.0, chosen, &tuning);
             char *text = metric == 0 ? scores->settings_psnr : scores->settings_ssim;
             memcpy(text, tuning.text, sizeof tuning.text);
-            *(metric == 0 ? &scores->end_psnr : &scores->end_ssim) = rx_tuning_at_end(state, chosen);
+            *(metric == 0 ? &scores->end_psnr : &scores->end_ssim) = rx_tuning_at_end(lab, chosen);
         }
     }
     if (failed)
         return rx_error_memory(err, n * sizeof(double));
-    for (long u = 0; u < state->nunits; u++) {
-        const rx_restoration_unit *unit = &state->units[u];
-        if (unit->bin != b || unit->tune)
-            continue;
-        const double *v = all[u].v;
-        dst->fwhm[unit->index] = v[0];
-        dst->sigma[unit->index] = v[1];
-        dst->level[unit->index] = v[2];
-        for (int m = 0; m < state->nmethods; m++) {
-            dst->method[m].psnr[unit->index] = v[3 + 2 * m];
-            dst->method[m].ssim[unit->index] = v[4 + 2 * m];
+    const rx_lab_table *scene = &rx_lab_set_of(lab, b, TEST)->table[RX_RESTORATION_SCENE];
+    for (long i = 0; i < scene->n; i++) {
+        dst->fwhm[i] = rx_lab_own(scene, i)[RX_SCENE_FWHM];
+        dst->sigma[i] = rx_lab_own(scene, i)[RX_SCENE_SIGMA];
+        dst->level[i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
+        for (int m = 0; m < lab->nruns; m++) {
+            dst->method[m].psnr[i] = rx_lab_each(scene, i, m)[RX_SCORE_PSNR];
+            dst->method[m].ssim[i] = rx_lab_each(scene, i, m)[RX_SCORE_SSIM];
         }
     }
     return RX_OK;
 }
 
 /* One plane of an example: title and pixels, which the example owns from then on. */
-static float *add_plane(const rx_restoration *state, rx_restoration_example *dst, const char *title)
+static float *add_plane(const rx_lab *lab, rx_restoration_example *dst, const char *title)
 {
-    const size_t n = (size_t)state->side * (size_t)state->side;
+    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
     float *plane = RX_NEW(float, n);
     if (plane == NULL)
         return NULL;
@@ -299,35 +229,35 @@ static float *add_plane(const rx_restoration *state, rx_restoration_example *dst
     return dst->planes[dst->nplanes++] = plane;
 }
 
-static rx_status make_example(const rx_restoration *state, int bin, long index, const rx_unit_values *all,
+static rx_status make_example(const rx_lab *lab, int bin, long index, const rx_unit_values *all,
                               rx_restoration_example *dst, rx_error *err)
 {
-    const size_t bytes = (size_t)state->side * (size_t)state->side * sizeof(float);
-    const rx_restoration_unit unit = {bin, 0, index};
+    const size_t bytes = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side * sizeof(float);
+    const rx_lab_unit unit = {bin, TEST, index};
     rx_trial trial;
-    rx_status status = rx_trial_make(state, &unit, &trial, err);
+    rx_status status = rx_trial_make(lab, &unit, &trial, err);
     if (status != RX_OK)
         return status;
     dst->fwhm = trial.fwhm;
     dst->sigma = trial.sigma;
-    float *plane = add_plane(state, dst, "BLURRED");
+    float *plane = add_plane(lab, dst, "BLURRED");
     if (plane != NULL)
         memcpy(plane, trial.image, bytes);
-    for (int m = 0; status == RX_OK && plane != NULL && m < state->nmethods; m++)
-        if (strcmp(state->method[m].name, "BLURRED") != 0 &&
-            (plane = add_plane(state, dst, state->method[m].name)) != NULL)
-            status = rx_restoration_picture(state, bin, &trial, &state->method[m], 0, all, plane, err);
-    if (status == RX_OK && plane != NULL && (plane = add_plane(state, dst, "SHARP")) != NULL)
+    for (int m = 0; status == RX_OK && plane != NULL && m < lab->nruns; m++)
+        if (strcmp(lab->run[m].name, "BLURRED") != 0 &&
+            (plane = add_plane(lab, dst, lab->run[m].name)) != NULL)
+            status = rx_restoration_picture(lab, bin, &trial, &lab->run[m], 0, all, plane, err);
+    if (status == RX_OK && plane != NULL && (plane = add_plane(lab, dst, "SHARP")) != NULL)
         memcpy(plane, trial.sharp, bytes);
     rx_trial_free(&trial);
     return status == RX_OK && plane == NULL ? rx_error_memory(err, bytes) : status;
 }
 
 /* The first scenes of bins evenly apart. */
-static rx_status make_examples(const rx_restoration *state, const rx_unit_values *all,
-                               rx_restoration_results *dst, rx_error *err)
+static rx_status make_examples(const rx_lab *lab, const rx_unit_values *all, rx_restoration_results *dst,
+                               rx_error *err)
 {
-    const int n = state->config->examples < state->nbins ? state->config->examples : state->nbins;
+    const int n = lab->config->examples < lab->nconditions ? lab->config->examples : lab->nconditions;
     rx_status status = RX_OK;
     if (n == 0)
         return RX_OK;
@@ -336,22 +266,22 @@ static rx_status make_examples(const rx_restoration *state, const rx_unit_values
         return rx_error_memory(err, (size_t)n * sizeof *dst->examples);
     dst->nexamples = n;
     for (int e = 0; status == RX_OK && e < n; e++)
-        status = make_example(state, (2 * e + 1) * state->nbins / (2 * n), 0, all, &dst->examples[e], err);
+        status = make_example(lab, (2 * e + 1) * lab->nconditions / (2 * n), 0, all, &dst->examples[e], err);
     return status;
 }
 
-static void describe(const rx_restoration *state, rx_restoration_results *dst)
+static void describe(const rx_lab *lab, rx_restoration_results *dst)
 {
-    const rx_campaign_config *config = state->config;
+    const rx_campaign_config *config = lab->config;
     const rx_simulate_config *sim = config->sim;
     char templates[48] = "";
-    if (state->simulation->templates != NULL)
-        snprintf(templates, sizeof templates, ", %d templates", state->simulation->templates->n);
-    dst->side = state->side;
+    if (lab->sky[0].simulation->templates != NULL)
+        snprintf(templates, sizeof templates, ", %d templates", lab->sky[0].simulation->templates->n);
+    dst->side = lab->config->scene_side;
     dst->peak = config->scene_peak;
-    dst->sharp_fwhm = state->simulation->sharp_fwhm;
-    dst->tune_scenes = state->ntuned > 0 ? config->tune_scenes : 0;
-    const rx_model *model = state->options->model;
+    dst->sharp_fwhm = lab->sky[0].simulation->sharp_fwhm;
+    dst->tune_scenes = lab->ntuned > 0 ? config->tune_scenes : 0;
+    const rx_model *model = lab->options->model;
     const int known = model != NULL && model->bins != NULL;
     const rx_model_bin *last = known ? &model->bins[(size_t)model->nfwhm * (size_t)model->nsigma - 1] : NULL;
     for (int i = 0; i < 2; i++) {
@@ -365,53 +295,31 @@ static void describe(const rx_restoration *state, rx_restoration_results *dst)
              "reference (Gaussian PSF of FWHM %g pixels) is %g, the sky 0",
              sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, dst->sharp_fwhm, dst->peak);
     const size_t used = strlen(dst->about);
-    rx_campaign_model_words(state->options, dst->about + used, sizeof dst->about - used);
+    rx_campaign_model_words(lab->options, dst->about + used, sizeof dst->about - used);
 }
 
-rx_status rx_restoration_collect(const rx_restoration *state, const rx_unit_values *all,
-                                 rx_restoration_results **dst, rx_error *err)
+rx_status rx_restoration_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
     rx_restoration_results *results = RX_NEW(rx_restoration_results, 1);
     if (results == NULL)
         return rx_error_memory(err, sizeof *results);
     rx_status status = RX_OK;
-    describe(state, results);
-    results->nmethods = state->nmethods;
-    for (int m = 0; m < state->nmethods; m++)
-        memcpy(results->method[m], state->method[m].name, sizeof results->method[m]);
-    results->bins = RX_NEW(rx_restoration_bin, (size_t)state->nbins);
+    describe(lab, results);
+    results->nmethods = lab->nruns;
+    for (int m = 0; m < lab->nruns; m++)
+        memcpy(results->method[m], lab->run[m].name, sizeof results->method[m]);
+    results->bins = RX_NEW(rx_restoration_bin, (size_t)lab->nconditions);
     if (results->bins == NULL)
-        status = rx_error_memory(err, (size_t)state->nbins * sizeof *results->bins);
-    for (int b = 0; status == RX_OK && b < state->nbins; b++) {
+        status = rx_error_memory(err, (size_t)lab->nconditions * sizeof *results->bins);
+    for (int b = 0; status == RX_OK && b < lab->nconditions; b++) {
         results->nbins = b + 1;
-        status = collect_bin(state, b, all, &results->bins[b], err);
+        status = collect_bin(lab, b, all, &results->bins[b], err);
     }
     if (status == RX_OK)
-        status = make_examples(state, all, results, err);
+        status = make_examples(lab, all, results, err);
     if (status == RX_OK)
-        *dst = results;
+        lab->restored = results;
     else
         rx_restoration_results_free(results);
     return status;
 }
-
-static rx_status report(const void *state, const rx_unit_values *all, const rx_campaign_record *record,
-                        const char *folder, const char *shown, rx_log *log, rx_text *brief, rx_error *err)
-{
-    rx_restoration_results *results = NULL;
-    rx_status status = rx_restoration_collect(state, all, &results, err);
-    if (status == RX_OK)
-        status = rx_restoration_report(results, record, folder, shown, log, brief, err);
-    rx_restoration_results_free(results);
-    return status;
-}
-
-const rx_campaign_kind rx_kind_restoration = {.name = "RESTORATION",
-                                              .title = "Restoration campaign",
-                                              .open = open_state,
-                                              .close = close_state,
-                                              .facts = facts,
-                                              .units = units,
-                                              .place = place,
-                                              .unit = do_unit,
-                                              .report = report};

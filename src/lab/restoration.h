@@ -8,50 +8,31 @@
 #ifndef RX_LAB_RESTORATION_H
 #define RX_LAB_RESTORATION_H
 
-#include <stdint.h>
-
-#include "config/campaign_config.h"
-#include "lab/kind.h"
+#include "lab/lab.h"
 #include "lab/results.h"
 #include "quality/image_metrics.h"
-#include "restore/restore.h"
-#include "stage/options.h"
-#include "stage/simulation.h"
 
-/* One column of the tables: a restorer, tuned or as the STAGE. keywords have it. */
-typedef struct rx_method {
-    char name[RX_METHOD_NAME];
-    const rx_restorer *restorer;
-    int tuned;  /* iterations and filter chosen per bin */
-    int flat;   /* tuned, and what is below a threshold, tuned too, is set to the sky */
-    int smooth; /* tuned, without any iteration: the filter alone, no deconvolution */
-} rx_method;
+enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
 
-typedef struct rx_restoration_range {
-    int by_sigma;
-    double low, high, other_low, other_high;
-    long nscenes;
-} rx_restoration_range;
+/* A scene of the test. */
+#define RX_RESTORATION_SCENE_COLUMNS(X)                                                                      \
+    X(RX_SCENE_FWHM, "fwhm", "pixel", "of the PSF, as drawn")                                                \
+    X(RX_SCENE_SIGMA, "sigma", "", "of the noise, as drawn")                                                 \
+    X(RX_SCENE_LEVEL, "level", "", "noise level on the scale of models")
+#define RX_RESTORATION_SCORE_COLUMNS(X)                                                                      \
+    X(RX_SCORE_PSNR, "psnr", "dB", "with the settings for PSNR")                                             \
+    X(RX_SCORE_SSIM, "ssim", "", "with the settings for SSIM")
 
-/* A unit is one scene of a bin: in the test, or of those that methods are tuned on. */
-typedef struct rx_restoration_unit {
-    int bin, tune;
-    long index;
-} rx_restoration_unit;
+/* A candidate of a restorer that is tuned, in the order of rx_tuning_get(), restorer by restorer. */
+#define RX_RESTORATION_TUNING_COLUMNS(X)                                                                     \
+    X(RX_TUNING_PSNR, "psnr", "dB", "on one scene")                                                          \
+    X(RX_TUNING_SSIM, "ssim", "", "on one scene")
 
-typedef struct rx_restoration {
-    const rx_campaign_config *config; /* not owned */
-    rx_config *stage;                 /* owned */
-    rx_options *options;              /* of the stage; everything on one thread */
-    rx_simulation *simulation;        /* population, templates and target PSF */
-    int side;
-    int nmethods, ntuned; /* ntuned: restorers that are tuned */
-    rx_method method[RX_METHODS_MAX];
-    int nbins;
-    rx_restoration_range *bins;
-    long nunits;
-    rx_restoration_unit *units;
-} rx_restoration;
+enum { RX_RESTORATION_SCENE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCENE_WIDTH };
+enum { RX_RESTORATION_SCORE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCORE_WIDTH };
+enum { RX_RESTORATION_TUNING_COLUMNS(RX_LAB_ID) RX_RESTORATION_TUNING_WIDTH };
+
+extern const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES];
 
 /* One scene: planes [side][side], 0 = sky. */
 typedef struct rx_trial {
@@ -63,13 +44,12 @@ typedef struct rx_trial {
     rx_image_reference *reference; /* of `sharp`, for PSNR and SSIM */
 } rx_trial;
 
-rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst,
-                        rx_error *err);
+rx_status rx_trial_make(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *dst, rx_error *err);
 void rx_trial_free(rx_trial *trial); /* content only */
 
 /* dst [side][side] = the scene restored. niter > 0: so many iterations and no filter; 0: as STAGE. has it. */
-rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, const rx_restorer *restorer,
-                           int niter, float *dst, rx_error *err);
+rx_status rx_trial_restore(const rx_lab *lab, const rx_trial *trial, const rx_restorer *restorer, int niter,
+                           float *dst, rx_error *err);
 
 /* --- tuning --- */
 
@@ -83,38 +63,36 @@ typedef struct rx_tuning {
 
 /* Candidates per restorer: (0 and TUNE_NITER) x (TUNE_FILTER and the target PSF) x thresholds. Those of 0
  * iterations are for the method `smooth`, without thresholds; the others have the rest. */
-long rx_tuning_count(const rx_restoration *state);
-void rx_tuning_get(const rx_restoration *state, double fwhm, long candidate, rx_tuning *dst);
+long rx_tuning_count(const rx_lab *lab);
+void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *dst);
 
 /* The method's candidate of the highest mean over the tuning scenes of a bin; metric 0: PSNR, 1: SSIM. done:
  * values of all units. */
-long rx_tuning_choose(const rx_restoration *state, int bin, const rx_method *method, int metric,
+long rx_tuning_choose(const rx_lab *lab, int bin, const rx_lab_run *method, int metric,
                       const rx_unit_values *done);
 
 /* Is the candidate's number of iterations the lowest (above 1) or highest tried, or its filter the widest
  * or its threshold the highest: a longer list may hold a better one. */
-int rx_tuning_at_end(const rx_restoration *state, long candidate);
+int rx_tuning_at_end(const rx_lab *lab, long candidate);
 
 /* plane = filtered and cut as the candidate says, from what so many iterations gave. */
-rx_status rx_tuning_apply(const rx_restoration *state, const rx_trial *trial, const rx_tuning *tuning,
+rx_status rx_tuning_apply(const rx_lab *lab, const rx_trial *trial, const rx_tuning *tuning,
                           const float *restored, float *plane, rx_error *err);
 
 /* --- the two kinds of unit --- */
 
-/* 2 values, PSNR and SSIM, for every candidate of every tuned restorer, on one tuning scene. */
-rx_status rx_restoration_tune(const rx_restoration *state, const rx_trial *trial, rx_unit_values *dst,
-                              rx_error *err);
-/* FWHM, sigma, noise level, then PSNR and SSIM of every method, on one test scene. */
-rx_status rx_restoration_score(const rx_restoration *state, int bin, const rx_trial *trial,
-                               const rx_unit_values *done, rx_unit_values *dst, rx_error *err);
+rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_table *dst, rx_error *err);
+rx_status rx_restoration_score(const rx_lab *lab, int bin, const rx_trial *trial, const rx_unit_values *done,
+                               rx_lab_table *dst, rx_error *err);
 
 /* A method's picture of a scene with the settings tuned for a metric. */
-rx_status rx_restoration_picture(const rx_restoration *state, int bin, const rx_trial *trial,
-                                 const rx_method *method, int metric, const rx_unit_values *done,
-                                 float *plane, rx_error *err);
+rx_status rx_restoration_picture(const rx_lab *lab, int bin, const rx_trial *trial, const rx_lab_run *method,
+                                 int metric, const rx_unit_values *done, float *plane, rx_error *err);
 
-/* From the values of all units. */
-rx_status rx_restoration_collect(const rx_restoration *state, const rx_unit_values *all,
-                                 rx_restoration_results **dst, rx_error *err);
+/* For rx_lab_kind; describe() makes lab->restored, to be freed by rx_restoration_results_free(). */
+rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err);
+rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                              rx_lab_table *dst, rx_error *err);
+rx_status rx_restoration_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
 
 #endif

@@ -77,6 +77,9 @@ void rx_restoration_verdicts(const rx_restoration_numbers *numbers, rx_claim_ver
 /* Figures, ids by what is binned: "fwhm-...", "sigma-...", and "example0-..." */
 void rx_restoration_figures(rx_figures *dst, const rx_restoration_numbers *numbers);
 
+rx_status rx_restoration_report(const rx_restoration_results *results, const rx_lab_output *output,
+                                rx_error *err);
+
 /* Plain sentences: where the first of a pair is better, worse, undecided, for both qualities and kinds. */
 void rx_restoration_pair_words(rx_text *dst, const rx_restoration_numbers *numbers, int pair);
 

@@ -4,6 +4,8 @@
 #include <string.h>
 
 #include "lab/findings.h"
+#include "lab/kinds.h"
+#include "lab/restoration.h"
 #include "lab/restoration_numbers.h"
 #include "quality/bootstrap.h"
 #include "report/escape.h"
@@ -409,17 +411,16 @@ static void write_reading(rx_report *report)
     rx_report_paragraph(report, html);
 }
 
-rx_status rx_restoration_report(const rx_restoration_results *results, const rx_campaign_record *record,
-                                const char *folder, const char *shown, rx_log *log, rx_text *brief,
+rx_status rx_restoration_report(const rx_restoration_results *results, const rx_lab_output *output,
                                 rx_error *err)
 {
     rx_restoration_numbers m = {0};
     rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
     int nverdicts = 0, ends, choices;
     rx_findings f;
-    rx_status status = rx_restoration_numbers_make(results, record->seed, &m, err);
+    rx_status status = rx_restoration_numbers_make(results, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&f, "restoration", results->about, record, err);
+        status = rx_findings_begin(&f, "restoration", results->about, output, err);
     if (status != RX_OK)
         goto exit;
     rx_tuning_ends(results, &ends, &choices);
@@ -451,8 +452,30 @@ rx_status rx_restoration_report(const rx_restoration_results *results, const rx_
     rx_report_section(f.report, "reading", "How to read this");
     write_what(f.report, &m);
     write_reading(f.report);
-    status = rx_findings_end(&f, folder, shown, log, brief, err);
+    status = rx_findings_end(&f, err);
 exit:
     rx_restoration_numbers_free(&m);
     return status;
 }
+
+static rx_status report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
+{
+    return rx_restoration_report(lab->restored, output, err);
+}
+
+static void close_results(rx_lab *lab)
+{
+    rx_restoration_results_free(lab->restored);
+}
+
+const rx_lab_kind rx_kind_restoration = {.name = "RESTORATION",
+                                         .title = "Restoration campaign",
+                                         .tag = 0x726573746f7265,
+                                         .ntables = RX_RESTORATION_TABLES,
+                                         .tables = rx_restoration_tables,
+                                         .in_turns = 1,
+                                         .open = rx_restoration_open,
+                                         .unit = rx_restoration_unit,
+                                         .describe = rx_restoration_describe,
+                                         .report = report,
+                                         .close = close_results};

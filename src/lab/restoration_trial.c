@@ -24,28 +24,22 @@ static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
 static const double OTHERS = 0.5;
 static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
 
-/* What random numbers are for: their streams never meet. */
+/* What random numbers are for. */
 enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
 
-static uint64_t seed_for(const rx_restoration *state, uint64_t purpose)
-{
-    uint32_t words[4];
-    rx_random_block((uint64_t)state->config->seed, 0x726573746f7265, purpose, words);
-    return (uint64_t)words[0] << 32 | words[1];
-}
-
 /* Number of a scene: the same whatever the number of scenes per bin. */
-static uint64_t stream_of(const rx_restoration *state, const rx_restoration_unit *unit)
+static uint64_t stream_of(const rx_lab *lab, const rx_lab_unit *unit)
 {
-    const rx_restoration_range *bin = &state->bins[unit->bin];
+    const rx_lab_bin *bin = &lab->bin[unit->condition];
     const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma;
-    return which << 40 | (uint64_t)(unit->tune != 0) << 36 | (uint64_t)unit->index;
+    return which << 40 | (uint64_t)(lab->scene[unit->scene].id == RX_SCENE_TUNING) << 36 |
+           (uint64_t)unit->number;
 }
 
-static void draw_quantities(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst)
+static void draw_quantities(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *dst)
 {
-    const rx_restoration_range *bin = &state->bins[unit->bin];
-    const uint64_t seed = seed_for(state, DRAW_QUANTITIES), stream = stream_of(state, unit);
+    const rx_lab_bin *bin = &lab->bin[unit->condition];
+    const uint64_t seed = rx_lab_seed(lab, DRAW_QUANTITIES), stream = stream_of(lab, unit);
     const double binned = bin->low + (bin->high - bin->low) * rx_random_uniform(seed, stream, 0);
     const double other =
         bin->other_low + (bin->other_high - bin->other_low) * rx_random_uniform(seed, stream, 1);
@@ -70,9 +64,9 @@ static double brightness(const rx_object *object, double least_radius)
 }
 
 /* See the head of this file. */
-static void compose(const rx_restoration *state, uint64_t seed, uint64_t stream, rx_scene *scene)
+static void compose(const rx_lab *lab, uint64_t seed, uint64_t stream, rx_scene *scene)
 {
-    const double side = state->side;
+    const double side = lab->config->scene_side;
     rx_object *main = NULL;
     for (long i = 0; i < scene->n; i++)
         if (scene->objects[i].type != RX_OBJECT_STAR && (main == NULL || scene->objects[i].flux > main->flux))
@@ -89,20 +83,20 @@ static void compose(const rx_restoration *state, uint64_t seed, uint64_t stream,
     const double limit = OTHERS * brightness(main, 0);
     for (long i = 0; i < scene->n; i++) {
         rx_object *other = &scene->objects[i];
-        const double bright = brightness(other, state->simulation->sharp_fwhm);
+        const double bright = brightness(other, lab->sky[0].simulation->sharp_fwhm);
         if (other != main && bright > limit)
             other->flux *= limit / bright;
     }
 }
 
-static rx_status make_scene(const rx_restoration *state, uint64_t stream, rx_scene **dst, rx_error *err)
+static rx_status make_scene(const rx_lab *lab, uint64_t stream, rx_scene **dst, rx_error *err)
 {
-    rx_scene_params par = state->simulation->scene;
-    par.seed = seed_for(state, DRAW_SCENE);
+    rx_scene_params par = lab->sky[0].simulation->scene;
+    par.seed = rx_lab_seed(lab, DRAW_SCENE);
     par.stream = stream;
-    rx_status status = rx_scene_make(&par, state->simulation->templates, dst, err);
+    rx_status status = rx_scene_make(&par, lab->sky[0].simulation->templates, dst, err);
     if (status == RX_OK)
-        compose(state, par.seed, stream, *dst);
+        compose(lab, par.seed, stream, *dst);
     return status;
 }
 
@@ -113,45 +107,46 @@ static void scale(float *plane, size_t n, double factor)
 }
 
 /* The PSF as a restorer is given it; one that is larger than the scene is cut to it. */
-static rx_status known_psf(const rx_restoration *state, const rx_optics *optics, rx_psf **dst, rx_error *err)
+static rx_status known_psf(const rx_lab *lab, const rx_optics *optics, rx_psf **dst, rx_error *err)
 {
     rx_status status = rx_optics_on_pixels(optics, dst, err);
-    if (status != RX_OK || (*dst)->size <= state->side)
+    if (status != RX_OK || (*dst)->size <= lab->config->scene_side)
         return status;
-    const rx_simulate_config *sim = state->config->sim;
+    const rx_simulate_config *sim = lab->config->sim;
     rx_psf_free(*dst);
     *dst = NULL;
     return rx_psf_moffat(optics->fwhm, sim->psf_beta, sim->psf_ratio, sim->psf_angle * M_PI / 180.0,
-                         state->side - 1 + state->side % 2, dst, err);
+                         lab->config->scene_side - 1 + lab->config->scene_side % 2, dst, err);
 }
 
-static rx_status expose(const rx_restoration *state, uint64_t stream, const rx_scene *scene, rx_trial *dst,
+static rx_status expose(const rx_lab *lab, uint64_t stream, const rx_scene *scene, rx_trial *dst,
                         rx_error *err)
 {
-    const rx_simulate_config *sim = state->config->sim;
-    const size_t n = (size_t)state->side * (size_t)state->side;
+    const rx_simulate_config *sim = lab->config->sim;
+    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
     rx_optics *optics = NULL;
     float *noise = RX_NEW(float, n);
-    rx_status status = noise == NULL ? rx_error_memory(err, n * sizeof *noise)
-                                     : rx_optics_moffat(dst->fwhm, sim->psf_beta, sim->psf_ratio,
-                                                        sim->psf_angle * M_PI / 180.0, 0, state->side,
-                                                        state->side, &optics, err);
+    rx_status status =
+        noise == NULL
+            ? rx_error_memory(err, n * sizeof *noise)
+            : rx_optics_moffat(dst->fwhm, sim->psf_beta, sim->psf_ratio, sim->psf_angle * M_PI / 180.0, 0,
+                               lab->config->scene_side, lab->config->scene_side, &optics, err);
     if (status == RX_OK)
-        status = rx_render(scene, 2, (const rx_optics *const[]){optics, state->simulation->target},
+        status = rx_render(scene, 2, (const rx_optics *const[]){optics, lab->sky[0].simulation->target},
                            (float *const[]){dst->image, dst->sharp}, 1, err);
     if (status == RX_OK)
-        status = known_psf(state, optics, &dst->psf, err);
+        status = known_psf(lab, optics, &dst->psf, err);
     if (status != RX_OK)
         goto exit;
     double peak = 0;
     for (size_t i = 0; i < n; i++)
         peak = fmax(peak, dst->sharp[i]);
-    const double factor = peak > 0 ? state->config->scene_peak / peak : 0;
+    const double factor = peak > 0 ? lab->config->scene_peak / peak : 0;
     scale(dst->sharp, n, factor);
     scale(dst->image, n, factor);
     memcpy(noise, dst->image, n * sizeof *noise);
     dst->level = rx_noise_level(rx_brightness(noise, n, 0) / dst->sigma);
-    rx_noise_normals(seed_for(state, DRAW_NOISE), stream, 0, (long)n, noise);
+    rx_noise_normals(rx_lab_seed(lab, DRAW_NOISE), stream, 0, (long)n, noise);
     for (size_t i = 0; i < n; i++)
         dst->image[i] += (float)(dst->sigma * noise[i]);
 exit:
@@ -160,21 +155,20 @@ exit:
     return status;
 }
 
-rx_status rx_trial_make(const rx_restoration *state, const rx_restoration_unit *unit, rx_trial *dst,
-                        rx_error *err)
+rx_status rx_trial_make(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *dst, rx_error *err)
 {
-    const size_t n = (size_t)state->side * (size_t)state->side;
-    const uint64_t stream = stream_of(state, unit);
+    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+    const uint64_t stream = stream_of(lab, unit);
     rx_scene *scene = NULL;
     *dst = (rx_trial){.image = RX_NEW(float, n), .sharp = RX_NEW(float, n)};
-    draw_quantities(state, unit, dst);
+    draw_quantities(lab, unit, dst);
     rx_status status = dst->image == NULL || dst->sharp == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
-                                                                : make_scene(state, stream, &scene, err);
+                                                                : make_scene(lab, stream, &scene, err);
     if (status == RX_OK)
-        status = expose(state, stream, scene, dst, err);
+        status = expose(lab, stream, scene, dst, err);
     if (status == RX_OK)
-        status = rx_image_reference_new(state->side, state->side, dst->sharp, K_SSIM, K_SSIM, 0,
-                                        &dst->reference, err);
+        status = rx_image_reference_new(lab->config->scene_side, lab->config->scene_side, dst->sharp, K_SSIM,
+                                        K_SSIM, 0, &dst->reference, err);
     rx_scene_free(scene);
     if (status != RX_OK)
         rx_trial_free(dst);
@@ -190,29 +184,30 @@ void rx_trial_free(rx_trial *trial)
     *trial = (rx_trial){0};
 }
 
-rx_status rx_trial_restore(const rx_restoration *state, const rx_trial *trial, const rx_restorer *restorer,
-                           int niter, float *dst, rx_error *err)
+rx_status rx_trial_restore(const rx_lab *lab, const rx_trial *trial, const rx_restorer *restorer, int niter,
+                           float *dst, rx_error *err)
 {
     rx_restored *restored = NULL;
-    rx_restore_params par = state->options->pipeline.restore;
+    rx_restore_params par = lab->options->pipeline.restore;
     if (niter > 0) {
         par.rl_niter = niter;
         par.rl_stop_discrepancy = 0;
         par.rl_denoise = 0;
         par.rl_denoise_by_psf = 0;
     }
-    rx_background sky = {.width = state->side, .height = state->side};
+    rx_background sky = {.width = lab->config->scene_side, .height = lab->config->scene_side};
     rx_background_flatten(&sky, 0, trial->sigma);
     const rx_image image = {.name = "scene",
-                            .width = state->side,
-                            .height = state->side,
+                            .width = lab->config->scene_side,
+                            .height = lab->config->scene_side,
                             .pixels = trial->image,
                             .noise = rx_background_noise(&sky),
                             .saturation = HUGE_VAL,
                             .psf = trial->psf};
     rx_status status = restorer->run(&par, &image, NULL, &restored, err);
     if (status == RX_OK)
-        memcpy(dst, restored->pixels, (size_t)state->side * (size_t)state->side * sizeof *dst);
+        memcpy(dst, restored->pixels,
+               (size_t)lab->config->scene_side * (size_t)lab->config->scene_side * sizeof *dst);
     rx_restored_free(restored);
     return status;
 }

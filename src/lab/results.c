@@ -24,26 +24,3 @@ void rx_restoration_results_free(rx_restoration_results *results)
     free(results->examples);
     free(results);
 }
-
-static void free_set(rx_photometry_set *set)
-{
-    for (int r = 0; r < RX_METHODS_MAX; r++) {
-        free(set->run[r].stars);
-        free(set->run[r].false_scores);
-        free(set->run[r].false_mags);
-    }
-}
-
-void rx_photometry_results_free(rx_photometry_results *results)
-{
-    if (results == NULL)
-        return;
-    for (int f = 0; results->fields != NULL && f < results->nfields; f++) {
-        rx_photometry_field *field = &results->fields[f];
-        for (int s = 0; field->sets != NULL && s < field->nsets; s++)
-            free_set(&field->sets[s]);
-        free(field->sets);
-    }
-    free(results->fields);
-    free(results);
-}

@@ -1,13 +1,9 @@
-/* What a campaign has measured, complete and in a fixed order: made from the journals, read by the report.
- * The same for any number of shards, threads and interruptions. */
+/* What a restoration campaign has measured, complete and in a fixed order: bins of FWHM and of noise, the same scenes for
+ * every method. Made from the journals, read by the report. */
 #ifndef RX_LAB_RESULTS_H
 #define RX_LAB_RESULTS_H
 
-#include "base/error.h"
-
-enum { RX_METHODS_MAX = 16, RX_METHOD_NAME = 24, RX_PRECISIONS_MAX = 8 };
-
-/* ---- restoration: bins of FWHM and of noise, the same scenes for every method ---- */
+#include "lab/lab.h"
 
 /* One method in one bin. */
 typedef struct rx_method_scores {
@@ -53,51 +49,6 @@ typedef struct rx_restoration_example {
     float *planes[RX_METHODS_MAX + 2];
 } rx_restoration_example;
 
-/* ---- photometry: stars of one magnitude per set, on a kind of field ---- */
-
-typedef struct rx_star_result {
-    float score;   /* detection S/N that found it; NAN = not found */
-    float ratio;   /* F / F0, NAN = not found */
-    float pull;    /* (F - F0) / error */
-    float crowded; /* 1: FLAGS shows a neighbour or a blend */
-} rx_star_result;
-
-/* One restorer on one set. Stars are in the same order for every restorer: pairs can be compared. */
-typedef struct rx_photometry_tally {
-    rx_star_result *stars; /* [nstars] */
-    long nfalse;           /* detections that are no object, known or injected */
-    float *false_scores;   /* [nfalse] */
-    float *false_mags;     /* [nfalse] measured magnitude */
-    double seconds;        /* never written to outputs that must repeat */
-} rx_photometry_tally;
-
-typedef struct rx_photometry_set {
-    double mag, snr; /* of the stars; snr in a matched filter on this field, background-limited */
-    long ntiles, nstars;
-    double mpixels;
-    rx_photometry_tally run[RX_METHODS_MAX];
-} rx_photometry_set;
-
-typedef struct rx_photometry_field {
-    char name[64];   /* "simulated", "sdss r-000094-1-0012" */
-    char about[600]; /* one line for the report: FWHM, noise, what else is on it */
-    int misled;      /* restorers were given a wrong PSF, sky or noise: no claim speaks of that */
-    int nsets;
-    rx_photometry_set *sets; /* bright to faint */
-} rx_photometry_field;
-
-typedef struct rx_photometry_results {
-    int nruns;
-    char run[RX_METHODS_MAX][RX_METHOD_NAME]; /* NONE, RL ..., "NONE TEMPLATE" */
-    int templates[RX_METHODS_MAX];            /* 1: fluxes of template photometry */
-    char settings[RX_METHODS_MAX][200];
-    int nfields;
-    rx_photometry_field *fields;
-    int nprecisions; /* at which completeness is compared, as PRECISIONS */
-    double precision[RX_PRECISIONS_MAX];
-} rx_photometry_results;
-
 void rx_restoration_results_free(rx_restoration_results *results); /* and the struct itself */
-void rx_photometry_results_free(rx_photometry_results *results);
 
 #endif

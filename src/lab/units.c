@@ -8,29 +8,16 @@
 
 enum { TELL_EVERY = 10 }; /* per cent, where no progress line can be shown */
 
-rx_status rx_units_places(const rx_campaign_kind *kind, const void *state, long *n, rx_unit_place **places,
-                          rx_error *err)
+int rx_unit_is_mine(const rx_unit_work *work, long unit)
 {
-    *n = kind->units(state);
-    *places = RX_NEW(rx_unit_place, (size_t)*n);
-    if (*places == NULL)
-        return rx_error_memory(err, (size_t)*n * sizeof **places);
-    for (long u = 0; u < *n; u++)
-        (*places)[u] = kind->place != NULL ? kind->place(state, u) : (rx_unit_place){.group = (int)u};
-    return RX_OK;
+    return work->place[unit].group % work->n_shards == work->k - 1;
 }
 
-int rx_unit_is_mine(const rx_unit_place *place, int k, int n)
-{
-    return place->group % n == k - 1;
-}
-
-void rx_units_count(long nunits, const rx_unit_place *places, const rx_unit_values *values, int k, int n,
-                    long *missing, long *all)
+void rx_units_count(const rx_unit_work *work, const rx_unit_values *values, long *missing, long *all)
 {
     *missing = *all = 0;
-    for (long u = 0; u < nunits; u++) {
-        const int mine = rx_unit_is_mine(&places[u], k, n);
+    for (long u = 0; u < work->n; u++) {
+        const int mine = rx_unit_is_mine(work, u);
         *all += mine;
         *missing += mine && values[u].v == NULL;
     }
@@ -38,8 +25,7 @@ void rx_units_count(long nunits, const rx_unit_place *places, const rx_unit_valu
 
 /* What the threads share; changed in the critical section only. */
 typedef struct crew {
-    const rx_campaign_kind *kind;
-    const void *state;
+    const rx_unit_work *work;
     rx_journal *journal;
     rx_unit_values *values;
     rx_log *log;
@@ -54,7 +40,7 @@ static void tell(crew *c)
 {
     if (c->log == NULL)
         return;
-    rx_log_progress(c->log, c->kind->title, (double)c->done / (double)c->todo);
+    rx_log_progress(c->log, c->work->title, (double)c->done / (double)c->todo);
     const long percent = 100 * c->done / c->todo;
     if (c->log->terminal || percent < c->told + TELL_EVERY)
         return;
@@ -98,26 +84,20 @@ static rx_status run_phase(crew *c, long n, const long *units, int nthreads)
         rx_unit_values values = {0};
         status = rx_interrupt_check(&why);
         if (status == RX_OK)
-            status = c->kind->unit(c->state, units[i], c->values, &values, &why);
+            status = c->work->unit(c->work->state, units[i], c->values, &values, &why);
 #pragma omp critical(rx_campaign_unit)
         finish(c, units[i], status, &values, &why);
     }
     return c->status;
 }
 
-rx_status rx_units_run(const rx_campaign_kind *kind, const void *state, long nunits,
-                       const rx_unit_place *places, int k, int n, int nthreads, rx_journal *journal,
-                       rx_unit_values *values, rx_log *log, rx_error *err)
+rx_status rx_units_run(const rx_unit_work *work, int nthreads, rx_journal *journal, rx_unit_values *values,
+                       rx_log *log, rx_error *err)
 {
     long all;
-    crew c = {.kind = kind,
-              .state = state,
-              .journal = journal,
-              .values = values,
-              .log = log,
-              .begun = rx_seconds(),
-              .err = err};
-    rx_units_count(nunits, places, values, k, n, &c.todo, &all);
+    crew c = {
+        .work = work, .journal = journal, .values = values, .log = log, .begun = rx_seconds(), .err = err};
+    rx_units_count(work, values, &c.todo, &all);
     long *units = RX_NEW(long, (size_t)c.todo + 1);
     if (units == NULL)
         return rx_error_memory(err, (size_t)c.todo * sizeof *units);
@@ -125,8 +105,8 @@ rx_status rx_units_run(const rx_campaign_kind *kind, const void *state, long nun
     rx_log_progress_begin(log);
     for (int phase = 0; status == RX_OK && phase < RX_PHASES; phase++) {
         long m = 0;
-        for (long u = 0; u < nunits; u++)
-            if (places[u].phase == phase && values[u].v == NULL && rx_unit_is_mine(&places[u], k, n))
+        for (long u = 0; u < work->n; u++)
+            if (work->place[u].phase == phase && values[u].v == NULL && rx_unit_is_mine(work, u))
                 units[m++] = u;
         status = run_phase(&c, m, units, nthreads);
     }

@@ -75,7 +75,7 @@ void fuzz_journal(const uint8_t *data, size_t size)
     rx_unit_values *values = calloc(UNITS, sizeof *values);
     fuzz_require(values != NULL, "there is memory");
     rx_journal_fact(&facts, "SEED", "1");
-    rx_text_printf(&file, "rextract-validate journal 2\n%s", facts.lines.data);
+    rx_text_printf(&file, "rextract-validate journal 3\n%s", facts.lines.data);
     char header[RX_HASH_TEXT], digest[RX_HASH_TEXT];
     rx_journal_digest("", file.data, file.length, header);
     rx_text_printf(&file, "* %s\n", header);

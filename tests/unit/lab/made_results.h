@@ -8,6 +8,8 @@
 #include <string.h>
 
 #include "base/random.h"
+#include "lab/kinds.h"
+#include "lab/photometry.h"
 #include "lab/results.h"
 
 typedef struct made_restoration {
@@ -130,61 +132,77 @@ typedef struct made_photometry {
     double rl_depth; /* mag that RL goes deeper than NONE */
 } made_photometry;
 
-static void made_run(rx_photometry_set *set, int field, int k, int run, double depth)
+static double *made_rows(rx_lab_table *table, long n)
 {
-    rx_photometry_tally *dst = &set->run[run];
+    double *first;
+    if (rx_lab_rows_add(table, n, &first, NULL) != RX_OK)
+        abort();
+    return first;
+}
+
+static void made_run(rx_lab_set *set, double snr, int field, int k, int run, double depth)
+{
+    const rx_lab_table *star = &set->table[RX_PHOTOMETRY_STAR];
     uint64_t stream = (uint64_t)(field * 1000 + k * 10 + run);
-    dst->stars = made((size_t)set->nstars, sizeof *dst->stars);
-    for (long i = 0; i < set->nstars; i++) {
+    for (long i = 0; i < star->n; i++) {
         /* half of the noise is the tile's, the same for every restorer */
         double common = rx_random_normal(11, (uint64_t)(field * 1000 + k), (uint64_t)i);
-        double snr =
-            set->snr * pow(10, 0.4 * depth) + 0.8 * common + 0.5 * rx_random_normal(12, stream, (uint64_t)i);
-        int seen = snr > 3;
-        double ratio = 1 + 0.01 * run +
-                       (common + 0.3 * (run + 1) * rx_random_normal(13, stream, (uint64_t)i)) / set->snr;
-        dst->stars[i] = (rx_star_result){seen ? (float)snr : NAN, seen ? (float)ratio : NAN,
-                                         seen ? (float)((ratio - 1) * set->snr) : NAN,
-                                         (float)(rx_random_uniform(14, stream, (uint64_t)i) < 0.05)};
+        double score =
+            snr * pow(10, 0.4 * depth) + 0.8 * common + 0.5 * rx_random_normal(12, stream, (uint64_t)i);
+        int seen = score > 3;
+        double ratio =
+            1 + 0.01 * run + (common + 0.3 * (run + 1) * rx_random_normal(13, stream, (uint64_t)i)) / snr;
+        double *v = rx_lab_each(star, i, run);
+        v[RX_STAR_SCORE] = seen ? (double)(float)score : NAN;
+        v[RX_STAR_RATIO] = seen ? (double)(float)ratio : NAN;
+        v[RX_STAR_PULL] = seen ? (double)(float)((ratio - 1) * snr) : NAN;
+        v[RX_STAR_CROWDED] = rx_random_uniform(14, stream, (uint64_t)i) < 0.05;
     }
-    dst->nfalse = (long)(2.5 * (double)set->ntiles) + run;
-    dst->false_scores = made((size_t)dst->nfalse, sizeof(float));
-    dst->false_mags = made((size_t)dst->nfalse, sizeof(float));
-    for (long i = 0; i < dst->nfalse; i++) {
-        dst->false_scores[i] = (float)(3 - 0.8 * log(1 - rx_random_uniform(15, stream, (uint64_t)i)));
-        dst->false_mags[i] = 23;
+    const long nfalse = (long)(2.5 * (double)set->table[RX_PHOTOMETRY_TILE].n) + run;
+    double *v = made_rows(&set->table[RX_PHOTOMETRY_FALSE], nfalse);
+    for (long i = 0; i < nfalse; i++, v += RX_PHOTOMETRY_FALSE_WIDTH) {
+        v[RX_FALSE_STAR_RUN] = run;
+        v[RX_FALSE_STAR_SCORE] =
+            (double)(float)(3 - 0.8 * log(1 - rx_random_uniform(15, stream, (uint64_t)i)));
+        v[RX_FALSE_STAR_MAG] = 23;
     }
 }
 
-static rx_photometry_results *make_photometry(const made_photometry *how)
+static rx_lab *make_photometry(const made_photometry *how)
 {
     static const char *const names[] = {"NONE", "RL", "NET"};
-    rx_photometry_results *r = made(1, sizeof *r);
+    rx_lab *r = made(1, sizeof *r);
+    r->kind = &rx_kind_photometry;
     r->nruns = how->nruns;
-    r->nfields = how->nfields;
+    r->nconditions = r->nskies = how->nfields;
     r->nprecisions = 2;
     r->precision[0] = 0.95;
     r->precision[1] = 0.99;
-    r->fields = made((size_t)how->nfields, sizeof *r->fields);
+    r->sky = made((size_t)how->nfields, sizeof *r->sky);
+    r->set = made((size_t)(how->nfields * how->nsets), sizeof *r->set);
     for (int run = 0; run < how->nruns; run++) {
-        strcpy(r->run[run], names[run]);
-        snprintf(r->settings[run], sizeof r->settings[run], "RESTORE_TYPE %s <&>", names[run]);
+        strcpy(r->run[run].name, names[run]);
+        snprintf(r->run[run].settings, sizeof r->run[run].settings, "RESTORE_TYPE %s <&>", names[run]);
     }
+    for (int k = 0; k < how->nsets; k++)
+        if (rx_lab_add_scene(r, RX_SCENE_MAGNITUDE, k, 19 + 0.5 * k, NULL) != RX_OK)
+            abort();
     for (int f = 0; f < how->nfields; f++) {
-        rx_photometry_field *field = &r->fields[f];
-        strcpy(field->name, f == 0 ? "simulated" : "sdss <r>");
-        strcpy(field->about, "FWHM 3.3 pixels, sigma 10 ADU.");
-        field->nsets = how->nsets;
-        field->sets = made((size_t)how->nsets, sizeof *field->sets);
+        strcpy(r->sky[f].name, f == 0 ? "simulated" : "sdss <r>");
+        strcpy(r->sky[f].about, "FWHM 3.3 pixels, sigma 10 ADU.");
         for (int k = 0; k < how->nsets; k++) {
-            rx_photometry_set *set = &field->sets[k];
-            set->mag = 19 + 0.5 * k;
-            set->snr = 60 * pow(10, -0.4 * (set->mag - 19));
-            set->ntiles = how->ntiles;
-            set->nstars = how->ntiles * how->stars_per_tile;
-            set->mpixels = 1.048576 * (double)how->ntiles;
+            rx_lab_set *set = rx_lab_set_of(r, f, k);
+            const double snr = 60 * pow(10, -0.4 * (r->scene[k].mag - 19));
+            for (int t = 0; t < RX_PHOTOMETRY_TABLES; t++)
+                rx_lab_table_begin(&rx_photometry_tables[t], how->nruns, &set->table[t]);
+            double *v = made_rows(&set->table[RX_PHOTOMETRY_TILE], how->ntiles);
+            for (long i = 0; i < how->ntiles; i++, v += RX_PHOTOMETRY_TILE_WIDTH) {
+                v[RX_FIELD_MPIXELS] = 1.048576;
+                v[RX_FIELD_SNR] = snr;
+            }
+            made_rows(&set->table[RX_PHOTOMETRY_STAR], how->ntiles * how->stars_per_tile);
             for (int run = 0; run < how->nruns; run++)
-                made_run(set, f, k, run, run * how->rl_depth);
+                made_run(set, snr, f, k, run, run * how->rl_depth);
         }
     }
     return r;

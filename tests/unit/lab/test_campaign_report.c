@@ -14,7 +14,6 @@
 
 #include "../near.h"
 #include "base/text.h"
-#include "lab/campaign_report.h"
 #include "lab/findings.h"
 #include "lab/photometry_numbers.h"
 #include "lab/restoration_numbers.h"
@@ -26,6 +25,11 @@
 static const char *const pairs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"OUTPUT_NAME", HOSTILE}};
 static const rx_campaign_record plain = {HOSTILE, "rextract-validate -c " HOSTILE, 7, 2, pairs, 0};
 static const made_restoration small = {0, 0, 0, 24, 13, 4, 32, 1};
+#define OUTPUT(record, folder, brief)                                                                        \
+    &(rx_lab_output)                                                                                         \
+    {                                                                                                        \
+        record, folder, "the report", NULL, brief                                                            \
+    }
 static const made_photometry stars = {2, 2, 7, 3, 30, 0.3};
 
 /* Files of a report. */
@@ -85,7 +89,7 @@ static void restoration_agrees_with_scipy(void **state)
     (void)state;
     rx_restoration_results *r = make_restoration(&(made_restoration){1, 1, -1, 24, 7, 5, 32, 1});
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_restoration.py", folder);
     assert_int_equal(clear(folder), RESTORATION_FILES);
     rx_restoration_results_free(r);
@@ -283,7 +287,7 @@ static void adjusted_p_is_shown(void **state)
     for (int i = 0; i < 2; i++)
         rx_page_cell_p(&cells, d->paired.p, d->paired.ln_p);
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     assert_non_null(strstr(page, cells.data));
     free(page);
@@ -301,10 +305,10 @@ static void logarithm_of_a_vanished_holm(void **state)
     rx_findings f;
     (void)state;
     make_folder(folder);
-    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, &plain, NULL), RX_OK);
+    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     rx_findings_claims(&f, 0, NULL);
     rx_findings_contest(&f, &(rx_contest){.test = "paired t", .p = 0, .ln_p = -800, .holm = 0, .ntests = 4});
-    assert_int_equal(rx_findings_end(&f, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_findings_end(&f, NULL), RX_OK);
     char *json = slurp(folder, "summary.json");
     const char *at = strstr(json, "\"ln_holm\": ");
     assert_non_null(at);
@@ -322,7 +326,7 @@ static void ends_of_tuning_are_told(void **state)
     (void)state;
     rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
+    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
     char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
     assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
     assert_non_null(strstr(json, "filter 0.7 FWHM"));
@@ -354,7 +358,7 @@ static void odd_restoration_results(void **state)
             r->bins[0].method[1].ssim[0] = NAN;
         }
         make_folder(folder);
-        assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+        assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
         assert_null(strstr(json, "inf"));
         assert_null(strstr(json, ": nan"));
@@ -366,23 +370,38 @@ static void odd_restoration_results(void **state)
 
 /* ---- photometry ---- */
 
-static void write_raw(const rx_photometry_results *r, const char *folder)
+static double *star_of(const rx_lab *r, int field, int set, int run, long i)
+{
+    return rx_lab_each(&rx_lab_set_of(r, field, set)->table[RX_PHOTOMETRY_STAR], i, run);
+}
+
+static void set_star(double *v, double score, double ratio, double pull)
+{
+    v[RX_STAR_SCORE] = score;
+    v[RX_STAR_RATIO] = ratio;
+    v[RX_STAR_PULL] = pull;
+    v[RX_STAR_CROWDED] = 0;
+}
+
+static void write_raw(const rx_lab *r, const char *folder)
 {
     char path[300];
     snprintf(path, sizeof path, "%s/raw.csv", folder);
     FILE *out = fopen(path, "w");
     assert_non_null(out);
-    for (int f = 0; f < r->nfields; f++)
-        for (int k = 0; k < r->fields[f].nsets; k++)
+    for (int f = 0; f < r->nconditions; f++)
+        for (int k = 0; k < r->nscenes; k++)
             for (int run = 0; run < r->nruns; run++) {
-                const rx_photometry_set *set = &r->fields[f].sets[k];
-                for (long i = 0; i < set->nstars; i++) {
-                    const rx_star_result *s = &set->run[run].stars[i];
-                    fprintf(out, "%d,%d,%d,1,%.9g,%.9g,%.9g,%g\n", f, k, run, (double)s->score,
-                            (double)s->ratio, (double)s->pull, (double)s->crowded);
+                const rx_photometry_set set = rx_photometry_set_of(r, f, k);
+                for (long i = 0; i < set.nstars; i++) {
+                    const double *v = rx_star_of(&set, run, i);
+                    fprintf(out, "%d,%d,%d,1,%.9g,%.9g,%.9g,%g\n", f, k, run, v[RX_STAR_SCORE],
+                            v[RX_STAR_RATIO], v[RX_STAR_PULL], v[RX_STAR_CROWDED]);
                 }
-                for (long i = 0; i < set->run[run].nfalse; i++)
-                    fprintf(out, "%d,%d,%d,0,%.9g,0,0,0\n", f, k, run, (double)set->run[run].false_scores[i]);
+                for (long i = 0; i < set.wrong->n; i++)
+                    if (rx_lab_own(set.wrong, i)[RX_FALSE_STAR_RUN] == run)
+                        fprintf(out, "%d,%d,%d,0,%.9g,0,0,0\n", f, k, run,
+                                rx_lab_own(set.wrong, i)[RX_FALSE_STAR_SCORE]);
             }
     fclose(out);
 }
@@ -391,13 +410,13 @@ static void photometry_agrees_with_scipy(void **state)
 {
     char folder[256];
     (void)state;
-    rx_photometry_results *r = make_photometry(&(made_photometry){3, 2, 6, 4, 25, 0.3});
+    rx_lab *r = make_photometry(&(made_photometry){3, 2, 6, 4, 25, 0.3});
     make_folder(folder);
     write_raw(r, folder);
-    assert_int_equal(rx_photometry_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_photometry_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_photometry.py", folder);
     assert_int_equal(clear(folder), PHOTOMETRY_FILES + 1);
-    rx_photometry_results_free(r);
+    rx_lab_close(r);
 }
 
 /* The depth of a field of many magnitudes: of 80, the 70 brightest found. */
@@ -406,35 +425,34 @@ static void depth_of_many_magnitudes(void **state)
     enum { SETS = 80, FOUND = 70, STARS = 4 };
     rx_photometry_numbers m;
     (void)state;
-    rx_photometry_results *r = make_photometry(&(made_photometry){1, 1, SETS, 1, STARS, 0});
+    rx_lab *r = make_photometry(&(made_photometry){1, 1, SETS, 1, STARS, 0});
     for (int k = 0; k < SETS; k++)
         for (int i = 0; i < STARS; i++)
-            r->fields[0].sets[k].run[0].stars[i] =
-                k < FOUND ? (rx_star_result){9, 1, 0, 0} : (rx_star_result){NAN, NAN, NAN, 0};
+            set_star(star_of(r, 0, k, 0, i), k < FOUND ? 9 : NAN, k < FOUND ? 1 : NAN, k < FOUND ? 0 : NAN);
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     const rx_estimate *mag50 = &rx_photometry_whole_of(&m, 0, 0)->mag50;
     assert_int_equal(mag50->n, SETS * STARS);
-    assert_near(mag50->value, r->fields[0].sets[FOUND].mag, 1.0);
+    assert_near(mag50->value, r->scene[FOUND].mag, 1.0);
     rx_photometry_numbers_free(&m);
-    rx_photometry_results_free(r);
+    rx_lab_close(r);
 }
 
 /* Four stars, scores 9 8 7 -, two false detections of 7.5 and 6: precision is 2/2 down to 8, 3/4 at 7, 3/5
  * at 6. */
 static void thresholds_by_hand(void **state)
 {
-    static const float scores[] = {9, 8, 7, NAN}, false_scores[] = {6, 7.5F};
+    static const double scores[] = {9, 8, 7, NAN}, false_scores[] = {6, 7.5};
     (void)state;
-    rx_photometry_results *r = make_photometry(&(made_photometry){1, 1, 1, 1, 4, 0});
-    rx_photometry_set *set = &r->fields[0].sets[0];
+    rx_lab *r = make_photometry(&(made_photometry){1, 1, 1, 1, 4, 0});
+    rx_lab_table *wrong = &rx_lab_set_of(r, 0, 0)->table[RX_PHOTOMETRY_FALSE];
     rx_photometry_numbers m;
     for (int i = 0; i < 4; i++) {
-        float ratio = isnan(scores[i]) ? NAN : (float)(1 + 0.25 * (i - 1)); /* 0.75, 1, 1.25 */
-        set->run[0].stars[i] = (rx_star_result){scores[i], ratio, ratio - 1, 0};
+        double ratio = isnan(scores[i]) ? NAN : 1 + 0.25 * (i - 1); /* 0.75, 1, 1.25 */
+        set_star(star_of(r, 0, 0, 0, i), scores[i], ratio, ratio - 1);
     }
-    assert_true(set->run[0].nfalse >= 2);
-    memcpy(set->run[0].false_scores, false_scores, sizeof false_scores);
-    set->run[0].nfalse = 2;
+    assert_int_equal(wrong->n, 2);
+    for (int i = 0; i < 2; i++)
+        rx_lab_own(wrong, i)[RX_FALSE_STAR_SCORE] = false_scores[i];
     r->nprecisions = 3;
     r->precision[0] = 0.7;
     r->precision[1] = 0.9;
@@ -457,13 +475,13 @@ static void thresholds_by_hand(void **state)
     assert_near(c->bias_percent.value, 0, 1e-12);
     rx_photometry_numbers_free(&m);
     /* surest of all is a false detection: no threshold gives more than 3/4 */
-    set->run[0].false_scores[1] = 100;
+    rx_lab_own(wrong, 1)[RX_FALSE_STAR_SCORE] = 100;
     r->precision[1] = 0.99;
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     assert_true(isinf(rx_photometry_whole_of(&m, 0, 0)->cut[1].score));
     assert_near(rx_photometry_cell_of(&m, 0, 0, 0)->complete[1].value, 0, 0);
     rx_photometry_numbers_free(&m);
-    rx_photometry_results_free(r);
+    rx_lab_close(r);
 }
 
 static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id claim)
@@ -472,7 +490,7 @@ static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id c
     rx_claim_state state = RX_NOT_TESTED;
     int n = 0;
     rx_photometry_numbers m;
-    rx_photometry_results *r = make_photometry(how);
+    rx_lab *r = make_photometry(how);
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
     rx_photometry_verdicts(&m, verdict, &n);
     for (int i = 0; i < n; i++)
@@ -480,7 +498,7 @@ static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id c
             state = verdict[i].state;
     rx_claim_verdicts_free(n, verdict);
     rx_photometry_numbers_free(&m);
-    rx_photometry_results_free(r);
+    rx_lab_close(r);
     return state;
 }
 
@@ -494,16 +512,15 @@ static void claim_of_templates(void **state)
         rx_claim_state found = RX_NOT_TESTED, restored = RX_NOT_TESTED;
         rx_photometry_numbers m;
         int n = 0;
-        rx_photometry_results *r = make_photometry(&two);
-        r->templates[1] = 1;
+        rx_lab *r = make_photometry(&two);
+        r->run[1].templates = 1;
         for (int s = 0; s < 4; s++)
-            for (long i = 0; i < r->fields[0].sets[s].nstars; i++) {
-                rx_star_result *a = &r->fields[0].sets[s].run[0].stars[i];
-                rx_star_result *b = &r->fields[0].sets[s].run[1].stars[i];
-                const float error = i % 2 ? 0.1f : 0.12f;
-                a->score = b->score = 20;
-                a->ratio = 1 + error;
-                b->ratio = 1 - error * (better || s != 3 ? 0.5f : 1.5f);
+            for (long i = 0; i < rx_photometry_set_of(r, 0, s).nstars; i++) {
+                double *a = star_of(r, 0, s, 0, i), *b = star_of(r, 0, s, 1, i);
+                const double error = i % 2 ? 0.1 : 0.12;
+                a[RX_STAR_SCORE] = b[RX_STAR_SCORE] = 20;
+                a[RX_STAR_RATIO] = 1 + error;
+                b[RX_STAR_RATIO] = 1 - error * (better || s != 3 ? 0.5 : 1.5);
             }
         assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
         rx_photometry_verdicts(&m, verdict, &n);
@@ -519,7 +536,7 @@ static void claim_of_templates(void **state)
         assert_int_equal(restored, RX_NOT_YET_TESTABLE); /* templates restore nothing */
         rx_claim_verdicts_free(n, verdict);
         rx_photometry_numbers_free(&m);
-        rx_photometry_results_free(r);
+        rx_lab_close(r);
     }
 }
 
@@ -547,20 +564,19 @@ static void odd_photometry_results(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
         char folder[256];
-        rx_photometry_results *r = make_photometry(&odd[k]);
-        for (int f = 0; f < r->nfields; f++)
-            for (int s = 0; s < r->fields[f].nsets; s++)
-                r->fields[f].sets[s].run[0].nfalse = 0;
+        rx_lab *r = make_photometry(&odd[k]);
+        for (int s = 0; s < r->nconditions * r->nscenes; s++)
+            r->set[s].table[RX_PHOTOMETRY_FALSE].n = 0;
         make_folder(folder);
         rx_text brief = {0};
-        assert_int_equal(rx_photometry_report(r, &plain, folder, "the report", NULL, &brief, NULL), RX_OK);
+        assert_int_equal(rx_photometry_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
         assert_null(strstr(json, "inf,"));
         assert_null(strstr(json, "nan,"));
         free(json);
         rx_text_free(&brief);
         assert_int_equal(clear(folder), PHOTOMETRY_FILES);
-        rx_photometry_results_free(r);
+        rx_lab_close(r);
     }
 }
 
@@ -609,20 +625,20 @@ static void pages_are_sound(void **state)
     char folder[256];
     (void)state;
     rx_restoration_results *r = make_restoration(&small);
-    rx_photometry_results *p = make_photometry(&stars);
-    snprintf(p->fields[0].about, sizeof p->fields[0].about, "%s", HOSTILE);
+    rx_lab *p = make_photometry(&stars);
+    snprintf(p->sky[0].about, sizeof p->sky[0].about, "%s", HOSTILE);
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "bins cells boxes contests scenes");
     assert_int_equal(clear(folder), RESTORATION_FILES);
     make_folder(folder);
-    assert_int_equal(rx_photometry_report(p, &plain, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_photometry_report(p, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "sets cells contests cuts curves");
     assert_int_equal(clear(folder), PHOTOMETRY_FILES);
     rx_restoration_results_free(r);
-    rx_photometry_results_free(p);
+    rx_lab_close(p);
 }
 
 static void same_results_same_bytes(void **state)
@@ -637,8 +653,7 @@ static void same_results_same_bytes(void **state)
     for (int i = 0; i < 2; i++) {
         rx_text brief = {0};
         make_folder(folder[i]);
-        assert_int_equal(rx_restoration_report(r, &drawn, folder[i], "the report", NULL, &brief, NULL),
-                         RX_OK);
+        assert_int_equal(rx_restoration_report(r, OUTPUT(&drawn, folder[i], &brief), NULL), RX_OK);
         assert_non_null(strstr(brief.data, "RL_FLAT"));
         assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
         assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against BLURRED: "));
@@ -666,10 +681,10 @@ static void photometry_has_figures(void **state)
     rx_campaign_record drawn = plain;
     (void)state;
     drawn.figures = 1;
-    rx_photometry_results *p = make_photometry(&stars);
-    p->fields[1].sets[0].run[0].stars[0].ratio = 0; /* no magnitude */
+    rx_lab *p = make_photometry(&stars);
+    star_of(p, 1, 0, 0, 0)[RX_STAR_RATIO] = 0; /* no magnitude */
     make_folder(folder);
-    assert_int_equal(rx_photometry_report(p, &drawn, folder, "the report", NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_photometry_report(p, OUTPUT(&drawn, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     if (system("gnuplot --version >/dev/null 2>&1") == 0) {
         assert_null(strstr(page, "not drawn"));
@@ -679,7 +694,7 @@ static void photometry_has_figures(void **state)
     }
     free(page);
     assert_int_equal(clear(folder), PHOTOMETRY_FILES);
-    rx_photometry_results_free(p);
+    rx_lab_close(p);
 }
 
 static void folder_that_is_not_there(void **state)
@@ -687,13 +702,13 @@ static void folder_that_is_not_there(void **state)
     rx_error err = RX_ERROR_NONE;
     (void)state;
     rx_restoration_results *r = make_restoration(&small);
-    rx_photometry_results *p = make_photometry(&stars);
-    assert_int_equal(rx_restoration_report(r, &plain, "/no/such", "the report", NULL, NULL, &err), RX_SYSTEM);
+    rx_lab *p = make_photometry(&stars);
+    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
     assert_string_equal(err.where, "the report/summary.json");
-    assert_int_equal(rx_photometry_report(p, &plain, "/no/such", "the report", NULL, NULL, &err), RX_SYSTEM);
+    assert_int_equal(rx_photometry_report(p, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
     assert_null(strstr(err.text, "/no/such"));
     rx_restoration_results_free(r);
-    rx_photometry_results_free(p);
+    rx_lab_close(p);
 }
 
 int main(void)

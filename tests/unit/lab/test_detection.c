@@ -27,15 +27,6 @@ static const char *const SMALL[] = {"SIM.IMAGE_SIZE",
                                     "2",
                                     NULL};
 
-static rx_detection_state *open_campaign(const rx_campaign_config *config)
-{
-    void *state = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_kind_detection.open(config, 1, NULL, &state, &err) != RX_OK)
-        fail_msg("%s", err.text);
-    return state;
-}
-
 static void methods_of_the_restorers(void **state)
 {
     static const char *const pairs[] = {
@@ -44,30 +35,31 @@ static void methods_of_the_restorers(void **state)
                                         "RL 20 0", "RL 20 0.5", "RL_BLIND"};
     (void)state;
     rx_campaign_config *config = make_settings(pairs);
-    rx_detection_state *campaign = open_campaign(config);
-    assert_int_equal(campaign->nmethods, 7);
+    rx_lab *campaign = open_lab(&rx_kind_detection, config, 1);
+    assert_int_equal(campaign->nruns, 7);
     for (int m = 0; m < 7; m++)
-        assert_string_equal(campaign->method[m].name, names[m]);
-    rx_kind_detection.close(campaign);
+        assert_string_equal(campaign->run[m].name, names[m]);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
-static void check_pairs(const rx_detection_tile *tile)
+static void check_pairs(const rx_lab_objects *objects)
 {
-    assert_true(tile->n >= 4 && tile->n % 2 == 0);
-    for (long p = 0; p < tile->n / 2; p++) {
-        const double apart =
-            hypot(tile->x[2 * p] - tile->x[2 * p + 1], tile->y[2 * p] - tile->y[2 * p + 1]) / 3.0;
-        assert_true(apart >= 0.499 && apart <= 1.001);
-        assert_true(fabs(2.5 * log10(tile->flux[2 * p] / tile->flux[2 * p + 1])) <= 0.501);
-        assert_true(tile->snr[2 * p] >= 19.9 && tile->snr[2 * p] <= 201);
-        for (long q = 0; q < p; q++)
-            assert_true(hypot(tile->x[2 * p] - tile->x[2 * q], tile->y[2 * p] - tile->y[2 * q]) >= 23.9);
+    const rx_lab_object *o = objects->list;
+    assert_true(objects->n >= 4);
+    assert_int_equal(objects->n % 2, 0);
+    for (long p = 0; p < objects->n; p += 2) {
+        assert_near(hypot(o[p].x - o[p + 1].x, o[p].y - o[p + 1].y) / 3.0, 0.75, 0.251);
+        assert_near(2.5 * log10(o[p].flux / o[p + 1].flux), 0, 0.501);
+        assert_near(o[p].snr, 110.5, 90.6);
+        assert_int_equal(o[p].partner, p + 1);
+        for (long q = 0; q < p; q += 2)
+            assert_true(hypot(o[p].x - o[q].x, o[p].y - o[q].y) >= 23.9);
     }
 }
 
 /* The values of the plateau; sky and noise are told exactly. */
-static void check_plateau(const rx_detection_state *campaign, const rx_detection_tile *tile)
+static void check_plateau(const rx_lab *campaign, const rx_lab_tile *tile)
 {
     const rx_field *field = tile->field;
     const double sigma = campaign->sky[0].sigma, sky = campaign->config->sim->sky_level;
@@ -82,27 +74,28 @@ static void scenes_are_as_described(void **state)
 {
     (void)state;
     rx_campaign_config *config = make_settings(SMALL);
-    rx_detection_state *campaign = open_campaign(config);
-    for (int k = 0; k < RX_SCENE_KINDS; k++) {
-        rx_detection_tile tile;
+    rx_lab *campaign = open_lab(&rx_kind_detection, config, 1);
+    assert_int_equal(campaign->nscenes, 7);
+    for (int s = 0; s < campaign->nscenes; s++) {
+        const rx_scene_id id = campaign->scene[s].id;
+        rx_lab_tile tile;
         rx_error err = RX_ERROR_NONE;
-        if (rx_detection_tile_make(campaign, 0, (rx_detection_scene)k, 0, &tile, &err) != RX_OK)
-            fail_msg("%s: %s", rx_detection_scene_name((rx_detection_scene)k), err.text);
-        if (k == RX_SCENE_BLANK || k == RX_SCENE_PLATEAU)
-            assert_int_equal(tile.n, 0);
-        else
-            assert_true(tile.n > 0);
-        if (k == RX_SCENE_PAIRS)
-            check_pairs(&tile);
-        if (k == RX_SCENE_PLATEAU)
+        if (rx_lab_tile_make(campaign, &(rx_lab_unit){0, s, 0}, &tile, &err) != RX_OK)
+            fail_msg("%s: %s", rx_scene_name(id), err.text);
+        assert_int_equal(tile.objects.n == 0, id == RX_SCENE_BLANK || id == RX_SCENE_PLATEAU);
+        if (id == RX_SCENE_PAIRS)
+            check_pairs(&tile.objects);
+        if (id == RX_SCENE_PLATEAU)
             check_plateau(campaign, &tile);
-        if (k == RX_SCENE_STARS)
-            assert_near(tile.snr[0] * sqrt(campaign->sky[0].area) * campaign->sky[0].sigma / tile.flux[0], 1,
-                        1e-9);
-        assert_int_equal(tile.truth[0] != NULL && tile.truth[1] != NULL, k == RX_SCENE_OUTSKIRTS);
-        rx_detection_tile_free(&tile);
+        if (id == RX_SCENE_STARS)
+            assert_near(tile.objects.list[0].snr * sqrt(campaign->sky[0].area) * campaign->sky[0].sigma /
+                            tile.objects.list[0].flux,
+                        1, 1e-9);
+        for (int i = 0; i < 2; i++)
+            assert_int_equal(tile.truth[i] != NULL, id == RX_SCENE_OUTSKIRTS);
+        rx_lab_tile_free(&tile);
     }
-    rx_kind_detection.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -111,36 +104,39 @@ static void scenes_are_as_described(void **state)
 static void units_give_what_is_known(void **state)
 {
     rx_campaign_config *config = make_settings(SMALL);
-    rx_detection_state *campaign = open_campaign(config);
-    long n = 0, again = 0;
-    rx_unit_values *values = run_units(state, "one", &rx_kind_detection, campaign, 1, &n);
-    rx_unit_values *more = run_units(state, "four", &rx_kind_detection, campaign, 4, &again);
-    assert_int_equal(n, 7);
-    assert_int_equal(again, n);
-    assert_same_values(n, values, more);
-    for (long u = 0; u < n; u++) { /* lengths are what the format says */
-        const double *v = values[u].v;
-        const long objects = (long)v[0];
-        v += 2 + RX_DETECTION_PROPS * objects;
-        for (int m = 0; m < campaign->nmethods; m++) {
-            const double *first = v;
-            v += rx_detection_columns(campaign->scene[u]) * objects;
-            for (long i = 0; i < objects && campaign->scene[u] == RX_SCENE_RINGS; i++)
-                assert_true(first[i] > 10);
-            if (campaign->scene[u] == RX_SCENE_PLATEAU)
-                assert_true(first[0] < 1e-3 && first[1] < 1e-3 && first[2] < 4e-3);
-            if (campaign->scene[u] == RX_SCENE_OUTSKIRTS && m == 0)
-                for (long i = 0; i < objects; i++)
-                    /* noise of an aperture of 4 r50: some 1 / (S/N) (area / matched area)^0.5 of the flux */
-                    assert_near(first[6 * i + 1], first[6 * i + 4],
-                                25 / values[u].v[2 + RX_DETECTION_PROPS * i]);
-            v += 1 + 2 * (long)*v;
+    rx_lab *campaign = open_lab(&rx_kind_detection, config, 1);
+    rx_unit_values *values = run_units(state, "one", campaign, 1),
+                   *more = run_units(state, "four", campaign, 4);
+    assert_int_equal(campaign->nunits, 7);
+    assert_same_values(7, values, more);
+    for (long u = 0; u < 7; u++) {
+        const rx_scene_id id = campaign->scene[campaign->unit[u].scene].id;
+        rx_lab_table table[RX_LAB_TABLES];
+        tables_of(campaign, values, u, table);
+        assert_int_equal(table[RX_DETECTION_TILE].n, 1);
+        assert_near(rx_lab_own(&table[RX_DETECTION_TILE], 0)[RX_TILE_MPIXELS], 1e-6 * 192 * 192, 1e-8);
+        for (long i = 0; id == RX_SCENE_RINGS && i < table[RX_DETECTION_OBJECT].n; i++)
+            for (int run = 0; run < campaign->nruns; run++)
+                assert_true(rx_lab_each(&table[RX_DETECTION_OBJECT], i, run)[RX_FOUND_SCORE] > 10);
+        for (int run = 0; id == RX_SCENE_PLATEAU && run < campaign->nruns; run++) {
+            const double *phases = rx_lab_each(&table[RX_DETECTION_PLATEAU], 0, run);
+            assert_near(phases[RX_PHASES_2], 0, 1e-3);
+            assert_near(phases[RX_PHASES_4], 0, 1e-3);
+            assert_near(phases[RX_PHASES_RANGE], 0, 4e-3);
         }
-        assert_ptr_equal(v, values[u].v + values[u].n);
+        for (long i = 0; i < table[RX_DETECTION_GROWTH].n; i++) {
+            const double *growth = rx_lab_each(&table[RX_DETECTION_GROWTH], i, 0);
+            /* noise of an aperture of 4 r50: some 1 / (S/N) (area / matched area)^0.5 of the flux */
+            assert_near(growth[RX_GROWTH_2], growth[RX_GROWTH_TRUE_2],
+                        25 / rx_lab_own(&table[RX_DETECTION_GROWTH], i)[RX_GALAXY_SNR]);
+        }
+        assert_int_equal(table[RX_DETECTION_GROWTH].n > 0, id == RX_SCENE_OUTSKIRTS);
+        assert_int_equal(table[RX_DETECTION_PLATEAU].n, id == RX_SCENE_PLATEAU);
+        rx_lab_tables_free(RX_DETECTION_TABLES, table);
     }
-    rx_unit_values_free(n, values);
-    rx_unit_values_free(n, more);
-    rx_kind_detection.close(campaign);
+    rx_unit_values_free(7, values);
+    rx_unit_values_free(7, more);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -148,46 +144,58 @@ static void units_give_what_is_known(void **state)
 
 enum { STARS = 100, RUNS = 5 };
 
-static rx_detection_results *make_results(int net_better)
+static double *add_row(rx_lab_set *set, int table)
+{
+    double *row;
+    assert_int_equal(rx_lab_rows_add(&set->table[table], 1, &row, NULL), RX_OK);
+    return row;
+}
+
+static rx_lab *make_results(int net_better)
 {
     static const char *const names[RUNS] = {"NONE", "MATCHED", "RL 5 0", "RL 9 0", "NET"};
     static const int found[RUNS] = {50, 60, 55, 65, 80}, apart[RUNS] = {10, 5, 20, 15, 30};
-    static const rx_detection_scene scenes[] = {RX_SCENE_STARS, RX_SCENE_PAIRS, RX_SCENE_BLANK};
-    rx_detection_results *r = calloc(1, sizeof *r);
-    r->nmethods = RUNS;
-    r->nconditions = 1;
-    r->nscenes = 3;
-    r->condition = calloc(1, sizeof *r->condition);
+    static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_PAIRS, RX_SCENE_BLANK};
+    rx_lab *r = calloc(1, sizeof *r);
+    r->kind = &rx_kind_detection;
+    r->nruns = RUNS;
+    r->nconditions = r->nskies = 1;
+    r->sky = calloc(1, sizeof *r->sky);
+    r->sky->fwhm = 4;
     r->set = calloc(3, sizeof *r->set);
     r->nprecisions = 2;
     r->precision[0] = 0.9;
     r->precision[1] = 0.99;
     r->truth_snr = 5;
     for (int m = 0; m < RUNS; m++) {
-        snprintf(r->method[m], sizeof r->method[m], "%s", names[m]);
-        r->tuned[m] = m == 2 || m == 3;
+        snprintf(r->run[m].name, sizeof r->run[m].name, "%s", names[m]);
+        r->run[m].tuned = m == 2 || m == 3;
     }
     for (int s = 0; s < 3; s++) {
-        rx_detection_set *set = &r->set[s];
-        *set = (rx_detection_set){.scene = scenes[s], .fwhm = 4, .columns = 1, .ntiles = 1, .mpixels = 2};
-        set->n = s < 2 ? STARS : 0;
-        set->prop = calloc(2 * STARS, sizeof *set->prop);
-        for (int i = 0; i < STARS; i++) {
-            set->prop[2 * i] = i < 50 ? 30 : 7;
-            set->prop[2 * i + 1] = i % 2 ? 0.6f : 0.9f;
+        rx_lab_set *set = &r->set[s];
+        assert_int_equal(rx_lab_add_scene(r, scenes[s], s, 0, NULL), RX_OK);
+        for (int t = 0; t < RX_DETECTION_TABLES; t++)
+            rx_lab_table_begin(&rx_detection_tables[t], RUNS, &set->table[t]);
+        add_row(set, RX_DETECTION_TILE)[RX_TILE_MPIXELS] = 2;
+        for (int i = 0; s < 2 && i < STARS; i++) {
+            double *row = add_row(set, RX_DETECTION_OBJECT);
+            row[RX_OBJECT_SNR] = i < 50 ? 30 : 7;
+            row[RX_OBJECT_APART] = i % 2 ? 0.6 : 0.9;
+            for (int m = 0; m < RUNS; m++) { /* scores 200, 199 ... */
+                const int right = s == 0 ? (m == 4 && !net_better ? 61 : found[m]) : apart[m];
+                rx_lab_each(&set->table[RX_DETECTION_OBJECT], i, m)[RX_FOUND_SCORE] =
+                    i < right ? 200 - i : NAN;
+            }
         }
-        for (int m = 0; m < RUNS; m++) {
-            rx_detection_tally *run = &set->run[m];
-            const int right = s == 0 ? (m == 4 && !net_better ? 61 : found[m]) : apart[m];
-            run->value = calloc(STARS, sizeof *run->value);
-            run->nfalse = s == 0 ? 10 : s == 2 ? 6 : 0;
-            run->false_score = calloc(10, sizeof *run->false_score);
-            run->false_distance = calloc(10, sizeof *run->false_distance);
-            for (int i = 0; i < STARS; i++) /* scores 200, 199 ... */
-                run->value[i] = i < right ? (float)(200 - i) : NAN;
-            for (int i = 0; i < run->nfalse; i++) /* scores below those of all right ones */
-                run->false_score[i] = s == 0 ? (float)(50 - i) : (float)(250 - 50 * i);
-        }
+        for (int m = 0; m < RUNS; m++)
+            for (int i = 0; i < (s == 0   ? 10
+                                 : s == 2 ? 6
+                                          : 0);
+                 i++) { /* scores below those of all right ones */
+                double *row = add_row(set, RX_DETECTION_FALSE);
+                row[RX_FALSE_RUN] = m;
+                row[RX_FALSE_SCORE] = s == 0 ? 50 - i : 250 - 50 * i;
+            }
     }
     return r;
 }
@@ -197,7 +205,7 @@ static rx_detection_results *make_results(int net_better)
 static void numbers_by_hand(void **state)
 {
     (void)state;
-    rx_detection_results *r = make_results(1);
+    rx_lab *r = make_results(1);
     rx_detection_numbers m;
     assert_int_equal(rx_detection_numbers_make(r, 1, &m, NULL), RX_OK);
     assert_int_equal(m.best, RUNS);
@@ -229,7 +237,7 @@ static void numbers_by_hand(void **state)
     assert_int_equal(duel->only_second, 0);
     assert_near(duel->p, ldexp(1, -19), 1e-9);
     rx_detection_numbers_free(&m);
-    rx_detection_results_free(r);
+    rx_lab_close(r);
 }
 
 static rx_claim_state state_of(int better, rx_claim_id claim)
@@ -238,7 +246,7 @@ static rx_claim_state state_of(int better, rx_claim_id claim)
     rx_claim_state state = RX_NOT_TESTED;
     rx_detection_numbers m;
     int n = 0;
-    rx_detection_results *r = make_results(better);
+    rx_lab *r = make_results(better);
     assert_int_equal(rx_detection_numbers_make(r, 1, &m, NULL), RX_OK);
     rx_detection_verdicts(&m, verdict, &n);
     for (int i = 0; i < n; i++)
@@ -246,7 +254,7 @@ static rx_claim_state state_of(int better, rx_claim_id claim)
             state = verdict[i].state;
     rx_claim_verdicts_free(n, verdict);
     rx_detection_numbers_free(&m);
-    rx_detection_results_free(r);
+    rx_lab_close(r);
     return state;
 }
 

@@ -28,15 +28,6 @@ static const char *const SMALL[] = {"SIM.IMAGE_SIZE",
                                     "2",
                                     NULL};
 
-static rx_fluxes_state *open_campaign(const rx_campaign_config *config)
-{
-    void *state = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_kind_fluxes.open(config, 1, NULL, &state, &err) != RX_OK)
-        fail_msg("%s", err.text);
-    return state;
-}
-
 /* --- company --- */
 
 /* FWHM 4: a pair within 1.5 FWHM and 2 mag; one that is 1.2 FWHM from a star 3 mag brighter; one with a faint
@@ -54,32 +45,32 @@ static void company_by_distance_and_brightness(void **state)
                 {816, 50, 0, RX_NEITHER, -1},    {1000, 100, 0, RX_ISOLATED, -1}};
     enum { N = sizeof what / sizeof *what };
     const double others[][3] = {{611, 0, 90}, {1011, 0, 0.5}};
-    rx_fluxes_object object[N];
+    rx_lab_object object[N];
     (void)state;
     for (int i = 0; i < N; i++)
-        object[i] = (rx_fluxes_object){.x = what[i].x, .flux = what[i].flux, .radius = what[i].radius};
-    rx_fluxes_company(N, object, 2, others, 4);
+        object[i] = (rx_lab_object){.x = what[i].x, .flux = what[i].flux, .radius = what[i].radius};
+    rx_lab_company(&(rx_lab_objects){.n = N, .list = object}, 2, others, 4);
     for (int i = 0; i < N; i++) {
         if (object[i].company != what[i].company || object[i].partner != what[i].partner)
             fail_msg("object %d: company %d, partner %ld", i, (int)object[i].company, object[i].partner);
     }
     /* ten times as bright: one more FWHM */
-    rx_fluxes_object two[] = {{.x = 0, .flux = 10}, {.x = 15.9, .flux = 100}, {.x = 100, .flux = 1}};
-    rx_fluxes_company(3, two, 0, NULL, 4);
+    rx_lab_object two[] = {{.x = 0, .flux = 10}, {.x = 15.9, .flux = 100}, {.x = 100, .flux = 1}};
+    rx_lab_company(&(rx_lab_objects){.n = 3, .list = two}, 0, NULL, 4);
     assert_int_equal(two[0].company, RX_NEITHER);
     two[1].x = 16.1;
-    rx_fluxes_company(3, two, 0, NULL, 4);
+    rx_lab_company(&(rx_lab_objects){.n = 3, .list = two}, 0, NULL, 4);
     assert_int_equal(two[0].company, RX_ISOLATED);
 }
 
 /* --- tiles --- */
 
-static void check_pairs(const rx_fluxes_tile *tile)
+static void check_pairs(const rx_lab_objects *objects)
 {
     int galaxies = 0;
-    assert_true(tile->n >= 8 && tile->n % 2 == 0);
-    for (long i = 0; i < tile->n; i += 2) {
-        const rx_fluxes_object *a = &tile->object[i], *b = a + 1;
+    assert_true(objects->n >= 8 && objects->n % 2 == 0);
+    for (long i = 0; i < objects->n; i += 2) {
+        const rx_lab_object *a = &objects->list[i], *b = a + 1;
         const double apart = hypot(a->x - b->x, a->y - b->y) / 3.0;
         const double mags = 2.5 * log10(a->flux / b->flux);
         assert_true(apart >= 0.499 && apart <= 3.001);
@@ -88,40 +79,41 @@ static void check_pairs(const rx_fluxes_tile *tile)
         assert_int_equal(b->partner, i);
         galaxies += a->galaxy + b->galaxy;
         for (long k = 0; k < i; k += 2)
-            assert_true(hypot(a->x - tile->object[k].x, a->y - tile->object[k].y) >= 23.9);
+            assert_true(hypot(a->x - objects->list[k].x, a->y - objects->list[k].y) >= 23.9);
     }
-    assert_true(galaxies > 0 && galaxies < tile->n);
+    assert_true(galaxies > 0 && galaxies < objects->n);
 }
 
 static void scenes_are_as_described(void **state)
 {
     (void)state;
     rx_campaign_config *config = make_settings(SMALL);
-    rx_fluxes_state *campaign = open_campaign(config);
+    rx_lab *campaign = open_lab(&rx_kind_fluxes, config, 1);
     const double sigma = campaign->sky[0].sigma, root = sqrt(campaign->sky[0].area);
-    assert_int_equal(rx_fluxes_units(campaign), 5);
+    assert_int_equal(campaign->nunits, 5);
     for (int s = 0; s < campaign->nscenes; s++) {
-        rx_fluxes_tile tile;
+        const rx_scene_id id = campaign->scene[s].id;
+        rx_lab_tile tile;
         rx_error err = RX_ERROR_NONE;
-        if (rx_fluxes_tile_make(campaign, 0, campaign->scene[s], 0, &tile, &err) != RX_OK)
-            fail_msg("%s: %s", rx_fluxes_scene_name(campaign->scene[s]), err.text);
-        assert_int_equal(tile.n == 0, campaign->scene[s] == RX_FLUXES_BLANK);
-        for (long i = 0; i < tile.n; i++) {
-            const rx_fluxes_object *o = &tile.object[i];
-            if (campaign->scene[s] != RX_FLUXES_FIELD && campaign->scene[s] != RX_FLUXES_PAIRS)
-                assert_int_equal(o->galaxy, campaign->scene[s] == RX_FLUXES_SHREDS);
+        if (rx_lab_tile_make(campaign, &(rx_lab_unit){0, s, 0}, &tile, &err) != RX_OK)
+            fail_msg("%s: %s", rx_scene_name(id), err.text);
+        assert_int_equal(tile.objects.n == 0, id == RX_SCENE_BLANK);
+        for (long i = 0; i < tile.objects.n; i++) {
+            const rx_lab_object *o = &tile.objects.list[i];
+            if (id != RX_SCENE_FIELD && id != RX_SCENE_MIXED_PAIRS)
+                assert_int_equal(o->galaxy, id == RX_SCENE_SHREDS);
             if (!o->galaxy) /* without photon noise the bound is 1 over the S/N */
                 assert_near(o->bound * o->snr, 1, 0.01);
-            if (campaign->scene[s] == RX_FLUXES_RINGS)
+            if (id == RX_SCENE_RINGS)
                 assert_true(o->snr > 299 && o->snr < 30100);
-            if (campaign->scene[s] == RX_FLUXES_SHREDS)
+            if (id == RX_SCENE_SHREDS)
                 assert_true(o->flux / (sigma * root) > 299 && o->flux / (sigma * root) < 3010);
         }
-        if (campaign->scene[s] == RX_FLUXES_PAIRS)
-            check_pairs(&tile);
-        rx_fluxes_tile_free(&tile);
+        if (id == RX_SCENE_MIXED_PAIRS)
+            check_pairs(&tile.objects);
+        rx_lab_tile_free(&tile);
     }
-    rx_kind_fluxes.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -130,38 +122,38 @@ static void scenes_are_as_described(void **state)
 static void units_give_what_is_known(void **state)
 {
     rx_campaign_config *config = make_settings(SMALL);
-    rx_fluxes_state *campaign = open_campaign(config);
-    long n = 0, again = 0;
-    rx_unit_values *values = run_units(state, "one", &rx_kind_fluxes, campaign, 1, &n);
-    rx_unit_values *more = run_units(state, "four", &rx_kind_fluxes, campaign, 4, &again);
-    assert_int_equal(n, 5);
-    assert_int_equal(again, n);
-    assert_same_values(n, values, more);
-    for (long u = 0; u < n; u++) {
-        const double *v = values[u].v;
-        const long objects = (long)v[0];
-        assert_near(v[1], 1e-6 * 224 * 224, 1e-7);
-        v += 2 + RX_FLUXES_PROPS * objects;
+    rx_lab *campaign = open_lab(&rx_kind_fluxes, config, 1);
+    rx_unit_values *values = run_units(state, "one", campaign, 1),
+                   *more = run_units(state, "four", campaign, 4);
+    assert_int_equal(campaign->nunits, 5);
+    assert_same_values(5, values, more);
+    for (long u = 0; u < 5; u++) {
+        rx_lab_table table[RX_LAB_TABLES];
+        tables_of(campaign, values, u, table);
+        const rx_lab_table *object = &table[RX_FLUXES_OBJECT];
+        assert_int_equal(table[RX_FLUXES_TILE].n, 1);
+        assert_near(rx_lab_own(&table[RX_FLUXES_TILE], 0)[RX_FLUXES_MPIXELS], 1e-6 * 224 * 224, 1e-7);
         for (int run = 0; run < campaign->nruns; run++) {
+            const double *tally = rx_lab_each(&table[RX_FLUXES_TILE], 0, run);
             long found = 0;
-            for (long i = 0; i < objects; i++, v += RX_FLUXES_COLUMNS) {
+            for (long i = 0; i < object->n; i++) {
+                const double *v = rx_lab_each(object, i, run);
                 found += !isnan(v[RX_FOUND]);
-                if (campaign->scene[u] != RX_FLUXES_RINGS)
+                if (campaign->scene[campaign->unit[u].scene].id != RX_SCENE_RINGS)
                     continue;
                 assert_near(v[RX_FOUND], 0, 0); /* detected, not marked */
-                assert_near(v[RX_RATIO + RX_FLUX_TEMPLATE], 1, 0.03);
-                assert_true(v[RX_ERROR + RX_FLUX_TEMPLATE] > 0 && v[RX_ERROR + RX_FLUX_TEMPLATE] < 0.01);
+                assert_near(v[RX_RATIO_TEMPLATE], 1, 0.03);
+                assert_near(v[RX_ERROR_TEMPLATE], 0.005, 0.00499);
             }
-            assert_int_equal(found, (long)v[RX_TALLY_RIGHT]);
-            assert_true(v[RX_TALLY_RIGHT_KEPT] <= v[RX_TALLY_RIGHT]);
-            assert_true(v[RX_TALLY_FALSE_KEPT] <= v[RX_TALLY_FALSE]);
-            v += RX_FLUXES_TALLIES;
+            assert_int_equal(found, (long)tally[RX_TALLY_RIGHT]);
+            assert_true(tally[RX_TALLY_RIGHT_KEPT] <= tally[RX_TALLY_RIGHT]);
+            assert_true(tally[RX_TALLY_FALSE_KEPT] <= tally[RX_TALLY_FALSE]);
         }
-        assert_ptr_equal(v, values[u].v + values[u].n);
+        rx_lab_tables_free(RX_FLUXES_TABLES, table);
     }
-    rx_unit_values_free(n, values);
-    rx_unit_values_free(n, more);
-    rx_kind_fluxes.close(campaign);
+    rx_unit_values_free(5, values);
+    rx_unit_values_free(5, more);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -196,20 +188,20 @@ enum { OBJECTS = 42, PAIRED = 44 };
 /* FIELD: 41 isolated stars of S/N 20, bound 0.05; number i has r = 1.02 + 0.01 (i - 20) with TEMPLATE of the
  * first restorer and an error of 0.1; the second one has r = 1.02 for all and misses the first ten. The last
  * object is a galaxy of S/N 7, which both find with r = 0.5. AUTO is twice TEMPLATE's. */
-static void fill_field(rx_fluxes_set *set)
+static void fill_field(rx_lab_set *set)
 {
-    set->n = OBJECTS;
-    set->mpixels = 2;
+    rx_lab_table *object = &set->table[RX_FLUXES_OBJECT];
+    rx_lab_own(&set->table[RX_FLUXES_TILE], 0)[RX_FLUXES_MPIXELS] = 2;
+    object->n = OBJECTS;
     for (int i = 0; i < OBJECTS; i++) {
-        float *prop = set->prop + i * RX_FLUXES_PROPS;
+        double *prop = rx_lab_own(object, i);
         const int galaxy = i == OBJECTS - 1;
         prop[RX_PROP_SNR] = galaxy ? 7 : 20;
         prop[RX_PROP_GALAXY] = (float)galaxy;
         prop[RX_PROP_BLEND_STATE] = RX_ISOLATED;
         prop[RX_PROP_BOUND] = 0.05f;
-        prop[RX_PROP_PARTNER] = -1;
         for (int run = 0; run < 2; run++) {
-            float *v = set->run[run] + i * RX_FLUXES_COLUMNS;
+            double *v = rx_lab_each(object, i, run);
             const double r = galaxy ? 0.5 : run == 0 ? 1.02 + 0.01 * (i - 20) : 1.02;
             v[RX_FOUND] = run == 1 && i < 10 ? NAN : 0;
             for (int k = 0; k < RX_FLUX_KINDS; k++) {
@@ -222,24 +214,24 @@ static void fill_field(rx_fluxes_set *set)
         [RX_TALLY_RIGHT] = 90,     [RX_TALLY_RIGHT_KEPT] = 81, [RX_TALLY_FALSE] = 30,
         [RX_TALLY_FALSE_KEPT] = 9, [RX_TALLY_WEAK] = 20,       [RX_TALLY_WEAK_KEPT] = 15,
         [RX_TALLY_STRONG] = 70,    [RX_TALLY_STRONG_KEPT] = 66};
-    memcpy(set->tally[0], tally, sizeof tally);
+    memcpy(rx_lab_each(&set->table[RX_FLUXES_TILE], 0, 0), tally, sizeof tally);
 }
 
 /* PAIRS: 22 pairs 0.6 FWHM apart, the second member 1 mag fainter, of which the first restorer tells 20
  * apart: r of the first members 1.1, of the second ones 0.9; TEMPLATE 1 and 1. */
-static void fill_pairs(rx_fluxes_set *set)
+static void fill_pairs(rx_lab_set *set)
 {
-    set->n = PAIRED;
+    rx_lab_table *object = &set->table[RX_FLUXES_OBJECT];
     for (int i = 0; i < PAIRED; i++) {
-        float *prop = set->prop + i * RX_FLUXES_PROPS;
+        double *prop = rx_lab_own(object, i);
         prop[RX_PROP_SNR] = 50;
         prop[RX_PROP_BLEND_STATE] = RX_BLENDED;
         prop[RX_PROP_BOUND] = 0.02f;
-        prop[RX_PROP_PARTNER] = (float)(i ^ 1);
+        prop[RX_PROP_PARTNER] = i % 2 ? -1 : 1;
         prop[RX_PROP_APART] = 0.6f;
         prop[RX_PROP_MAGS] = i % 2 ? 1 : -1;
         for (int run = 0; run < 2; run++) {
-            float *v = set->run[run] + i * RX_FLUXES_COLUMNS;
+            double *v = rx_lab_each(object, i, run);
             v[RX_FOUND] = run == 1 || i == 0 ? NAN : i == 3 ? 2 : 0;
             v[RX_BOTH] = run == 0 && i >= 2;
             for (int k = 0; k < RX_FLUX_KINDS; k++) {
@@ -250,26 +242,27 @@ static void fill_pairs(rx_fluxes_set *set)
     }
 }
 
-static rx_fluxes_results *make_results(void)
+static rx_lab *make_results(void)
 {
     static const char *const names[] = {"NONE", "NET"};
-    static const rx_fluxes_scene scenes[] = {RX_FLUXES_FIELD, RX_FLUXES_PAIRS};
-    rx_fluxes_results *r = calloc(1, sizeof *r);
+    static const rx_scene_id scenes[] = {RX_SCENE_FIELD, RX_SCENE_MIXED_PAIRS};
+    rx_lab *r = calloc(1, sizeof *r);
+    double *row;
+    r->kind = &rx_kind_fluxes;
     r->nruns = 2;
-    r->nconditions = 1;
-    r->nscenes = 2;
-    r->condition = calloc(1, sizeof *r->condition);
+    r->nconditions = r->nskies = 1;
+    r->sky = calloc(1, sizeof *r->sky);
+    r->sky->fwhm = 4;
     r->set = calloc(2, sizeof *r->set);
     for (int run = 0; run < 2; run++)
-        snprintf(r->run[run], sizeof r->run[run], "%s", names[run]);
+        snprintf(r->run[run].name, sizeof r->run[run].name, "%s", names[run]);
     for (int s = 0; s < 2; s++) {
-        r->set[s].scene = scenes[s];
-        r->set[s].fwhm = 4;
-        r->set[s].ntiles = 1;
-        r->set[s].mpixels = 1;
-        r->set[s].prop = calloc(PAIRED * RX_FLUXES_PROPS, sizeof(float));
-        for (int run = 0; run < 2; run++)
-            r->set[s].run[run] = calloc(PAIRED * RX_FLUXES_COLUMNS, sizeof(float));
+        assert_int_equal(rx_lab_add_scene(r, scenes[s], s, 0, NULL), RX_OK);
+        for (int t = 0; t < RX_FLUXES_TABLES; t++)
+            rx_lab_table_begin(&rx_fluxes_tables[t], 2, &r->set[s].table[t]);
+        assert_int_equal(rx_lab_rows_add(&r->set[s].table[RX_FLUXES_TILE], 1, &row, NULL), RX_OK);
+        row[RX_FLUXES_MPIXELS] = 1;
+        assert_int_equal(rx_lab_rows_add(&r->set[s].table[RX_FLUXES_OBJECT], PAIRED, &row, NULL), RX_OK);
     }
     fill_field(&r->set[0]);
     fill_pairs(&r->set[1]);
@@ -280,7 +273,7 @@ static rx_fluxes_results *make_results(void)
 static void cells_by_hand(void **state)
 {
     (void)state;
-    rx_fluxes_results *r = make_results();
+    rx_lab *r = make_results();
     rx_fluxes_numbers m;
     assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
     rx_fluxes_place p = {.bin = RX_SNR_ABOVE_10, .flux = RX_FLUX_TEMPLATE};
@@ -310,13 +303,13 @@ static void cells_by_hand(void **state)
     assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(0.5), 1e-6);
     assert_int_equal(rx_fluxes_cell_of(&m, &p)->bound.n, 0);
     rx_fluxes_numbers_free(&m);
-    rx_fluxes_results_free(r);
+    rx_lab_close(r);
 }
 
 static void pairs_and_invented_by_hand(void **state)
 {
     (void)state;
-    rx_fluxes_results *r = make_results();
+    rx_lab *r = make_results();
     rx_fluxes_numbers m;
     assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
     const rx_pair_place all = {.scene = 1, .sample = RX_SAMPLE_ALL};
@@ -348,7 +341,7 @@ static void pairs_and_invented_by_hand(void **state)
     assert_near(v->flagged_weak.value, 0.25, 1e-12);
     assert_near(v->flagged_strong.value, 4.0 / 70, 1e-12);
     rx_fluxes_numbers_free(&m);
-    rx_fluxes_results_free(r);
+    rx_lab_close(r);
 }
 
 /* The first restorer's bias of -0.0215 mag is within its error of the limit, the second one's has none. Its
@@ -356,7 +349,7 @@ static void pairs_and_invented_by_hand(void **state)
 static void verdicts_follow_the_numbers(void **state)
 {
     (void)state;
-    rx_fluxes_results *r = make_results();
+    rx_lab *r = make_results();
     rx_fluxes_numbers m;
     rx_goal_verdict v[RX_FLUXES_GOALS * 2];
     assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
@@ -374,13 +367,13 @@ static void verdicts_follow_the_numbers(void **state)
     assert_non_null(strstr(v[2 * RX_GOAL_BIAS_ISOLATED + 1].said.data, "stars of FIELD"));
     rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
     /* what restorers are told wrongly is no matter of the goals */
-    r->condition[0].psf_error = 0.05;
+    r->sky[0].condition.psf_error = 0.05;
     rx_fluxes_verdicts(&m, v);
     for (int i = 0; i < RX_FLUXES_GOALS * 2; i++)
         assert_int_equal(v[i].state, RX_GOAL_NOT_MEASURED);
     rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
     rx_fluxes_numbers_free(&m);
-    rx_fluxes_results_free(r);
+    rx_lab_close(r);
 }
 
 int main(void)

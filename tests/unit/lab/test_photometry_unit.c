@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "lab/photometry_sky.h"
+#include "lab/photometry.h"
 #include "num/stats.h"
 #include "pipeline/pipeline.h"
 
@@ -34,15 +34,6 @@ static const char *const TEMPLATES[] = {"SIM.IMAGE_SIZE",
 static const char *const FAINT[] = {"SIM.IMAGE_SIZE", "256", "MAGNITUDES", "24,26,2", "TILES", "2",
                                     "STAGE.RL_NITER", "10",  NULL};
 
-static rx_photometry_state *open_campaign(const rx_campaign_config *config, int nthreads)
-{
-    void *state = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_kind_photometry.open(config, nthreads, NULL, &state, &err) != RX_OK)
-        fail_msg("%s", err.text);
-    return state;
-}
-
 /* Sum of P^2 of a Moffat profile that is not integrated over pixels: (beta - 1)^2 / (pi alpha^2 (2 beta -
  * 1)).
  */
@@ -52,49 +43,55 @@ static double moffat_power(double fwhm, double beta)
     return (beta - 1) * (beta - 1) / (3.14159265358979 * alpha * alpha * (2 * beta - 1));
 }
 
-/* Every star is found with its flux, and nothing else. dst: the false detections of all runs. */
-static void check_bright(const rx_photometry_state *campaign, const rx_unit_values *unit, double lowest,
-                         double highest)
+static long nfalse_of(const rx_lab_table *table, int run)
 {
-    const double *v = unit->v;
-    const long nstars = (long)v[0];
-    assert_true(nstars >= 6);
-    v += 3;
+    long n = 0;
+    for (long i = 0; i < table[RX_PHOTOMETRY_FALSE].n; i++)
+        n += rx_lab_own(&table[RX_PHOTOMETRY_FALSE], i)[RX_FALSE_STAR_RUN] == run;
+    return n;
+}
+
+/* Every star is found with its flux, and nothing else. */
+static void check_bright(const rx_lab *campaign, const rx_lab_table *table, double lowest, double highest)
+{
+    const rx_lab_table *star = &table[RX_PHOTOMETRY_STAR];
+    assert_true(star->n >= 6);
     for (int r = 0; r < campaign->nruns; r++) {
-        double *ratios = calloc((size_t)nstars, sizeof *ratios);
-        for (long i = 0; i < nstars; i++, v += 4) {
-            assert_true(v[0] > 20); /* detection S/N */
-            ratios[i] = v[1];
+        double *ratios = calloc((size_t)star->n, sizeof *ratios);
+        for (long i = 0; i < star->n; i++) {
+            const double *v = rx_lab_each(star, i, r);
+            assert_true(v[RX_STAR_SCORE] > 20);
+            ratios[i] = v[RX_STAR_RATIO];
             /* the pull is the flux's difference in units of its error */
-            assert_true((v[1] > 1) == (v[2] > 0));
+            assert_int_equal(v[RX_STAR_RATIO] > 1, v[RX_STAR_PULL] > 0);
         }
-        const double median = rx_median(ratios, (size_t)nstars);
-        assert_true(median > lowest && median < highest);
+        assert_in_range((unsigned long)(1e6 * rx_median(ratios, (size_t)star->n)),
+                        (unsigned long)(1e6 * lowest), (unsigned long)(1e6 * highest));
         free(ratios);
-        const long nfalse = (long)*v;
-        assert_true(nfalse <= 1);
-        v += 1 + 2 * nfalse;
+        assert_true(nfalse_of(table, r) <= 1);
     }
-    assert_ptr_equal(v, unit->v + unit->n);
 }
 
 static void bright_stars_come_back(void **state)
 {
     rx_campaign_config *config = make_settings(BRIGHT);
-    rx_photometry_state *campaign = open_campaign(config, 1);
-    long n = 0;
-    rx_unit_values *values = run_units(state, "bright", &rx_kind_photometry, campaign, 1, &n);
-    assert_int_equal(n, 2);
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 1);
+    rx_unit_values *values = run_units(state, "bright", campaign, 1);
+    assert_int_equal(campaign->nunits, 2);
     const double flux = pow(10.0, -0.4 * (14.5 - 25.0)), sigma = 10.0;
-    for (long u = 0; u < n; u++) {
+    for (long u = 0; u < 2; u++) {
+        rx_lab_table table[RX_LAB_TABLES];
+        tables_of(campaign, values, u, table);
+        const double *tile = rx_lab_own(&table[RX_PHOTOMETRY_TILE], 0);
         /* MAG_AUTO holds 98 % of a star here; its Kron radius on restored pixels gives 3 % too much */
-        check_bright(campaign, &values[u], 0.95, 1.05);
-        assert_near(values[u].v[1], 1e-6 * 256 * 256, 1e-6);
+        check_bright(campaign, table, 0.95, 1.05);
+        assert_near(tile[RX_FIELD_MPIXELS], 1e-6 * 256 * 256, 1e-6);
         /* pixels widen the PSF of 4 pixels by 1.5 %: 3 % of the power; the noise is measured to 2 % */
-        assert_near(values[u].v[2] / (flux * sqrt(moffat_power(4.0, 4.765)) / sigma), 0.985, 0.03);
+        assert_near(tile[RX_FIELD_SNR] / (flux * sqrt(moffat_power(4.0, 4.765)) / sigma), 0.985, 0.03);
+        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
     }
-    rx_unit_values_free(n, values);
-    rx_kind_photometry.close(campaign);
+    rx_unit_values_free(2, values);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -103,27 +100,25 @@ static void bright_stars_come_back(void **state)
 static void templates_compete(void **state)
 {
     rx_campaign_config *config = make_settings(TEMPLATES);
-    rx_photometry_state *campaign = open_campaign(config, 1);
-    long n = 0;
-    rx_unit_values *values = run_units(state, "templates", &rx_kind_photometry, campaign, 1, &n);
-    const long nstars = (long)values[0].v[0];
-    const double *v = values[0].v + 3, *before = NULL;
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 1);
+    rx_unit_values *values = run_units(state, "templates", campaign, 1);
+    rx_lab_table table[RX_LAB_TABLES];
+    tables_of(campaign, values, 0, table);
     assert_int_equal(campaign->nruns, 4);
     for (int r = 0; r < campaign->nruns; r++) {
-        assert_int_equal(campaign->templates[r], r % 2);
-        assert_ptr_equal(campaign->run[r], campaign->run[r / 2 * 2]);
-        for (long i = 0; i < nstars && r % 2; i++) {
-            assert_near(v[4 * i], before[4 * i], 0); /* the score */
-            assert_near(v[4 * i + 1], 1, 0.03);
-            assert_true(v[4 * i + 1] != before[4 * i + 1]);
+        assert_int_equal(campaign->run[r].templates, r % 2);
+        assert_ptr_equal(campaign->run[r].restorer, campaign->run[r / 2 * 2].restorer);
+        for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n && r % 2; i++) {
+            const double *before = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r - 1),
+                         *v = before + RX_PHOTOMETRY_STAR_WIDTH;
+            assert_near(v[RX_STAR_SCORE], before[RX_STAR_SCORE], 0);
+            assert_near(v[RX_STAR_RATIO], 1, 0.03);
+            assert_true(v[RX_STAR_RATIO] != before[RX_STAR_RATIO]);
         }
-        before = v;
-        v += 4 * nstars;
-        v += 1 + 2 * (long)*v;
     }
-    assert_ptr_equal(v, values[0].v + values[0].n);
-    rx_unit_values_free(n, values);
-    rx_kind_photometry.close(campaign);
+    rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+    rx_unit_values_free(campaign->nunits, values);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -132,24 +127,28 @@ static void stars_are_apart(void **state)
 {
     (void)state;
     rx_campaign_config *config = make_settings(BRIGHT);
-    rx_photometry_state *campaign = open_campaign(config, 1);
-    rx_photometry_tile tile[3];
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 1);
+    rx_lab_tile tile[3];
     for (int t = 0; t < 3; t++)
-        assert_int_equal(rx_photometry_tile_make(campaign, &campaign->sky[0], 14.5, t == 2 ? 0 : (uint64_t)t,
-                                                 &tile[t], NULL),
+        assert_int_equal(rx_photometry_tile_make(campaign, &(rx_lab_unit){0, 0, t % 2}, &tile[t], NULL),
                          RX_OK);
-    for (long i = 0; i < tile[0].n; i++) {
-        assert_true(tile[0].x[i] >= 16 && tile[0].x[i] <= 255 - 16);
+    const rx_lab_object *one = tile[0].objects.list, *other = tile[1].objects.list;
+    assert_true(tile[0].objects.n >= 6);
+    for (long i = 0; i < tile[0].objects.n; i++) {
+        assert_near(one[i].x, 127.5, 111.5);
         for (long k = 0; k < i; k++)
-            assert_true(hypot(tile[0].x[i] - tile[0].x[k], tile[0].y[i] - tile[0].y[k]) >= 24);
+            assert_true(hypot(one[i].x - one[k].x, one[i].y - one[k].y) >= 24);
     }
-    assert_true(tile[0].x[0] != tile[1].x[0]);
-    assert_int_equal(tile[0].n, tile[2].n);
-    assert_memory_equal(tile[0].x, tile[2].x, (size_t)tile[0].n * sizeof(double));
+    assert_true(one[0].x != other[0].x);
+    assert_int_equal(tile[0].objects.n, tile[2].objects.n);
+    for (long i = 0; i < tile[0].objects.n; i++) {
+        assert_near(one[i].x, tile[2].objects.list[i].x, 0);
+        assert_near(one[i].y, tile[2].objects.list[i].y, 0);
+    }
     assert_memory_equal(tile[0].field->tile->pixels, tile[2].field->tile->pixels, 256 * 256 * sizeof(float));
     for (int t = 0; t < 3; t++)
-        rx_photometry_tile_free(&tile[t]);
-    rx_kind_photometry.close(campaign);
+        rx_lab_tile_free(&tile[t]);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -157,31 +156,32 @@ static void stars_are_apart(void **state)
 static void others_are_neither(void **state)
 {
     rx_campaign_config *config = make_settings(FAINT);
-    rx_photometry_state *campaign = open_campaign(config, 2);
-    long n = 0, m = 0, found = 0, nfalse = 0;
-    rx_unit_values *values = run_units(state, "faint1", &rx_kind_photometry, campaign, 1, &n);
-    rx_unit_values *again = run_units(state, "faint2", &rx_kind_photometry, campaign, 2, &m);
-    rx_unit_values *more = run_units(state, "faint3", &rx_kind_photometry, campaign, 3, &m);
-    assert_int_equal(n, 4);
-    assert_same_values(n, values, again);
-    assert_same_values(n, values, more);
-    for (long u = 0; u < n; u++) {
-        const double *v = values[u].v + 3;
-        const long nstars = (long)values[u].v[0];
-        for (int r = 0; r < campaign->nruns; r++, v += 1 + 2 * (long)*v) {
-            for (long i = 0; i < nstars; i++, v += 4) {
-                found += isfinite(v[0]);
-                assert_int_equal(isfinite(v[0]), isfinite(v[1]));
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 2);
+    long found = 0, nfalse = 0;
+    rx_unit_values *values = run_units(state, "faint1", campaign, 1);
+    rx_unit_values *again = run_units(state, "faint2", campaign, 2);
+    rx_unit_values *more = run_units(state, "faint3", campaign, 3);
+    assert_int_equal(campaign->nunits, 4);
+    assert_same_values(4, values, again);
+    assert_same_values(4, values, more);
+    for (long u = 0; u < 4; u++) {
+        rx_lab_table table[RX_LAB_TABLES];
+        tables_of(campaign, values, u, table);
+        for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n; i++)
+            for (int r = 0; r < campaign->nruns; r++) {
+                const double *v = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r);
+                found += isfinite(v[RX_STAR_SCORE]);
+                assert_int_equal(isfinite(v[RX_STAR_SCORE]), isfinite(v[RX_STAR_RATIO]));
             }
-            nfalse += r == 0 ? (long)*v : 0;
-        }
+        nfalse += nfalse_of(table, 0);
+        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
     }
     assert_true(found <= 1);
     assert_true(nfalse <= 2); /* NONE, on a quarter of a Mpixel with 160 stars and galaxies */
-    rx_unit_values_free(n, values);
-    rx_unit_values_free(n, again);
-    rx_unit_values_free(n, more);
-    rx_kind_photometry.close(campaign);
+    rx_unit_values_free(4, values);
+    rx_unit_values_free(4, again);
+    rx_unit_values_free(4, more);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -196,30 +196,30 @@ static void injected_stars_come_back(void **state)
         "MAGNITUDES",     "14.5,14.5,1", "TILES",     "1",  "STARS_PER_TILE",      "60",
         "STAGE.RL_NITER", "10",          NULL};
     rx_campaign_config *config = make_settings(pairs);
-    rx_photometry_state *campaign = open_campaign(config, 2);
-    const rx_photometry_sky *sky = &campaign->sky[0];
-    long n = 0;
-    rx_unit_values *values = run_units(state, "injected", &rx_kind_photometry, campaign, 1, &n);
-    assert_int_equal(n, 1);
-    assert_true(sky->before.n > 10);
-    assert_non_null(sky->before.covered);
-    const double *v = values[0].v;
-    const long nstars = (long)v[0];
-    v += 3;
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 2);
+    rx_unit_values *values = run_units(state, "injected", campaign, 1);
+    rx_lab_table table[RX_LAB_TABLES];
+    assert_int_equal(campaign->nunits, 1);
+    tables_of(campaign, values, 0, table);
+    const long nstars = table[RX_PHOTOMETRY_STAR].n;
+    assert_true(campaign->sky[0].known.n > 10);
+    assert_non_null(campaign->sky[0].covered);
     for (int r = 0; r < campaign->nruns; r++) {
         long found = 0;
         double *ratios = calloc((size_t)nstars, sizeof *ratios);
-        for (long i = 0; i < nstars; i++, v += 4)
-            if (isfinite(v[0]))
-                ratios[found++] = v[1];
+        for (long i = 0; i < nstars; i++) {
+            const double *v = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r);
+            if (isfinite(v[RX_STAR_SCORE]))
+                ratios[found++] = v[RX_STAR_RATIO];
+        }
         assert_true(found >= nstars - nstars / 10); /* some lie on brighter sources */
         assert_near(rx_median(ratios, (size_t)found), 1.0, 0.06);
         free(ratios);
-        assert_true(*v <= 3); /* what was there before is not false */
-        v += 1 + 2 * (long)*v;
+        assert_true(nfalse_of(table, r) <= 3); /* what was there before is not false */
     }
-    rx_unit_values_free(n, values);
-    rx_kind_photometry.close(campaign);
+    rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+    rx_unit_values_free(1, values);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -235,21 +235,21 @@ static void noise_counts_on_real_tiles(void **state)
         "STAGE.DETECT_THRESH", "0.7",  "MAGNITUDES", "14.5,14.5,1", "TILES",     "2",
         "STARS_PER_TILE",      "20",   NULL};
     rx_campaign_config *config = make_settings(pairs);
-    rx_photometry_state *campaign = open_campaign(config, 2);
-    long n = 0;
-    double nfalse[2];
-    rx_unit_values *values = run_units(state, "blank", &rx_kind_photometry, campaign, 2, &n);
-    assert_int_equal(n, 2);
+    rx_lab *campaign = open_lab(&rx_kind_photometry, config, 2);
+    long nfalse[2];
+    rx_unit_values *values = run_units(state, "blank", campaign, 2);
+    assert_int_equal(campaign->nunits, 2);
     for (int unit = 0; unit < 2; unit++) {
-        const double *v = values[unit].v;
-        nfalse[unit] = v[3 + 4 * (long)v[0]];
+        rx_lab_table table[RX_LAB_TABLES];
         rx_field *blank = NULL;
         rx_result result;
         rx_error err = RX_ERROR_NONE;
-        assert_int_equal(rx_photometry_blank_make(campaign, &campaign->sky[0], (uint64_t)unit, &blank, &err),
-                         RX_OK);
-        assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0], blank, NULL, NULL,
-                                          &result, &err),
+        tables_of(campaign, values, unit, table);
+        nfalse[unit] = nfalse_of(table, 0);
+        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+        assert_int_equal(rx_photometry_blank_make(campaign, &campaign->unit[unit], &blank, &err), RX_OK);
+        assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0].restorer, blank,
+                                          NULL, NULL, &result, &err),
                          RX_OK);
         assert_true(result.sources->n > 30);
         assert_in_range((unsigned long)nfalse[unit], (unsigned long)result.sources->n,
@@ -258,8 +258,8 @@ static void noise_counts_on_real_tiles(void **state)
         rx_field_free(blank);
     }
     assert_true(nfalse[0] != nfalse[1]); /* another realisation with every tile */
-    rx_unit_values_free(n, values);
-    rx_kind_photometry.close(campaign);
+    rx_unit_values_free(2, values);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -273,9 +273,9 @@ static void settings_that_cannot_be(void **state)
     };
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         rx_error err = RX_ERROR_NONE;
-        void *pointer = NULL;
+        rx_lab *pointer = NULL;
         rx_campaign_config *config = make_settings(wrong[i]);
-        assert_int_equal(rx_kind_photometry.open(config, 1, NULL, &pointer, &err), RX_USAGE);
+        assert_int_equal(rx_lab_open(&rx_kind_photometry, config, 1, NULL, &pointer, &err), RX_USAGE);
         assert_true(strlen(err.text) > 10);
         assert_null(pointer);
         rx_campaign_config_free(config);

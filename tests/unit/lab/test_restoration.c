@@ -13,19 +13,10 @@ static const char *const SMALL[] = {"SCENE_SIDE",  "64",   "FWHM_RANGE",   "4,5"
                                     "SCENES_FWHM", "2,3",  "SCENES_SIGMA", "3,4",   "TUNE_SCENES", "2",
                                     "TUNE_NITER",  "2,10", "TUNE_FILTER",  "0,0.5", NULL};
 
-static rx_restoration *open_campaign(const rx_campaign_config *config)
-{
-    void *state = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_kind_restoration.open(config, 1, NULL, &state, &err) != RX_OK)
-        fail_msg("%s", err.text);
-    return state;
-}
-
-static void make_trial(const rx_restoration *state, int bin, int tune, long index, rx_trial *dst)
+static void make_trial(const rx_lab *state, int bin, int tune, long index, rx_trial *dst)
 {
     rx_error err = RX_ERROR_NONE;
-    const rx_restoration_unit unit = {bin, tune, index};
+    const rx_lab_unit unit = {bin, !tune, index};
     if (rx_trial_make(state, &unit, dst, &err) != RX_OK)
         fail_msg("%s", err.text);
 }
@@ -50,9 +41,9 @@ static double bright(const float *plane, size_t n)
 }
 
 /* Noise from second differences along rows, in which a well sampled scene hardly shows. */
-static double noise_of(const rx_restoration *state, const float *image)
+static double noise_of(const rx_lab *state, const float *image)
 {
-    const int side = state->side;
+    const int side = state->config->scene_side;
     double *differences = calloc((size_t)side * (size_t)side, sizeof(double));
     size_t n = 0;
     for (int y = 0; y < side; y++)
@@ -69,9 +60,9 @@ static void scenes_are_what_bins_say(void **state)
 {
     (void)state;
     rx_campaign_config *config = make_settings(SMALL);
-    rx_restoration *campaign = open_campaign(config);
-    const size_t n = (size_t)campaign->side * (size_t)campaign->side;
-    assert_int_equal(campaign->nbins, 3);
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
+    const size_t n = (size_t)campaign->config->scene_side * (size_t)campaign->config->scene_side;
+    assert_int_equal(campaign->nconditions, 3);
     double sum[2] = {0, 0};
     enum { SCENES = 24 };
     for (int bin = 1; bin <= 2; bin++) { /* FWHM 5, sigma 2 */
@@ -94,7 +85,7 @@ static void scenes_are_what_bins_say(void **state)
     }
     assert_near(sum[0], 5.0, 4 * 0.2887 / sqrt(SCENES)); /* mean of a uniform one, 4 sigma */
     assert_near(sum[1], 2.0, 4 * 0.2887 / sqrt(SCENES));
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -104,8 +95,8 @@ static void scenes_do_not_depend_on_their_number(void **state)
     (void)state;
     rx_campaign_config *small = make_settings(SMALL), *paper = make_settings(SMALL);
     assert_int_equal(rx_settings_set(&paper->settings, "SIZE", "PAPER", NULL, NULL), RX_OK);
-    rx_restoration *a = open_campaign(small), *b = open_campaign(paper);
-    const size_t bytes = (size_t)a->side * (size_t)a->side * sizeof(float);
+    rx_lab *a = open_lab(&rx_kind_restoration, small, 1), *b = open_lab(&rx_kind_restoration, paper, 1);
+    const size_t bytes = (size_t)a->config->scene_side * (size_t)a->config->scene_side * sizeof(float);
     assert_int_equal(a->nunits, 2 * (2 + 2) + 2 + 3);
     assert_int_equal(b->nunits, 2 * (2 + 3) + 2 + 4);
     rx_trial one, two, three;
@@ -119,8 +110,8 @@ static void scenes_do_not_depend_on_their_number(void **state)
     rx_trial_free(&one);
     rx_trial_free(&two);
     rx_trial_free(&three);
-    rx_kind_restoration.close(a);
-    rx_kind_restoration.close(b);
+    rx_lab_close(a);
+    rx_lab_close(b);
     rx_campaign_config_free(small);
     rx_campaign_config_free(paper);
 }
@@ -128,49 +119,49 @@ static void scenes_do_not_depend_on_their_number(void **state)
 static void threads_do_not_matter(void **state)
 {
     rx_campaign_config *config = make_settings(SMALL);
-    rx_restoration *campaign = open_campaign(config);
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
     rx_unit_values *values[3];
-    long n = 0;
+    const long n = campaign->nunits;
     for (int t = 0; t < 3; t++) {
         char name[32];
         snprintf(name, sizeof name, "threads%d", t + 1);
-        values[t] = run_units(state, name, &rx_kind_restoration, campaign, t + 1, &n);
+        values[t] = run_units(state, name, campaign, t + 1);
     }
-    assert_int_equal(n, campaign->nunits);
+    assert_int_equal(n, 2 * (2 + 2) + 2 + 3);
     assert_same_values(n, values[0], values[1]);
     assert_same_values(n, values[0], values[2]);
     for (int t = 0; t < 3; t++)
         rx_unit_values_free(n, values[t]);
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
 /* Mean score of a candidate over the two tuning scenes of a bin. */
-static double mean_of(const rx_restoration *campaign, const rx_unit_values *values, int bin, long candidate,
+static double mean_of(const rx_lab *campaign, const rx_unit_values *values, int bin, long candidate,
                       int metric)
 {
     double sum = 0;
     for (long u = 0; u < campaign->nunits; u++)
-        if (campaign->units[u].bin == bin && campaign->units[u].tune)
-            sum += values[u].v[2 * candidate + metric] / 2;
+        if (campaign->unit[u].condition == bin && campaign->unit[u].scene == 0)
+            sum += rx_lab_values(campaign, &values[u], RX_RESTORATION_TUNING)[2 * candidate + metric] / 2;
     return sum;
 }
 
 static void tuning_takes_the_best(void **state)
 {
     rx_campaign_config *config = make_settings(SMALL);
-    rx_restoration *campaign = open_campaign(config);
-    long n = 0;
-    rx_unit_values *values = run_units(state, "tuning", &rx_kind_restoration, campaign, 2, &n);
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
+    const long n = campaign->nunits;
+    rx_unit_values *values = run_units(state, "tuning", campaign, 2);
     const long candidates = rx_tuning_count(campaign);
-    assert_string_equal(campaign->method[0].name, "BLURRED");
-    assert_string_equal(campaign->method[1].name, "SMOOTHED");
-    assert_string_equal(campaign->method[2].name, "RL");
-    assert_string_equal(campaign->method[3].name, "RL_FLAT");
-    for (int bin = 0; bin < campaign->nbins; bin++) {
+    assert_string_equal(campaign->run[0].name, "BLURRED");
+    assert_string_equal(campaign->run[1].name, "SMOOTHED");
+    assert_string_equal(campaign->run[2].name, "RL");
+    assert_string_equal(campaign->run[3].name, "RL_FLAT");
+    for (int bin = 0; bin < campaign->nconditions; bin++) {
         for (int m = 1; m <= 3; m++) {
             for (int metric = 0; metric < 2; metric++) {
-                const long best = rx_tuning_choose(campaign, bin, &campaign->method[m], metric, values);
+                const long best = rx_tuning_choose(campaign, bin, &campaign->run[m], metric, values);
                 const double score = mean_of(campaign, values, bin, best, metric);
                 rx_tuning tuning;
                 rx_tuning_get(campaign, 4.0, best, &tuning);
@@ -194,7 +185,7 @@ static void tuning_takes_the_best(void **state)
     }
     assert_near(widths[0], 0, 0);
     assert_near(widths[1], 2.5, 1e-12);
-    assert_near(widths[2], campaign->simulation->sharp_fwhm, 1e-12);
+    assert_near(widths[2], campaign->sky->simulation->sharp_fwhm, 1e-12);
     assert_non_null(strstr(tuning.text, "filter 2 pixels"));
     /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
     assert_true(rx_tuning_at_end(campaign, candidates / 3) && rx_tuning_at_end(campaign, candidates - 1));
@@ -214,7 +205,7 @@ static void tuning_takes_the_best(void **state)
     assert_false(rx_tuning_at_end(campaign, 0));
     assert_true(rx_tuning_at_end(campaign, candidates / 9));
     rx_unit_values_free(n, values);
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -222,13 +213,13 @@ static void tuning_takes_the_best(void **state)
 static void results_are_the_scores(void **state)
 {
     rx_campaign_config *config = make_settings(SMALL);
-    rx_restoration *campaign = open_campaign(config);
-    const int side = campaign->side;
-    rx_restoration_results *results = NULL;
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
+    const int side = campaign->config->scene_side;
     rx_error err = RX_ERROR_NONE;
-    long n = 0;
-    rx_unit_values *values = run_units(state, "results", &rx_kind_restoration, campaign, 2, &n);
-    assert_int_equal(rx_restoration_collect(campaign, values, &results, &err), RX_OK);
+    const long n = campaign->nunits;
+    rx_unit_values *values = run_units(state, "results", campaign, 2);
+    assert_int_equal(rx_lab_collect(campaign, values, &err), RX_OK);
+    const rx_restoration_results *results = campaign->restored;
     assert_int_equal(results->nmethods, 4);
     assert_int_equal(results->nbins, 3);
     assert_int_equal(results->bins[2].by_sigma, 1);
@@ -252,14 +243,13 @@ static void results_are_the_scores(void **state)
         for (int m = 0; m < 4; m++) {
             double ssim;
             for (int metric = 0; metric < 2; metric++) {
-                assert_int_equal(rx_restoration_picture(campaign, b, &trial, &campaign->method[m], metric,
+                assert_int_equal(rx_restoration_picture(campaign, b, &trial, &campaign->run[m], metric,
                                                         values, plane, &err),
                                  RX_OK);
                 if (m == 1) { /* SMOOTHED: the filter, and nothing else */
                     rx_tuning tuning;
                     rx_tuning_get(campaign, trial.fwhm,
-                                  rx_tuning_choose(campaign, b, &campaign->method[m], metric, values),
-                                  &tuning);
+                                  rx_tuning_choose(campaign, b, &campaign->run[m], metric, values), &tuning);
                     assert_int_equal(rx_gauss_masked(side, side, tuning.filter, NULL, 1, trial.image, &err),
                                      RX_OK);
                 }
@@ -290,9 +280,8 @@ static void results_are_the_scores(void **state)
     assert_string_equal(example->title[4], "SHARP");
     assert_near(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
     free(plane);
-    rx_restoration_results_free(results);
     rx_unit_values_free(n, values);
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     rx_campaign_config_free(config);
 }
 
@@ -302,29 +291,29 @@ static void methods_come_from_the_table(void **state)
     (void)state;
     rx_campaign_config *config = make_settings(SMALL);
     rx_error err = RX_ERROR_NONE;
-    void *pointer = NULL;
+    rx_lab *pointer = NULL;
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL_BLIND,NONE", NULL, NULL), RX_OK);
-    rx_restoration *campaign = open_campaign(config);
-    assert_int_equal(campaign->nmethods, 2);
-    assert_string_equal(campaign->method[0].name, "RL_BLIND");
-    assert_string_equal(campaign->method[1].name, "BLURRED");
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
+    assert_int_equal(campaign->nruns, 2);
+    assert_string_equal(campaign->run[0].name, "RL_BLIND");
+    assert_string_equal(campaign->run[1].name, "BLURRED");
     assert_int_equal(campaign->nunits, 2 + 2 + 3); /* nothing is tuned */
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     /* SMOOTHED comes with NONE, where something is tuned, wherever the two are named */
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL", NULL, NULL), RX_OK);
-    campaign = open_campaign(config);
-    assert_int_equal(campaign->nmethods, 2);
-    assert_string_equal(campaign->method[1].name, "RL_FLAT");
-    rx_kind_restoration.close(campaign);
+    campaign = open_lab(&rx_kind_restoration, config, 1);
+    assert_int_equal(campaign->nruns, 2);
+    assert_string_equal(campaign->run[1].name, "RL_FLAT");
+    rx_lab_close(campaign);
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE", NULL, NULL), RX_OK);
-    campaign = open_campaign(config);
-    assert_int_equal(campaign->nmethods, 4);
-    assert_string_equal(campaign->method[2].name, "BLURRED");
-    assert_string_equal(campaign->method[3].name, "SMOOTHED");
+    campaign = open_lab(&rx_kind_restoration, config, 1);
+    assert_int_equal(campaign->nruns, 4);
+    assert_string_equal(campaign->run[2].name, "BLURRED");
+    assert_string_equal(campaign->run[3].name, "SMOOTHED");
     assert_int_equal(campaign->ntuned, 1);
-    rx_kind_restoration.close(campaign);
+    rx_lab_close(campaign);
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE,RL", NULL, NULL), RX_OK);
-    assert_int_equal(rx_kind_restoration.open(config, 1, NULL, &pointer, &err), RX_USAGE);
+    assert_int_equal(rx_lab_open(&rx_kind_restoration, config, 1, NULL, &pointer, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "RL twice"));
     rx_campaign_config_free(config);
 }

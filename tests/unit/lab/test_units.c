@@ -28,8 +28,6 @@ static rx_status toy_unit(const void *state, long unit, const rx_unit_values *do
     return RX_OK;
 }
 
-static const rx_campaign_kind TOY = {.name = "TOY", .title = "Toy campaign", .unit = toy_unit};
-
 static void make_places(rx_unit_place places[UNITS])
 {
     for (long u = 0; u < UNITS; u++)
@@ -48,7 +46,8 @@ static rx_status run(const char *path, int k, int n, int nthreads, long fails, r
     rx_journal_fact(&facts, "TOY", "1");
     *values = calloc(UNITS, sizeof **values);
     assert_int_equal(rx_journal_open(path, &facts, UNITS, *values, &journal, NULL), RX_OK);
-    rx_status status = rx_units_run(&TOY, &state, UNITS, places, k, n, nthreads, journal, *values, NULL, err);
+    rx_status status = rx_units_run(&(rx_unit_work){"Toy campaign", UNITS, places, k, n, &state, toy_unit},
+                                    nthreads, journal, *values, NULL, err);
     rx_journal_close(journal);
     /* what was said to be done is what the journal says */
     rx_unit_values *read = calloc(UNITS, sizeof *read);
@@ -105,7 +104,8 @@ static void failures_keep_what_is_done(void **state)
     path_in(state, "fails", path);
     assert_int_equal(run(path, 1, 1, 1, 3 * PER_GROUP, &values, &err), RX_INPUT);
     assert_string_equal(err.text, "unit 15 cannot be done");
-    rx_units_count(UNITS, places, values, 1, 1, &missing, &all);
+    rx_units_count(&(rx_unit_work){.n = UNITS, .place = places, .k = 1, .n_shards = 1}, values, &missing,
+                   &all);
     assert_int_equal(all, UNITS);
     assert_int_equal(missing, UNITS - 3); /* the three units before it, of the first phase */
     rx_unit_values_free(UNITS, values);
@@ -131,13 +131,14 @@ static void shards_share_the_groups(void **state)
         for (int k = 1; k <= n; k++) {
             rx_unit_values none[UNITS] = {{0}};
             long missing, all;
-            rx_units_count(UNITS, places, none, k, n, &missing, &all);
+            const rx_unit_work work = {.n = UNITS, .place = places, .k = k, .n_shards = n};
+            rx_units_count(&work, none, &missing, &all);
             assert_int_equal(missing, all);
             assert_true(all % PER_GROUP == 0);
             assert_true(all / PER_GROUP == GROUPS / n || all / PER_GROUP == GROUPS / n + 1); /* even shares */
             sum += all;
             for (long u = 0; u < UNITS; u++) {
-                if (!rx_unit_is_mine(&places[u], k, n))
+                if (!rx_unit_is_mine(&work, u))
                     continue;
                 assert_true(owner[places[u].group] == 0 || owner[places[u].group] == k);
                 owner[places[u].group] = k;

@@ -1,0 +1,248 @@
+/* The laboratory: what all kinds of campaign have in common. */
+#include "lab/lab.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "lab/facts.h"
+#include "lab/stage_options.h"
+
+static const double WIDE = 4.0; /* diameter of the second aperture, FWHM */
+
+/* --- opening --- */
+
+rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err)
+{
+    *dst = rx_restorer_find(word);
+    return *dst != NULL ? RX_OK : rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
+}
+
+rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error *err)
+{
+    if (lab->nruns == most)
+        return rx_error_set(
+            err, RX_USAGE,
+            "RESTORE_TYPE, and what FLUXES, TUNE_NITER and TUNE_FILTER make of it, gives more than "
+            "%d runs; name fewer",
+            most);
+    lab->run[lab->nruns++] = *run;
+    return RX_OK;
+}
+
+rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err)
+{
+    rx_lab_scene *scene = rx_regrow(lab->scene, (size_t)lab->nscenes + 1, sizeof *scene);
+    if (scene == NULL)
+        return rx_error_memory(err, ((size_t)lab->nscenes + 1) * sizeof *scene);
+    lab->scene = scene;
+    scene[lab->nscenes++] = (rx_lab_scene){id, number, mag};
+    return RX_OK;
+}
+
+static long tiles_of(const rx_lab *lab, int condition, int scene)
+{
+    if (lab->bin == NULL)
+        return lab->ntiles;
+    if (lab->scene[scene].id == RX_SCENE_TEST)
+        return lab->bin[condition].nscenes;
+    return lab->ntuned > 0 ? lab->config->tune_scenes : 0;
+}
+
+static rx_status list_units(rx_lab *lab, rx_error *err)
+{
+    for (int c = 0; c < lab->nconditions; c++)
+        for (int s = 0; s < lab->nscenes; s++)
+            lab->nunits += tiles_of(lab, c, s);
+    lab->unit = RX_NEW(rx_lab_unit, (size_t)lab->nunits + 1);
+    if (lab->unit == NULL)
+        return rx_error_memory(err, (size_t)lab->nunits * sizeof *lab->unit);
+    rx_lab_unit *unit = lab->unit;
+    for (int c = 0; c < lab->nconditions; c++)
+        for (int s = 0; s < lab->nscenes; s++)
+            for (long t = 0; t < tiles_of(lab, c, s); t++)
+                *unit++ = (rx_lab_unit){c, s, t};
+    return RX_OK;
+}
+
+rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
+                      rx_lab **dst, rx_error *err)
+{
+    rx_lab *lab = RX_NEW(rx_lab, 1);
+    if (lab == NULL)
+        return rx_error_memory(err, sizeof *lab);
+    const rx_ints *tiles = strcmp(kind->name, "PHOTOMETRY") == 0 ? &config->tiles : &config->scene_tiles;
+    lab->kind = kind;
+    lab->config = config;
+    lab->nthreads = nthreads;
+    lab->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
+    lab->truth_snr = config->truth_snr;
+    for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
+        lab->precision[lab->nprecisions++] = config->precisions.v[i];
+    rx_status status = rx_campaign_options(config, log, &lab->stage, &lab->options, err);
+    if (status == RX_OK && kind->fluxes) {
+        lab->options->pipeline.templates.wanted = 1;
+        lab->options->pipeline.templates.drop = 0; /* what it would drop is counted */
+        lab->options->pipeline.measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
+    }
+    if (status == RX_OK)
+        status = kind->open(lab, log, err);
+    if (status == RX_OK)
+        status = list_units(lab, err);
+    if (status == RX_OK)
+        *dst = lab;
+    else
+        rx_lab_close(lab);
+    return status;
+}
+
+void rx_lab_close(rx_lab *lab)
+{
+    if (lab == NULL)
+        return;
+    if (lab->kind->close != NULL)
+        lab->kind->close(lab);
+    for (int c = 0; c < lab->nskies; c++)
+        rx_lab_sky_close(&lab->sky[c]);
+    for (int k = 0; lab->set != NULL && k < lab->nconditions * lab->nscenes; k++)
+        rx_lab_tables_free(lab->kind->ntables, lab->set[k].table);
+    free(lab->set);
+    free(lab->sky);
+    free(lab->bin);
+    free(lab->scene);
+    free(lab->unit);
+    rx_options_free(lab->options);
+    rx_config_free(lab->stage);
+    free(lab);
+}
+
+uint64_t rx_lab_seed(const rx_lab *lab, uint64_t purpose)
+{
+    uint32_t words[4];
+    rx_random_block((uint64_t)lab->config->seed, lab->kind->tag, purpose, words);
+    return (uint64_t)words[0] << 32 | words[1];
+}
+
+/* What a filter leaves of the noise of independent pixels. */
+static double norm(const float *filter, int n)
+{
+    double sum = 0, power = 0;
+    for (int i = 0; i < n; i++) {
+        sum += fabs((double)filter[i]);
+        power += (double)filter[i] * (double)filter[i];
+    }
+    return n > 0 ? sqrt(power) / sum : 1;
+}
+
+rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab_run *run)
+{
+    rx_options options = *lab->options;
+    rx_detect_params *detect = &options.pipeline.detect;
+    if (run->matched) { /* k sigmas are those of the unfiltered noise: at the same S/N here */
+        const double now = norm(detect->filter, detect->filter_width * detect->filter_height);
+        detect->threshold *= norm(sky->kernel, sky->side * sky->side) / now;
+        detect->filter = sky->kernel;
+        detect->filter_width = detect->filter_height = sky->side;
+        detect->filter_normalise = 1;
+        detect->matched = 0;
+    }
+    if (lab->kind->deep && strcmp(run->restorer->name, "NET") == 0) {
+        detect->threshold *= lab->config->net_depth;
+        detect->analysis_threshold *= lab->config->net_depth;
+    }
+    if (run->tuned) {
+        options.pipeline.restore.rl_niter = run->niter;
+        options.pipeline.restore.rl_stop_discrepancy = 0;
+        options.pipeline.restore.rl_denoise = run->filter;
+        options.pipeline.restore.rl_denoise_by_psf = 1;
+    }
+    if (lab->kind->fluxes) {
+        options.pipeline.measure.naper = 2; /* the first is that of the keywords */
+        options.pipeline.measure.aperture_diameter[1] = WIDE * sky->fwhm;
+    }
+    if (run->templates)
+        options.check.quality.flux = RX_QUALITY_TEMPLATE;
+    return options;
+}
+
+/* --- units --- */
+
+/* Templates may come from a folder or a list: what was read counts. */
+rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err)
+{
+    rx_status status = rx_facts_model(lab->options->model, facts, err);
+    for (int c = 0; status == RX_OK && c < lab->nskies; c++)
+        if (lab->sky[c].simulation != NULL) { /* the same under every condition */
+            status = rx_facts_templates(lab->sky[c].simulation->templates, facts, err);
+            break;
+        }
+    for (int t = 0; t < lab->kind->ntables; t++)
+        rx_lab_schema_fact(&lab->kind->tables[t], facts);
+    return status == RX_OK && facts->lines.failed ? rx_error_memory(err, facts->lines.length) : status;
+}
+
+rx_unit_place rx_lab_place(const rx_lab *lab, long unit)
+{
+    const rx_lab_unit *u = &lab->unit[unit];
+    return lab->kind->in_turns
+               ? (rx_unit_place){u->condition, u->scene > 0}
+               : (rx_unit_place){.group = (int)unit}; /* so that any number of shards has work */
+}
+
+rx_status rx_lab_do_unit(const void *pointer, long unit, const rx_unit_values *done, rx_unit_values *dst,
+                         rx_error *err)
+{
+    const rx_lab *lab = pointer;
+    rx_lab_table table[RX_LAB_TABLES];
+    for (int t = 0; t < lab->kind->ntables; t++)
+        rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &table[t]);
+    rx_status status = lab->kind->unit(lab, &lab->unit[unit], done, table, err);
+    if (status == RX_OK)
+        status = rx_lab_pack(lab->kind->ntables, table, dst, err);
+    rx_lab_tables_free(lab->kind->ntables, table);
+    return status;
+}
+
+/* --- results --- */
+
+rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene)
+{
+    return &lab->set[condition * lab->nscenes + scene];
+}
+
+rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
+{
+    const int nsets = lab->nconditions * lab->nscenes;
+    lab->set = RX_NEW(rx_lab_set, (size_t)nsets + 1);
+    if (lab->set == NULL)
+        return rx_error_memory(err, (size_t)nsets * sizeof *lab->set);
+    for (int k = 0; k < nsets; k++)
+        for (int t = 0; t < lab->kind->ntables; t++)
+            rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &lab->set[k].table[t]);
+    for (long u = 0; u < lab->nunits; u++) {
+        rx_lab_set *set = rx_lab_set_of(lab, lab->unit[u].condition, lab->unit[u].scene);
+        RX_TRY(rx_lab_unpack(lab->kind->ntables, set->table, &all[u], err));
+        set->ntiles++;
+    }
+    return lab->kind->describe(lab, all, err);
+}
+
+const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table)
+{
+    const double *v = unit->v;
+    for (int t = 0; t < table; t++) {
+        const rx_lab_schema *schema = &lab->kind->tables[t];
+        v += 1 + (long)*v * (schema->nown + lab->nruns * schema->neach);
+    }
+    return v + 1;
+}
+
+void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size)
+{
+    rx_condition named = lab->sky[condition].condition;
+    if (!(named.fwhm > 0))
+        named.fwhm = lab->sky[condition].fwhm;
+    rx_condition_name(&named, dst, size);
+}

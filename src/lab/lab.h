@@ -1,0 +1,235 @@
+/* The laboratory: experiments whose truth is known. There are two kinds of them, restored images against the true one,
+ * and sources against the true ones; the kinds of campaign are entries: RESTORATION of the first, DETECTION, FLUXES
+ * and PHOTOMETRY of the second.
+ *
+ *   scenes x conditions x runs -> units of work -> tables with named columns -> sets -> numbers, claims, pages
+ *
+ * A unit is one tile of a scene under a condition, through every run (a restorer and its settings). It depends on
+ * nothing but its place, the settings, and, where a campaign tunes, on units of the first scene. A set holds the
+ * tables of all units of one scene and condition. */
+#ifndef RX_LAB_LAB_H
+#define RX_LAB_LAB_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "base/text.h"
+#include "config/campaign_config.h"
+#include "lab/conditions.h"
+#include "lab/match.h"
+#include "lab/record.h"
+#include "lab/rows.h"
+#include "lab/units.h"
+#include "restore/restore.h"
+#include "stage/options.h"
+#include "stage/simulation.h"
+
+enum { RX_LAB_RUNS = 48, RX_LAB_TABLES = 6, RX_METHODS_MAX = 16, RX_METHOD_NAME = 24, RX_PRECISIONS_MAX = 8 };
+
+/* A column of every report: a restorer with its settings. */
+typedef struct rx_lab_run {
+    char name[RX_METHOD_NAME]; /* NONE, MATCHED, NET, "RL 20 0.5", "NET TEMPLATE" */
+    const rx_restorer *restorer;
+    int matched;        /* DETECTION: detection filter of the PSF's width */
+    int templates;      /* PHOTOMETRY: fluxes of template photometry */
+    int tuned;          /* RL; DETECTION: with what follows; RESTORATION: as chosen bin by bin */
+    int niter;          /* iterations */
+    double filter;      /* FWHM of the Gaussian afterwards, units of the PSF's */
+    int flat;           /* RESTORATION: what is below a threshold, tuned too, is set to the sky */
+    int smooth;         /* RESTORATION: the filter alone, no iteration */
+    char settings[200]; /* PHOTOMETRY: keywords, for the report */
+} rx_lab_run;
+
+typedef enum rx_scene_id {
+    RX_SCENE_STARS,
+    RX_SCENE_GALAXIES,
+    RX_SCENE_FIELD,
+    RX_SCENE_PAIRS,       /* of stars, much alike */
+    RX_SCENE_MIXED_PAIRS, /* of stars or galaxies, up to 2 mag apart */
+    RX_SCENE_BLANK,
+    RX_SCENE_RINGS,
+    RX_SCENE_PLATEAU,
+    RX_SCENE_OUTSKIRTS,
+    RX_SCENE_SHREDS,
+    RX_SCENE_INJECTED,
+    RX_SCENE_MAGNITUDE, /* PHOTOMETRY: stars of one magnitude */
+    RX_SCENE_TUNING,    /* RESTORATION: scenes that methods are tuned on */
+    RX_SCENE_TEST,      /* RESTORATION: the others */
+    RX_SCENE_IDS
+} rx_scene_id;
+
+typedef struct rx_lab_scene {
+    rx_scene_id id;
+    int number; /* of its random numbers */
+    double mag; /* MAGNITUDE */
+} rx_lab_scene;
+
+const char *rx_scene_name(rx_scene_id id);
+const char *rx_scene_about(rx_scene_id id);
+int rx_scene_is_list(rx_scene_id id); /* recall and precision are of these: STARS, GALAXIES */
+
+/* What the tiles of a condition share: a simulation, or a real tile that objects are added to. Of a campaign of
+ * restored images the first one is that of all bins. */
+typedef struct rx_lab_sky {
+    char name[64], about[600]; /* PHOTOMETRY: of the field */
+    rx_condition condition;    /* a real tile: all zero */
+    rx_simulation *simulation; /* NULL: PHOTOMETRY on a real tile; owned */
+    rx_field *field;           /* the untouched real tile, NULL: none; owned */
+    rx_psf *psf;               /* the true one on the pixels; owned */
+    rx_psf *told;              /* the one that restorers are given, NULL: the stage finds it; owned */
+    int width, height;
+    double fwhm, power, area; /* of the true PSF: pixels, sum of PSF^2 over pixels, 1 / power */
+    double sigma;             /* noise of the sky, ADU */
+    float *kernel;            /* a Gaussian of the PSF's FWHM, [side][side]; owned */
+    int side;
+    rx_optics *optics;          /* real tile, PHOTOMETRY: its PSF; owned */
+    unsigned char *allowed;     /* and where stars may lie; owned */
+    unsigned char *covered;     /* and what detections of the untouched tile cover; owned */
+    rx_lab_objects known;       /* and these detections */
+    rx_noise_correlation noise; /* and its noise without sources */
+    double model_noise;         /* real tile, FLUXES: rx_domain_noise(), copies are restored as it was */
+    rx_sources *before[RX_METHODS_MAX]; /* and what each restorer finds on it; owned */
+} rx_lab_sky;
+
+/* RESTORATION: the condition of its sets. Its scenes' quantities are uniform in these ranges. */
+typedef struct rx_lab_bin {
+    int by_sigma; /* 0: FWHM (pixels), 1: the noise's sigma (brightest pixel of the sharp scene: SCENE_PEAK) */
+    double low, high; /* of the binned quantity */
+    double other_low, other_high;
+    long nscenes;
+} rx_lab_bin;
+
+typedef struct rx_lab_unit {
+    int condition, scene;
+    long number; /* of the tile, from 0 in its set */
+} rx_lab_unit;
+
+typedef struct rx_lab_set {
+    long ntiles;
+    rx_lab_table table[RX_LAB_TABLES];
+} rx_lab_set;
+
+typedef struct rx_lab rx_lab;
+
+/* An entry of the table of campaigns. */
+typedef struct rx_lab_kind {
+    const char *name, *title; /* as in CAMPAIGN_TYPE; of the report */
+    uint64_t tag;             /* of its random numbers */
+    int ntables;
+    const rx_lab_schema *tables;
+    int deep;     /* NET_DEPTH counts */
+    int fluxes;   /* two apertures, templates, and the company of objects are asked for */
+    int in_turns; /* units of the first scene come before the others of their condition, in one shard */
+    rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
+    /* Before the first unit: what a report alone does not need; may be NULL. */
+    rx_status (*prepare)(rx_lab *lab, rx_log *log, rx_error *err);
+    /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
+    rx_status (*unit)(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                      rx_lab_table *dst, rx_error *err);
+    /* Words and numbers of the report that are no table's; the sets are there. `all`: values of all units. */
+    rx_status (*describe)(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+    rx_status (*report)(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
+    void (*close)(rx_lab *lab); /* what describe() made; may be NULL */
+} rx_lab_kind;
+
+struct rx_lab {
+    const rx_lab_kind *kind;
+    const rx_campaign_config *config; /* not owned */
+    rx_config *stage;                 /* owned, under the options */
+    rx_options *options;              /* everything on one thread; owned */
+    int nthreads;                     /* before the units begin */
+    int nruns;
+    rx_lab_run run[RX_LAB_RUNS];
+    int nconditions, nskies; /* nskies: nconditions, or 1 of RESTORATION */
+    rx_lab_sky *sky;         /* owned */
+    rx_lab_bin *bin;         /* [nconditions] of RESTORATION, else NULL; owned */
+    int nscenes;
+    rx_lab_scene *scene; /* owned */
+    long ntiles;         /* of a set, where bins do not say it */
+    int ntuned;          /* RESTORATION: restorers that are tuned */
+    long nunits;
+    rx_lab_unit *unit; /* [nunits] by condition, scene and tile; owned */
+    /* when the units are done */
+    rx_lab_set *set; /* [nconditions][nscenes]; owned */
+    double truth_snr;
+    int nprecisions; /* at which completeness is compared, as PRECISIONS */
+    double precision[RX_PRECISIONS_MAX];
+    char about[600];
+    struct rx_restoration_results *restored; /* RESTORATION: results.h; owned, by close() of its kind */
+};
+
+/* Errors: RX_USAGE (settings that give nothing), those of files they name. */
+rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
+                      rx_lab **dst, rx_error *err);
+void rx_lab_close(rx_lab *lab); /* NULL is fine */
+
+/* For open(): */
+rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error *err);
+rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err);
+rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
+
+/* Digests of what was read and names of columns, for the journal's header. */
+rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err);
+
+/* A unit as journals keep it; `lab` is a rx_lab: for rx_units_run(). */
+rx_status rx_lab_do_unit(const void *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
+                         rx_error *err);
+rx_unit_place rx_lab_place(const rx_lab *lab, long unit);
+
+/* Sets from the values of all units. */
+rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene);
+
+/* The first row of a table in the values of a unit. */
+const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table);
+
+/* "FWHM 4, PSF +5 %"; of one seeing without a name: its width. */
+void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size);
+
+/* The seed of random numbers for a purpose: their streams never meet. */
+uint64_t rx_lab_seed(const rx_lab *lab, uint64_t purpose);
+
+/* The options of the stage for a run on a sky; they point into both. */
+rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab_run *run);
+
+/* --- skies: sky.c --- */
+
+/* A simulated one; find: the stage measures its PSF. Errors: those of conditions.h. */
+rx_status rx_lab_sky_simulate(const rx_lab *lab, const rx_condition *condition, int find, rx_log *log,
+                              rx_lab_sky *dst, rx_error *err);
+/* One for each of the conditions. Errors: RX_USAGE (a sky without noise), and those. */
+rx_status rx_lab_skies_simulate(rx_lab *lab, rx_log *log, rx_error *err);
+/* TILE_NAME with a PSF of its own. */
+rx_status rx_lab_sky_read(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_error *err);
+void rx_lab_sky_close(rx_lab_sky *sky); /* content only */
+
+/* S/N of an object in a matched filter on the bare sky, flux / (sigma sqrt(A)), A = 1 / sum PSF^2 + 9.06 r_e^2 b/a (the
+ * second term as if its profile was a Gaussian of its half-light radius); the magnitude of a star of that S/N. */
+double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object);
+double rx_lab_mag(const rx_lab_sky *sky, double snr);
+
+/* --- tiles: tile.c --- */
+
+/* One tile and what is on it. */
+typedef struct rx_lab_tile {
+    rx_field *field;
+    rx_lab_objects objects;
+    float *light; /* INJECTED: what was added to the pixels; owned */
+    float *truth
+        [2]; /* OUTSKIRTS: the scene without noise through its own PSF and through the target PSF; owned */
+} rx_lab_tile;
+
+/* A tile of a scene of DETECTION or FLUXES. Tile t of a scene is drawn alike under every condition. Of PAIRS number
+ * 2 k and 2 k + 1 belong together. */
+rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
+void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
+
+/* simulated->image, width and height: a scene's light without noise. Becomes an exposed tile. */
+rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_simulated *simulated,
+                        rx_tile **tile, rx_error *err);
+
+/* company and partner of every object. `others` [nothers][3]: x, y, flux of what else is there. */
+void rx_lab_company(rx_lab_objects *objects, long nothers, const double (*others)[3], double fwhm);
+
+#endif

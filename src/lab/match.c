@@ -1,0 +1,76 @@
+/* Right, false, and neither. */
+#include "lab/match.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+void rx_matches_free(rx_matches *m)
+{
+    free(m->found);
+    free(m->taken);
+    free(m->outcome);
+    *m = (rx_matches){0};
+}
+
+/* Does what was there before explain a detection. */
+static int explained(const rx_lab_objects *o, double x, double y)
+{
+    const double px = floor(x + 0.5), py = floor(y + 0.5);
+    if (o->covered != NULL && px >= 0 && py >= 0 && px < o->width && py < o->height &&
+        o->covered[(size_t)py * (size_t)o->width + (size_t)px])
+        return 1;
+    for (long i = 0; i < o->n; i++)
+        if (o->list[i].reach > 0 && hypot(x - o->list[i].x, y - o->list[i].y) <= o->list[i].reach)
+            return 1;
+    return 0;
+}
+
+rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double radius, rx_matches *dst,
+                       rx_error *err)
+{
+    const size_t n = (size_t)o->n, m = (size_t)d->n;
+    double *x = RX_NEW(double, n), *y = RX_NEW(double, n);
+    unsigned char *use = RX_NEW(unsigned char, n), *left = RX_NEW(unsigned char, m);
+    long *partner = RX_NEW(long, n), *excuse = RX_NEW(long, m);
+    rx_status status = RX_OK;
+    *dst = (rx_matches){RX_NEW(long, n), RX_NEW(long, m), RX_NEW(unsigned char, m)};
+    if (!x || !y || !use || !left || !partner || !excuse || !dst->found || !dst->taken || !dst->outcome)
+        status = rx_error_memory(err, (4 * n + 2 * m) * sizeof(double));
+    for (size_t i = 0; i < n && status == RX_OK; i++) {
+        x[i] = o->list[i].x;
+        y[i] = o->list[i].y;
+        use[i] = o->list[i].role != RX_OTHER;
+    }
+    if (status == RX_OK)
+        status = rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, dst->taken, err);
+    for (size_t k = 0; k < m && status == RX_OK; k++)
+        left[k] = (d->use == NULL || d->use[k]) && dst->taken[k] < 0;
+    for (size_t i = 0; i < n && status == RX_OK; i++)
+        use[i] = o->list[i].role == RX_OTHER && !(o->list[i].reach > 0);
+    if (status == RX_OK)
+        status = rx_match(&(rx_match_list){o->n, x, y, use}, &(rx_match_list){d->n, d->x, d->y, left}, radius,
+                          partner, excuse, err);
+    for (size_t k = 0; k < m && status == RX_OK; k++) {
+        const long i = dst->taken[k];
+        if (left[k])
+            dst->outcome[k] = excuse[k] >= 0 || explained(o, d->x[k], d->y[k]) ? RX_IS_NEITHER : RX_IS_FALSE;
+        else
+            dst->outcome[k] = i >= 0 && o->list[i].role == RX_LISTED ? RX_IS_RIGHT : RX_IS_NEITHER;
+        if (dst->outcome[k] != RX_IS_RIGHT)
+            dst->taken[k] = -1;
+    }
+    for (size_t i = 0; i < n && status == RX_OK; i++)
+        if (o->list[i].role != RX_LISTED)
+            dst->found[i] = -1;
+    free(x);
+    free(y);
+    free(use);
+    free(left);
+    free(partner);
+    free(excuse);
+    if (status != RX_OK)
+        rx_matches_free(dst);
+    return status;
+}

@@ -1,0 +1,59 @@
+/* The photometry campaign: stars of one magnitude per set on tiles of a field, through the stage once per
+ * restorer. The paper's last figure.
+ *
+ * SIMULATED: the sky of the SIM. keywords, another one on each tile; the restorers are given its true PSF,
+ * unless STAGE.PSF_TYPE is set: then the stage finds it as on any tile. A field for each of the conditions of
+ * SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR. INJECTED: stars added to a real tile
+ * with the tile's own PSF (of the STAGE. keywords, measured on the untouched tile by default), which the
+ * restorers are given too, and with the photon noise of its gain. Its noise is the same on every tile, and
+ * what is found on it before the injection, by any restorer, is known and neither right nor false: of that,
+ * no one can distinguish faint sources from peaks of the noise. So every tile comes with a blank one, a realisation
+ * of the tile's own noise without any source, whose detections are all false.
+ *
+ * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (match.h). */
+#ifndef RX_LAB_PHOTOMETRY_H
+#define RX_LAB_PHOTOMETRY_H
+
+#include "lab/lab.h"
+
+enum { RX_PHOTOMETRY_TILE, RX_PHOTOMETRY_STAR, RX_PHOTOMETRY_FALSE, RX_PHOTOMETRY_TABLES };
+
+#define RX_PHOTOMETRY_TILE_COLUMNS(X)                                                                        \
+    X(RX_FIELD_MPIXELS, "mpixels", "", "searched")                                                           \
+    X(RX_FIELD_SNR, "snr", "", "of a star in a matched filter")
+
+/* A star, per run. */
+#define RX_PHOTOMETRY_STAR_COLUMNS(X)                                                                        \
+    X(RX_STAR_SCORE, "score", "", "detection S/N that found it; NAN: not found")                             \
+    X(RX_STAR_RATIO, "ratio", "", "F / F0; NAN: not found")                                                  \
+    X(RX_STAR_PULL, "pull", "", "(F - F0) / error")                                                          \
+    X(RX_STAR_CROWDED, "crowded", "", "1: FLAGS says that there is a neighbour or a blend")
+
+/* A detection that is no object, known or injected, or one on the blank tile. */
+#define RX_PHOTOMETRY_FALSE_COLUMNS(X)                                                                       \
+    X(RX_FALSE_STAR_RUN, "run", "", "number of the run")                                                     \
+    X(RX_FALSE_STAR_SCORE, "score", "", "detection S/N")                                                     \
+    X(RX_FALSE_STAR_MAG, "mag", "mag", "measured")
+
+enum { RX_PHOTOMETRY_TILE_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_TILE_WIDTH };
+enum { RX_PHOTOMETRY_STAR_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_STAR_WIDTH };
+enum { RX_PHOTOMETRY_FALSE_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_FALSE_WIDTH };
+
+extern const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES];
+
+/* One tile with its stars, which come first among the objects; what else is known to be on it follows. */
+rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst,
+                                  rx_error *err);
+/* INJECTED: the tile's noise and nothing else. Free with rx_field_free(). */
+rx_status rx_photometry_blank_make(const rx_lab *lab, const rx_lab_unit *unit, rx_field **dst, rx_error *err);
+
+/* For rx_lab_kind. */
+rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err);
+/* INJECTED: what every restorer finds on the untouched tile, and its noise. Errors: RX_INPUT (too little sky
+ * without sources). */
+rx_status rx_photometry_prepare(rx_lab *lab, rx_log *log, rx_error *err);
+rx_status rx_photometry_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                             rx_lab_table *dst, rx_error *err);
+rx_status rx_photometry_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+
+#endif
