@@ -315,7 +315,7 @@ def real(data, out, rounds="2"):
     for crowding in ("AUTO", "N"):
         extract(out, f"{image_of}[0]", "NET", "frame", *sdss, "-CROWDING", crowding, "-MAG_ZEROPOINT", "22.5", "-REFERENCE_NAME", reference,
                 "-MATCH_RADIUS", "1", "-MATCH_UNIT", "ARCSEC", "-QA_NAME", f"qa_{crowding}")
-        whole = json.loads(Path(f"{out}/qa_{crowding}/summary.json").read_text())["runs"][0]["all"]
+        whole = json.loads(Path(f"{out}/qa_{crowding}/summary.json").read_text())["runs"][0]
         coadd[crowding] = {key: whole[key]["value"] for key in ("recall", "precision", "ap", "magerr", "bias_mag")}
     keep(f"{out}/real.json", {"rings": rows, "coadd": coadd})
 

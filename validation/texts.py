@@ -148,12 +148,12 @@ def sdss_frame():
     everywhere = listed(f"{key} {float(record[key]):g}" for key in own)
 
     def quality(run):
-        v = {key: run["all"][key]["value"] for key in ("recall", "precision", "ap", "magerr", "bias_mag", "mag50")}
+        v = {key: run[key]["value"] for key in ("recall", "precision", "ap", "magerr", "bias_mag", "mag50")}
         return [f"{v['recall']:.3f}", f"{v['precision']:.3f}", f"{v['ap']:.3f}", f"{v['magerr']:.1f} %",
                 f"{v['bias_mag']:+.3f} mag", f"r = {v['mag50']:.2f}"]
 
-    rows = [[names[run["name"]], str(run["detections"])] + quality(run) for run in auto["runs"]]
-    model = [[names[run["name"]] + ", psfex's PSF", str(run["detections"])] + quality(run) for run in psfex["runs"][1:]]
+    rows = [[names[run["run"]], str(run["detections"])] + quality(run) for run in auto["runs"]]
+    model = [[names[run["run"]] + ", psfex's PSF", str(run["detections"])] + quality(run) for run in psfex["runs"][1:]]
     return (paragraph(f"""`validation/sdss/run.sh` restores that frame ({auto["width"]} x {auto["height"]} pixels, FWHM
         {fwhm:.2f} pixels = {fwhm * auto["pixel_scale_arcsec"]:.1f} arcsec) and compares it with the catalogue of the
         much deeper coadd of the same sky ({auto["runs"][0]["references"]} sources that count, r to about 23; what lies
@@ -170,7 +170,7 @@ def sdss_frame():
 
 def five():
     """README: the five numbers."""
-    runs = {run["name"]: run["all"] for run in summary("sdss/AUTO")["runs"]}
+    runs = {run["run"]: run for run in summary("sdss/AUTO")["runs"]}
     recall, precision = ([f"{100 * runs[name][key]['value']:.0f}" for name in ("NONE", "RL", "NET")] for key in ("recall", "precision"))
     ap = [f"{number('detection', 'STARS', 'FWHM 6', name, 'ap'):.2f}" for name in ("MATCHED", "RL", "NET")]
     stars = [row for row in page_table("fluxes-template", "FIELD", "Stars, isolated", "bias [mag]") if row["S/N"] == "10+"]

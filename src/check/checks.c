@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "check/quality.h"
 #include "check/selfcheck_numbers.h"
+#include "report/qa_page.h"
 
 struct rx_checks {
     const rx_pipeline_params *params;

@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "base/text.h"
 
 enum { MAX_FILE = 1 << 20, MAX_WORDS = 7 };
 static const char *const operators[] = {">=", ">", "<=", "<", "in"};

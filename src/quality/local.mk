@@ -9,7 +9,8 @@ librextract_la_SOURCES += \
 	src/quality/match.c src/quality/match.h \
 	src/quality/metrics.c src/quality/metrics.h \
 	src/quality/pr.c src/quality/pr.h \
-	src/quality/qa.h \
+	src/quality/qa.c src/quality/qa.h \
+	src/quality/qa_numbers.c src/quality/qa_numbers.h \
 	src/quality/rho.c src/quality/rho.h \
 	src/quality/sample.c src/quality/sample.h \
 	src/quality/tally.c src/quality/tally.h \

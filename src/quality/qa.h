@@ -1,16 +1,14 @@
-/* The QA report: one reference, one catalogue per restorer, numbers, figures, gates.
+/* What the quality of a tile's catalogues is measured from: one reference, one catalogue per restorer, gates.
+ * The numbers are those of quality/qa_numbers.h, their page is report/qa_page.h.
  *
  * Conventions (as Rubin's analysis tools): completeness (recall) in bins of reference magnitude, purity
  * (precision) in bins of measured magnitude, medians and sigma_MAD per bin of reference magnitude.
- * Every number comes with an interval (metrics.h). Same input, same bytes: no dates, no timings, no
- * dependence on threads.
+ * Every number comes with an interval (metrics.h).
  */
 #ifndef RX_QUALITY_QA_H
 #define RX_QUALITY_QA_H
 
 #include "base/error.h"
-#include "base/log.h"
-#include "base/text.h"
 #include "quality/binomial.h"
 #include "quality/bootstrap.h"
 
@@ -143,13 +141,5 @@ const char *rx_verdict_name(rx_verdict verdict); /* "PASS" ..., "NONE" without g
 
 /* The worse of two: FAIL, then INSUFFICIENT, PASS, NONE. */
 rx_verdict rx_verdict_worse(rx_verdict a, rx_verdict b);
-
-/* Write the report into the existing folder (`shown` is its name in errors: the one it will have):
- * report.html, summary.json, bins.ecsv and, per run, matches_<run>.ecsv and pr_<run>.ecsv (names reduced to
- * letters, digits, - and _). *verdict over all gates (FAIL before INSUFFICIENT before PASS); `brief` (may be
- * NULL) gets a short text table per run for the terminal. Missing gnuplot: a warning, tables and page still
- * come. Errors: RX_USAGE (radius, magnitude bins), RX_SYSTEM (memory, disk), RX_INTERRUPTED. */
-rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
-                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err);
 
 #endif

@@ -1,7 +1,6 @@
 /* Tables as ECSV. */
 #include "report/ecsv.h"
 
-#include <stdio.h>
 #include <strings.h>
 
 #include "report/escape.h"
@@ -47,7 +46,7 @@ static int is_truth(const char *name)
 void rx_ecsv_column(rx_ecsv *table, const char *name, rx_ecsv_type type, const char *unit,
                     const char *description)
 {
-    static const char *const types[] = {"float64", "int64", "int32", "string"};
+    static const char *const types[] = {"float64", "int64", "string"};
     part_begin(table, &table->in_columns, "# datatype:\n");
     const char *quote = is_truth(name) ? "'" : "";
     rx_text_printf(table->text, "# - {name: %s%s%s, datatype: %s", quote, name, quote, types[type]);
@@ -55,19 +54,6 @@ void rx_ecsv_column(rx_ecsv *table, const char *name, rx_ecsv_type type, const c
         rx_text_printf(table->text, ", unit: '%s'", unit);
     rx_text_printf(table->text, ", description: \"%s\"}\n", description);
     rx_text_printf(&table->names, "%s%s", table->names.length > 0 ? "," : "", name);
-}
-
-void rx_ecsv_estimate_columns(rx_ecsv *table, const char *name, const char *unit, const char *description)
-{
-    char column[64], text[160];
-    rx_ecsv_column(table, name, RX_ECSV_FLOAT, unit, description);
-    snprintf(column, sizeof column, "%s_low", name);
-    rx_ecsv_column(table, column, RX_ECSV_FLOAT, unit, "lower end of the interval");
-    snprintf(column, sizeof column, "%s_high", name);
-    rx_ecsv_column(table, column, RX_ECSV_FLOAT, unit, "upper end of the interval");
-    snprintf(column, sizeof column, "%s_n", name);
-    snprintf(text, sizeof text, "sources behind %s", name);
-    rx_ecsv_column(table, column, RX_ECSV_LONG, "", text);
 }
 
 void rx_ecsv_columns_end(rx_ecsv *table)
@@ -101,20 +87,6 @@ void rx_ecsv_text(rx_ecsv *table, const char *value)
 {
     next_cell(table);
     rx_escape_cell(table->text, value);
-}
-
-void rx_ecsv_word(rx_ecsv *table, const char *word)
-{
-    next_cell(table);
-    rx_text_add(table->text, word);
-}
-
-void rx_ecsv_estimate(rx_ecsv *table, const rx_estimate *e)
-{
-    rx_ecsv_number(table, e->value);
-    rx_ecsv_number(table, e->low);
-    rx_ecsv_number(table, e->high);
-    rx_ecsv_count(table, e->n);
 }
 
 void rx_ecsv_row_end(rx_ecsv *table)

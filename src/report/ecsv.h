@@ -12,9 +12,8 @@
 #include <stdbool.h>
 
 #include "base/text.h"
-#include "quality/binomial.h"
 
-typedef enum rx_ecsv_type { RX_ECSV_FLOAT, RX_ECSV_LONG, RX_ECSV_INT, RX_ECSV_TEXT } rx_ecsv_type;
+typedef enum rx_ecsv_type { RX_ECSV_FLOAT, RX_ECSV_LONG, RX_ECSV_TEXT } rx_ecsv_type;
 
 typedef struct rx_ecsv {
     rx_text *text;
@@ -29,15 +28,11 @@ void rx_ecsv_meta_number(rx_ecsv *table, const char *name, double value);
 /* unit "" = none; name is a plain word; description one line without quotes. */
 void rx_ecsv_column(rx_ecsv *table, const char *name, rx_ecsv_type type, const char *unit,
                     const char *description);
-/* <name>, <name>_low, <name>_high, <name>_n: the columns of rx_ecsv_estimate. */
-void rx_ecsv_estimate_columns(rx_ecsv *table, const char *name, const char *unit, const char *description);
 void rx_ecsv_columns_end(rx_ecsv *table); /* also frees what the writer holds */
 
 void rx_ecsv_number(rx_ecsv *table, double value);
 void rx_ecsv_count(rx_ecsv *table, long value);
 void rx_ecsv_text(rx_ecsv *table, const char *value); /* quoted and escaped */
-void rx_ecsv_word(rx_ecsv *table, const char *word);  /* a constant of ours, as it is */
-void rx_ecsv_estimate(rx_ecsv *table, const rx_estimate *e);
 void rx_ecsv_row_end(rx_ecsv *table);
 
 #endif

@@ -1,5 +1,4 @@
 librextract_la_SOURCES += \
-	src/report/brief.c \
 	src/report/ecsv.c src/report/ecsv.h \
 	src/report/escape.c src/report/escape.h \
 	src/report/figure.c src/report/figure.h \
@@ -7,13 +6,9 @@ librextract_la_SOURCES += \
 	src/report/json.c src/report/json.h \
 	src/report/page.c src/report/page.h \
 	src/report/plot.c \
-	src/report/qa.c \
-	src/report/qa_figures.c \
-	src/report/qa_json.c \
-	src/report/qa_page.c \
-	src/report/qa_psf.c \
-	src/report/qa_tables.c \
-	src/report/qa_writers.h \
+	src/report/qa_figures.c src/report/qa_figures.h \
+	src/report/qa_page.c src/report/qa_page.h \
+	src/report/qa_psf_figures.c \
 	src/report/report.c src/report/report.h \
 	src/report/report_file.c src/report/report_file.h \
 	src/report/report_table.c src/report/report_table.h

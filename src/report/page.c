@@ -12,7 +12,8 @@ static const char STYLE[] =
     ".5em;border-bottom:1px solid #ddd}nav "
     "a{margin-right:1em}a{color:#0b5394}table{border-collapse:collapse;margin:.7em "
     "0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid "
-    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}td.t,th.t{text-align:left;"
+    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}tr.u "
+    "td:nth-child(n+3){text-align:right}td.t,th.t{text-align:left;"
     "white-space:normal}td "
     "small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 "
     "1em;max-width:64em}.f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 "
@@ -113,16 +114,30 @@ void rx_page_row_end(rx_text *dst)
     rx_text_add(dst, "</tr>\n");
 }
 
-void rx_page_head(rx_text *dst, rx_align align, const char *text)
+void rx_page_head(rx_text *dst, rx_align align, const char *text, const char *unit)
 {
     rx_text_add(dst, align == RX_LEFT ? "<th class=\"t\">" : "<th>");
     rx_escape_html(dst, text);
+    rx_page_unit(dst, unit);
     rx_text_add(dst, "</th>");
 }
 
-void rx_page_cell_html(rx_text *dst, rx_align align, const char *html)
+void rx_page_cell_file(rx_text *dst, const char *name)
 {
-    rx_text_printf(dst, "<td%s>%s</td>", align == RX_LEFT ? " class=\"t\"" : "", html);
+    rx_text_add(dst, "<td class=\"t\"><a href=\"");
+    rx_escape_html(dst, name);
+    rx_text_add(dst, "\">");
+    rx_escape_html(dst, name);
+    rx_text_add(dst, "</a></td>");
+}
+
+void rx_page_cell_title(rx_text *dst, const char *text, const char *unit)
+{
+    rx_text_add(dst, "<td class=\"t\"><b>");
+    rx_escape_html(dst, text);
+    rx_text_add(dst, "</b>");
+    rx_page_unit(dst, unit);
+    rx_text_add(dst, "</td>");
 }
 
 void rx_page_cell_text(rx_text *dst, const char *text)
@@ -141,6 +156,8 @@ void rx_page_number(rx_text *dst, double value, int digits)
         rx_text_add(dst, "&ndash;");
     else if (isinf(value))
         rx_text_add(dst, value > 0 ? "&infin;" : "&minus;&infin;");
+    else if (digits < 0)
+        rx_text_printf(dst, "%.*g", -digits, value);
     else if (fabs(value) >= (digits > 0 ? 1e6 : 1e15)) /* whole numbers keep their digits */
         rx_text_printf(dst, "%.3g", value);
     else if (fabs(value) < 0.5 * pow(10, -digits))
@@ -151,7 +168,7 @@ void rx_page_number(rx_text *dst, double value, int digits)
 
 void rx_page_estimate(rx_text *dst, const rx_estimate *e, int digits)
 {
-    if (e->n == 0) {
+    if (e->n == 0 && isnan(e->value)) {
         rx_text_add(dst, "&ndash;");
         return;
     }
@@ -190,6 +207,17 @@ void rx_page_cell_number(rx_text *dst, double value, int digits)
     rx_text_add(dst, "</td>");
 }
 
+void rx_page_cell_measured(rx_text *dst, double value, double error, int digits)
+{
+    rx_text_add(dst, "<td>");
+    rx_page_number(dst, value, digits);
+    if (isfinite(value) && isfinite(error)) {
+        rx_text_add(dst, " &plusmn; ");
+        rx_page_number(dst, error, digits);
+    }
+    rx_text_add(dst, "</td>");
+}
+
 void rx_page_cell_count(rx_text *dst, long n)
 {
     rx_text_printf(dst, "<td>%ld</td>", n);
@@ -216,7 +244,8 @@ void rx_page_cell_verdict(rx_text *dst, const char *mark, const char *text)
     rx_text_add(dst, "</b></td>");
 }
 
-void rx_page_figure(rx_text *dst, const rx_figure *figure)
+/* Its SVG (or "not drawn"), title and reading. */
+static void put_figure(rx_text *dst, const rx_figure *figure)
 {
     static const char *const frame[] = {"<figure>", "<figure class=\"p\">", "<figure class=\"l\">"};
     bool picture = figure->kind == RX_FIGURE_PICTURE;
@@ -224,7 +253,7 @@ void rx_page_figure(rx_text *dst, const rx_figure *figure)
     rx_text_add(dst, figure->svg != NULL ? figure->svg : "<p>not drawn</p>");
     rx_text_add(dst, picture ? "<figcaption>" : "<figcaption><b>");
     rx_escape_html(dst, figure->title);
-    rx_text_add(dst, picture ? "" : "</b>");
+    rx_text_add(dst, !picture ? "</b>" : figure->reading[0] != '\0' ? ": " : "");
     rx_escape_html(dst, figure->reading);
     rx_text_add(dst, "</figcaption></figure>\n");
 }
@@ -240,7 +269,7 @@ void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix
     rx_text_add(dst, "<div class=\"f\">\n");
     for (int i = 0; i < figures->n; i++)
         if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0)
-            rx_page_figure(dst, &figures->figure[i]);
+            put_figure(dst, &figures->figure[i]);
     rx_text_add(dst, "</div>\n");
 }
 

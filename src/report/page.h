@@ -8,7 +8,7 @@
  *   rx_page_section(&page, "tables", "Tables");       <h2 id="tables">
  *   rx_page_table_begin(&page);                       a table that scrolls sideways when it is wide
  *   rx_page_row(&page, NULL);
- *   rx_page_head(&page, RX_LEFT, "method"); rx_page_head(&page, RX_RIGHT, "PSNR [dB]");
+ *   rx_page_head(&page, RX_LEFT, "method", NULL); rx_page_head(&page, RX_RIGHT, "PSNR", "dB");
  *   rx_page_row_end(&page); ... rx_page_row(), rx_page_cell_text(), rx_page_cell_number(), rx_page_row_end()
  *   rx_page_table_end(&page);
  *   rx_page_figure(&page, figure); rx_page_note(&page, "how to read it");
@@ -46,13 +46,17 @@ void rx_page_table_begin(rx_text *dst);
 void rx_page_table_end(rx_text *dst);
 void rx_page_row(rx_text *dst, const char *mark); /* mark: class of the row, RX_MARK_... or NULL */
 void rx_page_row_end(rx_text *dst);
-void rx_page_head(rx_text *dst, rx_align align, const char *text);
+void rx_page_head(rx_text *dst, rx_align align, const char *text, const char *unit); /* "text [unit]" */
 /* Cells; NULL, "" and NAN are shown as a dash, infinities as such. */
 void rx_page_cell_text(rx_text *dst, const char *text);
-void rx_page_cell_html(rx_text *dst, rx_align align, const char *html);
-void rx_page_cell_number(rx_text *dst, double value, int digits); /* digits after the point */
+void rx_page_cell_file(rx_text *dst, const char *name); /* a link to a file beside the page */
+void rx_page_cell_title(rx_text *dst, const char *text, const char *unit); /* bold, "text [unit]" */
+void rx_page_cell_number(rx_text *dst, double value,
+                         int digits); /* after the point; below 0: significant ones */
+/* value +- error, or the value alone where the error is not known */
+void rx_page_cell_measured(rx_text *dst, double value, double error, int digits);
 void rx_page_cell_count(rx_text *dst, long n);
-/* value [low, high] n=...; a dash alone when n is 0. */
+/* value [low, high] n=...; a dash alone where there is no value and n is 0. */
 void rx_page_cell_estimate(rx_text *dst, const rx_estimate *e, int digits);
 /* A p-value, 2 digits: 0.031, 5.2 x 10^-38; ln_p serves where p is below the smallest double, and where that
  * is infinite, too, p is said to be below 10^-307. */
@@ -71,8 +75,6 @@ void rx_page_p(rx_text *dst, double p, double ln_p);
 #define RX_MARK_OPEN "INSUFFICIENT"
 #define RX_MARK_PALE "pale"
 
-/* One figure: its SVG (or "not drawn"), title and reading. */
-void rx_page_figure(rx_text *dst, const rx_figure *figure);
 /* All figures whose id begins with `prefix` ("" = all) side by side, or why there are none. */
 void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix);
 

@@ -1,126 +1,675 @@
-/* report.html: one self-contained page without scripts. */
+/* The page of the QA report: what its tables hold, and how it reads from top to bottom. */
+#include "report/qa_page.h"
+
 #include <math.h>
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
-#include "quality/bootstrap.h"
+#include "base/memory.h"
+#include "data/psf.h"
+#include "quality/qa_numbers.h"
 #include "report/escape.h"
 #include "report/page.h"
-#include "report/qa_writers.h"
+#include "report/qa_figures.h"
+#include "report/report.h"
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
+
+enum { STEM = 48 };
+static const double SUSPICIOUS = 0.5; /* mag: a zero point on another scale */
+static const double SENSELESS = 1e4;  /* percent: an error of which the digits mean nothing */
+static const double WRONG = 0.01;     /* of a curve of growth */
+
+/* --- the columns --- */
+
+/* Every metric over all magnitudes comes behind these. */
+static const rx_report_column RUNS[] = {
+    {.name = "run", .help = "restorer", .heading = ""},
+    {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
+    {.name = "why", .help = "why that was another one"},
+    {.name = "settings"},
+    {.name = "psf", .help = "of the restoration", .heading = "PSF"},
+    {"noise_law_scale", RX_REPORT_NUMBER, 3, "",
+     "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel", "noise, scale"},
+    {"noise_law_power", RX_REPORT_NUMBER, 3, "",
+     "0.5: independent pixels; what is restored is correlated, its errors grow faster with the aperture",
+     "noise, power"},
+    {.name = "pull_from", .help = "whether pulls are of fluxes or magnitudes", .heading = "pulls of"},
+    {.name = "matches", .kind = RX_REPORT_FILE, .help = "every source, matched, missed or false"},
+    {.name = "curve", .kind = RX_REPORT_FILE, .help = "precision against recall"},
+    {"references", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    {"references_ignored", RX_REPORT_COUNT, 0, "", "outside the tile, masked or without a magnitude",
+     "references ignored"},
+    {"detections", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    {"detections_ignored", RX_REPORT_COUNT, 0, "", "outside, masked or on such a reference",
+     "detections ignored"},
+    {"matched", RX_REPORT_COUNT, 0, "", "one to one, nearest pairs first", NULL},
+    {"chance_matches", RX_REPORT_NUMBER, 1, "",
+     "matches if positions were unrelated: mean of 8 shifted lists", "matched by chance"},
+    {"common", RX_REPORT_COUNT, 0, "", "references that every run has matched", NULL},
+    {"common_magerr", RX_REPORT_NUMBER, 2, "%", "magerr of these alone", NULL},
+    {"spurious", RX_REPORT_NUMBER, 0, "", "detections marked by FLAGS_RESTORE, P_REAL below 0.5", NULL},
+    {"spurious_matched", RX_REPORT_NUMBER, 0, "", "of these matched all the same", "matched all the same"},
+    {"spurious_per_mpixel", RX_REPORT_NUMBER, 1, "1/Mpix", "marked, those included that were dropped",
+     "spurious"},
+    {"precision_without", RX_REPORT_NUMBER, 3, "", "precision of the list without them", "precision without"},
+    {"blank_realisations", RX_REPORT_NUMBER, 0, "", "of the tile's noise (BLANK_CHECK)", "realisations"},
+    {"blank_mpixels", RX_REPORT_NUMBER, 3, "Mpix", "searched in them", "searched"},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 3, "1/Mpix", "false detections on the tile's noise",
+     "false detections"},
+    {"threshold_raised", RX_REPORT_NUMBER, 3, "", "DETECT_THRESH was multiplied by this for them",
+     "threshold raised"},
+    {"false_per_mpixel_as_asked", RX_REPORT_NUMBER, 3, "1/Mpix", "false detections without that",
+     "at DETECT_THRESH"},
+    {"no_noise_peak", RX_REPORT_ESTIMATE, 3, "", "share of the tile's own detections that is no noise peak",
+     "no noise peak"},
+    {"flux_sources", RX_REPORT_NUMBER, 0, "", "isolated sources of FLAGS 0 and S/N above 30", "sources"},
+    {"flux_aperture_pixels", RX_REPORT_NUMBER, 2, "pix", "diameter of one wide aperture", "aperture"},
+    {"flux_aperture", RX_REPORT_MEASURED, 4, "", "restored over original flux in this aperture",
+     "flux ratio"},
+    {"flux_auto", RX_REPORT_MEASURED, 4, "", "restored FLUX_AUTO over the original flux in it", "FLUX_AUTO"},
+    {.name = "flux_scale_is", .kind = RX_REPORT_VERDICT, .help = "right or off", .heading = "flux scale"},
+};
+enum { NRUNS = sizeof RUNS / sizeof *RUNS, FIRST_BIN = 3 };
+
+static const rx_report_column MODELS[] = {
+    {.name = "run", .help = "restorer", .heading = ""},
+    {.name = "model", .help = "name"},
+    {.name = "digest", .help = "of its file"},
+    {.name = "outside", .help = "what this tile has that its training had not: then nothing is promised"},
+    {.name = "training", .help = "whether it has ended"},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the tile", "FWHM"},
+    {"fwhm_low", RX_REPORT_NUMBER, -4, "pix", "bin of the model, from", "FWHM from"},
+    {"fwhm_high", RX_REPORT_NUMBER, -4, "pix", "to", "FWHM to"},
+    {"noise", RX_REPORT_NUMBER, 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed",
+     NULL},
+    {"noise_low", RX_REPORT_NUMBER, -4, "", "bin of the model, from", "noise from"},
+    {"noise_high", RX_REPORT_NUMBER, -4, "", "to", "noise to"},
+    {"recall", RX_REPORT_NUMBER, 3, "", "promised: of test stars of S/N above 5", NULL},
+    {"recall_here", RX_REPORT_ESTIMATE, 3, "", "all references, of all magnitudes and kinds", "recall here"},
+    {"bias_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12", "flux bias"},
+    {"bias_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux bias here"},
+    {"scatter_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12",
+     "flux scatter"},
+    {"scatter_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux scatter here"},
+    {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"},
+};
+
+static const rx_report_column METRICS[] = {{.name = "metric"}, {.name = "unit"}, {.name = "meaning"}};
+
+static const rx_report_column GATES[] = {
+    {"line", RX_REPORT_COUNT, 0, "", "of the gates file", NULL},
+    {.name = "gate"},
+    {.name = "run"},
+    {.name = "metric"},
+    {"mag_low", RX_REPORT_NUMBER, -4, "mag", "none: all magnitudes", NULL},
+    {"mag_high", RX_REPORT_NUMBER, -4, "mag", "", NULL},
+    {.name = "operator"},
+    {"limit", RX_REPORT_NUMBER, -4, "", "", NULL},
+    {"limit_high", RX_REPORT_NUMBER, -4, "", "", NULL},
+    {"level", RX_REPORT_NUMBER, -4, "", "of the interval", NULL},
+    {"measured", RX_REPORT_ESTIMATE, -4, "", "", NULL},
+    {.name = "verdict", .kind = RX_REPORT_VERDICT},
+};
+
+static const rx_report_column COMPARISONS[] = {
+    {.name = "first"},
+    {.name = "second"},
+    {"found_by_first_only", RX_REPORT_COUNT, 0, "", "references", "found by the first only"},
+    {"found_by_second_only", RX_REPORT_COUNT, 0, "", "references", "found by the second only"},
+    {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"},
+};
+
+static const rx_report_column PSF[] = {
+    {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
+    {.name = "library", .help = "file of PSF_LIBRARY"},
+    {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
+    {"stars", RX_REPORT_NUMBER, 0, "", "that it was fitted to", NULL},
+    {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
+    {"reserved", RX_REPORT_NUMBER, 0, "", "stars that were not fitted, to judge it", NULL},
+    {"dt", RX_REPORT_MEASURED, 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"},
+    {"de1", RX_REPORT_MEASURED, 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T", NULL},
+    {"de2", RX_REPORT_MEASURED, 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T", NULL},
+    {"residual", RX_REPORT_NUMBER, 4, "", "stacked stars - PSF, largest, share of the peak", NULL},
+    {"growth", RX_REPORT_MEASURED, 4, "", "curve of growth, largest stars - PSF", NULL},
+    {"growth_radius", RX_REPORT_NUMBER, 1, "pix", "where that is", "at radius"},
+};
+
+static const rx_report_column PSF_BINS[] = {
+    {"mag", RX_REPORT_NUMBER, 2, "mag", "middle of the range", "magnitude"},
+    {"stars", RX_REPORT_COUNT, 0, "", "reserved ones", NULL},
+    {"dt", RX_REPORT_MEASURED, 4, "", "mean (T - T of PSF) / T", "dT/T"},
+    {"de1", RX_REPORT_MEASURED, 4, "", "mean e1 - e1 of PSF", NULL},
+    {"de2", RX_REPORT_MEASURED, 4, "", "mean e2 - e2 of PSF", NULL},
+};
+
+static const rx_report_column PSF_STARS[] = {
+    {"x", RX_REPORT_NUMBER, 2, "pix", "reserved star, first pixel is 1", NULL},
+    {"y", RX_REPORT_NUMBER, 2, "pix", "first pixel is 1", NULL},
+    {"mag", RX_REPORT_NUMBER, 3, "mag", "by the PSF", NULL},
+    {"dt", RX_REPORT_NUMBER, 4, "", "(T - T of PSF) / T", NULL},
+    {"de1", RX_REPORT_NUMBER, 4, "", "e1 - e1 of PSF", NULL},
+    {"de2", RX_REPORT_NUMBER, 4, "", "e2 - e2 of PSF", NULL},
+    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of each from the pixels' noise", NULL},
+};
+
+static const rx_report_column PSF_GROWTH[] = {
+    {"radius", RX_REPORT_NUMBER, 1, "pix", "light within", NULL},
+    {"stars", RX_REPORT_NUMBER, 4, "", "share of a star's", NULL},
+    {"psf", RX_REPORT_NUMBER, 4, "", "of the PSF", NULL},
+    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of the difference", NULL},
+};
+
+static const rx_report_column MATCHES[] = {
+    {.name = "state",
+     .help = "matched, missed, false, reference_ignored (masked or outside), detection_ignored"},
+    {"reference", RX_REPORT_COUNT, 0, "", "row of the reference from 1, 0 none", NULL},
+    {"detection", RX_REPORT_COUNT, 0, "", "row of the catalogue from 1, 0 none", NULL},
+    {"x_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
+    {"y_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
+    {"x", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
+    {"y", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
+    {"ra", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
+    {"dec", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
+    {"mag_ref", RX_REPORT_NUMBER, 3, "mag", "reference", NULL},
+    {"mag", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
+    {"mag_error", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
+    {"flux", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
+    {"flux_error", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
+    {"score", RX_REPORT_NUMBER, 3, "", "ranking of the precision-recall curve", NULL},
+    {"flags", RX_REPORT_COUNT, 0, "", "FLAGS of the detection", NULL},
+    {"spurious", RX_REPORT_COUNT, 0, "", "1: not significant in the original pixels (FLAGS_RESTORE)", NULL},
+    {"separation", RX_REPORT_NUMBER, 3, "pix", "of the pair", NULL},
+    {"dx", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
+    {"dy", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
+    {"dmag", RX_REPORT_NUMBER, 3, "mag", "detection - reference", NULL},
+    {"flux_error_percent", RX_REPORT_NUMBER, 2, "%", "100 (F - F0) / F0", NULL},
+    {"pull", RX_REPORT_NUMBER, 2, "", "(F - F0) / error", NULL},
+};
+
+static const rx_report_column CURVE[] = {
+    {"score", RX_REPORT_NUMBER, 3, "", "threshold, this score and higher", NULL},
+    {"recall", RX_REPORT_NUMBER, 3, "", "matched / counted references", NULL},
+    {"precision", RX_REPORT_NUMBER, 3, "", "matched / detections", NULL},
+    {"detections", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
+    {"matched", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
+};
+
+/* For the terminal alone: seconds are in no file, which are the same from run to run. */
+static const rx_report_column BRIEF[] = {
+    {.name = "run"},
+    {"detections", RX_REPORT_COUNT, 0, "", "", "detected"},
+    {"matched", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"recall", RX_REPORT_NUMBER, 3, "", "", NULL},
+    {"precision", RX_REPORT_NUMBER, 3, "", "", NULL},
+    {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"},
+    {"magerr", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
+    {"common", RX_REPORT_NUMBER, 2, "%", "", "common/%"},
+    {"bias_mag", RX_REPORT_NUMBER, 3, "mag", "", "bias/mag"},
+    {"mag50", RX_REPORT_NUMBER, 2, "mag", "", NULL},
+    {"seconds", RX_REPORT_NUMBER, 1, "s", "", NULL},
+};
+
+static const rx_report_column BRIEF_GATES[] = {
+    {"line", RX_REPORT_COUNT, 0, "", "", "gate line"},  {.name = "gate"},    {.name = "run"},
+    {"measured", RX_REPORT_ESTIMATE, -4, "", "", NULL}, {.name = "verdict"},
+};
+
+typedef struct page {
+    const rx_qa_numbers *q;
+    rx_report *report;
+    rx_report_table *runs, *bins, *models;
+    rx_report_column run_column[NRUNS + RX_METRIC_COUNT], bin_column[FIRST_BIN + RX_METRIC_COUNT];
+    bool fluxes, real, tested;
+} page;
+
+/* --- the tables --- */
 
 static int digits_of(rx_metric metric)
 {
-    const char *unit = rx_metric_get(metric)->unit;
     if (metric >= RX_METRIC_FLUX_SCALE && metric <= RX_METRIC_PSF_GROWTH)
         return 4;
-    if (strcmp(unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN || metric == RX_METRIC_PULL_WIDTH ||
-        metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90)
-        return 2;
-    return 3;
+    return strcmp(rx_metric_get(metric)->unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN ||
+                   metric == RX_METRIC_PULL_WIDTH || metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90
+               ? 2
+               : 3;
 }
 
-static void estimate_cell(rx_text *dst, const rx_estimate *e, rx_metric metric)
+static rx_report_column metric_column(const rx_qa_input *input, rx_metric metric)
 {
-    rx_page_cell_estimate(dst, e, digits_of(metric));
+    const rx_metric_row *row = rx_metric_get(metric);
+    const bool otherwise = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
+    return (rx_report_column){row->name,
+                              RX_REPORT_ESTIMATE,
+                              digits_of(metric),
+                              row->unit,
+                              otherwise ? input->precision_is : row->help,
+                              NULL};
 }
 
-static void run_headings(rx_text *dst, const rx_report *r)
+static rx_cell known(bool is, double value)
 {
-    for (int run = 0; run < r->input->nruns; run++) {
-        char name[64];
-        const rx_qa_run *q = &r->input->runs[run];
-        snprintf(name, sizeof name, q->by != NULL ? "%s (by %s)" : "%s", q->name, q->by);
-        rx_page_head(dst, RX_RIGHT, name);
-    }
-    rx_page_row_end(dst);
+    return rx_cell_number(is ? value : NAN);
 }
 
-/* Columns that hold another restorer's work. */
-static void write_fallbacks(rx_text *dst, const rx_report *r)
+static void add_run(page *p, int run, const char *matches, const char *curve)
 {
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_run *q = &r->input->runs[run];
-        if (q->by == NULL)
-            continue;
-        rx_text_add(dst, "<p><b class=\"v " RX_MARK_OPEN "\">");
-        rx_escape_html(dst, q->name);
-        rx_text_add(dst, ": done by ");
-        rx_escape_html(dst, q->by);
-        rx_text_add(dst, "</b>: ");
-        rx_escape_html(dst, q->why);
-        rx_text_add(dst, ". All numbers of this run are those of ");
-        rx_escape_html(dst, q->by);
-        rx_text_add(dst, ".</p>\n");
-    }
-}
-
-static bool has_fluxes(const rx_report *r)
-{
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].flux.n > 0)
-            return true;
-    return false;
-}
-
-static void ratio_row(rx_text *dst, const rx_report *r, const char *name, size_t value, size_t error)
-{
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, name);
-    for (int run = 0; run < r->input->nruns; run++) {
-        const char *flux = (const char *)&r->input->runs[run].flux;
-        const double ratio = *(const double *)(flux + value), sigma = *(const double *)(flux + error);
-        if (r->input->runs[run].flux.n > 0 && isfinite(ratio))
-            rx_text_printf(dst, "<td>%.4f &plusmn; %.4f</td>", ratio, sigma);
-        else
-            rx_page_cell_text(dst, NULL);
-    }
-    rx_page_row_end(dst);
-}
-
-static bool has_real(const rx_report *r)
-{
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].real.n > 0)
-            return true;
-    return false;
-}
-
-/* What noise alone would make. */
-static void write_real(rx_text *dst, const rx_report *r)
-{
-    if (!has_real(r))
+    const rx_evaluation *e = &p->q->evaluation[run];
+    const rx_qa_run *r = e->run;
+    const bool checked = r->blank.n > 0, fluxes = r->flux.n > 0;
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    rx_cell row[NRUNS + RX_METRIC_COUNT] = {
+        rx_cell_words(r->name),
+        rx_cell_words(r->by != NULL ? r->by : r->name),
+        rx_cell_words(r->by != NULL ? r->why : NULL),
+        rx_cell_words(r->settings),
+        rx_cell_words(r->psf),
+        rx_cell_number(r->law_scale),
+        rx_cell_number(r->law_power),
+        rx_cell_words(e->pull_in_flux ? "flux" : "magnitude"),
+        rx_cell_words(matches),
+        rx_cell_words(curve),
+        rx_cell_number((double)e->references),
+        rx_cell_number((double)e->references_ignored),
+        rx_cell_number((double)e->detections),
+        rx_cell_number((double)e->detections_ignored),
+        rx_cell_number((double)e->matched),
+        rx_cell_number(e->chance),
+        rx_cell_number((double)p->q->ncommon),
+        rx_cell_number(p->q->common[run]),
+        known(r->tested, (double)e->made_up),
+        known(r->tested, (double)e->made_up_matched),
+        known(r->tested, r->made_up_per_mpixel),
+        known(r->tested, rx_evaluation_precision_without(e)),
+        known(checked, r->blank.n),
+        known(checked, r->blank.mpixels),
+        rx_cell_estimate(checked ? r->blank.rate : none),
+        known(checked, r->blank.raised),
+        known(checked && r->blank.raised > 1.0, r->blank.asked),
+        rx_cell_estimate(r->real.n > 0 ? r->real : none),
+        known(fluxes, (double)r->flux.n),
+        known(fluxes, r->flux.diameter),
+        rx_cell_measured(fluxes ? r->flux.wide : NAN, fluxes ? r->flux.wide_error : NAN),
+        rx_cell_measured(fluxes ? r->flux.automatic : NAN, fluxes ? r->flux.automatic_error : NAN),
+        rx_cell_words(!fluxes       ? ""
+                      : r->flux.off ? "off"
+                                    : "right"),
+    };
+    for (int m = 0; m < RX_METRIC_COUNT; m++)
+        row[NRUNS + m] = rx_cell_estimate(p->q->whole[run][m]);
+    rx_report_row(p->runs, row);
+    if (r->promise == NULL)
         return;
-    rx_page_section(dst, "noise", "Noise or sources");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "of the tile's own detections");
-    run_headings(dst, r);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "share that is no noise peak");
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].real.n > 0)
-            rx_page_cell_estimate(dst, &r->input->runs[run].real, 3);
-        else
-            rx_page_cell_text(dst, NULL);
-    rx_page_row_end(dst);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "false detections per Mpixel of its noise");
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].blank.n > 0)
-            rx_page_cell_estimate(dst, &r->input->runs[run].blank.rate, 3);
-        else
-            rx_page_cell_text(dst, NULL);
-    rx_page_row_end(dst);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "factor that raised DETECT_THRESH for it");
-    for (int run = 0; run < r->input->nruns; run++)
-        rx_page_cell_number(dst, r->input->runs[run].blank.n > 0 ? r->input->runs[run].blank.raised : NAN, 3);
-    rx_page_row_end(dst);
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst,
+    const rx_qa_promise *promise = r->promise;
+    const bool inside = promise->inside;
+    rx_report_row(
+        p->models,
+        (rx_cell[]){
+            rx_cell_words(r->name), rx_cell_words(promise->model), rx_cell_words(promise->digest),
+            rx_cell_words(promise->why), rx_cell_words(promise->unfinished ? "has not ended" : "has ended"),
+            rx_cell_number(promise->fwhm), known(inside, promise->fwhm_bin[0]),
+            known(inside, promise->fwhm_bin[1]), rx_cell_number(promise->noise),
+            known(inside, promise->noise_bin[0]), known(inside, promise->noise_bin[1]),
+            rx_cell_number(promise->recall), rx_cell_estimate(p->q->whole[run][RX_METRIC_RECALL]),
+            rx_cell_number(promise->bias), rx_cell_estimate(p->q->whole[run][RX_METRIC_BIAS_PERCENT]),
+            rx_cell_number(promise->scatter), rx_cell_estimate(p->q->whole[run][RX_METRIC_SCATTER_PERCENT]),
+            rx_cell_number(promise->loss)});
+}
+
+/* A run over all magnitudes (bin -1) or in one bin: what exists for both. */
+static void add_bin(page *p, int run, int bin)
+{
+    const rx_estimate *found = bin < 0 ? p->q->whole[run] : rx_qa_binned(p->q, run, bin);
+    rx_cell row[FIRST_BIN + RX_METRIC_COUNT] = {rx_cell_words(p->q->input->runs[run].name),
+                                                known(bin >= 0, p->q->bins.edge[bin >= 0 ? bin : 0]),
+                                                known(bin >= 0, p->q->bins.edge[bin + 1])};
+    int n = FIRST_BIN;
+    for (int m = 0; m < RX_METRIC_COUNT; m++)
+        if (!rx_metric_get((rx_metric)m)->whole)
+            row[n++] = rx_cell_estimate(found[m]);
+    rx_report_row(p->bins, row);
+}
+
+static double at(const double *column, long i)
+{
+    return i >= 0 && column != NULL ? column[i] : NAN;
+}
+
+/* Reference i (-1 none) and detection j (-1 none) as one row. Rows and pixels of files count from 1. */
+static void add_match(rx_report_table *t, const rx_evaluation *e, const char *state, long i, long j)
+{
+    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
+    const bool of_truth = i >= 0 && truth->alpha != NULL && truth->delta != NULL;
+    rx_report_numbers(t, state,
+                      (double[]){(double)i + 1,
+                                 (double)j + 1,
+                                 at(truth->x, i) + 1,
+                                 at(truth->y, i) + 1,
+                                 at(list->x, j) + 1,
+                                 at(list->y, j) + 1,
+                                 of_truth ? truth->alpha[i] : at(list->alpha, j),
+                                 of_truth ? truth->delta[i] : at(list->delta, j),
+                                 at(e->truth_mag, i),
+                                 at(e->run_mag, j),
+                                 at(list->mag_error, j),
+                                 at(list->flux, j),
+                                 at(list->flux_error, j),
+                                 at(list->score, j),
+                                 j >= 0 && list->flags != NULL ? list->flags[j] : 0,
+                                 j >= 0 && list->made_up != NULL ? list->made_up[j] != 0 : 0,
+                                 hypot(at(e->dx, j), at(e->dy, j)),
+                                 at(e->dx, j),
+                                 at(e->dy, j),
+                                 at(e->dmag, j),
+                                 100 * (at(e->ratio, j) - 1),
+                                 at(e->pull, j)});
+}
+
+/* The files of one run: matches_<stem>.ecsv, pr_<stem>.ecsv. */
+static void add_sources(page *p, int run, const char *stem)
+{
+    static const char *const states[] = {"missed", "matched", "reference_ignored"};
+    const rx_evaluation *e = &p->q->evaluation[run];
+    char name[2][STEM + 16];
+    snprintf(name[0], sizeof name[0], "matches_%s", stem);
+    snprintf(name[1], sizeof name[1], "pr_%s", stem);
+    rx_report_table *matches =
+        rx_report_table_add(p->report, name[0], COUNT(MATCHES), MATCHES, RX_REPORT_IN_FILE);
+    rx_report_table *curve = rx_report_table_add(p->report, name[1], COUNT(CURVE), CURVE, RX_REPORT_IN_FILE);
+    rx_report_table_fact(matches, "run", e->run->name);
+    rx_report_table_fact(curve, "run", e->run->name);
+    for (long i = 0; i < e->input->truth.n; i++)
+        add_match(matches, e, states[e->truth_role[i]], i, e->partner[i]);
+    for (long j = 0; j < e->run->list.n; j++)
+        if (e->run_role[j] != RX_ROLE_MATCHED)
+            add_match(matches, e, e->run_role[j] == RX_ROLE_IGNORED ? "detection_ignored" : "false", -1, j);
+    for (long k = 0; k < e->pr.n; k++) {
+        const rx_pr_point *point = &e->pr.point[k];
+        rx_report_numbers(curve, NULL,
+                          (double[]){point->score, point->recall, point->precision, (double)point->detections,
+                                     (double)point->matched});
+    }
+    strcat(name[0], ".ecsv");
+    strcat(name[1], ".ecsv");
+    add_run(p, run, name[0], name[1]);
+}
+
+/* File-name stems that differ also where the file system ignores case. */
+static void name_stems(const rx_qa_input *input, char (*stem)[STEM])
+{
+    for (int run = 0; run < input->nruns; run++) {
+        rx_escape_stem(stem[run], STEM - 16, input->runs[run].name);
+        const size_t length = strlen(stem[run]);
+        for (int i = 0, k = 2; i < run; i++)
+            if (strcasecmp(stem[i], stem[run]) == 0) {
+                snprintf(stem[run] + length, STEM - length, "-%d", k++);
+                i = -1; /* the new name against all */
+            }
+    }
+}
+
+static void add_runs(page *p)
+{
+    const rx_qa_input *input = p->q->input;
+    char(*stem)[STEM] = rx_alloc((size_t)input->nruns, sizeof *stem);
+    int nbin_columns = FIRST_BIN;
+    memcpy(p->run_column, RUNS, sizeof RUNS);
+    memcpy(p->bin_column,
+           (const rx_report_column[]){{.name = "run", .help = "restorer"},
+                                      {"mag_low", RX_REPORT_NUMBER, -4, "mag",
+                                       "bin, inclusive; nan in both: all magnitudes", "from"},
+                                      {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"}},
+           FIRST_BIN * sizeof *p->bin_column);
+    rx_report_table *metrics =
+        rx_report_table_add(p->report, "metrics", COUNT(METRICS), METRICS, RX_REPORT_IN_JSON);
+    for (int m = 0; m < RX_METRIC_COUNT; m++) {
+        const rx_report_column column = metric_column(input, (rx_metric)m);
+        p->run_column[NRUNS + m] = column;
+        if (!rx_metric_get((rx_metric)m)->whole)
+            p->bin_column[nbin_columns++] = column;
+        rx_report_row(metrics, (rx_cell[]){rx_cell_words(column.name), rx_cell_words(column.unit),
+                                           rx_cell_words(column.help)});
+    }
+    p->runs = rx_report_table_add(p->report, "runs", COUNT(p->run_column), p->run_column, RX_REPORT_IN_JSON);
+    p->models = rx_report_table_add(p->report, "models", COUNT(MODELS), MODELS, RX_REPORT_IN_JSON);
+    p->bins = rx_report_table_add(p->report, "bins", nbin_columns, p->bin_column, RX_REPORT_EVERYWHERE);
+    if (stem == NULL) {
+        rx_report_brief_of(p->report)->failed = true;
+        return;
+    }
+    name_stems(input, stem);
+    for (int run = 0; run < input->nruns; run++) {
+        add_sources(p, run, stem[run]);
+        add_bin(p, run, -1);
+        p->fluxes |= input->runs[run].flux.n > 0;
+        p->real |= input->runs[run].real.n > 0;
+        p->tested |= input->runs[run].tested;
+    }
+    for (int run = 0; run < input->nruns; run++)
+        for (int b = 0; b < p->q->bins.n; b++)
+            add_bin(p, run, b);
+    free(stem);
+}
+
+static rx_report_table *add_gates(page *p)
+{
+    const rx_qa_numbers *q = p->q;
+    rx_report_table *t = rx_report_table_add(p->report, "gates", COUNT(GATES), GATES, RX_REPORT_IN_JSON);
+    for (long i = 0; i < q->nresults; i++) {
+        const rx_gate_result *r = &q->result[i];
+        const rx_gate *gate = r->gate;
+        rx_report_row(
+            t, (rx_cell[]){rx_cell_number((double)gate->line), rx_cell_words(gate->text),
+                           rx_cell_words(r->run >= 0 ? q->input->runs[r->run].name : NULL),
+                           rx_cell_words(rx_metric_get(gate->metric)->name), known(!gate->whole, gate->low),
+                           known(!gate->whole, gate->high), rx_cell_words(rx_gate_operator_name(gate->op)),
+                           rx_cell_number(gate->value), known(gate->op == RX_GATE_IN, gate->value_high),
+                           rx_cell_number(gate->level), rx_cell_estimate(r->estimate),
+                           rx_cell_words(rx_verdict_name(r->verdict))});
+    }
+    return t;
+}
+
+static rx_report_table *add_comparisons(page *p)
+{
+    const rx_qa_numbers *q = p->q;
+    rx_report_table *t =
+        rx_report_table_add(p->report, "comparisons", COUNT(COMPARISONS), COMPARISONS, RX_REPORT_IN_JSON);
+    for (int i = 0; i < q->ncomparisons; i++) {
+        const rx_qa_comparison *c = &q->comparison[i];
+        rx_report_row(t, (rx_cell[]){rx_cell_words(q->input->runs[c->first].name),
+                                     rx_cell_words(q->input->runs[c->second].name),
+                                     rx_cell_number((double)c->only_first),
+                                     rx_cell_number((double)c->only_second), rx_cell_p(c->p, log(c->p))});
+    }
+    return t;
+}
+
+/* The PSF of the tile, what stars say of it by magnitude, and the stars. */
+static rx_report_table *add_psf(page *p, rx_report_table **bins)
+{
+    const rx_qa_numbers *q = p->q;
+    const rx_psf *psf = q->input->psf.psf;
+    const rx_psf_quality *quality = &psf->quality;
+    const rx_psf_judged *judged = psf->judged;
+    const bool is_judged = judged != NULL;
+    const double of_flux = quality->radius > 0.0 ? rx_psf_flux_error_mean(psf) : NAN;
+    rx_cell of_shape[3];
+    for (int k = 0; k < 3; k++) {
+        const double *mean = k == 0 ? quality->trace : quality->shape[k - 1];
+        of_shape[k] = rx_cell_measured(is_judged ? mean[0] : NAN, is_judged ? mean[1] : NAN);
+    }
+    rx_report_table *t = rx_report_table_add(p->report, "psf", COUNT(PSF), PSF, RX_REPORT_IN_JSON);
+    rx_report_row(t, (rx_cell[]){rx_cell_words(quality->how), rx_cell_words(quality->library),
+                                 rx_cell_measured(psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
+                                 rx_cell_number(psf->nstars), rx_cell_number(of_flux),
+                                 known(is_judged, quality->reserved), of_shape[0], of_shape[1], of_shape[2],
+                                 known(is_judged, quality->residual),
+                                 rx_cell_measured(is_judged ? quality->growth : NAN,
+                                                  is_judged ? quality->growth_error : NAN),
+                                 known(is_judged, quality->growth_radius)});
+    if (!is_judged)
+        return t;
+    *bins = rx_report_table_add(p->report, "psf_bins", COUNT(PSF_BINS), PSF_BINS, RX_REPORT_IN_JSON);
+    for (int b = 0; b < q->npsf_bins; b++) {
+        const rx_qa_psf_bin *bin = &q->psf_bin[b];
+        rx_report_row(*bins, (rx_cell[]){rx_cell_number(bin->mag), rx_cell_number((double)bin->n),
+                                         rx_cell_measured(bin->mean[0], bin->error[0]),
+                                         rx_cell_measured(bin->mean[1], bin->error[1]),
+                                         rx_cell_measured(bin->mean[2], bin->error[2])});
+    }
+    rx_report_table *stars =
+        rx_report_table_add(p->report, "psf_stars", COUNT(PSF_STARS), PSF_STARS, RX_REPORT_IN_FILE);
+    for (int i = 0; i < judged->nstars; i++) {
+        const rx_psf_star *s = &judged->star[i];
+        rx_report_numbers(stars, NULL,
+                          (double[]){s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0],
+                                     s->off[1], s->off[2], s->error});
+    }
+    rx_report_table *growth =
+        rx_report_table_add(p->report, "psf_growth", COUNT(PSF_GROWTH), PSF_GROWTH, RX_REPORT_IN_FILE);
+    for (int i = 0; i < judged->nradii; i++) {
+        const rx_psf_growth *g = &judged->growth[i];
+        rx_report_numbers(growth, NULL, (double[]){g->radius, g->stars, g->psf, g->error});
+    }
+    return t;
+}
+
+/* --- the page, from top to bottom --- */
+
+static void fact_above_0(rx_report *report, const char *name, double value)
+{
+    if (value > 0)
+        rx_report_fact_number(report, name, value);
+    else
+        rx_report_fact(report, name, NULL);
+}
+
+static void add_facts(rx_report *report, const rx_qa_numbers *q)
+{
+    char seed[32];
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)q->par->by.seed);
+    rx_report_fact(report, "format", "rextract-qa 2");
+    rx_report_fact(report, "tile", q->input->tile);
+    rx_report_fact(report, "reference", q->input->reference);
+    rx_report_fact(report, "verdict", rx_verdict_name(q->verdict));
+    rx_report_fact(report, "gates_file", q->par->gates != NULL ? q->par->gates->path : NULL);
+    rx_report_fact_number(report, "width", q->input->width);
+    rx_report_fact_number(report, "height", q->input->height);
+    fact_above_0(report, "pixel_scale_arcsec", q->input->pixel_scale);
+    rx_report_fact_number(report, "match_radius_pixels", q->par->match_radius);
+    fact_above_0(report, "match_radius_arcsec", q->par->match_radius_arcsec);
+    rx_report_fact(report, "score", q->input->score_name);
+    rx_report_fact_number(report, "interval_level", q->level);
+    rx_report_fact(report, "intervals",
+                   "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and "
+                   "completeness magnitudes: bootstrap; null: not bounded or not known");
+    rx_report_fact(report, "seed", seed);
+}
+
+/* The gates and, in a sentence, what was found; then whatever makes the numbers mean something else. */
+static void add_verdicts(page *p)
+{
+    const rx_qa_numbers *q = p->q;
+    const rx_qa_input *input = q->input;
+    const rx_psf *psf = input->psf.psf;
+    rx_text words = {0}, precisions = {0};
+    long passed = 0;
+    for (long i = 0; i < q->nresults; i++)
+        passed += q->result[i].verdict == RX_VERDICT_PASS;
+    if (q->nresults > 0)
+        rx_text_printf(&words, "%ld of %ld gates pass. ", passed, q->nresults);
+    if (input->nruns > 0)
+        rx_text_printf(&words, "Of %ld references in %s ", q->evaluation[0].references, input->reference);
+    for (int run = 0; run < input->nruns; run++) {
+        const char *comma = run > 0 ? ", " : "";
+        rx_text_printf(&words, run == 0 ? "%s%s finds %.1f %%" : "%s%s %.1f %%", comma, input->runs[run].name,
+                       100 * q->whole[run][RX_METRIC_RECALL].value);
+        rx_text_printf(&precisions, "%s%.1f %%", comma, 100 * q->whole[run][RX_METRIC_PRECISION].value);
+    }
+    if (precisions.data != NULL)
+        rx_text_printf(&words, "; of their detections %s are among them.", precisions.data);
+    rx_report_verdict(p->report, q->verdict == RX_VERDICT_NONE ? RX_MARK_PALE : rx_verdict_name(q->verdict),
+                      q->verdict == RX_VERDICT_NONE ? "Without gates." : rx_verdict_name(q->verdict),
+                      words.data != NULL ? words.data : "");
+    for (int run = 0; run < input->nruns; run++) {
+        const rx_qa_run *r = &input->runs[run];
+        char title[96], sentence[400];
+        if (r->by != NULL) {
+            snprintf(title, sizeof title, "%s: restored by %s instead", r->name, r->by);
+            snprintf(sentence, sizeof sentence, "(%s). All numbers of this run are those of %s.", r->why,
+                     r->by);
+            rx_report_verdict(p->report, RX_MARK_OPEN, title, sentence);
+        }
+        if (r->promise != NULL && !r->promise->inside) {
+            snprintf(title, sizeof title, "%s: its model promises nothing here.", r->name);
+            rx_report_verdict(p->report, RX_MARK_OPEN, title, r->promise->why != NULL ? r->promise->why : "");
+        }
+        if (r->flux.n > 0 && r->flux.off) {
+            snprintf(title, sizeof title, "%s: the flux scale is off.", r->name);
+            snprintf(sentence, sizeof sentence, "Restored over original flux of %ld isolated sources: %.4f.",
+                     r->flux.n, r->flux.wide);
+            rx_report_verdict(p->report, RX_MARK_BAD, title, sentence);
+        }
+    }
+    if (psf != NULL && psf->judged != NULL && fabs(psf->quality.growth) > WRONG)
+        rx_report_verdict(p->report, RX_MARK_BAD,
+                          "The curve of growth of stars differs from that of the PSF by more than 1 %.",
+                          "Fluxes of templates may be off by as much.");
+    rx_report_brief_of(p->report)->failed |= words.failed || precisions.failed;
+    rx_text_free(&words);
+    rx_text_free(&precisions);
+}
+
+/* Some columns of the runs, one below the other. */
+static void show_runs(page *p, int n, const char *const *columns)
+{
+    rx_report_show(p->report, p->runs,
+                   &(rx_report_view){.turned = 1, .without_empty = 1, .ncolumns = n, .columns = columns});
+}
+
+static void show_summary(page *p)
+{
+    const char *columns[3 + RX_METRIC_COUNT] = {"run"};
+    int n = 1;
+    for (int run = 0; run < p->q->input->nruns && n == 1; run++)
+        if (p->q->input->runs[run].by != NULL)
+            columns[n++] = "done_by";
+    for (int m = 0; m < RX_METRIC_COUNT; m++)
+        if (m != RX_METRIC_FLUX_SCALE || p->fluxes)
+            columns[n++] = rx_metric_get((rx_metric)m)->name;
+    rx_report_section(p->report, "summary", "Summary");
+    show_runs(p, n, columns);
+}
+
+static void show_gates(page *p)
+{
+    static const char *const columns[] = {"line", "gate", "run", "measured", "level", "verdict"};
+    const rx_report_table *gates = add_gates(p);
+    if (rx_report_rows(gates) == 0)
+        return;
+    rx_report_section(p->report, "gates", "Gates");
+    rx_report_show(p->report, gates, &(rx_report_view){.ncolumns = COUNT(columns), .columns = columns});
+    rx_report_note(
+        p->report,
+        "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
+        "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide; or no "
+        "run has the name of the gate.");
+}
+
+static void show_noise(page *p)
+{
+    static const char *const columns[] = {"run", "no_noise_peak", "false_per_mpixel", "threshold_raised",
+                                          "false_per_mpixel_as_asked"};
+    if (!p->real)
+        return;
+    rx_report_section(p->report, "noise", "Noise or sources");
+    show_runs(p, COUNT(columns), columns);
+    rx_report_note(
+        p->report,
         "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the "
         "tile without a mask or a source) / detections, with the interval of the rate. It covers noise on "
         "blank sky only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count "
@@ -128,273 +677,103 @@ static void write_real(rx_text *dst, const rx_report *r)
         "this share too low: then neither is more than a hint.");
 }
 
-/* Are the fluxes of restored pixels those of the tile? */
-static void write_fluxes(rx_text *dst, const rx_report *r)
+static void show_fluxes(page *p)
 {
-    if (!has_fluxes(r))
+    static const char *const columns[] = {"run",           "flux_sources", "flux_aperture_pixels",
+                                          "flux_aperture", "flux_auto",    "flux_scale_is"};
+    if (!p->fluxes)
         return;
-    rx_page_section(dst, "flux-scale", "Flux scale");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "restored over untouched flux");
-    run_headings(dst, r);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "isolated sources of FLAGS 0 and S/N above 30");
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].flux.n > 0)
-            rx_page_cell_count(dst, r->input->runs[run].flux.n);
-        else
-            rx_page_cell_text(dst, NULL);
-    rx_page_row_end(dst);
-    ratio_row(dst, r, "the same wide aperture", offsetof(rx_qa_flux, wide), offsetof(rx_qa_flux, wide_error));
-    ratio_row(dst, r, "FLUX_AUTO over that aperture untouched", offsetof(rx_qa_flux, automatic),
-              offsetof(rx_qa_flux, automatic_error));
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "flux scale");
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_flux *flux = &r->input->runs[run].flux;
-        if (flux->n == 0)
-            rx_page_cell_text(dst, NULL);
-        else
-            rx_page_cell_verdict(dst, flux->off ? RX_MARK_BAD : RX_MARK_GOOD, flux->off ? "off" : "right");
-    }
-    rx_page_row_end(dst);
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst, "Medians with 1 &sigma;. No reference is needed: the tile's own untouched pixels are the "
-             "measure. Off: the aperture's ratio is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much "
-             "above it; FLUX_AUTO below it is the light that it leaves out.");
+    rx_report_section(p->report, "flux-scale", "Flux scale");
+    show_runs(p, COUNT(columns), columns);
+    rx_report_note(
+        p->report,
+        "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the "
+        "measure. Off: the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO "
+        "so much above it; FLUX_AUTO below it is the light that it leaves out.");
 }
 
-static void write_summary(rx_text *dst, const rx_report *r)
+static void show_psf(page *p)
 {
-    rx_page_section(dst, "summary", "Summary");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "all magnitudes");
-    rx_page_head(dst, RX_LEFT, "");
-    run_headings(dst, r);
-    for (int m = 0; m < RX_METRIC_COUNT; m++) {
-        const rx_metric_row *row = rx_metric_get((rx_metric)m);
-        int arcsec = strcmp(row->unit, "arcsec") == 0;
-        if ((arcsec && !(r->input->pixel_scale > 0)) || (m == RX_METRIC_FLUX_SCALE && !has_fluxes(r)) ||
-            (m >= RX_METRIC_PSF_DT && m <= RX_METRIC_PSF_GROWTH &&
-             rx_report_whole(r, 0, (rx_metric)m)->n == 0))
-            continue;
-        rx_text_printf(dst, "<tr><td class=\"t\"><b>%s</b>", row->name);
-        rx_page_unit(dst, row->unit);
-        rx_text_add(dst, "</td>");
-        rx_page_cell_text(dst, m == RX_METRIC_PRECISION && r->input->precision_is != NULL
-                                   ? r->input->precision_is
-                                   : row->help);
-        for (int run = 0; run < r->input->nruns; run++)
-            estimate_cell(dst, rx_report_whole(r, run, (rx_metric)m), (rx_metric)m);
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
-}
-
-static void count_row(rx_text *dst, const rx_report *r, const char *name,
-                      double (*count)(const rx_evaluation *))
-{
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, name);
-    for (int run = 0; run < r->input->nruns; run++) {
-        double v = count(&r->evaluation[run]);
-        rx_page_cell_number(dst, v, v == floor(v) ? 0 : 1);
-    }
-    rx_page_row_end(dst);
-}
-
-static double n_references(const rx_evaluation *e)
-{
-    return (double)e->references;
-}
-
-static double n_references_ignored(const rx_evaluation *e)
-{
-    return (double)e->references_ignored;
-}
-
-static double n_detections(const rx_evaluation *e)
-{
-    return (double)e->detections;
-}
-
-static double n_detections_ignored(const rx_evaluation *e)
-{
-    return (double)e->detections_ignored;
-}
-
-static double n_matched(const rx_evaluation *e)
-{
-    return (double)e->matched;
-}
-
-static double n_chance(const rx_evaluation *e)
-{
-    return e->chance;
-}
-
-static double n_made_up(const rx_evaluation *e)
-{
-    return e->run->tested ? (double)e->made_up : NAN;
-}
-
-static double n_made_up_matched(const rx_evaluation *e)
-{
-    return e->run->tested ? (double)e->made_up_matched : NAN;
-}
-
-static bool was_tested(const rx_report *r)
-{
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].tested)
-            return true;
-    return false;
-}
-
-/* Which detections the untouched pixels do not want, and what the list is worth without them. */
-static void write_made_up(rx_text *dst, const rx_report *r)
-{
-    if (!was_tested(r))
+    rx_report_table *bins = NULL;
+    if (p->q->input->psf.psf == NULL)
         return;
-    rx_page_section(dst, "made-up", "Invented or real");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "marked by FLAGS_RESTORE");
-    run_headings(dst, r);
-    count_row(dst, r, "detections that count", n_made_up);
-    count_row(dst, r, "of these matched all the same", n_made_up_matched);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "marked, per Mpixel (dropped ones included)");
-    for (int run = 0; run < r->input->nruns; run++)
-        rx_page_cell_number(dst, r->input->runs[run].made_up_per_mpixel, 1);
-    rx_page_row_end(dst);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "precision of the list");
-    for (int run = 0; run < r->input->nruns; run++)
-        estimate_cell(dst, rx_report_whole(r, run, RX_METRIC_PRECISION), RX_METRIC_PRECISION);
-    rx_page_row_end(dst);
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, "precision without them");
-    for (int run = 0; run < r->input->nruns; run++)
-        rx_page_cell_number(dst, rx_evaluation_precision_without(&r->evaluation[run]), 3);
-    rx_page_row_end(dst);
-    rx_page_table_end(dst);
-    rx_page_note(dst,
-                 "A source is marked when a template of it, fitted to the untouched pixels together with its "
-                 "neighbours, says that it is rather not there (P_REAL below 0.5).");
-}
-
-static void write_counts(rx_text *dst, const rx_report *r)
-{
-    rx_page_section(dst, "counts", "What was compared");
-    rx_text_printf(dst, "<p>Matched one to one, nearest pairs first, within %.4g pixels",
-                   r->par->match_radius);
-    if (r->par->match_radius_arcsec > 0)
-        rx_text_printf(dst, " (%.4g arcsec)", r->par->match_radius_arcsec);
-    rx_text_add(dst, ".</p>\n");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "sources");
-    run_headings(dst, r);
-    count_row(dst, r, "references that count", n_references);
-    count_row(dst, r, "references outside the tile, masked or without a magnitude", n_references_ignored);
-    count_row(dst, r, "detections that count", n_detections);
-    count_row(dst, r, "detections outside, masked or on such a reference", n_detections_ignored);
-    count_row(dst, r, "matched", n_matched);
-    count_row(dst, r, "matches expected by chance (crowding)", n_chance);
-    rx_page_table_end(dst);
-    rx_page_note(dst,
-                 "The last row matches lists that were shifted against each other, mean of 8 shifts: so many "
-                 "references would find a partner even if positions were unrelated. When it is not small "
-                 "against the matches, recall and precision are flattered; take a smaller radius.");
-}
-
-static void gate_row(rx_text *dst, const rx_report *r, const rx_gate_result *g)
-{
-    rx_page_row(dst, NULL);
-    rx_page_cell_count(dst, g->gate->line);
-    rx_page_cell_text(dst, g->gate->text);
-    rx_page_cell_text(dst, g->run >= 0 ? r->input->runs[g->run].name : "no such run");
-    estimate_cell(dst, &g->estimate, g->gate->metric);
-    rx_text_printf(dst, "<td>%g</td>", g->gate->level);
-    rx_page_cell_verdict(dst, rx_verdict_name(g->verdict), rx_verdict_name(g->verdict));
-    rx_page_row_end(dst);
-}
-
-static void write_gates(rx_text *dst, const rx_report *r)
-{
-    if (r->nresults == 0)
+    rx_report_section(p->report, "psf", "The PSF");
+    rx_report_show(p->report, add_psf(p, &bins), &(rx_report_view){.turned = 1, .without_empty = 1});
+    if (bins == NULL)
         return;
-    rx_page_section(dst, "gates", "Gates");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_RIGHT, "line");
-    rx_page_head(dst, RX_LEFT, "gate");
-    rx_page_head(dst, RX_LEFT, "run");
-    rx_page_head(dst, RX_RIGHT, "measured");
-    rx_page_head(dst, RX_RIGHT, "level");
-    rx_page_head(dst, RX_LEFT, "verdict");
-    rx_page_row_end(dst);
-    for (long i = 0; i < r->nresults; i++)
-        gate_row(dst, r, &r->result[i]);
-    rx_page_table_end(dst);
-    rx_page_note(dst, "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
-                      "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide.");
+    rx_report_place(p->report, "psf-");
+    if (rx_report_rows(bins) > 0)
+        rx_report_show(p->report, bins, &(rx_report_view){.title = "Reserved stars by magnitude"});
+    rx_report_note(p->report,
+                   "Reserved stars were never fitted; shapes are under a round Gaussian as wide as the "
+                   "PSF. psf_stars.ecsv and psf_growth.ecsv hold what is drawn.");
 }
 
-static bool has_pictures(const rx_figures *figures)
+static void show_counts(page *p)
 {
-    return figures->note[0] == '\0' && figures->n > 0 &&
-           figures->figure[figures->n - 1].kind == RX_FIGURE_PICTURE;
+    static const char *const columns[] = {"run",
+                                          "references",
+                                          "references_ignored",
+                                          "detections",
+                                          "detections_ignored",
+                                          "matched",
+                                          "chance_matches",
+                                          "common",
+                                          "common_magerr"};
+    char sentence[120], arcsec[40] = "";
+    rx_report_section(p->report, "counts", "What was compared");
+    if (p->q->par->match_radius_arcsec > 0)
+        snprintf(arcsec, sizeof arcsec, " (%.4g arcsec)", p->q->par->match_radius_arcsec);
+    snprintf(sentence, sizeof sentence, "Matched one to one, nearest pairs first, within %.4g pixels%s.",
+             p->q->par->match_radius, arcsec);
+    rx_report_sentence(p->report, sentence);
+    show_runs(p, COUNT(columns), columns);
+    rx_report_note(p->report,
+                   "Where matches by chance are not few against the matches, recall and precision are "
+                   "flattered; take a smaller radius.");
 }
 
-static void write_pictures(rx_text *dst, const rx_figures *figures)
+static void show_comparisons(page *p)
 {
-    if (!has_pictures(figures))
+    const rx_report_table *t = add_comparisons(p);
+    if (rx_report_rows(t) == 0)
         return;
-    rx_page_section(dst, "pictures", "Pictures");
-    rx_page_figures(dst, figures, "picture");
-    rx_page_note(dst,
-                 "The middle of the tile, the same sky and grey scale for all: asinh(p / 2&sigma;), "
-                 "&sigma; of the first "
-                 "picture, black at &minus;2&sigma;, white where 99.8 % of the first picture is darker.");
+    rx_report_section(p->report, "duel", "Restorers on the same references");
+    rx_report_show(p->report, t, &(rx_report_view){0});
+    rx_report_note(
+        p->report,
+        "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
+        "found sources equally well. With several pairs multiply p by their number. A run that detects "
+        "more finds more: read it together with precision.");
 }
 
-static void write_figures(rx_text *dst, const rx_figures *figures)
+static void show_spurious(page *p)
 {
-    rx_page_section(dst, "figures", "Figures");
-    rx_page_figures(dst, figures, "plot-");
+    static const char *const columns[] = {
+        "run", "spurious", "spurious_matched", "spurious_per_mpixel", "precision", "precision_without"};
+    if (!p->tested)
+        return;
+    rx_report_section(p->report, "spurious", "Spurious or real");
+    show_runs(p, COUNT(columns), columns);
+    rx_report_note(
+        p->report,
+        "A source is marked when a template of it, fitted to the original pixels together with its "
+        "neighbours, says that it is rather not there (P_REAL below 0.5).");
 }
 
-static void bin_table(rx_text *dst, const rx_report *r, rx_metric metric)
+static void show_models(page *p)
 {
-    const rx_metric_row *row = rx_metric_get(metric);
-    rx_page_heading(dst, row->name, row->unit);
-    rx_text_add(dst, "<p class=\"r\">");
-    rx_escape_html(dst, row->help);
-    rx_text_add(dst, "</p>\n");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_RIGHT, metric == RX_METRIC_PRECISION ? "measured mag" : "reference mag");
-    run_headings(dst, r);
-    for (int b = 0; b < r->bins.n; b++) {
-        long n = 0;
-        for (int run = 0; run < r->input->nruns; run++)
-            n += rx_report_bin(r, run, b, metric)->n;
-        if (n == 0)
-            continue;
-        rx_text_printf(dst, "<tr><td>%g &ndash; %g</td>", r->bins.edge[b], r->bins.edge[b + 1]);
-        for (int run = 0; run < r->input->nruns; run++)
-            estimate_cell(dst, rx_report_bin(r, run, b, metric), metric);
-        rx_page_row_end(dst);
-    }
-    rx_page_table_end(dst);
+    if (rx_report_rows(p->models) == 0)
+        return;
+    rx_report_section(p->report, "models", "What the model promises here");
+    rx_report_show(p->report, p->models, &(rx_report_view){.turned = 1, .without_empty = 1});
+    rx_report_note(
+        p->report,
+        "Promised: what the model did on its test images of this seeing and noise. Here: as in the "
+        "summary; faint sources lower the recall, galaxies and blends widen the scatter.");
 }
 
-static void write_tables(rx_text *dst, const rx_report *r)
+static void show_bins(page *p)
 {
     static const rx_metric shown[] = {
         RX_METRIC_RECALL,      RX_METRIC_PRECISION,      RX_METRIC_BIAS_MAG,
@@ -402,257 +781,180 @@ static void write_tables(rx_text *dst, const rx_report *r)
         RX_METRIC_MAGERR,      RX_METRIC_MAGERR_SHIFTED, RX_METRIC_DX,
         RX_METRIC_DY,          RX_METRIC_SCATTER_X,      RX_METRIC_SCATTER_Y,
         RX_METRIC_PULL_MEDIAN, RX_METRIC_PULL_WIDTH};
-    rx_page_section(dst, "bins", "Tables by magnitude");
-    for (size_t i = 0; i < sizeof shown / sizeof *shown; i++)
-        bin_table(dst, r, shown[i]);
-}
-
-static void write_comparisons(rx_text *dst, const rx_report *r)
-{
-    if (r->ncomparisons == 0)
-        return;
-    rx_page_section(dst, "duel", "Restorers on the same references");
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "first");
-    rx_page_head(dst, RX_LEFT, "second");
-    rx_page_head(dst, RX_RIGHT, "found by the first only");
-    rx_page_head(dst, RX_RIGHT, "found by the second only");
-    rx_page_head(dst, RX_RIGHT, "p");
-    rx_page_row_end(dst);
-    for (int i = 0; i < r->ncomparisons; i++) {
-        const rx_comparison *c = &r->comparison[i];
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, r->input->runs[c->first].name);
-        rx_page_cell_text(dst, r->input->runs[c->second].name);
-        rx_page_cell_count(dst, c->only_first);
-        rx_page_cell_count(dst, c->only_second);
-        rx_page_cell_p(dst, c->p, log(c->p));
-        rx_page_row_end(dst);
+    rx_report_section(p->report, "bins", "Tables by magnitude");
+    rx_report_fold(p->report, "Recall, precision, errors of magnitudes, fluxes and positions");
+    for (int i = 0; i < COUNT(shown); i++) {
+        const rx_report_column column = metric_column(p->q->input, shown[i]);
+        rx_report_show(p->report, p->bins,
+                       &(rx_report_view){.from = p->q->input->nruns,
+                                         .title = column.name,
+                                         .unit = column.unit,
+                                         .note = column.help,
+                                         .rows = {"mag_low", "mag_high"},
+                                         .across = {"run"},
+                                         .value = column.name,
+                                         .digits = column.digits,
+                                         .without_empty = 1});
     }
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst,
-        "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
-        "found sources equally well. With several pairs multiply p by their number. A run that detects "
-        "more finds more: read it together with precision.");
+    rx_report_unfold(p->report);
 }
 
-static void promise_row(rx_text *dst, const rx_report *r, const char *name, int digits, size_t offset,
-                        int metric)
+static void show_reading(page *p)
 {
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, name);
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_promise *p = r->input->runs[run].promise;
-        if (p == NULL)
-            continue;
-        rx_page_cell_number(dst, *(const double *)((const char *)p + offset), digits);
-        if (metric >= 0)
-            estimate_cell(dst, rx_report_whole(r, run, (rx_metric)metric), (rx_metric)metric);
-        else
-            rx_page_cell_text(dst, NULL);
+    char html[800];
+    rx_text score = {0};
+    rx_report_section(p->report, "reading", "How to read this");
+    snprintf(
+        html, sizeof html,
+        "Every number is followed by its %g %% interval and the number of sources behind it. Shares have "
+        "Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute deviation) "
+        "intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap intervals "
+        "(%d draws, none for fewer than %d sources). An infinite end: too few sources, or the limit lies "
+        "beyond the reference. Means, such as MagErr, follow single gross mismatches; medians and sigma_MAD "
+        "do not.",
+        100 * p->q->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
+    rx_report_paragraph(p->report, html);
+    rx_report_paragraph(
+        p->report,
+        "<b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured magnitude, all else "
+        "by "
+        "reference magnitude. Precision against a catalogue that is not deeper than the tile is a <b>lower "
+        "bound</b>: a real source that the reference lacks counts as a false detection. <b>Fluxes</b> are "
+        "compared on the scale of the catalogue's zero point; only <b>magerr_shifted</b> takes out "
+        "<b>zp_offset</b>, the median difference of bright (error up to 0.05 mag), unsaturated matches. "
+        "<b>mag50</b> and <b>mag90</b> are read off the falling curve that is nearest to the single "
+        "references "
+        "(isotonic regression); a value with an infinite end is a limit.");
+    rx_text_printf(&score,
+                   "Precision against recall ranks detections by %s, or by magnitude where a run has no "
+                   "such score; ap is the area under its steps, without interpolation.",
+                   p->q->input->score_name != NULL ? p->q->input->score_name : "score");
+    rx_report_sentence(p->report, score.data);
+    rx_report_brief_of(p->report)->failed |= score.failed;
+    rx_text_free(&score);
+}
+
+/* Gates, where room is short only those that do not pass; then the runs. */
+static void add_brief(page *p, bool whole)
+{
+    const rx_qa_numbers *q = p->q;
+    rx_report_table *gates = rx_report_table_add(p->report, "gates", COUNT(BRIEF_GATES), BRIEF_GATES, 0);
+    rx_report_table *t = rx_report_table_add(p->report, "runs", COUNT(BRIEF), BRIEF, 0);
+    rx_text *brief = rx_report_brief_of(p->report);
+    for (long i = 0; i < q->nresults; i++) {
+        const rx_gate_result *r = &q->result[i];
+        if (whole || r->verdict != RX_VERDICT_PASS)
+            rx_report_row(
+                gates,
+                (rx_cell[]){rx_cell_number((double)r->gate->line), rx_cell_words(r->gate->text),
+                            rx_cell_words(r->run >= 0 ? q->input->runs[r->run].name : "no such run"),
+                            rx_cell_estimate(r->estimate), rx_cell_words(rx_verdict_name(r->verdict))});
     }
-    rx_page_row_end(dst);
-}
-
-/* Seeing or noise: the model's bin and the tile. */
-static void domain_row(rx_text *dst, const rx_report *r, const char *name, size_t bin, size_t value)
-{
-    rx_page_row(dst, NULL);
-    rx_page_cell_text(dst, name);
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_promise *p = r->input->runs[run].promise;
-        if (p == NULL)
-            continue;
-        const double *limits = (const double *)((const char *)p + bin);
-        if (p->inside)
-            rx_text_printf(dst, "<td>%.4g &ndash; %.4g</td>", limits[0], limits[1]);
-        else
-            rx_page_cell_text(dst, NULL); /* the sentence above says which of both is out */
-        rx_page_cell_number(dst, *(const double *)((const char *)p + value), 2);
+    if (rx_report_rows(gates) > 0)
+        rx_report_show_brief(p->report, gates, &(rx_report_view){.intervals = 1});
+    bool senseless = false;
+    for (int run = 0; run < q->input->nruns; run++) {
+        const rx_evaluation *e = &q->evaluation[run];
+        const rx_estimate *m = q->whole[run];
+        const double errors[] = {m[RX_METRIC_MAGERR].value, q->common[run]};
+        senseless = senseless || errors[0] > SENSELESS || errors[1] > SENSELESS;
+        rx_report_row(
+            t,
+            (rx_cell[]){rx_cell_words(e->run->name), rx_cell_number((double)e->detections),
+                        rx_cell_number((double)e->matched), rx_cell_number(m[RX_METRIC_RECALL].value),
+                        rx_cell_number(m[RX_METRIC_PRECISION].value), rx_cell_number(m[RX_METRIC_AP].value),
+                        known(errors[0] <= SENSELESS, errors[0]), known(errors[1] <= SENSELESS, errors[1]),
+                        rx_cell_number(m[RX_METRIC_BIAS_MAG].value), rx_cell_number(m[RX_METRIC_MAG50].value),
+                        rx_cell_number(e->run->seconds)});
     }
-    rx_page_row_end(dst);
+    rx_report_show_brief(p->report, t, &(rx_report_view){0});
+    if (whole)
+        rx_text_printf(
+            brief,
+            "recall: share of the reference found; precision: share of detections in the reference; AP: area "
+            "under their curve; mag50: half are found here\n"
+            "MagErr: mean |F - F0| / F0 of each own list; common: of the %ld sources that every list has; "
+            "bias: median; seconds: with measuring and checks\n",
+            q->ncommon);
+    if (senseless)
+        rx_text_add(brief,
+                    "MagErr above 10,000 %: magnitudes and reference have not the same zero point; give "
+                    "MAG_ZEROPOINT, or its header keyword, MAGZERO say, as MAG_ZEROPOINT_KEY\n");
 }
 
-static bool has_promises(const rx_report *r)
+/* What the user had better hear at once. */
+static void warn(const rx_qa_numbers *q, rx_log *log)
 {
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].promise != NULL)
-            return true;
-    return false;
-}
-
-static void promise_sentences(rx_text *dst, const rx_report *r)
-{
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_promise *p = r->input->runs[run].promise;
-        if (p == NULL)
-            continue;
-        rx_text_add(dst, "<p>");
-        rx_escape_html(dst, r->input->runs[run].name);
-        rx_text_add(dst, ": model ");
-        rx_escape_html(dst, p->model);
-        rx_text_add(dst, ", digest ");
-        rx_escape_html(dst, p->digest);
-        if (p->unfinished)
-            rx_text_add(dst, "; its training has not ended");
-        if (!p->inside) {
-            rx_text_add(dst, ". It promises nothing here: ");
-            rx_escape_html(dst, p->why);
-        }
-        rx_text_add(dst, ".</p>\n");
+    for (int run = 0; run < q->input->nruns; run++) {
+        const double offset = q->evaluation[run].offset.value;
+        if (isfinite(offset) && fabs(offset) > SUSPICIOUS)
+            rx_log_warning(
+                log, "%s: bright matches differ by %+.2f mag from the reference; is MAG_ZEROPOINT right?",
+                q->input->runs[run].name, offset);
     }
+    for (long i = 0; i < q->nresults; i++)
+        if (q->result[i].run < 0)
+            rx_log_warning(log, "%s, line %ld: no run is named %s", q->par->gates->path,
+                           q->result[i].gate->line, q->result[i].gate->run);
 }
 
-static void write_promises(rx_text *dst, const rx_report *r)
+static rx_status write_page(page *p, const rx_report_files *files, rx_text *brief, rx_error *err)
 {
-    if (!has_promises(r))
-        return;
-    rx_page_section(dst, "promise", "What the model promises here");
-    promise_sentences(dst, r);
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, "");
-    for (int run = 0; run < r->input->nruns; run++)
-        if (r->input->runs[run].promise != NULL) {
-            rx_page_head(dst, RX_RIGHT, "promised");
-            rx_page_head(dst, RX_RIGHT, "here");
-        }
-    rx_page_row_end(dst);
-    domain_row(dst, r, "FWHM [pixels]", offsetof(rx_qa_promise, fwhm_bin), offsetof(rx_qa_promise, fwhm));
-    domain_row(dst, r, "noise", offsetof(rx_qa_promise, noise_bin), offsetof(rx_qa_promise, noise));
-    promise_row(dst, r, "recall", 3, offsetof(rx_qa_promise, recall), RX_METRIC_RECALL);
-    promise_row(dst, r, "flux bias [%]", 2, offsetof(rx_qa_promise, bias), RX_METRIC_BIAS_PERCENT);
-    promise_row(dst, r, "flux scatter [%]", 2, offsetof(rx_qa_promise, scatter), RX_METRIC_SCATTER_PERCENT);
-    promise_row(dst, r, "test loss", 4, offsetof(rx_qa_promise, loss), -1);
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst,
-        "Promised: what the model did on its test images of this seeing and noise (255 noise over the value "
-        "that the brightest 0.1 % of the pixels exceed): recall of stars of S/N above 5, fluxes of stars of "
-        "S/N above 12. Here: all references, of all magnitudes and kinds, as in the summary; faint ones "
-        "lower the recall, galaxies and blends widen the scatter.");
-}
-
-static void write_reading(rx_text *dst, const rx_report *r)
-{
-    rx_page_section(dst, "reading", "How to read this");
-    rx_text_printf(
-        dst,
-        "<p>Every number is followed by its %g %% interval and the number of sources behind it. Shares "
-        "have Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute "
-        "deviation) intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap "
-        "intervals (%d draws, none for fewer than %d sources). An infinite end: too few sources, or the "
-        "limit lies beyond the reference. Means, such as MagErr, follow single gross mismatches (a blend, a "
-        "saturated reference); medians and sigma_MAD do not.</p>\n",
-        100 * r->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
-    rx_text_add(
-        dst, "<p><b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured "
-             "magnitude, all else by reference magnitude. Precision against a catalogue that is "
-             "not deeper than the tile is a <b>lower bound</b>: a real source that the reference "
-             "lacks counts as a false detection. Judge it at magnitudes where the reference is "
-             "complete.</p>\n<p><b>Fluxes</b> are compared on the scale of the catalogue's zero "
-             "point: F0 follows from the reference magnitude. Nothing is corrected silently: "
-             "every table and figure uses the magnitudes as they are, only <b>magerr_shifted</b> "
-             "takes out <b>zp_offset</b>, the median difference of bright (error up to 0.05 "
-             "mag), unsaturated matches. An offset there is a matter of calibration or aperture, "
-             "not of restoration.</p>\n<p><b>mag50</b> and <b>mag90</b> are read off the "
-             "falling curve that is nearest to the single references (isotonic regression), whatever "
-             "the bins of the tables; a value with an infinite end is a limit.</p>\n<p><b>Precision against "
-             "recall</b> ranks detections by ");
-    rx_escape_html(dst, r->input->score_name != NULL ? r->input->score_name : "score");
-    rx_text_add(
-        dst, ", or by magnitude where a run has no such score; ap = &Sigma; (R<sub>n</sub> &minus; "
-             "R<sub>n&minus;1</sub>) P<sub>n</sub>, without interpolation.</p>\n<p>Every source, matched, "
-             "missed or false, is listed in matches_*.ecsv beside this page; all numbers are in summary.json "
-             "and bins.ecsv.</p>\n");
-}
-
-static void write_runs(rx_text *dst, const rx_report *r)
-{
-    rx_page_section(dst, "restorers", "Restorers");
-    static const char *const columns[] = {"run", "settings", "PSF", "noise of an aperture of area A",
-                                          "files"};
-    rx_page_table_begin(dst);
-    rx_page_row(dst, NULL);
-    for (size_t i = 0; i < sizeof columns / sizeof *columns; i++)
-        rx_page_head(dst, RX_LEFT, columns[i]);
-    rx_page_row_end(dst);
-    for (int run = 0; run < r->input->nruns; run++) {
-        const rx_qa_run *q = &r->input->runs[run];
-        rx_page_row(dst, NULL);
-        rx_page_cell_text(dst, q->name);
-        rx_page_cell_text(dst, q->settings);
-        rx_page_cell_text(dst, q->psf);
-        rx_text_printf(dst,
-                       "<td class=\"t\">%.3g &sigma; A<sup>%.3g</sup></td><td class=\"t\"><a "
-                       "href=\"matches_%s.ecsv\">matches</a> <a href=\"pr_%s.ecsv\">curve</a></td>",
-                       q->law_scale, q->law_power, r->stem[run], r->stem[run]);
-        rx_page_row_end(dst);
+    static const char *const settings[] = {
+        "run", "settings", "psf", "noise_law_scale", "noise_law_power", "pull_from", "matches", "curve"};
+    const rx_qa_input *input = p->q->input;
+    rx_report *report = p->report;
+    add_facts(report, p->q);
+    add_verdicts(p);
+    add_runs(p);
+    add_brief(p, !rx_log_is_short(files->log));
+    if (files->figures)
+        rx_qa_figures(rx_report_figures_of(report), p->q);
+    rx_report_section(report, "figures", "Figures");
+    rx_report_place(report, "picture");
+    rx_report_place(report, "plot-");
+    if (input->npictures > 0 && files->figures)
+        rx_report_note(report,
+                       "Pictures: the middle of the tile, one grey scale for all: asinh(p / 2&sigma;), "
+                       "&sigma; of the first picture, black at &minus;2&sigma;, white where 99.8 % of it is "
+                       "darker.");
+    show_summary(p);
+    show_gates(p);
+    show_counts(p);
+    show_noise(p);
+    show_spurious(p);
+    show_fluxes(p);
+    show_psf(p);
+    show_comparisons(p);
+    show_models(p);
+    show_bins(p);
+    show_reading(p);
+    rx_report_section(report, "restorers", "Restorers");
+    show_runs(p, COUNT(settings), settings);
+    if (input->nrecord > 0) {
+        rx_report_section(report, "record", "What made this report");
+        rx_report_record(report, input->nrecord, input->record);
     }
-    rx_page_table_end(dst);
-    rx_page_note(
-        dst,
-        "&sigma; is the noise of a pixel, A the area in pixels: 1 &sigma; A<sup>0.5</sup> are independent "
-        "pixels; what is restored is correlated, its errors grow faster with the aperture. Measured with "
-        "empty apertures where errors are calibrated.");
+    return rx_report_write(report, files, brief, err);
 }
 
-static void write_record(rx_text *dst, const rx_report *r)
+rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
+                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
-    if (r->input->nrecord == 0)
-        return;
-    rx_page_section(dst, "record", "What made this report");
-    rx_page_record(dst, r->input->nrecord, r->input->record);
-}
-
-static void write_contents(rx_text *dst, const rx_report *r, const rx_figures *figures)
-{
-    rx_page_links_begin(dst);
-    rx_page_link(dst, true, "summary", "Summary");
-    rx_page_link(dst, has_real(r), "noise", "Noise or sources");
-    rx_page_link(dst, has_fluxes(r), "flux-scale", "Flux scale");
-    rx_page_link(dst, r->input->psf.psf != NULL, "psf", "The PSF");
-    rx_page_link(dst, r->nresults > 0, "gates", "Gates");
-    rx_page_link(dst, true, "counts", "What was compared");
-    rx_page_link(dst, has_pictures(figures), "pictures", "Pictures");
-    rx_page_link(dst, true, "figures", "Figures");
-    rx_page_link(dst, true, "bins", "Tables");
-    rx_page_link(dst, r->ncomparisons > 0, "duel", "Comparison");
-    rx_page_link(dst, was_tested(r), "made-up", "Invented or real");
-    rx_page_link(dst, has_promises(r), "promise", "The model");
-    rx_page_link(dst, true, "reading", "How to read");
-    rx_page_link(dst, true, "restorers", "Restorers");
-    rx_page_link(dst, r->input->nrecord > 0, "record", "Record");
-    rx_page_links_end(dst);
-}
-
-void rx_report_html(rx_text *dst, const rx_report *r, const rx_figures *figures)
-{
-    rx_page_begin(dst, "QA report: ", r->input->tile);
-    rx_text_add(dst, "<p>against ");
-    rx_escape_html(dst, r->input->reference);
-    if (r->verdict != RX_VERDICT_NONE)
-        rx_text_printf(dst, " &middot; gates: <b class=\"v %s\">%s</b>", rx_verdict_name(r->verdict),
-                       rx_verdict_name(r->verdict));
-    rx_text_add(dst, "</p>\n");
-    write_contents(dst, r, figures);
-    write_fallbacks(dst, r);
-    write_summary(dst, r);
-    write_real(dst, r);
-    write_fluxes(dst, r);
-    rx_report_psf_page(dst, r, figures);
-    write_gates(dst, r);
-    write_counts(dst, r);
-    write_pictures(dst, figures);
-    write_figures(dst, figures);
-    write_tables(dst, r);
-    write_comparisons(dst, r);
-    write_made_up(dst, r);
-    write_promises(dst, r);
-    write_reading(dst, r);
-    write_runs(dst, r);
-    write_record(dst, r);
-    rx_page_end(dst);
+    const rx_report_files files = {
+        .folder = folder, .shown = shown, .figures = par->figures, .gnuplot = par->gnuplot, .log = log};
+    rx_qa_numbers numbers;
+    page p = {.q = &numbers, .report = rx_report_new("QA report: ", input->tile)};
+    rx_status status = rx_qa_numbers_make(par, input, &numbers, err);
+    if (status == RX_OK && p.report == NULL)
+        status = rx_error_memory(err, 0);
+    if (status == RX_OK) {
+        warn(&numbers, log);
+        status = write_page(&p, &files, brief, err);
+    }
+    if (status == RX_OK && verdict != NULL)
+        *verdict = numbers.verdict;
+    rx_report_free(p.report);
+    rx_qa_numbers_free(&numbers);
+    return status;
 }

@@ -225,6 +225,12 @@ void rx_report_show(rx_report *r, const rx_report_table *table, const rx_report_
         rx_report_table_brief(&r->brief, table, view);
 }
 
+void rx_report_show_brief(rx_report *r, const rx_report_table *table, const rx_report_view *view)
+{
+    if (table != NULL && !table->failed)
+        rx_report_table_brief(&r->brief, table, view);
+}
+
 /* --- files --- */
 
 static void write_json(rx_text *dst, const rx_report *r)
@@ -259,7 +265,7 @@ static void write_html(rx_text *dst, const rx_report *r)
         const size_t end = i < r->nplaces ? r->place[i].at : r->body.length;
         if (end > done)
             rx_text_add_bytes(dst, r->body.data + done, end - done);
-        if (i < r->nplaces)
+        if (i < r->nplaces && (i == 0 || r->figures.note[0] == '\0')) /* why there are none: once */
             rx_page_figures(dst, &r->figures, r->place[i].prefix);
         done = end;
     }
@@ -277,7 +283,7 @@ static rx_status write_tables(const rx_report *r, const rx_report_files *files, 
         status = rx_interrupt_check(err);
         if (status != RX_OK)
             break;
-        snprintf(name, sizeof name, "%s.ecsv", r->table[i].table->name);
+        snprintf(name, sizeof name, "%.*s.ecsv", (int)sizeof name - 6, r->table[i].table->name);
         rx_report_table_ecsv(&text, &r->table[i], r->nentries, r->entry);
         status = rx_report_file(files->folder, files->shown, name, &text, err);
     }

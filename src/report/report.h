@@ -29,14 +29,16 @@ typedef enum rx_report_kind {
     RX_REPORT_COUNT,
     RX_REPORT_NUMBER,
     RX_REPORT_ESTIMATE, /* files: <name>, <name>_low, <name>_high, <name>_n; JSON: an object of the four */
+    RX_REPORT_MEASURED, /* value and 1 sigma; files: <name> and <name>_error */
     RX_REPORT_P,        /* a p-value; files: <name> and its natural logarithm ln_<name> */
-    RX_REPORT_VERDICT   /* words in colour: RX_MARK_... of page.h, or the word before a space or comma */
+    RX_REPORT_VERDICT,  /* words in colour: RX_MARK_... of page.h, or the word before a space or comma */
+    RX_REPORT_FILE      /* words: a file beside the page, which has a link to it */
 } rx_report_kind;
 
 typedef struct rx_report_column {
     const char *name; /* a plain word: key of JSON, column of ECSV */
     rx_report_kind kind;
-    int digits;              /* after the point, on the page; files have nine significant ones */
+    int digits; /* on the page: after the point, below 0 significant ones; files have nine significant ones */
     const char *unit, *help; /* "" or NULL where there is nothing to say */
     const char *heading;     /* of the page; NULL: the name */
 } rx_report_column;
@@ -61,6 +63,11 @@ static inline rx_cell rx_cell_number(double number)
 static inline rx_cell rx_cell_estimate(rx_estimate estimate)
 {
     return (rx_cell){.estimate = estimate};
+}
+
+static inline rx_cell rx_cell_measured(double value, double error)
+{
+    return (rx_cell){.number = value, .estimate.value = error};
 }
 
 /* ln_p serves where p is below the smallest double. */
@@ -112,24 +119,33 @@ enum { RX_REPORT_IN_JSON = 1, RX_REPORT_IN_FILE = 2, RX_REPORT_EVERYWHERE = 3 };
 rx_report_table *rx_report_table_add(rx_report *report, const char *name, int ncolumns,
                                      const rx_report_column *columns, int where);
 void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns] */
+/* A row of words in the first column, if any (NULL: none), and numbers in all others. */
+void rx_report_numbers(rx_report_table *table, const char *words, const double *numbers);
 long rx_report_rows(const rx_report_table *table);
+/* An entry in the head of this table's file alone; one a table. */
+void rx_report_table_fact(rx_report_table *table, const char *name, const char *text);
 
 typedef struct rx_report_view {
-    long from, to;            /* rows */
-    long most;                /* of rows as they are: the page says how many there are, and where; 0: all */
-    int without_empty;        /* of rows as they are: columns that say nothing in any of them are left out */
+    long from, to;     /* rows; to 0: all from `from` on */
+    long most;         /* of rows as they are: the page says how many there are, and where; 0: all */
+    int without_empty; /* columns that say nothing in any row are left out, of a pivot such rows */
+    int turned;        /* rows as they are, side by side under the words of the first column: each other
+                                 column is a line, with its help */
     const char *title, *unit; /* NULL: none */
     const char *note;         /* words; NULL: none */
     int ncolumns;             /* shown ones; 0: all */
     const char *const *columns;
-    /* a pivot: words of `rows` (one column or two) against words of `across`, and in the middle `value` with so
-     * many digits; value NULL: the rows as they are */
+    /* a pivot: words or numbers of `rows` (one column or two) against words of `across`, and in the middle
+     * `value` with so many digits; value NULL: the rows as they are */
     const char *rows[2], *across[2], *value;
     int digits;
-    int in_brief; /* also for the terminal: values without intervals */
+    int in_brief;  /* also for the terminal */
+    int intervals; /* there: with those of estimates */
 } rx_report_view;
 
 void rx_report_show(rx_report *report, const rx_report_table *table, const rx_report_view *view);
+void rx_report_show_brief(rx_report *report, const rx_report_table *table,
+                          const rx_report_view *view); /* for the terminal alone */
 
 /* --- files --- */
 

@@ -22,7 +22,8 @@ struct rx_report_table {
     const rx_report_column *columns; /* not owned */
     int *first;                      /* [ncolumns] the first of its columns in `table` */
     int where;
-    long room; /* rows there is memory for */
+    long room;            /* rows there is memory for */
+    rx_report_entry fact; /* of its file alone; name NULL: none */
     bool failed;
 };
 

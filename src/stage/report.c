@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "check/quality.h"
+#include "report/qa_page.h"
 #include "stage/domain_facts.h"
 #include "stage/reference.h"
 

@@ -57,14 +57,6 @@ static const rx_report_column DICTIONARY[] = {
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
-static void add_numbers(rx_report_table *t, int n, const double *values)
-{
-    rx_cell row[COUNT(LOG)];
-    for (int i = 0; i < n; i++)
-        row[i] = rx_cell_number(values[i]);
-    rx_report_row(t, row);
-}
-
 static rx_report_table *add_log(rx_report *report, const rx_history *h)
 {
     rx_report_table *t = rx_report_table_add(report, "log", COUNT(LOG), LOG, RX_REPORT_EVERYWHERE);
@@ -87,7 +79,7 @@ static rx_report_table *add_log(rx_report *report, const rx_history *h)
                                            x->bias,
                                            x->scatter,
                                            x->validation};
-        add_numbers(t, COUNT(values), values);
+        rx_report_numbers(t, NULL, values);
     }
     return t;
 }
@@ -104,7 +96,7 @@ static void add_dictionary(rx_report *report, const rx_history *h, const rx_sele
             const double values[COUNT(DICTIONARY)] = {(double)e + 1, fwhm[0],   fwhm[1], sigma[0],
                                                       sigma[1],      x->loss,   x->list, x->train,
                                                       x->test,       x->recall, x->bias, x->scatter};
-            add_numbers(t, COUNT(values), values);
+            rx_report_numbers(t, NULL, values);
         }
 }
 

@@ -118,11 +118,10 @@ def sdss(restorers, folders):
         with open(f"{folder}/summary.json", encoding="utf-8") as file:
             runs = json.load(file)["runs"]
         for run in runs:
-            made_up = run.get("made_up")
-            if made_up:
-                print(f"\n{folder.removeprefix('qa_')} {run['name']}: precision {run['all']['precision']['value']:.3f}, "
-                      f"{made_up['marked']:g} marked ({made_up['per_mpixel']:.3g} per Mpixel), "
-                      f"{made_up['matched']:g} of them matched; precision without them {made_up['precision_without']:.3f}")
+            if run["spurious"] is not None:
+                print(f"\n{folder.removeprefix('qa_')} {run['run']}: precision {run['precision']['value']:.3f}, "
+                      f"{run['spurious']:g} marked ({run['spurious_per_mpixel']:.3g} per Mpixel), "
+                      f"{run['spurious_matched']:g} of them matched; precision without them {run['precision_without']:.3f}")
 
 
 if __name__ == "__main__":

@@ -146,7 +146,7 @@ def main():
     print("\n| run | isolated stars in wide apertures (mag) | without the sky's error (mag) |\n| --- | --- | --- |")
     with open("%s/stars/summary.json" % sys.argv[2], encoding="utf-8") as file:
         for run in json.load(file)["runs"]:
-            print("| %s | %s | %s |" % ((run["name"],) + re.search(
+            print("| %s | %s | %s |" % ((run["run"],) + re.search(
                 r"isolated ones in wide apertures (\S+ \(\S+\)), of these without the sky's error (\S+ \(\S+\))",
                 run["settings"]).groups()))
 

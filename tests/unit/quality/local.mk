@@ -7,6 +7,7 @@ check_PROGRAMS += \
 	tests/unit/quality/test_match \
 	tests/unit/quality/test_metrics \
 	tests/unit/quality/test_pr \
+	tests/unit/quality/test_qa_numbers \
 	tests/unit/quality/test_rho \
 	tests/unit/quality/test_tally \
 	tests/unit/quality/test_wilcoxon
@@ -18,6 +19,7 @@ tests_unit_quality_test_image_metrics_SOURCES = tests/unit/quality/test_image_me
 tests_unit_quality_test_match_SOURCES = tests/unit/quality/test_match.c
 tests_unit_quality_test_metrics_SOURCES = tests/unit/quality/test_metrics.c
 tests_unit_quality_test_pr_SOURCES = tests/unit/quality/test_pr.c
+tests_unit_quality_test_qa_numbers_SOURCES = tests/unit/quality/test_qa_numbers.c
 tests_unit_quality_test_rho_SOURCES = tests/unit/quality/test_rho.c
 tests_unit_quality_test_tally_SOURCES = tests/unit/quality/test_tally.c
 tests_unit_quality_test_wilcoxon_SOURCES = tests/unit/quality/test_wilcoxon.c

@@ -96,6 +96,12 @@ static void numbers_as_readers_want_them(void **state)
     assert_text(&text, "<td>0.50 <small>[0.25, &infin;] n=7</small></td>");
     rx_page_cell_estimate(&text, &(rx_estimate){NAN, 0, 1, 0}, 2);
     assert_text(&text, "<td>&ndash;</td>");
+    rx_page_cell_estimate(&text, &(rx_estimate){0, 0, 2.5, 0}, 1); /* a rate of which no event was seen */
+    assert_text(&text, "<td>0.0 <small>[0.0, 2.5] n=0</small></td>");
+    rx_page_cell_measured(&text, 1.25, 0.5, 2);
+    assert_text(&text, "<td>1.25 &plusmn; 0.50</td>");
+    rx_page_cell_measured(&text, 0.000123456, NAN, -4);
+    assert_text(&text, "<td>0.0001235</td>");
 }
 
 /* A page with everything on it, given hostile text. */
@@ -111,15 +117,16 @@ static void write_page(rx_text *page, const rx_figures *figures)
     rx_page_heading(page, HOSTILE, HOSTILE);
     rx_page_table_begin(page);
     rx_page_row(page, NULL);
-    rx_page_head(page, RX_LEFT, HOSTILE);
-    rx_page_head(page, RX_RIGHT, HOSTILE);
+    rx_page_head(page, RX_LEFT, HOSTILE, NULL);
+    rx_page_head(page, RX_RIGHT, HOSTILE, HOSTILE);
     rx_page_row_end(page);
     rx_page_row(page, RX_MARK_PALE);
     rx_page_cell_text(page, HOSTILE);
     rx_page_cell_text(page, "");
     rx_page_cell_count(page, 12);
     rx_page_cell_verdict(page, RX_MARK_GOOD, HOSTILE);
-    rx_page_cell_html(page, RX_RIGHT, "5 &sigma;");
+    rx_page_cell_file(page, HOSTILE);
+    rx_page_cell_title(page, HOSTILE, HOSTILE);
     rx_page_row_end(page);
     rx_page_table_end(page);
     rx_page_paragraph(page, "said");
@@ -371,31 +378,29 @@ static void ecsv_to_the_byte(void **state)
     rx_ecsv_meta_number(&table, "level", 0.95);
     rx_ecsv_column(&table, "name", RX_ECSV_TEXT, "", "of the method");
     rx_ecsv_column(&table, "kind", RX_ECSV_TEXT, "", "a word");
-    rx_ecsv_column(&table, "n", RX_ECSV_INT, "", "number");
-    rx_ecsv_column(&table, "off", RX_ECSV_INT, "", "no switch");
-    rx_ecsv_estimate_columns(&table, "psnr", "dB", "mean");
+    rx_ecsv_column(&table, "n", RX_ECSV_LONG, "", "number");
+    rx_ecsv_column(&table, "off", RX_ECSV_LONG, "", "no switch");
+    rx_ecsv_column(&table, "psnr", RX_ECSV_FLOAT, "dB", "mean");
+    rx_ecsv_column(&table, "high", RX_ECSV_FLOAT, "dB", "");
     rx_ecsv_columns_end(&table);
     rx_ecsv_text(&table, "R\"L, 1");
-    rx_ecsv_word(&table, "tuned");
+    rx_ecsv_text(&table, "tuned");
     rx_ecsv_count(&table, 3);
     rx_ecsv_count(&table, 0);
-    rx_ecsv_estimate(&table, &(rx_estimate){0.5, NAN, INFINITY, 7});
+    rx_ecsv_number(&table, NAN);
+    rx_ecsv_number(&table, INFINITY);
     rx_ecsv_row_end(&table);
     assert_text(&text,
                 "# %ECSV 1.0\n# ---\n# delimiter: ','\n# meta:\n#   tile: \"a\\\"b\"\n#   level: 0.95\n"
                 "# datatype:\n"
                 "# - {name: name, datatype: string, description: \"of the method\"}\n"
                 "# - {name: kind, datatype: string, description: \"a word\"}\n"
-                "# - {name: n, datatype: int32, description: \"number\"}\n"
-                "# - {name: 'off', datatype: int32, description: \"no switch\"}\n"
+                "# - {name: n, datatype: int64, description: \"number\"}\n"
+                "# - {name: 'off', datatype: int64, description: \"no switch\"}\n"
                 "# - {name: psnr, datatype: float64, unit: 'dB', description: \"mean\"}\n"
-                "# - {name: psnr_low, datatype: float64, unit: 'dB', description: \"lower end of the "
-                "interval\"}\n"
-                "# - {name: psnr_high, datatype: float64, unit: 'dB', description: \"upper end of the "
-                "interval\"}\n"
-                "# - {name: psnr_n, datatype: int64, description: \"sources behind psnr\"}\n"
-                "# schema: astropy-2.0\nname,kind,n,off,psnr,psnr_low,psnr_high,psnr_n\n"
-                "\"R\"\"L, 1\",tuned,3,0,0.5,nan,inf,7\n");
+                "# - {name: high, datatype: float64, unit: 'dB', description: \"\"}\n"
+                "# schema: astropy-2.0\nname,kind,n,off,psnr,high\n"
+                "\"R\"\"L, 1\",\"tuned\",3,0,nan,inf\n");
 }
 
 int main(void)

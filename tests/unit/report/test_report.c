@@ -16,7 +16,7 @@
 
 #include "base/interrupt.h"
 #include "base/random.h"
-#include "quality/qa.h"
+#include "report/qa_page.h"
 
 #include "../near.h"
 
@@ -203,10 +203,14 @@ static void other_programs_read_it(void **state)
     if (have("python3 -c 'import json' 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "python3 -c \"import json; d = json.load(open('%s/summary.json')); r = d['runs'][0];"
+                 "assert d['format'] == 'rextract-qa 2' and r['run'] == 'NONE' and d['metrics'][0]['metric'] "
+                 "== 'recall';"
                  "assert r['references'] + r['references_ignored'] == %d and 0.7 < "
-                 "r['all']['recall']['value'] < 1;"
-                 "assert r['all']['recall']['low'] < r['all']['recall']['value'];"
-                 "assert len(r['bins']) == 8 and d['verdict'] == 'NONE' and len(d['runs']) == %d;"
+                 "r['recall']['value'] < 1;"
+                 "assert r['recall']['low'] < r['recall']['value'];"
+                 "assert len([b for b in d['bins'] if b['run'] == 'NONE' and b['mag_low'] is not None]) == 8;"
+                 "assert [b['recall'] for b in d['bins'] if b['mag_low'] is None][0] == r['recall'];"
+                 "assert d['verdict'] == 'NONE' and len(d['runs']) == %d;"
                  "assert len(d['comparisons']) == 1 and d['record'][0]['value'] == 'NONE,RL'\"",
                  folder, N, RUNS);
         assert_int_equal(system(command), 0);
@@ -217,7 +221,8 @@ static void other_programs_read_it(void **state)
         snprintf(command, sizeof command,
                  "/usr/bin/python3 -c \"from astropy.table import Table; f = '%s/';"
                  "b = Table.read(f + 'bins.ecsv'); assert len(b) == %d * 9 and b['bias_mag'].unit == 'mag';"
-                 "m = Table.read(f + 'matches_NONE.ecsv'); k = m['state'] == 'matched';"
+                 "m = Table.read(f + 'matches_NONE.ecsv'); k = m['state'] == 'matched'; assert m.meta['run'] "
+                 "== 'NONE';"
                  "assert abs(m['x'][k] - m['x_ref'][k] - m['dx'][k]).max() < 1e-5;"
                  "assert (m['reference'] > 0).sum() == %d;"
                  "p = Table.read(f + 'pr_NONE.ecsv'); assert p['matched'][-1] == k.sum()\"",
@@ -238,7 +243,7 @@ static int occurrences(const char *text, const char *what)
 }
 
 /* 20 detections stand where nothing is, every second of them is marked, and so are 5 others. */
-static void made_up_sources_have_their_section(void **state)
+static void spurious_sources_have_their_section(void **state)
 {
     scene *s = *state;
     char folder[256], command[2048];
@@ -258,21 +263,22 @@ static void made_up_sources_have_their_section(void **state)
         assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
         char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
         char *table = slurp(folder, "matches_NONE.ecsv");
-        assert_int_equal(occurrences(page, "<h2 id=\"made-up\">Invented or real</h2>"), tested);
-        assert_int_equal(occurrences(page, "href=\"#made-up\""), tested);
-        assert_int_equal(occurrences(json, "\"made_up\""), tested); /* of the other run nothing is known */
+        assert_int_equal(occurrences(page, "<h2 id=\"spurious\">Spurious or real</h2>"), tested);
+        assert_int_equal(occurrences(page, "href=\"#spurious\""), tested);
+        assert_int_equal(occurrences(json, "\"spurious\": null"),
+                         RUNS - tested); /* of the other run nothing is known */
         assert_int_equal(occurrences(page, "<td>123.4</td><td>"), tested);
         assert_int_equal(occurrences(page, "<td>15</td>"), tested);
-        assert_int_equal(occurrences(table, "made_up"), 2); /* declaration and heading */
+        assert_int_equal(occurrences(table, "spurious"), 2); /* declaration and heading */
         free(page);
         free(json);
         free(table);
         snprintf(
             command, sizeof command,
-            "python3 -c \"import json; r = json.load(open('%s/summary.json'))['runs'][0]; m = r['made_up'];"
-            "assert m['marked'] == 15 and m['matched'] == 5 and m['per_mpixel'] == 123.4;"
-            "p = (r['matched'] - 5) / (r['detections'] - 15); assert abs(m['precision_without'] - p) < 1e-9;"
-            "assert p > r['all']['precision']['value'] + 0.01\"",
+            "python3 -c \"import json; r = json.load(open('%s/summary.json'))['runs'][0];"
+            "assert r['spurious'] == 15 and r['spurious_matched'] == 5 and r['spurious_per_mpixel'] == 123.4;"
+            "p = (r['matched'] - 5) / (r['detections'] - 15); assert abs(r['precision_without'] - p) < 1e-9;"
+            "assert p > r['precision']['value'] + 0.01\"",
             folder);
         if (tested && have("python3 -c 'import json' 2>/dev/null"))
             assert_int_equal(system(command), 0);
@@ -298,7 +304,7 @@ static void without_gnuplot(void **state)
         assert_non_null(strstr(told, programs[i]));
         assert_int_equal(count_files(folder, 0), FILES);
         char *page = slurp(folder, "report.html");
-        assert_non_null(strstr(page, "No figures"));
+        assert_int_equal(occurrences(page, "No figures"), 1);
         assert_null(strstr(page, "<svg"));
         free(page);
         count_files(folder, 1);
@@ -461,7 +467,7 @@ int main(void)
         TEST(without_gnuplot),
         TEST(gates_reach_the_verdict),
         TEST(names_that_collide),
-        TEST(made_up_sources_have_their_section),
+        TEST(spurious_sources_have_their_section),
         TEST(nothing_to_compare),
         TEST(folder_that_is_not_there),
         TEST(interruption_leaves_nothing),

@@ -108,7 +108,7 @@ static void one_table_in_all_files(void **state)
     holds(state, "cells.ecsv", ecsv);
     holds(state, "report.html", page);
     assert_string_equal(brief.data,
-                        "recall\n                                   NET a run of a longer name? ?i?\n"
+                        "recall\n                                   NET a run of a longer name, <i>\n"
                         "FWHM 3                            0.50      0.25\n"
                         "FWHM 5                               -         -\n");
     rx_text_free(&brief);
@@ -195,6 +195,59 @@ static void pivots_of_two_keys(void **state)
     holds(state, "report.html", page);
 }
 
+/* One row a run, turned: a line for each column that says something, with its help; a link, a value with its error. A
+ * pivot whose rows are numbers, those that say nothing left out. In the terminal columns are as wide as their words. */
+static void tables_turned(void **state)
+{
+    static const rx_report_column columns[] = {
+        {.name = "run"},
+        {"flux", RX_REPORT_MEASURED, 2, "adu", "of all <b>", "light"},
+        {.name = "list", .kind = RX_REPORT_FILE},
+        {"nothing", RX_REPORT_NUMBER, 0, "", "", NULL},
+        {"mag", RX_REPORT_NUMBER, -4, "mag", "", NULL},
+        {"share", RX_REPORT_ESTIMATE, -2, "", "", NULL},
+    };
+    static const char *const page[] = {
+        "<tr><th class=\"t\">run</th><th class=\"t\"></th><th>NET</th><th>RL</th></tr>\n"
+        "<tr class=\"u\"><td class=\"t\"><b>light</b> [adu]</td><td class=\"t\">of all "
+        "&lt;b&gt;</td><td>1.50 "
+        "&plusmn; 0.25</td><td>2.50</td></tr>\n"
+        "<tr class=\"u\"><td class=\"t\"><b>list</b></td><td class=\"t\">&ndash;</td><td class=\"t\"><a "
+        "href=\"a.ecsv\">a.ecsv</a></td>",
+        "<th>mag [mag]</th><th>NET</th><th>RL</th></tr>\n<tr><td>18.25</td><td>0.5 <small>[0.25, 0.75] "
+        "n=4</small></td><td class=\"t\">&ndash;</td></tr>\n</table>",
+        NULL};
+    static const char *const ecsv[] = {
+        "# meta:\n#   of: \"a \\\"t\\\"\"\n",
+        "run,flux,flux_error,list,nothing,mag,share,share_low,share_high,share_n\n",
+        "\"NET\",1.5,0.25,\"a.ecsv\",nan,18.25,0.5,0.25,0.75,4\n", NULL};
+    static const char *const names[] = {"run", "mag", "share"};
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    rx_text brief = {0};
+    rx_report *r = rx_report_new("", "x");
+    rx_report_table *t = rx_report_table_add(r, "t", 6, columns, RX_REPORT_EVERYWHERE);
+    rx_report_table_fact(t, "of", "a \"t\"");
+    rx_report_row(t, (rx_cell[]){rx_cell_words("NET"), rx_cell_measured(1.5, 0.25), rx_cell_words("a.ecsv"),
+                                 rx_cell_number(NAN), rx_cell_number(18.25),
+                                 rx_cell_estimate((rx_estimate){0.5, 0.25, 0.75, 4})});
+    rx_report_row(t, (rx_cell[]){rx_cell_words("RL"), rx_cell_measured(2.5, NAN), rx_cell_words(""),
+                                 rx_cell_number(NAN), rx_cell_number(19), rx_cell_estimate(none)});
+    rx_report_show(r, t, &(rx_report_view){.turned = 1, .without_empty = 1});
+    rx_report_show(
+        r, t,
+        &(rx_report_view){
+            .rows = {"mag"}, .across = {"run"}, .value = "share", .digits = -2, .without_empty = 1});
+    rx_report_show_brief(r, t, &(rx_report_view){.ncolumns = 3, .columns = names, .intervals = 1});
+    write_report(state, r, &brief);
+    rx_report_free(r);
+    holds(state, "report.html", page);
+    holds(state, "t.ecsv", ecsv);
+    assert_string_equal(brief.data, "run    mag                 share\n"
+                                    "NET  18.25  0.5 [0.25, 0.75] n=4\n"
+                                    "RL      19                     -\n");
+    rx_text_free(&brief);
+}
+
 /* What a page leaves out of the rows as they are: those beyond `most`, columns that say nothing; a long whole
  * number keeps its digits. */
 static void what_a_page_leaves_out(void **state)
@@ -265,6 +318,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(tables_stand_where_they_are_asked_for, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(tables_grow, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(pivots_of_two_keys, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(tables_turned, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(what_a_page_leaves_out, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(figures_are_kept, make_scratch, remove_scratch),
         cmocka_unit_test(a_folder_that_is_not_there),

@@ -1,20 +1,13 @@
 /* The record that goes into headers: cards of 80 characters, nothing that depends on threads. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "../near.h"
+#include "../scratch.h"
+
+#include <math.h>
+
 #include "base/printable.h"
 #include "io/fits_read.h"
 #include "psf/psf.h"
-#include "report/qa_writers.h"
+#include "report/qa_page.h"
 #include "stage/provenance.h"
 #include "stage/tile_facts.h"
 
@@ -112,7 +105,6 @@ static void cards_are_whole(void **state)
 /* Header, report, summary.json and the tile's record say the same mean error of fluxes from the PSF, local errors and all. */
 static void one_error_of_the_psf(void **state)
 {
-    (void)state;
     rx_psf psf = {.fwhm = 3.0, .quality = {.how = "PIXELS", .radius = 20.0, .flux_error = 0.003}};
     psf.quality.flux_errors[0][0] = 0.05;
     psf.quality.flux_errors[4][2] = 0.02;
@@ -124,23 +116,23 @@ static void one_error_of_the_psf(void **state)
     assert_near(strtod(find(&cards, "RXPSFERX"), NULL), hypot(0.003, 0.05), 5.1e-6);
     rx_record_free(&cards);
 
-    const rx_qa_input input = {.psf = {.psf = &psf}};
-    const rx_report report = {.input = &input};
-    const rx_figures none = {0};
-    rx_text page = {0}, summary = {0};
-    rx_json json = rx_json_on(&summary);
-    rx_report_psf_page(&page, &report, &none);
+    const rx_qa_input input = {
+        .tile = "t", .reference = "r", .width = 100, .height = 100, .psf = {.psf = &psf}};
+    const rx_qa_params params = {.match_radius = 1.0};
+    char path[1024], *page = NULL, *summary = NULL;
+    assert_int_equal(rx_qa_report(&params, &input, *state, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    path_in(state, "report.html", path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &page, NULL, NULL), RX_OK);
     snprintf(text, sizeof text, "relative error of fluxes from it</td><td>%.4f</td>", mean);
-    if (strstr(page.data, text) == NULL)
-        fail_msg("'%s' is not in '%s'", text, page.data);
-    rx_json_object(&json, NULL, false);
-    rx_report_psf_json(&json, &report);
-    rx_json_end(&json);
-    const char *said = strstr(summary.data, "\"flux_error\": ");
+    if (strstr(page, text) == NULL)
+        fail_msg("'%s' is not in '%s'", text, page);
+    path_in(state, "summary.json", path);
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &summary, NULL, NULL), RX_OK);
+    const char *said = strstr(summary, "\"flux_error\": ");
     assert_non_null(said);
     assert_near(strtod(said + strlen("\"flux_error\": "), NULL), mean, 1e-6);
-    rx_text_free(&page);
-    rx_text_free(&summary);
+    free(page);
+    free(summary);
 
     rx_tile tile = {.width = 100, .height = 100};
     rx_background plain = {0};
@@ -158,7 +150,7 @@ int main(void)
         cmocka_unit_test(the_run_is_recorded_without_threads),
         cmocka_unit_test(cards_are_whole),
         cmocka_unit_test(history_is_lossless),
-        cmocka_unit_test(one_error_of_the_psf),
+        cmocka_unit_test_setup_teardown(one_error_of_the_psf, make_scratch, remove_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

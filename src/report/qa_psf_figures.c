@@ -1,0 +1,195 @@
+/* The PSF in the figures of the QA report: what stars that it was not fitted to say of it. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "data/psf.h"
+#include "num/stats.h"
+#include "report/qa_figures.h"
+
+enum { PICTURE_SIDE = 300, FEW = 5, SHAPES = 3 };
+static const char *const NAMES[SHAPES] = {"size", "de1", "de2"};
+
+/* That most residuals of stars do not exceed: of size, or of both parts of the ellipse. */
+static double reach_of(const rx_psf_judged *judged, bool ellipse)
+{
+    double *values = RX_NEW(double, 2 * (size_t)judged->nstars + 1), reach = 0.01;
+    size_t n = 0;
+    for (int i = 0; i < judged->nstars && values != NULL; i++) {
+        values[n++] = fabs(judged->star[i].off[ellipse ? 1 : 0]);
+        if (ellipse)
+            values[n++] = fabs(judged->star[i].off[2]);
+    }
+    if (n > 0)
+        reach = fmax(1.3 * rx_quantile(values, n, 0.95), 1e-4);
+    free(values);
+    return reach;
+}
+
+/* Residuals against magnitude, of size or of the ellipse: every star, and means of FEW and more. */
+static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellipse)
+{
+    const rx_psf_judged *judged = q->input->psf.psf->judged;
+    const size_t n = (size_t)judged->nstars;
+    const int from = ellipse ? 1 : 0, to = ellipse ? SHAPES : 1;
+    double *mag = RX_NEW(double, (SHAPES + 1) * n + 1), first = HUGE_VAL, last = -HUGE_VAL;
+    double at[SHAPES][RX_QA_PSF_BINS], mean[SHAPES][RX_QA_PSF_BINS], low[SHAPES][RX_QA_PSF_BINS],
+        high[SHAPES][RX_QA_PSF_BINS];
+    rx_curve curves[1 + 2 * SHAPES];
+    int ncurves = 1;
+    if (mag == NULL) {
+        dst->script.failed = true;
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        mag[i] = rx_qa_star_mag(&q->input->psf, &judged->star[i]);
+        first = fmin(first, mag[i]);
+        last = fmax(last, mag[i]);
+        for (int k = from; k < to; k++)
+            mag[(size_t)(k + 1) * n + i] = judged->star[i].off[k];
+    }
+    const double reach = reach_of(judged, ellipse), ends[2] = {first - 0.3, last + 0.3}, zero[2] = {0.0, 0.0};
+    curves[0] = (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = zero};
+    for (int k = from; k < to; k++) {
+        int shown = 0;
+        for (int b = 0; b < q->npsf_bins; b++) {
+            const rx_qa_psf_bin *bin = &q->psf_bin[b];
+            if (bin->n < FEW)
+                continue;
+            at[k][shown] = bin->mag + 0.02 * (k - from);
+            mean[k][shown] = bin->mean[k];
+            low[k][shown] = bin->mean[k] - bin->error[k];
+            high[k][shown++] = bin->mean[k] + bin->error[k];
+        }
+        curves[ncurves++] = (rx_curve){.name = NAMES[k],
+                                       .kind = RX_CURVE_POINTS,
+                                       .color = k - from,
+                                       .n = (long)n,
+                                       .x = mag,
+                                       .y = mag + (size_t)(k + 1) * n};
+        curves[ncurves++] = (rx_curve){.kind = RX_CURVE_BARS,
+                                       .color = k - from,
+                                       .n = shown,
+                                       .x = at[k],
+                                       .y = mean[k],
+                                       .low = low[k],
+                                       .high = high[k]};
+    }
+    rx_figure_add(dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
+                  ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
+                  ellipse
+                      ? "The same of e1 and e2."
+                      : "Reserved stars, and means of 5 and more with 1 sigma. A slope is a detector whose "
+                        "stars grow with brightness, or a sky that is wrong.",
+                  RX_FIGURE_CHART);
+    rx_plot_curves(dst,
+                   &(rx_axes){.xlabel = "magnitude",
+                              .ylabel = ellipse ? "de1, de2" : "dT/T",
+                              .x0 = ends[0],
+                              .x1 = ends[1],
+                              .y0 = -reach,
+                              .y1 = reach},
+                   ncurves, curves);
+    free(mag);
+}
+
+/* Residuals over the tile: the colour is that of the size, the whisker that of the ellipse: as long as
+ * |de| = hypot(de1, de2), along its major axis. */
+static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
+{
+    const rx_psf_judged *judged = q->input->psf.psf->judged;
+    const double size = reach_of(judged, false), ellipse = reach_of(judged, true);
+    const double side = fmax(q->input->width, q->input->height), length = 0.1 * side / ellipse;
+    char reading[320];
+    snprintf(
+        reading, sizeof reading,
+        "Colour: blue stars are smaller than the PSF, red ones larger. Whiskers: residual ellipses along "
+        "their major axis; one of %.2g is as long as 10 %% of the tile's longer side. Colours or whiskers "
+        "that flock are a PSF that varies in another way than the model.",
+        ellipse);
+    rx_figure_add(dst, "psf-map", "Stars - PSF over the tile", reading, RX_FIGURE_CHART);
+    rx_plot_begin(
+        dst,
+        &(rx_axes){.xlabel = "X_IMAGE", .ylabel = "Y_IMAGE", .x1 = q->input->width, .y1 = q->input->height});
+    rx_text_add(&dst->script, "$stars << EOD\n");
+    for (int i = 0; i < judged->nstars; i++) {
+        const rx_psf_star *s = &judged->star[i];
+        const double half = 0.5 * length * hypot(s->off[1], s->off[2]),
+                     angle = 0.5 * atan2(s->off[2], s->off[1]);
+        const double values[] = {s->x + 1.0, s->y + 1.0, s->off[0], half * cos(angle), half * sin(angle)};
+        for (size_t k = 0; k < sizeof values / sizeof *values; k++)
+            rx_plot_value(&dst->script, values[k]);
+        rx_text_add(&dst->script, "\n");
+    }
+    rx_text_printf(
+        &dst->script,
+        "nan nan nan nan nan\nEOD\nset palette defined (-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')\nset "
+        "cbrange [%.4g:%.4g]\nset colorbox\nset cblabel 'dT/T'\nset size ratio -1\nplot $stars using "
+        "($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb '#404040' lw 1.6 notitle, $stars using "
+        "1:2:3 with points pt 7 ps 0.9 palette notitle\nset size noratio\nunset cblabel\nset cbrange "
+        "[*:*]\nset palette gray\n",
+        -size, size);
+}
+
+static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
+{
+    const double wrong = 0.01;
+    const size_t n = (size_t)judged->nradii;
+    double *x = RX_NEW(double, 4 * n + 1), *y = x + n, *low = y + n, *high = low + n, most = 2.0 * wrong,
+           last = 1.0;
+    if (x == NULL) {
+        dst->script.failed = true;
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const rx_psf_growth *g = &judged->growth[i];
+        x[i] = last = g->radius;
+        y[i] = g->stars - g->psf;
+        low[i] = y[i] - g->error;
+        high[i] = y[i] + g->error;
+        if (g->error < wrong)
+            most = fmax(most, 1.5 * fabs(y[i]));
+    }
+    const double ends[2] = {0.0, last}, up[2] = {wrong, wrong}, down[2] = {-wrong, -wrong};
+    const rx_curve curves[] = {{.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = up},
+                               {.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = down},
+                               {.name = "stars - PSF",
+                                .kind = RX_CURVE_BAND,
+                                .color = 0,
+                                .n = (long)n,
+                                .x = x,
+                                .y = y,
+                                .low = low,
+                                .high = high}};
+    rx_figure_add(
+        dst, "psf-growth", "Curve of growth, stars - PSF",
+        "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the sky's "
+        "error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the largest "
+        "difference of the table is from radii with errors below 1 %.",
+        RX_FIGURE_CHART);
+    rx_plot_curves(
+        dst,
+        &(rx_axes){
+            .xlabel = "radius [pixels]", .ylabel = "share of the light", .x1 = last, .y0 = -most, .y1 = most},
+        3, curves);
+    free(x);
+}
+
+void rx_qa_psf_figures(rx_figures *dst, const rx_qa_numbers *q)
+{
+    const rx_psf *psf = q->input->psf.psf;
+    if (psf == NULL || psf->judged == NULL)
+        return;
+    if (psf->judged->nstars > 0) {
+        magnitude_figure(dst, q, false);
+        magnitude_figure(dst, q, true);
+        map_figure(dst, q);
+    }
+    if (psf->judged->nradii > 0)
+        growth_figure(dst, psf->judged);
+    rx_figure_add(dst, "psf-residual", "Stacked stars - PSF",
+                  "grey is 0, black -2 %, white 2 % of the PSF's peak.", RX_FIGURE_PICTURE);
+    rx_plot_picture(dst, psf->judged->side, psf->judged->side, psf->judged->residual, -0.02, 0.02, 0.0,
+                    PICTURE_SIDE);
+}
