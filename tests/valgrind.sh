@@ -18,11 +18,9 @@ trap 'exit 2' INT TERM HUP
 log=$build/valgrind.log
 passed=0 failed=0 skipped=0
 export srcdir="$top" RX_BUILD_DIR="$build" RX_SHARED_DATA="${RX_SHARED_DATA-}" CMOCKA_MESSAGE_OUTPUT=TAP OMP_WAIT_POLICY=passive OMP_NUM_THREADS=2
-# Of code that oneDNN makes as it runs valgrind's translator bears short pieces only, and SSE over twice as fast as AVX. The
-# network's own kernels (nn/direct) are seen where AVX2 is let.
-let_use() {
-    export DNNL_MAX_CPU_ISA="$1" ONEDNN_MAX_CPU_ISA="$1"
-}
+# Of code that oneDNN makes as it trains valgrind's translator bears short pieces only, and SSE over twice as fast as AVX. The
+# network's own kernels (nn/direct) go by what valgrind says of the processor: AVX2.
+export DNNL_MAX_CPU_ISA=SSE41 ONEDNN_MAX_CPU_ISA=SSE41
 : >"$log"
 
 # sep_extract() 1.2.1 loses two arrays a call (tests/lsan.supp).
@@ -77,10 +75,6 @@ check() {
 
 # check_unit TEST
 check_unit() {
-    case $1 in
-    */test_direct*) let_use AVX2 ;;
-    *) let_use SSE41 ;;
-    esac
     watched "./$1"
     code=$?
     if { [ $code != 124 ] && [ $code != 137 ]; } || [ -n "$(find "$scratch" -name '*.log' -size +0)" ]; then
@@ -103,7 +97,6 @@ check_unit() {
 }
 
 tiles() {
-    let_use SSE41
     (cd "$scratch" && "$build/tests/cli/make_fits" tile tile.fits && "$build/tests/cli/make_fits" small small.fits &&
         "$build/tests/cli/make_fits" table ref.fits) || exit 2
     cd "$scratch" || exit 2
@@ -117,7 +110,6 @@ tiles() {
     set -- "$build/rextract" "$top/tests/data/sim.fits.fz[101:164,101:164]" "$@"
     check 'templates of a restored tile' "$@" -RESTORE_TYPE RL -PARAMETERS_NAME "$top/config/template.param"
     shift 2
-    let_use AVX2
     set -- "$build/rextract" small.fits "$@" # 64 x 48 pixels
     check 'the network, BLIND' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet-blind.fits"
     check 'the network, INFORMED' "$@" -RESTORE_TYPE NET -NET_MODEL "$top/config/psfnet.fits"

@@ -1,44 +1,19 @@
-/* Convolutions of a band of rows: which there are, and their weights. */
+/* Convolutions of a band of rows: the plain kernel, which others there are, and their weights. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/direct_parts.h"
+#include "nn/direct_kernels.h"
 
-/* The widest vectors that this processor has for planes of those reals; NULL: none. */
-static const rx_direct_kernels *kernels_of(rx_real x, rx_real y)
+/* Reals as the plain kernel reads and writes them. */
+static float real_at(const rx_plane *plane, size_t at)
 {
-    const int floats = x == RX_REAL_F32 && y == RX_REAL_F32;
-    const int wide = floats ? rx_dnn_has_avx512() : rx_dnn_has_bf16();
-    if (wide && rx_direct_avx512() != NULL)
-        return rx_direct_avx512();
-    return floats && rx_dnn_has_avx2() ? rx_direct_avx2() : NULL;
-}
-
-static void measure(const rx_conv_shape *s, int fine, rx_direct *d)
-{
-    d->kernels = kernels_of(s->x, s->y);
-    d->shape = *s;
-    d->fine = fine;
-    d->words = s->in * (int)rx_real_bytes(s->x) / (int)sizeof(float);
-    d->step = s->stride * d->words;
-    d->winograd = s->fast && !fine && s->kernel == 3 && s->stride == 1 && s->x == RX_REAL_F32 &&
-                  s->in <= MOST_IN && s->height % 2 == 0;
-    d->blocks = d->kernels != NULL && s->out % (2 * d->kernels->lanes) == 0 ? 2 : 1;
-}
-
-int rx_direct_can(const rx_conv_shape *shape, int fine)
-{
-    rx_direct d;
-    if (!shape->band || shape->backward || shape->in % 2 != 0)
-        return 0;
-    measure(shape, fine, &d);
-    if (d.kernels == NULL)
-        return 0;
-    if (fine)
-        return shape->in % 8 == 0 && shape->out == FINE && shape->stride == 1 && shape->y == RX_REAL_F32 &&
-               !shape->sum;
-    return shape->out % d.kernels->lanes == 0 && (d.winograd || d.kernels->has_rows(&d));
+    float value;
+    if (plane->real == RX_REAL_F32)
+        return ((const float *)plane->data)[at];
+    const uint32_t bits = (uint32_t)((const uint16_t *)plane->data)[at] << 16;
+    memcpy(&value, &bits, sizeof value);
+    return value;
 }
 
 /* The nearest bfloat16 (even). */
@@ -49,12 +24,96 @@ static uint16_t narrow(float value)
     return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
 }
 
+static void run_plain(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
+                      rx_direct_area area)
+{
+    const rx_conv_shape *s = &d->shape;
+    const size_t in = (size_t)s->in, out = (size_t)s->out, span = (size_t)s->kernel * in;
+    for (int v = area.first; v < area.last; v++)
+        for (int u = area.left; u < area.right; u++)
+            for (size_t o = 0; o < out; o++) {
+                const float *w = (const float *)d->weights + o * (size_t)s->kernel * span;
+                const size_t to = ((size_t)v * (size_t)y->width + (size_t)u) * out + o;
+                double sum = d->bias[o];
+                for (int k = 0; k < s->kernel; k++, w += span) {
+                    const size_t from = ((size_t)(v * s->stride + k) * (size_t)x->width +
+                                         (size_t)(u * s->stride - s->before)) *
+                                        in;
+                    if (x->real == RX_REAL_F32)
+                        for (size_t i = 0; i < span; i++)
+                            sum += (double)w[i] * ((const float *)x->data)[from + i];
+                    else
+                        for (size_t i = 0; i < span; i++)
+                            sum += (double)w[i] * real_at(x, from + i);
+                }
+                if (add != NULL)
+                    sum += real_at(add, to);
+                const float value = s->relu && sum < 0 ? 0 : (float)sum;
+                if (y->real == RX_REAL_F32)
+                    ((float *)y->data)[to] = value;
+                else
+                    ((uint16_t *)y->data)[to] = narrow(value);
+            }
+}
+
+static const rx_direct_kernels plain = {.name = "plain C", .lanes = 1, .bf16 = 1, .wide = run_plain};
+
+static int has_bf16(const rx_direct_kernels *kernels)
+{
+    return kernels != NULL && kernels->bf16;
+}
+
+int rx_direct_has_bf16(void)
+{
+    return has_bf16(rx_direct_avx512());
+}
+
+/* The widest of at most `lanes` (0: any) for planes of those reals of which `count` numbers fill vectors. */
+static const rx_direct_kernels *kernels_for(rx_real x, rx_real y, int count, int lanes)
+{
+    const rx_direct_kernels *all[] = {rx_direct_avx512(), rx_direct_avx2(), rx_direct_vector()};
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
+        if (all[i] != NULL && (lanes == 0 || all[i]->lanes <= lanes) && count % all[i]->lanes == 0 &&
+            ((x == RX_REAL_F32 && y == RX_REAL_F32) || all[i]->bf16))
+            return all[i];
+    return &plain;
+}
+
+const char *rx_direct_name(void)
+{
+    return kernels_for(RX_REAL_F32, RX_REAL_F32, MOST_LANES, 0)->name;
+}
+
+static void measure(const rx_conv_shape *s, rx_direct_options options, rx_direct *d)
+{
+    /* two bfloat16 are a word, and a fine one's inputs are the lanes */
+    const int odd = s->x == RX_REAL_BF16 && s->in % 2 != 0;
+    d->kernels = odd ? &plain : kernels_for(s->x, s->y, options.fine ? MOST_LANES : s->out, options.lanes);
+    d->shape = *s;
+    d->fine = options.fine;
+    d->words = d->kernels->lanes > 1 ? s->in * (int)rx_real_bytes(s->x) / (int)sizeof(float) : s->in;
+    d->step = s->stride * d->words;
+    d->winograd = options.winograd && d->kernels->lanes > 1 && !d->fine && s->kernel == 3 && s->stride == 1 &&
+                  s->x == RX_REAL_F32 && s->in <= MOST_IN && s->height % 2 == 0;
+    d->blocks = d->kernels->lanes > 1 && s->out % (2 * d->kernels->lanes) == 0 ? 2 : 1;
+}
+
+int rx_direct_can_fine(const rx_conv_shape *shape)
+{
+    return shape->in % 8 == 0 && shape->out == FINE && shape->stride == 1 && shape->y == RX_REAL_F32 &&
+           !shape->sum && kernels_for(shape->x, shape->y, MOST_LANES, 0) != &plain;
+}
+
 static void put(const rx_direct *d, size_t word, int half, float value)
 {
+    const uint16_t nearest = narrow(value);
     if (d->shape.x == RX_REAL_F32)
         ((float *)d->weights)[word] = value;
+    else if (d->kernels->lanes > 1)
+        ((uint16_t *)d->weights)[2 * word + (size_t)half] = nearest;
     else
-        ((uint16_t *)d->weights)[2 * word + (size_t)half] = narrow(value);
+        ((float *)d->weights)[word] =
+            real_at(&(rx_plane){.data = (void *)(size_t)&nearest, .real = RX_REAL_BF16}, 0);
 }
 
 /* Where the weight from channel i to o at place (v, u) of the kernel goes, in words. */
@@ -119,13 +178,13 @@ static void load(rx_direct *d, const float *weights, const float *bias)
                     put(d, place(d, o, v, u, i / per_word), i % per_word, *weights++);
 }
 
-rx_status rx_direct_new(const rx_conv_shape *shape, int fine, const float *weights, const float *bias,
-                        rx_direct **dst, rx_error *err)
+rx_status rx_direct_new(const rx_conv_shape *shape, rx_direct_options options, const float *weights,
+                        const float *bias, rx_direct **dst, rx_error *err)
 {
     rx_direct *d = *dst = RX_NEW(rx_direct, 1);
     if (d == NULL)
         return rx_error_memory(err, sizeof *d);
-    measure(shape, fine, d);
+    measure(shape, options, d);
     /* the lanes that a row of the kernel does not fill are 0 */
     const size_t span = (size_t)(shape->kernel * d->words) + MOST_LANES;
     const size_t words = d->winograd ? (size_t)(POINTS * shape->in) * (size_t)shape->out
@@ -150,6 +209,11 @@ void rx_direct_free(rx_direct *direct)
     free(direct);
 }
 
+int rx_direct_lanes(const rx_direct *direct)
+{
+    return direct->kernels->lanes;
+}
+
 size_t rx_direct_scratch(void)
 {
     return (size_t)(POINTS * SUMS) * (MOST_IN + MOST_LANES);
@@ -168,12 +232,11 @@ void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *a
 
 int rx_direct_can_up2(const rx_plane *src, const rx_plane *dst)
 {
-    const rx_direct_kernels *kernels = kernels_of(src->real, dst->real);
-    return kernels != NULL && src->channels % kernels->lanes == 0;
+    return kernels_for(src->real, dst->real, src->channels, 0) != &plain;
 }
 
 void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
                    rx_direct_area area)
 {
-    kernels_of(src->real, dst->real)->up2(src, add, relu, dst, area);
+    kernels_for(src->real, dst->real, src->channels, 0)->up2(src, add, relu, dst, area);
 }

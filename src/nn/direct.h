@@ -1,31 +1,44 @@
-/* Convolutions of a band of rows on AVX-512, or on AVX2 with fused multiply-add (floats alone); bfloat16
- * needs the instructions for it.
+/* Convolutions of a band of rows: the network's kernels. No planes to be padded or rearranged, nothing compiled
+ * at run time, and only the pixels that are asked for, with their sum, cut and rounding on the way. Values do
+ * not depend on which pixels are asked for. For a band there is no border above and below: y has only rows
+ * that see all theirs in x.
  *
- * What oneDNN does, by the definition (nn/dnn.h), for shapes of a band whose channels fill vectors: no
- * planes to be padded or rearranged, nothing compiled at run time, and only the pixels that are asked for,
- * with their sum, cut and rounding on the way. The values agree with oneDNN's to rounding and do not depend
- * on which pixels are asked for.
+ * The plain kernel, C by the definition with sums in double, is the fallback for every shape and every machine,
+ * and what the others are held against (tests/unit/nn/test_direct.c). These work on vectors of 4 floats (GCC's
+ * vector extensions: NEON, SSE2), 8 (AVX2 with fused multiply-add) or 16 (AVX-512, and its instructions for
+ * bfloat16), the widest that the processor has and that outputs fill:
  *
- *   - wide: outputs a multiple of a vector's lanes (16, 8). Registers hold the sums of pixels side by
- *     side, and a word of the input (one float or two bfloat16) is given to all lanes.
+ *   - wide: outputs a multiple of a vector's lanes. Registers hold the sums of pixels side by side, and a word
+ *     of the input (one float or two bfloat16) is given to all lanes.
+ *   - Winograd's algorithm (arXiv 1509.09308) for 3x3 kernels on floats: 2.25 times fewer multiplications, the
+ *     same bits only for areas that begin on the same multiples of two pixels.
  *   - fine: 4 outputs, which are the 2x2 pixels of a plane of one channel at twice the size. Lanes are
  *     inputs, summed up at the end.
  */
 #ifndef RX_NN_DIRECT_H
 #define RX_NN_DIRECT_H
 
-#include "nn/layers.h"
+#include "base/error.h"
+#include "nn/plane.h"
 
 typedef struct rx_direct rx_direct; /* packed weights; only read when it runs */
 
-/* Whether this processor does it (as far as oneDNN is let: ONEDNN_MAX_CPU_ISA), for a shape with `band` and
- * without `backward`; fine: as above. */
-int rx_direct_can(const rx_conv_shape *shape, int fine);
+typedef struct rx_direct_options {
+    int fine;     /* rx_direct_can_fine() */
+    int winograd; /* where it can be had */
+    int lanes;    /* of vectors at most, 1: the plain kernel; 0: as the processor has them */
+} rx_direct_options;
+
+int rx_direct_can_fine(const rx_conv_shape *shape);
+
+int rx_direct_has_bf16(void);     /* 1: this processor multiplies bfloat16 itself */
+const char *rx_direct_name(void); /* of its widest vectors */
 
 /* weights [out][in][k][k], bias [out]; both are copied. Errors: RX_SYSTEM (memory). */
-rx_status rx_direct_new(const rx_conv_shape *shape, int fine, const float *weights, const float *bias,
-                        rx_direct **dst, rx_error *err);
-void rx_direct_free(rx_direct *direct); /* NULL is fine */
+rx_status rx_direct_new(const rx_conv_shape *shape, rx_direct_options options, const float *weights,
+                        const float *bias, rx_direct **dst, rx_error *err);
+void rx_direct_free(rx_direct *direct);       /* NULL is fine */
+int rx_direct_lanes(const rx_direct *direct); /* of the vectors that it works on */
 
 /* Columns [left, right) of rows [first, last) of y = relu?(add? + b + sum w x). The first row of x is the
  * first that row 0 of y reads. For fine, y is the plane of twice the size, while columns and rows are those

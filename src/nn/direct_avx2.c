@@ -1,5 +1,5 @@
 /* Kernels for vectors of 8 floats: AVX2 with its fused multiply-add. */
-#include "nn/direct_parts.h"
+#include "nn/direct_kernels.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
 #include <immintrin.h>
@@ -102,7 +102,8 @@ PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, floa
 
 const rx_direct_kernels *rx_direct_avx2(void)
 {
-    return __builtin_cpu_supports("fma") ? &kernels : NULL;
+    static const rx_direct_kernels kernels = KERNELS("AVX2", 0);
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? &kernels : NULL;
 }
 
 #else

@@ -1,5 +1,5 @@
 /* Kernels for vectors of 16 floats: AVX-512, and its instructions for bfloat16 where planes hold that. */
-#include "nn/direct_parts.h"
+#include "nn/direct_kernels.h"
 
 #if defined(__x86_64__) && defined(__GNUC__) && defined(__has_include)
 #if __has_include(<avx512bf16intrin.h>)
@@ -121,7 +121,12 @@ PART void fine_pixels(const rx_direct *d, const word *x, size_t row, int n, floa
 
 const rx_direct_kernels *rx_direct_avx512(void)
 {
-    return &kernels;
+    static const rx_direct_kernels kernels = KERNELS("AVX-512", 0),
+                                   with_bf16 = KERNELS("AVX-512 with bfloat16", 1);
+    if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512bw") ||
+        !__builtin_cpu_supports("avx512vl") || !__builtin_cpu_supports("avx512dq"))
+        return NULL;
+    return __builtin_cpu_supports("avx512bf16") ? &with_bf16 : &kernels;
 }
 
 #else

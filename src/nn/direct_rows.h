@@ -26,30 +26,37 @@ typedef struct run {
     const float *weights, *bias;
 } run;
 
+/* How a row is made: vectors of outputs side by side, words from one output's input to the next one's, reals of x.
+ * Constants to the compiler. */
+typedef struct way {
+    int blocks, step, bf16;
+} way;
+
 /* One word of each pixel that n outputs of a kernel of 3 columns read, from x on: each is loaded once. */
-PART void three_columns(const word *x, const float *w, size_t column, int n, int blocks, int step, int bf16,
-                        vector *sum)
+PART void three_columns(const word *x, const float *w, size_t column, int n, way how, vector *sum)
 {
+    const int blocks = how.blocks;
     vector weight[6];
 #pragma GCC unroll 6
     for (int k = 0; k < 3 * blocks; k++)
         weight[k] = v_load(w + (size_t)(k / blocks) * column + LANES * (k % blocks));
 #pragma GCC unroll 26
     for (int q = 0; q < n + 2; q++) {
-        const vector same = v_same(x[q * step]);
+        const vector same = v_same(x[q * how.step]);
 #pragma GCC unroll 3
         for (int u = 0; u < 3; u++)
             if (q >= u && q - u < n)
 #pragma GCC unroll 2
                 for (int b = 0; b < blocks; b++)
                     sum[(q - u) * blocks + b] =
-                        multiply_add(bf16, same, weight[u * blocks + b], sum[(q - u) * blocks + b]);
+                        multiply_add(how.bf16, same, weight[u * blocks + b], sum[(q - u) * blocks + b]);
     }
 }
 
 /* n pixels, `blocks` vectors of outputs; n blocks <= ACCUMULATORS, so that all sums stay in registers. */
-PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, int blocks, int step, int bf16)
+PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, way how)
 {
+    const int blocks = how.blocks, step = how.step, bf16 = how.bf16;
     const int kernel = d->shape.kernel, stride = d->shape.stride, words = d->words;
     const float *w = r->weights;
     const word *x = r->x + (pixel * (size_t)step - r->before);
@@ -60,7 +67,7 @@ PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, int
     if (kernel == 3 && stride == 1)
         for (int v = 0; v < 3; v++, x += r->row, w += 2 * words * LANES * blocks)
             for (int i = 0; i < words; i++, w += LANES * blocks)
-                three_columns(x + i, w, (size_t)(words * LANES * blocks), n, blocks, step, bf16, sum);
+                three_columns(x + i, w, (size_t)(words * LANES * blocks), n, how, sum);
     else
         for (int v = 0; v < kernel; v++, x += r->row) {
             const word *from = x;
@@ -83,83 +90,75 @@ PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, int
 }
 
 /* The last pixels of a row are made with some before them once more: the same bits. */
-PART void wide_row(const rx_direct *d, const run *r, int left, int right, int blocks, int step, int bf16)
+PART void wide_row(const rx_direct *d, const run *r, int left, int right, way how)
 {
-    const int most = ACCUMULATORS / blocks, half = most / 2;
+    const int most = ACCUMULATORS / how.blocks, half = most / 2;
     int x = left;
     for (; x + most <= right; x += most)
-        wide_pixels(d, r, (size_t)x, most, blocks, step, bf16);
+        wide_pixels(d, r, (size_t)x, most, how);
     if (right - x > half && right - left >= most) {
-        wide_pixels(d, r, (size_t)(right - most), most, blocks, step, bf16);
+        wide_pixels(d, r, (size_t)(right - most), most, how);
     } else if (right > x && right - left >= half) {
         for (; right - x > half; x += half)
-            wide_pixels(d, r, (size_t)x, half, blocks, step, bf16);
-        wide_pixels(d, r, (size_t)(right - half), half, blocks, step, bf16);
+            wide_pixels(d, r, (size_t)x, half, how);
+        wide_pixels(d, r, (size_t)(right - half), half, how);
     } else {
         for (; x < right; x++)
-            wide_pixels(d, r, (size_t)x, 1, blocks, step, bf16);
+            wide_pixels(d, r, (size_t)x, 1, how);
     }
 }
 
 typedef void row_function(const rx_direct *d, const run *r, int left, int right);
 
-/* One function for each way to step through the words of a pixel. */
-#define ROW(name, blocks, step, bf16)                                                                        \
+/* One function for each usual way to step through the words of a pixel, and one for all others. */
+#define ROW(name, vectors, words, reals)                                                                     \
     WIDE static void name(const rx_direct *d, const run *r, int left, int right)                             \
     {                                                                                                        \
-        wide_row(d, r, left, right, blocks, step, bf16);                                                     \
+        wide_row(d, r, left, right, (way){vectors, (words) > 0 ? (words) : d->step, reals});                 \
     }
-#if WITH_BF16
-#define ROWS(step)                                                                                           \
-    ROW(row_f32_1_##step, 1, step, 0)                                                                        \
-    ROW(row_f32_2_##step, 2, step, 0)                                                                        \
-    ROW(row_bf16_1_##step, 1, step, 1)                                                                       \
-    ROW(row_bf16_2_##step, 2, step, 1)
-#define CHOICE(step)                                                                                         \
+#define ROWS(step, bf16)                                                                                     \
+    ROW(row_##bf16##_1_##step, 1, step, bf16)                                                                \
+    ROW(row_##bf16##_2_##step, 2, step, bf16)
+#define CHOICE(step, bf16)                                                                                   \
     {                                                                                                        \
-        step, {row_f32_1_##step, row_f32_2_##step},                                                          \
+        step,                                                                                                \
         {                                                                                                    \
-            row_bf16_1_##step, row_bf16_2_##step                                                             \
+            row_##bf16##_1_##step, row_##bf16##_2_##step                                                     \
         }                                                                                                    \
     }
-#else
-#define ROWS(step)                                                                                           \
-    ROW(row_f32_1_##step, 1, step, 0)                                                                        \
-    ROW(row_f32_2_##step, 2, step, 0)
-#define CHOICE(step)                                                                                         \
-    {                                                                                                        \
-        step, {row_f32_1_##step, row_f32_2_##step},                                                          \
-        {                                                                                                    \
-            NULL, NULL                                                                                       \
-        }                                                                                                    \
-    }
-#endif
-ROWS(8)
-ROWS(12)
-ROWS(16)
-ROWS(32)
-ROWS(64)
+#define EACH(what, bf16)                                                                                     \
+    what(8, bf16) SEPARATOR what(12, bf16)                                                                   \
+    SEPARATOR what(16, bf16)                                                                                 \
+    SEPARATOR what(32, bf16)                                                                                 \
+    SEPARATOR what(64, bf16)                                                                                 \
+    SEPARATOR what(0, bf16)
 
-/* By the number of blocks less 1. */
+/* By the number of blocks less 1; the last one has step 0. */
 typedef struct choice {
     int step;
-    row_function *f32[2], *bf16[2];
+    row_function *row[2];
 } choice;
 
-static const choice choices[] = {CHOICE(8), CHOICE(12), CHOICE(16), CHOICE(32), CHOICE(64)};
-enum { CHOICES = sizeof choices / sizeof choices[0] };
+#define SEPARATOR
+EACH(ROWS, 0)
+#if WITH_BF16
+EACH(ROWS, 1)
+#endif
+#undef SEPARATOR
+#define SEPARATOR ,
+static const choice choices[] = {EACH(CHOICE, 0)};
+#if WITH_BF16
+static const choice bf16_choices[] = {EACH(CHOICE, 1)};
+#else
+#define bf16_choices choices
+#endif
 
 static row_function *row_of(const rx_direct *d)
 {
-    for (int i = 0; i < CHOICES; i++)
-        if (choices[i].step == d->step)
-            return (d->shape.x == RX_REAL_F32 ? choices[i].f32 : choices[i].bf16)[d->blocks - 1];
-    return NULL;
-}
-
-static int has_rows(const rx_direct *d)
-{
-    return row_of(d) != NULL;
+    const choice *c = d->shape.x == RX_REAL_F32 ? choices : bf16_choices;
+    while (c->step != 0 && c->step != d->step)
+        c++;
+    return c->row[d->blocks - 1];
 }
 
 static void run_wide(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
@@ -211,35 +210,29 @@ PART vector near_and_far(vector near, vector far)
     return v_add(v_mul(v_same(0.75f), near), v_mul(v_same(0.25f), far));
 }
 
-/* near, far: where rows of src begin, at: where one of dst does, in numbers. */
-PART void up2_row(const rx_plane *src, size_t near, size_t far, const rx_plane *add, int relu,
-                  const rx_plane *dst, size_t at, rx_direct_area area)
-{
-    const size_t channels = (size_t)src->channels;
-    for (int x = area.left; x < area.right; x++)
-        for (size_t c = 0; c < channels; c += LANES) {
-            const size_t to = at + (size_t)x * channels + c, here = (size_t)(x / 2) * channels + c;
-            const size_t side = x % 2 == 0 ? here - channels : here + channels;
-            const vector a = near_and_far(load_reals(src->real, src->data, near + here),
-                                          load_reals(src->real, src->data, far + here));
-            const vector b = near_and_far(load_reals(src->real, src->data, near + side),
-                                          load_reals(src->real, src->data, far + side));
-            vector value = near_and_far(a, b);
-            if (add != NULL)
-                value = v_add(value, load_reals(add->real, add->data, to));
-            if (relu)
-                value = v_max(value, v_zero());
-            store_reals(dst->real, value, dst->data, to);
-        }
-}
-
 WIDE static void run_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
                          rx_direct_area area)
 {
-    const size_t line = (size_t)src->width * (size_t)src->channels;
+    const size_t channels = (size_t)src->channels, line = (size_t)src->width * channels;
     for (int y = area.first; y < area.last; y++) {
+        /* where rows of src and dst begin, in numbers */
         const size_t near = (size_t)(y / 2 + 1) * line, far = y % 2 == 0 ? near - line : near + line;
-        up2_row(src, near, far, add, relu, dst, (size_t)y * 2 * line, area);
+        const size_t at = (size_t)y * 2 * line;
+        for (int x = area.left; x < area.right; x++)
+            for (size_t c = 0; c < channels; c += LANES) {
+                const size_t to = at + (size_t)x * channels + c, here = (size_t)(x / 2) * channels + c;
+                const size_t side = x % 2 == 0 ? here - channels : here + channels;
+                const vector a = near_and_far(load_reals(src->real, src->data, near + here),
+                                              load_reals(src->real, src->data, far + here));
+                const vector b = near_and_far(load_reals(src->real, src->data, near + side),
+                                              load_reals(src->real, src->data, far + side));
+                vector value = near_and_far(a, b);
+                if (add != NULL)
+                    value = v_add(value, load_reals(add->real, add->data, to));
+                if (relu)
+                    value = v_max(value, v_zero());
+                store_reals(dst->real, value, dst->data, to);
+            }
     }
 }
 

@@ -170,12 +170,11 @@ static void run_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *
         work(&s, all - s.first < tiles ? all - s.first : tiles);
 }
 
-/* All of them, direct_rows.h included before. */
-static const rx_direct_kernels kernels = {.lanes = LANES,
-                                          .has_rows = has_rows,
-                                          .wide = run_wide,
-                                          .fine = run_fine,
-                                          .winograd = run_winograd,
-                                          .up2 = run_up2};
+/* All of them. */
+#define KERNELS(word, with_bf16)                                                                             \
+    {                                                                                                        \
+        .name = (word), .lanes = LANES, .bf16 = (with_bf16), .wide = run_wide, .fine = run_fine,             \
+        .winograd = run_winograd, .up2 = run_up2                                                             \
+    }
 
 #endif

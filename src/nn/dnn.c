@@ -1,7 +1,6 @@
 /* Convolutions of a fixed shape on oneDNN (C API, versions 2 and 3). */
 #include "nn/dnn.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,7 +10,6 @@
 #endif
 
 #include "base/memory.h"
-#include "nn/layers.h"
 
 /* A descriptor of memory is a struct in version 2 and a handle in version 3. */
 #if DNNL_VERSION_MAJOR >= 3
@@ -34,7 +32,6 @@ struct rx_dnn {
     dnnl_engine_t engine;
     dnnl_stream_t stream;
     room scratch;
-    room x, y; /* planes as Winograd's algorithm wants them */
 };
 
 /* One primitive with the memory objects it is given; weights of its own packing. */
@@ -48,8 +45,7 @@ typedef struct job {
 struct rx_conv {
     rx_dnn *dnn;
     rx_conv_shape shape;
-    int kernel, in, out;          /* as the library is asked for them */
-    int winograd;                 /* by that algorithm, on planes of blocks of 16 channels */
+    int kernel;                   /* as the library is asked for it */
     layout x, y, any, user, bias; /* any: weights of the library's choice */
     job run, data, weights;
     dnnl_memory_t plain; /* weights as the user has them */
@@ -105,8 +101,8 @@ static geometry geometry_of(const rx_conv_shape *s)
 {
     return (geometry){.strides = {s->stride, s->stride},
                       .dilates = {0, 0},
-                      .before = {s->band ? 0 : s->before, s->before},
-                      .after = {s->band ? 0 : s->after, s->after}};
+                      .before = {s->before, s->before},
+                      .after = {s->after, s->after}};
 }
 
 static dnnl_status_t describe_run(const rx_conv *c, const_dnnl_primitive_attr_t attr,
@@ -125,46 +121,6 @@ static dnnl_status_t describe_run(const rx_conv *c, const_dnnl_primitive_attr_t 
     return bad ? bad : dnnl_primitive_desc_create(dst, &desc, attr, c->dnn->engine, NULL);
 #endif
 }
-
-/* Winograd's algorithm in its small form, F(2x2, 3x3): the larger one is faster, and less exact by far. */
-#if DNNL_VERSION_MAJOR >= 3
-static dnnl_status_t describe_winograd(const rx_conv *c, const_dnnl_primitive_attr_t attr,
-                                       dnnl_primitive_desc_t *dst)
-{
-    (void)c;
-    (void)attr;
-    (void)dst;
-    return dnnl_unimplemented; /* not on these processors any more */
-}
-#else
-static dnnl_status_t describe_winograd(const rx_conv *c, const_dnnl_primitive_attr_t attr,
-                                       dnnl_primitive_desc_t *dst)
-{
-    geometry g = geometry_of(&c->shape);
-    dnnl_convolution_desc_t desc;
-    dnnl_primitive_desc_iterator_t all = NULL;
-    dnnl_status_t bad = dnnl_convolution_forward_desc_init(
-        &desc, dnnl_forward_inference, dnnl_convolution_winograd, VIEW(c->x), VIEW(c->any), VIEW(c->bias),
-        VIEW(c->y), g.strides, g.before, g.after);
-    bad = bad ? bad : dnnl_primitive_desc_iterator_create(&all, &desc, attr, c->dnn->engine, NULL);
-    while (!bad && *dst == NULL) {
-        const char *name = "";
-        dnnl_primitive_desc_t found = dnnl_primitive_desc_iterator_fetch(all);
-        bad = found == NULL ? dnnl_unimplemented
-                            : dnnl_primitive_desc_query(found, dnnl_query_impl_info_str, 0, (void *)&name);
-        if (!bad && strstr(name, "wino_2x3") != NULL) {
-            *dst = found;
-            break;
-        }
-        if (found != NULL)
-            dnnl_primitive_desc_destroy(found);
-        bad = bad ? bad : dnnl_primitive_desc_iterator_next(all);
-    }
-    if (all != NULL)
-        dnnl_primitive_desc_iterator_destroy(all);
-    return bad;
-}
-#endif
 
 static dnnl_status_t describe_data(const rx_conv *c, const_dnnl_primitive_attr_t attr,
                                    const_dnnl_primitive_desc_t hint, dnnl_primitive_desc_t *dst)
@@ -272,51 +228,21 @@ void rx_dnn_free(rx_dnn *dnn)
     if (dnn->engine != NULL)
         dnnl_engine_destroy(dnn->engine);
     free(dnn->scratch.data);
-    free(dnn->x.data);
-    free(dnn->y.data);
     free(dnn);
-}
-
-static int has(dnnl_cpu_isa_t wanted)
-{
-    const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa(), bits = (unsigned)wanted;
-    return (isa & bits) == bits;
-}
-
-int rx_dnn_has_bf16(void)
-{
-    return has(dnnl_cpu_isa_avx512_core_bf16);
-}
-
-int rx_dnn_has_avx512(void)
-{
-    return has(dnnl_cpu_isa_avx512_core);
-}
-
-int rx_dnn_has_avx2(void)
-{
-    return has(dnnl_cpu_isa_avx2);
 }
 
 /* ---- making a convolution ---- */
 
-static dnnl_data_type_t type_of(rx_real real)
-{
-    return real == RX_REAL_F32 ? dnnl_f32 : dnnl_bf16;
-}
-
 static dnnl_status_t make_layouts(rx_conv *c)
 {
     const rx_conv_shape *s = &c->shape;
-    const dnnl_format_tag_t tag = c->winograd ? dnnl_nChw16c : dnnl_nhwc;
-    const dnnl_dims_t x = {1, c->in, s->height, s->width};
-    const int rows = s->band ? (s->height - c->kernel) / s->stride + 1 : s->height / s->stride;
-    const dnnl_dims_t y = {1, c->out, rows, s->width / s->stride};
-    const dnnl_dims_t w = {c->out, c->in, c->kernel, c->kernel}, b = {c->out};
+    const dnnl_dims_t x = {1, s->in, s->height, s->width};
+    const dnnl_dims_t y = {1, s->out, s->height / s->stride, s->width / s->stride};
+    const dnnl_dims_t w = {s->out, s->in, c->kernel, c->kernel}, b = {s->out};
 
-    dnnl_status_t bad = layout_make(&c->x, 4, x, type_of(s->x), tag);
-    bad = bad ? bad : layout_make(&c->y, 4, y, type_of(s->y), tag);
-    bad = bad ? bad : layout_make(&c->any, 4, w, type_of(s->x), dnnl_format_tag_any);
+    dnnl_status_t bad = layout_make(&c->x, 4, x, dnnl_f32, dnnl_nhwc);
+    bad = bad ? bad : layout_make(&c->y, 4, y, dnnl_f32, dnnl_nhwc);
+    bad = bad ? bad : layout_make(&c->any, 4, w, dnnl_f32, dnnl_format_tag_any);
     bad = bad ? bad : layout_make(&c->user, 4, w, dnnl_f32, dnnl_oihw);
     bad = bad ? bad : layout_make(&c->bias, 1, b, dnnl_f32, dnnl_x);
     return bad;
@@ -391,14 +317,12 @@ static dnnl_status_t make_jobs(rx_conv *c)
     dnnl_primitive_desc_t run = NULL, data = NULL, weights = NULL;
     dnnl_status_t bad = make_attributes(&c->shape, 1, &attr);
     bad = bad ? bad : make_attributes(&c->shape, 0, &bare);
-    bad = bad ? bad : c->winograd ? describe_winograd(c, bare, &run) : describe_run(c, attr, &run);
+    bad = bad ? bad : describe_run(c, attr, &run);
     bad = bad ? bad : make_job(c, &c->run, run, dnnl_query_weights_md);
-    if (!bad && c->shape.backward) {
-        bad = describe_data(c, bare, run, &data);
-        bad = bad ? bad : make_job(c, &c->data, data, dnnl_query_weights_md);
-        bad = bad ? bad : describe_weights(c, bare, run, &weights);
-        bad = bad ? bad : make_job(c, &c->weights, weights, dnnl_query_diff_weights_md);
-    }
+    bad = bad ? bad : describe_data(c, bare, run, &data);
+    bad = bad ? bad : make_job(c, &c->data, data, dnnl_query_weights_md);
+    bad = bad ? bad : describe_weights(c, bare, run, &weights);
+    bad = bad ? bad : make_job(c, &c->weights, weights, dnnl_query_diff_weights_md);
     dnnl_primitive_desc_t descs[] = {run, data, weights};
     for (int i = 0; i < 3; i++)
         if (descs[i] != NULL)
@@ -412,83 +336,44 @@ static dnnl_status_t make_jobs(rx_conv *c)
 
 static size_t weights_of(const rx_conv *c)
 {
-    return (size_t)c->out * (size_t)c->in * (size_t)c->kernel * (size_t)c->kernel;
+    return (size_t)c->shape.out * (size_t)c->shape.in * (size_t)c->kernel * (size_t)c->kernel;
 }
 
-static size_t plane_bytes(const layout *l)
+static rx_status conv_make(rx_conv *c, rx_error *err)
 {
-    return dnnl_memory_desc_get_size(VIEW(*l));
-}
-
-/* *lacks: the library does not make it. */
-static rx_status conv_make(rx_conv *c, int *lacks, rx_error *err)
-{
-    *lacks = 0;
     c->plain_data = RX_NEW(float, weights_of(c));
-    c->bias_data = RX_NEW(float, (size_t)c->out);
-    c->dbias_data = RX_NEW(float, (size_t)c->out);
+    c->bias_data = RX_NEW(float, (size_t)c->shape.out);
+    c->dbias_data = RX_NEW(float, (size_t)c->shape.out);
     if (c->plain_data == NULL || c->bias_data == NULL || c->dbias_data == NULL)
         return rx_error_memory(err, weights_of(c) * sizeof(float));
     dnnl_status_t bad = make_layouts(c);
     bad = bad ? bad : dnnl_memory_create(&c->plain, VIEW(c->user), c->dnn->engine, c->plain_data);
     bad = bad ? bad : make_jobs(c);
-    *lacks = bad && bad != dnnl_out_of_memory;
     if (bad)
         return refuse(err, bad, "make", &c->shape);
     size_t most = c->run.scratch_bytes;
     most = c->data.scratch_bytes > most ? c->data.scratch_bytes : most;
     most = c->weights.scratch_bytes > most ? c->weights.scratch_bytes : most;
-    rx_status status = grow(&c->dnn->scratch, most, err);
-    if (status == RX_OK && c->winograd)
-        status = grow(&c->dnn->x, plane_bytes(&c->x), err);
-    if (status == RX_OK && c->winograd)
-        status = grow(&c->dnn->y, plane_bytes(&c->y), err);
-    return status;
+    return grow(&c->dnn->scratch, most, err);
 }
 
-static rx_status conv_new(rx_dnn *dnn, const rx_conv_shape *shape, int winograd, rx_conv **dst, int *lacks,
-                          rx_error *err)
+rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err)
 {
-    *lacks = 0;
     rx_conv *c = *dst = RX_NEW(rx_conv, 1);
     if (c == NULL)
         return rx_error_memory(err, sizeof *c);
     c->dnn = dnn;
     c->shape = *shape;
-    c->winograd = winograd;
-    c->in = winograd ? (shape->in + 15) / 16 * 16 : shape->in;
-    c->out = winograd ? (shape->out + 15) / 16 * 16 : shape->out;
     /* The library's kernels for strided 1x1 convolutions write beyond their scratch memory where the channels
      * fill no vector (oneDNN's issue 6035): a 2x2 kernel with three zeros does the same. */
     c->kernel = shape->kernel == 1 && shape->stride == 2 ? 2 : shape->kernel;
     int before = alone_begin();
-    rx_status status = conv_make(c, lacks, err);
+    rx_status status = conv_make(c, err);
     if (status) {
         rx_conv_free(c);
         *dst = NULL;
     }
     alone_end(before);
-    return status;
-}
-
-/* Where Winograd's algorithm pays: its planes are padded to 16 channels. */
-static int for_winograd(const rx_conv_shape *s)
-{
-    return s->fast && s->kernel == 3 && s->stride == 1 && !s->backward && s->x == RX_REAL_F32 &&
-           s->y == RX_REAL_F32 && s->in % 16 == 0;
-}
-
-rx_status rx_conv_new(rx_dnn *dnn, const rx_conv_shape *shape, rx_conv **dst, rx_error *err)
-{
-    int lacks = 1; /* not every processor and version of the library has it */
-    rx_status status = RX_OK;
-    rx_error why = rx_error_part(err);
-    if (for_winograd(shape))
-        status = conv_new(dnn, shape, 1, dst, &lacks, &why);
-    if (lacks)
-        return conv_new(dnn, shape, 0, dst, &lacks, err);
-    if (status != RX_OK)
-        rx_error_take(err, &why);
     return status;
 }
 
@@ -536,12 +421,11 @@ static dnnl_status_t pack(rx_conv *c, job *j, int back)
 rx_status rx_conv_load(rx_conv *conv, const float *weights, const float *bias, rx_error *err)
 {
     const rx_conv_shape *s = &conv->shape;
-    size_t kernels = (size_t)s->out * (size_t)s->in, in = (size_t)s->in;
+    size_t kernels = (size_t)s->out * (size_t)s->in;
     size_t size = (size_t)(s->kernel * s->kernel), room = (size_t)(conv->kernel * conv->kernel);
     memset(conv->plain_data, 0, weights_of(conv) * sizeof(float));
     for (size_t k = 0; k < kernels; k++)
-        memcpy(conv->plain_data + (k / in * (size_t)conv->in + k % in) * room, weights + k * size,
-               size * sizeof(float));
+        memcpy(conv->plain_data + k * room, weights + k * size, size * sizeof(float));
     memcpy(conv->bias_data, bias, (size_t)s->out * sizeof(float));
     int before = alone_begin();
     dnnl_status_t bad = pack(conv, &conv->run, 0);
@@ -568,29 +452,13 @@ static dnnl_status_t execute(rx_conv *c, job *j, const void *x, const void *y, c
     return bad ? bad : dnnl_stream_wait(c->dnn->stream);
 }
 
-static dnnl_status_t run_winograd(rx_conv *c, const float *x, const float *add, float *y, const int args[4])
-{
-    const rx_conv_shape *s = &c->shape;
-    float *in = c->dnn->x.data, *out = c->dnn->y.data;
-    rx_layer_to_blocks(x, (size_t)s->height * (size_t)s->width, (size_t)s->in, in);
-    dnnl_status_t bad = execute(c, &c->run, in, out, args);
-    const size_t pixels = plane_bytes(&c->y) / sizeof(float) / (size_t)c->out;
-    rx_layer_from_blocks(out, pixels, (size_t)s->out, add, s->relu, y);
-    return bad;
-}
-
 rx_status rx_conv_run(rx_conv *conv, const void *x, const void *add, void *y, rx_error *err)
 {
     static const int args[4] = {DNNL_ARG_SRC, DNNL_ARG_DST, DNNL_ARG_WEIGHTS, DNNL_ARG_BIAS};
-    dnnl_status_t bad = dnnl_success;
     int before = alone_begin();
-    if (conv->winograd) {
-        bad = run_winograd(conv, x, add, y, args);
-    } else {
-        if (add != NULL && add != y)
-            memcpy(y, add, plane_bytes(&conv->y));
-        bad = execute(conv, &conv->run, x, y, args);
-    }
+    if (add != NULL && add != y)
+        memcpy(y, add, dnnl_memory_desc_get_size(VIEW(conv->y)));
+    dnnl_status_t bad = execute(conv, &conv->run, x, y, args);
     alone_end(before);
     return refuse(err, bad, "run", &conv->shape);
 }
@@ -620,11 +488,4 @@ rx_status rx_conv_weights(rx_conv *conv, const void *x, const void *dy, const fl
     *dweights = conv->plain_data;
     *dbias = conv->dbias_data;
     return refuse(err, bad, "differentiate", &conv->shape);
-}
-
-void rx_dnn_library(char *dst, size_t size)
-{
-    const dnnl_version_t *version = dnnl_version();
-    snprintf(dst, size, "%d.%d.%d isa %#x", version->major, version->minor, version->patch,
-             (unsigned)dnnl_get_effective_cpu_isa());
 }

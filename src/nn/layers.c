@@ -1,7 +1,6 @@
 /* What stands between convolutions: plain loops over NHWC planes. */
 #include "nn/layers.h"
 
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -72,16 +71,6 @@ static void cut(float *values, size_t n)
 }
 
 /* ---- forward ---- */
-
-void rx_layer_convert(const rx_plane *src, rx_plane *dst)
-{
-    if (src->real == RX_REAL_F32)
-        store(src->data, rx_plane_size(src), dst, 0);
-    else if (dst->real == RX_REAL_F32)
-        load(src, 0, rx_plane_size(src), dst->data);
-    else
-        memcpy(dst->data, src->data, rx_plane_bytes(src));
-}
 
 void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row)
 {
@@ -186,43 +175,6 @@ void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int r
         if (relu)
             cut(out, 2 * n);
         store(out, 2 * n, dst, at);
-    }
-}
-
-/* ---- blocks of channels ---- */
-
-void rx_layer_to_blocks(const float *restrict src, size_t pixels, size_t channels, float *restrict dst)
-{
-    for (size_t c = 0; c < channels; c += 16, dst += 16 * pixels)
-        for (size_t k = 0; k < pixels; k++)
-            memcpy(dst + 16 * k, src + k * channels + c, 16 * sizeof(float));
-}
-
-void rx_layer_from_blocks(const float *restrict src, size_t pixels, size_t channels, const float *add,
-                          int relu, float *dst)
-{
-    const float least = relu ? 0 : -INFINITY;
-    for (size_t c = 0; c < channels; c += 16, src += 16 * pixels) {
-        const size_t n = channels - c < 16 ? channels - c : 16;
-        for (size_t k = 0; k < pixels; k++) {
-            float *to = dst + k * channels + c;
-            const float *from = src + 16 * k, *more = add != NULL ? add + k * channels + c : NULL;
-            if (n < 16)
-                for (size_t i = 0; i < n; i++) {
-                    const float value = more != NULL ? from[i] + more[i] : from[i];
-                    to[i] = value > least ? value : least;
-                }
-            else if (more != NULL)
-#pragma omp simd
-                for (size_t i = 0; i < 16; i++) {
-                    const float value = from[i] + more[i];
-                    to[i] = value > least ? value : least;
-                }
-            else
-#pragma omp simd
-                for (size_t i = 0; i < 16; i++)
-                    to[i] = from[i] > least ? from[i] : least;
-        }
     }
 }
 

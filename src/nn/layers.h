@@ -8,26 +8,8 @@
 
 #include <stddef.h>
 
-#include "nn/dnn.h"
 #include "nn/net.h"
-
-typedef struct rx_plane {
-    void *data; /* [height][width][channels] */
-    rx_real real;
-    int height, width, channels;
-} rx_plane;
-
-static inline size_t rx_plane_size(const rx_plane *plane)
-{
-    return (size_t)plane->height * (size_t)plane->width * (size_t)plane->channels;
-}
-static inline size_t rx_plane_bytes(const rx_plane *plane)
-{
-    return rx_plane_size(plane) * rx_real_bytes(plane->real);
-}
-
-/* dst = src, rounded to the nearest (even) where dst is bfloat16. Same shape. */
-void rx_layer_convert(const rx_plane *src, rx_plane *dst);
+#include "nn/plane.h"
 
 /* dst = relu?(dst + add?), in place. add: same shape, may be dst's own memory. row [width * channels]. */
 void rx_layer_finish(rx_plane *dst, const rx_plane *add, int relu, float *row);
@@ -42,12 +24,6 @@ void rx_layer_shuffle(const rx_plane *src, rx_plane *dst);
 void rx_layer_up2(const rx_plane *src, rx_plane *dst, const rx_plane *add, int relu, float *row);
 /* Its transpose: dsrc from ddst, floats. row [width * channels of dsrc]. */
 void rx_layer_up2_back(const rx_plane *ddst, rx_plane *dsrc, float *row);
-
-/* [pixels][channels] to blocks of 16 channels, [block][pixels][16]: channels a multiple of 16. */
-void rx_layer_to_blocks(const float *src, size_t pixels, size_t channels, float *dst);
-/* And back, the first `channels` of the blocks: dst = relu?(src + add?). add NULL or like dst, may be dst. */
-void rx_layer_from_blocks(const float *src, size_t pixels, size_t channels, const float *add, int relu,
-                          float *dst);
 
 /* gradient = 0 where the cut value is 0. */
 void rx_layer_relu_back(const float *value, float *gradient, size_t n);

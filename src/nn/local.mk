@@ -4,17 +4,19 @@ librextract_la_SOURCES += src/nn/model_read.c
 librextract_la_SOURCES += src/nn/model_write.c
 librextract_la_SOURCES += src/nn/deblur.c src/nn/deblur.h
 librextract_la_SOURCES += src/nn/rl_step.c src/nn/rl_step.h
-librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_parts.h
+librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_kernels.h src/nn/direct_vector.c
 librextract_la_SOURCES += src/nn/direct_avx2.c src/nn/direct_avx512.c src/nn/direct_rows.h src/nn/direct_winograd.h
-librextract_la_SOURCES += src/nn/dnn.c src/nn/dnn.h
+librextract_la_SOURCES += src/nn/plane.h src/nn/net_planes.c src/nn/net_planes.h
 librextract_la_SOURCES += src/nn/net.c
 librextract_la_SOURCES += src/nn/psfnet.c src/nn/psfnet.h
 librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
-librextract_la_SOURCES += src/nn/runner.c src/nn/runner.h
-librextract_la_SOURCES += src/nn/runner_plan.c src/nn/runner_parts.h
 librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h
 librextract_la_SOURCES += src/nn/noise_level.c
 librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h
+
+# Of training alone.
+librextract_train_la_SOURCES += src/nn/dnn.c src/nn/dnn.h
+librextract_train_la_SOURCES += src/nn/runner.c src/nn/runner.h
 
 rx_nndir = $(pkgincludedir)/nn
 rx_nn_HEADERS = src/nn/front.h src/nn/model.h src/nn/net.h src/nn/noise_level.h

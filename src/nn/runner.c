@@ -5,48 +5,139 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/runner_parts.h"
+#include "nn/dnn.h"
+#include "nn/layers.h"
+#include "nn/net_planes.h"
 
-int rx_runner_has_bf16(void)
+/* What one node does. */
+typedef struct node {
+    rx_plane gradient; /* in the memory of a slot */
+    rx_conv *conv;     /* NULL: no convolution */
+    int learns;        /* there are parameters in it or before it */
+    int slot;          /* -1: none yet */
+} node;
+
+typedef struct slot {
+    size_t bytes;
+    int busy;
+    void *data; /* owned */
+} slot;
+
+struct rx_runner {
+    const rx_net *net;
+    rx_dnn *dnn;                     /* owned, like all below */
+    rx_node_planes at[RX_NET_NODES]; /* with memory */
+    node node[RX_NET_NODES];
+    slot slot[RX_NET_NODES]; /* memory of gradients */
+    int nslots;
+    float *row;    /* scratch of the layers */
+    float *folded; /* weights, then biases, of a folded node */
+    float *spare;  /* a gradient that is to be added to another */
+};
+
+/* ---- plan ---- */
+
+/* The smallest free slot that is large enough, else the largest free one, grown, else a new one. */
+static int take(rx_runner *r, size_t bytes)
 {
-    return rx_dnn_has_bf16();
+    int best = -1;
+    for (int k = 0; k < r->nslots; k++) {
+        if (r->slot[k].busy)
+            continue;
+        size_t have = r->slot[k].bytes, had = best < 0 ? 0 : r->slot[best].bytes;
+        if (best < 0 || (had < bytes ? have > had : have >= bytes && have < had))
+            best = k;
+    }
+    if (best < 0)
+        best = r->nslots++;
+    if (r->slot[best].bytes < bytes)
+        r->slot[best].bytes = bytes;
+    r->slot[best].busy = 1;
+    return best;
+}
+
+/* A gradient lives from the last node that uses the value back to the node itself. */
+static void share_gradients(rx_runner *r)
+{
+    const rx_net *net = r->net;
+    const int end = net->nnodes - 1;
+    r->node[end].slot = take(r, rx_plane_bytes(&r->node[end].gradient));
+    for (int i = end; i > 0; i--) {
+        const int users[2] = {net->node[i].add, net->node[i].src};
+        for (int k = 0; k < 2; k++) {
+            node *other = users[k] >= 0 ? &r->node[users[k]] : NULL;
+            if (other != NULL && other->slot < 0)
+                other->slot = take(r, rx_plane_bytes(&other->gradient));
+        }
+        if (i < end)
+            r->slot[r->node[i].slot].busy = 0;
+    }
+}
+
+static rx_status allocate(rx_runner *r, rx_error *err)
+{
+    size_t spare = 1;
+    for (int i = 0; i < r->net->nnodes; i++) {
+        rx_plane *planes[] = {&r->at[i].value, &r->at[i].raw};
+        for (int k = 0; k < 2; k++)
+            if (planes[k]->channels > 0 && (planes[k]->data = rx_alloc(rx_plane_bytes(planes[k]), 1)) == NULL)
+                return rx_error_memory(err, rx_plane_bytes(planes[k]));
+        spare = rx_plane_size(planes[0]) > spare ? rx_plane_size(planes[0]) : spare;
+    }
+    for (int k = 0; k < r->nslots; k++)
+        if ((r->slot[k].data = rx_alloc(r->slot[k].bytes, 1)) == NULL)
+            return rx_error_memory(err, r->slot[k].bytes);
+    for (int i = 0; i < r->net->nnodes; i++)
+        r->node[i].gradient.data = r->slot[r->node[i].slot].data;
+    r->row = RX_NEW(float, rx_net_row(r->net, r->at));
+    r->folded = RX_NEW(float, rx_net_folded(r->net));
+    r->spare = RX_NEW(float, spare);
+    return r->row != NULL && r->folded != NULL && r->spare != NULL
+               ? RX_OK
+               : rx_error_memory(err, spare * sizeof(float));
+}
+
+static rx_status plan(rx_runner *r, int height, int width, rx_error *err)
+{
+    const rx_net *net = r->net;
+    rx_net_planes(net, RX_F32, height, width, r->at);
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        node *me = &r->node[i];
+        me->gradient = r->at[i].value;
+        me->slot = -1;
+        me->learns =
+            n->weight >= 0 || (i > 0 && r->node[n->src].learns) || (n->add >= 0 && r->node[n->add].learns);
+    }
+    share_gradients(r);
+    RX_TRY(allocate(r, err));
+    for (int i = 1; i < net->nnodes; i++) {
+        const rx_conv_shape shape = rx_net_conv(net, i, r->at);
+        if (net->node[i].weight >= 0)
+            RX_TRY(rx_conv_new(r->dnn, &shape, &r->node[i].conv, err));
+    }
+    return RX_OK;
 }
 
 /* ---- making ---- */
 
-static rx_status check(const rx_net *net, int height, int width, int backward, rx_precision precision,
-                       rx_error *err)
+rx_status rx_runner_new(const rx_net *net, int height, int width, rx_runner **dst, rx_error *err)
 {
     enum { LARGEST = 1 << 20 };
-    int step = 1 << rx_net_levels(net);
+    const int step = 1 << rx_net_levels(net);
+    *dst = NULL;
     if (height < step || width < step || height % step != 0 || width % step != 0 || height > LARGEST ||
         width > LARGEST)
         return rx_error_set(
             err, RX_INPUT, "the network cannot work on %d x %d pixels; both must be positive multiples of %d",
             width, height, step);
-    if (precision == RX_BF16 && backward)
-        return rx_error_set(err, RX_USAGE, "gradients need single precision; choose F32");
-    if (precision == RX_BF16 && !rx_runner_has_bf16())
-        return rx_error_set(err, RX_USAGE, "this processor does not multiply bfloat16; choose F32");
-    return RX_OK;
-}
-
-rx_status rx_runner_new(const rx_net *net, int height, int width, int backward, rx_precision precision,
-                        rx_runner **dst, rx_error *err)
-{
-    *dst = NULL;
-    rx_status status = check(net, height, width, backward, precision, err);
-    if (status)
-        return status;
     rx_runner *r = RX_NEW(rx_runner, 1);
     if (r == NULL)
         return rx_error_memory(err, sizeof *r);
     r->net = net;
-    r->backward = backward;
-    r->precision = precision;
-    status = rx_dnn_new(&r->dnn, err);
+    rx_status status = rx_dnn_new(&r->dnn, err);
     if (!status)
-        status = rx_runner_plan(r, height, width, err);
+        status = plan(r, height, width, err);
     if (!status)
         status = rx_runner_load(r, net->params, err);
     if (status)
@@ -60,10 +151,12 @@ void rx_runner_free(rx_runner *runner)
 {
     if (runner == NULL)
         return;
-    for (int i = 0; i < RX_NET_NODES; i++)
+    for (int i = 0; i < RX_NET_NODES; i++) {
         rx_conv_free(runner->node[i].conv);
-    for (int k = 0; k < runner->nslots; k++)
-        free(runner->slot[k].data);
+        free(runner->at[i].value.data);
+        free(runner->at[i].raw.data);
+        free(runner->slot[i].data);
+    }
     free(runner->row);
     free(runner->folded);
     free(runner->spare);
@@ -71,49 +164,26 @@ void rx_runner_free(rx_runner *runner)
     free(runner);
 }
 
-void rx_runner_node_params(const rx_net *net, int i, const float *params, float *folded,
-                           const float **weights, const float **bias)
-{
-    const rx_node *n = &net->node[i];
-    const size_t out = (size_t)n->channels;
-    *weights = params + n->weight;
-    *bias = params + n->bias;
-    if (!rx_runner_folds(n->op))
-        return;
-    const int in = net->node[n->src].channels, k = rx_layer_folded_kernel(n);
-    float *biases = folded + 4 * out * (size_t)(in * k * k);
-    rx_layer_fold(n, in, *weights, folded);
-    for (size_t phase = 0; phase < 4; phase++)
-        memcpy(biases + phase * out, *bias, out * sizeof(float));
-    *weights = folded;
-    *bias = biases;
-}
-
-rx_status rx_runner_load_node(const rx_net *net, int i, const float *params, float *folded, rx_conv *conv,
-                              rx_error *err)
-{
-    const float *weights, *bias;
-    rx_runner_node_params(net, i, params, folded, &weights, &bias);
-    return rx_conv_load(conv, weights, bias, err);
-}
-
 rx_status rx_runner_load(rx_runner *runner, const float *params, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 1; !status && i < runner->net->nnodes; i++)
-        if (runner->node[i].conv != NULL)
-            status = rx_runner_load_node(runner->net, i, params, runner->folded, runner->node[i].conv, err);
-    return status;
+    const float *weights, *bias;
+    for (int i = 1; i < runner->net->nnodes; i++) {
+        if (runner->node[i].conv == NULL)
+            continue;
+        rx_net_conv_params(runner->net, i, params, runner->folded, &weights, &bias);
+        RX_TRY(rx_conv_load(runner->node[i].conv, weights, bias, err));
+    }
+    return RX_OK;
 }
 
 float *rx_runner_input(rx_runner *runner)
 {
-    return runner->node[0].value.data;
+    return runner->at[0].value.data;
 }
 
 const float *rx_runner_output(const rx_runner *runner)
 {
-    return runner->node[runner->net->nnodes - 1].value.data;
+    return runner->at[runner->net->nnodes - 1].value.data;
 }
 
 float *rx_runner_output_gradient(rx_runner *runner)
@@ -128,53 +198,30 @@ const float *rx_runner_input_gradient(const rx_runner *runner)
 
 /* ---- forward ---- */
 
-/* A convolution into raw or value, then what it could not do itself. */
-static rx_status forward_conv(const rx_runner_node *me, const rx_node *n, const rx_plane *src,
-                              const rx_plane *add, rx_plane *value, float *row, rx_error *err)
-{
-    rx_plane raw = me->raw, *to = raw.channels > 0 ? &raw : value;
-    rx_status status = rx_conv_run(me->conv, src->data, me->fused_add ? add->data : NULL, to->data, err);
-    if (rx_runner_folds(n->op)) {
-        rx_layer_shuffle(to, value);
-        to = value;
-    }
-    const rx_plane *more = me->fused_add ? NULL : add;
-    int relu = n->relu && !me->fused_relu;
-    if (more != NULL || relu)
-        rx_layer_finish(to, more, relu, row);
-    if (to != value)
-        rx_layer_convert(to, value);
-    return status;
-}
-
-rx_status rx_runner_apply(const rx_runner_node *me, const rx_node *n, const rx_plane *src,
-                          const rx_plane *add, rx_plane *value, float *row, rx_error *err)
-{
-    if (me->conv != NULL)
-        return forward_conv(me, n, src, add, value, row, err);
-    if (n->op == RX_OP_UP2) {
-        rx_layer_up2(src, value, add, n->relu, row);
-        return RX_OK;
-    }
-    if (n->op == RX_OP_SHUFFLE)
-        rx_layer_shuffle(src, value);
-    else
-        rx_layer_unshuffle(src, value);
-    if (add != NULL || n->relu)
-        rx_layer_finish(value, add, n->relu, row);
-    return RX_OK;
-}
-
 rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 1; !status && i < runner->net->nnodes; i++) {
+    for (int i = 1; i < runner->net->nnodes; i++) {
         const rx_node *n = &runner->net->node[i];
-        const rx_plane *add = n->add >= 0 ? &runner->node[n->add].value : NULL;
-        status = rx_runner_apply(&runner->node[i], n, &runner->node[n->src].value, add,
-                                 &runner->node[i].value, runner->row, err);
+        const rx_plane *src = &runner->at[n->src].value,
+                       *add = n->add >= 0 ? &runner->at[n->add].value : NULL;
+        rx_plane *value = &runner->at[i].value, *raw = &runner->at[i].raw;
+        rx_conv *conv = runner->node[i].conv;
+        if (n->op == RX_OP_UP2) {
+            rx_layer_up2(src, value, add, n->relu, runner->row);
+        } else if (n->op == RX_OP_CONV) {
+            RX_TRY(rx_conv_run(conv, src->data, add != NULL ? add->data : NULL, value->data, err));
+        } else {
+            if (conv != NULL)
+                RX_TRY(rx_conv_run(conv, src->data, NULL, raw->data, err));
+            if (n->op == RX_OP_UNSHUFFLE)
+                rx_layer_unshuffle(src, value);
+            else
+                rx_layer_shuffle(conv != NULL ? raw : src, value);
+            if (add != NULL || n->relu)
+                rx_layer_finish(value, add, n->relu, runner->row);
+        }
     }
-    return status;
+    return RX_OK;
 }
 
 /* ---- backward ---- */
@@ -183,15 +230,14 @@ rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
 static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *params, rx_error *err)
 {
     const rx_node *n = &r->net->node[i];
-    rx_runner_node *me = &r->node[i];
-    const rx_plane *src = &r->node[n->src].value;
+    const rx_plane *src = &r->at[n->src].value;
     const float *weights, *bias;
     float *to = params + n->weight, *to_bias = params + n->bias;
     size_t out = (size_t)n->channels;
-    rx_status status = rx_conv_weights(me->conv, src->data, gradient->data, &weights, &bias, err);
+    rx_status status = rx_conv_weights(r->node[i].conv, src->data, gradient->data, &weights, &bias, err);
     if (status)
         return status;
-    if (rx_runner_folds(n->op)) {
+    if (rx_node_folds(n)) {
         rx_layer_unfold(n, src->channels, weights, to);
         for (size_t phase = 0; phase < 4; phase++)
             rx_layer_add(bias + phase * out, to_bias, out);
@@ -225,11 +271,11 @@ static rx_status backward_node(rx_runner *r, int i, float *params, const int *wa
                                rx_error *err)
 {
     const rx_node *n = &r->net->node[i];
-    rx_runner_node *me = &r->node[i];
+    node *me = &r->node[i];
     rx_plane *gradient = &me->gradient;
     rx_status status = RX_OK;
     if (n->relu)
-        rx_layer_relu_back(me->value.data, gradient->data, rx_plane_size(gradient));
+        rx_layer_relu_back(r->at[i].value.data, gradient->data, rx_plane_size(gradient));
     if (n->add >= 0 && wanted[n->add]) {
         float *to = r->node[n->add].gradient.data;
         if (filled[n->add])
@@ -238,10 +284,10 @@ static rx_status backward_node(rx_runner *r, int i, float *params, const int *wa
             memcpy(to, gradient->data, rx_plane_bytes(gradient));
         filled[n->add] = 1;
     }
-    if (rx_runner_folds(n->op)) {
+    if (rx_node_folds(n)) {
         /* The folded convolution's own output is not needed any more. */
-        rx_layer_unshuffle(gradient, &me->raw);
-        gradient = &me->raw;
+        rx_layer_unshuffle(gradient, &r->at[i].raw);
+        gradient = &r->at[i].raw;
     }
     if (me->conv != NULL && params != NULL)
         status = learn(r, i, gradient, params, err);

@@ -1,18 +1,11 @@
-/* A network at work on planes of one size, forward and (in training) backward, on oneDNN.
+/* A network in training, on planes of one size: forward and backward, on oneDNN (nn/dnn.h says why not on the
+ * kernels of inference, nn/direct.h). The forward pass gives the values of nn/stream.h within rounding.
  *
  * A runner belongs to one caller at a time and never uses more than the thread that calls it, whatever OpenMP
- * would allow (nn/dnn.h): several cores take several runners, each in its own thread, OpenMP's or not; one
- * thread may make a runner and another use it. Values do not depend on how many there are.
+ * would allow: several cores take several runners, each in its own thread, OpenMP's or not; one thread may
+ * make a runner and another use it. Values do not depend on how many there are.
  *
- * Nor does a pixel's value depend on the plane around it: two planes that agree within rx_net_halo() of a
- * block give it the same bits, if they lie on the same multiples of 2^levels, whatever their sizes. That
- * holds because every operation of the forward pass is one convolution in the library's plain direction,
- * whose kernels sum over channels and places in an order that the size does not change; the transposed
- * direction does not have that property on all processors, so TRANSPOSED runs folded. Held by
- * tests/unit/nn/test_psfnet.c.
- *
- * Memory without gradients: the planes alive at the same time, 52 to 72 bytes per pixel for a PSF-NET of
- * width 8 in single precision, 92 to 124 for width 16; with gradients all planes, 264 for width 8.
+ * Memory: all planes, 264 bytes per pixel for a PSF-NET of width 8 in single precision.
  */
 #ifndef RX_NN_RUNNER_H
 #define RX_NN_RUNNER_H
@@ -21,14 +14,10 @@
 
 typedef struct rx_runner rx_runner;
 
-/* height, width: multiples of 2^levels. backward: keeps what the gradient needs (RX_F32 only). The net is
- * only read, and must live as long. Errors: RX_INPUT (size), RX_SYSTEM (memory, or the library says no),
- * RX_USAGE (bfloat16 that this processor or library does not offer). */
-rx_status rx_runner_new(const rx_net *net, int height, int width, int backward, rx_precision precision,
-                        rx_runner **dst, rx_error *err);
+/* height, width: multiples of 2^levels. The net is only read, and must live as long. Errors: RX_INPUT (size),
+ * RX_SYSTEM (memory, or the library says no). */
+rx_status rx_runner_new(const rx_net *net, int height, int width, rx_runner **dst, rx_error *err);
 void rx_runner_free(rx_runner *runner); /* NULL is fine */
-
-int rx_runner_has_bf16(void); /* 1 where RX_BF16 works on this machine */
 
 /* Take params [net->nparams] into use (after each change of theirs; rx_runner_new() takes net->params). */
 rx_status rx_runner_load(rx_runner *runner, const float *params, rx_error *err);

@@ -14,7 +14,8 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "nn/direct.h"
-#include "nn/runner_parts.h"
+#include "nn/layers.h"
+#include "nn/net_planes.h"
 
 enum { STEP = 16 }; /* input rows */
 
@@ -31,9 +32,9 @@ struct rx_stream {
     rx_precision precision;
     int step, halo, width, made;
     int margin[RX_NET_NODES]; /* of each node, beyond the block */
-    rx_dnn *dnn;              /* owned, like all below */
-    rx_runner_node node[RX_NET_NODES];
-    rx_direct *direct[RX_NET_NODES]; /* where it does it instead of the node's own convolution */
+    rx_node_planes node[RX_NET_NODES];
+    rx_direct *direct[RX_NET_NODES]; /* convolutions; owned, like all below */
+    int fine[RX_NET_NODES];          /* the whole of a node that folds, in one */
     band band[RX_NET_NODES];
     void *raw;
     float *row, *folded, *scratch;
@@ -45,7 +46,7 @@ struct rx_stream {
 /* Rows that a kernel reads above and below its own; strided 1x1 ones run as 2x2. */
 static int above(const rx_node *n)
 {
-    return rx_runner_folds(n->op) ? rx_layer_folded_kernel(n) / 2 : n->kernel / 2;
+    return rx_node_folds(n) ? rx_layer_folded_kernel(n) / 2 : n->kernel / 2;
 }
 
 static int below(const rx_node *n)
@@ -55,7 +56,7 @@ static int below(const rx_node *n)
 
 static int to_fine(rx_op op)
 {
-    return op == RX_OP_SHUFFLE || op == RX_OP_UP2 || rx_runner_folds(op);
+    return op == RX_OP_SHUFFLE || op == RX_OP_UP2 || op == RX_OP_UPCONV || op == RX_OP_TRANSPOSED;
 }
 
 static int half_up(int n)
@@ -103,7 +104,7 @@ static void at_least(int value, int *dst)
         *dst = value;
 }
 
-static void plan_bands(const rx_net *net, int step, const rx_runner_node *node, band *bands)
+static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, band *bands)
 {
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
@@ -133,7 +134,7 @@ static void plan_bands(const rx_net *net, int step, const rx_runner_node *node, 
     }
 }
 
-static size_t raw_bytes(const rx_net *net, const rx_runner_node *node)
+static size_t raw_bytes(const rx_net *net, const rx_node_planes *node)
 {
     size_t most = 1;
     for (int i = 0; i < net->nnodes; i++)
@@ -150,10 +151,10 @@ static int step_of(const rx_net *net)
 
 double rx_stream_bytes(const rx_net *net, int width, rx_precision precision)
 {
-    rx_runner_node node[RX_NET_NODES] = {0};
+    rx_node_planes node[RX_NET_NODES];
     band bands[RX_NET_NODES];
     const int step = step_of(net);
-    rx_runner_shapes(net, precision, step, width + 2 * rx_net_halo(net), node);
+    rx_net_planes(net, precision, step, width + 2 * rx_net_halo(net), node);
     plan_bands(net, step, node, bands);
     double bytes = (double)raw_bytes(net, node);
     for (int i = 0; i < net->nnodes; i++)
@@ -172,61 +173,45 @@ static rx_status check(const rx_net *net, int width, rx_precision precision, rx_
                             "the network cannot work on blocks of %d columns; these must be a positive "
                             "multiple of %d",
                             width, unit);
-    if (precision == RX_BF16 && !rx_runner_has_bf16())
+    if (precision == RX_BF16 && !rx_direct_has_bf16())
         return rx_error_set(err, RX_USAGE, "this processor does not multiply bfloat16; choose F32");
     return RX_OK;
 }
 
-/* The convolution with all that follows it; *dst stays NULL where it is not to be had or slower. */
-static rx_status make_direct(rx_stream *s, int i, rx_conv_shape shape, rx_direct **dst, rx_error *err)
-{
-    const rx_node *n = &s->net->node[i];
-    const int fine = n->op == RX_OP_UPCONV;
-    const float *weights, *bias;
-    *dst = NULL;
-    if (n->op == RX_OP_TRANSPOSED)
-        return RX_OK;
-    shape.sum = n->add >= 0;
-    shape.relu = n->relu;
-    shape.y = s->node[i].value.real;
-    if (!rx_direct_can(&shape, fine))
-        return RX_OK;
-    rx_runner_node_params(s->net, i, s->net->params, s->folded, &weights, &bias);
-    return rx_direct_new(&shape, fine, weights, bias, dst, err);
-}
-
+/* The convolution with all that follows it, or, of a node that folds into no fine one, with what comes before the
+ * shuffle. */
 static rx_status make_conv(rx_stream *s, int i, rx_error *err)
 {
     const rx_node *n = &s->net->node[i];
-    rx_runner_node *me = &s->node[i];
-    rx_conv_shape shape = rx_runner_conv_shape(s->net, i, s->node);
-    const int last = rx_runner_folds(n->op) ? me->raw.height - 1 : n->stride * (s->band[i].rows - 1);
-    shape.band = 1;
+    const float *weights, *bias;
+    rx_conv_shape shape = rx_net_conv(s->net, i, s->node);
+    const int last = rx_node_folds(n) ? s->node[i].raw.height - 1 : n->stride * (s->band[i].rows - 1);
+    shape.height = above(n) + last + 1 + below(n);
+    if (n->op == RX_OP_UPCONV && n->add < 0) {
+        rx_conv_shape whole = shape;
+        whole.relu = n->relu;
+        if ((s->fine[i] = rx_direct_can_fine(&whole)))
+            shape = whole;
+    }
     /* A folded TRANSPOSED has zeros in its kernel where it may stand beside values that depend on the block;
      * Winograd's sums would carry these into the last bit. */
-    shape.fast = n->op != RX_OP_TRANSPOSED;
-    shape.height = above(n) + last + 1 + below(n);
-    rx_status status = make_direct(s, i, shape, &s->direct[i], err);
-    if (status != RX_OK || s->direct[i] != NULL)
-        return status;
-    status = rx_conv_new(s->dnn, &shape, &me->conv, err);
-    if (status == RX_OK)
-        status = rx_runner_load_node(s->net, i, s->net->params, s->folded, me->conv, err);
-    return status;
+    const rx_direct_options options = {.fine = s->fine[i], .winograd = n->op != RX_OP_TRANSPOSED};
+    rx_net_conv_params(s->net, i, s->net->params, s->folded, &weights, &bias);
+    return rx_direct_new(&shape, options, weights, bias, &s->direct[i], err);
 }
 
 static rx_status make(rx_stream *s, rx_error *err)
 {
-    rx_runner_shapes(s->net, s->precision, s->step, s->width, s->node);
+    rx_net_planes(s->net, s->precision, s->step, s->width, s->node);
     plan_bands(s->net, s->step, s->node, s->band);
     const size_t raw = raw_bytes(s->net, s->node);
     s->raw = rx_alloc(raw, 1);
-    s->row = RX_NEW(float, rx_runner_row(s->net, s->node));
-    s->folded = RX_NEW(float, rx_runner_folded(s->net));
+    s->row = RX_NEW(float, rx_net_row(s->net, s->node));
+    s->folded = RX_NEW(float, rx_net_folded(s->net));
     s->scratch = RX_NEW(float, rx_direct_scratch());
     if (s->raw == NULL || s->row == NULL || s->folded == NULL || s->scratch == NULL)
         return rx_error_memory(err, raw);
-    rx_status status = rx_dnn_new(&s->dnn, err);
+    rx_status status = RX_OK;
     for (int i = 0; i < s->net->nnodes && status == RX_OK; i++) {
         band *b = &s->band[i];
         s->node[i].raw.data = s->raw;
@@ -262,19 +247,15 @@ rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx
 static void clear(rx_stream *s)
 {
     for (int i = 0; i < RX_NET_NODES; i++) {
-        rx_conv_free(s->node[i].conv);
         rx_direct_free(s->direct[i]);
         free(s->band[i].data);
-        s->node[i].conv = NULL;
         s->direct[i] = NULL;
         s->band[i].data = NULL;
     }
-    rx_dnn_free(s->dnn);
     free(s->raw);
     free(s->row);
     free(s->folded);
     free(s->scratch);
-    s->dnn = NULL;
     s->raw = s->row = s->folded = s->scratch = NULL;
 }
 
@@ -332,40 +313,47 @@ static rx_direct_area half_area(rx_direct_area a)
     return (rx_direct_area){a.left / 2, half_up(a.right), a.first / 2, half_up(a.last)};
 }
 
-/* Of the pixels that are made: those of the area, or all. */
 static double flops_of(const rx_stream *s, int i, rx_direct_area area)
 {
     const rx_node *n = &s->net->node[i];
-    const rx_plane *to = s->node[i].raw.channels > 0 ? &s->node[i].raw : &s->node[i].value;
-    const int folds = rx_runner_folds(n->op), k = folds ? rx_layer_folded_kernel(n) : n->kernel;
-    double outputs = (double)rx_plane_size(to);
-    if (s->direct[i] != NULL)
-        outputs = (double)(area.right - area.left) * (area.last - area.first) * (folds ? 4 : 1) * n->channels;
+    const int folds = rx_node_folds(n), k = folds ? rx_layer_folded_kernel(n) : n->kernel;
+    const double outputs =
+        (double)(area.right - area.left) * (area.last - area.first) * (folds ? 4 : 1) * n->channels;
     return n->weight < 0 ? 0 : 2.0 * k * k * s->net->node[n->src].channels * outputs;
 }
 
-/* area: in which values are wanted; of a node that folds, in a plane of half the size. */
-static rx_status step_node(rx_stream *s, int i, rx_direct_area area, rx_error *err)
+/* area: in which values are asked for; of a node that folds, in a plane of half the size. */
+static void step_node(rx_stream *s, int i, rx_direct_area area)
 {
     const rx_node *n = &s->net->node[i];
     const double begun = s->cost != NULL ? rx_seconds() : 0;
-    rx_plane value = plane_at(s, i, 0), src = plane_at(s, n->src, s->band[i].behind), add = {0};
+    rx_plane value = plane_at(s, i, 0), src = plane_at(s, n->src, s->band[i].behind), sum = {0};
+    const rx_plane *add = n->add >= 0 ? &sum : NULL;
     if (n->op == RX_OP_UP2)
         src.height += 2;
-    if (n->add >= 0)
-        add = plane_at(s, n->add, s->band[i].behind_add);
-    rx_status status = RX_OK;
-    if (s->direct[i] != NULL)
-        rx_direct_run(s->direct[i], &src, n->add >= 0 ? &add : NULL, &value, area, s->scratch);
-    else if (n->op == RX_OP_UP2 && rx_direct_can_up2(&src, &value))
-        rx_direct_up2(&src, n->add >= 0 ? &add : NULL, n->relu, &value, area);
-    else
-        status = rx_runner_apply(&s->node[i], n, &src, n->add >= 0 ? &add : NULL, &value, s->row, err);
+    if (add != NULL)
+        sum = plane_at(s, n->add, s->band[i].behind_add);
+    if (s->direct[i] != NULL && (s->fine[i] || !rx_node_folds(n))) {
+        rx_direct_run(s->direct[i], &src, add, &value, area, s->scratch);
+    } else if (n->op == RX_OP_UP2) {
+        if (rx_direct_can_up2(&src, &value))
+            rx_direct_up2(&src, add, n->relu, &value, area);
+        else
+            rx_layer_up2(&src, &value, add, n->relu, s->row);
+    } else {
+        if (s->direct[i] != NULL)
+            rx_direct_run(s->direct[i], &src, NULL, &s->node[i].raw, area, s->scratch);
+        if (n->op == RX_OP_UNSHUFFLE)
+            rx_layer_unshuffle(&src, &value);
+        else
+            rx_layer_shuffle(s->direct[i] != NULL ? &s->node[i].raw : &src, &value);
+        if (add != NULL || n->relu)
+            rx_layer_finish(&value, add, n->relu, s->row);
+    }
     if (s->cost != NULL) {
         s->cost[i].seconds += rx_seconds() - begun;
         s->cost[i].flops += flops_of(s, i, area);
     }
-    return status;
 }
 
 static void take_rows(const rx_stream *s, const rx_stream_ends *ends, int first, int height)
@@ -394,28 +382,25 @@ rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *end
 {
     const int last = stream->net->nnodes - 1;
     const int end = (stream->halo + height) >> stream->net->node[last].level;
-    rx_status status = prepare(stream, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(prepare(stream, err));
     const int rows = stream->band[last].rows;
     for (int i = 0; i <= last; i++)
         stream->band[i].at = stream->band[i].history;
-    for (int t = 0; status == RX_OK && t * rows - stream->band[last].delay < end; t++) {
-        for (int i = 0; i <= last && status == RX_OK; i++) {
+    for (int t = 0; t * rows - stream->band[last].delay < end; t++) {
+        for (int i = 0; i <= last; i++) {
             const int first = t * stream->band[i].rows - stream->band[i].delay;
             if (t > 0)
                 move_on(&stream->band[i]);
-            const int folds = rx_runner_folds(stream->net->node[i].op);
+            const int folds = rx_node_folds(&stream->net->node[i]);
             const rx_direct_area area = area_of(stream, i, first, height);
             if (area.first >= area.last)
                 continue;
             if (i > 0)
-                status = step_node(stream, i, folds ? half_area(area) : area, err);
+                step_node(stream, i, folds ? half_area(area) : area);
             else
                 ends->give(ends->user, first - stream->halo, stream->step, plane_at(stream, 0, 0).data);
         }
-        if (status == RX_OK)
-            take_rows(stream, ends, t * rows - stream->band[last].delay, height);
+        take_rows(stream, ends, t * rows - stream->band[last].delay, height);
     }
-    return status;
+    return RX_OK;
 }

@@ -1,12 +1,10 @@
 /* A network that runs down a block of an image: rows of input go in at the top, a few at a time, and rows of
  * output come out, some rows behind. Every node keeps only the rows that later nodes still read, so that a
  * step's work stays in the processor's cache, no row is computed twice, and a block may be as high as the
- * image. Around the block only what it depends on is computed where nn/direct.h does the convolution;
- * oneDNN does it for whole steps and beside the block the whole halo.
+ * image. Around the block only what it depends on is computed, by the kernels of nn/direct.h.
  *
- * The values are those of a runner (runner.h) on the block with its halo: to the bit, or within rounding
- * (some 1e-6 of the largest, with bfloat16 some 1e-2, tests/unit/nn/test_stream.c) where nn/direct.h does it
- * or the processor has Winograd's algorithm (nn/dnn.h). They do not depend on the block as long as blocks
+ * The values are those of a runner's forward pass (runner.h, of training) on the block with its halo, within
+ * rounding: some 1e-6 of the largest, with bfloat16 some 1e-2 (tests/unit/nn/test_stream.c). They do not depend on the block as long as blocks
  * begin on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more
  * than the thread that calls it.
  *
@@ -14,7 +12,7 @@
 #ifndef RX_NN_STREAM_H
 #define RX_NN_STREAM_H
 
-#include "nn/runner.h"
+#include "nn/net.h"
 
 typedef struct rx_stream rx_stream;
 
@@ -37,7 +35,7 @@ typedef struct rx_stream_cost {
 } rx_stream_cost;
 
 /* width of the block: a multiple of 2^levels. The net is only read and must live as long. Errors: RX_INPUT,
- * RX_SYSTEM, RX_USAGE as rx_runner_new(). What takes time and memory is left to the first run. */
+ * RX_SYSTEM, RX_USAGE (bfloat16 that this processor does not offer). What takes time and memory is left to the first run. */
 rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx_stream **dst, rx_error *err);
 void rx_stream_free(rx_stream *stream); /* NULL is fine */
 

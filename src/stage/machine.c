@@ -6,7 +6,7 @@
 #include "detect/sep_extract.h"
 #include "io/fits_read.h"
 #include "io/wcs.h"
-#include "nn/dnn.h"
+#include "nn/direct.h"
 #include "num/fft.h"
 #include "num/lsq.h"
 
@@ -41,14 +41,13 @@ static void add_processor(rx_text *dst)
 
 void rx_machine_describe(rx_text *dst)
 {
-    char dnn[64], fits[32];
-    rx_dnn_library(dnn, sizeof dnn);
+    char fits[32];
     rx_fits_library(fits, sizeof fits);
     add_processor(dst);
 #ifdef __VERSION__
     rx_text_add(dst, "; compiler " __VERSION__);
 #endif
-    rx_text_printf(dst, "; libc %s, %s, oneDNN %s, sep %s, GSL %s, wcslib %s, cfitsio %s",
-                   gnu_get_libc_version(), rx_fft_library(), dnn, rx_sep_library(), rx_lsq_library(),
-                   rx_wcs_library(), fits);
+    rx_text_printf(dst, "; libc %s, %s, network on %s, sep %s, GSL %s, wcslib %s, cfitsio %s",
+                   gnu_get_libc_version(), rx_fft_library(), rx_direct_name(), rx_sep_library(),
+                   rx_lsq_library(), rx_wcs_library(), fits);
 }

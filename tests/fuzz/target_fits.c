@@ -14,7 +14,6 @@
 #include "io/tile.h"
 #include "io/wcs.h"
 #include "nn/model.h"
-#include "nn/runner.h"
 #include "psf/psf.h"
 #include "simulate/templates.h"
 #include "stage/reference.h"

@@ -30,7 +30,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "nn/dnn.h"
+#include "nn/direct.h"
 #include "num/fft.h"
 #include "psf/psf.h"
 #include "restore/blur.h"
@@ -54,9 +54,10 @@ static void tell(bool values, const char *key, double value, const char *text)
 /* --- convolutions --- */
 
 typedef struct worker {
-    rx_dnn *dnn;
-    rx_conv *conv;
-    void *x, *y;
+    rx_direct *direct;
+    rx_plane x, y;
+    rx_direct_area area;
+    float *scratch;
     rx_status status;
     rx_error error;
 } worker;
@@ -75,10 +76,9 @@ static void fill(void *plane, size_t n, rx_real real)
 
 static rx_status open_worker(worker *w, rx_real real, int channels, int side)
 {
-    const size_t pixels = (size_t)side * (size_t)side * (size_t)channels,
-                 weights = (size_t)channels * (size_t)channels * 9;
-    const rx_conv_shape shape = {.height = side,
-                                 .width = side,
+    const size_t weights = (size_t)channels * (size_t)channels * 9;
+    const rx_conv_shape shape = {.height = side + 2,
+                                 .width = side + 2,
                                  .in = channels,
                                  .out = channels,
                                  .kernel = 3,
@@ -90,21 +90,23 @@ static rx_status open_worker(worker *w, rx_real real, int channels, int side)
                                  .relu = 1};
     float *weight = RX_NEW(float, weights), *bias = RX_NEW(float, (size_t)channels);
     w->error = RX_ERROR_NONE;
-    w->x = rx_alloc(pixels, rx_real_bytes(real));
-    w->y = rx_alloc(pixels, rx_real_bytes(real));
-    rx_status status = weight != NULL && bias != NULL && w->x != NULL && w->y != NULL
-                           ? rx_dnn_new(&w->dnn, &w->error)
-                           : rx_error_memory(&w->error, 2 * pixels * rx_real_bytes(real));
-    if (status == RX_OK)
-        status = rx_conv_new(w->dnn, &shape, &w->conv, &w->error);
+    w->area = (rx_direct_area){1, side + 1, 0, side};
+    w->x = w->y = (rx_plane){.real = real, .height = side + 2, .width = side + 2, .channels = channels};
+    w->x.data = rx_alloc(rx_plane_size(&w->x), rx_real_bytes(real));
+    w->y.data = rx_alloc(rx_plane_size(&w->y), rx_real_bytes(real));
+    w->scratch = RX_NEW(float, rx_direct_scratch());
+    rx_status status =
+        weight != NULL && bias != NULL && w->x.data != NULL && w->y.data != NULL && w->scratch != NULL
+            ? RX_OK
+            : rx_error_memory(&w->error, 2 * rx_plane_bytes(&w->x));
     if (status == RX_OK) {
         for (size_t i = 0; i < weights; i++)
             weight[i] = 0.01f;
-        fill(w->x, pixels, real);
-        status = rx_conv_load(w->conv, weight, bias, &w->error);
+        fill(w->x.data, rx_plane_size(&w->x), real);
+        status = rx_direct_new(&shape, (rx_direct_options){0}, weight, bias, &w->direct, &w->error);
     }
     if (status == RX_OK)
-        status = rx_conv_run(w->conv, w->x, NULL, w->y, &w->error);
+        rx_direct_run(w->direct, &w->x, NULL, &w->y, w->area, w->scratch);
     free(weight);
     free(bias);
     return status;
@@ -112,10 +114,10 @@ static rx_status open_worker(worker *w, rx_real real, int channels, int side)
 
 static void close_worker(worker *w)
 {
-    rx_conv_free(w->conv);
-    rx_dnn_free(w->dnn);
-    free(w->x);
-    free(w->y);
+    rx_direct_free(w->direct);
+    free(w->x.data);
+    free(w->y.data);
+    free(w->scratch);
 }
 
 /* Seconds that `runs` convolutions take on each of so many threads. */
@@ -129,7 +131,7 @@ static double time_workers(worker *workers, int nthreads, int runs)
 #pragma omp single
         begun = rx_seconds();
         for (int i = 0; i < runs && w->status == RX_OK; i++)
-            w->status = rx_conv_run(w->conv, w->x, NULL, w->y, &w->error);
+            rx_direct_run(w->direct, &w->x, NULL, &w->y, w->area, w->scratch);
     }
     return rx_seconds() - begun;
 }
@@ -398,7 +400,7 @@ static rx_status tell_all(bool values, const char *file, rx_error *err)
     for (int turn = 0; turn < (most > 1 ? 2 : 1) && status == RX_OK; turn++) {
         const int nthreads = turn == 0 ? 1 : most;
         for (int real = RX_REAL_F32; real <= RX_REAL_BF16 && status == RX_OK; real++)
-            if (real == RX_REAL_F32 || rx_dnn_has_bf16())
+            if (real == RX_REAL_F32 || rx_direct_has_bf16())
                 status = tell_conv(values, (rx_real)real, nthreads, 0, 0, err);
         for (size_t i = 0; i < sizeof SIDES / sizeof *SIDES && status == RX_OK; i++)
             status = tell_square(values, SIDES[i], nthreads, err);
@@ -426,7 +428,7 @@ static rx_status obey_conv(bool values, int n, char **word, rx_error *err)
               side = n == 5 ? count_of(word[4], 4, 4096) : 0;
     if ((!is_bf16 && strcmp(word[1], "F32") != 0) || nthreads < 0 || channels < 0 || side < 0)
         return rx_error_set(err, RX_USAGE, "conv: give F32 or BF16, threads, and no or two numbers more");
-    if (is_bf16 && !rx_dnn_has_bf16())
+    if (is_bf16 && !rx_direct_has_bf16())
         return rx_error_set(err, RX_SYSTEM, "this processor has no bfloat16");
     return tell_conv(values, is_bf16 ? RX_REAL_BF16 : RX_REAL_F32, nthreads, channels, side, err);
 }

@@ -108,7 +108,7 @@ static void test_definition(void **state)
                 reference *ref = reference_new(net, H, W);
                 double *params = calloc((size_t)net->nparams, sizeof *params), most = 0, worst = 0;
                 rx_runner *r = NULL;
-                assert_int_equal(rx_runner_new(net, H, W, 0, RX_F32, &r, NULL), RX_OK);
+                assert_int_equal(rx_runner_new(net, H, W, &r, NULL), RX_OK);
                 for (long i = 0; i < net->nparams; i++)
                     params[i] = (double)net->params[i];
                 for (long i = 0; i < H * W * 3L; i++) {
@@ -130,124 +130,6 @@ static void test_definition(void **state)
             }
 }
 
-/* ---- the plane around a pixel ---- */
-
-typedef struct field {
-    int height, width, inputs;
-    float *in, *out;
-} field;
-
-/* A window of the field through the network; counts the pixels beyond the halo that differ from the whole. */
-static long differs(const rx_net *net, const field *f, int y0, int x0, int height, int width,
-                    rx_precision precision)
-{
-    rx_runner *r = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_runner_new(net, height, width, 0, precision, &r, &err))
-        fail_msg("%s", err.text);
-    for (int y = 0; y < height; y++)
-        memcpy(rx_runner_input(r) + (long)y * width * f->inputs,
-               f->in + ((long)(y0 + y) * f->width + x0) * f->inputs,
-               (size_t)(width * f->inputs) * sizeof(float));
-    assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
-    /* A window's side that lies on the field's border has no halo: both see the same border. */
-    int halo = rx_net_halo(net);
-    int top = y0 > 0 ? halo : 0, bottom = y0 + height < f->height ? height - halo : height;
-    int left = x0 > 0 ? halo : 0, right = x0 + width < f->width ? width - halo : width;
-    long bad = 0;
-    assert_true(top < bottom && left < right);
-    for (int y = top; y < bottom; y++)
-        bad += memcmp(rx_runner_output(r) + (long)y * width + left,
-                      f->out + (long)(y0 + y) * f->width + x0 + left,
-                      (size_t)(right - left) * sizeof(float)) != 0;
-    rx_runner_free(r);
-    return bad;
-}
-
-static field field_of(const rx_net *net, int height, int width, rx_precision precision)
-{
-    rx_runner *r = NULL;
-    field f = {.height = height, .width = width, .inputs = net->node[0].channels};
-    size_t n = (size_t)height * (size_t)width;
-    f.in = malloc(n * (size_t)f.inputs * sizeof(float));
-    f.out = malloc(n * sizeof(float));
-    for (size_t i = 0; i < n * (size_t)f.inputs; i++)
-        f.in[i] = (float)rx_random_normal(6, 6, i);
-    assert_int_equal(rx_runner_new(net, height, width, 0, precision, &r, NULL), RX_OK);
-    memcpy(rx_runner_input(r), f.in, n * (size_t)f.inputs * sizeof(float));
-    assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
-    memcpy(f.out, rx_runner_output(r), n * sizeof(float));
-    rx_runner_free(r);
-    return f;
-}
-
-/* Windows of many sizes, at all kinds of places, some at the field's border. */
-static void check_shifts(const rx_net *net, rx_precision precision, int *windows)
-{
-    enum { H = 160, W = 772 };
-    field f = field_of(net, H, W, precision);
-    int halo = rx_net_halo(net);
-    for (int k = 0; k < 18; k++) {
-        int height = 2 * halo + 4 + 4 * (k % 9), width = 2 * halo + 4 + (k < 12 ? 4 * k : 36 * k);
-        height = height < H ? height : H;
-        width = width < W ? width : W;
-        int y0 = 4 * (int)(rx_random_uniform(1, 1, (uint64_t)k) * ((H - height) / 4 + 1));
-        int x0 = 4 * (int)(rx_random_uniform(1, 2, (uint64_t)k) * ((W - width) / 4 + 1));
-        if (k % 6 == 5)
-            y0 = x0 = 0;
-        assert_int_equal(differs(net, &f, y0, x0, height, width, precision), 0);
-        ++*windows;
-    }
-    free(f.in);
-    free(f.out);
-}
-
-static void check_all_shapes(int width, int inputs, int blocks, int kernel)
-{
-    int windows = 0;
-    for (int s = 0; s < STEMS; s++)
-        for (int d = 0; d < DECODERS; d++)
-            for (int p = RX_F32; p <= (rx_runner_has_bf16() ? RX_BF16 : RX_F32); p++) {
-                rx_psfnet_shape shape = shape_of(s, d, width, blocks);
-                shape.stem_kernel = kernel;
-                rx_net *net = make(&shape, inputs);
-                check_shifts(net, (rx_precision)p, &windows);
-                rx_net_free(net);
-            }
-    print_message("width %d, %d planes: %d windows, the same bits\n", width, inputs, windows);
-}
-
-static void test_shifts_narrow(void **state)
-{
-    (void)state;
-    check_all_shapes(8, 3, 1, 3);
-    check_all_shapes(8, 1, 1, 7);
-}
-
-static void test_shifts_wide(void **state)
-{
-    (void)state;
-    check_all_shapes(16, 2, 1, 3);
-}
-
-static void test_shifts_odd(void **state)
-{
-    (void)state;
-    check_all_shapes(5, 2, 1, 3);
-}
-
-/* The depth that is used, once. */
-static void test_shifts_deep(void **state)
-{
-    (void)state;
-    rx_psfnet_shape shape = shape_of(RX_STEM_UNSHUFFLE, RX_DECODER_BILINEAR, 8, 6);
-    rx_net *net = make(&shape, 3);
-    int windows = 0;
-    for (int p = RX_F32; p <= (rx_runner_has_bf16() ? RX_BF16 : RX_F32); p++)
-        check_shifts(net, (rx_precision)p, &windows);
-    rx_net_free(net);
-}
-
 /* A value outside of the halo does not matter, one inside can: halos are no larger than they must be. */
 static void test_reach(void **state)
 {
@@ -262,7 +144,7 @@ static void test_reach(void **state)
             rx_runner *r = NULL;
             float before[16];
             int changed[2] = {0, 0};
-            assert_int_equal(rx_runner_new(net, side, side, 0, RX_F32, &r, NULL), RX_OK);
+            assert_int_equal(rx_runner_new(net, side, side, &r, NULL), RX_OK);
             for (int turn = 0; turn < 3; turn++) {
                 for (int i = 0; i < side * side; i++)
                     rx_runner_input(r)[i] = 1;
@@ -287,11 +169,7 @@ static void test_reach(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_cost),        cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_definition),  cmocka_unit_test(test_shifts_narrow),
-        cmocka_unit_test(test_shifts_wide), cmocka_unit_test(test_shifts_odd),
-        cmocka_unit_test(test_shifts_deep), cmocka_unit_test(test_reach),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_cost), cmocka_unit_test(test_refused),
+                                       cmocka_unit_test(test_definition), cmocka_unit_test(test_reach)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -31,11 +31,11 @@ static rx_net *make(const rx_node *nodes, int n, uint64_t seed)
     return net;
 }
 
-static rx_runner *runner(const rx_net *net, int height, int width, int backward, rx_precision precision)
+static rx_runner *runner(const rx_net *net, int height, int width)
 {
     rx_error err = RX_ERROR_NONE;
     rx_runner *r = NULL;
-    if (rx_runner_new(net, height, width, backward, precision, &r, &err))
+    if (rx_runner_new(net, height, width, &r, &err))
         fail_msg("%s", err.text);
     return r;
 }
@@ -106,21 +106,18 @@ static int near_a_cut(const reference *ref)
     return 0;
 }
 
-/* Forward without and with gradients, backward, against the reference. */
+/* Forward and backward, against the reference. */
 static void check(const rx_net *net, int height, int width)
 {
     const double tolerance = 2e-5;
     both b = reference_of(net, height, width);
     ref_plane *in = &b.ref->node[0], *out = reference_output(b.ref);
-    rx_runner *r = runner(net, height, width, 1, RX_F32), *plain = runner(net, height, width, 0, RX_F32);
+    rx_runner *r = runner(net, height, width);
     float *dparams = calloc((size_t)net->nparams + 1, sizeof *dparams);
     random_values(rx_runner_input(r), in->value, ref_size(in), 6);
-    memcpy(rx_runner_input(plain), rx_runner_input(r), (size_t)ref_size(in) * sizeof(float));
     reference_forward(b.ref, b.params);
     forward(r);
-    forward(plain);
     assert_true(difference(rx_runner_output(r), out->value, ref_size(out), 1) < tolerance);
-    assert_memory_equal(rx_runner_output(plain), rx_runner_output(r), (size_t)ref_size(out) * sizeof(float));
     if (!near_a_cut(b.ref)) {
         random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 7);
         reference_backward(b.ref, b.params, b.dparams);
@@ -140,7 +137,6 @@ static void check(const rx_net *net, int height, int width)
     assert_true(difference(once, b.dparams, net->nparams, 1) < 1e-6);
     free(once);
     free(dparams);
-    rx_runner_free(plain);
     rx_runner_free(r);
     both_free(&b);
 }
@@ -256,7 +252,7 @@ static void test_orientation(void **state)
     for (int k = 0; k < 9; k++)
         net->params[k] = (float)(k + 1);
     net->params[9] = 0.5F;
-    rx_runner *r = runner(net, 5, 5, 0, RX_F32);
+    rx_runner *r = runner(net, 5, 5);
     rx_runner_input(r)[2 * 5 + 2] = 1;
     forward(r);
     for (int v = 0; v < 3; v++)
@@ -273,7 +269,7 @@ static void test_orientation(void **state)
     for (int k = 0; k < 16; k++)
         net->params[2 + k] = (float)(k + 1);
     net->params[18] = 0;
-    r = runner(net, 8, 8, 0, RX_F32);
+    r = runner(net, 8, 8);
     rx_runner_input(r)[2 * 8 + 4] = 1; /* (1, 2) at half resolution: 4x4 pixels from (1, 3) on */
     forward(r);
     for (int k = 0; k < 16; k++)
@@ -380,7 +376,7 @@ static void test_finite_differences(void **state)
     rx_net *net = make(nodes, N, 4);
     both b = reference_of(net, SIDE, SIDE);
     ref_plane *in = &b.ref->node[0], *out = reference_output(b.ref);
-    rx_runner *r = runner(net, SIDE, SIDE, 1, RX_F32);
+    rx_runner *r = runner(net, SIDE, SIDE);
     float *dparams = calloc((size_t)net->nparams, sizeof *dparams);
     random_values(rx_runner_input(r), in->value, ref_size(in), 6);
     forward(r);
@@ -420,7 +416,7 @@ static void test_input_gradient_alone(void **state)
                        node(RX_OP_CONV, 1, 2, 3, 1)};
     nodes[2].add = 0;
     rx_net *net = make(nodes, 3, 2);
-    rx_runner *r = runner(net, 8, 8, 1, RX_F32);
+    rx_runner *r = runner(net, 8, 8);
     float *dparams = calloc((size_t)net->nparams, sizeof *dparams), first[128];
     for (int i = 0; i < 128; i++)
         rx_runner_input(r)[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
@@ -445,7 +441,7 @@ static void test_load(void **state)
                        node(RX_OP_TRANSPOSED, 1, 8, 4, 2), node(RX_OP_CONV, 2, 8, 3, 2),
                        node(RX_OP_UPCONV, 3, 2, 3, 1)};
     rx_net *one = make(nodes, 5, 1), *two = make(nodes, 5, 2);
-    rx_runner *a = runner(one, 8, 8, 0, RX_F32), *b = runner(two, 8, 8, 0, RX_F32);
+    rx_runner *a = runner(one, 8, 8), *b = runner(two, 8, 8);
     for (int i = 0; i < 192; i++)
         rx_runner_input(a)[i] = rx_runner_input(b)[i] = (float)i / 100;
     forward(a);
@@ -470,16 +466,10 @@ static void test_refused(void **state)
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         rx_error err = RX_ERROR_NONE;
         rx_runner *r = NULL;
-        assert_int_equal(rx_runner_new(net, sizes[i][0], sizes[i][1], 0, RX_F32, &r, &err), RX_INPUT);
+        assert_int_equal(rx_runner_new(net, sizes[i][0], sizes[i][1], &r, &err), RX_INPUT);
         assert_null(r);
         assert_non_null(strstr(err.text, "multiples of 4"));
     }
-    rx_error err = RX_ERROR_NONE;
-    rx_runner *r = NULL;
-    assert_int_equal(rx_runner_new(net, 8, 8, 1, RX_BF16, &r, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "choose F32"));
-    if (!rx_runner_has_bf16())
-        assert_int_equal(rx_runner_new(net, 8, 8, 0, RX_BF16, &r, &err), RX_USAGE);
     rx_runner_free(NULL);
     rx_net_free(net);
 }
@@ -512,7 +502,7 @@ static void *whole(void *argument)
 {
     work *w = argument;
     rx_runner *r = NULL;
-    w->status = rx_runner_new(w->net, SIDE, SIDE, 1, RX_F32, &r, NULL);
+    w->status = rx_runner_new(w->net, SIDE, SIDE, &r, NULL);
     for (int i = 0; i < TURNS && !w->status; i++)
         w->status = turn(r, w);
     rx_runner_free(r);
@@ -571,7 +561,7 @@ static void test_threads(void **state)
 
     rx_runner *r[2];
     for (int i = 0; i < 2; i++)
-        r[i] = runner(net, SIDE, SIDE, 1, RX_F32);
+        r[i] = runner(net, SIDE, SIDE);
 #pragma omp parallel for num_threads(2) schedule(static, 1)
     for (int i = 0; i < 2; i++)
         w[2 + i].status = turn(r[1 - i], &w[2 + i]);
@@ -583,60 +573,6 @@ static void test_threads(void **state)
         free(w[i].dparams);
     free(w);
     rx_net_free(net);
-}
-
-/* ---- bfloat16 ---- */
-
-/* Rounding to 8 bits at every plane: a percent of the values' own size after a dozen of layers. */
-static void check_bf16(const rx_node *nodes, int n, int height, int width)
-{
-    rx_net *net = make(nodes, n, 3);
-    rx_runner *full = runner(net, height, width, 0, RX_F32), *half = runner(net, height, width, 0, RX_BF16);
-    long in = (long)height * width * nodes[0].channels, out = in / nodes[0].channels * nodes[n - 1].channels;
-    for (long i = 0; i < in; i++)
-        rx_runner_input(full)[i] = rx_runner_input(half)[i] = (float)rx_random_normal(4, 4, (uint64_t)i);
-    forward(full);
-    forward(half);
-    double wrong = 0, size = 0;
-    for (long i = 0; i < out; i++) {
-        double a = (double)rx_runner_output(full)[i], d = (double)rx_runner_output(half)[i] - a;
-        wrong += d * d;
-        size += a * a;
-    }
-    assert_true(wrong > 0 || n <= 2);
-    assert_true(wrong < 1e-4 * size);
-    rx_runner_free(full);
-    rx_runner_free(half);
-    rx_net_free(net);
-}
-
-static void test_bf16(void **state)
-{
-    (void)state;
-    if (!rx_runner_has_bf16()) {
-        print_message("this processor does not multiply bfloat16; skipped\n");
-        skip();
-    }
-    for (uint64_t seed = 0; seed < 40; seed++) {
-        rx_node nodes[RX_NET_NODES];
-        int n = random_graph(seed, nodes);
-        check_bf16(nodes, n, 16, 24);
-    }
-    const rx_op ends[] = {RX_OP_CONV, RX_OP_TRANSPOSED, RX_OP_UPCONV, RX_OP_SHUFFLE, RX_OP_UP2};
-    for (int a = 0; a < CHANNELS; a++)
-        for (size_t e = 0; e < sizeof ends / sizeof ends[0]; e++) {
-            int c = channels[a];
-            rx_node nodes[] = {
-                node(RX_OP_INPUT, 0, 3, 0, 0),
-                node(RX_OP_CONV, 0, 16, 3, 1),
-                node(RX_OP_CONV, 1, 4 * c, 3, 2),
-                node(RX_OP_TRANSPOSED, 2, 16, 4, 2),
-                node(RX_OP_CONV, 3, 4 * c, 3, e == 0 ? 1 : 2),
-                node(ends[e], 4, e >= 3 ? e == 3 ? c : 4 * c : c, e == 1 ? 4 : 3, e == 1 ? 2 : 1)};
-            nodes[1].relu = nodes[3].relu = 1;
-            nodes[3].add = 1;
-            check_bf16(nodes, 6, 16, 24);
-        }
 }
 
 int main(void)
@@ -654,7 +590,6 @@ int main(void)
         cmocka_unit_test(test_load),
         cmocka_unit_test(test_refused),
         cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_bf16),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,7 +9,7 @@
 
 #include "../near.h"
 #include "network_model.h"
-#include "nn/runner.h"
+#include "nn/direct.h"
 #include "restore/network.h"
 #include "restore/network_data.h"
 #include "sky.h"
@@ -369,7 +369,7 @@ static void half_precision(void **state)
 {
     sky s;
     (void)state;
-    if (!rx_runner_has_bf16()) {
+    if (!rx_direct_has_bf16()) {
         print_message("this processor has no bfloat16: not tried\n");
         skip();
     }

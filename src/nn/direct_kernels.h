@@ -1,6 +1,6 @@
-/* Inside of direct.h: its weights, and what its kernels share. */
-#ifndef RX_NN_DIRECT_PARTS_H
-#define RX_NN_DIRECT_PARTS_H
+/* What the kernels of direct.h for one kind of vectors share: weights, and their table. */
+#ifndef RX_NN_DIRECT_KERNELS_H
+#define RX_NN_DIRECT_KERNELS_H
 
 #include <stdint.h>
 
@@ -20,19 +20,19 @@ struct rx_direct {
     const rx_direct_kernels *kernels;
     rx_conv_shape shape;
     int fine, winograd;
-    int words;     /* 32-bit words of a pixel of x */
+    int words;     /* 32-bit words of a pixel of x; plain: its channels */
     int step;      /* words from the first one of an output to that of the next */
     int blocks;    /* vectors of outputs that run together: 2 where these are even */
     float *bias;   /* [out] */
     void *weights; /* Winograd: [out / (lanes blocks)][point][in][blocks][lanes] floats; wide: [out / (lanes
-                      blocks)][k][k][words][blocks][lanes] words; fine: [k][vectors][4][lanes] words */
+                      blocks)][k][k][words][blocks][lanes] words, of the plain one floats; fine: [k][vectors][4][lanes] words */
 };
 
 /* What there is for one kind of vectors. */
 struct rx_direct_kernels {
+    const char *name;
     int lanes; /* floats of a vector */
-    /* Whether there are kernels for these words from pixel to pixel. */
-    int (*has_rows)(const rx_direct *direct);
+    int bf16;  /* works on planes of them */
     void (*wide)(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
                  rx_direct_area area);
     void (*fine)(const rx_direct *direct, const rx_plane *x, const rx_plane *y, rx_direct_area area);
@@ -42,8 +42,9 @@ struct rx_direct_kernels {
     void (*up2)(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst, rx_direct_area area);
 };
 
-/* NULL where the compiler does not make them; whether the processor has the instructions is not asked. */
+/* NULL where the compiler does not make them or the processor lacks the instructions. */
 const rx_direct_kernels *rx_direct_avx512(void);
-const rx_direct_kernels *rx_direct_avx2(void); /* floats alone */
+const rx_direct_kernels *rx_direct_avx2(void);
+const rx_direct_kernels *rx_direct_vector(void); /* of 4 floats */
 
 #endif
